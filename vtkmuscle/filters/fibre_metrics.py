@@ -179,8 +179,7 @@ class FibreMetrics(Filter):
         # Kept, for those that stand still need not be looked at again in the next frame.
         self._shapes = [bone_of(bone.points, bone.triangles) for bone in bones]
         depths = depth_in(((bone, np.eye(4)) for bone in self._shapes), lines.points)
-        deepest: Floats = np.maximum.reduceat(depths, lines.offsets[:-1])
-        return deepest
+        return np.maximum.reduceat(depths, lines.offsets[:-1])
 
     def _measure_muscle(
         self, result: vtkPolyData, lines: Polylines, lengths: Floats, muscle: Surface | None
@@ -238,5 +237,4 @@ def _strain(fibres: vtkPolyData, lengths: Floats) -> Floats:
             "fibres",
             f"the rest length of fibre {bad[0]} is {rest[bad[0]]}, but must be finite and not negative",
         )
-    strain: Floats = np.divide(lengths - rest, rest, out=np.zeros_like(lengths), where=rest > 0)
-    return strain
+    return np.divide(lengths - rest, rest, out=np.zeros_like(lengths), where=rest > 0)

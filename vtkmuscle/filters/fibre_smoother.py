@@ -155,8 +155,7 @@ def _cloud(geometry: MuscleGeometry, count: int) -> Cloud | None:
     """Return positions in a muscle, the same for the same number, None where there are none."""
     samples = geometry.samples(count)
     clouds = geometry.once("clouds", lambda: Recent(CLOUDS))
-    found: Cloud | None = clouds(len(samples), lambda: cloud(samples)) if len(samples) else None
-    return found
+    return clouds(len(samples), lambda: cloud(samples)) if len(samples) else None
 
 
 def _fill_the_muscle(fibres: vtkPolyData | None) -> bool:

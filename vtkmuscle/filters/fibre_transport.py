@@ -301,5 +301,4 @@ def _fixed(muscle: Surface, ends: Floats) -> Bools:
     tree = shared_tree(geometry.points, geometry.triangles)
     faces, _, apart = tree.nearest(ends.reshape(-1, 3))
     on_bone = (np.asarray(fixed_to) >= 0)[geometry.triangles[faces]].all(axis=1)
-    fixed: Bools = (on_bone & (apart <= _ON_TRIANGLE * geometry.mean_edge)).reshape(ends.shape[:2])
-    return fixed
+    return (on_bone & (apart <= _ON_TRIANGLE * geometry.mean_edge)).reshape(ends.shape[:2])

@@ -187,8 +187,7 @@ class FixedPointDetector(Filter):
             both = np.flatnonzero(disputed & claimed[index])
             if len(both):
                 distances[index, both] = np.abs(_solids_of(name, bone).distances(points[both]))
-        fixed_to: Ints = np.where(claimed.any(axis=0), distances.argmin(axis=0), -1)
-        return fixed_to
+        return np.where(claimed.any(axis=0), distances.argmin(axis=0), -1)
 
 
 def _solids_of(name: str, bone: vtkPolyData) -> Solids:
@@ -199,5 +198,4 @@ def in_box(points: Floats, bone: vtkPolyData, margin: float) -> Ints:
     """Return the points in the bone's bounding box, made wider by a margin."""
     bounds = np.array(bone.GetBounds()).reshape(3, 2)
     within = (points >= bounds[:, 0] - margin) & (points <= bounds[:, 1] + margin)
-    indices: Ints = np.flatnonzero(within.all(axis=1))
-    return indices
+    return np.flatnonzero(within.all(axis=1))

@@ -57,8 +57,7 @@ def neck_shift(neck_angle: float = NECK_ANGLE) -> Floats:
 def _neck(neck_angle: float) -> Floats:
     """Return the points of the neck, turned about the head in the plane of the body's front."""
     turn = rotation_about((0, 0, 0), (0, 1, 0), NECK_ANGLE - neck_angle)
-    turned: Floats = NECK @ turn[:3, :3].T
-    return turned
+    return NECK @ turn[:3, :3].T
 
 
 def pelvis(head_radius: float = HEAD_RADIUS) -> Solid:
@@ -100,8 +99,7 @@ def upper_femur(head_radius: float = HEAD_RADIUS, neck_angle: float = NECK_ANGLE
     shift = neck_shift(neck_angle)
 
     def moved(*points: tuple[float, float, float]) -> Floats:
-        placed: Floats = np.array(points, dtype=np.float64) + shift
-        return placed
+        return np.array(points, dtype=np.float64) + shift
 
     shaft = thick_curve(
         moved((-50, 10, -34), (-47, 8, -72), (-42, 3, -130), (-36, 2, -190), (-30, 6, -260)),

@@ -81,8 +81,7 @@ def winding_spindle(twist: float = 60.0, *, n_superficial: int = 5) -> Phantom:
 
 def radius_at(z: Floats) -> Floats:
     """Return the muscle's radius at heights z [mm]."""
-    radii: Floats = END_RADIUS + (BELLY_RADIUS - END_RADIUS) * np.sin(np.pi * z / LENGTH) ** 2
-    return radii
+    return END_RADIUS + (BELLY_RADIUS - END_RADIUS) * np.sin(np.pi * z / LENGTH) ** 2
 
 
 def winding_fibre(part: float, start: float, twist: float, t: Floats) -> Floats:
@@ -101,10 +100,7 @@ def winding_fibre(part: float, start: float, twist: float, t: Floats) -> Floats:
     """
     z = LENGTH * t
     angle = start + np.radians(twist) * t
-    points: Floats = np.column_stack(
-        [part * radius_at(z) * np.cos(angle), part * radius_at(z) * np.sin(angle), z]
-    )
-    return points
+    return np.column_stack([part * radius_at(z) * np.cos(angle), part * radius_at(z) * np.sin(angle), z])
 
 
 def _length(part: float, twist: float) -> float:

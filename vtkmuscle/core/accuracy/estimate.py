@@ -37,10 +37,7 @@ def root_of_squares(*parts: ArrayLike) -> Floats:
     >>> float(root_of_squares(3.0, 4.0))
     5.0
     """
-    total: Floats = np.sqrt(
-        sum((np.square(np.asarray(part, dtype=np.float64)) for part in parts), np.zeros(()))
-    )
-    return total
+    return np.sqrt(sum((np.square(np.asarray(part, dtype=np.float64)) for part in parts), np.zeros(())))
 
 
 def expanded_of_bounds(half_width: ArrayLike) -> Floats:

@@ -261,8 +261,7 @@ def _enclosed(
         nearness = [np.average(distances[part], weights=areas[part]) for part in (inside, outside)]
         if nearness[1] < nearness[0]:
             inside = outside
-    patch: Ints = np.union1d(triangles[inside], loop)
-    return patch
+    return np.union1d(triangles[inside], loop)
 
 
 def _parts_cut_by(triangles: Ints, loop: Ints, n_points: int) -> tuple[Ints, Ints]:
@@ -298,8 +297,7 @@ def _near_curve(points: Floats, edges: Ints, curve: Ints, tolerance: float) -> I
     kept = edges[near[edges].all(axis=1)]
     links = coo_array((np.ones(len(kept)), (kept[:, 0], kept[:, 1])), shape=(len(points), len(points)))
     labels = connected_components(links, directed=False)[1]
-    found: Ints = np.flatnonzero(near & np.isin(labels, labels[curve])).astype(np.int64)
-    return found
+    return np.flatnonzero(near & np.isin(labels, labels[curve])).astype(np.int64)
 
 
 def _distances_to_polyline(points: Floats, line: Floats) -> Floats:

@@ -281,8 +281,7 @@ class Contact:
 def _overlap(start: Floats, end: Floats, low: Floats, high: Floats) -> Bools:
     """Return whether the boxes of paths (n, 3), (n, 3) meet a box, (n,)."""
     apart = (np.maximum(start, end) < low) | (np.minimum(start, end) > high)
-    met: Bools = np.logical_not(apart.any(axis=1))
-    return met
+    return np.logical_not(apart.any(axis=1))
 
 
 def _moved_boxes(transforms: Floats, middles: Floats, halves: Floats) -> tuple[Floats, Floats]:

@@ -190,8 +190,7 @@ class VoxelObstacle(Obstacle):
 
     def entered(self, points: Floats, moved: Bools) -> Bools:
         """Return which points are in the bone's voxels: not all that are need have been moved."""
-        inside: Bools = self.grid.contains(points)
-        return inside
+        return self.grid.contains(points)
 
     def begin(self, approach: Approach) -> None:
         """Do nothing: all points are looked at."""
@@ -260,8 +259,7 @@ class DistanceObstacle(Obstacle):
     def allowance(self, points: Floats) -> Floats:
         """Return how deep points are in the bone, or its skin, at rest."""
         distance, _ = self.shape.field(apply_transform(inverse(self.axes), points), within=self.skin)
-        allowance: Floats = np.maximum(0.0, self.skin - distance)
-        return allowance
+        return np.maximum(0.0, self.skin - distance)
 
     def entered(self, points: Floats, moved: Bools) -> Bools:
         """Return the points that were moved: all that were in the bone."""

@@ -64,8 +64,7 @@ def blend_fibres(points: Floats, offsets: Ints, origin: Floats, insertion: Float
         Fibres now [mm].
     """
     w = origin_weights(offsets, a)[:, None]
-    moved: Floats = w * apply_transform(origin, points) + (1.0 - w) * apply_transform(insertion, points)
-    return moved
+    return w * apply_transform(origin, points) + (1.0 - w) * apply_transform(insertion, points)
 
 
 def fitted_a(

@@ -60,8 +60,7 @@ def line_of_action(points: Floats, offsets: Ints) -> Floats:
     """Return the unit vector (3,) from the mean start of polylines to their mean end; 0 if these coincide."""
     vector = points[offsets[1:] - 1].mean(axis=0) - points[offsets[:-1]].mean(axis=0)
     length = float(np.linalg.norm(vector))
-    direction: Floats = vector / length if length > 0.0 else np.zeros(3)
-    return direction
+    return vector / length if length > 0.0 else np.zeros(3)
 
 
 def angles_to(points: Floats, offsets: Ints, direction: Floats) -> Floats:
@@ -234,8 +233,7 @@ def group_fibres(lengths: Floats, count: int) -> Ints:
     # Groups by their first fibre, without those that came out empty.
     _, first, plain = np.unique(labels, return_index=True, return_inverse=True)
     rank = np.argsort(np.argsort(first))
-    groups: Ints = rank[plain].astype(np.int64)
-    return groups
+    return rank[plain].astype(np.int64)
 
 
 def group_errors(lengths: Floats, groups: Ints) -> Floats:

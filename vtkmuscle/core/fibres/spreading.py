@@ -218,8 +218,7 @@ def _blur(passes: int) -> Floats:
     """Return the matrix (STATIONS, STATIONS) that gives means of neighbours and keeps the sum."""
     once = 0.5 * np.eye(STATIONS) + 0.25 * (np.eye(STATIONS, k=1) + np.eye(STATIONS, k=-1))
     once[0, 0] = once[-1, -1] = 0.75
-    blur: Floats = np.linalg.matrix_power(once, passes)
-    return blur
+    return np.linalg.matrix_power(once, passes)
 
 
 @kernel

@@ -17,8 +17,7 @@ def polyline_lengths(points: Floats, offsets: Ints) -> Floats:
     steps = np.zeros(len(points))
     steps[1:] = np.linalg.norm(np.diff(points, axis=0), axis=1)
     steps[offsets[:-1]] = 0.0  # the step from one line to the next belongs to neither
-    lengths: Floats = np.add.reduceat(steps, offsets[:-1])
-    return lengths
+    return np.add.reduceat(steps, offsets[:-1])
 
 
 #: Cosine of the least turn between segments that is a corner and not part of a curve.
@@ -240,8 +239,7 @@ def fibre_directions_at(queries: Floats, fibre_points: Floats, offsets: Ints) ->
     """
     a, b, lengths = proper_segments(fibre_points, offsets)
     nearest = nearest_segments(queries, a, b)
-    directions: Floats = (b[nearest] - a[nearest]) / lengths[nearest, None]
-    return directions
+    return (b[nearest] - a[nearest]) / lengths[nearest, None]
 
 
 def nearest_segments(queries: Floats, a: Floats, b: Floats) -> Ints:

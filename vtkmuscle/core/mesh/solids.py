@@ -350,8 +350,7 @@ def _runs_in_reach(points: Floats, least: Floats, run: int, tree: TriangleTree) 
     apart = np.linalg.norm(
         np.maximum(np.maximum(tree.boxes[0, :3] - high, low - tree.boxes[0, 3:]), 0.0), axis=1
     )
-    near: Ints = np.flatnonzero(np.repeat(apart <= np.maximum.reduceat(least, starts), run)[: len(points)])
-    return near
+    return np.flatnonzero(np.repeat(apart <= np.maximum.reduceat(least, starts), run)[: len(points)])
 
 
 def _checked(points: ArrayLike) -> Floats:

@@ -25,8 +25,7 @@ def faces_between(triangles: Ints, ids: Ints) -> Ints:
     """Return the triangles (k, 3) all of whose points are among some."""
     member = np.zeros(int(triangles.max(initial=-1)) + 1, dtype=np.bool_)
     member[ids[ids < len(member)]] = True
-    faces: Ints = triangles[member[triangles].all(axis=1)]
-    return faces
+    return triangles[member[triangles].all(axis=1)]
 
 
 def unique_edges(triangles: Ints) -> Ints:

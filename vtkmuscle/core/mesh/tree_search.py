@@ -86,8 +86,7 @@ class Pseudonormals(NamedTuple):
 
     def at(self, triangles: Ints, regions: Ints) -> Floats:
         """Return the normals (q, 3) where the nearest points are, in regions (q,) of triangles (q,)."""
-        normals: Floats = self.normals[self.numbers[triangles, regions]]
-        return normals
+        return self.normals[self.numbers[triangles, regions]]
 
 
 def pseudonormals(points: Floats, triangles: Ints) -> Pseudonormals:
@@ -207,8 +206,7 @@ def search_tree(
 @kernel
 def _distance2(corners: Floats, x: float, y: float, z: float) -> float:
     px, py, pz, _ = nearest_on_triangle(x, y, z, corners[0], corners[1], corners[2])
-    distance2: float = (px - x) ** 2 + (py - y) ** 2 + (pz - z) ** 2
-    return distance2
+    return (px - x) ** 2 + (py - y) ** 2 + (pz - z) ** 2
 
 
 #: Points of a packet. Processors compute four or eight at a time; with 8 the loops are too short for it.

@@ -159,8 +159,7 @@ def levers(wrenches: Mapping[str, Floats], twists: Mapping[str, Floats]) -> Floa
     """
     shape = next(iter(wrenches.values())).shape[:2]
     parts = (np.einsum("fki,fi->fk", wrenches[bone], one) for bone, one in twists.items() if bone in wrenches)
-    found: Floats = sum(parts, np.zeros(shape))
-    return found
+    return sum(parts, np.zeros(shape))
 
 
 def twists_by(motion: RigidMotion, name: str, among: Sequence[str] = ()) -> tuple[Ints, dict[str, Floats]]:

@@ -93,8 +93,7 @@ def attachment_field(points: Floats, triangles: Ints, origin: Ints, insertion: I
     corners = extension[triangles, 0]
     if not (np.ptp(corners, axis=1) > 0.0).any():
         raise InputError("", "no connected part of the muscle has both an origin and an insertion area")
-    field: Floats = extension[:, 0]
-    return field
+    return extension[:, 0]
 
 
 def morph_by_isolines(

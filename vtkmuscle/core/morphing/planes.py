@@ -132,8 +132,7 @@ class _Followed:
 
     def at(self, heights: Floats) -> Ints:
         """Return the loops at some of the heights."""
-        found: Ints = self.loops[np.searchsorted(self.heights, heights)]
-        return found
+        return self.loops[np.searchsorted(self.heights, heights)]
 
 
 @dataclass(frozen=True, eq=False)

@@ -86,8 +86,7 @@ class SectionMap:
         f' = sum_i w_i(f) p_i, with w_i the mean value coordinates of f in the subdivided rectangle and p_i
         the vertices of the section that go with the rectangle's. It may lie outside of a concave section.
         """
-        places: Floats = mean_value_weights(self.rectangle, points) @ self.ring
-        return places
+        return mean_value_weights(self.rectangle, points) @ self.ring
 
 
 def section_map(loop: Floats, target: Floats, sides: Floats, *, as_printed: bool) -> SectionMap:

@@ -264,8 +264,7 @@ def loop_areas(points: Floats, loop_offsets: Ints) -> Floats:
     about = points - np.repeat(points[lasts], lasts + 1 - firsts, axis=0)
     after = np.roll(about, -1, axis=0)
     after[lasts] = 0.0
-    areas: Floats = np.add.reduceat(np.cross(about, after), firsts) / 2.0
-    return areas
+    return np.add.reduceat(np.cross(about, after), firsts) / 2.0
 
 
 def main_loops(sections: Sections, levels: Floats, sizes: Floats, chosen: Ints | None = None) -> Ints:

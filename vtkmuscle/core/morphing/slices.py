@@ -248,8 +248,7 @@ class Box:
 
     def coordinates(self, points: Floats) -> Floats:
         """Return points (n, 3) along the sides, from the corner Q0 on [mm]."""
-        inside: Floats = (points - self._corner) @ self._frame
-        return inside
+        return (points - self._corner) @ self._frame
 
     def surface(self, muscle: ClosedSurface) -> ClosedSurface:
         """Return a muscle in these coordinates, facing outward."""
@@ -257,8 +256,7 @@ class Box:
 
     def positions(self, coordinates: Floats) -> Floats:
         """Return the points (n, 3) that have these coordinates [mm]."""
-        points: Floats = coordinates @ self._frame.T + self._corner
-        return points
+        return coordinates @ self._frame.T + self._corner
 
     def seen(self, fibres: SeenFibres) -> SeenFibres:
         """Return fibres on the surface in these coordinates."""

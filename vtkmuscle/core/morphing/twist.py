@@ -107,8 +107,7 @@ def angle_between(directions: Floats, others: Floats) -> Floats:
     """
     across = np.linalg.norm(np.cross(directions, others), axis=-1)
     along = np.abs((directions * others).sum(axis=-1))
-    angles: Floats = np.where((across > 0.0) | (along > 0.0), np.arctan2(across, along), np.pi / 2.0)
-    return angles
+    return np.where((across > 0.0) | (along > 0.0), np.arctan2(across, along), np.pi / 2.0)
 
 
 def root_mean_square(angles: Floats, weights: Floats) -> float:

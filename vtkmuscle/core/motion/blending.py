@@ -80,8 +80,7 @@ def screw_between(start: Floats, end: Floats, fraction: float) -> Floats:
     part = np.eye(4)
     part[:3, :3] = Rotation.from_rotvec(fraction * turn).as_matrix()
     part[:3, 3] = fraction * _left_jacobian(fraction * turn) @ slide
-    result: Floats = part @ start
-    return result
+    return part @ start
 
 
 def screws(motions: Floats) -> Floats:

@@ -93,8 +93,7 @@ class Coordinate:
     @property
     def natural(self) -> Floats:
         """The values (k,) in radians, or in millimetres: moment arms by it are in mm, or without a unit."""
-        values: Floats = self.values * self.factor
-        return values
+        return self.values * self.factor
 
     @property
     def changes(self) -> bool:

@@ -227,8 +227,7 @@ def upstream(algorithm: Any) -> Iterator[Any]:
 def _checked(algorithm: Any, port: int, value: Any) -> tuple[Any, int] | None:
     """Return what stands for a value on an input port, one of ours or of VTK's."""
     checked = getattr(algorithm, "source_for", None)
-    source: tuple[Any, int] | None = source_of(value) if checked is None else checked(port, value)
-    return source
+    return source_of(value) if checked is None else checked(port, value)
 
 
 def _shallow(data: Any) -> Any:
