@@ -5,11 +5,7 @@ from __future__ import annotations
 import inspect
 import re
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
-
-if TYPE_CHECKING:
-    from vtkmuscle.filters.base.parameters import Parameter
-    from vtkmuscle.filters.base.ports import InputPort, OutputPort
+from typing import Any
 
 #: The sections of a class's docstring that have an entry for each of its parameters and ports.
 _DECLARED = re.compile(r"^(?:Parameters|Attributes)\n-+\n(?:\S.*\n(?: {4}.*\n)+)+\n*", re.MULTILINE)
@@ -30,9 +26,9 @@ def entry(doc: str | None, name: str) -> str:
 
 def documented(
     doc: str,
-    parameters: Mapping[str, Parameter[Any]],
-    inputs: Sequence[InputPort],
-    outputs: Sequence[OutputPort],
+    parameters: Mapping[str, Any],
+    inputs: Sequence[Any],
+    outputs: Sequence[Any],
 ) -> str:
     """Return the docstring with the kinds and bounds of parameters and ports, from their declarations."""
     head, sections = split_docstring(inspect.cleandoc(doc))
@@ -51,7 +47,7 @@ def documented(
     return "\n".join([*lines, _DECLARED.sub("", f"{sections}\n").rstrip()])
 
 
-def described(parameter: Parameter[Any]) -> str:
+def described(parameter: Any) -> str:
     """Return what a parameter does, its unit, and with what it counts."""
     units = f" [{parameter.units}]" if parameter.units else ""
     return f"{parameter.doc}{units}{parameter.condition}"
