@@ -9,7 +9,7 @@ from phantoms import fibre_block
 
 from vtkmuscle import Scene
 from vtkmuscle.core.accuracy.estimate import expanded_of_bounds
-from vtkmuscle.data.aponeuroses import Aponeurosis
+from vtkmuscle.data.attachments import Aponeurosis
 from vtkmuscle.phantoms import spindle_over_hinge
 
 

@@ -7,7 +7,6 @@ from phantoms import fibre_block
 from vtkmodules.vtkCommonDataModel import vtkCellArray
 
 from vtkmuscle.core.mesh.polylines import polyline_lengths
-from vtkmuscle.data.aponeuroses import Aponeurosis, aponeuroses_data, aponeuroses_of
 from vtkmuscle.data.arrays import (
     cell_array,
     field_array,
@@ -17,7 +16,13 @@ from vtkmuscle.data.arrays import (
     set_field_array,
     surface_from,
 )
-from vtkmuscle.data.attachments import attachments_from, attachments_of
+from vtkmuscle.data.attachments import (
+    Aponeurosis,
+    aponeuroses_data,
+    aponeuroses_of,
+    attachments_from,
+    attachments_of,
+)
 from vtkmuscle.filters import FibreMetrics, FibreSource
 from vtkmuscle.io import read_aponeurosis, read_polydata, read_surface
 from vtkmuscle.phantoms import spindle_over_hinge

@@ -12,8 +12,7 @@ from vtkmuscle.core.fibres.between_areas import EndSurface
 from vtkmuscle.core.mesh.normals import triangle_normals
 from vtkmuscle.core.mesh.surface import extent
 from vtkmuscle.core.types import Floats, Ints
-from vtkmuscle.data.aponeuroses import SIDES, Aponeurosis
-from vtkmuscle.data.attachments import AttachmentArea
+from vtkmuscle.data.attachments import SIDES, Aponeurosis, AttachmentArea
 from vtkmuscle.data.muscle_geometry import MuscleGeometry
 
 

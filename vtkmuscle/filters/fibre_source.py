@@ -9,7 +9,6 @@ from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.fibres.between_areas import EndSurface, bent_inside, filled_share, straight_fibres
 from vtkmuscle.core.mesh.surface import signed_volume
 from vtkmuscle.core.types import Bools, Floats
-from vtkmuscle.data.aponeuroses import Aponeurosis, aponeuroses_of
 from vtkmuscle.data.arrays import (
     Polylines,
     polylines_from,
@@ -17,7 +16,7 @@ from vtkmuscle.data.arrays import (
     set_field_array,
     set_point_array,
 )
-from vtkmuscle.data.attachments import ROLES, end_areas
+from vtkmuscle.data.attachments import ROLES, Aponeurosis, aponeuroses_of, end_areas
 from vtkmuscle.data.end_surfaces import aponeurosis_surfaces, attached_surface, check_sides
 from vtkmuscle.data.muscle_geometry import MuscleGeometry, Surface
 from vtkmuscle.filters.base import Filter, InputPort, OutputPort, Parameter, ports
