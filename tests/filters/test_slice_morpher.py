@@ -6,7 +6,7 @@ import pytest
 from vtkmodules.vtkIOXML import vtkXMLPolyDataReader
 
 from vtkmuscle import Scene
-from vtkmuscle.core.mesh.line_lengths import polyline_lengths
+from vtkmuscle.core.mesh.polylines import polyline_lengths
 from vtkmuscle.data.arrays import (
     Polylines,
     cell_array,

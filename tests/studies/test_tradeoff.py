@@ -15,7 +15,7 @@ from vtkmuscle.cli import app
 from vtkmuscle.core.motion.rigid import hinge
 from vtkmuscle.data.arrays import Polylines, points_of, polylines_from, surface_from, triangles_of
 from vtkmuscle.data.attachments import AttachmentArea
-from vtkmuscle.filters.deformer.quality import PRESETS
+from vtkmuscle.filters.deformer.settings import PRESETS
 from vtkmuscle.io.parts import Part, Parts
 from vtkmuscle.io.writing import locked
 from vtkmuscle.studies.outcome import Outcome

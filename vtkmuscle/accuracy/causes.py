@@ -8,8 +8,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from vtkmuscle.core.accuracy.convergence import convergence_error
-from vtkmuscle.core.accuracy.estimate import expanded_of_bounds, expanded_of_samples
+from vtkmuscle.core.accuracy.estimate import convergence_error, expanded_of_bounds, expanded_of_samples
 from vtkmuscle.core.moment_arms.by_coordinate import JointArms
 from vtkmuscle.core.types import Floats
 

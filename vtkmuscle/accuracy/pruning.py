@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
-from vtkmuscle.core.mesh.line_lengths import polyline_lengths
+from vtkmuscle.core.mesh.polylines import polyline_lengths
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import polylines_of, with_points
 from vtkmuscle.filters.fibre_transport import FibreTransport

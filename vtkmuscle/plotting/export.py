@@ -11,7 +11,7 @@ from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 from vtkmodules.vtkFiltersCore import vtkAppendPolyData
 
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.io.messages import vtk_messages
+from vtkmuscle.io.child_reader import vtk_messages
 from vtkmuscle.io.writing import replacing
 from vtkmuscle.plotting.surfaces import make_plotter
 from vtkmuscle.plotting.views import choose_view

@@ -5,7 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Iterator
 
-from vtkmuscle.filters.deformer.quality import PUBLISHED
+from vtkmuscle.filters.deformer.settings import PUBLISHED
 from vtkmuscle.filters.fibre_template_source import FibreTemplateSource
 from vtkmuscle.filters.pbd_deformer import PBDDeformer
 from vtkmuscle.scene.data import SceneData

@@ -11,9 +11,15 @@ from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
 from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.core.words import shown
-from vtkmuscle.data.aponeuroses import Aponeurosis, aponeuroses_data, aponeuroses_of
 from vtkmuscle.data.arrays import multiblock_from
-from vtkmuscle.data.attachments import AttachmentArea, attachments_from, attachments_of
+from vtkmuscle.data.attachments import (
+    Aponeurosis,
+    AttachmentArea,
+    aponeuroses_data,
+    aponeuroses_of,
+    attachments_from,
+    attachments_of,
+)
 from vtkmuscle.io.literature import LiteratureCurve
 
 #: Allowed units of length, and how many millimetres they are.

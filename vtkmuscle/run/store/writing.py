@@ -15,9 +15,8 @@ from vtkmuscle._version import __version__
 from vtkmuscle.data.arrays import blocks_of, set_cell_array, set_field_array
 from vtkmuscle.filters.bone_motion import BoneMotion
 from vtkmuscle.io.parts import Part, plain
-from vtkmuscle.io.series import Collection as Pvd
-from vtkmuscle.io.series import Series
-from vtkmuscle.io.temporal import read_series, write_vtkhdf
+from vtkmuscle.io.temporal import Collection as Pvd
+from vtkmuscle.io.temporal import Series, read_series, write_vtkhdf
 from vtkmuscle.io.writing import write_polydata, write_text
 from vtkmuscle.run.store import FINISHED, REPORT, SCENE, STAMPS, ResultFolder
 from vtkmuscle.run.store.claim import remove_if_empty, remove_results

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from vtkmuscle.filters.deformer.quality import PRESETS, PUBLISHED
+from vtkmuscle.filters.deformer.settings import PRESETS, PUBLISHED
 from vtkmuscle.studies.variation import Variation
 
 #: The preset around which most settings are varied; the published one is a group of its own.
