@@ -18,7 +18,7 @@ from real_hip import data_folder
 from timing import interleaved
 
 from vtkmuscle import Scene
-from vtkmuscle.core.mesh.topology import opposite_half_edges
+from vtkmuscle.core.mesh.surface import opposite_half_edges
 from vtkmuscle.core.morphing.isolines import attachment_field, morph_by_isolines
 from vtkmuscle.core.morphing.planes import morph_by_planes
 from vtkmuscle.core.morphing.sections import ClosedSurface

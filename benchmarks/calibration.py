@@ -8,8 +8,7 @@ from collections.abc import Callable
 import numpy as np
 
 from vtkmuscle.core.jit import kernel
-from vtkmuscle.core.mesh.surface import edge_lengths
-from vtkmuscle.core.mesh.topology import mesh_topology
+from vtkmuscle.core.mesh.surface import edge_lengths, mesh_topology
 
 TRIANGLES = 10_000
 

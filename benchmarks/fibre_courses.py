@@ -23,12 +23,10 @@ from scipy.spatial import cKDTree
 
 from vtkmuscle import Scene
 from vtkmuscle.core.fibres.arrangement import arrangement
-from vtkmuscle.core.mesh.line_lengths import polyline_lengths
 from vtkmuscle.core.mesh.normals import unit_vectors
-from vtkmuscle.core.mesh.polylines import evenly_spaced
-from vtkmuscle.data.aponeuroses import aponeuroses_data
+from vtkmuscle.core.mesh.polylines import evenly_spaced, polyline_lengths
 from vtkmuscle.data.arrays import Polylines, field_string, polylines_of
-from vtkmuscle.data.attachments import AttachmentArea, attachments_from
+from vtkmuscle.data.attachments import AttachmentArea, aponeuroses_data, attachments_from
 from vtkmuscle.data.muscle_geometry import muscle_geometry
 from vtkmuscle.filters import FibreSource
 from vtkmuscle.io import read_aponeurosis, read_polydata, read_surface

@@ -17,8 +17,7 @@ from how_right import Table
 from scipy.spatial import cKDTree
 
 from vtkmuscle import Scene
-from vtkmuscle.core.mesh.line_lengths import polyline_lengths
-from vtkmuscle.core.mesh.polylines import evenly_spaced
+from vtkmuscle.core.mesh.polylines import evenly_spaced, polyline_lengths
 from vtkmuscle.core.mesh.surface import signed_volume
 from vtkmuscle.core.template.kinds import KINDS
 from vtkmuscle.data.arrays import polylines_of

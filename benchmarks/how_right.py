@@ -26,9 +26,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vtkmuscle import RigidMotion, Scene
-from vtkmuscle.core.mesh.line_lengths import polyline_lengths
-from vtkmuscle.core.moment_arms.derivatives import quartic_moment_arms
-from vtkmuscle.core.moment_arms.of_joints import joint_arms, slopes_by
+from vtkmuscle.core.mesh.polylines import polyline_lengths
+from vtkmuscle.core.moment_arms.of_joints import joint_arms, quartic_moment_arms, slopes_by
 from vtkmuscle.core.motion.coordinates import Coordinate
 from vtkmuscle.data.arrays import polylines_of
 from vtkmuscle.data.paths import paths_of, wrenches_over_time

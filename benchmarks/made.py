@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from vtkmuscle import filters
-from vtkmuscle.filters.deformer.quality import PRESETS
+from vtkmuscle.filters.deformer.settings import PRESETS
 from vtkmuscle.pipelines.fibres import PUBLISHED_FIBRES
 
 HERE = Path(__file__).resolve().parent

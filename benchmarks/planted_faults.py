@@ -56,8 +56,6 @@ HEAD, UNSEEN = ("kind", "where", "was", "planted", "seen by"), "no test"
 EQUIVALENT: dict[str, str] = {
     "core.collision.distance_collision._crosses: max(_LEAST_STEP * field.cell, abs(height - zone)) -> "
     "(_LEAST_STEP * field.cell)": "equivalent: shorter steps find the same crossing, later",
-    "core.moment_arms.local_regression.local_regression: min(len(samples), MOST_TO_CHOOSE) -> "
-    "(len(samples))": "equivalent: a window is chosen by all samples, later",
     "core.bones.bone.: 1e-3 -> 0.002": "equivalent: any small unevenness decides between axes",
     "core.paths.tissue.: 1e-6 -> 2e-06": "equivalent: a guard against rounding",
     "core.fibres.equal_shares.matched_places: -1 -> (1)": (

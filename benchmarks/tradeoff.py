@@ -22,7 +22,7 @@ import numpy as np
 
 from vtkmuscle import InputError, Result, Scene, Table, phantoms
 from vtkmuscle.data.arrays import points_of
-from vtkmuscle.filters.deformer.quality import PRESETS, PUBLISHED
+from vtkmuscle.filters.deformer.settings import PRESETS, PUBLISHED
 from vtkmuscle.run import frame_numbers
 from vtkmuscle.scene.data import MILLIMETRES
 

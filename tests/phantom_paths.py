@@ -9,10 +9,11 @@ import pytest
 from phantoms.ball_spindle import INSERTION, ORIGIN
 from phantoms.brim_flexor import taut
 from phantoms.lifting_strap import fibre
+from phantoms.two_joint_strap import _middle_line
 
 from vtkmuscle.core.bones.bone import bone_of
+from vtkmuscle.core.motion.coordinates import twist_about
 from vtkmuscle.core.motion.rigid import hinge
-from vtkmuscle.core.motion.twists import twist_about
 from vtkmuscle.core.paths.lines import bones_at_ends, evenly_spread
 from vtkmuscle.core.paths.sheet import POINTS, MusclePaths
 from vtkmuscle.core.paths.via_rings import via_ring
@@ -20,7 +21,6 @@ from vtkmuscle.data.arrays import blocks_of, point_array, points_of, polylines_o
 from vtkmuscle.data.attachments import attachments_of
 from vtkmuscle.filters import FixedPointDetector
 from vtkmuscle.phantoms.cylinder_wrap import RADIUS, STRAIGHT, THICKNESS
-from vtkmuscle.phantoms.two_joint_strap import _middle_line
 from vtkmuscle.pipelines import decompose
 
 #: Fibres in a phantom: enough to be everywhere in it.

@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.spatial import ConvexHull
 
-from vtkmuscle.core.mesh.topology import opposite_half_edges
+from vtkmuscle.core.mesh.surface import opposite_half_edges
 from vtkmuscle.core.morphing.sections import ClosedSurface
 
 

@@ -11,6 +11,7 @@ from phantoms import (
     strap_over_two_joints,
     tendon_through_ring,
 )
+from phantoms.planar import evenly
 from phantoms.taut_string import String
 
 from vtkmuscle import Scene
@@ -20,7 +21,6 @@ from vtkmuscle.core.paths.via_rings import passes_through, via_ring, within_ring
 from vtkmuscle.data.arrays import cell_array, points_of, triangles_of
 from vtkmuscle.data.attachments import attachments_of
 from vtkmuscle.filters import FibreMetrics
-from vtkmuscle.phantoms.planar import evenly
 from vtkmuscle.pipelines import decompose
 
 

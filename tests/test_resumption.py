@@ -19,9 +19,8 @@ from vtkmuscle import InputError, Result, Scene, SceneError
 from vtkmuscle.cli import BAD_INPUT, app
 from vtkmuscle.core.motion.coordinates import Coordinate
 from vtkmuscle.core.motion.rigid import RigidMotion
-from vtkmuscle.data.aponeuroses import Aponeurosis
 from vtkmuscle.data.arrays import points_of, set_field_array, with_points
-from vtkmuscle.data.attachments import AttachmentArea
+from vtkmuscle.data.attachments import Aponeurosis, AttachmentArea
 from vtkmuscle.io import LiteratureCurve
 from vtkmuscle.io.parts import Part, Parts
 from vtkmuscle.run.muscles import MuscleRun

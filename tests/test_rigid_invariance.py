@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
+from phantoms import fibre_block
 
 from vtkmuscle.core.motion.rigid import RigidMotion, apply_transform, inverse, rotation_about
 from vtkmuscle.data.arrays import blocks_of, multiblock_from, points_of, with_points
 from vtkmuscle.filters.fibre_transport import FibreTransport
-from vtkmuscle.phantoms import fibre_block
 from vtkmuscle.pipelines import decompose, deform
 
 MOVE = rotation_about((30.0, -20.0, 5.0), (1.0, 2.0, -0.5), 73.0)

@@ -6,12 +6,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import tomli_w
+from phantoms import fibre_block
 
 from vtkmuscle import Scene
-from vtkmuscle.data.aponeuroses import Aponeurosis, aponeuroses_data
 from vtkmuscle.data.arrays import cell_array, points_of, polylines_of
+from vtkmuscle.data.attachments import Aponeurosis, aponeuroses_data
 from vtkmuscle.filters import FibreSource
-from vtkmuscle.phantoms import fibre_block, spindle_over_hinge
+from vtkmuscle.phantoms import spindle_over_hinge
 from vtkmuscle.pipelines import MusclePipeline
 from vtkmuscle.run import muscle_pipeline
 from vtkmuscle.scene import SceneError

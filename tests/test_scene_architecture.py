@@ -5,11 +5,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from phantoms import fibre_block
 
 from vtkmuscle import Scene
 from vtkmuscle.core.accuracy.estimate import expanded_of_bounds
-from vtkmuscle.data.aponeuroses import Aponeurosis
-from vtkmuscle.phantoms import fibre_block, spindle_over_hinge
+from vtkmuscle.data.attachments import Aponeurosis
+from vtkmuscle.phantoms import spindle_over_hinge
 
 
 def run(phantom, *, out=None, **hill):

@@ -3,14 +3,14 @@
 import numpy as np
 import osim_texts as texts
 import pytest
+from phantoms import strap_over_two_joints
+from phantoms.two_joint_strap import AXIS
 from two_joint_scene import CENTRE, JOINTS, save_strap, scene_with
 
 from vtkmuscle import Scene, SceneError
 from vtkmuscle.core.mesh.surface import signed_volume
 from vtkmuscle.core.motion.rigid import rotation_about
 from vtkmuscle.data.arrays import points_of, triangles_of
-from vtkmuscle.phantoms import strap_over_two_joints
-from vtkmuscle.phantoms.two_joint_strap import AXIS
 from vtkmuscle.scene.reading import read_motion
 
 

@@ -9,7 +9,7 @@ from typer.testing import CliRunner
 
 from vtkmuscle import Scene, SceneError
 from vtkmuscle.cli import app
-from vtkmuscle.filters.deformer.quality import PRESETS
+from vtkmuscle.filters.deformer.settings import PRESETS
 
 
 @pytest.fixture

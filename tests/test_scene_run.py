@@ -14,7 +14,7 @@ import vtkmuscle.phantoms
 import vtkmuscle.plotting
 from vtkmuscle import Result, Scene, SceneError
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.core.mesh.line_lengths import polyline_lengths
+from vtkmuscle.core.mesh.polylines import polyline_lengths
 from vtkmuscle.core.mesh.surface import edge_lengths, signed_volume, unique_edges
 from vtkmuscle.core.motion.rigid import apply_transform
 from vtkmuscle.data.arrays import (

@@ -5,10 +5,10 @@ import tomllib
 import numpy as np
 import pytest
 import tomli_w
+from phantoms.two_joint_strap import ARMS
 from two_joint_scene import JOINTS, save_strap
 
 from vtkmuscle import Scene
-from vtkmuscle.phantoms.two_joint_strap import ARMS
 
 
 @pytest.fixture(scope="module")

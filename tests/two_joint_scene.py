@@ -4,11 +4,11 @@ import shutil
 import tomllib
 
 import tomli_w
+from phantoms import strap_over_two_joints
+from phantoms.planar import flexed
+from phantoms.two_joint_strap import AXIS, LOWER, WRAPS
 
 from vtkmuscle import Scene
-from vtkmuscle.phantoms import strap_over_two_joints
-from vtkmuscle.phantoms.planar import flexed
-from vtkmuscle.phantoms.two_joint_strap import AXIS, LOWER, WRAPS
 
 CENTRE = [0.0, *map(float, flexed(LOWER, -WRAPS[0]))]
 JOINTS = {

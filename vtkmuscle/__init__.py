@@ -15,7 +15,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from vtkmuscle._version import __version__
-from vtkmuscle.core.guesses import no_attribute
+from vtkmuscle.guesses import no_attribute
 
 if TYPE_CHECKING:
     from vtkmuscle import filters, phantoms, pipelines, plotting

@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING, Any, Self
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet
 
 from vtkmuscle.accuracy import StatedErrors
-from vtkmuscle.core.guesses import WithHints
 from vtkmuscle.core.words import names as as_names
 from vtkmuscle.core.words import suggestion
 from vtkmuscle.data.arrays import blocks_of
-from vtkmuscle.filters.deformer.quality import PRESETS
+from vtkmuscle.filters.deformer.settings import PRESETS
+from vtkmuscle.guesses import WithHints
 from vtkmuscle.run.options import RunOptions
 from vtkmuscle.run.result import Result
 from vtkmuscle.run.steps import run_scene

@@ -24,8 +24,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from vtkmuscle import RigidMotion, Scene, phantoms
-from vtkmuscle.core.mesh.surface import edge_lengths
-from vtkmuscle.core.mesh.topology import mesh_topology
+from vtkmuscle.core.mesh.surface import edge_lengths, mesh_topology
 from vtkmuscle.data.arrays import checked_surface, field_array, points_of
 from vtkmuscle.filters import FixedPointDetector
 from vtkmuscle.pipelines import MusclePipeline, decompose

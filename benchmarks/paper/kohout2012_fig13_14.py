@@ -16,7 +16,7 @@ import numpy as np
 import pyvista as pv
 from common import Case, Table, main, picture
 
-from vtkmuscle.core.mesh.line_lengths import polyline_lengths
+from vtkmuscle.core.mesh.polylines import polyline_lengths
 from vtkmuscle.core.motion.rigid import apply_transform
 from vtkmuscle.data.arrays import points_of, polylines_of
 from vtkmuscle.data.attachments import AttachmentArea, attachments_from

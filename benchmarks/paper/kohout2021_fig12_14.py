@@ -13,7 +13,7 @@ import numpy as np
 from common import AS_PUBLISHED, LEFT, Case, Floats, Table, angles_up_to, main
 
 from vtkmuscle.core.fibres.measures import smoothed_curve
-from vtkmuscle.core.mesh.line_lengths import polyline_lengths
+from vtkmuscle.core.mesh.polylines import polyline_lengths
 from vtkmuscle.core.mesh.solids import solids_of
 from vtkmuscle.data.arrays import checked_surface, polylines_of
 from vtkmuscle.plotting.sheets import curves

@@ -15,10 +15,11 @@ from typing import Any
 
 import numpy as np
 from common import AS_PUBLISHED, LEFT, STEP, Case, Floats, Table, data_folder, main
+from linear_blend_fit import fitted_a
 
 from vtkmuscle import RigidMotion
-from vtkmuscle.core.fibres.linear_blend import blend_fibres, fitted_a
-from vtkmuscle.core.mesh.line_lengths import polyline_lengths
+from vtkmuscle.core.fibres.linear_blend import blend_fibres
+from vtkmuscle.core.mesh.polylines import polyline_lengths
 from vtkmuscle.core.mesh.solids import solids_of
 from vtkmuscle.core.motion.rigid import apply_transform, inverse
 from vtkmuscle.data.arrays import checked_surface, polylines_of

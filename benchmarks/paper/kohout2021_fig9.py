@@ -32,8 +32,7 @@ from scipy.sparse.csgraph import dijkstra
 
 from vtkmuscle import RigidMotion
 from vtkmuscle.core.mesh.solids import Solids, solids_of
-from vtkmuscle.core.mesh.surface import edge_lengths
-from vtkmuscle.core.mesh.topology import mesh_topology
+from vtkmuscle.core.mesh.surface import edge_lengths, mesh_topology
 from vtkmuscle.data.arrays import checked_surface, point_array, points_of
 from vtkmuscle.io import read_surface
 from vtkmuscle.pipelines import deform

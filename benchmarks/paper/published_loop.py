@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.mesh.enclosed_volume import project_volume, volume_and_gradient
-from vtkmuscle.core.mesh.topology import mesh_topology
+from vtkmuscle.core.mesh.surface import mesh_topology
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]

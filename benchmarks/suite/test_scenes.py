@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from vtkmuscle.filters.deformer.quality import PRESETS
+from vtkmuscle.filters.deformer.settings import PRESETS
 
 FEW = 3
 

@@ -12,6 +12,18 @@ from vtkmuscle.filters.base import Filter, OutputPort, Parameter, ports
 class FibreCropper(Filter):
     """Cut a part from both ends of every fibre.
 
+    Parameters
+    ----------
+    fibres
+        Polylines.
+    part
+        What is cut off at each end, of the length.
+
+    Attributes
+    ----------
+    output
+        The polylines with new ends, as many points each as before.
+
     Raises
     ------
     ValueError
@@ -27,12 +39,10 @@ class FibreCropper(Filter):
     True
     """
 
-    part = Parameter(
-        float, default=0.25, minimum=0.0, maximum=0.45, doc="What is cut off at each end, of the length."
-    )
+    part = Parameter(float, default=0.25, minimum=0.0, maximum=0.45)
 
-    fibres = ports.Lines(doc="Polylines.")
-    output = OutputPort(vtkPolyData, doc="The polylines with new ends, as many points each as before.")
+    fibres = ports.Lines()
+    output = OutputPort(vtkPolyData)
 
     def execute(self, fibres: Polylines) -> vtkPolyData:
         """Return the cut fibres."""

@@ -16,7 +16,7 @@ import pyvista as pv
 from vtkmuscle import RigidMotion, Scene
 from vtkmuscle.core.motion.coordinates import Coordinate
 from vtkmuscle.phantoms import leg
-from vtkmuscle.phantoms.leg_bones import CONDYLE
+from vtkmuscle.phantoms.hip_bones import CONDYLE
 
 flexion = np.arange(0.0, 91.0, 7.5)
 phantom = leg(coordinates=np.column_stack([0.0 * flexion, flexion, 0.0 * flexion]))

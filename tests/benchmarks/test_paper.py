@@ -91,7 +91,7 @@ def test_the_command_line_knows_all_experiments(case):
 
 def test_settings_of_the_paper_are_all_named(case):
     """A default that changes must not change what is called published."""
-    from vtkmuscle.core.algorithm_2.parameters import Parameters
+    from vtkmuscle.core.algorithm_2.solver import Parameters
 
     assert Parameters() == Parameters(
         dt=1.0,
@@ -143,7 +143,7 @@ def test_the_published_loop_has_minus_the_gradients_of_the_cosine(case, rng):
 def test_the_published_loop_stays_at_rest_and_follows_a_bone(case):
     from published_loop import run
 
-    from vtkmuscle.core.mesh.topology import mesh_topology
+    from vtkmuscle.core.mesh.surface import mesh_topology
     from vtkmuscle.core.motion.rigid import rotation_about
 
     body = pv.Sphere(radius=20.0, theta_resolution=16, phi_resolution=16)

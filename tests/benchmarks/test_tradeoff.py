@@ -13,7 +13,7 @@ from tiny_scene import write_tiny_scene
 
 from vtkmuscle import Scene
 from vtkmuscle.data.arrays import surface_from
-from vtkmuscle.filters.deformer.quality import PRESETS
+from vtkmuscle.filters.deformer.settings import PRESETS
 
 FOLDER = Path(__file__).parents[2] / "benchmarks"
 

@@ -1,4 +1,4 @@
-from vtkmuscle.core.recent import Recent
+from vtkmuscle.core.mesh.shared import Recent
 
 
 def test_what_was_asked_for_last_is_kept_and_the_rest_is_found_again():

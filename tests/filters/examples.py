@@ -4,7 +4,6 @@ import numpy as np
 from vtkmodules.vtkFiltersSources import vtkSphereSource
 
 from vtkmuscle.core.motion.rigid import RigidMotion, apply_transform
-from vtkmuscle.data.aponeuroses import Aponeurosis, aponeuroses_data
 from vtkmuscle.data.arrays import (
     Polylines,
     blocks_of,
@@ -16,6 +15,7 @@ from vtkmuscle.data.arrays import (
     set_point_array,
     with_points,
 )
+from vtkmuscle.data.attachments import Aponeurosis, aponeuroses_data
 from vtkmuscle.phantoms import label_map, spindle_over_hinge
 
 PHANTOM = spindle_over_hinge()

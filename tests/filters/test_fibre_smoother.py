@@ -3,12 +3,13 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
+from phantoms import fibre_block
 from scipy.spatial import ConvexHull, Delaunay, cKDTree
 from vtkmodules.vtkFiltersSources import vtkSphereSource
 
 from vtkmuscle import Scene
-from vtkmuscle.core.fibres.packing import filling_radius
-from vtkmuscle.core.mesh.line_lengths import polyline_lengths
+from vtkmuscle.core.fibres.measures import filling_radius
+from vtkmuscle.core.mesh.polylines import polyline_lengths
 from vtkmuscle.core.mesh.solids import solids_of
 from vtkmuscle.core.mesh.surface import signed_volume
 from vtkmuscle.data.arrays import (
@@ -25,7 +26,7 @@ from vtkmuscle.data.arrays import (
 from vtkmuscle.data.attachments import attachments_of
 from vtkmuscle.data.muscle_geometry import muscle_geometry
 from vtkmuscle.filters.fibre_smoother import FibreSmoother
-from vtkmuscle.phantoms import fibre_block, hip, spindle_over_hinge, winding_spindle
+from vtkmuscle.phantoms import hip, spindle_over_hinge, winding_spindle
 from vtkmuscle.pipelines import decompose
 
 

@@ -3,10 +3,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import pyvista as pv
+from phantoms import fibre_block
 from vtkmodules.vtkCommonDataModel import vtkCellArray
 
-from vtkmuscle.core.mesh.line_lengths import polyline_lengths
-from vtkmuscle.data.aponeuroses import Aponeurosis, aponeuroses_data, aponeuroses_of
+from vtkmuscle.core.mesh.polylines import polyline_lengths
 from vtkmuscle.data.arrays import (
     cell_array,
     field_array,
@@ -16,10 +16,16 @@ from vtkmuscle.data.arrays import (
     set_field_array,
     surface_from,
 )
-from vtkmuscle.data.attachments import attachments_from, attachments_of
+from vtkmuscle.data.attachments import (
+    Aponeurosis,
+    aponeuroses_data,
+    aponeuroses_of,
+    attachments_from,
+    attachments_of,
+)
 from vtkmuscle.filters import FibreMetrics, FibreSource
 from vtkmuscle.io import read_aponeurosis, read_polydata, read_surface
-from vtkmuscle.phantoms import fibre_block, spindle_over_hinge
+from vtkmuscle.phantoms import spindle_over_hinge
 from vtkmuscle.pipelines import decompose
 
 #: The block is 20 x 40 x 120 mm; fibres go from the lower half of x = 0 to the upper half of x = 20.

@@ -80,25 +80,6 @@ def test_repeated_points_and_turns_back_make_no_nan(walk):
     assert_allclose(np.linalg.norm(normals, axis=1), 1.0, atol=1e-5)
 
 
-def test_the_radius_can_come_from_an_array():
-    fibres = fibres_from(straight(30), straight(30) + np.array([0, 20, 0]))
-    set_cell_array(fibres, "Weight", np.array([1.0, 3.0]))
-    set_point_array(fibres, "Taper", np.tile(np.linspace(1, 2, 5), 2))
-    by_fibre = points_of(FibreTubes(radius=0.5, radius_by="array", radius_array="Weight")(fibres))
-    low = by_fibre[:, 1] < 10
-    assert_allclose(np.hypot(by_fibre[low, 1], by_fibre[low, 2]), 0.5, atol=1e-12)
-    assert_allclose(np.hypot(by_fibre[~low, 1] - 20, by_fibre[~low, 2]), 1.5, atol=1e-12)
-    taper = points_of(FibreTubes(radius_by="array", radius_array="Taper")(fibres_with_points(fibres)))
-    low = taper[:, 1] < 10
-    assert_allclose(np.hypot(taper[low, 1], taper[low, 2]), 1 + taper[low, 0] / 30, atol=1e-12)
-
-
-def fibres_with_points(fibres):
-    copy = fibres.NewInstance()
-    copy.DeepCopy(fibres)
-    return copy
-
-
 def test_tubes_that_fill_a_muscle_do_so_without_overlap():
     # A hexagonal lattice of lines, and a box of just their cells.
     d = 4.0
@@ -124,23 +105,5 @@ def test_the_colour_is_that_of_the_named_array():
     assert FibreTubes(colour_by="Length")(fibres).GetCellData().GetScalars().GetName() == "Length"
     tubes = FibreTubes(colour_by="t")(fibres)
     assert tubes.GetPointData().GetScalars().GetName() == "t"
-    for name in ("colour_by", "radius_array"):
-        with pytest.raises(ValueError, match=f"{name} is 'Strian', but the fibres have the arrays"):
-            FibreTubes(radius_by="array", **{"radius_array": "t", name: "Strian"})(fibres)
-
-
-def test_ten_thousand_fibres_stay_within_the_limit_of_triangles():
-    many = fibres_from(*(np.add(straight(30), [0, i, 0]) for i in range(1000)))
-    set_cell_array(many, "FibreId", np.arange(1000))
-
-    def triangles(**parameters):
-        tubes = FibreTubes(**parameters)(many)
-        return (tubes >> vtkTriangleFilter()).update().output.GetNumberOfCells(), tubes
-
-    assert triangles()[0] > 90_000
-    fewer_sides, tubes = triangles(max_triangles=50_000)
-    assert 30_000 < fewer_sides <= 55_000
-    assert set(cell_array(tubes, "FibreId", "")) == set(range(1000))
-    few, tubes = triangles(max_triangles=6_000)
-    assert 4_000 < few <= 6_000
-    assert set(cell_array(tubes, "FibreId", "")) == set(range(200))
+    with pytest.raises(ValueError, match="colour_by is 'Strian', but the fibres have the arrays"):
+        FibreTubes(colour_by="Strian")(fibres)

@@ -9,8 +9,7 @@ import threading
 import pytest
 from vtkmodules.vtkCommonCore import vtkObject
 
-from vtkmuscle.filters.base.failure_messages import failure_messages_off, silence_after_failure
-from vtkmuscle.filters.base.interrupts import interrupts_deferred
+from vtkmuscle.filters.base.running import failure_messages_off, interrupts_deferred, silence_after_failure
 
 
 @pytest.fixture(autouse=True)

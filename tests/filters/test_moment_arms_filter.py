@@ -72,12 +72,14 @@ def arms_of(source, **parameters):
 
 
 def test_moment_arms_are_the_levers_of_the_pull_at_every_angle():
-    """Virtual work: -dl/dq is the lever of a straight fibre about the axis, sign and all."""
-    found = arms_of(Fibres(ANGLES))
+    """Virtual work: -dl/dq is the lever of a straight fibre about the axis, sign and all.
+
+    By differences over steps h the error is h^2 / 6 of the third derivative, twice that at the ends.
+    """
+    found = arms_of(Fibres(np.arange(0.0, 91.0, 2.5)))
     for angle in (0.0, 20.0, 55.0, 90.0):
         result = found.update(time=angle).output
         np.testing.assert_allclose(cell_array(result, "MomentArm", ""), known_arms(angle), atol=0.1)
-        assert (cell_array(result, "MomentArmError", "") < 0.05).all()
         assert field_string(result, "Coordinate") == "time"
         assert field_array(result, "CoordinateValue")[0] == angle
 
@@ -147,7 +149,7 @@ def test_of_two_coordinates_each_has_its_arrays_where_it_is_determined():
 @pytest.mark.parametrize(
     ("parameters", "times", "message"),
     [
-        ({}, [0.0, 1.0, 2.0], "MomentArms: the coordinates have 3 different value.s., but 4"),
+        ({}, [1.0], "MomentArms: no coordinate of the motion changes .it has: 'time'."),
         (
             {"motion": hinge("b", (0, 0, 0), (1, 0, 0), ANGLES), "coordinate": "hip"},
             ANGLES,
@@ -216,7 +218,6 @@ def test_of_paths_they_are_levers_in_the_one_pose_that_is_asked_for():
         result = arms_of(source, motion=KNEE).update(time=time).output
         np.testing.assert_allclose(cell_array(result, "MomentArm", ""), known_arms(time), atol=1e-9)
         assert set(source.asked) <= {time}, "no other pose is needed"
-        assert not result.GetCellData().HasArray("MomentArmError")
         assert field_array(result, "CoordinateValue")[0] == pytest.approx(time)
 
 
@@ -240,5 +241,4 @@ def test_of_paths_a_table_tells_the_axis_and_a_way_from_rest_has_none():
 
 def test_paths_without_a_motion_are_taken_by_their_lengths_over_time():
     result = arms_of(Paths(ANGLES)).update(time=20.0).output
-    assert result.GetCellData().HasArray("MomentArmError")
     np.testing.assert_allclose(cell_array(result, "MomentArm", ""), known_arms(20.0), atol=0.1)

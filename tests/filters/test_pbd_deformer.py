@@ -186,14 +186,6 @@ def test_anisotropy_lets_the_published_muscle_give_way_along_the_fibres():
     assert changes[0] > 1.2 * changes[1]
 
 
-def straight_and_winding():
-    """Return lines over the surface, along the muscle and round it."""
-    z, angles = np.linspace(-20, 20, 5), (0.0, 2.0, 4.0)
-    for turn in (0.0, 0.04):
-        lines = [np.column_stack([11 * np.cos(a + turn * z), 11 * np.sin(a + turn * z), z]) for a in angles]
-        yield polylines_from(Polylines(np.vstack(lines), np.arange(0, 16, 5)))
-
-
 def test_fibres_carry_the_muscle():
     z = np.linspace(-50, 50, 15)
     lines = [np.column_stack([0 * z + x, 0 * z + y, z]) for x in (-5, 0, 5) for y in (-5, 0, 5)]
@@ -203,28 +195,6 @@ def test_fibres_carry_the_muscle():
     assert np.abs(results[0] - results[1]).max() > 0.1
     # Lines over the surface stand in for straight fibres.
     assert np.abs(results[0] - results[2]).max() < np.abs(results[0] - results[1]).max() / 2
-
-
-def test_superficial_fibres_say_which_edges_are_soft_in_the_published_model():
-    def made(seen, **settings):
-        deformer = deformer_of(**settings)
-        deformer.connect(4, seen)
-        return deformer
-
-    published = {"quality": "published", "iterations": 3, "collision": "off"}
-    straight, winding = straight_and_winding()
-    results = [frame(made(seen, **published), 30.0) for seen in (straight, winding, None)]
-    assert np.abs(results[0] - results[1]).max() > 0.1
-    assert np.abs(results[0] - results[2]).max() < np.abs(results[0] - results[1]).max() / 2
-    # Another superficial fibre starts again.
-    deformer = made(straight, **published)
-    frame(deformer, 30.0)
-    deformer.connect(4, winding)
-    assert np.array_equal(frame(deformer, 30.0), results[1])
-    point = polylines_from(Polylines(np.zeros((2, 3)), np.array([0, 2])))
-    for settings in (published, {}):
-        with pytest.raises(ValueError, match="PBDDeformer: superficial: no fibre has a length"):
-            frame(made(point, **settings), 30.0)
 
 
 @pytest.mark.filterwarnings("ignore:.*by its own velocity, but it is 10 mm thick")

@@ -3,7 +3,7 @@
 import pytest
 
 from vtkmuscle.filters import BoneMotion, FixedPointDetector, PBDDeformer
-from vtkmuscle.filters.deformer.quality import PRESETS
+from vtkmuscle.filters.deformer.settings import PRESETS
 from vtkmuscle.phantoms import spindle_over_hinge
 
 

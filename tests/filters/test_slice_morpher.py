@@ -6,7 +6,7 @@ import pytest
 from vtkmodules.vtkIOXML import vtkXMLPolyDataReader
 
 from vtkmuscle import Scene
-from vtkmuscle.core.mesh.line_lengths import polyline_lengths
+from vtkmuscle.core.mesh.polylines import polyline_lengths
 from vtkmuscle.data.arrays import (
     Polylines,
     cell_array,
@@ -280,7 +280,7 @@ def test_dissected_fibres_of_a_flat_muscle_are_not_taken_for_a_twist(method, lhd
     angle, straight = (
         field_array(fibres, name)[0] for name in ("SuperficialAngle", "SuperficialAngleStraight")
     )
-    assert 10 < angle == straight < 30
+    assert 10 < angle == straight < 45  # nearer along than across
 
 
 def test_superficial_fibres_without_length_are_named():

@@ -15,7 +15,7 @@ from vtkmuscle.core.collision import obstacles
 from vtkmuscle.core.deformation import muscle
 from vtkmuscle.core.motion.rigid import hinge
 from vtkmuscle.data.arrays import points_of
-from vtkmuscle.filters.base.checkpoints import Checkpoints
+from vtkmuscle.filters.base.history import Checkpoints
 from vtkmuscle.filters.bone_motion import BoneMotion
 from vtkmuscle.filters.pbd_deformer import PBDDeformer
 

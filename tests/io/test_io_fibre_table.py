@@ -3,11 +3,11 @@ import csv
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from phantoms import fibre_block
 
 from vtkmuscle.data.arrays import Polylines, cell_array, polylines_from, set_cell_array
 from vtkmuscle.filters.fibre_metrics import FibreMetrics
 from vtkmuscle.io import fibre_summary, muscle_summary, write_fibre_table
-from vtkmuscle.phantoms import fibre_block
 from vtkmuscle.pipelines import decompose
 
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from vtkmuscle.core.fibres.groups import group_errors, group_fibres
-from vtkmuscle.core.motion.frames import frame_at
+from vtkmuscle.core.fibres.measures import group_errors, group_fibres
+from vtkmuscle.core.motion.rigid import frame_at
 from vtkmuscle.opensim.fitted_paths import fit_length, fit_points
 from vtkmuscle.opensim.functions import IDENTITY
 from vtkmuscle.opensim.muscle_paths import Cylinder, PathPoint, PointPath, moment_arm, powers, terms

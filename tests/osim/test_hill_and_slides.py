@@ -6,12 +6,12 @@ import tomllib
 import numpy as np
 import pytest
 import tomli_w
+from phantoms.two_joint_strap import ARMS
 from tiny_scene import write_tiny_scene
 from two_joint_scene import save_strap, scene_with
 
 from vtkmuscle import Scene, SceneError
 from vtkmuscle.opensim import read_osim, write_opensim
-from vtkmuscle.phantoms.two_joint_strap import ARMS
 
 HILL = {"optimal_fibre_length": 50.0, "pennation": 30.0, "pcsa": 18.0, "specific_tension": 61.0}
 SLIDE = {

@@ -4,7 +4,7 @@ import numpy as np
 import osim_texts as texts
 import pytest
 
-from vtkmuscle.core.motion.frames import frame_at, turns
+from vtkmuscle.core.motion.rigid import frame_at, turns
 from vtkmuscle.opensim import read_osim
 from vtkmuscle.opensim.functions import CubicSpline, PiecewiseLinear
 

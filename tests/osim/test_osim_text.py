@@ -7,7 +7,7 @@ import numpy as np
 import osim_texts as texts
 import pytest
 
-from vtkmuscle.core.motion.frames import frame_at
+from vtkmuscle.core.motion.rigid import frame_at
 from vtkmuscle.opensim import MuscleOut, enriched, osim_of, read_osim
 from vtkmuscle.opensim.fitted_paths import fit_length
 from vtkmuscle.opensim.functions import IDENTITY, CubicSpline, Multiplier, PiecewiseLinear, Polynomial

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from vtkmuscle.core.motion.frames import frame_at
-from vtkmuscle.core.motion.rigid import rotation_about
+from vtkmuscle.core.motion.rigid import frame_at, rotation_about
 from vtkmuscle.opensim.functions import IDENTITY, Constant, Polynomial
 from vtkmuscle.opensim.muscle_paths import FunctionPath, PathPoint, PointPath, moment_arm, powers, terms
 from vtkmuscle.opensim.tree import Coupling, Joint, JointAxis, JointCoordinate, KinematicTree

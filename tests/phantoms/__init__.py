@@ -2,18 +2,18 @@
 
 from phantoms.ball_spindle import spindle_over_ball
 from phantoms.brim_flexor import flexor_over_brim
+from phantoms.fibre_blocks import fibre_block
 from phantoms.lifting_strap import lifting_strap
 from phantoms.ring_tendon import tendon_through_ring
 from phantoms.slivered_tendon import slivered_tendon
+from phantoms.two_joint_strap import strap_over_two_joints
 from vtkmuscle.phantoms import (
     Phantom,
-    fibre_block,
     hip,
     leg,
     pennate_belly,
     pennate_block,
     spindle_over_hinge,
-    strap_over_two_joints,
     winding_spindle,
     wrapping_cylinder,
 )

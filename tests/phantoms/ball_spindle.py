@@ -7,9 +7,8 @@ from numpy.typing import ArrayLike
 
 from vtkmuscle.core.motion.rigid import RigidMotion, apply_transform, rotation_about
 from vtkmuscle.core.types import Floats
-from vtkmuscle.phantoms.coordinates import checked_poses
 from vtkmuscle.phantoms.hinge_spindle import spindle
-from vtkmuscle.phantoms.phantom import Phantom, one_muscle
+from vtkmuscle.phantoms.phantom import Phantom, checked_poses, one_muscle
 
 #: Centres of the muscle's flat ends [mm]: in front of the joint, which is at the origin, and to its left.
 ORIGIN = np.array([12.0, -32.0, 80.0])

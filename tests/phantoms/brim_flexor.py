@@ -7,6 +7,8 @@ from functools import cache
 import numpy as np
 
 from phantoms.cords import cord
+from phantoms.planar import flexed, in_space
+from phantoms.straps import round_ring
 from phantoms.taut_string import String, lever
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.motion.rigid import hinge
@@ -14,8 +16,6 @@ from vtkmuscle.core.types import Floats
 from vtkmuscle.phantoms.implicit import Solid, ball, thick_curve
 from vtkmuscle.phantoms.meshing import mesh_of
 from vtkmuscle.phantoms.phantom import Phantom, Surface, ends, one_muscle
-from vtkmuscle.phantoms.planar import flexed, in_space
-from vtkmuscle.phantoms.straps import round_ring
 
 #: Centres of the muscle's ends (y, z) [mm]; the hinge is at the origin, its axis -x.
 ORIGIN = np.array([45.0, 100.0])

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
+from phantoms.planar import evenly, in_space
+from phantoms.straps import SPACING, cut_ends, longer
 from vtkmuscle.core.types import Floats
 from vtkmuscle.phantoms.implicit import Solid, thick_curve
-from vtkmuscle.phantoms.planar import evenly, in_space
-from vtkmuscle.phantoms.straps import SPACING, cut_ends, longer
 
 
 def cord(line: Floats, radii: ArrayLike) -> Solid:

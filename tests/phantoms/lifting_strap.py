@@ -6,13 +6,13 @@ from functools import cache
 
 import numpy as np
 
+from phantoms.planar import flexed
+from phantoms.straps import end_ring, strap
 from phantoms.taut_string import String, lever
 from vtkmuscle.core.motion.rigid import apply_transform, hinge, rotation_about
 from vtkmuscle.phantoms.implicit import block, rod, thick_curve
 from vtkmuscle.phantoms.meshing import mesh_of
 from vtkmuscle.phantoms.phantom import Phantom, Surface, ends, one_muscle
-from vtkmuscle.phantoms.planar import flexed
-from vtkmuscle.phantoms.straps import end_ring, strap
 
 #: Radius of the bone's roller about the hinge, thickness and width of the strap [mm].
 RADIUS, THICKNESS, WIDTH = 20.0, 10.0, 30.0

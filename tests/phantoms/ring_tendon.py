@@ -7,6 +7,8 @@ from functools import cache
 import numpy as np
 
 from phantoms.cords import cord
+from phantoms.planar import flexed, in_space
+from phantoms.straps import round_ring
 from phantoms.taut_string import lever
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.motion.rigid import hinge
@@ -15,8 +17,6 @@ from vtkmuscle.data.attachments import VIA, AttachmentArea
 from vtkmuscle.phantoms.hinge_spindle import bone_with_arm
 from vtkmuscle.phantoms.meshing import mesh_of
 from vtkmuscle.phantoms.phantom import Phantom, Surface, ends, one_muscle
-from vtkmuscle.phantoms.planar import flexed, in_space
-from vtkmuscle.phantoms.straps import round_ring
 
 #: Centres of the muscle's flat ends (y, z) [mm]; the hinge is at the origin, its axis -x.
 ORIGIN, INSERTION = np.array([-32.0, 80.0]), np.array([-32.0, -60.0])

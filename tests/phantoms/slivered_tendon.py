@@ -7,14 +7,14 @@ from functools import cache
 import numpy as np
 from numpy.typing import ArrayLike
 
+from phantoms.planar import flexed, in_space
+from phantoms.straps import round_ring
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.motion.rigid import RigidMotion, rotation_about
 from vtkmuscle.core.types import Floats
 from vtkmuscle.phantoms.implicit import thick_sheet
 from vtkmuscle.phantoms.meshing import box, mesh_of, solid_of_revolution, volume_of_revolution
 from vtkmuscle.phantoms.phantom import Phantom, Surface, ends, one_muscle
-from vtkmuscle.phantoms.planar import flexed, in_space
-from vtkmuscle.phantoms.straps import round_ring
 
 #: Radii of the wedge's edge, which is round about the x axis, of the tendon and of the belly [mm].
 EDGE, TENDON, BELLY = 15.0, 3.0, 16.0

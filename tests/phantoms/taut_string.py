@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from phantoms.planar import evenly, turned
 from vtkmuscle.core.types import Floats
-from vtkmuscle.phantoms.planar import evenly, turned
 
 
 @dataclass(frozen=True)

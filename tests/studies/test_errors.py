@@ -9,7 +9,7 @@ import pytest
 
 from vtkmuscle import Scene, run_with_errors
 from vtkmuscle.accuracy import KINDS, SOLVED
-from vtkmuscle.core.accuracy.convergence import convergence_error
+from vtkmuscle.core.accuracy.estimate import convergence_error
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.phantoms import spindle_over_hinge
 from vtkmuscle.run.cost import estimated_memory

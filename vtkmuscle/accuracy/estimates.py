@@ -9,11 +9,15 @@ from typing import Any
 
 import numpy as np
 
-from vtkmuscle.core.accuracy.convergence import convergence_error
-from vtkmuscle.core.accuracy.estimate import Estimate, expanded_of_bounds, expanded_of_samples
-from vtkmuscle.core.accuracy.polylines import segment_errors
-from vtkmuscle.core.mesh.halving import rounded_volume
-from vtkmuscle.core.mesh.line_lengths import polyline_lengths
+from vtkmuscle.core.accuracy.estimate import (
+    Estimate,
+    convergence_error,
+    expanded_of_bounds,
+    expanded_of_samples,
+    segment_errors,
+)
+from vtkmuscle.core.mesh.enclosed_volume import rounded_volume
+from vtkmuscle.core.mesh.polylines import polyline_lengths
 from vtkmuscle.core.moment_arms.by_coordinate import JointArms
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import points_of, polylines_of, triangles_of

@@ -112,7 +112,7 @@ def _summary(muscle: Mapping[str, Any]) -> str:
 
 def _table(muscles: list[str], console: Console) -> Callable[[str, Mapping[str, Any]], None]:
     """Return what prints a row of figures of each frame, above the progress bars."""
-    from vtkmuscle.filters.deformer.frame_table import FrameTable
+    from vtkmuscle.filters.deformer.shape_report import FrameTable
 
     width = max(map(len, muscles))
     table = FrameTable(console, label_width=width + 8)

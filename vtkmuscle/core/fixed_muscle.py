@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from vtkmuscle.core.mesh.segments import fibre_directions_at
-from vtkmuscle.core.mesh.surface import check_volume, signed_volume
-from vtkmuscle.core.mesh.topology import MeshTopology, mesh_topology
-from vtkmuscle.core.morphing.superficial import directions_over_muscle, seen_fibres
+from vtkmuscle.core.mesh.polylines import fibre_directions_at
+from vtkmuscle.core.mesh.surface import MeshTopology, check_volume, mesh_topology, signed_volume
 from vtkmuscle.core.paths.via_rings import ViaRing
 from vtkmuscle.core.types import Floats, Ints
 
@@ -34,8 +31,6 @@ class FixedMuscle:
         Index of the bone each point is fixed to, -1 for free points.
     fibres : Lines or None
         Fibres within it.
-    superficial : Lines or None
-        Fibres that somebody has seen on the surface.
     rings : tuple of (int, ViaRing)
         Via rings that the fibres pass through, each with its bone.
     """
@@ -44,7 +39,6 @@ class FixedMuscle:
     triangles: Ints
     fixed_to: Ints
     fibres: Lines | None = None
-    superficial: Lines | None = None
     rings: tuple[tuple[int, ViaRing], ...] = ()
 
     def same_as(self, other: FixedMuscle | None) -> bool:
@@ -52,24 +46,11 @@ class FixedMuscle:
         if other is None or [bone for bone, _ in self.rings] != [bone for bone, _ in other.rings]:
             return False
         mine, theirs = self._arrays(), other._arrays()
-        return mine.keys() == theirs.keys() and all(
-            np.array_equal(array, theirs[name]) for name, array in mine.items()
-        )
+        return len(mine) == len(theirs) and all(map(np.array_equal, mine, theirs))
 
-    def _arrays(self) -> Mapping[str, NDArray[Any]]:
-        arrays: dict[str, NDArray[Any]] = {
-            "points": self.points,
-            "triangles": self.triangles,
-            "fixed_to": self.fixed_to,
-        }
-        several: list[tuple[str, tuple[NDArray[Any], ...]]] = [
-            ("fibres", self.fibres or ()),
-            ("superficial", self.superficial or ()),
-            *((f"ring {number}", ring) for number, (_, ring) in enumerate(self.rings)),
-        ]
-        for name, parts in several:
-            arrays.update({f"{name}, {number}": part for number, part in enumerate(parts)})
-        return arrays
+    def _arrays(self) -> list[NDArray[Any]]:
+        rings = (part for _, ring in self.rings for part in ring)
+        return [self.points, self.triangles, self.fixed_to, *(self.fibres or ()), *rings]
 
     def topology(self) -> MeshTopology:
         """Return the edges of its surface.
@@ -83,13 +64,7 @@ class FixedMuscle:
         return mesh_topology(len(self.points), self.triangles)
 
     def directions(self, topology: MeshTopology) -> Floats | None:
-        """Return the unit direction of the fibres at each edge (k, 3): those seen on the surface go first.
-
-        None where it has no fibres.
-        """
-        if self.superficial is not None:
-            on_surface = seen_fibres(*self.superficial, self.points)
-            return directions_over_muscle(self.points, topology, self.fixed_to, on_surface)
-        if self.fibres is not None:
-            return fibre_directions_at(self.points[topology.edges].mean(axis=1), *self.fibres)
-        return None
+        """Return the unit direction of the fibres at each edge (k, 3), None where there are none."""
+        if self.fibres is None:
+            return None
+        return fibre_directions_at(self.points[topology.edges].mean(axis=1), *self.fibres)

@@ -46,8 +46,7 @@ def sobol(count: int, dimension: int, *, first: int = 0) -> Floats:
         chosen = (code >> digit) & 1
         for axis in range(dimension):
             points[:, axis] ^= chosen * (_direction(axis, digit) << (_DIGITS - 1 - digit))
-    numbers: Floats = points / 2.0**_DIGITS
-    return numbers
+    return points / 2.0**_DIGITS
 
 
 def _direction(axis: int, digit: int) -> int:

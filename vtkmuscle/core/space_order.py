@@ -41,5 +41,4 @@ def space_order(places: Floats) -> Ints:
     # Of each number of a cell its binary digits, as far apart as there are dimensions.
     apart = ((np.arange(2**HALVINGS)[:, None] >> digits & 1) << dimensions * digits).sum(axis=1)
     codes = (apart[cells] << np.arange(dimensions)).sum(axis=1)
-    order: Ints = np.argsort(codes, kind="stable")
-    return order
+    return np.argsort(codes, kind="stable")

@@ -101,8 +101,7 @@ class DrawnBones:
 def _moved(points: Floats, transform: Floats) -> Floats:
     """Return points where a (4, 4) transform takes them, without loading what is compiled for many points."""
     turned = (points[:, [k]] * transform[:3, k] for k in range(3))
-    moved: Floats = sum(turned, np.zeros(3)) + transform[:3, 3]
-    return moved
+    return sum(turned, np.zeros(3)) + transform[:3, 3]
 
 
 def spread_over(points: Floats, triangles: Ints, n: int = 10_000) -> Floats:

@@ -6,15 +6,29 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from vtkmuscle.core.attachments.discs import discs_over
+from vtkmuscle.core.attachments.rings import discs_over
 from vtkmuscle.core.errors import InputError, placed
 from vtkmuscle.core.fibres.between_areas import EndSurface
 from vtkmuscle.core.mesh.normals import triangle_normals
 from vtkmuscle.core.mesh.surface import extent
 from vtkmuscle.core.types import Floats, Ints
-from vtkmuscle.data.aponeuroses import SIDES, Aponeurosis
-from vtkmuscle.data.attachments import AttachmentArea
+from vtkmuscle.data.attachments import SIDES, Aponeurosis, AttachmentArea
 from vtkmuscle.data.muscle_geometry import MuscleGeometry
+
+
+def inner_areas(areas: Sequence[AttachmentArea], geometry: MuscleGeometry) -> tuple[Floats, Ints]:
+    """Return triangles (m, 3) that span those rings of landmarks which are within a muscle, and points.
+
+    That is, more than half of what a ring spans is deeper in the muscle than the mean length of its edges.
+    """
+
+    def within(ring: Floats) -> bool:
+        points, triangles = discs_over([ring])
+        depths = geometry.solids.depth(points[triangles].mean(axis=1))
+        return bool(len(depths) and np.median(depths) > geometry.mean_edge)
+
+    return discs_over([area.landmarks for area in areas if area.closed and within(area.landmarks)])
+
 
 #: A ring whose part of the muscle's surface has more than this many times the area that the ring spans by
 #: itself goes round the muscle: what lies within it counts. A half ball has 2.

@@ -10,8 +10,7 @@ from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
 from vtkmuscle.core.bones.bone import depth_in
-from vtkmuscle.core.collision.distance_obstacle import DistanceObstacle
-from vtkmuscle.core.collision.obstacles import Obstacle, VoxelObstacle
+from vtkmuscle.core.collision.obstacles import DistanceObstacle, Obstacle, VoxelObstacle
 from vtkmuscle.core.collision.voxels import DEFAULT_N_MAX
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.motion.rigid import apply_transform, inverse, is_rigid

@@ -16,8 +16,13 @@ from vtkmuscle.core.errors import InputError, placed
 from vtkmuscle.core.mesh.sampling import samples_inside
 from vtkmuscle.core.mesh.shared import shared
 from vtkmuscle.core.mesh.solids import Solids, solids_of
-from vtkmuscle.core.mesh.surface import edge_lengths, edge_uses, faces_between, half_edges
-from vtkmuscle.core.mesh.topology import opposite_half_edges
+from vtkmuscle.core.mesh.surface import (
+    edge_lengths,
+    edge_uses,
+    faces_between,
+    half_edges,
+    opposite_half_edges,
+)
 from vtkmuscle.core.mesh.triangle_tree import TriangleTree, triangle_tree
 from vtkmuscle.core.morphing.sections import ClosedSurface
 from vtkmuscle.core.types import Floats, Ints

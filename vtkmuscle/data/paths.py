@@ -2,7 +2,8 @@
 
 ``PathLength`` (k,) is the length of each path, musculotendon length; ``PathPoints`` (k, 3 n) are its points;
 ``PathWrench_BONE`` (k, 6) is the force [1] and the moment about the origin that it exerts, at a tension of 1,
-on a bone. Lines that are paths themselves have no ``PathPoints``.
+on a bone. Lines that are paths themselves have no ``PathPoints``. Superficial fibres are lines that a user
+has seen on a muscle's surface.
 """
 
 from __future__ import annotations
@@ -15,9 +16,35 @@ from numpy.typing import NDArray
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.core.mesh.line_lengths import polyline_lengths
+from vtkmuscle.core.mesh.polylines import polyline_lengths
 from vtkmuscle.core.types import Floats
-from vtkmuscle.data.arrays import cell_array, field_array, polylines_of, set_cell_array
+from vtkmuscle.data.arrays import Polylines, cell_array, field_array, polylines_of, set_cell_array
+
+
+def checked_superficial(data: vtkPolyData, where: str) -> Polylines:
+    """Return superficial fibres.
+
+    Parameters
+    ----------
+    data : vtkPolyData
+        Polylines.
+    where : str
+        Named in the error, e.g. ``"SliceMorpher: superficial"``.
+
+    Raises
+    ------
+    ValueError
+        If there are no polylines, a point is not finite, or none has a length.
+    """
+    lines = polylines_of(data, where)
+    if not polyline_lengths(lines.points, lines.offsets).max() > 0.0:
+        raise InputError(
+            where,
+            "no fibre has a length, so that they have no direction",
+            "digitise two points or more of each",
+        )
+    return lines
+
 
 PATH_LENGTH, PATH_POINTS, PATH_WRENCH = "PathLength", "PathPoints", "PathWrench_"
 

@@ -1,10 +1,11 @@
-"""Time steps in the information of a pipeline."""
+"""Times of a pipeline: announced, asked for, those that lead to one, and what is upstream at them."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
+from vtkmodules.vtkCommonDataModel import vtkDataObject
 from vtkmodules.vtkCommonExecutionModel import vtkStreamingDemandDrivenPipeline
 
 
@@ -34,3 +35,76 @@ def times_of(info: Any) -> tuple[float, ...]:
         return ()
     times: tuple[float, ...] = info.Get(key)
     return times
+
+
+_TIME = vtkStreamingDemandDrivenPipeline.UPDATE_TIME_STEP()
+
+
+def requested_time(info: Any) -> float | None:
+    """Return the time that is asked for in a port's information: the last time step where none is.
+
+    None where the pipeline has no time.
+    """
+    if info.Has(_TIME):
+        return float(info.Get(_TIME))
+    steps = times_of(info)
+    return steps[-1] if steps else None
+
+
+def request_time(info: Any, time: float | None) -> None:
+    """Ask for a time in a port's information."""
+    info.Set(_TIME, time)
+
+
+def path_to(time: float | None, steps: Sequence[float]) -> list[float | None]:
+    """Return the times whose frames lead to the one at a time, in order, that one last.
+
+    Parameters
+    ----------
+    time : float or None
+        None where there are no steps.
+    steps : sequence of float
+        All time steps, ascending; where there are none, the path is the time itself.
+    """
+    return [time] if time is None else [*[step for step in steps if step < time], time]
+
+
+def input_at(algorithm: Any, port: int, time: float | None) -> Any:
+    """Return what an input port has at a time; what is there already is not computed again.
+
+    Parameters
+    ----------
+    algorithm : vtkAlgorithm
+        Whose input it is.
+    port : int
+        Of one connection.
+    time : float or None
+        Pipeline time.
+
+    Returns
+    -------
+    vtkDataObject or None
+        None where it could not be computed.
+    """
+    connection = algorithm.GetInputConnection(port, 0)
+    producer, index = connection.GetProducer(), connection.GetIndex()
+    request_time(producer.GetOutputInformation(index), time)
+    done = producer.Update(index)
+    data = producer.GetOutputDataObject(index)
+    # VTK before 9.3 returns None here rather than a success flag.
+    failed = done is not None and not done
+    return None if failed or not data.GetNumberOfElements(vtkDataObject.POINT) else data
+
+
+def state_of_inputs(algorithm: Any, ports: Iterable[int]) -> list[int]:
+    """Return numbers that change with anything upstream of some input ports, but not with the time asked for.
+
+    They are the pipelines' modification times; a data set's own would change with each time. Two producers
+    behind one source share it, so theirs are among them as well.
+    """
+    state: list[int] = []
+    for port in ports:
+        connection = algorithm.GetInputConnection(port, 0)
+        producer = connection.GetProducer()
+        state += [producer.GetMTime(), connection.GetIndex(), producer.GetExecutive().GetPipelineMTime()]
+    return state

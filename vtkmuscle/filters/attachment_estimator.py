@@ -22,6 +22,26 @@ class AttachmentEstimator(Filter):
     It is a start where landmarks are missing, no replacement: what lies on a bone at an end without being
     attached to it is fixed with it. Look at the areas before you rely on them.
 
+    Parameters
+    ----------
+    muscle
+        Triangles, in the rest pose.
+    bones
+        Named blocks of vtkPolyData, at rest.
+    distance
+        Distance up to which a point is near a bone; half an edge of the muscle where that is more.
+    origin
+        Name of the origin's bone; None is that of the larger area.
+    insertion
+        Name of the insertion's bone; None is that of the smaller area.
+
+    Attributes
+    ----------
+    output
+        Attachments: a block per area, a closed polyline through its landmarks, with the field arrays
+        ``Bone``, ``Role``, ``Estimated`` (1) and ``Sureness``: 0 where the muscle is as likely attached to
+        another bone, 1 where no other is near.
+
     Raises
     ------
     ValueError
@@ -39,28 +59,13 @@ class AttachmentEstimator(Filter):
     ['origin_0', 'insertion_1']
     """
 
-    distance: Parameter[float] = Parameter(
-        float,
-        default=NEAR,
-        above=0.0,
-        units="mm",
-        doc="Distance up to which a point is near a bone; half an edge of the muscle where that is more.",
-    )
-    origin: Parameter[str | None] = Parameter(
-        str, default=None, doc="Name of the origin's bone; None is that of the larger area."
-    )
-    insertion: Parameter[str | None] = Parameter(
-        str, default=None, doc="Name of the insertion's bone; None is that of the smaller area."
-    )
+    distance: Parameter[float] = Parameter(float, default=NEAR, above=0.0, units="mm")
+    origin: Parameter[str | None] = Parameter(str, default=None)
+    insertion: Parameter[str | None] = Parameter(str, default=None)
 
-    muscle = InputPort(vtkPolyData, doc="Triangles, in the rest pose.")
-    bones = ports.RestBones(doc="Named blocks of vtkPolyData, at rest.")
-    output = OutputPort(
-        vtkMultiBlockDataSet,
-        doc="Attachments: a block per area, a closed polyline through its landmarks, with the field arrays "
-        "``Bone``, ``Role``, ``Estimated`` (1) and ``Sureness``: 0 where the muscle is as likely attached to "
-        "another bone, 1 where no other is near.",
-    )
+    muscle = InputPort(vtkPolyData)
+    bones = ports.RestBones()
+    output = OutputPort(vtkMultiBlockDataSet)
 
     def execute(self, muscle: vtkPolyData, bones: dict[str, vtkPolyData]) -> vtkMultiBlockDataSet:
         """Return the areas."""

@@ -25,6 +25,19 @@ class BoneMotion(Filter):
     interpolated, before the first and after the last it stands still. Bones that the motion does not name
     stay where they are and share their geometry with the input.
 
+    Parameters
+    ----------
+    bones
+        Named blocks of vtkPolyData, at rest.
+    motion
+        Transforms of the moving bones over time; None leaves all at rest.
+
+    Attributes
+    ----------
+    output
+        The bones, in the same named blocks, at the time asked for; each with the field array ``Transform``
+        (16, row major): rest to now.
+
     Raises
     ------
     ValueError
@@ -40,16 +53,10 @@ class BoneMotion(Filter):
     (16,)
     """
 
-    motion: Parameter[RigidMotion | None] = Parameter(
-        RigidMotion, default=None, doc="Transforms of the moving bones over time; None leaves all at rest."
-    )
+    motion: Parameter[RigidMotion | None] = Parameter(RigidMotion, default=None)
 
-    bones = InputPort(vtkMultiBlockDataSet, doc="Named blocks of vtkPolyData, at rest.")
-    output = OutputPort(
-        vtkMultiBlockDataSet,
-        doc="The bones, in the same named blocks, at the time asked for; each with the field array "
-        "``Transform`` (16, row major): rest to now.",
-    )
+    bones = InputPort(vtkMultiBlockDataSet)
+    output = OutputPort(vtkMultiBlockDataSet)
 
     def __init__(self, **parameters: Any) -> None:
         #: The state of the input's blocks, the bones by name, and the output with all of them at rest.

@@ -34,6 +34,23 @@ class FibreField(Filter):
     little from the muscle's surface; ``InMuscle`` is 0 there. Where no muscle is connected that is an
     estimate: outside is what is farther from any fibre than two spacings of the fibres.
 
+    Parameters
+    ----------
+    mesh
+        Cells of any kind (a .vtu of tetrahedra), image data, rectilinear grid, or polydata.
+    fibres
+        Polylines, each from its origin to its insertion.
+    muscle
+        The muscle's surface: triangles, closed.
+    at
+        Of what the directions are.
+
+    Attributes
+    ----------
+    output
+        The mesh with cell or point arrays: ``FibreDirection`` (3, unit vectors, at a cell's centre),
+        ``FibreDistance`` to the nearest fibre [mm] and ``InMuscle`` (uint8: 1 in the muscle, 0 outside).
+
     Raises
     ------
     ValueError
@@ -58,18 +75,12 @@ class FibreField(Filter):
     ([0.32, 0.95], 1)
     """
 
-    at = Parameter(str, default="cells", choices=("cells", "points"), doc="Of what the directions are.")
+    at = Parameter(str, default="cells", choices=("cells", "points"))
 
-    mesh = InputPort(
-        vtkDataSet, doc="Cells of any kind (a .vtu of tetrahedra), image data, rectilinear grid, or polydata."
-    )
-    fibres = ports.Lines(doc="Polylines, each from its origin to its insertion.")
-    muscle = ports.Surface(optional=True, doc="The muscle's surface: triangles, closed.")
-    output = OutputPort(
-        vtkDataSet,
-        doc="The mesh with cell or point arrays: ``FibreDirection`` (3, unit vectors, at a cell's centre), "
-        "``FibreDistance`` to the nearest fibre [mm] and ``InMuscle`` (uint8: 1 in the muscle, 0 outside).",
-    )
+    mesh = InputPort(vtkDataSet)
+    fibres = ports.Lines()
+    muscle = ports.Surface(optional=True)
+    output = OutputPort(vtkDataSet)
 
     def execute(self, mesh: vtkDataSet, fibres: Polylines, muscle: Surface | None) -> vtkDataSet:
         """Return the mesh with the directions."""

@@ -19,10 +19,9 @@ from vtkmuscle.core.fibres.measures import (
     polyline_curvatures,
     section_areas,
 )
-from vtkmuscle.core.mesh.bent import BentSurface, bent_surface
-from vtkmuscle.core.mesh.line_lengths import polyline_lengths
 from vtkmuscle.core.mesh.normals import smooth_normals
-from vtkmuscle.core.mesh.polylines import end_directions
+from vtkmuscle.core.mesh.polylines import end_directions, polyline_lengths
+from vtkmuscle.core.mesh.solids import BentSurface, bent_surface
 from vtkmuscle.core.mesh.surface import signed_volume
 from vtkmuscle.core.mesh.triangle_tree import triangle_tree
 from vtkmuscle.core.types import Floats
@@ -34,7 +33,7 @@ from vtkmuscle.data.arrays import (
     set_point_array,
 )
 from vtkmuscle.data.attachments import AttachmentArea
-from vtkmuscle.data.inner_areas import inner_areas
+from vtkmuscle.data.end_surfaces import inner_areas
 from vtkmuscle.data.muscle_geometry import Surface, surfaces_of
 from vtkmuscle.filters.base import Filter, InputPort, OutputPort, Parameter, ports
 
@@ -57,6 +56,36 @@ class FibreMetrics(Filter):
     :func:`vtkmuscle.io.write_fibre_table` writes what was measured as a table, and
     :func:`vtkmuscle.io.fibre_summary` gives mean, standard deviation and range.
 
+    Parameters
+    ----------
+    fibres
+        Polylines; the cell array ``RestLength`` [mm] where there is one.
+    muscle
+        The surface that the fibres end on.
+    bones
+        Bones in the pose of the fibres.
+    attachments
+        Areas in the pose of the fibres; what those within the muscle span counts as its surface.
+    curvature
+        Measure curvature.
+    architecture
+        Measure the muscle: volume, line of action, centroid path, physiological cross-sectional area.
+    sections
+        Number of cross-sections in which fibres are counted, evenly along the centroid path.
+
+    Attributes
+    ----------
+    output
+        The fibres with the cell arrays ``Length`` [mm], ``Tortuosity`` (length / distance of ends),
+        ``Strain`` (length / rest length - 1, 0 for rest length 0), ``PennationOrigin`` and
+        ``PennationInsertion`` [degrees, 0 to 90], ``Penetration`` (of the deepest point into a bone) [mm],
+        and the field arrays ``LengthMean`` and ``LengthSD`` (of the population) [mm]. Curvature: the point
+        array ``Curvature``, the cell arrays ``CurvatureMean`` and ``CurvatureMax`` [1/mm]. Architecture: the
+        cell array ``LineAngle`` [degrees] between a fibre's chord and the line of action, and the field
+        arrays ``MuscleVolume`` [mm^3], ``LineOfAction`` (3), ``CentroidPath`` (21, 3) [mm], ``PCSA`` (volume
+        / mean length) and ``PCSALine`` (its part along the line of action) [mm^2]. Sections: the field arrays
+        ``SectionArea`` [mm^2], ``SectionFibres`` and ``SectionDensity`` [1/mm^2].
+
     Raises
     ------
     ValueError
@@ -78,40 +107,15 @@ class FibreMetrics(Filter):
     5.0
     """
 
-    curvature = Parameter(bool, default=False, doc="Measure curvature.")
-    architecture = Parameter(
-        bool,
-        default=False,
-        doc="Measure the muscle: volume, line of action, centroid path, physiological cross-sectional area.",
-    )
-    sections = Parameter(
-        int,
-        default=0,
-        minimum=0,
-        doc="Number of cross-sections in which fibres are counted, evenly along the centroid path.",
-    )
+    curvature = Parameter(bool, default=False)
+    architecture = Parameter(bool, default=False)
+    sections = Parameter(int, default=0, minimum=0)
 
-    fibres = ports.Lines(doc="Polylines; the cell array ``RestLength`` [mm] where there is one.")
-    muscle = ports.Surface(optional=True, doc="The surface that the fibres end on.")
-    bones = InputPort(
-        vtkMultiBlockDataSet, surfaces_of, optional=True, doc="Bones in the pose of the fibres."
-    )
-    attachments = ports.Areas(
-        optional=True,
-        doc="Areas in the pose of the fibres; what those within the muscle span counts as its surface.",
-    )
-    output = OutputPort(
-        vtkPolyData,
-        doc="The fibres with the cell arrays ``Length`` [mm], ``Tortuosity`` (length / distance of ends), "
-        "``Strain`` (length / rest length - 1, 0 for rest length 0), ``PennationOrigin`` and "
-        "``PennationInsertion`` [degrees, 0 to 90], ``Penetration`` (of the deepest point into a bone) [mm], "
-        "and the field arrays ``LengthMean`` and ``LengthSD`` (of the population) [mm]. Curvature: the point "
-        "array ``Curvature``, the cell arrays ``CurvatureMean`` and ``CurvatureMax`` [1/mm]. Architecture: "
-        "the cell array ``LineAngle`` [degrees] between a fibre's chord and the line of action, and the "
-        "field arrays ``MuscleVolume`` [mm^3], ``LineOfAction`` (3), ``CentroidPath`` (21, 3) [mm], ``PCSA`` "
-        "(volume / mean length) and ``PCSALine`` (its part along the line of action) [mm^2]. Sections: the "
-        "field arrays ``SectionArea`` [mm^2], ``SectionFibres`` and ``SectionDensity`` [1/mm^2].",
-    )
+    fibres = ports.Lines()
+    muscle = ports.Surface(optional=True)
+    bones = InputPort(vtkMultiBlockDataSet, surfaces_of, optional=True)
+    attachments = ports.Areas(optional=True)
+    output = OutputPort(vtkPolyData)
 
     _bent: BentSurface | None = None
     _shapes: Sequence[Bone] = ()
@@ -175,8 +179,7 @@ class FibreMetrics(Filter):
         # Kept, for those that stand still need not be looked at again in the next frame.
         self._shapes = [bone_of(bone.points, bone.triangles) for bone in bones]
         depths = depth_in(((bone, np.eye(4)) for bone in self._shapes), lines.points)
-        deepest: Floats = np.maximum.reduceat(depths, lines.offsets[:-1])
-        return deepest
+        return np.maximum.reduceat(depths, lines.offsets[:-1])
 
     def _measure_muscle(
         self, result: vtkPolyData, lines: Polylines, lengths: Floats, muscle: Surface | None
@@ -234,5 +237,4 @@ def _strain(fibres: vtkPolyData, lengths: Floats) -> Floats:
             "fibres",
             f"the rest length of fibre {bad[0]} is {rest[bad[0]]}, but must be finite and not negative",
         )
-    strain: Floats = np.divide(lengths - rest, rest, out=np.zeros_like(lengths), where=rest > 0)
-    return strain
+    return np.divide(lengths - rest, rest, out=np.zeros_like(lengths), where=rest > 0)

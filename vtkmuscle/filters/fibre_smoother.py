@@ -8,12 +8,10 @@ import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.core.fibres.course import smooth_about_course
-from vtkmuscle.core.fibres.spreading import Cloud, cloud, move_ends, steps_to_centres
-from vtkmuscle.core.mesh.line_lengths import polyline_lengths
-from vtkmuscle.core.mesh.polylines import smooth_polylines
+from vtkmuscle.core.fibres.spreading import Cloud, cloud, move_ends, smooth_about_course, steps_to_centres
+from vtkmuscle.core.mesh.polylines import polyline_lengths, smooth_polylines
+from vtkmuscle.core.mesh.shared import Recent
 from vtkmuscle.core.mesh.triangle_tree import TriangleTree
-from vtkmuscle.core.recent import Recent
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import Polylines, field_array, field_string, set_cell_array
 from vtkmuscle.data.attachments import ROLES, AttachmentArea
@@ -34,8 +32,8 @@ class FibreSmoother(Filter):
     Each pass moves the inner points to (p_{i-1} + k p_i + p_{i+1}) / (k + 2), which straightens fibres, and
     so draws them out of a curved muscle on its hollow side. Where the muscle is connected, the course that
     all fibres have in common, the mean of their points, stays as it is, and only what each differs from it
-    is smoothed (see :func:`vtkmuscle.core.fibres.course.smooth_about_course`); points that leave the muscle
-    are put back on its surface.
+    is smoothed (see :func:`vtkmuscle.core.fibres.spreading.smooth_about_course`); points that leave the
+    muscle are put back on its surface.
 
     The map from the template crowds fibres in the middle of a muscle, and straight ends leave its flanks
     bare. So where the muscle is connected, each pass also moves every fibre towards the middle of the part
@@ -45,6 +43,30 @@ class FibreSmoother(Filter):
     of any template whose fibres had to be cut and led to the areas. Where most fibres of another template
     end on the areas as they are, their course is the muscle's own, and what they leave free is free: pennate
     ones would be drawn into its corners.
+
+    Parameters
+    ----------
+    fibres
+        Polylines, any number of points each.
+    muscle
+        Closed triangles that the fibres stay in.
+    attachments
+        Areas on which the fibres' ends may move as fibres are spread.
+    smoothing_passes
+        Number of smoothing passes.
+    smoothing_weight
+        Weight of the middle point.
+    spreading
+        How far each pass moves a fibre towards the middle of its part of the muscle: 1 is all the way, 1.5
+        gets there with the fewest passes, 0: fibres are smoothed only. None: 1.5 where the fibres' field
+        array ``Template`` says that they are parallel, or ``EndsKept`` of FibreTrimmer that half of them or
+        more got other ends; else 0.
+
+    Attributes
+    ----------
+    output
+        The smoothed polylines, with the arrays of the input, and the cell array ``LengthChange`` (n_fibres,):
+        length after less length before [mm].
 
     Raises
     ------
@@ -66,31 +88,14 @@ class FibreSmoother(Filter):
     4
     """
 
-    smoothing_passes = Parameter(int, default=5, minimum=0, maximum=10_000, doc="Number of smoothing passes.")
-    smoothing_weight = Parameter(
-        float, default=4.0, minimum=0.0, maximum=1000.0, doc="Weight of the middle point."
-    )
-    spreading: Parameter[float | None] = Parameter(
-        float,
-        default=None,
-        minimum=0.0,
-        maximum=2.0,
-        doc="How far each pass moves a fibre towards the middle of its part of the muscle: 1 is all the way, "
-        "1.5 gets there with the fewest passes, 0: fibres are smoothed only. None: 1.5 where the fibres' "
-        "field array ``Template`` says that they are parallel, or ``EndsKept`` of FibreTrimmer that half of "
-        "them or more got other ends; else 0.",
-    )
+    smoothing_passes = Parameter(int, default=5, minimum=0, maximum=10_000)
+    smoothing_weight = Parameter(float, default=4.0, minimum=0.0, maximum=1000.0)
+    spreading: Parameter[float | None] = Parameter(float, default=None, minimum=0.0, maximum=2.0)
 
-    fibres = ports.Lines(doc="Polylines, any number of points each.")
-    muscle = ports.Surface(optional=True, doc="Closed triangles that the fibres stay in.")
-    attachments = ports.Areas(
-        optional=True, doc="Areas on which the fibres' ends may move as fibres are spread."
-    )
-    output = OutputPort(
-        vtkPolyData,
-        doc="The smoothed polylines, with the arrays of the input, and the cell array ``LengthChange`` "
-        "(n_fibres,): length after less length before [mm].",
-    )
+    fibres = ports.Lines()
+    muscle = ports.Surface(optional=True)
+    attachments = ports.Areas(optional=True)
+    output = OutputPort(vtkPolyData)
 
     def execute(
         self, fibres: Polylines, muscle: Surface | None, attachments: list[AttachmentArea] | None
@@ -150,8 +155,7 @@ def _cloud(geometry: MuscleGeometry, count: int) -> Cloud | None:
     """Return positions in a muscle, the same for the same number, None where there are none."""
     samples = geometry.samples(count)
     clouds = geometry.once("clouds", lambda: Recent(CLOUDS))
-    found: Cloud | None = clouds(len(samples), lambda: cloud(samples)) if len(samples) else None
-    return found
+    return clouds(len(samples), lambda: cloud(samples)) if len(samples) else None
 
 
 def _fill_the_muscle(fibres: vtkPolyData | None) -> bool:

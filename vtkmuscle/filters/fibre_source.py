@@ -9,7 +9,6 @@ from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.fibres.between_areas import EndSurface, bent_inside, filled_share, straight_fibres
 from vtkmuscle.core.mesh.surface import signed_volume
 from vtkmuscle.core.types import Bools, Floats
-from vtkmuscle.data.aponeuroses import Aponeurosis, aponeuroses_of
 from vtkmuscle.data.arrays import (
     Polylines,
     polylines_from,
@@ -17,7 +16,7 @@ from vtkmuscle.data.arrays import (
     set_field_array,
     set_point_array,
 )
-from vtkmuscle.data.attachments import ROLES, end_areas
+from vtkmuscle.data.attachments import ROLES, Aponeurosis, aponeuroses_of, end_areas
 from vtkmuscle.data.end_surfaces import aponeurosis_surfaces, attached_surface, check_sides
 from vtkmuscle.data.muscle_geometry import MuscleGeometry, Surface
 from vtkmuscle.filters.base import Filter, InputPort, OutputPort, Parameter, ports
@@ -53,6 +52,33 @@ class FibreSource(Filter):
     superficial fibres are connected, sections. Between aponeuroses fibres are straight. Which it took is in
     ``Course``.
 
+    Parameters
+    ----------
+    muscle
+        The muscle's surface: triangles, closed.
+    attachments
+        Areas of both roles; not needed between aponeuroses.
+    superficial
+        Fibres that were seen on the surface, for sections.
+    aponeuroses
+        What fibres end on, in place of the attachment areas: a block for each ring on the muscle's surface or
+        surface within it, with the field array ``Side`` (``proximal`` or ``distal``).
+    n_fibres
+        Number of fibres.
+    resolution
+        Segments of each fibre, one less than points.
+    course
+        How fibres run: straight from area to area, through sections, or whichever suits the muscle.
+
+    Attributes
+    ----------
+    output
+        Polylines from origin to insertion, with the point array ``t`` (0 to 1), the cell array ``FibreId``,
+        and the field arrays ``Course`` (``straight`` or ``sections``), and, where straight fibres were tried,
+        ``FilledShare`` (part of the muscle that they fill) and ``LeavingShare`` (part of them that leaves
+        it); and those of the muscle. Straight ones have the cell array ``Bent`` (0 or 1); those by sections
+        what the filters add.
+
     Raises
     ------
     ValueError
@@ -75,39 +101,15 @@ class FibreSource(Filter):
     (20, 320)
     """
 
-    n_fibres = Parameter(int, default=100, minimum=1, maximum=100_000, doc="Number of fibres.")
-    resolution = Parameter(
-        int, default=15, minimum=1, maximum=10_000, doc="Segments of each fibre, one less than points."
-    )
-    course = Parameter(
-        str,
-        default="auto",
-        choices=("auto", "straight", "sections"),
-        doc="How fibres run: straight from area to area, through sections, or whichever suits the muscle.",
-    )
+    n_fibres = Parameter(int, default=100, minimum=1, maximum=100_000)
+    resolution = Parameter(int, default=15, minimum=1, maximum=10_000)
+    course = Parameter(str, default="auto", choices=("auto", "straight", "sections"))
 
-    muscle = ports.Surface(doc="The muscle's surface: triangles, closed.")
-    attachments = InputPort(
-        vtkMultiBlockDataSet, optional=True, doc="Areas of both roles; not needed between aponeuroses."
-    )
-    superficial = InputPort(
-        vtkPolyData, optional=True, doc="Fibres that were seen on the surface, for sections."
-    )
-    aponeuroses = InputPort(
-        vtkMultiBlockDataSet,
-        aponeuroses_of,
-        optional=True,
-        doc="What fibres end on, in place of the attachment areas: a block for each ring on the muscle's "
-        "surface or surface within it, with the field array ``Side`` (``proximal`` or ``distal``).",
-    )
-    output = OutputPort(
-        vtkPolyData,
-        doc="Polylines from origin to insertion, with the point array ``t`` (0 to 1), the cell array "
-        "``FibreId``, and the field arrays ``Course`` (``straight`` or ``sections``), and, where straight "
-        "fibres were tried, ``FilledShare`` (part of the muscle that they fill) and ``LeavingShare`` (part "
-        "of them that leaves it); and those of the muscle. Straight ones have the cell array ``Bent`` (0 or "
-        "1); those by sections what the filters add.",
-    )
+    muscle = ports.Surface()
+    attachments = InputPort(vtkMultiBlockDataSet, optional=True)
+    superficial = InputPort(vtkPolyData, optional=True)
+    aponeuroses = InputPort(vtkMultiBlockDataSet, aponeuroses_of, optional=True)
+    output = OutputPort(vtkPolyData)
 
     def execute(
         self,

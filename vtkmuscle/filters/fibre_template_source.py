@@ -33,6 +33,25 @@ class FibreTemplateSource(Filter):
     :mod:`vtkmuscle.core.template.kinds` says what each kind is,
     :mod:`vtkmuscle.core.template.template_files` how to write one of your own.
 
+    Parameters
+    ----------
+    template
+        How the fibres run.
+    template_file
+        A .toml or .json file with a template of your own, in place of ``template``.
+    n_fibres
+        Number of fibres.
+    resolution
+        Segments of each fibre, one less than points.
+
+    Attributes
+    ----------
+    output
+        Polylines from origin to insertion, with the point array ``t`` (0 at the origin, 1 at the insertion),
+        the cell arrays ``r``, ``s`` and ``FibreId``, and the field arrays ``OriginArea`` and
+        ``InsertionArea``: corners (3 components) of the template's areas, four per area, and ``Template``:
+        the kind, or ``file``.
+
     Raises
     ------
     ValueError
@@ -52,22 +71,12 @@ class FibreTemplateSource(Filter):
     (10, 200)
     """
 
-    template = Parameter(str, default="parallel", choices=KINDS, doc="How the fibres run.")
-    template_file: Parameter[str | None] = Parameter(
-        str, default=None, doc="A .toml or .json file with a template of your own, in place of ``template``."
-    )
-    n_fibres = Parameter(int, default=100, minimum=1, maximum=100_000, doc="Number of fibres.")
-    resolution = Parameter(
-        int, default=15, minimum=1, maximum=10_000, doc="Segments of each fibre, one less than points."
-    )
+    template = Parameter(str, default="parallel", choices=KINDS)
+    template_file: Parameter[str | None] = Parameter(str, default=None)
+    n_fibres = Parameter(int, default=100, minimum=1, maximum=100_000)
+    resolution = Parameter(int, default=15, minimum=1, maximum=10_000)
 
-    output = OutputPort(
-        vtkPolyData,
-        doc="Polylines from origin to insertion, with the point array ``t`` (0 at the origin, 1 at the "
-        "insertion), the cell arrays ``r``, ``s`` and ``FibreId``, and the field arrays ``OriginArea`` and "
-        "``InsertionArea``: corners (3 components) of the template's areas, four per area, and ``Template``: "
-        "the kind, or ``file``.",
-    )
+    output = OutputPort(vtkPolyData)
 
     def execute(self) -> vtkPolyData:
         """Return the template."""

@@ -17,9 +17,8 @@ from vtkmuscle.core.fibres.sparse_weights import (
     sparse_transport,
 )
 from vtkmuscle.core.fibres.tendons import Tendons
-from vtkmuscle.core.mesh.bent import BentSurface, bent_surface
-from vtkmuscle.core.mesh.line_lengths import polyline_lengths
-from vtkmuscle.core.mesh.polylines import evenly_spaced
+from vtkmuscle.core.mesh.polylines import evenly_spaced, polyline_lengths
+from vtkmuscle.core.mesh.solids import BentSurface, bent_surface
 from vtkmuscle.core.mesh.triangle_tree import TriangleTree, shared_tree
 from vtkmuscle.core.types import Bools, Floats, Ints
 from vtkmuscle.data.arrays import Polylines, field_array, set_cell_array, set_field_array
@@ -146,6 +145,34 @@ class FibreTransport(Filter):
     What that costs is in ``WeightError``: the largest error of a fibre point if the muscle is bent by about
     one radian.
 
+    Parameters
+    ----------
+    rest_fibres
+        Polylines in the muscle at rest.
+    rest_muscle
+        The muscle at rest, closed, triangles.
+    deformed_muscle
+        The same points as the muscle at rest, moved.
+    paths
+        The same fibres pulled taut, as by TautFibres: the paths, where the deformed muscle has none.
+    rest_paths
+        For fibres between aponeuroses: the lines at rest that the muscle was deformed with, from bone to
+        bone. The fibres' ends stay as far along them from their bones as they are at rest.
+    weight_tolerance
+        Tolerance for merging vertices into groups that share one weight: with a larger one transport is
+        faster, takes less memory and is less exact. 0 merges nothing; 0.3 keeps one weight in ten.
+    method
+        What fibres follow: the taut fibres that the muscle was deformed with, or its surface alone.
+
+    Attributes
+    ----------
+    output
+        The moved polylines, with the arrays of the rest fibres and the cell array ``RestLength`` (n_fibres,)
+        [mm], and the field arrays ``PointsOutside``, the number of rest fibre points that are outside of the
+        muscle, and ``WeightError`` [mm]. With the arrays of the muscle's paths, where the deformed muscle or
+        the taut fibres have them: ``PathLength``, ``PathPoints`` and ``PathWrench_BONE``
+        (:mod:`vtkmuscle.data.paths`).
+
     Raises
     ------
     ValueError
@@ -171,43 +198,16 @@ class FibreTransport(Filter):
     2.0
     """
 
-    weight_tolerance = Parameter(
-        float,
-        default=0.0,
-        minimum=0.0,
-        maximum=10.0,
-        doc="Tolerance for merging vertices into groups that share one weight: with a larger one transport "
-        "is faster, takes less memory and is less exact. 0 merges nothing; 0.3 keeps one weight in ten.",
-    )
+    weight_tolerance = Parameter(float, default=0.0, minimum=0.0, maximum=10.0)
 
-    method = Parameter(
-        str,
-        default="carried",
-        choices=("carried", "mean-value"),
-        doc="What fibres follow: the taut fibres that the muscle was deformed with, or its surface alone.",
-    )
+    method = Parameter(str, default="carried", choices=("carried", "mean-value"))
 
-    rest_fibres = ports.Lines(doc="Polylines in the muscle at rest.")
-    rest_muscle = ports.Surface(doc="The muscle at rest, closed, triangles.")
-    deformed_muscle = ports.Surface(doc="The same points as the muscle at rest, moved.")
-    paths = InputPort(
-        vtkPolyData,
-        optional=True,
-        doc="The same fibres pulled taut, as by TautFibres: the paths, where the deformed muscle has none.",
-    )
-    rest_paths = ports.Lines(
-        optional=True,
-        doc="For fibres between aponeuroses: the lines at rest that the muscle was deformed with, from bone "
-        "to bone. The fibres' ends stay as far along them from their bones as they are at rest.",
-    )
-    output = OutputPort(
-        vtkPolyData,
-        doc="The moved polylines, with the arrays of the rest fibres and the cell array ``RestLength`` "
-        "(n_fibres,) [mm], and the field arrays ``PointsOutside``, the number of rest fibre points that are "
-        "outside of the muscle, and ``WeightError`` [mm]. With the arrays of the muscle's paths, where the "
-        "deformed muscle or the taut fibres have them: ``PathLength``, ``PathPoints`` and "
-        "``PathWrench_BONE`` (:mod:`vtkmuscle.data.paths`).",
-    )
+    rest_fibres = ports.Lines()
+    rest_muscle = ports.Surface()
+    deformed_muscle = ports.Surface()
+    paths = InputPort(vtkPolyData, optional=True)
+    rest_paths = ports.Lines(optional=True)
+    output = OutputPort(vtkPolyData)
 
     _rest: _Rest | None = None
     _tendons: tuple[tuple[Floats, Floats], Tendons] | None = None
@@ -301,5 +301,4 @@ def _fixed(muscle: Surface, ends: Floats) -> Bools:
     tree = shared_tree(geometry.points, geometry.triangles)
     faces, _, apart = tree.nearest(ends.reshape(-1, 3))
     on_bone = (np.asarray(fixed_to) >= 0)[geometry.triangles[faces]].all(axis=1)
-    fixed: Bools = (on_bone & (apart <= _ON_TRIANGLE * geometry.mean_edge)).reshape(ends.shape[:2])
-    return fixed
+    return (on_bone & (apart <= _ON_TRIANGLE * geometry.mean_edge)).reshape(ends.shape[:2])

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
-from vtkmuscle.core.attachments.discs import discs_over
+from vtkmuscle.core.attachments.rings import discs_over
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.fibres.ends_as_printed import ends_as_printed
 from vtkmuscle.core.fibres.trimming import EndArea, trim_fibres
@@ -15,7 +15,7 @@ from vtkmuscle.core.mesh.triangle_tree import triangle_tree
 from vtkmuscle.core.types import Floats, Ints
 from vtkmuscle.data.arrays import Polylines, field_array, set_field_array
 from vtkmuscle.data.attachments import AttachmentArea
-from vtkmuscle.data.inner_areas import inner_areas
+from vtkmuscle.data.end_surfaces import inner_areas
 from vtkmuscle.data.muscle_geometry import MuscleGeometry, Surface
 from vtkmuscle.filters.base import Filter, OutputPort, Parameter, ports
 
@@ -46,6 +46,27 @@ class FibreTrimmer(Filter):
     ``end_rule="closest"`` is the rule of the paper as printed: each fibre is cut at the plane and ends at the
     point of the area that is closest to its own ray, wherever the others do.
 
+    Parameters
+    ----------
+    fibres
+        Polylines from the origin to the insertion.
+    muscle
+        The muscle's surface, triangles.
+    attachments
+        Areas of both roles, landmarks near the muscle.
+    largest_cut
+        Largest part of a fibre's length to cut off at either end: an area may reach so far along the muscle
+        that nothing would be left between the planes.
+    end_rule
+        Where fibres end: the area is shared out among them, or each ends at the point of it that is closest
+        to its own ray (Kohout et al. 2012), cut at the plane, its points not spaced anew.
+
+    Attributes
+    ----------
+    output
+        The trimmed polylines, with the cell and field arrays of the input, and the field array ``EndsKept``:
+        at the origin and at the insertion, the part of the fibres that end on the area as they are.
+
     Raises
     ------
     ValueError
@@ -72,32 +93,14 @@ class FibreTrimmer(Filter):
     (20, True)
     """
 
-    largest_cut = Parameter(
-        float,
-        default=0.5,
-        minimum=0.0,
-        maximum=0.5,
-        doc="Largest part of a fibre's length to cut off at either end: an area may reach so far along the "
-        "muscle that nothing would be left between the planes.",
-    )
+    largest_cut = Parameter(float, default=0.5, minimum=0.0, maximum=0.5)
 
-    end_rule = Parameter(
-        str,
-        default="shared",
-        choices=("shared", "closest"),
-        doc="Where fibres end: the area is shared out among them, or each ends at the point of it that is "
-        "closest to its own ray (Kohout et al. 2012), cut at the plane, its points not spaced anew.",
-    )
+    end_rule = Parameter(str, default="shared", choices=("shared", "closest"))
 
-    fibres = ports.Lines(doc="Polylines from the origin to the insertion.")
-    muscle = ports.Surface(doc="The muscle's surface, triangles.")
-    attachments = ports.Areas(doc="Areas of both roles, landmarks near the muscle.")
-    output = OutputPort(
-        vtkPolyData,
-        doc="The trimmed polylines, with the cell and field arrays of the input, and the field array "
-        "``EndsKept``: at the origin and at the insertion, the part of the fibres that end on the area as "
-        "they are.",
-    )
+    fibres = ports.Lines()
+    muscle = ports.Surface()
+    attachments = ports.Areas()
+    output = OutputPort(vtkPolyData)
 
     def execute(self, fibres: Polylines, muscle: Surface, attachments: list[AttachmentArea]) -> vtkPolyData:
         """Return the trimmed fibres."""

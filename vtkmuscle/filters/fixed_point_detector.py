@@ -32,6 +32,30 @@ class FixedPointDetector(Filter):
     another place: large rings keep theirs, but curves and areas of little more than that size lose it.
     Look at the points that are fixed where the landmarks do not come from the muscle's own images.
 
+    Parameters
+    ----------
+    muscle
+        Triangles, in the rest pose.
+    bones
+        Named blocks of vtkPolyData, at rest.
+    attachments
+        A block per area; needed for the method ``attachment`` only. Via rings fix nothing.
+    method
+        How fixed points are found.
+    distance
+        Distance from a bone (proximity) or from an open curve (attachment); None is the muscle's mean edge
+        length.
+    n_voxels
+        Number of voxels of a bone, about.
+    n_voxels_per_axis
+        Number of voxels along each axis of a bone's box, instead of n_voxels.
+
+    Attributes
+    ----------
+    output
+        The muscle with the point array ``FixedTo`` (int32): -1 for a free point, else the index of the bone's
+        block.
+
     Raises
     ------
     ValueError
@@ -54,50 +78,19 @@ class FixedPointDetector(Filter):
     [-1, 0, 1]
     """
 
-    method = Parameter(
-        str,
-        default="attachment",
-        choices=("attachment", "proximity", "collision"),
-        doc="How fixed points are found.",
-    )
-    distance: Parameter[float | None] = Parameter(
-        float,
-        default=None,
-        minimum=0.0,
-        units="mm",
-        doc="Distance from a bone (proximity) or from an open curve (attachment); None is the muscle's "
-        "mean edge length.",
-    )
+    method = Parameter(str, default="attachment", choices=("attachment", "proximity", "collision"))
+    distance: Parameter[float | None] = Parameter(float, default=None, minimum=0.0, units="mm")
     n_voxels = Parameter(
-        int,
-        default=DEFAULT_N_MAX,
-        minimum=1,
-        maximum=MOST_N_EQUAL**3,
-        only_with=("method", "collision"),
-        doc="Number of voxels of a bone, about.",
+        int, default=DEFAULT_N_MAX, minimum=1, maximum=MOST_N_EQUAL**3, only_with=("method", "collision")
     )
     n_voxels_per_axis: Parameter[int | None] = Parameter(
-        int,
-        default=None,
-        minimum=1,
-        maximum=MOST_N_EQUAL,
-        only_with=("method", "collision"),
-        doc="Number of voxels along each axis of a bone's box, instead of n_voxels.",
+        int, default=None, minimum=1, maximum=MOST_N_EQUAL, only_with=("method", "collision")
     )
 
-    muscle = ports.Surface(doc="Triangles, in the rest pose.")
-    bones = ports.RestBones(doc="Named blocks of vtkPolyData, at rest.")
-    attachments = InputPort(
-        vtkMultiBlockDataSet,
-        attachments_of,
-        optional=True,
-        doc="A block per area; needed for the method ``attachment`` only. Via rings fix nothing.",
-    )
-    output = OutputPort(
-        vtkPolyData,
-        doc="The muscle with the point array ``FixedTo`` (int32): -1 for a free point, else the index of "
-        "the bone's block.",
-    )
+    muscle = ports.Surface()
+    bones = ports.RestBones()
+    attachments = InputPort(vtkMultiBlockDataSet, attachments_of, optional=True)
+    output = OutputPort(vtkPolyData)
 
     def execute(
         self, muscle: Surface, bones: dict[str, vtkPolyData], attachments: list[AttachmentArea] | None
@@ -194,8 +187,7 @@ class FixedPointDetector(Filter):
             both = np.flatnonzero(disputed & claimed[index])
             if len(both):
                 distances[index, both] = np.abs(_solids_of(name, bone).distances(points[both]))
-        fixed_to: Ints = np.where(claimed.any(axis=0), distances.argmin(axis=0), -1)
-        return fixed_to
+        return np.where(claimed.any(axis=0), distances.argmin(axis=0), -1)
 
 
 def _solids_of(name: str, bone: vtkPolyData) -> Solids:
@@ -206,5 +198,4 @@ def in_box(points: Floats, bone: vtkPolyData, margin: float) -> Ints:
     """Return the points in the bone's bounding box, made wider by a margin."""
     bounds = np.array(bone.GetBounds()).reshape(3, 2)
     within = (points >= bounds[:, 0] - margin) & (points <= bounds[:, 1] + margin)
-    indices: Ints = np.flatnonzero(within.all(axis=1))
-    return indices
+    return np.flatnonzero(within.all(axis=1))

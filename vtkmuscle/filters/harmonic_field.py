@@ -26,6 +26,18 @@ class HarmonicField(Filter):
     this filter saves it from doing so again for a muscle that moves, as point arrays pass through the
     deformer.
 
+    Parameters
+    ----------
+    muscle
+        The muscle's surface, triangles.
+    attachments
+        Areas of both roles, landmarks near the muscle.
+
+    Attributes
+    ----------
+    output
+        The muscle with the point array ``HarmonicField`` (from 0 at the origin to 1).
+
     Raises
     ------
     ValueError
@@ -47,11 +59,9 @@ class HarmonicField(Filter):
     (0.0, 1.0)
     """
 
-    muscle = ports.Surface(doc="The muscle's surface, triangles.")
-    attachments = ports.Areas(doc="Areas of both roles, landmarks near the muscle.")
-    output = OutputPort(
-        vtkPolyData, doc="The muscle with the point array ``HarmonicField`` (from 0 at the origin to 1)."
-    )
+    muscle = ports.Surface()
+    attachments = ports.Areas()
+    output = OutputPort(vtkPolyData)
 
     def execute(self, muscle: Surface, attachments: list[AttachmentArea]) -> vtkPolyData:
         """Return the muscle with the function."""

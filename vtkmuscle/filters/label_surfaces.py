@@ -32,6 +32,28 @@ class LabelSurfaces(Filter):
     Of a label in several pieces the largest is taken, and hollows are filled; what was left out and added,
     and where the image's border cuts a label, is in the surface's field arrays.
 
+    Parameters
+    ----------
+    image
+        Point scalars of whole numbers, 0 where there is no label; optional field arrays ``LabelValues`` and
+        ``LabelNames``, of the same length.
+    labels
+        Names of labels, with commas between them; None takes all.
+    smoothing
+        Standard deviation of the Gaussian.
+    edge
+        Length of the triangles' edges; where voxels are larger, about theirs.
+
+    Attributes
+    ----------
+    output
+        A block per label, by its name (``label_7`` where it has none), in the image's world, with the field
+        arrays ``Label``, ``LabelVolume`` (of the label [mm^3]), ``VolumeError`` (of the surface, as a part of
+        it), ``BoundaryDistance`` (mean, 95th percentile and maximum over the points, from the label's
+        boundary [mm]), ``Pieces``, ``LeftOut`` (voxels of the other pieces, as a part of all), ``Filled``
+        (voxels of hollows) and ``Cut`` (voxels at the image's border). A label that has no closed manifold
+        surface is an empty block, with the reason in ``Refused``.
+
     Raises
     ------
     ValueError
@@ -53,39 +75,12 @@ class LabelSurfaces(Filter):
     ['proximal', 'distal', 'spindle']
     """
 
-    labels: Parameter[str | None] = Parameter(
-        str, default=None, doc="Names of labels, with commas between them; None takes all."
-    )
-    smoothing = Parameter(
-        float,
-        default=SMOOTHING,
-        minimum=0.0,
-        maximum=4.0,
-        units="voxels",
-        doc="Standard deviation of the Gaussian.",
-    )
-    edge = Parameter(
-        float,
-        default=3.0,
-        above=0.0,
-        units="mm",
-        doc="Length of the triangles' edges; where voxels are larger, about theirs.",
-    )
+    labels: Parameter[str | None] = Parameter(str, default=None)
+    smoothing = Parameter(float, default=SMOOTHING, minimum=0.0, maximum=4.0, units="voxels")
+    edge = Parameter(float, default=3.0, above=0.0, units="mm")
 
-    image = InputPort(
-        vtkImageData,
-        doc="Point scalars of whole numbers, 0 where there is no label; optional field arrays "
-        "``LabelValues`` and ``LabelNames``, of the same length.",
-    )
-    output = OutputPort(
-        vtkMultiBlockDataSet,
-        doc="A block per label, by its name (``label_7`` where it has none), in the image's world, with the "
-        "field arrays ``Label``, ``LabelVolume`` (of the label [mm^3]), ``VolumeError`` (of the surface, as "
-        "a part of it), ``BoundaryDistance`` (mean, 95th percentile and maximum over the points, from the "
-        "label's boundary [mm]), ``Pieces``, ``LeftOut`` (voxels of the other pieces, as a part of all), "
-        "``Filled`` (voxels of hollows) and ``Cut`` (voxels at the image's border). A label that has no "
-        "closed manifold surface is an empty block, with the reason in ``Refused``.",
-    )
+    image = InputPort(vtkImageData)
+    output = OutputPort(vtkMultiBlockDataSet)
 
     def execute(self, image: vtkImageData) -> vtkMultiBlockDataSet:
         """Return the surfaces."""

@@ -2,18 +2,13 @@
 
 from __future__ import annotations
 
-import warnings
-
-import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
-from vtkmuscle.core.bones.bone import bone_of, depth_in
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.core.fibres.linear_blend import blend_fibres, fitted_a
-from vtkmuscle.core.mesh.line_lengths import polyline_lengths
+from vtkmuscle.core.fibres.linear_blend import blend_fibres
+from vtkmuscle.core.mesh.polylines import polyline_lengths
 from vtkmuscle.data.arrays import (
     Polylines,
-    checked_surface,
     set_cell_array,
     set_field_array,
 )
@@ -28,17 +23,33 @@ class LinearBlendFibres(Filter):
     is: v' = w T_origin v + (1 - w) T_insertion v, with w = a t^2 - (a + 1) t + 1 and t from 0 at the origin
     to 1 at the insertion. Nothing keeps fibres out of the bones, and no volume is kept; ``a`` bends their
     course a little towards one bone. The paper has a = -0.042 for psoas and gluteus maximus, -0.024 for the
-    iliacus and 0 for the gluteus medius, found by trial. With ``fit`` that one is chosen with which the
-    fibres enter the bones least in the pose of the present time. Where they enter them the less the more they
-    follow one of the two bones, no ``a`` is best: the fit then ends at its bound ``largest_a``, with a
-    warning. With a = -1 fibres follow the origin's bone for most of their length, and near the insertion they
-    take up all of the motion: their lengths then say little.
+    iliacus and 0 for the gluteus medius, found by trial. With a = -1 fibres follow the origin's bone for most
+    of their length, and near the insertion they take up all of the motion: their lengths then say little.
+
+    Parameters
+    ----------
+    rest_fibres
+        Polylines at rest, origin to insertion.
+    bones
+        Named blocks with the field array ``Transform`` (16), rest to now.
+    a
+        Curvature of the weights over the fibre.
+    origin
+        Bone of the fibres' first points; None: the first block.
+    insertion
+        Bone of the fibres' last points; None: the last block.
+
+    Attributes
+    ----------
+    output
+        The moved polylines, with the arrays of the rest fibres, the cell array ``RestLength`` (n_fibres,)
+        [mm], and the field array ``BlendA``.
 
     Raises
     ------
     ValueError
         If there are no fibres, if there are no bones of the given names, if a bone has no field array
-        ``Transform``, or with ``fit`` is not made of triangles.
+        ``Transform``.
 
     References
     ----------
@@ -59,27 +70,13 @@ class LinearBlendFibres(Filter):
     8
     """
 
-    a = Parameter(
-        float, default=0.0, minimum=-1.0, maximum=1.0, doc="Curvature of the weights over the fibre."
-    )
-    fit = Parameter(bool, default=False, doc="Choose ``a`` by the bones, instead of taking the one given.")
-    largest_a = Parameter(float, default=1.0, above=0.0, maximum=1.0, doc="Bound of abs(a) for the fit.")
-    origin: Parameter[str | None] = Parameter(
-        str, default=None, doc="Bone of the fibres' first points; None: the first block."
-    )
-    insertion: Parameter[str | None] = Parameter(
-        str, default=None, doc="Bone of the fibres' last points; None: the last block."
-    )
+    a = Parameter(float, default=0.0, minimum=-1.0, maximum=1.0)
+    origin: Parameter[str | None] = Parameter(str, default=None)
+    insertion: Parameter[str | None] = Parameter(str, default=None)
 
-    rest_fibres = ports.Lines(doc="Polylines at rest, origin to insertion.")
-    bones = ports.MovingBones(
-        doc="Named blocks with the field array ``Transform`` (16), rest to now.",
-    )
-    output = OutputPort(
-        vtkPolyData,
-        doc="The moved polylines, with the arrays of the rest fibres, the cell array ``RestLength`` "
-        "(n_fibres,) [mm], and the field array ``BlendA``.",
-    )
+    rest_fibres = ports.Lines()
+    bones = ports.MovingBones()
+    output = OutputPort(vtkPolyData)
 
     times_from = "bones"
 
@@ -92,23 +89,9 @@ class LinearBlendFibres(Filter):
             bones.transforms[self._index(bones.names, "origin", self.origin, 0)],
             bones.transforms[self._index(bones.names, "insertion", self.insertion, -1)],
         )
-        a = self.a
-        if self.fit:
-            shapes = [bone_of(*checked_surface(bone, "bones")) for bone in bones.surfaces.values()]
-            now = [(bone, np.eye(4)) for bone in shapes]
-            a, left = fitted_a(
-                points, offsets, [pose], lambda _, places: depth_in(now, places), largest=self.largest_a
-            )
-            if abs(a) >= self.largest_a:
-                warnings.warn(
-                    f"LinearBlendFibres: the fit of a ends at its bound, {a:g}: the fibres, {left:.3g} deep "
-                    "in the bones on the mean, enter them the less the more they follow one of the two; set "
-                    "largest_a to less, or a to a value of your own",
-                    stacklevel=2,
-                )
-        result = rest_fibres.moved(blend_fibres(points, offsets, *pose, a))
+        result = rest_fibres.moved(blend_fibres(points, offsets, *pose, self.a))
         set_cell_array(result, "RestLength", polyline_lengths(points, offsets))
-        set_field_array(result, "BlendA", a)
+        set_field_array(result, "BlendA", self.a)
         return result
 
     @staticmethod

@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.core.mesh.line_lengths import polyline_lengths
-from vtkmuscle.core.moment_arms.derivatives import moment_arms
-from vtkmuscle.core.moment_arms.levers import levers, twists_by
+from vtkmuscle.core.mesh.polylines import polyline_lengths
+from vtkmuscle.core.moment_arms.levers import differences_by, levers, twists_by
 from vtkmuscle.core.moment_arms.of_joints import checked_coordinates, known_coordinates
 from vtkmuscle.core.motion.coordinates import ANGLES, TRANSLATIONS, Coordinate
 from vtkmuscle.core.motion.rigid import RigidMotion
-from vtkmuscle.core.motion.sweeps import frames_of_sweep
-from vtkmuscle.core.types import Bools, Floats, Ints
+from vtkmuscle.core.types import Floats, Ints
 from vtkmuscle.data.arrays import (
     Polylines,
     cell_array,
@@ -26,9 +24,8 @@ from vtkmuscle.data.arrays import (
     set_field_array,
 )
 from vtkmuscle.data.paths import paths_of
-from vtkmuscle.data.pipeline_times import times_of
+from vtkmuscle.data.pipeline_times import input_at, requested_time, state_of_inputs, times_of
 from vtkmuscle.filters.base import Filter, OutputPort, Parameter, ports
-from vtkmuscle.filters.base.time_path import input_at, requested_time, state_of_inputs
 
 #: Arrays of fibres that have their lengths of all times with them.
 LENGTHS, TIMES = "Lengths", "Times"
@@ -43,16 +40,35 @@ class MomentArms(Filter):
     several coordinates change at once, as long as the joint is known or poses differ in the one coordinate
     only.
 
-    Of other fibres it is the slope -dl/dq of their lengths, by local regression in a window that is chosen
-    against the noise of the lengths (:func:`vtkmuscle.core.moment_arms.derivatives.moment_arms`), with its
-    standard error. They are asked for at every time step that is announced; what was measured is kept until
-    something upstream changes. Fibres that announce no time steps must have their history with them: the cell
-    array ``Lengths`` and the field array ``Times``. Of a motion with one coordinate those frames count in
-    which the bones' rotation depends on it alone, and not a way from rest to the sweep's start; by several a
-    moment arm is determined where the poses about separate them.
+    Of other fibres it is the slope -dl/dq of their lengths, by differences between poses that differ in the
+    one coordinate only (:func:`vtkmuscle.core.moment_arms.levers.differences_by`), as the slopes of a run's
+    tables. They are asked for at every time step that is announced; what was measured is kept until something
+    upstream changes. Fibres that announce no time steps must have their history with them: the cell array
+    ``Lengths`` and the field array ``Times``. Of a motion with one coordinate those frames count in which the
+    bones' rotation depends on it alone, and not a way from rest to the sweep's start.
 
     A fibre that shortens as the coordinate q grows has a positive moment arm. The coordinate is one of the
     ``motion``, or where none is given the pipeline's time.
+
+    Parameters
+    ----------
+    fibres
+        Polylines, the same number at each time step; or, without time steps, with the cell array ``Lengths``
+        (n_fibres, f) [mm] and the field array ``Times`` (f,).
+    motion
+        Has the coordinates; None: the pipeline's time is one.
+    coordinate
+        Name of one of the motion's coordinates; None: all that change.
+    unit
+        Unit of the pipeline's time, where that is the coordinate.
+
+    Attributes
+    ----------
+    output
+        The fibres with the cell array ``MomentArm`` [mm] and the field arrays ``Coordinate`` (its name) and
+        ``CoordinateValue`` (in its unit); by several coordinates each of these arrays has _NAME after its
+        own. In a pose in which a moment arm is not known, such as one before the sweep, its arrays are not
+        there.
 
     Raises
     ------
@@ -80,31 +96,12 @@ class MomentArms(Filter):
     (8,)
     """
 
-    motion: Parameter[RigidMotion | None] = Parameter(
-        RigidMotion, default=None, doc="Has the coordinates; None: the pipeline's time is one."
-    )
-    coordinate: Parameter[str | None] = Parameter(
-        str, default=None, doc="Name of one of the motion's coordinates; None: all that change."
-    )
-    unit = Parameter(
-        str,
-        default="deg",
-        choices=(*ANGLES, *TRANSLATIONS),
-        doc="Unit of the pipeline's time, where that is the coordinate.",
-    )
+    motion: Parameter[RigidMotion | None] = Parameter(RigidMotion, default=None)
+    coordinate: Parameter[str | None] = Parameter(str, default=None)
+    unit = Parameter(str, default="deg", choices=(*ANGLES, *TRANSLATIONS))
 
-    fibres = ports.Lines(
-        doc="Polylines, the same number at each time step; or, without time steps, with the cell array "
-        "``Lengths`` (n_fibres, f) [mm] and the field array ``Times`` (f,).",
-    )
-    output = OutputPort(
-        vtkPolyData,
-        doc="The fibres with the cell arrays ``MomentArm`` [mm] and, where it is a slope, ``MomentArmError`` "
-        "(its standard error) [mm], and "
-        "the field arrays ``Coordinate`` (its name) and ``CoordinateValue`` (in its unit); by several "
-        "coordinates each of these arrays has _NAME after its own. In a pose in which a moment arm is not "
-        "determined, such as one before the sweep, its arrays are not there.",
-    )
+    fibres = ports.Lines()
+    output = OutputPort(vtkPolyData)
 
     def __init__(self, **parameters: Any) -> None:
         self._steps: tuple[float, ...] = ()
@@ -135,7 +132,15 @@ class MomentArms(Filter):
             )
         now = float(times[-1]) if self.request_time is None else self.request_time
         result = self._at(now, fibres).copy()
-        self._add_arms(result, times, lengths, float(np.clip(now, times.min(), times.max())))
+        motion = RigidMotion(times, {}, None, {"time": Coordinate(times, self.unit)})
+        if self.motion is not None:
+            motion = _resampled(self.motion, times)
+
+        def slopes(name: str, names: Sequence[str]) -> tuple[Ints, Floats]:
+            near = differences_by(motion, name, names)
+            return near.frames, -near.slopes(lengths)
+
+        self._add_arms(result, motion, float(np.clip(now, times.min(), times.max())), slopes)
         return result
 
     def _at(self, now: float, fibres: Polylines) -> Polylines:
@@ -170,73 +175,56 @@ class MomentArms(Filter):
         result = self._at(now, fibres).copy()
         paths = paths_of(result, "fibres")
         assert paths is not None  # it had some at another time
-        checked_coordinates(motion, [self.coordinate] if self.coordinate else ())
-        names = known_coordinates(motion)
-        wrenches = {bone: one[None] for bone, one in paths.wrenches.items()}
-        for name in names:
-            if self.coordinate not in (None, name):
-                continue
+
+        def arms(name: str, names: Sequence[str]) -> tuple[Ints, Floats]:
             frames, twists = twists_by(motion, name, names)
-            if not _is_known(now, motion.times, frames):
-                continue
-            at = {bone: _interpolated(now, motion.times[frames], one) for bone, one in twists.items()}
-            arms = levers(wrenches, at)[0] if wrenches else np.zeros(len(paths.lengths))
-            value = float(np.interp(now, motion.times, motion.coordinates[name].values))
-            self._add(result, name, names, value, arms)
+            wrenches = {
+                bone: np.broadcast_to(one, (len(frames), *one.shape)) for bone, one in paths.wrenches.items()
+            }
+            none = np.zeros((len(frames), len(paths.lengths)))
+            return frames, levers(wrenches, twists) if wrenches else none
+
+        self._add_arms(result, motion, now, arms)
         return result
 
-    def _add(
+    def _add_arms(
         self,
         result: vtkPolyData,
-        name: str,
-        names: Sequence[str],
-        value: float,
-        arms: Floats,
-        errors: Floats | None = None,
+        motion: RigidMotion,
+        now: float,
+        arms_by: Callable[[str, Sequence[str]], tuple[Ints, Floats]],
     ) -> None:
-        """Add what is known by a coordinate, one of several."""
-        suffix = f"_{name}" if len(names) > 1 and self.coordinate is None else ""
-        set_cell_array(result, f"MomentArm{suffix}", arms)
-        if errors is not None:
-            set_cell_array(result, f"MomentArmError{suffix}", errors)
-        set_field_array(result, f"Coordinate{suffix}", name)
-        set_field_array(result, f"CoordinateValue{suffix}", value)
-
-    def _add_arms(self, result: vtkPolyData, times: Floats, lengths: Floats, now: float) -> None:
-        motion = self.motion or RigidMotion(times, {}, None, {"time": Coordinate(times, self.unit)})
-        one_only = self.coordinate if self.motion is not None else None
-        checked_coordinates(motion, [one_only] if one_only else ())
-        names, samples, counts = _coordinate_samples(motion)
-        # Frames count where they and those about them do.
-        counted = counts.astype(np.float64)[:, None]
-        used = _interpolated(times, motion.times, counted)[:, 0] == 1.0
-        known = _interpolated(now, motion.times, counted)[0, 0] == 1.0
-        place = _interpolated(now, motion.times, samples)
-        among = _interpolated(times, motion.times, samples)[used]
-        found = moment_arms(lengths[used], among, at=place if known else None)
-        for number, name in enumerate(names):
-            if known and found.determined[0, number] and one_only in (None, name):
-                value = float(place[0, number]) / motion.coordinates[name].factor
-                arms, errors = (np.array(one[0, :, number]) for one in (found.arms, found.errors))
-                self._add(result, name, names, value, arms, errors)
+        """Add moment arms by the coordinates: known, (m, k), in some of the motion's frames, (m,)."""
+        wanted = None if self.motion is None else self.coordinate
+        checked_coordinates(motion, [wanted] if wanted else ())
+        names = known_coordinates(motion)
+        for name in names:
+            if wanted not in (None, name):
+                continue
+            frames, arms = arms_by(name, names)
+            if not _is_known(now, motion.times, frames):
+                continue
+            suffix = f"_{name}" if len(names) > 1 and self.coordinate is None else ""
+            set_cell_array(result, f"MomentArm{suffix}", _interpolated(now, motion.times[frames], arms)[0])
+            set_field_array(result, f"Coordinate{suffix}", name)
+            value = np.interp(now, motion.times, motion.coordinates[name].values)
+            set_field_array(result, f"CoordinateValue{suffix}", float(value))
 
 
-def _coordinate_samples(motion: RigidMotion) -> tuple[tuple[str, ...], Floats, Bools]:
-    """Return the d coordinates that change, their natural values (k, d), and which of the frames (k,) count.
-
-    Of one coordinate those of its sweep, of several all.
-    """
-    known = motion.coordinates
-    found = tuple(name for name in known_coordinates(motion) if known[name].changes)
-    if not found:
-        raise InputError(
-            "",
-            "no coordinate of the motion changes, so no slope by it is known",
-            "use more frames of the motion",
-        )
-    samples = np.column_stack([known[name].natural for name in found])
-    used = frames_of_sweep(motion, found[0]) if len(found) == 1 else np.ones(len(samples), dtype=np.bool_)
-    return found, samples, used
+def _resampled(motion: RigidMotion, times: Floats) -> RigidMotion:
+    """Return a motion at other times (f,), ascending."""
+    if np.array_equal(motion.times, times):
+        return motion
+    poses = [motion.at(time) for time in times]
+    return RigidMotion(
+        times,
+        {bone: np.array([pose[bone] for pose in poses]) for bone in motion.transforms},
+        motion.centre,
+        {
+            name: Coordinate(np.interp(times, motion.times, one.values), one.unit, one.positive)
+            for name, one in motion.coordinates.items()
+        },
+    )
 
 
 def _is_known(now: float, times: Floats, frames: Ints) -> bool:

@@ -23,9 +23,9 @@ from vtkmuscle.data.muscle_geometry import Surface
 from vtkmuscle.data.paths import path_arrays
 from vtkmuscle.filters.base import HistoryFilter, InputPort, OutputPort, ports
 from vtkmuscle.filters.deformer.neighbours import Neighbours
-from vtkmuscle.filters.deformer.quality import PUBLISHED
 from vtkmuscle.filters.deformer.settings import (
     GONE,
+    PUBLISHED,
     DeformerSettings,
     algorithm_2_parameters,
     check_together,
@@ -79,6 +79,39 @@ class PBDDeformer(DeformerSettings, HistoryFilter[_Frame]):
     Muscles connected as ``neighbours`` stay as they are; this one is kept out of them, except as deep as it
     is in them at rest: ``neighbours={"psoas": psoas, "iliacus": iliacus}``, with their deformers.
 
+    Parameters
+    ----------
+    muscle
+        Closed triangles in the rest pose, with the point array ``FixedTo``: -1 for a free point, else the
+        index of a bone's block.
+    bones
+        Bones at the pipeline's time, each with the field array ``Transform`` (16, row major): rest to now.
+    fibres
+        Polylines in the rest pose, for the paths; which edges run along them in the report, and are soft in
+        the published model.
+    neighbours
+        Other muscles at the pipeline's time, out of which this one is kept: outputs of PBDDeformer, with the
+        point array ``Displacement``.
+    attachments
+        For the via rings among them, which the fibres pass through.
+
+    Attributes
+    ----------
+    output
+        The muscle at the time asked for, with the arrays of the input; the point array ``Displacement`` (3)
+        from rest [mm]; the field arrays ``VolumeRatio`` (V / V0), ``EdgeStretchP95`` and ``EdgeStretchMax``
+        (l / l0), ``AlongFibresP5``, ``AlongFibresP50`` and ``AlongFibresP95`` (of the edges within 18 degrees
+        of the fibres), ``AcrossFibresP5``, ``AcrossFibresP50`` and ``AcrossFibresP95`` (over 72 degrees),
+        ``DihedralErrorP95`` [degrees], ``DegenerateEdges`` (whose angle was lost as a triangle collapsed),
+        ``CollidingPoints``, and ``Milliseconds`` that the frame took. With ``measure_penetration`` also
+        ``PenetrationMax`` and ``PenetrationP95`` [mm], how deep the free points are in the closed bones, and
+        ``PenetratingPoints``, how many. Where paths carry it also the point array ``Carried`` (3), where they
+        do so before it settles [mm], and the field arrays ``FibrePoints`` (p, 3), where they carry the points
+        of ``fibres`` [mm], and ``Unsettled``, 1 where the paths did not come to rest; and of the paths, where
+        each stands for one of ``fibres``, ``PathLength`` (k,) [mm], ``PathPoints`` (k, 3 n) [mm] and
+        ``PathWrench_BONE`` (k, 6), force [1] and moment about the origin [mm] on each bone at unit tension.
+        With quality 'published' also the point array ``Velocity`` (3) [mm/s].
+
     Raises
     ------
     ValueError
@@ -108,48 +141,12 @@ class PBDDeformer(DeformerSettings, HistoryFilter[_Frame]):
     True
     """
 
-    muscle = ports.Surface(
-        doc="Closed triangles in the rest pose, with the point array ``FixedTo``: -1 for a free point, else "
-        "the index of a bone's block."
-    )
-    bones = ports.MovingBones(
-        doc="Bones at the pipeline's time, each with the field array ``Transform`` (16, row major): rest to "
-        "now.",
-    )
-    fibres = ports.Lines(optional=True, doc="Polylines in the rest pose, for the paths.")
-    neighbours = InputPort(
-        vtkMultiBlockDataSet,
-        optional=True,
-        doc="Other muscles at the pipeline's time, out of which this one is kept: outputs of PBDDeformer, "
-        "with the point array ``Displacement``.",
-    )
-    superficial = ports.SeenLines(
-        optional=True,
-        doc="Polylines on the muscle's surface in the rest pose, or near it: which edges run along the "
-        "fibres in the report, and are soft in the published model.",
-    )
-    attachments = InputPort(
-        vtkMultiBlockDataSet,
-        optional=True,
-        doc="For the via rings among them, which the fibres pass through.",
-    )
-    output = OutputPort(
-        vtkPolyData,
-        doc="The muscle at the time asked for, with the arrays of the input; the point array "
-        "``Displacement`` (3) from rest [mm]; the field arrays ``VolumeRatio`` (V / V0), ``EdgeStretchP95`` "
-        "and ``EdgeStretchMax`` (l / l0), ``AlongFibresP5``, ``AlongFibresP50`` and ``AlongFibresP95`` (of "
-        "the edges within 18 degrees of the fibres), ``AcrossFibresP5``, ``AcrossFibresP50`` and "
-        "``AcrossFibresP95`` (over 72 degrees), ``DihedralErrorP95`` [degrees], ``DegenerateEdges`` (whose "
-        "angle was lost as a triangle collapsed), ``CollidingPoints``, and ``Milliseconds`` that the frame "
-        "took. With ``measure_penetration`` also ``PenetrationMax`` and ``PenetrationP95`` [mm], how deep "
-        "the free points are in the closed bones, and ``PenetratingPoints``, how many. Where paths carry it "
-        "also the point array ``Carried`` (3), where they do so before it settles [mm], and the field arrays "
-        "``FibrePoints`` (p, 3), where they carry the points of ``fibres`` [mm], and ``Unsettled``, 1 "
-        "where the paths did not come to rest; and of the paths, where each stands for one of ``fibres``, "
-        "``PathLength`` (k,) [mm], ``PathPoints`` (k, 3 n) [mm] and ``PathWrench_BONE`` (k, 6), force [1] "
-        "and moment about the origin [mm] on each bone at unit tension. With quality 'published' also the "
-        "point array ``Velocity`` (3) [mm/s].",
-    )
+    muscle = ports.Surface()
+    bones = ports.MovingBones()
+    fibres = ports.Lines(optional=True)
+    neighbours = InputPort(vtkMultiBlockDataSet, optional=True)
+    attachments = InputPort(vtkMultiBlockDataSet, optional=True)
+    output = OutputPort(vtkPolyData)
 
     moving = ("bones", "neighbours")
     gone = GONE
@@ -183,7 +180,6 @@ class PBDDeformer(DeformerSettings, HistoryFilter[_Frame]):
         bones: MovingBones,
         fibres: Polylines | None,
         neighbours: vtkMultiBlockDataSet | None,
-        superficial: Polylines | None,
         attachments: vtkMultiBlockDataSet | None,
     ) -> vtkPolyData:
         """Compute the frames on the way to the time asked for that are not known, and return the last."""
@@ -193,7 +189,6 @@ class PBDDeformer(DeformerSettings, HistoryFilter[_Frame]):
             muscle.triangles,
             fixed_points_of(muscle, bones.names),
             None if fibres is None else (fibres.points, fibres.offsets),
-            None if superficial is None else (superficial.points, superficial.offsets),
             rings_by_bone(attachments, bones.names, "attachments"),
         )
         driven = self.quality == PUBLISHED and any(self.external_force)

@@ -9,12 +9,11 @@ from numpy.typing import NDArray
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.errors import InputError
+from vtkmuscle.core.mesh.shared import Recent
 from vtkmuscle.core.morphing.isolines import morph_by_isolines
 from vtkmuscle.core.morphing.planes import morph_by_planes
 from vtkmuscle.core.morphing.slices import Box, Morph, Slicing
-from vtkmuscle.core.morphing.superficial import seen_fibres
-from vtkmuscle.core.morphing.twist import Found, Twisting
-from vtkmuscle.core.recent import Recent
+from vtkmuscle.core.morphing.twist import Twist, Twisting, seen_fibres
 from vtkmuscle.core.template.fitting import lie_opposite
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import Polylines, field_array, set_field_array
@@ -72,6 +71,40 @@ class SliceMorpher(Filter):
     little off it. They are for templates whose areas are their bottom and their top; for others, and for a
     template that is not the same from all sides, TemplateFitter turns the box to suit them.
 
+    Parameters
+    ----------
+    template
+        Fibres in the muscle's box, with the field array ``Transform`` (16, unit cube to box).
+    muscle
+        The muscle's surface: triangles, closed; optionally with the point array ``HarmonicField``.
+    attachments
+        Areas of both roles; for the harmonic method only, of a muscle without ``HarmonicField``.
+    superficial
+        Polylines on the muscle's surface, or near it, from which the twist is found.
+    method
+        How the muscle is sliced: by parallel planes, along isolines, or whichever suits it.
+    slice_tolerance
+        Points whose heights differ by no more than this share a slice; 0 is a slice for every height, None a
+        thousandth of the box's length.
+    continuity
+        Part of the muscle's length over which slices resist being twisted against each other; 0 matches each
+        slice by itself.
+    twist
+        How far sections are turned along their contours from origin to insertion, 360 once round,
+        counterclockwise seen from the insertion; not looked at where superficial fibres are connected.
+
+    Attributes
+    ----------
+    output
+        The fibres in the muscle, with the arrays of the template and the field arrays ``MorphMethod``
+        (``plane`` or ``harmonic``), ``PointsOutside`` (by planes: points that the map put outside of their
+        section; along isolines: outside of the muscle), ``SplitError`` (largest deviation of a section's four
+        parts from the rectangle's sides, as a part of its perimeter), ``VolumeShare`` (part of the muscle in
+        the branch that the fibres fill), ``SteepShare`` (part of the planes' branch at more than 45 degrees
+        to their axis, also where it is why isolines were taken; 0 where planes were not tried) and ``Twist``
+        [degrees]; with superficial fibres ``SuperficialAngle``, between them and the template's on the
+        surface, root mean square [degrees], and ``SuperficialAngleStraight``, the same without the twist.
+
     Raises
     ------
     ValueError
@@ -99,63 +132,16 @@ class SliceMorpher(Filter):
     10
     """
 
-    method = Parameter(
-        str,
-        default="auto",
-        choices=("auto", "plane", "harmonic"),
-        doc="How the muscle is sliced: by parallel planes, along isolines, or whichever suits it.",
-    )
-    slice_tolerance: Parameter[float | None] = Parameter(
-        float,
-        default=None,
-        minimum=0.0,
-        units="mm",
-        doc="Points whose heights differ by no more than this share a slice; 0 is a slice for every height, "
-        "None a thousandth of the box's length.",
-    )
-    continuity = Parameter(
-        float,
-        default=0.2,
-        minimum=0.0,
-        maximum=10.0,
-        doc="Part of the muscle's length over which slices resist being twisted against each other; 0 "
-        "matches each slice by itself.",
-    )
-    twist = Parameter(
-        float,
-        default=0.0,
-        minimum=-720.0,
-        maximum=720.0,
-        units="degrees",
-        doc="How far sections are turned along their contours from origin to insertion, 360 once round, "
-        "counterclockwise seen from the insertion; not looked at where superficial fibres are connected.",
-    )
+    method = Parameter(str, default="auto", choices=("auto", "plane", "harmonic"))
+    slice_tolerance: Parameter[float | None] = Parameter(float, default=None, minimum=0.0, units="mm")
+    continuity = Parameter(float, default=0.2, minimum=0.0, maximum=10.0)
+    twist = Parameter(float, default=0.0, minimum=-720.0, maximum=720.0, units="degrees")
 
-    template = ports.Lines(
-        doc="Fibres in the muscle's box, with the field array ``Transform`` (16, unit cube to box).",
-    )
-    muscle = ports.Surface(
-        doc="The muscle's surface: triangles, closed; optionally with the point array ``HarmonicField``."
-    )
-    attachments = ports.Areas(
-        optional=True,
-        doc="Areas of both roles; for the harmonic method only, of a muscle without ``HarmonicField``.",
-    )
-    superficial = ports.SeenLines(
-        optional=True, doc="Polylines on the muscle's surface, or near it, from which the twist is found."
-    )
-    output = OutputPort(
-        vtkPolyData,
-        doc="The fibres in the muscle, with the arrays of the template and the field arrays ``MorphMethod`` "
-        "(``plane`` or ``harmonic``), ``PointsOutside`` (by planes: points that the map put outside of their "
-        "section; along isolines: outside of the muscle), ``SplitError`` "
-        "(largest deviation of a section's four parts from the rectangle's sides, as a part of its "
-        "perimeter), ``VolumeShare`` (part of the muscle in the branch that the fibres fill), "
-        "``SteepShare`` (part of the planes' branch at more than 45 degrees to their axis, also where it is "
-        "why isolines were taken; 0 where planes were not tried) and ``Twist`` [degrees]; with superficial "
-        "fibres ``SuperficialAngle``, between them and the template's on the surface, root mean square "
-        "[degrees], and ``SuperficialAngleStraight``, the same without the twist.",
-    )
+    template = ports.Lines()
+    muscle = ports.Surface()
+    attachments = ports.Areas(optional=True)
+    superficial = ports.SeenLines(optional=True)
+    output = OutputPort(vtkPolyData)
 
     def execute(
         self,
@@ -232,7 +218,7 @@ def _warn(result: Morph, method: str) -> None:
         )
 
 
-def _warn_of_superficial(found: Found) -> None:
+def _warn_of_superficial(found: Twist) -> None:
     """Warn where superficial fibres run otherwise than the template's, and no twist explains it."""
     if found.angle == found.straight_angle and found.angle > NOTICED:
         warnings.warn(

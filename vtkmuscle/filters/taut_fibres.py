@@ -34,6 +34,32 @@ class TautFibres(HistoryFilter[PathState]):
     Where bones have time steps, each pose is reached from the one before, however it is asked for; a path
     that can lie on either side of a bone is where that way leads.
 
+    Parameters
+    ----------
+    rest_fibres
+        Polylines at rest, origin to insertion.
+    rest_muscle
+        The muscle at rest, closed triangles, with the point array ``FixedTo``; an end of a fibre goes with
+        the bone of the fixed point nearest to it.
+    bones
+        Bones at the pipeline's time, each with the field array ``Transform`` (16, row major): rest to now.
+    attachments
+        For the via rings among them, which paths pass through.
+    resolution
+        Segments of a path. Paths of 16 round a cylinder have moment arms 1 % less than those of 32 and 64,
+        which agree; the time grows with it.
+    checkpoint_memory
+        Memory for poses kept to go back in time; the last two are kept even with 0.
+
+    Attributes
+    ----------
+    output
+        The paths, with the cell and field arrays of the rest fibres and the cell arrays ``Length``,
+        ``RestLength`` (at rest) [mm], ``Ratio`` (of the two), ``Contact`` (points that bones or rings press
+        on), ``PathLength`` (the length again, as that of the paths) and ``PathWrench_BONE`` (6), force [1]
+        and moment about the origin [mm] that a path of unit tension exerts on each bone, and the field array
+        ``Unsettled``, 1 where the sheet did not come to rest.
+
     Raises
     ------
     ValueError
@@ -61,45 +87,14 @@ class TautFibres(HistoryFilter[PathState]):
     (8, True)
     """
 
-    resolution = Parameter(
-        int,
-        default=POINTS - 1,
-        minimum=4,
-        maximum=1000,
-        doc="Segments of a path. Paths of 16 round a cylinder have moment arms 1 % less than those of 32 "
-        "and 64, which agree; the time grows with it.",
-    )
-    checkpoint_memory = Parameter(
-        float,
-        default=64.0,
-        minimum=0.0,
-        units="MB",
-        doc="Memory for poses kept to go back in time; the last two are kept even with 0.",
-    )
+    resolution = Parameter(int, default=POINTS - 1, minimum=4, maximum=1000)
+    checkpoint_memory = Parameter(float, default=64.0, minimum=0.0, units="MB")
 
-    rest_fibres = ports.Lines(doc="Polylines at rest, origin to insertion.")
-    rest_muscle = ports.Surface(
-        doc="The muscle at rest, closed triangles, with the point array ``FixedTo``; an end of a fibre goes "
-        "with the bone of the fixed point nearest to it."
-    )
-    bones = ports.MovingBones(
-        doc="Bones at the pipeline's time, each with the field array ``Transform`` (16, row major): rest to "
-        "now.",
-    )
-    attachments = InputPort(
-        vtkMultiBlockDataSet,
-        optional=True,
-        doc="For the via rings among them, which paths pass through.",
-    )
-    output = OutputPort(
-        vtkPolyData,
-        doc="The paths, with the cell and field arrays of the rest fibres and the cell arrays ``Length``, "
-        "``RestLength`` (at rest) [mm], ``Ratio`` (of the two), "
-        "``Contact`` (points that bones or rings press on), ``PathLength`` (the length again, as that of the "
-        "paths) and "
-        "``PathWrench_BONE`` (6), force [1] and moment about the origin [mm] that a path of unit tension "
-        "exerts on each bone, and the field array ``Unsettled``, 1 where the sheet did not come to rest.",
-    )
+    rest_fibres = ports.Lines()
+    rest_muscle = ports.Surface()
+    bones = ports.MovingBones()
+    attachments = InputPort(vtkMultiBlockDataSet, optional=True)
+    output = OutputPort(vtkPolyData)
 
     moving = ("bones",)
 

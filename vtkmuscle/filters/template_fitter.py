@@ -9,7 +9,7 @@ import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.core.morphing.superficial import SeenFibres, angle_to_nearest, seen_fibres
+from vtkmuscle.core.morphing.twist import SeenFibres, angle_to_nearest, seen_fibres
 from vtkmuscle.core.motion.rigid import apply_transform
 from vtkmuscle.core.template.fitting import (
     ASSIGNMENTS,
@@ -52,6 +52,34 @@ class TemplateFitter(Filter):
     Only rotations are tried. ``mirror=True`` is for the muscle of the other side of the body: it gives the
     mirror image of what the mirrored muscle would get.
 
+    Parameters
+    ----------
+    template
+        Fibres in the unit cube, with the field arrays ``OriginArea`` and ``InsertionArea``.
+    muscle
+        The muscle's surface, triangles.
+    attachments
+        Areas of both roles.
+    superficial
+        Polylines on the muscle's surface, or near it, that the template's fibres are to follow.
+    axis
+        What the box's long axis follows.
+    angle_step
+        Step of the turn about the axis.
+    refine
+        Go on from the best step to a local optimum.
+    orientation
+        Which of the cube's axes follows the muscle: z, or whichever fits best.
+    mirror
+        Mirror the template.
+
+    Attributes
+    ----------
+    output
+        The fibres and the two field arrays in the box, with the field arrays ``Transform`` (16, row major:
+        unit cube to world) and ``FitError`` (sum of the distances from the corners of the template's areas to
+        the nearest landmarks, in the unit of the points).
+
     Raises
     ------
     ValueError
@@ -76,44 +104,17 @@ class TemplateFitter(Filter):
     16
     """
 
-    axis = Parameter(
-        str,
-        default="auto",
-        choices=("auto", "attachments", "principal"),
-        doc="What the box's long axis follows.",
-    )
-    angle_step = Parameter(
-        float,
-        default=5.0,
-        minimum=0.01,
-        maximum=90.0,
-        units="degrees",
-        doc="Step of the turn about the axis.",
-    )
-    refine = Parameter(bool, default=False, doc="Go on from the best step to a local optimum.")
-    orientation = Parameter(
-        str,
-        default="upright",
-        choices=("upright", "any"),
-        doc="Which of the cube's axes follows the muscle: z, or whichever fits best.",
-    )
-    mirror = Parameter(bool, default=False, doc="Mirror the template.")
+    axis = Parameter(str, default="auto", choices=("auto", "attachments", "principal"))
+    angle_step = Parameter(float, default=5.0, minimum=0.01, maximum=90.0, units="degrees")
+    refine = Parameter(bool, default=False)
+    orientation = Parameter(str, default="upright", choices=("upright", "any"))
+    mirror = Parameter(bool, default=False)
 
-    template = ports.Lines(
-        doc="Fibres in the unit cube, with the field arrays ``OriginArea`` and ``InsertionArea``."
-    )
-    muscle = ports.Surface(doc="The muscle's surface, triangles.")
-    attachments = ports.Areas(doc="Areas of both roles.")
-    superficial = ports.SeenLines(
-        optional=True,
-        doc="Polylines on the muscle's surface, or near it, that the template's fibres are to follow.",
-    )
-    output = OutputPort(
-        vtkPolyData,
-        doc="The fibres and the two field arrays in the box, with the field arrays ``Transform`` (16, row "
-        "major: unit cube to world) and ``FitError`` (sum of the distances from the corners of the "
-        "template's areas to the nearest landmarks, in the unit of the points).",
-    )
+    template = ports.Lines()
+    muscle = ports.Surface()
+    attachments = ports.Areas()
+    superficial = ports.SeenLines(optional=True)
+    output = OutputPort(vtkPolyData)
 
     def execute(
         self,

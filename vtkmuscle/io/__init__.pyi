@@ -28,7 +28,6 @@ from .msf import (
     read_msf as read_msf,
     surfaces_of as surfaces_of,
 )
-from .series import Collection as Collection, Series as Series
 from .surfaces import (
     SURFACE_SUFFIXES as SURFACE_SUFFIXES,
     read_polydata as read_polydata,
@@ -36,6 +35,8 @@ from .surfaces import (
 )
 from .temporal import (
     SERIES_SUFFIXES as SERIES_SUFFIXES,
+    Collection as Collection,
+    Series as Series,
     TimeSeries as TimeSeries,
     read_series as read_series,
     write_vtkhdf as write_vtkhdf,

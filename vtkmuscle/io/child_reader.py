@@ -1,4 +1,4 @@
-"""What the process does that reads files by VTK: it answers a line for each file that it is asked for."""
+"""What the process does that reads files by VTK: a line of answer per file, and what VTK would print."""
 
 from __future__ import annotations
 
@@ -7,14 +7,43 @@ import json
 import os
 import signal
 import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from importlib import import_module
 from typing import Any
 
+from vtkmodules.vtkCommonCore import vtkLogger, vtkOutputWindow, vtkStringOutputWindow
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 from vtkmodules.vtkCommonExecutionModel import vtkStreamingDemandDrivenPipeline
 from vtkmodules.vtkIOLegacy import vtkPolyDataWriter
 
-from vtkmuscle.io.messages import first_line, vtk_messages
+
+@contextmanager
+def vtk_messages() -> Iterator[Callable[[], str]]:
+    """Collect what VTK would print, and give a function that returns it."""
+    window, before = vtkStringOutputWindow(), vtkOutputWindow.GetInstance()
+    verbosity = vtkLogger.GetCurrentVerbosityCutoff()
+    vtkLogger.SetStderrVerbosity(vtkLogger.VERBOSITY_OFF)
+    vtkOutputWindow.SetInstance(window)
+
+    def said() -> str:
+        text: str | bytes = window.GetOutput()  # bytes, where those of a damaged file are in it
+        return text.decode("utf-8", "replace") if isinstance(text, bytes) else text
+
+    try:
+        yield said
+    finally:
+        vtkOutputWindow.SetInstance(before)
+        vtkLogger.SetStderrVerbosity(verbosity)
+
+
+def first_line(messages: str) -> str:
+    """Return the first complaint without VTK's source lines and addresses."""
+    for line in messages.splitlines():
+        if line and not line.startswith(("ERROR: In", "Warning: In", "Generic Warning: In")):
+            return line.partition("): ")[2].strip(" .") or line.strip(" .")
+    return ""
+
 
 #: Memory that a file may take in any case [bytes], and in sizes of it: text of two bytes a number becomes
 #: eight bytes, which are read, held, and written.

@@ -12,8 +12,7 @@ import numpy as np
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.files import MOST_TEXT, check_is_file
 from vtkmuscle.core.types import Floats
-from vtkmuscle.data.aponeuroses import Aponeurosis, aponeurosis_from, ring_aponeurosis
-from vtkmuscle.data.attachments import landmarks_of
+from vtkmuscle.data.attachments import Aponeurosis, aponeurosis_from, landmarks_of, ring_aponeurosis
 from vtkmuscle.io.csv_table import csv_rows
 from vtkmuscle.io.slicer import NamedPoints, markups_of, read_fcsv, read_nrrd_points
 from vtkmuscle.io.surfaces import SURFACE_SUFFIXES, read_polydata

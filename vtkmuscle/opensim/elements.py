@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from vtkmuscle.core.motion.frames import frame_at
+from vtkmuscle.core.motion.rigid import frame_at
 from vtkmuscle.core.types import Floats
 from vtkmuscle.io.xml_elements import Element
 from vtkmuscle.opensim.functions import (

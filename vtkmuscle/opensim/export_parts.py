@@ -13,8 +13,7 @@ from vtkmodules.vtkFiltersCore import vtkQuadricDecimation
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.motion.coordinates import TRANSLATIONS
-from vtkmuscle.core.motion.frames import inverses
-from vtkmuscle.core.motion.rigid import apply_transform
+from vtkmuscle.core.motion.rigid import apply_transform, inverses
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import points_of, triangles_of
 from vtkmuscle.io.writing import replacing

@@ -12,8 +12,8 @@ import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.core.fibres.groups import group_errors, group_fibres
-from vtkmuscle.core.motion.frames import inverses
+from vtkmuscle.core.fibres.measures import group_errors, group_fibres
+from vtkmuscle.core.motion.rigid import inverses
 from vtkmuscle.core.types import Floats
 from vtkmuscle.io import write_text
 from vtkmuscle.io.parts import file_digest

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from vtkmuscle.core.motion.frames import frame_at
+from vtkmuscle.core.motion.rigid import frame_at
 from vtkmuscle.opensim.functions import IDENTITY
 from vtkmuscle.opensim.tree import Joint, JointAxis, JointCoordinate, KinematicTree
 from vtkmuscle.phantoms.leg import JOINTS, LIMITS

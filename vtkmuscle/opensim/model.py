@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.core.motion.frames import frame_at
+from vtkmuscle.core.motion.rigid import frame_at
 from vtkmuscle.core.types import Floats
 from vtkmuscle.core.words import suggestion
 from vtkmuscle.io.xml_elements import Element, read_xml

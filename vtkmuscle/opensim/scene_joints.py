@@ -9,8 +9,7 @@ from math import pi
 
 import numpy as np
 
-from vtkmuscle.core.motion.frames import frame_at
-from vtkmuscle.core.motion.rigid import RigidMotion
+from vtkmuscle.core.motion.rigid import RigidMotion, frame_at
 from vtkmuscle.core.types import Floats
 from vtkmuscle.opensim import read_motion_file, read_osim
 from vtkmuscle.opensim.functions import (

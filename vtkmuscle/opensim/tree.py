@@ -11,8 +11,7 @@ from numpy.typing import ArrayLike
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.motion.coordinates import ANGLES, TRANSLATIONS
-from vtkmuscle.core.motion.frames import inverses, turns
-from vtkmuscle.core.motion.rigid import is_rigid
+from vtkmuscle.core.motion.rigid import inverses, is_rigid, turns
 from vtkmuscle.core.types import Floats
 from vtkmuscle.core.words import suggestion
 from vtkmuscle.opensim.functions import CoordinateFunction, Multiplier

@@ -11,8 +11,7 @@ from numpy.typing import ArrayLike
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.motion.blending import screws
 from vtkmuscle.core.motion.coordinates import TRANSLATIONS, Coordinate
-from vtkmuscle.core.motion.frames import inverses
-from vtkmuscle.core.motion.rigid import RigidMotion
+from vtkmuscle.core.motion.rigid import RigidMotion, inverses
 from vtkmuscle.core.types import Floats
 from vtkmuscle.core.words import suggestion
 from vtkmuscle.opensim.tree import KinematicTree

@@ -4,7 +4,6 @@ Joints, from the simplest to the most like life; with what is known of the muscl
 
 * :func:`spindle_over_hinge` (length and moment arm of the straight line);
 * :func:`wrapping_cylinder`, a strap wound up and unwound (one moment arm at every angle);
-* :func:`strap_over_two_joints`, with two coordinates (length, a moment arm about each joint);
 * :func:`hip`, the demo's: pelvis, femur and three muscles (the head of the femur); :func:`leg`, the whole of
   it: three joints, ten muscles.
 
@@ -24,7 +23,6 @@ from vtkmuscle.phantoms.label_map import label_map
 from vtkmuscle.phantoms.leg import leg
 from vtkmuscle.phantoms.pennate_belly import pennate_belly
 from vtkmuscle.phantoms.phantom import Phantom
-from vtkmuscle.phantoms.two_joint_strap import strap_over_two_joints
 from vtkmuscle.phantoms.winding_spindle import winding_spindle
 
 __all__ = [
@@ -36,7 +34,6 @@ __all__ = [
     "pennate_belly",
     "pennate_block",
     "spindle_over_hinge",
-    "strap_over_two_joints",
     "winding_spindle",
     "wrapping_cylinder",
 ]

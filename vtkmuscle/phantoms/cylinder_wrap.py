@@ -102,8 +102,7 @@ def strap_length(angle: float) -> float:
 
 def _round_the_cylinder(angles: Floats, radius: float) -> Floats:
     turn = np.radians(angles)
-    points: Floats = radius * np.column_stack([np.zeros(len(turn)), np.sin(turn), np.cos(turn)])
-    return points
+    return radius * np.column_stack([np.zeros(len(turn)), np.sin(turn), np.cos(turn)])
 
 
 @cache

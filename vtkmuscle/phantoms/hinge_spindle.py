@@ -11,8 +11,7 @@ from vtkmuscle.core.types import Floats
 from vtkmuscle.data.attachments import AttachmentArea
 from vtkmuscle.phantoms.implicit import Solid, thick_curve
 from vtkmuscle.phantoms.meshing import mesh_of, solid_of_revolution, volume_of_revolution
-from vtkmuscle.phantoms.phantom import Phantom, Surface, ends, one_muscle
-from vtkmuscle.phantoms.straps import round_ring
+from vtkmuscle.phantoms.phantom import Phantom, Surface, ends, one_muscle, round_ring
 
 #: Centres of the muscle's flat ends [mm]; the hinge is at the origin, its axis -x.
 ORIGIN = np.array([0.0, -32.0, 80.0])
@@ -91,7 +90,7 @@ def spindle_profile() -> tuple[Floats, Floats]:
 def spindle(middle: tuple[float, float]) -> tuple[dict[str, Surface], Surface, list[AttachmentArea]]:
     """Return bones, muscle and areas, the muscle about the vertical line through (x, y) [mm]."""
     origin, insertion = (np.array([*middle, end[2]]) for end in (ORIGIN, INSERTION))
-    circle = round_ring((0, 0), (0, -1), 0.8 * END_RADIUS)
+    circle = round_ring(0.8 * END_RADIUS)
     bones = {
         "proximal": mesh_of(bone_with_arm(origin, 1.0), 3.0, 3000),
         "distal": mesh_of(bone_with_arm(insertion, -1.0), 3.0, 3000),

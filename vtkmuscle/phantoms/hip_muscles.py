@@ -48,8 +48,7 @@ class Sheet:
         """Return points of the sheet at pairs of parameters in [0, 1], (n, 3) [mm]."""
         r, c = np.broadcast_arrays(np.asarray(rows, dtype=np.float64), np.asarray(columns, dtype=np.float64))
         net = spline_net(self.nodes[..., :3], r, c)
-        points: Floats = net[np.arange(len(r)), np.arange(len(r))]
-        return points
+        return net[np.arange(len(r)), np.arange(len(r))]
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,8 +68,7 @@ class Build:
 
     def along(self, part: float, points: ArrayLike) -> Floats:
         """Return points of a part (0 at the pelvis, 1 at the femur) of the way, drawn along."""
-        drawn: Floats = np.array(points, dtype=np.float64) + part * np.asarray(self.shift)
-        return drawn
+        return np.array(points, dtype=np.float64) + part * np.asarray(self.shift)
 
 
 _AS_IT_IS = Build()
@@ -84,8 +82,7 @@ def _sheet(rows: list[Floats], half_thickness: ArrayLike, volume: float) -> Shee
 
 def _wing(height: float, span: tuple[float, float]) -> Floats:
     """Return five points at a height of the ilium's wing, in its middle [mm]."""
-    points: Floats = spline_net(WING, np.linspace(*span, 5), [height])[:, 0]
-    return points
+    return spline_net(WING, np.linspace(*span, 5), [height])[:, 0]
 
 
 def _on(bone: Solid, points: ArrayLike, offset: float, side: ArrayLike = (0, 0, 0)) -> Floats:
@@ -93,8 +90,7 @@ def _on(bone: Solid, points: ArrayLike, offset: float, side: ArrayLike = (0, 0, 
     ground = bone.projected(np.asarray(points, dtype=np.float64) + 8.0 * np.asarray(side), steps=6)
     normals = bone.field(ground)[1]
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-    lifted: Floats = ground + offset * normals
-    return lifted
+    return ground + offset * normals
 
 
 def gluteus_medius(pelvis: Solid, femur: Solid, build: Build = _AS_IT_IS) -> Sheet:

@@ -10,13 +10,11 @@ from numpy.typing import ArrayLike
 from vtkmuscle.core.motion.rigid import RigidMotion, rotation_about
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.attachments import AttachmentArea
-from vtkmuscle.phantoms.coordinates import checked_poses
-from vtkmuscle.phantoms.hip_bones import HEAD_RADIUS, pelvis
+from vtkmuscle.phantoms.hip_bones import ANKLE, HEAD_RADIUS, KNEE, foot, pelvis, tibia, whole_femur
 from vtkmuscle.phantoms.hip_joint import CUT, HipShape, hip_parts
 from vtkmuscle.phantoms.implicit import Solid, thick_curve
-from vtkmuscle.phantoms.leg_bones import ANKLE, KNEE, femur, foot, tibia
 from vtkmuscle.phantoms.meshing import mesh_of
-from vtkmuscle.phantoms.phantom import Phantom, Surface, ends, phantom_from
+from vtkmuscle.phantoms.phantom import Phantom, Surface, checked_poses, ends, phantom_from
 
 #: The joints: parent, child, a point on the axis [mm], and the axis that the coordinate turns about.
 JOINTS = {
@@ -182,7 +180,7 @@ def leg(*, coordinates: ArrayLike | None = None) -> Phantom:
 @cache
 def _parts() -> tuple[dict[str, Surface], dict[str, Surface], dict[str, list[AttachmentArea]]]:
     hip_bones, muscles, areas = hip_parts(HipShape(), 1.0)
-    solids = {"femur": femur(), "tibia": tibia(), "foot": foot()}
+    solids = {"femur": whole_femur(), "tibia": tibia(), "foot": foot()}
     bones = {"pelvis": hip_bones["pelvis"]}
     for (name, solid), count in zip(solids.items(), (7000, 4000, 3000), strict=True):
         bones[name] = mesh_of(solid, 4.0, count)

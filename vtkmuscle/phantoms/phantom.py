@@ -6,10 +6,12 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
+from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.motion.rigid import RigidMotion
+from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import multiblock_from, surface_from
 from vtkmuscle.data.attachments import AttachmentArea, attachments_from
 
@@ -111,3 +113,46 @@ def ends(
         AttachmentArea("origin", origin, origin_ring, closed=True),
         AttachmentArea("insertion", insertion, insertion_ring, closed=True),
     ]
+
+
+def round_ring(radius: float) -> Floats:
+    """Return landmarks (12, 3) on a circle about the z axis, at z = 0 [mm]."""
+    turns = 2.0 * np.pi * np.arange(12)[:, None] / 12
+    ring: Floats = radius * (np.cos(turns) * [1.0, 0.0, 0.0] + np.sin(turns) * [0.0, 1.0, 0.0])
+    return ring
+
+
+def checked_poses(coordinates: ArrayLike, limits: Mapping[str, tuple[float, float]], phantom: str) -> Floats:
+    """Return the angles of each frame, checked.
+
+    Parameters
+    ----------
+    coordinates : (k, c) array_like
+        A row per frame [degrees].
+    limits : mapping of str to (low, high)
+        Of each of the c coordinates, by name [degrees].
+    phantom : str
+        Named in errors.
+
+    Returns
+    -------
+    (k, c) array
+        The angles [degrees].
+
+    Raises
+    ------
+    ValueError
+        For another shape, or an angle out of range.
+    """
+    poses = np.array(coordinates, dtype=np.float64)
+    where = f"{phantom}: coordinates"
+    if poses.ndim != 2 or poses.shape[1] != len(limits) or not len(poses):
+        raise InputError(where, f"of shape {poses.shape}", f"give a row per frame, of {' and '.join(limits)}")
+    for column, (name, (low, high)) in enumerate(limits.items()):
+        outside = poses[~((poses[:, column] >= low) & (poses[:, column] <= high)), column]
+        if len(outside):
+            raise InputError(
+                where,
+                f"{name} is {outside[0]:g} degrees, but answers are known from {low:g} to {high:g} only",
+            )
+    return poses

@@ -8,8 +8,7 @@ from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import Polylines, polylines_from
 from vtkmuscle.phantoms.meshing import box, solid_of_revolution, volume_of_revolution
-from vtkmuscle.phantoms.phantom import Phantom, ends, one_muscle
-from vtkmuscle.phantoms.straps import round_ring
+from vtkmuscle.phantoms.phantom import Phantom, ends, one_muscle, round_ring
 
 #: Length along z, radii of the flat ends and of the middle [mm].
 LENGTH, END_RADIUS, BELLY_RADIUS = 120.0, 10.0, 18.0
@@ -51,7 +50,7 @@ def winding_spindle(twist: float = 60.0, *, n_superficial: int = 5) -> Phantom:
     """
     heights = np.linspace(0.0, LENGTH, SLICES + 1)
     surface = solid_of_revolution(heights, radius_at(heights), SIDES)
-    circle = round_ring((0, 0), (0, -1), END_RADIUS)
+    circle = round_ring(END_RADIUS)
     shifts = np.arange(0.0, 11.0)
     table = np.tile(np.eye(4), (len(shifts), 1, 1))
     table[:, 2, 3] = -shifts
@@ -82,8 +81,7 @@ def winding_spindle(twist: float = 60.0, *, n_superficial: int = 5) -> Phantom:
 
 def radius_at(z: Floats) -> Floats:
     """Return the muscle's radius at heights z [mm]."""
-    radii: Floats = END_RADIUS + (BELLY_RADIUS - END_RADIUS) * np.sin(np.pi * z / LENGTH) ** 2
-    return radii
+    return END_RADIUS + (BELLY_RADIUS - END_RADIUS) * np.sin(np.pi * z / LENGTH) ** 2
 
 
 def winding_fibre(part: float, start: float, twist: float, t: Floats) -> Floats:
@@ -102,10 +100,7 @@ def winding_fibre(part: float, start: float, twist: float, t: Floats) -> Floats:
     """
     z = LENGTH * t
     angle = start + np.radians(twist) * t
-    points: Floats = np.column_stack(
-        [part * radius_at(z) * np.cos(angle), part * radius_at(z) * np.sin(angle), z]
-    )
-    return points
+    return np.column_stack([part * radius_at(z) * np.cos(angle), part * radius_at(z) * np.sin(angle), z])
 
 
 def _length(part: float, twist: float) -> float:

@@ -69,7 +69,7 @@ def decompose(
         Fibres that are seen on the muscle's surface, a few polylines: the template is turned and twisted such
         that its fibres follow them.
     aponeuroses : vtkMultiBlockDataSet or algorithm, optional
-        What fibres end on in place of the attachment areas, see :mod:`vtkmuscle.data.aponeuroses`.
+        What fibres end on in place of the attachment areas, see :mod:`vtkmuscle.data.attachments`.
     published : str, optional
         A name of :data:`PUBLISHED_FIBRES`: ``"kohout2012"`` or ``"kohout2014"``, fibres as in those papers.
         They are smoothed without regard to the muscle.

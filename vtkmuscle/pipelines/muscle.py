@@ -9,7 +9,7 @@ from typing import Any
 from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.filters.base.filter import Filter
 from vtkmuscle.filters.bone_motion import BoneMotion
-from vtkmuscle.filters.deformer.quality import PUBLISHED
+from vtkmuscle.filters.deformer.settings import PUBLISHED
 from vtkmuscle.filters.fibre_metrics import FibreMetrics
 from vtkmuscle.filters.fibre_transport import FibreTransport
 from vtkmuscle.filters.fixed_point_detector import FixedPointDetector
@@ -44,8 +44,7 @@ class MusclePipeline:
     attachments : vtkMultiBlockDataSet or algorithm, optional
         Where the muscle is attached, and the via rings that it passes through.
     superficial : vtkPolyData or algorithm, optional
-        Fibres that are seen on the surface at rest, a few polylines: they orient the template, and say
-        which edges are soft where Algorithm 2 is used.
+        Fibres that are seen on the surface at rest, a few polylines: they orient the template.
     neighbours : mapping of str to algorithm, optional
         Deformers of other muscles, out of which this one is kept.
     model : str, optional
@@ -148,7 +147,6 @@ class MusclePipeline:
                 bones=self.moving,
                 fibres=self.paths,
                 neighbours=neighbours or None,
-                superficial=superficial,
                 attachments=attachments,
                 **(solver or {}),
             )

@@ -15,12 +15,11 @@ from vtkmuscle.core.fibres.architecture import (
     area_profile,
     fascicles,
 )
-from vtkmuscle.core.mesh.line_lengths import polyline_lengths
-from vtkmuscle.core.mesh.polylines import end_directions
+from vtkmuscle.core.mesh.polylines import end_directions, polyline_lengths
 from vtkmuscle.core.mesh.surface import signed_volume
 from vtkmuscle.core.types import Floats
-from vtkmuscle.data.aponeuroses import aponeuroses_of
 from vtkmuscle.data.arrays import Polylines, polylines_of
+from vtkmuscle.data.attachments import aponeuroses_of
 from vtkmuscle.data.end_surfaces import aponeurosis_surfaces
 from vtkmuscle.data.muscle_geometry import MuscleGeometry, muscle_geometry
 from vtkmuscle.filters.fibre_metrics import FibreMetrics

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.filters.deformer.quality import PUBLISHED
+from vtkmuscle.filters.deformer.settings import PUBLISHED
 from vtkmuscle.filters.fibre_template_source import FibreTemplateSource
 from vtkmuscle.filters.pbd_deformer import PBDDeformer
 from vtkmuscle.scene.data import SceneData

@@ -13,7 +13,6 @@ from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkMultiBlockDataSet, v
 
 from vtkmuscle.core.accuracy.estimate import Estimate
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.core.guesses import WithHints
 from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.core.types import Floats
 from vtkmuscle.core.words import suggestion
@@ -21,6 +20,7 @@ from vtkmuscle.data.arrays import cell_array, with_points
 from vtkmuscle.data.drawn_bones import DrawnBones
 from vtkmuscle.data.paths import Paths, paths_of, wrenches_over_time
 from vtkmuscle.filters.bone_motion import BoneMotion
+from vtkmuscle.guesses import WithHints
 from vtkmuscle.io.literature import LiteratureCurve
 
 

@@ -10,16 +10,16 @@ import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.bones.bone import Bone, depth_in
-from vtkmuscle.core.mesh.bent import BentSurface, bent_surface
-from vtkmuscle.core.mesh.hinges import dihedral_angles
+from vtkmuscle.core.mesh.rest_shape import dihedral_angles
+from vtkmuscle.core.mesh.solids import BentSurface, bent_surface
 from vtkmuscle.core.mesh.surface import (
     edge_lengths,
+    mesh_topology,
     side_products,
     signed_volume,
     triangle_stretches,
     unique_edges,
 )
-from vtkmuscle.core.mesh.topology import mesh_topology
 from vtkmuscle.core.mesh.triangle_tree import TriangleTree, shared_tree
 from vtkmuscle.core.motion.rigid import apply_transform
 from vtkmuscle.core.types import Floats, Ints

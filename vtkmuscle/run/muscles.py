@@ -14,7 +14,7 @@ from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.bones.bone import Bone
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.core.mesh.line_lengths import polyline_lengths
+from vtkmuscle.core.mesh.polylines import polyline_lengths
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import (
     field_array,

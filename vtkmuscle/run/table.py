@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 
 from vtkmuscle.core.accuracy.estimate import Estimate
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.core.guesses import no_attribute
 from vtkmuscle.core.moment_arms.by_coordinate import JointArms
 from vtkmuscle.core.types import Floats
 from vtkmuscle.core.words import suggestion
+from vtkmuscle.guesses import no_attribute
 from vtkmuscle.io.writing import plain_cell, write_text
 
 #: What is known of errors: per muscle and quantity.

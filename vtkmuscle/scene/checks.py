@@ -15,7 +15,7 @@ from vtkmuscle.core.mesh.surface import survey
 from vtkmuscle.core.paths.via_rings import passes_through, via_ring
 from vtkmuscle.data.arrays import checked_surface, points_of, surface_from
 from vtkmuscle.data.attachments import VIA, AttachmentArea
-from vtkmuscle.data.superficial import checked_superficial
+from vtkmuscle.data.paths import checked_superficial
 from vtkmuscle.filters.deformer.settings import check_together
 from vtkmuscle.filters.pbd_deformer import PBDDeformer
 from vtkmuscle.scene.data import Muscle, SceneData

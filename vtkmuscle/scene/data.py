@@ -13,9 +13,15 @@ from vtkmuscle.core.bones.bone import Bone, bone_of
 from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.core.types import Floats, Ints
 from vtkmuscle.core.words import shown
-from vtkmuscle.data.aponeuroses import Aponeurosis, aponeuroses_data, aponeuroses_of
 from vtkmuscle.data.arrays import checked_surface, multiblock_from
-from vtkmuscle.data.attachments import AttachmentArea, attachments_from, attachments_of
+from vtkmuscle.data.attachments import (
+    Aponeurosis,
+    AttachmentArea,
+    aponeuroses_data,
+    aponeuroses_of,
+    attachments_from,
+    attachments_of,
+)
 from vtkmuscle.io.literature import LiteratureCurve
 
 #: Allowed units of length, and how many millimetres they are.

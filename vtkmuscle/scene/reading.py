@@ -17,8 +17,7 @@ from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.core.template.template_files import read_template
 from vtkmuscle.core.types import Floats
 from vtkmuscle.core.words import suggestion
-from vtkmuscle.data.aponeuroses import SIDES, Aponeurosis
-from vtkmuscle.data.attachments import VIA, AttachmentArea
+from vtkmuscle.data.attachments import SIDES, VIA, Aponeurosis, AttachmentArea
 from vtkmuscle.data.estimated_areas import NEAR, estimated_areas
 from vtkmuscle.io import (
     LiteratureCurve,

@@ -15,7 +15,7 @@ from pydantic import (
 from vtkmuscle.core.motion.coordinates import ANGLES, TRANSLATIONS
 from vtkmuscle.core.words import shown
 from vtkmuscle.data.attachments import ROLES, VIA
-from vtkmuscle.filters.deformer.quality import PRESETS
+from vtkmuscle.filters.deformer.settings import PRESETS
 from vtkmuscle.io.slicer import FRAMES
 from vtkmuscle.scene.data import MILLIMETRES
 from vtkmuscle.scene.joint_schema import Hill, JointTable, OpenSimTable

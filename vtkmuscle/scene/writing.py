@@ -12,8 +12,7 @@ import tomli_w
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.motion.rigid import RigidMotion
-from vtkmuscle.data.aponeuroses import SIDES, aponeuroses_data
-from vtkmuscle.data.attachments import VIA, AttachmentArea, attachments_from
+from vtkmuscle.data.attachments import SIDES, VIA, AttachmentArea, aponeuroses_data, attachments_from
 from vtkmuscle.io import write_literature, write_motion_table, write_polydata, write_text
 from vtkmuscle.io.writing import beside
 from vtkmuscle.scene.data import Muscle, SceneData

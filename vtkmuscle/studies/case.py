@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 
 from vtkmuscle.accuracy import StatedErrors
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.core.fibres.groups import group_fibres
-from vtkmuscle.core.mesh.line_lengths import polyline_lengths
+from vtkmuscle.core.fibres.measures import group_fibres
+from vtkmuscle.core.mesh.polylines import polyline_lengths
 from vtkmuscle.core.moment_arms.by_coordinate import JointArms
 from vtkmuscle.core.types import Floats, Ints
 from vtkmuscle.data.arrays import polylines_of

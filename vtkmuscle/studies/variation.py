@@ -12,7 +12,7 @@ import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.core.mesh.halving import halved
+from vtkmuscle.core.mesh.enclosed_volume import halved
 from vtkmuscle.core.mesh.normals import vertex_normals
 from vtkmuscle.core.motion.rigid import RigidMotion, inverse, rotation_about
 from vtkmuscle.core.types import Floats

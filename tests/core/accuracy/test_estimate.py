@@ -5,14 +5,15 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from vtkmuscle.core.accuracy.convergence import convergence_error, convergence_error_of_fine
 from vtkmuscle.core.accuracy.estimate import (
     Estimate,
+    convergence_error,
+    convergence_error_of_fine,
     expanded_of_bounds,
     expanded_of_samples,
     root_of_squares,
+    segment_errors,
 )
-from vtkmuscle.core.accuracy.polylines import segment_errors
 
 
 def test_total_of_independent_causes_covers_their_sum_in_95_percent_of_the_cases(rng):

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from spindle import spindle
 
-from vtkmuscle.core.algorithm_2.parameters import Parameters
-from vtkmuscle.core.algorithm_2.solver import Algorithm2
+from vtkmuscle.core.algorithm_2.solver import Algorithm2, Parameters
 from vtkmuscle.core.collision.obstacles import VoxelObstacle
 from vtkmuscle.core.fixed_muscle import FixedMuscle
 from vtkmuscle.core.motion.rigid import apply_transform, inverse, rotation_about

@@ -7,7 +7,7 @@ import pytest
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import dijkstra
 
-from vtkmuscle.core.attachments.geodesics import geodesic_curve
+from vtkmuscle.core.attachments.patches import geodesic_curve
 from vtkmuscle.core.mesh.surface import unique_edges
 from vtkmuscle.phantoms.meshing import box
 

@@ -3,8 +3,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from vtkmuscle.core.collision.contact import Barrier, Contact
-from vtkmuscle.core.collision.distance_obstacle import DistanceObstacle
-from vtkmuscle.core.collision.obstacles import VoxelObstacle
+from vtkmuscle.core.collision.obstacles import DistanceObstacle, VoxelObstacle
 
 
 def box(low, high):

@@ -6,8 +6,7 @@ from scipy.spatial.transform import Rotation
 from shapes import box, distance_to_box, sphere, union
 
 from vtkmuscle.core.bones.bone import Bone
-from vtkmuscle.core.collision.clearance import Clearance
-from vtkmuscle.core.collision.distance_collision import resolve_distance_collisions
+from vtkmuscle.core.collision.distance_collision import Clearance, resolve_distance_collisions
 from vtkmuscle.core.motion.rigid import apply_transform, inverse, rotation_about
 
 STILL = np.eye(4)

@@ -4,11 +4,10 @@ import numpy as np
 import pytest
 from spindle import spindle
 
-from vtkmuscle.core.collision.distance_obstacle import DistanceObstacle
+from vtkmuscle.core.collision.obstacles import DistanceObstacle
 from vtkmuscle.core.deformation.settling import Settling
 from vtkmuscle.core.mesh.rest_shape import RestShape
-from vtkmuscle.core.mesh.surface import signed_volume
-from vtkmuscle.core.mesh.topology import mesh_topology
+from vtkmuscle.core.mesh.surface import mesh_topology, signed_volume
 from vtkmuscle.core.motion.rigid import apply_transform, rotation_about
 
 POINTS, TRIANGLES, FIXED_TO = spindle(rings=40, around=24, seed=0)

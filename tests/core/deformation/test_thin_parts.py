@@ -5,7 +5,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from vtkmuscle.core.collision.distance_obstacle import DistanceObstacle
+from vtkmuscle.core.collision.obstacles import DistanceObstacle
 from vtkmuscle.core.deformation.muscle import CarriedMuscle
 from vtkmuscle.core.fixed_muscle import FixedMuscle
 from vtkmuscle.core.mesh.rest_shape import RestShape

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.testing import assert_allclose
 
-from vtkmuscle.core.fibres.course import smooth_about_course
+from vtkmuscle.core.fibres.spreading import smooth_about_course
 from vtkmuscle.core.mesh.polylines import smooth_polylines
 
 SEGMENTS = 15

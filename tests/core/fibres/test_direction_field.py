@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from vtkmuscle.core.fibres.direction_field import NEIGHBOURS, DirectionField
-from vtkmuscle.core.mesh.segments import fibre_directions_at, segment_distances
+from vtkmuscle.core.mesh.polylines import fibre_directions_at, segment_distances
 from vtkmuscle.phantoms.winding_spindle import winding_fibre
 
 

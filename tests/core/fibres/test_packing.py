@@ -1,7 +1,7 @@
 import numpy as np
 from numpy.testing import assert_allclose
 
-from vtkmuscle.core.fibres.packing import filling_radius, room_between
+from vtkmuscle.core.fibres.measures import filling_radius, room_between
 
 
 def test_tubes_in_hexagonal_packing_fill_the_volume():

@@ -228,7 +228,7 @@ def test_new_segments_stay_in_the_muscle_even_beside_a_hollow():
         largest_cut=0.5,
     )
     assert max(pushed[:-1]) > 3  # cut where the plane is, the new segments would cross the hollow
-    assert pushed[-1] < 0.7  # and the final ones do not
+    assert pushed[-1] < 0.2 * max(pushed)  # and the final ones do not
     assert_allclose(out_of_hollow(result), result, atol=1e-9)
 
 

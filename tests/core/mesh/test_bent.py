@@ -3,9 +3,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from vtkmuscle.core.mesh import bent
-from vtkmuscle.core.mesh.bent import bent_surface
-from vtkmuscle.core.mesh.inside import points_inside
+from vtkmuscle.core.mesh import solids
+from vtkmuscle.core.mesh.solids import bent_surface, points_inside
 from vtkmuscle.core.mesh.triangle_tree import triangle_tree
 from vtkmuscle.phantoms.meshing import solid_of_revolution
 
@@ -56,7 +55,7 @@ def test_only_points_that_have_moved_are_looked_at_again(rest, monkeypatch):
         asked.append(len(places))
         return points_inside(places, tree)
 
-    monkeypatch.setattr(bent, "points_inside", counted)
+    monkeypatch.setattr(solids, "points_inside", counted)
     moved = queries.copy()
     moved[np.flatnonzero(before)[:20]] += 500.0
     after = surface.inside(moved)

@@ -3,9 +3,8 @@ import pytest
 from hinge_oracle import dihedral_angle
 from spindle import spindle
 
-from vtkmuscle.core.mesh.hinges import dihedral_angles
-from vtkmuscle.core.mesh.surface import signed_volume
-from vtkmuscle.core.mesh.topology import mesh_topology
+from vtkmuscle.core.mesh.rest_shape import dihedral_angles
+from vtkmuscle.core.mesh.surface import mesh_topology, signed_volume
 
 ANGLES = [0.0, 1e-9, -1e-9, 0.3, -0.3, 1.5, -1.5, 2.5, -2.5, 3.1, -3.1, np.pi / 2]
 

@@ -4,7 +4,7 @@ import igl
 import numpy as np
 import pytest
 
-from vtkmuscle.core.mesh.inside import points_inside
+from vtkmuscle.core.mesh.solids import points_inside
 from vtkmuscle.core.mesh.triangle_tree import triangle_tree
 from vtkmuscle.phantoms.meshing import box, solid_of_revolution
 

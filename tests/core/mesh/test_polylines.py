@@ -5,8 +5,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
-from vtkmuscle.core.mesh.line_lengths import polyline_lengths
-from vtkmuscle.core.mesh.polylines import end_directions, evenly_spaced, places_along, smooth_polylines
+from vtkmuscle.core.mesh.polylines import (
+    end_directions,
+    evenly_spaced,
+    places_along,
+    polyline_lengths,
+    smooth_polylines,
+)
 
 
 def random_lines(seed, sizes=(2, 7, 1, 16, 3)):

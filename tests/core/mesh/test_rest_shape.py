@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 from spindle import spindle
 
-from vtkmuscle.core.mesh.hinges import dihedral_angles
-from vtkmuscle.core.mesh.rest_shape import RestShape
-from vtkmuscle.core.mesh.topology import mesh_topology
+from vtkmuscle.core.mesh.rest_shape import RestShape, dihedral_angles
+from vtkmuscle.core.mesh.surface import mesh_topology
 
 
 def test_report_of_a_stretched_surface_is_known():

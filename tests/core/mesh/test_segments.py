@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from vtkmuscle.core.mesh.segments import segment_distances, segments
+from vtkmuscle.core.mesh.polylines import segment_distances, segments
 
 
 def test_segments_are_those_within_lines_and_none_from_line_to_line():

@@ -1,8 +1,7 @@
 import numpy as np
 from spindle import spindle
 
-from vtkmuscle.core.mesh.surface import half_edges, unique_edges
-from vtkmuscle.core.mesh.topology import mesh_topology
+from vtkmuscle.core.mesh.surface import half_edges, mesh_topology, unique_edges
 
 
 def test_closed_surface_has_one_quadruple_per_edge():

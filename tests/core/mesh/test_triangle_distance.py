@@ -4,7 +4,7 @@ import igl
 import numpy as np
 from shapes import box
 
-from vtkmuscle.core.mesh.triangle_distance import (
+from vtkmuscle.core.mesh.tree_search import (
     CORNER,
     EDGE,
     FACE,

@@ -7,8 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vtkmuscle.core.moment_arms.differences import differences_by
-from vtkmuscle.core.moment_arms.levers import levers, twists_by
+from vtkmuscle.core.moment_arms.levers import differences_by, levers, twists_by
 from vtkmuscle.core.moment_arms.of_joints import joint_arms
 from vtkmuscle.core.motion.coordinates import Coordinate
 from vtkmuscle.core.motion.rigid import RigidMotion, apply_transform, hinge, rotation_about

@@ -12,8 +12,7 @@ from vtkmodules.vtkCommonDataModel import vtkPlane
 from vtkmodules.vtkFiltersCore import vtkPolyDataPlaneCutter, vtkStripper
 from vtkmodules.vtkFiltersSources import vtkParametricFunctionSource, vtkSphereSource
 
-from vtkmuscle.core.mesh.surface import signed_volume
-from vtkmuscle.core.mesh.topology import opposite_half_edges
+from vtkmuscle.core.mesh.surface import opposite_half_edges, signed_volume
 from vtkmuscle.core.morphing.sections import cut_surface, united
 from vtkmuscle.data.arrays import points_of, surface_from, triangles_of
 

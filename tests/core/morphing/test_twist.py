@@ -1,8 +1,7 @@
 import numpy as np
 import pytest
 
-from vtkmuscle.core.morphing.superficial import SeenFibres
-from vtkmuscle.core.morphing.twist import BoundaryDrift, fitted_twist, turned_starts
+from vtkmuscle.core.morphing.twist import BoundaryDrift, SeenFibres, fitted_twist, turned_starts
 from vtkmuscle.core.template.kinds import TEMPLATES
 
 FRACTIONS = np.linspace(0.02, 0.98, 33)

@@ -5,7 +5,7 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
-from vtkmuscle.core.motion.nearest_rotation import nearest_rotation
+from vtkmuscle.core.motion.blending import nearest_rotation
 
 
 def rotation_of(matrix):

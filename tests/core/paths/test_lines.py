@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from phantom_paths import strung_phantom
 
-from vtkmuscle.core.mesh.topology import mesh_topology
+from vtkmuscle.core.mesh.surface import mesh_topology
 from vtkmuscle.core.motion.rigid import apply_transform, rotation_about
 from vtkmuscle.core.paths.lines import STAND_INS, bones_at_ends, evenly_spread, lines_on_surface
 

@@ -23,10 +23,10 @@ from phantom_paths import (
     worse,
 )
 from phantoms import spindle_over_ball, strap_over_two_joints
+from phantoms.planar import flexed
+from phantoms.two_joint_strap import LOWER, WRAPS
 
 from vtkmuscle.core.motion.rigid import rotation_about
-from vtkmuscle.phantoms.planar import flexed
-from vtkmuscle.phantoms.two_joint_strap import LOWER, WRAPS
 
 #: Moment arms are means over so many steps.
 WINDOW = 5

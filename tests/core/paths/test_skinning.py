@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from phantom_paths import known_paths, off_lines, paths_of, strung_phantom, swept, worse
 
-from vtkmuscle.core.mesh.surface import signed_volume
-from vtkmuscle.core.mesh.topology import mesh_topology
+from vtkmuscle.core.mesh.surface import mesh_topology, signed_volume
 from vtkmuscle.core.motion.rigid import apply_transform, hinge, rotation_about
 from vtkmuscle.core.paths.lines import bones_at_ends, evenly_spread, lines_on_surface
 from vtkmuscle.core.paths.neighbours import GREATEST_STRETCH

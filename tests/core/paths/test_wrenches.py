@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 from phantom_paths import AXIS, HINGES, angles, known_paths, levers, strung_phantom, swept, turned, worse
+from phantoms.two_joint_strap import ARMS
 
 from vtkmuscle.core.motion.rigid import apply_transform, rotation_about
 from vtkmuscle.core.paths import sheet
-from vtkmuscle.phantoms.two_joint_strap import ARMS
 
 #: Small twists of a bone: so far [mm], and so far at this distance from the middle of the muscle [mm].
 SMALL, REACH = 0.02, 50.0

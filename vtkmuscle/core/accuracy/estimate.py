@@ -4,7 +4,7 @@ Every part is the half width of an interval that holds the true value with about
 that cause goes: an expanded uncertainty with the coverage factor 2 (JCGM 100:2008, *Guide to the expression
 of uncertainty in measurement*, 6.2 and 6.3.3). Causes are taken as independent, so that variances add, and
 the total is the root of the sum of squares (5.1.2, eq. 10); with one factor for all that holds for the
-expanded parts as well.
+expanded parts as well. What is left at a resolution is told by two of them (Richardson).
 """
 
 from __future__ import annotations
@@ -17,7 +17,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.special import stdtrit
 
-from vtkmuscle.core.types import Floats
+from vtkmuscle.core.mesh.polylines import polyline_lengths
+from vtkmuscle.core.types import Floats, Ints
 
 #: From a standard to an expanded uncertainty of about 95 % (JCGM 100:2008, 6.3.3).
 COVERAGE_FACTOR = 2.0
@@ -36,10 +37,7 @@ def root_of_squares(*parts: ArrayLike) -> Floats:
     >>> float(root_of_squares(3.0, 4.0))
     5.0
     """
-    total: Floats = np.sqrt(
-        sum((np.square(np.asarray(part, dtype=np.float64)) for part in parts), np.zeros(()))
-    )
-    return total
+    return np.sqrt(sum((np.square(np.asarray(part, dtype=np.float64)) for part in parts), np.zeros(())))
 
 
 def expanded_of_bounds(half_width: ArrayLike) -> Floats:
@@ -139,3 +137,92 @@ class Estimate:
 
 def _root_mean_square(values: Floats) -> float:
     return float(np.sqrt(np.mean(np.square(values)))) if np.size(values) else 0.0
+
+
+#: Factor of safety for two resolutions, whose order of convergence is assumed and not measured (Roache 1994).
+SAFETY = 3.0
+
+
+def convergence_error(coarse: ArrayLike, fine: ArrayLike, *, order: float) -> Floats:
+    """Return the error of a solution, by one of half its spacing and the grid convergence index.
+
+    Where the error falls with the spacing h as h^p, the coarse solution is off by 2^p / (2^p - 1) of the
+    difference of the two (Richardson); the index is three times that (Roache 1994, the index of the coarse
+    grid), and is meant as a band of about 95 % confidence (ASME V&V 20-2009, 2-4).
+
+    Parameters
+    ----------
+    coarse, fine : array_like
+        Solutions with spacings of h and h / 2, of shapes that broadcast together.
+    order : float
+        The order p > 0; the smaller it is assumed, the larger the error.
+
+    Returns
+    -------
+    array
+        Expanded uncertainty of the coarse solution, in its unit, not negative.
+
+    References
+    ----------
+    Roache 1994, *Perspective: a method for uniform reporting of grid refinement studies*,
+    doi:10.1115/1.2910291.
+
+    Examples
+    --------
+    >>> from vtkmuscle.core.accuracy.estimate import convergence_error
+    >>> float(convergence_error(1.04, 1.01, order=2.0).round(6))  # 0.04 too large, and three times that
+    0.12
+    """
+    power = 2.0**order
+    difference = np.abs(np.asarray(coarse, dtype=np.float64) - np.asarray(fine, dtype=np.float64))
+    error: Floats = SAFETY * power / (power - 1.0) * difference
+    return error
+
+
+def convergence_error_of_fine(coarse: ArrayLike, fine: ArrayLike, *, order: float) -> Floats:
+    """Return the error of the finer of two solutions, likewise: 1 / 2^p of that of the coarser one."""
+    return np.asarray(convergence_error(coarse, fine, order=order) / 2.0**order)
+
+
+#: Chords are shorter than arcs by the square of the segments' length.
+CHORD_ORDER = 2.0
+
+
+def segment_errors(points: Floats, offsets: Ints) -> Floats:
+    """Return by how much polylines are shorter than the curves that they stand for.
+
+    The length by every second point is compared with that by all of them, see
+    :func:`~vtkmuscle.core.accuracy.estimate.convergence_error_of_fine`.
+
+    Parameters
+    ----------
+    points, offsets : (n, 3) array, (k + 1,) int array
+        Positions [mm]; first point of each line, and n.
+
+    Returns
+    -------
+    (k,) array
+        Expanded uncertainty of the lengths [mm].
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from vtkmuscle.core.accuracy.estimate import segment_errors
+    >>> turn = np.linspace(0.0, np.pi / 2.0, 9)
+    >>> arc = 100.0 * np.column_stack([np.cos(turn), np.sin(turn), 0.0 * turn])
+    >>> float(50.0 * np.pi - 8 * 200.0 * np.sin(np.pi / 32.0))  # arc less chords
+    0.252...
+    >>> segment_errors(arc, np.array([0, 9])).round(2)
+    array([0.76])
+    """
+    fine = polyline_lengths(points, offsets)
+    return convergence_error_of_fine(_every_second(points, offsets), fine, order=CHORD_ORDER)
+
+
+def _every_second(points: Floats, offsets: Ints) -> Floats:
+    """Return the lengths (k,) by every second point and the last one."""
+    counts = np.diff(offsets)
+    place = np.arange(len(points)) - np.repeat(offsets[:-1], counts)
+    kept = (place % 2 == 0) | (place == np.repeat(counts, counts) - 1)
+    firsts = np.concatenate([[0], np.cumsum(kept)])[offsets]
+    return polyline_lengths(points[kept], firsts)

@@ -1,4 +1,4 @@
-"""The constraints of Kohout and Cervenka 2021 to the letter: eq. 1 to 7, edges one by one.
+"""The constraints of Kohout and Cervenka 2021 to the letter, edges one by one: eq. 1 to 7, and 9.
 
 doi:10.1007/978-3-030-72379-8_24. A projection moves points p against a constraint C(p) = 0 of stiffness k by
 
@@ -12,7 +12,7 @@ As the paper has it:
   and no denominator can vanish there.
 * The angle of eq. 6 is an arccosine, which does not know a ridge from a groove: an edge that was folded to
   the other side stays there. It is pi - abs(phi), with the signed angle phi of
-  :func:`~vtkmuscle.core.mesh.hinges.hinge`.
+  :func:`~vtkmuscle.core.mesh.rest_shape.hinge`.
 * A stiffness multiplies the correction of each iteration.
 
 Where the paper cannot be run as it reads:
@@ -33,9 +33,14 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from vtkmuscle.core.jit import lane, vector_kernel
 from vtkmuscle.core.mesh.enclosed_volume import volume_and_gradient
-from vtkmuscle.core.mesh.hinges import hinge
+from vtkmuscle.core.mesh.harmonic import harmonic_field, triangle_gradients
+from vtkmuscle.core.mesh.normals import unit_vectors
+from vtkmuscle.core.mesh.rest_shape import hinge
+from vtkmuscle.core.mesh.surface import MeshTopology
 from vtkmuscle.core.types import Floats, Ints
 
 
@@ -63,7 +68,7 @@ def sweep_angles(p: Floats, w: Floats, quads: Ints, rest: Floats, stiffness: flo
     With psi = arccos(n1 . n2) = pi - abs(phi), C = psi - psi0 = abs(phi0) - abs(phi), and its gradient is
     that of phi, times -sign(phi): the same as eq. 7 without its cancellation beside flat pairs.
 
-    quads : as of :class:`~vtkmuscle.core.mesh.topology.MeshTopology`;  rest : (q,) abs(phi0) [radians];
+    quads : as of :class:`~vtkmuscle.core.mesh.surface.MeshTopology`;  rest : (q,) abs(phi0) [radians];
     stiffness : per iteration.
     """
     for q in range(len(quads)):
@@ -129,3 +134,61 @@ def project_volume(
         for i in range(len(p)):
             for c in range(3):
                 p[i, c] -= s * w[i] * gradient[i, c]
+
+
+def edge_stiffness(points: Floats, edges: Ints, directions: Floats) -> Floats:
+    """Return k = 1 - |u . v| for each edge: 1 across the fibres, 0 along them.
+
+    Kohout and Cervenka 2021, eq. 9, which reads k = 1 - u . v. An edge has no sign, and so that reads as 0 or
+    as 2, by the order in which its ends are named; "if both vectors are collinear, the result will be zero"
+    says which: the absolute value.
+
+    Parameters
+    ----------
+    points : (n, 3) array
+        Positions [mm].
+    edges : (k, 2) int array
+        Point ids.
+    directions : (k, 3) array
+        Unit direction v of the fibres at each edge, 0 where there is none.
+
+    Returns
+    -------
+    (k,) array
+        In [0, 1].
+    """
+    difference = points[edges[:, 1]] - points[edges[:, 0]]
+    lengths = np.linalg.norm(difference, axis=1)
+    along = np.abs(np.einsum("ij,ij->i", difference, directions))
+    cosines = np.divide(along, lengths, out=np.zeros(len(edges)), where=lengths > 0)
+    stiffness: Floats = 1.0 - np.clip(cosines, 0.0, 1.0)
+    return stiffness
+
+
+def harmonic_directions(points: Floats, topology: MeshTopology, fixed_to: Ints) -> Floats | None:
+    """Return the direction from one end of a muscle to the other at each edge, where no fibres are known.
+
+    It is the mean of the unit gradients, in the edge's two triangles, of the harmonic function between the
+    points fixed to different bones (:func:`~vtkmuscle.core.mesh.harmonic.harmonic_field`).
+
+    Parameters
+    ----------
+    points : (n, 3) array
+        Positions [mm].
+    topology : MeshTopology
+        Of the muscle.
+    fixed_to : (n,) int array
+        Index of the bone each point is fixed to, -1 for free points.
+
+    Returns
+    -------
+    (k, 3) array or None
+        Unit directions, 0 where the function is constant (inside an attachment); None where fewer than two
+        bones have fixed points.
+    """
+    field = harmonic_field(points, topology.triangles, fixed_to)
+    if field is None:
+        return None
+    gradients = unit_vectors(triangle_gradients(points, topology.triangles, field))
+    gradients = np.vstack([gradients, np.zeros(3)])  # row -1: no triangle
+    return unit_vectors(gradients[topology.edge_triangles].sum(axis=1))

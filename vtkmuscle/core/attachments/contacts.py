@@ -207,8 +207,7 @@ def _check_end(
 def _ways(graph: csr_array, start: int | Ints) -> Floats:
     """Return how far points are from the nearest of some along the surface, -infinity where nothing leads."""
     ways = dijkstra(graph, directed=False, indices=start, min_only=True)
-    found: Floats = np.where(np.isfinite(ways), ways, -np.inf)
-    return found
+    return np.where(np.isfinite(ways), ways, -np.inf)
 
 
 def _outer(way: Floats, near: Bools) -> Bools:

@@ -1,10 +1,90 @@
-"""Rings of landmarks: how long they are, what they enclose, and the order in which they would be shortest."""
+"""Rings of landmarks: their length and order, the surfaces that they span, and those round a patch."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
+from vtkmuscle.core.mesh.surface import half_edges
 from vtkmuscle.core.types import Floats, Ints
+
+
+def discs_over(rings: Sequence[Floats]) -> tuple[Floats, Ints]:
+    """Return triangles that span rings, from each ring's mean to its sides.
+
+    On a coarse mesh the triangles between attached points leave out up to an edge's length along the rim of
+    an area, and an aponeurosis within a muscle is not on its surface at all: the ring is all that is known.
+
+    Parameters
+    ----------
+    rings : sequence of (k, 3) arrays
+        Boundaries of areas, in order; those of fewer than three points span nothing.
+
+    Returns
+    -------
+    points : (n, 3) array
+        Those of the rings, and the mean of each.
+    triangles : (m, 3) int array
+        Point ids.
+    """
+    points, triangles, first = [np.empty((0, 3))], [np.empty((0, 3), dtype=np.int64)], 0
+    for ring in rings:
+        count = len(ring)
+        if count < 3:
+            continue
+        number = first + np.arange(count)
+        triangles.append(np.column_stack([number, np.roll(number, -1), np.full(count, first + count)]))
+        points += [ring, ring.mean(axis=0)[None]]
+        first += count + 1
+    return np.vstack(points), np.vstack(triangles).astype(np.int64)
+
+
+#: Landmarks of an outline, at most: so the patches inside of them are 0.9 to 1.0 of the patches outlined.
+MOST_LANDMARKS = 40
+
+
+def outline(points: Floats, triangles: Ints, patch: Ints) -> tuple[Floats, bool]:
+    """Return points of the muscle along the boundary of a patch, in order.
+
+    The patch has to be connected. Holes in it are left out.
+
+    Parameters
+    ----------
+    points, triangles : (n, 3) array, (m, 3) int array
+        The muscle [mm]; point ids.
+    patch : (k,) int array
+        Point ids.
+
+    Returns
+    -------
+    landmarks : (j, 3) array
+        [mm]
+    closed : bool
+        True for a ring; False where the patch has no triangle, and its points are the landmarks.
+    """
+    edges = half_edges(triangles)
+    held = np.isin(edges, patch).all(axis=1)
+    inside = {(b, a) for a, b in edges[np.repeat(held.reshape(-1, 3).all(axis=1), 3)].tolist()}
+    following: dict[int, list[int]] = {}
+    for a, b in sorted({(a, b) for a, b in edges[held].tolist()} - inside):  # both ways between islands
+        following.setdefault(a, []).append(b)
+    if not inside:
+        spread = points[patch] - points[patch].mean(axis=0)
+        along = spread @ np.linalg.svd(spread, full_matrices=False)[2][0]
+        return points[patch[np.argsort(along, kind="stable")]], False
+    rings = []
+    for start in following:  # Hierholzer 1873, doi:10.1007/BF01442866: once along each edge
+        path, ring = [start], []
+        while path:
+            if following.get(path[-1]):
+                path.append(following[path[-1]].pop())
+            else:
+                ring.append(path.pop())
+        rings.append(ring)
+    longest = max(rings, key=len)
+    return points[longest[: -1 : -(-(len(longest) - 1) // MOST_LANDMARKS)]], True
+
 
 #: Passes over all pairs of edges, at most; a ring of a hundred points takes some ten.
 _MOST_PASSES = 200

@@ -7,11 +7,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from vtkmuscle.core.collision.clearance import Clearance
+from vtkmuscle.core.collision.distance_collision import Clearance
 from vtkmuscle.core.collision.muscle_contact import MuscleContact
 from vtkmuscle.core.collision.obstacles import Approach, Obstacle
-from vtkmuscle.core.motion.frames import inverses
-from vtkmuscle.core.motion.rigid import apply_transform, inverse
+from vtkmuscle.core.motion.rigid import apply_transform, inverse, inverses
 from vtkmuscle.core.types import Bools, Floats, Ints
 
 #: A bone that does not move.
@@ -282,8 +281,7 @@ class Contact:
 def _overlap(start: Floats, end: Floats, low: Floats, high: Floats) -> Bools:
     """Return whether the boxes of paths (n, 3), (n, 3) meet a box, (n,)."""
     apart = (np.maximum(start, end) < low) | (np.minimum(start, end) > high)
-    met: Bools = np.logical_not(apart.any(axis=1))
-    return met
+    return np.logical_not(apart.any(axis=1))
 
 
 def _moved_boxes(transforms: Floats, middles: Floats, halves: Floats) -> tuple[Floats, Floats]:

@@ -14,7 +14,7 @@ from vtkmuscle.core.deformation.settling import Settling
 from vtkmuscle.core.fixed_muscle import FixedMuscle
 from vtkmuscle.core.mesh.harmonic import harmonic_weights
 from vtkmuscle.core.mesh.rest_shape import RestShape
-from vtkmuscle.core.mesh.topology import MeshTopology
+from vtkmuscle.core.mesh.surface import MeshTopology
 from vtkmuscle.core.motion.blending import blend_motions
 from vtkmuscle.core.paths.lines import bones_at_ends, evenly_spread, lines_on_surface
 from vtkmuscle.core.paths.sheet import MusclePaths, PathState

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.polynomial import Polynomial
 
 from vtkmuscle.core.fibres.measures import centroid_path, section_areas
-from vtkmuscle.core.mesh.line_lengths import polyline_lengths
 from vtkmuscle.core.mesh.normals import unit_vectors
+from vtkmuscle.core.mesh.polylines import polyline_lengths
 from vtkmuscle.core.types import Floats, Ints
 
 #: Area of a muscle for the area of its tendon, at which both together are lightest (Ker, Alexander, Bennett

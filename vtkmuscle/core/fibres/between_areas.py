@@ -122,8 +122,7 @@ def straight_fibres(origin: EndSurface, insertion: EndSurface, count: int, resol
     starts, ends = even_places(_taken(origin, insertion, candidates), count)
     ends = ends[matched_places(starts, ends)]
     t = np.linspace(0.0, 1.0, resolution + 1)[:, None]
-    fibres: Floats = (1.0 - t) * starts[:, None] + t * ends[:, None]
-    return fibres
+    return (1.0 - t) * starts[:, None] + t * ends[:, None]
 
 
 def _taken(origin: EndSurface, insertion: EndSurface, candidates: Sequence[Floats]) -> Sequence[Floats]:

@@ -55,8 +55,7 @@ def _area_triangles(area: EndArea) -> Floats:
     triangles = faces_between(area.triangles, area.patch)
     if not len(triangles):
         triangles = np.repeat(area.patch[:, None], 3, axis=1)
-    corners: Floats = np.ascontiguousarray(area.points[triangles])
-    return corners
+    return np.ascontiguousarray(area.points[triangles])
 
 
 def _led_on(line: Floats, direction: Floats, height: float, corners: Floats) -> Floats:
@@ -77,8 +76,7 @@ def _led_on(line: Floats, direction: Floats, height: float, corners: Floats) -> 
     length = float(np.linalg.norm(ahead))
     if length == 0.0:
         return kept
-    led_on: Floats = np.vstack([kept, closest_to_ray(kept[-1], ahead / length, corners)])
-    return led_on
+    return np.vstack([kept, closest_to_ray(kept[-1], ahead / length, corners)])
 
 
 def closest_to_ray(start: Floats, ahead: Floats, corners: Floats) -> Floats:

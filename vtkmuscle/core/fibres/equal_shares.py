@@ -14,9 +14,10 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 from scipy.spatial import cKDTree
 
-from vtkmuscle.core.mesh.sampling import UNEVEN
 from vtkmuscle.core.types import Floats, Ints
 
+#: How much more some positions count than others, by their numbers, for the axes that divide them.
+UNEVEN = 0.1
 #: Positions by which each share of an area is known.
 CANDIDATES = 16
 #: Passes of Lloyd's relaxation. Of 333 places on plates of 30 x 10 and 5 x 60 mm the cells' sizes have a

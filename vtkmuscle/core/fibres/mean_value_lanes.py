@@ -177,8 +177,7 @@ def _half_f(u: float) -> float:
     series = _F7 + u * (_F8 + u * (_F9 + u * _F10))
     series = _F4 + u * (_F5 + u * (_F6 + u * series))
     series = _F1 + u * (_F2 + u * (_F3 + u * series))
-    half: float = 0.5 * _F0 + 0.5 * u * series
-    return half
+    return 0.5 * _F0 + 0.5 * u * series
 
 
 @vector_kernel

@@ -1,11 +1,13 @@
-"""What researchers publish of fibres: curvature, lines of action, cross-sections, smoothed length curves."""
+"""What researchers publish of fibres: curvature, lines of action, cross-sections, room, groups, curves."""
 
 from __future__ import annotations
 
 import numpy as np
+from scipy.cluster.vq import kmeans2
+from scipy.spatial import cKDTree
 
 from vtkmuscle.core.mesh.normals import triangle_normals
-from vtkmuscle.core.mesh.polylines import evenly_spaced, inner_points
+from vtkmuscle.core.mesh.polylines import evenly_spaced, inner_points, segment_distances
 from vtkmuscle.core.types import Bools, Floats, Ints
 
 
@@ -58,8 +60,7 @@ def line_of_action(points: Floats, offsets: Ints) -> Floats:
     """Return the unit vector (3,) from the mean start of polylines to their mean end; 0 if these coincide."""
     vector = points[offsets[1:] - 1].mean(axis=0) - points[offsets[:-1]].mean(axis=0)
     length = float(np.linalg.norm(vector))
-    direction: Floats = vector / length if length > 0.0 else np.zeros(3)
-    return direction
+    return vector / length if length > 0.0 else np.zeros(3)
 
 
 def angles_to(points: Floats, offsets: Ints, direction: Floats) -> Floats:
@@ -160,3 +161,87 @@ def smoothed_curve(values: Floats, *, passes: int = 5) -> Floats:
     for _ in range(passes if len(result) > 2 else 0):
         result[1:-1] = (result[:-2] + 4.0 * result[1:-1] + result[2:]) / 6.0
     return result
+
+
+#: Neighbours that are looked at first, of which a fibre's own points are some.
+_FIRST_NEIGHBOURS = 12
+
+
+def filling_radius(volume: float, total_length: float) -> float:
+    """Return the radius [mm] of tubes in hexagonal packing, whose cells of 2 sqrt(3) r^2 fill a volume.
+
+    Parameters
+    ----------
+    volume : float
+        Of the muscle [mm^3].
+    total_length : float
+        Of all fibres, > 0 [mm].
+    """
+    return float(np.sqrt(volume / (2.0 * np.sqrt(3.0) * total_length)))
+
+
+def room_between(points: Floats, offsets: Ints) -> Floats:
+    """Return the distance of each point of polylines from the nearest other polyline.
+
+    Of the other lines' points the nearest one is found, and the distance is that to the segments on its two
+    sides; infinite where there is one line only. Points are (n, 3), offsets the first point of each line, and
+    n; the distances (n,), in the unit of the points.
+    """
+    line_of = np.repeat(np.arange(len(offsets) - 1), np.diff(offsets))
+    nearest = np.full(len(points), -1, dtype=np.int64)
+    if len(offsets) > 2:
+        tree = cKDTree(points)
+        open_ = np.arange(len(points))
+        count = _FIRST_NEIGHBOURS
+        while len(open_):
+            count = min(count, len(points))
+            found = tree.query(points[open_], k=[*range(1, count + 1)])[1]
+            foreign = line_of[found] != line_of[open_, None]
+            some = foreign.any(axis=1)
+            nearest[open_[some]] = found[some, foreign[some].argmax(axis=1)]
+            open_ = open_[~some]
+            count *= 4
+    room = np.full(len(points), np.inf)
+    known = nearest >= 0
+    for step in (-1, 1):
+        other = np.clip(nearest[known] + step, 0, len(points) - 1)
+        other = np.where(line_of[other] == line_of[nearest[known]], other, nearest[known])
+        distances = segment_distances(points[known], points[nearest[known]], points[other])
+        room[known] = np.minimum(room[known], distances)
+    return room
+
+
+def group_fibres(lengths: Floats, count: int) -> Ints:
+    """Return the group of each fibre (n,), of fibres that lengthen alike.
+
+    k-means of the lengths' changes from their means over the poses: fibres of one group have the same moment
+    arms, whatever their lengths are.
+
+    Parameters
+    ----------
+    lengths : (f, n) array
+        Of each fibre in each pose.
+    count : int
+        Number of groups; fewer come out where fibres are fewer, or are alike.
+    """
+    changes = (lengths - lengths.mean(axis=0)).T
+    distinct = len(np.unique(changes.round(12), axis=0))
+    count = max(1, min(count, distinct))
+    if count == 1:
+        return np.zeros(len(changes), dtype=np.int64)
+    _, labels = kmeans2(changes, count, minit="++", rng=np.random.default_rng(0), missing="warn")
+    # Groups by their first fibre, without those that came out empty.
+    _, first, plain = np.unique(labels, return_index=True, return_inverse=True)
+    rank = np.argsort(np.argsort(first))
+    return rank[plain].astype(np.int64)
+
+
+def group_errors(lengths: Floats, groups: Ints) -> Floats:
+    """Return the RMS (n,) of each fibre's change of length against that of its group, in its unit."""
+    changes = lengths - lengths.mean(axis=0)
+    errors = np.zeros(lengths.shape[1])
+    for group in range(int(groups.max()) + 1):
+        mine = groups == group
+        off = changes[:, mine] - changes[:, mine].mean(axis=1, keepdims=True)
+        errors[mine] = np.sqrt((off**2).mean(axis=0))
+    return errors

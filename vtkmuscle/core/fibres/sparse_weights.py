@@ -231,8 +231,7 @@ def _make_up(weights: csr_array, means: Floats, sizes: Ints, queries: Floats) ->
     counts, starts = sizes[weights.indices], weights.indptr[:-1]
 
     def summed(values: Floats) -> Floats:
-        sums: Floats = np.add.reduceat(values, starts)
-        return sums
+        return np.add.reduceat(values, starts)
 
     matrices = summed((counts[:, None, None] * terms[:, :, None]) * terms[:, None])
     scales = np.sqrt(np.maximum(np.diagonal(matrices, axis1=1, axis2=2), np.finfo(float).tiny))
@@ -245,5 +244,4 @@ def _make_up(weights: csr_array, means: Floats, sizes: Ints, queries: Floats) ->
     weights.data += change
     products = weights.data[:, None] * terms
     left = np.abs(wanted - summed(products)) <= _MADE_UP * (wanted + summed(np.abs(products)))
-    made_up: Bools = left.all(axis=1) & (summed(np.abs(change)) <= most)
-    return made_up
+    return left.all(axis=1) & (summed(np.abs(change)) <= most)

@@ -1,4 +1,4 @@
-"""Fibres spread evenly through a muscle: each moves to the middle of what is nearest to it.
+"""Fibres spread evenly through a muscle, each in the middle of what is nearest to it, and smoothed.
 
 Lloyd's relaxation, 1982, doi:10.1109/TIT.1982.1056489, of curves instead of points: the cell of a fibre is
 the part of the muscle that is nearer to it than to the others, and each place along it goes to the centre of
@@ -16,10 +16,60 @@ from functools import lru_cache
 import numpy as np
 
 from vtkmuscle.core.jit import kernel
-from vtkmuscle.core.mesh.polylines import evenly_spaced, segment_lengths
+from vtkmuscle.core.mesh.polylines import evenly_spaced, segment_lengths, smooth_polylines
 from vtkmuscle.core.mesh.surface import sorted_into_bins
 from vtkmuscle.core.space_order import space_order
 from vtkmuscle.core.types import Floats, Ints
+
+
+def smooth_about_course(points: Floats, offsets: Ints, k: float, passes: int) -> Floats:
+    """Return fibres of which what differs from their common course is smoothed, end points kept.
+
+    A three-point mean moves the points of a bend of radius R, h apart, inwards by h^2 / (R (k + 2)): each
+    pass over fibres of 15 segments round a roller costs up to 2 mm. But what fibres have in common, the mean
+    of their points, is the muscle's own course and no noise. So what the passes do to it is taken back.
+
+    Parameters
+    ----------
+    points, offsets : (n, 3) array, (m + 1,) int array
+        Positions [mm]; first point of each line, and n.
+    k : float
+        Weight of the middle point, >= 0.
+    passes : int
+        Number of passes, >= 0.
+
+    Returns
+    -------
+    (n, 3) array
+        New positions [mm]. Where there is one line, or lines differ in their numbers of points, there is no
+        common course, and lines are smoothed as they are.
+
+    References
+    ----------
+    Kohout et al. 2012, *Muscle Fibres Modelling*, section 3.4, has the passes, but no course.
+
+    Examples
+    --------
+    Two fibres alike round a bend stay where they are:
+
+    >>> import numpy as np
+    >>> from vtkmuscle.core.fibres.spreading import smooth_about_course
+    >>> turns = np.linspace(0.0, 1.5, 9)
+    >>> bend = 20.0 * np.column_stack([np.cos(turns), np.sin(turns), 0.0 * turns])
+    >>> fibres = np.vstack([bend, bend + [0.0, 0.0, 4.0]])
+    >>> smoothed = smooth_about_course(fibres, np.array([0, 9, 18]), 4.0, 5)
+    >>> bool(np.allclose(smoothed, fibres))
+    True
+    """
+    smoothed: Floats = smooth_polylines(points, offsets, k, passes)
+    counts = np.diff(offsets)
+    if len(counts) < 2 or (counts != counts[0]).any():
+        return smoothed
+    course = points.reshape(len(counts), -1, 3).mean(axis=0)
+    drawn_in = course - smooth_polylines(course, offsets[:2], k, passes)
+    kept: Floats = smoothed + np.tile(drawn_in, (len(counts), 1))
+    return kept
+
 
 #: Places along a fibre that are moved; what is between them follows.
 STATIONS = 16
@@ -168,8 +218,7 @@ def _blur(passes: int) -> Floats:
     """Return the matrix (STATIONS, STATIONS) that gives means of neighbours and keeps the sum."""
     once = 0.5 * np.eye(STATIONS) + 0.25 * (np.eye(STATIONS, k=1) + np.eye(STATIONS, k=-1))
     once[0, 0] = once[-1, -1] = 0.75
-    blur: Floats = np.linalg.matrix_power(once, passes)
-    return blur
+    return np.linalg.matrix_power(once, passes)
 
 
 @kernel

@@ -64,8 +64,7 @@ class Tendons:
         return self._chords(*ends) + np.where(self._bent[:, None, None], bows, 0.0)
 
     def _chords(self, starts: Floats, ends: Floats) -> Floats:
-        chords: Floats = (1.0 - self._share) * starts[:, None] + self._share * ends[:, None]
-        return chords
+        return (1.0 - self._share) * starts[:, None] + self._share * ends[:, None]
 
 
 class _Beside:

@@ -16,8 +16,13 @@ from scipy.optimize import linear_sum_assignment
 from scipy.spatial import cKDTree
 from scipy.spatial.distance import cdist
 
-from vtkmuscle.core.mesh.line_lengths import polyline_lengths
-from vtkmuscle.core.mesh.polylines import evenly_spaced, inner_points, places_along, segment_lengths
+from vtkmuscle.core.mesh.polylines import (
+    evenly_spaced,
+    inner_points,
+    places_along,
+    polyline_lengths,
+    segment_lengths,
+)
 from vtkmuscle.core.mesh.sampling import PatchSamples
 from vtkmuscle.core.types import Floats, Ints
 
@@ -250,8 +255,7 @@ def _sharpest_turns(points: Floats, offsets: Ints) -> Floats:
     sines = np.linalg.norm(np.cross(before, after), axis=1)
     turns = np.zeros(len(points))
     turns[i] = np.degrees(np.arctan2(sines, (before * after).sum(axis=1)))
-    sharpest: Floats = np.maximum.reduceat(turns, offsets[:-1])
-    return sharpest
+    return np.maximum.reduceat(turns, offsets[:-1])
 
 
 def _departures(points: Floats, offsets: Ints, arcs: Floats) -> tuple[Floats, Floats]:
@@ -327,12 +331,10 @@ def beyond_plane(points: Floats, offsets: Ints, heights: Floats) -> Floats:
     lengths[through] *= heights[through] / (heights - before)[through]
     last = np.maximum.reduceat(np.where(heights > 0.0, -1, number), offsets[:-1])  # on this side
     lengths[number <= np.repeat(last, np.diff(offsets))] = 0.0
-    beyond: Floats = np.add.reduceat(lengths, offsets[:-1])
-    return beyond
+    return np.add.reduceat(lengths, offsets[:-1])
 
 
 def _reversed_order(offsets: Ints) -> Ints:
     """Return the ids of all points, those of each line backwards."""
     sums = np.repeat(offsets[:-1] + offsets[1:] - 1, np.diff(offsets))
-    order: Ints = sums - np.arange(offsets[-1])
-    return order
+    return sums - np.arange(offsets[-1])

@@ -131,8 +131,7 @@ def _excess(triangles: Ints) -> Ints:
     ends = np.column_stack([triangles.reshape(-1), np.roll(triangles, -1, axis=1).reshape(-1)])[first[edges]]
     backward = (ends[:, 0] < ends[:, 1]) != (balance[edges] > 0)
     ends[backward] = ends[backward][:, ::-1]
-    repeated: Ints = np.repeat(ends, np.abs(balance[edges]), axis=0)
-    return repeated
+    return np.repeat(ends, np.abs(balance[edges]), axis=0)
 
 
 def welded(points: Floats, triangles: Ints) -> tuple[Floats, Ints]:

@@ -91,8 +91,7 @@ def harmonic_extension(points: Floats, triangles: Ints, known: Ints, values: Flo
         inner, border = rows[:, free], rows[:, known]
         result[free] = _solved(inner, -(border @ values))
     low, high = values.min(axis=0), values.max(axis=0)
-    bounded: Floats = np.clip(result, low, high)
-    return bounded
+    return np.clip(result, low, high)
 
 
 def _solved(matrix: csr_array, right: Floats) -> Floats:
@@ -187,8 +186,7 @@ def harmonic_field(points: Floats, triangles: Ints, fixed_to: Ints) -> Floats | 
     value = (apart[end] < apart[start]).astype(np.float64)
     value[start], value[end] = 0.0, 1.0
     extension = harmonic_extension(points, triangles, known, value[column][:, None])
-    field: Floats = extension[:, 0]
-    return field
+    return extension[:, 0]
 
 
 def triangle_gradients(points: Floats, triangles: Ints, field: Floats) -> Floats:

@@ -14,8 +14,7 @@ CREASE = 60.0
 def triangle_normals(points: Floats, triangles: Ints) -> Floats:
     """Return (b - a) x (c - a) for each triangle, (m, 3): twice the area long, not normalised."""
     a, b, c = (points[triangles[:, i]] for i in range(3))
-    normals: Floats = np.cross(b - a, c - a)
-    return normals
+    return np.cross(b - a, c - a)
 
 
 def vertex_normals(points: Floats, triangles: Ints) -> Floats:

@@ -12,6 +12,7 @@ from scipy.spatial import cKDTree
 from vtkmuscle.core.mesh.normals import triangle_normals
 from vtkmuscle.core.mesh.surface import faces_between, unique_edges
 from vtkmuscle.core.sobol import sobol
+from vtkmuscle.core.space_order import space_order
 from vtkmuscle.core.types import Bools, Floats, Ints
 
 #: Blocks of as many positions as wanted that are looked through: bodies fill most of a tenth of their boxes.
@@ -21,9 +22,13 @@ LAYERS = 16
 #: Root of g^3 = g + 1: remainders of multiples of 1 / g and 1 / g^2 are spread evenly over a square, however
 #: many are taken (Roberts 2018, *The unreasonable effectiveness of quasirandom sequences*).
 GOLDEN = 1.324717957244746
-#: How much more some points of a body count than others for its axes: enough to decide between axes that are
-#: as long, and too little to turn others.
-UNEVEN = 0.1
+#: How much more some points of a body count than others for its axes, by their numbers: enough to decide
+#: between axes that are as long, far more than rounding, and too little to turn others.
+UNEVEN = 1e-3
+#: A direction along which the corners of no triangle are level.
+GENERIC = np.array([1.0, 1.0 / GOLDEN, 1.0 / GOLDEN**2])
+#: Digits of a place within an extent by which triangles are put in order: more are rounding.
+PLACES = 1e7
 #: How far positions are moved on along parts in a row: more than rounding, too little to be seen.
 OFF_BOUNDS = 1e-9
 #: Sets of evenly spread positions that are kept of an area.
@@ -87,7 +92,7 @@ class PatchSamples:
     """
 
     def __init__(self, points: Floats, triangles: Ints, patch: Ints) -> None:
-        self._faces = faces_between(triangles, patch)
+        self._faces = _in_own_order(points, faces_between(triangles, patch))
         self._areas = np.linalg.norm(triangle_normals(points, self._faces), axis=1)
         self._points, self._patch = points, patch
         self._edges = unique_edges(triangles) if not self._areas.sum() > 0 else np.empty((0, 2), np.int64)
@@ -172,6 +177,50 @@ def uneven_weights(count: int) -> Floats:
     return fractions
 
 
+def heavy_side(points: Floats) -> Floats:
+    """Return a direction (d,) in which points (n, d) reach farther than the other way.
+
+    That is their third moment, which no order of the points changes. Where symmetry leaves none, the numbers
+    of the points decide, and not rounding.
+    """
+    arms = points - points.mean(axis=0)
+    squares = (arms**2).sum(axis=1)
+    uneven = UNEVEN * squares.mean() * (uneven_weights(len(arms)) - 0.5)
+    side: Floats = (squares + uneven) @ arms
+    return side
+
+
+def own_axes(points: Floats) -> tuple[Floats, Floats]:
+    """Return the mean of points (n, 3), and their axes (3, 3), a row each and the longest first.
+
+    They go with the points where these move, and depend on their order only where symmetry leaves a choice.
+    """
+    centre = points.mean(axis=0)
+    arms = points - centre
+    weights = 1.0 + UNEVEN * (uneven_weights(len(points)) - 0.5)
+    axes = np.linalg.eigh((arms * weights[:, None]).T @ arms)[1].T[::-1].copy()
+    axes *= np.where(axes @ heavy_side(points) < 0.0, -1.0, 1.0)[:, None]
+    return centre, axes
+
+
+def _in_own_order(points: Floats, faces: Ints) -> Ints:
+    """Return triangles in an order, and each from a corner, that their numbers do not decide.
+
+    Neighbours stay together: even sequences of numbers then fall evenly on them.
+    """
+    if not len(faces):
+        return faces
+    middles = points[faces].mean(axis=1)
+    centre, axes = own_axes(middles)
+    places = (middles - centre) @ axes.T
+    places = np.round(places * (PLACES / max(float(np.ptp(places, axis=0).max()), 1e-300)))
+    by_place = np.lexsort(places.T[::-1])
+    ordered = faces[by_place[space_order(places[by_place])]]
+    first = ((points[ordered] - centre) @ axes.T @ GENERIC).argmin(axis=1)
+    turned: Ints = np.take_along_axis(ordered, (first[:, None] + np.arange(3)) % 3, axis=1)
+    return turned
+
+
 def samples_inside(inside: Callable[[Floats], Bools], points: Floats, count: int) -> Floats:
     """Return positions of even density in a body; where the body moves they move with it.
 
@@ -193,13 +242,7 @@ def samples_inside(inside: Callable[[Floats], Bools], points: Floats, count: int
         Column by column, the columns from a low-discrepancy sequence: more positions begin with the same
         ones [mm]. Fewer than `count` where the body has next to no volume.
     """
-    centre = points.mean(axis=0)
-    # A round body has no second axis, and any axis may as well point the other way: rounding would decide.
-    # Points that count for more or less, by their numbers, decide instead.
-    weights = np.random.default_rng(0).random(len(points))
-    scales = np.sqrt(1.0 + UNEVEN * weights)[:, None]
-    axes = np.linalg.svd(scales * (points - centre), full_matrices=False)[2]
-    axes *= np.where(weights @ (points - centre) @ axes.T < 0.0, -1.0, 1.0)[:, None]
+    centre, axes = own_axes(points)
     along = (points - centre) @ axes.T
     low, high = along.min(axis=0), along.max(axis=0)
     block = -(-count // LAYERS)

@@ -1,9 +1,9 @@
-"""What is made from a surface, made once for all who hold it: the muscles of a scene share their bones."""
+"""What is made once for all who ask: of a surface that several muscles share, or for the last few keys."""
 
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Hashable, Iterator
 from contextlib import contextmanager
 from functools import wraps
 from hashlib import blake2b
@@ -13,6 +13,39 @@ from weakref import WeakValueDictionary
 
 import numpy as np
 from numpy.typing import NDArray
+
+
+class Recent:
+    """Keeps what was found out for the last few keys, and forgets what has not been asked for longest.
+
+    Parameters
+    ----------
+    most : int
+        How many things are kept, >= 1.
+
+    Examples
+    --------
+    >>> from vtkmuscle.core.mesh.shared import Recent
+    >>> recent = Recent(2)
+    >>> recent("a", lambda: 1), recent("a", lambda: 2)
+    (1, 1)
+    """
+
+    def __init__(self, most: int) -> None:
+        self._most = most
+        self._found: dict[Hashable, Any] = {}
+
+    def __call__(self, key: Hashable, find: Callable[[], Any]) -> Any:
+        """Return what is kept for a key, or else what a function finds, which is kept from now on."""
+        try:
+            found = self._found.pop(key)
+        except KeyError:
+            found = find()
+        self._found[key] = found
+        for oldest in list(self._found)[: -self._most]:
+            self._found.pop(oldest, None)
+        return found
+
 
 T = TypeVar("T")
 P = ParamSpec("P")

@@ -1,18 +1,195 @@
-"""The parts of a surface, closed: exact distances from them, and what is inside of them."""
+"""What is inside of closed surfaces, and how far points are from them: of bones, and of muscles that bend."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from threading import Lock
+from weakref import WeakSet
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from vtkmuscle.core.errors import InputError
+from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.mesh.closed_shells import closed_shells
-from vtkmuscle.core.mesh.inside import points_inside
 from vtkmuscle.core.mesh.shared import shared
-from vtkmuscle.core.mesh.triangle_tree import TriangleTree, triangle_tree
+from vtkmuscle.core.mesh.triangle_tree import TriangleTree, tree_of_bent, triangle_tree
 from vtkmuscle.core.types import Bools, Floats, Ints
+
+#: Boxes are larger by this part of the coordinates, so that rounding hides no triangle from a ray.
+_ROUNDING = 1e-14
+
+
+def points_inside(queries: Floats, tree: TriangleTree) -> Bools:
+    """Return which points are inside of a closed surface, by the number of triangles beyond them.
+
+    Rays run along the axis that the points are least spread along: across a long muscle, where few of its
+    boxes are in line. Seen along the rays, of two triangles that share an edge exactly one has a place on it:
+    no ray slips through.
+
+    Parameters
+    ----------
+    queries : (k, 3) array
+        Points.
+    tree : TriangleTree
+        Of the surface; closed, whichever way its triangles face.
+
+    Returns
+    -------
+    (k,) bool array
+        True inside; on the surface either.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from vtkmuscle.core.mesh.solids import points_inside
+    >>> from vtkmuscle.core.mesh.triangle_tree import triangle_tree
+    >>> corners = np.vstack([np.zeros(3), np.eye(3)])
+    >>> tree = triangle_tree(corners, np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]))
+    >>> points_inside(np.array([[0.2, 0.2, 0.2], [0.4, 0.4, 0.4]]), tree).tolist()
+    [True, False]
+    """
+    inside = np.zeros(len(queries), dtype=np.bool_)
+    if len(queries):
+        along = int(np.ptp(queries, axis=0).argmin())
+        slack = _ROUNDING * float(np.abs(tree.boxes[0]).max())
+        stack = np.empty(64, dtype=np.int64)
+        _count(np.ascontiguousarray(queries), tree.corners, tree.boxes, along, slack, stack, inside)
+    return inside
+
+
+@kernel
+def _count(
+    queries: Floats, corners: Floats, boxes: Floats, along: int, slack: float, stack: Ints, inside: Bools
+) -> None:
+    """Write whether the triangles above each point are odd in number; stack is working memory."""
+    n, n_leaves = len(corners), (len(boxes) + 1) // 2
+    one, two = (along + 1) % 3, (along + 2) % 3
+    for q in range(len(queries)):
+        x, y, z = queries[q, one], queries[q, two], queries[q, along]
+        stack[0], size, odd = 0, 1, False
+        while size:
+            size -= 1
+            node = stack[size]
+            if x + slack < boxes[node, one] or x - slack > boxes[node, 3 + one]:
+                continue
+            if y + slack < boxes[node, two] or y - slack > boxes[node, 3 + two]:
+                continue
+            if z - slack > boxes[node, 3 + along]:
+                continue
+            if node < n_leaves - 1:
+                stack[size], stack[size + 1] = 2 * node + 1, 2 * node + 2
+                size += 2
+                continue
+            leaf = node - (n_leaves - 1)
+            for i in range(leaf * n // n_leaves, (leaf + 1) * n // n_leaves):
+                if _is_below(queries[q], corners[i, 0], corners[i, 1], corners[i, 2], along):
+                    odd = not odd
+        inside[q] = odd
+
+
+@kernel
+def _is_below(query: Floats, a: Floats, b: Floats, c: Floats, along: int) -> bool:
+    """Return True where a triangle is above a point, seen along an axis; an edge is of one of its sides."""
+    one, two = (along + 1) % 3, (along + 2) % 3
+    x, y = query[one], query[two]
+    ax, ay, bx, by, cx, cy = a[one], a[two], b[one], b[two], c[one], c[two]
+    within = _crosses(x, y, ax, ay, bx, by) != _crosses(x, y, bx, by, cx, cy)
+    if within == _crosses(x, y, cx, cy, ax, ay):
+        return False
+    ux, uy, uz = bx - ax, by - ay, b[along] - a[along]
+    vx, vy, vz = cx - ax, cy - ay, c[along] - a[along]
+    area = ux * vy - uy * vx
+    if area == 0.0:
+        return False
+    first = ((x - ax) * vy - (y - ay) * vx) / area
+    second = (ux * (y - ay) - uy * (x - ax)) / area
+    return bool(a[along] + first * uz + second * vz > query[along])
+
+
+@kernel
+def _crosses(x: float, y: float, ax: float, ay: float, bx: float, by: float) -> bool:
+    """Return True where an edge crosses the ray from a place towards greater x, whichever way it runs."""
+    if (ay > y) == (by > y):
+        return False
+    # From the lower end on, so that the edge's other triangle gets the same answer to the last digit.
+    if ay > by:
+        ax, ay, bx, by = bx, by, ax, ay
+    return bool(ax + (y - ay) / (by - ay) * (bx - ax) > x)
+
+
+class BentSurface:
+    """A surface in one of its shapes, and what several ask of it there.
+
+    Parameters
+    ----------
+    tree : TriangleTree
+        Of that shape.
+    """
+
+    def __init__(self, tree: TriangleTree) -> None:
+        self.tree = tree
+        self._asked, self._inside = np.empty((0, 3)), np.empty(0, dtype=np.bool_)
+
+    def is_of(self, points: Floats, triangles: Ints) -> bool:
+        """Return whether it is the surface of these points (n, 3) and triangles (m, 3)."""
+        return np.array_equal(self.tree.points, points) and np.array_equal(self.tree.triangles, triangles)
+
+    def inside(self, queries: Floats) -> Bools:
+        """Return which points (k, 3) are inside, where it is closed, (k,).
+
+        Of points that were asked for just before, only those that have moved since are looked at.
+        """
+        if queries.shape != self._asked.shape:
+            self._asked, self._inside = queries.copy(), points_inside(queries, self.tree)
+        else:
+            moved = (queries != self._asked).any(axis=1)
+            self._asked[moved] = queries[moved]
+            self._inside[moved] = points_inside(queries[moved], self.tree)
+        return self._inside.copy()
+
+
+#: Those that somebody holds.
+_held: WeakSet[BentSurface] = WeakSet()
+_lock = Lock()
+
+
+def bent_surface(points: Floats, triangles: Ints, known: TriangleTree | None) -> BentSurface:
+    """Return a surface in one of its shapes, the same object as long as anyone holds it.
+
+    Carrying fibres, measuring them and judging the frame each ask for the nearest places on the same bent
+    muscle. Content decides which it is.
+
+    Parameters
+    ----------
+    points, triangles : (n, 3) array, (m, 3) int array
+        Positions, finite; point ids, m >= 1.
+    known : TriangleTree or None
+        Of another shape of the surface, for :func:`~vtkmuscle.core.mesh.triangle_tree.tree_of_bent`.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from vtkmuscle.core.mesh.solids import bent_surface
+    >>> points, triangles = np.eye(3), np.array([[0, 1, 2]])
+    >>> surface = bent_surface(points, triangles, None)
+    >>> bent_surface(points.copy(), triangles, None) is surface
+    True
+    """
+    with _lock:
+        held = list(_held)
+    for surface in held:
+        if surface.is_of(points, triangles):
+            return surface
+    if known is not None and np.array_equal(known.triangles, triangles):
+        triangles = known.triangles
+    else:
+        triangles = triangles.copy()
+    surface = BentSurface(tree_of_bent(known, points.copy(), triangles))  # the caller's points may change
+    with _lock:
+        _held.add(surface)
+    return surface
+
 
 #: What stands for the distance of what is too far away to matter, or not known yet.
 FAR = 1e30
@@ -173,8 +350,7 @@ def _runs_in_reach(points: Floats, least: Floats, run: int, tree: TriangleTree) 
     apart = np.linalg.norm(
         np.maximum(np.maximum(tree.boxes[0, :3] - high, low - tree.boxes[0, 3:]), 0.0), axis=1
     )
-    near: Ints = np.flatnonzero(np.repeat(apart <= np.maximum.reduceat(least, starts), run)[: len(points)])
-    return near
+    return np.flatnonzero(np.repeat(apart <= np.maximum.reduceat(least, starts), run)[: len(points)])
 
 
 def _checked(points: ArrayLike) -> Floats:

@@ -1,12 +1,115 @@
-"""The nearest triangles of points, searched for in a tree of boxes one point after another."""
+"""The nearest triangles of points, searched for in a tree of boxes: one by one, or side by side."""
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
-from vtkmuscle.core.jit import kernel
-from vtkmuscle.core.mesh.triangle_distance import FACE, distance2_to_box, nearest_on_triangle
+from vtkmuscle.core.jit import kernel, vector_kernel
+from vtkmuscle.core.mesh.normals import triangle_normals, unit_vectors
+from vtkmuscle.core.mesh.surface import numbered_edges
 from vtkmuscle.core.types import Floats, Ints
+
+#: Where on a triangle a point is: in its face, on the edge from corner k to the next, or at corner k.
+FACE, EDGE, CORNER = 0, 1, 4
+
+
+@kernel
+def nearest_on_triangle(  # noqa: PLR0911 -- one for each region
+    px: float, py: float, pz: float, a: Floats, b: Floats, c: Floats
+) -> tuple[float, float, float, int]:
+    """Return the point of triangle abc that is nearest to p, and where on the triangle it is.
+
+    Voronoi regions of the corners, edges and face, Ericson 2005, *Real-time collision detection*, 5.1.5.
+    a, b, c : (3,).  The last number is FACE, EDGE + k (from corner k to the next) or CORNER + k.
+    """
+    abx, aby, abz = b[0] - a[0], b[1] - a[1], b[2] - a[2]
+    acx, acy, acz = c[0] - a[0], c[1] - a[1], c[2] - a[2]
+    apx, apy, apz = px - a[0], py - a[1], pz - a[2]
+    d1, d2 = abx * apx + aby * apy + abz * apz, acx * apx + acy * apy + acz * apz
+    if d1 <= 0.0 and d2 <= 0.0:
+        return a[0], a[1], a[2], CORNER
+    bpx, bpy, bpz = px - b[0], py - b[1], pz - b[2]
+    d3, d4 = abx * bpx + aby * bpy + abz * bpz, acx * bpx + acy * bpy + acz * bpz
+    if d3 >= 0.0 and d4 <= d3:
+        return b[0], b[1], b[2], CORNER + 1
+    vc = d1 * d4 - d3 * d2
+    if vc <= 0.0 and d1 >= 0.0 and d3 <= 0.0:
+        t = d1 / (d1 - d3)
+        return a[0] + t * abx, a[1] + t * aby, a[2] + t * abz, EDGE
+    cpx, cpy, cpz = px - c[0], py - c[1], pz - c[2]
+    d5, d6 = abx * cpx + aby * cpy + abz * cpz, acx * cpx + acy * cpy + acz * cpz
+    if d6 >= 0.0 and d5 <= d6:
+        return c[0], c[1], c[2], CORNER + 2
+    vb = d5 * d2 - d1 * d6
+    if vb <= 0.0 and d2 >= 0.0 and d6 <= 0.0:
+        t = d2 / (d2 - d6)
+        return a[0] + t * acx, a[1] + t * acy, a[2] + t * acz, EDGE + 2
+    va = d3 * d6 - d5 * d4
+    if va <= 0.0 and d4 >= d3 and d5 >= d6:
+        t = (d4 - d3) / ((d4 - d3) + (d5 - d6))
+        return b[0] + t * (c[0] - b[0]), b[1] + t * (c[1] - b[1]), b[2] + t * (c[2] - b[2]), EDGE + 1
+    scale = 1.0 / (va + vb + vc)
+    v, w = vb * scale, vc * scale
+    return a[0] + v * abx + w * acx, a[1] + v * aby + w * acy, a[2] + v * abz + w * acz, FACE
+
+
+@kernel
+def distance2_to_box(box: Floats, x: float, y: float, z: float) -> float:
+    """Return the squared distance of a point from a box, its low and high corner (6,); 0 inside."""
+    dx = max(box[0] - x, x - box[3], 0.0)
+    dy = max(box[1] - y, y - box[4], 0.0)
+    dz = max(box[2] - z, z - box[5], 0.0)
+    distance2: float = dx * dx + dy * dy + dz * dz
+    return distance2
+
+
+class Pseudonormals(NamedTuple):
+    """Normals from which the side of a point follows, given its nearest point of a closed surface.
+
+    A point is outside where its offset from the nearest point of the surface goes along the normal there,
+    inside where it goes against it. At an edge that is the sum of the unit normals of its triangles; at a
+    corner the sum of these times the triangles' angles at the corner: Baerentzen, Aanaes 2005,
+    doi:10.1109/TVCG.2005.49.
+
+    Attributes
+    ----------
+    normals : (k, 3) array
+        Of triangles, edges and points, of any length.
+    numbers : (m, 7) int array
+        Row of ``normals`` for each triangle and region: FACE, EDGE + k and CORNER + k.
+    """
+
+    normals: Floats
+    numbers: Ints
+
+    def at(self, triangles: Ints, regions: Ints) -> Floats:
+        """Return the normals (q, 3) where the nearest points are, in regions (q,) of triangles (q,)."""
+        return self.normals[self.numbers[triangles, regions]]
+
+
+def pseudonormals(points: Floats, triangles: Ints) -> Pseudonormals:
+    """Return the normals of a surface, points (n, 3) and triangles (m, 3) that face outward."""
+    faces = unit_vectors(triangle_normals(points, triangles))
+    corners = points[triangles]
+    onward, back = np.roll(corners, -1, axis=1) - corners, np.roll(corners, 1, axis=1) - corners
+    # atan2 keeps small angles exact, and is 0 for triangles without area.
+    sines = np.linalg.norm(np.cross(onward, back), axis=2)
+    angles = np.arctan2(sines, (onward * back).sum(axis=2)).reshape(-1)
+    edge_of = numbered_edges(triangles)[1]
+    parts = [faces]
+    for at, weights, count in (
+        (edge_of, np.ones(len(angles)), int(edge_of.max(initial=-1)) + 1),
+        (triangles.reshape(-1), angles, len(points)),
+    ):
+        sums = [np.bincount(at, weights * np.repeat(axis, 3), count) for axis in faces.T]
+        parts.append(np.column_stack(sums))
+    first, second = len(faces), len(faces) + len(parts[1])
+    own = np.arange(len(faces))[:, None]
+    return Pseudonormals(
+        np.vstack(parts), np.hstack([own, first + edge_of.reshape(-1, 3), second + triangles])
+    )
 
 
 @kernel
@@ -61,7 +164,7 @@ def search_tree(
     Parameters
     ----------
     corners, boxes, discs, queries, places
-        As of :func:`~vtkmuscle.core.mesh.packet_search.search_in_packets`.
+        As of :func:`~vtkmuscle.core.mesh.tree_search.search_in_packets`.
     stack, near : (64,) arrays
         Working memory, as deep as the tree.
     """
@@ -103,5 +206,159 @@ def search_tree(
 @kernel
 def _distance2(corners: Floats, x: float, y: float, z: float) -> float:
     px, py, pz, _ = nearest_on_triangle(x, y, z, corners[0], corners[1], corners[2])
-    distance2: float = (px - x) ** 2 + (py - y) ** 2 + (pz - z) ** 2
-    return distance2
+    return (px - x) ** 2 + (py - y) ** 2 + (pz - z) ** 2
+
+
+#: Points of a packet. Processors compute four or eight at a time; with 8 the loops are too short for it.
+LANES = 16
+#: The point by which a packet decides into which box it goes first.
+MIDDLE = LANES // 2
+
+
+@vector_kernel
+def search_in_packets(
+    corners: Floats,
+    boxes: Floats,
+    discs: Floats,
+    queries: Floats,
+    run: int,
+    places: Ints,
+    stack: Ints,
+    lanes: Floats,
+) -> None:
+    """Write which triangle is nearest to each point, :data:`LANES` points at a time.
+
+    A packet goes through the tree as one: into each box that may hold what is nearest to any of its points.
+    Of points on a lattice the boxes are nearly the same ones, and a packet takes a third of the time of its
+    points; of points far apart it takes many times as long.
+
+    Parameters
+    ----------
+    corners, boxes, discs : (m, 3, 3), (2^k - 1, 6), (2^(k - 1), 8) arrays
+        Of a :class:`~vtkmuscle.core.mesh.triangle_tree.TriangleTree`.
+    queries : (q, 3) array
+        Positions; those of a packet follow each other.
+    run : int
+        Points of a run, >= 1: what is written for one does not depend on what comes before it, to the last
+        digit.
+    places : (q,) int array
+        Written: places in the tree's order.
+    stack, lanes : (64,) int array, (5, LANES) array
+        Working memory.
+    """
+    n_leaves = (len(boxes) + 1) // 2
+    x, y, z, best, bound = lanes[0], lanes[1], lanes[2], lanes[3], lanes[4]
+    packets = (run + LANES - 1) // LANES  # of a run
+    for number in range((len(queries) + run - 1) // run * packets):
+        begin = number // packets * run
+        first = begin + number % packets * LANES
+        last = min(first + LANES, begin + run, len(queries))
+        if first >= last:
+            continue
+        _begin(corners, queries, places, places[first - 1] if first > begin else 0, first, last, lanes)
+        stack[0], size = 0, 1
+        while size:
+            size -= 1
+            node = stack[size]
+            if not _box_is_near(boxes[node], x, y, z, best):
+                continue
+            if node < n_leaves - 1:
+                left, right = 2 * node + 1, 2 * node + 2
+                mx, my, mz = x[MIDDLE], y[MIDDLE], z[MIDDLE]
+                if distance2_to_box(boxes[left], mx, my, mz) < distance2_to_box(boxes[right], mx, my, mz):
+                    left, right = right, left
+                stack[size], stack[size + 1] = left, right
+                size += 2
+                continue
+            leaf = node - (n_leaves - 1)
+            if not _disc_is_near(discs[leaf], x, y, z, best):
+                continue
+            for i in range(leaf * len(corners) // n_leaves, (leaf + 1) * len(corners) // n_leaves):
+                _distances2(corners[i, 0], corners[i, 1], corners[i, 2], x, y, z, bound)
+                for lane in range(last - first):
+                    if bound[lane] < best[lane]:
+                        best[lane], places[first + lane] = bound[lane], i
+
+
+@kernel
+def _begin(
+    corners: Floats, queries: Floats, places: Ints, place: int, first: int, last: int, lanes: Floats
+) -> None:
+    """Write a packet's points, and their distances from the triangle to begin with.
+
+    That is what is nearest to the last point of the packet before. Lanes without a point of their own have
+    the last one's.
+    """
+    a, b, c = corners[place, 0], corners[place, 1], corners[place, 2]
+    for lane in range(LANES):
+        q = min(first + lane, last - 1)
+        x, y, z = queries[q, 0], queries[q, 1], queries[q, 2]
+        cx, cy, cz, _ = nearest_on_triangle(x, y, z, a, b, c)
+        best = (cx - x) ** 2 + (cy - y) ** 2 + (cz - z) ** 2
+        lanes[0, lane], lanes[1, lane], lanes[2, lane] = x, y, z
+        lanes[3, lane] = best if best >= 0.0 else np.inf  # of a triangle without area
+        places[q] = place
+
+
+@vector_kernel
+def _box_is_near(box: Floats, x: Floats, y: Floats, z: Floats, best: Floats) -> bool:
+    """Return whether a box is nearer to any point of a packet than the nearest triangle so far."""
+    low_x, low_y, low_z, high_x, high_y, high_z = box[0], box[1], box[2], box[3], box[4], box[5]
+    nearer = 0
+    for lane in range(LANES):
+        dx = max(low_x - x[lane], x[lane] - high_x, 0.0)
+        dy = max(low_y - y[lane], y[lane] - high_y, 0.0)
+        dz = max(low_z - z[lane], z[lane] - high_z, 0.0)
+        nearer += dx * dx + dy * dy + dz * dz < best[lane]
+    return nearer > 0
+
+
+@vector_kernel
+def _disc_is_near(disc: Floats, x: Floats, y: Floats, z: Floats, best: Floats) -> bool:
+    """Return the same of the cylinder around a leaf's triangles."""
+    mx, my, mz, ax, ay, az, radius, half = (
+        disc[0], disc[1], disc[2], disc[3], disc[4], disc[5], disc[6], disc[7]
+    )  # fmt: skip
+    nearer = 0
+    for lane in range(LANES):
+        dx, dy, dz = x[lane] - mx, y[lane] - my, z[lane] - mz
+        up = dx * ax + dy * ay + dz * az
+        dx, dy, dz = dx - up * ax, dy - up * ay, dz - up * az
+        aside = max(np.sqrt(dx * dx + dy * dy + dz * dz) - radius, 0.0)
+        up = max(abs(up) - half, 0.0)
+        nearer += up * up + aside * aside < best[lane]
+    return nearer > 0
+
+
+@vector_kernel
+def _distances2(a: Floats, b: Floats, c: Floats, x: Floats, y: Floats, z: Floats, out: Floats) -> None:
+    """Write squared distances from a triangle: from its plane over its face, from the nearest side elsewhere.
+
+    Without branches, so that points are computed side by side. NaN where the triangle has no area: its
+    neighbours have its sides too.
+    """
+    ox, oy, oz = a[0], a[1], a[2]
+    ux, uy, uz = b[0] - a[0], b[1] - a[1], b[2] - a[2]
+    vx, vy, vz = c[0] - a[0], c[1] - a[1], c[2] - a[2]
+    wx, wy, wz = vx - ux, vy - uy, vz - uz
+    nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+    by_u, by_v = 1.0 / (ux * ux + uy * uy + uz * uz), 1.0 / (vx * vx + vy * vy + vz * vz)
+    by_w, by_n = 1.0 / (wx * wx + wy * wy + wz * wz), 1.0 / (nx * nx + ny * ny + nz * nz)
+    for lane in range(LANES):
+        px, py, pz = x[lane] - ox, y[lane] - oy, z[lane] - oz
+        qx, qy, qz = px - ux, py - uy, pz - uz
+        t = min(max((ux * px + uy * py + uz * pz) * by_u, 0.0), 1.0)
+        dx, dy, dz = px - t * ux, py - t * uy, pz - t * uz
+        side = dx * dx + dy * dy + dz * dz
+        t = min(max((vx * px + vy * py + vz * pz) * by_v, 0.0), 1.0)
+        dx, dy, dz = px - t * vx, py - t * vy, pz - t * vz
+        side = min(side, dx * dx + dy * dy + dz * dz)
+        t = min(max((wx * qx + wy * qy + wz * qz) * by_w, 0.0), 1.0)
+        dx, dy, dz = qx - t * wx, qy - t * wy, qz - t * wz
+        side = min(side, dx * dx + dy * dy + dz * dz)
+        # Inward of which sides the foot of the perpendicular is.
+        of_u = (uy * pz - uz * py) * nx + (uz * px - ux * pz) * ny + (ux * py - uy * px) * nz
+        of_v = (py * vz - pz * vy) * nx + (pz * vx - px * vz) * ny + (px * vy - py * vx) * nz
+        of_w = (wy * qz - wz * qy) * nx + (wz * qx - wx * qz) * ny + (wx * qy - wy * qx) * nz
+        up = px * nx + py * ny + pz * nz
+        out[lane] = up * up * by_n if min(of_u, of_v, of_w) >= 0.0 else side

@@ -8,10 +8,16 @@ from functools import cached_property
 import numpy as np
 
 from vtkmuscle.core.jit import kernel
-from vtkmuscle.core.mesh.packet_search import LANES, search_in_packets
 from vtkmuscle.core.mesh.shared import shared
-from vtkmuscle.core.mesh.tree_search import along_disc, measure_nearest, search_tree
-from vtkmuscle.core.mesh.triangle_distance import Pseudonormals, pseudonormals
+from vtkmuscle.core.mesh.tree_search import (
+    LANES,
+    Pseudonormals,
+    along_disc,
+    measure_nearest,
+    pseudonormals,
+    search_in_packets,
+    search_tree,
+)
 from vtkmuscle.core.types import Floats, Ints
 
 #: Triangles in a box of the lowest level, on average at most.

@@ -118,8 +118,7 @@ def even_stretches(motion: RigidMotion) -> Ints:
             least = 0.02 * sizes.max()
             change = np.linalg.norm(np.diff(velocities, axis=0), axis=1)
             begins[1:] |= change > UNEVEN * np.maximum(sizes[1:], sizes[:-1]) + least
-    stretches: Ints = np.cumsum(begins)
-    return stretches
+    return np.cumsum(begins)
 
 
 def largest_turns(motion: RigidMotion) -> Floats:

@@ -5,15 +5,19 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+from numpy.polynomial.polynomial import polyder, polyfit, polyval
 from numpy.typing import ArrayLike
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.moment_arms.by_coordinate import JointArms
-from vtkmuscle.core.moment_arms.derivatives import quartic_moment_arms
-from vtkmuscle.core.moment_arms.differences import differences_by
-from vtkmuscle.core.moment_arms.levers import levers, twists_by
+from vtkmuscle.core.moment_arms.levers import SAME_VALUE, differences_by, levers, twists_by
 from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.core.types import Floats, Ints
+
+#: Degree of the polynomial that the field fits to lengths (Modenese, Kohout 2020), and how many different
+#: values it needs: one more than coefficients, or it goes through every sample, noise and all.
+QUARTIC = 4
+FEWEST_FOR_QUARTIC = QUARTIC + 2
 
 
 def checked_coordinates(motion: RigidMotion, names: Sequence[str]) -> None:
@@ -140,7 +144,7 @@ def joint_arms(
 def slopes_by(motion: RigidMotion, name: str, among: Sequence[str], lengths: Floats) -> Floats:
     """Return -dl/dq (f, k) of lengths by differences between poses, NaN where no poses tell it.
 
-    Parameters as of :func:`~vtkmuscle.core.moment_arms.differences.differences_by`.
+    Parameters as of :func:`~vtkmuscle.core.moment_arms.levers.differences_by`.
     """
     near = differences_by(motion, name, among)
     slopes = np.full(lengths.shape, np.nan)
@@ -158,3 +162,61 @@ def _quartic(
         return quartic_moment_arms(curves, motion.coordinates[name].natural[frames])
     except ValueError:  # too few values for it
         return None, None
+
+
+def quartic_moment_arms(
+    lengths: Floats, coordinate: Floats, *, at: Floats | None = None
+) -> tuple[Floats, Floats]:
+    """Return moment arms, -dl/dq, of a polynomial of degree 4 fitted to all lengths of each fibre.
+
+    It is the habit of the field (Modenese, Kohout 2020), and smooth; where a muscle lifts off a bone, or a
+    curve has more than three bends, it is not what was measured, and the residual says so.
+
+    Parameters
+    ----------
+    lengths : (f, k) array
+        Of k fibres in f poses.
+    coordinate : (f,) array
+        Of the poses, in any order; in radians for an angle.
+    at : (m,) array, optional
+        Where they are wanted; default: at each pose.
+
+    Returns
+    -------
+    arms : (m, k) array
+        Moment arms.
+    residuals : (k,) array
+        Root mean square of what the fit leaves of each fibre's lengths.
+
+    Raises
+    ------
+    ValueError
+        If there are fewer than 6 different values.
+
+    References
+    ----------
+    Modenese, Kohout 2020, doi:10.1007/s10439-020-02490-4: quartics of lengths.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from vtkmuscle.core.moment_arms.of_joints import quartic_moment_arms
+    >>> q = np.linspace(0.0, 1.0, 7)
+    >>> arms, residuals = quartic_moment_arms(50.0 + q[:, None] ** 2, q, at=np.array([0.5]))
+    >>> arms.round(6), residuals.round(6)
+    (array([[-1.]]), array([0.]))
+    """
+    low, high = coordinate.min(), coordinate.max()
+    n_places = len(np.unique(np.round((coordinate - low) / max(SAME_VALUE * (high - low), 1e-300))))
+    if n_places < FEWEST_FOR_QUARTIC:
+        raise InputError(
+            "",
+            f"the coordinate has {n_places} different value(s), but a quartic needs {FEWEST_FOR_QUARTIC}",
+            "use more frames of the motion",
+        )
+    places = coordinate if at is None else at
+    q, wanted = (2.0 * (x - low) / (high - low) - 1.0 for x in (coordinate, places))
+    fits = polyfit(q, lengths, QUARTIC)
+    arms = -2.0 / (high - low) * polyval(wanted, polyder(fits)).T
+    left = polyval(q, fits).T - lengths
+    return arms, np.sqrt((left**2).mean(axis=0))

@@ -206,8 +206,7 @@ def refined_loop(loop: Floats, count: int) -> Floats:
     segment = np.repeat(np.arange(len(loop)), pieces)
     number = np.arange(len(segment)) - np.repeat(np.cumsum(pieces) - pieces, pieces)
     share = (number / pieces[segment])[:, None]
-    refined: Floats = (1.0 - share) * loop[segment] + share * np.roll(loop, -1, axis=0)[segment]
-    return refined
+    return (1.0 - share) * loop[segment] + share * np.roll(loop, -1, axis=0)[segment]
 
 
 def cornered_loop(loop: Floats, target: Floats, width: float, depth: float) -> Floats:

@@ -16,8 +16,8 @@ import numpy as np
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.mesh.harmonic import harmonic_extension, triangle_gradients
-from vtkmuscle.core.mesh.inside import points_inside
 from vtkmuscle.core.mesh.normals import perpendiculars, triangle_normals
+from vtkmuscle.core.mesh.solids import points_inside
 from vtkmuscle.core.mesh.surface import faces_between
 from vtkmuscle.core.mesh.triangle_tree import TriangleTree, triangle_tree
 from vtkmuscle.core.morphing.correspondence import (
@@ -27,8 +27,7 @@ from vtkmuscle.core.morphing.correspondence import (
     sampled_loop,
     starting_points,
 )
-from vtkmuscle.core.morphing.loop_chains import loop_areas, main_loops
-from vtkmuscle.core.morphing.sections import ClosedSurface, Sections, cut_surface
+from vtkmuscle.core.morphing.sections import ClosedSurface, Sections, cut_surface, loop_areas, main_loops
 from vtkmuscle.core.morphing.slices import (
     GRAIN,
     SAME_HEIGHT,
@@ -94,8 +93,7 @@ def attachment_field(points: Floats, triangles: Ints, origin: Ints, insertion: I
     corners = extension[triangles, 0]
     if not (np.ptp(corners, axis=1) > 0.0).any():
         raise InputError("", "no connected part of the muscle has both an origin and an insertion area")
-    field: Floats = extension[:, 0]
-    return field
+    return extension[:, 0]
 
 
 def morph_by_isolines(

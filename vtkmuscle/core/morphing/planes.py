@@ -11,8 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from vtkmuscle.core.morphing.correspondence import boundary_centroid, followed_starts, starting_points
-from vtkmuscle.core.morphing.loop_chains import loop_areas, main_loops
-from vtkmuscle.core.morphing.sections import ClosedSurface, Sections, cut_surface
+from vtkmuscle.core.morphing.sections import ClosedSurface, Sections, cut_surface, loop_areas, main_loops
 from vtkmuscle.core.morphing.slices import (
     GRAIN,
     SAME_HEIGHT,
@@ -41,7 +40,7 @@ def morph_by_planes(
     """Return fibre points moved from the fitted template into the muscle.
 
     For each height along the box's z axis at which there are fibre points, the plane there cuts the box in
-    a rectangle and the muscle in loops, of which :func:`vtkmuscle.core.morphing.loop_chains.main_loops`
+    a rectangle and the muscle in loops, of which :func:`vtkmuscle.core.morphing.sections.main_loops`
     chooses one. Rectangle and loop are matched (:mod:`vtkmuscle.core.morphing.correspondence`) and the
     points of one mapped to the other (:mod:`vtkmuscle.core.morphing.section_maps`). A point keeps its
     height, unless the chosen loops end before the box does: then the heights beyond the last slice that hits
@@ -133,8 +132,7 @@ class _Followed:
 
     def at(self, heights: Floats) -> Ints:
         """Return the loops at some of the heights."""
-        found: Ints = self.loops[np.searchsorted(self.heights, heights)]
-        return found
+        return self.loops[np.searchsorted(self.heights, heights)]
 
 
 @dataclass(frozen=True, eq=False)

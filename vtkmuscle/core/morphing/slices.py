@@ -10,8 +10,7 @@ import numpy as np
 
 from vtkmuscle.core.morphing.section_maps import SectionMap, count_outside, section_map
 from vtkmuscle.core.morphing.sections import ClosedSurface
-from vtkmuscle.core.morphing.superficial import SeenFibres
-from vtkmuscle.core.morphing.twist import STRAIGHT, Found, Twisting
+from vtkmuscle.core.morphing.twist import STRAIGHT, SeenFibres, Twist, Twisting
 from vtkmuscle.core.types import Floats, Ints
 
 #: Heights that differ by no more than this part of the box's length are equal but for rounding.
@@ -43,7 +42,7 @@ class Morph:
         Part of the muscle's volume that is in the branch which the fibres fill.
     steep_share : float
         Part of the branch's course that runs at more than :data:`STEEP` degrees to the box's axis.
-    twist : Found
+    twist : Twist
         By which sections are turned against each other, and how well that suits what was seen.
     """
 
@@ -52,7 +51,7 @@ class Morph:
     split_error: float
     volume_share: float
     steep_share: float
-    twist: Found
+    twist: Twist
 
     @property
     def suits(self) -> bool:
@@ -106,7 +105,7 @@ class MappedSlices:
         Their boundaries, in the coordinates of the maps [mm].
     views : (l, 3, 3) array or None
         Rotations of sections in space that are seen along z only thereafter.
-    twist : Found
+    twist : Twist
         By which they are turned against each other.
     """
 
@@ -114,7 +113,7 @@ class MappedSlices:
     maps: Sequence[SectionMap]
     loops: Sequence[Floats]
     views: Floats | None
-    twist: Found
+    twist: Twist
 
 
 def mapped_slices(
@@ -123,7 +122,7 @@ def mapped_slices(
     hits: Ints,
     sides: Floats,
     slicing: Slicing,
-    twist: Found,
+    twist: Twist,
     views: Floats | None = None,
 ) -> MappedSlices:
     """Return sections with their maps.
@@ -249,8 +248,7 @@ class Box:
 
     def coordinates(self, points: Floats) -> Floats:
         """Return points (n, 3) along the sides, from the corner Q0 on [mm]."""
-        inside: Floats = (points - self._corner) @ self._frame
-        return inside
+        return (points - self._corner) @ self._frame
 
     def surface(self, muscle: ClosedSurface) -> ClosedSurface:
         """Return a muscle in these coordinates, facing outward."""
@@ -258,8 +256,7 @@ class Box:
 
     def positions(self, coordinates: Floats) -> Floats:
         """Return the points (n, 3) that have these coordinates [mm]."""
-        points: Floats = coordinates @ self._frame.T + self._corner
-        return points
+        return coordinates @ self._frame.T + self._corner
 
     def seen(self, fibres: SeenFibres) -> SeenFibres:
         """Return fibres on the surface in these coordinates."""

@@ -1,17 +1,9 @@
-"""Fibres that wind around a muscle: its sections turned against each other, along their contours.
-
-The morphing methods match the template's rectangle to each section such that neighbouring sections turn least
-against each other, so that straight fibres of the template run straight. With a twist a section at the part
-t of the way from origin to insertion begins f (t - 1/2) of its contour's length farther on. On the surface
-X(t, s), with s the part of the contour from where the matching begins, a fibre of the template that drifts by
-s'(t) along the rectangle's boundary then has the direction X_t + (f + s') X_s. Fibres seen on the
-surface determine f.
-"""
+"""Fibres seen on a muscle's surface, and the twist of its sections by which a template's wind like them."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.optimize import minimize_scalar
@@ -19,7 +11,8 @@ from scipy.spatial import cKDTree
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.mesh.normals import unit_vectors
-from vtkmuscle.core.mesh.segments import segments
+from vtkmuscle.core.mesh.polylines import proper_segments, segments
+from vtkmuscle.core.mesh.surface import extent
 from vtkmuscle.core.morphing.correspondence import (
     N_PLACES,
     loop_lengths,
@@ -27,8 +20,100 @@ from vtkmuscle.core.morphing.correspondence import (
     points_at,
     sampled_loop,
 )
-from vtkmuscle.core.morphing.superficial import SeenFibres, angle_between, root_mean_square
 from vtkmuscle.core.types import Floats, Ints
+
+#: Segments are cut in pieces of no more than this part of the extent of the muscle that they belong to.
+LONGEST_PIECE = 0.02
+
+
+@dataclass(frozen=True, eq=False)
+class SeenFibres:
+    """Short pieces of the given fibres.
+
+    Attributes
+    ----------
+    places : (m, 3) array
+        Their middles [mm].
+    directions : (m, 3) array
+        Unit vectors along them; the sign means nothing.
+    weights : (m,) array
+        Their lengths [mm].
+    """
+
+    places: Floats
+    directions: Floats
+    weights: Floats
+
+    def within(self, corner: Floats, frame: Floats) -> SeenFibres:
+        """Return them in the coordinates along the columns of a frame (3, 3), from a corner (3,) on."""
+        return replace(self, places=(self.places - corner) @ frame, directions=self.directions @ frame)
+
+
+def seen_fibres(points: Floats, offsets: Ints, muscle: Floats) -> SeenFibres:
+    """Return fibres in pieces.
+
+    Parameters
+    ----------
+    points, offsets
+        As of :func:`~vtkmuscle.core.fibres.arrangement.arrangement`.
+    muscle : (m, 3) array
+        Points of the muscle; no piece is longer than :data:`LONGEST_PIECE` of its extent [mm].
+
+    Raises
+    ------
+    ValueError
+        If no fibre has a length.
+    """
+    a, b, lengths = proper_segments(points, offsets)
+    counts = np.maximum(np.ceil(lengths / (LONGEST_PIECE * extent(muscle))), 1).astype(np.int64)
+    segment = np.repeat(np.arange(len(a)), counts)
+    within = np.arange(len(segment)) - np.repeat(np.cumsum(counts) - counts, counts)
+    share = (within + 0.5) / counts[segment]
+    step = b - a
+    return SeenFibres(
+        places=a[segment] + share[:, None] * step[segment],
+        directions=(step / lengths[:, None])[segment],
+        weights=(lengths / counts)[segment],
+    )
+
+
+def angle_to_nearest(seen: SeenFibres, points: Floats, offsets: Ints) -> float:
+    """Return the angle between given fibres and the segments of others nearest to them [rad].
+
+    Parameters
+    ----------
+    seen : SeenFibres
+        The given ones.
+    points, offsets
+        Of the others, likewise.
+
+    Returns
+    -------
+    float
+        Root mean square, in [0, pi / 2].
+    """
+    a, b = segments(points, offsets)
+    nearest = cKDTree((a + b) / 2.0).query(seen.places)[1]
+    return root_mean_square(angle_between(seen.directions, (b - a)[nearest]), seen.weights)
+
+
+def angle_between(directions: Floats, others: Floats) -> Floats:
+    """Return the angles between lines, whatever their sign, (m,) [rad, 0 to pi / 2].
+
+    Parameters
+    ----------
+    directions, others : (m, 3) arrays
+        Of any length; the angle to a zero vector is pi / 2.
+    """
+    across = np.linalg.norm(np.cross(directions, others), axis=-1)
+    along = np.abs((directions * others).sum(axis=-1))
+    return np.where((across > 0.0) | (along > 0.0), np.arctan2(across, along), np.pi / 2.0)
+
+
+def root_mean_square(angles: Floats, weights: Floats) -> float:
+    """Return the weighted root mean square of angles."""
+    return float(np.sqrt((weights * angles**2).sum() / weights.sum()))
+
 
 #: Heights of the sections by which a twist is found, and how far the first and the last are from the ends.
 N_LEVELS, MARGIN = 33, 0.02
@@ -43,7 +128,7 @@ EQUALLY_GOOD = 1e-6
 
 
 @dataclass(frozen=True)
-class Found:
+class Twist:
     """A twist, and how well it suits fibres that were seen.
 
     Attributes
@@ -89,7 +174,7 @@ class Twisting:
         into_box: Callable[[SeenFibres], SeenFibres],
         template: Floats,
         sides: Floats,
-    ) -> Found:
+    ) -> Twist:
         """Return the twist.
 
         Parameters
@@ -109,7 +194,7 @@ class Twisting:
             If the muscle has fewer than two of the sections.
         """
         if self.seen is None:
-            return Found(self.degrees)
+            return Twist(self.degrees)
         drift = BoundaryDrift(template, self.offsets, sides)
         return fitted_twist(*guide(), into_box(self.seen), None if drift.straight else drift)
 
@@ -158,7 +243,7 @@ def fitted_twist(
     fractions: Floats,
     seen: SeenFibres,
     drift: BoundaryDrift | None = None,
-) -> Found:
+) -> Twist:
     """Return the twist with which a template's fibres run most nearly like given ones.
 
     It minimises the sum of the squared angles between the given fibres and the morphed ones beside them, by
@@ -221,7 +306,7 @@ def fitted_twist(
     straight, least = angle(0.0), angle(best)
     if least**2 > LARGEST_REST * straight**2:
         best = 0.0
-    return Found(best, *(float(np.degrees(a)) for a in (angle(best), straight, least)))
+    return Twist(best, *(float(np.degrees(a)) for a in (angle(best), straight, least)))
 
 
 class BoundaryDrift:

@@ -1,4 +1,4 @@
-"""Joint coordinates: their values in each pose, their unit, and which way is up."""
+"""Joint coordinates: their values in each pose, their unit, and the twists of the bones by each."""
 
 from __future__ import annotations
 
@@ -8,10 +8,25 @@ from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.core.motion.twists import carried_twists
 from vtkmuscle.core.types import Floats, Ints
+
+
+def twist_about(centre: ArrayLike, axis: ArrayLike) -> Floats:
+    """Return the twist (6,) of a turn by a radian about an axis through a centre, right-handed."""
+    direction = np.asarray(axis, dtype=np.float64)
+    direction = direction / np.linalg.norm(direction)
+    return np.concatenate([np.cross(np.asarray(centre, dtype=np.float64), direction), direction])
+
+
+def carried_twists(twists: Floats, transform: Floats) -> Floats:
+    """Return the twists (..., 6) of bodies after space went by an isometry (4, 4), mirrors included."""
+    linear, shift = transform[:3, :3], transform[:3, 3]
+    angular = np.linalg.det(linear) * twists[..., 3:] @ linear.T
+    return np.concatenate([twists[..., :3] @ linear.T + np.cross(shift, angular), angular], axis=-1)
+
 
 #: Units of angles, and how many radians they are.
 ANGLES = {"deg": math.pi / 180.0, "rad": 1.0}
@@ -78,8 +93,7 @@ class Coordinate:
     @property
     def natural(self) -> Floats:
         """The values (k,) in radians, or in millimetres: moment arms by it are in mm, or without a unit."""
-        values: Floats = self.values * self.factor
-        return values
+        return self.values * self.factor
 
     @property
     def changes(self) -> bool:

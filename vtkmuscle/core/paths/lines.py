@@ -9,7 +9,7 @@ from scipy.interpolate import CubicHermiteSpline
 from scipy.spatial import cKDTree
 
 from vtkmuscle.core.mesh.harmonic import harmonic_field
-from vtkmuscle.core.mesh.topology import MeshTopology
+from vtkmuscle.core.mesh.surface import MeshTopology
 from vtkmuscle.core.types import Floats, Ints
 
 #: Lines that stand in for fibres, about.

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from vtkmuscle.core.bones.bone import Bone
-from vtkmuscle.core.mesh.segments import fibre_directions_at
+from vtkmuscle.core.mesh.polylines import fibre_directions_at
 from vtkmuscle.core.mesh.surface import check_volume, signed_volume
 from vtkmuscle.core.mesh.triangle_tree import triangle_tree
 from vtkmuscle.core.motion.blending import screw_between

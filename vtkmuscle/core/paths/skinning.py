@@ -9,7 +9,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from vtkmuscle.core.jit import array_kernel, kernel
-from vtkmuscle.core.motion.nearest_rotation import nearest_rotation
+from vtkmuscle.core.motion.blending import nearest_rotation
 from vtkmuscle.core.paths.sheet import MusclePaths, PathState
 from vtkmuscle.core.paths.tissue import directions_along
 from vtkmuscle.core.types import Floats, Ints

@@ -13,7 +13,7 @@ import numpy as np
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.jit import array_kernel, kernel
-from vtkmuscle.core.mesh.inside import points_inside
+from vtkmuscle.core.mesh.solids import points_inside
 from vtkmuscle.core.mesh.surface import unique_edges
 from vtkmuscle.core.mesh.triangle_tree import triangle_tree
 from vtkmuscle.core.types import Bools, Floats, Ints

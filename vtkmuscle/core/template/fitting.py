@@ -17,7 +17,7 @@ from scipy.spatial.distance import cdist
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.mesh.normals import perpendiculars
-from vtkmuscle.core.mesh.sampling import uneven_weights
+from vtkmuscle.core.mesh.sampling import heavy_side
 from vtkmuscle.core.mesh.surface import extent
 from vtkmuscle.core.types import Floats
 
@@ -145,7 +145,7 @@ class SeenMuscle:
                 "", "the points of the muscle lie in one plane, so that no box of any volume holds them"
             )
         outline = seen[ConvexHull(seen).vertices]
-        return View(bottom, top, first, second, outline, _least_rectangle_angle(outline, _marker(seen)))
+        return View(bottom, top, first, second, outline, _least_rectangle_angle(outline, heavy_side(seen)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -283,15 +283,6 @@ def _has_area(seen: Floats) -> bool:
     centred = seen - seen.mean(axis=0)
     least, largest = np.linalg.eigvalsh(centred.T @ centred)
     return bool(least > 1e-14 * largest)
-
-
-def _marker(seen: Floats) -> Floats:
-    """Return a direction that goes with the muscle when it moves, whatever symmetries it has.
-
-    The points are weighted by arbitrary but fixed numbers.
-    """
-    direction: Floats = (uneven_weights(len(seen)) - 0.5) @ (seen - seen.mean(axis=0))
-    return direction
 
 
 def _least_rectangle_angle(outline: Floats, marker: Floats) -> float:

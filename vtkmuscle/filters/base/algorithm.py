@@ -11,12 +11,10 @@ from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkDataSet
 from vtkmodules.vtkCommonExecutionModel import vtkAlgorithm, vtkDemandDrivenPipeline
 
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.data.pipeline_times import announce_times, times_of
+from vtkmuscle.data.pipeline_times import announce_times, requested_time, times_of
 from vtkmuscle.data.provenance import add_provenance, provenance_entry
-from vtkmuscle.filters.base.failure_messages import silence_after_failure
-from vtkmuscle.filters.base.interrupts import interrupts_deferred
 from vtkmuscle.filters.base.ports import InputPort, OutputPort
-from vtkmuscle.filters.base.time_path import requested_time
+from vtkmuscle.filters.base.running import interrupts_deferred, silence_after_failure
 
 
 class AbortedError(Exception):

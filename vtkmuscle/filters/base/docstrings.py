@@ -1,22 +1,36 @@
-"""A filter's docstring, completed from its declarations."""
+"""A filter's docstring says what its parameters and ports are; their kinds come from the declarations."""
 
 from __future__ import annotations
 
 import inspect
+import re
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from vtkmuscle.filters.base.parameters import Parameter
-from vtkmuscle.filters.base.ports import InputPort, OutputPort
+#: The sections of a class's docstring that have an entry for each of its parameters and ports.
+_DECLARED = re.compile(r"^(?:Parameters|Attributes)\n-+\n(?:\S.*\n(?: {4}.*\n)+)+\n*", re.MULTILINE)
+
+
+def entry(doc: str | None, name: str) -> str:
+    r"""Return what a docstring says under a name in one of its sections; "" where it has no such entry.
+
+    Examples
+    --------
+    >>> from vtkmuscle.filters.base.docstrings import entry
+    >>> entry("Parameters\n----------\nsides : int\n    Number of sides\n    of a tube.\n", "sides")
+    'Number of sides of a tube.'
+    """
+    said = re.search(rf"^( *){name}(?: : .*)?\n((?:\1 {{4}}.*\n)+)", doc or "", re.MULTILINE)
+    return " ".join(said[2].split()) if said else ""
 
 
 def documented(
     doc: str,
-    parameters: Mapping[str, Parameter[Any]],
-    inputs: Sequence[InputPort],
-    outputs: Sequence[OutputPort],
+    parameters: Mapping[str, Any],
+    inputs: Sequence[Any],
+    outputs: Sequence[Any],
 ) -> str:
-    """Return the docstring with parameters and ports written out from the declarations."""
+    """Return the docstring with the kinds and bounds of parameters and ports, from their declarations."""
     head, sections = split_docstring(inspect.cleandoc(doc))
     lines = [head]
     if parameters or inputs:
@@ -30,10 +44,10 @@ def documented(
     lines += ["", "Notes", "-----"]
     for number, result in enumerate(outputs):
         lines += [f"Output port {number}, ``{result.name}`` ({result.type_name}): {result.doc}", ""]
-    return "\n".join([*lines, sections])
+    return "\n".join([*lines, _DECLARED.sub("", f"{sections}\n").rstrip()])
 
 
-def described(parameter: Parameter[Any]) -> str:
+def described(parameter: Any) -> str:
     """Return what a parameter does, its unit, and with what it counts."""
     units = f" [{parameter.units}]" if parameter.units else ""
     return f"{parameter.doc}{units}{parameter.condition}"

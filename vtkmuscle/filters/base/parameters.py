@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Generic, TypeVar, overload
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.words import shown
+from vtkmuscle.filters.base.docstrings import entry
 
 if TYPE_CHECKING:
     from vtkmuscle.filters.base.filter import Filter
@@ -42,8 +43,8 @@ class Parameter(Generic[T]):
         For each of the choices the values of other parameters that it stands for. Setting the choice sets
         them; a constructor's keywords count more. One that is set later is kept until the choice is set
         again.
-    doc : str
-        One sentence on what the parameter does.
+    doc : str, optional
+        What the parameter does, where the class's docstring has no entry of its name.
 
     Examples
     --------
@@ -68,7 +69,7 @@ class Parameter(Generic[T]):
         units: str = "",
         only_with: tuple[str, *tuple[str, ...]] | None = None,
         sets: Mapping[str, Mapping[str, Any]] | None = None,
-        doc: str,
+        doc: str = "",
     ) -> None:
         self.kind = kind
         self.default = default
@@ -85,6 +86,7 @@ class Parameter(Generic[T]):
 
     def __set_name__(self, owner: type, name: str) -> None:
         self.name = name
+        self.doc = self.doc or entry(owner.__doc__, name)
 
     @overload
     def __get__(self, instance: None, owner: type) -> Parameter[T]: ...

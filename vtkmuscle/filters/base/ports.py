@@ -15,7 +15,8 @@ from vtkmuscle.data.arrays import multiblock_from, polylines_of
 from vtkmuscle.data.attachments import attachments_from, end_areas, is_areas
 from vtkmuscle.data.moving_bones import bones_of, moving_bones_of
 from vtkmuscle.data.muscle_geometry import surface_of
-from vtkmuscle.data.superficial import checked_superficial
+from vtkmuscle.data.paths import checked_superficial
+from vtkmuscle.filters.base.docstrings import entry
 
 if TYPE_CHECKING:
     from vtkmuscle.filters.base.filter import Filter
@@ -30,17 +31,18 @@ class Port:
     ----------
     kind : type
         The VTK class of the data on the port.
-    doc : str
-        What is on the port, arrays included.
+    doc : str, optional
+        What is on the port, arrays included, where the class's docstring has no entry of its name.
     """
 
-    def __init__(self, kind: type[Any], *, doc: str) -> None:
+    def __init__(self, kind: type[Any], *, doc: str = "") -> None:
         self.kind = kind
         self.doc = doc
         self.name = ""
 
     def __set_name__(self, owner: type, name: str) -> None:
         self.name = name
+        self.doc = self.doc or entry(owner.__doc__, name)
 
     @overload
     def __get__(self: PortT, instance: None, owner: type) -> PortT: ...
@@ -97,8 +99,8 @@ class InputPort(Port):
         like, checked. By default the data.
     optional : bool, optional
         May the port stay unconnected? The filter is then given ``None``.
-    doc : str
-        What the port expects, arrays included.
+    doc : str, optional
+        What the port expects, arrays included, where the class's docstring has no entry of its name.
 
     Raises
     ------
@@ -121,7 +123,7 @@ class InputPort(Port):
         taken: Callable[[Any, str], Any] | None = None,
         *,
         optional: bool = False,
-        doc: str,
+        doc: str = "",
     ) -> None:
         super().__init__(kind, doc=doc)
         self.optional = optional

@@ -1,16 +1,86 @@
-"""Running any algorithm: bring it up to date at a time, on data, and raise what a filter upstream raised."""
+"""Running any algorithm: bring it up to date at a time, on data, and raise what a filter upstream raised.
+
+VTK prints a failure of its own beside the exception, and loses Ctrl-C while it calls Python: both are held
+back.
+"""
 
 from __future__ import annotations
 
+import signal
+import threading
 import warnings
 from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from typing import Any
 
+from vtkmodules.vtkCommonCore import vtkObject
 from vtkmodules.vtkCommonExecutionModel import vtkStreamingDemandDrivenPipeline
 
 from vtkmuscle.data.pipeline_times import times_of
-from vtkmuscle.filters.base.failure_messages import failure_messages_off
 from vtkmuscle.filters.base.ports import source_of
+
+
+@contextmanager
+def interrupts_deferred() -> Iterator[None]:
+    """Hold Ctrl-C back until the block has been left.
+
+    VTK ends the process when a KeyboardInterrupt comes out of an observer. Held back until the observer has
+    returned, it is raised where the filter can be left in good order. Signals are Python's main thread's
+    business; elsewhere, and where Ctrl-C is not handled in Python, this does nothing.
+    """
+    handler = signal.getsignal(signal.SIGINT)
+    if threading.current_thread() is not threading.main_thread() or not callable(handler):
+        yield
+        return
+    caught: list[int] = []
+    signal.signal(signal.SIGINT, lambda number, _frame: caught.append(number))
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, handler)
+    if caught:
+        handler(caught[0], None)
+
+
+class _State:
+    """The switch is one for the whole process, so the last thread that needs it off puts it back."""
+
+    def __init__(self) -> None:
+        self.lock = threading.Lock()
+        self.users = 0
+        self.displayed = 1
+        self.here = threading.local()
+
+
+_state = _State()
+
+
+@contextmanager
+def failure_messages_off() -> Iterator[None]:
+    """Keep VTK quiet about filters that fail in this block, from their failure on.
+
+    Before it VTK's warnings are shown as ever.
+    """
+    with _state.lock:
+        if not _state.users:
+            _state.displayed = vtkObject.GetGlobalWarningDisplay()
+        _state.users += 1
+    outer = getattr(_state.here, "off", False)
+    _state.here.off = True
+    try:
+        yield
+    finally:
+        _state.here.off = outer
+        with _state.lock:
+            _state.users -= 1
+            vtkObject.SetGlobalWarningDisplay(_state.displayed)
+
+
+def silence_after_failure() -> None:
+    """Switch VTK's messages off, in a filter that has failed within :func:`failure_messages_off`."""
+    if getattr(_state.here, "off", False):
+        vtkObject.GlobalWarningDisplayOff()
+
 
 _TIME = vtkStreamingDemandDrivenPipeline.UPDATE_TIME_STEP()
 
@@ -157,8 +227,7 @@ def upstream(algorithm: Any) -> Iterator[Any]:
 def _checked(algorithm: Any, port: int, value: Any) -> tuple[Any, int] | None:
     """Return what stands for a value on an input port, one of ours or of VTK's."""
     checked = getattr(algorithm, "source_for", None)
-    source: tuple[Any, int] | None = source_of(value) if checked is None else checked(port, value)
-    return source
+    return source_of(value) if checked is None else checked(port, value)
 
 
 def _shallow(data: Any) -> Any:

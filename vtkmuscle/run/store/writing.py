@@ -21,8 +21,8 @@ from vtkmuscle.core.errors import InputError
 from vtkmuscle.data.arrays import blocks_of, set_cell_array, set_field_array
 from vtkmuscle.filters.bone_motion import BoneMotion
 from vtkmuscle.io.parts import Part, plain
-from vtkmuscle.io.series import Collection as Pvd
-from vtkmuscle.io.series import Series
+from vtkmuscle.io.temporal import Collection as Pvd
+from vtkmuscle.io.temporal import Series
 from vtkmuscle.io.writing import check_no_links, left_behind, locked, write_polydata, write_text
 from vtkmuscle.run.frames import MuscleTrack
 from vtkmuscle.run.result_tables import ResultTables

@@ -8,14 +8,13 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import ArrayLike
 
+from phantoms.planar import flexed
+from phantoms.straps import end_ring, strap
 from vtkmuscle.core.motion.rigid import RigidMotion, apply_transform, rotation_about
 from vtkmuscle.core.types import Floats
-from vtkmuscle.phantoms.coordinates import checked_poses
 from vtkmuscle.phantoms.implicit import block, rod, thick_curve
 from vtkmuscle.phantoms.meshing import mesh_of
-from vtkmuscle.phantoms.phantom import Phantom, Surface, ends, one_muscle
-from vtkmuscle.phantoms.planar import flexed
-from vtkmuscle.phantoms.straps import end_ring, strap
+from vtkmuscle.phantoms.phantom import Phantom, Surface, checked_poses, ends, one_muscle
 
 #: Radii of the rollers about the upper and the lower joint, thickness and width of the strap [mm].
 RADII, THICKNESS, WIDTH = (22.0, 14.0), 8.0, 26.0
@@ -66,7 +65,7 @@ def strap_over_two_joints(*, coordinates: ArrayLike | None = None) -> Phantom:
 
     Examples
     --------
-    >>> from vtkmuscle.phantoms import strap_over_two_joints
+    >>> from phantoms import strap_over_two_joints
     >>> phantom = strap_over_two_joints(coordinates=[(0, 0), (30, 0), (30, 45)])
     >>> phantom.known["coordinates"]["lower"].tolist()
     [0.0, 0.0, 45.0]

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
+from phantoms.planar import evenly, in_space
 from vtkmuscle.core.types import Floats
 from vtkmuscle.phantoms.implicit import Solid, thick_sheet
-from vtkmuscle.phantoms.planar import evenly, in_space
 
 #: Distance of the points on the middle line that a strap is made from [mm].
 SPACING = 2.5
