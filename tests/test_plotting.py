@@ -81,6 +81,7 @@ class FakeResult:
     muscle_names: list = field(default_factory=lambda: ["with_fibres", "bare"])
     literature: dict = field(default_factory=dict)
     time_label: str = "time"
+    has_moment_arms: bool = False
 
     def __post_init__(self):
         self.lengths = {"with_fibres": np.array([[90.0, 90.0]]) * (1.0 + np.arange(4)[:, None] / 100.0)}

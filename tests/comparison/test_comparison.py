@@ -39,7 +39,7 @@ class Made:
         self.report = {"muscles": {self.muscle: {"moment_arms": {}}}}
         rows = self.slope * self.angles[:, None] + np.array([-2.0, 0.0, 2.0])
         self.lengths = {self.muscle: 100.0 + rows}
-        self.fibre_lengths = {}
+        self.fibre_lengths, self.has_moment_arms = {}, True
         self.motion = SimpleNamespace(coordinates={self.coordinate: Coordinate(self.angles, "deg")})
         known = np.full(len(self.angles), 0.0 if self.error is None else self.error)
         quantity = Estimate(rows.mean(axis=1), "mm", {"solve": known})
