@@ -78,6 +78,33 @@ def pairs(texts: Sequence[str], option: str = "--replace") -> dict[str, str]:
     return {ours: theirs for ours, _, theirs in (text.partition("=") for text in texts)}
 
 
+def check(
+    model: Annotated[Path, typer.Argument(help="A model of OpenSim, .osim.")],
+    out: Annotated[
+        Path | None, typer.Option("--out", "-o", help="The page, .html. Default: MODEL_check.html here.")
+    ] = None,
+) -> None:
+    """Find where muscles of a model of OpenSim jump, and where their moment arms change sign.
+
+    Each is swept over the ranges of the coordinates that it crosses. The page lists what was found with its
+    poses, and a table beside it (.csv). An export with --into and --replace puts fitted paths in their place.
+    """
+    with one_clear_error(out):
+        from vtkmuscle.opensim import check_model
+        from vtkmuscle.opensim.checking import evaluated
+
+        page = out or Path(f"{model.stem}_check.html")
+        found = check_model(model)
+        typer.echo(evaluated(found))
+        kinds = [one.what for one in found.findings]
+        for one in found.findings:
+            if "jumps" in one.what:
+                where = ", ".join(f"{name} {value:.4g}" for name, value in found.shown(one).items())
+                typer.echo(f"{one.muscle}: {one.what} by {1000.0 * one.size:.1f} mm at {where}")
+        typer.echo(f"{kinds.count('moment arm changes sign')} moment arms change their sign")
+        typer.echo(f"wrote {page}, {found.write(page)}")
+
+
 def report(
     results: Annotated[Path, typer.Argument(help="Folder of a run's results.")],
     out: Annotated[

@@ -1,3 +1,4 @@
+from .checking import ModelCheck as ModelCheck, check_model as check_model
 from .from_run import (
     Export as Export,
     ExportedMuscle as ExportedMuscle,

@@ -1,0 +1,114 @@
+"""Muscles of models that jump, and moment arms that change sign: known answers."""
+
+import importlib.util
+
+import numpy as np
+import pytest
+from two_joint_scene import save_strap, scene_with
+from typer.testing import CliRunner
+
+from vtkmuscle import Scene
+from vtkmuscle.cli import app
+from vtkmuscle.opensim import MuscleOut, check_model, osim_of, read_osim, write_opensim
+from vtkmuscle.opensim.functions import IDENTITY, Constant, PiecewiseLinear
+from vtkmuscle.opensim.muscle_paths import PathPoint, PointPath, moment_arm
+from vtkmuscle.opensim.tree import Joint, JointAxis, JointCoordinate, KinematicTree
+
+TREE = KinematicTree(
+    "thigh",
+    [Joint("knee", "thigh", "shank", [JointAxis((0, 0, 1), IDENTITY, "flexion")])],
+    [JointCoordinate("flexion", range=(-0.5, 1.5))],
+)
+START, END = PathPoint("thigh", (0.05, 0.3, 0.0)), PathPoint("shank", (0.05, -0.1, 0.0))
+
+
+def checked(tmp_path, *points):
+    path = PointPath([START, *points, END])
+    (tmp_path / "leg.osim").write_text(osim_of(TREE, [MuscleOut("m", path)]))
+    return path, {one.what: one for one in check_model(tmp_path / "leg.osim").findings}
+
+
+def test_a_smooth_muscle_has_no_findings(tmp_path):
+    via = PathPoint("thigh", (0.05, 0.15, 0.0))
+    assert checked(tmp_path, via)[1] == {}
+
+
+def test_a_jump_is_found_where_a_point_comes(tmp_path):
+    via = PathPoint("thigh", (0.08, 0.1, 0.0), only_in=("flexion", 0.3, 2.0))
+    path, found = checked(tmp_path, via)
+    jump = found.pop("length jumps")
+    assert jump.pose["flexion"] == pytest.approx(0.3, abs=1e-4)
+    at = path.lengths(TREE, {"flexion": np.array([0.2999, 0.3001])})
+    assert jump.size == pytest.approx(float(np.diff(at)[0]), abs=1e-4)
+    assert jump.sweeps == 1.0
+
+
+def test_a_moment_arm_jumps_where_a_point_begins_to_move(tmp_path):
+    slides = PiecewiseLinear(np.array([-0.5, 0.3, 1.5]), np.array([0.06, 0.06, 0.2]))
+    still = Constant(0.05)
+    via = PathPoint("thigh", (0, 0, 0), (slides, still, Constant(0.0)), ("flexion",) * 3)
+    path, found = checked(tmp_path, via)
+    assert "length jumps" not in found
+    jump = found["moment arm jumps"]
+    assert jump.pose["flexion"] == pytest.approx(0.3, abs=1e-3)
+    arms = moment_arm(path, TREE, {"flexion": np.array([0.299, 0.301])}, "flexion")
+    assert jump.size == pytest.approx(abs(float(np.diff(arms)[0])), rel=0.02)
+    assert jump.size > 0.005
+
+
+def test_a_moment_arm_that_changes_sign_is_found_there(tmp_path):
+    through = PointPath([PathPoint("thigh", (0, 0.3, 0)), PathPoint("shank", (0, -0.1, 0))])
+    (tmp_path / "leg.osim").write_text(osim_of(TREE, [MuscleOut("m", through)]))
+    (one,) = check_model(tmp_path / "leg.osim").findings
+    assert one.what == "moment arm changes sign"
+    assert one.pose["flexion"] == pytest.approx(0.0, abs=0.05)  # the line goes through the axis
+    assert one.arms[0] * one.arms[-1] < 0.0
+
+
+def test_a_model_is_repaired_with_the_paths_of_a_scene(tmp_path):
+    save_strap(tmp_path / "strap", n_fibres=10)
+    motion = {"grid": {"upper": [-10, 30, 10], "lower": [0, 40, 10]}}
+    scene = scene_with(tmp_path / "strap", tmp_path, motion=motion, model="paths")
+    result = Scene.load(scene).run(tmp_path / "results", figures=False)
+    write_opensim(scene, tmp_path / "good.osim", result=result)
+    tree = read_osim(tmp_path / "good.osim").tree
+    via = PathPoint("middle", (0.05, -0.1, 0.05), only_in=("upper", 0.2, 2.0))
+    path = PointPath([PathPoint("proximal", (0, 0.1, 0)), via, PathPoint("distal", (0, -0.1, 0))])
+    properties = {"max_isometric_force": 700.0, "optimal_fiber_length": 0.07, "tendon_slack_length": 0.2}
+    (tmp_path / "bad.osim").write_text(osim_of(tree, [MuscleOut("theirs", path, properties)]))
+    said = CliRunner().invoke(app, ["check", str(tmp_path / "bad.osim"), "--out", str(tmp_path / "bad.html")])
+    assert "theirs: length jumps by" in said.output
+    assert "theirs,upper,length jumps," in (tmp_path / "bad.csv").read_text()
+    assert "<svg" in (tmp_path / "bad.html").read_text()
+    call = [
+        "export",
+        str(tmp_path / "results"),
+        str(tmp_path / "new.osim"),
+        "--into",
+        str(tmp_path / "bad.osim"),
+    ]
+    said = CliRunner().invoke(app, [*call, "--replace", "strap=theirs"])
+    assert said.exit_code == 0, said.output
+    new = read_osim(tmp_path / "new.osim").muscle("theirs")
+    assert {name: new.parameters[name] for name in properties} == pytest.approx(properties)
+    assert not [one for one in check_model(tmp_path / "new.osim").findings if one.what == "length jumps"]
+
+
+def test_iliacus_and_psoas_of_gait2392_jump(opensim_data):
+    found = check_model(opensim_data / "gait2392_thelen2003muscle.osim")
+    assert not found.not_checked
+    jumping = {(one.muscle, one.coordinate) for one in found.findings if one.what == "length jumps"}
+    known = {f"{muscle}_{side}" for muscle in ("iliacus", "psoas") for side in "rl"}
+    assert jumping == {(muscle, f"hip_flexion_{muscle[-1]}") for muscle in known}
+    sizes = found.table().where(what="length jumps")["size_mm"]
+    assert ((sizes > 15.0) & (sizes < 30.0)).all()
+
+
+def test_muscles_that_wind_are_opensims_or_named(opensim_data):
+    found = check_model(opensim_data / "arm26.osim")
+    winding = {"TRIlong", "TRIlat", "TRImed", "BIClong", "BRA"}
+    if importlib.util.find_spec("opensim") is None:
+        assert set(found.not_checked) == winding
+    else:
+        assert set(found.by_opensim) == winding
+        assert "TRIlong" in {one.muscle for one in found.findings if one.what == "length jumps"}
