@@ -62,4 +62,4 @@ def test_exported_bones_are_one_mesh_that_says_which_is_which(results, tmp_path)
 def test_what_cannot_be_exported_is_said(results, tmp_path):
     assert "there is no such file" in call(["export", "no.pvd", str(tmp_path / "a.vtkhdf")], 2)
     said = call(["export", str(results), str(tmp_path / "page.gltf")], 2)
-    assert "no format of an export; end its name in .osim or .vtkhdf" in said
+    assert "no format of an export; end its name in .osim" in said

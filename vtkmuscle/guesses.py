@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Self
 _READ = "vtkmuscle.Scene.load(path) reads a scene"
 _RESULTS = "vtkmuscle.Result.load(folder) reads the results of a run"
 _ARCHITECTURE = "result.architecture() is a table of it"
-_EXPORT = "`vtkmuscle export` writes models of OpenSim"
+_EXPORT = "`vtkmuscle export` writes models of OpenSim and MuJoCo"
 _FOLDER = "scene.run(folder) writes all of a run, result.to_csv(folder) its tables"
 
 #: By what was asked: a guess, and what to write.
@@ -37,7 +37,7 @@ GUESSES: dict[str, dict[str, str]] = {
     "Result": {
         **dict.fromkeys(("from_file", "read", "open"), "Result.load(folder) reads the results of a run"),
         **dict.fromkeys(("save", "write", "to_folder"), _FOLDER),
-        **dict.fromkeys(("export", "to_opensim", "write_opensim"), _EXPORT),
+        **dict.fromkeys(("export", "to_opensim", "to_mujoco", "write_opensim"), _EXPORT),
         **dict.fromkeys(("pcsa", "pennation", "volume", "volumes"), _ARCHITECTURE),
         "names": "result.muscle_names are they",
         "show": "result.plot() shows it",

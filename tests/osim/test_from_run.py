@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 from vtkmuscle import Scene, SceneError
 from vtkmuscle.cli import app
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.opensim import read_osim, write_opensim
+from vtkmuscle.opensim import read_osim, write_mujoco, write_opensim
 from vtkmuscle.opensim.muscle_paths import PointPath, moment_arm
 
 GRID = {"grid": {"upper": [-10, 30, 10], "lower": [0, 40, 10]}}
@@ -119,6 +119,24 @@ def test_opensim_gives_what_vtkmuscle_gave(ran, tmp_path, form):
                 # Two ways to take slopes of the same lengths, a polynomial and local cubics.
                 mean = arms[name].mean[list(arms[name].frames).index(i)]
                 assert 1000.0 * arm == pytest.approx(mean, abs=4.0)
+
+
+def test_mujoco_gives_the_length_of_the_path(ran, tmp_path):
+    mujoco = pytest.importorskip("mujoco", reason="the extra mujoco is not installed")
+    path, result = ran
+    (found,) = write_mujoco(path, tmp_path / "strap.xml", result=result)
+    assert not any(point.moves for point in found.out.path.points)
+    model = mujoco.MjModel.from_xml_path(str(tmp_path / "strap.xml"))
+    data = mujoco.MjData(model)
+    write_opensim(path, tmp_path / "strap.osim", result=result)
+    tree = read_osim(tmp_path / "strap.osim").tree
+    values = values_of(result)
+    lengths = found.out.path.lengths(tree, values)
+    for i in range(0, len(lengths), 5):
+        for name, column in values.items():
+            data.qpos[model.joint(name).qposadr[0]] = column[i]
+        mujoco.mj_forward(model, data)
+        assert data.ten_length[0] == pytest.approx(lengths[i], abs=1e-9)
 
 
 def test_a_scene_without_joints_is_not_exported(tmp_path):

@@ -9,7 +9,7 @@ from typer.testing import CliRunner
 from vtkmuscle import Result, Scene, SceneError
 from vtkmuscle.cli import app
 from vtkmuscle.io import read_surface
-from vtkmuscle.opensim import read_osim, write_opensim
+from vtkmuscle.opensim import read_osim, write_mujoco, write_opensim
 from vtkmuscle.opensim.export_parts import SPECIFIC_TENSION, completed_properties
 
 GRID = {"grid": {"upper": [-10, 30, 10], "lower": [0, 40, 10]}}
@@ -147,3 +147,19 @@ def test_geometry_alone_has_no_properties(ran, tmp_path):
     assert said.exit_code == 0, said.output
     muscle = read_osim(tmp_path / "a.osim").muscle("strap")
     assert (muscle.kind, muscle.parameters) == ("PathActuator", {})
+
+
+def test_mujoco_gets_muscles_of_the_same_lengths(ran, tmp_path):
+    mujoco = pytest.importorskip("mujoco", reason="the extra mujoco is not installed")
+    _, results = ran
+    (found,) = write_mujoco(results, tmp_path / "strap.xml")
+    model = mujoco.MjModel.from_xml_path(str(tmp_path / "strap.xml"))
+    assert (model.nu, model.nmesh) == (1, 4)
+    low, high = model.actuator_lengthrange[0]
+    first, last = model.actuator_gainprm[0][:2]
+    along = (high - low) / (last - first)  # as MuJoCo has it
+    properties = found.out.parameters
+    cosine = np.cos(properties["pennation_angle_at_optimal"])
+    assert along == pytest.approx(properties["optimal_fiber_length"] * cosine)
+    assert low - first * along == pytest.approx(properties["tendon_slack_length"])
+    assert model.actuator_gainprm[0][2] == pytest.approx(properties["max_isometric_force"] * cosine)

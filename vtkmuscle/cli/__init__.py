@@ -159,17 +159,17 @@ def info(
 @with_options
 def export(
     source: Annotated[Path, typer.Argument(help="Folder of a run's results, a scene.toml, or a .pvd file.")],
-    out: Annotated[Path, typer.Argument(help="A model, .osim; or .vtkhdf.")],
+    out: Annotated[Path, typer.Argument(help=".osim, .xml for MuJoCo, or .vtkhdf.")],
     *,
     options: ExportOptions,
 ) -> None:
-    """Export the muscles of a scene with joints as a model of OpenSim.
+    """Export the muscles of a scene with joints as a model of OpenSim or MuJoCo.
 
     They are those of its results, or of the scene, which is run. By how much lengths and moment arms differ
     from the run is said and written. Or export a .pvd series as one .vtkhdf file.
     """
     with one_clear_error(None):
-        if out.suffix.lower() == ".osim":
+        if out.suffix.lower() in (".osim", ".xml"):
             export_muscles(source, out, options)
         elif out.suffix.lower() == ".vtkhdf":
             from vtkmuscle.io import read_series, write_vtkhdf
@@ -178,7 +178,7 @@ def export(
             series = read_series(source)
             write_vtkhdf(out, series.times, lambda number: merged(series.frame(number)))
         else:
-            raise InputError(out, "this is no format of an export", "end its name in .osim or .vtkhdf")
+            raise InputError(out, "this is no format of an export", "end its name in .osim, .xml or .vtkhdf")
 
 
 app.command()(report)

@@ -1,4 +1,4 @@
-"""What is made of a run's results: reports, figures, comparisons, and models of OpenSim."""
+"""What is made of a run's results: reports, figures, comparisons, and models of OpenSim and MuJoCo."""
 
 from __future__ import annotations
 
@@ -23,10 +23,14 @@ class ExportOptions:
     """The options of an export of muscles."""
 
     form: Annotated[
-        str, typer.Option("--form", help="Functions of coordinates, or points and cylinders.")
+        str, typer.Option("--form", help="For OpenSim: functions of coordinates, or points and cylinders.")
     ] = "functions"
-    groups: Annotated[int, typer.Option("--groups", min=1, help="Groups of fibres per muscle, at most.")] = 1
-    into: Annotated[Path | None, typer.Option("--into", help="A model to put the muscles into.")] = None
+    groups: Annotated[
+        int, typer.Option("--groups", min=1, help="For OpenSim: groups of fibres per muscle, at most.")
+    ] = 1
+    into: Annotated[
+        Path | None, typer.Option("--into", help="For OpenSim: a model to put the muscles into.")
+    ] = None
     replace: Annotated[
         list[str] | None,
         typer.Option(
@@ -46,7 +50,7 @@ class ExportOptions:
 
 def export_muscles(source: Path, out: Path, options: ExportOptions) -> None:
     """Write a model, and say by how much its paths differ from the run."""
-    from vtkmuscle.opensim import write_opensim
+    from vtkmuscle.opensim import write_mujoco, write_opensim
     from vtkmuscle.opensim.from_run import GEOMETRY_ONLY
 
     asked: dict[str, Any] = {"groups": options.groups, "specific_tension": options.specific_tension}
@@ -54,7 +58,13 @@ def export_muscles(source: Path, out: Path, options: ExportOptions) -> None:
     if options.geometry_only:
         asked["kind"] = GEOMETRY_ONLY
     replace = pairs(options.replace or [])
-    for one in write_opensim(source, out, into=options.into, replace=replace, form=options.form, **asked):
+    if out.suffix.lower() == ".osim":
+        written = write_opensim(source, out, into=options.into, replace=replace, form=options.form, **asked)
+    elif options.into is not None or replace:
+        raise InputError("--into", "muscles are put into models of OpenSim only", "leave it out")
+    else:
+        written = write_mujoco(source, out, **asked)
+    for one in written:
         typer.echo(f"{one.out.name}: {one}")
         if one.out.parameters:
             typer.echo(f"  {', '.join(f'{name} {value:.4g}' for name, value in one.out.parameters.items())}")

@@ -3,8 +3,10 @@ from .from_run import (
     Export as Export,
     ExportedMuscle as ExportedMuscle,
     errors_table as errors_table,
+    write_mujoco as write_mujoco,
     write_opensim as write_opensim,
 )
+from .mjcf import mjcf_of as mjcf_of
 from .model import OsimModel as OsimModel, read_osim as read_osim
 from .motion_file import MotionFile as MotionFile, read_motion_file as read_motion_file
 from .osim_text import MuscleOut as MuscleOut, enriched as enriched, osim_of as osim_of

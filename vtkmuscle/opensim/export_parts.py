@@ -23,6 +23,8 @@ from vtkmuscle.opensim.tree import Coupling, JointAxis, JointCoordinate, Kinemat
 #: Force per physiological cross-section [N/cm^2], where none is stated: Rajagopal et al. 2016,
 #: doi:10.1109/TBME.2016.2586891.
 SPECIFIC_TENSION = 60.0
+#: What a muscle cannot do without.
+NEEDED = ("max_isometric_force", "optimal_fiber_length", "tendon_slack_length")
 
 
 def opensim_properties(hill: Mapping[str, float], metres: float) -> dict[str, float]:
@@ -119,7 +121,7 @@ def completed_properties(
 
 #: The folder beside a model in which OpenSim looks for its meshes.
 FOLDER = "Geometry"
-#: Triangles of a mesh, at most: to be looked at, these do.
+#: Triangles of a mesh, at most: MuJoCo reads 200 000, and to be looked at fewer do.
 MOST_TRIANGLES = 100_000
 #: A triangle of a binary .stl.
 _TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])

@@ -1,4 +1,4 @@
-"""Muscles of a run in models of OpenSim: paths with the run's lengths and moment arms."""
+"""Muscles of a run in models of OpenSim and MuJoCo: paths with the run's lengths and moment arms."""
 
 from __future__ import annotations
 
@@ -25,6 +25,7 @@ from vtkmuscle.opensim.export_parts import (
     write_meshes,
 )
 from vtkmuscle.opensim.fitted_paths import fit_length, fit_points
+from vtkmuscle.opensim.mjcf import mjcf_of
 from vtkmuscle.opensim.model import checked_model
 from vtkmuscle.opensim.muscle_paths import FunctionPath, PointPath, moment_arm
 from vtkmuscle.opensim.osim_text import MuscleOut, enriched, osim_of
@@ -107,7 +108,7 @@ class Export:
     ----------
     form : str
         ``"functions"``, lengths as polynomials of the coordinates that a muscle crosses (FunctionBasedPath);
-        or ``"points"``, points on bones and cylinders to wind round.
+        or ``"points"``, points on bones and cylinders to wind round, which MuJoCo has alone.
     groups : int
         Groups of fibres per muscle, at most.
     parameters : mapping of str to mapping
@@ -183,12 +184,62 @@ def write_opensim(
     found = _exported(run, asked, theirs, replaced)
     outs = [one.out for one in found]
     if into is None:
-        meshes = write_meshes(Path(out).parent, run.surfaces, run.tree, run.joints.frame, run.metres)
+        meshes = _meshes(run, Path(out))
         text = osim_of(run.tree, outs, name=run.result.name, masses=asked.masses, meshes=meshes)
     else:
         text = enriched(Path(into), outs, replace=list(replaced.values()))
-    write_text(Path(out), text)
-    errors_table(found).to_csv(Path(out).with_name(f"{Path(out).stem}_errors.csv"), digits=6)
+    return _written(Path(out), text, found)
+
+
+def write_mujoco(
+    source: str | PathLike[str], out: str | PathLike[str], *, result: Result | None = None, **options: Any
+) -> list[ExportedMuscle]:
+    """Write the muscles of a scene with joints as a model of MuJoCo: tendons, and muscles that pull them.
+
+    Parameters
+    ----------
+    source : path
+        A scene.toml with ``[joints.NAME]`` or ``[opensim]``, which is run; or the folder of its results.
+    out : path
+        The .xml file (MJCF).
+    result : Result, optional
+        As of :func:`write_opensim`.
+    **options
+        Of :class:`~vtkmuscle.opensim.Export` but ``form``. A ``kind`` of ``"PathActuator"`` leaves tendons
+        without muscles.
+
+    Returns
+    -------
+    list of ExportedMuscle
+        What was written, and how far it is from the run.
+
+    Raises
+    ------
+    SceneError, ValueError
+        As :func:`write_opensim`; and if the joints have what MuJoCo has not, see
+        :func:`~vtkmuscle.opensim.mjcf_of`.
+    """
+    asked = Export(form="points", **options)
+    run = _run_of(Path(source), result)
+    found = _exported(run, asked, {}, {})
+    text = mjcf_of(
+        run.tree,
+        [one.out for one in found],
+        name=run.result.name,
+        masses=asked.masses,
+        meshes=_meshes(run, Path(out)),
+        lengths={one.out.name: one.out.path.lengths(run.tree, run.values) for one in found},
+    )
+    return _written(Path(out), text, found)
+
+
+def _meshes(run: _Run, out: Path) -> dict[str, list[str]]:
+    return write_meshes(out.parent, run.surfaces, run.tree, run.joints.frame, run.metres)
+
+
+def _written(out: Path, text: str, found: list[ExportedMuscle]) -> list[ExportedMuscle]:
+    write_text(out, text)
+    errors_table(found).to_csv(out.with_name(f"{out.stem}_errors.csv"), digits=6)
     return found
 
 

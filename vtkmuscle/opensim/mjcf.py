@@ -1,0 +1,217 @@
+"""Models of MuJoCo (MJCF): a kinematic tree with spatial tendons over sites."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from xml.etree.ElementTree import Element
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from vtkmuscle.core.errors import InputError
+from vtkmuscle.core.motion.frames import inverses
+from vtkmuscle.core.types import Floats
+from vtkmuscle.io.xml_elements import made, xml_text
+from vtkmuscle.io.xml_elements import numbers_text as _numbers
+from vtkmuscle.opensim.export_parts import FOLDER, NEEDED
+from vtkmuscle.opensim.functions import Constant, CoordinateFunction, Multiplier, Polynomial
+from vtkmuscle.opensim.muscle_paths import PointPath
+from vtkmuscle.opensim.osim_text import CYLINDER, GYRATION, MuscleOut
+from vtkmuscle.opensim.tree import Joint, JointAxis, KinematicTree
+
+#: Highest power of a coupling in MuJoCo.
+_HIGHEST = 4
+#: Mass of what has none [kg].
+LEAST_MASS = 0.001
+#: What is seen, and neither touches nor weighs anything.
+_PASSIVE = {"contype": "0", "conaffinity": "0", "mass": "0", "rgba": "0.8 0.75 0.7 0.5"}
+
+
+def mjcf_of(
+    tree: KinematicTree,
+    muscles: Sequence[MuscleOut] = (),
+    *,
+    name: str = "model",
+    masses: Mapping[str, float] | None = None,
+    meshes: Mapping[str, Sequence[str]] | None = None,
+    lengths: Mapping[str, Floats] | None = None,
+) -> str:
+    """Return a model of MuJoCo as text.
+
+    A turn or slide that is its coordinate itself is a joint of the coordinate's name. Where it is a
+    polynomial of a coordinate up to the fourth power, it is a joint of its own, ``JOINT_hinge2`` for a
+    second turn, that an equality couples.
+
+    Parameters
+    ----------
+    tree : KinematicTree
+        In metres.
+    muscles : sequence of MuscleOut, optional
+        With paths over points that are fixed to bodies, and round cylinders.
+    name : str, optional
+        Of the model.
+    masses : mapping of str to float, optional
+        Of the bodies [kg]; the others have 0.001 kg, for MuJoCo moves nothing without mass.
+    meshes : mapping of str to sequence of str, optional
+        Of the bodies: names of .stl files, without suffix, in the folder ``Geometry`` beside the model.
+    lengths : mapping of str to array, optional
+        Those that a muscle's tendon has [m], by its name: with them, and Hill's parameters, it gets a muscle.
+
+    Returns
+    -------
+    str
+        The text of an MJCF file.
+
+    Raises
+    ------
+    ValueError
+        If there is what MuJoCo has not: splines, paths that are functions, points that move or come and go.
+    """
+    joints = {joint.child: joint for joint in tree.joints}
+    model = _Model({one.name for one in tree.coordinates})
+    for muscle in muscles:
+        _check(muscle)
+    sites = list(_sites(muscles))
+    shown = meshes or {}
+
+    def inside(name: str) -> Iterator[Element]:
+        """Give what is in a body: its meshes and sites, and the bodies that hang on it."""
+        yield from (made("geom", type="mesh", mesh=mesh, **_PASSIVE) for mesh in shown.get(name, ()))
+        yield from (element for on, element in sites if on == name)
+        for child, joint in joints.items():
+            if joint.parent == name:
+                yield _body(joint, inside(child), model, (masses or {}).get(child, LEAST_MASS))
+
+    world = list(inside(tree.root))
+    for one in tree.couplings:
+        model.couple(one.dependent, one.independent, one.function)
+    missing = sorted(model.coordinates - model.joints)
+    if missing:
+        raise InputError("", f"no joint is the coordinate {missing[0]!r} itself, as MuJoCo needs it")
+    names = [mesh for found in shown.values() for mesh in found]
+    pulled = [one for one in muscles if lengths is not None and set(NEEDED) <= set(one.parameters)]
+    return xml_text(
+        made(
+            "mujoco",
+            made("compiler", angle="radian", autolimits="true", meshdir=FOLDER),
+            made("asset", *(made("mesh", name=mesh, file=f"{mesh}.stl") for mesh in names)),
+            made("worldbody", *world),
+            made("tendon", *(made("spatial", *_way(one), name=one.name) for one in muscles)),
+            made("actuator", *(_actuator(one, (lengths or {})[one.name]) for one in pulled)),
+            made("equality", *model.equalities),
+            model=name,
+        )
+    )
+
+
+class _Model:
+    """Joints and equalities that have been written."""
+
+    def __init__(self, coordinates: set[str]) -> None:
+        self.coordinates = coordinates
+        self.joints: set[str] = set()
+        self.equalities: list[Element] = []
+
+    def couple(self, dependent: str, independent: str, function: CoordinateFunction) -> None:
+        coefficients = _polynomial(function, dependent)
+        low_first = np.zeros(_HIGHEST + 1)
+        low_first[: len(coefficients)] = coefficients[::-1]
+        numbers = _numbers(low_first)
+        self.equalities.append(made("joint", joint1=dependent, joint2=independent, polycoef=numbers))
+
+
+def _body(joint: Joint, inner: Iterable[Element], model: _Model, mass: float) -> Element:
+    """Return a child's body: a frame at the joint, which moves, with the child's own frame in it."""
+    back = inverses(joint.child_frame[None])[0]
+    parts = []
+    shift = np.zeros(3)
+    for kind, axes in (("slide", joint.translations), ("hinge", joint.rotations)):
+        for number, axis in enumerate(axes, start=1):
+            if axis.coordinate is None:
+                far = float(axis.at({}, 1)[0])
+                if kind == "slide":
+                    shift = shift + far * axis.axis
+                elif far:
+                    raise InputError(
+                        "", f"joint {joint.name!r} has a constant turn, which is not written for MuJoCo"
+                    )
+                continue
+            parts.append(_axis(joint, kind, number, axis, model))
+    place = joint.parent_frame[:3, 3] + joint.parent_frame[:3, :3] @ shift
+    turn, own = (_quaternion(frame[:3, :3]) for frame in (joint.parent_frame, back))
+    child = made("body", _inertial(mass), *inner, name=joint.child, pos=_numbers(back[:3, 3]), quat=own)
+    name = f"{joint.name}_frame"
+    return made("body", *parts, _inertial(LEAST_MASS), child, name=name, pos=_numbers(place), quat=turn)
+
+
+def _axis(joint: Joint, kind: str, number: int, axis: JointAxis, model: _Model) -> Element:
+    assert axis.coordinate is not None
+    coefficients = _polynomial(axis.function, f"{joint.name}, {kind} {number}")
+    itself = np.array_equal(coefficients, [1.0, 0.0]) and axis.coordinate not in model.joints
+    name = axis.coordinate if itself else f"{joint.name}_{kind}{number}"
+    model.joints.add(name)
+    if not itself:
+        model.couple(name, axis.coordinate, axis.function)
+    return made("joint", name=name, type=kind, axis=_numbers(axis.axis))
+
+
+def _polynomial(function: CoordinateFunction, what: str) -> Floats:
+    factor = 1.0
+    while isinstance(function, Multiplier):
+        factor, function = factor * function.factor, function.function
+    if isinstance(function, Constant):
+        return np.array([factor * function.value])
+    if isinstance(function, Polynomial) and len(function.coefficients) <= _HIGHEST + 1:
+        return factor * function.coefficients
+    kind = type(function).__name__
+    raise InputError("", f"{what}: MuJoCo has polynomials up to power {_HIGHEST} only, not {kind}")
+
+
+def _check(muscle: MuscleOut) -> None:
+    path = muscle.path
+    if not isinstance(path, PointPath):
+        raise InputError(
+            "", f"muscle {muscle.name!r} is a function of coordinates, which MuJoCo has not; give points"
+        )
+    for point in path.points:
+        if point.moves or point.only_in is not None:
+            raise InputError("", f"muscle {muscle.name!r}: MuJoCo has no points that move, or come and go")
+
+
+def _sites(muscles: Sequence[MuscleOut]) -> Iterator[tuple[str, Element]]:
+    """Give what paths go over and round: bodies, and elements on them."""
+    for muscle in muscles:
+        assert isinstance(muscle.path, PointPath)
+        for i, point in enumerate(muscle.path.points, start=1):
+            yield point.body, made("site", name=f"{muscle.name}-P{i}", pos=_numbers(point.place))
+        for i, one in enumerate(muscle.path.cylinders, start=1):
+            turn, size = _quaternion(one.frame), _numbers([one.radius, CYLINDER / 2.0])
+            where = {"pos": _numbers(one.centre), "quat": turn, "size": size, "group": "3"}
+            yield one.body, made("geom", name=f"{muscle.name}-C{i}", type="cylinder", **where, **_PASSIVE)
+
+
+def _way(muscle: MuscleOut) -> Iterator[Element]:
+    assert isinstance(muscle.path, PointPath)
+    round_it = {one.after: i for i, one in enumerate(muscle.path.cylinders, start=1)}
+    for i in range(len(muscle.path.points)):
+        yield made("site", site=f"{muscle.name}-P{i + 1}")
+        if i in round_it:
+            yield made("geom", geom=f"{muscle.name}-C{round_it[i]}")
+
+
+def _actuator(muscle: MuscleOut, lengths: Floats) -> Element:
+    """Return a muscle of MuJoCo: its lengths are in parts of the optimal one, along the tendon."""
+    force, fibre, tendon = (muscle.parameters[name] for name in NEEDED)
+    cosine = float(np.cos(muscle.parameters.get("pennation_angle_at_optimal", 0.0)))
+    ends = np.array([lengths.min(), lengths.max()])
+    ranges = {"lengthrange": _numbers(ends), "range": _numbers((ends - tendon) / (fibre * cosine))}
+    names = {"name": f"{muscle.name}_muscle", "tendon": muscle.name}
+    return made("muscle", **names, force=_numbers(force * cosine), **ranges)
+
+
+def _inertial(mass: float) -> Element:
+    return made("inertial", pos="0 0 0", mass=_numbers(mass), diaginertia=_numbers([mass * GYRATION**2] * 3))
+
+
+def _quaternion(turn: Floats) -> str:
+    return _numbers(np.roll(Rotation.from_matrix(turn.copy()).as_quat(), 1))
