@@ -11,10 +11,16 @@ import vtkmuscle
 from vtkmuscle.cli import app
 from vtkmuscle.data.arrays import blocks_of, points_of, with_points
 from vtkmuscle.io.writing import write_polydata
+from vtkmuscle.labels import page
 from vtkmuscle.phantoms.hip_joint import HipShape, varied_hip
 
 HIP = varied_hip(HipShape(), detail=0.5)
 METRES = 1e-3
+
+
+@pytest.fixture(autouse=True)
+def without_pictures(monkeypatch):
+    monkeypatch.setattr(page, "can_render", lambda: "not here")
 
 
 @pytest.fixture

@@ -8,9 +8,15 @@ from vtkmuscle.cli import app
 from vtkmuscle.core.mesh.surface import survey
 from vtkmuscle.data.arrays import blocks_of, checked_surface
 from vtkmuscle.filters import LabelSurfaces
+from vtkmuscle.labels import page
 from vtkmuscle.labels.reading import read_labels
 
 pytestmark = pytest.mark.realdata
+
+
+@pytest.fixture(autouse=True)
+def without_pictures(monkeypatch):
+    monkeypatch.setattr(page, "can_render", lambda: "not here")
 
 
 @pytest.fixture

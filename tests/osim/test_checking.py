@@ -80,18 +80,14 @@ def test_a_model_is_repaired_with_the_paths_of_a_scene(tmp_path):
     assert "theirs: length jumps by" in said.output
     assert "theirs,upper,length jumps," in (tmp_path / "bad.csv").read_text()
     assert "<svg" in (tmp_path / "bad.html").read_text()
-    call = [
-        "export",
-        str(tmp_path / "results"),
-        str(tmp_path / "new.osim"),
-        "--into",
-        str(tmp_path / "bad.osim"),
-    ]
+    repair = ["--repair", str(tmp_path / "new.osim"), "--scene", str(tmp_path / "results")]
+    call = ["check", str(tmp_path / "bad.osim"), "--out", str(tmp_path / "new.html"), *repair]
     said = CliRunner().invoke(app, [*call, "--replace", "strap=theirs"])
     assert said.exit_code == 0, said.output
     new = read_osim(tmp_path / "new.osim").muscle("theirs")
     assert {name: new.parameters[name] for name in properties} == pytest.approx(properties)
     assert not [one for one in check_model(tmp_path / "new.osim").findings if one.what == "length jumps"]
+    assert CliRunner().invoke(app, call).exit_code != 0  # replaces what?
 
 
 def test_iliacus_and_psoas_of_gait2392_jump(opensim_data):

@@ -116,10 +116,11 @@ def _check_free(out: Path, overwrite: bool) -> None:
 
 def _write(draft: Draft, out: Path, quiet: bool) -> None:
     from vtkmuscle.labels.guesses import LEFT_OUT, LOOK, table_of
+    from vtkmuscle.labels.page import write_page
 
-    path, table = draft.write(out), out / "guesses.csv"
+    path, page = draft.write(out), write_page(draft, out)
     unsure = [one for one in draft.guesses if one.sureness < LOOK and one.value != LEFT_OUT]
-    say(quiet, f"{len(draft.guesses)} guesses are in {table}" + ("; to be looked at:" if unsure else ""))
+    say(quiet, f"{len(draft.guesses)} guesses are in {page}" + ("; to be looked at:" if unsure else ""))
     for sureness, what, guess, why in table_of(unsure)[1:]:
         say(quiet, f"  {sureness}  {what}: {guess}; {why}")
     for name, why in draft.left_out.items():

@@ -1,4 +1,4 @@
-"""What is made of a run's results: reports, figures, comparisons, and models of OpenSim and MuJoCo."""
+"""What is made of a run's results: reports, figures, comparisons, models, and the viewer."""
 
 from __future__ import annotations
 
@@ -93,17 +93,35 @@ def check(
     out: Annotated[
         Path | None, typer.Option("--out", "-o", help="The page, .html. Default: MODEL_check.html here.")
     ] = None,
+    repair: Annotated[
+        Path | None, typer.Option("--repair", help="Write the model with paths fitted to those of a scene.")
+    ] = None,
+    scene: Annotated[
+        Path | None, typer.Option("--scene", help="For --repair: a scene.toml, or the folder of its results.")
+    ] = None,
+    replace: Annotated[
+        list[str] | None,
+        typer.Option("--replace", metavar="OURS=THEIRS", help="For --repair: the scene's muscle of one."),
+    ] = None,
 ) -> None:
     """Find where muscles of a model of OpenSim jump, and where their moment arms change sign.
 
     Each is swept over the ranges of the coordinates that it crosses. The page lists what was found with its
-    poses, and a table beside it (.csv). An export with --into and --replace puts fitted paths in their place.
+    poses, and a table beside it (.csv). With the surfaces of a scene, paths can be replaced by fitted ones.
     """
     with one_clear_error(out):
-        from vtkmuscle.opensim import check_model
+        from vtkmuscle.opensim import check_model, write_opensim
         from vtkmuscle.opensim.checking import evaluated
 
+        if (repair is None) != (scene is None) or (repair is not None and not replace):
+            raise InputError(
+                "--repair", "a repair takes a scene and muscles to replace", "give --scene and --replace too"
+            )
         page = out or Path(f"{model.stem}_check.html")
+        if repair is not None and scene is not None:
+            for new in write_opensim(scene, repair, into=model, replace=pairs(replace or [])):
+                typer.echo(f"{new.out.name}: {new}")
+            model = repair
         found = check_model(model)
         typer.echo(evaluated(found))
         kinds = [one.what for one in found.findings]
@@ -177,3 +195,17 @@ def compare(
             out or Path("comparison")
         ):
             typer.echo(f"wrote {path}")
+
+
+def view(
+    source: Annotated[Path, typer.Argument(help="Folder of a run's results, or a scene.toml.")],
+    port: Annotated[int, typer.Option("--port", min=0, max=65535, help="Default: a free one.")] = 0,
+    browser: Annotated[
+        bool, typer.Option("--browser/--no-browser", help="Open it in a browser, or print the address.")
+    ] = True,
+) -> None:
+    """Look at results, or at a scene that is solved as the slider moves, in a browser; Ctrl-C ends it."""
+    with one_clear_error(None):
+        from vtkmuscle.view import view as shown
+
+        shown(source, port=port, browser=browser)

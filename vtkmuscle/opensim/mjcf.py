@@ -9,7 +9,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.core.motion.frames import inverses
+from vtkmuscle.core.motion.rigid import inverses
 from vtkmuscle.core.types import Floats
 from vtkmuscle.io.xml_elements import made, xml_text
 from vtkmuscle.io.xml_elements import numbers_text as _numbers

@@ -1,0 +1,79 @@
+"""The page of a scene that was drawn up: a picture, its surfaces, and each guess with how sure it is."""
+
+from __future__ import annotations
+
+from base64 import b64encode
+from io import BytesIO
+from pathlib import Path
+
+import pyvista
+from vtkmodules.vtkCommonDataModel import vtkPolyData
+
+from vtkmuscle.core.mesh.surface import signed_volume
+from vtkmuscle.data.arrays import blocks_of, checked_surface, field_array
+from vtkmuscle.data.attachments import attachments_from
+from vtkmuscle.labels.draft import Draft
+from vtkmuscle.labels.guesses import LOOK, table_of
+from vtkmuscle.plotting import can_render
+from vtkmuscle.plotting.studio import x_server_warning_off
+from vtkmuscle.report.sections import Section
+from vtkmuscle.report.sections import write_page as page_of_sections
+from vtkmuscle.report.tables import Cell
+
+
+def write_page(draft: Draft, out: Path) -> Path:
+    """Write guesses.html, with a picture where pictures can be made, and return the page."""
+    sections = []
+    if can_render() is None:
+        with x_server_warning_off():
+            picture = b64encode(draw(draft)).decode()
+        words = (
+            "Seen from the front, and from the right. Rings are areas of attachment: blue where they are "
+            "landmarks, orange where they are estimated."
+        )
+        sections.append(Section("The scene at rest", pictures=[(words, "", picture)]))
+    rows = [("structure", "kind", "triangles", "volume [cm³]", "against the label", "95 % within")]
+    for kind, surfaces in (("bone", draft.bones), ("muscle", draft.muscles)):
+        rows += [(name, kind, *_figures(surface)) for name, surface in surfaces.items()]
+    head, *guesses = table_of(draft.guesses)
+    marks = ["look" if float(sure) < LOOK else "" for sure, *_ in guesses]
+    rows_of_guesses: list[list[str | Cell]] = [
+        [row[0], Cell(row[1], mark), *row[2:]] for row, mark in zip(guesses, marks, strict=True)
+    ]
+    note = f"The least sure first; those below {LOOK} want to be looked at, and are marked"
+    sections += [
+        Section("Surfaces", rows=rows),
+        Section("Guesses", note, [head, *rows_of_guesses], words=True),
+    ]
+    lead = "What was made, and what was guessed."
+    return page_of_sections(out / "guesses.html", draft.name, "draft", lead, sections)
+
+
+def draw(draft: Draft) -> bytes:
+    """Return a PNG picture of a scene: bones, muscles that one sees through, and rings around the areas."""
+    plotter = pyvista.Plotter(off_screen=True, shape=(1, 2), window_size=(1600, 1000), border=False)
+    sign = 1.0 if draft.frame == "LPS" else -1.0
+    for number, towards in enumerate(((0.0, -sign, 0.0), (-sign, 0.0, 0.0))):
+        plotter.subplot(0, number)
+        for bone in draft.bones.values():
+            plotter.add_mesh(bone, color="#e8dcc2", smooth_shading=True)
+        for name, muscle in draft.muscles.items():
+            plotter.add_mesh(muscle, color="#b4443c", opacity=0.55, smooth_shading=True)
+            rings = blocks_of(attachments_from(draft.areas[name]))
+            for area, (_, ring) in zip(draft.areas[name], rings, strict=True):
+                colour = "#e08a00" if area.estimated else "#1f5fbf"
+                plotter.add_mesh(ring, color=colour, line_width=6, render_lines_as_tubes=True)
+        plotter.view_vector(towards, viewup=(0.0, 0.0, 1.0))
+        plotter.camera.zoom(1.4)
+    plotter.screenshot(picture := BytesIO())
+    plotter.close()
+    return picture.getvalue()
+
+
+def _figures(surface: vtkPolyData) -> tuple[str, str, str, str]:
+    """Return the triangles and the volume of a surface, and how near it is to its label, if it has one."""
+    points, triangles = checked_surface(surface, "surface")
+    error, away = field_array(surface, "VolumeError"), field_array(surface, "BoundaryDistance")
+    against = "" if error is None else f"{100.0 * error[0]:+.2f} %"
+    within = "" if away is None else f"{away[1]:.2f} mm"
+    return str(len(triangles)), f"{signed_volume(points, triangles) / 1000.0:.1f}", against, within
