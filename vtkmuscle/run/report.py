@@ -69,6 +69,7 @@ DEFINITIONS = {
     "fibres_outside_max_mm": "how far the farthest point of a fibre is out of the muscle",
     "fibres_penetration_new_max_mm": "by how much the deepest point of a fibre is deeper in a bone than that "
     "of the same fibre at rest, at most",
+    "squeezed_p95_mm": "room that a path lacks between two bones, 95th percentile over all paths",
     "rest": "how deep free points are in bones at rest: segmented muscles often begin so",
     "verdict": "ok, look (use the results, but look at what the reasons name) or failed (do not use them): "
     "the worst of its reasons. Each reason has the check, the worst frame and its time, the value there, the "
