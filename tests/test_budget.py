@@ -18,7 +18,7 @@ BUDGETS = {
     "accuracy": 296,  # 291: errors that a run states of its results
     "comparison": 317,  # 311: runs over one another
     "cli": 1150,  # 1128: the command line; check and export are 103 of them, from-labels and init 99
-    "core": 9385,  # 9201: the mathematics; 9000 is what it is to come to
+    "core": 9413,  # 9229: the mathematics; 9000 is what it is to come to
     "core/accuracy": 62,  # 61: errors by parts
     "core/algorithm_2": 200,  # 197: the published solver
     "core/attachments": 373,  # 366: areas and fixed points
@@ -26,15 +26,15 @@ BUDGETS = {
     "core/collision": 877,  # 860: points kept out of bones and muscles
     "core/deformation": 295,  # 290: carrying and settling
     "core/fibres": 1559,  # 1529: architecture, mean value coordinates, spreading, trimming, directions
-    "core/mesh": 1485,  # 1456: surfaces, trees, solids
+    "core/mesh": 1509,  # 1480: surfaces, trees, solids
     "core/moment_arms": 275,  # 270: levers and slopes
-    "core/morphing": 1011,  # 992: a template taken into a muscle, section by section
+    "core/morphing": 1005,  # 986: a template taken into a muscle, section by section
     "core/motion": 474,  # 465: rigid motions and coordinates; fits of joints are 84, nearest rotations 77
     "core/paths": 1603,  # 1575: the sheet of paths, and the muscle that it takes along
     "core/template": 336,  # 330: templates of fibres
     "data": 1148,  # 1126: VTK to arrays and back; what ports deliver is 60, images of labels are 164
     "fetch": 323,  # 317: public data
-    "filters": 3076,  # 3016: VTK filters; FibreField is 69 of them; LabelSurfaces is 51
+    "filters": 3077,  # 3017: VTK filters; FibreField is 69 of them; LabelSurfaces is 51
     "io": 1766,  # 1732: readers and writers; XML is read and made here, tables as well
     "opensim": 2708,  # 2655: joints, OpenSim and MuJoCo, in and out; checking a model, and its page, are 229
     "labels": 818,  # 802: scenes from label maps, and from meshes, by guesses
