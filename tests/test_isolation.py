@@ -13,7 +13,7 @@ from tiny_study import write_tiny_study
 
 #: What the package imports, directly or not, and names of the standard library that it uses.
 PLANTED = """
-    numpy scipy numba llvmlite pyamg vtk vtkmodules pyvista matplotlib typer rich
+    numpy scipy numba llvmlite vtk vtkmodules pyvista matplotlib typer rich
     pydantic pydantic_core tomli_w lazy_loader
     click shellingham PIL yaml pooch kiwisolver cycler scooby csv json logging tomllib xml hashlib
     tempfile subprocess uuid colorsys sitecustomize usercustomize h5py meshio trimesh IPython cmocean

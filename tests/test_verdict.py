@@ -42,6 +42,7 @@ GOOD = {
     "folded_edges": 1,
     "penetration_new_max_mm": 0.1,
     "penetration_new_p95_mm": 0.0,
+    "squeezed_p95_mm": 0.0,
     "fibres_outside_max_mm": 0.1,
     "fibres_penetration_new_max_mm": 0.1,
 }
@@ -90,6 +91,7 @@ def test_a_good_muscle_is_ok_and_all_was_checked():
         ("crumpled", "dihedral_error_p95_deg", 36.0, 55.0),
         ("folded", "folded_edges", 8, 40),
         ("penetration", "penetration_new_max_mm", 1.0, 8.0),
+        ("squeezed", "squeezed_p95_mm", 0.5, 6.0),
         ("widespread penetration", "penetration_new_p95_mm", 0.2, 1.5),
         ("fibres outside", "fibres_outside_max_mm", 7.0, 16.0),
         ("fibres in bone", "fibres_penetration_new_max_mm", 7.0, 16.0),

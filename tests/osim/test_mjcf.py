@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from vtkmuscle.core.motion.frames import frame_at
+from vtkmuscle.core.motion.rigid import frame_at
 from vtkmuscle.opensim import MuscleOut, mjcf_of
 from vtkmuscle.opensim.functions import IDENTITY, Constant, CubicSpline, Polynomial
 from vtkmuscle.opensim.muscle_paths import FunctionPath, PathPoint, PointPath, moment_arm

@@ -2,8 +2,8 @@
 
 ``PathLength`` (k,) is the length of each path, musculotendon length; ``PathPoints`` (k, 3 n) are its points;
 ``PathWrench_BONE`` (k, 6) is the force [1] and the moment about the origin that it exerts, at a tension of 1,
-on a bone. Lines that are paths themselves have no ``PathPoints``. Superficial fibres are lines that a user
-has seen on a muscle's surface.
+on a bone; ``PathSqueezed`` (k,) is the room that it lacks between two bones. Lines that are paths themselves
+have no ``PathPoints``. Superficial fibres are lines that a user has seen on a muscle's surface.
 """
 
 from __future__ import annotations
@@ -46,7 +46,8 @@ def checked_superficial(data: vtkPolyData, where: str) -> Polylines:
     return lines
 
 
-PATH_LENGTH, PATH_POINTS, PATH_WRENCH = "PathLength", "PathPoints", "PathWrench_"
+PATH_LENGTH, PATH_POINTS, PATH_SQUEEZED = "PathLength", "PathPoints", "PathSqueezed"
+PATH_WRENCH = "PathWrench_"
 
 
 class Paths(NamedTuple):
@@ -65,7 +66,9 @@ class Paths(NamedTuple):
     wrenches: dict[str, Floats]
 
 
-def path_arrays(points: Floats, wrenches: Floats, bones: Sequence[str]) -> dict[str, NDArray[Any]]:
+def path_arrays(
+    points: Floats, wrenches: Floats, bones: Sequence[str], squeezed: Floats
+) -> dict[str, NDArray[Any]]:
     """Return the arrays of paths by their names.
 
     Parameters
@@ -76,10 +79,13 @@ def path_arrays(points: Floats, wrenches: Floats, bones: Sequence[str]) -> dict[
         On each bone; those that no path touches have no array.
     bones : sequence of str
         Names of the b bones.
+    squeezed : (k,) array
+        Room that each path lacks between two bones.
     """
     k, n, _ = points.shape
     lengths = polyline_lengths(points.reshape(-1, 3), n * np.arange(k + 1))
     arrays: dict[str, NDArray[Any]] = {PATH_LENGTH: lengths, PATH_POINTS: points.reshape(k, -1)}
+    arrays[PATH_SQUEEZED] = squeezed
     for number, bone in enumerate(bones):
         if wrenches[:, number].any():
             arrays[PATH_WRENCH + bone] = np.ascontiguousarray(wrenches[:, number])

@@ -281,7 +281,8 @@ class PBDDeformer(DeformerSettings, HistoryFilter[_Frame]):
             set_field_array(result, "Unsettled", int(not state.paths.settled))
             if state.fibre_points is not None:
                 set_field_array(result, "FibrePoints", state.fibre_points)
-                arrays = path_arrays(state.paths.points, state.paths.wrenches, bones)
+                paths = state.paths
+                arrays = path_arrays(paths.points, paths.wrenches, bones, paths.squeezed)
                 for name, values in arrays.items():
                     set_field_array(result, name, values)
         for name, value in self._figures(frame).items():

@@ -173,7 +173,7 @@ class TautFibres(HistoryFilter[PathState]):
         count, n, _ = state.points.shape
         result = rest_fibres.moved(state.points.reshape(-1, 3), n * np.arange(count + 1))
         lengths, rest = state.lengths, paths.rest.lengths
-        found = path_arrays(state.points, state.wrenches, bones)
+        found = path_arrays(state.points, state.wrenches, bones, state.squeezed)
         del found[PATH_POINTS]  # the lines themselves
         for name, values in (
             *found.items(),

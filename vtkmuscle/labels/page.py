@@ -31,7 +31,7 @@ def write_page(draft: Draft, out: Path) -> Path:
             "Seen from the front, and from the right. Rings are areas of attachment: blue where they are "
             "landmarks, orange where they are estimated."
         )
-        sections.append(Section("The scene at rest", pictures=[(words, "", picture)]))
+        sections.append(Section("The scene at rest", pictures=[(words, picture)]))
     rows = [("structure", "kind", "triangles", "volume [cm³]", "against the label", "95 % within")]
     for kind, surfaces in (("bone", draft.bones), ("muscle", draft.muscles)):
         rows += [(name, kind, *_figures(surface)) for name, surface in surfaces.items()]

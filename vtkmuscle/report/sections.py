@@ -38,6 +38,8 @@ class Section:
         Whether its cells are words rather than numbers.
     drawings : sequence of (str, str)
         Titles and SVG.
+    pictures : sequence of (str, str)
+        Words, and a PNG in base 64.
     """
 
     title: str
@@ -45,6 +47,7 @@ class Section:
     rows: Sequence[Sequence[str | Cell]] = ()
     words: bool = False
     drawings: Sequence[tuple[str, str]] = ()
+    pictures: Sequence[tuple[str, str]] = ()
 
     @property
     def sheet(self) -> Sheet:

@@ -17,12 +17,14 @@ from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.mesh.polylines import polyline_lengths
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import (
+    cell_array,
     field_array,
     point_array,
     points_of,
     polylines_of,
     set_cell_array,
 )
+from vtkmuscle.data.paths import PATH_SQUEEZED
 from vtkmuscle.filters.base.algorithm import AbortedError
 from vtkmuscle.filters.base.filter import Filter
 from vtkmuscle.filters.deformer.shape_report import read_shape
@@ -230,6 +232,9 @@ class MuscleRun:
         if deformed is not None:
             self.track.points.append(points_of(deformed))
         if fibres is not None:
+            if fibres.GetCellData().HasArray(PATH_SQUEEZED):
+                squeezed = cell_array(fibres, PATH_SQUEEZED, "fibres")
+                row["squeezed_p95_mm"] = float(np.percentile(squeezed, 95)) * self.scene.millimetres
             self.track.keep(fibres, self.scene.millimetres)
             measures = measures_of_fibres(fibres, self.scene.millimetres)
             self.track.report["fibre_measures"].append({"frame": number, "time": now, **measures})

@@ -29,7 +29,7 @@ _AT_REST = {
 #: The checks that need fibres.
 _OF_FIBRES = (
     *("long fibres", "short fibres", "jumps", "widespread jumps"),
-    *("slid off", "fibres outside", "fibres in bone"),
+    *("slid off", "fibres outside", "fibres in bone", "squeezed"),
 )
 
 
@@ -178,6 +178,7 @@ def _series(
         "fibres outside": column("fibres_outside_max_mm"),
         "fibres in bone": column("fibres_penetration_new_max_mm"),
         "penetration": column("penetration_new_max_mm"),
+        "squeezed": column("squeezed_p95_mm"),
         "widespread penetration": column("penetration_new_p95_mm"),
     }
     missing = {"penetration": "no bone has an inside", "widespread penetration": "no bone has an inside"}

@@ -25,8 +25,11 @@ from phantom_paths import (
 from phantoms import spindle_over_ball, strap_over_two_joints
 from phantoms.planar import flexed
 from phantoms.two_joint_strap import LOWER, WRAPS
+from shapes import box
 
+from vtkmuscle.core.bones.bone import Bone
 from vtkmuscle.core.motion.rigid import rotation_about
+from vtkmuscle.core.paths.sheet import MusclePaths
 
 #: Moment arms are means over so many steps.
 WINDOW = 5
@@ -280,6 +283,28 @@ def test_following_changes_no_state_that_is_given():
     known_paths("wrapping_cylinder").follow(state, turned("wrapping_cylinder", {}, "pulley", [40.0])[0])
     for name, kept in before.items():
         np.testing.assert_array_equal(getattr(state, name), kept)
+
+
+@pytest.mark.parametrize("closer", [0.0, 0.5, 2.0])
+def test_paths_between_plates_that_come_closer_lack_that_room(closer):
+    """A slab 8 mm thick between two plates, one of which comes closer; the paths have nowhere to go."""
+    half, length = 4.0, 40.0
+    y, z = np.linspace(-5.0, 5.0, 5), np.linspace(0.0, length, 17)
+    fibres = np.array([[[0.0, a, b] for b in z] for a in y])
+    slab = box((-half, -8.0, 0.0), (half, 8.0, length))
+    plates = {
+        number: Bone(*box(low, high))
+        for number, low, high in (
+            (0, (-half - 9.0, -40.0, -20.0), (-half, 40.0, length + 20.0)),
+            (1, (half, -40.0, -20.0), (half + 9.0, 40.0, length + 20.0)),
+        )
+    }
+    held = np.zeros(len(fibres), dtype=np.int64)
+    paths = MusclePaths(fibres, held, held, *slab, plates)
+    poses = np.tile(np.eye(4), (2, 1, 1))
+    poses[1, 0, 3] = -closer
+    squeezed = paths.follow(paths.rest, poses).squeezed
+    np.testing.assert_allclose(squeezed, closer, atol=0.05)
 
 
 def test_a_fibre_of_no_length_is_refused():

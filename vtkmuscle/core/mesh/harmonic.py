@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.sparse import coo_array, csr_array, csr_matrix
+from scipy.sparse import coo_array, csr_array
 from scipy.sparse.linalg import splu
 
 from vtkmuscle.core.mesh.normals import triangle_normals
@@ -14,10 +14,6 @@ from vtkmuscle.core.types import Floats, Ints
 #: keeps the matrix an M-matrix where triangles are obtuse, so that a harmonic function stays between its
 #: boundary values; the upper one keeps it well conditioned where triangles are degenerate.
 COTANGENT_BOUNDS = (1e-3, 1e3)
-#: Unknowns up to which a matrix is factorised.
-MOST_FACTORISED = 30_000
-#: Where multigrid ends, relative to the right-hand side, and after how many steps at the latest.
-PRECISION, MOST_STEPS = 1e-12, 100
 
 
 def cotangent_laplacian(points: Floats, triangles: Ints) -> csr_array:
@@ -89,46 +85,16 @@ def harmonic_extension(points: Floats, triangles: Ints, known: Ints, values: Flo
     if len(free):
         rows = cotangent_laplacian(points, triangles)[free]
         inner, border = rows[:, free], rows[:, known]
-        result[free] = _solved(inner, -(border @ values))
+        # Symmetric and diagonally dominant: no pivoting, and an ordering for symmetric matrices.
+        factors = splu(
+            inner.tocsc(),
+            permc_spec="MMD_AT_PLUS_A",
+            diag_pivot_thresh=0.0,
+            options={"SymmetricMode": True},
+        )
+        result[free] = factors.solve(-(border @ values))
     low, high = values.min(axis=0), values.max(axis=0)
     return np.clip(result, low, high)
-
-
-def _solved(matrix: csr_array, right: Floats) -> Floats:
-    """Return x with matrix @ x = right, (n, c); the matrix is a part of a Laplacian, positive definite.
-
-    Factors of a large matrix fill up faster than it grows. Conjugate gradients with one cycle of algebraic
-    multigrid as the preconditioner (Ruge, Stueben 1987, doi:10.1137/1.9781611971057.ch4), which is made for
-    matrices like this, take about as many steps whatever its size.
-    """
-    found = _solved_by_multigrid(matrix, right) if matrix.shape[0] > MOST_FACTORISED else None
-    if found is not None:
-        return found
-    # The matrix is symmetric and diagonally dominant: no pivoting, and an ordering for symmetric ones.
-    factors = splu(
-        matrix.tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}
-    )
-    result: Floats = factors.solve(right)
-    return result
-
-
-def _solved_by_multigrid(matrix: csr_array, right: Floats) -> Floats | None:
-    """Return the same by multigrid, None where it does not get there."""
-    from pyamg import ruge_stuben_solver  # noqa: PLC0415 -- slow to import, and for large meshes only
-
-    matrix = matrix.tocsr()
-    small = csr_matrix(
-        (matrix.data, matrix.indices.astype(np.int32), matrix.indptr.astype(np.int32)), shape=matrix.shape
-    )
-    hierarchy = ruge_stuben_solver(small)
-    result = np.empty_like(right)
-    for column in range(right.shape[1]):
-        wanted = right[:, column]
-        x = hierarchy.solve(wanted, tol=PRECISION, accel="cg", maxiter=MOST_STEPS)
-        if not np.linalg.norm(small @ x - wanted) <= 10.0 * PRECISION * np.linalg.norm(wanted):
-            return None
-        result[:, column] = x
-    return result
 
 
 def harmonic_weights(points: Floats, triangles: Ints, fixed_to: Ints) -> tuple[Ints, Floats]:

@@ -32,8 +32,8 @@ from vtkmuscle.core.morphing.slices import (
     GRAIN,
     SAME_HEIGHT,
     Box,
-    MappedSlices,
     Morph,
+    SliceMaps,
     Slicing,
     map_sections,
     mapped_slices,
@@ -138,7 +138,7 @@ def morph_by_isolines(
     levels = course.begin + levels * course.way
     slicing.report_progress(0.4)
 
-    def slices() -> MappedSlices:
+    def slices() -> SliceMaps:
         return _mapped(box, course, levels, inside, slicing)
 
     if slicing.twisting.seen is None:
@@ -146,14 +146,13 @@ def morph_by_isolines(
     else:
         mapped = slices()
     heights = course.begin + fractions * course.way
-    found = map_sections(mapped, levels, heights, slice_of, inside, slicing)
-    result = found.places
+    result, _, split_error = map_sections(mapped, levels, heights, slice_of, inside, slicing)
     at_origin, at_insertion = fractions <= SAME_HEIGHT, fractions >= 1.0 - SAME_HEIGHT
     between = result[~(at_origin | at_insertion)]
     n_outside = int((~points_inside(between, course.tree)).sum())
     for value, ends in ((0.0, at_origin), (1.0, at_insertion)):
         result[ends] = course.onto_area(value, result[ends])
-    return Morph(box.positions(result), n_outside, found.split_error, course.share, 0.0, mapped.twist)
+    return Morph(box.positions(result), n_outside, split_error, course.share, 0.0, mapped.twist)
 
 
 @dataclass(frozen=True, eq=False)
@@ -205,7 +204,7 @@ def _course(surface: ClosedSurface, field: Floats) -> _Course:
     return replace(whole, begin=regular[first], way=regular[last] - regular[first], share=share)
 
 
-def _mapped(box: Box, course: _Course, levels: Floats, inside: Floats, slicing: Slicing) -> MappedSlices:
+def _mapped(box: Box, course: _Course, levels: Floats, inside: Floats, slicing: Slicing) -> SliceMaps:
     """Return the isolines at some ways, matched to the template's rectangle."""
     begin, way, length = course.begin, course.way, float(course.ways[-1])
     guides = begin + guide_levels(way)

@@ -17,8 +17,8 @@ from vtkmuscle.core.morphing.slices import (
     SAME_HEIGHT,
     STEEP,
     Box,
-    MappedSlices,
     Morph,
+    SliceMaps,
     Slicing,
     map_sections,
     mapped_slices,
@@ -71,7 +71,7 @@ def morph_by_planes(
     inside = box.coordinates(fibre_points)
     tolerance = max(slicing.slice_tolerance, SAME_HEIGHT * box.length)
     grain = GRAIN * box.length
-    raised = slicing.once(("raised", slicing.key(transform)), lambda: _raised(box, muscle))
+    raised = slicing.once(("raised", slicing.key(transform)), lambda: _muscle_in_box(box, muscle))
     slicing.report_progress(0.1)
     heights = np.clip(inside[:, 2], raised.bottom + raised.margin, raised.top - raised.margin)
     levels, slice_of = shared_levels(heights, tolerance, grain)
@@ -82,8 +82,8 @@ def morph_by_planes(
         levels, slice_of = shared_levels(heights, tolerance, grain)
     slicing.report_progress(0.35)
 
-    def slices() -> MappedSlices:
-        at_levels = followed if course.ends is None else _followed(raised, levels)
+    def slices() -> SliceMaps:
+        at_levels = followed if course.ends is None else _branch_at(raised, levels)
         return _mapped(box, at_levels, levels, raised.guides, inside, slicing)
 
     if slicing.twisting.seen is None:
@@ -91,12 +91,12 @@ def morph_by_planes(
     else:
         mapped = slices()
     result = np.column_stack([inside[:, :2], heights])
-    found = map_sections(mapped, levels, heights, slice_of, inside, slicing)
-    result[:, :2] = found.places
+    places, n_outside, split_error = map_sections(mapped, levels, heights, slice_of, inside, slicing)
+    result[:, :2] = places
     return Morph(
         box.positions(result),
-        found.n_outside,
-        found.split_error,
+        n_outside,
+        split_error,
         course.volume_share,
         course.steep_share,
         mapped.twist,
@@ -104,7 +104,7 @@ def morph_by_planes(
 
 
 @dataclass(frozen=True, eq=False)
-class _Raised:
+class _MuscleInBox:
     """A muscle in the coordinates of its box, its height, and how far from its ends slices stay."""
 
     surface: ClosedSurface
@@ -123,7 +123,7 @@ class _Raised:
 
 
 @dataclass(frozen=True, eq=False)
-class _Followed:
+class _Branch:
     """Sections at some heights, and of each the loop of the main branch, -1 for none."""
 
     sections: Sections
@@ -139,28 +139,28 @@ class _Followed:
 class _Course:
     """The main branch; where it ends before the box, what heights are squeezed by: first, last, low, high."""
 
-    followed: _Followed
+    followed: _Branch
     volume_share: float
     steep_share: float
     ends: tuple[float, float, float, float] | None
 
 
-def _raised(box: Box, muscle: ClosedSurface) -> _Raised:
+def _muscle_in_box(box: Box, muscle: ClosedSurface) -> _MuscleInBox:
     surface = box.surface(muscle)
     heights = np.ascontiguousarray(surface.points[:, 2])
     extent = heights[surface.triangles]  # of the points that are used
-    return _Raised(surface, heights, float(extent.min()), float(extent.max()))
+    return _MuscleInBox(surface, heights, float(extent.min()), float(extent.max()))
 
 
-def _followed(raised: _Raised, levels: Floats) -> _Followed:
+def _branch_at(raised: _MuscleInBox, levels: Floats) -> _Branch:
     """Return sections at the levels and the guides."""
     at = np.union1d(levels, raised.guides)
     sections = cut_surface(raised.surface, raised.heights, at)
     sizes = loop_areas(sections.points, sections.loop_offsets)[:, 2]
-    return _Followed(sections, at, main_loops(sections, at, sizes))
+    return _Branch(sections, at, main_loops(sections, at, sizes))
 
 
-def _course(raised: _Raised, levels: Floats) -> _Course:
+def _course(raised: _MuscleInBox, levels: Floats) -> _Course:
     """Return the course of the main branch, by regular heights, and the sections at the levels."""
     bottom, top = raised.bottom, raised.top
     regular = bottom + (top - bottom) * (np.arange(N_COURSE) + 0.5) / N_COURSE
@@ -172,10 +172,10 @@ def _course(raised: _Raised, levels: Floats) -> _Course:
     branch = main_loops(sections, together, sizes, at_regular)
     shares = _shares(sections, sizes, at_regular, branch)
     main = main_loops(sections, together, sizes, np.searchsorted(together, followed))
-    found = _Followed(sections, followed, main)
+    found = _Branch(sections, followed, main)
     if (found.at(levels[[0, -1]]) >= 0).all():
         return _Course(found, *shares, None)
-    at = _followed(raised, levels)
+    at = _branch_at(raised, levels)
     low, high = _branch_ends(at.sections, at.loops, raised.heights)
     hit = at.heights[at.loops >= 0]
     ends = float(hit[0]), float(hit[-1]), low + raised.margin, high - raised.margin
@@ -183,8 +183,8 @@ def _course(raised: _Raised, levels: Floats) -> _Course:
 
 
 def _mapped(
-    box: Box, followed: _Followed, levels: Floats, guides: Floats, inside: Floats, slicing: Slicing
-) -> MappedSlices:
+    box: Box, followed: _Branch, levels: Floats, guides: Floats, inside: Floats, slicing: Slicing
+) -> SliceMaps:
     """Return the sections at the levels, matched to the template's rectangle."""
     sections = followed.sections
     loops, guiding = followed.at(levels), followed.at(guides)

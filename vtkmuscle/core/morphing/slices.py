@@ -92,7 +92,7 @@ class Slicing:
 
 
 @dataclass(frozen=True, eq=False)
-class MappedSlices:
+class SliceMaps:
     """Sections of a muscle with their maps, whatever fibres go through them.
 
     Attributes
@@ -124,7 +124,7 @@ def mapped_slices(
     slicing: Slicing,
     twist: Twist,
     views: Floats | None = None,
-) -> MappedSlices:
+) -> SliceMaps:
     """Return sections with their maps.
 
     Parameters
@@ -137,7 +137,7 @@ def mapped_slices(
     sides : (2,) array or longer
         Sides of the rectangle [mm].
     hits, slicing, twist, views
-        As of :class:`MappedSlices`; how to map.
+        As of :class:`SliceMaps`; how to map.
     """
     if views is not None:
         loops = [loop @ view.T for loop, view in zip(loops, views, strict=True)]
@@ -146,36 +146,17 @@ def mapped_slices(
     for number, loop in enumerate(loops):
         maps.append(section_map(loop, starts[number], sides, as_printed=slicing.continuity == 0.0))
         slicing.report_progress(0.5 + 0.4 * (number + 1) / len(loops))
-    return MappedSlices(hits, maps, loops, views, twist)
-
-
-@dataclass(frozen=True, eq=False)
-class MappedSections:
-    """Points in the sections of a muscle.
-
-    Attributes
-    ----------
-    places : (n, k) float array
-        Their positions [mm].
-    n_outside : int
-        Points outside of their section, seen along z.
-    split_error : float
-        The largest one of a section.
-    """
-
-    places: Floats
-    n_outside: int
-    split_error: float
+    return SliceMaps(hits, maps, loops, views, twist)
 
 
 def map_sections(
-    slices: MappedSlices,
+    slices: SliceMaps,
     levels: Floats,
     heights: Floats,
     slice_of: Ints,
     inside: Floats,
     slicing: Slicing,
-) -> MappedSections:
+) -> tuple[Floats, int, float]:
     """Return points of the template in the sections of the muscle.
 
     Points that share a slice though their heights differ are mapped by it and by the next one on their side,
@@ -183,7 +164,7 @@ def map_sections(
 
     Parameters
     ----------
-    slices : MappedSlices
+    slices : SliceMaps
         The sections. A level without one, by rounding, takes that of the level next to it.
     levels : (h,) array
         Of the slices, ascending.
@@ -198,8 +179,12 @@ def map_sections(
 
     Returns
     -------
-    MappedSections
-        In the order of the points.
+    places : (n, k) array
+        Of the points, in their order [mm].
+    n_outside : int
+        Points outside of their section, seen along z.
+    split_error : float
+        The largest one of a section.
     """
     above = heights - levels[slice_of]
     others = slice_of + np.sign(above).astype(np.int64)
@@ -223,7 +208,7 @@ def map_sections(
         split_error = max(split_error, section.split_error)
         n_outside += count_outside(slices.loops[number], found[mine < len(inside)])
     slicing.report_progress(1.0)
-    return MappedSections(places, n_outside, split_error)
+    return places, n_outside, split_error
 
 
 class Box:

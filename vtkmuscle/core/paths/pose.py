@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
@@ -152,6 +153,27 @@ class SheetPose:
             axis=1
         )
         return presses
+
+    def squeezed(self) -> Floats:
+        """Return by how much two bones that press on a path from opposite sides sink into it, (f,) [mm].
+
+        That is the room that it lacks between them, at the point where it lacks most.
+        """
+        f, n, _ = self._x.shape
+        lacking = np.zeros((f, n))
+        pressing = [
+            (
+                pressure > 0.0,
+                np.maximum(-near.gaps, 0.0).reshape(f, n),
+                near.outward @ self._moved[number, :3, :3].T,
+            )
+            for number, pressure, near in zip(self._contacts.numbers, self._pressure, self._near, strict=True)
+        ]
+        for one, other in combinations(pressing, 2):
+            against = -np.einsum("pi,pi->p", one[2], other[2]).reshape(f, n)
+            np.maximum(lacking, against * (one[1] + other[1]), out=lacking, where=one[0] & other[0])
+        most: Floats = lacking.max(axis=1)
+        return most
 
     @property
     def points(self) -> Floats:

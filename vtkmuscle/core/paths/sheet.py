@@ -63,6 +63,8 @@ class PathState:
         [mm]; see :func:`~vtkmuscle.core.paths.wrenches.path_wrenches`.
     contacts : (f,) int array
         Points of each path that bones or rings press on.
+    squeezed : (f,) array
+        Room that each path lacks between two bones [mm].
     settled : bool
         Whether the sheet came to rest.
     """
@@ -71,6 +73,7 @@ class PathState:
     transforms: Floats
     wrenches: Floats
     contacts: Ints
+    squeezed: Floats
     settled: bool = True
 
     @property
@@ -82,7 +85,7 @@ class PathState:
     @property
     def nbytes(self) -> int:
         """Memory that it takes [bytes]."""
-        return sum(array.nbytes for array in (self.points, self.transforms, self.wrenches, self.contacts))
+        return sum(value.nbytes for value in vars(self).values() if isinstance(value, np.ndarray))
 
 
 class MusclePaths:
@@ -270,7 +273,7 @@ class MusclePaths:
 
 
 def _state(sheet: SheetPose, settled: bool, transforms: Floats) -> PathState:
-    return PathState(sheet.points, transforms, sheet.wrenches(), sheet.contacts(), settled)
+    return PathState(sheet.points, transforms, sheet.wrenches(), sheet.contacts(), sheet.squeezed(), settled)
 
 
 def half_thickness(surface: Floats, triangles: Ints) -> float:

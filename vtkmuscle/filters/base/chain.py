@@ -10,7 +10,7 @@ from typing import Any
 
 from vtkmodules.vtkCommonExecutionModel import vtkTrivialProducer
 
-from vtkmuscle.filters.base.running import Running
+from vtkmuscle.filters.base.running import Runnable
 
 try:
     from vtkmodules.util import execution_model
@@ -20,7 +20,7 @@ except ImportError:  # VTK has it from 9.4 on; ParaView may bring an older one
 _Pipeline: Any = object if execution_model is None else execution_model.Pipeline
 
 
-class Chain(Running, _Pipeline):
+class Chain(Runnable, _Pipeline):
     """Algorithms connected by ``>>``: VTK's own ``Pipeline``, with what our filters have.
 
     Data go into the first algorithm, results come from the last. Connected to a filter, a chain stands for

@@ -20,7 +20,7 @@ from vtkmuscle.filters.base.chain import chain_everywhere
 from vtkmuscle.filters.base.docstrings import documented
 from vtkmuscle.filters.base.parameters import Parameter
 from vtkmuscle.filters.base.ports import InputPort, OutputPort
-from vtkmuscle.filters.base.running import Running
+from vtkmuscle.filters.base.running import Runnable
 
 _RESERVED = frozenset(dir(vtkAlgorithm)) | {
     "apply",
@@ -36,7 +36,7 @@ _RESERVED = frozenset(dir(vtkAlgorithm)) | {
 chain_everywhere()
 
 
-class Filter(Running, Algorithm):
+class Filter(Runnable, Algorithm):
     """A VTK algorithm with declared parameters and ports.
 
     A subclass declares :class:`~vtkmuscle.filters.base.parameters.Parameter`,

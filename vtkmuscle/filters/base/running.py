@@ -236,7 +236,7 @@ def _shallow(data: Any) -> Any:
     return copy
 
 
-class Running:
+class Runnable:
     """What can be run: a filter, or a chain of them."""
 
     @property

@@ -29,7 +29,7 @@ IRRELEVANT: Mapping[str, str] = MappingProxyType(
     }
 )
 #: Packages that have a part in the numbers.
-_PACKAGES = ("numpy", "scipy", "numba", "vtk", "pyamg")
+_PACKAGES = ("numpy", "scipy", "numba", "vtk")
 #: The key of a file of which the content counts, not the name.
 _FILE = "template_file"
 
