@@ -46,7 +46,7 @@ STAGES: dict[str, tuple[str, ...]] = {
     "errors": ("accuracy/stated:StatedErrors",),
     "tables": ("run/steps:_measure", "run/store/writing:ResultWriter.write_tables", "run/table:Table"),
     "frames": ("run/muscles:MuscleRun._keep", "run/store/writing:ResultWriter"),
-    "figures": (_DRAWING, "run/figures:Drawing", "plotting/in_child:DrawingProcess"),
+    "figures": (_DRAWING, "run/figures:Drawing", "plotting/drawing:DrawingProcess"),
     "page": ("report/page:write_page",),
 }
 

@@ -87,7 +87,7 @@ def test_a_run_imports_no(forbidden):
 @pytest.mark.parametrize("forbidden", ["numba", "scipy", "pyvista"])
 def test_the_process_that_draws_imports_no(forbidden):
     # Numba takes a second until its first kernel runs, beside threads that solve.
-    parts = ("in_child", "figures", "moment_arms", "studio")
+    parts = ("drawing", "figures", "sheets", "studio")
     loaded = modules_after_importing(*(f"vtkmuscle.plotting.{part}" for part in parts))
     assert forbidden not in packages(loaded)
 
