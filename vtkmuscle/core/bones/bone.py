@@ -311,13 +311,10 @@ def _look_up(
             continue
         before = field.lacking[0]
         transform_point(axes, points, i, at)
-        distance[i] = FAR
         normal[0], normal[1], normal[2] = 0.0, 0.0, 0.0
-        least = -np.inf
-        if within[i] < np.inf:
-            least = np.sqrt(distance2_from_box(field, at))
-            if not least > max(within[i], 0.0):
-                least = least_distance_at(field, at[0], at[1], at[2])
+        least = np.sqrt(distance2_from_box(field, at))
+        if not least > max(within[i], 0.0):
+            least = least_distance_at(field, at[0], at[1], at[2]) if within[i] < np.inf else -np.inf
         if least > within[i]:
             distance[i] = min(least, FAR)
         else:
