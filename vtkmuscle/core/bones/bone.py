@@ -171,7 +171,7 @@ class Bone:
         positions = np.ascontiguousarray(points, dtype=np.float64)
         distance, outward = np.empty(len(positions)), np.empty((len(positions), 3))
         lacks = np.ones(len(positions), dtype=np.bool_)
-        matters: Floats = np.ascontiguousarray(np.broadcast_to(within, len(positions)), dtype=np.float64)
+        matters: Floats = np.full(len(positions), within, dtype=np.float64)
         while True:
             field = self.look_up()
             _look_up(field, self.axes, positions, matters, lacks, distance, outward)

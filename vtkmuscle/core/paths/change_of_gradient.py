@@ -88,16 +88,12 @@ def change_gradient(
         press_wider = -across * neighbours.distances[e]
         shear_wider = 2.0 * along * neighbours.ahead[e] / (width * width * width)
         for v in range(ways):
-            w0, w1, w2 = (
-                going[i, 0, v] - going[j, 0, v],
-                going[i, 1, v] - going[j, 1, v],
-                going[i, 2, v] - going[j, 2, v],
-            )
-            d0, d1, d2 = (
-                turns[i, 0, v] + turns[j, 0, v],
-                turns[i, 1, v] + turns[j, 1, v],
-                turns[i, 2, v] + turns[j, 2, v],
-            )
+            w0 = going[i, 0, v] - going[j, 0, v]
+            w1 = going[i, 1, v] - going[j, 1, v]
+            w2 = going[i, 2, v] - going[j, 2, v]
+            d0 = turns[i, 0, v] + turns[j, 0, v]
+            d1 = turns[i, 1, v] + turns[j, 1, v]
+            d2 = turns[i, 2, v] + turns[j, 2, v]
             widened = 0.5 * (wider[i // n, v] + wider[j // n, v])
             turned = (u0 * d0 + u1 * d1 + u2 * d2) * per_size
             parted = u0 * w0 + u1 * w1 + u2 * w2 - ahead * turned
