@@ -137,9 +137,27 @@ def test_points_that_matter_to_nobody_are_far_and_cost_nothing():
     distance, outward = bone.field(
         [[0.0, 0.0, 500.0], [0.0, 0.0, 11.0], [np.nan, 0, 0], [1e300, 0, 0]], within=5.0
     )
-    np.testing.assert_array_equal(distance[[0, 2, 3]], FAR)
+    np.testing.assert_array_equal(distance[[2, 3]], FAR)
+    assert 5.0 < distance[0] <= 490.0
     assert distance[1] == pytest.approx(1.0, abs=0.02)
     np.testing.assert_array_equal(outward[[0, 2, 3]], 0.0)
+
+
+def test_each_point_has_its_own_distance_that_matters(rng):
+    """Beyond it a distance is a bound, which fills less of the field; inside it may be negative."""
+    shape = sphere(10.0)
+    points = around(shape, rng, 300)
+    known, bone, within = Bone(*shape), Bone(*shape), rng.uniform(-3.0, 3.0, 300)
+    distance, outward = known.field(points)
+    found, away = bone.field(points, within=within)
+    near = distance <= within
+    assert near.any()
+    np.testing.assert_array_equal(found[near], distance[near])
+    np.testing.assert_array_equal(away[near], outward[near])
+    # A trilinear value is off by sqrt(3) / 2 of a cell, at most.
+    assert (found <= distance + 0.87 * bone.cell).all()
+    assert (found[~near] > within[~near]).all()
+    assert bone.nbytes < known.nbytes
 
 
 def test_a_rigid_motion_of_everything_changes_no_distance(rng):

@@ -30,12 +30,8 @@ def straight(motion, bone="shank"):
     points = np.stack([np.broadcast_to(STARTS, ends.shape), ends], axis=2)
     stays = np.zeros(len(STARTS), dtype=np.int64)
     # There is nothing between their ends that bones could press on, or that could give way.
-    nothing = np.zeros((len(STARTS), 2, 3))
     wrenches = np.array(
-        [
-            path_wrenches(one, stays, stays + 1, {}, 2, lambda _: nothing.copy(), np.zeros_like)[:, 1]
-            for one in points
-        ]
+        [path_wrenches(one, stays, stays + 1, {}, 2, np.zeros_like, np.zeros_like)[:, 1] for one in points]
     )
     return np.linalg.norm(ends - STARTS, axis=2), {bone: wrenches}, ends
 

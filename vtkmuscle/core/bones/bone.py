@@ -148,22 +148,22 @@ class Bone:
             depth[near] = self.solids.depth(points[near])
         return depth
 
-    def field(self, points: ArrayLike, *, within: float = np.inf) -> tuple[Floats, Floats]:
+    def field(self, points: ArrayLike, *, within: ArrayLike = np.inf) -> tuple[Floats, Floats]:
         """Return the trilinear distances of points in the field, and the directions in which they grow.
 
         Parameters
         ----------
         points : (n, 3) array
             At rest [mm].
-        within : float, optional
+        within : float or (n,) array, optional
             Distance that matters [mm]: of points that are surely farther away none is looked up.
 
         Returns
         -------
         distance : (n,) array
-            Negative inside [mm]; :data:`~vtkmuscle.core.mesh.solids.FAR` for points that are not looked up,
-            or not finite. Within sqrt(3) / 2 of a cell of the exact distance; between nodes by a smooth
-            surface of radius R about cell^2 / (4 R).
+            Negative inside [mm]; of points that are not looked up a bound beyond ``within``, of those that
+            are not finite :data:`~vtkmuscle.core.mesh.solids.FAR`. Within sqrt(3) / 2 of a cell of the exact
+            distance; between nodes by a smooth surface of radius R about cell^2 / (4 R).
         outward : (n, 3) array
             Unit vectors, continuous, by differences over a cell; 0 where there is no distance, and where it
             grows in no direction.
@@ -171,9 +171,10 @@ class Bone:
         positions = np.ascontiguousarray(points, dtype=np.float64)
         distance, outward = np.empty(len(positions)), np.empty((len(positions), 3))
         lacks = np.ones(len(positions), dtype=np.bool_)
+        matters: Floats = np.full(len(positions), within, dtype=np.float64)
         while True:
             field = self.look_up()
-            _look_up(field, self.axes, positions, float(within), lacks, distance, outward)
+            _look_up(field, self.axes, positions, matters, lacks, distance, outward)
             if not self.fill(field):
                 return distance, outward
 
@@ -295,7 +296,7 @@ def _look_up(
     field: Field,
     axes: Floats,
     points: Floats,
-    within: float,
+    within: Floats,
     lacks: Bools,
     distance: Floats,
     outward: Floats,
@@ -310,12 +311,13 @@ def _look_up(
             continue
         before = field.lacking[0]
         transform_point(axes, points, i, at)
-        distance[i] = FAR
         normal[0], normal[1], normal[2] = 0.0, 0.0, 0.0
-        near = not distance2_from_box(field, at) > within * within
-        if near and within < np.inf:
-            near = least_distance_at(field, at[0], at[1], at[2]) <= within
-        if near:
+        least = np.sqrt(distance2_from_box(field, at))
+        if not least > max(within[i], 0.0):
+            least = least_distance_at(field, at[0], at[1], at[2]) if within[i] < np.inf else -np.inf
+        if least > within[i]:
+            distance[i] = min(least, FAR)
+        else:
             distance[i] = distance_at(field, at[0], at[1], at[2])
             if distance[i] < FAR:
                 normal_at(field, at, normal)

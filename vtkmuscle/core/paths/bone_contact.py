@@ -88,7 +88,6 @@ class BoneContacts:
         self.numbers, self._bones = list(bones), list(bones.values())
         self._standoff = standoff
         self.rounding = ROUNDING * segment
-        self._within = standoff.max(axis=(1, 2), initial=0.0) + self.rounding
 
     def at(
         self, x: Floats, transforms: Floats, before: Sequence[Proximity] = ()
@@ -142,15 +141,16 @@ class BoneContacts:
     def _near(self, k: int, x: Floats, transforms: Floats, before: Proximity | None) -> Proximity:
         number, bone = self.numbers[k], self._bones[k]
         at = (x.reshape(-1, 3) - transforms[number, :3, 3]) @ transforms[number, :3, :3]
-        standoff, within = self._standoff[k].reshape(-1), float(self._within[k])
+        standoff = self._standoff[k].reshape(-1)
+        within = standoff + self.rounding
         if before is None:
             distance, outward = bone.field(at, within=within)
-            return Proximity(at, np.minimum(distance, within) - standoff, outward)
+            return Proximity(at, distance - standoff, outward)
         gaps = before.gaps - np.sqrt(((at - before.points) ** 2).sum(axis=1))
         near = np.flatnonzero(gaps < self.rounding)
         outward = before.outward.copy()
-        distance, outward[near] = bone.field(at[near], within=within)
-        gaps[near] = np.minimum(distance, within) - standoff[near]
+        distance, outward[near] = bone.field(at[near], within=within[near])
+        gaps[near] = distance - standoff[near]
         return Proximity(at, gaps, outward)
 
 

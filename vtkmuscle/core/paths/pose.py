@@ -185,17 +185,20 @@ class SheetPose:
         x, sheet, loads = self._x, self._sheet, self._loads()
         held = sum((load.stiffness for load in loads.values()), np.zeros((*x.shape, 3)))
         widths = path_widths(x, sheet.lengths), widening(x, sheet.lengths)
-        wider = np.empty(len(x))
         self._prepare_solve(as_one=True)
 
         def change(velocity: Floats) -> Floats:
-            result = np.empty_like(x)
-            change_gradient(x, velocity, held, self._neighbours, *widths, wider, result)
+            wider, result = np.empty((len(x), velocity.shape[3])), np.empty_like(velocity)
+            turning = np.empty_like(velocity)
+            change_gradient(x, velocity, held, self._neighbours, *widths, wider, turning, result)
             return result
 
-        def step(gradient: Floats) -> Floats:
-            self._solve(gradient, as_one=True)
-            return self.way.copy()
+        def step(gradients: Floats) -> Floats:
+            result = np.empty_like(gradients)
+            for way in range(gradients.shape[3]):
+                self._solve(np.ascontiguousarray(gradients[..., way]), as_one=True)
+                result[..., way] = self.way
+            return result
 
         ends = sheet.start_bones, sheet.end_bones
         wrenches = path_wrenches(x, *ends, loads, len(self._moved), change, step)

@@ -42,61 +42,69 @@ def path_wrenches(
     count : int
         Bones.
     change : callable
-        Takes the points' velocities (f, n, 3), ends included, and returns how the energy's gradient changes
-        with them, 0 at the ends.
+        Takes velocities of the points (f, n, 3, 6), ends included, and returns how the energy's gradient
+        changes with them, 0 at the ends.
     step : callable
-        Takes a gradient, and returns about how the inner points go to be rid of it.
+        Takes gradients likewise, and returns about how the inner points go to be rid of them.
     """
     segments = np.diff(points, axis=1)
     along = segments / np.maximum(np.linalg.norm(segments, axis=2, keepdims=True), np.finfo(float).tiny)
     middle = points.reshape(-1, 3).mean(axis=0)
     wrenches = np.zeros((len(points), count, 6))
     moving = sorted({*start_bones.tolist(), *end_bones.tolist(), *loads})
+    # Of a bone that shifts along the axes and turns about them.
+    velocity = np.concatenate(
+        [np.broadcast_to(np.eye(3), (*points.shape, 3)), _turned(points - middle)], axis=3
+    )
     # All bones that move together leave the lengths as they are: one follows from the others.
     for bone in moving[1:]:
-        ends = np.zeros((*points.shape[:2], 1))
-        ends[start_bones == bone, 0] = ends[end_bones == bone, -1] = 1.0
-        for number in range(6):
-            shift, turn = np.zeros(3), np.zeros(3)
-            (shift if number < 3 else turn)[number % 3] = 1.0
-            velocity = shift + np.cross(turn, points - middle)
-            given = ends * velocity
-            gradient = change(given)
-            if bone in loads:  # which go with it, and turn with it
-                force, stiffness = loads[bone]
-                gradient[:, 1:-1] -= (
-                    np.einsum("fnij,fnj->fni", stiffness, velocity) + np.cross(turn, force)
-                )[:, 1:-1]
-            moved = given + _response(gradient, change, step)
-            wrenches[:, bone, number] = -np.einsum("fni,fni->f", along, np.diff(moved, axis=1))
+        given = np.zeros_like(velocity)
+        given[start_bones == bone, 0] = velocity[start_bones == bone, 0]
+        given[end_bones == bone, -1] = velocity[end_bones == bone, -1]
+        gradient = change(given)
+        if bone in loads:  # which go with it, and turn with it
+            force, stiffness = loads[bone]
+            gradient[:, 1:-1] -= (stiffness @ velocity)[:, 1:-1]
+            gradient[:, 1:-1, :, 3:] -= _turned(force)[:, 1:-1]
+        moved = given + _response(gradient, change, step)
+        wrenches[:, bone] = -np.einsum("fni,fniv->fv", along, np.diff(moved, axis=1))
         wrenches[:, moving[0]] -= wrenches[:, bone]
     wrenches[:, :, 3:] += np.cross(middle, wrenches[:, :, :3])
     return wrenches
 
 
+def _turned(vectors: Floats) -> Floats:
+    """Return how vectors (..., 3) change as they turn about each of the three axes, (..., 3, 3)."""
+    return np.stack([np.cross(axis, vectors) for axis in np.eye(3)], axis=-1)
+
+
 def _response(
     gradient: Floats, change: Callable[[Floats], Floats], step: Callable[[Floats], Floats]
 ) -> Floats:
-    """Return how the points go, so that the gradient changes by minus ``gradient``.
+    """Return how the points go (f, n, 3, v), so that the gradient changes by minus ``gradient``.
 
-    By generalised conjugate residuals (Eisenstat, Elman, Schultz 1983, doi:10.1137/0720023), whose
-    preconditioner is a step of Newton's method: its matrix leaves out how tangents and the bones' surfaces
-    turn, which the change of the gradient knows.
+    Each of the v for itself, by generalised conjugate residuals (Eisenstat, Elman, Schultz 1983,
+    doi:10.1137/0720023), whose preconditioner is a step of Newton's method: its matrix leaves out how
+    tangents and the bones' surfaces turn, which the change of the gradient knows.
     """
     left, response = gradient.copy(), np.zeros_like(gradient)
-    before: list[tuple[Floats, Floats, float]] = []
+    before: list[tuple[Floats, Floats]] = []
     for _ in range(RESPONSES):
         way = step(left)
         by_way = change(way)
-        for other, by_other, size in before:
-            part = float(np.vdot(by_way, by_other)) / size
+        for other, by_other in before:
+            part = _part(by_way, by_other)
             way -= part * other
             by_way -= part * by_other
-        size = float(np.vdot(by_way, by_way))
-        if size == 0.0:
-            break
-        part = -float(np.vdot(left, by_way)) / size
-        response += part * way
-        left += part * by_way
-        before.append((way, by_way, size))
+        part = _part(left, by_way)
+        response -= part * way
+        left -= part * by_way
+        before.append((way, by_way))
     return response
+
+
+def _part(a: Floats, b: Floats) -> Floats:
+    """Return what part of b (f, n, 3, v) a has, (v,); 0 of nothing."""
+    size = np.einsum("fniv,fniv->v", b, b)
+    part: Floats = np.einsum("fniv,fniv->v", a, b) / np.where(size > 0.0, size, 1.0)
+    return part
