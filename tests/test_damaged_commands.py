@@ -136,7 +136,7 @@ def cases(folder, given, name, count):
 
 
 def test_commands_on_damaged_files_end_in_a_result_or_lines_of_error(given, tmp_path, pytestconfig, tried):
-    part = 1 if pytestconfig.getoption("--long") else 30
+    part = 1 if pytestconfig.getoption("--long") else 60
     kinds = {
         path: name
         for name, (*_, count) in COMMANDS.items()
