@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+import json
+import os
 import signal
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from typer.testing import CliRunner
+
 from vtkmuscle import Result, Scene
 
+#: Where a case of a command has its words, in its folder.
+WORDS = "command.json"
 #: A case that takes longer hangs, and ends the process [s].
 LONGEST = 60
 
@@ -49,3 +55,25 @@ def go_on(out: Path) -> None:
         for name in ("lengths.csv", "fibre_lengths.csv"):
             assert (out / name).read_bytes() == (whole / name).read_bytes(), name
         result.muscle("spindle", frame=1), result.write_report(out / "again.html")
+
+
+def command(folder: Path) -> None:
+    """Give a command of the program its words, in a folder with damaged files."""
+    from vtkmuscle import view
+    from vtkmuscle.cli import BAD_INPUT, FAILED, app
+
+    view.view = lambda source, **_: view.make_app(source)  # it would wait for a browser
+    os.chdir(folder)
+    words = json.loads((folder / WORDS).read_text())
+    signal.alarm(LONGEST)
+    done = CliRunner().invoke(app, words, catch_exceptions=False)
+    signal.alarm(0)
+    lines = done.stderr.splitlines()
+    assert all(len(line) < 1000 for line in lines), lines
+    assert not list(folder.rglob(".*")), "left behind"
+    if done.exit_code == BAD_INPUT:
+        errors = [line for line in lines if line.startswith("error: ")]
+        assert errors, lines
+        assert all(line.startswith(("error: ", "warning: ")) for line in lines), lines
+        raise ValueError(done.stderr)
+    assert done.exit_code in (0, FAILED), done.exit_code

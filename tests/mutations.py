@@ -9,13 +9,17 @@ import subprocess
 import sys
 from pathlib import Path
 
+from tried import Tried
+
+#: What all seeds begin at: another one is another set of damaged files.
+FIRST_SEED = 20261123
 #: Numbers that no counter expects.
 HOSTILE = [b"-1", b"0", b"255", b"65536", b"2147483647", b"9223372036854775807", b"1e308", b"nan", b"x", b""]
 
 
 def mutated(content: bytes, seed: int) -> bytes:
     """Return a file with one to three things wrong with it; the same for the same seed."""
-    rng = random.Random(seed)
+    rng = random.Random(FIRST_SEED + seed)
     for _ in range(rng.choice((1, 1, 1, 2, 3))):
         content = rng.choice((_number, _number, _flip, _cut, _doubled, _dropped, _words))(content, rng)
     return content
@@ -109,3 +113,14 @@ def read_all(paths: list[Path], module: str, name: str) -> dict[str, tuple[str, 
         if waiting:  # the one that ended the process
             results[waiting.pop(0)] = (f"signal {-done.returncode}", done.stderr, 0.0)
     return results
+
+
+def judged(kinds: dict[Path, str], name: str, what: str, tried: Tried) -> None:
+    """Check that of damaged files, and what each is, all become a result or one clear error; count them."""
+    bad = []
+    for path, (outcome, words, _) in read_all(list(kinds), "fuzz_target", name).items():
+        if outcome in ("read", "refused"):
+            tried.add(what.format(kinds[Path(path)]), "used" if outcome == "read" else "refused")
+        else:
+            bad.append((path, outcome, words))
+    assert not bad, "\n".join(map(str, bad))

@@ -46,22 +46,25 @@ def test_kills_leave_no_damaged_file_and_the_same_command_the_same_result(
     scene_file, whole, tmp_path, pytestconfig, tried
 ):
     command = ("run", scene_file, *QUIET)
-    for number, moment in enumerate(moments(pytestconfig, 4.0, 1, 50)):
-        out = tmp_path / f"{number}"
-        process = started(*command, "--out", out)
-        met = killed_at(process, moment)
-        process.communicate()
-        assert not met or process.returncode == -signal.SIGKILL
-        tried.add("a run, killed at a random moment", "used")
-        if out.is_dir():
-            check_whole(out)
-        if number % 5 == 0:
-            status, _, errors = ended(started(*command, "--out", out))
-            assert status == 0
-            if met and (out / "report.json").exists() and errors:
-                assert "holds a run that did not end (it was killed); frames there: spindle " in errors
-            assert results(out) == whole
-            assert not list(out.rglob(".*"))
+    long, rng, kills = pytestconfig.getoption("--long"), random.Random(20210615), 0
+    while kills < (300 if long else 1):
+        out = tmp_path / f"{kills}"
+        for _ in range(3 if long else 1):  # each goes on where the one before it was killed
+            process = started(*command, "--out", out)
+            met = killed_at(process, rng.uniform(0.8, 4.2))
+            process.communicate()
+            assert not met or process.returncode == -signal.SIGKILL
+            kills += met
+            if met:
+                tried.add("a run, killed at a random moment", "used")
+            if out.is_dir():
+                check_whole(out)
+        status, _, errors = ended(started(*command, "--out", out), timeout=600.0 if long else 60.0)
+        assert status == 0
+        if met and (out / "report.json").exists() and errors:
+            assert "holds a run that did not end (it was killed); frames there: spindle " in errors
+        assert results(out) == whole
+        assert not list(out.rglob(".*"))
 
 
 @pytest.mark.parametrize(

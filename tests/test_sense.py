@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
-from tiny_scene import write_tiny_scene
+from tiny_scene import ellipsoid, write_tiny_scene
 from typer.testing import CliRunner
 
 from vtkmuscle import Scene, SceneError, phantoms
@@ -121,7 +121,16 @@ def sunken(scene):
     return replace(scene, muscles={name: replace(muscle, surface=with_points(muscle.surface, points + way))})
 
 
+def pierced(scene):
+    """Return a scene with a thin bone along the middle of its first muscle."""
+    points = points_of(next(iter(scene.muscles.values())).surface)
+    along = np.linalg.svd(points - points.mean(axis=0), full_matrices=False)[2]
+    rod = points_of(ellipsoid((40.0, 1.5, 1.5), (0, 0, 0))) @ along + points.mean(axis=0)
+    return bones(scene, rod=with_points(ellipsoid((40.0, 1.5, 1.5), (0, 0, 0)), rod))
+
+
 NONSENSE = {
+    "bone through a muscle": (pierced, False, r"the bone 'rod' is up to \d+(\.\d+)? mm deep in it, at \("),
     "estimate that is not sure": (unsure, False, r"estimated to be on .* but is not sure \(0.04\)"),
     "muscle deep in a bone": (
         sunken,
@@ -384,6 +393,10 @@ def test_a_short_ring_is_the_boundary_of_a_shuffled_circle(rng):
     mixed = rng.permutation(circle)
     assert ring_length(mixed[short_ring(mixed)]) == pytest.approx(ring_length(circle))
     assert sorted(short_ring(mixed)) == list(range(40))
+
+
+def test_of_a_bone_that_stands_still_but_for_a_step_nothing_is_said(good):
+    assert said(turned(good, [0, 0, 0, 0, 0, 0, 0, 10])) == (None, [])
 
 
 def test_the_page_lists_all_that_is_checked():

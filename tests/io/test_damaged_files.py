@@ -257,7 +257,7 @@ def test_mutated_meshes_are_a_result_or_one_clear_error(tmp_path, pytestconfig, 
 def test_mutated_series_are_a_result_or_one_clear_error(tmp_path, pytestconfig, tried):
     write_vtkhdf(tmp_path / "whole.vtkhdf", (0.0, 1.0), lambda number: surface())
     content, paths = (tmp_path / "whole.vtkhdf").read_bytes(), []
-    for number in range(60 if pytestconfig.getoption("--long") else 3):
+    for number in range(100 if pytestconfig.getoption("--long") else 3):
         paths.append(tmp_path / f"{number}.vtkhdf")
         paths[-1].write_bytes(mutated(content, number))
     judged(read_all(paths, "vtkmuscle.io", "read_series"), tried)

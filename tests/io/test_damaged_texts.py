@@ -63,7 +63,7 @@ def use(path):
 
 
 @pytest.mark.parametrize("name", KINDS)
-def test_damaged_files_are_a_result_or_one_clear_error(tmp_path, name, pytestconfig):
+def test_damaged_files_are_a_result_or_one_clear_error(tmp_path, name, pytestconfig, tried):
     count = 500 if pytestconfig.getoption("--long") else 120
     path = tmp_path / name
     used, refused = 0, []
@@ -77,10 +77,12 @@ def test_damaged_files_are_a_result_or_one_clear_error(tmp_path, name, pytestcon
                 found = use(path)
             except ValueError as error:
                 refused.append(str(error))
+                tried.add(f"a damaged {path.suffix}, read", "refused")
                 continue
         assert all(np.isfinite(one).all() for one in found), seed
         assert time.perf_counter() - began < 5.0, seed
         used += 1
+        tried.add(f"a damaged {path.suffix}, read", "used")
     assert 0 < used < count
     assert all(refused)
 

@@ -6,7 +6,7 @@ import pytest
 from two_joint_scene import save_strap, scene_with
 from typer.testing import CliRunner
 
-from vtkmuscle import Result, Scene, SceneError
+from vtkmuscle import InputError, Result, Scene, SceneError
 from vtkmuscle.cli import app
 from vtkmuscle.io import read_surface
 from vtkmuscle.opensim import read_osim, write_mujoco, write_opensim
@@ -125,6 +125,13 @@ def test_an_old_model_is_refused_before_anything_is_run(ran, tmp_path, monkeypat
     (tmp_path / "old.osim").write_bytes(texts.model_3().encode("latin-1"))
     with pytest.raises(ValueError, match="version 30000"):
         write_opensim(path, tmp_path / "new.osim", into=tmp_path / "old.osim")
+
+
+def test_a_model_of_another_leg_is_refused_in_words(ran, tmp_path):
+    _, results = ran
+    (tmp_path / "leg.osim").write_text(texts.model_4(forces=texts.muscle("")))
+    with pytest.raises(InputError, match=r"has no coordinate 'upper'; it has hip_x, .*; give the scene's"):
+        write_opensim(results, tmp_path / "new.osim", into=tmp_path / "leg.osim")
 
 
 @pytest.mark.parametrize(

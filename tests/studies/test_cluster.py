@@ -13,7 +13,7 @@ from tiny_study import write_tiny_study
 
 pytest.importorskip("distributed", reason="the extra cohort is not installed")
 
-from faults import ended, started
+from faults import children, ended, started
 
 TABLES = ("cohort.csv", "cohort.html")
 #: How long a cluster may take to come up, or a study to begin [s].
@@ -180,14 +180,3 @@ def test_random_kills_of_all_processes_leave_the_same_table(study, tmp_path, tri
     status, _, errors = ended(started(*command), timeout=300.0)
     assert status == 1, errors
     same(study, out)
-
-
-def children(pid):
-    """Return the processes that a process has started, and those that they have."""
-    try:
-        command = ["ps", "-o", "pid=", "--ppid", str(pid)]
-        text = subprocess.run(command, capture_output=True, text=True, check=False)
-    except FileNotFoundError:
-        pytest.skip("there is no ps")
-    found = [int(word) for word in text.stdout.split()]
-    return [*found, *(one for child in found for one in children(child))]

@@ -27,6 +27,8 @@ MOST_OFF = 0.01
 OFFSETS = 4
 #: Triangles that a label's surface has at least, if its voxels give so many.
 LEAST = 100
+#: A label that is longer has voxels of another size [mm]: the tallest person was 2720 mm.
+LONGEST = 3000.0
 
 
 def isosurface(values: Floats, origin: Floats, spacing: float) -> tuple[Floats, Ints]:
@@ -121,6 +123,9 @@ def label_surface(field: LabelField, edge: float) -> tuple[Floats, Ints]:
     """
     # Neither finer than is of use, nor coarser than a thin label is deep, nor longer one way than another.
     nodes = np.array(field.values.shape)
+    longest = float(((nodes - 1) * field.spacing[::-1]).max())
+    if longest > LONGEST:
+        raise InputError("", f"it is {longest / 1000.0:.3g} m long", "check the size of the map's voxels")
     pitch = max(min(0.5 * edge, -float(field.values.min())), float(field.spacing.min()))
     counts = np.ceil((nodes - 1) * field.spacing[::-1] / pitch).astype(int) + 1
     values = ndimage.zoom(field.values, counts / nodes, order=1)

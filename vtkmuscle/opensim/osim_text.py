@@ -169,7 +169,7 @@ def enriched(model: Path, muscles: Sequence[MuscleOut], *, replace: Sequence[str
         raise InputError(model, "the model has no ForceSet", "save it again with OpenSim 4")
     for force in [force for force in forces if force.get("name") in replace]:
         forces.remove(force)
-    forces.extend(_muscle(one, paths) for one in muscles)
+    forces.extend([_muscle(one, paths) for one in muscles])  # an iterator's errors would become TypeErrors
     for on, cylinder in _cylinders(muscles):
         body = root.find(
             "Model/Ground" if on == read.tree.root else f"Model/BodySet/objects/Body[@name='{on}']"
@@ -205,7 +205,8 @@ class ComponentPaths:
 
 def _known(what: str, name: str, paths: Mapping[str, str]) -> str:
     if name not in paths:
-        raise InputError("", f"there is no {what} {name!r}; there are {', '.join(paths)}")
+        problem = f"the model has no {what} {name!r}; it has {', '.join(paths)}"
+        raise InputError("", problem, "give the scene's the names of the model's, or leave --into out")
     return paths[name]
 
 

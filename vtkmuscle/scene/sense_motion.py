@@ -18,6 +18,8 @@ FAR, SURE_FAR = 0.5, 20.0
 #: Way of a bone's centre of rotation from one frame to the next: a jump where it is more than this [mm], and
 #: than so many times the median. A joint's moves by 1 to 2 mm, evenly.
 SLIP, UNEVEN = 10.0, 10.0
+#: Change of a pose's numbers, [1] and [the scene's unit], by which no bone moves: rounding.
+STILL = 1e-9
 #: Steps of which one or two can be said to be odd.
 FEWEST = 6
 #: Distance of a muscle's areas, in units of that at rest, or of its length: it is torn; surely so.
@@ -52,7 +54,7 @@ def motion_findings(scene: SceneData, anatomy: Anatomy) -> Iterator[tuple[str, s
                 f"{bone!r} moves {ways[worst]:.3g} {scene.units} {_where(worst)}, and is {size:.3g} long"
             )
             yield key, problem, "give more frames, or check the unit of its translations", False
-        else:
+        elif len(motion.coordinates) < 2:  # of several joints there is no one centre
             slips = _slips(transforms, corners.mean(axis=0))
             if len(slips) < FEWEST or (slips > 0.5 * slips.max()).sum() > 2:  # there, or there and back
                 continue
@@ -85,11 +87,13 @@ def _slips(transforms: Floats, middle: Floats) -> Floats:
     """Return how far a bone's centre of rotation goes in each step; it is that of most steps."""
     steps = np.diff(transforms, axis=0)
     turns, ways = steps[:, :3, :3], steps[:, :3, 3] + steps[:, :3, :3] @ middle
-    kept = np.ones(len(steps), dtype=np.bool_)
-    for _ in range(2):  # of all steps, then without the half in which it goes farthest
+    kept = moved = np.abs(steps).max(axis=(1, 2)) > STILL
+    if not moved.any():
+        return np.zeros(len(steps))
+    for _ in range(2):  # of all in which it moves, then without the half in which it goes farthest
         centre = np.linalg.lstsq(turns[kept].reshape(-1, 3), -ways[kept].ravel(), rcond=1e-6)[0]
         slips = np.linalg.norm(turns @ centre + ways, axis=1)
-        kept = slips <= np.median(slips)
+        kept = moved & (slips <= np.median(slips[moved]))
     return np.asarray(slips)
 
 

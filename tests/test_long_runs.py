@@ -1,0 +1,132 @@
+"""Long runs, killed on the way: the same result, and memory that grows by what is kept and by no more."""
+
+import csv
+import gc
+import random
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from faults import check_whole, children, ended, killed_at, results, started
+from tiny_scene import HINGE, TOML, write_tiny_scene
+from tiny_study import write_tiny_study
+
+from vtkmuscle import Scene
+
+sys.path.insert(0, str(Path(__file__).parent / "filters"))
+from test_memory import in_use
+
+pytestmark = pytest.mark.long
+
+MOTION = TOML[TOML.index("[motion]") : TOML.index("[muscles")]
+FRAMES, SUBJECTS = 1000, 200
+#: Growth that is noise: caches of Python and VTK, fragments, and what further threads hold [bytes].
+NOISE = 20e6
+#: Growth of all processes of a cohort by a subject, at most: of the heap of a process that solves one after
+#: the other there is none, but workers of Dask grow by 0.4 MB each [bytes].
+PER_SUBJECT = 1e6
+
+
+@pytest.fixture(scope="module")
+def scene_file(tmp_path_factory):
+    """A scene of two muscles over 1 000 frames."""
+    path = write_tiny_scene(tmp_path_factory.mktemp("long") / "scene")
+    text = path.read_text().replace(
+        MOTION, HINGE.replace("[0, 20, 5]", f"[0, 20, {20 / (FRAMES - 1)}]") + "\n"
+    )
+    start, end = text.index("[muscles.spindle]"), text.index("[solver]")
+    path.write_text(text[:end] + text[start:end].replace("spindle]", "other]") + text[end:])
+    return path
+
+
+@pytest.fixture(scope="module")
+def whole(scene_file, tmp_path_factory):
+    """The folder of a run that nobody stops, and the memory in use: before, on the way, and after it."""
+    out, used = tmp_path_factory.mktemp("whole") / "out", {}
+
+    def observe(muscle, row):
+        if (row["frame"] + 1) % 200 == 0:
+            used[muscle, row["frame"] + 1] = in_use()
+
+    scene = Scene.load(scene_file)
+    scene.run(None, frames="0:2", figures=False)  # what is compiled and loaded
+    used["before"] = in_use()
+    result = scene.run(out, figures=False, workers=1, observe=observe)
+    frame = 48 * result.rest_muscle("spindle").n_points
+    frame += 1024 * result.fibres("spindle", frame=0).GetActualMemorySize()
+    used["kept"] = FRAMES * frame
+    del result
+    gc.collect()
+    used["after"] = in_use()
+    return out, used
+
+
+def test_memory_grows_by_the_frames_that_are_kept_and_all_is_given_back(whole):
+    _, used = whole
+    for name in ("spindle", "other"):
+        first, second = (used[name, end] - used[name, end - 400] for end in (600, 1000))
+        assert second < 1.1 * first + NOISE, (name, first, second)
+        # VTK does not count what an array needs beside its numbers.
+        assert used[name, 1000] - used[name, 200] < 4.0 * used["kept"], (name, used)
+    assert used["after"] - used["before"] < NOISE, used
+
+
+def test_a_thousand_frames_killed_on_the_way_are_those_of_a_whole_run(scene_file, whole, tmp_path, tried):
+    rng, out = random.Random(20261123), tmp_path / "out"
+    command = ("run", scene_file, "--out", out, "--no-figures", "--quiet")
+    for _ in range(5):
+        process = started(*command)
+        assert killed_at(process, rng.uniform(5.0, 25.0))
+        process.communicate()
+        tried.add(f"a run of {FRAMES} frames, killed at a random moment", "used")
+        check_whole(out)
+    assert ended(started(*command), timeout=900.0)[0] == 0
+    found, expected = results(out), results(whole[0])
+    assert found.keys() == expected.keys()
+    for name, content in expected.items():
+        if name.endswith(".vtp"):  # one point of 600 000 was a rounding apart, in another process
+            np.testing.assert_allclose(np.frombuffer(found[name]), np.frombuffer(content), rtol=0, atol=1e-12)
+        else:
+            assert found[name] == content, name
+
+
+def resident(pid):
+    """Return the memory of a process and of those that it has started [bytes]."""
+    found = 0
+    for one in (pid, *children(pid)):
+        try:
+            lines = Path(f"/proc/{one}/status").read_text().splitlines()
+        except OSError:
+            continue
+        found += next((1024 * int(line.split()[1]) for line in lines if line.startswith("VmRSS")), 0)
+    return found
+
+
+@pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="no /proc to read memory from")
+def test_memory_of_two_hundred_subjects_hardly_grows_also_where_they_are_killed(tmp_path, tried):
+    pytest.importorskip("distributed", reason="the extra cohort is not installed")
+    study = write_tiny_study(tmp_path, subjects={f"s{number:03d}": "all" for number in range(SUBJECTS)})
+    out = tmp_path / "out"
+    command = ("cohort", study, "--out", out, "--workers", "2", "--quiet")
+    used, deadline = {}, time.monotonic() + 3000.0
+    for until in (60, 60, SUBJECTS):  # each is killed after so many subjects more, but for the last
+        before, process = there(out), started(*command)
+        while process.poll() is None and (until == SUBJECTS or there(out) < before + until):
+            assert time.monotonic() < deadline, "it did not end"
+            used.setdefault(there(out) // 20 * 20, resident(process.pid))
+            time.sleep(0.5)
+        if until < SUBJECTS:
+            process.kill()
+            tried.add(f"a cohort of {SUBJECTS} subjects, killed on the way", "used")
+        status, _, errors = ended(process)
+    assert status == 0, errors
+    with (out / "cohort.csv").open(newline="") as lines:
+        assert len({row["subject"] for row in csv.DictReader(lines)}) == SUBJECTS
+    assert used[180] - used[140] < 40 * PER_SUBJECT, used
+
+
+def there(out):
+    """Return how many subjects' muscles have been solved, in subjects."""
+    return len(list(out.glob("parts/**/*.npz"))) // 2
