@@ -22,11 +22,11 @@ BUDGETS = {
     "accuracy": 265,  # 260: errors that a run states of its results
     "comparison": 272,  # 267: runs over one another
     "cli": 1011,  # 992: the command line; export is 57 of them, from-labels and init 97
-    "core": 9413,  # 9229: the mathematics; 9000 is what it is to come to
+    "core": 9413,  # 9240: the mathematics; 9000 is what it is to come to
     "core/accuracy": 62,  # 61: errors by parts
     "core/algorithm_2": 200,  # 197: the published solver
     "core/attachments": 373,  # 366: areas and fixed points
-    "core/bones": 342,  # 336: signed distances
+    "core/bones": 342,  # 338: signed distances
     "core/collision": 877,  # 860: points kept out of bones and muscles
     "core/deformation": 295,  # 290: carrying and settling
     "core/fibres": 1559,  # 1529: architecture, mean value coordinates, spreading, trimming, directions
@@ -34,13 +34,13 @@ BUDGETS = {
     "core/moment_arms": 275,  # 270: levers and slopes
     "core/morphing": 1005,  # 986: a template taken into a muscle, section by section
     "core/motion": 474,  # 465: rigid motions and coordinates; fits of joints are 84, nearest rotations 77
-    "core/paths": 1603,  # 1593: the sheet of paths, and the muscle that it takes along
+    "core/paths": 1603,  # 1602: the sheet of paths, and the muscle that it takes along
     "core/template": 333,  # 327: templates of fibres
-    "data": 1138,  # 1130: VTK to arrays and back; what ports deliver is 60, images of labels are 164
+    "data": 1138,  # 1134: VTK to arrays and back; what ports deliver is 60, images of labels are 164
     "fetch": 318,  # 312: public data
     "filters": 3077,  # 3017: VTK filters; FibreField is 69 of them; LabelSurfaces is 51
     "io": 1766,  # 1732: readers and writers; XML is read and made here, tables as well
-    "opensim": 2688,  # 2636: joints and OpenSim, in and out
+    "opensim": 2688,  # 2637: joints and OpenSim, in and out
     "labels": 809,  # 794: scenes from label maps, and from meshes, by guesses
     "paraview": 384,  # 377: the plugin
     "phantoms": 1148,  # 1126: bodies with known answers; pennate_belly is 57 of them
@@ -48,7 +48,7 @@ BUDGETS = {
     "plotting": 1039,  # 1019: figures
     "report": 891,  # 875: the page of a run; pages of sections, of studies and others, are 61
     "run": 2730,  # 2690: a run of a scene; 115 are one muscle, tables to CSV, literature, plots at rest
-    "scene": 2037,  # 1998: scene.toml; settings that change nothing, rings left open and jumps are 94 of them
+    "scene": 2037,  # 2010: scene.toml; settings that change nothing, rings left open and jumps are 94 of them
     "studies": 1195,  # 1172: scenes varied and run: errors, sensitivity, cohorts
     "view": 215,  # 211: the viewer; its token and the check of the page that asks are 39 of them
 }

@@ -24,7 +24,7 @@ from vtkmuscle.core.bones.lookup import (
 )
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.jit import array_kernel
-from vtkmuscle.core.mesh.sampling import own_axes
+from vtkmuscle.core.mesh.sampling import uneven_weights
 from vtkmuscle.core.mesh.shared import shared
 from vtkmuscle.core.mesh.solids import FAR, Solids, solids_of
 from vtkmuscle.core.motion.rigid import apply_transform, inverse, transform_point
@@ -33,6 +33,9 @@ from vtkmuscle.core.types import Bools, Floats, Ints
 
 #: Cells of the field along the diagonal of a bone's box along its axes: 1.3 mm on a pelvis, 1.5 on a femur.
 CELLS_PER_DIAGONAL = 300.0
+
+#: By how much the weights of a bone's points differ, where these decide which way its axes point.
+UNEVENNESS = 1e-3
 
 #: Blocks that are noted as lacking at a time, at most.
 _LACKING = 1024
@@ -265,7 +268,7 @@ def bone_axes(points: Floats) -> Floats:
 
     A grid along the axes of the scene would make the result depend on how the scene is turned; along the
     bone's own it has also fewer cells around it. Where the principal axes are not determined (a bone that is
-    round), the order of its points decides.
+    round), the order of its points decides: they are weighted a little unevenly.
 
     Parameters
     ----------
@@ -277,7 +280,12 @@ def bone_axes(points: Floats) -> Floats:
     (4, 4) array
         Rigid; the bone's centre goes to the origin.
     """
-    centre, axes = own_axes(points)
+    centre = points.mean(axis=0)
+    arms = points - centre
+    weights = 1.0 + UNEVENNESS * uneven_weights(len(points))
+    axes = np.linalg.eigh((arms * weights[:, None]).T @ arms)[1].T
+    # An eigenvector's sign is anybody's guess; the order of the points decides here, too.
+    axes[(weights - weights.mean()) @ (arms @ axes.T) < 0.0] *= -1.0
     axes[2] = np.cross(axes[0], axes[1])  # a rotation, not a reflection
     transform = np.eye(4)
     transform[:3, :3] = axes
