@@ -57,7 +57,6 @@ COMMANDS = {
     ),
     "figures": (["figures", "results"], [RESULTS], 15),
     "view": (["view", "results"], [RESULTS], 30),
-    "export to a page": (["export", "results", "pose.gltf"], [RESULTS], 60),
     "export of a series": (
         ["export", "results/spindle.pvd", "all.vtkhdf"],
         ["results/spindle*", RESULTS],
@@ -77,11 +76,6 @@ COMMANDS = {
         60,
     ),
     "init": (["init", *(f"meshes/{name}" for name in MESHES), "--out", "drawn"], ["meshes/*"], 60),
-    "tradeoff": (
-        ["tradeoff", "scene/scene.toml", "--out", "tried", "--only", "preview", "--every", "4", "--quiet"],
-        ["scene/**/*"],
-        10,
-    ),
 }
 
 
