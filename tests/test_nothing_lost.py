@@ -15,8 +15,9 @@ from typer.testing import CliRunner
 
 from vtkmuscle import Scene, SceneError, phantoms
 from vtkmuscle.cli import BAD_INPUT, app
+from vtkmuscle.io import read_series
 from vtkmuscle.io.writing import LOCK, left_behind, replacing, write_text
-from vtkmuscle.run.store.writing import claimed
+from vtkmuscle.run.store.writing import claimed, remove_results
 from vtkmuscle.scene.writing import save_unless_changed
 
 QUICK = ("--frames", "0:1", "--no-figures", "--quiet")
@@ -342,3 +343,21 @@ def test_a_link_that_leads_nowhere_is_said_to_be_one(scene, tmp_path):
     (tmp_path / "out").symlink_to(tmp_path / "gone")
     with pytest.raises(FileNotFoundError, match=r"is a link to .*gone, which does not exist"):
         scene.run(tmp_path / "out")
+
+
+def test_a_kill_while_old_results_are_removed_leaves_no_list_of_files_that_are_gone(
+    scene, tmp_path, monkeypatch
+):
+    out, count, unlink = tmp_path / "out", 0, Path.unlink
+    scene.run(out, frames="0:3", figures=False)
+
+    def look(path, *arguments, **options):
+        nonlocal count
+        unlink(path, *arguments, **options)
+        count += 1
+        for collection in out.glob("*.pvd"):
+            assert all(file.is_file() for file in read_series(collection).files), (path, collection)
+
+    monkeypatch.setattr(Path, "unlink", look)
+    remove_results(out, scene)
+    assert count > 10

@@ -93,12 +93,12 @@ def remove_results(folder: Path, scene: SceneData, kept: Collection[str] = ()) -
     files += [folder / f"{name}_fibres.csv" for name in muscles]
     folders = [folder / "bones" / name for name in bones]
     folders += [folder / name for one in gone for name in (one, f"{one}_fibres")]
+    # Lists before what they list: who is killed here leaves none of files that are gone.
+    files += [inside.with_name(f"{inside.name}.pvd") for inside in (*folders, folder / "bones")]
     for inside in folders:
         frame = re.compile(re.escape(inside.name) + r"_\d{4,}\.vtp")
         found = list(inside.iterdir()) if inside.is_dir() else []
         files += [path for path in found if frame.fullmatch(path.name)]
-        files.append(inside.with_name(f"{inside.name}.pvd"))
-    files.append(folder / "bones.pvd")
     files += [folder / "bones" / f"{name}.vtp" for name in bones]
     drawn = report.get("figures")
     names = drawn.get("written", ()) if isinstance(drawn, dict) else ()
