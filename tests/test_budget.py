@@ -22,11 +22,11 @@ BUDGETS = {
     "accuracy": 265,  # 260: errors that a run states of its results
     "comparison": 272,  # 267: runs over one another
     "cli": 1011,  # 992: the command line; export is 57 of them, from-labels and init 97
-    "core": 9413,  # 9240: the mathematics; 9000 is what it is to come to
+    "core": 9413,  # 9245: the mathematics; 9000 is what it is to come to
     "core/accuracy": 62,  # 61: errors by parts
     "core/algorithm_2": 200,  # 197: the published solver
     "core/attachments": 373,  # 366: areas and fixed points
-    "core/bones": 342,  # 338: signed distances
+    "core/bones": 349,  # 343: signed distances
     "core/collision": 877,  # 860: points kept out of bones and muscles
     "core/deformation": 295,  # 290: carrying and settling
     "core/fibres": 1559,  # 1529: architecture, mean value coordinates, spreading, trimming, directions
@@ -47,7 +47,7 @@ BUDGETS = {
     "pipelines": 212,  # 209: filters connected
     "plotting": 1039,  # 1019: figures
     "report": 891,  # 875: the page of a run; pages of sections, of studies and others, are 61
-    "run": 2730,  # 2690: a run of a scene; 115 are one muscle, tables to CSV, literature, plots at rest
+    "run": 2730,  # 2689: a run of a scene; 115 are one muscle, tables to CSV, literature, plots at rest
     "scene": 2037,  # 2010: scene.toml; settings that change nothing, rings left open and jumps are 94 of them
     "studies": 1195,  # 1172: scenes varied and run: errors, sensitivity, cohorts
     "view": 215,  # 211: the viewer; its token and the check of the page that asks are 39 of them

@@ -15,7 +15,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from vtkmuscle.core.jit import kernel
+from vtkmuscle.core.jit import array_kernel, kernel
 from vtkmuscle.core.mesh.enclosed_volume import project_volume, volume_and_gradient
 from vtkmuscle.core.mesh.surface import mesh_topology
 
@@ -28,7 +28,7 @@ LEAST, MOST, FLAT = 0.1, 10.0, 1e-10
 FLOOR = 1e-4
 
 
-@kernel
+@array_kernel
 def _gradients(p, quad, q):
     """Write q of Müller et al. 2007, Appendix A, minus the gradients of cos (4, 3); return cos, or 2."""
     a = p[quad[0]]
@@ -47,7 +47,7 @@ def _gradients(p, quad, q):
     return d
 
 
-@kernel
+@array_kernel
 def _project_angles(p, w, quads, angles):
     """Project dihedral angles as the code does; return how many pairs were corrected."""
     q, corrected = np.empty((4, 3)), 0
@@ -81,7 +81,7 @@ def _project_lengths(p, w, edges, lengths, powers):
         p[j, 0], p[j, 1], p[j, 2] = p[j, 0] + sj * x, p[j, 1] + sj * y, p[j, 2] + sj * z
 
 
-@kernel
+@array_kernel
 def _angles(p, quads):
     """Return the angles at rest."""
     q, found = np.empty((4, 3)), np.empty(len(quads))
