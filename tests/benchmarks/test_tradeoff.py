@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -67,6 +68,13 @@ def test_every_setting_of_the_grid_can_be_made_and_has_a_name_of_its_own(tradeof
             name, value = setting.name.split("=")
             given = {**changed.solver_of("spindle"), **changed.muscles["spindle"].fibres}
             assert str(given[name]) == value
+
+
+def test_settings_take_the_place_of_those_that_trade_speed_and_no_others(tradeoff, scene):
+    own = replace(scene, solver={"iterations": 7, "stiffness": 0.5}, quality="preview")
+    changed = tradeoff.Setting("a", "a", {"taut_resolution": 8}).of(own)
+    assert changed.solver == {"stiffness": 0.5, "taut_resolution": 8}
+    assert changed.quality is None
 
 
 def result(shift, lengths, depth):

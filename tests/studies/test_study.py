@@ -16,7 +16,7 @@ from vtkmuscle.data.arrays import points_of, triangles_of
 from vtkmuscle.io.parts import Parts
 from vtkmuscle.studies.case import Case, SceneText
 from vtkmuscle.studies.study import outcome_of, study, threads
-from vtkmuscle.studies.variation import Variation, samples_of, thinned
+from vtkmuscle.studies.variation import Variation, samples_of
 
 
 @pytest.fixture(scope="module")
@@ -140,14 +140,6 @@ def test_a_variation_of_nothing_is_the_scene(scene):
     assert Variation("any", "any").of(scene) is scene
 
 
-def test_settings_take_the_place_of_those_that_trade_speed_and_no_others(scene):
-    own = replace(scene, solver={"iterations": 7, "stiffness": 0.5}, quality="preview")
-    changed = Variation(solver={"taut_resolution": 8}).of(own)
-    assert changed.solver == {"stiffness": 0.5, "taut_resolution": 8}
-    assert changed.muscles["other"].solver == {"taut_resolution": 8}
-    assert changed.quality is None
-
-
 def test_a_mesh_of_halved_edges_has_four_times_the_triangles(scene):
     surfaces = (one.muscles["spindle"].surface for one in (scene, Variation(halved=True).of(scene)))
     before, after = (len(triangles_of(surface, "spindle")) for surface in surfaces)
@@ -173,13 +165,6 @@ def test_waves_of_a_seed_are_the_same_again(scene):
     ]
     np.testing.assert_array_equal(moved[0], moved[1])
     assert np.abs(moved[0] - moved[2]).max() > 0.01
-
-
-def test_thinned_motions_end_where_they_did(scene):
-    motion = thinned(scene.motion, 3)
-    np.testing.assert_array_equal(motion.times, scene.motion.times[[0, 3, 4]])
-    for bone, pose in motion.at(motion.times[-1]).items():
-        np.testing.assert_array_equal(pose, scene.motion.at(scene.motion.times[4])[bone])
 
 
 def test_a_cause_that_there_is_not_is_refused():

@@ -145,6 +145,8 @@ class MusclePaths:
             raise ValueError(f"fibre {int(segments.sum(axis=1).argmin())} has no length")
         self.thickness = 2.0 * half_thickness(surface, triangles)
         self._lengths, self._segment = segments.sum(axis=1), float(segments.mean())
+        # In an order that no names decide: sums over the bones are rounded in it.
+        bones = dict(sorted(bones.items(), key=lambda one: float(np.ptp(one[1].box_along_axes))))
         around = surroundings_of(
             self.fibres,
             start_bones,
