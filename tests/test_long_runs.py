@@ -7,7 +7,6 @@ import sys
 import time
 from pathlib import Path
 
-import numpy as np
 import pytest
 from faults import check_whole, children, ended, killed_at, results, started
 from tiny_scene import HINGE, TOML, write_tiny_scene
@@ -24,9 +23,6 @@ MOTION = TOML[TOML.index("[motion]") : TOML.index("[muscles")]
 FRAMES, SUBJECTS = 1000, 200
 #: Growth that is noise: caches of Python and VTK, fragments, and what further threads hold [bytes].
 NOISE = 20e6
-#: Growth of all processes of a cohort by a subject, at most: of the heap of a process that solves one after
-#: the other there is none, but workers of Dask grow by 0.4 MB each [bytes].
-PER_SUBJECT = 1e6
 
 
 @pytest.fixture(scope="module")
@@ -86,10 +82,7 @@ def test_a_thousand_frames_killed_on_the_way_are_those_of_a_whole_run(scene_file
     found, expected = results(out), results(whole[0])
     assert found.keys() == expected.keys()
     for name, content in expected.items():
-        if name.endswith(".vtp"):  # one point of 600 000 was a rounding apart, in another process
-            np.testing.assert_allclose(np.frombuffer(found[name]), np.frombuffer(content), rtol=0, atol=1e-12)
-        else:
-            assert found[name] == content, name
+        assert found[name] == content, name
 
 
 def resident(pid):
@@ -104,6 +97,7 @@ def resident(pid):
     return found
 
 
+@pytest.mark.xfail(strict=True, reason="measured: 29 MB over 40 subjects, in the workers of Dask")
 @pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="no /proc to read memory from")
 def test_memory_of_two_hundred_subjects_hardly_grows_also_where_they_are_killed(tmp_path, tried):
     pytest.importorskip("distributed", reason="the extra cohort is not installed")
@@ -124,7 +118,7 @@ def test_memory_of_two_hundred_subjects_hardly_grows_also_where_they_are_killed(
     assert status == 0, errors
     with (out / "cohort.csv").open(newline="") as lines:
         assert len({row["subject"] for row in csv.DictReader(lines)}) == SUBJECTS
-    assert used[180] - used[140] < 40 * PER_SUBJECT, used
+    assert used[180] - used[140] < NOISE, used
 
 
 def there(out):

@@ -71,12 +71,21 @@ def arms_of(source, **parameters):
     return found
 
 
-def test_moment_arms_are_the_levers_of_the_pull_at_every_angle():
+@pytest.mark.parametrize(
+    "step",
+    [
+        2.5,
+        pytest.param(
+            5.0, marks=pytest.mark.xfail(strict=True, reason="measured: 0.17 mm at an end, by differences")
+        ),
+    ],
+)
+def test_moment_arms_are_the_levers_of_the_pull_at_every_angle(step):
     """Virtual work: -dl/dq is the lever of a straight fibre about the axis, sign and all.
 
     By differences over steps h the error is h^2 / 6 of the third derivative, twice that at the ends.
     """
-    found = arms_of(Fibres(np.arange(0.0, 91.0, 2.5)))
+    found = arms_of(Fibres(np.arange(0.0, 91.0, step)))
     for angle in (0.0, 20.0, 55.0, 90.0):
         result = found.update(time=angle).output
         np.testing.assert_allclose(cell_array(result, "MomentArm", ""), known_arms(angle), atol=0.1)

@@ -268,8 +268,15 @@ def test_how_the_template_leans_itself_is_no_twist(twist):
 
 
 @pytest.mark.realdata
-@pytest.mark.parametrize("method", ["plane", "harmonic"])
-def test_dissected_fibres_of_a_flat_muscle_are_not_taken_for_a_twist(method, lhdl_hip):
+@pytest.mark.parametrize(
+    ("method", "largest"),
+    [
+        ("plane", 35),
+        pytest.param("plane", 30, marks=pytest.mark.xfail(strict=True, reason="measured: 30.1 degrees")),
+        ("harmonic", 30),
+    ],
+)
+def test_dissected_fibres_of_a_flat_muscle_are_not_taken_for_a_twist(method, largest, lhdl_hip):
     scene = Scene.load(lhdl_hip / "scene.toml")
     muscle, attachments = scene.muscles["gluteus_maximus"].surface, scene.attachments_data("gluteus_maximus")
     seen = read_polydata(lhdl_hip / "fibres_dissection/gluteus_maximus_superficial.vtp")
@@ -280,7 +287,7 @@ def test_dissected_fibres_of_a_flat_muscle_are_not_taken_for_a_twist(method, lhd
     angle, straight = (
         field_array(fibres, name)[0] for name in ("SuperficialAngle", "SuperficialAngleStraight")
     )
-    assert 10 < angle == straight < 45  # nearer along than across
+    assert 10 < angle == straight < largest
 
 
 def test_superficial_fibres_without_length_are_named():
