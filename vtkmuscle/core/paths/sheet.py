@@ -145,8 +145,9 @@ class MusclePaths:
             raise ValueError(f"fibre {int(segments.sum(axis=1).argmin())} has no length")
         self.thickness = 2.0 * half_thickness(surface, triangles)
         self._lengths, self._segment = segments.sum(axis=1), float(segments.mean())
-        # In an order that no names decide: sums over the bones are rounded in it.
-        bones = dict(sorted(bones.items(), key=lambda one: float(np.ptp(one[1].box_along_axes))))
+        # Sums over bones are rounded in their order: that of their sizes, which no names decide. Bones of
+        # one size, to nine digits, stay as they come.
+        bones = dict(sorted(bones.items(), key=lambda one: float(f"{np.ptp(one[1].box_along_axes):.8e}")))
         around = surroundings_of(
             self.fibres,
             start_bones,
