@@ -15,8 +15,9 @@ from vtkmodules.vtkFiltersSources import (
     vtkSphereSource,
 )
 
-from vtkmuscle.core.mesh.solids import solids_of
+from vtkmuscle.core.mesh.solids import bent_surface, points_inside, solids_of
 from vtkmuscle.core.mesh.surface import point_components, signed_volume, unique_edges
+from vtkmuscle.core.mesh.triangle_tree import triangle_tree
 from vtkmuscle.data.arrays import checked_surface
 
 
@@ -130,6 +131,22 @@ def test_points_that_come_in_runs_have_the_same_distances(shape):
     # A run does not depend on those before it, to the last digit.
     together_with_others = solids.distances(np.vstack([positions[::-1], positions]), run=50)
     np.testing.assert_array_equal(together_with_others[600:], solids.distances(positions, run=50))
+
+
+def test_which_points_on_a_surface_are_inside_depends_on_nothing_else_that_is_asked():
+    points, triangles = ball()
+    turned = points @ Rotation.from_rotvec([0.3, 0.2, 0.1]).as_matrix()
+    queries = turned[triangles].mean(axis=1)  # on the surface, but for rounding
+    tree = triangle_tree(turned, triangles)
+    together = points_inside(queries, tree)
+    assert 0 < together.sum() < len(together)
+    assert np.array_equal(together, [points_inside(query[None], tree)[0] for query in queries])
+    surface = bent_surface(turned, triangles, tree)
+    for axis in range(3):  # some have moved since, a flat set of them
+        moved = queries.copy()
+        moved[np.abs(queries[:, axis]) < 2.0] *= 1.5
+        surface.inside(moved)
+        assert np.array_equal(surface.inside(queries), together)
 
 
 def test_points_outside_go_to_the_nearest_place_on_the_surface():

@@ -23,9 +23,9 @@ _ROUNDING = 1e-14
 def points_inside(queries: Floats, tree: TriangleTree) -> Bools:
     """Return which points are inside of a closed surface, by the number of triangles beyond them.
 
-    Rays run along the axis that the points are least spread along: across a long muscle, where few of its
-    boxes are in line. Seen along the rays, of two triangles that share an edge exactly one has a place on it:
-    no ray slips through.
+    Rays run along the axis that the surface extends least along: across a long muscle, where few of its boxes
+    are in line. Seen along the rays, of two triangles that share an edge exactly one has a place on it: no
+    ray slips through.
 
     Parameters
     ----------
@@ -37,7 +37,7 @@ def points_inside(queries: Floats, tree: TriangleTree) -> Bools:
     Returns
     -------
     (k,) bool array
-        True inside; on the surface either.
+        True inside; on the surface either, but for each point the same whatever else is asked.
 
     Examples
     --------
@@ -51,7 +51,7 @@ def points_inside(queries: Floats, tree: TriangleTree) -> Bools:
     """
     inside = np.zeros(len(queries), dtype=np.bool_)
     if len(queries):
-        along = int(np.ptp(queries, axis=0).argmin())
+        along = int((tree.boxes[0, 3:] - tree.boxes[0, :3]).argmin())
         slack = _ROUNDING * float(np.abs(tree.boxes[0]).max())
         stack = np.empty(64, dtype=np.int64)
         _count(np.ascontiguousarray(queries), tree.corners, tree.boxes, along, slack, stack, inside)
@@ -129,7 +129,7 @@ class BentSurface:
 
     def __init__(self, tree: TriangleTree) -> None:
         self.tree = tree
-        self._asked, self._inside = np.empty((0, 3)), np.empty(0, dtype=np.bool_)
+        self._known = np.empty((0, 3)), np.empty(0, dtype=np.bool_)
 
     def is_of(self, points: Floats, triangles: Ints) -> bool:
         """Return whether it is the surface of these points (n, 3) and triangles (m, 3)."""
@@ -138,15 +138,17 @@ class BentSurface:
     def inside(self, queries: Floats) -> Bools:
         """Return which points (k, 3) are inside, where it is closed, (k,).
 
-        Of points that were asked for just before, only those that have moved since are looked at.
+        Of points that were asked for just before, only those that have moved since are looked at. Several
+        threads may ask at a time.
         """
-        if queries.shape != self._asked.shape:
-            self._asked, self._inside = queries.copy(), points_inside(queries, self.tree)
+        asked, inside = self._known
+        if queries.shape != asked.shape:
+            inside = points_inside(queries, self.tree)
         else:
-            moved = (queries != self._asked).any(axis=1)
-            self._asked[moved] = queries[moved]
-            self._inside[moved] = points_inside(queries[moved], self.tree)
-        return self._inside.copy()
+            moved, inside = (queries != asked).any(axis=1), inside.copy()
+            inside[moved] = points_inside(queries[moved], self.tree)
+        self._known = queries.copy(), inside
+        return inside.copy()
 
 
 #: Those that somebody holds.
