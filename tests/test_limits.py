@@ -268,6 +268,8 @@ def test_a_path_that_is_no_text_is_refused_before_the_work(scene_file):
     assert not out.exists()
     with pytest.raises(ValueError, match="not text in UTF-8"):
         Scene.load(scene_file.parent / "s\udcff.toml")
+    assert r"o\udcff: this path is not text in UTF-8; rename" in refused("demo", "--out", out)
+    assert not out.exists()
 
 
 def test_a_report_that_is_no_report_is_no_traceback(tmp_path):

@@ -97,7 +97,6 @@ def resident(pid):
     return found
 
 
-@pytest.mark.xfail(strict=True, reason="measured: 29 MB over 40 subjects, in the workers of Dask")
 @pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="no /proc to read memory from")
 def test_memory_of_two_hundred_subjects_hardly_grows_also_where_they_are_killed(tmp_path, tried):
     pytest.importorskip("distributed", reason="the extra cohort is not installed")

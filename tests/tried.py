@@ -23,7 +23,7 @@ tests/test_damaged_commands.py tests/test_faults.py tests/test_long_runs.py test
 tests has a short form.
 
 The heap of a run grows by the frames that its result holds, and is given back with it. Solving the muscles
-of subjects after one another adds nothing to it; workers of a cohort grow by 0.4 MB a subject, and are ended
+of subjects after one another adds nothing to it; workers of a cohort grow by 0.03 MB a subject, and are ended
 with the study.
 
 .. list-table::

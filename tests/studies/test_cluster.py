@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import pytest
 from tiny_study import write_tiny_study
@@ -150,6 +151,22 @@ def test_a_scheduler_that_is_killed_is_one_error_and_the_same_command_goes_on(
     status, _, errors = ended(started("cohort", study, "--out", out, "--quiet"), timeout=PATIENCE)
     assert status == 1, errors
     same(study, out)
+
+
+@pytest.mark.long
+def test_a_worker_that_is_killed_before_it_begins_is_one_error(study, tmp_path, tried):
+    def workers(process):
+        commands = [Path(f"/proc/{one}/cmdline") for one in children(process.pid)]
+        return [one.parent.name for one in commands if one.is_file() and "spawn_main" in one.read_text()]
+
+    process = started("cohort", study, "--out", tmp_path / "out", "--workers", "2", "--quiet")
+    wait_for(lambda: workers(process) or process.poll() is not None)
+    os.kill(int(workers(process)[0]), signal.SIGKILL)
+    status, _, errors = ended(process, timeout=PATIENCE)
+    tried.add("a cohort, a worker killed before it begins", "refused")
+    assert status == 2, errors
+    assert errors.startswith("error: a worker was lost before it began")
+    assert len(errors.splitlines()) == 1
 
 
 @pytest.mark.long

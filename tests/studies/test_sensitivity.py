@@ -80,3 +80,8 @@ def test_what_says_nothing_is_refused(scene, changes, words):
     with pytest.raises(ValueError, match=words):
         sensitivities(scene, **changes)
     assert set(CAUSES) == {"landmarks", "axis", "centre", "segmentation"}
+
+
+def test_a_motion_that_is_moved_too_far_to_be_followed_is_refused(scene):
+    with pytest.raises(ValueError, match=r"'femur' moves \S+ mm from frame"):
+        sensitivities(scene, samples=3, centre=1e8)

@@ -12,6 +12,7 @@ import typer
 from rich.console import Console
 
 from vtkmuscle.core.errors import InputError, in_words
+from vtkmuscle.core.files import check_name
 
 #: Exit status where a muscle failed and all else was written, for input that cannot be used, and for Ctrl-C
 #: (128 + SIGINT, as shells have it).
@@ -40,6 +41,8 @@ def one_clear_error(out: Path | None) -> Iterator[None]:
         with warnings.catch_warnings():
             warnings.simplefilter("default", UserWarning)
             warnings.showwarning = show
+            if out is not None:
+                check_name(out)
             yield
     except (ValueError, OSError) as error:
         # ValueErrors of the package say what was wrong with the input; a fault in it has a traceback.

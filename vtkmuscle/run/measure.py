@@ -10,7 +10,7 @@ import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.bones.bone import Bone, depth_in
-from vtkmuscle.core.mesh.rest_shape import dihedral_angles
+from vtkmuscle.core.mesh.rest_shape import beside_slivers, dihedral_angles
 from vtkmuscle.core.mesh.solids import BentSurface, bent_surface
 from vtkmuscle.core.mesh.surface import (
     edge_lengths,
@@ -71,6 +71,7 @@ class MuscleMeasure:
         self._quads = mesh_topology(len(self._rest), self._triangles).quads
         angles, defined = dihedral_angles(self._rest, self._quads)
         self._unfolded = defined & (np.abs(angles) < np.radians(NOT_FOLDED))
+        self._unfolded &= ~beside_slivers(self._rest, self._quads)
         self._rest_depths: Floats | None = None
         self._fibre_rest_depths: Floats | None = None
         self._bent: BentSurface | None = None

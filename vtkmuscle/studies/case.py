@@ -277,6 +277,9 @@ def _solved(case: Case, scene: SceneData, numbers: range, stop: threading.Event)
     names = list(scene.muscles)
     before = names[: names.index(case.muscle) + 1] if scene.muscle_contact != "off" else [case.muscle]
     alone = replace(scene, muscles={name: scene.muscles[name] for name in before})
+    if case.variation.cause:  # what is moved too far would be followed for hours
+        with recorded():
+            check_sense(alone)
     # By the processor's time: what else the machine does is in no figure.
     options = RunOptions(
         frames=numbers, workers=1, sense=False, progress=unless_stopped, clock=time.process_time

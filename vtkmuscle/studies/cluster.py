@@ -61,22 +61,33 @@ def connected(
     root = str(Path(__file__).parents[2])
     if root not in sys.path:  # it may be the working folder, which is left out; workers need the package too
         sys.path.append(root)
-    limits = {"distributed.scheduler.allowed-failures": retries, "distributed.worker.memory.terminate": 0.95}
+    limits = {
+        "distributed.scheduler.allowed-failures": retries,
+        "distributed.worker.memory.terminate": 0.95,
+        "distributed.worker.profile.enabled": False,  # it grows by 0.3 MB for each subject of a worker
+    }
     with (
         workers_leave_out_working_folder(),
         settings.config.set(limits),
-        distributed.LocalCluster(
-            n_workers=workers or processors(),
+        _local_cluster(distributed, workers or processors(), memory) as cluster,
+        distributed.Client(cluster) as found,
+    ):
+        yield _workers(distributed, found, retries), found.dashboard_link
+
+
+def _local_cluster(distributed: Any, workers: int, memory: str | float | None) -> Any:
+    try:
+        return distributed.LocalCluster(
+            n_workers=workers,
             threads_per_worker=1,
             processes=True,
             memory_limit="auto" if memory is None else memory,
             dashboard_address="127.0.0.1:0",
             security=True,  # whoever can connect has code executed: other users of this machine
             silence_logs="CRITICAL",
-        ) as cluster,
-        distributed.Client(cluster) as found,
-    ):
-        yield _workers(distributed, found, retries), found.dashboard_link
+        )
+    except RuntimeError as error:
+        raise ConnectionError(f"a worker was lost before it began ({error}); {_GOES_ON}") from error
 
 
 @contextmanager

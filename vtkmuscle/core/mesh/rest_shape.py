@@ -15,6 +15,8 @@ from vtkmuscle.core.types import Bools, Floats, Ints
 
 #: Triangles whose corner at the edge has a tangent below this have no normal worth speaking of.
 DEGENERATE_TANGENT = 1e-9
+#: Triangles this much less high than long are slivers: a thousandth of their length turns them over.
+SLIVER = 1e-3
 
 
 @lane
@@ -98,6 +100,24 @@ def _hinges(p: Floats, quads: Ints, angles: Floats, defined: Bools) -> None:
             angles[q], defined[q] = angle if angle > -math.pi else math.pi, True
 
 
+def beside_slivers(points: Floats, quads: Ints) -> Bools:
+    """Return which edges (q,) have a sliver of a triangle beside them: its angle says nothing of a shape.
+
+    Parameters
+    ----------
+    points : (n, 3) array
+        Positions [mm].
+    quads : (q, 4) int array
+        As in :class:`~vtkmuscle.core.mesh.surface.MeshTopology`.
+    """
+    found = np.zeros(len(quads), dtype=np.bool_)
+    for corners in (points[quads[:, :3]], points[quads[:, [0, 1, 3]]]):
+        sides = np.roll(corners, -1, axis=1) - corners
+        doubled = np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1)
+        found |= doubled < SLIVER * (sides**2).sum(axis=2).max(axis=1)
+    return found
+
+
 _Spread = tuple[float, float, float]
 
 #: Edges run along the fibres where |u . v| is more than the cosine of 18 degrees, across them where it is
@@ -116,7 +136,8 @@ class ShapeReport:
     edge_stretch_p95, edge_stretch_max : float
         95th percentile and maximum of l / l0 over all edges.
     dihedral_error_p95 : float
-        95th percentile of the absolute change of the angles between neighbouring triangles [degrees].
+        95th percentile of the absolute change of the angles between neighbouring triangles, none of them a
+        sliver at rest [degrees].
     degenerate_edges : int
         Edges that had an angle between their triangles at rest and have none now, for a triangle beside them
         has collapsed.
@@ -178,7 +199,8 @@ class RestShape:
         self._long_edges = np.ascontiguousarray(topology.edges[long])
         self._long_lengths: Floats = self.lengths[long]
         self.angles, self.angle_defined = dihedral_angles(points, topology.quads)
-        self._bent_quads = np.ascontiguousarray(topology.quads[self.angle_defined])
+        bent = self.angle_defined & ~beside_slivers(points, topology.quads)
+        self._bent_quads, self._bent_angles = np.ascontiguousarray(topology.quads[bent]), self.angles[bent]
         self.volume_gradient: Floats = np.empty_like(points)
         self.volume: float = volume_and_gradient(points, topology.triangles, self.volume_gradient)
         check_volume(points, self.volume)
@@ -196,7 +218,7 @@ class RestShape:
         """Return how far a deformed surface, of positions (n, 3) [mm], is from rest."""
         stretch = edge_lengths(positions, self._long_edges) / self._long_lengths
         angles, defined = dihedral_angles(positions, self._bent_quads)
-        turns = np.abs(angles - self.angles[self.angle_defined])[defined]
+        turns = np.abs(angles - self._bent_angles)[defined]
         turns = np.minimum(turns, 2.0 * np.pi - turns)
         along, across = self._directed or (None, None)
         return ShapeReport(
