@@ -54,6 +54,9 @@ HEAD, UNSEEN = ("kind", "where", "was", "planted", "seen by"), "no test"
 
 #: Faults that change no result that is promised, by what is planted, and why.
 EQUIVALENT: dict[str, str] = {
+    "core.fibres.mean_value_lanes._see_triangles: n_close > 0 -> (n_close >= 0)": (
+        "equivalent: lanes are looked through, and none is found"
+    ),
     "core.collision.distance_collision._crosses: max(_LEAST_STEP * field.cell, abs(height - zone)) -> "
     "(_LEAST_STEP * field.cell)": "equivalent: shorter steps find the same crossing, later",
     "core.bones.bone.: 1e-3 -> 0.002": "equivalent: any small unevenness decides between axes",

@@ -356,6 +356,7 @@ def test_the_key_of_every_kernel_knows_the_files_behind_it_and_no_others(tmp_pat
 
     before = keys(copy)
     assert before == keys(package)
+    assert all(re.fullmatch("[0-9a-f]{16}", key) for key in before)
     assert not any(changed("cli/__init__.py"))
     # How they are compiled concerns all of them.
     assert all(changed("core/jit.py"))

@@ -65,7 +65,7 @@ def seen_fibres(points: Floats, offsets: Ints, muscle: Floats) -> SeenFibres:
         If no fibre has a length.
     """
     a, b, lengths = proper_segments(points, offsets)
-    counts = np.maximum(np.ceil(lengths / (LONGEST_PIECE * extent(muscle))), 1).astype(np.int64)
+    counts = np.ceil(lengths / (LONGEST_PIECE * extent(muscle))).astype(np.int64)
     segment = np.repeat(np.arange(len(a)), counts)
     within = np.arange(len(segment)) - np.repeat(np.cumsum(counts) - counts, counts)
     share = (within + 0.5) / counts[segment]
