@@ -234,6 +234,11 @@ NONSENSE = {
         False,
         "solver.stiffness: it changes nothing: counts only with quality 'published'; leave it out",
     ),
+    "setting of a muscle that is not solved": (
+        lambda s: replace(s, model="paths", solver={"iterations": 9}),
+        False,
+        "solver.iterations: it changes nothing: model is 'paths', in which no muscle is solved",
+    ),
     "setting of another method": (
         lambda s: replace(s, fixing={"n_voxels": 1000}),
         False,

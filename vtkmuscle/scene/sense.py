@@ -33,6 +33,8 @@ def settings_findings(scene: SceneData, anatomy: Anatomy) -> Iterator[tuple[str,
         for name, muscle in scene.muscles.items():
             own, given = getattr(muscle, table), getattr(scene, f"{table}_of")(name)
             reasons = dict(_idle(kind, given))
+            if table == "solver" and scene.model == "paths":
+                reasons = dict.fromkeys(given, "model is 'paths', in which no muscle is solved")
             if table == "fixing":
                 reasons |= _idle_distance(given, muscle.attachments)
             for setting in own.keys() & reasons.keys():
