@@ -54,6 +54,9 @@ HEAD, UNSEEN = ("kind", "where", "was", "planted", "seen by"), "no test"
 
 #: Faults that change no result that is promised, by what is planted, and why.
 EQUIVALENT: dict[str, str] = {
+    "core.motion.blending._by_newton: m * b + n * q -> (m * b - n * q)": (
+        "equivalent: the steps come to no end, and the quaternion gives the same rotation, later"
+    ),
     "core.fibres.mean_value_lanes._see_triangles: n_close > 0 -> (n_close >= 0)": (
         "equivalent: lanes are looked through, and none is found"
     ),
