@@ -139,20 +139,20 @@ def sparse_mean_value_coordinates(
     ValueError
         As :func:`~vtkmuscle.core.fibres.mean_value.mean_value_coordinates`.
     """
-    mesh = coordinate_mesh(points, triangles)
     groups = vertex_groups(points)
+    # Vertices in the order of the groups: a group's weights are next to each other.
+    mesh = coordinate_mesh(points[groups.order], np.argsort(groups.order)[triangles])
     centred = points - mesh.centre
     bent = centred**2 / (2.0 * mesh.diagonal)
     means, means_of_bent = groups.with_means(centred), groups.with_means(bent)
     sizes = np.concatenate([level.sizes for level in groups.levels])
     threshold = 2.0 * prune * groups.levels[0].radii.max() / len(points)
 
-    # Rows in the order of the groups: a group's weights are next to each other.
-    places, ordered_bent = np.argsort(groups.order), bent[groups.order]
+    ordered_bent = bent[groups.order]
     parts, error = [csr_array((0, len(sizes)))], 0.0
     for first in range(0, len(queries), AT_ONCE):
         some = queries[first : first + AT_ONCE]
-        weights = weights_of(mesh, some, threads, places=places, first=first)
+        weights = weights_of(mesh, some, threads, first=first)
         grouped = _grouped(weights, groups, threshold)
         made_up = _make_up(grouped, means, sizes, some - mesh.centre)
         if not made_up.all():
