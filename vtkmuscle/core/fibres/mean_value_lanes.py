@@ -26,6 +26,7 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from scipy.spatial.distance import cdist
 
 from vtkmuscle.core.jit import lane, vector_kernel
 from vtkmuscle.core.types import Bools, Floats, Ints
@@ -92,19 +93,19 @@ def weights_of_lanes(mesh: MeshArrays, queries: Floats, tolerance: float) -> tup
         Rows that sum to 1 [1]; see above [mm].
     """
     points = queries[np.minimum(np.arange(LANES), len(queries) - 1)]
-    ways = [np.subtract.outer(at, points[:, axis]) for axis, at in enumerate(mesh.vertices.T)]
-    squares = ways[0] ** 2 + ways[1] ** 2 + ways[2] ** 2
+    squares = cdist(mesh.vertices, points, "sqeuclidean")
     sums, close = np.zeros(squares.shape), np.zeros((len(mesh.triangles), LANES), dtype=np.bool_)
     buffer = np.concatenate([np.empty(_X), points.T.reshape(-1)])
+    inverses = np.sqrt(squares)
     with np.errstate(divide="ignore", invalid="ignore"):  # at a vertex; an open surface may have no weight
-        inverses = 1.0 / np.sqrt(squares)
+        np.divide(1.0, inverses, out=inverses)
         _see_far(mesh, squares.reshape(-1), inverses.reshape(-1), buffer, sums.reshape(-1), close)
         near = np.flatnonzero(close)
         corners, shares, on = _see_near(mesh, points, tolerance, near // LANES, near % LANES, sums)
         sums /= sums.sum(axis=0)
-    missed = np.array([(sums * way).sum(axis=0) for way in ways])
-    weights = np.ascontiguousarray((sums - np.einsum("na,ak->nk", mesh.spread, missed)).T)
-    residuals = np.linalg.norm(missed, axis=0)
+    missed = mesh.vertices.T @ sums - points.T
+    sums -= mesh.spread @ missed
+    weights, residuals = sums.T, np.linalg.norm(missed, axis=0)
 
     at_vertex = np.flatnonzero(squares.min(axis=0) <= tolerance**2)
     on_surface = np.append(on, at_vertex)

@@ -153,7 +153,8 @@ def triangle_tree(points: Floats, triangles: Ints) -> TriangleTree:
     """
     centres = (points[triangles[:, 0]] + points[triangles[:, 1]] + points[triangles[:, 2]]) / 3.0
     levels = max(int(np.ceil(np.log2(len(triangles) / PER_LEAF))), 0)
-    order = _shared_out(centres, np.arange(2**levels + 1) * len(triangles) // 2**levels)
+    order = np.arange(len(triangles))
+    _share_out(centres, order, np.arange(2**levels + 1) * len(triangles) // 2**levels)
     return _filled(points, triangles, order)
 
 
@@ -192,20 +193,49 @@ def _filled(points: Floats, triangles: Ints, order: Ints) -> TriangleTree:
     return TriangleTree(points, triangles, order, corners, _boxes(corners, n_leaves), discs)
 
 
-def _shared_out(centres: Floats, starts: Ints) -> Ints:
-    """Return triangles in an order in which each half of a box's, each half of these and so on lie apart.
+@kernel
+def _share_out(centres: Floats, order: Ints, starts: Ints) -> None:
+    """Order triangles so that each half of a box's, each half of these and so on lie apart.
 
-    centres : (m, 3); starts : (2^k + 1,), first triangle of each leaf, and m.
+    centres : (m, 3); order : (m,), changed in place; starts : (2^k + 1,), first triangle of each leaf, and m.
     """
-    m, order, width = len(centres), np.arange(len(centres)), len(starts) - 1
-    ranks = np.argsort(np.argsort(centres, axis=0, kind="stable"), axis=0)
+    n_leaves = len(starts) - 1
+    width = n_leaves
     while width > 1:
-        firsts, ordered = starts[:-1:width], centres[order]
-        extents = np.maximum.reduceat(ordered, firsts) - np.minimum.reduceat(ordered, firsts)
-        box = np.repeat(np.arange(len(firsts)), np.diff(np.append(firsts, m)))
-        order = order[np.argsort(box * m + ranks[order, extents.argmax(axis=1)[box]])]
+        for leaf in range(0, n_leaves, width):
+            first, middle, last = starts[leaf], starts[leaf + width // 2], starts[leaf + width]
+            axis, longest = 0, -1.0
+            for k in range(3):
+                low, high = np.inf, -np.inf
+                for i in range(first, last):
+                    low, high = min(low, centres[order[i], k]), max(high, centres[order[i], k])
+                if high - low > longest:
+                    axis, longest = k, high - low
+            _part(centres[:, axis], order, first, middle, last)
         width //= 2
-    return order
+
+
+@kernel
+def _part(values: Floats, order: Ints, first: int, middle: int, last: int) -> None:
+    """Put the least of order[first:last], by their values, before ``middle`` (Hoare 1961, quickselect)."""
+    low, high = first, last - 1
+    while low < high:
+        pivot = values[order[(low + high) // 2]]
+        i, j = low, high
+        while i <= j:
+            while values[order[i]] < pivot:
+                i += 1
+            while values[order[j]] > pivot:
+                j -= 1
+            if i <= j:
+                order[i], order[j] = order[j], order[i]
+                i, j = i + 1, j - 1
+        if middle <= j:
+            high = j
+        elif middle >= i:
+            low = i
+        else:
+            break
 
 
 def _boxes(corners: Floats, n_leaves: int) -> Floats:
