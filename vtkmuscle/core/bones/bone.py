@@ -23,7 +23,7 @@ from vtkmuscle.core.bones.lookup import (
     put_into_table,
 )
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.core.jit import array_kernel
+from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.mesh.sampling import uneven_weights
 from vtkmuscle.core.mesh.shared import shared
 from vtkmuscle.core.mesh.solids import FAR, Solids, solids_of
@@ -143,7 +143,7 @@ class Bone:
             outside = np.zeros(len(near), dtype=np.bool_)
             while True:
                 field = self.look_up()
-                _find_outside(field, self.axes, points[near], outside)
+                _find_outside(field, self.axes, points[near], outside, np.empty(3))
                 if not self.fill(field):
                     break
             near = near[~outside]
@@ -177,7 +177,7 @@ class Bone:
         matters: Floats = np.full(len(positions), within, dtype=np.float64)
         while True:
             field = self.look_up()
-            _look_up(field, self.axes, positions, matters, lacks, distance, outward)
+            _look_up(field, self.axes, positions, matters, lacks, distance, outward, np.empty((2, 3)))
             if not self.fill(field):
                 return distance, outward
 
@@ -299,7 +299,7 @@ def _empty_table(least: int) -> tuple[Ints, np.ndarray[tuple[int], np.dtype[np.i
     return np.full(size, EMPTY, dtype=np.int64), np.zeros(size, dtype=np.int32)
 
 
-@array_kernel
+@kernel
 def _look_up(
     field: Field,
     axes: Floats,
@@ -308,12 +308,13 @@ def _look_up(
     lacks: Bools,
     distance: Floats,
     outward: Floats,
+    work: Floats,
 ) -> None:
-    """Do what :meth:`Bone.field` says.
+    """Do what :meth:`Bone.field` says; work is working memory.
 
     lacks : (n,), changed in place: which points are not done, for their blocks were not known.
     """
-    at, normal = np.empty(3), np.empty(3)
+    at, normal = work[0], work[1]
     for i in range(len(points)):
         if not lacks[i]:
             continue
@@ -334,10 +335,9 @@ def _look_up(
         lacks[i] = field.lacking[0] > before
 
 
-@array_kernel
-def _find_outside(field: Field, axes: Floats, points: Floats, outside: Bools) -> None:
-    """Write which points are outside by the overview, or by what is known of the field."""
-    at = np.empty(3)
+@kernel
+def _find_outside(field: Field, axes: Floats, points: Floats, outside: Bools, at: Floats) -> None:
+    """Write which points are outside by the overview, or by what is known of the field; at (3,) is memory."""
     for i in range(len(points)):
         transform_point(axes, points, i, at)
         before, noted = field.lacking[0], field.lacking[1]

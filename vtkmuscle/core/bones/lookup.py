@@ -69,7 +69,7 @@ class Field(NamedTuple):
 
 
 @lane
-def key_of(i: Integer, j: Integer, k: Integer, level: int) -> Integer:
+def key_of(i: Integer, j: Integer, k: Integer, level: Integer) -> Integer:
     """Return the key of the block with a number along each axis, each from -MOST to MOST - 1.
 
     level : 0 for a block of the field, 1 for one of the overview, whose cells are as large as those blocks.
@@ -95,7 +95,7 @@ def put_into_table(keys: Ints, places: Table, more: Ints, first: int) -> None:
 
 
 @lane
-def _block_at(field: Field, i: Integer, j: Integer, k: Integer, level: int) -> Integer:
+def _block_at(field: Field, i: Integer, j: Integer, k: Integer, level: Integer) -> Integer:
     """Return which of the values are those of a block; -1, and a note, where it is not known."""
     key = key_of(i, j, k, level)
     slot = _slot_of(field.keys, key)
@@ -118,20 +118,20 @@ def distance_at(field: Field, x: float, y: float, z: float) -> float:
     :data:`~vtkmuscle.core.mesh.solids.FAR` where the block is not known, and beyond the blocks that can be
     counted.
     """
-    return _trilinear(field, x * field.per_mm, y * field.per_mm, z * field.per_mm, 0)
+    return _trilinear(field, x * field.per_mm, y * field.per_mm, z * field.per_mm, np.int64(0))
 
 
 @lane
 def least_distance_at(field: Field, x: float, y: float, z: float) -> float:
     """Return what the distance at a position is not less than, by the overview; where it is FAR, as there."""
     scale = field.per_mm / SIDE
-    distance = _trilinear(field, x * scale, y * scale, z * scale, 1)
+    distance = _trilinear(field, x * scale, y * scale, z * scale, np.int64(1))
     return distance - FIELD_ERROR * SIDE * field.cell if distance < FAR else FAR
 
 
 @lane
-def _trilinear(field: Field, u: float, v: float, w: float, level: int) -> float:
-    """Return the distance at a position in cells of a level."""
+def _trilinear(field: Field, u: float, v: float, w: float, level: Integer) -> float:
+    """Return the distance at a position in cells of a level; a constant would be compiled for itself."""
     if not max(abs(u), abs(v), abs(w)) < SIDE * (MOST - 1):
         return FAR
     i, j, k = np.int64(np.floor(u)), np.int64(np.floor(v)), np.int64(np.floor(w))
@@ -186,7 +186,7 @@ def _slope_at(field: Field, x: float, y: float, z: float) -> tuple[float, float,
         return 0.0, 0.0, 0.0
     i, j, k = np.int64(np.floor(u - 0.5)), np.int64(np.floor(v - 0.5)), np.int64(np.floor(w - 0.5))
     if max(i % SIDE, j % SIDE, k % SIDE) < SIDE - 1:
-        block = _block_at(field, i // SIDE, j // SIDE, k // SIDE, 0)
+        block = _block_at(field, i // SIDE, j // SIDE, k // SIDE, np.int64(0))
         if block < 0:
             return 0.0, 0.0, 0.0
         node = ((i % SIDE) * NODES + j % SIDE) * NODES + k % SIDE

@@ -6,7 +6,7 @@ import numpy as np
 
 from vtkmuscle.core.bones.bone import Bone
 from vtkmuscle.core.bones.lookup import Field, distance2_from_box, distance_at, least_distance_at, normal_at
-from vtkmuscle.core.jit import array_kernel, kernel
+from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.motion.rigid import inverse, transform_point
 from vtkmuscle.core.types import Bools, Floats
 
@@ -171,7 +171,7 @@ def resolve_distance_collisions(
             return moved
 
 
-@array_kernel
+@kernel
 def _resolve(
     field: Field,
     now: Floats,

@@ -8,13 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.core.fibres.mean_value_lanes import (
-    LANES,
-    LaneMemory,
-    MeshArrays,
-    lane_memory,
-    weights_of_lanes,
-)
+from vtkmuscle.core.fibres.mean_value_lanes import LANES, MeshArrays, weights_of_lanes
 from vtkmuscle.core.processors import processors
 from vtkmuscle.core.types import Floats, Ints
 
@@ -105,31 +99,15 @@ def coordinate_mesh(points: Floats, triangles: Ints) -> CoordinateMesh:
     return CoordinateMesh(centre, float(np.linalg.norm(np.ptp(used, axis=0))), arrays)
 
 
-def weights_of(
-    mesh: CoordinateMesh, queries: Floats, threads: int, *, places: Ints | None = None, first: int = 0
-) -> Floats:
-    """Return the weights (q, n) of points, computed in threads.
-
-    The weight of vertex i is number places[i] of a row, i where they are not given; the points are numbered
-    from `first` on where they are not reproduced.
-    """
-    centred = np.ascontiguousarray(queries - mesh.centre)
-    n = len(mesh.arrays.vertices)
-    weights, residuals = np.empty((len(queries), n)), np.empty(len(queries))
-    places = np.arange(n) if places is None else places
-    spare: list[LaneMemory] = []
+def weights_of(mesh: CoordinateMesh, queries: Floats, threads: int, *, first: int = 0) -> Floats:
+    """Return the weights (q, n) of points, computed in threads; numbered from `first` on where they fail."""
+    centred = queries - mesh.centre
+    weights, residuals = np.empty((len(queries), len(mesh.arrays.vertices))), np.empty(len(queries))
 
     def work(begin: int) -> None:
-        try:
-            memory = spare.pop()
-        except IndexError:
-            memory = lane_memory(n)
         rows = slice(begin, begin + LANES)
         tolerance = mesh.diagonal * ON_SURFACE
-        weights_of_lanes(
-            mesh.arrays, centred[rows], tolerance, places, memory, weights[rows], residuals[rows]
-        )
-        spare.append(memory)
+        weights[rows], residuals[rows] = weights_of_lanes(mesh.arrays, centred[rows], tolerance)
 
     with ThreadPoolExecutor(threads or processors()) as pool:
         list(pool.map(work, range(0, len(queries), LANES)))

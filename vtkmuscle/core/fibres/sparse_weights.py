@@ -139,20 +139,20 @@ def sparse_mean_value_coordinates(
     ValueError
         As :func:`~vtkmuscle.core.fibres.mean_value.mean_value_coordinates`.
     """
-    mesh = coordinate_mesh(points, triangles)
     groups = vertex_groups(points)
+    # Vertices in the order of the groups: a group's weights are next to each other.
+    mesh = coordinate_mesh(points[groups.order], np.argsort(groups.order)[triangles])
     centred = points - mesh.centre
     bent = centred**2 / (2.0 * mesh.diagonal)
     means, means_of_bent = groups.with_means(centred), groups.with_means(bent)
     sizes = np.concatenate([level.sizes for level in groups.levels])
     threshold = 2.0 * prune * groups.levels[0].radii.max() / len(points)
 
-    # Rows in the order of the groups: a group's weights are next to each other.
-    places, ordered_bent = np.argsort(groups.order), bent[groups.order]
+    ordered_bent = bent[groups.order]
     parts, error = [csr_array((0, len(sizes)))], 0.0
     for first in range(0, len(queries), AT_ONCE):
         some = queries[first : first + AT_ONCE]
-        weights = weights_of(mesh, some, threads, places=places, first=first)
+        weights = weights_of(mesh, some, threads, first=first)
         grouped = _grouped(weights, groups, threshold)
         made_up = _make_up(grouped, means, sizes, some - mesh.centre)
         if not made_up.all():
@@ -227,21 +227,24 @@ def _make_up(weights: csr_array, means: Floats, sizes: Ints, queries: Floats) ->
     With c_j vertices in group j, minimise sum_j d_j^2 / c_j such that the weights w + d do so.
     """
     row = np.repeat(np.arange(len(queries)), np.diff(weights.indptr))
-    terms = np.column_stack([np.ones(len(row)), means[weights.indices] - queries[row]])
+    terms = np.vstack([np.ones(len(row)), (means[weights.indices] - queries[row]).T])
     counts, starts = sizes[weights.indices], weights.indptr[:-1]
 
     def summed(values: Floats) -> Floats:
-        return np.add.reduceat(values, starts)
+        return np.add.reduceat(values, starts, axis=-1).T
 
-    matrices = summed((counts[:, None, None] * terms[:, :, None]) * terms[:, None])
+    # Term by term: an array of all products at once would not stay in the processor's memory.
+    matrices = np.array([[summed(counts * one * other) for one in terms] for other in terms]).transpose(
+        2, 0, 1
+    )
     scales = np.sqrt(np.maximum(np.diagonal(matrices, axis1=1, axis2=2), np.finfo(float).tiny))
     matrices = matrices / (scales[:, :, None] * scales[:, None]) + _RIDGE * np.eye(4)
     wanted = np.array([1.0, 0.0, 0.0, 0.0])
-    lacks = (wanted - summed(weights.data[:, None] * terms)) / scales
+    lacks = (wanted - summed(weights.data * terms)) / scales
     multipliers = np.linalg.solve(matrices, lacks[..., None])[..., 0] / scales
-    change = counts * (terms * multipliers[row]).sum(axis=1)
+    change = counts * sum(term * some[row] for term, some in zip(terms, multipliers.T, strict=True))
     most = LARGEST_CHANGE * summed(np.abs(weights.data))
     weights.data += change
-    products = weights.data[:, None] * terms
+    products = weights.data * terms
     left = np.abs(wanted - summed(products)) <= _MADE_UP * (wanted + summed(np.abs(products)))
     return left.all(axis=1) & (summed(np.abs(change)) <= most)

@@ -12,7 +12,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.core.jit import array_kernel
 from vtkmuscle.core.mesh.surface import point_components, signed_volume, sorted_into_bins
 from vtkmuscle.core.types import Floats, Ints
 
@@ -103,7 +102,7 @@ def cut_surface(surface: ClosedSurface, values: Floats, levels: Floats) -> Secti
     slabs = np.searchsorted(levels, values, side="right")
     rising, crossings, crossed, starts = _rising(triangles, slabs, len(levels))
     cut, loop_offsets, level_offsets, loop_of = _traced(
-        points, triangles, surface.opposite, values, levels, slabs, crossings, crossed, starts
+        surface, values, levels, slabs, crossings, crossed, starts
     )
     n_points, n_loops = len(points), len(loop_offsets) - 1
     parts = _parts(triangles, slabs, crossings, rising, loop_of, n_points, n_loops)
@@ -148,11 +147,8 @@ def _rising(triangles: Ints, slabs: Ints, n_levels: int) -> tuple[Ints, Ints, In
     return rising, crossings, half_edges[order], starts
 
 
-@array_kernel
 def _traced(
-    points: Floats,
-    triangles: Ints,
-    opposite: Ints,
+    surface: ClosedSurface,
     values: Floats,
     levels: Floats,
     slabs: Ints,
@@ -166,51 +162,45 @@ def _traced(
     the one that goes up, which is the other side of the next triangle's way in. Crossings of loops that are
     left out get -2: there the surface is not cut.
     """
-    corners = triangles.reshape(-1)
-    cut = np.empty((len(crossed), 3))
-    loop_of = np.full(len(crossed), -1, dtype=np.int64)
-    loop_offsets = np.zeros(len(crossed) + 1, dtype=np.int64)
-    level_offsets = np.zeros(len(levels) + 1, dtype=np.int64)
-    visited = np.empty(len(crossed), dtype=np.int64)
-    n_loops, n_cut = 0, 0
-    for level in range(len(levels)):
-        for i in range(starts[level], starts[level + 1]):
-            half_edge, first, n_visited = crossed[i], n_cut, 0
-            crossing = crossings[half_edge] + level - slabs[corners[half_edge]]
-            while loop_of[crossing] == -1:
-                loop_of[crossing] = n_loops
-                visited[n_visited] = crossing
-                n_visited += 1
-                a = corners[half_edge]
-                b = corners[half_edge - 2 if half_edge % 3 == 2 else half_edge + 1]
-                share = (levels[level] - values[a]) / (values[b] - values[a])
-                same = n_cut > first
-                for axis in range(3):
-                    # Written so that a share of 1 gives the end point to the last bit.
-                    cut[n_cut, axis] = (1.0 - share) * points[a, axis] + share * points[b, axis]
-                    same = same and cut[n_cut, axis] == cut[n_cut - 1, axis]
-                n_cut += 0 if same else 1
-                down = opposite[half_edge]
-                before = down + 2 if down % 3 == 0 else down - 1
-                after = down - 2 if down % 3 == 2 else down + 1
-                half_edge = after if slabs[corners[before]] > level else before
-                crossing = crossings[half_edge] + level - slabs[corners[half_edge]]
-            while (
-                n_cut > first + 1
-                and cut[n_cut - 1, 0] == cut[first, 0]
-                and cut[n_cut - 1, 1] == cut[first, 1]
-                and cut[n_cut - 1, 2] == cut[first, 2]
-            ):
-                n_cut -= 1
-            if n_cut - first >= 3:
-                n_loops += 1
-                loop_offsets[n_loops] = n_cut
-            else:
-                n_cut = first
-                for k in range(n_visited):
-                    loop_of[visited[k]] = -2
-        level_offsets[level + 1] = n_loops
-    return cut[:n_cut].copy(), loop_offsets[: n_loops + 1].copy(), level_offsets, loop_of
+    corners, n_levels = surface.triangles.reshape(-1), np.diff(starts)
+    level = np.repeat(np.arange(len(levels)), n_levels)
+    numbers = crossings[crossed] + level - slabs[corners[crossed]]
+    a, b = corners[crossed], corners[_beside(crossed, 1)]
+    share = ((levels[level] - values[a]) / (values[b] - values[a]))[:, None]
+    # Written so that a share of 1 gives the end point to the last bit.
+    points = (1.0 - share) * surface.points[a] + share * surface.points[b]
+    down = surface.opposite[crossed]
+    onward = np.where(slabs[corners[_beside(down, 2)]] > level, _beside(down, 1), _beside(down, 2))
+    at = np.empty(len(crossed), dtype=np.int64)  # the place of each crossing in the order of levels
+    at[numbers] = np.arange(len(crossed))
+    following = at[crossings[onward] + level - slabs[corners[onward]]].tolist()
+    same = [tuple(point) for point in points.tolist()]
+    loop_of, kept, loop_offsets, level_offsets = np.full(len(crossed), -1), list[int](), [0], [0]
+    done = [False] * len(crossed)
+    for first, last in zip(starts[:-1].tolist(), starts[1:].tolist(), strict=True):
+        for begin in range(first, last):
+            i, loop, cut = begin, list[int](), list[int]()
+            while not done[i]:
+                done[i] = True
+                loop.append(i)
+                if not cut or same[i] != same[cut[-1]]:
+                    cut.append(i)
+                i = following[i]
+            while len(cut) > 1 and same[cut[-1]] == same[cut[0]]:
+                cut.pop()
+            if loop:
+                loop_of[numbers[loop]] = len(loop_offsets) - 1 if len(cut) >= 3 else -2
+            if len(cut) >= 3:
+                kept += cut
+                loop_offsets.append(len(kept))
+        level_offsets.append(len(loop_offsets) - 1)
+    return points[kept], np.array(loop_offsets), np.array(level_offsets), loop_of
+
+
+def _beside(half_edges: Ints, steps: int) -> Ints:
+    """Return the half-edges that are some steps onward in their triangles."""
+    side = half_edges % 3
+    return half_edges - side + (side + steps) % 3
 
 
 def _parts(
