@@ -15,7 +15,7 @@ from vtkmuscle.core.fibres.mean_value_lanes import (
     lane_memory,
     weights_of_lanes,
 )
-from vtkmuscle.core.processors import processors
+from vtkmuscle.core.machine import processors
 from vtkmuscle.core.types import Floats, Ints
 
 #: A query point nearer than this to a vertex, an edge or a triangle lies on it; share of the mesh's diagonal.
