@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from vtkmuscle.accuracy.estimates import Cause, arm_estimates
-from vtkmuscle.core.moment_arms.of_joints import JointArms
+from vtkmuscle.core.moment_arms.by_coordinate import JointArms
 
 ANGLES = np.radians(np.linspace(0.0, 60.0, 25))
 ARM, OFF = 30.0, 2.0

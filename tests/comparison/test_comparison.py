@@ -13,7 +13,7 @@ import vtkmuscle
 from vtkmuscle.cli import app
 from vtkmuscle.comparison.curves import Curve, difference
 from vtkmuscle.core.estimate import Estimate
-from vtkmuscle.core.moment_arms.of_joints import JointArms
+from vtkmuscle.core.moment_arms.by_coordinate import JointArms
 from vtkmuscle.core.motion.coordinates import Coordinate
 from vtkmuscle.io.literature import side_apart
 from vtkmuscle.run.table import Table

@@ -18,7 +18,7 @@ from vtkmuscle.core.estimate import (
 )
 from vtkmuscle.core.mesh.enclosed_volume import rounded_volume
 from vtkmuscle.core.mesh.polylines import polyline_lengths
-from vtkmuscle.core.moment_arms.of_joints import JointArms
+from vtkmuscle.core.moment_arms.by_coordinate import JointArms
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import points_of, polylines_of, triangles_of
 from vtkmuscle.data.paths import paths_of

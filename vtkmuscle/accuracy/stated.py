@@ -21,7 +21,8 @@ from vtkmuscle.accuracy.estimates import (
 )
 from vtkmuscle.core.estimate import Estimate
 from vtkmuscle.core.mesh.polylines import polyline_lengths
-from vtkmuscle.core.moment_arms.of_joints import JointArms, joint_arms, known_coordinates, slopes_by
+from vtkmuscle.core.moment_arms.by_coordinate import JointArms
+from vtkmuscle.core.moment_arms.of_joints import joint_arms, known_coordinates, slopes_by
 from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import polylines_of

@@ -6,12 +6,11 @@ from functools import cache
 
 import numpy as np
 
-from vtkmuscle.core.motion.rigid import RigidMotion, apply_transform, hinge, rotation_about
+from vtkmuscle.core.motion.rigid import apply_transform, hinge, rotation_about
 from vtkmuscle.core.types import Floats
-from vtkmuscle.data.arrays import Polylines, polylines_from
 from vtkmuscle.data.attachments import AttachmentArea
 from vtkmuscle.phantoms.implicit import Solid, thick_curve
-from vtkmuscle.phantoms.meshing import box, mesh_of, solid_of_revolution, volume_of_revolution
+from vtkmuscle.phantoms.meshing import mesh_of, solid_of_revolution, volume_of_revolution
 from vtkmuscle.phantoms.phantom import Phantom, Surface, ends, one_muscle, round_ring
 
 #: Centres of the muscle's flat ends [mm]; the hinge is at the origin, its axis -x.
@@ -108,101 +107,3 @@ def bone_with_arm(attachment: Floats, up: float) -> Solid:
     arm = arm.beside(attachment, (0, 0, -up), 1.0)
     shaft = thick_curve([(0, 0, 14 * up), (0, 0, attachment[2] + 50 * up)], [10.0, 11.0])
     return shaft.joined(arm, 4.0)
-
-
-#: Length along z, radii of the flat ends and of the middle [mm].
-LENGTH, END_RADIUS, BELLY_RADIUS = 120.0, 10.0, 18.0
-#: The muscle is a stack of slices, regular polygons: how many, and of how many sides.
-SLICES, SIDES = 60, 48
-#: Thickness and half width of the plates that stand for the bones, edge length of their triangles [mm].
-PLATE, HALF_WIDTH, SPACING = 6.0, 16.0, 4.0
-#: Points of each superficial fibre, and the part of the length that it is seen on.
-SEEN_POINTS, SEEN = 9, (0.2, 0.8)
-
-
-def winding_spindle(twist: float = 60.0, *, n_superficial: int = 5) -> Phantom:
-    """Return a round muscle between two plates, whose fibres wind around its axis.
-
-    The fibre through the point at the radius q r(0) and the angle p of the lower end is at the height z at
-    the radius q r(z) and the angle p + twist z / 120 mm. The muscle's shape does not show the twist; a few
-    superficial fibres, digitised on the middle part of the surface, do. The plate ``insertion_plate`` moves
-    down along z, by the pipeline's time in mm.
-
-    Parameters
-    ----------
-    twist : float, optional
-        Of the upper end, the insertion, against the lower one, right-handed about z [degrees].
-    n_superficial : int, optional
-        Superficial fibres, evenly around.
-
-    Returns
-    -------
-    Phantom
-        With ``superficial``. Known answers: ``known["twist"]`` [degrees], ``known["volume"]`` [mm^3] and
-        ``known["fibre_length"](q)`` [mm], of a fibre at the part q of the radius.
-
-    Examples
-    --------
-    >>> from vtkmuscle.phantoms import winding_spindle
-    >>> phantom = winding_spindle(90.0)
-    >>> phantom.superficial["spindle"].GetNumberOfCells(), phantom.known["twist"]
-    (5, 90.0)
-    """
-    heights = np.linspace(0.0, LENGTH, SLICES + 1)
-    surface = solid_of_revolution(heights, radius_at(heights), SIDES)
-    circle = round_ring(END_RADIUS)
-    shifts = np.arange(0.0, 11.0)
-    table = np.tile(np.eye(4), (len(shifts), 1, 1))
-    table[:, 2, 3] = -shifts
-    low, high = np.array([-HALF_WIDTH, -HALF_WIDTH, -PLATE]), np.array([HALF_WIDTH, HALF_WIDTH, 0.0])
-    up = np.array([0.0, 0.0, LENGTH + PLATE])
-    starts = 2.0 * np.pi * (np.arange(n_superficial) + 0.25) / n_superficial
-    seen = [winding_fibre(1.0, start, twist, np.linspace(*SEEN, SEEN_POINTS)) for start in starts]
-    return one_muscle(
-        "winding_spindle",
-        "spindle",
-        surface,
-        ends("origin_plate", circle, "insertion_plate", np.add(circle, [0.0, 0.0, LENGTH])),
-        bones={
-            "origin_plate": box(low, high, SPACING),
-            "insertion_plate": box(low + up, high + up, SPACING),
-        },
-        motion=RigidMotion(shifts, {"insertion_plate": table}),
-        known={
-            "twist": twist,
-            "volume": volume_of_revolution(heights, radius_at(heights), SIDES),
-            "fibre_length": lambda part: _length(part, twist),
-        },
-        superficial=polylines_from(
-            Polylines(np.vstack(seen), np.arange(0, SEEN_POINTS * n_superficial + 1, SEEN_POINTS))
-        ),
-    )
-
-
-def radius_at(z: Floats) -> Floats:
-    """Return the muscle's radius at heights z [mm]."""
-    return END_RADIUS + (BELLY_RADIUS - END_RADIUS) * np.sin(np.pi * z / LENGTH) ** 2
-
-
-def winding_fibre(part: float, start: float, twist: float, t: Floats) -> Floats:
-    """Return points of a fibre, (n, 3) [mm].
-
-    Parameters
-    ----------
-    part : float
-        Of the radius that it keeps to.
-    start : float
-        Its angle at the origin [rad].
-    twist : float
-        Of the insertion against the origin [degrees].
-    t : (n,) array
-        Which part of the height each point is at.
-    """
-    z = LENGTH * t
-    angle = start + np.radians(twist) * t
-    return np.column_stack([part * radius_at(z) * np.cos(angle), part * radius_at(z) * np.sin(angle), z])
-
-
-def _length(part: float, twist: float) -> float:
-    points = winding_fibre(part, 0.0, twist, np.linspace(0.0, 1.0, 2001))
-    return float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())

@@ -15,7 +15,7 @@ import numpy as np
 from markupsafe import Markup
 
 from vtkmuscle._version import __version__
-from vtkmuscle.core.moment_arms.of_joints import JointArms
+from vtkmuscle.core.moment_arms.by_coordinate import JointArms
 from vtkmuscle.core.motion.coordinates import ANGLES
 from vtkmuscle.io.writing import write_text
 from vtkmuscle.report.curves import Limit, colour_of, curves_of, label_of

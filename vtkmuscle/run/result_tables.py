@@ -10,7 +10,8 @@ from typing import Any, Self, TypeVar
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.estimate import Estimate
-from vtkmuscle.core.moment_arms.of_joints import JointArms, joint_arms
+from vtkmuscle.core.moment_arms.by_coordinate import JointArms
+from vtkmuscle.core.moment_arms.of_joints import joint_arms
 from vtkmuscle.core.types import Floats
 from vtkmuscle.core.words import suggestion
 from vtkmuscle.io.literature import curves_for, read_literature

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.estimate import Estimate
-from vtkmuscle.core.moment_arms.of_joints import JointArms
+from vtkmuscle.core.moment_arms.by_coordinate import JointArms
 from vtkmuscle.core.types import Floats
 from vtkmuscle.core.words import suggestion
 from vtkmuscle.guesses import no_attribute

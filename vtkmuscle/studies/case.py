@@ -20,7 +20,7 @@ from vtkmuscle.accuracy import StatedErrors
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.fibres.measures import group_fibres
 from vtkmuscle.core.mesh.polylines import polyline_lengths
-from vtkmuscle.core.moment_arms.of_joints import JointArms
+from vtkmuscle.core.moment_arms.by_coordinate import JointArms
 from vtkmuscle.core.types import Floats, Ints
 from vtkmuscle.data.arrays import polylines_of
 from vtkmuscle.filters.base.algorithm import AbortedError

@@ -10,7 +10,7 @@ from scipy.cluster.vq import kmeans2
 from scipy.spatial import cKDTree
 
 from vtkmuscle.core.mesh.normals import triangle_normals, unit_vectors
-from vtkmuscle.core.mesh.polylines import evenly_spaced, inner_points, segment_distances
+from vtkmuscle.core.mesh.polylines import evenly_spaced, inner_points, segment_distances, smooth_polylines
 from vtkmuscle.core.types import Bools, Floats, Ints
 
 
@@ -160,10 +160,7 @@ def smoothed_curve(values: Floats, *, passes: int = 5) -> Floats:
     >>> smoothed_curve(np.array([0.0, 6.0, 0.0]), passes=1)
     array([0., 4., 0.])
     """
-    result: Floats = np.array(values, dtype=np.float64)
-    for _ in range(passes if len(result) > 2 else 0):
-        result[1:-1] = (result[:-2] + 4.0 * result[1:-1] + result[2:]) / 6.0
-    return result
+    return smooth_polylines(np.array(values, dtype=np.float64), np.array([0, len(values)]), 4.0, passes)
 
 
 #: Neighbours that are looked at first, of which a fibre's own points are some.

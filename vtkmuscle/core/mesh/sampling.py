@@ -215,8 +215,7 @@ def _in_own_order(points: Floats, faces: Ints) -> Ints:
     by_place = np.lexsort(places.T[::-1])
     ordered = faces[by_place[space_order(places[by_place])]]
     first = ((points[ordered] - centre) @ axes.T @ GENERIC).argmin(axis=1)
-    turned: Ints = np.take_along_axis(ordered, (first[:, None] + np.arange(3)) % 3, axis=1)
-    return turned
+    return np.take_along_axis(ordered, (first[:, None] + np.arange(3)) % 3, axis=1)
 
 
 def samples_inside(inside: Callable[[Floats], Bools], points: Floats, count: int) -> Floats:
