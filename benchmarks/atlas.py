@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from vtkmuscle import Scene, SceneError
-from vtkmuscle.core.processors import processors
+from vtkmuscle.core.machine import processors
 from vtkmuscle.io.writing import write_text
 from vtkmuscle.phantoms.hip_joint import HipShape, varied_hip
 from vtkmuscle.studies.cohort import Study, run_study

@@ -24,7 +24,7 @@ from how_right import N_FIBRES, Known, Table, known_phantoms
 from numpy.typing import NDArray
 
 from vtkmuscle import Scene, phantoms, run_with_errors
-from vtkmuscle.core.accuracy.estimate import Estimate, root_of_squares
+from vtkmuscle.core.estimate import Estimate, root_of_squares
 from vtkmuscle.core.template.kinds import KINDS
 
 Floats = NDArray[np.float64]

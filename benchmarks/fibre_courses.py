@@ -22,7 +22,7 @@ from how_right import Floats, Table, phantoms
 from scipy.spatial import cKDTree
 
 from vtkmuscle import Scene
-from vtkmuscle.core.fibres.arrangement import arrangement
+from vtkmuscle.core.fibres.measures import arrangement
 from vtkmuscle.core.mesh.normals import unit_vectors
 from vtkmuscle.core.mesh.polylines import evenly_spaced, polyline_lengths
 from vtkmuscle.data.arrays import Polylines, field_string, polylines_of
@@ -31,7 +31,7 @@ from vtkmuscle.data.muscle_geometry import muscle_geometry
 from vtkmuscle.filters import FibreSource
 from vtkmuscle.io import read_aponeurosis, read_polydata, read_surface
 from vtkmuscle.pipelines import decompose
-from vtkmuscle.run.architecture import architecture_of
+from vtkmuscle.run.report_values import architecture_of
 
 #: Positions in a muscle, places along a fibre that they are near to, and rounds of which the fastest counts.
 SAMPLES, DENSE, ROUNDS = 20_000, 200, 3

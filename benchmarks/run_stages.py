@@ -39,7 +39,7 @@ STAGES: dict[str, tuple[str, ...]] = {
         "run/measure:MuscleMeasure",
         "run/muscles:MuscleRun._judge",
         "run/muscles:_add_penetration",
-        "run/architecture:architecture_of",
+        "run/report_values:architecture_of",
         "run/report_values:fibres_at_rest",
         "run/report_values:measures_of_fibres",
     ),

@@ -8,7 +8,7 @@ import pytest
 from phantoms import fibre_block
 
 from vtkmuscle import Scene
-from vtkmuscle.core.accuracy.estimate import expanded_of_bounds
+from vtkmuscle.core.estimate import expanded_of_bounds
 from vtkmuscle.data.attachments import Aponeurosis
 from vtkmuscle.phantoms import spindle_over_hinge
 

@@ -26,10 +26,9 @@ from vtkmuscle.data.arrays import (
 )
 from vtkmuscle.filters import PBDDeformer
 from vtkmuscle.plotting import can_render
-from vtkmuscle.run.architecture import OPTIMAL_SARCOMERE
 from vtkmuscle.run.limits import BEYOND, CHECKS, FULL_SIZE, LONGEST, SHORTEST
 from vtkmuscle.run.measure import MuscleMeasure
-from vtkmuscle.run.report_values import DEFINITIONS, FIBRE_TOLERANCE
+from vtkmuscle.run.report_values import DEFINITIONS, FIBRE_TOLERANCE, OPTIMAL_SARCOMERE
 from vtkmuscle.run.verdict import FibreHistory, judge, reasons_of
 from vtkmuscle.scene.data import Anatomy
 

@@ -18,9 +18,9 @@ from common import AS_PUBLISHED, LEFT, STEP, Case, Floats, Table, data_folder, m
 from linear_blend_fit import fitted_a
 
 from vtkmuscle import RigidMotion
-from vtkmuscle.core.fibres.linear_blend import blend_fibres
 from vtkmuscle.core.mesh.polylines import polyline_lengths
 from vtkmuscle.core.mesh.solids import solids_of
+from vtkmuscle.core.motion.blending import blend_fibres
 from vtkmuscle.core.motion.rigid import apply_transform, inverse
 from vtkmuscle.data.arrays import checked_surface, polylines_of
 from vtkmuscle.io import read_motion_table

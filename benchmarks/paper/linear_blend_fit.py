@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from vtkmuscle.core.fibres.linear_blend import blend_fibres
+from vtkmuscle.core.motion.blending import blend_fibres
 from vtkmuscle.core.types import Floats, Ints
 
 #: Values of a that are looked at: beyond them weights leave [0, 1].

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from vtkmuscle.core.fibres.linear_blend import blend_fibres
+from vtkmuscle.core.motion.blending import blend_fibres
 
 FOLDER = Path(__file__).parents[2] / "benchmarks" / "paper"
 

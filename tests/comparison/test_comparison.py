@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 import vtkmuscle
 from vtkmuscle.cli import app
 from vtkmuscle.comparison.curves import Curve, difference
-from vtkmuscle.core.accuracy.estimate import Estimate
+from vtkmuscle.core.estimate import Estimate
 from vtkmuscle.core.moment_arms.by_coordinate import JointArms
 from vtkmuscle.core.motion.coordinates import Coordinate
 from vtkmuscle.io.literature import side_apart

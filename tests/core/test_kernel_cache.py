@@ -15,7 +15,7 @@ import numba
 import pytest
 
 import vtkmuscle
-from vtkmuscle.core import cache_folder, kernel_cache
+from vtkmuscle.core import kernel_cache, machine
 from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.kernel_cache import kernel_folder, source_key
 
@@ -53,7 +53,7 @@ def kernels(tmp_path):
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("NUMBA_CACHE_DIR", "")
         patch.setenv("VTKMUSCLE_CACHE", str(tmp_path / "cache"))
-        patch.setattr(cache_folder, "_unusable", set())
+        patch.setattr(machine, "_unusable", set())
         kernel_cache._numba_is_known.cache_clear()
         numba.config.reload_config()
         yield tmp_path / "cache" / "kernels"

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import qmc
 
-from vtkmuscle.core.sobol import sobol
+from vtkmuscle.core.mesh.sampling import sobol
 
 
 @pytest.mark.parametrize("dimension", [1, 2, 3])

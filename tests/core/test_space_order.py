@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from vtkmuscle.core.space_order import space_order
+from vtkmuscle.core.mesh.sampling import space_order
 
 
 @pytest.mark.parametrize("dimensions", [2, 3])

@@ -30,7 +30,7 @@ from vtkmodules.vtkFiltersGeometry import vtkCompositeDataGeometryFilter
 import vtkmuscle
 from examples import OBJECTS, TIMES
 from vtkmuscle.data.arrays import points_of, set_cell_array, set_field_array, set_point_array
-from vtkmuscle.data.provenance import add_provenance, provenance_entry, provenance_of
+from vtkmuscle.data.pipeline_times import add_provenance, provenance_entry, provenance_of
 from vtkmuscle.filters.base.algorithm import AbortedError
 
 # -------------------------------------------------------------------- 2 data

@@ -5,11 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from vtkmuscle.core.label_field import label_field
 from vtkmuscle.core.mesh.surface import signed_volume, survey
 from vtkmuscle.data.arrays import blocks_of, checked_surface, field_array, field_string
 from vtkmuscle.data.isosurface import label_surface
-from vtkmuscle.data.label_images import Label, label_image
+from vtkmuscle.data.label_images import Label, label_field, label_image
 from vtkmuscle.filters import LabelSurfaces
 from vtkmuscle.phantoms import label_map, spindle_over_hinge
 

@@ -3,7 +3,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from examples import PHANTOM, fibres, moving_bones
-from vtkmuscle.core.fibres.linear_blend import blend_fibres
+from vtkmuscle.core.motion.blending import blend_fibres
 from vtkmuscle.data.arrays import (
     cell_array,
     field_array,

@@ -3,8 +3,7 @@
 import numpy as np
 
 from vtkmuscle import Table
-from vtkmuscle.studies.cohort.statistics import outliers, spreads
-from vtkmuscle.studies.cohort.table import COLUMNS, curves
+from vtkmuscle.studies.cohort.table import COLUMNS, curves, outliers, spreads
 
 ANGLES = (0.0, 10.0, 20.0)
 

@@ -9,8 +9,8 @@ import pytest
 
 from vtkmuscle import Scene, run_with_errors
 from vtkmuscle.accuracy import KINDS, SOLVED
-from vtkmuscle.core.accuracy.estimate import convergence_error
 from vtkmuscle.core.errors import InputError
+from vtkmuscle.core.estimate import convergence_error
 from vtkmuscle.phantoms import spindle_over_hinge
 from vtkmuscle.run.cost import estimated_memory
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from vtkmuscle.core.accuracy.estimate import (
+from vtkmuscle.core.estimate import (
     Estimate,
     convergence_error,
     expanded_of_bounds,

@@ -19,7 +19,7 @@ from vtkmuscle.accuracy.estimates import (
     rest_estimate,
     volume_estimate,
 )
-from vtkmuscle.core.accuracy.estimate import Estimate
+from vtkmuscle.core.estimate import Estimate
 from vtkmuscle.core.mesh.polylines import polyline_lengths
 from vtkmuscle.core.moment_arms.by_coordinate import JointArms
 from vtkmuscle.core.moment_arms.of_joints import joint_arms, known_coordinates, slopes_by

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vtkmuscle.core.accuracy.estimate import Estimate, root_of_squares
 from vtkmuscle.core.errors import InputError
+from vtkmuscle.core.estimate import Estimate, root_of_squares
 from vtkmuscle.core.motion.coordinates import ANGLES
 from vtkmuscle.core.types import Floats
 from vtkmuscle.io.literature import side_apart

@@ -28,7 +28,7 @@ from typing import Any
 
 import numba
 
-from vtkmuscle.core.cache_folder import cache_folder, check_nobody_else_writes, warn_of_folder
+from vtkmuscle.core.machine import cache_folder, check_nobody_else_writes, warn_of_folder
 
 #: So many versions of a file's kernels are kept, those used last: of several copies of the package.
 VERSIONS = 8
@@ -50,7 +50,7 @@ def kernel_folder() -> Path | None:
     """Return the folder of all compiled kernels, None where they are not to be kept.
 
     That is numba's ``NUMBA_CACHE_DIR`` where it is set, else ``kernels`` in the
-    :func:`~vtkmuscle.core.cache_folder.cache_folder`.
+    :func:`~vtkmuscle.core.machine.cache_folder`.
     """
     if numba.config.CACHE_DIR:
         return Path(numba.config.CACHE_DIR)

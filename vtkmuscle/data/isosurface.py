@@ -12,12 +12,12 @@ from vtkmodules.vtkCommonDataModel import vtkImageData
 from vtkmodules.vtkFiltersCore import vtkFlyingEdges3D, vtkQuadricDecimation
 
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.core.label_field import LabelField
 from vtkmuscle.core.mesh.normals import vertex_normals
 from vtkmuscle.core.mesh.surface import edge_uses, point_components, survey, unique_edges
 from vtkmuscle.core.motion.rigid import apply_transform
 from vtkmuscle.core.types import Floats, Ints
 from vtkmuscle.data.arrays import points_of, set_point_array, surface_from, triangles_of
+from vtkmuscle.data.label_images import LabelField
 
 #: Area of a triangle whose edges are 1 long.
 EVEN = math.sqrt(3.0) / 4.0

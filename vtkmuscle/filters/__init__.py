@@ -17,7 +17,7 @@ from pkgutil import iter_modules
 from typing import Any
 
 from vtkmuscle.data.attachments import AttachmentArea, attachments_from, attachments_of, via_rings_of
-from vtkmuscle.data.provenance import provenance_of
+from vtkmuscle.data.pipeline_times import provenance_of
 from vtkmuscle.filters.base import Filter, InputPort, OutputPort, Parameter
 
 #: Names beside those of the filters.

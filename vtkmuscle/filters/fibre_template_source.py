@@ -6,7 +6,7 @@ import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.errors import placed
-from vtkmuscle.core.space_order import space_order
+from vtkmuscle.core.mesh.sampling import space_order
 from vtkmuscle.core.template.kinds import KINDS, TEMPLATES, sobol_points
 from vtkmuscle.core.template.template_files import read_template
 from vtkmuscle.data.arrays import (

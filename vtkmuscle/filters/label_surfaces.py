@@ -6,12 +6,11 @@ import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkImageData, vtkMultiBlockDataSet, vtkPolyData
 
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.core.label_field import LabelField
 from vtkmuscle.core.mesh.surface import signed_volume
 from vtkmuscle.core.words import suggestion
 from vtkmuscle.data.arrays import multiblock_from, set_field_array, surface_from
 from vtkmuscle.data.isosurface import label_surface
-from vtkmuscle.data.label_images import labels_in
+from vtkmuscle.data.label_images import LabelField, labels_in
 from vtkmuscle.filters.base.filter import Filter
 from vtkmuscle.filters.base.parameters import Parameter
 from vtkmuscle.filters.base.ports import InputPort, OutputPort

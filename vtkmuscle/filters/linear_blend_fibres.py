@@ -5,8 +5,8 @@ from __future__ import annotations
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.core.fibres.linear_blend import blend_fibres
 from vtkmuscle.core.mesh.polylines import polyline_lengths
+from vtkmuscle.core.motion.blending import blend_fibres
 from vtkmuscle.data.arrays import (
     Polylines,
     set_cell_array,

@@ -10,7 +10,7 @@ from typing import Any
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
 from vtkmuscle.core.algorithm_2.solver import Algorithm2, State
-from vtkmuscle.core.collision.muscle_contact import Neighbour
+from vtkmuscle.core.collision.obstacles import Neighbour
 from vtkmuscle.core.deformation.muscle import CarriedMuscle, Pose
 from vtkmuscle.core.errors import InputError, placed
 from vtkmuscle.core.fixed_muscle import FixedMuscle

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import base64
-from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
-from xml.etree import ElementTree
 
 import numpy as np
 from vtkmodules.util.numpy_support import vtk_to_numpy
@@ -17,111 +14,21 @@ from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.files import check_is_file
 from vtkmuscle.data.arrays import points_of, with_points
 from vtkmuscle.io.in_child import read_in_child
-from vtkmuscle.io.ply import read_ply
 
-_CELLS = ("Verts", "Lines", "Strips", "Polys")
-
-#: No data shrinks to less than this part by zlib (its format does not allow it); others are as good.
-_MOST_SHRUNK = 1100
-
-
-def check_vtp(path: Path) -> None:
-    """Check that every array of a .vtp file is as long as the file says.
-
-    What is in the arrays is for VTK's reader, in a process of its own.
-
-    Raises
-    ------
-    ValueError
-        If one is not, or the file is no XML file of poly data; says what is wrong.
-    """
-    try:
-        _check(path.read_bytes())
-    except (ElementTree.ParseError, ValueError, LookupError, TypeError) as error:
-        raise InputError(
-            path,
-            f"the file cannot be read as .vtp: {error}",
-            "export it again, and check that its suffix says what it is",
-        ) from None
-
-
-def _check(content: bytes) -> None:
-    at = content.find(b"<AppendedData")
-    head = content if at < 0 else content[:at] + b"</VTKFile>"
-    if b"<!DOCTYPE" in head:
-        raise ValueError("it declares entities, which no VTK file does")
-    root = ElementTree.fromstring(head)
-    if root.tag != "VTKFile" or root.get("type") != "PolyData":
-        raise ValueError(f"it holds {root.get('type') or root.tag!r}, not PolyData")
-    start = content.find(b"_", content.find(b">", at)) + 1 if at >= 0 else 0
-    arrays = _Arrays(root, memoryview(content)[start:], b'"raw"' in content[max(at, 0) : start])
-    for piece in root.iter("Piece"):
-        counts = {kind: _count(piece, f"NumberOf{kind}", 0) for kind in ("Points", *_CELLS)}
-        counts |= {"PointData": counts["Points"], "CellData": sum(counts[kind] for kind in _CELLS)}
-        for group in piece:
-            for array in group:
-                if group.tag not in _CELLS or array.get("Name") == "offsets":
-                    arrays.check(array, counts[group.tag])
-    for group in root.iter("FieldData"):
-        for array in group:
-            arrays.check(array, _count(array, "NumberOfTuples", 1))
-
-
-def _count(element: ElementTree.Element, name: str, default: int) -> int:
-    text = element.get(name, str(default)).strip()
-    if not (text.isascii() and text.isdigit() and len(text) <= 18):
-        raise ValueError(f"{name} is {text!r:.40}")
-    return int(text)
-
-
-@dataclass
-class _Arrays:
-    """Where the arrays of a file are."""
-
-    root: ElementTree.Element
-    appended: memoryview
-    is_raw: bool
-
-    def check(self, array: ElementTree.Element, tuples: int) -> None:
-        """Check the length of an array of numbers; a text has a byte or more."""
-        needed = tuples * _count(array, "NumberOfComponents", 1)
-        kind = array.get("type", "")
-        bits = int("".join(filter(str.isdigit, kind)) or 8)
-        if array.get("format") == "ascii":
-            held = len((array.text or "").split()) * bits // 8
-        else:
-            held = self._bytes_of(array)
-        if held < needed if kind in ("String", "Bit") else 8 * held != needed * bits:
-            raise ValueError(f"the array {array.get('Name')!r} is not of {needed} values, as the file says")
-
-    def _bytes_of(self, array: ElementTree.Element) -> int:
-        """Return how many bytes an array has when it is unpacked."""
-        order = "<" if self.root.get("byte_order", "LittleEndian") == "LittleEndian" else ">"
-        number = np.dtype(order + ("u8" if self.root.get("header_type") == "UInt64" else "u4"))
-        stream, raw = memoryview((array.text or "").strip().encode()), False
-        if array.get("format") == "appended":
-            stream, raw = self.appended[_count(array, "offset", 0) :], self.is_raw
-        head = bytes(stream[: 3 * number.itemsize]) if raw else base64.b64decode(stream[:32])
-        if self.root.get("compressor") is None:
-            held, most = int(np.frombuffer(head, number, 1)[0]), len(stream)
-        else:
-            blocks, length, last = (int(n) for n in np.frombuffer(head, number, 3))
-            held, most = blocks * length - (length - last if last else 0), _MOST_SHRUNK * len(stream)
-        if held > most:
-            raise ValueError(f"the array {array.get('Name')!r} is cut short")
-        return held
-
-
-#: Modules and classes of VTK's readers; .ply files are read by :mod:`vtkmuscle.io.ply`.
+#: Modules and classes of VTK's readers.
 _READERS = {
     ".vtp": ("vtkmodules.vtkIOXML", "vtkXMLPolyDataReader"),
     ".vtk": ("vtkmodules.vtkIOLegacy", "vtkGenericDataObjectReader"),
     ".stl": ("vtkmodules.vtkIOGeometry", "vtkSTLReader"),
     ".obj": ("vtkmodules.vtkIOGeometry", "vtkOBJReader"),
+    ".ply": ("vtkmodules.vtkIOPLY", "vtkPLYReader"),
 }
 
+#: What to do about a file that is not what it says.
+_DAMAGED = "the file is damaged, export it again"
+
 #: Suffixes of the files that :func:`read_surface` reads.
-SURFACE_SUFFIXES = (*_READERS, ".ply")
+SURFACE_SUFFIXES = tuple(_READERS)
 
 
 def read_polydata(path: str | PathLike[str]) -> vtkPolyData:
@@ -154,12 +61,12 @@ def read_polydata(path: str | PathLike[str]) -> vtkPolyData:
             "convert the file, e.g. with ParaView or pyvista.read(...).save(...)",
         )
     check_is_file(path)
-    if suffix == ".vtp":
-        check_vtp(path)
-    data = read_ply(path) if suffix == ".ply" else read_in_child(path, *_READERS[suffix])
+    data = read_in_child(path, *_READERS[suffix])
     if data.GetNumberOfPoints() == 0:
         raise InputError(path, "the file holds no points", "export it again")
-    _check_point_ids(data, path)
+    _check_cells(data, path)
+    if suffix == ".ply":
+        _check_words(data, path)
     if data.GetNumberOfStrips():
         data = _without_strips(data)
     result: vtkPolyData = with_points(data, points_of(data))
@@ -201,7 +108,8 @@ def read_surface(path: str | PathLike[str]) -> vtkPolyData:
     return surface
 
 
-def _check_point_ids(data: vtkPolyData, path: Path) -> None:
+def _check_cells(data: vtkPolyData, path: Path) -> None:
+    """Raise a ValueError where a cell names a point that there is not, or a polygon has too few corners."""
     for cells in (data.GetVerts(), data.GetLines(), data.GetPolys(), data.GetStrips()):
         ids = vtk_to_numpy(cells.GetConnectivityArray())
         if len(ids) and (ids.min() < 0 or ids.max() >= data.GetNumberOfPoints()):
@@ -209,8 +117,29 @@ def _check_point_ids(data: vtkPolyData, path: Path) -> None:
                 path,
                 f"a cell names point {(ids.max() if ids.min() >= 0 else ids.min())}, but there are "
                 f"{data.GetNumberOfPoints()} points",
-                "the file is damaged, export it again",
+                _DAMAGED,
             )
+    sizes = np.diff(vtk_to_numpy(data.GetPolys().GetOffsetsArray()))
+    if len(sizes) and sizes.min() < 3:
+        raise InputError(path, f"polygon {sizes.argmin()} has {sizes.min()} corners", _DAMAGED)
+
+
+def _check_words(data: vtkPolyData, path: Path) -> None:
+    """Raise a ValueError for a .ply file of text with a word that is no number, or fewer than VTK has read.
+
+    VTK takes zeros, and what it has read last, for what is not there.
+    """
+    head, _, body = path.read_bytes().partition(b"end_header")
+    if b"format ascii" not in head:
+        return
+    faces = data.GetPolys()
+    needed = 3 * data.GetNumberOfPoints() + faces.GetNumberOfConnectivityIds() + faces.GetNumberOfCells()
+    try:
+        held = np.isfinite(np.array(body.split(), dtype=np.float64)).sum()
+    except ValueError:
+        raise InputError(path, "the file has a word where a number belongs", _DAMAGED) from None
+    if held < needed:
+        raise InputError(path, f"the file says that it has {needed} numbers, but has {held}", _DAMAGED)
 
 
 def _without_strips(data: vtkPolyData) -> vtkPolyData:

@@ -21,8 +21,7 @@ from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.files import check_is_file
 from vtkmuscle.data.arrays import multiblock_from
 from vtkmuscle.data.pipeline_times import announce_times, times_of
-from vtkmuscle.io.child_reader import vtk_messages
-from vtkmuscle.io.in_child import check_in_child
+from vtkmuscle.io.in_child import check_in_child, vtk_messages
 from vtkmuscle.io.surfaces import read_polydata
 from vtkmuscle.io.writing import replacing, write_polydata, write_text
 from vtkmuscle.io.xml_elements import read_xml

@@ -15,7 +15,7 @@ from typing import Any
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 from vtkmodules.vtkIOXML import vtkXMLPolyDataWriter
 
-from vtkmuscle.io.child_reader import vtk_messages
+from vtkmuscle.io.in_child import vtk_messages
 
 #: The file that is held while a folder is written to.
 LOCK = ".vtkmuscle.lock"

@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
-from vtkmuscle.core.label_field import LabelField
 from vtkmuscle.core.mesh.solids import Solids, solids_of
 from vtkmuscle.core.mesh.surface import survey
 from vtkmuscle.core.types import Floats
@@ -20,7 +19,7 @@ from vtkmuscle.data.arrays import blocks_of, checked_surface, field_array, field
 from vtkmuscle.data.attachments import ROLES
 from vtkmuscle.data.estimated_areas import NEAR
 from vtkmuscle.data.isosurface import EVEN
-from vtkmuscle.data.label_images import Label, labels_in
+from vtkmuscle.data.label_images import Label, LabelField, labels_in
 from vtkmuscle.filters.label_surfaces import SMOOTHING, LabelSurfaces
 from vtkmuscle.labels.draft import Draft
 from vtkmuscle.labels.guesses import LEFT_OUT, Guess

@@ -197,8 +197,7 @@ class _Alone:
     def arm_jump(self, sweeps: Any, at: Floats) -> Floats:
         """Return by how much they differ on the two sides of values, likewise."""
         low, high = (self.arm(sweeps, at + side) for side in (-BESIDE, BESIDE))
-        result: Floats = np.abs(high - low)
-        return result
+        return np.abs(high - low)
 
 
 def _of_muscle(alone: _Alone, lengths: Floats, sweep: Floats, at: Mapping[str, Floats]) -> Iterator[Finding]:
@@ -255,8 +254,7 @@ def _of_muscle(alone: _Alone, lengths: Floats, sweep: Floats, at: Mapping[str, F
 def _beside(steps: Floats) -> Floats:
     """Return the mean (s, n) of the steps before and after each."""
     padded = np.pad(steps, ((0, 0), (1, 1)), mode="edge")
-    result: Floats = (padded[:, :-2] + padded[:, 2:]) / 2.0
-    return result
+    return (padded[:, :-2] + padded[:, 2:]) / 2.0
 
 
 def _halved(

@@ -317,8 +317,7 @@ def _point(element: Element, frames: Frames) -> PathPoint:
 
 
 def _placed(element: Element, frame: Floats) -> Floats:
-    place: Floats = frame[:3, :3] @ element.need("location").numbers(3) + frame[:3, 3]
-    return place
+    return frame[:3, :3] @ element.need("location").numbers(3) + frame[:3, 3]
 
 
 def _name_of_coordinate(element: Element) -> str:

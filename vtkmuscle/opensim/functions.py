@@ -195,8 +195,7 @@ class Wave:
 
     def __call__(self, values: Floats) -> Floats:
         """Return the sine at each value."""
-        result: Floats = self.amplitude * np.sin(self.omega * values + self.phase) + self.offset
-        return result
+        return self.amplitude * np.sin(self.omega * values + self.phase) + self.offset
 
 
 def _check(what: str, numbers: ArrayLike) -> Floats:

@@ -68,8 +68,7 @@ class PathPoint:
         if self.only_in is None:
             return np.ones(frames, dtype=np.bool_)
         name, low, high = self.only_in
-        inside: Bools = (values[name] >= low - RANGE_MARGIN) & (values[name] <= high + RANGE_MARGIN)
-        return inside
+        return (values[name] >= low - RANGE_MARGIN) & (values[name] <= high + RANGE_MARGIN)
 
 
 @dataclass(frozen=True, eq=False)
@@ -273,8 +272,7 @@ class FunctionPath:
         del counted_at
         full = tree.completed(values)
         samples = np.column_stack([full[name] for name in self.names])
-        result: Floats = terms(samples, self.order) @ self.coefficients
-        return result
+        return terms(samples, self.order) @ self.coefficients
 
 
 def powers(dimension: int, order: int) -> Ints:
@@ -328,5 +326,4 @@ def moment_arm(
         path.lengths(tree, full | {coordinate: full[coordinate] + step}, counted_at=full)
         for step in (-STEP, STEP)
     ]
-    result: Floats = (ends[0] - ends[1]) / (2.0 * STEP)
-    return result
+    return (ends[0] - ends[1]) / (2.0 * STEP)

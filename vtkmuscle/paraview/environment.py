@@ -10,7 +10,7 @@ from importlib import metadata
 from pathlib import Path
 
 import vtkmuscle
-from vtkmuscle.core.cache_folder import FOLDER_VARIABLE, cache_folder
+from vtkmuscle.core.machine import FOLDER_VARIABLE, cache_folder
 from vtkmuscle.io.writing import write_text
 
 _HERE = Path(__file__).resolve().parent

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any, Protocol
 
-from vtkmuscle.core.accuracy.estimate import Estimate
+from vtkmuscle.core.estimate import Estimate
 from vtkmuscle.core.moment_arms.by_coordinate import JointArms
 from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.core.types import Floats

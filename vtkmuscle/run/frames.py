@@ -11,8 +11,8 @@ from typing import Any, Self
 import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkMultiBlockDataSet, vtkPolyData
 
-from vtkmuscle.core.accuracy.estimate import Estimate
 from vtkmuscle.core.errors import InputError
+from vtkmuscle.core.estimate import Estimate
 from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.core.types import Floats
 from vtkmuscle.core.words import suggestion

@@ -7,8 +7,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
 from typing import Any, Protocol, Self
 
-from vtkmuscle.core.accuracy.estimate import Estimate
 from vtkmuscle.core.errors import InputError
+from vtkmuscle.core.estimate import Estimate
 from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.core.words import suggestion
 from vtkmuscle.run.frames import MuscleTrack

@@ -10,15 +10,185 @@ from importlib.resources import files
 from typing import Any
 
 import numpy as np
-from vtkmodules.vtkCommonDataModel import vtkPolyData
+from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
-from vtkmuscle.core.fibres.arrangement import arrangement
+from vtkmuscle.core.fibres.architecture import (
+    TENDON_AREA,
+    TENDON_AREAS,
+    Fascicles,
+    area_profile,
+    fascicles,
+)
+from vtkmuscle.core.fibres.measures import arrangement
+from vtkmuscle.core.mesh.polylines import end_directions, polyline_lengths
 from vtkmuscle.core.mesh.solids import solids_of
-from vtkmuscle.data.arrays import checked_surface, field_array, points_of, polylines_of
-from vtkmuscle.data.muscle_geometry import muscle_geometry
-from vtkmuscle.io.fibre_table import fibre_columns, fibre_summary
-from vtkmuscle.run.architecture import SAMPLES
+from vtkmuscle.core.mesh.surface import signed_volume
+from vtkmuscle.core.types import Floats
+from vtkmuscle.data.arrays import Polylines, checked_surface, field_array, points_of, polylines_of
+from vtkmuscle.data.attachments import aponeuroses_of
+from vtkmuscle.data.end_surfaces import aponeurosis_surfaces
+from vtkmuscle.data.muscle_geometry import MuscleGeometry, muscle_geometry
+from vtkmuscle.filters.fibre_metrics import FibreMetrics
+from vtkmuscle.io.fibre_table import fibre_columns, fibre_summary, muscle_summary, spread
 from vtkmuscle.run.table import Table
+
+#: Sections across the centroid path in which fibres are counted.
+SECTIONS = 10
+#: Length at which sarcomeres of human muscle are strongest, to which dissections normalise [um]: Ward et al.
+#: 2009, doi:10.1007/s11999-008-0594-8.
+OPTIMAL_SARCOMERE = 2.7
+#: Positions in the muscle by which the curve through its middle is found.
+SAMPLES = 4096
+
+#: What :func:`vtkmuscle.io.muscle_summary` has, what it is called, and the power of the length that it is.
+ARCHITECTURE = {
+    "MuscleVolume": ("muscle_volume_mm3", 3),
+    "PCSA": ("pcsa_mm2", 2),
+    "PCSALine": ("pcsa_along_line_of_action_mm2", 2),
+    "LineOfAction": ("line_of_action", 0),
+    "CentroidPathLength": ("centroid_path_length_mm", 1),
+    "SectionArea": ("section_area_mm2", 2),
+    "SectionFibres": ("section_fibres", 0),
+    "SectionDensity": ("section_density_per_mm2", -2),
+}
+
+
+def architecture_of(
+    fibres: vtkPolyData,
+    muscle: vtkPolyData,
+    attachments: vtkMultiBlockDataSet | None,
+    millimetres: float,
+    hill: Mapping[str, float] | None = None,
+    aponeuroses: vtkMultiBlockDataSet | None = None,
+) -> dict[str, Any]:
+    """Return what is published of a muscle as a whole, at rest.
+
+    JSON-able, see :data:`vtkmuscle.run.report_values.DEFINITIONS`.
+
+    Parameters
+    ----------
+    fibres, muscle, attachments : vtkPolyData, vtkPolyData, vtkMultiBlockDataSet or None
+        At rest.
+    millimetres : float
+        Of the scene's unit of length.
+    hill : mapping of str to float, optional
+        Of the muscle; ``tendon_slack_length`` in the scene's unit, ``sarcomere_length`` in micrometres.
+    aponeuroses : vtkMultiBlockDataSet, optional
+        What the fibres end on.
+    """
+    metrics = FibreMetrics(architecture=True, sections=SECTIONS)
+    summary = muscle_summary(metrics(fibres, muscle, None, attachments))
+    result: dict[str, Any] = {}
+    for array, (name, power) in ARCHITECTURE.items():
+        found, scale = summary[array], millimetres**power
+        if isinstance(found, dict):
+            result[name] = {word: value * scale for word, value in found.items()}
+        else:
+            result[name] = found if isinstance(found, list) else found * scale
+    given = hill or {}
+    result |= _without_tendon(fibres, muscle, aponeuroses, millimetres, given.get("tendon_slack_length"))
+    if "sarcomere_length" in given:
+        ratio = OPTIMAL_SARCOMERE / given["sarcomere_length"]
+        result["fascicle_length_normalised_mm"] = ratio * result["fascicle_length_mm"]["mean"]
+    return result
+
+
+def _without_tendon(
+    fibres: vtkPolyData,
+    muscle: vtkPolyData,
+    aponeuroses: vtkMultiBlockDataSet | None,
+    millimetres: float,
+    tendon: float | None,
+) -> dict[str, Any]:
+    lines, geometry = polylines_of(fibres, "fibres"), muscle_geometry(muscle, "muscle")
+    surface = geometry.points, geometry.triangles
+    volume = abs(signed_volume(*surface))
+    profile = area_profile(*surface, geometry.samples(SAMPLES), lines.points, lines.offsets)
+    found, *ends = (
+        fascicles(profile, volume, lines.points, lines.offsets, share=share)
+        for share in (TENDON_AREA, *TENDON_AREAS)
+    )
+    whole = polyline_lengths(lines.points, lines.offsets)
+    source, lengths, means = "estimate", found.lengths, [one.lengths.mean() for one in ends]
+    if aponeuroses is not None:
+        source, lengths = "aponeuroses", whole
+        origin, insertion = _pennations(lines, aponeuroses, geometry)
+        found, *ends = (Fascicles(whole, origin, insertion, one.volume) for one in (found, *ends))
+    elif tendon is not None and tendon < whole.min():
+        source, lengths = "scene", whole - tendon
+    if source != "estimate":
+        means = [lengths.mean()] * 2
+    square = millimetres**2
+    return {
+        "tendon_from": source,
+        "tendon_length_mm": float((whole - lengths).mean()) * millimetres,
+        "fascicle_length_mm": spread(lengths * millimetres),
+        "fascicle_length_range_mm": sorted(float(mean) * millimetres for mean in means),
+        "fascicle_pennation_origin_deg": spread(found.origin_angles),
+        "fascicle_pennation_insertion_deg": spread(found.insertion_angles),
+        "tendon_volume_share": 1.0 - found.volume / volume if volume > 0.0 else 0.0,
+        "volume_without_tendon_mm3": found.volume * millimetres**3,
+        "pcsa_without_tendon_mm2": found.cross_section(lengths) * square,
+        "pcsa_without_tendon_range_mm2": sorted(
+            one.cross_section(None if source == "estimate" else lengths) * square for one in ends
+        ),
+    }
+
+
+def _pennations(
+    lines: Polylines, aponeuroses: vtkMultiBlockDataSet, geometry: MuscleGeometry
+) -> list[Floats]:
+    """Return the angles between fibres and the aponeuroses that they end on, (k,) at each end [degrees]."""
+    where = "aponeuroses"
+    surfaces = aponeurosis_surfaces(aponeuroses_of(aponeuroses, where), geometry, where)
+    places = lines.points[lines.offsets[:-1]], lines.points[lines.offsets[1:] - 1]
+    runs = end_directions(lines.points, lines.offsets)
+    return [
+        np.degrees(np.arcsin(np.minimum(surface.crossed_by(run[:, None], ends) / surface.samples.area, 1.0)))
+        for surface, run, ends in zip(surfaces, runs, places, strict=True)
+    ]
+
+
+def architecture_table(muscles: Mapping[str, Mapping[str, Any]]) -> Table:
+    """Return the architecture of the muscles of a report, a row each, with the errors that are known.
+
+    Parameters
+    ----------
+    muscles : mapping of str to mapping
+        ``report["muscles"]``; those without fibres are left out.
+    """
+    columns = ["muscle", "tendon_from"]
+    for quantity, unit, _ in _COLUMNS:
+        columns += [f"{quantity}_{unit}", *([f"{quantity}_err_{unit}"] if quantity in _WITH_ERRORS else [])]
+    known = {name: muscle for name, muscle in muscles.items() if "architecture" in muscle}
+    return Table(columns, (_row(name, muscle) for name, muscle in known.items()))
+
+
+#: Quantities of the table, their units in columns' names, and where a report has them.
+_COLUMNS = (
+    ("volume", "mm3", "muscle_volume_mm3"),
+    ("pcsa", "mm2", "pcsa_mm2"),
+    ("tendon_length", "mm", "tendon_length_mm"),
+    ("fascicle_length", "mm", "fascicle_length_mm"),
+    ("fascicle_pennation_origin", "deg", "fascicle_pennation_origin_deg"),
+    ("fascicle_pennation_insertion", "deg", "fascicle_pennation_insertion_deg"),
+    ("tendon_volume_share", "1", "tendon_volume_share"),
+    ("volume_without_tendon", "mm3", "volume_without_tendon_mm3"),
+    ("pcsa_without_tendon", "mm2", "pcsa_without_tendon_mm2"),
+)
+#: Those whose error is known.
+_WITH_ERRORS = ("volume", "pcsa", "fascicle_length", "pcsa_without_tendon")
+
+
+def _row(name: str, muscle: Mapping[str, Any]) -> list[Any]:
+    row: list[Any] = [name, muscle["architecture"]["tendon_from"]]
+    for quantity, _, key in _COLUMNS:
+        found = muscle["architecture"][key]
+        row.append(found["mean"] if isinstance(found, Mapping) else found)
+        if quantity in _WITH_ERRORS:
+            row.append(muscle.get("errors", {}).get(quantity, {}).get("total", np.nan))
+    return row
+
 
 #: A fibre point counts as inside its muscle up to this far outside [mm].
 FIBRE_TOLERANCE = 0.5

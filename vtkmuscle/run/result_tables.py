@@ -8,16 +8,15 @@ from os import PathLike
 from pathlib import Path
 from typing import Any, Self, TypeVar
 
-from vtkmuscle.core.accuracy.estimate import Estimate
 from vtkmuscle.core.errors import InputError
+from vtkmuscle.core.estimate import Estimate
 from vtkmuscle.core.moment_arms.by_coordinate import JointArms
 from vtkmuscle.core.moment_arms.of_joints import joint_arms
 from vtkmuscle.core.types import Floats
 from vtkmuscle.core.words import suggestion
 from vtkmuscle.io.literature import curves_for, read_literature
-from vtkmuscle.run.architecture import architecture_table
 from vtkmuscle.run.frames import KeptFrames
-from vtkmuscle.run.report_values import fibre_table
+from vtkmuscle.run.report_values import architecture_table, fibre_table
 from vtkmuscle.run.table import MomentArmTable, Table, length_table
 from vtkmuscle.scene.data import MILLIMETRES
 
@@ -37,7 +36,7 @@ class ResultTables(KeptFrames):
         -------
         MomentArmTable
             Per muscle and coordinate arms, -dl/dq beside them and a quartic fit [mm], see
-            :class:`~vtkmuscle.core.moment_arms.by_coordinate.JointArms`; ``table()`` gives a table.
+            :class:`~vtkmuscle.core.moment_arms.of_joints.JointArms`; ``table()`` gives a table.
 
         Raises
         ------

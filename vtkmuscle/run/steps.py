@@ -13,8 +13,8 @@ from typing import Any
 
 from vtkmuscle.core.errors import fault_of
 from vtkmuscle.core.files import check_name
+from vtkmuscle.core.machine import processors
 from vtkmuscle.core.mesh.shared import held
-from vtkmuscle.core.processors import processors
 from vtkmuscle.data.drawn_bones import DrawnBones
 from vtkmuscle.filters.base.algorithm import AbortedError
 from vtkmuscle.io.parts import file_digest

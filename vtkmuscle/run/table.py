@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from vtkmuscle.core.accuracy.estimate import Estimate
 from vtkmuscle.core.errors import InputError
+from vtkmuscle.core.estimate import Estimate
 from vtkmuscle.core.moment_arms.by_coordinate import JointArms
 from vtkmuscle.core.types import Floats
 from vtkmuscle.core.words import suggestion

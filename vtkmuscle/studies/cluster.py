@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.core.processors import processors
+from vtkmuscle.core.machine import processors
 from vtkmuscle.io.parts import Parts
 from vtkmuscle.isolation import workers_leave_out_working_folder
 from vtkmuscle.run.store.keys import code_digest

@@ -14,7 +14,7 @@ import numpy as np
 
 from vtkmuscle.accuracy import KINDS, SOLVED, Solution, StatedErrors
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.core.processors import processors
+from vtkmuscle.core.machine import processors
 from vtkmuscle.core.words import names, suggestion
 from vtkmuscle.filters.fibre_template_source import FibreTemplateSource
 from vtkmuscle.run import Result, RunOptions, frame_numbers, run_scene

@@ -10,7 +10,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.core.processors import processors
+from vtkmuscle.core.machine import processors
 from vtkmuscle.core.types import Floats
 from vtkmuscle.scenes import Scene
 from vtkmuscle.studies.case import Case, Outcome

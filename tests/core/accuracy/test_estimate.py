@@ -5,7 +5,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from vtkmuscle.core.accuracy.estimate import (
+from vtkmuscle.core.estimate import (
     Estimate,
     convergence_error,
     convergence_error_of_fine,

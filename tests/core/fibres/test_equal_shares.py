@@ -7,7 +7,7 @@ from scipy.spatial import cKDTree
 from scipy.spatial.distance import cdist
 
 from vtkmuscle.core.fibres.equal_shares import AT_ONCE, even_places, matched_places
-from vtkmuscle.core.sobol import sobol
+from vtkmuscle.core.mesh.sampling import sobol
 
 
 def plate(count, *, first=0, sides=(30.0, 10.0), lift=0.0):

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from vtkmuscle.core.fibres.linear_blend import blend_fibres, origin_weights
+from vtkmuscle.core.motion.blending import blend_fibres, origin_weights
 from vtkmuscle.core.motion.rigid import apply_transform, rotation_about
 
 OFFSETS = np.array([0, 5, 6, 14])

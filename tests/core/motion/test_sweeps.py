@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from vtkmuscle.core.moment_arms.levers import frames_of_sweep
 from vtkmuscle.core.motion.coordinates import Coordinate
 from vtkmuscle.core.motion.rigid import RigidMotion, hinge
-from vtkmuscle.core.motion.sweeps import frames_of_sweep
 
 
 def motion_of(angles, values=None):

@@ -15,8 +15,7 @@ from vtkmuscle.core.algorithm_2.constraints import (
     sweep_distances,
 )
 from vtkmuscle.core.collision.contact import Barrier, Contact
-from vtkmuscle.core.collision.muscle_contact import MuscleContact, Neighbour
-from vtkmuscle.core.collision.obstacles import Obstacle
+from vtkmuscle.core.collision.obstacles import MuscleContact, Neighbour, Obstacle
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.fixed_muscle import FixedMuscle
 from vtkmuscle.core.mesh.rest_shape import RestShape

@@ -24,11 +24,10 @@ from vtkmuscle.core.bones.lookup import (
 )
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.jit import kernel
-from vtkmuscle.core.mesh.sampling import uneven_weights
+from vtkmuscle.core.mesh.sampling import space_order, uneven_weights
 from vtkmuscle.core.mesh.shared import shared
 from vtkmuscle.core.mesh.solids import FAR, Solids, solids_of
 from vtkmuscle.core.motion.rigid import apply_transform, inverse, transform_point
-from vtkmuscle.core.space_order import space_order
 from vtkmuscle.core.types import Bools, Floats, Ints
 
 #: Cells of the field along the diagonal of a bone's box along its axes: 1.3 mm on a pelvis, 1.5 on a femur.

@@ -8,8 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from vtkmuscle.core.collision.distance_collision import Clearance
-from vtkmuscle.core.collision.muscle_contact import MuscleContact
-from vtkmuscle.core.collision.obstacles import Approach, Obstacle
+from vtkmuscle.core.collision.obstacles import Approach, MuscleContact, Obstacle
 from vtkmuscle.core.motion.rigid import apply_transform, inverse, inverses
 from vtkmuscle.core.types import Bools, Floats, Ints
 

@@ -1,9 +1,10 @@
-"""Bones that a muscle's points are kept out of: as voxels, and as signed distances."""
+"""What a muscle's points are kept out of: bones, as voxels and as signed distances, and other muscles."""
 
 from __future__ import annotations
 
 import warnings
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -13,6 +14,7 @@ from vtkmuscle.core.bones.bone import CELLS_PER_DIAGONAL, Bone, bone_of
 from vtkmuscle.core.collision.distance_collision import Clearance, resolve_distance_collisions
 from vtkmuscle.core.collision.voxels import VoxelGrid, build_voxel_grid, resolve_collisions
 from vtkmuscle.core.errors import placed
+from vtkmuscle.core.mesh.triangle_tree import TriangleTree
 from vtkmuscle.core.motion.rigid import apply_transform, inverse
 from vtkmuscle.core.types import Bools, Floats, Ints
 
@@ -282,3 +284,96 @@ class DistanceObstacle(Obstacle):
             allowance=approach.allowance,
             clearance=approach.clearance,
         )
+
+
+#: A point that is known to be farther from a neighbour is not looked at before it has moved this part of it.
+_SURELY_CLEAR = 0.9
+
+#: Part of a neighbour's mean edge within which its surface counts as flat.
+_FLAT = 0.25
+
+
+@dataclass(frozen=True, eq=False)
+class Neighbour:
+    """The surface of another muscle at one time.
+
+    Attributes
+    ----------
+    tree : TriangleTree
+        Its triangles, which face outward, in the scene [mm].
+    allowance : (n,) array
+        How deep each point of the muscle may be in it [mm]: as deep as at rest.
+    """
+
+    tree: TriangleTree
+    allowance: Floats
+
+
+class MuscleContact:
+    """The neighbours of a muscle during one step, in which they stand still.
+
+    A point that is deeper in a neighbour than at rest goes to the plane that touches the neighbour at the
+    place nearest to the point. The plane is found again when the point has moved on by a part of
+    the neighbour's edges.
+
+    Parameters
+    ----------
+    neighbours : sequence of Neighbour
+        Where they are now.
+    free : (n,) bool array
+        Points that may be moved.
+    centre : (3,) array
+        Where the points' origin is in the scene [mm].
+    """
+
+    def __init__(self, neighbours: Sequence[Neighbour], free: Bools, centre: Floats) -> None:
+        self._planes = [_Planes(neighbour, len(free)) for neighbour in neighbours]
+        self._free = free
+        self._centre = centre
+
+    def keep_out(self, p: Floats) -> Bools:
+        """Move predicted positions, (n, 3) about the centre [mm], out of the neighbours, in place.
+
+        Returns
+        -------
+        (n,) bool array
+            Points that were moved.
+        """
+        hit = np.zeros(len(p), dtype=np.bool_)
+        for planes in self._planes:
+            hit |= planes.keep_out(p, self._free, self._centre)
+        return hit
+
+
+class _Planes:
+    """For each point of the muscle the plane that touches a neighbour at the nearest place."""
+
+    def __init__(self, neighbour: Neighbour, n_points: int) -> None:
+        self._neighbour = neighbour
+        self._seen_from = np.zeros((n_points, 3))
+        self._valid_for = np.full(n_points, -1.0)  # how far a point may go from there, squared
+        self._place = np.zeros((n_points, 3))
+        self._normal = np.zeros((n_points, 3))
+        corners = neighbour.tree.corners
+        self._detail = _FLAT * float(np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).mean())
+
+    def keep_out(self, p: Floats, free: Bools, centre: Floats) -> Bools:
+        neighbour = self._neighbour
+        low, high = neighbour.tree.boxes[0, :3] - centre, neighbour.tree.boxes[0, 3:] - centre
+        near = np.flatnonzero(free & ((p >= low) & (p <= high)).all(axis=1))
+        hit = np.zeros(len(p), dtype=np.bool_)
+        if not len(near):
+            return hit
+        moved = p[near] - self._seen_from[near]
+        stale = near[np.einsum("ij,ij->i", moved, moved) > self._valid_for[near]]
+        if len(stale):
+            distance, place, normal = neighbour.tree.tangent_planes(p[stale] + centre)
+            self._seen_from[stale] = p[stale]
+            self._valid_for[stale] = np.maximum(_SURELY_CLEAR * distance, self._detail) ** 2
+            self._place[stale], self._normal[stale] = place - centre, normal
+        height = np.einsum("ij,ij->i", p[near] - self._place[near], self._normal[near])
+        push = -neighbour.allowance[near] - height
+        deep = push > 0.0
+        p[near[deep]] += push[deep, None] * self._normal[near[deep]]
+        hit[near[deep]] = True
+        return hit

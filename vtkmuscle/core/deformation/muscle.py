@@ -8,8 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from vtkmuscle.core.bones.bone import bone_of
-from vtkmuscle.core.collision.muscle_contact import Neighbour
-from vtkmuscle.core.collision.obstacles import Obstacle
+from vtkmuscle.core.collision.obstacles import Neighbour, Obstacle
 from vtkmuscle.core.deformation.settling import Settling
 from vtkmuscle.core.fixed_muscle import FixedMuscle
 from vtkmuscle.core.mesh.harmonic import harmonic_weights

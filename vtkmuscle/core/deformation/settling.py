@@ -8,8 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from vtkmuscle.core.collision.contact import Barrier, Contact
-from vtkmuscle.core.collision.muscle_contact import MuscleContact, Neighbour
-from vtkmuscle.core.collision.obstacles import Obstacle
+from vtkmuscle.core.collision.obstacles import MuscleContact, Neighbour, Obstacle
 from vtkmuscle.core.deformation.diffusion import Diffusion
 from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.mesh.enclosed_volume import VOLUME_FLOOR, project_volume

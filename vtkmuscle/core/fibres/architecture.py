@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 from numpy.polynomial import Polynomial
 
 from vtkmuscle.core.fibres.measures import centroid_path, section_areas
 from vtkmuscle.core.mesh.normals import unit_vectors
-from vtkmuscle.core.mesh.polylines import polyline_lengths
+from vtkmuscle.core.mesh.polylines import evenly_spaced, polyline_lengths
 from vtkmuscle.core.types import Floats, Ints
 
 #: Area of a muscle for the area of its tendon, at which both together are lightest (Ker, Alexander, Bennett
@@ -172,13 +171,6 @@ def _at(curve: Floats, arcs: Floats) -> tuple[Floats, Floats]:
     return curve[segment] + (arcs - begins[segment])[:, None] * ahead, ahead
 
 
-def _dense(line: Floats) -> Floats:
-    """Return places (POINTS, 3) at equal distances along a polyline."""
-    arcs = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
-    places = np.linspace(0.0, arcs[-1], POINTS)
-    return np.column_stack([np.interp(places, arcs, x) for x in line.T])
-
-
 def fascicles(
     profile: AreaProfile, volume: float, points: Floats, offsets: Ints, *, share: float
 ) -> Fascicles:
@@ -209,7 +201,7 @@ def fascicles(
     (array([20., 20.]), 4)
     """
     low, high = profile.muscle_between(share)
-    dense = np.array([_dense(points[a:b]) for a, b in pairwise(offsets)])
+    dense = evenly_spaced(points, offsets, POINTS)
     arcs, directions = (
         found.reshape(len(dense), POINTS, -1) for found in along(profile.curve, dense.reshape(-1, 3))
     )

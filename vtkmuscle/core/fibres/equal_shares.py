@@ -103,8 +103,7 @@ def _means(values: Floats, part: Ints, count: int, otherwise: Floats | None = No
     sizes = np.bincount(part, minlength=count)[:, None]
     sums = np.column_stack([np.bincount(part, x, count) for x in values.T])
     nothing = np.zeros(sums.shape) if otherwise is None else otherwise
-    means: Floats = np.divide(sums, sizes, out=nothing.copy(), where=sizes > 0)
-    return means
+    return np.divide(sums, sizes, out=nothing.copy(), where=sizes > 0)
 
 
 def matched_places(starts: Floats, ends: Floats) -> Ints:
@@ -164,15 +163,13 @@ def _normal_map(a: Floats, b: Floats) -> Floats:
     doi:10.1016/0024-3795(82)90112-4).
     """
     root, inverse = _power(_spread(a), 0.5), _power(_spread(a), -0.5)
-    found: Floats = inverse @ _power(root @ _spread(b) @ root, 0.5) @ inverse
-    return found
+    return inverse @ _power(root @ _spread(b) @ root, 0.5) @ inverse
 
 
 def _spread(covariance: Floats) -> Floats:
     """Return covariances with a little of every direction: those of what is flat have no inverse."""
     sizes = np.trace(covariance, axis1=-2, axis2=-1)[..., None, None]
-    result: Floats = covariance + FLAT**2 * np.where(sizes > 0.0, sizes, 1.0) * np.eye(3)
-    return result
+    return covariance + FLAT**2 * np.where(sizes > 0.0, sizes, 1.0) * np.eye(3)
 
 
 def _power(matrix: Floats, exponent: float) -> Floats:

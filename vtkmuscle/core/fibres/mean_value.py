@@ -9,7 +9,7 @@ import numpy as np
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.fibres.mean_value_lanes import LANES, MeshArrays, weights_of_lanes
-from vtkmuscle.core.processors import processors
+from vtkmuscle.core.machine import processors
 from vtkmuscle.core.types import Floats, Ints
 
 #: A query point nearer than this to a vertex, an edge or a triangle lies on it; share of the mesh's diagonal.

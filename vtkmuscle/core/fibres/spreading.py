@@ -17,8 +17,8 @@ import numpy as np
 
 from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.mesh.polylines import evenly_spaced, segment_lengths, smooth_polylines
+from vtkmuscle.core.mesh.sampling import space_order
 from vtkmuscle.core.mesh.surface import sorted_into_bins
-from vtkmuscle.core.space_order import space_order
 from vtkmuscle.core.types import Floats, Ints
 
 

@@ -14,10 +14,7 @@ def polyline_lengths(points: Floats, offsets: Ints) -> Floats:
 
     The offsets (k + 1,) are the first point of each line, and n.
     """
-    steps = np.zeros(len(points))
-    steps[1:] = np.linalg.norm(np.diff(points, axis=0), axis=1)
-    steps[offsets[:-1]] = 0.0  # the step from one line to the next belongs to neither
-    return np.add.reduceat(steps, offsets[:-1])
+    return np.add.reduceat(segment_lengths(points, offsets)[0], offsets[:-1])
 
 
 #: Cosine of the least turn between segments that is a corner and not part of a curve.
@@ -33,7 +30,7 @@ def smooth_polylines(points: Floats, offsets: Ints, k: float, iterations: int) -
     Parameters
     ----------
     points, offsets : (n, 3) array, (m + 1,) int array
-        Positions [mm]; first point of each line, and n.
+        Positions [mm], or a row of other values each; first point of each line, and n.
     k : float
         Weight of the middle point, >= 0.
     iterations : int
@@ -96,7 +93,7 @@ def segment_lengths(points: Floats, offsets: Ints) -> tuple[Floats, Floats]:
     """Return the length of the segment to each point of polylines (n,), 0 to a first one, and their sums."""
     lengths = np.zeros(len(points))
     lengths[1:] = np.linalg.norm(np.diff(points, axis=0), axis=1)
-    lengths[offsets[:-1]] = 0.0
+    lengths[offsets[:-1]] = 0.0  # the step from one line to the next belongs to neither
     return lengths, np.cumsum(lengths)
 
 

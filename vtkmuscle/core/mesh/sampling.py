@@ -11,8 +11,6 @@ from scipy.spatial import cKDTree
 
 from vtkmuscle.core.mesh.normals import triangle_normals
 from vtkmuscle.core.mesh.surface import faces_between, unique_edges
-from vtkmuscle.core.sobol import sobol
-from vtkmuscle.core.space_order import space_order
 from vtkmuscle.core.types import Bools, Floats, Ints
 
 #: Blocks of as many positions as wanted that are looked through: bodies fill most of a tenth of their boxes.
@@ -217,8 +215,7 @@ def _in_own_order(points: Floats, faces: Ints) -> Ints:
     by_place = np.lexsort(places.T[::-1])
     ordered = faces[by_place[space_order(places[by_place])]]
     first = ((points[ordered] - centre) @ axes.T @ GENERIC).argmin(axis=1)
-    turned: Ints = np.take_along_axis(ordered, (first[:, None] + np.arange(3)) % 3, axis=1)
-    return turned
+    return np.take_along_axis(ordered, (first[:, None] + np.arange(3)) % 3, axis=1)
 
 
 def samples_inside(inside: Callable[[Floats], Bools], points: Floats, count: int) -> Floats:
@@ -265,3 +262,99 @@ def _shares(sizes: Floats, u: Floats) -> Ints:
     # A little off, for fractions of a power of two fall on the bounds of equal parts, and rounding decided.
     chosen: Ints = np.searchsorted(bounds, (u + OFF_BOUNDS) * bounds[-1], side="right")
     return chosen.clip(max=len(sizes) - 1)
+
+
+#: Binary digits of each number.
+_DIGITS = 30
+#: Per coordinate, of the primitive polynomial: inner coefficients, and the first direction numbers (Joe and
+#: Kuo 2008, doi:10.1137/070709359). The first coordinate is van der Corput's sequence.
+_DIRECTIONS = (((), (1,)), ((1,), (1, 3)))
+
+
+def sobol(count: int, dimension: int, *, first: int = 0) -> Floats:
+    """Return points of Sobol's sequence, in the order of Gray's code (Antonov and Saleev 1979).
+
+    Each one differs from the one before it in one direction number per coordinate; the i-th is the sum,
+    without carries, of the direction numbers of the digits of i in Gray's code.
+
+    Parameters
+    ----------
+    count : int
+        Number of points.
+    dimension : int
+        1 to 3.
+    first : int, optional
+        Points that are left out.
+
+    Returns
+    -------
+    (count, dimension) array
+        In [0, 1).
+
+    Examples
+    --------
+    >>> from vtkmuscle.core.mesh.sampling import sobol
+    >>> sobol(4, 2).tolist()
+    [[0.0, 0.0], [0.5, 0.5], [0.75, 0.25], [0.25, 0.75]]
+    """
+    index = np.arange(first, first + count)
+    code = index ^ (index >> 1)
+    points = np.zeros((count, dimension), dtype=np.int64)
+    for digit in range(int(code.max(initial=0)).bit_length()):
+        chosen = (code >> digit) & 1
+        for axis in range(dimension):
+            points[:, axis] ^= chosen * (_direction(axis, digit) << (_DIGITS - 1 - digit))
+    return points / 2.0**_DIGITS
+
+
+def _direction(axis: int, digit: int) -> int:
+    """Return a direction number: odd, and less than 2^(digit + 1)."""
+    if axis == 0:
+        return 1
+    coefficients, numbers = _DIRECTIONS[axis - 1]
+    found = list(numbers)
+    degree = len(numbers)
+    while len(found) <= digit:
+        value = found[-degree] ^ (found[-degree] << degree)
+        for k, coefficient in enumerate(coefficients, 1):
+            value ^= coefficient * (found[-k] << k)
+        found.append(value)
+    return found[digit]
+
+
+#: Halvings of the longest side of the box around the places.
+HALVINGS = 7
+
+
+def space_order(places: Floats) -> Ints:
+    """Return the order of places along a curve that goes through a box by halves, halves of halves and so on.
+
+    That is the Z-order of Morton 1966, *A computer oriented geodetic data base and a new technique in file
+    sequencing*. What is looked up for a place is then mostly at hand from the one before.
+
+    Parameters
+    ----------
+    places : (n, d) array
+        Positions, n >= 1, finite.
+
+    Returns
+    -------
+    (n,) int array
+        Numbers of the places; those in the same cell of the box as they come.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from vtkmuscle.core.mesh.sampling import space_order
+    >>> space_order(np.array([[0.0, 0.0], [1.0, 1.0], [0.1, 0.0], [0.9, 1.0]])).tolist()
+    [0, 2, 3, 1]
+    """
+    size = max(float(np.ptp(places, axis=0).max()), 1e-300)
+    cells = ((places - places.min(axis=0)) * (2**HALVINGS / size)).astype(np.int64)
+    cells = np.minimum(cells, 2**HALVINGS - 1)
+    dimensions = cells.shape[1]
+    digits = np.arange(HALVINGS)
+    # Of each number of a cell its binary digits, as far apart as there are dimensions.
+    apart = ((np.arange(2**HALVINGS)[:, None] >> digits & 1) << dimensions * digits).sum(axis=1)
+    codes = (apart[cells] << np.arange(dimensions)).sum(axis=1)
+    return np.argsort(codes, kind="stable")

@@ -264,8 +264,6 @@ class MeshTopology:
     quads : (q, 4) int array
         For each edge of exactly two triangles (p1, p2, p3, p4): p1 to p2 is the edge as the first triangle
         (p1, p2, p3) runs through it, p4 is the other triangle's third point. In the order of ``edges``.
-    quad_edges : (q,) int array
-        The edge of each quadruple.
     """
 
     n_points: int
@@ -273,7 +271,6 @@ class MeshTopology:
     edges: Ints
     edge_triangles: Ints
     quads: Ints
-    quad_edges: Ints
 
     @property
     def n_boundary_edges(self) -> int:
@@ -313,10 +310,10 @@ def mesh_topology(n_points: int, triangles: Ints) -> MeshTopology:
     shared = uses >= 2
     edge_triangles[shared, 1] = triangle_of[order[first[shared] + 1]]
 
-    quad_edges = np.flatnonzero(uses == 2)
-    one, other = order[first[quad_edges]], order[first[quad_edges] + 1]
+    of_two = first[uses == 2]
+    one, other = order[of_two], order[of_two + 1]
     quads = np.column_stack([directed[one], opposite[one], opposite[other]])
-    return MeshTopology(n_points, triangles, edges, edge_triangles, quads, quad_edges)
+    return MeshTopology(n_points, triangles, edges, edge_triangles, quads)
 
 
 def opposite_half_edges(triangles: Ints) -> Ints:

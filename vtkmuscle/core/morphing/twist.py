@@ -55,7 +55,7 @@ def seen_fibres(points: Floats, offsets: Ints, muscle: Floats) -> SeenFibres:
     Parameters
     ----------
     points, offsets
-        As of :func:`~vtkmuscle.core.fibres.arrangement.arrangement`.
+        As of :func:`~vtkmuscle.core.fibres.measures.arrangement`.
     muscle : (m, 3) array
         Points of the muscle; no piece is longer than :data:`LONGEST_PIECE` of its extent [mm].
 

@@ -6,8 +6,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from vtkmuscle.core.jit import kernel
-from vtkmuscle.core.motion.rigid import inverse
-from vtkmuscle.core.types import Floats
+from vtkmuscle.core.motion.rigid import apply_transform, inverse
+from vtkmuscle.core.types import Floats, Ints
 
 #: Least norm that a blended quaternion is divided by.
 EPSILON = float(np.finfo(np.float64).eps)
@@ -232,3 +232,48 @@ def _by_quaternion(matrix: Floats, work: Floats) -> None:
     a[0], a[1], a[2] = 1.0 - s * (y * y + z * z), s * (x * y - w * z), s * (x * z + w * y)
     b[0], b[1], b[2] = s * (x * y + w * z), 1.0 - s * (x * x + z * z), s * (y * z - w * x)
     c[0], c[1], c[2] = s * (x * z - w * y), s * (y * z + w * x), 1.0 - s * (x * x + y * y)
+
+
+def origin_weights(offsets: Ints, a: float) -> Floats:
+    """Return the weight of the origin's bone at each point: a t^2 - (a + 1) t + 1, t = (i - 1) / (n - 1).
+
+    Parameters
+    ----------
+    offsets : (k + 1,) int array
+        First point of each fibre, and the number of points n.
+    a : float
+        0 for a linear blend; in [-1, 1] weights go down from 1 at the origin to 0 at the insertion.
+
+    Returns
+    -------
+    (n,) array
+        Weights; those of the insertion's bone are 1 less these.
+    """
+    counts = np.diff(offsets)
+    number = np.arange(offsets[-1]) - np.repeat(offsets[:-1], counts)
+    t = number / np.repeat(np.maximum(counts - 1, 1), counts)
+    weights: Floats = a * t**2 - (a + 1.0) * t + 1.0
+    return weights
+
+
+def blend_fibres(points: Floats, offsets: Ints, origin: Floats, insertion: Floats, a: float) -> Floats:
+    """Return v' = w T_origin v + (1 - w) T_insertion v for each point v of fibres.
+
+    Parameters
+    ----------
+    points : (n, 3) array
+        Fibres at rest, from origin to insertion [mm].
+    offsets : (k + 1,) int array
+        First point of each fibre, and n.
+    origin, insertion : (4, 4) arrays
+        Motions of the two bones, rest to now.
+    a : float
+        See :func:`origin_weights`.
+
+    Returns
+    -------
+    (n, 3) array
+        Fibres now [mm].
+    """
+    w = origin_weights(offsets, a)[:, None]
+    return w * apply_transform(origin, points) + (1.0 - w) * apply_transform(insertion, points)

@@ -37,7 +37,7 @@ from math import comb
 import numpy as np
 from numpy.typing import ArrayLike
 
-from vtkmuscle.core.sobol import sobol
+from vtkmuscle.core.mesh.sampling import sobol
 from vtkmuscle.core.types import Floats
 
 #: A range of coordinates, taken at parameter 0 and at parameter 1.

@@ -11,8 +11,13 @@ from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkDataSet
 from vtkmodules.vtkCommonExecutionModel import vtkAlgorithm, vtkDemandDrivenPipeline
 
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.data.pipeline_times import announce_times, requested_time, times_of
-from vtkmuscle.data.provenance import add_provenance, provenance_entry
+from vtkmuscle.data.pipeline_times import (
+    add_provenance,
+    announce_times,
+    provenance_entry,
+    requested_time,
+    times_of,
+)
 from vtkmuscle.filters.base.ports import InputPort, OutputPort
 from vtkmuscle.filters.base.running import interrupts_deferred, silence_after_failure
 

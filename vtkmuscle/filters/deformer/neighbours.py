@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
-from vtkmuscle.core.collision.muscle_contact import Neighbour
+from vtkmuscle.core.collision.obstacles import Neighbour
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.mesh.surface import signed_volume
 from vtkmuscle.core.mesh.triangle_tree import TriangleTree, triangle_tree

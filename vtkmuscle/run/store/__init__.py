@@ -10,8 +10,8 @@ from typing import Any
 
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
-from vtkmuscle.core.accuracy.estimate import Estimate
 from vtkmuscle.core.errors import InputError
+from vtkmuscle.core.estimate import Estimate
 from vtkmuscle.core.files import check_is_file
 from vtkmuscle.core.motion.coordinates import Coordinate
 from vtkmuscle.core.motion.rigid import RigidMotion

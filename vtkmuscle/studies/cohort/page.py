@@ -13,9 +13,8 @@ from vtkmuscle.report.sections import Section, shown_rows, svg_of, write_page
 from vtkmuscle.run.table import Table
 from vtkmuscle.run.verdict import FAILED, VERDICTS
 from vtkmuscle.studies.case import Case, Outcome
-from vtkmuscle.studies.cohort.statistics import UNUSUAL, Curve, Key, outliers
 from vtkmuscle.studies.cohort.subjects import FOLDER, ID, Study
-from vtkmuscle.studies.cohort.table import without_samples
+from vtkmuscle.studies.cohort.table import UNUSUAL, Curve, Key, outliers, without_samples
 from vtkmuscle.studies.study import outcome_of
 
 #: Most unusual curves that are listed, curves that are drawn, and subjects that a legend names.

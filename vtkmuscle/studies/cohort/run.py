@@ -10,9 +10,8 @@ from typing import Any
 from vtkmuscle.run.report_values import versions
 from vtkmuscle.studies.cluster import connected, dask
 from vtkmuscle.studies.cohort.page import write_cohort
-from vtkmuscle.studies.cohort.statistics import spreads
 from vtkmuscle.studies.cohort.subjects import Study
-from vtkmuscle.studies.cohort.table import curves, tables_of, write_csv
+from vtkmuscle.studies.cohort.table import curves, spreads, tables_of, write_csv
 from vtkmuscle.studies.study import PARTS, Progress, claimed, study
 
 _RESULTS = ("cohort.csv", "cohort.html", "sensitivity.csv")

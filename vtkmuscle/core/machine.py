@@ -1,4 +1,4 @@
-"""Where compiled kernels and links for ParaView are kept between runs."""
+"""The machine: how many processors there are, and where what is compiled and linked is kept between runs."""
 
 from __future__ import annotations
 
@@ -73,3 +73,10 @@ def warn_of_folder(folder: Path, error: OSError, what: str, consequence: str) ->
             f"{FOLDER_VARIABLE} to a folder that can be written to, or to nothing",
             stacklevel=4,
         )
+
+
+def processors() -> int:
+    """Return the number of processors: a job of a cluster, or a container, may have some of them only."""
+    if hasattr(os, "sched_getaffinity"):  # not known to macOS and Windows
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1

@@ -33,7 +33,7 @@ def root_of_squares(*parts: ArrayLike) -> Floats:
 
     Examples
     --------
-    >>> from vtkmuscle.core.accuracy.estimate import root_of_squares
+    >>> from vtkmuscle.core.estimate import root_of_squares
     >>> float(root_of_squares(3.0, 4.0))
     5.0
     """
@@ -75,7 +75,7 @@ def expanded_of_samples(values: ArrayLike, *, of_mean: bool = False) -> Floats:
 
     Examples
     --------
-    >>> from vtkmuscle.core.accuracy.estimate import expanded_of_samples
+    >>> from vtkmuscle.core.estimate import expanded_of_samples
     >>> float(expanded_of_samples([1.0, 3.0]).round(3))
     17.969
     """
@@ -101,7 +101,7 @@ class Estimate:
     Examples
     --------
     >>> import numpy as np
-    >>> from vtkmuscle.core.accuracy.estimate import Estimate
+    >>> from vtkmuscle.core.estimate import Estimate
     >>> parts = {"solve": np.array([0.3, 0.3]), "model": np.array([0.4, 0.4])}
     >>> length = Estimate(np.array([100.0, 90.0]), "mm", parts)
     >>> length.total
@@ -169,7 +169,7 @@ def convergence_error(coarse: ArrayLike, fine: ArrayLike, *, order: float) -> Fl
 
     Examples
     --------
-    >>> from vtkmuscle.core.accuracy.estimate import convergence_error
+    >>> from vtkmuscle.core.estimate import convergence_error
     >>> float(convergence_error(1.04, 1.01, order=2.0).round(6))  # 0.04 too large, and three times that
     0.12
     """
@@ -192,7 +192,7 @@ def segment_errors(points: Floats, offsets: Ints) -> Floats:
     """Return by how much polylines are shorter than the curves that they stand for.
 
     The length by every second point is compared with that by all of them, see
-    :func:`~vtkmuscle.core.accuracy.estimate.convergence_error_of_fine`.
+    :func:`~vtkmuscle.core.estimate.convergence_error_of_fine`.
 
     Parameters
     ----------
@@ -207,7 +207,7 @@ def segment_errors(points: Floats, offsets: Ints) -> Floats:
     Examples
     --------
     >>> import numpy as np
-    >>> from vtkmuscle.core.accuracy.estimate import segment_errors
+    >>> from vtkmuscle.core.estimate import segment_errors
     >>> turn = np.linspace(0.0, np.pi / 2.0, 9)
     >>> arc = 100.0 * np.column_stack([np.cos(turn), np.sin(turn), 0.0 * turn])
     >>> float(50.0 * np.pi - 8 * 200.0 * np.sin(np.pi / 32.0))  # arc less chords
