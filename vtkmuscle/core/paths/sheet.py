@@ -28,10 +28,10 @@ POINTS = 33
 
 #: A sheet has settled where the next step of Newton's method would lower its energy by less than this part of
 #: that of its springs; a length errs by half of that part.
-TOLERANCE = 1e-5
+TOLERANCE = 1e-7
 
 #: Steps of Newton's method in a pose, at most; 5 to 20 is what most take.
-ITERATIONS = 100
+ITERATIONS = 300
 
 #: A step of Newton's method takes no point farther than this, in segments.
 LARGEST_STEP = 2.0

@@ -118,6 +118,7 @@ def surroundings_of(
         layer = np.maximum(distance, LEAST_LAYER * thickness)
         held = MODULUS * (lengths / (layer * (n - 1))) ** 2 * part
         held = held * np.clip(2.0 * (across - LEAST_ACROSS), 0.0, 1.0)
+        held += pushes * np.maximum(turning_of(shape_of_bone, fibres, side), 0.0)
         aside[bone] = held[..., None, None] * side[..., :, None] * side[..., None, :]
     if bones:
         held_by, shares = tuple(bones), shares_by_distance(distances)
@@ -131,6 +132,13 @@ def surroundings_of(
     across_fibre = np.eye(3) - tangents[..., :, None] * tangents[..., None, :]
     bed = (np.linalg.norm(bow, axis=2) / thickness)[..., None, None] * across_fibre
     return Surroundings(standoff, shares[..., None] * rest, aside + shares[..., None, None] * bed, held_by)
+
+
+def turning_of(bone: Bone, points: Floats, side: Floats) -> Floats:
+    step = bone.cell * side
+    ahead, behind = (bone.field((points + way).reshape(-1, 3))[1] for way in (step, -step))
+    turning: Floats = np.einsum("fni,fni->fn", (ahead - behind).reshape(points.shape), side) / (2 * bone.cell)
+    return turning
 
 
 def shares_by_distance(distances: Floats) -> Floats:
