@@ -86,7 +86,9 @@ def add_rings(
     """Add the forces of rings on the points that they hold, and write how hard they press, (r, f, n) [mm].
 
     A ring's edge pushes as a bone does (:func:`~vtkmuscle.core.paths.bone_contact.pressure_at`), at right
-    angles to the ring's normal; and the ring keeps the point in its plane.
+    angles to the ring's normal, but from the edge on: inside, the direction to the nearest side jumps where
+    two sides are equally near. At a corner the direction turns as the point goes round it. The ring keeps
+    the point in its plane.
     """
     held[:] = 0.0
     for ring in range(len(rings.frames)):
@@ -96,45 +98,48 @@ def add_rings(
             i = points[ring, a]
             if i == 0:
                 continue
-            height, u, v, way = outside_at(frame, corners, x[a, i])
-            force, stiff = pressure_at(rings.outside[ring, a] - way, push, rounding)
+            height, u, v, way, at_corner = outside_at(frame, corners, x[a, i])
+            force, stiff = pressure_at(rings.outside[ring, a] - way + rounding, push, rounding)
             for c in range(3):
                 gradient[a, i, c] += push * height * frame[1, c]
             add_direction(blocks[a, i], push, frame[1, 0], frame[1, 1], frame[1, 2])
-            if force > 0.0 and way != 0.0:
-                p, q = u / way, v / way
+            if force > 0.0:
                 held[ring, a, i] = force
+                p, q = u / way, v / way
+                add_direction(blocks[a, i], stiff, *_in_space(frame, p, q))
+                if at_corner:
+                    add_direction(blocks[a, i], force / way, *_in_space(frame, -q, p))
                 for c in range(3):
                     gradient[a, i, c] -= force * (p * frame[2, c] + q * frame[3, c])
-                add_direction(
-                    blocks[a, i],
-                    stiff,
-                    p * frame[2, 0] + q * frame[3, 0],
-                    p * frame[2, 1] + q * frame[3, 1],
-                    p * frame[2, 2] + q * frame[3, 2],
-                )
 
 
 @kernel
-def outside_at(frame: Floats, corners: Floats, at: Floats) -> tuple[float, float, float, float]:
-    """Return a point's height over a ring's plane, the way to the ring's edge along its axes, and its length.
+def _in_space(frame: Floats, p: float, q: float) -> tuple[float, float, float]:
+    """Return the direction that a ring's plane has along its axes."""
+    first, second = frame[2], frame[3]
+    return p * first[0] + q * second[0], p * first[1] + q * second[1], p * first[2] + q * second[2]
 
-    All [mm]; the length is negative for a point inside.
-    """
+
+@kernel
+def outside_at(frame: Floats, corners: Floats, at: Floats) -> tuple[float, float, float, float, bool]:
+    """Return a point's height over a ring's plane, and of :func:`way_to_edge` there, along the ring's axes."""
     height, s, t = 0.0, 0.0, 0.0
     for c in range(3):
         away = at[c] - frame[0, c]
         height, s, t = height + away * frame[1, c], s + away * frame[2, c], t + away * frame[3, c]
-    u, v, way = way_to_edge(corners, s, t)
-    return height, u, v, way
+    u, v, way, at_corner = way_to_edge(corners, s, t)
+    return height, u, v, way, at_corner
 
 
 @kernel
-def way_to_edge(corners: Floats, s: float, t: float) -> tuple[float, float, float]:
-    """Return the way from a place of a ring's plane to its edge, and its length, negative inside."""
-    u, v = nearest_on_polygon(corners, s, t)
+def way_to_edge(corners: Floats, s: float, t: float) -> tuple[float, float, float, bool]:
+    """Return the way from a point of a ring's plane to its edge, its length, and whether a corner is nearest.
+
+    [mm]; the length is negative for a point inside.
+    """
+    u, v, at_corner = nearest_on_polygon(corners, s, t)
     way = np.sqrt((u - s) ** 2 + (v - t) ** 2)
-    return u - s, v - t, -way if is_inside(corners, s, t) else way
+    return u - s, v - t, -way if is_inside(corners, s, t) else way, at_corner
 
 
 @kernel

@@ -75,6 +75,10 @@ def surroundings_of(
       muscles and under a fascia. It is an elastic foundation (Winkler) at right angles to the fibre, whose
       force changes by what it is at rest as the path goes aside by a thickness.
 
+    A path that a bone pushes with the force p, where that bone turns away to its side with the curvature k,
+    is in unstable equilibrium: the force aside grows by k p. Tissue holds it aside by as much, as it stays
+    where it is at rest.
+
     A path also shears the tissue between it and the bones that it comes from when it goes aside over them:
     a layer as thick as the distance d, of the stiffness m (L / d)^2, with m of :data:`MODULUS`. Each bone's
     part of that falls along the fibre, from all at its end to none at the other.
@@ -118,7 +122,7 @@ def surroundings_of(
         layer = np.maximum(distance, LEAST_LAYER * thickness)
         held = MODULUS * (lengths / (layer * (n - 1))) ** 2 * part
         held = held * np.clip(2.0 * (across - LEAST_ACROSS), 0.0, 1.0)
-        held += pushes * np.maximum(turning_of(shape_of_bone, fibres, side), 0.0)
+        held += pushes * np.maximum(curvature_aside(shape_of_bone, fibres, side), 0.0)
         aside[bone] = held[..., None, None] * side[..., :, None] * side[..., None, :]
     if bones:
         held_by, shares = tuple(bones), shares_by_distance(distances)
@@ -134,11 +138,17 @@ def surroundings_of(
     return Surroundings(standoff, shares[..., None] * rest, aside + shares[..., None, None] * bed, held_by)
 
 
-def turning_of(bone: Bone, points: Floats, side: Floats) -> Floats:
-    step = bone.cell * side
-    ahead, behind = (bone.field((points + way).reshape(-1, 3))[1] for way in (step, -step))
-    turning: Floats = np.einsum("fni,fni->fn", (ahead - behind).reshape(points.shape), side) / (2 * bone.cell)
-    return turning
+def curvature_aside(bone: Bone, points: Floats, side: Floats) -> Floats:
+    """Return the curvature of a bone's level sets at points (f, n, 3) along unit directions, (f, n) [1/mm].
+
+    Positive where the bone is convex; by central differences of the normals over a cell of its field.
+    """
+    ahead, behind = (
+        bone.field((points + way).reshape(-1, 3))[1] for way in (bone.cell * side, -bone.cell * side)
+    )
+    turned = (ahead - behind).reshape(points.shape)
+    curvature: Floats = np.einsum("fni,fni->fn", turned, side) / (2.0 * bone.cell)
+    return curvature
 
 
 def shares_by_distance(distances: Floats) -> Floats:

@@ -202,9 +202,9 @@ def is_inside(corners: Floats, x: float, y: float) -> bool:
 
 
 @kernel
-def nearest_on_polygon(corners: Floats, x: float, y: float) -> tuple[float, float]:
-    """Return the place on a polygon's sides that is nearest to a place."""
-    best, best_x, best_y = np.inf, x, y
+def nearest_on_polygon(corners: Floats, x: float, y: float) -> tuple[float, float, bool]:
+    """Return the point on a polygon's sides that is nearest to a point, and whether it is a corner."""
+    best, best_x, best_y, is_corner = np.inf, x, y, False
     k = len(corners)
     for i in range(k):
         ax, ay = corners[i, 0], corners[i, 1]
@@ -214,8 +214,8 @@ def nearest_on_polygon(corners: Floats, x: float, y: float) -> tuple[float, floa
         px, py = ax + part * dx, ay + part * dy
         squared = (px - x) ** 2 + (py - y) ** 2
         if squared < best:
-            best, best_x, best_y = squared, px, py
-    return best_x, best_y
+            best, best_x, best_y, is_corner = squared, px, py, part in (0.0, 1.0)
+    return best_x, best_y, is_corner
 
 
 def _axes_across(normal: Floats, away: Floats) -> Floats:
