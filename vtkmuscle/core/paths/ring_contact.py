@@ -122,7 +122,7 @@ def _in_space(frame: Floats, p: float, q: float) -> tuple[float, float, float]:
 
 @kernel
 def outside_at(frame: Floats, corners: Floats, at: Floats) -> tuple[float, float, float, float, bool]:
-    """Return a point's height over a ring's plane, and of :func:`way_to_edge` there, along the ring's axes."""
+    """Return a point's height over a ring's plane, and :func:`way_to_edge` of it, along its axes."""
     height, s, t = 0.0, 0.0, 0.0
     for c in range(3):
         away = at[c] - frame[0, c]
