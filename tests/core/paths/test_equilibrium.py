@@ -98,7 +98,7 @@ class Sheet:
             sides = np.roll(self.rings.corners, -1, axis=0) - self.rings.corners
             out = np.stack([sides[:, 1], -sides[:, 0]], axis=1) / np.linalg.norm(sides, axis=1)[:, None]
             outside = np.einsum("ki,ki->k", out, place - self.rings.corners).max()
-            total += 0.5 * PUSH * (normal @ away) ** 2 + pressed(-outside)
+            total += 0.5 * PUSH * (normal @ away) ** 2 + pressed(ROUNDING - outside)
         return total
 
     def slopes(self, x):
@@ -269,6 +269,25 @@ def test_what_a_round_bone_does_to_a_path_turns_with_it(rng):
         turned = pushed(turn)
         np.testing.assert_allclose(turned[0], gradient @ turn.T, atol=1e-12)
         np.testing.assert_allclose(turned[1], turn @ blocks @ turn.T, atol=1e-12)
+
+
+@pytest.mark.parametrize("at", [(5.2, 1.0), (5.1, 5.2), (4.6, 5.3)], ids=["side", "corner", "other side"])
+def test_the_stiffness_of_a_ring_is_the_slope_of_its_force(at):
+    """At a side and round a corner of a square of 10 mm; a point inside has no force."""
+    ring = via_ring(np.array([(-5.0, -5.0, 0.0), (5.0, -5.0, 0.0), (5.0, 5.0, 0.0), (-5.0, 5.0, 0.0)]))
+    rings = rings_at([(0, ring)], np.eye(4)[None], np.zeros(3), np.zeros((1, 1)))
+
+    def pushed(place):
+        x, gradient, blocks = np.zeros((1, 3, 3)), np.zeros((1, 3, 3)), np.zeros((1, 3, 6))
+        x[0, 1] = place
+        held = np.zeros((1, 1, 3))
+        add_rings(x, rings, np.array([[1]]), PUSH, ROUNDING, gradient, blocks, held)
+        return gradient[0, 1], full(blocks)[0, 1], held
+
+    place = np.array([*at, 0.3])
+    slopes = [(pushed(place + way)[0] - pushed(place - way)[0]) / 2e-6 for way in 1e-6 * np.eye(3)]
+    np.testing.assert_allclose(pushed(place)[1], slopes, rtol=1e-5, atol=1e-5)
+    assert not pushed(np.array([4.99, 4.99, 0.0]))[2].any()
 
 
 def test_the_force_of_a_bone_is_smooth_and_none_before_it_touches():

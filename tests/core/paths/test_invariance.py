@@ -59,8 +59,8 @@ def remade(number, order=slice(None), way=1):
         worse(("slivered_tendon", {}, 0.08), "0.090 mm: a bone's rounded force begins before it is touched"),
         ("flexor_over_brim", {"groove": -5.0}, 0.6),
         worse(("flexor_over_brim", {"groove": -5.0}, 0.2), "0.41 mm, into the gap between muscle and brim"),
-        ("flexor_over_brim", {"groove": 8.0}, 1.5),
-        worse(("flexor_over_brim", {"groove": 8.0}, 0.2), "1.1 mm, into the gap between muscle and brim"),
+        ("flexor_over_brim", {"groove": 8.0}, 0.8),
+        worse(("flexor_over_brim", {"groove": 8.0}, 0.2), "0.77 mm, into the gap between muscle and brim"),
     ],
 )
 def test_paths_of_known_course_stay_on_it_at_rest(make, settings, bound):
@@ -124,20 +124,13 @@ def test_origin_and_insertion_of_a_template_may_be_exchanged():
     np.testing.assert_allclose(lengths(swept(there, poses)), expected, atol=0.1)
 
 
-@pytest.mark.parametrize(
-    ("number", "off"),
-    [
-        *((number, 1e-6) for number in (0, 1, 2, 3, 5)),
-        (4, 0.2),
-        worse((4, 1e-6), "0.07 mm: the sheet does not settle where the ring takes hold"),
-    ],
-)
-def test_the_order_of_fibres_does_not_matter(rng, number, off):
+@pytest.mark.parametrize("number", range(6))
+def test_the_order_of_fibres_does_not_matter(rng, number):
     """Also where fibres are in rows and files, and several equally near."""
     paths, poses = hinged(number)
     order = rng.permutation(len(paths.fibres))
     for here, there in zip(swept(paths, poses), swept(remade(number, order), poses), strict=True):
-        np.testing.assert_allclose(there.points, here.points[order], atol=off)
+        np.testing.assert_allclose(there.points, here.points[order], atol=1e-6)
 
 
 def test_neither_the_order_of_fibres_nor_that_of_bones_matters(rng):

@@ -133,7 +133,7 @@ def test_the_strap_leaves_its_roller_and_has_the_moment_arm_of_the_straight_way(
 
 @pytest.mark.parametrize(
     ("number", "bound"),
-    [(2, 0.08), worse((2, 0.03), "7.6 % at 80 degrees, 3.4 % at rest"), (3, 0.03)],
+    [(2, 0.08), worse((2, 0.03), "6.9 % at 80 degrees, 3.4 % at rest"), (3, 0.03)],
     ids=["groove-0.08", "groove-0.03", "ridge-0.03"],
 )
 def test_the_flexor_flexes_over_its_brim(number, bound):
@@ -146,7 +146,7 @@ def test_the_flexor_flexes_over_its_brim(number, bound):
     assert max(np.abs(state.points[:, :, 0]).max() for state in states) < 4.0
 
 
-@pytest.mark.parametrize("bound", [1.0, worse(0.1, "0.93 mm")])
+@pytest.mark.parametrize("bound", [1.0, worse(0.1, "0.85 mm")])
 def test_a_ring_holds_the_tendon(bound):
     """Fibres are at 2 mm to all sides of the middle: those in front come to the ring sooner."""
     known = strung_phantom("tendon_through_ring").phantom.known
@@ -154,7 +154,7 @@ def test_a_ring_holds_the_tendon(bound):
     np.testing.assert_allclose(lengths(up(4)[1]).mean(axis=1), expected, atol=bound)
 
 
-@pytest.mark.parametrize("bound", [0.015, worse(0.005, "1.1 %")])
+@pytest.mark.parametrize("bound", [0.015, worse(0.005, "1.26 %")])
 def test_without_its_ring_the_tendon_bowstrings(bound):
     known = strung_phantom("tendon_through_ring").phantom.known
     at = angles(0.0, 60.0)
@@ -194,7 +194,7 @@ def test_the_slivered_tendon_gets_as_much_longer_as_it_is_pulled():
         (2, 0.3, 1.0),
         (3, 0.5, 1.0),
         (4, 2.0, 7.0),
-        worse((4, 1.0, 1.0), "6.2 mm, where the ring takes hold of another point"),
+        worse((4, 1.0, 1.0), "5.6 mm, where the ring takes hold of another point"),
         (5, 0.3, 1.0),
     ],
 )
@@ -244,7 +244,7 @@ STEADY = (0, 1, 5)
         *((number, 0.05) for number in (*STEADY, 2)),
         (3, 0.3),
         (4, 2.0),
-        worse((4, 0.3), "1.8 mm: the ring takes hold of one point or another"),
+        worse((4, 0.3), "1.17 mm: the ring takes hold of one point or another"),
     ],
 )
 def test_neither_the_way_up_or_down_nor_the_steps_matter(number, bound):

@@ -88,12 +88,12 @@ RIDGE, GROOVE = (("flexor_over_brim", {"groove": depth}, "distal") for depth in 
     [
         ("spindle_over_ball", {}, "distal", 0.02),
         (*STRAP, 0.2),
-        (*CYLINDER, 0.75),
-        worse((*CYLINDER, 0.2), "0.67 mm, of which 0.02 at rest"),
+        (*CYLINDER, 0.5),
+        worse((*CYLINDER, 0.2), "0.49 mm, of which 0.02 at rest"),
         (*RIDGE, 0.5),
-        worse((*RIDGE, 0.2), "0.45 mm, of which 0.38 at rest"),
-        (*GROOVE, 1.4),
-        worse((*GROOVE, 0.2), "1.36 mm, all of it at rest, where the path leaves its fibre"),
+        worse((*RIDGE, 0.2), "0.44 mm, of which 0.37 at rest"),
+        (*GROOVE, 0.9),
+        worse((*GROOVE, 0.2), "0.83 mm, all of it at rest, where the path leaves its fibre"),
     ],
 )
 def test_fibres_inside_are_where_their_paths_are(make, settings, bone, bound):
