@@ -22,7 +22,7 @@ BUDGETS = {
     "accuracy": 265,  # 260: errors that a run states of its results
     "comparison": 266,  # 261: runs over one another
     "cli": 1011,  # 995: the command line; export is 57 of them, from-labels and init 97
-    "core": 9176,  # 8997: the mathematics; 9000 is what it is to come to
+    "core": 9176,  # 9005: the mathematics; 9000 is what it is to come to
     "core/algorithm_2": 199,  # 196: the published solver
     "core/attachments": 373,  # 366: areas and fixed points
     "core/bones": 348,  # 342: signed distances
@@ -33,7 +33,7 @@ BUDGETS = {
     "core/moment_arms": 309,  # 303: levers, slopes and sweeps, the last 34 of core/motion before
     "core/morphing": 992,  # 973: a template taken into a muscle, section by section
     "core/motion": 444,  # 436: rigid motions and coordinates; fits of joints are 84, nearest rotations 77
-    "core/paths": 1603,  # 1603: the sheet of paths, and the muscle that it takes along
+    "core/paths": 1643,  # 1611: the sheet of paths, and the muscle that it takes along
     "core/template": 333,  # 327: templates of fibres
     "data": 1239,  # 1215: VTK to arrays and back; what ports deliver is 60, label images are 161
     "fetch": 318,  # 312: public data
