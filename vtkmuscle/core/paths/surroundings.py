@@ -122,7 +122,9 @@ def surroundings_of(
         layer = np.maximum(distance, LEAST_LAYER * thickness)
         held = MODULUS * (lengths / (layer * (n - 1))) ** 2 * part
         held = held * np.clip(2.0 * (across - LEAST_ACROSS), 0.0, 1.0)
-        held += pushes * np.maximum(curvature_aside(shape_of_bone, fibres, side), 0.0)
+        pushed = pushes > 0.0
+        curvature = curvature_aside(shape_of_bone, fibres[pushed], side[pushed])
+        held[pushed] += pushes[pushed] * np.maximum(curvature, 0.0)
         aside[bone] = held[..., None, None] * side[..., :, None] * side[..., None, :]
     if bones:
         held_by, shares = tuple(bones), shares_by_distance(distances)
@@ -139,15 +141,12 @@ def surroundings_of(
 
 
 def curvature_aside(bone: Bone, points: Floats, side: Floats) -> Floats:
-    """Return the curvature of a bone's level sets at points (f, n, 3) along unit directions, (f, n) [1/mm].
+    """Return the curvature of a bone's level sets at points (k, 3) along unit directions, (k,) [1/mm].
 
     Positive where the bone is convex; by central differences of the normals over a cell of its field.
     """
-    ahead, behind = (
-        bone.field((points + way).reshape(-1, 3))[1] for way in (bone.cell * side, -bone.cell * side)
-    )
-    turned = (ahead - behind).reshape(points.shape)
-    curvature: Floats = np.einsum("fni,fni->fn", turned, side) / (2.0 * bone.cell)
+    ahead, behind = (bone.field(points + way)[1] for way in (bone.cell * side, -bone.cell * side))
+    curvature: Floats = np.einsum("ki,ki->k", ahead - behind, side) / (2.0 * bone.cell)
     return curvature
 
 
