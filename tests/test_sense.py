@@ -3,6 +3,7 @@
 import inspect
 import re
 import warnings
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
@@ -18,7 +19,10 @@ from vtkmuscle.core.attachments.rings import ring_length, short_ring
 from vtkmuscle.core.mesh.solids import solids_of
 from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.data.arrays import checked_surface, points_of, surface_from, with_points
+from vtkmuscle.filters.fixed_point_detector import FixedPointDetector
+from vtkmuscle.filters.pbd_deformer import PBDDeformer
 from vtkmuscle.io import read_landmarks
+from vtkmuscle.pipelines import FIBRE_SETTINGS, TRANSPORT_SETTINGS
 from vtkmuscle.scene.sense import check_sense
 
 PAGE = Path(__file__).parents[1] / "docs/reference/sense.rst"
@@ -239,6 +243,26 @@ NONSENSE = {
         False,
         "solver.iterations: it changes nothing: model is 'paths', in which no muscle is solved",
     ),
+    "quality of muscles that are not solved": (
+        lambda s: replace(s, model="paths", quality="preview"),
+        False,
+        "quality: it changes nothing: model is 'paths', in which no muscle is solved",
+    ),
+    "contact of a muscle with itself": (
+        lambda s: first_muscle(replace(s, muscle_contact="on")),
+        False,
+        "muscle_contact: it changes nothing: there is one muscle",
+    ),
+    "weights of fibres that nothing carries": (
+        lambda s: replace(first_muscle(s, fibres={"weight_tolerance": 0.1}), model="paths"),
+        False,
+        r"muscles\.\w+\.fibres\.weight_tolerance: it changes nothing: model is 'paths'",
+    ),
+    "weight of no pass": (
+        lambda s: first_muscle(s, fibres={"smoothing_passes": 0, "smoothing_weight": 2.0}),
+        False,
+        r"muscles\.\w+\.fibres\.smoothing_weight: it changes nothing: smoothing_passes is 0",
+    ),
     "setting of another method": (
         lambda s: replace(s, fixing={"n_voxels": 1000}),
         False,
@@ -310,6 +334,61 @@ def test_nonsense_is_said(good, name):
     found = [error] if sure else warned
     assert any(re.search(words, message) for message in found), found
     assert all(len(message.splitlines()) == 1 and "; " in message for message in found)
+
+
+#: Settings that change the numbers of some muscles only, or none: only the memory that a run takes.
+OF_OTHERS = {"bone_clearance", "angle_step", "refine", "orientation", "slice_tolerance", "continuity"}
+OF_OTHERS |= {"largest_cut", "checkpoint_memory"}
+
+
+def others(declaration):
+    """Return some values of a setting that are not its default."""
+    if declaration.choices:
+        return [choice for choice in declaration.choices if choice != declaration.default]
+    if isinstance(declaration.default, bool):
+        return [not declaration.default]
+    if declaration.kind is int:
+        return [(declaration.default or 2) // 2 + 1]
+    number = declaration.kind is float and not declaration.length
+    return [0.5 * (declaration.default or 10.0) + 0.1] if number else []
+
+
+@pytest.mark.parametrize("model", ["volume", "paths"])
+def test_a_setting_changes_a_run_or_is_said_to_change_nothing(tmp_path, model):
+    scene = replace(Scene.load(write_tiny_scene(tmp_path)), model=model, solver={})
+
+    def numbers(scene):
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            result = scene.run(frames="0:3:2", figures=False)
+        known = [result.lengths["spindle"], result.fibre_lengths.get("spindle", 0.0)]
+        report = result.report["muscles"]["spindle"]
+        rows = [{k: v for k, v in row.items() if not k.startswith("ms")} for row in report["frames"]]
+        return repr([np.round(one, 9).tolist() for one in known]), repr(rows), repr(report.get("fibres"))
+
+    def changed(table, name, value):
+        if table == "fibres":
+            return first_muscle(scene, fibres={**scene.muscles["spindle"].fibres, name: value})
+        return replace(scene, **{table: {name: value}})
+
+    of_fibres = (FIBRE_SETTINGS | TRANSPORT_SETTINGS).items()
+    tables = {
+        "solver": PBDDeformer.parameter_declarations,
+        "fixing": FixedPointDetector.parameter_declarations,
+        "fibres": {word: kind.parameter_declarations[of] for word, (kind, of) in of_fibres},
+    }
+    before, silent = numbers(scene), []
+    for table, declarations in tables.items():
+        for name in declarations.keys() - OF_OTHERS:
+            tried = []
+            for value in others(declarations[name]):
+                with suppress(SceneError):  # some go with others only, which is said as an error
+                    tried.append(changed(table, name, value))
+            if tried and not any(f"{table}.{name}: it changes" in one for t in tried for one in said(t)[1]):
+                with suppress(SceneError):
+                    if all(numbers(one) == before for one in tried):
+                        silent.append(f"{table}.{name}")
+    assert not silent
 
 
 PHANTOMS = [name for name in phantoms.__all__ if inspect.isfunction(getattr(phantoms, name))]

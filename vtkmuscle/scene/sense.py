@@ -24,17 +24,20 @@ from vtkmuscle.scene.sense_motion import motion_findings
 
 #: A muscle farther from its bones than this is not on them [mm].
 CLEARANCE = 10.0
+#: Why settings of the solver change nothing in a scene of paths.
+UNSOLVED = "model is 'paths', in which no muscle is solved"
 
 
 def settings_findings(scene: SceneData, anatomy: Anatomy) -> Iterator[tuple[str, str, str, bool]]:
     """Give the fields of a finding for each setting that cannot be meant."""
+    yield from (_idle_finding(*one) for one in _idle_of_scene(scene))
     for table, kind in (("solver", PBDDeformer), ("fixing", FixedPointDetector)):
         idle: dict[str, list[str]] = {}
         for name, muscle in scene.muscles.items():
             own, given = getattr(muscle, table), getattr(scene, f"{table}_of")(name)
             reasons = dict(_idle(kind, given))
             if table == "solver" and scene.model == "paths":
-                reasons = dict.fromkeys(given, "model is 'paths', in which no muscle is solved")
+                reasons = dict.fromkeys(given, UNSOLVED)
             if table == "fixing":
                 reasons |= _idle_distance(given, muscle.attachments)
             for setting in own.keys() & reasons.keys():
@@ -51,6 +54,23 @@ def settings_findings(scene: SceneData, anatomy: Anatomy) -> Iterator[tuple[str,
             size = scene.millimetres * float(np.ptp(anatomy.muscles[name].points, axis=0).max())
             problem = f"{name!r} is kept {clearance:.3g} mm away from the bones"
             yield f"{key}.bone_clearance", problem, f"give at most {CLEARANCE:g} mm", clearance > size
+
+
+def _idle_of_scene(scene: SceneData) -> Iterator[tuple[str, str]]:
+    """Give the settings of a scene and of its fibres that say nothing beside others, and why."""
+    if scene.model == "paths" and scene.quality is not None:
+        yield "quality", UNSOLVED
+    if scene.muscle_contact != "off" and len(scene.muscles) == 1:
+        yield "muscle_contact", "there is one muscle"
+    for name, muscle in scene.muscles.items():
+        fibres = muscle.fibres or {}
+        for setting, is_idle, reason in (
+            ("weight_tolerance", scene.model == "paths", UNSOLVED),
+            ("template", "template_file" in fibres, "template_file has a template"),
+            ("smoothing_weight", fibres.get("smoothing_passes") == 0, "smoothing_passes is 0"),
+        ):
+            if is_idle and setting in fibres:
+                yield f"muscles.{name}.fibres.{setting}", reason
 
 
 def _idle_finding(key: str, reason: str) -> tuple[str, str, str, bool]:

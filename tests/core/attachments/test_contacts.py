@@ -21,6 +21,8 @@ def strip():
 
 STRIP = strip()
 X, Y = STRIP[0][:, 0], STRIP[0][:, 1]
+#: How far the strip's points are from a bone that is near its middle only.
+AWAY = 10.0 * (np.abs(X - 30.0) + np.abs(Y - 6.0))
 
 
 def along(first, last):
@@ -133,6 +135,7 @@ def test_neither_order_of_bones_nor_numbers_of_points_matter(rng):
     ("distances", "words"),
     [
         ({"upper": along(0, 5)}, r"comes near to fewer; .* 'upper' \(0\); if its tendon"),
+        (dict.fromkeys(["upper", "lower"], AWAY), "reaches nowhere from 'upper' to 'lower'; if its tendon"),
         ({"upper": along(0, 5), "foot": 90 - X}, r"comes near to fewer; .* 'upper' \(0\), 'foot' \(30\)"),
         (
             {"upper": along(0, 5), "shank": along(20, 30)},

@@ -118,7 +118,8 @@ def attached_ends(
     Raises
     ------
     ValueError
-        If fewer than two bones are near, or the muscle ends far from them; it says where and how far.
+        If fewer than two bones are near, the muscle reaches from none to another, or it ends far from them;
+        it says where and how far.
     """
     edges = unique_edges(triangles)
     lengths = edge_lengths(points, edges)
@@ -127,6 +128,8 @@ def attached_ends(
     gaps = {bone: np.where(used, np.maximum(away, 0.0), np.inf) for bone, away in distances.items()}
     spans = _spans(graph, gaps, FAR_END * within, between)
     best = spans[0]
+    if not best.score > 0.0:
+        raise InputError("", f"the muscle reaches nowhere from {' to '.join(map(repr, best.tips))}", REMEDY)
     weights = np.linalg.norm(triangle_normals(points, triangles), axis=1) / 6.0
     weights = np.bincount(triangles.ravel(), np.repeat(weights, 3), len(points))
     reach, near = max(within, 0.5 * float(lengths.mean())), {}
