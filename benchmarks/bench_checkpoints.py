@@ -10,7 +10,7 @@ import time
 
 import numpy as np
 
-from vtkmuscle.core.deformation.muscle import CarriedMuscle
+from vtkmuscle.core.deformation.muscle import PathDrivenMuscle
 from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.phantoms import hip
 from vtkmuscle.pipelines import deform
@@ -28,7 +28,7 @@ def main() -> None:
     motion = RigidMotion(ANGLES, {"femur": table}, phantom.motion.centre)
     muscle = phantom.muscles[MUSCLE]
     steps, size = 0, 0.0
-    step = CarriedMuscle.pose
+    step = PathDrivenMuscle.pose
 
     def counted(self, *arguments, **keywords):
         nonlocal steps, size
@@ -37,7 +37,7 @@ def main() -> None:
         size = 1e-6 * pose.nbytes
         return pose
 
-    CarriedMuscle.pose = counted
+    PathDrivenMuscle.pose = counted
     anywhere = np.random.default_rng(1).permutation(ANGLES)
     deform(muscle, phantom.bones, motion, phantom.attachments[MUSCLE]).update(time=float(ANGLES[0]))
     print(f"{MUSCLE}: {muscle.GetNumberOfPoints()} points, {size:.3f} MB per frame, {len(ANGLES)} frames")

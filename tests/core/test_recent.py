@@ -1,4 +1,4 @@
-from vtkmuscle.core.mesh.shared import Recent
+from vtkmuscle.core.mesh.shared import RecentlyUsed
 
 
 def test_what_was_asked_for_last_is_kept_and_the_rest_is_found_again():
@@ -7,7 +7,7 @@ def test_what_was_asked_for_last_is_kept_and_the_rest_is_found_again():
     def find(key):
         return lambda: asked.append(key) or key
 
-    recent = Recent(2)
+    recent = RecentlyUsed(2)
     for key in "aabacab":
         assert recent(key, find(key)) == key
     assert asked == ["a", "b", "c", "b"]

@@ -10,7 +10,7 @@ from vtkmodules.vtkFiltersCore import vtkPolyDataNormals, vtkTriangleFilter
 from vtkmodules.vtkFiltersSources import vtkCubeSource, vtkSphereSource
 from vtkmodules.vtkIOXML import vtkXMLPolyDataReader
 
-from vtkmuscle.core.deformation.muscle import CarriedMuscle
+from vtkmuscle.core.deformation.muscle import PathDrivenMuscle
 from vtkmuscle.core.mesh.surface import edge_lengths, signed_volume, unique_edges
 from vtkmuscle.core.motion.rigid import RigidMotion, apply_transform, hinge, inverse, rotation_about
 from vtkmuscle.data.arrays import (
@@ -83,13 +83,13 @@ def frame(deformer, time):
 def counted_poses(monkeypatch):
     """Count the poses that are solved."""
     angles = []
-    pose = CarriedMuscle.pose
+    pose = PathDrivenMuscle.pose
 
     def counting(self, before, transforms, **keywords):
         angles.append(round(float(np.degrees(np.arctan2(transforms[1][2, 1], transforms[1][1, 1]))), 6))
         return pose(self, before, transforms, **keywords)
 
-    monkeypatch.setattr(CarriedMuscle, "pose", counting)
+    monkeypatch.setattr(PathDrivenMuscle, "pose", counting)
     return angles
 
 

@@ -171,7 +171,7 @@ def work(monkeypatch):
     count(solver, "RestShape", "rest shape")
     count(solver, "harmonic_directions", "fibre directions")
     count(obstacles, "build_voxel_grid", "voxels")
-    count(muscle.CarriedMuscle, "pose", "frames")
+    count(muscle.PathDrivenMuscle, "pose", "frames")
     count(solver.Algorithm2, "step", "frames")
     return done
 

@@ -54,7 +54,7 @@ def in_words(where: str, problem: str, remedy: str) -> str:
 
 
 @contextmanager
-def placed(where: str) -> Iterator[None]:
+def errors_at(where: str) -> Iterator[None]:
     """Raise what is a ValueError within as an InputError at a place.
 
     Parameters
@@ -69,8 +69,8 @@ def placed(where: str) -> Iterator[None]:
 
     Examples
     --------
-    >>> from vtkmuscle.core.errors import InputError, placed
-    >>> with placed("PBDDeformer: muscle"):
+    >>> from vtkmuscle.core.errors import InputError, errors_at
+    >>> with errors_at("PBDDeformer: muscle"):
     ...     raise InputError("", "the surface is open", "close it")
     Traceback (most recent call last):
         ...

@@ -13,13 +13,13 @@ _SHORT.maxlist = _SHORT.maxtuple = _SHORT.maxdict = 8
 _SHORT.maxlevel = 3
 
 
-def shown(value: object) -> str:
+def quoted(value: object) -> str:
     """Return a value as Python writes it, shortened where it is long or deep.
 
     Examples
     --------
-    >>> from vtkmuscle.core.words import shown
-    >>> shown([[[[1]]]]), shown(10**100)
+    >>> from vtkmuscle.core.words import quoted
+    >>> quoted([[[[1]]]]), quoted(10**100)
     ('[[[...]]]', '100000000000000000...0000000000000000000')
     """
     try:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
-from vtkmuscle.core.errors import InputError, placed
+from vtkmuscle.core.errors import InputError, errors_at
 from vtkmuscle.core.paths.via_rings import ViaRing, via_ring
 from vtkmuscle.core.types import Floats, Ints
 from vtkmuscle.data.arrays import (
@@ -175,7 +175,7 @@ def _check_ring(landmarks: NDArray[np.float64], closed: bool, where: str) -> Non
         raise InputError(
             where, "a via ring must be closed", "end its polyline with the point that it begins with"
         )
-    with placed(where):
+    with errors_at(where):
         via_ring(landmarks)
 
 

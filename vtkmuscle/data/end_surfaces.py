@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from vtkmuscle.core.attachments.rings import discs_over
-from vtkmuscle.core.errors import InputError, placed
+from vtkmuscle.core.errors import InputError, errors_at
 from vtkmuscle.core.fibres.between_areas import EndSurface
 from vtkmuscle.core.mesh.normals import triangle_normals
 from vtkmuscle.core.mesh.surface import extent
@@ -135,7 +135,7 @@ def _together(
     patches: list[Ints] = []
     points, triangles, first = [geometry.points], [geometry.triangles], len(geometry.points)
     for number, shape in enumerate(shapes):
-        with placed(f"{where} {number}"):
+        with errors_at(f"{where} {number}"):
             inner = _within(shape, geometry)
             if inner is None:
                 patches.append(geometry.patch(_as_area(shape)))

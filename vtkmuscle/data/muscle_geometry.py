@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
 from vtkmuscle.core.attachments.patches import attachment_patch
-from vtkmuscle.core.errors import InputError, placed
+from vtkmuscle.core.errors import InputError, errors_at
 from vtkmuscle.core.mesh.sampling import samples_inside
 from vtkmuscle.core.mesh.shared import shared
 from vtkmuscle.core.mesh.solids import Solids, solids_of
@@ -113,7 +113,7 @@ class MuscleGeometry:
         """
         patches = []
         for number, area in enumerate(area for area in areas if area.role == role):
-            with placed(f"attachments: {role} area {number}"):
+            with errors_at(f"attachments: {role} area {number}"):
                 patches.append(self.patch(area))
         if not patches:
             raise InputError("attachments", f"there is no area with the role {role!r}")

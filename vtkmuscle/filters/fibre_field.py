@@ -6,7 +6,7 @@ import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkDataSet
 from vtkmodules.vtkFiltersCore import vtkCellCenters, vtkMaskPoints
 
-from vtkmuscle.core.errors import InputError, placed
+from vtkmuscle.core.errors import InputError, errors_at
 from vtkmuscle.core.fibres.direction_field import DirectionField
 from vtkmuscle.core.types import Bools, Floats
 from vtkmuscle.data.arrays import Polylines, points_of, set_cell_array, set_point_array
@@ -84,7 +84,7 @@ class FibreField(Filter):
 
     def execute(self, mesh: vtkDataSet, fibres: Polylines, muscle: Surface | None) -> vtkDataSet:
         """Return the mesh with the directions."""
-        with placed("fibres"):
+        with errors_at("fibres"):
             field = DirectionField(fibres.points, fibres.offsets)
         positions = self._positions(mesh)
         directions, distances = np.empty_like(positions), np.empty(len(positions))

@@ -10,7 +10,7 @@ from vtkmodules.vtkCommonDataModel import vtkPolyData
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.fibres.spreading import Cloud, cloud, move_ends, smooth_about_course, steps_to_centres
 from vtkmuscle.core.mesh.polylines import polyline_lengths, smooth_polylines
-from vtkmuscle.core.mesh.shared import Recent
+from vtkmuscle.core.mesh.shared import RecentlyUsed
 from vtkmuscle.core.mesh.triangle_tree import TriangleTree
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import Polylines, field_array, field_string, set_cell_array
@@ -154,7 +154,7 @@ class FibreSmoother(Filter):
 def _cloud(geometry: MuscleGeometry, count: int) -> Cloud | None:
     """Return positions in a muscle, the same for the same number, None where there are none."""
     samples = geometry.samples(count)
-    clouds = geometry.once("clouds", lambda: Recent(CLOUDS))
+    clouds = geometry.once("clouds", lambda: RecentlyUsed(CLOUDS))
     return clouds(len(samples), lambda: cloud(samples)) if len(samples) else None
 
 

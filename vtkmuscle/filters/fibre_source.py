@@ -6,7 +6,7 @@ import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.core.fibres.between_areas import EndSurface, bent_inside, filled_share, straight_fibres
+from vtkmuscle.core.fibres.between_areas import EndSurface, bend_inside, filled_share, straight_fibres
 from vtkmuscle.core.mesh.surface import signed_volume
 from vtkmuscle.core.types import Bools, Floats
 from vtkmuscle.data.arrays import (
@@ -135,7 +135,7 @@ class FibreSource(Filter):
         volume = abs(signed_volume(geometry.points, geometry.triangles))
         filled = filled_share(fibres, origin, insertion, volume) if volume > 0.0 else 0.0
         self.report_progress(0.6)
-        inside, departures = bent_inside(fibres, geometry.solids.into)
+        inside, departures = bend_inside(fibres, geometry.solids.into)
         leaving = float((departures > LEAVING * geometry.mean_edge).mean())
         if (
             self.course == "auto"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
-from vtkmuscle.core.errors import placed
+from vtkmuscle.core.errors import errors_at
 from vtkmuscle.core.mesh.sampling import space_order
 from vtkmuscle.core.template.kinds import KINDS, TEMPLATES, sobol_points
 from vtkmuscle.core.template.template_files import read_template
@@ -82,7 +82,7 @@ class FibreTemplateSource(Filter):
         """Return the template."""
         template = TEMPLATES[self.template]
         if self.template_file is not None:
-            with placed("FibreTemplateSource: template_file"):
+            with errors_at("FibreTemplateSource: template_file"):
                 template = read_template(self.template_file)
         places = sobol_points(self.n_fibres)
         if self.n_fibres > MANY:

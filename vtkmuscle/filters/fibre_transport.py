@@ -18,7 +18,7 @@ from vtkmuscle.core.fibres.sparse_weights import (
 )
 from vtkmuscle.core.fibres.tendons import Tendons
 from vtkmuscle.core.mesh.polylines import evenly_spaced, polyline_lengths
-from vtkmuscle.core.mesh.solids import BentSurface, bent_surface
+from vtkmuscle.core.mesh.solids import DeformedSurface, deformed_surface
 from vtkmuscle.core.mesh.triangle_tree import TriangleTree, shared_tree
 from vtkmuscle.core.types import Bools, Floats, Ints
 from vtkmuscle.data.arrays import Polylines, field_array, set_cell_array, set_field_array
@@ -48,7 +48,7 @@ class _Rest:
     sparse: SparseWeights | None = None
     weights: dict[int, Floats] = field(default_factory=dict)
     size: int = 0
-    bent: BentSurface | None = None
+    bent: DeformedSurface | None = None
 
     def is_of(self, fibre_points: Floats, points: Floats, triangles: Ints, weight_tolerance: float) -> bool:
         return (
@@ -100,7 +100,7 @@ class _Rest:
         that of the other side.
         """
         assert self.gap is not None
-        self.bent = bent_surface(surface, self.triangles, self.tree)
+        self.bent = deformed_surface(surface, self.triangles, self.tree)
         outside = np.flatnonzero(~self.bent.inside(fibre_points))
         _, nearest, distances = self.bent.tree.nearest(fibre_points[outside])
         far = distances > self.gap[outside]

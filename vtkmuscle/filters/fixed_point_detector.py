@@ -8,7 +8,7 @@ from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
 from vtkmuscle.core.attachments.patches import attachment_patch
 from vtkmuscle.core.collision.voxels import DEFAULT_N_MAX, MOST_N_EQUAL, build_voxel_grid
-from vtkmuscle.core.errors import InputError, placed
+from vtkmuscle.core.errors import InputError, errors_at
 from vtkmuscle.core.mesh.solids import Solids, solids_of
 from vtkmuscle.core.mesh.surface import edge_lengths, unique_edges
 from vtkmuscle.core.types import Floats, Ints
@@ -128,7 +128,7 @@ class FixedPointDetector(Filter):
                 raise InputError(where, f"the bones are {', '.join(map(repr, names))}", "rename one of them")
             if area.bone not in solids:
                 solids[area.bone] = _solids_of(area.bone, bones[area.bone])
-            with placed(where):
+            with errors_at(where):
                 patch = attachment_patch(
                     points,
                     muscle.triangles,

@@ -11,8 +11,8 @@ from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
 from vtkmuscle.core.algorithm_2.solver import Algorithm2, State
 from vtkmuscle.core.collision.obstacles import Neighbour
-from vtkmuscle.core.deformation.muscle import CarriedMuscle, Pose
-from vtkmuscle.core.errors import InputError, placed
+from vtkmuscle.core.deformation.muscle import PathDrivenMuscle, Pose
+from vtkmuscle.core.errors import InputError, errors_at
 from vtkmuscle.core.fixed_muscle import FixedMuscle
 from vtkmuscle.core.mesh.rest_shape import ShapeReport
 from vtkmuscle.core.types import Floats
@@ -153,7 +153,7 @@ class PBDDeformer(DeformerSettings, HistoryFilter[_Frame]):
 
     def __init__(self, **settings: Any) -> None:
         self._muscle: FixedMuscle | None = None
-        self._solver: CarriedMuscle | Algorithm2 | None = None
+        self._solver: PathDrivenMuscle | Algorithm2 | None = None
         self._made_from: tuple[object, ...] = ()
         self._rest_bones = RestBones(type(self).__name__)
         self._neighbours: Neighbours | None = None
@@ -247,18 +247,18 @@ class PBDDeformer(DeformerSettings, HistoryFilter[_Frame]):
             )
         return _Frame(state, 1e3 * (time.perf_counter() - started))
 
-    def _made_solver(self) -> CarriedMuscle | Algorithm2:
+    def _made_solver(self) -> PathDrivenMuscle | Algorithm2:
         """Return the solver for the present muscle, bones and parameters; it is made where these are new."""
         obstacles = self._rest_bones.obstacles if self.collision != "off" else ()
         muscle, published = self._known_muscle, self.quality == PUBLISHED
         settings = algorithm_2_parameters(self.parameters())
         made_from = muscle, obstacles, settings if published else self.taut_resolution
         if self._solver is None or made_from != self._made_from:
-            with placed("muscle"):
+            with errors_at("muscle"):
                 self._solver = (
                     Algorithm2(muscle, settings, obstacles)
                     if published
-                    else CarriedMuscle(muscle, obstacles, self.taut_resolution)
+                    else PathDrivenMuscle(muscle, obstacles, self.taut_resolution)
                 )
             self._made_from = made_from
         return self._solver

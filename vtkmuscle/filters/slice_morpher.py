@@ -9,12 +9,12 @@ from numpy.typing import NDArray
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.core.mesh.shared import Recent
+from vtkmuscle.core.mesh.shared import RecentlyUsed
 from vtkmuscle.core.morphing.isolines import morph_by_isolines
 from vtkmuscle.core.morphing.planes import morph_by_planes
 from vtkmuscle.core.morphing.slices import Box, Morph, Slicing
-from vtkmuscle.core.morphing.twist import Twist, Twisting, seen_fibres
-from vtkmuscle.core.template.fitting import lie_opposite
+from vtkmuscle.core.morphing.twist import Twist, TwistSetting, superficial_pieces
+from vtkmuscle.core.template.fitting import areas_are_opposite
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import Polylines, field_array, set_field_array
 from vtkmuscle.data.attachments import AttachmentArea
@@ -157,17 +157,17 @@ class SliceMorpher(Filter):
         if tolerance is None:
             tolerance = DEFAULT_TOLERANCE * float(np.linalg.norm(box[:3, 2]))
         upright = _runs_upwards(template.data, box)
-        twisting = Twisting(self.twist)
+        twisting = TwistSetting(self.twist)
         if superficial is not None and upright:
-            seen = seen_fibres(superficial.points, superficial.offsets, geometry.points)
-            twisting = Twisting(0.0, seen, template.offsets)
+            seen = superficial_pieces(superficial.points, superficial.offsets, geometry.points)
+            twisting = TwistSetting(0.0, seen, template.offsets)
 
         slicing = Slicing(
             slice_tolerance=tolerance,
             continuity=self.continuity,
             twisting=twisting,
             report_progress=self.report_progress,
-            once=geometry.once("sections", lambda: Recent(SETTINGS_KEPT)),
+            once=geometry.once("sections", lambda: RecentlyUsed(SETTINGS_KEPT)),
         )
 
         def morph(method: str) -> Morph:
@@ -237,7 +237,7 @@ def _runs_upwards(template: vtkPolyData | None, box: Floats) -> bool:
         return True
     inner = Box(box)
     origin, insertion = (inner.coordinates(np.asarray(area)) / inner.sides for area in areas)
-    return lie_opposite(origin, insertion)
+    return areas_are_opposite(origin, insertion)
 
 
 def _box(template: vtkPolyData | None) -> NDArray[np.float64]:

@@ -8,7 +8,7 @@ import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
 from vtkmuscle.core.bones.bone import bone_of
-from vtkmuscle.core.errors import InputError, placed
+from vtkmuscle.core.errors import InputError, errors_at
 from vtkmuscle.core.fixed_muscle import FixedMuscle
 from vtkmuscle.core.paths.lines import bones_at_ends, evenly_spread
 from vtkmuscle.core.paths.sheet import POINTS, MusclePaths, PathState
@@ -157,7 +157,7 @@ class TautFibres(HistoryFilter[PathState]):
         assert given.fibres is not None
         self._rest_bones.take(bones, collision="sdf")
         fibres = evenly_spread(*given.fibres, self.resolution + 1)
-        with placed("rest_fibres"):
+        with errors_at("rest_fibres"):
             self._paths = MusclePaths(
                 fibres,
                 *bones_at_ends(fibres, given.points, given.fixed_to),

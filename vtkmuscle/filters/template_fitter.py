@@ -9,13 +9,13 @@ import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.core.morphing.twist import SeenFibres, angle_to_nearest, seen_fibres
+from vtkmuscle.core.morphing.twist import SuperficialFibres, angle_to_nearest, superficial_pieces
 from vtkmuscle.core.motion.rigid import apply_transform
 from vtkmuscle.core.template.fitting import (
     ASSIGNMENTS,
     TIE,
     Fit,
-    SeenMuscle,
+    MuscleViews,
     centroid_axis,
     fit_box,
     principal_axis,
@@ -131,14 +131,14 @@ class TemplateFitter(Filter):
         reflection = np.diag([-1.0, 1.0, 1.0, 1.0]) if self.mirror else np.eye(4)
         origin, insertion = (apply_transform(reflection, p) for p in (origin, insertion))
 
-        def used_points() -> SeenMuscle:
+        def used_points() -> MuscleViews:
             uses = np.bincount(geometry.triangles.reshape(-1), minlength=len(geometry.points))
-            return SeenMuscle(apply_transform(reflection, geometry.points[uses > 0]))
+            return MuscleViews(apply_transform(reflection, geometry.points[uses > 0]))
 
         shape = geometry.once(("seen", self.mirror), used_points)
         seen = None
         if superficial is not None:
-            seen = seen_fibres(superficial.points, superficial.offsets, shape.points)
+            seen = superficial_pieces(superficial.points, superficial.offsets, shape.points)
             seen = seen.within(np.zeros(3), reflection[:3, :3])
 
         def fitted_boxes() -> list[Fit]:
@@ -172,7 +172,7 @@ class TemplateFitter(Filter):
         set_field_array(fitted, "FitError", best.error)
         return fitted
 
-    def _axes(self, muscle: SeenMuscle, origin: Floats, insertion: Floats) -> list[Floats]:
+    def _axes(self, muscle: MuscleViews, origin: Floats, insertion: Floats) -> list[Floats]:
         """Return the axes to try, (3,) each."""
         axes = []
         if self.axis != "principal":
@@ -189,7 +189,7 @@ class TemplateFitter(Filter):
         self,
         axis: Floats,
         assignment: Floats,
-        muscle: SeenMuscle,
+        muscle: MuscleViews,
         landmarks: tuple[Floats, Floats],
         areas: tuple[Floats, Floats],
         guide: Callable[[Floats], float] | None,
@@ -210,7 +210,7 @@ class TemplateFitter(Filter):
         return replace(fit, transform=fit.transform @ turn)
 
 
-def _guide(seen: SeenFibres, lines: Polylines, turn: Floats) -> Callable[[Floats], float]:
+def _guide(seen: SuperficialFibres, lines: Polylines, turn: Floats) -> Callable[[Floats], float]:
     """Return the function from a box to the angle between given fibres and the turned template's in it."""
 
     def angle(box: Floats) -> float:

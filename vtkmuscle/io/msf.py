@@ -35,7 +35,7 @@ from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.files import MOST_BYTES, check_is_file
 from vtkmuscle.core.motion.rigid import apply_transform
 from vtkmuscle.core.types import Floats
-from vtkmuscle.core.words import shown
+from vtkmuscle.core.words import quoted
 from vtkmuscle.data.arrays import points_of, with_points
 from vtkmuscle.io.csv_table import number_in
 from vtkmuscle.io.surfaces import read_polydata
@@ -132,7 +132,7 @@ def read_msf(path: str | PathLike[str]) -> MsfNode:
     tree = read_xml(path)
     version = tree.attributes.get("Version", "")
     if tree.tag != "MSF" or not version.startswith("2"):
-        problem = f"is {tree.tag} {shown(version)}, not a tree (MSF) of version 2"
+        problem = f"is {tree.tag} {quoted(version)}, not a tree (MSF) of version 2"
         raise tree.error(problem, "save it with a newer version of its program")
     return _node(tree.need("Root"), path.parent)
 
@@ -205,7 +205,7 @@ def _time(element: Element) -> float:
     text = element.attributes.get("TimeStamp", "0")
     time = number_in(text)
     if not np.isfinite(time):
-        raise element.error(f"its TimeStamp is {shown(text)}, but must be a finite number")
+        raise element.error(f"its TimeStamp is {quoted(text)}, but must be a finite number")
     return time
 
 
@@ -227,7 +227,7 @@ def _file(item: Element, folder: Path) -> MsfFile:
     outside = windows.drive or windows.root or ".." in {*PurePosixPath(name).parts, *windows.parts}
     path = folder / name
     if not name or outside or "\0" in name or not path.resolve().is_relative_to(folder.resolve()):
-        problem = f"its file {shown(name)} leads out of the folder of the tree"
+        problem = f"its file {quoted(name)} leads out of the folder of the tree"
         raise item.error(problem, "put it there, and name it without its folder")
     return MsfFile(time, path, item.word("DataType"))
 

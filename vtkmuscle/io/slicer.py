@@ -13,7 +13,7 @@ import numpy as np
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.types import Floats
-from vtkmuscle.core.words import shown
+from vtkmuscle.core.words import quoted
 from vtkmuscle.io.csv_table import number_in
 
 #: Frames of the body: x to the left and y to the back, or x to the right and y to the front; z up.
@@ -83,11 +83,11 @@ def markups_of(content: dict[str, Any], path: Path) -> NamedPoints:
     markup = lists[0]
     kind = markup.get("type", "Fiducial")
     if not isinstance(kind, str) or kind not in _KINDS:
-        problem = f"markups of type {shown(kind)} are not understood"
+        problem = f"markups of type {quoted(kind)} are not understood"
         raise InputError(path, problem, f"understood: {', '.join(_KINDS)}")
     unit = markup.get("coordinateUnits", "mm")
     if unit not in ("mm", ["mm", "mm", "mm"]):
-        raise InputError(path, f"coordinates are in {shown(unit)}, but must be in mm", _AS_SLICER)
+        raise InputError(path, f"coordinates are in {quoted(unit)}, but must be in mm", _AS_SLICER)
     frame = _frame(markup.get("coordinateSystem", "LPS"), path)
     controls = markup.get("controlPoints")
     if not isinstance(controls, list) or not controls:
@@ -99,9 +99,9 @@ def markups_of(content: dict[str, Any], path: Path) -> NamedPoints:
         status = found.get("positionStatus", "defined")
         place = found.get("position")
         if status != "defined":
-            problem = f"control point {number} ({shown(name)}) has no place: its status is {shown(status)}"
+            problem = f"control point {number} ({quoted(name)}) has no place: its status is {quoted(status)}"
             raise InputError(path, problem, "place it, or remove it")
-        points.append(_place(place, f"control point {number} ({shown(name)})", path))
+        points.append(_place(place, f"control point {number} ({quoted(name)})", path))
         names.append(name)
     return NamedPoints(tuple(names), np.array(points), _KINDS[kind], frame)
 
@@ -149,17 +149,17 @@ def read_fcsv(path: Path) -> NamedPoints:
 def _frame(word: Any, path: Path) -> str:
     frame = _FRAME_WORDS.get(str(word).strip().upper())
     if frame not in FRAMES:
-        raise InputError(path, f"the frame {shown(word)} is not understood", "save it in LPS or RAS")
+        raise InputError(path, f"the frame {quoted(word)} is not understood", "save it in LPS or RAS")
     return frame
 
 
 def _place(values: Any, where: str, path: Path) -> list[float]:
     good = isinstance(values, list) and len(values) == 3
     if not good or not all(isinstance(v, int | float) and not isinstance(v, bool) for v in values):
-        raise InputError(path, f"{where}: {shown(values)} is no place x, y, z", "correct it")
+        raise InputError(path, f"{where}: {quoted(values)} is no place x, y, z", "correct it")
     place = [number_in(v) for v in values]
     if not np.isfinite(place).all():
-        raise InputError(path, f"{where}: {shown(values)} is not finite", "correct it")
+        raise InputError(path, f"{where}: {quoted(values)} is not finite", "correct it")
     return place
 
 
@@ -183,13 +183,13 @@ def read_nrrd_points(path: Path) -> NamedPoints:
         raise InputError(path, "its data do not begin after its header", "save it without skips")
     sizes = fields.get("sizes", "").split()
     if sizes[:1] != ["3"] or not re.fullmatch(r"[1-9][0-9]{,6}", " ".join(sizes[1:])):
-        problem = f"the sizes are {shown(' '.join(sizes))}, but a list of points has 3 and their number"
+        problem = f"the sizes are {quoted(' '.join(sizes))}, but a list of points has 3 and their number"
         raise InputError(path, problem, "export landmarks, not an image")
     points = _values(fields, rest[0], 3 * int(sizes[1]), path).reshape(-1, 3)
     frame = _SPACES.get(fields.get("space", "").lower())
     if "space" in fields and frame is None:
         raise InputError(
-            path, f"the space {shown(fields['space'])} is not understood", "save it in LPS or RAS"
+            path, f"the space {quoted(fields['space'])} is not understood", "save it in LPS or RAS"
         )
     return NamedPoints(("",) * len(points), points, frame=frame)
 
@@ -198,9 +198,9 @@ def _values(fields: dict[str, str], body: bytes, count: int, path: Path) -> Floa
     """Return the numbers of an array."""
     kind, encoding = fields.get("type", ""), fields.get("encoding", "").lower()
     if kind not in _TYPES:
-        raise InputError(path, f"numbers of type {shown(kind)} are not understood", "save it as double")
+        raise InputError(path, f"numbers of type {quoted(kind)} are not understood", "save it as double")
     if encoding not in ("raw", "gzip", "gz", "ascii", "text", "txt"):
-        raise InputError(path, f"the encoding {shown(encoding)} is not understood", "save it as raw or gzip")
+        raise InputError(path, f"the encoding {quoted(encoding)} is not understood", "save it as raw or gzip")
     order = ">" if fields.get("endian", "little").lower() == "big" else "<"
     number = np.dtype(order + _TYPES[kind])
     try:

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from vtkmuscle.core.errors import InputError, fault_of
 from vtkmuscle.core.files import MOST_TEXT, check_is_file
 from vtkmuscle.core.types import Floats
-from vtkmuscle.core.words import shown
+from vtkmuscle.core.words import quoted
 from vtkmuscle.io.csv_table import number_in
 
 #: Elements within elements, at most.
@@ -55,7 +55,7 @@ class Element:
         return self.attributes.get("name", "")
 
     def __str__(self) -> str:
-        return f"line {self.line}: {self.tag}" + (f" {shown(self.name)}" if self.name else "")
+        return f"line {self.line}: {self.tag}" + (f" {quoted(self.name)}" if self.name else "")
 
     def error(self, problem: str, remedy: str = "") -> InputError:
         """Return an error that names the file, the line and the element."""
@@ -71,7 +71,7 @@ class Element:
         """Raise an InputError where there is a child of another tag."""
         for child in self.children:
             if child.tag not in allowed:
-                raise child.error(f"is not understood in {self.tag} {shown(self.name)}")
+                raise child.error(f"is not understood in {self.tag} {quoted(self.name)}")
 
     def find(self, *tags: str) -> Element | None:
         """Return the child of one of the tags, None where there is none.
@@ -83,7 +83,7 @@ class Element:
         """
         found = [child for child in self.children if child.tag in tags]
         if len(found) > 1:
-            raise found[1].error(f"{self.tag} {shown(self.name)} has it twice", "remove one")
+            raise found[1].error(f"{self.tag} {quoted(self.name)} has it twice", "remove one")
         return found[0] if found else None
 
     def need(self, *tags: str) -> Element:
@@ -114,7 +114,7 @@ class Element:
         values = np.array([number_in(cell) for cell in self.text.replace(",", " ").split()])
         if not np.isfinite(values).all() or (count is not None and len(values) != count):
             what = "finite numbers" if count is None else f"{count} finite number{'s' * (count > 1)}"
-            raise self.error(f"holds {shown(self.text.strip())}, but must hold {what}")
+            raise self.error(f"holds {quoted(self.text.strip())}, but must hold {what}")
         return values
 
     def number(self, tag: str, default: float) -> float:
@@ -136,7 +136,7 @@ class Element:
             return default
         word = found.text.strip().lower()
         if word not in ("true", "false"):
-            raise found.error(f"holds {shown(word)}, but must hold true or false")
+            raise found.error(f"holds {quoted(word)}, but must hold true or false")
         return word == "true"
 
     def within(self, tag: str) -> list[Element]:

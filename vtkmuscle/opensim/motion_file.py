@@ -11,7 +11,7 @@ import numpy as np
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.types import Floats
-from vtkmuscle.core.words import shown
+from vtkmuscle.core.words import quoted
 from vtkmuscle.io.csv_table import number_in
 from vtkmuscle.io.motion_table import MOST_FRAMES
 from vtkmuscle.io.xml_elements import decoded
@@ -176,7 +176,7 @@ def _labels(lines: list[str], start: int, path: Path) -> list[str]:
     if start < len(lines) and not lines[start].strip():
         raise InputError(path, f"line {start + 1}: the labels do not follow the header", "remove empty lines")
     if len(labels) < 2 or labels[0].lower() != "time":
-        problem = f"line {start + 1}: the labels begin with {shown(line[:40])}, but must be time and others"
+        problem = f"line {start + 1}: the labels begin with {quoted(line[:40])}, but must be time and others"
         raise InputError(path, problem, "export it again")
     if "" in labels:
         raise InputError(path, f"line {start + 1}: a label is empty", "correct it")
@@ -187,7 +187,7 @@ def _row(cells: list[str], labels: list[str], number: int, path: Path) -> list[f
     row = [number_in(cell) for cell in cells]
     for value, cell, label in zip(row, cells, labels, strict=True):
         if not np.isfinite(value):
-            problem = f"line {number}: {shown(label)} is {shown(cell)}, but must be a finite number"
+            problem = f"line {number}: {quoted(label)} is {quoted(cell)}, but must be a finite number"
             raise InputError(path, problem)
     return row
 
@@ -204,10 +204,10 @@ def _check_counts(header: dict[str, str], rows: int, columns: int, path: Path) -
 def _in_degrees(header: dict[str, str], path: Path) -> bool | None:
     kind = header.get("datatype", "double")
     if kind.lower() != "double":
-        raise InputError(path, f"the file holds {shown(kind)}, but numbers are read", "export joint angles")
+        raise InputError(path, f"the file holds {quoted(kind)}, but numbers are read", "export joint angles")
     word = header.get("indegrees")
     if word is None:
         return None if "version" in header else True
     if word.lower() not in ("yes", "no", "true", "false"):
-        raise InputError(path, f"inDegrees is {shown(word)}, but must be yes or no")
+        raise InputError(path, f"inDegrees is {quoted(word)}, but must be yes or no")
     return word.lower() in ("yes", "true")

@@ -23,7 +23,7 @@ from vtkmuscle.opensim.functions import (
 from vtkmuscle.opensim.tree import Coupling, Joint, JointAxis, JointCoordinate, KinematicTree
 from vtkmuscle.opensim.tree_motion import grid_of, motion_of_tree
 from vtkmuscle.scene.data import MILLIMETRES
-from vtkmuscle.scene.faults import SceneError, placed
+from vtkmuscle.scene.faults import SceneError, errors_at
 from vtkmuscle.scene.files import SceneFiles
 from vtkmuscle.scene.joint_schema import Axis, Function, JointTable, OpenSimTable
 from vtkmuscle.scene.motion import steps_of
@@ -69,7 +69,7 @@ class SceneJoints:
         key = "motion.file" if table.motion.file is not None else "motion.grid"
         _warn_of_ranges(values, self.tree, key, files)
         chosen = list(table.motion.coordinates) if table.motion.coordinates else None
-        with placed("motion", files.paths[""], "correct it"):
+        with errors_at("motion", files.paths[""], "correct it"):
             moved = motion_of_tree(
                 self.tree,
                 values,
@@ -103,11 +103,11 @@ def joints_in(table: SceneTable, files: SceneFiles) -> SceneJoints:
     couplings: list[Coupling] = []
     factors = _factors(table.joints)
     for name, joint in table.joints.items():
-        with placed(f"joints.{name}", files.paths[""], "correct it"):
+        with errors_at(f"joints.{name}", files.paths[""], "correct it"):
             coordinates += _coordinates(joint, factors, table.units)
             couplings += _couplings(joint, factors)
             joints.append(_joint(name, joint, factors))
-    with placed("joints", files.paths[""], "correct it"):
+    with errors_at("joints", files.paths[""], "correct it"):
         tree = KinematicTree(GROUND, joints, coordinates, couplings)
     return SceneJoints(_at_rest(tree), {bone: bone for bone in table.bones}, GROUND, GROUND)
 
@@ -148,7 +148,7 @@ def _known(
     grid: Mapping[str, list[float]], tree: KinematicTree, files: SceneFiles
 ) -> Iterator[tuple[str, list[float]]]:
     for name, three in grid.items():
-        with placed(f"motion.grid.{name}", files.paths[""]):
+        with errors_at(f"motion.grid.{name}", files.paths[""]):
             tree.coordinate(name)
         if name not in tree.free:
             problem = f"the coordinate {name!r} follows another one"
@@ -181,7 +181,7 @@ def _of_opensim(table: OpenSimTable, scene: SceneTable, files: SceneFiles) -> Sc
     for bone in given:
         if bone not in scene.bones:
             raise SceneError(f"there is no bone {bone!r}", f"opensim.bodies.{bone}", "", where)
-    with placed("opensim.rest", where):
+    with errors_at("opensim.rest", where):
         rest = {
             name: value * (_DEGREE if tree.coordinate(name).is_angle else 1.0)
             for name, value in (table.rest or {}).items()

@@ -18,15 +18,15 @@ from vtkmuscle.scene.faults import SceneError
 LONG, MOST = 1.0 / 6.0, 1000.0
 #: Of a frame: by itself, and for a triangle (docs/validation/scale.rst) [s].
 _FRAME_TIME, _TRIANGLE_TIME = 0.02, 2.5e-6
-#: Of a fibre in a frame: alone, by how many others there are, and at most. Fibres side by side settle the more
-#: slowly the more they are: 2.7 ms each of 2048 in a spindle, 6.9 of 4096, 7.2 of 8192 [s].
+#: Of a fibre in a frame: alone, for each other fibre, and at most. Fibres side by side settle the more slowly
+#: the more there are: 2.7 ms each of 2048 in a spindle, 6.9 of 4096, 7.2 of 8192 [s].
 _FIBRE_TIME, _DENSITY_TIME, _MOST_FIBRE_TIME = 1e-3, 1e-6, 7e-3
 #: Of a round, and of an iteration of Algorithm 2, for a triangle: on the phantom hip, 200 of them [s].
 _ROUND_TIME, _ITERATION_TIME = 6e-8, 1.5e-7
 
 
 def check_duration(scene: SceneData, numbers: range) -> None:
-    """Say that a run of these frames takes more than ten minutes; raise a SceneError for more than 1000 hours.
+    """Say that a run of these frames takes over ten minutes; raise a SceneError for over 1000 hours.
 
     Warns
     -----

@@ -11,7 +11,7 @@ from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.bones.bone import Bone, depth_in
 from vtkmuscle.core.mesh.rest_shape import beside_slivers, dihedral_angles
-from vtkmuscle.core.mesh.solids import BentSurface, bent_surface
+from vtkmuscle.core.mesh.solids import DeformedSurface, deformed_surface
 from vtkmuscle.core.mesh.surface import (
     edge_lengths,
     mesh_topology,
@@ -74,7 +74,7 @@ class MuscleMeasure:
         self._unfolded &= ~beside_slivers(self._rest, self._quads)
         self._rest_depths: Floats | None = None
         self._fibre_rest_depths: Floats | None = None
-        self._bent: BentSurface | None = None
+        self._bent: DeformedSurface | None = None
 
     @cached_property
     def _rest_tree(self) -> TriangleTree:
@@ -149,7 +149,7 @@ class MuscleMeasure:
         ``fibre_points`` (p, 3) are those of the same fibres each time, ``points`` (n, 3) those of the muscle,
         ``depths`` (p,) what :meth:`depths` gives of the former.
         """
-        self._bent = bent_surface(points, self._triangles, self._rest_tree)
+        self._bent = deformed_surface(points, self._triangles, self._rest_tree)
         outside = fibre_points[~self._bent.inside(fibre_points)]
         farthest = float(self._bent.tree.nearest(outside)[2].max(initial=0.0))
         grown = None

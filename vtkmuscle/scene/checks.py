@@ -19,7 +19,7 @@ from vtkmuscle.data.paths import checked_superficial
 from vtkmuscle.filters.deformer.settings import check_together
 from vtkmuscle.filters.pbd_deformer import PBDDeformer
 from vtkmuscle.scene.data import Muscle, SceneData
-from vtkmuscle.scene.faults import Faults, SceneError, placed
+from vtkmuscle.scene.faults import Faults, SceneError, errors_at
 from vtkmuscle.scene.validation import validated
 from vtkmuscle.scene.writing import tables_of
 
@@ -71,7 +71,7 @@ def _check_solver(scene: SceneData, name: str) -> None:
 
 
 def _placed(scene: SceneData, key: str, remedy: str = "") -> AbstractContextManager[None]:
-    return placed(key, scene.files.get(key, scene.files.get("")), remedy)
+    return errors_at(key, scene.files.get(key, scene.files.get("")), remedy)
 
 
 def _error(scene: SceneData, key: str, problem: str, remedy: str) -> SceneError:

@@ -12,7 +12,7 @@ from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 from vtkmuscle.core.bones.bone import Bone, bone_of
 from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.core.types import Floats, Ints
-from vtkmuscle.core.words import shown
+from vtkmuscle.core.words import quoted
 from vtkmuscle.data.arrays import checked_surface, multiblock_from
 from vtkmuscle.data.attachments import (
     Aponeurosis,
@@ -73,7 +73,7 @@ class Muscle:
     def __post_init__(self) -> None:
         given: Any = self.surface
         if not isinstance(given, vtkPolyData):
-            got = shown(given)
+            got = quoted(given)
             raise TypeError(
                 f"Muscle takes a surface, but got {got}; pyvista.read(path) reads one from a file"
             )

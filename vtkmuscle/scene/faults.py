@@ -61,7 +61,7 @@ class SceneError(InputError):
 
 
 @contextmanager
-def placed(key: str, file: Path | None, remedy: str = "") -> Iterator[None]:
+def errors_at(key: str, file: Path | None, remedy: str = "") -> Iterator[None]:
     """Give a ValueError or OSError that is raised inside the key and the file at fault.
 
     Parameters

@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 
 from vtkmuscle.core.errors import fault_of
 from vtkmuscle.core.files import MOST_TEXT, check_is_file
-from vtkmuscle.scene.faults import SceneError, placed
+from vtkmuscle.scene.faults import SceneError, errors_at
 
 T = TypeVar("T")
 
@@ -63,5 +63,5 @@ class SceneFiles:
         """
         path = self.paths[""].parent / text
         self.paths[key] = path
-        with placed(key, path, f"check {key.rpartition('.')[2]} = {text!r} and the file it names"):
+        with errors_at(key, path, f"check {key.rpartition('.')[2]} = {text!r} and the file it names"):
             return reader(path)

@@ -6,7 +6,7 @@ from typing import Annotated, Any
 
 from pydantic import AfterValidator, BeforeValidator, Field, PlainValidator, model_validator
 
-from vtkmuscle.core.words import shown
+from vtkmuscle.core.words import quoted
 from vtkmuscle.scene.schema_types import (
     FiniteNumbers,
     OneOf,
@@ -25,13 +25,13 @@ _ENDS = "a least and a largest value"
 
 def _number(value: Any) -> float:
     if not is_finite(value):
-        raise fault(f"must be a finite number, not {shown(value)}", "")
+        raise fault(f"must be a finite number, not {quoted(value)}", "")
     return float(value)
 
 
 def _ascending(ends: list[float]) -> list[float]:
     if ends[0] >= ends[1]:
-        raise fault(f"must be {_ENDS}, not {shown(ends)}", "")
+        raise fault(f"must be {_ENDS}, not {quoted(ends)}", "")
     return ends
 
 
@@ -40,14 +40,14 @@ def _named(value: Any) -> Any:
         return {name: {} for name in value}
     if not isinstance(value, dict):
         remedy = 'write ["NAME"], or { NAME = { range = [0, 120], positive = "flexion" } }'
-        raise fault(f"must be a list of names, not {shown(value)}", remedy)
+        raise fault(f"must be a list of names, not {quoted(value)}", remedy)
     return value
 
 
 def _three_axes(value: Any) -> Any:
     if not isinstance(value, list) or len(value) != 3:
         remedy = "write axes = [[1, 0, 0], [0, 1, 0], [0, 0, 1]]"
-        raise fault(f"must be three directions, not {shown(value)}", remedy)
+        raise fault(f"must be three directions, not {quoted(value)}", remedy)
     return value
 
 

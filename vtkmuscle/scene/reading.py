@@ -29,7 +29,7 @@ from vtkmuscle.io import (
     read_surface,
 )
 from vtkmuscle.scene.data import MILLIMETRES, Muscle
-from vtkmuscle.scene.faults import Faults, SceneError, placed
+from vtkmuscle.scene.faults import Faults, SceneError, errors_at
 from vtkmuscle.scene.files import SceneFiles, parsed
 from vtkmuscle.scene.mirror import mirrored_fields
 from vtkmuscle.scene.motion import joints_of, motion_from
@@ -229,7 +229,7 @@ def _estimated(
     bodies: dict[bytes, list[str]] = {}
     for bone in bones:  # those without transforms stay where they are
         bodies.setdefault(motion.transforms.get(bone, motion.times[:0]).tobytes(), []).append(bone)
-    with placed(key, files.paths[""]):
+    with errors_at(key, files.paths[""]):
         areas = estimated_areas(
             surface, bones, within=within, origin=origin, insertion=insertion, bodies=[*bodies.values()]
         )

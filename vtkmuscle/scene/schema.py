@@ -13,7 +13,7 @@ from pydantic import (
 )
 
 from vtkmuscle.core.motion.coordinates import ANGLES, TRANSLATIONS
-from vtkmuscle.core.words import shown
+from vtkmuscle.core.words import quoted
 from vtkmuscle.data.attachments import ROLES, VIA
 from vtkmuscle.filters.deformer.settings import PRESETS
 from vtkmuscle.io.slicer import FRAMES
@@ -61,7 +61,7 @@ def _columns(value: Any) -> Any:
         return {name: {} for name in value}
     if not isinstance(value, dict):
         remedy = 'write ["COLUMN"], or { COLUMN = { unit = "deg", positive = "flexion" } }'
-        raise fault(f"must be a list of columns, not {shown(value)}", remedy)
+        raise fault(f"must be a list of columns, not {quoted(value)}", remedy)
     return value
 
 
@@ -69,7 +69,7 @@ def _file_or_files(value: Any, handler: Callable[[Any], Any]) -> Any:
     if isinstance(value, dict):
         return handler(value)
     if not isinstance(value, str) or not value:
-        raise fault(f"must be a text, not {shown(value)}", "")
+        raise fault(f"must be a text, not {quoted(value)}", "")
     return {ALONE: value}
 
 
@@ -81,10 +81,10 @@ def _list_or_estimate(value: Any, handler: Callable[[Any], Any]) -> Any:
         bones = [one for one in named if isinstance(one, str)] if isinstance(named, list) else []
         if len(bones) != 2 or named != bones or len(value) > 1:
             remedy = '{ estimate = ["BONE OF THE ORIGIN", "BONE OF THE INSERTION"] }'
-            raise fault(f"must name two bones, not {shown(value)}", f"write {remedy}")
+            raise fault(f"must name two bones, not {quoted(value)}", f"write {remedy}")
         return Estimate(*bones)
     if not isinstance(value, list):
-        raise fault(f"must be a list, not {shown(value)}", f'write [{_AREA}], or "{ESTIMATE}"')
+        raise fault(f"must be a list, not {quoted(value)}", f'write [{_AREA}], or "{ESTIMATE}"')
     return handler(value)
 
 
@@ -110,7 +110,7 @@ class Coordinate(Table):
 def _grids(value: Any) -> Any:
     if not isinstance(value, dict) or not value:
         remedy = "write { knee_angle = [0, 90, 5] }"
-        raise fault(f"must be a table of coordinates, not {shown(value)}", remedy)
+        raise fault(f"must be a table of coordinates, not {quoted(value)}", remedy)
     return value
 
 

@@ -20,7 +20,7 @@ from pydantic import (
 from pydantic_core import CoreSchema, PydanticCustomError
 from pydantic_core.core_schema import no_info_plain_validator_function
 
-from vtkmuscle.core.words import shown, suggestion
+from vtkmuscle.core.words import quoted, suggestion
 from vtkmuscle.filters.base.parameters import Parameter
 from vtkmuscle.filters.fixed_point_detector import FixedPointDetector
 from vtkmuscle.filters.pbd_deformer import PBDDeformer
@@ -50,7 +50,7 @@ def _checked(declaration: Parameter[Any], value: Any) -> Any:
     try:
         declaration.check(value, "")
     except ValueError:
-        problem = f"{shown(value)} is not allowed"
+        problem = f"{quoted(value)} is not allowed"
         raise fault(problem, f"it must be {declaration.allowed}") from None
     return value
 
@@ -114,11 +114,11 @@ def checked_name(name: str) -> str:
     """Return a name of a scene, a bone or a muscle; raise a fault where no file could be called so."""
     if not _NAME.fullmatch(name):
         remedy = "use letters, digits, spaces and _ - + . only, beginning and ending with a letter or digit"
-        raise fault(f"{shown(name)} cannot be part of a file name", remedy)
+        raise fault(f"{quoted(name)} cannot be part of a file name", remedy)
     if _DEVICES.fullmatch(name):
         raise fault(f"{name!r} cannot be the name of a file on Windows", "give it another name")
     if name.casefold().endswith(_RESULTS):
-        problem = f"{shown(name)} ends like a file of results, and would be in the way of one"
+        problem = f"{quoted(name)} ends like a file of results, and would be in the way of one"
         raise fault(problem, "leave out the suffix")
     if len(name.encode()) > _LONGEST:
         raise fault(f"a name of {len(name)} letters is too long for a file", f"use at most {_LONGEST}")
@@ -136,10 +136,10 @@ class OneOf:
 
     def _check(self, value: Any) -> str:
         if not isinstance(value, str) or not value:
-            raise fault(f"must be a text, not {shown(value)}", "")
+            raise fault(f"must be a text, not {quoted(value)}", "")
         if value not in self.words:
             what = (
-                f"there is no {self.what} {shown(value)}" if self.what else f"{shown(value)} is not allowed"
+                f"there is no {self.what} {quoted(value)}" if self.what else f"{quoted(value)} is not allowed"
             )
             raise fault(what, suggestion(value, self.words))
         return value
@@ -158,7 +158,7 @@ class FiniteNumbers:
         """Return the numbers; raise a fault where there are others."""
         good = isinstance(value, list | tuple) and len(value) > 0 and all(map(is_finite, value))
         if not good or len(value) != (self.count or len(value)):
-            raise fault(f"must be {self.what}, not {shown(value)}", "")
+            raise fault(f"must be {self.what}, not {quoted(value)}", "")
         return [float(one) for one in value]
 
 

@@ -10,7 +10,7 @@ import tomli_w
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
-from vtkmuscle.core.words import shown, suggestion
+from vtkmuscle.core.words import quoted, suggestion
 from vtkmuscle.data.attachments import ROLES, VIA
 from vtkmuscle.filters.fixed_point_detector import FixedPointDetector
 from vtkmuscle.scene.faults import Faults, SceneError
@@ -102,11 +102,11 @@ def _fault(error: ErrorDetails, name: str, known: type[BaseModel]) -> tuple[str,
         if kind == "bool_type" and field is not None and field.description:
             first = field.description.partition(". ")[0]
             remedy = first[0].lower() + first[1:].rstrip(".")
-        return f"must be {_KINDS[kind]}, not {shown(value)}", remedy
+        return f"must be {_KINDS[kind]}, not {quoted(value)}", remedy
     if kind not in ("dict_type", "model_type", "model_attributes_type"):
         allowed = error["msg"].replace("Input should be", "it must be").replace("List should", "it must")
-        return f"{shown(value)} is not allowed", allowed
-    return f"must be a table, not {shown(value)}", "see the format of a scene.toml"
+        return f"{quoted(value)} is not allowed", allowed
+    return f"must be a table, not {quoted(value)}", "see the format of a scene.toml"
 
 
 def _model_at(path: tuple[int | str, ...], root: type[BaseModel]) -> type[BaseModel]:
@@ -195,7 +195,7 @@ def _of_motion(motion: Motion, bones: list[str], *, jointed: bool) -> Iterator[_
         moving = {"motion.bone": motion.bone}
     for key, bone in moving.items():
         if bone not in bones:
-            yield key, f"there is no bone {shown(bone)}", suggestion(bone, bones)
+            yield key, f"there is no bone {quoted(bone)}", suggestion(bone, bones)
 
 
 def _of_aponeuroses(key: str, muscle: MuscleTable, scene: SceneTable) -> Iterator[_Fault]:
@@ -210,11 +210,11 @@ def _of_attachments(key: str, muscle: MuscleTable, scene: SceneTable) -> Iterato
     if isinstance(muscle.attachments, Estimate):
         for bone in muscle.attachments.bones:
             if bone not in scene.bones:
-                yield key, f"there is no bone {shown(bone)}", suggestion(bone, scene.bones)
+                yield key, f"there is no bone {quoted(bone)}", suggestion(bone, scene.bones)
         return
     for number, area in enumerate(muscle.attachments):
         if area.bone not in scene.bones:
-            problem = f"there is no bone {shown(area.bone)}"
+            problem = f"there is no bone {quoted(area.bone)}"
             yield f"{key}[{number}].bone", problem, suggestion(area.bone, scene.bones)
         if area.role == VIA and area.closed is False:
             remedy = "leave closed out, or write closed = true"
@@ -249,12 +249,12 @@ def joint_faults(scene: SceneTable) -> Iterator[_Fault]:
     known = [name for joint in scene.joints.values() for name in joint.coordinates or {}]
     for number, name in enumerate(known):
         if name in known[:number]:
-            yield "joints", f"there are two coordinates {shown(name)}", "rename one of them"
+            yield "joints", f"there are two coordinates {quoted(name)}", "rename one of them"
     for name, joint in scene.joints.items():
         key = f"joints.{name}"
         for what, body, others in (("parent", joint.parent, children), ("child", joint.child, parents)):
             if body not in scene.bones and body not in others:
-                yield f"{key}.{what}", f"there is no bone {shown(body)}", suggestion(body, scene.bones)
+                yield f"{key}.{what}", f"there is no bone {quoted(body)}", suggestion(body, scene.bones)
         yield from _of_kind(key, joint)
         yield from _of_functions(key, joint, known)
 
@@ -317,7 +317,7 @@ def _of_functions(key: str, joint: JointTable, known: list[str]) -> Iterator[_Fa
             remedy = 'write follows = "NAME" and one function, or neither'
             yield where, f"{problem} {', '.join(_FUNCTIONS)}", remedy
         if one.follows is not None and (one.follows not in known or one.follows == name):
-            problem = f"there is no other coordinate {shown(one.follows)}"
+            problem = f"there is no other coordinate {quoted(one.follows)}"
             yield (
                 f"{where}.follows",
                 problem,
@@ -331,7 +331,7 @@ def _of_functions(key: str, joint: JointTable, known: list[str]) -> Iterator[_Fa
                     yield f"{where}.coordinate", "the key is missing", "name what it is a function of"
                 continue
             if axis.coordinate not in known:
-                problem = f"there is no coordinate {shown(axis.coordinate)}"
+                problem = f"there is no coordinate {quoted(axis.coordinate)}"
                 yield f"{where}.coordinate", problem, suggestion(axis.coordinate, known)
             if len(given) > 1 or axis.constant is not None:
                 yield where, "has more than one function", "leave all but one out"

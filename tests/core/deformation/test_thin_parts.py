@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from vtkmuscle.core.collision.obstacles import DistanceObstacle
-from vtkmuscle.core.deformation.muscle import CarriedMuscle
+from vtkmuscle.core.deformation.muscle import PathDrivenMuscle
 from vtkmuscle.core.fixed_muscle import FixedMuscle
 from vtkmuscle.core.mesh.rest_shape import RestShape
 from vtkmuscle.core.mesh.surface import signed_volume
@@ -62,7 +62,7 @@ def tendon(section, mesh):
 
 def moved(muscle, poses, rounds, segments, obstacles=()):
     """Return the muscle after poses (k, 4, 4) of bone 0, beside which bone 1 stays."""
-    model, pose = CarriedMuscle(muscle, obstacles, segments), None
+    model, pose = PathDrivenMuscle(muscle, obstacles, segments), None
     for transform in poses:
         pose = model.pose(pose, np.array([transform, np.eye(4)]), rounds=rounds)
         assert pose.paths.settled

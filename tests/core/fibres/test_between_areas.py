@@ -3,7 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from vtkmuscle.core.fibres.between_areas import EndSurface, bent_inside, filled_share, straight_fibres
+from vtkmuscle.core.fibres.between_areas import EndSurface, bend_inside, filled_share, straight_fibres
 from vtkmuscle.phantoms.meshing import box
 
 
@@ -95,7 +95,7 @@ def test_fibres_that_leave_are_bent_inside_and_others_stay(plates):
         far = np.linalg.norm(away, axis=1, keepdims=True)
         return np.where(far < 4.0, [28.0, 7.5, 6.0] + 4.0 * away / np.maximum(far, 1e-9), places)
 
-    inside, departures = bent_inside(fibres, into_muscle)
+    inside, departures = bend_inside(fibres, into_muscle)
     bent = departures > 0.0
     assert 0 < bent.sum() < 50
     assert np.array_equal(inside[~bent], fibres[~bent])

@@ -4,23 +4,23 @@ import numpy as np
 import pytest
 
 from vtkmuscle.core.morphing.twist import (
-    SeenFibres,
+    SuperficialFibres,
     angle_between,
     angle_to_nearest,
     root_mean_square,
-    seen_fibres,
+    superficial_pieces,
 )
 
 
 def test_pieces_share_out_their_fibres():
     lines = np.array([[0.0, 0, 0], [0, 0, 10], [5, 0, 0], [5, 0, 0], [5, 3, 0]])
-    seen = seen_fibres(lines, np.array([0, 2, 5]), np.array([[0.0, 0, -50], [0, 0, 50]]))
+    seen = superficial_pieces(lines, np.array([0, 2, 5]), np.array([[0.0, 0, -50], [0, 0, 50]]))
     assert seen.weights.sum() == pytest.approx(13.0)
     assert seen.weights.max() <= 2.0
     assert np.allclose(np.abs(seen.directions @ [0, 0, 1]).round(12) @ seen.weights, 10.0)
     assert np.allclose(seen.places[:5], [[0, 0, z] for z in (1, 3, 5, 7, 9)])
     with pytest.raises(ValueError, match="no fibre has a length"):
-        seen_fibres(lines[2:4], np.array([0, 2]), lines)
+        superficial_pieces(lines[2:4], np.array([0, 2]), lines)
 
 
 def test_angles_have_no_sign():
@@ -31,7 +31,7 @@ def test_angles_have_no_sign():
 
 
 def test_the_angle_to_others_is_that_to_the_nearest_of_them():
-    seen = SeenFibres(np.array([[0.0, 0, 0], [10, 0, 0]]), np.eye(3)[[0, 0]], np.ones(2))
+    seen = SuperficialFibres(np.array([[0.0, 0, 0], [10, 0, 0]]), np.eye(3)[[0, 0]], np.ones(2))
     others = np.array([[-1.0, 0, 1], [1, 0, 1], [9, -1, 0], [11, 1, 0]])
     angle = angle_to_nearest(seen, others, np.array([0, 2, 4]))
     assert np.degrees(angle) == pytest.approx(np.sqrt(45**2 / 2))

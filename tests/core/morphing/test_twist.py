@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from vtkmuscle.core.morphing.twist import BoundaryDrift, SeenFibres, fitted_twist, turned_starts
+from vtkmuscle.core.morphing.twist import BoundaryDrift, SuperficialFibres, fitted_twist, turned_starts
 from vtkmuscle.core.template.kinds import TEMPLATES
 
 FRACTIONS = np.linspace(0.02, 0.98, 33)
@@ -33,7 +33,7 @@ def test_a_twist_is_found_again_from_lines_along_the_turned_starts(twist):
     lengths = np.linalg.norm(steps, axis=1)
     places = np.concatenate([(line[1:] + line[:-1]) / 2 for line in lines])
     for sign in (1.0, -1.0):
-        seen = SeenFibres(places, sign * steps / lengths[:, None], lengths)
+        seen = SuperficialFibres(places, sign * steps / lengths[:, None], lengths)
         found = fitted_twist(rings, corner, FRACTIONS, seen)
         assert found.twist == pytest.approx(twist, abs=1.0 + 0.01 * abs(twist))
         assert found.angle < 2.0
@@ -47,7 +47,7 @@ def test_fibres_across_the_muscle_find_no_twist_that_explains_them():
     towards /= np.linalg.norm(towards, axis=1)[:, None]
     towards[::2] = [0.0, 0.0, 1.0]  # half of them along it: no twist suits both
     found = fitted_twist(
-        rings, np.array([r[0] for r in rings]), FRACTIONS, SeenFibres(places, towards, np.ones(9))
+        rings, np.array([r[0] for r in rings]), FRACTIONS, SuperficialFibres(places, towards, np.ones(9))
     )
     assert found.best_angle > 30
     assert (found.twist, found.angle) == (0.0, found.straight_angle)

@@ -9,10 +9,10 @@ from scipy.spatial.transform import Rotation
 from vtkmuscle.core.motion.rigid import apply_transform
 from vtkmuscle.core.template.fitting import (
     ASSIGNMENTS,
-    SeenMuscle,
+    MuscleViews,
+    areas_are_opposite,
     centroid_axis,
     fit_box,
-    lie_opposite,
     principal_axis,
     turned_cube,
 )
@@ -51,7 +51,7 @@ def fit(points, origin, insertion, axis=None, angle_step=5.0, **areas):
     axis = centroid_axis(origin, insertion) if axis is None else axis
     areas = areas or PARALLEL
     return fit_box(
-        SeenMuscle(points), axis, origin=origin, insertion=insertion, angle_step=angle_step, **areas
+        MuscleViews(points), axis, origin=origin, insertion=insertion, angle_step=angle_step, **areas
     )
 
 
@@ -157,7 +157,7 @@ def test_aponeuroses_lie_on_the_template_faces_that_are_nearest_to_them(flip):
 
 
 def test_principal_axis_is_the_long_one_and_points_to_the_insertion():
-    points = SeenMuscle(block() - SIDES / 2)
+    points = MuscleViews(block() - SIDES / 2)
     top, bottom = np.array([[0.0, 0, 50]]), np.array([[0.0, 0, -50]])
     assert np.allclose(principal_axis(points, bottom, top), [0, 0, 1])
     assert np.allclose(principal_axis(points, top, bottom), [0, 0, -1])
@@ -189,7 +189,7 @@ def test_a_flat_muscle_is_refused(flat):
 @pytest.mark.parametrize("kind", list(TEMPLATES))
 def test_only_areas_at_bottom_and_top_lie_opposite(kind):
     areas = (TEMPLATES[kind].origin_areas.reshape(-1, 3), TEMPLATES[kind].insertion_areas.reshape(-1, 3))
-    assert lie_opposite(*areas) == (kind not in {"pennate", "bipennate"})
+    assert areas_are_opposite(*areas) == (kind not in {"pennate", "bipennate"})
 
 
 def coarse_and_fine(seed):
@@ -198,7 +198,7 @@ def coarse_and_fine(seed):
     origin, insertion = ends(points)
     return (
         fit_box(
-            SeenMuscle(points),
+            MuscleViews(points),
             np.array([0.0, 0, 1]),
             origin=origin,
             insertion=insertion,

@@ -20,7 +20,7 @@ SWALLOWED = 0.9
 
 
 class Barrier:
-    """What keeps the free points of one muscle out of the bones.
+    """The collision response of the free points of one muscle to the bones.
 
     Parameters
     ----------

@@ -36,7 +36,7 @@ class Clearance:
         self._to_rest: tuple[Floats, Floats] | None = None
 
     def to_rest(self, bone: Floats) -> Floats:
-        """Return the inverse of where the bone is; one array is inverted once, however often it comes."""
+        """Return the inverse transform of a bone, computed once per array."""
         if self._to_rest is None or self._to_rest[0] is not bone:
             self._to_rest = bone, inverse(bone)
         return self._to_rest[1]
@@ -59,7 +59,7 @@ class Clearance:
 
 @kernel
 def _carry(since: Floats, step: Floats, x: Floats, seen_at: Floats, squares: Floats) -> None:
-    """Move where points were seen with the bone, and forget those that begin their ways farther off.
+    """Move the last known points with the bone, and drop those whose ways begin farther off.
 
     since, step : (4, 4), motions of the bone since they were seen, and in this step.
     """

@@ -13,7 +13,7 @@ import numpy as np
 from vtkmuscle.core.bones.bone import CELLS_PER_DIAGONAL, Bone, bone_of
 from vtkmuscle.core.collision.distance_collision import Clearance, resolve_distance_collisions
 from vtkmuscle.core.collision.voxels import VoxelGrid, build_voxel_grid, resolve_collisions
-from vtkmuscle.core.errors import placed
+from vtkmuscle.core.errors import errors_at
 from vtkmuscle.core.mesh.triangle_tree import TriangleTree
 from vtkmuscle.core.motion.rigid import apply_transform, inverse
 from vtkmuscle.core.types import Bools, Floats, Ints
@@ -21,7 +21,7 @@ from vtkmuscle.core.types import Bools, Floats, Ints
 
 @dataclass(eq=False)
 class Approach:
-    """How a bone and the points of a muscle come to each other in a step.
+    """The relative motion of a bone and the points of a muscle in a step.
 
     Attributes
     ----------
@@ -123,7 +123,7 @@ class Obstacle(ABC):
 
     @abstractmethod
     def begin(self, approach: Approach) -> None:
-        """Begin a step with what is known of the points that are away from the bone, where that is used."""
+        """Begin a step, with the known distances of points far from the bone."""
 
     @abstractmethod
     def keep_out(self, approach: Approach, p: Floats) -> Bools:
@@ -182,7 +182,7 @@ class VoxelObstacle(Obstacle):
     @cached_property
     def grid(self) -> VoxelGrid:
         """The bone's voxels."""
-        with placed(self.name):
+        with errors_at(self.name):
             return build_voxel_grid(
                 self.points, self.triangles, n_max=self.n_max, n_equal=self.n_equal, what=self.name
             )
@@ -191,7 +191,7 @@ class VoxelObstacle(Obstacle):
         """Return None: a point that was in the bone before is not moved."""
 
     def entered(self, points: Floats, moved: Bools) -> Bools:
-        """Return which points are in the bone's voxels: not all that are need have been moved."""
+        """Return the points in the voxels of the bone, moved or not."""
         return self.grid.contains(points)
 
     def begin(self, approach: Approach) -> None:
@@ -242,7 +242,7 @@ class DistanceObstacle(Obstacle):
     @cached_property
     def shape(self) -> Bone:
         """The bone at rest, shared by all muscles that meet it; warns of what is wrong with its surface."""
-        with placed(self.name):
+        with errors_at(self.name):
             shape = super().shape
             if shape.solids.remarks:
                 warnings.warn(f"{self.name}: " + "; ".join(shape.solids.remarks), stacklevel=2)
@@ -268,7 +268,7 @@ class DistanceObstacle(Obstacle):
         return moved
 
     def begin(self, approach: Approach) -> None:
-        """Carry what is known along with the bone."""
+        """Move the known distances with the bone."""
         approach.clearance.begin(approach.now, approach.step, approach.x)
 
     def keep_out(self, approach: Approach, p: Floats) -> Bools:
@@ -346,7 +346,7 @@ class MuscleContact:
 
 
 class _Planes:
-    """For each point of the muscle the plane that touches a neighbour at the nearest place."""
+    """The tangent plane of a neighbouring muscle at the point nearest to each point of the muscle."""
 
     def __init__(self, neighbour: Neighbour, n_points: int) -> None:
         self._neighbour = neighbour

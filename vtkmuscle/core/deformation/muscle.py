@@ -57,8 +57,8 @@ class Pose:
         return self.surface.nbytes + self.transforms.nbytes + fibres + paths + carried
 
 
-class CarriedMuscle:
-    """A muscle that its taut paths carry along with the bones, and that then settles.
+class PathDrivenMuscle:
+    """A muscle that moves with its taut paths, by skinning weights, and then settles.
 
     Its paths are its fibres pulled taut, or lines over its surface where it has none. A muscle that is not
     fixed to two bones has no paths: the bones' motions carry it, blended by harmonic weights.

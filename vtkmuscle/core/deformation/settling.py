@@ -36,8 +36,8 @@ _ORIGIN = np.zeros(3)
 
 
 @dataclass(frozen=True, eq=False)
-class Settled:
-    """A settled muscle.
+class SettlingResult:
+    """The points of a muscle that has settled.
 
     Attributes
     ----------
@@ -97,7 +97,7 @@ class Settling:
         rounds: int,
         neighbours: Sequence[Neighbour] = (),
         progress: Callable[[float], None] | None = None,
-    ) -> Settled:
+    ) -> SettlingResult:
         """Return the muscle settled in a pose.
 
         Parameters
@@ -134,7 +134,7 @@ class Settling:
             if progress is not None:
                 progress((number + 1) / rounds)
         held = self._finish(points, touching)
-        return Settled(points, int(held.sum()))
+        return SettlingResult(points, int(held.sum()))
 
     def _leave_bones(self, points: Floats, contact: Callable[[Floats], Contact]) -> Contact:
         """Move points out of the bones, in place; return the contact, which goes on from there.

@@ -126,7 +126,7 @@ def straight_fibres(origin: EndSurface, insertion: EndSurface, count: int, resol
 
 
 def _taken(origin: EndSurface, insertion: EndSurface, candidates: Sequence[Floats]) -> Sequence[Floats]:
-    """Return those candidates of both areas, (m, 3) each, that fibres of one cross-section end on."""
+    """Return the end points on both areas, (m, 3) each, of fibres with equal cross-sections."""
     areas = origin, insertion
     if not all(area.takes[0] > 0.0 and len(area.faces) for area in areas):
         return candidates
@@ -187,7 +187,7 @@ def filled_share(fibres: Floats, origin: EndSurface, insertion: EndSurface, volu
     return float(section * np.linalg.norm(ways, axis=1).mean() / volume)
 
 
-def bent_inside(fibres: Floats, into_muscle: Callable[[Floats], Floats]) -> tuple[Floats, Floats]:
+def bend_inside(fibres: Floats, into_muscle: Callable[[Floats], Floats]) -> tuple[Floats, Floats]:
     """Return fibres of which those that leave the muscle are bent inside.
 
     Their points outside go to the nearest place in the muscle, and each fibre is smoothed, its ends kept,

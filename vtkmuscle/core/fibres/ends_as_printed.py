@@ -45,7 +45,7 @@ def ends_as_printed(
     for first, last in pairwise(offsets):
         line = points[first:last]
         for corners, direction, area in sides:
-            line = _led_on(line, direction, float((area.landmarks @ direction).min()), corners)[::-1]
+            line = _extended(line, direction, float((area.landmarks @ direction).min()), corners)[::-1]
         lines.append(line)
     return np.vstack(lines), np.append(0, np.cumsum([len(line) for line in lines]))
 
@@ -58,7 +58,7 @@ def _area_triangles(area: EndArea) -> Floats:
     return np.ascontiguousarray(area.points[triangles])
 
 
-def _led_on(line: Floats, direction: Floats, height: float, corners: Floats) -> Floats:
+def _extended(line: Floats, direction: Floats, height: float, corners: Floats) -> Floats:
     """Return a line (n, 3) without what is beyond a plane at its end, with a segment to an area."""
     beyond = line @ direction - height
     if beyond[0] >= 0.0:

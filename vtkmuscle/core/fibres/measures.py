@@ -260,7 +260,7 @@ HOOKED = 90.0
 
 @dataclass(frozen=True)
 class Arrangement:
-    """What is said of fibres at rest.
+    """Measures of fibres at rest.
 
     Attributes
     ----------
@@ -282,7 +282,7 @@ class Arrangement:
 
 
 def arrangement(points: Floats, offsets: Ints, samples: Floats) -> Arrangement:
-    """Return how fibres lie beside each other.
+    """Return the arrangement of fibres: spacing, turns and crossings.
 
     Parameters
     ----------

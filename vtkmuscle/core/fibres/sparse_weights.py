@@ -154,7 +154,7 @@ def sparse_mean_value_coordinates(
         some = queries[first : first + AT_ONCE]
         weights = weights_of(mesh, some, threads, first=first)
         grouped = _grouped(weights, groups, threshold)
-        made_up = _make_up(grouped, means, sizes, some - mesh.centre)
+        made_up = _reproduce_points(grouped, means, sizes, some - mesh.centre)
         if not made_up.all():
             whole = _grouped(weights, groups, -np.inf)
             grouped = csr_array(vstack([(grouped if fine else whole)[[i]] for i, fine in enumerate(made_up)]))
@@ -202,7 +202,7 @@ def _grouped(weights: Floats, groups: VertexGroups, threshold: float) -> csr_arr
 
 @reduction
 def _take(weights: Floats, starts: Ints, radii: Floats, most: float, totals: Floats, taken: Bools) -> None:
-    """Write the sum of the weights of each group, and keep those taken whose weights differ little from it.
+    """Sum the weights of each group, and keep the groups whose weights differ little.
 
     taken : (q, g), changed in place: which groups are looked at, and of these which differ by no more than
     ``most``, times the radius.
@@ -221,7 +221,7 @@ def _take(weights: Floats, starts: Ints, radii: Floats, most: float, totals: Flo
             totals[q, g], taken[q, g] = total, radii[g] * off <= most
 
 
-def _make_up(weights: csr_array, means: Floats, sizes: Ints, queries: Floats) -> Bools:
+def _reproduce_points(weights: csr_array, means: Floats, sizes: Ints, queries: Floats) -> Bools:
     """Change weights (q, g) by least squares to sum to 1 and reproduce points (q, 3); return where they do.
 
     With c_j vertices in group j, minimise sum_j d_j^2 / c_j such that the weights w + d do so.

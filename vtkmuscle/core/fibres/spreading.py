@@ -91,7 +91,7 @@ ALONG_ROWS = 2
 
 @dataclass(frozen=True, eq=False)
 class Cloud:
-    """Positions in a muscle, of even density, and what does not change as fibres move among them.
+    """Sample points of even density in a muscle, with the quantities that moving fibres leave unchanged.
 
     Attributes
     ----------
@@ -114,7 +114,7 @@ class Cloud:
 
 
 def cloud(samples: Floats) -> Cloud:
-    """Return positions (j, 3), j >= 1, and what is known of them."""
+    """Return sample points (j, 3), j >= 1, with their quantities."""
     # Those next to each other one after the other: what is looked up for them is at hand.
     samples = samples[space_order(samples)]
     about = samples - samples.mean(axis=0)

@@ -49,10 +49,10 @@ class Tendons:
         bow = np.linalg.norm(fibres - self._chords(fibres[:, 0], fibres[:, -1]), axis=2).max(axis=1)
         self._bent = bow > STRAIGHT * np.linalg.norm(fibres[:, -1] - fibres[:, 0], axis=1)
         self._free = ~fixed
-        self._sides = [_Beside(fibres[:, end], paths[:, :: -1 if end else 1]) for end in (0, -1)]
+        self._sides = [_EndNeighbours(fibres[:, end], paths[:, :: -1 if end else 1]) for end in (0, -1)]
 
     def held(self, carried: Floats, paths: Floats) -> Floats:
-        """Return fibres (k, r, 3) that were carried along with the muscle, now that paths are (p, n, 3) [mm].
+        """Return fibres (k, r, 3) whose ends keep their distance along paths (p, n, 3) [mm].
 
         Those that were straight at rest stay straight.
         """
@@ -67,8 +67,8 @@ class Tendons:
         return (1.0 - self._share) * starts[:, None] + self._share * ends[:, None]
 
 
-class _Beside:
-    """Where ends (m, 3) are beside some of the paths (p, n, 3) of a muscle at rest."""
+class _EndNeighbours:
+    """Positions of fibre ends (m, 3) relative to neighbouring paths (p, n, 3) at rest."""
 
     def __init__(self, ends: Floats, paths: Floats) -> None:
         nodes, n = paths.reshape(-1, 3), paths.shape[1]

@@ -161,7 +161,7 @@ def _new_ends(
     """Return how much to cut off the last points of fibres, and where they end instead."""
     lengths = polyline_lengths(points, offsets)
     ends = points[offsets[1:] - 1]
-    there = _already_there(ends, area, tolerance) & (_sharpest_turns(points, offsets) <= LARGEST_TURN)
+    there = _ends_on_area(ends, area, tolerance) & (_sharpest_turns(points, offsets) <= LARGEST_TURN)
     there &= there.mean() > 0.5
     extremal = (area.landmarks @ direction).min()
     cuts = np.minimum(beyond_plane(points, offsets, points @ direction - extremal), largest_cut * lengths)
@@ -183,14 +183,14 @@ def _new_ends(
             taken = np.unique(cKDTree(free).query(ends[mine[there[mine]]])[1])
             free = np.delete(free, taken[: len(free) - len(fibres)], axis=0)
         places[fibres] = free[assign_places(departures[0, fibres], free)]
-        levels[fibres] = _least_evil(
+        levels[fibres] = _best_cut(
             departures[:, fibres], rays[:, fibres], places[fibres], into_muscle, tolerance
         )
     cuts = np.where(there, 0.0, tried[levels, np.arange(len(cuts))])
     return _Ends(cuts, places)
 
 
-def _least_evil(
+def _best_cut(
     departures: Floats,
     rays: Floats,
     places: Floats,
@@ -226,7 +226,7 @@ def _least_evil(
     return levels
 
 
-def _already_there(ends: Floats, area: EndArea, tolerance: float) -> NDArray[np.bool_]:
+def _ends_on_area(ends: Floats, area: EndArea, tolerance: float) -> NDArray[np.bool_]:
     """Return which fibres end on the area as they are; none, unless most of them do so without meeting.
 
     Templates whose fibres run from area to area, as the pennate one, need no new ends. But where fibres

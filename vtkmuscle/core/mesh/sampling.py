@@ -175,8 +175,8 @@ def uneven_weights(count: int) -> Floats:
     return fractions
 
 
-def heavy_side(points: Floats) -> Floats:
-    """Return a direction (d,) in which points (n, d) reach farther than the other way.
+def skewed_direction(points: Floats) -> Floats:
+    """Return the direction (d,) of the longer tail of points (n, d).
 
     That is their third moment, which no order of the points changes. Where symmetry leaves none, the numbers
     of the points decide, and not rounding.
@@ -197,7 +197,7 @@ def own_axes(points: Floats) -> tuple[Floats, Floats]:
     arms = points - centre
     weights = 1.0 + UNEVEN * (uneven_weights(len(points)) - 0.5)
     axes = np.linalg.eigh((arms * weights[:, None]).T @ arms)[1].T[::-1].copy()
-    axes *= np.where(axes @ heavy_side(points) < 0.0, -1.0, 1.0)[:, None]
+    axes *= np.where(axes @ skewed_direction(points) < 0.0, -1.0, 1.0)[:, None]
     return centre, axes
 
 

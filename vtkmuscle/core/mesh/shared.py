@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 
-class Recent:
-    """Keeps what was found out for the last few keys, and forgets what has not been asked for longest.
+class RecentlyUsed:
+    """A cache of a few results by key, which drops the least recently used one.
 
     Parameters
     ----------
@@ -25,8 +25,8 @@ class Recent:
 
     Examples
     --------
-    >>> from vtkmuscle.core.mesh.shared import Recent
-    >>> recent = Recent(2)
+    >>> from vtkmuscle.core.mesh.shared import RecentlyUsed
+    >>> recent = RecentlyUsed(2)
     >>> recent("a", lambda: 1), recent("a", lambda: 2)
     (1, 1)
     """
@@ -52,7 +52,7 @@ P = ParamSpec("P")
 
 
 class _Holders:
-    """Those who keep what is shared, and what they keep together."""
+    """The holders of shared objects, and the objects of each."""
 
     def __init__(self) -> None:
         self.count = 0
@@ -65,7 +65,7 @@ _holders = _Holders()
 
 @contextmanager
 def held() -> Iterator[None]:
-    """Keep what is made by shared functions meanwhile, though the one who asked for it be gone.
+    """Keep all results of shared functions within this context alive.
 
     Muscles that are solved one after another then share what is made from their bones.
 

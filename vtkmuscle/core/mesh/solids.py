@@ -13,7 +13,7 @@ from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.mesh.closed_shells import closed_shells
 from vtkmuscle.core.mesh.shared import shared
-from vtkmuscle.core.mesh.triangle_tree import TriangleTree, tree_of_bent, triangle_tree
+from vtkmuscle.core.mesh.triangle_tree import TriangleTree, tree_of_deformed, triangle_tree
 from vtkmuscle.core.types import Bools, Floats, Ints
 
 #: Boxes are larger by this part of the coordinates, so that rounding hides no triangle from a ray.
@@ -118,8 +118,8 @@ def _crosses(x: float, y: float, ax: float, ay: float, bx: float, by: float) -> 
     return bool(ax + (y - ay) / (by - ay) * (bx - ax) > x)
 
 
-class BentSurface:
-    """A surface in one of its shapes, and what several ask of it there.
+class DeformedSurface:
+    """A surface in one of its shapes, with its search tree.
 
     Parameters
     ----------
@@ -152,11 +152,11 @@ class BentSurface:
 
 
 #: Those that somebody holds.
-_held: WeakSet[BentSurface] = WeakSet()
+_held: WeakSet[DeformedSurface] = WeakSet()
 _lock = Lock()
 
 
-def bent_surface(points: Floats, triangles: Ints, known: TriangleTree | None) -> BentSurface:
+def deformed_surface(points: Floats, triangles: Ints, known: TriangleTree | None) -> DeformedSurface:
     """Return a surface in one of its shapes, the same object as long as anyone holds it.
 
     Carrying fibres, measuring them and judging the frame each ask for the nearest places on the same bent
@@ -167,15 +167,15 @@ def bent_surface(points: Floats, triangles: Ints, known: TriangleTree | None) ->
     points, triangles : (n, 3) array, (m, 3) int array
         Positions, finite; point ids, m >= 1.
     known : TriangleTree or None
-        Of another shape of the surface, for :func:`~vtkmuscle.core.mesh.triangle_tree.tree_of_bent`.
+        Of another shape of the surface, for :func:`~vtkmuscle.core.mesh.triangle_tree.tree_of_deformed`.
 
     Examples
     --------
     >>> import numpy as np
-    >>> from vtkmuscle.core.mesh.solids import bent_surface
+    >>> from vtkmuscle.core.mesh.solids import deformed_surface
     >>> points, triangles = np.eye(3), np.array([[0, 1, 2]])
-    >>> surface = bent_surface(points, triangles, None)
-    >>> bent_surface(points.copy(), triangles, None) is surface
+    >>> surface = deformed_surface(points, triangles, None)
+    >>> deformed_surface(points.copy(), triangles, None) is surface
     True
     """
     with _lock:
@@ -187,7 +187,7 @@ def bent_surface(points: Floats, triangles: Ints, known: TriangleTree | None) ->
         triangles = known.triangles
     else:
         triangles = triangles.copy()
-    surface = BentSurface(tree_of_bent(known, points.copy(), triangles))  # the caller's points may change
+    surface = DeformedSurface(tree_of_deformed(known, points.copy(), triangles))  # callers may change theirs
     with _lock:
         _held.add(surface)
     return surface

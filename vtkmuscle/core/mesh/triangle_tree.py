@@ -162,7 +162,7 @@ def triangle_tree(points: Floats, triangles: Ints) -> TriangleTree:
 shared_tree = shared(triangle_tree)
 
 
-def tree_of_bent(known: TriangleTree | None, points: Floats, triangles: Ints) -> TriangleTree:
+def tree_of_deformed(known: TriangleTree | None, points: Floats, triangles: Ints) -> TriangleTree:
     """Return the tree of a surface by sharing out the triangles as for another shape of it.
 
     That takes a quarter of the time of a new tree, which a frame's few queries would not pay for. The

@@ -104,7 +104,7 @@ def morph_by_planes(
 
 
 @dataclass(frozen=True, eq=False)
-class _MuscleInBox:
+class _BoxedMuscle:
     """A muscle in the coordinates of its box, its height, and how far from its ends slices stay."""
 
     surface: ClosedSurface
@@ -118,7 +118,7 @@ class _MuscleInBox:
 
     @property
     def guides(self) -> Floats:
-        """Heights of sections that do not depend on those that fibres happen to have."""
+        """Heights of sections, independent of the resolution of the fibres."""
         return self.bottom + guide_levels(self.top - self.bottom)
 
 
@@ -137,7 +137,7 @@ class _Branch:
 
 @dataclass(frozen=True, eq=False)
 class _Course:
-    """The main branch; where it ends before the box, what heights are squeezed by: first, last, low, high."""
+    """The main branch of a muscle, and the heights that it is scaled to where it ends before the box."""
 
     followed: _Branch
     volume_share: float
@@ -145,14 +145,14 @@ class _Course:
     ends: tuple[float, float, float, float] | None
 
 
-def _muscle_in_box(box: Box, muscle: ClosedSurface) -> _MuscleInBox:
+def _muscle_in_box(box: Box, muscle: ClosedSurface) -> _BoxedMuscle:
     surface = box.surface(muscle)
     heights = np.ascontiguousarray(surface.points[:, 2])
     extent = heights[surface.triangles]  # of the points that are used
-    return _MuscleInBox(surface, heights, float(extent.min()), float(extent.max()))
+    return _BoxedMuscle(surface, heights, float(extent.min()), float(extent.max()))
 
 
-def _branch_at(raised: _MuscleInBox, levels: Floats) -> _Branch:
+def _branch_at(raised: _BoxedMuscle, levels: Floats) -> _Branch:
     """Return sections at the levels and the guides."""
     at = np.union1d(levels, raised.guides)
     sections = cut_surface(raised.surface, raised.heights, at)
@@ -160,7 +160,7 @@ def _branch_at(raised: _MuscleInBox, levels: Floats) -> _Branch:
     return _Branch(sections, at, main_loops(sections, at, sizes))
 
 
-def _course(raised: _MuscleInBox, levels: Floats) -> _Course:
+def _course(raised: _BoxedMuscle, levels: Floats) -> _Course:
     """Return the course of the main branch, by regular heights, and the sections at the levels."""
     bottom, top = raised.bottom, raised.top
     regular = bottom + (top - bottom) * (np.arange(N_COURSE) + 0.5) / N_COURSE

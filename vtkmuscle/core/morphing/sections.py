@@ -125,7 +125,7 @@ def _turned(triangles: Ints, opposite: Ints) -> tuple[Ints, Ints]:
 
 
 def _rising(triangles: Ints, slabs: Ints, n_levels: int) -> tuple[Ints, Ints, Ints, Ints]:
-    """Return half-edges that go up through levels, and which crosses a level where.
+    """Return half-edges that rise through levels, and the point where each crosses a level.
 
     Returns
     -------
@@ -222,7 +222,7 @@ def _parts(
 
 
 def united(below: Ints, above: Ints, ignored: Ints) -> tuple[Ints, Ints]:
-    """Return the parts on either side of loops where the surface is not cut along some of the loops.
+    """Return the parts of a surface, joined across the loops that do not cut it.
 
     Parameters
     ----------

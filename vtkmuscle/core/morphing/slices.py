@@ -10,7 +10,7 @@ import numpy as np
 
 from vtkmuscle.core.morphing.section_maps import SectionMap, count_outside, section_map
 from vtkmuscle.core.morphing.sections import ClosedSurface
-from vtkmuscle.core.morphing.twist import STRAIGHT, SeenFibres, Twist, Twisting
+from vtkmuscle.core.morphing.twist import STRAIGHT, SuperficialFibres, Twist, TwistSetting
 from vtkmuscle.core.types import Floats, Ints
 
 #: Heights that differ by no more than this part of the box's length are equal but for rounding.
@@ -61,7 +61,7 @@ class Morph:
 
 @dataclass(frozen=True, eq=False)
 class Slicing:
-    """What goes for planes as for isolines.
+    """A way to slice a muscle: by planes, or along isolines.
 
     Attributes
     ----------
@@ -70,7 +70,7 @@ class Slicing:
     continuity : float
         Part of the muscle's length over which neighbouring slices resist twisting; 0 is the paper's rule, and
         sections then start and are split at their own vertices.
-    twisting : Twisting
+    twisting : TwistSetting
         How sections are turned along their contours, from origin to insertion.
     report_progress : callable
         Told the part of the work that is done.
@@ -81,7 +81,7 @@ class Slicing:
 
     slice_tolerance: float
     continuity: float
-    twisting: Twisting = STRAIGHT
+    twisting: TwistSetting = STRAIGHT
     report_progress: Callable[[float], None] = lambda fraction: None
     once: Callable[[Hashable, Callable[[], Any]], Any] = lambda key, find: find()
 
@@ -243,8 +243,8 @@ class Box:
         """Return the points (n, 3) that have these coordinates [mm]."""
         return coordinates @ self._frame.T + self._corner
 
-    def seen(self, fibres: SeenFibres) -> SeenFibres:
-        """Return fibres on the surface in these coordinates."""
+    def seen(self, fibres: SuperficialFibres) -> SuperficialFibres:
+        """Return superficial fibres in the coordinates of the box."""
         return fibres.within(self._corner, self._frame)
 
 

@@ -27,8 +27,8 @@ LONGEST_PIECE = 0.02
 
 
 @dataclass(frozen=True, eq=False)
-class SeenFibres:
-    """Short pieces of the given fibres.
+class SuperficialFibres:
+    """Short pieces of the superficial fibres.
 
     Attributes
     ----------
@@ -44,13 +44,13 @@ class SeenFibres:
     directions: Floats
     weights: Floats
 
-    def within(self, corner: Floats, frame: Floats) -> SeenFibres:
+    def within(self, corner: Floats, frame: Floats) -> SuperficialFibres:
         """Return them in the coordinates along the columns of a frame (3, 3), from a corner (3,) on."""
         return replace(self, places=(self.places - corner) @ frame, directions=self.directions @ frame)
 
 
-def seen_fibres(points: Floats, offsets: Ints, muscle: Floats) -> SeenFibres:
-    """Return fibres in pieces.
+def superficial_pieces(points: Floats, offsets: Ints, muscle: Floats) -> SuperficialFibres:
+    """Return superficial fibres as short pieces.
 
     Parameters
     ----------
@@ -70,19 +70,19 @@ def seen_fibres(points: Floats, offsets: Ints, muscle: Floats) -> SeenFibres:
     within = np.arange(len(segment)) - np.repeat(np.cumsum(counts) - counts, counts)
     share = (within + 0.5) / counts[segment]
     step = b - a
-    return SeenFibres(
+    return SuperficialFibres(
         places=a[segment] + share[:, None] * step[segment],
         directions=(step / lengths[:, None])[segment],
         weights=(lengths / counts)[segment],
     )
 
 
-def angle_to_nearest(seen: SeenFibres, points: Floats, offsets: Ints) -> float:
+def angle_to_nearest(seen: SuperficialFibres, points: Floats, offsets: Ints) -> float:
     """Return the angle between given fibres and the segments of others nearest to them [rad].
 
     Parameters
     ----------
-    seen : SeenFibres
+    seen : SuperficialFibres
         The given ones.
     points, offsets
         Of the others, likewise.
@@ -151,27 +151,27 @@ class Twist:
 
 
 @dataclass(frozen=True, eq=False)
-class Twisting:
-    """A twist that is given, or fibres to find it from.
+class TwistSetting:
+    """A given twist, or the superficial fibres that determine it.
 
     Attributes
     ----------
     degrees : float
         Of the insertion against the origin, 360 once round the contour.
-    seen : SeenFibres or None
+    seen : SuperficialFibres or None
         Fibres on the surface; where there are some the twist is found from them.
     offsets : (k + 1,) int array
         First point of each fibre of the template, and their number: where fibres are seen.
     """
 
     degrees: float = 0.0
-    seen: SeenFibres | None = None
+    seen: SuperficialFibres | None = None
     offsets: Ints = field(default_factory=lambda: np.zeros(1, dtype=np.int64))
 
     def found(
         self,
         guide: Callable[[], tuple[Sequence[Floats], Floats, Floats]],
-        into_box: Callable[[SeenFibres], SeenFibres],
+        into_box: Callable[[SuperficialFibres], SuperficialFibres],
         template: Floats,
         sides: Floats,
     ) -> Twist:
@@ -200,7 +200,7 @@ class Twisting:
 
 
 #: No twist.
-STRAIGHT = Twisting()
+STRAIGHT = TwistSetting()
 
 
 def guide_levels(length: float) -> Floats:
@@ -241,7 +241,7 @@ def fitted_twist(
     rings: Sequence[Floats],
     starts: Floats,
     fractions: Floats,
-    seen: SeenFibres,
+    seen: SuperficialFibres,
     drift: BoundaryDrift | None = None,
 ) -> Twist:
     """Return the twist with which a template's fibres run most nearly like given ones.
@@ -259,7 +259,7 @@ def fitted_twist(
         Where the matching of each begins without a twist [mm].
     fractions : (l,) array
         Which part of the way from origin to insertion each is at, ascending.
-    seen : SeenFibres
+    seen : SuperficialFibres
         Fibres on the surface.
     drift : BoundaryDrift, optional
         How the template's own fibres run along the boundary of its sections; None: straight.

@@ -46,7 +46,7 @@ def bundle_of(fibres: Floats, width: float) -> Bundle:
         apart, found = nearest(cKDTree(fibres[:, i]), fibres[:, i], BESIDE)
         falling = np.exp(-0.5 * (apart / width) ** 2)
         if f > BESIDE:
-            falling = to_nothing(falling)
+            falling = falling_to_zero(falling)
         beside[:, i], parts[:, i] = found * n + i, falling / falling.sum(axis=1, keepdims=True)
     return Bundle(beside.reshape(f * n, -1), parts.reshape(f * n, -1))
 
@@ -57,7 +57,7 @@ def nearest(tree: cKDTree, points: Floats, count: int) -> tuple[Floats, Ints]:
     return distances, found
 
 
-def to_nothing(values: Floats) -> Floats:
+def falling_to_zero(values: Floats) -> Floats:
     """Return values (m, k), descending, less the last: of those equally far rounding would choose one."""
     falling: Floats = values - values[:, -1:]
     return np.where(falling[:, :1] > SAME, falling, values)

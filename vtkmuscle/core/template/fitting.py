@@ -17,7 +17,7 @@ from scipy.spatial.distance import cdist
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.mesh.normals import perpendiculars
-from vtkmuscle.core.mesh.sampling import heavy_side
+from vtkmuscle.core.mesh.sampling import skewed_direction
 from vtkmuscle.core.mesh.surface import extent
 from vtkmuscle.core.types import Floats
 
@@ -65,7 +65,7 @@ class Fit:
     cost: float
 
 
-def lie_opposite(origin_area: Floats, insertion_area: Floats) -> bool:
+def areas_are_opposite(origin_area: Floats, insertion_area: Floats) -> bool:
     """Return True where a template's areas, (j, 3) points in the unit cube, are its bottom and its top.
 
     Otherwise, as for aponeuroses on the sides, the line between their centroids is not the cube's z axis.
@@ -94,7 +94,7 @@ def centroid_axis(origin: Floats, insertion: Floats) -> Floats:
     return difference / length
 
 
-def principal_axis(muscle: SeenMuscle, origin: Floats, insertion: Floats) -> Floats:
+def principal_axis(muscle: MuscleViews, origin: Floats, insertion: Floats) -> Floats:
     """Return the unit eigenvector of the points' covariance with the largest eigenvalue, (3,).
 
     Of its two directions, the one in which the insertion's centroid lies from the origin's.
@@ -103,8 +103,8 @@ def principal_axis(muscle: SeenMuscle, origin: Floats, insertion: Floats) -> Flo
     return axis if axis @ (insertion.mean(axis=0) - origin.mean(axis=0)) >= 0.0 else -axis
 
 
-class SeenMuscle:
-    """A muscle as it is seen along axes; what is found out about each axis is kept.
+class MuscleViews:
+    """Views of a muscle along axes, each computed once.
 
     Parameters
     ----------
@@ -145,7 +145,8 @@ class SeenMuscle:
                 "", "the points of the muscle lie in one plane, so that no box of any volume holds them"
             )
         outline = seen[ConvexHull(seen).vertices]
-        return View(bottom, top, first, second, outline, _least_rectangle_angle(outline, heavy_side(seen)))
+        angle = _least_rectangle_angle(outline, skewed_direction(seen))
+        return View(bottom, top, first, second, outline, angle)
 
 
 @dataclass(frozen=True, eq=False)
@@ -173,7 +174,7 @@ class View:
 
 
 def fit_box(
-    muscle: SeenMuscle,
+    muscle: MuscleViews,
     axis: Floats,
     *,
     origin: Floats,
@@ -194,7 +195,7 @@ def fit_box(
 
     Parameters
     ----------
-    muscle : SeenMuscle
+    muscle : MuscleViews
         The muscle.
     axis : (3,) array
         Unit vector from origin to insertion.

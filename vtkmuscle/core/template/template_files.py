@@ -28,7 +28,7 @@ from vtkmuscle.core.errors import InputError, fault_of
 from vtkmuscle.core.files import MOST_TEXT, check_is_file
 from vtkmuscle.core.template.kinds import FibreTemplate
 from vtkmuscle.core.types import Floats
-from vtkmuscle.core.words import shown
+from vtkmuscle.core.words import quoted
 
 #: Degrees of the Bezier curves.
 DEGREES = (2, 3, 4)
@@ -118,7 +118,7 @@ def _sheets(value: Any, where: str | Path, key: str) -> Floats:
     """Return sheets of control points, (degree + 1, 4, 3)."""
     least, most = DEGREES[0] + 1, DEGREES[-1] + 1
     if not isinstance(value, list) or not least <= len(value) <= most:
-        found = f"{len(value)} sheets" if isinstance(value, list) else shown(value)
+        found = f"{len(value)} sheets" if isinstance(value, list) else quoted(value)
         raise InputError(
             where,
             f"{key}: {found}, but must be a list of {least} to {most} sheets, for Bezier curves of degree "
@@ -134,7 +134,7 @@ def _sheets(value: Any, where: str | Path, key: str) -> Floats:
             if len(good) != 3 or not all(good):
                 raise InputError(
                     where,
-                    f"{key}[{i}][{j}] is {shown(corner)}, but must be three numbers from 0 to 1, a point "
+                    f"{key}[{i}][{j}] is {quoted(corner)}, but must be three numbers from 0 to 1, a point "
                     "of the unit cube",
                 )
     sheets = np.array(value, dtype=np.float64)

@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Generic, TypeVar, overload
 
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.core.words import shown
+from vtkmuscle.core.words import quoted
 from vtkmuscle.filters.base.docstrings import entry
 
 if TYPE_CHECKING:
@@ -169,7 +169,7 @@ class Parameter(Generic[T]):
         """Return the value in its own type, or raise a ValueError that says what is allowed."""
         converted = self._converted(value)
         if converted is _INVALID:
-            raise InputError(owner, f"{self.name} is {shown(value)}, but must be {self.allowed}")
+            raise InputError(owner, f"{self.name} is {quoted(value)}, but must be {self.allowed}")
         return converted
 
     def _converted(self, value: Any) -> Any:

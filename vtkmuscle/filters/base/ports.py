@@ -10,7 +10,7 @@ from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkDataObjectTypes, vtk
 from vtkmodules.vtkCommonExecutionModel import vtkAlgorithmOutput, vtkTrivialProducer
 from vtkmodules.vtkFiltersGeneral import vtkGroupDataSetsFilter
 
-from vtkmuscle.core.words import shown
+from vtkmuscle.core.words import quoted
 from vtkmuscle.data.arrays import multiblock_from, polylines_of
 from vtkmuscle.data.attachments import attachments_from, end_areas, is_areas
 from vtkmuscle.data.moving_bones import bones_of, moving_bones_of
@@ -168,7 +168,7 @@ class InputPort(Port):
             return None
         source = source_of(self._as_data(value))
         if source is None:
-            raise TypeError(f"{where} is {shown(value)}, but must be {self.allowed}")
+            raise TypeError(f"{where} is {quoted(value)}, but must be {self.allowed}")
         given = _class_given(*source)
         if not (_is_a(given, self.type_name) or _is_a(self.type_name, given)):
             raise TypeError(f"{where} is a {given}, but must be {self.allowed}")

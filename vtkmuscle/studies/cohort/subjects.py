@@ -17,7 +17,7 @@ from pydantic_core import PydanticCustomError
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.words import suggestion
 from vtkmuscle.io.csv_table import number_in, table_rows
-from vtkmuscle.scene.faults import Faults, SceneError, placed
+from vtkmuscle.scene.faults import Faults, SceneError, errors_at
 from vtkmuscle.scene.files import parsed
 from vtkmuscle.scene.schema_types import Name, Table, Text, checked_name
 from vtkmuscle.scene.validation import faults_in_words
@@ -279,7 +279,7 @@ def _check_name(name: str, file: Path, what: str) -> None:
 def _subjects(study: Path, path: Path) -> tuple[Mapping[str, str], ...]:
     """Return the rows of a table of subjects, each with an id of its own."""
     remedy = "write a line of columns and a line per subject"
-    with placed("subjects", path):
+    with errors_at("subjects", path):
         rows = table_rows(path, needed=[ID], most=_MOST_SUBJECTS, remedy=remedy)
     subjects: dict[str, Mapping[str, str]] = {}
     for line, row in rows:
