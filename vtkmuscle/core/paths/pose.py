@@ -91,7 +91,7 @@ class SheetPose:
         self._moved = np.array(transforms)
         self._moved[:, :3, 3] -= middle
         f, n, _ = sheet.fibres.shape
-        held, pull = np.zeros((f, n, 3, 3)), np.zeros((f, n, 3))
+        held, self._pull = np.zeros((f, n, 3, 3)), np.zeros((f, n, 3))
         for k, number in enumerate(around.bones):
             turn = self._moved[number, :3, :3]
             stiffness = turn @ around.stiffness[k] @ turn.T
@@ -99,10 +99,9 @@ class SheetPose:
             home = sheet.fibres @ turn.T + self._moved[number, :3, 3]
             given = np.einsum("fnij,fnj->fni", stiffness, home) + force
             held += stiffness
-            pull += given
+            self._pull += given
             self._tissue[number] = stiffness, given
         self._held = np.ascontiguousarray(held.reshape(f, n, 9)[:, :, [0, 1, 2, 4, 5, 8]])
-        self._pull = pull
         self._rings: Rings = rings_at(sheet.rings, transforms, middle, sheet.outside)
         self.gradient, self.way = np.zeros((f, n, 3)), np.empty((f, n, 3))
         self._blocks = np.zeros((f, n, 6))
@@ -129,8 +128,7 @@ class SheetPose:
         gaps, normals, self._near = self._contacts.at(x, self._moved, self._near)
         rounding = self._contacts.rounding
         add_contacts(x, gaps, normals, push, rounding, gradient, blocks, self._pressure)
-        points = self._ring_points
-        add_rings(x, self._rings, points, push, rounding, gradient, blocks, self._ring_pressure)
+        add_rings(x, self._rings, self._ring_points, push, rounding, gradient, blocks, self._ring_pressure)
         gradient[:, [0, -1]] = 0.0
 
     def step(self) -> float:
@@ -149,10 +147,8 @@ class SheetPose:
 
     def contacts(self) -> Ints:
         """Return how many points of each path bones and rings press on, (f,)."""
-        presses: Ints = ((self._pressure > 0.0).any(axis=0) | (self._ring_pressure > 0.0).any(axis=0)).sum(
-            axis=1
-        )
-        return presses
+        pressed = (self._pressure > 0.0).any(axis=0) | (self._ring_pressure > 0.0).any(axis=0)
+        return np.count_nonzero(pressed, axis=1)
 
     def squeezed(self) -> Floats:
         """Return by how much two bones that press on a path from opposite sides sink into it, (f,) [mm].

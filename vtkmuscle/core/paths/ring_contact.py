@@ -127,8 +127,7 @@ def outside_at(frame: Floats, corners: Floats, at: Floats) -> tuple[float, float
     for c in range(3):
         away = at[c] - frame[0, c]
         height, s, t = height + away * frame[1, c], s + away * frame[2, c], t + away * frame[3, c]
-    u, v, way, at_corner = way_to_edge(corners, s, t)
-    return height, u, v, way, at_corner
+    return (height, *way_to_edge(corners, s, t))
 
 
 @kernel

@@ -254,7 +254,6 @@ class MusclePaths:
         push = FIRST_PUSH
         pose.hold(x)
         pose.look_at(x, push)
-        settled = False
         for _ in range(ITERATIONS):
             slope = pose.step()
             farthest = float(np.sqrt((pose.way**2).sum(axis=2).max()))
@@ -270,9 +269,8 @@ class MusclePaths:
                 push = min(PUSH, 10.0 * push)
                 pose.look_at(x, push)
             elif -slope < enough:
-                settled = True
-                break
-        return pose, settled
+                return pose, True
+        return pose, False
 
 
 def _state(sheet: SheetPose, settled: bool, transforms: Floats) -> PathState:
