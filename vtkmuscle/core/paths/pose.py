@@ -148,7 +148,8 @@ class SheetPose:
     def contacts(self) -> Ints:
         """Return how many points of each path bones and rings press on, (f,)."""
         pressed = (self._pressure > 0.0).any(axis=0) | (self._ring_pressure > 0.0).any(axis=0)
-        return np.count_nonzero(pressed, axis=1)
+        n_pressed: Ints = np.count_nonzero(pressed, axis=1)
+        return n_pressed
 
     def squeezed(self) -> Floats:
         """Return by how much two bones that press on a path from opposite sides sink into it, (f,) [mm].

@@ -256,8 +256,7 @@ class MusclePaths:
         pose.look_at(x, push)
         for _ in range(ITERATIONS):
             slope = pose.step()
-            farthest = float(np.sqrt((pose.way**2).sum(axis=2).max()))
-            part = longest / max(farthest, longest)
+            part = longest / max(float(np.sqrt((pose.way**2).sum(axis=2).max())), longest)
             for _ in range(_SHORTENED):
                 pose.look_at(x + part * pose.way, push)
                 after = float((pose.gradient * pose.way).sum())
