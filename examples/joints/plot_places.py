@@ -20,8 +20,9 @@ with plotting.Studio() as studio:
         one.moment_arms,
         result.drawn_bones,
         studio,
-        muscle=result.rest_muscle("gluteus_medius"),
-        fibres=result.rest_fibres("gluteus_medius"),
+        rest=plotting.MuscleFrame(
+            result.rest_muscle("gluteus_medius"), {}, result.rest_fibres("gluteus_medius")
+        ),
         errors={name: one.errors[f"moment_arm_{name}"].total for name in one.moment_arms},
     )
 figure.canvas.draw()

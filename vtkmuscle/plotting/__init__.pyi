@@ -1,5 +1,5 @@
 from .actors import strain_colours as strain_colours
-from .drawing import can_render as can_render
+from .drawing import MuscleFrame as MuscleFrame, can_render as can_render
 from .figures import (
     plot_lengths as plot_lengths,
     plot_moment_arms as plot_moment_arms,

@@ -206,11 +206,9 @@ def plot_moment_arms(
     bones: DrawnBones | None = None,
     studio: Studio | None = None,
     *,
-    muscle: vtkPolyData | None = None,
-    fibres: vtkPolyData | None = None,
+    rest: MuscleFrame | None = None,
     errors: Mapping[str, Floats] | None = None,
     literature: Sequence[LiteratureCurve] = (),
-    title: str = "",
     units: str = "mm",
 ) -> Figure:
     """Return a figure of the moment arms of a muscle by each coordinate, side by side.
@@ -226,34 +224,35 @@ def plot_moment_arms(
         At rest; not needed where there is no muscle.
     studio : Studio, optional
         Where the picture is taken, likewise.
-    muscle, fibres : vtkPolyData, optional
-        The muscle at rest and its fibres, one for each path.
+    rest : MuscleFrame, optional
+        The muscle at rest, its fibres, one for each path, and words that stand above the panels.
     errors : mapping of str to (m,) array, optional
         Per coordinate what is known of the error of the mean in all, with 95 % confidence, as
         ``result.errors[NAME]["moment_arm_COORDINATE"].total``.
     literature : sequence of LiteratureCurve, optional
         Published ones of the muscle; those of a coordinate of this name are drawn.
-    title, units : str, optional
-        Above the panels, and at the scale bar of the picture.
+    units : str, optional
+        At the scale bar of the picture.
 
     Returns
     -------
     matplotlib.figure.Figure
         To be saved by ``savefig``.
     """
-    places = None if fibres is None else places_across(fibres)
-    panel = None
-    if muscle is not None and places is not None and bones is not None and studio is not None:
-        view = clearest_view([muscle], [bones.spread()])
+    places, panel = None, None
+    if rest is not None and rest.fibres is not None:
+        places = places_across(rest.fibres)
+    if rest is not None and places is not None and bones is not None and studio is not None:
+        view = clearest_view([rest.muscle], [bones.spread()])
         view = replace(view, area=view.aspect * (_PICTURE * DOTS_PER_INCH) ** 2)  # pixel for pixel
-        actors = actors_of([muscle], view, fibres=fibres, colours=place_colours(places))
+        actors = actors_of([rest.muscle], view, fibres=rest.fibres, colours=place_colours(places))
         panel = Panel(studio.picture(actors, view, bones=bones), "fibres at rest", view)
     beside = 0.0 if panel is None else _PICTURE * panel.view.aspect + 0.5
     width = 9.0 * len(arms) + beside
     figure = Figure(figsize=(width, _HEIGHT), dpi=DOTS_PER_INCH, facecolor="white")
     FigureCanvasAgg(figure)
-    if title:
-        figure.suptitle(title)
+    if rest is not None and rest.label:
+        figure.suptitle(rest.label)
     if panel is not None:
         shape = (0.25 / width, 0.3 / _HEIGHT, (beside - 0.5) / width, _PICTURE / _HEIGHT)
         hang(figure.add_axes(shape), panel, units)

@@ -223,11 +223,9 @@ def _moment_arms(result: Result) -> list[FigureOrder]:
             known = result.errors[name]
             given = {
                 "arms": dict(arms),
-                "muscle": result.rest_muscle(name),
-                "fibres": result.rest_fibres(name),
+                "rest": MuscleFrame(result.rest_muscle(name), {}, result.rest_fibres(name), _title(name)),
                 "errors": {one: known[key].total for one in arms if (key := f"moment_arm_{one}") in known},
                 "literature": tuple(result.literature.get(name, ())),
-                "title": _title(name),
                 "units": result.units,
             }
             figures.append(FigureOrder(f"{name}_moment_arms", "plot_moment_arms", given, rendered=True))
