@@ -199,10 +199,8 @@ class TemplateFitter(Filter):
         fit = fit_box(
             muscle,
             axis,
-            origin=landmarks[0],
-            insertion=landmarks[1],
-            origin_area=apply_transform(turn, areas[0]),
-            insertion_area=apply_transform(turn, areas[1]),
+            landmarks=landmarks,
+            areas=(apply_transform(turn, areas[0]), apply_transform(turn, areas[1])),
             angle_step=self.angle_step,
             refine=self.refine,
             guide=guide,

@@ -18,10 +18,8 @@ SETTINGS = {"slice_tolerance": 0.1, "continuity": 0.2}
 
 def fitted(points, origin, insertion, n_fibres=40, resolution=15, kind="parallel"):
     """Return the transform and the fitted fibres, (n, m, 3)."""
-    areas = {"origin_area": BOTTOM, "insertion_area": BOTTOM + np.array([0.0, 0, 1])}
-    ends = {"origin": points[origin], "insertion": points[insertion]}
-    axis = centroid_axis(ends["origin"], ends["insertion"])
-    box = fit_box(MuscleViews(points), axis, **ends, **areas, angle_step=5.0)
+    areas, ends = (BOTTOM, BOTTOM + np.array([0.0, 0, 1])), (points[origin], points[insertion])
+    box = fit_box(MuscleViews(points), centroid_axis(*ends), landmarks=ends, areas=areas, angle_step=5.0)
     cube = TEMPLATES[kind].fibres(*sobol_points(n_fibres).T, np.linspace(0, 1, resolution + 1))
     return box.transform, apply_transform(box.transform, cube.reshape(-1, 3)).reshape(cube.shape)
 

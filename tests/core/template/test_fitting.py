@@ -19,10 +19,10 @@ from vtkmuscle.core.template.fitting import (
 from vtkmuscle.core.template.kinds import TEMPLATES
 
 SIDES = np.array([20.0, 40.0, 120.0])
-PARALLEL = {
-    "origin_area": TEMPLATES["parallel"].origin_areas.reshape(-1, 3),
-    "insertion_area": TEMPLATES["parallel"].insertion_areas.reshape(-1, 3),
-}
+PARALLEL = (
+    TEMPLATES["parallel"].origin_areas.reshape(-1, 3),
+    TEMPLATES["parallel"].insertion_areas.reshape(-1, 3),
+)
 
 
 def block(n=6):
@@ -47,12 +47,10 @@ def rectangle(low, high):
     return np.array([(low[0], low[1], low[2]), (high[0], low[1], low[2]), high, (low[0], high[1], high[2])])
 
 
-def fit(points, origin, insertion, axis=None, angle_step=5.0, **areas):
+def fit(points, origin, insertion, axis=None, angle_step=5.0, areas=PARALLEL):
     axis = centroid_axis(origin, insertion) if axis is None else axis
-    areas = areas or PARALLEL
-    return fit_box(
-        MuscleViews(points), axis, origin=origin, insertion=insertion, angle_step=angle_step, **areas
-    )
+    ends = (origin, insertion)
+    return fit_box(MuscleViews(points), axis, landmarks=ends, areas=areas, angle_step=angle_step)
 
 
 def ends(points):
@@ -122,8 +120,8 @@ def test_no_angle_of_the_sweep_is_better():
         local = points @ frame
         low, high = local.min(axis=0), local.max(axis=0)
         error = 0.0
-        for area, landmarks in (("origin_area", origin), ("insertion_area", insertion)):
-            corners = (low + PARALLEL[area] * (high - low)) @ frame.T
+        for area, landmarks in zip(PARALLEL, (origin, insertion), strict=True):
+            corners = (low + area * (high - low)) @ frame.T
             error += np.linalg.norm(corners[:, None] - landmarks, axis=2).min(axis=1).sum()
         assert error >= best.error - 1e-9
 
@@ -149,8 +147,7 @@ def test_aponeuroses_lie_on_the_template_faces_that_are_nearest_to_them(flip):
         origin,
         insertion,
         axis=np.array([0.0, 0, 1]),
-        origin_area=pennate.origin_areas[0],
-        insertion_area=pennate.insertion_areas[0],
+        areas=(pennate.origin_areas[0], pennate.insertion_areas[0]),
     )
     across = found.transform[:3, 0] / np.linalg.norm(found.transform[:3, 0])
     assert np.allclose(across, [flip[0], 0, 0], atol=1e-9)
@@ -200,10 +197,8 @@ def coarse_and_fine(seed):
         fit_box(
             MuscleViews(points),
             np.array([0.0, 0, 1]),
-            origin=origin,
-            insertion=insertion,
-            origin_area=rectangle((0, 0, 0), (1, 1, 0)),
-            insertion_area=rectangle((0, 0, 1), (1, 1, 1)),
+            landmarks=(origin, insertion),
+            areas=(rectangle((0, 0, 0), (1, 1, 0)), rectangle((0, 0, 1), (1, 1, 1))),
             angle_step=5.0,
             refine=refine,
         )

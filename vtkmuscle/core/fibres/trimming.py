@@ -76,8 +76,7 @@ def trim_fibres(
     offsets: Ints,
     *,
     axis: Floats,
-    origin: EndArea,
-    insertion: EndArea,
+    areas: tuple[EndArea, EndArea],
     into_muscle: Callable[[Floats], Floats],
     tolerance: float,
     largest_cut: float,
@@ -100,8 +99,8 @@ def trim_fibres(
         First point of each fibre, and n. A fibre has at least two points.
     axis : (3,) array
         Unit vector from the origin to the insertion.
-    origin, insertion : EndArea
-        The two sides.
+    areas : EndArea, EndArea
+        Of the origin, and of the insertion.
     into_muscle : callable
         From points (j, 3) to the nearest points (j, 3) of the muscle, themselves where they are in it [mm].
     tolerance : float
@@ -115,8 +114,8 @@ def trim_fibres(
         Fibre points [mm].
     """
     backwards = points[_reversed_order(offsets)]
-    starts = _new_ends(backwards, offsets, -axis, origin, into_muscle, tolerance, largest_cut)
-    ends = _new_ends(points, offsets, axis, insertion, into_muscle, tolerance, largest_cut)
+    starts = _new_ends(backwards, offsets, -axis, areas[0], into_muscle, tolerance, largest_cut)
+    ends = _new_ends(points, offsets, axis, areas[1], into_muscle, tolerance, largest_cut)
     result = _replaced_ends(points, offsets, starts.cuts, starts.places, ends.cuts, ends.places)
     inner = inner_points(offsets)
     result[inner] = into_muscle(result[inner])

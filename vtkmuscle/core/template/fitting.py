@@ -177,10 +177,8 @@ def fit_box(
     muscle: MuscleViews,
     axis: Floats,
     *,
-    origin: Floats,
-    insertion: Floats,
-    origin_area: Floats,
-    insertion_area: Floats,
+    landmarks: tuple[Floats, Floats],
+    areas: tuple[Floats, Floats],
     angle_step: float,
     refine: bool = False,
     guide: Callable[[Floats], float] | None = None,
@@ -199,10 +197,10 @@ def fit_box(
         The muscle.
     axis : (3,) array
         Unit vector from origin to insertion.
-    origin, insertion : (k, 3) array
-        Landmarks of all areas of each role.
-    origin_area, insertion_area : (j, 3) array
-        Points of the template's areas in the unit cube.
+    landmarks : (k, 3) array, (l, 3) array
+        Of all origins, and of all insertions.
+    areas : (i, 3) array, (j, 3) array
+        Points of the template's origin and insertion areas in the unit cube.
     angle_step : float
         Degrees.
     refine : bool, optional
@@ -226,7 +224,6 @@ def fit_box(
     view = muscle.along(axis)
     bottom, top, first, second = view.bottom, view.top, view.first, view.second
     outline, start = view.outline, view.angle
-    ends = ((origin_area, origin), (insertion_area, insertion))
 
     def boxes(degrees: Floats) -> tuple[Floats, Floats, Floats]:
         """Return the frames, (k, 3, 3), and the lowest and highest corners, (k, 3), of turned boxes."""
@@ -241,10 +238,10 @@ def fit_box(
     def errors(degrees: Floats) -> Floats:
         frames, low, high = boxes(degrees)
         total = np.zeros(len(degrees))
-        for area, landmarks in ends:
+        for area, nearby in zip(areas, landmarks, strict=True):
             inside = low[:, None] + area * (high - low)[:, None]
             corners = np.einsum("kij,kaj->kai", frames, inside).reshape(-1, 3)
-            total += cdist(corners, landmarks).min(axis=1).reshape(len(degrees), -1).sum(axis=1)
+            total += cdist(corners, nearby).min(axis=1).reshape(len(degrees), -1).sum(axis=1)
         return total
 
     def transforms(degrees: Floats) -> Floats:
@@ -254,7 +251,7 @@ def fit_box(
         result[:, :3, 3] = np.einsum("kij,kj->ki", frames, low)
         return result
 
-    unit = (len(origin_area) + len(insertion_area)) * muscle.extent
+    unit = sum(map(len, areas)) * muscle.extent
 
     def costs(degrees: Floats) -> Floats:
         total = errors(degrees) / unit
