@@ -1,4 +1,4 @@
-"""What cannot be meant is said: an error where it is sure, else a warning; nothing of what can be meant."""
+"""Implausible scenes are reported, as an error where it is certain, else as a warning; others are not."""
 
 import inspect
 import re

@@ -40,7 +40,7 @@ class RunOptions:
     fresh : bool
         Compute muscles again that are finished in the folder.
     sense : bool
-        Check before the run what can be run but cannot be meant.
+        Check before the run whether the scene is plausible.
     progress : callable or None
         Called with the muscle's name, what is being done, and the part that is done, 0 to 1; from several
         threads.

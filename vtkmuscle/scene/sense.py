@@ -1,4 +1,4 @@
-"""What can be run but cannot be meant: said before the run, as an error where it is sure, else as a warning.
+"""Implausible scenes: reported before the run, as an error where the mistake is certain, else as a warning.
 
 The checks are listed in docs/reference/sense.rst.
 """
@@ -29,7 +29,7 @@ UNSOLVED = "model is 'paths', in which no muscle is solved"
 
 
 def settings_findings(scene: SceneData, anatomy: Anatomy) -> Iterator[tuple[str, str, str, bool]]:
-    """Give the fields of a finding for each setting that cannot be meant."""
+    """Give a finding for each implausible setting."""
     yield from (_idle_finding(*one) for one in _idle_of_scene(scene))
     for table, kind in (("solver", PBDDeformer), ("fixing", FixedPointDetector)):
         idle: dict[str, list[str]] = {}
@@ -137,17 +137,17 @@ Finding = tuple[str, str, str, bool]
 
 
 def check_sense(scene: SceneData, anatomy: Anatomy | None = None) -> list[str]:
-    """Say what cannot be meant of a scene, and return the warnings; its surfaces may be open already.
+    """Report what is implausible in a scene, and return the warnings; its surfaces may be open already.
 
     Raises
     ------
     SceneError
-        For the first thing that is surely wrong.
+        For the first certain mistake.
 
     Warns
     -----
     UserWarning
-        For each thing that is probably wrong.
+        For each probable mistake.
     """
     said = []
     for key, problem, remedy, sure in sorted(
@@ -163,7 +163,7 @@ def check_sense(scene: SceneData, anatomy: Anatomy | None = None) -> list[str]:
 
 
 def findings(scene: SceneData, anatomy: Anatomy) -> Iterator[Finding]:
-    """Give a finding for each thing that cannot be meant."""
+    """Give a finding for each implausible thing."""
     strayed = list(_strays(scene.units, anatomy))
     yield from strayed
     if any(finding[-1] for finding in strayed):

@@ -1,4 +1,4 @@
-"""Motions that cannot be meant; see :mod:`vtkmuscle.scene.sense`."""
+"""Implausible motions; see :mod:`vtkmuscle.scene.sense`."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ TORN, SURE_TORN = 2.0, 5.0
 
 
 def motion_findings(scene: SceneData, anatomy: Anatomy) -> Iterator[tuple[str, str, str, bool]]:
-    """Give the fields of a finding for each thing that cannot be meant of a motion."""
+    """Give a finding for each implausible thing in a motion."""
     key = "motion"
     motion = scene.motion
     for bone, transforms in motion.transforms.items():
