@@ -65,7 +65,8 @@ class FibreMetrics(Filter):
     bones
         Bones in the pose of the fibres.
     attachments
-        Areas in the pose of the fibres; what those within the muscle span counts as its surface.
+        Areas in the pose of the fibres. A surface is spanned over each area within the muscle, and counts as
+        part of the muscle's surface.
     curvature
         Measure curvature.
     architecture

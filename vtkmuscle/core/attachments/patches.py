@@ -21,8 +21,9 @@ from vtkmuscle.core.mesh.polylines import segment_distances
 from vtkmuscle.core.mesh.surface import edge_lengths, numbered_edges, signed_volume, unique_edges
 from vtkmuscle.core.types import Floats, Ints
 
-#: How much longer an edge counts that is one chord aside of the chord. On a sphere of like triangles paths
-#: stray 6 % of the chord from the great circle with 10, 16 % (at most 38 %) with 0, and are as long.
+#: Penalty s on edges away from the chord: one at the distance of a chords counts (1 + s a^2) times its length.
+#: On a sphere of equal triangles paths are 6 % of the chord off the great circle with 10, 16 % (at most 38 %)
+#: with 0, and equally long.
 _STRAIGHTNESS = 10.0
 #: Nearly all paths stay this many chords from the chord's middle: they are sought there first.
 _REACH = 2.0

@@ -136,7 +136,7 @@ class Contact:
         self._now = now[barrier.bones]
         self._steps = self._now @ inverses(before[barrier.bones])
         self._x = x
-        #: Where the bones are, and, seen from each, where points come from: as far as it takes them along.
+        #: Bounding boxes of the bones now, and of the points before the step in the frame of each bone.
         self._low, self._high = _moved_boxes(self._now, barrier.boxes[:, 0], barrier.boxes[:, 1])
         if not barrier.any_free:
             return

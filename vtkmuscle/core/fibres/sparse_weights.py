@@ -115,9 +115,9 @@ def sparse_mean_value_coordinates(
     """Return mean value coordinates with one weight for many vertices, where theirs are much the same.
 
     Far from a point the weights vary slowly: those of a group of vertices differ little from their mean w,
-    and sum w_j p_j from w sum p_j by no more than sum abs(w_j - w) times the radius of the group. What a row
-    errs by is made up for by the smallest change of the vertices' weights by which they sum to 1 and
-    reproduce their point again. So rigid and affine motions are exact, and only bending costs accuracy.
+    and sum w_j p_j from w sum p_j by no more than sum abs(w_j - w) times the radius of the group. The error
+    of a row is corrected by the least-squares change of the weights after which they sum to 1 and reproduce
+    their point. So rigid and affine motions are exact, and only bending costs accuracy.
 
     Parameters
     ----------

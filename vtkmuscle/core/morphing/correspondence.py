@@ -96,11 +96,11 @@ def followed_starts(
     corner: Floats,
     place_costs: Callable[[Floats, Ints], Floats] | None = None,
 ) -> Floats:
-    """Return where loops start that follow others of the same muscle.
+    """Return the starting points of loops that follow guiding loops of the same muscle.
 
-    Places are some of a limited number. Chosen for each set of loops anew, they would differ by the distance
-    of two places between muscles that are cut here or slightly beside, and the fibres with them. So they
-    are chosen for loops at heights that are always the same, and interpolated.
+    Starting points are chosen among samples of a loop. If each set of loops chose anew, a slightly different
+    cut of the muscle could move a starting point by one sample, and the fibres with it. So starting points
+    are chosen on guiding loops at fixed heights, and interpolated between them.
 
     Parameters
     ----------

@@ -58,6 +58,10 @@ def nearest(tree: cKDTree, points: Floats, count: int) -> tuple[Floats, Ints]:
 
 
 def falling_to_zero(values: Floats) -> Floats:
-    """Return values (m, k), descending, less the last: of those equally far rounding would choose one."""
+    """Return values (m, k), descending, minus the last of their row: the farthest neighbour has weight 0.
+
+    Which of several neighbours at the same distance is the last, rounding decides; its weight of 0 makes that
+    choice irrelevant. Rows of equal values stay as they are.
+    """
     falling: Floats = values - values[:, -1:]
     return np.where(falling[:, :1] > SAME, falling, values)

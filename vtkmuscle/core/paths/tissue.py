@@ -10,8 +10,8 @@ from vtkmuscle.core.bones.bone import Bone
 from vtkmuscle.core.mesh.triangle_tree import TriangleTree
 from vtkmuscle.core.types import Floats
 
-#: A bone in whose direction less than this part points aside of a fibre lies ahead of it: the thickness there
-#: is that at the nearest points of the fibre where it does not.
+#: A bone is ahead of a fibre, not beside it, where the sine between the fibre and the direction to the bone
+#: is less than this. The thickness of the tissue there is that of the nearest points that have the bone beside.
 BESIDE = 0.1
 
 #: A point less deep in the muscle than this part of the fibres' extent is on its surface, as their ends are:
