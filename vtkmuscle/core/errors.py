@@ -55,7 +55,7 @@ def in_words(where: str, problem: str, remedy: str) -> str:
 
 @contextmanager
 def errors_at(where: str) -> Iterator[None]:
-    """Raise what is a ValueError within as an InputError at a place.
+    """Raise a ValueError from within as an InputError that names a place.
 
     Parameters
     ----------

@@ -87,7 +87,7 @@ def expanded_of_samples(values: ArrayLike, *, of_mean: bool = False) -> Floats:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Estimate:
-    """A quantity and what is known of its error.
+    """A quantity and the known parts of its error.
 
     Attributes
     ----------

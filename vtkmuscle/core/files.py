@@ -24,7 +24,7 @@ def check_name(path: Path) -> None:
 
 
 def check_is_file(path: Path, *, most: int = MOST_BYTES) -> None:
-    """Raise an error that says what is the matter where there is no file to read.
+    """Raise an error that gives the cause where there is no file to read.
 
     A named pipe would be waited for, and a device be read for ever: neither is a file.
 

@@ -76,7 +76,7 @@ def vector_kernel(function: F) -> F:
 
 
 def lane(function: F) -> F:
-    """Compile what one lane of a batch computes; it becomes part of the loop that calls it."""
+    """Compile the work of one SIMD lane; it is inlined into the loop that calls it."""
     return _compiled(function, fastmath={"contract"}, forceinline=True, nogil=False, **UNCOUNTED)
 
 

@@ -59,7 +59,7 @@ def kernel_folder() -> Path | None:
 
 
 def keep_kernel(compiled: Any) -> None:
-    """Have numba keep what it compiles of a function, where there is a folder for it.
+    """Let numba keep the machine code of a function, where there is a folder for it.
 
     Nothing is kept of a function within a function, or of one that is in no file.
 
@@ -97,7 +97,7 @@ def _numba_is_known() -> bool:
 
 
 class KernelCache:
-    """What numba asks for the machine code of a kernel, and gives it to: a file for each signature.
+    """The cache of a kernel's machine code that numba reads and writes: one file per signature.
 
     Parameters
     ----------
@@ -122,7 +122,7 @@ class KernelCache:
         return str(self._folder)
 
     def load_overload(self, signature: Any, target: Any) -> Any:
-        """Return what is kept for a signature, None where there is nothing, or nothing that can be used."""
+        """Return the machine code kept for a signature, None where there is none that can be used."""
         target.refresh()
         body = self._read(self._file(signature, target.codegen()))
         if body is None:
@@ -130,7 +130,7 @@ class KernelCache:
         return numba.core.compiler.CompileResult._rebuild(target, *pickle.loads(body))
 
     def save_overload(self, signature: Any, compiled: Any) -> None:
-        """Keep what was compiled for a signature; warn where that is not possible."""
+        """Keep the machine code of a signature; warn where that is not possible."""
         if compiled.library.has_dynamic_globals:  # addresses of this process
             return
         body = numba.core.serialize.dumps(compiled._reduce())
@@ -154,7 +154,7 @@ class KernelCache:
             check_nobody_else_writes(folder.stat())
 
     def _read(self, path: Path) -> bytes | None:
-        """Return what a file holds after its checksum, None where it does not or is not to be trusted."""
+        """Return the content of a file after its checksum, None where they differ or the file is unsafe."""
         try:
             self._check_folders()
             with open(path, "rb") as file:
@@ -237,7 +237,7 @@ def source_key(module: str, file: Path) -> str:
 
 
 def _version(file: Path) -> tuple[Path, int, int]:
-    """Return a file, and by what a change of it while the process runs is noticed."""
+    """Return a file with its size and time, by which a later change is noticed."""
     stat = file.stat()
     return file, stat.st_mtime_ns, stat.st_size
 

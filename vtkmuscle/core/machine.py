@@ -65,7 +65,7 @@ _unusable: set[tuple[Path, str]] = set()
 
 
 def warn_of_folder(folder: Path, error: OSError, what: str, consequence: str) -> None:
-    """Warn, once for each folder, that something cannot be kept in it, and of what follows."""
+    """Warn, once per folder, that nothing can be kept in it, and of the consequence."""
     if (folder, what) not in _unusable:
         _unusable.add((folder, what))
         warnings.warn(

@@ -41,7 +41,7 @@ def names(given: str | Iterable[str]) -> list[str]:
 
 
 def suggestion(word: str, known: Iterable[str]) -> str:
-    """Return what to do about a word that is not known: the nearest known one, and all of them.
+    """Return the remedy for an unknown word: the nearest known one, and the list of all.
 
     Examples
     --------

@@ -181,7 +181,7 @@ class Bone:
                 return distance, outward
 
     def look_up(self) -> Field:
-        """Return what is known of the field now, for kernels; give it to :meth:`fill` afterwards."""
+        """Return the known part of the field, for kernels; give it to :meth:`fill` afterwards."""
         known = self._known
         if known is None:
             with self._lock:

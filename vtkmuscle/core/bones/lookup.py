@@ -36,7 +36,7 @@ Integer: TypeAlias = int | np.int64
 
 
 class Field(NamedTuple):
-    """What of a bone's field is known at a time, for kernels.
+    """The known part of a bone's field, for kernels.
 
     A look-up that comes to a block which is not known reads as :data:`FAR`, and notes the block in
     ``lacking``: so whoever finds that grown does the same again, once the bone has filled them.
@@ -123,7 +123,7 @@ def distance_at(field: Field, x: float, y: float, z: float) -> float:
 
 @lane
 def least_distance_at(field: Field, x: float, y: float, z: float) -> float:
-    """Return what the distance at a position is not less than, by the overview; where it is FAR, as there."""
+    """Return a lower bound of the distance at a position, by the overview; FAR where that is FAR."""
     scale = field.per_mm / SIDE
     distance = _trilinear(field, x * scale, y * scale, z * scale, np.int64(1))
     return distance - FIELD_ERROR * SIDE * field.cell if distance < FAR else FAR
@@ -233,7 +233,7 @@ def _over_plane(
 
 @lane
 def _value(p: float, q: float, r: float, t: float) -> float:
-    """Return what lies between three nodes at t, in [0.5, 1.5)."""
+    """Interpolate between three nodes at t, in [0.5, 1.5)."""
     return q + max(1.0 - t, 0.0) * (p - q) + max(t - 1.0, 0.0) * (r - q)
 
 

@@ -95,7 +95,7 @@ class Barrier:
         return self._memory[number]
 
     def warn(self, number: int, kind: str, what: str) -> None:
-        """Warn of what was seen at an obstacle, once for each kind."""
+        """Warn of irregular motion at an obstacle, once for each kind."""
         if (number, kind) not in self._warned:
             self._warned.add((number, kind))
             warnings.warn(f"{self.obstacles[number].name}: {what}", stacklevel=2)

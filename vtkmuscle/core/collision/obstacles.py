@@ -51,7 +51,7 @@ class Approach:
 
 
 class Obstacle(ABC):
-    """A bone that points are kept out of; what that takes is built when a muscle first comes near.
+    """A bone that points are kept out of; its data are built when a muscle first comes near.
 
     Parameters
     ----------
@@ -102,7 +102,7 @@ class Obstacle(ABC):
     @property
     @abstractmethod
     def settings(self) -> tuple[float | None, ...]:
-        """What the grid and the response depend on, beside the bone."""
+        """The settings of the grid and the response."""
 
     def same_as(self, other: Obstacle) -> bool:
         """Return whether another obstacle is the same bone, on the same grid."""
@@ -234,14 +234,14 @@ class DistanceObstacle(Obstacle):
 
     @property
     def margin(self) -> float:
-        """A cell, for what the interpolation between nodes can be wrong by, and the skin."""
+        """The skin, and a cell for the error of the interpolation between nodes."""
         # The box in the scene is at least as long as that along the axes.
         diagonal = float(np.linalg.norm(self.box[1] - self.box[0]))
         return 2.0 * diagonal / CELLS_PER_DIAGONAL + self.skin
 
     @cached_property
     def shape(self) -> Bone:
-        """The bone at rest, shared by all muscles that meet it; warns of what is wrong with its surface."""
+        """The bone at rest, shared by all muscles that meet it; warns of faults of its surface."""
         with errors_at(self.name):
             shape = super().shape
             if shape.solids.remarks:

@@ -217,7 +217,7 @@ def _edge_misses(
 
 
 def _flood_outside(cells: Cells) -> None:
-    """Mark as outside what can be reached from the corner cell (0, 0, 0) without entering the boundary.
+    """Mark as outside the cells reached from the corner cell (0, 0, 0) without entering the boundary.
 
     Kohout and Cervenka fill "with 8-directions", the diagonal neighbourhood of a plane, which says nothing of
     space. We go to the 6 face neighbours: no step passes between two boundary cells that meet in an edge.

@@ -69,7 +69,7 @@ class AreaProfile:
 
 @dataclass(frozen=True, eq=False)
 class Fascicles:
-    """What of fibres is muscle, not tendon.
+    """The muscle part of fibres, without tendon.
 
     Attributes
     ----------
@@ -174,7 +174,7 @@ def _at(curve: Floats, arcs: Floats) -> tuple[Floats, Floats]:
 def fascicles(
     profile: AreaProfile, volume: float, points: Floats, offsets: Ints, *, share: float
 ) -> Fascicles:
-    """Return what of fibres is muscle: the part of each where the muscle is thick enough.
+    """Return the muscle part of fibres: the part of each where the muscle is thick enough.
 
     Parameters
     ----------

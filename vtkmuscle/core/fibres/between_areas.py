@@ -42,7 +42,7 @@ MIDDLE = 4.0
 
 @dataclass(frozen=True, eq=False)
 class EndSurface:
-    """What fibres end on: a part of the muscle's surface, or a surface within the muscle.
+    """A surface that fibres end on: a part of the muscle's surface, or one within the muscle.
 
     Attributes
     ----------

@@ -59,7 +59,7 @@ def _area_triangles(area: EndArea) -> Floats:
 
 
 def _extended(line: Floats, direction: Floats, height: float, corners: Floats) -> Floats:
-    """Return a line (n, 3) without what is beyond a plane at its end, with a segment to an area."""
+    """Return a line (n, 3), cut at a plane near its end, with a segment from there to an area."""
     beyond = line @ direction - height
     if beyond[0] >= 0.0:
         return line

@@ -99,7 +99,7 @@ def halved(areas: Sequence[Floats], count: int) -> list[Ints]:
 
 
 def _means(values: Floats, part: Ints, count: int, otherwise: Floats | None = None) -> Floats:
-    """Return the mean of the values (m, k) of each part, (count, k); what is given where a part has none."""
+    """Return the mean of the values (m, k) of each part, (count, k); a given value where a part has none."""
     sizes = np.bincount(part, minlength=count)[:, None]
     sums = np.column_stack([np.bincount(part, x, count) for x in values.T])
     nothing = np.zeros(sums.shape) if otherwise is None else otherwise
@@ -167,7 +167,7 @@ def _normal_map(a: Floats, b: Floats) -> Floats:
 
 
 def _spread(covariance: Floats) -> Floats:
-    """Return covariances with a little of every direction: those of what is flat have no inverse."""
+    """Return regularised covariances: those of flat sets of points have no inverse."""
     sizes = np.trace(covariance, axis1=-2, axis2=-1)[..., None, None]
     return covariance + FLAT**2 * np.where(sizes > 0.0, sizes, 1.0) * np.eye(3)
 

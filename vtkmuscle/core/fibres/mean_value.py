@@ -52,7 +52,7 @@ def mean_value_coordinates(points: Floats, triangles: Ints, queries: Floats, *, 
 
 @dataclass(frozen=True, eq=False)
 class CoordinateMesh:
-    """What all query points need of a mesh."""
+    """The data of a mesh that all query points share."""
 
     centre: Floats
     diagonal: float
@@ -60,7 +60,7 @@ class CoordinateMesh:
 
 
 def coordinate_mesh(points: Floats, triangles: Ints) -> CoordinateMesh:
-    """Return what all query points need of a mesh."""
+    """Return the data of a mesh that all query points share."""
     centre = points.mean(axis=0) if len(points) else np.zeros(3)
     vertices = points - centre
     corners = vertices[triangles]

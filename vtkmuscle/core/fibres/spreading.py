@@ -23,7 +23,7 @@ from vtkmuscle.core.types import Floats, Ints
 
 
 def smooth_about_course(points: Floats, offsets: Ints, k: float, passes: int) -> Floats:
-    """Return fibres of which what differs from their common course is smoothed, end points kept.
+    """Smooth the deviations of fibres from their common course; end points are kept.
 
     A three-point mean moves the points of a bend of radius R, h apart, inwards by h^2 / (R (k + 2)): each
     pass over fibres of 15 segments round a roller costs up to 2 mm. But what fibres have in common, the mean
@@ -149,7 +149,7 @@ def steps_to_centres(points: Floats, offsets: Ints, within: Cloud) -> Floats:
 
 
 def move_ends(points: Floats, ends: Ints, others: Ints, places: Floats) -> None:
-    """Move one end of each fibre to a given place, and what is beside it with it.
+    """Move one end of each fibre to a given place, and the points near it along.
 
     A fibre that goes on while its end is held, at the rim of its area, hooks there. So the points beside it
     follow, the less the farther they are, up to :data:`REACH` of the fibre's points.
@@ -171,7 +171,7 @@ def move_ends(points: Floats, ends: Ints, others: Ints, places: Floats) -> None:
 
 
 def _between(points: Floats, offsets: Ints, shifts: Floats) -> Floats:
-    """Return what is given for places (k, STATIONS, 3) at equal distances along fibres, for their points."""
+    """Interpolate values at stations (k, STATIONS, 3), evenly spaced along fibres, to their points."""
     along, counts = segment_lengths(points, offsets)[1], np.diff(offsets)
     begins, line = along[offsets[:-1]], np.repeat(np.arange(len(counts)), counts)
     lengths = (along[offsets[1:] - 1] - begins)[line]
@@ -203,7 +203,7 @@ def _station_steps(lines: Floats, within: Cloud) -> Floats:
 
 
 def _across(lines: Floats, pulls: Floats, weights: Floats, blur: Floats) -> Floats:
-    """Return mean pulls (k, STATIONS, 3) of each place and its neighbours, without what is along the line."""
+    """Return mean pulls (k, STATIONS, 3) of each station and its neighbours, across the line only."""
     pulls, weights = blur @ pulls, (weights @ blur.T)[..., None]
     mean = np.divide(pulls, weights, out=np.zeros(lines.shape), where=weights > 0.0)
     ends = np.pad(lines, ((0, 0), (1, 1), (0, 0)), mode="edge")

@@ -120,7 +120,7 @@ class PatchSamples:
         return self._trees[len(positions)]
 
     def even(self, count: int, *, direction: Floats, above: float, seed: int = 0) -> Floats:
-        """Return positions, (count, 3), spread over what is above a height along a direction.
+        """Return positions, (count, 3), spread over the part above a height along a direction.
 
         If no more than a hundredth is above it, they are spread over all.
         """

@@ -36,7 +36,7 @@ class RecentlyUsed:
         self._found: dict[Hashable, Any] = {}
 
     def __call__(self, key: Hashable, find: Callable[[], Any]) -> Any:
-        """Return what is kept for a key, or else what a function finds, which is kept from now on."""
+        """Return the value kept for a key, or compute and keep it."""
         try:
             found = self._found.pop(key)
         except KeyError:

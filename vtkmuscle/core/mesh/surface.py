@@ -279,7 +279,7 @@ class MeshTopology:
 
 
 def mesh_topology(n_points: int, triangles: Ints) -> MeshTopology:
-    """Return the edges of a mesh and what lies beside them.
+    """Return the edges of a mesh and their adjacent triangles.
 
     Edges of one triangle (a boundary) or of more than two (not manifold) get no quadruple: no dihedral
     angle is defined there. Degenerate triangles, with a repeated point, take no part.

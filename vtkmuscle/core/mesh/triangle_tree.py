@@ -78,7 +78,7 @@ class TriangleTree:
         return places, closest, distances, regions
 
     def nearest(self, queries: Floats) -> tuple[Ints, Floats, Floats]:
-        """Return what of the surface is nearest to points.
+        """Return the nearest points of the surface to given points.
 
         Parameters
         ----------

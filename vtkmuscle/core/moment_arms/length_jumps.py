@@ -24,7 +24,7 @@ UNEVEN = 0.5
 def length_jumps(
     lengths: Floats, times: Floats, stretches: Ints | None = None, turns: Floats | None = None
 ) -> Floats:
-    """Return by how much each step of each length is off what the steps beside it let expect.
+    """Return the deviation of each step of each length from the extrapolation of its neighbours.
 
     A line is fitted to the velocities of up to three steps on either side, by medians (Theil 1950, Sen
     1968), so that a jump beside does not count; a quarter of the steps' size is allowed for a muscle that

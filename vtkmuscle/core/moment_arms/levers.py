@@ -25,7 +25,7 @@ SAME_VALUE = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class Differences:
-    """What the slope of anything by a coordinate is taken from, in each of some poses.
+    """The neighbouring poses and steps from which slopes by a coordinate are taken, per pose.
 
     The parabola through a pose and two beside it: one on either side where there are some, else the two next
     on the same side; the line to the only other one where there are no two.

@@ -56,7 +56,7 @@ class Sections:
 
 @dataclass(frozen=True, eq=False)
 class ClosedSurface:
-    """A surface without holes, and what is opposite what on it.
+    """A surface without holes, with its opposite half-edges.
 
     Attributes
     ----------

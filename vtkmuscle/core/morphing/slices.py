@@ -86,7 +86,7 @@ class Slicing:
     once: Callable[[Hashable, Callable[[], Any]], Any] = lambda key, find: find()
 
     def key(self, transform: Floats, *levels: Floats) -> Hashable:
-        """Return what sections at some levels and their maps depend on, beside the muscle."""
+        """Return the settings that sections at some levels and their maps depend on."""
         settings = self.continuity, self.twisting.degrees
         return *settings, *(np.ascontiguousarray(array).tobytes() for array in (transform, *levels))
 

@@ -50,7 +50,7 @@ class Proximity(NamedTuple):
 
 
 class Load(NamedTuple):
-    """What a bone does to points, itself or by what goes with it.
+    """The forces of a bone, and of the tissue that moves with it, on points.
 
     Attributes
     ----------
@@ -118,7 +118,7 @@ class BoneContacts:
         return gaps, normals, near
 
     def load(self, k: int, x: Floats, transforms: Floats, near: Proximity) -> Load:
-        """Return what the k-th bone, which presses, does to the points x (f, n, 3), whose proximity is known.
+        """Return the load of the k-th bone, which presses, on points x (f, n, 3) of known proximity.
 
         Normals are compared over a cell of its field: flat triangles curve as their surface does. Over a
         thousandth of that a strap on a roller has levers 1 to 4 mm off its radius in one or two of 100 poses.
@@ -209,7 +209,7 @@ def pressure_at(gap: float, push: float, rounding: float) -> tuple[float, float]
 
 @kernel
 def _bend(p: Floats, normals: Floats, i: int, force: float, block: Floats) -> None:
-    """Take from a point's stiffness along the path what the bone's curvature takes away."""
+    """Reduce a point's stiffness along the path by the curvature of the bone."""
     u, v, w = p[i + 1, 0] - p[i - 1, 0], p[i + 1, 1] - p[i - 1, 1], p[i + 1, 2] - p[i - 1, 2]
     length2 = u * u + v * v + w * w
     curve = (

@@ -18,7 +18,7 @@ SAME = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class Bundle:
-    """The paths beside each point of each path at rest, and what part each of them has in a mean.
+    """The neighbouring paths of each point of each path at rest, and their weights in a mean.
 
     Attributes
     ----------
@@ -38,7 +38,7 @@ class Bundle:
 
 
 def bundle_of(fibres: Floats, width: float) -> Bundle:
-    """Return what lies beside points (f, n, 3) of fibres, as far along, within about a width [mm]."""
+    """Return the neighbours of points (f, n, 3) of fibres, equally far along, within about a width [mm]."""
     f, n, _ = fibres.shape
     beside = np.empty((f, n, min(BESIDE, f)), dtype=np.int64)
     parts = np.empty(beside.shape)

@@ -25,7 +25,7 @@ STEPS = 60
 
 @kernel
 def add_springs(x: Floats, held: Floats, pull: Floats, gradient: Floats, blocks: Floats) -> None:
-    """Write the gradient and the blocks of springs along paths and of what holds each point.
+    """Write the gradient and the blocks of springs along paths and of the tissue that holds each point.
 
     E = sum |x_{i+1} - x_i|^2 / 2 + sum x_i . (A_i x_i / 2 - b_i).
 
@@ -123,7 +123,7 @@ def add_direction(block: Floats, stiffness: float, u: float, v: float, w: float)
 def prepare_solve(
     blocks: Floats, neighbours: Neighbours, directions: Floats, as_one: bool, inverses: Floats, sheet: Floats
 ) -> None:
-    """Write what :func:`newton_step` is preconditioned by: each path, and ``as_one`` all together."""
+    """Write the preconditioner of :func:`newton_step`: each path, and ``as_one`` all together."""
     _invert(blocks, inverses)
     if as_one:
         _invert_sections(blocks, neighbours, directions, sheet[0], sheet[1])

@@ -29,7 +29,7 @@ SMALL_MOVE = 1e-4
 
 
 class Sheet(NamedTuple):
-    """A muscle's paths at rest, and what holds them.
+    """A muscle's paths at rest, and the bones, tissue and neighbours that hold them.
 
     Attributes
     ----------
@@ -141,7 +141,7 @@ class SheetPose:
         prepare_solve(self._blocks, self._neighbours, self._directions, as_one, inverses, sheet)
 
     def _solve(self, gradient: Floats, *, as_one: bool) -> float:
-        """Write to ``way`` what takes the stiffness from a gradient to nothing, and return its slope."""
+        """Write to ``way`` the step that brings a gradient to zero, and return its slope."""
         stiffness = self._blocks, self._neighbours, self._directions
         return float(newton_step(gradient, *stiffness, as_one, STEP_LEFT, *self._work, self.way))
 
@@ -203,7 +203,7 @@ class SheetPose:
         return wrenches
 
     def _loads(self) -> dict[int, Load]:
-        """Return what the bones that do anything do to the points."""
+        """Return the loads of the bones on the points."""
         x = self._x
         loads = [
             (number, Load(given - np.einsum("fnij,fnj->fni", held, x), held))

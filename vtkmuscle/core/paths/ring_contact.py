@@ -176,7 +176,7 @@ def outside_of(rings: Rings, x: Floats, outside: Floats) -> None:
 
 
 def ring_load(x: Floats, rings: Rings, ring: int, points: Ints, rounding: float, move: float) -> Load:
-    """Return what a ring does to the points of paths x (f, n, 3) that it holds.
+    """Return the load of a ring on the points of paths x (f, n, 3) that it holds.
 
     points : (f,) int array
         Which of each path, 0 for none.

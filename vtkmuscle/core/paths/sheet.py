@@ -277,7 +277,7 @@ def _state(sheet: SheetPose, settled: bool, transforms: Floats) -> PathState:
 
 
 def half_thickness(surface: Floats, triangles: Ints) -> float:
-    """Return V / A of a closed surface, half the mean thickness of what is flat [mm].
+    """Return V / A of a closed surface, half the mean thickness of a flat body [mm].
 
     Raises
     ------

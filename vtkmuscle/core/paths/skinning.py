@@ -180,7 +180,7 @@ class SkinnedMuscle(NamedTuple):
 
     @property
     def nbytes(self) -> int:
-        """Memory that it takes, but for what all poses share [bytes]."""
+        """Memory that it takes, without data that all poses share [bytes]."""
         return self.frames.nbytes + self.surface.nbytes
 
 

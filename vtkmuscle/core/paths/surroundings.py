@@ -35,7 +35,7 @@ BUNDLE = 2.0
 
 
 class Surroundings(NamedTuple):
-    """What holds each point of each path, by the bone that it moves with.
+    """The forces that hold each point of each path, by the bone that they move with.
 
     Attributes
     ----------
@@ -63,7 +63,7 @@ def surroundings_of(
     muscle: TriangleTree,
     thickness: float,
 ) -> Surroundings:
-    """Return what holds fibres as they are at rest.
+    """Return the forces that hold fibres in their rest positions.
 
     A chain of springs needs the force 2 x_i - x_{i-1} - x_{i+1} at each point to stay on a course x that is
     not straight. At rest that force is there, so what bears it can be told:

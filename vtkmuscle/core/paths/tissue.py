@@ -11,7 +11,7 @@ from vtkmuscle.core.mesh.triangle_tree import TriangleTree
 from vtkmuscle.core.types import Floats
 
 #: A bone is ahead of a fibre, not beside it, where the sine between the fibre and the direction to the bone
-#: is less than this. The thickness of the tissue there is that of the nearest points that have the bone beside.
+#: is less than this. The thickness of the tissue there is that of the nearest points beside the bone.
 BESIDE = 0.1
 
 #: A point less deep in the muscle than this part of the fibres' extent is on its surface, as their ends are:
@@ -48,7 +48,7 @@ def smoothed_along(values: Floats, deviation: float) -> Floats:
 def tissue_between(
     points: Floats, tangents: Floats, bone: Bone, muscle: TriangleTree
 ) -> tuple[Floats, Floats, Floats]:
-    """Return what of a muscle lies between its fibres and a bone.
+    """Return the distance and direction of a bone from fibres, and the thickness of muscle between them.
 
     A fibre lies against a bone with its side. So the tissue counts from the fibre's point at right angles to
     the fibre, towards the bone, as far as it is in the muscle: a muscle wound round a cylinder has the same

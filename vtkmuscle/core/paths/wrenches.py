@@ -104,7 +104,7 @@ def _response(
 
 
 def _part(a: Floats, b: Floats) -> Floats:
-    """Return what part of b (f, n, 3, v) a has, (v,); 0 of nothing."""
+    """Return the projection coefficient of a onto b (f, n, 3, v), (v,); 0 where b is 0."""
     size = np.einsum("fniv,fniv->v", b, b)
     part: Floats = np.einsum("fniv,fniv->v", a, b) / np.where(size > 0.0, size, 1.0)
     return part

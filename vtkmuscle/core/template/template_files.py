@@ -72,7 +72,7 @@ def read_template(path: str | Path) -> FibreTemplate:
 
 
 def template_from(content: Any, where: str | Path) -> FibreTemplate:
-    """Return the template that is in what a file holds.
+    """Return the template in the content of a file.
 
     Parameters
     ----------
