@@ -206,6 +206,6 @@ def view(
 ) -> None:
     """Look at results, or at a scene that is solved as the slider moves, in a browser; Ctrl-C ends it."""
     with one_clear_error(None):
-        from vtkmuscle.view import view as quoted
+        from vtkmuscle.view import view as open_view
 
-        quoted(source, port=port, browser=browser)
+        open_view(source, port=port, browser=browser)

@@ -21,9 +21,9 @@ from vtkmuscle.core.mesh.polylines import segment_distances
 from vtkmuscle.core.mesh.surface import edge_lengths, numbered_edges, signed_volume, unique_edges
 from vtkmuscle.core.types import Floats, Ints
 
-#: Penalty s on edges away from the chord: at a chords from it, it counts (1 + s a^2) times its length.
-#: On a sphere of equal triangles paths are 6 % of the chord off the great circle with 10, 16 % (at most 38 %)
-#: with 0, and equally long.
+#: Penalty s on edges away from the chord: an edge at the distance of a chords counts (1 + s a^2) times its
+#: length. On a sphere of equal triangles paths are 6 % of the chord off the great circle with 10, 16 % (at
+#: most 38 %) with 0, and equally long.
 _STRAIGHTNESS = 10.0
 #: Nearly all paths stay this many chords from the chord's middle: they are sought there first.
 _REACH = 2.0

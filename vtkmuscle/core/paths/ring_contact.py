@@ -115,7 +115,7 @@ def add_rings(
 
 @kernel
 def _in_space(frame: Floats, p: float, q: float) -> tuple[float, float, float]:
-    """Return the direction that a ring's plane has along its axes."""
+    """Return in space the direction (p, q) of a ring's plane."""
     first, second = frame[2], frame[3]
     return p * first[0] + q * second[0], p * first[1] + q * second[1], p * first[2] + q * second[2]
 

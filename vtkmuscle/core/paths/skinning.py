@@ -192,9 +192,8 @@ def falling_weights(distances: Floats, least: float) -> Floats:
     width = np.maximum(distances[:, -1:] / 2.0, least)
     values = np.exp(-0.5 * (distances / width) ** 2)
     less = values - values[:, -1:]
-    values = np.where(
-        less[:, :1] > 1e-9, less, values
-    )  # rounding does not choose among neighbours at one distance
+    # Rounding does not choose among neighbours at one distance.
+    values = np.where(less[:, :1] > 1e-9, less, values)
     weights: Floats = values / values.sum(axis=1, keepdims=True)
     return weights
 

@@ -76,8 +76,8 @@ def surroundings_of(
       force changes by what it is at rest as the path goes aside by a thickness.
 
     A path that a bone pushes with the force p, where that bone turns away to its side with the curvature k,
-    is in unstable equilibrium: the force aside grows by k p. Tissue holds it aside by as much, as it stays
-    where it is at rest.
+    is in unstable equilibrium: the force aside grows by k p. At rest the path stays where it is, so the
+    tissue beside it is at least as stiff as that: it holds the path with k p.
 
     A path also shears the tissue between it and the bones that it comes from when it goes aside over them:
     a layer as thick as the distance d, of the stiffness m (L / d)^2, with m of :data:`MODULUS`. Each bone's
