@@ -36,7 +36,7 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
-from vtkmuscle.core.kernel_cache import kernel_folder
+from vtkmuscle.core.jit import kernel_folder
 
 ROOT = Path(__file__).resolve().parents[1]
 CORE = ROOT / "vtkmuscle" / "core"

@@ -22,7 +22,7 @@ def _cache_of_its_own(tmp_path_factory):
     """Keep what tests leave out of the user's cache, but for what they compile: nothing is compiled twice."""
     import numba
 
-    from vtkmuscle.core.kernel_cache import kernel_folder
+    from vtkmuscle.core.jit import kernel_folder
 
     with pytest.MonkeyPatch.context() as patch:
         if (kernels := kernel_folder()) is not None:

@@ -15,9 +15,8 @@ import numba
 import pytest
 
 import vtkmuscle
-from vtkmuscle.core import kernel_cache, machine
-from vtkmuscle.core.jit import kernel
-from vtkmuscle.core.kernel_cache import kernel_folder, source_key
+from vtkmuscle.core import jit, machine
+from vtkmuscle.core.jit import kernel, kernel_folder, source_key
 
 posix = pytest.mark.skipif(os.name != "posix", reason="modes say who can write to a file on POSIX alone")
 #: The user that owns nothing.
@@ -54,7 +53,7 @@ def kernels(tmp_path):
         patch.setenv("NUMBA_CACHE_DIR", "")
         patch.setenv("VTKMUSCLE_CACHE", str(tmp_path / "cache"))
         patch.setattr(machine, "_unusable", set())
-        kernel_cache._numba_is_known.cache_clear()
+        jit._numba_is_known.cache_clear()
         numba.config.reload_config()
         yield tmp_path / "cache" / "kernels"
     numba.config.reload_config()
@@ -173,7 +172,7 @@ def test_the_versions_used_last_are_kept(kernels, toy, loaded, monkeypatch):
     def age_of(path):
         return path.stat().st_mtime
 
-    monkeypatch.setattr(kernel_cache, "VERSIONS", 2)
+    monkeypatch.setattr(jit, "VERSIONS", 2)
     for number in range(4):
         (toy / "constants.py").write_text(f"LENGTH = {number}.0\n", encoding="utf-8")
         assert loaded(toy)(1.0) == number
@@ -310,7 +309,7 @@ print(*(one.message for one in told))
     assert done.returncode == 0
 
 
-@pytest.mark.parametrize("name", kernel_cache._OF_NUMBA)
+@pytest.mark.parametrize("name", jit._OF_NUMBA)
 def test_a_numba_that_lets_go_of_nothing_compiles_anew_each_time(kernels, toy, loaded, monkeypatch, name):
     owner, _, attribute = name.rpartition(".")
     monkeypatch.delattr(attrgetter(owner)(numba), attribute)

@@ -11,8 +11,7 @@ from typing import Any
 import typer
 from rich.console import Console
 
-from vtkmuscle.core.errors import InputError, in_words
-from vtkmuscle.core.files import check_name
+from vtkmuscle.core.errors import InputError, check_name, in_words
 
 #: Exit status where a muscle failed and all else was written, for input that cannot be used, and for Ctrl-C
 #: (128 + SIGINT, as shells have it).

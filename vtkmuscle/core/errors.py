@@ -1,10 +1,15 @@
-"""Input that cannot be used: an error with fields, to be passed on or shown."""
+"""Input that cannot be used: errors with fields, and the check that a file can be read."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+
+#: Most bytes of a mesh, a series or a table.
+MOST_BYTES = 4 * 1024**3
+#: Most bytes of a scene, a template or a list of landmarks.
+MOST_TEXT = 64 * 1024**2
 
 
 class _FieldsError(Exception):
@@ -25,7 +30,7 @@ class InputError(_FieldsError, ValueError):
     Parameters
     ----------
     where : str or Path
-        The file, the port or the argument at fault; "" where the caller knows it and says it.
+        The file, the port or the argument at fault; "" where the caller adds it.
     problem : str
         What is wrong.
     remedy : str, optional
@@ -45,37 +50,18 @@ class InputError(_FieldsError, ValueError):
 
 
 class MissingFileError(_FieldsError, FileNotFoundError):
-    """A file that is to be read and is none; parameters and attributes are those of :class:`InputError`."""
+    """A file that cannot be read because it is missing or is no file; fields as of :class:`InputError`."""
 
 
 def in_words(where: str, problem: str, remedy: str) -> str:
-    """Return an error's message, ``where: problem; remedy``, of those that are not empty."""
-    return "; ".join(part for part in (": ".join(part for part in (where, problem) if part), remedy) if part)
+    """Return the message ``where: problem; remedy``, without the parts that are empty."""
+    fault = ": ".join(part for part in (where, problem) if part)
+    return "; ".join(part for part in (fault, remedy) if part)
 
 
 @contextmanager
 def errors_at(where: str) -> Iterator[None]:
-    """Raise a ValueError from within as an InputError that names a place.
-
-    Parameters
-    ----------
-    where : str
-        The port or the argument at fault, which what is called within does not know.
-
-    Raises
-    ------
-    InputError
-        With the problem and the remedy of the error within.
-
-    Examples
-    --------
-    >>> from vtkmuscle.core.errors import InputError, errors_at
-    >>> with errors_at("PBDDeformer: muscle"):
-    ...     raise InputError("", "the surface is open", "close it")
-    Traceback (most recent call last):
-        ...
-    vtkmuscle.core.errors.InputError: PBDDeformer: muscle: the surface is open; close it
-    """
+    """Raise a ValueError from within as an InputError that names the port or argument at fault."""
     try:
         yield
     except ValueError as error:
@@ -83,28 +69,54 @@ def errors_at(where: str) -> Iterator[None]:
 
 
 def fault_of(error: Exception, *, placed: bool = False) -> tuple[str, str]:
-    """Return the problem and the remedy that an error names, each in one line.
+    """Return the problem and the remedy that an error names, each in one line; the remedy may be "".
 
-    Parameters
-    ----------
-    error : Exception
-        Of one without these fields the problem is the message, and the remedy "".
-    placed : bool, optional
-        Whether the place stands before the problem.
-
-    Examples
-    --------
-    >>> from vtkmuscle.core.errors import InputError, fault_of
-    >>> fault_of(InputError("bone.stl", "the file holds no points", "export it again"))
-    ('the file holds no points', 'export it again')
-    >>> fault_of(OSError(28, "No space left on device", "bone.stl"))
-    ('No space left on device', '')
+    With ``placed`` the problem begins with the place, where the error has one.
     """
+    problem, remedy = str(error), ""
     if isinstance(error, _FieldsError):
         problem = in_words(error.where, error.problem, "") if placed else error.problem
         remedy = error.remedy
     elif isinstance(error, OSError) and error.strerror:
-        problem, remedy = error.strerror, ""
-    else:
-        problem, remedy = str(error), ""
+        problem = error.strerror
     return " ".join(problem.split()), " ".join(remedy.split())
+
+
+def check_name(path: Path) -> None:
+    """Raise an InputError for a path that is not text in UTF-8: no report or table could name it."""
+    try:
+        str(path.absolute()).encode()
+    except UnicodeEncodeError:
+        where = ascii(str(path))[1:-1]
+        raise InputError(where, "this path is not text in UTF-8", "rename the file or folder") from None
+
+
+def check_is_file(path: Path, *, most: int = MOST_BYTES) -> None:
+    """Raise an error unless a path is a file of at most so many bytes.
+
+    A named pipe would be waited for, and a device be read for ever.
+
+    Raises
+    ------
+    FileNotFoundError
+        If there is no such file.
+    ValueError
+        If it is too large.
+    """
+    check_name(path)
+    if path.is_dir():
+        raise MissingFileError(path, "this is a folder, not a file")
+    if not path.exists():
+        folder = path.parent
+        also = sorted(p.name for p in folder.iterdir() if p.suffix == path.suffix) if folder.is_dir() else []
+        hint = f"its folder holds {', '.join(also[:5])}" if also else ""
+        raise MissingFileError(path, "there is no such file", hint)
+    if not path.is_file():
+        raise MissingFileError(path, "this is a pipe or a device, not a file", "copy what it gives to one")
+    size = path.stat().st_size
+    if size > most:
+        raise InputError(
+            path,
+            f"the file takes {size / 1024**2:.0f} MB, but at most {most // 1024**2} MB are read",
+            "check that it is what its name says",
+        )

@@ -1,10 +1,9 @@
 """Numbers with the parts of their error, and how these combine.
 
-Every part is the half width of an interval that holds the true value with about 95 % confidence, as far as
-that cause goes: an expanded uncertainty with the coverage factor 2 (JCGM 100:2008, *Guide to the expression
-of uncertainty in measurement*, 6.2 and 6.3.3). Causes are taken as independent, so that variances add, and
-the total is the root of the sum of squares (5.1.2, eq. 10); with one factor for all that holds for the
-expanded parts as well. What is left at a resolution is told by two of them (Richardson).
+Each part is an expanded uncertainty with the coverage factor 2: the half width of an interval that holds the
+true value with about 95 % confidence, as far as that cause goes (JCGM 100:2008, *Guide to the expression of
+uncertainty in measurement*, 6.2 and 6.3.3). Causes are taken as independent, so the total is the root of the
+sum of squares (5.1.2, eq. 10). The error of a resolution follows from two of them (Richardson).
 """
 
 from __future__ import annotations
@@ -27,57 +26,25 @@ CONFIDENCE = 0.95
 
 
 def root_of_squares(*parts: ArrayLike) -> Floats:
-    """Return the root of the sum of squares of independent parts, which broadcast together; 0 of none.
-
-    Source: JCGM 100:2008, 5.1.2, eq. 10, with sensitivities of 1.
-
-    Examples
-    --------
-    >>> from vtkmuscle.core.estimate import root_of_squares
-    >>> float(root_of_squares(3.0, 4.0))
-    5.0
-    """
+    """Return the root of the sum of squares of independent parts, which broadcast together; 0 of none."""
     return np.sqrt(sum((np.square(np.asarray(part, dtype=np.float64)) for part in parts), np.zeros(())))
 
 
 def expanded_of_bounds(half_width: ArrayLike) -> Floats:
-    """Return the expanded uncertainty where only bounds are known: all values within them alike likely.
+    """Return the expanded uncertainty of a value that may be anywhere within bounds of a half width.
 
-    The variance of a rectangular distribution is a third of the square of its half width (JCGM 100:2008,
-    4.3.7), so that this is 2 / sqrt(3) of the half width.
-
-    Parameters
-    ----------
-    half_width : array_like
-        Of the bounds, of either sign.
+    The variance of a rectangular distribution is a third of its half width squared (JCGM 100:2008, 4.3.7):
+    the result is 2 / sqrt(3) of the half width.
     """
     expanded: Floats = COVERAGE_FACTOR / np.sqrt(3.0) * np.abs(np.asarray(half_width, dtype=np.float64))
     return expanded
 
 
 def expanded_of_samples(values: ArrayLike, *, of_mean: bool = False) -> Floats:
-    """Return the expanded uncertainty that repeated values tell of, along the first axis.
+    """Return the expanded uncertainty of one more value, or of the mean, of samples along the first axis.
 
-    Student's t for n - 1 degrees of freedom at 95 %, times the standard deviation: of one more value, or of
-    their mean, by the root of n smaller (JCGM 100:2008, 4.2 and G.3).
-
-    Parameters
-    ----------
-    values : (n, ...) array_like
-        n >= 2 samples.
-    of_mean : bool, optional
-        Whether the mean of the samples is what is uncertain, not one of them.
-
-    Returns
-    -------
-    (...) array
-        Not negative.
-
-    Examples
-    --------
-    >>> from vtkmuscle.core.estimate import expanded_of_samples
-    >>> float(expanded_of_samples([1.0, 3.0]).round(3))
-    17.969
+    Student's t for n - 1 degrees of freedom at 95 %, n >= 2, times the standard deviation, for the mean
+    divided by the root of n (JCGM 100:2008, 4.2 and G.3).
     """
     samples = np.asarray(values, dtype=np.float64)
     count = len(samples)
@@ -96,7 +63,7 @@ class Estimate:
     unit : str
         Of the value and of all errors.
     parts : mapping of str to array
-        Per cause an expanded uncertainty, of the shape of the value; causes that are not there are not known.
+        Expanded uncertainty by cause, of the shape of the value; a cause that is missing is not known.
 
     Examples
     --------
@@ -126,7 +93,7 @@ class Estimate:
         return np.broadcast_to(root_of_squares(*self.parts.values()), np.shape(self.value))
 
     def report(self) -> dict[str, Any]:
-        """Return the mean value, the root mean square of each part, and of the total: JSON-able."""
+        """Return the mean value, and the root mean square of each part and of the total, for JSON."""
         return {
             "value": float(np.mean(self.value)),
             "unit": self.unit,
@@ -144,34 +111,13 @@ SAFETY = 3.0
 
 
 def convergence_error(coarse: ArrayLike, fine: ArrayLike, *, order: float) -> Floats:
-    """Return the error of a solution, by one of half its spacing and the grid convergence index.
+    """Return the expanded uncertainty of the coarser of two solutions, with spacings h and h / 2.
 
-    Where the error falls with the spacing h as h^p, the coarse solution is off by 2^p / (2^p - 1) of the
-    difference of the two (Richardson); the index is three times that (Roache 1994, the index of the coarse
-    grid), and is meant as a band of about 95 % confidence (ASME V&V 20-2009, 2-4).
-
-    Parameters
-    ----------
-    coarse, fine : array_like
-        Solutions with spacings of h and h / 2, of shapes that broadcast together.
-    order : float
-        The order p > 0; the smaller it is assumed, the larger the error.
-
-    Returns
-    -------
-    array
-        Expanded uncertainty of the coarse solution, in its unit, not negative.
-
-    References
-    ----------
-    Roache 1994, *Perspective: a method for uniform reporting of grid refinement studies*,
-    doi:10.1115/1.2910291.
-
-    Examples
-    --------
-    >>> from vtkmuscle.core.estimate import convergence_error
-    >>> float(convergence_error(1.04, 1.01, order=2.0).round(6))  # 0.04 too large, and three times that
-    0.12
+    Where the error falls as h^p, the coarse solution is off by 2^p / (2^p - 1) of the difference of the two
+    (Richardson). The grid convergence index of the coarse grid is three times that (Roache 1994,
+    *Perspective: a method for uniform reporting of grid refinement studies*, doi:10.1115/1.2910291), meant as
+    a band of about 95 % confidence (ASME V&V 20-2009, 2-4). The smaller the order p > 0, the larger the
+    error.
     """
     power = 2.0**order
     difference = np.abs(np.asarray(coarse, dtype=np.float64) - np.asarray(fine, dtype=np.float64))
@@ -180,7 +126,7 @@ def convergence_error(coarse: ArrayLike, fine: ArrayLike, *, order: float) -> Fl
 
 
 def convergence_error_of_fine(coarse: ArrayLike, fine: ArrayLike, *, order: float) -> Floats:
-    """Return the error of the finer of two solutions, likewise: 1 / 2^p of that of the coarser one."""
+    """Return the error of the finer of two solutions: 1 / 2^p of that of the coarser one."""
     return np.asarray(convergence_error(coarse, fine, order=order) / 2.0**order)
 
 
@@ -189,31 +135,9 @@ CHORD_ORDER = 2.0
 
 
 def segment_errors(points: Floats, offsets: Ints) -> Floats:
-    """Return by how much polylines are shorter than the curves that they stand for.
+    """Return by how much polylines are shorter than the curves that they stand for, (k,) [mm].
 
-    The length by every second point is compared with that by all of them, see
-    :func:`~vtkmuscle.core.estimate.convergence_error_of_fine`.
-
-    Parameters
-    ----------
-    points, offsets : (n, 3) array, (k + 1,) int array
-        Positions [mm]; first point of each line, and n.
-
-    Returns
-    -------
-    (k,) array
-        Expanded uncertainty of the lengths [mm].
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from vtkmuscle.core.estimate import segment_errors
-    >>> turn = np.linspace(0.0, np.pi / 2.0, 9)
-    >>> arc = 100.0 * np.column_stack([np.cos(turn), np.sin(turn), 0.0 * turn])
-    >>> float(50.0 * np.pi - 8 * 200.0 * np.sin(np.pi / 32.0))  # arc less chords
-    0.252...
-    >>> segment_errors(arc, np.array([0, 9])).round(2)
-    array([0.76])
+    An expanded uncertainty, from the lengths by all points (n, 3) and by every second point.
     """
     fine = polyline_lengths(points, offsets)
     return convergence_error_of_fine(_every_second(points, offsets), fine, order=CHORD_ORDER)

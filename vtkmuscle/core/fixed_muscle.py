@@ -1,4 +1,4 @@
-"""A muscle at rest as it is given: its surface, what is fixed of it, and its fibres."""
+"""A muscle at rest: its surface, which points are fixed to which bone, and its fibres."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from vtkmuscle.core.mesh.surface import MeshTopology, check_volume, mesh_topolog
 from vtkmuscle.core.paths.via_rings import ViaRing
 from vtkmuscle.core.types import Floats, Ints
 
-#: Points (n, 3) of polylines, one after the other [mm], and the first point of each, and n, (k + 1,).
+#: Points (n, 3) of polylines, one after the other [mm]; the first point of each, and n, (k + 1,).
 Lines = tuple[Floats, Ints]
 
 
@@ -23,10 +23,8 @@ class FixedMuscle:
 
     Attributes
     ----------
-    points : (n, 3) array
-        Its surface [mm].
-    triangles : (m, 3) int array
-        Point ids, outward oriented, a closed surface.
+    points, triangles : (n, 3) array, (m, 3) int array
+        Its surface, closed and facing outward [mm].
     fixed_to : (n,) int array
         Index of the bone each point is fixed to, -1 for free points.
     fibres : Lines or None
@@ -53,18 +51,12 @@ class FixedMuscle:
         return [self.points, self.triangles, self.fixed_to, *(self.fibres or ()), *rings]
 
     def topology(self) -> MeshTopology:
-        """Return the edges of its surface.
-
-        Raises
-        ------
-        ValueError
-            If the surface encloses no volume.
-        """
+        """Return the edges of its surface; raise a ValueError if it encloses no volume."""
         check_volume(self.points, signed_volume(self.points, self.triangles))
         return mesh_topology(len(self.points), self.triangles)
 
     def directions(self, topology: MeshTopology) -> Floats | None:
-        """Return the unit direction of the fibres at each edge (k, 3), None where there are none."""
+        """Return the unit direction of the fibres at each edge (k, 3), None without fibres."""
         if self.fibres is None:
             return None
         return fibre_directions_at(self.points[topology.edges].mean(axis=1), *self.fibres)

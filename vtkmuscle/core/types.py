@@ -1,4 +1,4 @@
-"""Types of the arrays that functions take and give: their shapes are in the docstrings."""
+"""Types of the arrays that functions take and give; their shapes are in the docstrings."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -6,5 +6,5 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
-#: Where the blocks of a grid are, in C order.
+#: Row of each block of a bone's field, in its hash table.
 Table = NDArray[np.int32]

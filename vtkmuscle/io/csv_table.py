@@ -9,8 +9,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from itertools import islice
 from pathlib import Path
 
-from vtkmuscle.core.errors import InputError
-from vtkmuscle.core.files import check_is_file
+from vtkmuscle.core.errors import InputError, check_is_file
 from vtkmuscle.io.writing import write_text
 
 

@@ -9,8 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from vtkmuscle.core.errors import InputError
-from vtkmuscle.core.files import MOST_TEXT, check_is_file
+from vtkmuscle.core.errors import MOST_TEXT, InputError, check_is_file
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.attachments import Aponeurosis, aponeurosis_from, landmarks_of, ring_aponeurosis
 from vtkmuscle.io.csv_table import csv_rows

@@ -31,8 +31,7 @@ from pathlib import Path, PurePosixPath, PureWindowsPath
 import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
-from vtkmuscle.core.errors import InputError
-from vtkmuscle.core.files import MOST_BYTES, check_is_file
+from vtkmuscle.core.errors import MOST_BYTES, InputError, check_is_file
 from vtkmuscle.core.motion.rigid import apply_transform
 from vtkmuscle.core.types import Floats
 from vtkmuscle.core.words import quoted

@@ -10,8 +10,7 @@ from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 from vtkmodules.vtkFiltersCore import vtkTriangleFilter
 
-from vtkmuscle.core.errors import InputError
-from vtkmuscle.core.files import check_is_file
+from vtkmuscle.core.errors import InputError, check_is_file
 from vtkmuscle.data.arrays import points_of, with_points
 from vtkmuscle.io.in_child import read_in_child
 

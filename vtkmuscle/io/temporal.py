@@ -17,8 +17,7 @@ from vtkmodules.util.vtkAlgorithm import VTKPythonAlgorithmBase
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 from vtkmodules.vtkCommonExecutionModel import vtkStreamingDemandDrivenPipeline
 
-from vtkmuscle.core.errors import InputError
-from vtkmuscle.core.files import check_is_file
+from vtkmuscle.core.errors import InputError, check_is_file
 from vtkmuscle.data.arrays import multiblock_from
 from vtkmuscle.data.pipeline_times import announce_times, times_of
 from vtkmuscle.io.in_child import check_in_child, vtk_messages

@@ -11,8 +11,7 @@ from xml.parsers import expat
 import numpy as np
 from numpy.typing import ArrayLike
 
-from vtkmuscle.core.errors import InputError, fault_of
-from vtkmuscle.core.files import MOST_TEXT, check_is_file
+from vtkmuscle.core.errors import MOST_TEXT, InputError, check_is_file, fault_of
 from vtkmuscle.core.types import Floats
 from vtkmuscle.core.words import quoted
 from vtkmuscle.io.csv_table import number_in

@@ -11,8 +11,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from vtkmuscle.core.errors import fault_of
-from vtkmuscle.core.files import check_name
+from vtkmuscle.core.errors import check_name, fault_of
 from vtkmuscle.core.machine import processors
 from vtkmuscle.core.mesh.shared import held
 from vtkmuscle.data.drawn_bones import DrawnBones

@@ -7,8 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar
 
-from vtkmuscle.core.errors import fault_of
-from vtkmuscle.core.files import MOST_TEXT, check_is_file
+from vtkmuscle.core.errors import MOST_TEXT, check_is_file, fault_of
 from vtkmuscle.scene.faults import SceneError, errors_at
 
 T = TypeVar("T")

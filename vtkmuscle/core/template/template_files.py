@@ -24,8 +24,7 @@ from typing import Any
 
 import numpy as np
 
-from vtkmuscle.core.errors import InputError, fault_of
-from vtkmuscle.core.files import MOST_TEXT, check_is_file
+from vtkmuscle.core.errors import MOST_TEXT, InputError, check_is_file, fault_of
 from vtkmuscle.core.template.kinds import FibreTemplate
 from vtkmuscle.core.types import Floats
 from vtkmuscle.core.words import quoted

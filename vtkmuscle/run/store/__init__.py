@@ -10,9 +10,8 @@ from typing import Any
 
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
-from vtkmuscle.core.errors import InputError
+from vtkmuscle.core.errors import InputError, check_is_file
 from vtkmuscle.core.estimate import Estimate
-from vtkmuscle.core.files import check_is_file
 from vtkmuscle.core.motion.coordinates import Coordinate
 from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.data.arrays import multiblock_from, points_of
