@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vtkmuscle.core.jit import array_kernel, kernel
-from vtkmuscle.core.mesh.enclosed_volume import project_volume, volume_and_gradient
+from vtkmuscle.core.mesh.rest_shape import project_volume, volume_and_gradient
 from vtkmuscle.core.mesh.surface import mesh_topology
 
 Floats = NDArray[np.float64]

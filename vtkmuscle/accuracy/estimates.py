@@ -16,8 +16,8 @@ from vtkmuscle.core.estimate import (
     expanded_of_samples,
     segment_errors,
 )
-from vtkmuscle.core.mesh.enclosed_volume import rounded_volume
 from vtkmuscle.core.mesh.polylines import polyline_lengths
+from vtkmuscle.core.mesh.rest_shape import rounded_volume
 from vtkmuscle.core.moment_arms.by_coordinate import JointArms
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import points_of, polylines_of, triangles_of

@@ -12,8 +12,8 @@ import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.core.mesh.enclosed_volume import halved
 from vtkmuscle.core.mesh.normals import vertex_normals
+from vtkmuscle.core.mesh.rest_shape import halved
 from vtkmuscle.core.motion.rigid import RigidMotion, inverse, rotation_about
 from vtkmuscle.core.types import Floats
 from vtkmuscle.core.words import suggestion

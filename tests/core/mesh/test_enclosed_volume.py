@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from spindle import spindle
 
-from vtkmuscle.core.mesh.enclosed_volume import project_volume, volume_and_gradient
+from vtkmuscle.core.mesh.rest_shape import project_volume, volume_and_gradient
 from vtkmuscle.core.mesh.surface import signed_volume
 
 

@@ -5,7 +5,7 @@ import pytest
 from shapes import ball, ring
 
 from vtkmuscle.core.estimate import convergence_error
-from vtkmuscle.core.mesh.enclosed_volume import halved, rounded_volume
+from vtkmuscle.core.mesh.rest_shape import halved, rounded_volume
 from vtkmuscle.core.mesh.surface import edge_lengths, signed_volume, survey, unique_edges
 
 

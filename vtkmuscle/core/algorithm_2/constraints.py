@@ -7,23 +7,22 @@ doi:10.1007/978-3-030-72379-8_24. A projection moves points p against a constrai
 As the paper has it:
 
 * Eq. 1 divides by the squares of the gradients of *all* points, "assuming that every point has the same
-  mass": also of the fixed ones, which Algorithm 1 gives a mass of 1, and which do not move ("updating [...]
-  the position of the moveable points"). A constraint beside a fixed point so is met by half in an iteration,
-  and no denominator can vanish there.
-* The angle of eq. 6 is an arccosine, which does not know a ridge from a groove: an edge that was folded to
-  the other side stays there. It is pi - abs(phi), with the signed angle phi of
+  mass", also of the fixed ones, which Algorithm 1 gives a mass of 1 and does not move. So an iteration meets
+  a constraint beside a fixed point by half, and no denominator can vanish there.
+* The angle of eq. 6 is an arccosine, which does not tell a ridge from a groove: an edge folded to the other
+  side stays there. It is pi - abs(phi), with the signed angle phi of
   :func:`~vtkmuscle.core.mesh.rest_shape.hinge`.
 * A stiffness multiplies the correction of each iteration.
 
 Where the paper cannot be run as it reads:
 
-* Section 3.1, "we multiply the distance constraint (see Eq. 2) with the result": eq. 1 gives the same for
-  k C as for C. The correction is multiplied.
-* Eq. 4 without a sixth is six times the volume, so that its V0, "its original volume", has to be six times
-  that, too. A sixth in value and gradient alike changes nothing.
+* Section 3.1, "we multiply the distance constraint (see Eq. 2) with the result": eq. 1 gives the same for k C
+  as for C. The correction is multiplied.
+* Eq. 4 without a sixth is six times the volume, so its V0, "its original volume", must be six times that,
+  too. A sixth in value and gradient alike changes nothing.
 * Eq. 7 divides by sqrt(1 - d^2), which is 0 where two triangles are in one plane: such an edge has no
   direction to turn to, and stays as it is.
-* Algorithm 2, line 39, puts each vertex to its x_i, which lines 33 to 36 keep as they were at fixed points:
+* Algorithm 2, line 39, puts each vertex to its x_i, which lines 33 to 36 leave unchanged at fixed points:
   these would be drawn at rest for ever. They are drawn where line 9 takes them.
 
 In all of them p (n, 3) are positions [mm], changed in place; w (n,) is 1 for moveable points, 0 for fixed.
@@ -36,10 +35,9 @@ import math
 import numpy as np
 
 from vtkmuscle.core.jit import lane, vector_kernel
-from vtkmuscle.core.mesh.enclosed_volume import volume_and_gradient
 from vtkmuscle.core.mesh.harmonic import harmonic_field, triangle_gradients
 from vtkmuscle.core.mesh.normals import unit_vectors
-from vtkmuscle.core.mesh.rest_shape import hinge
+from vtkmuscle.core.mesh.rest_shape import hinge, volume_and_gradient
 from vtkmuscle.core.mesh.surface import MeshTopology
 from vtkmuscle.core.types import Floats, Ints
 
@@ -137,25 +135,11 @@ def project_volume(
 
 
 def edge_stiffness(points: Floats, edges: Ints, directions: Floats) -> Floats:
-    """Return k = 1 - |u . v| for each edge: 1 across the fibres, 0 along them.
+    """Return k = 1 - |u . v| for each edge (k, 2), (k,): 1 across the fibres, 0 along them.
 
-    Kohout and Cervenka 2021, eq. 9, which reads k = 1 - u . v. An edge has no sign, and so that reads as 0 or
-    as 2, by the order in which its ends are named; "if both vectors are collinear, the result will be zero"
-    says which: the absolute value.
-
-    Parameters
-    ----------
-    points : (n, 3) array
-        Positions [mm].
-    edges : (k, 2) int array
-        Point ids.
-    directions : (k, 3) array
-        Unit direction v of the fibres at each edge, 0 where there is none.
-
-    Returns
-    -------
-    (k,) array
-        In [0, 1].
+    Kohout and Cervenka 2021, eq. 9, reads k = 1 - u . v. An edge has no sign, so that gives 0 or 2 by the
+    order in which its ends are named; "if both vectors are collinear, the result will be zero" calls for the
+    absolute value. The directions v (k, 3) of the fibres are unit vectors, 0 where there is none.
     """
     difference = points[edges[:, 1]] - points[edges[:, 0]]
     lengths = np.linalg.norm(difference, axis=1)
@@ -166,25 +150,11 @@ def edge_stiffness(points: Floats, edges: Ints, directions: Floats) -> Floats:
 
 
 def harmonic_directions(points: Floats, topology: MeshTopology, fixed_to: Ints) -> Floats | None:
-    """Return the direction from one end of a muscle to the other at each edge, where no fibres are known.
+    """Return the unit direction (k, 3) from one end of a muscle to the other at each edge, without fibres.
 
-    It is the mean of the unit gradients, in the edge's two triangles, of the harmonic function between the
-    points fixed to different bones (:func:`~vtkmuscle.core.mesh.harmonic.harmonic_field`).
-
-    Parameters
-    ----------
-    points : (n, 3) array
-        Positions [mm].
-    topology : MeshTopology
-        Of the muscle.
-    fixed_to : (n,) int array
-        Index of the bone each point is fixed to, -1 for free points.
-
-    Returns
-    -------
-    (k, 3) array or None
-        Unit directions, 0 where the function is constant (inside an attachment); None where fewer than two
-        bones have fixed points.
+    It is the mean of the unit gradients, in the edge's two triangles, of
+    :func:`~vtkmuscle.core.mesh.harmonic.harmonic_field`; 0 where that is constant (inside an attachment).
+    None where fewer than two bones have fixed points.
     """
     field = harmonic_field(points, topology.triangles, fixed_to)
     if field is None:

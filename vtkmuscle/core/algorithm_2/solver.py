@@ -1,4 +1,4 @@
-"""Algorithm 2 of Kohout and Cervenka 2021: what can be set, state in, state out."""
+"""Algorithm 2 of Kohout and Cervenka 2021: settings, state in, state out."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from vtkmuscle.core.types import Floats
 class Parameters:
     """Settings of Algorithm 2; the defaults are those of section 4 of the paper.
 
-    PBDDeformer has them too, and takes what it says of them from here.
+    PBDDeformer has the same settings, and takes their descriptions from here.
 
     Attributes
     ----------
@@ -67,14 +67,6 @@ class Parameters:
     contact_velocity: str = "keep"
 
 
-#: What is said of a muscle that is thrown out of all numbers.
-OUT_OF_RANGE = (
-    "",
-    "the muscle left the range of floating point numbers",
-    "use a smaller external_force or dt",
-)
-
-
 @dataclass(frozen=True, eq=False)
 class State:
     """A muscle at one time.
@@ -88,9 +80,9 @@ class State:
     transforms : (b, 4, 4) array
         Of the bones, rest to now.
     colliding : int
-        Points that met a bone in the step that led here.
+        Number of points that met a bone in the step that led here.
     positions : (n, 3) array
-        The points about the centre of the muscle at rest, where no digits are lost far from the origin [mm].
+        The points relative to the centre of the muscle at rest [mm]: far from the origin no digits are lost.
     """
 
     surface: Floats
@@ -106,25 +98,20 @@ class State:
 
 
 class Algorithm2:
-    """Deforms a muscle with the bones it is fixed to, as printed: :meth:`step` is Algorithm 2.
+    """Deforms a muscle with the bones it is fixed to: :meth:`step` is Algorithm 2 as printed.
 
-    The solver holds what does not change; :meth:`step` takes a state and gives the next, so that states can
+    The solver holds what does not change. :meth:`step` takes a state and gives the next, so that states can
     be kept and gone back to.
 
     Parameters
     ----------
     muscle : FixedMuscle
-        The muscle. Its fibres, or the harmonic function between its ends where it has none, say which edges
-        are soft.
+        The muscle. Edges are soft along its fibres, or, where it has none, along the harmonic function
+        between its ends.
     parameters : Parameters
         Settings.
     obstacles : sequence of Obstacle, optional
         Bones that free points are kept out of.
-
-    Attributes
-    ----------
-    shape : RestShape
-        Its surface at rest.
 
     Raises
     ------
@@ -137,11 +124,10 @@ class Algorithm2:
     ) -> None:
         self.parameters = parameters
         points, fixed_to, topology = muscle.points, muscle.fixed_to, muscle.topology()
-        directions = None
-        if parameters.anisotropy:
-            directions = muscle.directions(topology)
-            if directions is None:
-                directions = harmonic_directions(points, topology, fixed_to)
+        directions = muscle.directions(topology) if parameters.anisotropy else None
+        if parameters.anisotropy and directions is None:
+            directions = harmonic_directions(points, topology, fixed_to)
+        #: The surface at rest.
         self.shape = shape = RestShape(points, topology, directions)
         self.centre: Floats = (points.min(axis=0) + points.max(axis=0)) / 2.0
         self.rest: Floats = points - self.centre
@@ -163,7 +149,7 @@ class Algorithm2:
         self._angles = np.ascontiguousarray(quads[used]), angles, parameters.shape_stiffness
 
     def at_rest(self, n_bones: int) -> State:
-        """Return the muscle at rest, with all of n bones in their rest pose."""
+        """Return the muscle at rest, with all bones in their rest pose."""
         still, transforms = np.zeros_like(self.rest), np.broadcast_to(np.eye(4), (n_bones, 4, 4))
         return State(self.rest + self.centre, still, transforms, 0, self.rest)
 
@@ -175,28 +161,18 @@ class Algorithm2:
         neighbours: Sequence[Neighbour] = (),
         progress: Callable[[float], None] | None = None,
     ) -> State:
-        """Return the state after the bones have moved on.
+        """Return the state after the bones have moved on; raise a ValueError if a position overflows.
 
         Parameters
         ----------
         state : State
-            Where the muscle was; not changed.
+            Of the muscle before; not changed.
         transforms : (b, 4, 4) array
-            Where the bones are now, rest to now.
+            Of the bones now, rest to now.
         neighbours : sequence of Neighbour, optional
-            Other muscles where they are now, to keep the free points out of.
+            Other muscles as they are now, to keep the free points out of.
         progress : callable, optional
             Called after each iteration with the part of the step that is done; may raise, to stop.
-
-        Returns
-        -------
-        State
-            Where the muscle is now.
-
-        Raises
-        ------
-        ValueError
-            If a position left the range of floating point numbers.
         """
         settings, free = self.parameters, self._free
         x, v, dt = state.positions, state.velocities, settings.dt
@@ -204,7 +180,7 @@ class Algorithm2:
         muscles = MuscleContact(neighbours, free, self.centre) if neighbours else None
         contact = Contact(self._barrier, now, before, x, muscles)
         collided = np.zeros(len(x), dtype=np.bool_)
-        with np.errstate(over="ignore", invalid="ignore"):  # refused below, in our words
+        with np.errstate(over="ignore", invalid="ignore"):  # _check_finite reports it
             # Lines 6 to 15: fixed points go with their bones, free ones where their velocity takes them.
             force = np.asarray(settings.external_force, dtype=np.float64)
             p = x + dt * (settings.velocity_kept * (v + dt * force))
@@ -230,4 +206,5 @@ class Algorithm2:
 
 def _check_finite(array: Floats) -> None:
     if not np.isfinite(array).all():
-        raise InputError(*OUT_OF_RANGE)
+        problem = "the muscle left the range of floating point numbers"
+        raise InputError("", problem, "use a smaller external_force or dt")

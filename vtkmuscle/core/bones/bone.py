@@ -1,4 +1,4 @@
-"""One bone: its exact surface, and its signed distance as a field that is filled where it is asked for."""
+"""A bone: its exact surface, and its signed distance as a field that is filled where it is looked up."""
 
 from __future__ import annotations
 
@@ -33,10 +33,10 @@ from vtkmuscle.core.types import Bools, Floats, Ints
 #: Cells of the field along the diagonal of a bone's box along its axes: 1.3 mm on a pelvis, 1.5 on a femur.
 CELLS_PER_DIAGONAL = 300.0
 
-#: By how much the weights of a bone's points differ, where these decide which way its axes point.
+#: Difference of the weights of a bone's points, which decide where symmetry leaves the axes open.
 UNEVENNESS = 1e-3
 
-#: Blocks that are noted as lacking at a time, at most.
+#: Most blocks that are noted as lacking at a time.
 _LACKING = 1024
 
 #: The nodes of a block, (125, 3), and an order in which each is near those before it.
@@ -47,11 +47,11 @@ _ORDER = space_order(_LATTICE.astype(np.float64))
 class Bone:
     """A bone in its rest pose.
 
-    Distances are asked for in two ways. :meth:`exact` measures them against the triangles: a microsecond or
-    two for each point. :meth:`field` looks them up, in a few hundredths of that, between the nodes of a
-    lattice along the bone's own axes, whose blocks are measured when a look-up first comes to them. The value
-    at a node depends on the bone alone, to the last digit: never on what was asked before. Nothing is built
-    of a bone that nobody comes near, and several threads may ask one bone.
+    :meth:`exact` measures distances from the triangles, in a microsecond or two for each point. :meth:`field`
+    looks them up, in a few hundredths of that, between the nodes of a lattice along the bone's own axes,
+    whose blocks are measured when a look-up first comes to them. The value at a node depends on the bone
+    alone, to the last digit. Nothing is built of a bone that nobody comes near, and several threads may ask
+    one bone.
 
     Parameters
     ----------
@@ -89,7 +89,7 @@ class Bone:
 
     @cached_property
     def solids(self) -> Solids:
-        """The exact surface: the bone's parts, closed where they are not."""
+        """The exact surface: the bone's parts, closed where they were open."""
         return solids_of(self.points, self.triangles)
 
     @cached_property
@@ -118,27 +118,18 @@ class Bone:
         return 0 if known is None else known.keys.nbytes + known.places.nbytes + known.values.nbytes
 
     def exact(self, points: ArrayLike) -> tuple[Floats, Floats]:
-        """Return the distances of points from the triangles, and the directions in which they grow.
+        """Return the distances (n,) [mm] of points (n, 3) at rest from the triangles, negative inside.
 
-        Parameters
-        ----------
-        points : (n, 3) array
-            At rest [mm].
-
-        Returns
-        -------
-        distance : (n,) array
-            Negative inside [mm].
-        outward : (n, 3) array
-            Unit vectors: the nearest place is the point less its distance in this direction.
+        Also the unit vectors (n, 3) in which they grow: the nearest place on the surface is the point less
+        its distance in this direction.
         """
         return self.solids.exact(points)
 
     def depth(self, points: Floats) -> Floats:
-        """Return how deep points (n, 3), at rest, are inside the exact surface, (n,), 0 outside [mm]."""
+        """Return the depth (n,) [mm] of points (n, 3), at rest, in the exact surface, 0 outside."""
         depth = np.zeros(len(points))
         near = np.flatnonzero(((points >= self.box[0]) & (points <= self.box[1])).all(axis=1))
-        if len(near) > NODES**3:  # fewer are measured in less time than a block of the overview
+        if len(near) > NODES**3:  # measuring fewer is faster than filling a block of the overview
             outside = np.zeros(len(near), dtype=np.bool_)
             while True:
                 field = self.look_up()
@@ -158,14 +149,14 @@ class Bone:
         points : (n, 3) array
             At rest [mm].
         within : float or (n,) array, optional
-            Distance that matters [mm]: of points that are surely farther away none is looked up.
+            Distance that matters [mm]: points that are surely farther away are not looked up.
 
         Returns
         -------
         distance : (n,) array
-            Negative inside [mm]; of points that are not looked up a bound beyond ``within``, of those that
-            are not finite :data:`~vtkmuscle.core.mesh.solids.FAR`. Within sqrt(3) / 2 of a cell of the exact
-            distance; between nodes by a smooth surface of radius R about cell^2 / (4 R).
+            Negative inside [mm]; a bound beyond ``within`` for points that are not looked up, and
+            :data:`~vtkmuscle.core.mesh.solids.FAR` for those that are not finite. Within sqrt(3) / 2 of a
+            cell of the exact distance; beside a smooth surface of radius R about cell^2 / (4 R) off.
         outward : (n, 3) array
             Unit vectors, continuous, by differences over a cell; 0 where there is no distance, and where it
             grows in no direction.
@@ -191,7 +182,7 @@ class Bone:
     def fill(self, field: Field) -> bool:
         """Fill the blocks that were lacking in a field; return whether there were any.
 
-        Where it returns True, what was looked up is void: take the field as it is now, and do it again.
+        If so, the look-ups in the field are void, and must be repeated in a new one.
         """
         if field.lacking[0] == 0:
             return False
@@ -213,25 +204,22 @@ class Bone:
                 put_into_table(keys, places, np.array(list(self._places)), 0)
             else:
                 put_into_table(keys, places, noted[new], first)
-            # Others still look at the old tables, which do not lead to what is new.
+            # Other threads still use the old tables, which do not lead to the new rows.
             self._known = known._replace(keys=keys, places=places, values=room)
         return True
 
     def _nothing(self) -> Field:
-        low, high = self.box_along_axes
-        values = np.empty((0, NODES**3))
-        return Field(
-            *_empty_table(1), values, low, high, self.cell, 1.0 / self.cell, np.zeros(2, dtype=np.int64)
-        )
+        nothing, cell = np.zeros(2, dtype=np.int64), self.cell
+        blocks = *_empty_table(1), np.empty((0, NODES**3))
+        return Field(*blocks, *self.box_along_axes, cell, 1.0 / cell, nothing)
 
     def _measured(self, keys: Ints) -> Floats:
         """Return the exact distances at the nodes of blocks, (k, 125)."""
         span = 2 * MOST
         numbers = np.column_stack([keys // span**2 % span, keys // span % span, keys % span]) - MOST
-        nodes: Ints = SIDE * numbers[:, None] + _LATTICE[_ORDER]
-        cells: Floats = np.where(keys < span**3, self.cell, SIDE * self.cell)
-        along: Floats = (cells[:, None, None] * nodes).reshape(-1, 3)
-        at_rest = apply_transform(inverse(self.axes), along)
+        nodes = SIDE * numbers[:, None] + _LATTICE[_ORDER]
+        cells = np.where(keys < span**3, self.cell, SIDE * self.cell)
+        at_rest = apply_transform(inverse(self.axes), (cells[:, None, None] * nodes).reshape(-1, 3))
         values = np.empty((len(keys), NODES**3))
         values[:, _ORDER] = self.solids.distances(at_rest, run=NODES**3).reshape(len(keys), -1)
         return values
@@ -242,19 +230,9 @@ bone_of = shared(Bone)
 
 
 def depth_in(bones: Iterable[tuple[Bone, Floats]], points: Floats) -> Floats:
-    """Return how deep points are in the deepest of several bones, against their triangles.
+    """Return the depth (n,) [mm] of points (n, 3), now, in the deepest of several bones, 0 outside.
 
-    Parameters
-    ----------
-    bones : iterable of (Bone, (4, 4) array)
-        With their transforms, rest to now.
-    points : (n, 3) array
-        In the scene, now [mm].
-
-    Returns
-    -------
-    (n,) array
-        0 outside [mm].
+    Each bone comes with its transform (4, 4), rest to now; its triangles count, not its field.
     """
     depth = np.zeros(len(points))
     for bone, transform in bones:
@@ -263,37 +241,26 @@ def depth_in(bones: Iterable[tuple[Bone, Floats]], points: Floats) -> Floats:
 
 
 def bone_axes(points: Floats) -> Floats:
-    """Return the rigid transform from the scene to a bone's principal axes.
+    """Return the rigid transform (4, 4) from the scene to a bone's principal axes and centre.
 
-    A grid along the axes of the scene would make the result depend on how the scene is turned; along the
-    bone's own it has also fewer cells around it. Where the principal axes are not determined (a bone that is
-    round), the order of its points decides: they are weighted a little unevenly.
-
-    Parameters
-    ----------
-    points : (n, 3) array
-        The bone at rest [mm].
-
-    Returns
-    -------
-    (4, 4) array
-        Rigid; the bone's centre goes to the origin.
+    A grid along the axes of the scene would make the result depend on how the scene is turned, and would have
+    more cells around the bone. Where the bone is round, so that its points (n, 3) do not determine the axes,
+    their order decides: they are weighted a little unevenly.
     """
     centre = points.mean(axis=0)
     arms = points - centre
     weights = 1.0 + UNEVENNESS * uneven_weights(len(points))
     axes = np.linalg.eigh((arms * weights[:, None]).T @ arms)[1].T
-    # An eigenvector's sign is anybody's guess; the order of the points decides here, too.
+    # The order of the points decides about the sign of an eigenvector, too.
     axes[(weights - weights.mean()) @ (arms @ axes.T) < 0.0] *= -1.0
     axes[2] = np.cross(axes[0], axes[1])  # a rotation, not a reflection
     transform = np.eye(4)
-    transform[:3, :3] = axes
-    transform[:3, 3] = -axes @ centre
+    transform[:3, :3], transform[:3, 3] = axes, -axes @ centre
     return transform
 
 
 def _empty_table(least: int) -> tuple[Ints, np.ndarray[tuple[int], np.dtype[np.int32]]]:
-    """Return the keys and places of a hash table with room for as many keys, at least."""
+    """Return the keys and places of a hash table with room for at least so many keys."""
     size = 1 << max(int(least - 1).bit_length(), 6)
     return np.full(size, EMPTY, dtype=np.int64), np.zeros(size, dtype=np.int32)
 
@@ -309,9 +276,9 @@ def _look_up(
     outward: Floats,
     work: Floats,
 ) -> None:
-    """Do what :meth:`Bone.field` says; work is working memory.
+    """Do the work of :meth:`Bone.field`; work is working memory.
 
-    lacks : (n,), changed in place: which points are not done, for their blocks were not known.
+    lacks : (n,), changed in place: the points that are not done, for their blocks were not known.
     """
     at, normal = work[0], work[1]
     for i in range(len(points)):
@@ -336,7 +303,7 @@ def _look_up(
 
 @kernel
 def _find_outside(field: Field, axes: Floats, points: Floats, outside: Bools, at: Floats) -> None:
-    """Write which points are outside by the overview, or by what is known of the field; at (3,) is memory."""
+    """Write which points are outside by the overview or the known part of the field; at (3,) is memory."""
     for i in range(len(points)):
         transform_point(axes, points, i, at)
         before, noted = field.lacking[0], field.lacking[1]

@@ -1,4 +1,4 @@
-"""Signed distances from a bone and their directions, between the nodes of the blocks that are known."""
+"""Look-ups, in kernels, of signed distances from a bone and of their directions, in the known blocks."""
 
 from __future__ import annotations
 
@@ -10,22 +10,22 @@ from vtkmuscle.core.jit import kernel, lane
 from vtkmuscle.core.mesh.solids import FAR
 from vtkmuscle.core.types import Floats, Ints, Table
 
-#: Cells along an edge of a block; blocks are what is computed at a time.
+#: Cells along an edge of a block; a block is computed at a time.
 SIDE = 4
 #: Nodes along an edge of a block: neighbours share those of a face.
 NODES = SIDE + 1
 
-#: Blocks are counted from minus this to this along each axis, so that three of these numbers are one key.
+#: Blocks are numbered from minus this to this along each axis, so that three numbers make one key.
 MOST = 2**19
 
-#: In a table of keys, that there is none.
+#: Marks an empty slot of a table of keys.
 EMPTY = -1
 
-#: By how much a trilinear value may be off, at most [cells]: no distance grows faster than the way, and the
-#: mean way from a point of a cell to the nodes, by their weights, is at most that from the cell's middle.
+#: Largest error of a trilinear value [cells]: no distance grows faster than the way, and the mean way from a
+#: point of a cell to the nodes, by their weights, is greatest at the cell's middle.
 FIELD_ERROR = 3.0**0.5 / 2.0
 
-#: A direction shorter than this part of its due length 1 is that of a ridge: look farther.
+#: A direction shorter than this, instead of 1, lies on a ridge.
 _FLAT = 0.2
 
 #: Fibonacci hashing: 2^64 divided by the golden ratio, as a signed number (Knuth 1998, *Sorting and
@@ -38,24 +38,22 @@ Integer: TypeAlias = int | np.int64
 class Field(NamedTuple):
     """The known part of a bone's field, for kernels.
 
-    A look-up that comes to a block which is not known reads as :data:`FAR`, and notes the block in
-    ``lacking``: so whoever finds that grown does the same again, once the bone has filled them.
-
-    Beside the field there is an overview, four times as coarse, which tells what is far from the bone.
+    A look-up in a block that is not known reads as :data:`FAR`, and notes the block in ``lacking``. Whoever
+    finds that grown lets the bone fill these blocks, and repeats the look-ups. Beside the field there is an
+    overview, four times as coarse, which shows what is far from the bone.
 
     Attributes
     ----------
     keys, places : (c,) int64 array, (c,) int32 array
-        Hash table of the blocks: their keys, and which of the values are theirs; c is a power of 2.
+        Hash table of the blocks: their keys, and the rows of their values; c is a power of 2.
     values : (n, 125) array
         Signed distances at the nodes of each block, 5 along each axis in C order [mm].
     low, high : (3,) arrays
         Corners of the bone's box along its axes [mm].
     cell, per_mm : float
-        Distance of neighbouring nodes [mm], one of which is at the origin of the axes; how many there are in
-        a millimetre.
+        Distance of neighbouring nodes [mm], and its inverse; one node is at the origin of the axes.
     lacking : (2 + m,) int64 array
-        How many look-ups came to blocks that are not known, how many blocks are noted, and their keys.
+        Number of look-ups in unknown blocks, number of blocks noted, and their keys.
     """
 
     keys: Ints
@@ -88,7 +86,7 @@ def _slot_of(keys: Ints, key: Integer) -> Integer:
 
 @kernel
 def put_into_table(keys: Ints, places: Table, more: Ints, first: int) -> None:
-    """Add keys, which are not there yet, to a hash table that has room; their places count from the first."""
+    """Add keys that are not there yet to a hash table that has room; their places count from the first."""
     for number in range(len(more)):
         slot = _slot_of(keys, more[number])
         keys[slot], places[slot] = more[number], first + number
@@ -96,7 +94,7 @@ def put_into_table(keys: Ints, places: Table, more: Ints, first: int) -> None:
 
 @lane
 def _block_at(field: Field, i: Integer, j: Integer, k: Integer, level: Integer) -> Integer:
-    """Return which of the values are those of a block; -1, and a note, where it is not known."""
+    """Return the row of a block's values; -1, and a note, where it is not known."""
     key = key_of(i, j, k, level)
     slot = _slot_of(field.keys, key)
     if field.keys[slot] != EMPTY:
@@ -115,8 +113,7 @@ def _block_at(field: Field, i: Integer, j: Integer, k: Integer, level: Integer) 
 def distance_at(field: Field, x: float, y: float, z: float) -> float:
     """Return the trilinear distance at a position along a bone's axes [mm].
 
-    :data:`~vtkmuscle.core.mesh.solids.FAR` where the block is not known, and beyond the blocks that can be
-    counted.
+    :data:`~vtkmuscle.core.mesh.solids.FAR` in unknown blocks, and beyond the blocks that can be numbered.
     """
     return _trilinear(field, x * field.per_mm, y * field.per_mm, z * field.per_mm, np.int64(0))
 
@@ -131,7 +128,7 @@ def least_distance_at(field: Field, x: float, y: float, z: float) -> float:
 
 @lane
 def _trilinear(field: Field, u: float, v: float, w: float, level: Integer) -> float:
-    """Return the distance at a position in cells of a level; a constant would be compiled for itself."""
+    """Return the distance at a position in cells of a level; a constant level would be compiled apart."""
     if not max(abs(u), abs(v), abs(w)) < SIDE * (MOST - 1):
         return FAR
     i, j, k = np.int64(np.floor(u)), np.int64(np.floor(v)), np.int64(np.floor(w))
@@ -156,10 +153,10 @@ def _trilinear(field: Field, u: float, v: float, w: float, level: Integer) -> fl
 def normal_at(field: Field, at: Floats, out: Floats) -> bool:
     """Write the unit direction in which the distance grows at a position (3,); False, and 0, without one.
 
-    By central differences over a cell: unlike the gradient of the trilinear value, which jumps from cell to
-    cell, they are continuous, so that a point which slides along a bone does not jump.
-    On a ridge, halfway through a bone, where the gradient vanishes, differences to one cell onward are taken
-    (onward only, so that they differ from each other on a plane of symmetry).
+    Central differences over a cell are continuous, while the gradient of the trilinear value jumps from cell
+    to cell: a point that slides along a bone must not jump. On a ridge, halfway through a bone, the gradient
+    vanishes, and differences to one cell onward are taken (onward only, so that they differ on a plane of
+    symmetry).
     """
     x, y, z, cell = at[0], at[1], at[2], field.cell
     dx, dy, dz = _slope_at(field, x, y, z)
@@ -180,7 +177,7 @@ def normal_at(field: Field, at: Floats, out: Floats) -> bool:
 
 @lane
 def _slope_at(field: Field, x: float, y: float, z: float) -> tuple[float, float, float]:
-    """Return by how much the trilinear distance grows over a cell, half of it before and half after."""
+    """Return the growth of the trilinear distance along each axis, over a cell around a position."""
     u, v, w, h = x * field.per_mm, y * field.per_mm, z * field.per_mm, 0.5 * field.cell
     if not max(abs(u), abs(v), abs(w)) < SIDE * (MOST - 1):
         return 0.0, 0.0, 0.0
@@ -204,7 +201,7 @@ def _slope_within(
 ) -> tuple[float, float, float]:
     """Return the same where all is in one block, at u, v, w in [0.5, 1.5) from a node.
 
-    The 27 nodes from there on are those of all six places that are compared.
+    The 27 nodes from there on are those around all six positions that are compared.
     """
     x0, y0, z0 = _over_plane(values, block, node, v, w)
     x1, y1, z1 = _over_plane(values, block, node + NODES * NODES, v, w)
@@ -239,7 +236,7 @@ def _value(p: float, q: float, r: float, t: float) -> float:
 
 @lane
 def _growth(p: float, q: float, r: float, t: float) -> float:
-    """Return how much that grows from half a cell before t to half a cell after."""
+    """Return the growth of that interpolation from half a cell before t to half a cell after."""
     return (1.5 - t) * (q - p) + (t - 0.5) * (r - q)
 
 

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from vtkmuscle.core.collision.distance_collision import Clearance
-from vtkmuscle.core.collision.obstacles import Approach, MuscleContact, Obstacle
+from vtkmuscle.core.collision.obstacles import Approach, MuscleContact, Obstacle, VoxelObstacle
 from vtkmuscle.core.motion.rigid import apply_transform, inverse, inverses
 from vtkmuscle.core.types import Bools, Floats, Ints
 
@@ -20,79 +20,63 @@ SWALLOWED = 0.9
 
 
 class Barrier:
-    """The collision response of the free points of one muscle to the bones.
+    """The bones that the free points of one muscle are kept out of.
 
     Parameters
     ----------
     obstacles : sequence of Obstacle
         Bones, in scene coordinates at rest.
     rest : (n, 3) array
-        The muscle at rest, about its centre [mm].
+        The muscle at rest, relative to the centre [mm].
     centre : (3,) array
-        Where the points' origin is in the scene at rest [mm].
+        The points' origin in the scene at rest [mm].
     free : (n,) bool array
         Points that may be moved.
     bone_push : bool
-        See :meth:`~vtkmuscle.core.collision.obstacles.Obstacle.keep_out`.
+        See :class:`~vtkmuscle.core.collision.obstacles.Approach`.
     """
 
     def __init__(
-        self,
-        obstacles: Sequence[Obstacle],
-        rest: Floats,
-        centre: Floats,
-        free: Bools,
-        *,
-        bone_push: bool,
+        self, obstacles: Sequence[Obstacle], rest: Floats, centre: Floats, free: Bools, *, bone_push: bool
     ) -> None:
         self.obstacles = tuple(obstacles)
-        self.free = free
-        self.any_free = bool(free.any())
-        self.bone_push = bone_push
+        self.free, self.bone_push = free, bone_push
         self._rest = rest
         self._about_centre = np.eye(4)
         self._about_centre[:3, 3] = -centre
-        #: Which of the bones' transforms each obstacle has.
+        #: Index of each obstacle among the bones' transforms.
         self.bones: Ints = np.array([obstacle.bone for obstacle in self.obstacles], dtype=np.int64)
         boxes = [
             (obstacle.box[0] - obstacle.margin - centre, obstacle.box[1] + obstacle.margin - centre)
             for obstacle in self.obstacles
         ]
-        #: Middle and half the sides of each obstacle's box at rest, about the muscle's centre.
+        #: Middle and half the sides of each obstacle's box at rest, relative to the centre.
         self.boxes: Floats = np.array([((low + high) / 2, (high - low) / 2) for low, high in boxes])
-        self._from_axes: dict[int, Floats] = {}
-        self._allowances: dict[int, Floats | None] = {}
-        self._memory: dict[int, tuple[Floats, Clearance]] = {}
+        self._met: dict[int, tuple[Floats | None, Floats, Clearance]] = {}
         self._warned: set[tuple[int, str]] = set()
 
     def from_axes(self, number: int) -> Floats:
-        """Return the transform from an obstacle's axes to the scene at rest, about the muscle's centre."""
-        if number not in self._from_axes:
-            self._from_axes[number] = self._about_centre @ inverse(self.obstacles[number].axes)
-        return self._from_axes[number]
+        """Return the transform from an obstacle's axes to the scene at rest, relative to the centre."""
+        return self._about_centre @ inverse(self.obstacles[number].axes)
 
-    def allowance(self, number: int) -> Floats | None:
-        """Return how deep points may be in an obstacle."""
-        if number not in self._allowances:
-            at_rest = apply_transform(inverse(self.from_axes(number)), self._rest)
-            allowance = self.obstacles[number].allowance(at_rest)
-            self._allowances[number] = allowance
-            if allowance is not None:
-                inside = int((allowance[self.free] > self.obstacles[number].skin).sum())
-                if inside > SWALLOWED * self.free.sum():
-                    self.warn(
-                        number,
-                        "swallowed",
-                        f"{inside} of the muscle's {self.free.sum()} free points are in it at rest and may "
-                        "stay as deep; check that bone and muscle are in the same frame and unit",
-                    )
-        return self._allowances[number]
+    def met(self, number: int) -> tuple[Floats | None, Floats, Clearance]:
+        """Return how deep points may be in an obstacle, and room for their positions and clearances.
 
-    def memory(self, number: int) -> tuple[Floats, Clearance]:
-        """Return positions (n, 3) and clearances to work with at an obstacle, the same each time."""
-        if number not in self._memory:
-            self._memory[number] = np.empty_like(self._rest), Clearance(len(self._rest))
-        return self._memory[number]
+        All are made when the muscle first comes near the obstacle.
+        """
+        if number not in self._met:
+            obstacle = self.obstacles[number]
+            allowance = obstacle.allowance(apply_transform(inverse(self.from_axes(number)), self._rest))
+            self._met[number] = allowance, np.empty_like(self._rest), Clearance(len(self._rest))
+            inside = 0 if allowance is None else int((allowance[self.free] > obstacle.skin).sum())
+            if inside > SWALLOWED * self.free.sum():
+                self.warn(
+                    number,
+                    "swallowed",
+                    f"{inside} of the muscle's {self.free.sum()} free points are in it at rest and may "
+                    "stay as deep; check that bone and muscle are in the same frame and unit",
+                )
+        return self._met[number]
 
     def warn(self, number: int, kind: str, what: str) -> None:
         """Warn of irregular motion at an obstacle, once for each kind."""
@@ -104,76 +88,55 @@ class Barrier:
 class Contact:
     """A muscle and the bones during one step.
 
-    A bone whose box the free points' path does not meet is not looked at any closer, and all bones are
-    sorted out at once: far ones cost next to nothing. Where points slide
-    along the bones, their path is followed from one call to the next. A point that is known to be away from
-    a bone is not tested again before it has moved that far.
+    The boxes of all bones are first compared with that of the free points' path, so that far bones cost next
+    to nothing. Where points slide along the bones, their path is followed from one call to the next. A point
+    that is known to be away from a bone is not tested again before it has moved that far.
 
     Parameters
     ----------
     barrier : Barrier
-        What keeps points out.
+        The bones and the muscle.
     now, before : (b, 4, 4) arrays
-        Transforms of all bones, rest to now and rest to the previous frame, of points about the centre.
+        Transforms of all bones, rest to now and to the previous frame, of points relative to the centre.
     x : (n, 3) array
-        Positions of the previous frame, about the centre [mm].
+        Positions of the previous frame, relative to the centre [mm].
     muscles : MuscleContact, optional
         Other muscles to keep out of; where they press a muscle into a bone, the bone wins.
     """
 
     def __init__(
-        self,
-        barrier: Barrier,
-        now: Floats,
-        before: Floats,
-        x: Floats,
-        muscles: MuscleContact | None = None,
+        self, barrier: Barrier, now: Floats, before: Floats, x: Floats, muscles: MuscleContact | None = None
     ) -> None:
         self._barrier = barrier
         self._muscles = muscles
-        if not barrier.obstacles:
+        self._idle = not (barrier.obstacles and barrier.free.any())
+        if self._idle:
             return
         self._now = now[barrier.bones]
         self._steps = self._now @ inverses(before[barrier.bones])
         self._x = x
+        self._box = low, high = _box(x, barrier.free)
         #: Bounding boxes of the bones now, and of the points before the step in the frame of each bone.
         self._low, self._high = _moved_boxes(self._now, barrier.boxes[:, 0], barrier.boxes[:, 1])
-        if not barrier.any_free:
-            return
-        self._box = low, high = _box(x, barrier.free)
         self._from_low, self._from_high = _moved_boxes(self._steps, (low + high) / 2, (high - low) / 2)
         self._followed: dict[int, Approach] = {}
 
     def keep_out(self, p: Floats) -> Bools:
-        """Move predicted positions out of the bones that they can have met.
-
-        Parameters
-        ----------
-        p : (n, 3) array
-            Positions about the centre [mm], changed in place.
-
-        Returns
-        -------
-        (n,) bool array
-            Points that were moved.
-        """
+        """Move predicted positions (n, 3) out of the bones, in place; return which were moved, (n,)."""
         hit = np.zeros(len(p), dtype=np.bool_)
-        barrier = self._barrier
         if self._muscles is not None:
             hit |= self._muscles.keep_out(p)
-        if not (barrier.obstacles and barrier.any_free):
+        if self._idle:
             return hit
         waiting = self._in_reach(p, 0)
         while waiting:
             number = waiting.pop(0)
-            obstacle = barrier.obstacles[number]
-            approach = self._followed.get(number)
-            first = approach is None
-            if approach is None:
-                approach = self._new_approach(number, p)
-                if approach is None:
-                    continue
-            last = barrier.memory(number)[0]
+            obstacle = self._barrier.obstacles[number]
+            first = number not in self._followed
+            if first and not self._begin(number, p):
+                continue
+            approach = self._followed[number]
+            last = self._barrier.met(number)[1]
             moved = obstacle.keep_out(approach, p)
             if first:
                 self._check_step(number, approach, last, moved)
@@ -186,26 +149,19 @@ class Contact:
                 self._from_low[number], self._from_high[number] = self._box
         return hit
 
-    def _new_approach(self, number: int, p: Floats) -> Approach | None:
-        """Return the approach to an obstacle that the points may meet for the first time in the step."""
-        barrier, obstacle = self._barrier, self._barrier.obstacles[number]
-        bone = self._now[number] @ barrier.from_axes(number)
-        if not self._may_touch(number, inverse(bone), p):
-            return None
-        last, clearance = barrier.memory(number)
+    def _begin(self, number: int, p: Floats) -> bool:
+        """Return whether the points may meet an obstacle for the first time in the step; follow it then."""
+        barrier = self._barrier
+        now, step = self._now[number] @ barrier.from_axes(number), self._steps[number]
+        if not self._may_touch(number, inverse(now), p):
+            return False
+        allowance, last, clearance = barrier.met(number)
         last[:] = p
-        approach = Approach(
-            bone,
-            self._steps[number],
-            self._x,
-            barrier.free,
-            barrier.allowance(number),
-            barrier.bone_push,
-            clearance,
+        clearance.begin(now, step, self._x)
+        self._followed[number] = Approach(
+            now, step, self._x, barrier.free, allowance, barrier.bone_push, clearance
         )
-        obstacle.begin(approach)
-        self._followed[number] = approach
-        return approach
+        return True
 
     def _check_step(self, number: int, approach: Approach, predicted: Floats, moved: Bools) -> None:
         """Warn where a step began with more in a bone, or farther through it, than can come out well."""
@@ -217,10 +173,13 @@ class Contact:
         to_axes = inverse(approach.now)
         start = apply_transform(to_axes @ approach.step, approach.x[ids])
         end = apply_transform(to_axes, predicted[ids])
-        inside = obstacle.entered(end, moved[ids])
         low, high = obstacle.box_along_axes
-        # Voxels do not see what a point has passed through: the box of its path has to do.
-        met = inside if obstacle.slides else _overlap(start, end, low, high)
+        inside = met = moved[ids]
+        if isinstance(obstacle, VoxelObstacle):
+            inside = obstacle.grid.contains(end)
+            # Voxels do not show which points went through the bone: the boxes of their paths must do.
+            apart = (np.maximum(start, end) < low) | (np.minimum(start, end) > high)
+            met = np.logical_not(apart.any(axis=1))
         if not met.any():
             return
         ways = np.linalg.norm(end[met] - start[met], axis=1)
@@ -253,34 +212,26 @@ class Contact:
             )
 
     def _in_reach(self, p: Floats, first: int) -> list[int]:
-        """Return the obstacles, from the first on, that the path to p may meet.
+        """Return the obstacles, from the first on, whose boxes the box of the path to p meets.
 
-        These are the ones whose boxes, along the axes of the scene, the box of the path meets. Where all are
-        followed already, what is known of each point says more than the boxes.
+        Where all are followed already, their clearances say more than the boxes, and all are returned.
         """
         if len(self._followed) == len(self._barrier.obstacles):
             return list(range(first, len(self._followed)))
         self._box = low, high = _box(p, self._barrier.free)
-        apart = (np.maximum(self._from_high, high) < self._low) | (
-            np.minimum(self._from_low, low) > self._high
-        )
-        numbers: list[int] = np.flatnonzero(~apart.any(axis=1)).tolist()
+        before = np.maximum(self._from_high, high) < self._low
+        beyond = np.minimum(self._from_low, low) > self._high
+        numbers: list[int] = np.flatnonzero(~(before | beyond).any(axis=1)).tolist()
         return [number for number in numbers if number >= first]
 
     def _may_touch(self, number: int, to_axes: Floats, p: Floats) -> bool:
         """Return whether the path of the points may meet an obstacle's box along its own axes."""
         obstacle, free = self._barrier.obstacles[number], self._barrier.free
-        starts = _box_seen_from(to_axes @ self._steps[number], self._x, free)
-        ends = _box_seen_from(to_axes, p, free)
+        starts = _box(apply_transform(to_axes @ self._steps[number], self._x), free)
+        ends = _box(apply_transform(to_axes, p), free)
         low, high = obstacle.box_along_axes
         lowest, highest = np.minimum(starts[0], ends[0]), np.maximum(starts[1], ends[1])
         return not ((highest < low - obstacle.margin) | (lowest > high + obstacle.margin)).any()
-
-
-def _overlap(start: Floats, end: Floats, low: Floats, high: Floats) -> Bools:
-    """Return whether the boxes of paths (n, 3), (n, 3) meet a box, (n,)."""
-    apart = (np.maximum(start, end) < low) | (np.minimum(start, end) > high)
-    return np.logical_not(apart.any(axis=1))
 
 
 def _moved_boxes(transforms: Floats, middles: Floats, halves: Floats) -> tuple[Floats, Floats]:
@@ -298,8 +249,3 @@ def _box(points: Floats, free: Bools) -> tuple[Floats, Floats]:
     """Return the least and the greatest coordinates (3,) of the free points (n, 3), infinite of none."""
     mine = np.ascontiguousarray(points[free].T)  # of long rows they are found ten times as fast
     return mine.min(axis=1, initial=np.inf), mine.max(axis=1, initial=-np.inf)
-
-
-def _box_seen_from(transform: Floats, points: Floats, free: Bools) -> tuple[Floats, Floats]:
-    """Return the box of the free points as :func:`_box`, in the frame that a transform leads to."""
-    return _box(apply_transform(transform, points), free)

@@ -12,46 +12,25 @@ from vtkmuscle.core.types import Bools, Floats
 
 
 class Clearance:
-    """How far points were from a bone when they were last looked at.
-
-    That is a matter of where they were beside the bone: as the bone moves on, what is known moves with it.
-
-    Parameters
-    ----------
-    n_points : int
-        How many there are. None of them has been looked at yet.
+    """How far points were from a bone when they were last tested, relative to the bone, with which it moves.
 
     Attributes
     ----------
     seen_at : (n, 3) array
         Where each point was [mm].
     squares : (n,) array
-        Square of the way that it can go from there without meeting the bone's skin [mm^2].
+        Square of the way that it can go from there without meeting the bone's skin [mm^2]; 0 at first.
     """
 
     def __init__(self, n_points: int) -> None:
         self.seen_at: Floats = np.zeros((n_points, 3))
         self.squares: Floats = np.zeros(n_points)
         self._bone: Floats = np.eye(4)
-        self._to_rest: tuple[Floats, Floats] | None = None
-
-    def to_rest(self, bone: Floats) -> Floats:
-        """Return the inverse transform of a bone, computed once per array."""
-        if self._to_rest is None or self._to_rest[0] is not bone:
-            self._to_rest = bone, inverse(bone)
-        return self._to_rest[1]
 
     def begin(self, bone: Floats, step: Floats, x: Floats) -> None:
-        """Begin a step.
+        """Begin a step; the ways of the points begin at their positions x (n, 3) of the previous frame [mm].
 
-        Parameters
-        ----------
-        bone : (4, 4) array
-            Where it is now.
-        step : (4, 4) array
-            Motion of the bone from the previous frame to now.
-        x : (n, 3) array
-            Positions of the previous frame [mm]; the ways of the points begin there.
+        The bone is now at a transform (4, 4), and has moved by a step (4, 4) since the previous frame.
         """
         _carry(bone @ inverse(self._bone), step, x, self.seen_at, self.squares)
         self._bone = bone
@@ -76,8 +55,8 @@ def _carry(since: Floats, step: Floats, x: Floats, seen_at: Floats, squares: Flo
             squares[i] = 0.0
 
 
-#: Height above the surface, in cells, up to which a path counts as touching it: the field may lose a plate
-#: thinner than a cell, but shows a valley there that is no higher.
+#: Height above the surface, in cells, up to which a path counts as touching it: a plate thinner than a cell
+#: may be lost in the field, but leaves a valley that is no higher.
 _ZONE = 0.5
 
 #: Least step along a path, in cells.
@@ -86,10 +65,10 @@ _LEAST_STEP = 0.25
 #: A point deeper than this is moved [cells]; the push ends within half of it.
 _TOLERANCE = 1e-6
 
-#: Steps of a push, at most; far more than one that converges takes.
+#: Most steps of a push; far more than one that converges takes.
 _MOST_PUSHES = 20
 
-#: Times that a path is bent along the surface, at most.
+#: Most times that a path is bent along the surface.
 _MOST_SLIDES = 4
 
 
@@ -105,27 +84,23 @@ def resolve_distance_collisions(
     allowance: Floats | None = None,
     clearance: Clearance | None = None,
 ) -> Bools:
-    """Move the predicted positions that are in a bone, or came through it, out of it.
+    """Move the predicted positions that are in a bone, or came through it, out of it; return which, (n,).
 
-    All happens in the bone's frame. A point nearer than the skin goes along the gradient to where the
-    distance is the skin. That is not where it belongs if it came through the bone: so the path from its
-    previous position, taken along with the bone, to the predicted one is followed. If it goes down to the
-    bone at one place and comes up where the surface faces the other way (by more than 90 degrees), the
+    In the bone's frame, a point nearer than the skin goes along the gradient to the skin. That is not where
+    it belongs if it came through the bone. So the path from its previous position, taken along with the bone,
+    to the predicted one is followed (sphere tracing, Hart 1996, doi:10.1007/s003710050084). If it goes down
+    to the bone at one place and comes up where the surface faces the other way (by more than 90 degrees), the
     point stops at the first contact and goes on along the tangent plane.
 
     Parameters
     ----------
     bone : Bone
         At rest.
-    now : (4, 4) array
-        Rigid transform from the axes of the bone to where it is now.
-    step : (4, 4) array
-        Rigid transform of the bone from the previous frame to now.
-    x : (n, 3) array
-        Positions of the previous frame [mm].
-    p : (n, 3) array
-        Predicted positions [mm], changed in place; those that are not finite, or so far away that their
-        distance is not, are left alone.
+    now, step : (4, 4) arrays
+        Rigid transforms of the bone to now: from its axes, and from the previous frame.
+    x, p : (n, 3) arrays
+        Positions of the previous frame, and those predicted, which are changed in place [mm]; those that are
+        not finite, or have no finite distance from the bone, are left alone.
     free : (n,) bool array
         Points that may be moved.
     skin : float, optional
@@ -133,40 +108,18 @@ def resolve_distance_collisions(
     allowance : (n,) array, optional
         How much deeper than the skin each point may be [mm], >= 0.
     clearance : Clearance, optional
-        Points that it knows to be away from the bone are passed over, and it learns from those that are not.
-        The bone must stand still from one call to the next.
-
-    Returns
-    -------
-    (n,) bool array
-        Points that were moved.
-
-    References
-    ----------
-    Hart 1996, *Sphere tracing*, doi:10.1007/s003710050084.
+        Points that it knows to be away from the bone are passed over; it is updated for the others. The bone
+        must stand still from one call to the next.
     """
     known = Clearance(len(p)) if clearance is None else clearance
     moved, waiting = np.zeros(len(p), dtype=np.bool_), free.copy()
-    to_rest = known.to_rest(now)
-    to_start = to_rest @ step
+    to_rest, work = inverse(now), np.empty((11, 3))
+    transforms = np.ascontiguousarray(now, dtype=np.float64), to_rest, to_rest @ step
     allowance = np.zeros(len(p)) if allowance is None else allowance
     while True:
         field = bone.look_up()
-        _resolve(
-            field,
-            np.ascontiguousarray(now, dtype=np.float64),
-            to_rest,
-            to_start,
-            x,
-            p,
-            waiting,
-            float(skin),
-            allowance,
-            known.seen_at,
-            known.squares,
-            moved,
-            np.empty((11, 3)),
-        )
+        kept = known.seen_at, known.squares, moved
+        _resolve(field, *transforms, x, p, waiting, float(skin), allowance, *kept, work)
         if not bone.fill(field):
             return moved
 
@@ -187,10 +140,10 @@ def _resolve(
     moved: Bools,
     work: Floats,
 ) -> None:
-    """Do what :func:`resolve_distance_collisions` says; seen_at, squares, moved : changed in place.
+    """Do the work of :func:`resolve_distance_collisions`; seen_at, squares, moved : changed in place.
 
-    waiting : (n,), changed in place: points to be looked at, afterwards those whose blocks were not known;
-    work : (11, 3), working memory, of which the first eight rows are also that of what is called.
+    waiting : (n,), changed in place: points to be tested, afterwards those whose blocks were not known; work
+    : (11, 3), working memory, of which the first eight rows are also that of the functions it calls.
     """
     start, end, wanted = work[8], work[9], work[10]
     margin = field.cell + skin
@@ -263,9 +216,9 @@ def _respond(field: Field, start: Floats, end: Floats, level: float, work: Float
 
 @kernel
 def _push_out(field: Field, at: Floats, level: float, normal: Floats) -> None:
-    """Move a position that is deeper than a level to the level, along the gradient.
+    """Move a position (3,) that is deeper than a level to the level, along the gradient, in place.
 
-    at : (3,), in place; normal : (3,), working memory.
+    normal : (3,), working memory.
     """
     depth = level - distance_at(field, at[0], at[1], at[2])
     if depth <= _TOLERANCE * field.cell:
@@ -282,20 +235,13 @@ def _push_out(field: Field, at: Floats, level: float, normal: Floats) -> None:
 
 @kernel
 def _crosses(  # noqa: PLR0912 -- one walk along a path
-    field: Field,
-    start: Floats,
-    end: Floats,
-    level: float,
-    contact: Floats,
-    landing: Floats,
-    work: Floats,
+    field: Field, start: Floats, end: Floats, level: float, contact: Floats, landing: Floats, work: Floats
 ) -> bool:
     """Return True where the path from start to end goes through the bone, not only into it or past it.
 
     Sphere tracing: the distance at a position is a step that meets no surface. Where the path is low, the
     normal at which it began to go down is kept; if the path goes up again and the normal there is against
-    that, it has come out on the other side.
-    contact : (3,), written if True: where the path went down;
+    that, it has come out on the other side. contact : (3,), written if True: where the path went down;
     landing : (3,), written if False: the end, pushed out of the bone.
     """
     at, normal, direction, down = work[3], work[4], work[5], work[6]
@@ -349,7 +295,7 @@ def _crosses(  # noqa: PLR0912 -- one walk along a path
 
 @kernel
 def _approach(field: Field, at: Floats, direction: Floats, level: float) -> None:
-    """Move a position along a direction down to a level; at : (3,), in place."""
+    """Move a position (3,) along a direction down to a level, in place."""
     for _ in range(_MOST_PUSHES):
         height = distance_at(field, at[0], at[1], at[2]) - level
         if height <= _TOLERANCE * field.cell:
@@ -362,7 +308,7 @@ def _approach(field: Field, at: Floats, direction: Floats, level: float) -> None
 def _span_in_box(
     field: Field, start: Floats, direction: Floats, length: float, margin: float
 ) -> tuple[float, float]:
-    """Return where a path enters and leaves the bone's box with a margin, the first the greater without."""
+    """Return where a path enters and leaves the bone's box with a margin; in reverse order if it misses."""
     first, last = 0.0, length
     for k in range(3):
         low, high = field.low[k] - margin - start[k], field.high[k] + margin - start[k]

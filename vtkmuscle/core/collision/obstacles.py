@@ -1,4 +1,4 @@
-"""What a muscle's points are kept out of: bones, as voxels and as signed distances, and other muscles."""
+"""What a muscle's points are kept out of: bones, as voxels or as signed distances, and other muscles."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class Approach:
     Attributes
     ----------
     now : (4, 4) array
-        From the bone's axes to where it is now.
+        From the bone's axes to its present position.
     step : (4, 4) array
         Motion of the bone from the previous frame to now.
     x : (n, 3) array
@@ -34,11 +34,11 @@ class Approach:
     free : (n,) bool array
         Points that may be moved.
     allowance : (n,) array or None
-        How deep each point may be in the bone [mm], from :meth:`Obstacle.allowance`.
+        Depth that each point may have in the bone [mm], from :meth:`Obstacle.allowance`.
     bone_push : bool
         Whether the bone takes points along that it moved over, where the method leaves the choice.
     clearance : Clearance
-        Which points are known to be away from the bone, where the method keeps account.
+        The points that are known to be away from the bone, where the method keeps account.
     """
 
     now: Floats
@@ -57,32 +57,26 @@ class Obstacle(ABC):
     ----------
     bone : int
         Index among the bones' transforms.
-    points : (n, 3) array
-        Of the bone in the rest pose [mm].
-    triangles : (m, 3) int array
-        Point ids.
+    points, triangles : (n, 3) array, (m, 3) int array
+        Of the bone in the rest pose [mm]; point ids.
     name : str
         Of the bone, for warnings.
     """
 
-    def __init__(self, bone: int, points: Floats, triangles: Ints, name: str) -> None:
-        self.bone = bone
-        self.name = name
-        self.points = points
-        self.triangles = triangles
-        #: Lowest and highest corner of a box in the scene at rest that holds the bone [mm].
-        self.box: tuple[Floats, Floats] = points.min(axis=0), points.max(axis=0)
-
     #: Whether points move along the surface, so that their path can be followed in short pieces.
     slides: bool
-
     #: Distance that points keep from the bone [mm].
     skin: float = 0.0
+    #: How far around the bone's box points are tested [mm].
+    margin: float
+    #: The settings of the grid and the response.
+    settings: tuple[float | None, ...]
 
-    @property
-    @abstractmethod
-    def margin(self) -> float:
-        """How far around the bone's box a point may be that it concerns [mm]."""
+    def __init__(self, bone: int, points: Floats, triangles: Ints, name: str) -> None:
+        self.bone, self.points, self.triangles, self.name = bone, points, triangles, name
+        #: Lowest and highest corner of a box in the scene at rest that holds the bone, and its diagonal [mm].
+        self.box: tuple[Floats, Floats] = points.min(axis=0), points.max(axis=0)
+        self.diagonal = float(np.linalg.norm(self.box[1] - self.box[0]))
 
     @cached_property
     def shape(self) -> Bone:
@@ -90,19 +84,14 @@ class Obstacle(ABC):
         return bone_of(self.points, self.triangles)
 
     @property
-    @abstractmethod
     def axes(self) -> Floats:
         """From the scene at rest to the axes along which the grid is laid, (4, 4)."""
+        return np.eye(4)
 
     @property
-    @abstractmethod
     def box_along_axes(self) -> tuple[Floats, Floats]:
         """Lowest and highest corner of the bone's box along its axes [mm]."""
-
-    @property
-    @abstractmethod
-    def settings(self) -> tuple[float | None, ...]:
-        """The settings of the grid and the response."""
+        return self.box
 
     def same_as(self, other: Obstacle) -> bool:
         """Return whether another obstacle is the same bone, on the same grid."""
@@ -113,17 +102,9 @@ class Obstacle(ABC):
             and np.array_equal(self.triangles, other.triangles)
         )
 
-    @abstractmethod
     def allowance(self, points: Floats) -> Floats | None:
-        """Return how deep points (n, 3) [mm], at rest and in the bone's axes, may be in the bone, (n,)."""
-
-    @abstractmethod
-    def entered(self, points: Floats, moved: Bools) -> Bools:
-        """Return which of the points (n, 3) [mm], in the bone's axes, were in it: it moved some, (n,)."""
-
-    @abstractmethod
-    def begin(self, approach: Approach) -> None:
-        """Begin a step, with the known distances of points far from the bone."""
+        """Return the depth (n,) that points (n, 3), at rest and in the bone's axes, may have in it [mm]."""
+        return None
 
     @abstractmethod
     def keep_out(self, approach: Approach, p: Floats) -> Bools:
@@ -131,16 +112,10 @@ class Obstacle(ABC):
 
 
 class VoxelObstacle(Obstacle):
-    """A bone as voxels: Kohout and Cervenka 2021 section 3.2, :mod:`vtkmuscle.core.collision.voxels`.
+    """A bone as voxels along the axes of the scene at rest: Kohout and Cervenka 2021 section 3.2.
 
-    Parameters
-    ----------
-    bone, points, triangles, name
-        As of :class:`Obstacle`.
-    n_max : int
-        Number of voxels, about, shared out so that they are nearly cubes.
-    n_equal : int or None
-        Voxels along each axis instead.
+    Points are moved back the way they came, to the first voxel outside; one that was in the bone before is
+    not moved. The voxels are about ``n_max`` near-cubes, or ``n_equal`` along each axis.
     """
 
     slides = False
@@ -157,27 +132,9 @@ class VoxelObstacle(Obstacle):
     ) -> None:
         super().__init__(bone, points, triangles, name)
         self.n_max, self.n_equal = n_max, n_equal
-
-    @property
-    def settings(self) -> tuple[float | None, ...]:
-        """Numbers of voxels."""
-        return self.n_max, self.n_equal
-
-    @property
-    def margin(self) -> float:
-        """No voxel reaches farther over the bone's box than it is long."""
-        diagonal = float(np.linalg.norm(self.box[1] - self.box[0]))
-        return 2.0 * diagonal / (self.n_equal or max(self.n_max, 1) ** (1.0 / 3.0))
-
-    @cached_property
-    def axes(self) -> Floats:
-        """The axes of the scene at rest, along which a bone's bounding box lies."""
-        return np.eye(4)
-
-    @property
-    def box_along_axes(self) -> tuple[Floats, Floats]:
-        """The box in the scene."""
-        return self.box
+        self.settings = n_max, n_equal
+        # No voxel reaches farther over the bone's box than it is long.
+        self.margin = 2.0 * self.diagonal / (n_equal or max(n_max, 1) ** (1.0 / 3.0))
 
     @cached_property
     def grid(self) -> VoxelGrid:
@@ -187,36 +144,17 @@ class VoxelObstacle(Obstacle):
                 self.points, self.triangles, n_max=self.n_max, n_equal=self.n_equal, what=self.name
             )
 
-    def allowance(self, points: Floats) -> None:
-        """Return None: a point that was in the bone before is not moved."""
-
-    def entered(self, points: Floats, moved: Bools) -> Bools:
-        """Return the points in the voxels of the bone, moved or not."""
-        return self.grid.contains(points)
-
-    def begin(self, approach: Approach) -> None:
-        """Do nothing: all points are looked at."""
-
     def keep_out(self, approach: Approach, p: Floats) -> Bools:
         """Move points back the way they came, to the first voxel outside."""
-        way = approach
-        return resolve_collisions(self.grid, way.now, way.step, way.x, p, way.free, bone_push=way.bone_push)
+        motion = approach.now, approach.step, approach.x, p, approach.free
+        return resolve_collisions(self.grid, *motion, bone_push=approach.bone_push)
 
 
 class DistanceObstacle(Obstacle):
-    """A bone as signed distances: points slide along its surface.
-
-    The response is in :mod:`vtkmuscle.core.collision.distance_collision`.
+    """A bone as signed distances along its own axes, with a skin [mm]: points slide along its surface.
 
     Points that are in the bone or its skin at rest may be as deep as they are there, so that the rest pose
     stays as it is.
-
-    Parameters
-    ----------
-    bone, points, triangles, name
-        As of :class:`Obstacle`.
-    skin : float
-        Distance that points keep from the bone [mm].
     """
 
     slides = True
@@ -225,19 +163,9 @@ class DistanceObstacle(Obstacle):
         self, bone: int, points: Floats, triangles: Ints, *, skin: float = 0.0, name: str = "bone"
     ) -> None:
         super().__init__(bone, points, triangles, name)
-        self.skin = skin
-
-    @property
-    def settings(self) -> tuple[float | None, ...]:
-        """The skin."""
-        return (self.skin,)
-
-    @property
-    def margin(self) -> float:
-        """The skin, and a cell for the error of the interpolation between nodes."""
-        # The box in the scene is at least as long as that along the axes.
-        diagonal = float(np.linalg.norm(self.box[1] - self.box[0]))
-        return 2.0 * diagonal / CELLS_PER_DIAGONAL + self.skin
+        self.skin, self.settings = skin, (skin,)
+        # A cell for the error of the field; the box in the scene is at least as long as that along the axes.
+        self.margin = 2.0 * self.diagonal / CELLS_PER_DIAGONAL + skin
 
     @cached_property
     def shape(self) -> Bone:
@@ -259,34 +187,20 @@ class DistanceObstacle(Obstacle):
         return self.shape.box_along_axes
 
     def allowance(self, points: Floats) -> Floats:
-        """Return how deep points are in the bone, or its skin, at rest."""
+        """Return the depth (n,) of points (n, 3) in the bone's skin at rest."""
         distance, _ = self.shape.field(apply_transform(inverse(self.axes), points), within=self.skin)
         return np.maximum(0.0, self.skin - distance)
 
-    def entered(self, points: Floats, moved: Bools) -> Bools:
-        """Return the points that were moved: all that were in the bone."""
-        return moved
-
-    def begin(self, approach: Approach) -> None:
-        """Move the known distances with the bone."""
-        approach.clearance.begin(approach.now, approach.step, approach.x)
-
     def keep_out(self, approach: Approach, p: Floats) -> Bools:
         """Move points to the bone's surface; the bone pushes those that it moved over."""
+        motion = approach.now, approach.step, approach.x, p, approach.free
+        deep, clearance = approach.allowance, approach.clearance
         return resolve_distance_collisions(
-            self.shape,
-            approach.now,
-            approach.step,
-            approach.x,
-            p,
-            approach.free,
-            skin=self.skin,
-            allowance=approach.allowance,
-            clearance=approach.clearance,
+            self.shape, *motion, skin=self.skin, allowance=deep, clearance=clearance
         )
 
 
-#: A point that is known to be farther from a neighbour is not looked at before it has moved this part of it.
+#: Part of its distance from a neighbour that a point may move before it is tested again.
 _SURELY_CLEAR = 0.9
 
 #: Part of a neighbour's mean edge within which its surface counts as flat.
@@ -295,14 +209,9 @@ _FLAT = 0.25
 
 @dataclass(frozen=True, eq=False)
 class Neighbour:
-    """The surface of another muscle at one time.
+    """Another muscle: the tree of its surface, facing outward, in the scene now [mm].
 
-    Attributes
-    ----------
-    tree : TriangleTree
-        Its triangles, which face outward, in the scene [mm].
-    allowance : (n,) array
-        How deep each point of the muscle may be in it [mm]: as deep as at rest.
+    The allowance (n,) is the depth that each point of the muscle may have in it [mm]: its depth at rest.
     """
 
     tree: TriangleTree
@@ -312,18 +221,18 @@ class Neighbour:
 class MuscleContact:
     """The neighbours of a muscle during one step, in which they stand still.
 
-    A point that is deeper in a neighbour than at rest goes to the plane that touches the neighbour at the
-    place nearest to the point. The plane is found again when the point has moved on by a part of
-    the neighbour's edges.
+    A point that is deeper in a neighbour than at rest goes to the plane that touches the neighbour at its
+    place nearest to the point. The plane is updated when the point has moved by a part of the neighbour's
+    edges.
 
     Parameters
     ----------
     neighbours : sequence of Neighbour
-        Where they are now.
+        As they are now.
     free : (n,) bool array
         Points that may be moved.
     centre : (3,) array
-        Where the points' origin is in the scene [mm].
+        The points' origin in the scene [mm].
     """
 
     def __init__(self, neighbours: Sequence[Neighbour], free: Bools, centre: Floats) -> None:
@@ -332,13 +241,7 @@ class MuscleContact:
         self._centre = centre
 
     def keep_out(self, p: Floats) -> Bools:
-        """Move predicted positions, (n, 3) about the centre [mm], out of the neighbours, in place.
-
-        Returns
-        -------
-        (n,) bool array
-            Points that were moved.
-        """
+        """Move predicted positions (n, 3) out of the neighbours, in place; return which were moved, (n,)."""
         hit = np.zeros(len(p), dtype=np.bool_)
         for planes in self._planes:
             hit |= planes.keep_out(p, self._free, self._centre)
@@ -350,10 +253,8 @@ class _Planes:
 
     def __init__(self, neighbour: Neighbour, n_points: int) -> None:
         self._neighbour = neighbour
-        self._seen_from = np.zeros((n_points, 3))
-        self._valid_for = np.full(n_points, -1.0)  # how far a point may go from there, squared
-        self._place = np.zeros((n_points, 3))
-        self._normal = np.zeros((n_points, 3))
+        self._seen_from, self._place, self._normal = np.zeros((3, n_points, 3))
+        self._valid_for = np.full(n_points, -1.0)  # squared distance that a point may move from there
         corners = neighbour.tree.corners
         self._detail = _FLAT * float(np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).mean())
 

@@ -20,22 +20,22 @@ from vtkmuscle.core.types import Bools, Floats, Ints
 
 Cells = NDArray[np.uint8]
 
-#: What a cell is.
+#: Values of cells.
 OUTSIDE, BOUNDARY, INSIDE = 0, 1, 2
 
 #: Number of cells in the experiments of Kohout and Cervenka 2021, section 4.
 DEFAULT_N_MAX = 8 * 64**3
-#: Cells along each axis, at most: a byte for each, 134 MB of a bone.
+#: Most cells along each axis: with a byte for each, 134 MB of a bone.
 MOST_N_EQUAL = 512
 
-#: A point this near to an outside cell, in cells, is outside. One that a bone has stopped is on the face of
-#: one of its cells, and rounding would decide whether the bone moves over it in the next step.
+#: A point this near to an outside cell, in cells, is outside. A point that a bone has stopped is on the face
+#: of a cell, and rounding would decide whether the bone moves over it in the next step.
 ON_A_FACE = 1e-9
 
 #: Slack of the triangle-box test, in cells: rounding must not open a gap in the boundary.
 _OVERLAP_SLACK = 1e-9
 
-#: Thinnest side of the grid, as a part of the box's diagonal: the box of a flat surface has no volume.
+#: Thinnest side of the grid as a part of the box's diagonal: the box of a flat surface has no volume.
 _THINNEST = 1e-6
 
 
@@ -51,19 +51,16 @@ class VoxelGrid:
         Size of a cell [mm].
     cells : (nx, ny, nz) uint8 array
         0 outside, 1 boundary (a triangle meets the cell), 2 inside. The outermost layer is outside.
-    remarks : tuple of str
-        What was wrong with the surface, in words.
     """
 
     origin: Floats
     spacing: Floats
     cells: Cells
-    remarks: tuple[str, ...] = ()
 
     def contains(self, points: Floats) -> Bools:
         """Return whether each point (n, 3) [mm, rest pose] lies in a boundary or inside cell, (n,).
 
-        On a face it lies in two cells, and both have to be.
+        A point on a face lies in two cells, and both have to be.
         """
         at = (np.asarray(points, dtype=np.float64) - self.origin) / self.spacing
         found: Bools = np.asarray(((at >= 0.0) & (at < self.cells.shape)).all(axis=1))
@@ -84,32 +81,27 @@ def build_voxel_grid(
     n_equal: int | None = None,
     what: str = "voxels",
 ) -> VoxelGrid:
-    """Return the voxels of a closed surface.
+    """Return the voxels of a closed surface, with a layer of outside cells on every side.
 
-    The bounding box is divided into cells; the cells that a triangle meets are the boundary; what
-    cannot be reached from beyond the box without crossing the boundary is inside, also what is left of a
-    hollow, or of a hole too narrow for the cells. Holes in the surface are closed first.
+    The bounding box is divided into cells; cells that a triangle meets are the boundary; cells that cannot be
+    reached from beyond the box without crossing the boundary are inside, also those of a hollow, or behind a
+    hole too narrow for the cells. Holes in the surface are closed first.
 
     Parameters
     ----------
     points, triangles : (n, 3) array, (m, 3) int array
         Positions in the rest pose [mm]; point ids.
     n_max : int, optional
-        Number of cells, about, shared out by the sides of the box so that cells are nearly cubes.
+        Approximate number of cells, shared out by the sides of the box so that cells are nearly cubes.
     n_equal : int, optional
         Cells along each axis instead (the cells are then no cubes).
     what : str, optional
         Named in warnings.
 
-    Returns
-    -------
-    VoxelGrid
-        With one more layer of outside cells on every side.
-
     Warns
     -----
     UserWarning
-        If the surface is open, inside out or encloses no volume; says what was made of it.
+        If the surface is open, inside out or encloses no volume; says how it was mended.
 
     Raises
     ------
@@ -117,9 +109,8 @@ def build_voxel_grid(
         If n_max or n_equal is not positive.
     """
     if n_max < 1 or (n_equal is not None and n_equal < 1):
-        raise InputError(
-            "", f"a voxel grid needs n_max >= 1 and n_equal >= 1, got n_max={n_max}, n_equal={n_equal}"
-        )
+        given = f"n_max={n_max}, n_equal={n_equal}"
+        raise InputError("", f"a voxel grid needs n_max >= 1 and n_equal >= 1, got {given}")
     surface = closed_shells(points, triangles)
     points, triangles = surface.points, np.vstack(surface.shells)
     if surface.remarks:
@@ -132,11 +123,10 @@ def build_voxel_grid(
     counts = np.full(3, n_equal) if n_equal is not None else _shared_out(high - low, n_max)
     spacing = (high - low) / counts
     origin = low - spacing
-    cells = np.full(tuple(int(n) + 2 for n in counts), INSIDE, dtype=np.uint8)
-    corners = ((points - origin) / spacing)[triangles]
-    _mark_boundary(corners, cells)
+    cells = np.full(counts + 2, INSIDE, dtype=np.uint8)
+    _mark_boundary(((points - origin) / spacing)[triangles], cells)
     _flood_outside(cells)
-    return VoxelGrid(origin, spacing, cells, surface.remarks)
+    return VoxelGrid(origin, spacing, cells)
 
 
 def _shared_out(sides: Floats, n_max: int) -> Ints:
@@ -155,12 +145,11 @@ def _shared_out(sides: Floats, n_max: int) -> Ints:
 
 @array_kernel
 def _mark_boundary(corners: Floats, cells: Cells) -> None:
-    """Mark the cells that a triangle meets.
+    """Mark the cells (nx, ny, nz) that a triangle meets, in place; corners (m, 3, 3) are in units of cells.
 
-    Separating axes for a triangle and a box, Akenine-Moller 2001, *Fast 3D triangle-box overlap
-    testing*, doi:10.1080/10867651.2001.10487535: the triangle's plane, the box's three axes (by the
-    choice of the cells that are tried) and the nine products of edges with axes.
-    corners : (m, 3, 3) triangle corners in units of cells;  cells : (nx, ny, nz), changed in place.
+    Separating axes for a triangle and a box, Akenine-Moller 2001, *Fast 3D triangle-box overlap testing*,
+    doi:10.1080/10867651.2001.10487535: the triangle's plane, the box's three axes (by the choice of the cells
+    that are tried) and the nine products of edges with axes.
     """
     half = 0.5 + _OVERLAP_SLACK
     first, last = np.empty(3, np.int64), np.empty(3, np.int64)
@@ -208,8 +197,8 @@ def _edge_misses(
 ) -> bool:
     """Return True where the normal of an edge, in a coordinate plane, separates triangle and square.
 
-    (edge_u, edge_v) is on the edge of direction (du, dv), (other_u, other_v) the corner opposite; the
-    square is centred at 0, with sides of 2 half.
+    (edge_u, edge_v) is on the edge of direction (du, dv), (other_u, other_v) the corner opposite; the square
+    is centred at 0, with sides of 2 half.
     """
     p, q = dv * edge_u - du * edge_v, dv * other_u - du * other_v
     reach = half * (abs(du) + abs(dv))
@@ -217,12 +206,10 @@ def _edge_misses(
 
 
 def _flood_outside(cells: Cells) -> None:
-    """Mark as outside the cells reached from the corner cell (0, 0, 0) without entering the boundary.
+    """Mark as outside, in place, the cells reached from the corner (0, 0, 0) without entering the boundary.
 
-    Kohout and Cervenka fill "with 8-directions", the diagonal neighbourhood of a plane, which says nothing of
-    space. We go to the 6 face neighbours: no step passes between two boundary cells that meet in an edge.
-
-    cells : (nx, ny, nz), changed in place.
+    Kohout and Cervenka fill "with 8-directions", the diagonal neighbourhood of a plane, which leaves space
+    open. We go to the 6 face neighbours: no step passes between two boundary cells that meet in an edge.
     """
     from scipy.ndimage import label  # noqa: PLC0415 -- only the published model has voxels
 
@@ -233,7 +220,7 @@ def _flood_outside(cells: Cells) -> None:
 def resolve_collisions(
     grid: VoxelGrid, now: Floats, step: Floats, x: Floats, p: Floats, free: Bools, *, bone_push: bool
 ) -> Bools:
-    """Move the predicted positions that are in a bone out of it.
+    """Move the predicted positions that are in a bone out of it; return which were moved, (n,).
 
     Kohout and Cervenka 2021, section 3.2. A point whose predicted position is in a boundary or inside cell
     collides (but see :data:`~vtkmuscle.core.collision.voxels.ON_A_FACE`). If its previous position is outside
@@ -253,15 +240,9 @@ def resolve_collisions(
         Points that may be moved.
     bone_push : bool
         False leaves p as it is in scenario two (Kohout and Cervenka 2021, section 4.2, the iliacus).
-
-    Returns
-    -------
-    (n,) bool array
-        Points that were moved.
     """
-    moved = np.zeros(len(p), dtype=np.bool_)
-    to_rest = inverse(now)
-    _resolve(grid.cells, grid.origin, grid.spacing, now, to_rest, step, x, p, free, bone_push, moved)
+    moved, where = np.zeros(len(p), dtype=np.bool_), (grid.cells, grid.origin, grid.spacing)
+    _resolve(*where, now, inverse(now), step, x, p, free, bone_push, moved)
     return moved
 
 
@@ -279,7 +260,7 @@ def _resolve(
     bone_push: bool,
     moved: Bools,
 ) -> None:
-    """Do what :func:`resolve_collisions` says; moved : (n,), changed in place."""
+    """Do the work of :func:`resolve_collisions`; moved : (n,), changed in place."""
     start, end = np.empty(3), np.empty(3)  # p and x in units of cells
     stop = np.empty((1, 3))
     for i in range(len(p)):
@@ -324,11 +305,10 @@ def _in_bone(cells: Cells, origin: Floats, spacing: Floats, at: Floats) -> bool:
 def _traverse(cells: Cells, start: Floats, end: Floats, stop: Floats) -> bool:
     """Follow a segment, cell by cell, from a cell of the bone to the first outside cell.
 
-    Amanatides, Woo 1987, *A fast voxel traversal algorithm for ray tracing*,
-    doi:10.2312/egtp.19871000. The number of steps along each axis is known from the end cells, so
-    rounding changes the order of two nearly simultaneous steps at most, never where the walk ends.
-    start, end : (3,) in units of cells, the end outside;  stop : (3,), written where the result is False.
-    Returns True where the end is in the first outside cell.
+    Amanatides, Woo 1987, *A fast voxel traversal algorithm for ray tracing*, doi:10.2312/egtp.19871000. The
+    number of steps along each axis is known from the end cells, so rounding changes the order of two nearly
+    simultaneous steps at most, never where the walk ends. start, end : (3,) in units of cells, the end
+    outside. Returns True where the end is in the first outside cell; else stop (3,) is written.
     """
     cell, left = np.empty(3, np.int64), np.empty(3, np.int64)
     for k in range(3):

@@ -11,8 +11,7 @@ from vtkmuscle.core.collision.contact import Barrier, Contact
 from vtkmuscle.core.collision.obstacles import MuscleContact, Neighbour, Obstacle
 from vtkmuscle.core.deformation.diffusion import Diffusion
 from vtkmuscle.core.jit import kernel
-from vtkmuscle.core.mesh.enclosed_volume import VOLUME_FLOOR, project_volume
-from vtkmuscle.core.mesh.rest_shape import RestShape
+from vtkmuscle.core.mesh.rest_shape import VOLUME_FLOOR, RestShape, project_volume
 from vtkmuscle.core.motion.rigid import apply_transform
 from vtkmuscle.core.types import Bools, Floats, Ints
 

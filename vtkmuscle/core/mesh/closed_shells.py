@@ -1,12 +1,10 @@
-"""Surfaces as closed shells, each facing outward: what a bone must be to have an inside."""
+"""Surfaces as closed shells, each facing outward: only such a bone has an inside."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import breadth_first_order, connected_components
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.mesh.shared import shared
@@ -21,13 +19,13 @@ class ClosedShells:
     Attributes
     ----------
     points : (n, 3) array
-        Positions, with a point more for each hole that was closed.
+        Positions, with one more for each hole that was closed.
     shells : tuple of (k, 3) int arrays
         Triangles of each part; every edge is run through as often one way as the other.
     solid : tuple of bool
         False for parts that enclose no volume.
     remarks : tuple of str
-        What was wrong with the surface, in words.
+        Defects of the surface, in words.
     """
 
     points: Floats
@@ -38,21 +36,12 @@ class ClosedShells:
 
 @shared
 def closed_shells(points: Floats, triangles: Ints) -> ClosedShells:
-    """Return the connected parts of a surface, closed and oriented where they are not.
+    """Return the connected parts of a surface, points (n, 3) and triangles (m, 3), closed and oriented.
 
-    Equal points are made one where the surface is open otherwise. Parts whose triangles disagree about
-    their side are made consistent. A hole is closed by triangles from its rim to the rim's centre. A part
-    that faces inward is turned round, so that a hollow in a bone counts as filled.
-
-    Parameters
-    ----------
-    points, triangles : (n, 3) array, (m, 3) int array
-        Positions of its points; three of their ids per triangle.
-
-    Returns
-    -------
-    ClosedShells
-        With a remark for each kind of defect; a hollow is none.
+    Equal points are made one where the surface is open otherwise. Parts whose triangles disagree about their
+    side are made consistent. A hole is closed by triangles from its rim to the rim's centre. A part that
+    faces inward is turned round, so that a hollow in a bone counts as filled. There is a remark for each kind
+    of defect; a hollow is none.
 
     Raises
     ------
@@ -81,18 +70,18 @@ def closed_shells(points: Floats, triangles: Ints) -> ClosedShells:
     labels = point_components(len(points), triangles[:, [0, 1, 1, 2]].reshape(-1, 2))[triangles[:, 0]]
     order = np.argsort(labels, kind="stable")
     shells = np.split(triangles[order], np.flatnonzero(np.diff(labels[order])) + 1)
-    volumes = [signed_volume(points[shell.reshape(-1)], _numbered(shell)) for shell in shells]
+    corners = [points[shell.reshape(-1)] for shell in shells]
+    volumes = [signed_volume(one, np.arange(len(one)).reshape(-1, 3)) for one in corners]
     solid = [
-        abs(volume) > LEAST_VOLUME * float(np.linalg.norm(np.ptp(points[shell.reshape(-1)], axis=0))) ** 3
-        for shell, volume in zip(shells, volumes, strict=True)
+        abs(volume) > LEAST_VOLUME * float(np.linalg.norm(np.ptp(one, axis=0))) ** 3
+        for one, volume in zip(corners, volumes, strict=True)
     ]
     if sum(volumes) < 0 and any(solid):
         remarks.append("the surface is inside out: its triangles face inward and were turned")
     if not all(solid):
         remarks.append(f"{solid.count(False)} of {len(shells)} part(s) enclose no volume: nothing is in them")
-    turned = [
-        shell[:, ::-1].copy() if volume < 0 else shell for shell, volume in zip(shells, volumes, strict=True)
-    ]
+    sides = [volume < 0 for volume in volumes]
+    turned = [shell[:, ::-1].copy() if side else shell for shell, side in zip(shells, sides, strict=True)]
     return ClosedShells(points, tuple(turned), tuple(solid), tuple(remarks))
 
 
@@ -107,15 +96,6 @@ def _proper(triangles: Ints) -> Ints:
     return triangles[proper]
 
 
-def _numbered(shell: Ints) -> Ints:
-    return np.arange(shell.size, dtype=np.int64).reshape(-1, 3)
-
-
-def edge_numbers(triangles: Ints) -> Ints:
-    """Return a number for the edge from each corner to the next, (m, 3), the same in all its triangles."""
-    return numbered_edges(triangles)[1].reshape(-1, 3)
-
-
 def _directions(triangles: Ints) -> Ints:
     """Return 1 for edges that a triangle runs through from the lower point id to the higher, else -1."""
     return np.where(triangles < np.roll(triangles, -1, axis=1), 1, -1).astype(np.int64)
@@ -123,7 +103,7 @@ def _directions(triangles: Ints) -> Ints:
 
 def _excess(triangles: Ints) -> Ints:
     """Return the directed edges that lack one of the opposite direction, (k, 2)."""
-    numbers, directions = edge_numbers(triangles).reshape(-1), _directions(triangles).reshape(-1)
+    numbers, directions = numbered_edges(triangles)[1], _directions(triangles).reshape(-1)
     balance = np.rint(np.bincount(numbers, weights=directions)).astype(np.int64)
     first = np.zeros(len(balance), dtype=np.int64)
     first[numbers] = np.arange(len(numbers))
@@ -135,7 +115,7 @@ def _excess(triangles: Ints) -> Ints:
 
 
 def welded(points: Floats, triangles: Ints) -> tuple[Floats, Ints]:
-    """Return the mesh with equal points made one and without triangles of fewer than three points.
+    """Return the mesh with equal points made one, without triangles of fewer than three points.
 
     Surfaces that give each triangle points of its own would otherwise be open everywhere.
     """
@@ -146,38 +126,21 @@ def welded(points: Floats, triangles: Ints) -> tuple[Floats, Ints]:
 
 
 def _consistent(triangles: Ints) -> tuple[Ints, int]:
-    """Return triangles that agree with their neighbours, and how many had to be turned for that.
+    """Return triangles that agree with their neighbours across edges of two, and how many were turned.
 
-    Agreement spreads over edges of two triangles, from the first triangle of each part; of the two ways
-    to make a part consistent the one that turns fewer triangles is taken.
+    Each triangle is a node twice, as it is and turned, and an edge joins the nodes that agree: a part that
+    can be consistent is two components, one the reverse of the other. The one that turns fewer triangles is
+    taken. A part of one component, such as a Möbius strip, stays as it is.
     """
-    numbers, directions = edge_numbers(triangles).reshape(-1), _directions(triangles).reshape(-1)
-    order = np.argsort(numbers, kind="stable")
+    numbers, directions = numbered_edges(triangles)[1], _directions(triangles).reshape(-1)
+    order, count = np.argsort(numbers, kind="stable"), len(triangles)
     pairs = order[np.isin(numbers[order], np.flatnonzero(np.bincount(numbers) == 2))].reshape(-1, 2)
-    one, other = pairs[:, 0] // 3, pairs[:, 1] // 3
-    # 1: as they are; 2: one of them must be turned. Equal entries of a matrix are summed, hence minimum.
-    relation = 1 + (directions[pairs[:, 0]] == directions[pairs[:, 1]]).astype(np.int64)
-    key, at = np.unique(one * len(triangles) + other, return_index=True)
-    count = len(triangles)
-    graph = coo_array((relation[at], (key // count, key % count)), shape=(count, count)).tocsr()
-    n_parts, part = connected_components(graph, directed=False)
-    # One triangle of each part hangs on a root, so that one search goes through all parts.
-    first = np.unique(part, return_index=True)[1]
-    ones = np.ones(n_parts, dtype=np.int64)
-    rooted = coo_array(
-        (
-            np.concatenate([relation[at], ones]),
-            (np.r_[key // count, np.full(n_parts, count)], np.r_[key % count, first]),
-        ),
-        shape=(count + 1, count + 1),
-    ).tocsr()
-    rooted = rooted.maximum(rooted.T).tocsr()
-    reached, before = breadth_first_order(rooted, count, directed=False)
-    steps = np.asarray(rooted[before[reached[1:]], reached[1:]]).reshape(-1) == 2
-    turn = np.zeros(count + 1, dtype=np.bool_)
-    for triangle, differs in zip(reached[1:].tolist(), steps.tolist(), strict=True):
-        turn[triangle] = turn[before[triangle]] != differs
-    turn = turn[:count]
+    one, other = pairs.T // 3
+    across = np.where(directions[pairs[:, 0]] == directions[pairs[:, 1]], count, 0)
+    as_they_are = np.column_stack([one, other + across])
+    both_turned = np.column_stack([one + count, other + count - across])
+    labels = point_components(2 * count, np.vstack([as_they_are, both_turned])).reshape(2, count)
+    turn, part = labels[0] > labels[1], labels.min(axis=0)
     most = np.bincount(part, weights=turn) > 0.5 * np.bincount(part)
     turn ^= most[part]
     result = triangles.copy()
@@ -186,7 +149,7 @@ def _consistent(triangles: Ints) -> tuple[Ints, int]:
 
 
 def _capped(points: Floats, triangles: Ints, rim: Ints) -> tuple[Floats, Ints, int]:
-    """Close each hole by triangles from the edges of its rim to the rim's centre."""
+    """Close each hole by triangles from the edges of its rim to the rim's centre; return how many."""
     used, ends = np.unique(rim, return_inverse=True)
     ends = ends.reshape(-1, 2)
     hole_of_point = point_components(len(used), ends)

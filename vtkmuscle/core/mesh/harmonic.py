@@ -17,21 +17,11 @@ COTANGENT_BOUNDS = (1e-3, 1e3)
 
 
 def cotangent_laplacian(points: Floats, triangles: Ints) -> csr_array:
-    """Return the cotangent Laplacian of a surface, with its weights kept positive.
+    """Return the cotangent Laplacian of a surface, (n, n), with its weights kept positive.
 
     L_ij = -(cot a + cot b) / 2 for the angles a, b opposite the edge i j, clamped to
-    :data:`COTANGENT_BOUNDS`; rows sum to zero. Pinkall, Polthier 1993, *Computing discrete minimal surfaces
-    and their conjugates*, doi:10.1080/10586458.1993.10504266.
-
-    Parameters
-    ----------
-    points, triangles : (n, 3) array, (m, 3) int array
-        Positions; point ids.
-
-    Returns
-    -------
-    (n, n) sparse array
-        Symmetric, positive semidefinite.
+    :data:`COTANGENT_BOUNDS`; rows sum to zero. Symmetric and positive semidefinite. Pinkall, Polthier 1993,
+    *Computing discrete minimal surfaces and their conjugates*, doi:10.1080/10586458.1993.10504266.
     """
     n = len(points)
     doubled_areas = np.linalg.norm(triangle_normals(points, triangles), axis=1)
@@ -57,22 +47,10 @@ def cotangent_laplacian(points: Floats, triangles: Ints) -> csr_array:
 
 
 def harmonic_extension(points: Floats, triangles: Ints, known: Ints, values: Floats) -> Floats:
-    """Return functions that are harmonic on a surface and have given values at some points.
+    """Return functions (n, c) that are harmonic on a surface, with values (k, c) at known points (k,).
 
-    Parameters
-    ----------
-    points, triangles : (n, 3) array, (m, 3) int array
-        Positions; point ids.
-    known : (k,) int array
-        Points with a value, k >= 1, each once.
-    values : (k, c) array
-        Their values.
-
-    Returns
-    -------
-    (n, c) array
-        Between the least and the greatest value of each function. A connected part of the mesh without
-        a known point, where anything constant would be harmonic, takes the mean of the values.
+    They lie between the least and the greatest value of each. A connected part of the mesh without a known
+    point, where any constant is harmonic, takes the mean of the values.
     """
     n = len(points)
     result = np.empty((n, values.shape[1]))
@@ -86,35 +64,18 @@ def harmonic_extension(points: Floats, triangles: Ints, known: Ints, values: Flo
         rows = cotangent_laplacian(points, triangles)[free]
         inner, border = rows[:, free], rows[:, known]
         # Symmetric and diagonally dominant: no pivoting, and an ordering for symmetric matrices.
-        factors = splu(
-            inner.tocsc(),
-            permc_spec="MMD_AT_PLUS_A",
-            diag_pivot_thresh=0.0,
-            options={"SymmetricMode": True},
-        )
+        symmetric = {"permc_spec": "MMD_AT_PLUS_A", "options": {"SymmetricMode": True}}
+        factors = splu(inner.tocsc(), diag_pivot_thresh=0.0, **symmetric)
         result[free] = factors.solve(-(border @ values))
     low, high = values.min(axis=0), values.max(axis=0)
     return np.clip(result, low, high)
 
 
 def harmonic_weights(points: Floats, triangles: Ints, fixed_to: Ints) -> tuple[Ints, Floats]:
-    """Return for each point how much each bone moves it.
+    """Return the bones (b,) that points are fixed to, ascending, and their weight at each point (n, b).
 
-    The weight of a bone is 1 at the points fixed to it, 0 at those fixed to others, harmonic between.
-
-    Parameters
-    ----------
-    points, triangles : (n, 3) array, (m, 3) int array
-        Positions; point ids.
-    fixed_to : (n,) int array
-        Index of the bone each point is fixed to, -1 for free points; at least one is fixed.
-
-    Returns
-    -------
-    bones : (b,) int array
-        The bones that points are fixed to, ascending.
-    weights : (n, b) array
-        In [0, 1]; each row sums to 1.
+    The weight of a bone is 1 at the points fixed to it, 0 at those fixed to others, harmonic between; rows
+    sum to 1. ``fixed_to`` (n,) is the index of each point's bone, -1 for free points; at least one is fixed.
     """
     known = np.flatnonzero(fixed_to >= 0)
     bones, column = np.unique(fixed_to[known], return_inverse=True)
@@ -123,22 +84,10 @@ def harmonic_weights(points: Floats, triangles: Ints, fixed_to: Ints) -> tuple[I
 
 
 def harmonic_field(points: Floats, triangles: Ints, fixed_to: Ints) -> Floats | None:
-    """Return a function that runs from 0 to 1 between the two ends of a muscle.
+    """Return a function (n,) that runs from 0 to 1 between the two ends of a muscle.
 
-    The ends are the two bones whose fixed points' centres lie farthest apart; the points fixed to any
-    other bone count to the nearer of them.
-
-    Parameters
-    ----------
-    points, triangles : (n, 3) array, (m, 3) int array
-        Positions; point ids.
-    fixed_to : (n,) int array
-        Index of the bone each point is fixed to, -1 for free points.
-
-    Returns
-    -------
-    (n,) array or None
-        None where fewer than two bones have fixed points.
+    The ends are the two bones whose fixed points' centres lie farthest apart; points fixed to any other bone
+    count to the nearer of them. None where fewer than two bones have fixed points.
     """
     known = np.flatnonzero(fixed_to >= 0)
     bones, column = np.unique(fixed_to[known], return_inverse=True)
@@ -151,26 +100,14 @@ def harmonic_field(points: Floats, triangles: Ints, fixed_to: Ints) -> Floats | 
         start, end = 0, 1
     value = (apart[end] < apart[start]).astype(np.float64)
     value[start], value[end] = 0.0, 1.0
-    extension = harmonic_extension(points, triangles, known, value[column][:, None])
-    return extension[:, 0]
+    return harmonic_extension(points, triangles, known, value[column][:, None])[:, 0]
 
 
 def triangle_gradients(points: Floats, triangles: Ints, field: Floats) -> Floats:
-    """Return the gradient of a function that is linear on each triangle.
+    """Return the gradient (m, 3) of a function (n,) that is linear on each triangle.
 
-    grad f = sum_i f_i N x e_i / (2 A), e_i the edge opposite point i, N the unit normal.
-
-    Parameters
-    ----------
-    points, triangles : (n, 3) array, (m, 3) int array
-        Positions; point ids.
-    field : (n,) array
-        Values at the points.
-
-    Returns
-    -------
-    (m, 3) array
-        In the plane of each triangle; 0 on degenerate triangles.
+    grad f = sum_i f_i N x e_i / (2 A), e_i the edge opposite point i, N the unit normal; 0 on degenerate
+    triangles.
     """
     a, b, c = (points[triangles[:, i]] for i in range(3))
     fa, fb, fc = (field[triangles[:, i]][:, None] for i in range(3))

@@ -1,4 +1,4 @@
-"""Normals of triangles and points, by NumPy alone: what only draws loads no compiled kernels for them."""
+"""Normals of triangles and points, by NumPy alone: drawing loads no compiled kernels for them."""
 
 from __future__ import annotations
 
@@ -6,8 +6,7 @@ import numpy as np
 
 from vtkmuscle.core.types import Floats, Ints
 
-#: Triangles that are turned from each other by more than this meet in a crease [degrees]: two faces of a
-#: body.
+#: Triangles turned from each other by more than this meet in a crease [degrees]: two faces of a body.
 CREASE = 60.0
 
 
@@ -18,38 +17,24 @@ def triangle_normals(points: Floats, triangles: Ints) -> Floats:
 
 
 def vertex_normals(points: Floats, triangles: Ints) -> Floats:
-    """Return the unit normal of each point, area-weighted over its triangles; 0 where there is none."""
+    """Return the unit normal of each point, area-weighted over its triangles; 0 for a point without any."""
     return mean_normals(triangle_normals(points, triangles), triangles, len(points))
 
 
 def mean_normals(normals: Floats, triangles: Ints, n: int) -> Floats:
-    """Return :func:`vertex_normals` of n points by :func:`triangle_normals` (m, 3)."""
+    """Return :func:`vertex_normals` of n points from :func:`triangle_normals` (m, 3)."""
     at = triangles.T.ravel()
     total = [np.bincount(at, np.tile(axis, 3), minlength=n) for axis in normals.T]
     return unit_vectors(np.stack(total, axis=1))
 
 
 def smooth_normals(points: Floats, triangles: Ints, faces: Ints, places: Floats) -> Floats:
-    """Return the normals of a surface at places on it, continuous but for its creases.
+    """Return the unit normals (k, 3) of a surface at places (k, 3) on it, continuous but for its creases.
 
     At a corner of a triangle the normal is the mean, by area, of those of the triangles there, without those
     that are turned from it by more than :data:`CREASE`; within it is linear between the corners (Phong 1975,
-    doi:10.1145/360825.360839). A triangle's own jumps from one to the next, so that rounding decides at a
-    place on an edge.
-
-    Parameters
-    ----------
-    points, triangles : (n, 3) array, (m, 3) int array
-        Positions [mm]; point ids.
-    faces : (k,) int array
-        Which triangle each place is on, one that has an area.
-    places : (k, 3) array
-        Positions [mm].
-
-    Returns
-    -------
-    (k, 3) array
-        Unit vectors.
+    doi:10.1145/360825.360839). A triangle's own normal jumps from one to the next, so that rounding would
+    decide at a place on an edge. The faces (k,) are the triangle that each place is on; they have an area.
     """
     corners = triangles[faces]
     member = np.zeros(len(points), dtype=np.bool_)
@@ -58,19 +43,14 @@ def smooth_normals(points: Floats, triangles: Ints, faces: Ints, places: Floats)
     vectors = triangle_normals(points, around)
     owner = np.argsort(around.reshape(-1), kind="stable")
     ids = around.reshape(-1)[owner]
-    first, last = (
-        np.searchsorted(ids, corners.reshape(-1)),
-        np.searchsorted(ids, corners.reshape(-1), "right"),
-    )
-    counts = last - first
+    first = np.searchsorted(ids, corners.reshape(-1))
+    counts = np.searchsorted(ids, corners.reshape(-1), "right") - first
     corner = np.repeat(np.arange(len(counts)), counts)
     within = np.arange(len(corner)) - np.repeat(np.cumsum(counts) - counts, counts)
     beside = vectors[owner[first[corner] + within] // 3]
     own = unit_vectors(triangle_normals(points, corners))
-    turned = (beside * own[corner // 3]).sum(axis=1) < np.cos(np.radians(CREASE)) * np.linalg.norm(
-        beside, axis=1
-    )
-    beside[turned] = 0.0
+    cosines = (beside * own[corner // 3]).sum(axis=1)
+    beside[cosines < np.cos(np.radians(CREASE)) * np.linalg.norm(beside, axis=1)] = 0.0
     sums: Floats = np.column_stack([np.bincount(corner, x, len(counts)) for x in beside.T])
     at_corners = unit_vectors(sums).reshape(-1, 3, 3)
     between: Floats = (_shares(points[corners], places, own)[:, :, None] * at_corners).sum(axis=1)

@@ -1,4 +1,4 @@
-"""Polylines stored one after the other, points (n, 3) and offsets (k + 1,): lengths, places, segments."""
+"""Polylines stored one after the other, points (n, 3) and offsets (k + 1,): lengths, positions, segments."""
 
 from __future__ import annotations
 
@@ -17,29 +17,15 @@ def polyline_lengths(points: Floats, offsets: Ints) -> Floats:
     return np.add.reduceat(segment_lengths(points, offsets)[0], offsets[:-1])
 
 
-#: Cosine of the least turn between segments that is a corner and not part of a curve.
+#: Cosine of the least turn between segments that counts as a corner, not as part of a curve.
 CORNER = 0.5 * 3.0**0.5
 
 
 def smooth_polylines(points: Floats, offsets: Ints, k: float, iterations: int) -> Floats:
     """Return polylines smoothed by p'_i = (p_{i-1} + k p_i + p_{i+1}) / (k + 2), end points kept.
 
-    Kohout et al. 2012, *Muscle Fibres Modelling*, section 3.4. All points of a pass are read before
-    any is written.
-
-    Parameters
-    ----------
-    points, offsets : (n, 3) array, (m + 1,) int array
-        Positions [mm], or a row of other values each; first point of each line, and n.
-    k : float
-        Weight of the middle point, >= 0.
-    iterations : int
-        Number of passes, >= 0.
-
-    Returns
-    -------
-    (n, 3) array
-        New positions [mm].
+    Kohout et al. 2012, *Muscle Fibres Modelling*, section 3.4. All points of a pass are read before any is
+    written. The points (n, 3) may be rows of other values; the weight k is >= 0.
     """
     result, i = points.copy(), inner_points(offsets)
     for _ in range(iterations):
@@ -48,34 +34,16 @@ def smooth_polylines(points: Floats, offsets: Ints, k: float, iterations: int) -
 
 
 def inner_points(offsets: Ints) -> Ints:
-    """Return which points of polylines are no ends, by number; offsets (m + 1,) as :func:`places_along`."""
+    """Return the numbers of the points of polylines that are no ends."""
     inner = np.ones(offsets[-1], dtype=np.bool_)
     inner[offsets[:-1]] = inner[offsets[1:] - 1] = False
     return np.flatnonzero(inner)
 
 
 def places_along(points: Floats, offsets: Ints, arcs: Floats) -> Floats:
-    """Return the points of polylines at given arc lengths.
+    """Return the points (m, k, 3) of polylines at arc lengths (m, k) from the first point of each line.
 
-    Parameters
-    ----------
-    points, offsets : (n, 3) array, (m + 1,) int array
-        Positions [mm]; first point of each line, and n. A line has at least one point.
-    arcs : (m, k) array
-        Arc lengths from the first point of each line [mm]; those outside of a line give its ends.
-
-    Returns
-    -------
-    (m, k, 3) array
-        Positions [mm].
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from vtkmuscle.core.mesh.polylines import places_along
-    >>> corner = np.array([[0.0, 0, 0], [2, 0, 0], [2, 2, 0]])
-    >>> places_along(corner, np.array([0, 3]), np.array([[1.0, 3.0, 9.0]]))[0].tolist()
-    [[1.0, 0.0, 0.0], [2.0, 1.0, 0.0], [2.0, 2.0, 0.0]]
+    A line has at least one point; arc lengths beyond a line give its ends.
     """
     lengths, along = segment_lengths(points, offsets)
     firsts, wanted = offsets[:-1, None], arcs + along[offsets[:-1], None]
@@ -98,20 +66,7 @@ def segment_lengths(points: Floats, offsets: Ints) -> tuple[Floats, Floats]:
 
 
 def evenly_spaced(points: Floats, offsets: Ints, count: int) -> Floats:
-    """Return polylines of `count` points at equal distances along others, which have the same ends.
-
-    Parameters
-    ----------
-    points, offsets : (n, 3) array, (m + 1,) int array
-        Positions [mm]; first point of each line, and n.
-    count : int
-        Number of points, >= 2.
-
-    Returns
-    -------
-    (m, count, 3) array
-        Positions [mm].
-    """
+    """Return `count` >= 2 points at equal distances along each polyline (m, count, 3), its ends kept."""
     along = segment_lengths(points, offsets)[1]
     lengths = along[offsets[1:] - 1] - along[offsets[:-1]]
     spaced = places_along(points, offsets, np.linspace(0.0, lengths, count, axis=1))
@@ -120,22 +75,13 @@ def evenly_spaced(points: Floats, offsets: Ints, count: int) -> Floats:
 
 
 def end_directions(points: Floats, offsets: Ints) -> tuple[Floats, Floats]:
-    """Return the unit vectors in which polylines leave their first points and arrive at their last ones.
+    """Return the unit vectors (m, 3) in which polylines leave their first and arrive at their last points.
 
     That is the tangent of the parabola through the end and the two points next to it, by arc length: a
-    segment is a chord, which differs from the tangent at its end by half the angle that a curve turns by
-    along it. The sharper the turn between the two segments, the less it counts; one of 30 degrees or more is
-    a corner, beyond which the line has the direction of its last segment.
-
-    Parameters
-    ----------
-    points, offsets : (n, 3) array, (m + 1,) int array
-        Positions; first point of each line, and n.
-
-    Returns
-    -------
-    starts, ends : (m, 3) arrays
-        Unit vectors, by the segments with a length; 0 where a line has none.
+    segment is a chord, which differs from the tangent at its end by half the angle of its turn. The sharper
+    the turn between the two segments, the less it counts; one of 30 degrees or more is a corner, beyond which
+    the line has the direction of its last segment. Segments without a length do not count; a line without any
+    gives 0.
     """
     steps = np.diff(points, axis=0)
     lengths = np.linalg.norm(steps, axis=1)
@@ -155,10 +101,10 @@ def end_directions(points: Floats, offsets: Ints) -> tuple[Floats, Floats]:
     return unit_vectors(tangents[0]), unit_vectors(tangents[1])
 
 
-#: Distances that differ by less than this part of half the longest segment are equal.
+#: Distances that differ by less than this part of half the longest segment count as equal.
 EQUALLY_NEAR = 1e-7
 
-#: Segments that the search for the nearest one looks at first, around each point.
+#: Segments around each point that the search for the nearest one begins with.
 FIRST_CANDIDATES = 8
 
 
@@ -185,25 +131,7 @@ def proper_segments(points: Floats, offsets: Ints) -> tuple[Floats, Floats, Floa
 
 
 def segment_distances(points: Floats, a: Floats, b: Floats) -> Floats:
-    """Return the distance of each point from its segment, whose ends may be one and the same.
-
-    Parameters
-    ----------
-    points, a, b : (..., 3) arrays
-        Positions, and both ends of the segments, of shapes that broadcast.
-
-    Returns
-    -------
-    (...) array
-        Distances, in the unit of the points.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from vtkmuscle.core.mesh.polylines import segment_distances
-    >>> float(segment_distances(np.array([3.0, 4.0, 0.0]), np.zeros(3), np.array([1.0, 0.0, 0.0])).round(3))
-    4.472
-    """
+    """Return the distance of each point from its segment a to b, which may have no length, (...)."""
     along = b - a
     squares = np.einsum("...i,...i->...", along, along)
     dots = np.einsum("...i,...i->...", points - a, along)
@@ -213,21 +141,7 @@ def segment_distances(points: Floats, a: Floats, b: Floats) -> Floats:
 
 
 def fibre_directions_at(queries: Floats, fibre_points: Floats, offsets: Ints) -> Floats:
-    """Return the direction of the nearest fibre segment.
-
-    Parameters
-    ----------
-    queries : (q, 3) array
-        Positions [mm].
-    fibre_points : (n, 3) array
-        Points of all fibres, one after the other [mm].
-    offsets : (k + 1,) int array
-        First point of each fibre, and n.
-
-    Returns
-    -------
-    (q, 3) array
-        Unit directions.
+    """Return the unit direction (q, 3) of the fibre segment nearest to each of some positions (q, 3).
 
     Raises
     ------
@@ -240,29 +154,17 @@ def fibre_directions_at(queries: Floats, fibre_points: Floats, offsets: Ints) ->
 
 
 def nearest_segments(queries: Floats, a: Floats, b: Floats) -> Ints:
-    """Return the segment nearest to each point, exactly; of equally near ones the first.
+    """Return the index of the segment nearest to each point, exactly, (q,); of equally near ones the first.
 
-    Symmetric muscles have edges midway between two fibres, and consecutive segments are equally near to
-    what is nearest to the point they share. Rounding must not choose there: a muscle that is moved rigidly
-    would not deform as before.
+    Symmetric muscles have edges midway between two fibres, and consecutive segments are equally near to a
+    point beyond the point they share. Rounding must not choose there: a muscle that is moved rigidly would
+    not deform as before.
 
-    Candidates come by the distance d of their midpoints. A segment of length s is no nearer than
-    d - s / 2; so once the farthest candidate is farther than the best distance found and half the longest
-    segment, no other can win. Points where that does not hold yet look at twice as many candidates.
-
-    Parameters
-    ----------
-    queries : (q, 3) array
-        Positions.
-    a, b : (s, 3) arrays
-        Ends of the segments, s >= 1.
-
-    Returns
-    -------
-    (q,) int array
-        Indices into the segments.
+    Candidates come by the distance d of their midpoints. A segment of length s is no nearer than d - s / 2.
+    So once the farthest candidate is farther than the best distance and half the longest segment, no other
+    can be nearest. Points where that does not hold yet get twice as many candidates.
     """
-    from scipy.spatial import cKDTree  # noqa: PLC0415 -- what only draws does without
+    from scipy.spatial import cKDTree  # noqa: PLC0415 -- not needed for drawing
 
     tree = cKDTree((a + b) / 2.0)
     reach = float(np.linalg.norm(b - a, axis=1).max()) / 2.0

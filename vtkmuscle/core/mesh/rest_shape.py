@@ -1,4 +1,4 @@
-"""What a muscle's surface is like at rest, with the angles at its edges, and how far another is from it."""
+"""A muscle's surface at rest: its volume, the angles at its edges, and how far another shape is from it."""
 
 from __future__ import annotations
 
@@ -9,14 +9,111 @@ from typing import Any
 import numpy as np
 
 from vtkmuscle.core.jit import lane, vector_kernel
-from vtkmuscle.core.mesh.enclosed_volume import volume_and_gradient
-from vtkmuscle.core.mesh.surface import MeshTopology, check_volume, edge_lengths, signed_volume
+from vtkmuscle.core.mesh.normals import vertex_normals
+from vtkmuscle.core.mesh.surface import (
+    MeshTopology,
+    check_volume,
+    edge_lengths,
+    numbered_edges,
+    signed_volume,
+)
 from vtkmuscle.core.types import Bools, Floats, Ints
 
-#: Triangles whose corner at the edge has a tangent below this have no normal worth speaking of.
+#: Triangles whose corner at the edge has a tangent below this have no usable normal.
 DEGENERATE_TANGENT = 1e-9
-#: Triangles this much less high than long are slivers: a thousandth of their length turns them over.
+#: Largest height of a sliver, as a part of its length: so small a displacement turns the triangle over.
 SLIVER = 1e-3
+#: Least denominator of a volume projection, as a part of its value at rest: a muscle crushed to nothing is
+#: blown up over several projections rather than to infinity in one.
+VOLUME_FLOOR = 0.01
+
+
+@vector_kernel
+def volume_and_gradient(p: Floats, triangles: Ints, gradient: Floats) -> float:
+    """Return the volume [mm^3] inside a closed surface, and overwrite its gradient (n, 3) [mm^2].
+
+    V = sum p1 . (p2 x p3) / 6 over the triangles. Of dV/dp1 = sum p2 x p3 / 6 the triangles around a point
+    leave sum (p2 - p1) x (p3 - p1) / 6, as the surface is closed: the same vector for all three corners,
+    which does not depend on the origin. V is homogeneous of degree 3, so that V = sum p . dV/dp / 3.
+    """
+    gradient[:] = 0.0
+    for t in range(len(triangles)):
+        i, j, k = triangles[t, 0], triangles[t, 1], triangles[t, 2]
+        ax, ay, az = p[i, 0], p[i, 1], p[i, 2]
+        bx, by, bz = p[j, 0] - ax, p[j, 1] - ay, p[j, 2] - az
+        cx, cy, cz = p[k, 0] - ax, p[k, 1] - ay, p[k, 2] - az
+        x, y, z = by * cz - bz * cy, bz * cx - bx * cz, bx * cy - by * cx
+        gradient[i, 0] += x
+        gradient[i, 1] += y
+        gradient[i, 2] += z
+        gradient[j, 0] += x
+        gradient[j, 1] += y
+        gradient[j, 2] += z
+        gradient[k, 0] += x
+        gradient[k, 1] += y
+        gradient[k, 2] += z
+    total = 0.0
+    for i in range(len(p)):  # about a point of the muscle: one far from the origin loses no digits
+        for c in range(3):
+            gradient[i, c] /= 6.0
+            total += (p[i, c] - p[0, c]) * gradient[i, c]
+    return total / 3.0
+
+
+@vector_kernel
+def project_volume(
+    p: Floats, w: Floats, triangles: Ints, rest: float, floor: float, gradient: Floats
+) -> float:
+    """Move points along the volume's gradient to the rest volume, to first order; return the volume before.
+
+    p_i -= w_i (V - V0) g_i / sum_j w_j |g_j|^2 (Müller, Heidelberger, Hennix, Ratcliff 2007, *Position based
+    dynamics*, doi:10.1016/j.jvcir.2007.01.005, eq. 6-8). p : (n, 3), changed in place;  w : (n,) inverse
+    masses, 1 free, 0 fixed;  rest : V0 [mm^3]; floor : least value of the denominator [mm^4];  gradient : (n,
+    3) working memory.
+    """
+    volume = volume_and_gradient(p, triangles, gradient)
+    weighted = 0.0
+    for i in range(len(p)):
+        x, y, z = gradient[i, 0], gradient[i, 1], gradient[i, 2]
+        weighted += w[i] * (x * x + y * y + z * z)
+    if weighted > 0.0:
+        s = (volume - rest) / max(weighted, floor)
+        for i in range(len(p)):
+            p[i, 0] -= s * w[i] * gradient[i, 0]
+            p[i, 1] -= s * w[i] * gradient[i, 1]
+            p[i, 2] -= s * w[i] * gradient[i, 2]
+    return volume
+
+
+def halved(points: Floats, triangles: Ints) -> tuple[Floats, Ints, Ints]:
+    """Return a mesh of the same surface with a point more in the middle of each edge.
+
+    The points (n + e, 3) are the given ones, then the middles of the e edges; four triangles (4 m, 3) for
+    each, facing as before; the ends (e, 2) of the edges in the order of their middles.
+    """
+    edges, number = numbered_edges(triangles)
+    a, b, c = triangles.T
+    ab, bc, ca = (len(points) + number.reshape(-1, 3)).T
+    parts = [(a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca)]
+    finer = np.stack([np.column_stack(part) for part in parts], axis=1).reshape(-1, 3)
+    middles = points[edges].mean(axis=1)
+    return np.vstack([points, middles]), finer, edges
+
+
+def rounded_volume(points: Floats, triangles: Ints) -> float:
+    """Return the volume of a closed mesh whose edges are halved and bulge as the normals at their ends say.
+
+    The middle of an edge is that of the cubic whose ends are at right angles to the normals (Vlachos et al.
+    2001, *Curved PN triangles*, doi:10.1145/364338.364387): it is off the chord's by an eighth of the
+    difference of the end tangents. It approximates the volume of a smooth surface's finer mesh.
+    """
+    normals = vertex_normals(points, triangles)
+    finer, parts, edges = halved(points, triangles)
+    ends = normals[edges]
+    chords = points[edges[:, 1]] - points[edges[:, 0]]
+    along = (chords[:, None] * ends).sum(axis=2)  # (e, 2): how far the chord leaves each tangent plane
+    finer[len(points) :] += (along[:, 1:] * ends[:, 1] - along[:, :1] * ends[:, 0]) / 8.0
+    return float(signed_volume(finer, parts))
 
 
 @lane
@@ -28,14 +125,14 @@ def hinge(
 ) -> tuple[Any, ...]:  # fmt: skip
     """Return the geometry of two triangles (p1, p2, p3) and (p2, p1, p4) that share the edge e = p2 - p1.
 
-    The signed angle phi between their normals n1 = e x (p3 - p1) and n2 = (p4 - p1) x e has
-    sin phi = (n1 x n2) . e / (|e| |n1| |n2|) and cos phi = n1 . n2 / (|n1| |n2|): it is 0 where flat,
-    positive where convex. As n1 is normal to e, (n1 x n2) . e = -|e|^2 n1 . (p4 - p1).
+    The signed angle phi between their normals n1 = e x (p3 - p1) and n2 = (p4 - p1) x e has sin phi = (n1 x
+    n2) . e / (|e| |n1| |n2|) and cos phi = n1 . n2 / (|n1| |n2|): it is 0 where flat, positive where convex.
+    As n1 is normal to e, (n1 x n2) . e = -|e|^2 n1 . (p4 - p1).
 
     Returns
     -------
     proper : bool
-        Whether both triangles have a normal, of which the tangent of the corner at p1 decides.
+        Whether both triangles have a normal, by the tangent of the corner at p1.
     sine, cosine : float
         Both times |n1| |n2|.
     ee, ae, be : float
@@ -63,23 +160,11 @@ def hinge(
 
 
 def dihedral_angles(points: Floats, quads: Ints) -> tuple[Floats, Bools]:
-    """Return the signed angles (q,) between neighbouring triangles, and False where one is not defined, (q,).
+    """Return the signed angles (q,) [radians] between neighbouring triangles, and where they are defined.
 
-    0 where flat, positive where convex, in (-pi, pi]; see :func:`hinge`.
-
-    Parameters
-    ----------
-    points : (n, 3) array
-        Positions [mm].
-    quads : (q, 4) int array
-        As in :class:`~vtkmuscle.core.mesh.surface.MeshTopology`.
-
-    Returns
-    -------
-    angles : (q,) array
-        Radians; 0 where the angle is not defined.
-    defined : (q,) bool array
-        False where one of the triangles is degenerate.
+    0 where flat, positive where convex, in (-pi, pi]; see :func:`hinge`. The quadruples (q, 4) are those of
+    :class:`~vtkmuscle.core.mesh.surface.MeshTopology`. Beside a degenerate triangle the angle is 0 and not
+    defined.
     """
     angles, defined = np.zeros(len(quads)), np.zeros(len(quads), dtype=np.bool_)
     _hinges(points, quads, angles, defined)
@@ -101,15 +186,7 @@ def _hinges(p: Floats, quads: Ints, angles: Floats, defined: Bools) -> None:
 
 
 def beside_slivers(points: Floats, quads: Ints) -> Bools:
-    """Return which edges (q,) have a sliver of a triangle beside them: its angle says nothing of a shape.
-
-    Parameters
-    ----------
-    points : (n, 3) array
-        Positions [mm].
-    quads : (q, 4) int array
-        As in :class:`~vtkmuscle.core.mesh.surface.MeshTopology`.
-    """
+    """Return which quadruples (q, 4) have a sliver, whose angle says nothing of a shape, (q,)."""
     found = np.zeros(len(quads), dtype=np.bool_)
     for corners in (points[quads[:, :3]], points[quads[:, [0, 1, 3]]]):
         sides = np.roll(corners, -1, axis=1) - corners
@@ -117,8 +194,6 @@ def beside_slivers(points: Floats, quads: Ints) -> Bools:
         found |= doubled < SLIVER * (sides**2).sum(axis=2).max(axis=1)
     return found
 
-
-_Spread = tuple[float, float, float]
 
 #: Edges run along the fibres where |u . v| is more than the cosine of 18 degrees, across them where it is
 #: less than that of 72 degrees.
@@ -139,8 +214,7 @@ class ShapeReport:
         95th percentile of the absolute change of the angles between neighbouring triangles, none of them a
         sliver at rest [degrees].
     degenerate_edges : int
-        Edges that had an angle between their triangles at rest and have none now, for a triangle beside them
-        has collapsed.
+        Edges that had an angle between their triangles at rest, of which one has collapsed.
     along, across : (3,) tuple or None
         5th percentile, median and 95th percentile of l / l0 of the edges within 18 degrees of the fibres, and
         of those over 72 degrees from them; None where no directions were given or no such edges exist.
@@ -170,8 +244,6 @@ class RestShape:
 
     Attributes
     ----------
-    points, topology
-        As given.
     lengths : (k,) array
         Of the edges [mm].
     angles, angle_defined : (q,) arrays
@@ -232,7 +304,7 @@ class RestShape:
         )
 
 
-def _spread(stretch: Floats, edges: Ints | None) -> _Spread | None:
+def _spread(stretch: Floats, edges: Ints | None) -> tuple[float, float, float] | None:
     if edges is None or not len(edges):
         return None
     low, median, high = np.percentile(stretch[edges], (5.0, 50.0, 95.0)).tolist()

@@ -1,4 +1,4 @@
-"""Points spread evenly over a part of a surface."""
+"""Points spread evenly over a part of a surface or in a body, and orders that do not change with a motion."""
 
 from __future__ import annotations
 
@@ -10,46 +10,36 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from vtkmuscle.core.mesh.normals import triangle_normals
-from vtkmuscle.core.mesh.surface import faces_between, unique_edges
+from vtkmuscle.core.mesh.shared import RecentlyUsed
+from vtkmuscle.core.mesh.surface import edge_lengths, faces_between, unique_edges
 from vtkmuscle.core.types import Bools, Floats, Ints
 
-#: Blocks of as many positions as wanted that are looked through: bodies fill most of a tenth of their boxes.
+#: Most blocks of positions that are tested; a body fills a tenth of its box or more.
 MOST_BLOCKS = 512
 #: Positions above each other in a column.
 LAYERS = 16
 #: Root of g^3 = g + 1: remainders of multiples of 1 / g and 1 / g^2 are spread evenly over a square, however
 #: many are taken (Roberts 2018, *The unreasonable effectiveness of quasirandom sequences*).
 GOLDEN = 1.324717957244746
-#: How much more some points of a body count than others for its axes, by their numbers: enough to decide
-#: between axes that are as long, far more than rounding, and too little to turn others.
+#: How much more some points of a body count than others for its axes: enough to decide between axes of equal
+#: length, far more than rounding, and too little to turn other axes.
 UNEVEN = 1e-3
-#: A direction along which the corners of no triangle are level.
+#: A direction along which no two corners of a triangle are level.
 GENERIC = np.array([1.0, 1.0 / GOLDEN, 1.0 / GOLDEN**2])
-#: Digits of a place within an extent by which triangles are put in order: more are rounding.
+#: Steps in their extent to which positions are rounded before triangles are put in order by them.
 PLACES = 1e7
-#: How far positions are moved on along parts in a row: more than rounding, too little to be seen.
+#: Offset of positions along parts in a row: more than rounding, too little to be seen.
 OFF_BOUNDS = 1e-9
-#: Sets of evenly spread positions that are kept of an area.
+#: Most sets of evenly spread positions that are kept of an area.
 MOST_KEPT = 64
 
 
 def even_samples(candidates: Floats, count: int) -> Floats:
-    """Return some of many positions, spread evenly among them.
+    """Return some of the candidates (n, 3), n >= 1, spread evenly among them, (count, 3).
 
-    The farthest one is taken again and again; then each is moved to the centre of its cell a few times
-    (Lloyd's relaxation) and from there to the nearest candidate.
-
-    Parameters
-    ----------
-    candidates : (n, 3) array
-        Positions, n >= 1 [mm].
-    count : int
-        Number of samples, >= 1; where there are fewer candidates they are repeated.
-
-    Returns
-    -------
-    (count, 3) array
-        Some of the candidates [mm].
+    The farthest one is taken again and again. Then each is moved to the centre of its cell a few times
+    (Lloyd's relaxation) and from there to the nearest candidate. Where there are fewer candidates they are
+    repeated.
     """
     samples = candidates[_farthest(candidates, min(count, len(candidates)))]
     tree = cKDTree(candidates)
@@ -74,35 +64,27 @@ def _farthest(candidates: Floats, count: int) -> Ints:
 
 
 class PatchSamples:
-    """Positions on the triangles between given points of a surface, each set of them found once.
+    """Positions on the triangles between given points of a surface, each set of them computed once.
 
-    Where the points have no triangle in common the edges between them are sampled, and where there are no
-    edges either the points themselves are returned.
-
-    Parameters
-    ----------
-    points : (n, 3) array
-        Points of the surface [mm].
-    triangles : (m, 3) int array
-        Point ids.
-    patch : (j,) int array
-        Ids of the points to stay between, j >= 1.
+    Where the points of the patch (j,), j >= 1, have no triangle in common the edges between them are sampled,
+    and where there are no edges either the points themselves are returned.
     """
 
     def __init__(self, points: Floats, triangles: Ints, patch: Ints) -> None:
-        self._faces = _in_own_order(points, faces_between(triangles, patch))
-        self._areas = np.linalg.norm(triangle_normals(points, self._faces), axis=1)
-        self._points, self._patch = points, patch
-        self._edges = unique_edges(triangles) if not self._areas.sum() > 0 else np.empty((0, 2), np.int64)
-        self._edges = self._edges[np.isin(self._edges, patch).all(axis=1)]
+        parts = _in_own_order(points, faces_between(triangles, patch))
+        sizes = np.linalg.norm(triangle_normals(points, parts), axis=1)
+        #: Area of the triangles [mm^2].
+        self.area = float(sizes.sum()) / 2.0
+        if not sizes.sum() > 0:
+            edges = unique_edges(triangles)
+            parts = edges[np.isin(edges, patch).all(axis=1)]
+            sizes = edge_lengths(points, parts)
+        #: Corners of the triangles, or ends of the edges, or points to sample, (k, 3), (k, 2) or (k, 1).
+        self._parts = parts if sizes.sum() > 0 else patch[:, None]
+        self._points, self._sizes = points, sizes
         self._dense: dict[tuple[int, int], Floats] = {}
         self._trees: dict[int, cKDTree] = {}
-        self._even: dict[tuple[Any, ...], Floats] = {}
-
-    @property
-    def area(self) -> float:
-        """Area of the triangles [mm^2]."""
-        return float(self._areas.sum()) / 2.0
+        self._even = RecentlyUsed(MOST_KEPT)
 
     def dense(self, count: int, *, seed: int = 0) -> Floats:
         """Return at least `count` positions of even density, (k, 3); another seed gives others."""
@@ -127,33 +109,27 @@ class PatchSamples:
         wanted = 16 * count
         candidates = self.dense(wanted, seed=seed)
         share = float((candidates @ direction > above).mean())
-        # Which candidates are above is known from how many.
+        # The candidates above it are known by their number, in this order.
         key: tuple[Any, ...] = count, seed
         if 0.01 < share < 1.0:
             wanted = int(np.ceil(wanted / share))
             candidates = self.dense(wanted, seed=seed)
             candidates = candidates[candidates @ direction > above]
             key = count, seed, wanted, len(candidates), direction.tobytes()
-        if key not in self._even:
-            if len(self._even) >= MOST_KEPT:
-                self._even.clear()
-            self._even[key] = even_samples(candidates, count)
-        return self._even[key]
+        samples: Floats = self._even(key, lambda: even_samples(candidates, count))
+        return samples
 
     def _sampled(self, u: Floats) -> Floats:
         """Return the positions that go with numbers (k, 3) in [0, 1)."""
-        points = self._points
-        if self._areas.sum() > 0:
-            a, b, c = points[self._faces[_shares(self._areas, u[:, 0])]].transpose(1, 0, 2)
-            root = np.sqrt(u[:, 1:2])  # uniform over it: Osada et al. 2002, doi:10.1145/571647.571648
-            on_faces: Floats = (1.0 - root) * a + root * (1.0 - u[:, 2:]) * b + root * u[:, 2:] * c
-            return on_faces
-        lengths = np.linalg.norm(points[self._edges[:, 1]] - points[self._edges[:, 0]], axis=1)
-        if lengths.sum() > 0:
-            a, b = points[self._edges[_shares(lengths, u[:, 0])]].transpose(1, 0, 2)
+        if self._parts.shape[1] == 1:
+            return self._points[self._parts[:, 0]]
+        a, b, *others = self._points[self._parts[_shares(self._sizes, u[:, 0])]].transpose(1, 0, 2)
+        if not others:
             on_edges: Floats = (1.0 - u[:, 1:2]) * a + u[:, 1:2] * b
             return on_edges
-        return points[self._patch]
+        root = np.sqrt(u[:, 1:2])  # uniform over it: Osada et al. 2002, doi:10.1145/571647.571648
+        on_faces: Floats = (1.0 - root) * a + root * (1.0 - u[:, 2:]) * b + root * u[:, 2:] * others[0]
+        return on_faces
 
 
 @lru_cache(maxsize=16)
@@ -165,11 +141,10 @@ def _sobol(exponent: int, seed: int) -> Floats:
 
 
 def uneven_weights(count: int) -> Floats:
-    """Return arbitrary but fixed numbers (count,), spread evenly over [0, 1).
+    """Return fixed numbers (count,) spread evenly over [0, 1): multiples of the golden ratio, modulo 1.
 
-    Points that are weighted by them decide by their order where a body's symmetry leaves a choice, such as
-    the sign of an axis: rounding would choose otherwise once the body has moved. They are multiples of the
-    golden ratio, without the integer part.
+    As weights of points they decide, by the order of the points, where a body's symmetry leaves a choice,
+    such as the sign of an axis: rounding would choose differently once the body has moved.
     """
     fractions: Floats = np.modf(0.5 * (1.0 + 5.0**0.5) * np.arange(count))[0]
     return fractions
@@ -178,8 +153,8 @@ def uneven_weights(count: int) -> Floats:
 def skewed_direction(points: Floats) -> Floats:
     """Return the direction (d,) of the longer tail of points (n, d).
 
-    That is their third moment, which no order of the points changes. Where symmetry leaves none, the numbers
-    of the points decide, and not rounding.
+    That is their third moment, which does not depend on their order; where symmetry leaves none, their order
+    decides.
     """
     arms = points - points.mean(axis=0)
     squares = (arms**2).sum(axis=1)
@@ -191,7 +166,7 @@ def skewed_direction(points: Floats) -> Floats:
 def own_axes(points: Floats) -> tuple[Floats, Floats]:
     """Return the mean of points (n, 3), and their axes (3, 3), a row each and the longest first.
 
-    They go with the points where these move, and depend on their order only where symmetry leaves a choice.
+    They move with the points, and depend on their order only where symmetry leaves a choice.
     """
     centre = points.mean(axis=0)
     arms = points - centre
@@ -202,7 +177,7 @@ def own_axes(points: Floats) -> tuple[Floats, Floats]:
 
 
 def _in_own_order(points: Floats, faces: Ints) -> Ints:
-    """Return triangles in an order, and each from a corner, that their numbers do not decide.
+    """Return triangles in an order, and each from a corner, that do not depend on their numbers.
 
     Neighbours stay together: even sequences of numbers then fall evenly on them.
     """
@@ -219,10 +194,11 @@ def _in_own_order(points: Floats, faces: Ints) -> Ints:
 
 
 def samples_inside(inside: Callable[[Floats], Bools], points: Floats, count: int) -> Floats:
-    """Return positions of even density in a body; where the body moves they move with it.
+    """Return positions of even density in a body, (k, 3) [mm]; where the body moves they move with it.
 
-    They stand in columns along the body's longest axis, one layer above the other: what positions beside a
-    fibre say of where its middle is has the same error all along it, and so does not bend the fibre.
+    They stand in columns along the body's longest axis, one layer above the other: the middle of a fibre,
+    taken from the positions beside it, then has the same error all along it, which does not bend the fibre.
+    The columns come from a low-discrepancy sequence: more positions begin with the same ones.
 
     Parameters
     ----------
@@ -231,13 +207,7 @@ def samples_inside(inside: Callable[[Floats], Bools], points: Floats, count: int
     points : (m, 3) array
         Of its surface [mm].
     count : int
-        Number of positions, >= 1.
-
-    Returns
-    -------
-    (k, 3) array
-        Column by column, the columns from a low-discrepancy sequence: more positions begin with the same
-        ones [mm]. Fewer than `count` where the body has next to no volume.
+        Number of positions, >= 1; there are fewer where the body has next to no volume.
     """
     centre, axes = own_axes(points)
     along = (points - centre) @ axes.T
@@ -257,69 +227,51 @@ def samples_inside(inside: Callable[[Floats], Bools], points: Floats, count: int
 
 
 def _shares(sizes: Floats, u: Floats) -> Ints:
-    """Return for each u in [0, 1) the number of the part that it falls into, parts as large as given."""
+    """Return for each u in [0, 1) the number of the part that it falls into, by the sizes of the parts."""
     bounds = np.cumsum(sizes)
-    # A little off, for fractions of a power of two fall on the bounds of equal parts, and rounding decided.
+    # Offset, or fractions of a power of two fall on the bounds of equal parts, where rounding would decide.
     chosen: Ints = np.searchsorted(bounds, (u + OFF_BOUNDS) * bounds[-1], side="right")
     return chosen.clip(max=len(sizes) - 1)
 
 
 #: Binary digits of each number.
 _DIGITS = 30
-#: Per coordinate, of the primitive polynomial: inner coefficients, and the first direction numbers (Joe and
-#: Kuo 2008, doi:10.1137/070709359). The first coordinate is van der Corput's sequence.
-_DIRECTIONS = (((), (1,)), ((1,), (1, 3)))
+
+
+def _direction_numbers() -> Ints:
+    """Return odd numbers less than 2^(k + 1), k from 0, for 3 coordinates, (3, 30).
+
+    The first is van der Corput's sequence; the others follow from the primitive polynomials x + 1 and
+    x^2 + x + 1 (Joe and Kuo 2008, doi:10.1137/070709359).
+    """
+    numbers = np.ones((3, _DIGITS), dtype=np.int64)
+    numbers[2, 1] = 3
+    for k in range(1, _DIGITS):
+        last = numbers[1, k - 1]
+        numbers[1, k] = last ^ (last << 1)
+    for k in range(2, _DIGITS):
+        before, last = numbers[2, k - 2 : k]
+        numbers[2, k] = before ^ (before << 2) ^ (last << 1)
+    return numbers
+
+
+_DIRECTIONS = _direction_numbers()
 
 
 def sobol(count: int, dimension: int, *, first: int = 0) -> Floats:
-    """Return points of Sobol's sequence, in the order of Gray's code (Antonov and Saleev 1979).
+    """Return points (count, dimension) of Sobol's sequence, in [0, 1), from the first on; dimension 1 to 3.
 
-    Each one differs from the one before it in one direction number per coordinate; the i-th is the sum,
-    without carries, of the direction numbers of the digits of i in Gray's code.
-
-    Parameters
-    ----------
-    count : int
-        Number of points.
-    dimension : int
-        1 to 3.
-    first : int, optional
-        Points that are left out.
-
-    Returns
-    -------
-    (count, dimension) array
-        In [0, 1).
-
-    Examples
-    --------
-    >>> from vtkmuscle.core.mesh.sampling import sobol
-    >>> sobol(4, 2).tolist()
-    [[0.0, 0.0], [0.5, 0.5], [0.75, 0.25], [0.25, 0.75]]
+    In the order of Gray's code (Antonov and Saleev 1979) each differs from the one before it in one direction
+    number per coordinate; the i-th is the sum, without carries, of the direction numbers of the digits of i
+    in Gray's code. SciPy's takes half a second to import.
     """
     index = np.arange(first, first + count)
     code = index ^ (index >> 1)
     points = np.zeros((count, dimension), dtype=np.int64)
     for digit in range(int(code.max(initial=0)).bit_length()):
         chosen = (code >> digit) & 1
-        for axis in range(dimension):
-            points[:, axis] ^= chosen * (_direction(axis, digit) << (_DIGITS - 1 - digit))
+        points ^= chosen[:, None] * (_DIRECTIONS[:dimension, digit] << (_DIGITS - 1 - digit))
     return points / 2.0**_DIGITS
-
-
-def _direction(axis: int, digit: int) -> int:
-    """Return a direction number: odd, and less than 2^(digit + 1)."""
-    if axis == 0:
-        return 1
-    coefficients, numbers = _DIRECTIONS[axis - 1]
-    found = list(numbers)
-    degree = len(numbers)
-    while len(found) <= digit:
-        value = found[-degree] ^ (found[-degree] << degree)
-        for k, coefficient in enumerate(coefficients, 1):
-            value ^= coefficient * (found[-k] << k)
-        found.append(value)
-    return found[digit]
 
 
 #: Halvings of the longest side of the box around the places.
@@ -327,34 +279,18 @@ HALVINGS = 7
 
 
 def space_order(places: Floats) -> Ints:
-    """Return the order of places along a curve that goes through a box by halves, halves of halves and so on.
+    """Return the order (n,) of places (n, d), n >= 1, along a curve through the halves of a box, and theirs.
 
     That is the Z-order of Morton 1966, *A computer oriented geodetic data base and a new technique in file
-    sequencing*. What is looked up for a place is then mostly at hand from the one before.
-
-    Parameters
-    ----------
-    places : (n, d) array
-        Positions, n >= 1, finite.
-
-    Returns
-    -------
-    (n,) int array
-        Numbers of the places; those in the same cell of the box as they come.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from vtkmuscle.core.mesh.sampling import space_order
-    >>> space_order(np.array([[0.0, 0.0], [1.0, 1.0], [0.1, 0.0], [0.9, 1.0]])).tolist()
-    [0, 2, 3, 1]
+    sequencing*. Places that follow each other are near each other, and so are the data to look up for them.
+    Places in the same cell of the box stay in their order.
     """
     size = max(float(np.ptp(places, axis=0).max()), 1e-300)
     cells = ((places - places.min(axis=0)) * (2**HALVINGS / size)).astype(np.int64)
     cells = np.minimum(cells, 2**HALVINGS - 1)
     dimensions = cells.shape[1]
     digits = np.arange(HALVINGS)
-    # Of each number of a cell its binary digits, as far apart as there are dimensions.
+    # The binary digits of each cell number, as far apart as there are dimensions.
     apart = ((np.arange(2**HALVINGS)[:, None] >> digits & 1) << dimensions * digits).sum(axis=1)
     codes = (apart[cells] << np.arange(dimensions)).sum(axis=1)
     return np.argsort(codes, kind="stable")

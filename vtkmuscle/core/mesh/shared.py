@@ -1,4 +1,4 @@
-"""What is made once for all who ask: of a surface that several muscles share, or for the last few keys."""
+"""Objects that are made once for all users: from equal arrays, such as surfaces, or for a few keys."""
 
 from __future__ import annotations
 
@@ -16,35 +16,22 @@ from numpy.typing import NDArray
 
 
 class RecentlyUsed:
-    """A cache of a few results by key, which drops the least recently used one.
-
-    Parameters
-    ----------
-    most : int
-        How many things are kept, >= 1.
-
-    Examples
-    --------
-    >>> from vtkmuscle.core.mesh.shared import RecentlyUsed
-    >>> recent = RecentlyUsed(2)
-    >>> recent("a", lambda: 1), recent("a", lambda: 2)
-    (1, 1)
-    """
+    """A cache of at most so many results by key, which drops the least recently used one."""
 
     def __init__(self, most: int) -> None:
         self._most = most
-        self._found: dict[Hashable, Any] = {}
+        self._results: dict[Hashable, Any] = {}
 
-    def __call__(self, key: Hashable, find: Callable[[], Any]) -> Any:
+    def __call__(self, key: Hashable, compute: Callable[[], Any]) -> Any:
         """Return the value kept for a key, or compute and keep it."""
         try:
-            found = self._found.pop(key)
+            result = self._results.pop(key)
         except KeyError:
-            found = find()
-        self._found[key] = found
-        for oldest in list(self._found)[: -self._most]:
-            self._found.pop(oldest, None)
-        return found
+            result = compute()
+        self._results[key] = result
+        for oldest in list(self._results)[: -self._most]:
+            self._results.pop(oldest, None)
+        return result
 
 
 T = TypeVar("T")
@@ -52,7 +39,7 @@ P = ParamSpec("P")
 
 
 class _Holders:
-    """The holders of shared objects, and the objects of each."""
+    """The number of active :func:`held` contexts, and the objects that they keep alive."""
 
     def __init__(self) -> None:
         self.count = 0
@@ -65,19 +52,9 @@ _holders = _Holders()
 
 @contextmanager
 def held() -> Iterator[None]:
-    """Keep all results of shared functions within this context alive.
+    """Keep all results of shared functions alive within this context.
 
-    Muscles that are solved one after another then share what is made from their bones.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from vtkmuscle.core.mesh.triangle_tree import shared_tree
-    >>> points, triangles = np.eye(3), np.array([[0, 1, 2]])
-    >>> with held():
-    ...     first = id(shared_tree(points, triangles))
-    ...     id(shared_tree(points, triangles)) == first
-    True
+    Muscles that are solved one after another then share the objects made from their bones.
     """
     with _holders.lock:
         _holders.count += 1
@@ -93,34 +70,15 @@ def held() -> Iterator[None]:
 def shared(make: Callable[P, T], *, last: int = 0) -> Callable[P, T]:
     """Return a function that gives the same object for equal arrays, as long as anyone holds it.
 
-    Parameters
-    ----------
-    make : callable
-        What makes an object from arrays, as points (n, 3) and triangles (m, 3), which are copied for it.
-    last : int, optional
-        How many objects that were asked for last are held here.
-
-    Returns
-    -------
-    callable
-        Of several threads that ask for the same arrays one makes the object.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from vtkmuscle.core.mesh.triangle_tree import triangle_tree
-    >>> tree_of = shared(triangle_tree)
-    >>> points, triangles = np.eye(3), np.array([[0, 1, 2]])
-    >>> tree = tree_of(points, triangles)
-    >>> tree_of(points.copy(), triangles) is tree
-    True
+    The object is made from copies of the arrays, by one thread where several ask at once. The function itself
+    holds the ``last`` objects that were asked for.
     """
     known: WeakValueDictionary[bytes, T] = WeakValueDictionary()
     making: dict[bytes, Lock] = {}
     latest: deque[T] = deque(maxlen=last)
 
     @wraps(make)
-    def found_or_made(*arrays: NDArray[Any]) -> T:
+    def known_or_made(*arrays: NDArray[Any]) -> T:
         key = _digest(arrays)
         with making.setdefault(key, Lock()):
             result = known.get(key)
@@ -137,7 +95,7 @@ def shared(make: Callable[P, T], *, last: int = 0) -> Callable[P, T]:
         making.pop(key, None)
         return result
 
-    return cast(Callable[P, T], found_or_made)
+    return cast(Callable[P, T], known_or_made)
 
 
 def _digest(arrays: tuple[NDArray[Any], ...]) -> bytes:

@@ -1,4 +1,4 @@
-"""What is inside of closed surfaces, and how far points are from them: of bones, and of muscles that bend."""
+"""Which points are inside closed surfaces, of bones and of muscles that bend, and how far from them."""
 
 from __future__ import annotations
 
@@ -21,33 +21,12 @@ _ROUNDING = 1e-14
 
 
 def points_inside(queries: Floats, tree: TriangleTree) -> Bools:
-    """Return which points are inside of a closed surface, by the number of triangles beyond them.
+    """Return which points (k, 3) are inside a closed surface, by the number of triangles beyond them, (k,).
 
-    Rays run along the axis that the surface extends least along: across a long muscle, where few of its boxes
-    are in line. Seen along the rays, of two triangles that share an edge exactly one has a place on it: no
-    ray slips through.
-
-    Parameters
-    ----------
-    queries : (k, 3) array
-        Points.
-    tree : TriangleTree
-        Of the surface; closed, whichever way its triangles face.
-
-    Returns
-    -------
-    (k,) bool array
-        True inside; on the surface either, but for each point the same whatever else is asked.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from vtkmuscle.core.mesh.solids import points_inside
-    >>> from vtkmuscle.core.mesh.triangle_tree import triangle_tree
-    >>> corners = np.vstack([np.zeros(3), np.eye(3)])
-    >>> tree = triangle_tree(corners, np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]))
-    >>> points_inside(np.array([[0.2, 0.2, 0.2], [0.4, 0.4, 0.4]]), tree).tolist()
-    [True, False]
+    Triangles may face either way. Points on the surface may be inside or not, but each is so whatever other
+    points are asked for. Rays run along the axis that the surface extends least along: across a long muscle,
+    where few of its boxes are in line. Seen along the rays, each place on an edge belongs to exactly one of
+    its two triangles: no ray slips through.
     """
     inside = np.zeros(len(queries), dtype=np.bool_)
     if len(queries):
@@ -90,7 +69,7 @@ def _count(
 
 @kernel
 def _is_below(query: Floats, a: Floats, b: Floats, c: Floats, along: int) -> bool:
-    """Return True where a triangle is above a point, seen along an axis; an edge is of one of its sides."""
+    """Return True where a triangle is above a point, seen along an axis; an edge belongs to one side."""
     one, two = (along + 1) % 3, (along + 2) % 3
     x, y = query[one], query[two]
     ax, ay, bx, by, cx, cy = a[one], a[two], b[one], b[two], c[one], c[two]
@@ -119,13 +98,7 @@ def _crosses(x: float, y: float, ax: float, ay: float, bx: float, by: float) -> 
 
 
 class DeformedSurface:
-    """A surface in one of its shapes, with its search tree.
-
-    Parameters
-    ----------
-    tree : TriangleTree
-        Of that shape.
-    """
+    """A surface in one of its shapes, with its search tree."""
 
     def __init__(self, tree: TriangleTree) -> None:
         self.tree = tree
@@ -138,8 +111,8 @@ class DeformedSurface:
     def inside(self, queries: Floats) -> Bools:
         """Return which points (k, 3) are inside, where it is closed, (k,).
 
-        Of points that were asked for just before, only those that have moved since are looked at. Several
-        threads may ask at a time.
+        Of points as many as last time only those that have moved are tested. Several threads may ask at a
+        time.
         """
         asked, inside = self._known
         if queries.shape != asked.shape:
@@ -151,49 +124,31 @@ class DeformedSurface:
         return inside.copy()
 
 
-#: Those that somebody holds.
+#: The surfaces that somebody holds.
 _held: WeakSet[DeformedSurface] = WeakSet()
 _lock = Lock()
 
 
 def deformed_surface(points: Floats, triangles: Ints, known: TriangleTree | None) -> DeformedSurface:
-    """Return a surface in one of its shapes, the same object as long as anyone holds it.
+    """Return the surface of points (n, 3) and triangles (m, 3), the same object as long as anyone holds it.
 
     Carrying fibres, measuring them and judging the frame each ask for the nearest places on the same bent
-    muscle. Content decides which it is.
-
-    Parameters
-    ----------
-    points, triangles : (n, 3) array, (m, 3) int array
-        Positions, finite; point ids, m >= 1.
-    known : TriangleTree or None
-        Of another shape of the surface, for :func:`~vtkmuscle.core.mesh.triangle_tree.tree_of_deformed`.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from vtkmuscle.core.mesh.solids import deformed_surface
-    >>> points, triangles = np.eye(3), np.array([[0, 1, 2]])
-    >>> surface = deformed_surface(points, triangles, None)
-    >>> deformed_surface(points.copy(), triangles, None) is surface
-    True
+    muscle. The tree of another shape of it, where known, gives the order of the triangles.
     """
     with _lock:
         held = list(_held)
     for surface in held:
         if surface.is_of(points, triangles):
             return surface
-    if known is not None and np.array_equal(known.triangles, triangles):
-        triangles = known.triangles
-    else:
-        triangles = triangles.copy()
+    same = known is not None and np.array_equal(known.triangles, triangles)
+    triangles = known.triangles if known is not None and same else triangles.copy()
     surface = DeformedSurface(tree_of_deformed(known, points.copy(), triangles))  # callers may change theirs
     with _lock:
         _held.add(surface)
     return surface
 
 
-#: What stands for the distance of what is too far away to matter, or not known yet.
+#: The distance of points that are too far away to matter, or whose distance is not known yet.
 FAR = 1e30
 
 
@@ -201,27 +156,24 @@ FAR = 1e30
 class Solids:
     """The exact surface of a body, and on which side of it points are.
 
-    Each connected part has an inside of its own, whether its triangles face outward or inward: where parts
-    overlap, as the bones of a pelvis do, and for a hollow in a bone, which counts as filled. Of several
-    parts the least distance counts. A part that encloses nothing has a distance without a sign. The side is
-    that of the angle-weighted normal at the nearest point, exact for closed manifold parts of any genus.
+    Each connected part has an inside of its own, whether its triangles face outward or inward: parts may
+    overlap, as the bones of a pelvis do, and a hollow in a bone counts as filled. Of several parts the least
+    distance counts. A part that encloses nothing has a distance without a sign. The side is that of the
+    angle-weighted normal at the nearest point, exact for closed manifold parts of any genus (Baerentzen,
+    Aanaes 2005, *Signed distance computation using the angle weighted pseudonormal*,
+    doi:10.1109/TVCG.2005.49).
 
     Attributes
     ----------
     points : (n, 3) array
         Of the surface.
     trees : tuple of TriangleTree
-        Solid parts, closed and facing outward. Those of one tree have boxes that do not meet: what is
-        nearest to a point is then of the part that the point is in.
+        Solid parts, closed and facing outward. Parts in one tree have boxes that do not meet: a point inside
+        one of them has its nearest triangle there.
     sheets : TriangleTree or None
         Parts that enclose nothing.
     remarks : tuple of str
-        What was wrong with the surface, in words.
-
-    References
-    ----------
-    Baerentzen, Aanaes 2005, *Signed distance computation using the angle weighted pseudonormal*,
-    doi:10.1109/TVCG.2005.49.
+        Defects of the surface, in words.
     """
 
     points: Floats
@@ -232,21 +184,21 @@ class Solids:
     @property
     def box(self) -> tuple[Floats, Floats]:
         """Lowest and highest corner of the box around all parts."""
-        boxes = np.array([tree.boxes[0] for tree in (*self.trees, *self._sheets)])
+        boxes = np.array([tree.boxes[0] for tree in self._all])
         return boxes[:, :3].min(axis=0), boxes[:, 3:].max(axis=0)
 
     @property
-    def _sheets(self) -> tuple[TriangleTree, ...]:
-        return () if self.sheets is None else (self.sheets,)
+    def _all(self) -> tuple[TriangleTree, ...]:
+        return self.trees if self.sheets is None else (*self.trees, self.sheets)
 
     def distances(self, points: ArrayLike, *, run: int = 0) -> Floats:
         """Return the exact distances (n,) of points (n, 3), negative inside.
 
-        ``run`` is for points in runs, as of :meth:`~vtkmuscle.core.mesh.triangle_tree.TriangleTree.signed`.
+        ``run`` is for points in runs, see :meth:`~vtkmuscle.core.mesh.triangle_tree.TriangleTree.signed`.
         """
         positions = _checked(points)
         least = np.full(len(positions), np.inf)
-        for tree in (*self.trees, *self._sheets):
+        for tree in self._all:
             near = _runs_in_reach(positions, least, run, tree) if run else np.arange(len(positions))
             found = tree.signed(positions[near], run=run)[0]
             least[near] = np.minimum(least[near], np.abs(found) if tree is self.sheets else found)
@@ -255,12 +207,12 @@ class Solids:
     def exact(self, points: ArrayLike) -> tuple[Floats, Floats]:
         """Return exact distances (n,) of points (n, 3), negative inside, and the directions away (n, 3).
 
-        A direction is that in which the distance grows, 1 long: the nearest place on the surface is the
-        point less its distance in that direction. On the surface it is the angle-weighted normal.
+        A direction is the unit vector in which the distance grows, on the surface the angle-weighted normal:
+        the nearest place is the point less its distance in that direction.
         """
         positions = _checked(points)
         best, outward = np.full(len(positions), np.inf), np.zeros((len(positions), 3))
-        for tree in (*self.trees, *self._sheets):
+        for tree in self._all:
             distance, _, normal = tree.tangent_planes(positions)
             if tree is self.sheets:
                 normal[distance < 0.0] *= -1.0
@@ -270,7 +222,7 @@ class Solids:
         return best, outward
 
     def depth(self, points: ArrayLike) -> Floats:
-        """Return how deep points (n, 3) are inside, (n,), 0 outside; where parts overlap, in the deepest."""
+        """Return the depth (n,) of points (n, 3), 0 outside; where parts overlap, in the deepest."""
         positions = _checked(points)
         depth = np.zeros(len(positions))
         for tree in self.trees:
@@ -314,21 +266,17 @@ def solids_of(points: Floats, triangles: Ints) -> Solids:
     ([1.0], [[0.0, 0.0, -1.0]])
     """
     closed = closed_shells(points, triangles)
-    parts = list(zip(closed.shells, closed.solid, strict=True))
-    flat = [part for part, solid in parts if not solid]
-    return Solids(
-        closed.points,
-        tuple(
-            triangle_tree(closed.points, np.concatenate(apart))
-            for apart in _apart(closed.points, [part for part, solid in parts if solid])
-        ),
-        triangle_tree(closed.points, np.concatenate(flat)) if flat else None,
-        closed.remarks,
-    )
+    parts: dict[bool, list[Ints]] = {True: [], False: []}
+    for part, solid in zip(closed.shells, closed.solid, strict=True):
+        parts[solid].append(part)
+    groups = _apart(closed.points, parts[True])
+    trees = tuple(triangle_tree(closed.points, np.concatenate(group)) for group in groups)
+    flat = triangle_tree(closed.points, np.concatenate(parts[False])) if parts[False] else None
+    return Solids(closed.points, trees, flat, closed.remarks)
 
 
 def _apart(points: Floats, parts: list[Ints]) -> list[list[Ints]]:
-    """Return parts of a surface shared out so that the boxes of those that are together do not meet."""
+    """Return parts of a surface in groups within which their boxes do not meet."""
     groups: list[list[Ints]] = []
     boxes: list[Floats] = []
     for part in parts:
@@ -349,9 +297,8 @@ def _runs_in_reach(points: Floats, least: Floats, run: int, tree: TriangleTree) 
     """Return the points (n, 3) of those runs that may be nearer to a tree's triangles than the least (n,)."""
     starts = np.arange(0, len(points), run)
     low, high = np.minimum.reduceat(points, starts), np.maximum.reduceat(points, starts)
-    apart = np.linalg.norm(
-        np.maximum(np.maximum(tree.boxes[0, :3] - high, low - tree.boxes[0, 3:]), 0.0), axis=1
-    )
+    gaps = np.maximum(np.maximum(tree.boxes[0, :3] - high, low - tree.boxes[0, 3:]), 0.0)
+    apart = np.linalg.norm(gaps, axis=1)
     return np.flatnonzero(np.repeat(apart <= np.maximum.reduceat(least, starts), run)[: len(points)])
 
 

@@ -1,4 +1,4 @@
-"""What a triangle mesh is, and what is next to what on it: edges, volume, orientation, dihedrals."""
+"""Facts about triangle meshes: edges and what is beside them, lengths, stretches, volume, orientation."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.mesh.normals import triangle_normals
 from vtkmuscle.core.types import Floats, Ints
 
-#: A surface of less volume than this part of its box's diagonal cubed encloses nothing.
+#: Least volume of a surface that encloses something, as a part of its box's diagonal cubed.
 LEAST_VOLUME = 1e-9
 
 
@@ -22,7 +22,7 @@ def half_edges(triangles: Ints) -> Ints:
 
 
 def faces_between(triangles: Ints, ids: Ints) -> Ints:
-    """Return the triangles (k, 3) all of whose points are among some."""
+    """Return the triangles (k, 3) all of whose points are among the given ids."""
     member = np.zeros(int(triangles.max(initial=-1)) + 1, dtype=np.bool_)
     member[ids[ids < len(member)]] = True
     return triangles[member[triangles].all(axis=1)]
@@ -34,19 +34,9 @@ def unique_edges(triangles: Ints) -> Ints:
 
 
 def numbered_edges(triangles: Ints) -> tuple[Ints, Ints]:
-    """Return each undirected edge once, and the number of the edge that each half-edge runs along.
+    """Return each undirected edge once, and the number of the edge that each half-edge runs along, (3 m,).
 
-    Parameters
-    ----------
-    triangles : (m, 3) int array
-        Point ids.
-
-    Returns
-    -------
-    edges : (k, 2) int array
-        Sorted, the smaller point id first.
-    edge_of : (3 m,) int array
-        In the order of :func:`half_edges`.
+    Edges (k, 2) are sorted, the smaller point id first; half-edges are in the order of :func:`half_edges`.
     """
     directed, count = half_edges(triangles), int(triangles.max(initial=0)) + 1
     keys, edge_of = np.unique(directed.min(axis=1) * count + directed.max(axis=1), return_inverse=True)
@@ -54,35 +44,16 @@ def numbered_edges(triangles: Ints) -> tuple[Ints, Ints]:
 
 
 def sorted_into_bins(bins: Ints, n_bins: int) -> tuple[Ints, Ints]:
-    """Return the numbers 0 to n - 1 bin by bin, and where each bin starts.
+    """Return the numbers 0 to n - 1 bin by bin, from the bin of each (n,), and where each bin starts.
 
-    Parameters
-    ----------
-    bins : (n,) int array
-        Bin of each number, 0 to n_bins - 1.
-    n_bins : int
-        Number of bins.
-
-    Returns
-    -------
-    order : (n,) int array
-        Those in bin b are ``order[starts[b] : starts[b + 1]]``, ascending.
-    starts : (n_bins + 1,) int array
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from vtkmuscle.core.mesh.surface import sorted_into_bins
-    >>> order, starts = sorted_into_bins(np.array([1, 0, 1]), 2)
-    >>> order.tolist(), starts.tolist()
-    ([1, 0, 2], [0, 1, 3])
+    Those in bin b are ``order[starts[b] : starts[b + 1]]``, ascending.
     """
     starts = np.append(0, np.cumsum(np.bincount(bins, minlength=n_bins)))
     return np.argsort(bins, kind="stable"), starts
 
 
 def edge_uses(triangles: Ints) -> Ints:
-    """Return how many triangles run along each edge of :func:`unique_edges`, (k,): 2 in a closed surface."""
+    """Return the number of triangles along each edge of :func:`unique_edges`, (k,): 2 in a closed surface."""
     return np.bincount(numbered_edges(triangles)[1])
 
 
@@ -100,22 +71,11 @@ def side_products(points: Floats, triangles: Ints) -> Floats:
 
 
 def triangle_stretches(rest: Floats, now: Floats) -> tuple[Floats, Floats, Floats]:
-    """Return how much triangles are stretched in the directions in which they are least and most.
+    """Return the least and the greatest stretch (m,) of triangles, and their areas at rest (m,) [mm^2].
 
     These are the singular values of the map from a triangle at rest to itself now: the square roots of the
-    eigenvalues of G^-1 H, of the 2 x 2 matrices G and H of the products of its sides at rest and now.
-
-    Parameters
-    ----------
-    rest, now : (3, m) arrays
-        What :func:`side_products` gives of them.
-
-    Returns
-    -------
-    least, greatest : (m,) arrays
-        1 for a triangle without area at rest, which has no directions.
-    areas : (m,) array
-        At rest [mm^2].
+    eigenvalues of G^-1 H, of the 2 x 2 matrices G and H of :func:`side_products` (3, m) at rest and now. They
+    are 1 for a triangle without area at rest.
     """
     squared, squared_now = (np.maximum(aa * bb - ab * ab, 0.0) for aa, ab, bb in (rest, now))
     areas: Floats = 0.5 * np.sqrt(squared)
@@ -132,15 +92,15 @@ def triangle_stretches(rest: Floats, now: Floats) -> tuple[Floats, Floats, Float
 def signed_volume(points: Floats, triangles: Ints) -> float:
     """Return the volume inside a closed surface, positive where its triangles face outward.
 
-    V = sum over triangles (m, 3) of a . (b x c) / 6, taken about the centre of the points (n, 3), so that a
-    mesh far from the origin loses no digits; in the cube of the points' unit.
+    V = sum over triangles (m, 3) of a . (b x c) / 6, about the centre of the points (n, 3), so that a mesh
+    far from the origin loses no digits.
     """
     a, b, c = (points - points.mean(axis=0))[triangles.T]
     return float(np.einsum("ti,ti->", a, np.cross(b, c)) / 6.0)
 
 
 def extent(points: Floats) -> float:
-    """Return twice the distance of the farthest of some points (n, 3) from their mean: however they lie."""
+    """Return twice the distance of the farthest of points (n, 3) from their mean, which no turn changes."""
     return 2.0 * float(np.linalg.norm(points - points.mean(axis=0), axis=1).max())
 
 
@@ -203,18 +163,7 @@ class SurfaceReport:
 
 
 def survey(points: Floats, triangles: Ints) -> SurfaceReport:
-    """Return the facts about a triangle mesh.
-
-    Parameters
-    ----------
-    points, triangles : (n, 3) array, (m, 3) int array
-        Positions; point ids, m >= 1.
-
-    Returns
-    -------
-    SurfaceReport
-        Counts, area and volume.
-    """
+    """Return the facts about a mesh, points (n, 3) and triangles (m, 3), m >= 1."""
     directed = half_edges(triangles)
     edges, edge_of = numbered_edges(triangles)
     uses = np.bincount(edge_of)
@@ -249,7 +198,7 @@ def check_volume(points: Floats, volume: float) -> None:
 
 @dataclass(frozen=True, eq=False)
 class MeshTopology:
-    """Neighbourhood of the edges of a triangle mesh, built once by :func:`mesh_topology`.
+    """The edges of a triangle mesh and what is beside them, made by :func:`mesh_topology`.
 
     Attributes
     ----------
@@ -279,22 +228,10 @@ class MeshTopology:
 
 
 def mesh_topology(n_points: int, triangles: Ints) -> MeshTopology:
-    """Return the edges of a mesh and their adjacent triangles.
+    """Return the edges of a mesh and the triangles beside them; n_points is more than any id.
 
-    Edges of one triangle (a boundary) or of more than two (not manifold) get no quadruple: no dihedral
-    angle is defined there. Degenerate triangles, with a repeated point, take no part.
-
-    Parameters
-    ----------
-    n_points : int
-        Number of points, more than any id.
-    triangles : (m, 3) int array
-        Point ids.
-
-    Returns
-    -------
-    MeshTopology
-        Edges, triangles beside them, quadruples.
+    Edges of one triangle (a boundary) or of more than two (not manifold) get no quadruple: no dihedral angle
+    is defined there. Triangles with a repeated point take no part.
     """
     a, b, c = triangles.T
     proper = np.flatnonzero((a != b) & (b != c) & (c != a))
@@ -317,17 +254,9 @@ def mesh_topology(n_points: int, triangles: Ints) -> MeshTopology:
 
 
 def opposite_half_edges(triangles: Ints) -> Ints:
-    """Return for each half-edge of a closed surface the one that runs along it in the other triangle.
+    """Return for each half-edge (3 m,) of a closed surface the one along it in the other triangle.
 
-    Parameters
-    ----------
-    triangles : (m, 3) int array
-        Point ids; half-edge 3 i + j runs from corner j of triangle i to the next corner.
-
-    Returns
-    -------
-    (3 m,) int array
-        Half-edges.
+    Half-edge 3 i + j runs from corner j of triangle i to the next corner.
 
     Raises
     ------
@@ -337,7 +266,7 @@ def opposite_half_edges(triangles: Ints) -> Ints:
     directed, edge_of = half_edges(triangles), numbered_edges(triangles)[1]
     opposite = np.full(len(directed), -1, dtype=np.int64)
     ways = [np.flatnonzero(way) for way in (directed[:, 0] < directed[:, 1], directed[:, 0] > directed[:, 1])]
-    # The first of those that run one way along an edge goes with the first of the other way, and so on.
+    # The n-th half-edge that runs one way along an edge goes with the n-th of the other way.
     forth, back = (way[np.argsort(edge_of[way], kind="stable")] for way in ways)
     nth_forth, nth_back = (
         edge_of[way] * len(directed) + np.arange(len(way)) - np.searchsorted(edge_of[way], edge_of[way])

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
 from vtkmuscle.core.jit import kernel, vector_kernel
@@ -11,7 +9,7 @@ from vtkmuscle.core.mesh.normals import triangle_normals, unit_vectors
 from vtkmuscle.core.mesh.surface import numbered_edges
 from vtkmuscle.core.types import Floats, Ints
 
-#: Where on a triangle a point is: in its face, on the edge from corner k to the next, or at corner k.
+#: Regions of a triangle: its face, the edge from corner k to the next, or corner k.
 FACE, EDGE, CORNER = 0, 1, 4
 
 
@@ -65,32 +63,15 @@ def distance2_to_box(box: Floats, x: float, y: float, z: float) -> float:
     return distance2
 
 
-class Pseudonormals(NamedTuple):
-    """Normals from which the side of a point follows, given its nearest point of a closed surface.
+def pseudonormals(points: Floats, triangles: Ints) -> tuple[Floats, Ints]:
+    """Return the normals (k, 3) by which a point's side of a surface follows, and their rows (m, 7).
 
     A point is outside where its offset from the nearest point of the surface goes along the normal there,
     inside where it goes against it. At an edge that is the sum of the unit normals of its triangles; at a
     corner the sum of these times the triangles' angles at the corner: Baerentzen, Aanaes 2005,
-    doi:10.1109/TVCG.2005.49.
-
-    Attributes
-    ----------
-    normals : (k, 3) array
-        Of triangles, edges and points, of any length.
-    numbers : (m, 7) int array
-        Row of ``normals`` for each triangle and region: FACE, EDGE + k and CORNER + k.
+    doi:10.1109/TVCG.2005.49. The rows are those of each triangle's regions FACE, EDGE + k and CORNER + k;
+    triangles face outward.
     """
-
-    normals: Floats
-    numbers: Ints
-
-    def at(self, triangles: Ints, regions: Ints) -> Floats:
-        """Return the normals (q, 3) where the nearest points are, in regions (q,) of triangles (q,)."""
-        return self.normals[self.numbers[triangles, regions]]
-
-
-def pseudonormals(points: Floats, triangles: Ints) -> Pseudonormals:
-    """Return the normals of a surface, points (n, 3) and triangles (m, 3) that face outward."""
     faces = unit_vectors(triangle_normals(points, triangles))
     corners = points[triangles]
     onward, back = np.roll(corners, -1, axis=1) - corners, np.roll(corners, 1, axis=1) - corners
@@ -107,9 +88,7 @@ def pseudonormals(points: Floats, triangles: Ints) -> Pseudonormals:
         parts.append(np.column_stack(sums))
     first, second = len(faces), len(faces) + len(parts[1])
     own = np.arange(len(faces))[:, None]
-    return Pseudonormals(
-        np.vstack(parts), np.hstack([own, first + edge_of.reshape(-1, 3), second + triangles])
-    )
+    return np.vstack(parts), np.hstack([own, first + edge_of.reshape(-1, 3), second + triangles])
 
 
 @kernel
@@ -159,14 +138,9 @@ def measure_nearest(
 def search_tree(
     corners: Floats, boxes: Floats, discs: Floats, queries: Floats, places: Ints, stack: Ints, near: Floats
 ) -> None:
-    """Write which triangle is nearest to each point.
+    """Write the place of the nearest triangle to each point; arguments as of :func:`search_in_packets`.
 
-    Parameters
-    ----------
-    corners, boxes, discs, queries, places
-        As of :func:`~vtkmuscle.core.mesh.tree_search.search_in_packets`.
-    stack, near : (64,) arrays
-        Working memory, as deep as the tree.
+    stack, near : (64,), working memory, as deep as the tree.
     """
     n, n_leaves = len(corners), (len(boxes) + 1) // 2
     place = 0  # the last query's answer is a good guess: neighbours follow each other along a fibre
@@ -209,9 +183,9 @@ def _distance2(corners: Floats, x: float, y: float, z: float) -> float:
     return (px - x) ** 2 + (py - y) ** 2 + (pz - z) ** 2
 
 
-#: Points of a packet. Processors compute four or eight at a time; with 8 the loops are too short for it.
+#: Points of a packet. Processors compute four or eight at a time, for which loops of 8 are too short.
 LANES = 16
-#: The point by which a packet decides into which box it goes first.
+#: The point by which a packet chooses the box to enter first.
 MIDDLE = LANES // 2
 
 
@@ -226,11 +200,11 @@ def search_in_packets(
     stack: Ints,
     lanes: Floats,
 ) -> None:
-    """Write which triangle is nearest to each point, :data:`LANES` points at a time.
+    """Write the place of the nearest triangle to each point, :data:`LANES` points at a time.
 
-    A packet goes through the tree as one: into each box that may hold what is nearest to any of its points.
-    Of points on a lattice the boxes are nearly the same ones, and a packet takes a third of the time of its
-    points; of points far apart it takes many times as long.
+    A packet goes through the tree as one: into each box that may be nearest to any of its points. Points on a
+    lattice need nearly the same boxes, and a packet takes a third of the time of its points; points far apart
+    take many times as long.
 
     Parameters
     ----------
@@ -239,8 +213,7 @@ def search_in_packets(
     queries : (q, 3) array
         Positions; those of a packet follow each other.
     run : int
-        Points of a run, >= 1: what is written for one does not depend on what comes before it, to the last
-        digit.
+        Points of a run, >= 1, whose results do not depend on the runs before it, to the last digit.
     places : (q,) int array
         Written: places in the tree's order.
     stack, lanes : (64,) int array, (5, LANES) array
@@ -286,8 +259,7 @@ def _begin(
 ) -> None:
     """Write a packet's points, and their distances from the triangle to begin with.
 
-    That is what is nearest to the last point of the packet before. Lanes without a point of their own have
-    the last one's.
+    That is the one nearest to the last point of the packet before. Lanes without a point repeat the last one.
     """
     a, b, c = corners[place, 0], corners[place, 1], corners[place, 2]
     for lane in range(LANES):

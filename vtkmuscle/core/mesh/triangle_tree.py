@@ -8,10 +8,10 @@ from functools import cached_property
 import numpy as np
 
 from vtkmuscle.core.jit import kernel
+from vtkmuscle.core.mesh.normals import unit_vectors
 from vtkmuscle.core.mesh.shared import shared
 from vtkmuscle.core.mesh.tree_search import (
     LANES,
-    Pseudonormals,
     along_disc,
     measure_nearest,
     pseudonormals,
@@ -20,7 +20,7 @@ from vtkmuscle.core.mesh.tree_search import (
 )
 from vtkmuscle.core.types import Floats, Ints
 
-#: Triangles in a box of the lowest level, on average at most.
+#: Most triangles in a box of the lowest level, on average.
 PER_LEAF = 4
 #: Nearer than this part of its size, a point is on a surface: there is no direction away from it.
 _ON_SURFACE = 1e-9
@@ -33,22 +33,22 @@ class TriangleTree:
     """A balanced tree of boxes around the triangles of a surface.
 
     Half of the triangles of a box go to each of its children, parted across the axis along which their
-    centres lie farthest apart. All leaves are equally deep, and the tree needs no links, for the children of
-    box i are the boxes 2 i + 1 and 2 i + 2.
+    centres lie farthest apart. All leaves are equally deep, and the children of box i are the boxes 2 i + 1
+    and 2 i + 2.
 
     Attributes
     ----------
     points, triangles : (n, 3) array, (m, 3) int array
         Positions; point ids, m >= 1.
     order : (m,) int array
-        Which triangle is at which place of the order.
+        The triangle at each place of the tree's order.
     corners : (m, 3, 3) array
         Corners of the triangles in that order.
     boxes : (2^k - 1, 6) array
         Low and high corner of each box, level by level.
     discs : (2^(k - 1), 8) array
         Centre, unit axis, radius and half height of a cylinder around the triangles of each leaf. That of a
-        flat piece of surface is thin, and tells far better than its box how near the piece can be.
+        flat piece of surface is thin, and bounds the distance far better than its box.
     """
 
     points: Floats
@@ -59,14 +59,15 @@ class TriangleTree:
     discs: Floats
 
     @cached_property
-    def _normals(self) -> Pseudonormals:
+    def _normals(self) -> tuple[Floats, Ints]:
         return pseudonormals(self.points, self.triangles)
 
     def _normals_at(self, places: Ints, regions: Ints) -> Floats:
-        return self._normals.at(self.order[places], regions)
+        normals, rows = self._normals
+        return normals[rows[self.order[places], regions]]
 
     def _nearest(self, queries: Floats, run: int = 0) -> tuple[Ints, Floats, Floats, Ints]:
-        """Return the nearest triangle (its place in the order), the point on it, its distance and region."""
+        """Return the nearest triangle's place in the order, the point on it, its distance and region."""
         places, regions = np.zeros((2, len(queries)), dtype=np.int64)
         closest, distances = np.zeros((len(queries), 3)), np.zeros(len(queries))
         tree, stack = (self.corners, self.boxes, self.discs), np.empty(64, dtype=np.int64)
@@ -78,32 +79,17 @@ class TriangleTree:
         return places, closest, distances, regions
 
     def nearest(self, queries: Floats) -> tuple[Ints, Floats, Floats]:
-        """Return the nearest points of the surface to given points.
-
-        Parameters
-        ----------
-        queries : (q, 3) array
-            Positions.
-
-        Returns
-        -------
-        triangle : (q,) int array
-            The nearest triangle.
-        closest : (q, 3) array
-            The nearest point, on that triangle.
-        distance : (q,) array
-            How far it is, >= 0.
-        """
+        """Return the triangle nearest to each point (q, 3), its nearest point, and the distance >= 0."""
         places, closest, distances, _ = self._nearest(np.ascontiguousarray(queries))
         return self.order[places], closest, distances
 
     def signed(self, queries: Floats, *, run: int = 0) -> tuple[Floats, Floats]:
         """Return distances (q,), negative inside, and the nearest points (q, 3) of a closed surface.
 
-        The sign is that of the angle-weighted normal at the nearest point: for surfaces that are closed,
-        manifold and face outward. Points on the surface are outside. ``run`` is for points that come in runs
-        of that many, each near those before it, as of a lattice: it takes half as long, and gives the same
-        but for rounding, whatever other runs there are.
+        The sign is that of the angle-weighted normal at the nearest point: the surface must be closed,
+        manifold and face outward. Points on it are outside. ``run`` is for points that come in runs of that
+        many, each near those before it, as of a lattice: it takes half as long, and gives the same but for
+        rounding, whatever other runs there are.
         """
         queries = np.ascontiguousarray(queries)
         places, closest, distances, regions = self._nearest(queries, run)
@@ -112,7 +98,7 @@ class TriangleTree:
         return np.where(inside, -distances, distances), closest
 
     def depth(self, queries: Floats) -> Floats:
-        """Return how deep points (q, 3) are inside a closed surface as of :meth:`signed`, (q,), 0 outside."""
+        """Return the depth (q,) of points (q, 3) in a closed surface as of :meth:`signed`, 0 outside."""
         depth = np.zeros(len(queries))
         low, high = self.boxes[0, :3], self.boxes[0, 3:]
         near = np.flatnonzero(((queries >= low) & (queries <= high)).all(axis=1))
@@ -133,24 +119,11 @@ class TriangleTree:
         size = float(np.abs(self.boxes[0, 3:] - self.boxes[0, :3]).max())
         apart = np.abs(distances) > _ON_SURFACE * size
         directions = np.where(apart[:, None], away * np.where(inside, -1.0, 1.0)[:, None], normals)
-        lengths = np.linalg.norm(directions, axis=1, keepdims=True)
-        unit = np.divide(directions, lengths, out=np.zeros_like(directions), where=lengths > 0.0)
-        return distances, closest, unit
+        return distances, closest, unit_vectors(directions)
 
 
 def triangle_tree(points: Floats, triangles: Ints) -> TriangleTree:
-    """Return the tree of a surface.
-
-    Parameters
-    ----------
-    points, triangles : (n, 3) array, (m, 3) int array
-        Positions, finite; point ids, m >= 1.
-
-    Returns
-    -------
-    TriangleTree
-        Holds the arrays that were given.
-    """
+    """Return the tree of a surface, finite points (n, 3) and triangles (m, 3), m >= 1, which it holds."""
     centres = (points[triangles[:, 0]] + points[triangles[:, 1]] + points[triangles[:, 2]]) / 3.0
     levels = max(int(np.ceil(np.log2(len(triangles) / PER_LEAF))), 0)
     order = np.arange(len(triangles))
@@ -158,27 +131,16 @@ def triangle_tree(points: Floats, triangles: Ints) -> TriangleTree:
     return _filled(points, triangles, order)
 
 
-#: The tree of a surface as :func:`triangle_tree` makes it, one for all who hold it.
+#: As :func:`triangle_tree`; one tree for all users of a surface.
 shared_tree = shared(triangle_tree)
 
 
 def tree_of_deformed(known: TriangleTree | None, points: Floats, triangles: Ints) -> TriangleTree:
-    """Return the tree of a surface by sharing out the triangles as for another shape of it.
+    """Return the tree of a surface with the triangles in the order of the tree of another shape of it.
 
-    That takes a quarter of the time of a new tree, which a frame's few queries would not pay for. The
-    neighbours of a triangle stay its neighbours while a surface bends, so that the boxes stay small.
-
-    Parameters
-    ----------
-    known : TriangleTree or None
-        Of the other shape; a tree of other triangles is of no use, and a new one is made then.
-    points, triangles : (n, 3) array, (m, 3) int array
-        As of :func:`triangle_tree`.
-
-    Returns
-    -------
-    TriangleTree
-        With the same answers as a new one, but for which of equally near triangles is named.
+    That takes a quarter of the time of a new tree, too much for a frame's few queries. Neighbouring triangles
+    stay neighbours while a surface bends, so that the boxes stay small. Answers are those of a new tree, but
+    for the choice among equally near triangles. Without a tree of the same triangles a new one is made.
     """
     if known is None or not np.array_equal(known.triangles, triangles):
         return triangle_tree(points, triangles)

@@ -1,4 +1,4 @@
-"""Between rigid motions: blends of several, a part of one along its screw; the nearest rotation."""
+"""Blends of rigid motions, parts of a motion along its screw, and the nearest rotation."""
 
 from __future__ import annotations
 
@@ -17,26 +17,13 @@ _SMALL = 1e-4
 
 
 def blend_motions(transforms: Floats, weights: Floats, points: Floats) -> Floats:
-    """Return points moved by rigid motions that are blended by weights, point by point.
+    """Return points (n, 3) moved by rigid motions (b, 4, 4), blended point by point by weights (n, b).
 
     Dual quaternion linear blending (Kavan, Collins, Žára, O'Sullivan 2008, *Geometric skinning with
-    approximate dual quaternion blending*, doi:10.1145/1409625.1409627). Every point moves rigidly: unlike
-    the mean of the moved positions it does not collapse towards the axis when the motions are far apart,
-    and for small motions the two are the same. The result does not depend on the choice of origin.
-
-    Parameters
-    ----------
-    transforms : (b, 4, 4) array
-        Rigid motions; any two turn by less than 180 degrees against each other.
-    weights : (n, b) array
-        Rows that sum to 1.
-    points : (n, 3) array
-        Positions [mm].
-
-    Returns
-    -------
-    (n, 3) array
-        Moved positions [mm].
+    approximate dual quaternion blending*, doi:10.1145/1409625.1409627). Every point moves rigidly: unlike the
+    mean of the moved positions it does not collapse towards the axis when the motions are far apart, and for
+    small motions the two are the same. The result does not depend on the choice of origin. Rows of weights
+    sum to 1; any two motions turn by less than 180 degrees against each other.
     """
     real = Rotation.from_matrix(transforms[:, :3, :3].copy()).as_quat()
     # q and -q are the same rotation: take the one that is nearer to the first, to blend the short way.
@@ -57,22 +44,10 @@ def blend_motions(transforms: Floats, weights: Floats, points: Floats) -> Floats
 
 
 def screw_between(start: Floats, end: Floats, fraction: float) -> Floats:
-    """Return the rigid transform part of the way from one to another, along their screw motion.
+    """Return the rigid transform a fraction, in [0, 1], of the way from one to another along their screw.
 
-    start to end is one turn about an axis and a slide along it; the fraction scales both. A bone on a hinge
-    stays on its hinge, and the result does not depend on the choice of origin.
-
-    Parameters
-    ----------
-    start, end : (4, 4) arrays
-        Rigid transforms that turn by less than 180 degrees against each other.
-    fraction : float
-        In [0, 1].
-
-    Returns
-    -------
-    (4, 4) array
-        ``start`` at 0, ``end`` at 1.
+    That is one turn about an axis and a slide along it, both scaled by the fraction. A bone on a hinge stays
+    on its hinge, and the result does not depend on the choice of origin. The turn is less than 180 degrees.
     """
     if fraction >= 1.0:
         return end
@@ -84,27 +59,11 @@ def screw_between(start: Floats, end: Floats, fraction: float) -> Floats:
 
 
 def screws(motions: Floats) -> Floats:
-    """Return the twists that, kept up for a unit of time, are rigid motions.
+    """Return the twists (n, 6) that, kept up for a unit of time, are rigid motions (n, 4, 4).
 
     The logarithm of SE(3) (Murray, Li, Sastry 1994, *A Mathematical Introduction to Robotic Manipulation*,
-    2.36): a turn about an axis and a slide along it.
-
-    Parameters
-    ----------
-    motions : (n, 4, 4) array
-        Rigid transforms that turn by less than 180 degrees.
-
-    Returns
-    -------
-    (n, 6) array
-        Velocity of what is at the origin [unit of the translations], and angular velocity [rad].
-
-    Examples
-    --------
-    >>> from vtkmuscle.core.motion.rigid import rotation_about
-    >>> from vtkmuscle.core.motion.blending import screws
-    >>> screws(rotation_about((0, 10, 0), (1, 0, 0), 90.0)[None]).round(3)
-    array([[  0.   ,   0.   , -15.708,   1.571,   0.   ,   0.   ]])
+    2.36). A twist is the velocity at the origin and the angular velocity [rad]; turns are less than 180
+    degrees.
     """
     turns = Rotation.from_matrix(motions[:, :3, :3].copy()).as_rotvec()
     shifts = motions[:, :3, 3]
@@ -129,27 +88,27 @@ def _left_jacobian(turn: Floats) -> Floats:
     return jacobian
 
 
-#: Newton's method is for matrices whose determinant is at least this part of a rotation's of their size.
+#: Newton's method needs a determinant of at least this part of that of a rotation of the same size.
 _NEWTON_FROM = 1e-6
 
-#: Its steps converge quadratically: after one whose square is no more than this nothing is left to correct.
+#: Square of the last step: steps converge quadratically, so after this one nothing is left to correct.
 _LAST_STEP2 = 1e-17
 
-#: After a shorter one X is so near that scaling it brings no more.
+#: Square of the step from which on X is no longer scaled.
 _SCALED_FROM = 0.1
 
-#: Its steps, at most; five are common.
+#: Most steps; five are common.
 _MOST_STEPS = 20
 
-#: Squarings of a matrix: directions whose eigenvalues differ by 1e-10 of the greatest are told apart.
+#: Squarings of a matrix: they separate eigenvalues that differ by 1e-10 of the greatest.
 _SQUARINGS = 40
 
 
 @kernel
 def nearest_rotation(matrix: Floats, work: Floats) -> None:
-    """Replace a matrix (3, 3) by the rotation R for which tr(R^T M) is greatest.
+    """Replace a matrix (3, 3) by the rotation R for which tr(R^T M) is greatest, the identity where M is 0.
 
-    The identity where M is 0. work : (8, 4) working memory.
+    work : (8, 4) working memory.
     """
     if not _by_newton(matrix):
         _by_quaternion(matrix, work)
@@ -157,7 +116,7 @@ def nearest_rotation(matrix: Floats, work: Floats) -> None:
 
 @kernel
 def _by_newton(matrix: Floats) -> bool:
-    """Replace a matrix (3, 3) by its orthogonal factor, unless it mirrors or is near to one that is singular.
+    """Replace a matrix (3, 3) by its orthogonal factor, unless it mirrors or is nearly singular.
 
     X <- (g X + X^-T / g) / 2, with g from the norms of X and its inverse; Higham 1986, *Computing the polar
     decomposition - with applications*, doi:10.1137/0907079.
@@ -196,7 +155,7 @@ def _by_newton(matrix: Floats) -> bool:
 
 @kernel
 def _by_quaternion(matrix: Floats, work: Floats) -> None:
-    """Turn any matrix to the rotation nearest to it, one of these if there are several.
+    """Replace any matrix (3, 3) by the rotation nearest to it, one of these if there are several.
 
     Its unit quaternion q maximises q' K q, with the symmetric K that depends on the matrix linearly (Horn
     1987, doi:10.1364/JOSAA.4.000629). The powers of K + k, positive, tend to the projection on such q.
@@ -235,19 +194,11 @@ def _by_quaternion(matrix: Floats, work: Floats) -> None:
 
 
 def origin_weights(offsets: Ints, a: float) -> Floats:
-    """Return the weight of the origin's bone at each point: a t^2 - (a + 1) t + 1, t = (i - 1) / (n - 1).
+    """Return the weight (n,) of the origin at each point, a t^2 - (a + 1) t + 1, t = (i - 1) / (n - 1).
 
-    Parameters
-    ----------
-    offsets : (k + 1,) int array
-        First point of each fibre, and the number of points n.
-    a : float
-        0 for a linear blend; in [-1, 1] weights go down from 1 at the origin to 0 at the insertion.
-
-    Returns
-    -------
-    (n,) array
-        Weights; those of the insertion's bone are 1 less these.
+    That of the insertion's bone is 1 less this. With a = 0 the blend is linear; for a in [-1, 1] weights go
+    down from 1 at the origin to 0 at the insertion. The offsets (k + 1,) are the first point of each fibre,
+    and n.
     """
     counts = np.diff(offsets)
     number = np.arange(offsets[-1]) - np.repeat(offsets[:-1], counts)
@@ -257,23 +208,10 @@ def origin_weights(offsets: Ints, a: float) -> Floats:
 
 
 def blend_fibres(points: Floats, offsets: Ints, origin: Floats, insertion: Floats, a: float) -> Floats:
-    """Return v' = w T_origin v + (1 - w) T_insertion v for each point v of fibres.
+    """Return v' = w T_origin v + (1 - w) T_insertion v for each point v (n, 3) of fibres.
 
-    Parameters
-    ----------
-    points : (n, 3) array
-        Fibres at rest, from origin to insertion [mm].
-    offsets : (k + 1,) int array
-        First point of each fibre, and n.
-    origin, insertion : (4, 4) arrays
-        Motions of the two bones, rest to now.
-    a : float
-        See :func:`origin_weights`.
-
-    Returns
-    -------
-    (n, 3) array
-        Fibres now [mm].
+    The fibres run from origin to insertion at rest; the motions (4, 4) of the two bones lead from rest to
+    now; w and a are those of :func:`origin_weights`.
     """
     w = origin_weights(offsets, a)[:, None]
     return w * apply_transform(origin, points) + (1.0 - w) * apply_transform(insertion, points)

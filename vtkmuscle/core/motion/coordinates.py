@@ -1,4 +1,4 @@
-"""Joint coordinates: their values in each pose, their unit, and the twists of the bones by each."""
+"""Joint coordinates: their values in each pose, their unit, and how each moves the bones."""
 
 from __future__ import annotations
 
@@ -15,22 +15,22 @@ from vtkmuscle.core.types import Floats, Ints
 
 
 def twist_about(centre: ArrayLike, axis: ArrayLike) -> Floats:
-    """Return the twist (6,) of a turn by a radian about an axis through a centre, right-handed."""
+    """Return the twist (6,) of a right-handed turn by a radian about an axis through a centre."""
     direction = np.asarray(axis, dtype=np.float64)
     direction = direction / np.linalg.norm(direction)
     return np.concatenate([np.cross(np.asarray(centre, dtype=np.float64), direction), direction])
 
 
 def carried_twists(twists: Floats, transform: Floats) -> Floats:
-    """Return the twists (..., 6) of bodies after space went by an isometry (4, 4), mirrors included."""
+    """Return the twists (..., 6) of bodies after an isometry (4, 4) of all space, mirrors included."""
     linear, shift = transform[:3, :3], transform[:3, 3]
     angular = np.linalg.det(linear) * twists[..., 3:] @ linear.T
     return np.concatenate([twists[..., :3] @ linear.T + np.cross(shift, angular), angular], axis=-1)
 
 
-#: Units of angles, and how many radians they are.
+#: Units of angles, in radians.
 ANGLES = {"deg": math.pi / 180.0, "rad": 1.0}
-#: Units of translations, and how many millimetres they are.
+#: Units of translations, in millimetres.
 TRANSLATIONS = {"mm": 1.0, "cm": 10.0, "m": 1000.0}
 
 
@@ -45,11 +45,11 @@ class Coordinate:
     unit : str, optional
         ``"deg"`` or ``"rad"`` for an angle, ``"mm"``, ``"cm"`` or ``"m"`` for a translation.
     positive : str, optional
-        What its positive direction is, in words: ``"flexion"``, ``"right-handed about (1, 0, 0)"``.
+        Its positive direction in words: ``"flexion"``, ``"right-handed about (1, 0, 0)"``.
     twists : mapping of str to (k, 6) array, optional
-        How it moves each bone in each pose, where the joint is known: velocity at the origin and angular
-        velocity, per radian or millimetre of the coordinate. A bone that is not there does not move with it.
-        None: it is taken from the differences between poses.
+        For a known joint, how the coordinate moves each bone in each pose: velocity at the origin and angular
+        velocity, per radian or millimetre. Bones that are missing do not move with it. None: the differences
+        between poses are taken.
 
     Raises
     ------
@@ -92,7 +92,7 @@ class Coordinate:
 
     @property
     def natural(self) -> Floats:
-        """The values (k,) in radians, or in millimetres: moment arms by it are in mm, or without a unit."""
+        """The values (k,) in radians or millimetres: moment arms by it are in mm, or without a unit."""
         return self.values * self.factor
 
     @property
@@ -101,14 +101,13 @@ class Coordinate:
         return bool(np.ptp(self.values) > 1e-9 * max(1.0, float(np.abs(self.values).max())))
 
     def part(self, frames: Ints) -> Self:
-        """Return the coordinate in some of its poses only, given by their numbers."""
+        """Return the coordinate in some of its poses, given by their numbers."""
         twists = None if self.twists is None else {bone: one[frames] for bone, one in self.twists.items()}
         return replace(self, values=self.values[frames], twists=twists)
 
     def carried(self, transform: Floats) -> Self:
-        """Return the coordinate after all of space went by an isometry (4, 4), mirrors included."""
+        """Return the coordinate after an isometry (4, 4) of all space, mirrors included."""
         if self.twists is None:
             return self
-        return replace(
-            self, twists={bone: carried_twists(one, transform) for bone, one in self.twists.items()}
-        )
+        twists = {bone: carried_twists(one, transform) for bone, one in self.twists.items()}
+        return replace(self, twists=twists)

@@ -9,33 +9,34 @@ import numpy as np
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.types import Bools, Floats
 
-#: A point belongs to the fitted surface where it is nearer to it than this part of the radius, and its normal
-#: is within this cosine (25 degrees) of the radius.
+#: A point lies on the ball where it is nearer to it than this part of the radius, and its normal is within
+#: this cosine (25 degrees) of the radius.
 NEAR, ALONG = 0.06, 0.9
-#: Rounds of fitting and choosing points again; they come to rest after 5 to 10.
+#: Most rounds of fitting and choosing points; 5 to 10 are common.
 _ROUNDS = 30
-#: A fit is as sure as it can be where its points cover this part of the whole ball: the head of a femur, 0.7
-#: to 0.9 in five subjects, may be more than that, the back of a condyle, 0.3 in one, no more than a quarter.
+#: Part of the whole ball from which on a fit is fully sure; a femur's head covers 0.7 to 0.9 (five subjects),
+#: the back of a condyle 0.3 (one subject).
 _COVERED = {"ball": 0.5, "hinge": 0.25}
+#: Fewest points of a ball.
 _FEWEST = 12
 
 
 @dataclass(frozen=True, eq=False)
 class JointFit:
-    """The ball on a bone, or two of them side by side.
+    """A ball fitted to a bone, or two of them side by side.
 
     Attributes
     ----------
     centre : (3,) array
         Of the ball, or the middle between two [mm].
     axis : (3,) array or None
-        From one ball's centre to the other's, 1 long.
+        Unit vector from one ball's centre to the other's.
     radius : float
         Of the ball, of two the mean [mm].
     rms : float
         Of the distances of points from the ball [mm], of two the larger.
     covered : float
-        Area of the points, as a part of the whole ball's, of two the smaller.
+        Area of the points as a part of the whole ball's, of two the smaller.
     """
 
     centre: Floats
@@ -46,16 +47,16 @@ class JointFit:
 
     @property
     def sureness(self) -> float:
-        """1 where its points lie on it exactly and all round, 0 where they do not lie on it."""
+        """1 where its points lie exactly on it and all round, 0 where they do not lie on it."""
         flat = max(0.0, 1.0 - self.rms / (NEAR * self.radius))
         whole = _COVERED["ball" if self.axis is None else "hinge"]
         return float(flat * min(1.0, self.covered / whole))
 
 
 def fitted_ball(points: Floats, normals: Floats, areas: Floats, seeds: Bools) -> JointFit:
-    """Return the ball that the part of a bone around some points is.
+    """Return the ball that fits the part of a bone around some points.
 
-    Least squares, of the seeds at first, then of all points that lie on the ball so found, in rounds.
+    Least squares in rounds: of the seeds at first, then of all points that lie on the last ball.
 
     Parameters
     ----------
@@ -92,16 +93,12 @@ def fitted_ball(points: Floats, normals: Floats, areas: Floats, seeds: Bools) ->
 
 
 def fitted_hinge(points: Floats, normals: Floats, areas: Floats, seeds: Bools) -> JointFit:
-    """Return the axis through the balls that two condyles are, as :func:`fitted_ball` finds each.
+    """Return the axis through the balls that fit two condyles, each as of :func:`fitted_ball`.
 
-    Condyles lie side by side, along the longest extent of the seeds. The balls are fitted to what faces the
-    other bone, or to what protrudes most from the shaft's line, as the back of a femur's condyles does,
-    whichever is the surer.
-
-    References
-    ----------
-    Eckhoff et al. 2007, *Difference between the epicondylar and cylindrical axis of the knee*,
-    doi:10.1097/BLO.0b013e318112416b.
+    Condyles lie side by side, along the longest extent of the seeds. The balls are fitted to the points that
+    face the other bone, or to those that protrude most from the line of the shaft, as the back of a femur's
+    condyles does, whichever fit is the surer. Eckhoff et al. 2007, *Difference between the epicondylar and
+    cylindrical axis of the knee*, doi:10.1097/BLO.0b013e318112416b.
     """
     _check_enough(seeds)
     centre = points[seeds].mean(axis=0)
@@ -130,7 +127,7 @@ def fitted_hinge(points: Floats, normals: Floats, areas: Floats, seeds: Bools) -
         axis = pair[0].centre - pair[1].centre
         radius, rms = 0.5 * (pair[0].radius + pair[1].radius), max(one.rms for one in pair)
         length = float(np.linalg.norm(axis))
-        # Two balls that are one say nothing of an axis.
+        # Two balls in one place give no axis.
         if length > 0.5 * radius:
             covered = min(one.covered for one in pair)
             middle = 0.5 * (pair[0].centre + pair[1].centre)
@@ -141,7 +138,7 @@ def fitted_hinge(points: Floats, normals: Floats, areas: Floats, seeds: Bools) -
 
 
 def _on(away: Floats, radius: float, normals: Floats) -> Bools:
-    """Return which points, so far from the centre, lie on the surface and face away from it."""
+    """Return which points lie on the ball's surface and face away from its centre; ``away`` starts there."""
     distance = np.linalg.norm(away, axis=1)
     facing = np.einsum("ij,ij->i", away, normals) > ALONG * distance
     on: Bools = (np.abs(distance - radius) < NEAR * radius) & facing

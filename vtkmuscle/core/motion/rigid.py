@@ -1,4 +1,4 @@
-"""Rigid motions: 4 x 4 transforms, turns and frames, checked, inverted, applied and interpolated."""
+"""Rigid motions: 4 x 4 transforms, turns and frames; checked, inverted, applied and interpolated."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def inverses(transforms: Floats) -> Floats:
 
 
 def frame_at(centre: ArrayLike, angles: ArrayLike = (0.0, 0.0, 0.0)) -> Floats:
-    """Return a frame at a place, turned about x, y and z in turn, each time about its own axis [radians]."""
+    """Return a frame at a place, turned [radians] about its own x, y and z axis one after the other."""
     result = np.eye(4)
     for axis, angle in zip(np.eye(3), np.asarray(angles, dtype=np.float64), strict=True):
         result[:3, :3] = result[:3, :3] @ turns(axis, np.array([angle]))[0]
@@ -62,7 +62,7 @@ def is_rigid(transform: Floats) -> bool:
 def apply_transform(transform: Floats, points: Floats) -> Floats:
     """Return points (n, 3) moved by a 4 x 4 transform."""
     points = np.asarray(points, dtype=np.float64)
-    # A matrix product with so few columns takes longer, and rounds otherwise on other machines.
+    # A matrix product with so few columns is slower, and rounds differently from machine to machine.
     moved: Floats = transform[:3, 0] * points[..., :1]
     moved += transform[:3, 1] * points[..., 1:2]
     moved += transform[:3, 2] * points[..., 2:3]
@@ -99,10 +99,10 @@ def rotation_about(centre: ArrayLike, axis: ArrayLike, angle: float) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class RigidMotion:
-    """How bones move: for each moving bone a rigid transform per tabulated time, rest to posed.
+    """How bones move: a rigid transform, rest to posed, for each moving bone and tabulated time.
 
-    Between two rows the rotation follows the shortest arc (slerp) and the translation is that of the
-    joint centre, so that a joint stays together; a bone without an entry stays where it is.
+    Between two rows the rotation follows the shortest arc (slerp) and the joint centre a straight line, so
+    that a joint stays together. A bone without an entry stays where it is.
 
     Parameters
     ----------
@@ -111,9 +111,9 @@ class RigidMotion:
     transforms : mapping of str to (k, 4, 4) array
         Per bone name, row major, mm.
     centre : (3,) array or mapping of str to (3,) array, optional
-        Joint centre in the rest pose [mm], of all bones or per bone; the origin where it is not known.
+        Joint centre in the rest pose [mm], of all bones or per bone; the origin by default.
     coordinates : mapping of str to Coordinate, optional
-        Joint coordinates by name, a value for each time: what moment arms are taken by.
+        Joint coordinates by name, with a value for each time; moment arms are taken by them.
 
     Raises
     ------
@@ -138,9 +138,8 @@ class RigidMotion:
         for bone, table in self.transforms.items():
             array = np.array(table, dtype=np.float64)
             if array.shape != (len(times), 4, 4):
-                raise InputError(
-                    f"bone {bone!r}", f"transforms of shape {array.shape}, expected {(len(times), 4, 4)}"
-                )
+                problem = f"transforms of shape {array.shape}, expected {(len(times), 4, 4)}"
+                raise InputError(f"bone {bone!r}", problem)
             for row, transform in enumerate(array):
                 if not is_rigid(transform):
                     raise InputError(
@@ -150,20 +149,20 @@ class RigidMotion:
                     )
             checked[bone] = _frozen(array)
         object.__setattr__(self, "transforms", checked)
-        if isinstance(self.centre, Mapping):
-            object.__setattr__(self, "centre", {bone: _centre(one) for bone, one in self.centre.items()})
-        elif self.centre is not None:
-            object.__setattr__(self, "centre", _centre(self.centre))
+        centre = self.centre
+        if isinstance(centre, Mapping):
+            centre = {bone: _centre(one) for bone, one in centre.items()}
+        elif centre is not None:
+            centre = _centre(centre)
+        object.__setattr__(self, "centre", centre)
         for name, coordinate in self.coordinates.items():
             if len(coordinate.values) != len(times):
-                raise InputError(
-                    f"coordinate {name!r}",
-                    f"{len(coordinate.values)} values, but there are {len(times)} times",
-                )
+                problem = f"{len(coordinate.values)} values, but there are {len(times)} times"
+                raise InputError(f"coordinate {name!r}", problem)
         object.__setattr__(self, "coordinates", dict(self.coordinates))
 
     def at(self, time: float) -> dict[str, Floats]:
-        """Return the 4 x 4 transform of each moving bone at a time; outside the table its end row."""
+        """Return the 4 x 4 transform of each moving bone at a time; beyond the table, of its end row."""
         time = float(np.clip(time, self.times[0], self.times[-1]))
         upper = int(np.searchsorted(self.times, time))
         if self.times[upper] == time:
@@ -181,7 +180,7 @@ class RigidMotion:
         return np.zeros(3) if centre is None else centre
 
     def part(self, frames: ArrayLike) -> RigidMotion:
-        """Return the motion at some of its times only, given by their numbers, ascending."""
+        """Return the motion at some of its times, given by their numbers, ascending."""
         kept = np.asarray(frames, dtype=np.int64)
         return RigidMotion(
             self.times[kept],
@@ -217,7 +216,7 @@ def hinge(
     angles : (k,) array_like
         Ascending angles from rest, degrees; they are the pipeline's time.
     coordinate : str, optional
-        What the angle is called, e.g. ``"knee_flexion"``; by default ``"BONE_angle"``.
+        Name of the angle, e.g. ``"knee_flexion"``; by default ``"BONE_angle"``.
 
     Returns
     -------
@@ -227,8 +226,8 @@ def hinge(
     Raises
     ------
     ValueError
-        If the axis has no length or is not finite, or if two angles follow each other by 180 degrees or
-        more: the shortest way from one to the other would not be the hinge's.
+        If the axis has no length or is not finite, or if two angles follow each other by 180 degrees or more:
+        the shortest way from one to the other would not be the hinge's.
 
     Examples
     --------
@@ -237,19 +236,19 @@ def hinge(
     >>> knee.at(15.0)["tibia"].shape
     (4, 4)
     """
-    length = np.linalg.norm(np.asarray(axis, dtype=np.float64))
+    direction = np.asarray(axis, dtype=np.float64)
+    length = np.linalg.norm(direction)
     if not (np.isfinite(length) and length > 0):
         raise InputError("", f"the axis of a hinge must be finite and have a length, but is {axis!r}")
     times = np.asarray(angles, dtype=np.float64)
     if (np.diff(times) >= 180.0).any():
         raise InputError("", "the angles of a hinge must follow each other by less than 180 degrees")
     table = np.array([rotation_about(centre, axis, angle) for angle in times])
-    direction = ", ".join(f"{component:g}" for component in np.asarray(axis, dtype=np.float64))
+    written = ", ".join(f"{component:g}" for component in direction)
     twists = np.tile(twist_about(centre, axis), (len(times), 1))
-    angle = Coordinate(times, "deg", f"right-handed about ({direction})", {bone: twists})
-    return RigidMotion(
-        times, {bone: table}, np.asarray(centre, dtype=np.float64), {coordinate or f"{bone}_angle": angle}
-    )
+    angle = Coordinate(times, "deg", f"right-handed about ({written})", {bone: twists})
+    name = coordinate or f"{bone}_angle"
+    return RigidMotion(times, {bone: table}, np.asarray(centre, dtype=np.float64), {name: angle})
 
 
 def _centre(values: ArrayLike) -> Floats:
@@ -265,7 +264,7 @@ def _frozen(array: Floats) -> Floats:
 
 
 def centred(transforms: Floats, centre: Floats) -> Floats:
-    """Return transforms (b, 4, 4) for points that are given about a centre (3,) before and after."""
+    """Return transforms (b, 4, 4) for points given relative to a centre (3,), before and after."""
     about = np.array(transforms)
     about[:, :3, 3] += about[:, :3, :3] @ centre - centre
     return about
