@@ -19,24 +19,13 @@ Lines = tuple[Floats, Ints]
 
 @dataclass(frozen=True, eq=False)
 class FixedMuscle:
-    """A muscle at rest, its fixed points and its fibres.
+    """A muscle at rest, its fixed points and its fibres."""
 
-    Attributes
-    ----------
-    points, triangles : (n, 3) array, (m, 3) int array
-        Its surface, closed and facing outward [mm].
-    fixed_to : (n,) int array
-        Index of the bone each point is fixed to, -1 for free points.
-    fibres : Lines or None
-        Fibres within it.
-    rings : tuple of (int, ViaRing)
-        Via rings that the fibres pass through, each with its bone.
-    """
-
-    points: Floats
-    triangles: Ints
-    fixed_to: Ints
+    points: Floats  # (n, 3) [mm]
+    triangles: Ints  # (m, 3), a closed surface that faces outward
+    fixed_to: Ints  # (n,), index of the bone each point is fixed to, -1 for free points
     fibres: Lines | None = None
+    #: Via rings that the fibres pass through, each with its bone.
     rings: tuple[tuple[int, ViaRing], ...] = ()
 
     def same_as(self, other: FixedMuscle | None) -> bool:

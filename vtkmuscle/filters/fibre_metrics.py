@@ -21,9 +21,8 @@ from vtkmuscle.core.fibres.measures import (
 )
 from vtkmuscle.core.mesh.normals import smooth_normals
 from vtkmuscle.core.mesh.polylines import end_directions, polyline_lengths
-from vtkmuscle.core.mesh.solids import DeformedSurface, deformed_surface
 from vtkmuscle.core.mesh.surface import signed_volume
-from vtkmuscle.core.mesh.triangle_tree import triangle_tree
+from vtkmuscle.core.mesh.triangle_tree import TriangleTree, tree_of_deformed, triangle_tree
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import (
     Polylines,
@@ -118,7 +117,7 @@ class FibreMetrics(Filter):
     attachments = ports.Areas(optional=True)
     output = OutputPort(vtkPolyData)
 
-    _bent: DeformedSurface | None = None
+    _bent: TriangleTree | None = None
     _shapes: Sequence[Bone] = ()
 
     def execute(
@@ -162,9 +161,9 @@ class FibreMetrics(Filter):
             triangles = np.vstack([triangles, faces + len(points)])
             points = np.vstack([points, inner])
         # Of the frame before, where there is one: the muscle has bent, and is the same.
-        self._bent = deformed_surface(points, triangles, None if self._bent is None else self._bent.tree)
+        self._bent = tree_of_deformed(self._bent, points, triangles)
         ends = np.vstack([lines.points[lines.offsets[:-1]], lines.points[lines.offsets[1:] - 1]])
-        faces, places, _ = self._bent.tree.nearest(ends)
+        faces, places, _ = self._bent.nearest(ends)
         if not have_area(points, triangles[faces]).all():
             triangles = triangles[have_area(points, triangles)]
             if not len(triangles):

@@ -18,8 +18,8 @@ from vtkmuscle.core.fibres.sparse_weights import (
 )
 from vtkmuscle.core.fibres.tendons import Tendons
 from vtkmuscle.core.mesh.polylines import evenly_spaced, polyline_lengths
-from vtkmuscle.core.mesh.solids import DeformedSurface, deformed_surface
-from vtkmuscle.core.mesh.triangle_tree import TriangleTree, shared_tree
+from vtkmuscle.core.mesh.solids import points_inside
+from vtkmuscle.core.mesh.triangle_tree import TriangleTree, shared_tree, tree_of_deformed
 from vtkmuscle.core.types import Bools, Floats, Ints
 from vtkmuscle.data.arrays import Polylines, field_array, set_cell_array, set_field_array
 from vtkmuscle.data.muscle_geometry import Surface
@@ -48,7 +48,7 @@ class _Rest:
     sparse: SparseWeights | None = None
     weights: dict[int, Floats] = field(default_factory=dict)
     size: int = 0
-    bent: DeformedSurface | None = None
+    bent: TriangleTree | None = None
 
     def is_of(self, fibre_points: Floats, points: Floats, triangles: Ints, weight_tolerance: float) -> bool:
         return (
@@ -100,9 +100,9 @@ class _Rest:
         that of the other side.
         """
         assert self.gap is not None
-        self.bent = deformed_surface(surface, self.triangles, self.tree)
-        outside = np.flatnonzero(~self.bent.inside(fibre_points))
-        _, nearest, distances = self.bent.tree.nearest(fibre_points[outside])
+        self.bent = tree_of_deformed(self.tree, surface, self.triangles)
+        outside = np.flatnonzero(~points_inside(fibre_points, self.bent))
+        _, nearest, distances = self.bent.nearest(fibre_points[outside])
         far = distances > self.gap[outside]
         out, nearest = outside[far], nearest[far]
         part = (self.gap[out] / distances[far])[:, None]

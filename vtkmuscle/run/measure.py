@@ -11,7 +11,7 @@ from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.bones.bone import Bone, depth_in
 from vtkmuscle.core.mesh.rest_shape import beside_slivers, dihedral_angles
-from vtkmuscle.core.mesh.solids import DeformedSurface, deformed_surface
+from vtkmuscle.core.mesh.solids import points_inside
 from vtkmuscle.core.mesh.surface import (
     edge_lengths,
     mesh_topology,
@@ -20,7 +20,7 @@ from vtkmuscle.core.mesh.surface import (
     triangle_stretches,
     unique_edges,
 )
-from vtkmuscle.core.mesh.triangle_tree import TriangleTree, shared_tree
+from vtkmuscle.core.mesh.triangle_tree import TriangleTree, shared_tree, tree_of_deformed
 from vtkmuscle.core.motion.rigid import apply_transform
 from vtkmuscle.core.types import Floats, Ints
 from vtkmuscle.data.arrays import checked_surface, point_array, points_of, triangles_of
@@ -74,7 +74,7 @@ class MuscleMeasure:
         self._unfolded &= ~beside_slivers(self._rest, self._quads)
         self._rest_depths: Floats | None = None
         self._fibre_rest_depths: Floats | None = None
-        self._bent: DeformedSurface | None = None
+        self._bent: TriangleTree | None = None
 
     @cached_property
     def _rest_tree(self) -> TriangleTree:
@@ -149,9 +149,9 @@ class MuscleMeasure:
         ``fibre_points`` (p, 3) are those of the same fibres each time, ``points`` (n, 3) those of the muscle,
         ``depths`` (p,) what :meth:`depths` gives of the former.
         """
-        self._bent = deformed_surface(points, self._triangles, self._rest_tree)
-        outside = fibre_points[~self._bent.inside(fibre_points)]
-        farthest = float(self._bent.tree.nearest(outside)[2].max(initial=0.0))
+        self._bent = tree_of_deformed(self._rest_tree, points, self._triangles)
+        outside = fibre_points[~points_inside(fibre_points, self._bent)]
+        farthest = float(self._bent.nearest(outside)[2].max(initial=0.0))
         grown = None
         if depths is not None:
             deepest = np.maximum.reduceat(depths, offsets[:-1])

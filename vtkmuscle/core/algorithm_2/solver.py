@@ -69,27 +69,13 @@ class Parameters:
 
 @dataclass(frozen=True, eq=False)
 class State:
-    """A muscle at one time.
+    """A muscle at one time."""
 
-    Attributes
-    ----------
-    surface : (n, 3) array
-        Its points [mm].
-    velocities : (n, 3) array
-        [mm / s].
-    transforms : (b, 4, 4) array
-        Of the bones, rest to now.
-    colliding : int
-        Number of points that met a bone in the step that led here.
-    positions : (n, 3) array
-        The points relative to the centre of the muscle at rest [mm]: far from the origin no digits are lost.
-    """
-
-    surface: Floats
-    velocities: Floats
-    transforms: Floats
-    colliding: int
-    positions: Floats
+    surface: Floats  # (n, 3), its points [mm]
+    velocities: Floats  # (n, 3) [mm / s]
+    transforms: Floats  # (b, 4, 4), of the bones, rest to now
+    colliding: int  # number of points that met a bone in the step that led here
+    positions: Floats  # (n, 3), relative to the centre of the muscle at rest [mm]: loses no digits far away
 
     @property
     def nbytes(self) -> int:

@@ -41,29 +41,16 @@ class Field(NamedTuple):
     A look-up in a block that is not known reads as :data:`FAR`, and notes the block in ``lacking``. Whoever
     finds that grown lets the bone fill these blocks, and repeats the look-ups. Beside the field there is an
     overview, four times as coarse, which shows what is far from the bone.
-
-    Attributes
-    ----------
-    keys, places : (c,) int64 array, (c,) int32 array
-        Hash table of the blocks: their keys, and the rows of their values; c is a power of 2.
-    values : (n, 125) array
-        Signed distances at the nodes of each block, 5 along each axis in C order [mm].
-    low, high : (3,) arrays
-        Corners of the bone's box along its axes [mm].
-    cell, per_mm : float
-        Distance of neighbouring nodes [mm], and its inverse; one node is at the origin of the axes.
-    lacking : (2 + m,) int64 array
-        Number of look-ups in unknown blocks, number of blocks noted, and their keys.
     """
 
-    keys: Ints
-    places: Table
-    values: Floats
-    low: Floats
+    keys: Ints  # (c,), hash table of the blocks, c a power of 2
+    places: Table  # (c,), rows of their values
+    values: Floats  # (n, 125), signed distances at the nodes of each block, 5 along each axis in C order [mm]
+    low: Floats  # (3,), corners of the bone's box along its axes [mm]
     high: Floats
-    cell: float
-    per_mm: float
-    lacking: Ints
+    cell: float  # distance of neighbouring nodes [mm], one of which is at the origin of the axes
+    per_mm: float  # its inverse
+    lacking: Ints  # (2 + m,), number of look-ups in unknown blocks, number of blocks noted, their keys
 
 
 @lane

@@ -22,18 +22,8 @@ SWALLOWED = 0.9
 class Barrier:
     """The bones that the free points of one muscle are kept out of.
 
-    Parameters
-    ----------
-    obstacles : sequence of Obstacle
-        Bones, in scene coordinates at rest.
-    rest : (n, 3) array
-        The muscle at rest, relative to the centre [mm].
-    centre : (3,) array
-        The points' origin in the scene at rest [mm].
-    free : (n,) bool array
-        Points that may be moved.
-    bone_push : bool
-        See :class:`~vtkmuscle.core.collision.obstacles.Approach`.
+    The muscle at rest (n, 3) is given relative to a centre (3,) in the scene [mm]; ``bone_push`` is that of
+    :class:`~vtkmuscle.core.collision.obstacles.Approach`.
     """
 
     def __init__(

@@ -12,17 +12,10 @@ from vtkmuscle.core.types import Bools, Floats
 
 
 class Clearance:
-    """How far points were from a bone when they were last tested, relative to the bone, with which it moves.
-
-    Attributes
-    ----------
-    seen_at : (n, 3) array
-        Where each point was [mm].
-    squares : (n,) array
-        Square of the way that it can go from there without meeting the bone's skin [mm^2]; 0 at first.
-    """
+    """How far points were from a bone when they were last tested, in the frame of the moving bone."""
 
     def __init__(self, n_points: int) -> None:
+        #: Where each point was, and the squared way that it can go from there without meeting the skin [mm].
         self.seen_at: Floats = np.zeros((n_points, 3))
         self.squares: Floats = np.zeros(n_points)
         self._bone: Floats = np.eye(4)

@@ -21,46 +21,22 @@ from vtkmuscle.core.types import Bools, Floats, Ints
 
 @dataclass(eq=False)
 class Approach:
-    """The relative motion of a bone and the points of a muscle in a step.
+    """The relative motion of a bone and the points of a muscle in a step."""
 
-    Attributes
-    ----------
-    now : (4, 4) array
-        From the bone's axes to its present position.
-    step : (4, 4) array
-        Motion of the bone from the previous frame to now.
-    x : (n, 3) array
-        Positions of the previous frame [mm].
-    free : (n,) bool array
-        Points that may be moved.
-    allowance : (n,) array or None
-        Depth that each point may have in the bone [mm], from :meth:`Obstacle.allowance`.
-    bone_push : bool
-        Whether the bone takes points along that it moved over, where the method leaves the choice.
-    clearance : Clearance
-        The points that are known to be away from the bone, where the method keeps account.
-    """
-
-    now: Floats
-    step: Floats
-    x: Floats
-    free: Bools
-    allowance: Floats | None
-    bone_push: bool
-    clearance: Clearance
+    now: Floats  # (4, 4), from the bone's axes to its present position
+    step: Floats  # (4, 4), motion of the bone from the previous frame to now
+    x: Floats  # (n, 3), positions of the previous frame [mm]
+    free: Bools  # (n,), points that may be moved
+    allowance: Floats | None  # (n,), depth that each point may have in the bone [mm]
+    bone_push: bool  # whether the bone takes points along that it moved over, where the method has the choice
+    clearance: Clearance  # which points are known to be away from the bone, where the method keeps account
 
 
 class Obstacle(ABC):
     """A bone that points are kept out of; its data are built when a muscle first comes near.
 
-    Parameters
-    ----------
-    bone : int
-        Index among the bones' transforms.
-    points, triangles : (n, 3) array, (m, 3) int array
-        Of the bone in the rest pose [mm]; point ids.
-    name : str
-        Of the bone, for warnings.
+    ``bone`` is its index among the bones' transforms; points (n, 3) [mm] and triangles (m, 3) are those at
+    rest.
     """
 
     #: Whether points move along the surface, so that their path can be followed in short pieces.
@@ -223,16 +199,7 @@ class MuscleContact:
 
     A point that is deeper in a neighbour than at rest goes to the plane that touches the neighbour at its
     place nearest to the point. The plane is updated when the point has moved by a part of the neighbour's
-    edges.
-
-    Parameters
-    ----------
-    neighbours : sequence of Neighbour
-        As they are now.
-    free : (n,) bool array
-        Points that may be moved.
-    centre : (3,) array
-        The points' origin in the scene [mm].
+    edges. Points may be moved where ``free`` (n,); ``centre`` (3,) is their origin in the scene [mm].
     """
 
     def __init__(self, neighbours: Sequence[Neighbour], free: Bools, centre: Floats) -> None:

@@ -41,21 +41,11 @@ _THINNEST = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class VoxelGrid:
-    """A bone in its rest pose as a uniform grid of cells; everything beyond the grid is outside.
+    """A bone in its rest pose as a uniform grid of cells; everything beyond the grid is outside."""
 
-    Attributes
-    ----------
-    origin : (3,) float array
-        Lowest corner of cell (0, 0, 0) [mm].
-    spacing : (3,) float array
-        Size of a cell [mm].
-    cells : (nx, ny, nz) uint8 array
-        0 outside, 1 boundary (a triangle meets the cell), 2 inside. The outermost layer is outside.
-    """
-
-    origin: Floats
-    spacing: Floats
-    cells: Cells
+    origin: Floats  # (3,), lowest corner of cell (0, 0, 0) [mm]
+    spacing: Floats  # (3,), size of a cell [mm]
+    cells: Cells  # (nx, ny, nz), OUTSIDE, BOUNDARY (a triangle meets it) or INSIDE; the outer layer is OUTSIDE
 
     def contains(self, points: Floats) -> Bools:
         """Return whether each point (n, 3) [mm, rest pose] lies in a boundary or inside cell, (n,).
@@ -81,27 +71,17 @@ def build_voxel_grid(
     n_equal: int | None = None,
     what: str = "voxels",
 ) -> VoxelGrid:
-    """Return the voxels of a closed surface, with a layer of outside cells on every side.
+    """Return the voxels of a closed surface, points (n, 3) and triangles (m, 3) at rest, and a layer more.
 
-    The bounding box is divided into cells; cells that a triangle meets are the boundary; cells that cannot be
-    reached from beyond the box without crossing the boundary are inside, also those of a hollow, or behind a
-    hole too narrow for the cells. Holes in the surface are closed first.
-
-    Parameters
-    ----------
-    points, triangles : (n, 3) array, (m, 3) int array
-        Positions in the rest pose [mm]; point ids.
-    n_max : int, optional
-        Approximate number of cells, shared out by the sides of the box so that cells are nearly cubes.
-    n_equal : int, optional
-        Cells along each axis instead (the cells are then no cubes).
-    what : str, optional
-        Named in warnings.
+    The bounding box is divided into cells: about ``n_max`` near-cubes, or ``n_equal`` along each axis. Cells
+    that a triangle meets are the boundary. Cells that cannot be reached from beyond the box without crossing
+    the boundary are inside, also those of a hollow, or behind a hole too narrow for the cells. Holes in the
+    surface are closed first.
 
     Warns
     -----
     UserWarning
-        If the surface is open, inside out or encloses no volume; says how it was mended.
+        If the surface is open, inside out or encloses no volume; names ``what`` and says how it was mended.
 
     Raises
     ------

@@ -14,24 +14,12 @@ from vtkmuscle.core.types import Bools, Floats, Ints
 
 @dataclass(frozen=True, eq=False)
 class ClosedShells:
-    """The connected parts of a surface, closed and turned outward.
+    """The connected parts of a surface, closed and turned outward."""
 
-    Attributes
-    ----------
-    points : (n, 3) array
-        Positions, with one more for each hole that was closed.
-    shells : tuple of (k, 3) int arrays
-        Triangles of each part; every edge is run through as often one way as the other.
-    solid : tuple of bool
-        False for parts that enclose no volume.
-    remarks : tuple of str
-        Defects of the surface, in words.
-    """
-
-    points: Floats
-    shells: tuple[Ints, ...]
-    solid: tuple[bool, ...]
-    remarks: tuple[str, ...]
+    points: Floats  # (n, 3), with one more for each hole that was closed
+    shells: tuple[Ints, ...]  # triangles (k, 3) of each part; every edge is run through as often either way
+    solid: tuple[bool, ...]  # False for parts that enclose no volume
+    remarks: tuple[str, ...]  # defects of the surface, in words
 
 
 @shared

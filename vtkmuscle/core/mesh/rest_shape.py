@@ -202,56 +202,25 @@ ALONG, ACROSS = math.cos(math.radians(18.0)), math.cos(math.radians(72.0))
 
 @dataclass(frozen=True)
 class ShapeReport:
-    """How well a deformed surface keeps the shape that it has at rest.
+    """How well a deformed surface keeps the shape that it has at rest."""
 
-    Attributes
-    ----------
-    volume_ratio : float
-        V / V0.
-    edge_stretch_p95, edge_stretch_max : float
-        95th percentile and maximum of l / l0 over all edges.
-    dihedral_error_p95 : float
-        95th percentile of the absolute change of the angles between neighbouring triangles, none of them a
-        sliver at rest [degrees].
-    degenerate_edges : int
-        Edges that had an angle between their triangles at rest, of which one has collapsed.
-    along, across : (3,) tuple or None
-        5th percentile, median and 95th percentile of l / l0 of the edges within 18 degrees of the fibres, and
-        of those over 72 degrees from them; None where no directions were given or no such edges exist.
-    """
-
-    volume_ratio: float
-    edge_stretch_p95: float
+    volume_ratio: float  # V / V0
+    edge_stretch_p95: float  # 95th percentile of l / l0 over all edges
     edge_stretch_max: float
+    #: 95th percentile of the absolute change of the angles at edges without a sliver at rest [degrees].
     dihedral_error_p95: float
-    degenerate_edges: int
+    degenerate_edges: int  # edges that had an angle at rest, beside a triangle that has collapsed
+    #: 5th percentile, median and 95th percentile of l / l0 of the edges within 18 degrees of the fibres, and
+    #: of those over 72 degrees from them; None without directions or such edges.
     along: tuple[float, float, float] | None = None
     across: tuple[float, float, float] | None = None
 
 
 class RestShape:
-    """Lengths, angles and volume of a closed surface at rest.
+    """Lengths, angles and volume of a closed surface at rest, points (n, 3) [mm].
 
-    Parameters
-    ----------
-    points : (n, 3) array
-        Positions at rest [mm].
-    topology : MeshTopology
-        Of the surface.
-    directions : (k, 3) array, optional
-        Unit direction of the fibres at each edge, 0 where there is none: edges along and across them are
-        compared apart.
-
-    Attributes
-    ----------
-    lengths : (k,) array
-        Of the edges [mm].
-    angles, angle_defined : (q,) arrays
-        Signed dihedral angles of the quadruples [radians], and False beside degenerate triangles.
-    volume : float
-        [mm^3].
-    volume_gradient : (n, 3) array
-        dV / dp [mm^2].
+    The directions (k, 3) are those of the fibres at each edge, 0 where there is none: edges along and across
+    them are compared apart.
 
     Raises
     ------
@@ -266,13 +235,16 @@ class RestShape:
                 "close it (vtkFillHolesFilter), for an open surface has no volume to keep"
             )
         self.points, self.topology = points, topology
+        #: Of the edges, (k,) [mm].
         self.lengths: Floats = edge_lengths(points, topology.edges)
         long = self.lengths > 0
         self._long_edges = np.ascontiguousarray(topology.edges[long])
         self._long_lengths: Floats = self.lengths[long]
+        #: Signed dihedral angles of the quadruples, (q,) [radians], and False beside degenerate triangles.
         self.angles, self.angle_defined = dihedral_angles(points, topology.quads)
         bent = self.angle_defined & ~beside_slivers(points, topology.quads)
         self._bent_quads, self._bent_angles = np.ascontiguousarray(topology.quads[bent]), self.angles[bent]
+        #: Volume [mm^3], and dV / dp, (n, 3) [mm^2].
         self.volume_gradient: Floats = np.empty_like(points)
         self.volume: float = volume_and_gradient(points, topology.triangles, self.volume_gradient)
         check_volume(points, self.volume)

@@ -79,7 +79,7 @@ def shared(make: Callable[P, T], *, last: int = 0) -> Callable[P, T]:
 
     @wraps(make)
     def known_or_made(*arrays: NDArray[Any]) -> T:
-        key = _digest(arrays)
+        key = digest(*arrays)
         with making.setdefault(key, Lock()):
             result = known.get(key)
             if result is None:
@@ -98,7 +98,8 @@ def shared(make: Callable[P, T], *, last: int = 0) -> Callable[P, T]:
     return cast(Callable[P, T], known_or_made)
 
 
-def _digest(arrays: tuple[NDArray[Any], ...]) -> bytes:
+def digest(*arrays: NDArray[Any]) -> bytes:
+    """Return a key of the content of arrays."""
     content = blake2b(digest_size=16)
     for array in arrays:
         content.update(f"{array.dtype.str}{array.shape}".encode())

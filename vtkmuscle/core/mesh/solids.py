@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from threading import Lock
-from weakref import WeakSet
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,7 +11,7 @@ from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.mesh.closed_shells import closed_shells
 from vtkmuscle.core.mesh.shared import shared
-from vtkmuscle.core.mesh.triangle_tree import TriangleTree, tree_of_deformed, triangle_tree
+from vtkmuscle.core.mesh.triangle_tree import TriangleTree, triangle_tree
 from vtkmuscle.core.types import Bools, Floats, Ints
 
 #: Boxes are larger by this part of the coordinates, so that rounding hides no triangle from a ray.
@@ -97,57 +95,6 @@ def _crosses(x: float, y: float, ax: float, ay: float, bx: float, by: float) -> 
     return bool(ax + (y - ay) / (by - ay) * (bx - ax) > x)
 
 
-class DeformedSurface:
-    """A surface in one of its shapes, with its search tree."""
-
-    def __init__(self, tree: TriangleTree) -> None:
-        self.tree = tree
-        self._known = np.empty((0, 3)), np.empty(0, dtype=np.bool_)
-
-    def is_of(self, points: Floats, triangles: Ints) -> bool:
-        """Return whether it is the surface of these points (n, 3) and triangles (m, 3)."""
-        return np.array_equal(self.tree.points, points) and np.array_equal(self.tree.triangles, triangles)
-
-    def inside(self, queries: Floats) -> Bools:
-        """Return which points (k, 3) are inside, where it is closed, (k,).
-
-        Of points as many as last time only those that have moved are tested. Several threads may ask at a
-        time.
-        """
-        asked, inside = self._known
-        if queries.shape != asked.shape:
-            inside = points_inside(queries, self.tree)
-        else:
-            moved, inside = (queries != asked).any(axis=1), inside.copy()
-            inside[moved] = points_inside(queries[moved], self.tree)
-        self._known = queries.copy(), inside
-        return inside.copy()
-
-
-#: The surfaces that somebody holds.
-_held: WeakSet[DeformedSurface] = WeakSet()
-_lock = Lock()
-
-
-def deformed_surface(points: Floats, triangles: Ints, known: TriangleTree | None) -> DeformedSurface:
-    """Return the surface of points (n, 3) and triangles (m, 3), the same object as long as anyone holds it.
-
-    Carrying fibres, measuring them and judging the frame each ask for the nearest places on the same bent
-    muscle. The tree of another shape of it, where known, gives the order of the triangles.
-    """
-    with _lock:
-        held = list(_held)
-    for surface in held:
-        if surface.is_of(points, triangles):
-            return surface
-    same = known is not None and np.array_equal(known.triangles, triangles)
-    triangles = known.triangles if known is not None and same else triangles.copy()
-    surface = DeformedSurface(tree_of_deformed(known, points.copy(), triangles))  # callers may change theirs
-    with _lock:
-        _held.add(surface)
-    return surface
-
-
 #: The distance of points that are too far away to matter, or whose distance is not known yet.
 FAR = 1e30
 
@@ -162,24 +109,14 @@ class Solids:
     angle-weighted normal at the nearest point, exact for closed manifold parts of any genus (Baerentzen,
     Aanaes 2005, *Signed distance computation using the angle weighted pseudonormal*,
     doi:10.1109/TVCG.2005.49).
-
-    Attributes
-    ----------
-    points : (n, 3) array
-        Of the surface.
-    trees : tuple of TriangleTree
-        Solid parts, closed and facing outward. Parts in one tree have boxes that do not meet: a point inside
-        one of them has its nearest triangle there.
-    sheets : TriangleTree or None
-        Parts that enclose nothing.
-    remarks : tuple of str
-        Defects of the surface, in words.
     """
 
-    points: Floats
+    points: Floats  # (n, 3), of the surface
+    #: Solid parts, closed and facing outward. Parts in one tree have boxes that do not meet: a point inside
+    #: one of them has its nearest triangle there.
     trees: tuple[TriangleTree, ...]
-    sheets: TriangleTree | None
-    remarks: tuple[str, ...]
+    sheets: TriangleTree | None  # parts that enclose nothing
+    remarks: tuple[str, ...]  # defects of the surface, in words
 
     @property
     def box(self) -> tuple[Floats, Floats]:

@@ -113,38 +113,18 @@ def point_components(n_points: int, edges: Ints) -> Ints:
 
 @dataclass(frozen=True)
 class SurfaceReport:
-    """Facts about a triangle mesh.
-
-    Attributes
-    ----------
-    n_points, n_triangles : int
-        Sizes.
-    n_components : int
-        Connected parts among the points that triangles use.
-    n_unused_points : int
-        Points that no triangle uses.
-    n_boundary_edges : int
-        Edges of one triangle only; 0 for a closed surface.
-    n_nonmanifold_edges : int
-        Edges of more than two triangles.
-    n_misoriented_edges : int
-        Edges whose two triangles run through it in the same direction.
-    n_degenerate_triangles : int
-        Triangles with a repeated point or of zero area.
-    area, volume : float
-        In the square and cube of the unit of length; the volume is signed.
-    """
+    """Facts about a triangle mesh."""
 
     n_points: int
     n_triangles: int
-    n_components: int
-    n_unused_points: int
-    n_boundary_edges: int
-    n_nonmanifold_edges: int
-    n_misoriented_edges: int
-    n_degenerate_triangles: int
+    n_components: int  # connected parts among the points that triangles use
+    n_unused_points: int  # points that no triangle uses
+    n_boundary_edges: int  # edges of one triangle only; 0 for a closed surface
+    n_nonmanifold_edges: int  # edges of more than two triangles
+    n_misoriented_edges: int  # edges whose two triangles run through it in the same direction
+    n_degenerate_triangles: int  # triangles with a repeated point or of zero area
     area: float
-    volume: float
+    volume: float  # signed
 
     @property
     def closed(self) -> bool:
@@ -198,27 +178,16 @@ def check_volume(points: Floats, volume: float) -> None:
 
 @dataclass(frozen=True, eq=False)
 class MeshTopology:
-    """The edges of a triangle mesh and what is beside them, made by :func:`mesh_topology`.
-
-    Attributes
-    ----------
-    n_points : int
-        Number of points of the mesh.
-    triangles : (m, 3) int array
-        Point ids.
-    edges : (k, 2) int array
-        Each undirected edge once, sorted, the smaller point id first.
-    edge_triangles : (k, 2) int array
-        Two triangles beside each edge, -1 where there is none (an edge of more triangles keeps two).
-    quads : (q, 4) int array
-        For each edge of exactly two triangles (p1, p2, p3, p4): p1 to p2 is the edge as the first triangle
-        (p1, p2, p3) runs through it, p4 is the other triangle's third point. In the order of ``edges``.
-    """
+    """The edges of a triangle mesh and what is beside them, made by :func:`mesh_topology`."""
 
     n_points: int
-    triangles: Ints
-    edges: Ints
-    edge_triangles: Ints
+    triangles: Ints  # (m, 3)
+    edges: Ints  # (k, 2), each undirected edge once, sorted, the smaller point id first
+    edge_triangles: (
+        Ints  # (k, 2), two triangles beside each edge, -1 where there is none; never more than two
+    )
+    #: (q, 4), for each edge of exactly two triangles (p1, p2, p3, p4): p1 to p2 is the edge as the first
+    #: triangle (p1, p2, p3) runs through it, p4 is the other's third point. In the order of ``edges``.
     quads: Ints
 
     @property

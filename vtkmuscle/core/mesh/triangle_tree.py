@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from weakref import WeakValueDictionary
 
 import numpy as np
 
 from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.mesh.normals import unit_vectors
-from vtkmuscle.core.mesh.shared import shared
+from vtkmuscle.core.mesh.shared import digest, shared
 from vtkmuscle.core.mesh.tree_search import (
     LANES,
     along_disc,
@@ -35,27 +36,15 @@ class TriangleTree:
     Half of the triangles of a box go to each of its children, parted across the axis along which their
     centres lie farthest apart. All leaves are equally deep, and the children of box i are the boxes 2 i + 1
     and 2 i + 2.
-
-    Attributes
-    ----------
-    points, triangles : (n, 3) array, (m, 3) int array
-        Positions; point ids, m >= 1.
-    order : (m,) int array
-        The triangle at each place of the tree's order.
-    corners : (m, 3, 3) array
-        Corners of the triangles in that order.
-    boxes : (2^k - 1, 6) array
-        Low and high corner of each box, level by level.
-    discs : (2^(k - 1), 8) array
-        Centre, unit axis, radius and half height of a cylinder around the triangles of each leaf. That of a
-        flat piece of surface is thin, and bounds the distance far better than its box.
     """
 
-    points: Floats
-    triangles: Ints
-    order: Ints
-    corners: Floats
-    boxes: Floats
+    points: Floats  # (n, 3)
+    triangles: Ints  # (m, 3), m >= 1
+    order: Ints  # (m,), the triangle at each place of the tree's order
+    corners: Floats  # (m, 3, 3), of the triangles in that order
+    boxes: Floats  # (2^k - 1, 6), low and high corner of each box, level by level
+    #: (2^(k - 1), 8), centre, unit axis, radius and half height of a cylinder around each leaf's triangles:
+    #: thin for a flat piece of surface, whose distance it bounds far better than the box.
     discs: Floats
 
     @cached_property
@@ -135,16 +124,29 @@ def triangle_tree(points: Floats, triangles: Ints) -> TriangleTree:
 shared_tree = shared(triangle_tree)
 
 
-def tree_of_deformed(known: TriangleTree | None, points: Floats, triangles: Ints) -> TriangleTree:
-    """Return the tree of a surface with the triangles in the order of the tree of another shape of it.
+#: The trees of deformed surfaces that somebody holds, by their content.
+_deformed: WeakValueDictionary[bytes, TriangleTree] = WeakValueDictionary()
 
-    That takes a quarter of the time of a new tree, too much for a frame's few queries. Neighbouring triangles
-    stay neighbours while a surface bends, so that the boxes stay small. Answers are those of a new tree, but
-    for the choice among equally near triangles. Without a tree of the same triangles a new one is made.
+
+def tree_of_deformed(known: TriangleTree | None, points: Floats, triangles: Ints) -> TriangleTree:
+    """Return the tree of a surface in one of its shapes, the same object as long as anyone holds it.
+
+    Carrying fibres, measuring them and judging the frame each ask for the nearest places on the same bent
+    muscle. Triangles are in the order of the known tree of another shape of it, where there is one: that
+    takes a quarter of the time of a new tree. Neighbouring triangles stay neighbours while a surface bends,
+    so that the boxes stay small. Answers are those of a new tree, but for the choice among equally near
+    triangles.
     """
-    if known is None or not np.array_equal(known.triangles, triangles):
-        return triangle_tree(points, triangles)
-    return _filled(points, triangles, known.order)
+    key = digest(points, triangles)
+    tree = _deformed.get(key)
+    if tree is None:
+        points = points.copy()  # the caller's may change
+        if known is not None and np.array_equal(known.triangles, triangles):
+            tree = _filled(points, known.triangles, known.order)
+        else:
+            tree = triangle_tree(points, triangles.copy())
+        _deformed[key] = tree
+    return tree
 
 
 def _filled(points: Floats, triangles: Ints, order: Ints) -> TriangleTree:

@@ -23,27 +23,13 @@ _FEWEST = 12
 
 @dataclass(frozen=True, eq=False)
 class JointFit:
-    """A ball fitted to a bone, or two of them side by side.
+    """A ball fitted to a bone, or two of them side by side."""
 
-    Attributes
-    ----------
-    centre : (3,) array
-        Of the ball, or the middle between two [mm].
-    axis : (3,) array or None
-        Unit vector from one ball's centre to the other's.
-    radius : float
-        Of the ball, of two the mean [mm].
-    rms : float
-        Of the distances of points from the ball [mm], of two the larger.
-    covered : float
-        Area of the points as a part of the whole ball's, of two the smaller.
-    """
-
-    centre: Floats
-    axis: Floats | None
-    radius: float
-    rms: float
-    covered: float
+    centre: Floats  # (3,), of the ball, or the middle between two [mm]
+    axis: Floats | None  # (3,), unit vector from one ball's centre to the other's
+    radius: float  # of two balls the mean [mm]
+    rms: float  # of the distances of points from the ball, of two the larger [mm]
+    covered: float  # area of the points as a part of the whole ball's, of two the smaller
 
     @property
     def sureness(self) -> float:
