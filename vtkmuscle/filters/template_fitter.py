@@ -9,16 +9,18 @@ import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.core.morphing.twist import SuperficialFibres, angle_to_nearest, superficial_pieces
 from vtkmuscle.core.motion.rigid import apply_transform
 from vtkmuscle.core.template.fitting import (
     ASSIGNMENTS,
     TIE,
     Fit,
     MuscleViews,
+    SuperficialFibres,
+    angle_to_nearest,
     centroid_axis,
     fit_box,
     principal_axis,
+    superficial_pieces,
     turned_cube,
 )
 from vtkmuscle.core.types import Floats
@@ -47,7 +49,7 @@ class TemplateFitter(Filter):
     Where superficial fibres are connected, boxes are also judged by the angle between them and the template's
     fibres next to them: landmarks that are off by a tenth of the muscle's length, on the average, count as
     much as fibres that are off by 6 degrees (root mean square). From that follows the side to which fibres
-    lean or arch where landmarks leave it open. A twist, which no box has, is SliceMorpher's.
+    lean or arch where landmarks leave it open.
 
     Only rotations are tried. ``mirror=True`` is for the muscle of the other side of the body: it gives the
     mirror image of what the mirrored muscle would get.
@@ -138,8 +140,8 @@ class TemplateFitter(Filter):
         shape = geometry.once(("seen", self.mirror), used_points)
         seen = None
         if superficial is not None:
-            seen = superficial_pieces(superficial.points, superficial.offsets, shape.points)
-            seen = seen.within(np.zeros(3), reflection[:3, :3])
+            mirrored = apply_transform(reflection, superficial.points)
+            seen = superficial_pieces(mirrored, superficial.offsets, shape.points)
 
         def fitted_boxes() -> list[Fit]:
             return [

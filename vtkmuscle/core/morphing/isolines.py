@@ -35,11 +35,11 @@ from vtkmuscle.core.morphing.slices import (
     Morph,
     SliceMaps,
     Slicing,
+    guide_levels,
     map_sections,
     mapped_slices,
     shared_levels,
 )
-from vtkmuscle.core.morphing.twist import guide_levels, turned_starts
 from vtkmuscle.core.types import Floats, Ints
 
 #: Classes of the function's values in which its gradient is averaged.
@@ -139,12 +139,9 @@ def morph_by_isolines(
     slicing.report_progress(0.4)
 
     def slices() -> SliceMaps:
-        return _mapped(box, course, levels, inside, slicing)
+        return _mapped(box, course, levels, slicing)
 
-    if slicing.twisting.seen is None:
-        mapped = slicing.once(("mapped", of_field, slicing.key(transform, levels)), slices)
-    else:
-        mapped = slices()
+    mapped = slicing.once(("mapped", of_field, slicing.key(transform, levels)), slices)
     heights = course.begin + fractions * course.way
     result, _, split_error = map_sections(mapped, levels, heights, slice_of, inside, slicing)
     at_origin, at_insertion = fractions <= SAME_HEIGHT, fractions >= 1.0 - SAME_HEIGHT
@@ -152,7 +149,7 @@ def morph_by_isolines(
     n_outside = int((~points_inside(between, course.tree)).sum())
     for value, ends in ((0.0, at_origin), (1.0, at_insertion)):
         result[ends] = course.onto_area(value, result[ends])
-    return Morph(box.positions(result), n_outside, split_error, course.share, 0.0, mapped.twist)
+    return Morph(box.positions(result), n_outside, split_error, course.share, 0.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -204,7 +201,7 @@ def _course(surface: ClosedSurface, field: Floats) -> _Course:
     return replace(whole, begin=regular[first], way=regular[last] - regular[first], share=share)
 
 
-def _mapped(box: Box, course: _Course, levels: Floats, inside: Floats, slicing: Slicing) -> SliceMaps:
+def _mapped(box: Box, course: _Course, levels: Floats, slicing: Slicing) -> SliceMaps:
     """Return the isolines at some ways, matched to the template's rectangle."""
     begin, way, length = course.begin, course.way, float(course.ways[-1])
     guides = begin + guide_levels(way)
@@ -224,15 +221,9 @@ def _mapped(box: Box, course: _Course, levels: Floats, inside: Floats, slicing: 
     starts = followed_starts(
         rings, levels[hits], reach, (guide_rings, guides, guide_starts), np.zeros(3), costs
     )
-
-    def guide() -> tuple[list[Floats], Floats, Floats]:
-        return guide_rings, guide_starts, (guides - begin) / way
-
-    twist = slicing.twisting.found(guide, box.seen, inside, box.sides)
-    starts = turned_starts(rings, starts, (levels[hits] - begin) / way, twist.twist)
     slicing.report_progress(0.5)
     views = np.array([_view_along(area) for area in areas])
-    return mapped_slices(rings, starts, hits, box.sides, slicing, twist, views)
+    return mapped_slices(rings, starts, hits, box.sides, slicing, views)
 
 
 def way_of_values(points: Floats, triangles: Ints, field: Floats) -> tuple[Floats, Floats]:

@@ -20,11 +20,11 @@ from vtkmuscle.core.morphing.slices import (
     Morph,
     SliceMaps,
     Slicing,
+    guide_levels,
     map_sections,
     mapped_slices,
     shared_levels,
 )
-from vtkmuscle.core.morphing.twist import guide_levels, turned_starts
 from vtkmuscle.core.types import Floats, Ints
 
 #: How far inside of the muscle's ends the first and the last slice are, as a part of its length: far enough
@@ -84,12 +84,9 @@ def morph_by_planes(
 
     def slices() -> SliceMaps:
         at_levels = followed if course.ends is None else _branch_at(raised, levels)
-        return _mapped(box, at_levels, levels, raised.guides, inside, slicing)
+        return _mapped(box, at_levels, levels, raised.guides, slicing)
 
-    if slicing.twisting.seen is None:
-        mapped = slicing.once(("planes", slicing.key(transform, levels)), slices)
-    else:
-        mapped = slices()
+    mapped = slicing.once(("planes", slicing.key(transform, levels)), slices)
     result = np.column_stack([inside[:, :2], heights])
     places, n_outside, split_error = map_sections(mapped, levels, heights, slice_of, inside, slicing)
     result[:, :2] = places
@@ -99,7 +96,6 @@ def morph_by_planes(
         split_error,
         course.volume_share,
         course.steep_share,
-        mapped.twist,
     )
 
 
@@ -182,27 +178,18 @@ def _course(raised: _BoxedMuscle, levels: Floats) -> _Course:
     return _Course(at, *shares, ends)
 
 
-def _mapped(
-    box: Box, followed: _Branch, levels: Floats, guides: Floats, inside: Floats, slicing: Slicing
-) -> SliceMaps:
+def _mapped(box: Box, followed: _Branch, levels: Floats, guides: Floats, slicing: Slicing) -> SliceMaps:
     """Return the sections at the levels, matched to the template's rectangle."""
     sections = followed.sections
     loops, guiding = followed.at(levels), followed.at(guides)
     hits, guides = np.flatnonzero(loops >= 0), guides[guiding >= 0]
     slices = [np.ascontiguousarray(sections.loop(int(loop))[:, :2]) for loop in loops[hits]]
-    rings = [sections.loop(int(loop)) for loop in guiding[guiding >= 0]]
-    flat = [np.ascontiguousarray(ring[:, :2]) for ring in rings]
+    flat = [np.ascontiguousarray(sections.loop(int(loop))[:, :2]) for loop in guiding[guiding >= 0]]
     reach = slicing.continuity * box.length
     begin = starting_points(flat, guides, reach, np.zeros(2))
     starts = followed_starts(slices, levels[hits], reach, (flat, guides, begin), np.zeros(2))
-
-    def guide() -> tuple[list[Floats], Floats, Floats]:
-        return rings, np.column_stack([begin, guides]), guides / box.length
-
-    twist = slicing.twisting.found(guide, box.seen, inside, box.sides)
-    starts = turned_starts(slices, starts, levels[hits] / box.length, twist.twist)
     slicing.report_progress(0.5)
-    return mapped_slices(slices, starts, hits, box.sides, slicing, twist)
+    return mapped_slices(slices, starts, hits, box.sides, slicing)
 
 
 def _branch_ends(sections: Sections, loops: Ints, heights: Floats) -> tuple[float, float]:

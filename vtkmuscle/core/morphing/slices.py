@@ -10,7 +10,6 @@ import numpy as np
 
 from vtkmuscle.core.morphing.section_maps import SectionMap, count_outside, section_map
 from vtkmuscle.core.morphing.sections import ClosedSurface
-from vtkmuscle.core.morphing.twist import STRAIGHT, SuperficialFibres, Twist, TwistSetting
 from vtkmuscle.core.types import Floats, Ints
 
 #: Heights that differ by no more than this part of the box's length are equal but for rounding.
@@ -23,6 +22,9 @@ STEEP = 45.0
 #: :data:`SAME_HEIGHT`.
 GRAIN = 1e-12
 LEAST_SHARE = 0.8
+#: Sections at fixed heights, on which the starts of all others are found, and how far the first and the last
+#: of them are from the ends, as a part of the length.
+N_GUIDES, GUIDE_MARGIN = 33, 0.02
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,8 +44,6 @@ class Morph:
         Part of the muscle's volume that is in the branch which the fibres fill.
     steep_share : float
         Part of the branch's course that runs at more than :data:`STEEP` degrees to the box's axis.
-    twist : Twist
-        By which sections are turned against each other, and how well that suits what was seen.
     """
 
     points: Floats
@@ -51,7 +51,6 @@ class Morph:
     split_error: float
     volume_share: float
     steep_share: float
-    twist: Twist
 
     @property
     def suits(self) -> bool:
@@ -70,8 +69,6 @@ class Slicing:
     continuity : float
         Part of the muscle's length over which neighbouring slices resist twisting; 0 is the paper's rule, and
         sections then start and are split at their own vertices.
-    twisting : TwistSetting
-        How sections are turned along their contours, from origin to insertion.
     report_progress : callable
         Told the part of the work that is done.
     once : callable
@@ -81,14 +78,12 @@ class Slicing:
 
     slice_tolerance: float
     continuity: float
-    twisting: TwistSetting = STRAIGHT
     report_progress: Callable[[float], None] = lambda fraction: None
     once: Callable[[Hashable, Callable[[], Any]], Any] = lambda key, find: find()
 
     def key(self, transform: Floats, *levels: Floats) -> Hashable:
         """Return the settings that sections at some levels and their maps depend on."""
-        settings = self.continuity, self.twisting.degrees
-        return *settings, *(np.ascontiguousarray(array).tobytes() for array in (transform, *levels))
+        return self.continuity, *(np.ascontiguousarray(array).tobytes() for array in (transform, *levels))
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,15 +100,12 @@ class SliceMaps:
         Their boundaries, in the coordinates of the maps [mm].
     views : (l, 3, 3) array or None
         Rotations of sections in space that are seen along z only thereafter.
-    twist : Twist
-        By which they are turned against each other.
     """
 
     hits: Ints
     maps: Sequence[SectionMap]
     loops: Sequence[Floats]
     views: Floats | None
-    twist: Twist
 
 
 def mapped_slices(
@@ -122,7 +114,6 @@ def mapped_slices(
     hits: Ints,
     sides: Floats,
     slicing: Slicing,
-    twist: Twist,
     views: Floats | None = None,
 ) -> SliceMaps:
     """Return sections with their maps.
@@ -136,7 +127,7 @@ def mapped_slices(
         [mm].
     sides : (2,) array or longer
         Sides of the rectangle [mm].
-    hits, slicing, twist, views
+    hits, slicing, views
         As of :class:`SliceMaps`; how to map.
     """
     if views is not None:
@@ -146,7 +137,7 @@ def mapped_slices(
     for number, loop in enumerate(loops):
         maps.append(section_map(loop, starts[number], sides, as_printed=slicing.continuity == 0.0))
         slicing.report_progress(0.5 + 0.4 * (number + 1) / len(loops))
-    return SliceMaps(hits, maps, loops, views, twist)
+    return SliceMaps(hits, maps, loops, views)
 
 
 def map_sections(
@@ -243,9 +234,10 @@ class Box:
         """Return the points (n, 3) that have these coordinates [mm]."""
         return coordinates @ self._frame.T + self._corner
 
-    def seen(self, fibres: SuperficialFibres) -> SuperficialFibres:
-        """Return superficial fibres in the coordinates of the box."""
-        return fibres.within(self._corner, self._frame)
+
+def guide_levels(length: float) -> Floats:
+    """Return heights (k,) of guiding sections in a muscle of this length [mm]."""
+    return length * np.linspace(GUIDE_MARGIN, 1.0 - GUIDE_MARGIN, N_GUIDES)
 
 
 def members(slice_of: Ints, n_slices: int) -> list[Ints]:

@@ -12,14 +12,15 @@ from functools import cached_property
 
 import numpy as np
 from scipy.optimize import minimize_scalar
-from scipy.spatial import ConvexHull
+from scipy.spatial import ConvexHull, cKDTree
 from scipy.spatial.distance import cdist
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.mesh.normals import perpendiculars
+from vtkmuscle.core.mesh.polylines import proper_segments, segments
 from vtkmuscle.core.mesh.sampling import skewed_direction
 from vtkmuscle.core.mesh.surface import extent
-from vtkmuscle.core.types import Floats
+from vtkmuscle.core.types import Floats, Ints
 
 #: Of costs that differ by less than this the first counts: a template's symmetries give ties.
 TIE = 1e-9
@@ -27,6 +28,8 @@ TIE = 1e-9
 SHORTEST_EDGE = 1e-6
 #: To how many degrees a refined angle is found.
 FINEST_ANGLE = 1e-4
+#: Segments of superficial fibres are cut in pieces of no more than this part of the muscle's extent.
+LONGEST_PIECE = 0.02
 #: Turns of the cube, as rows of the image of each axis, that put its z axis, x axis or y axis along the
 #: muscle, either way up. With the sweep's quarter turns these are all 24.
 ASSIGNMENTS = np.array(
@@ -274,6 +277,47 @@ def fit_box(
             angle, cost = float(found.x), float(found.fun)
     at = np.array([angle])
     return Fit(transforms(at)[0], float(errors(at)[0]), angle, cost)
+
+
+@dataclass(frozen=True, eq=False)
+class SuperficialFibres:
+    """Short pieces of superficial fibres: middles (m, 3) [mm], unit directions (m, 3), lengths (m,) [mm]."""
+
+    places: Floats
+    directions: Floats
+    weights: Floats
+
+
+def superficial_pieces(points: Floats, offsets: Ints, muscle: Floats) -> SuperficialFibres:
+    """Return superficial fibres as short pieces.
+
+    Points are (n, 3) [mm], offsets the first point of each fibre, and n. No piece is longer than
+    :data:`LONGEST_PIECE` of the extent of the muscle's points (m, 3).
+    """
+    a, b, lengths = proper_segments(points, offsets)
+    counts = np.ceil(lengths / (LONGEST_PIECE * extent(muscle))).astype(np.int64)
+    segment = np.repeat(np.arange(len(a)), counts)
+    within = np.arange(len(segment)) - np.repeat(np.cumsum(counts) - counts, counts)
+    share = (within + 0.5) / counts[segment]
+    step = b - a
+    return SuperficialFibres(
+        places=a[segment] + share[:, None] * step[segment],
+        directions=(step / lengths[:, None])[segment],
+        weights=(lengths / counts)[segment],
+    )
+
+
+def angle_to_nearest(seen: SuperficialFibres, points: Floats, offsets: Ints) -> float:
+    """Return the angle between superficial fibres and the nearest segments of others, (0 to pi / 2) [rad].
+
+    It is the root mean square, weighted by length. Points and offsets are those of the other fibres.
+    """
+    a, b = segments(points, offsets)
+    directions = (b - a)[cKDTree((a + b) / 2.0).query(seen.places)[1]]
+    across = np.linalg.norm(np.cross(seen.directions, directions), axis=-1)
+    along = np.abs((seen.directions * directions).sum(axis=-1))
+    angles = np.where((across > 0.0) | (along > 0.0), np.arctan2(across, along), np.pi / 2.0)
+    return float(np.sqrt((seen.weights * angles**2).sum() / seen.weights.sum()))
 
 
 def _has_area(seen: Floats) -> bool:
