@@ -205,8 +205,7 @@ def _warn_of_superficial(angle: float) -> None:
     if angle > NOTICED:
         warnings.warn(
             f"SliceMorpher: the superficial fibres deviate by {angle:.0f} degrees from the fibres next to "
-            "them (root mean square); another template, or another axis or orientation of TemplateFitter, "
-            "may do better",
+            "them (root mean square); another template, or another axis of TemplateFitter, may do better",
             stacklevel=3,
         )
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 
 import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkPolyData
@@ -11,7 +10,6 @@ from vtkmodules.vtkCommonDataModel import vtkPolyData
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.motion.rigid import apply_transform
 from vtkmuscle.core.template.fitting import (
-    ASSIGNMENTS,
     TIE,
     Fit,
     MuscleViews,
@@ -21,7 +19,6 @@ from vtkmuscle.core.template.fitting import (
     fit_box,
     principal_axis,
     superficial_pieces,
-    turned_cube,
 )
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import Polylines, field_array, set_field_array
@@ -41,10 +38,7 @@ class TemplateFitter(Filter):
     muscle.
 
     The box is turned about this axis step by step, and the angle is kept at which the corners of the
-    template's areas are nearest to the landmarks; ``refine=True`` goes on from there to a minimum between its
-    neighbours. Several areas of one role count as one. ``orientation="any"`` also tries the cube with another
-    of its axes along the muscle, either way up: 24 turns in all, with the quarter turns of the sweep.
-    Fibres of a broad muscle may run across its long axis.
+    template's areas are nearest to the landmarks. Several areas of one role count as one.
 
     Where superficial fibres are connected, boxes are also judged by the angle between them and the template's
     fibres next to them: landmarks that are off by a tenth of the muscle's length, on the average, count as
@@ -68,10 +62,6 @@ class TemplateFitter(Filter):
         What the box's long axis follows.
     angle_step
         Step of the turn about the axis.
-    refine
-        Go on from the best step to a local optimum.
-    orientation
-        Which of the cube's axes follows the muscle: z, or whichever fits best.
     mirror
         Mirror the template.
 
@@ -108,8 +98,6 @@ class TemplateFitter(Filter):
 
     axis = Parameter(str, default="auto", choices=("auto", "attachments", "principal"))
     angle_step = Parameter(float, default=5.0, minimum=0.01, maximum=90.0, units="degrees")
-    refine = Parameter(bool, default=False)
-    orientation = Parameter(str, default="upright", choices=("upright", "any"))
     mirror = Parameter(bool, default=False)
 
     template = ports.Lines()
@@ -143,23 +131,24 @@ class TemplateFitter(Filter):
             mirrored = apply_transform(reflection, superficial.points)
             seen = superficial_pieces(mirrored, superficial.offsets, shape.points)
 
+        guide = None if seen is None else _guide(seen, template)
+
         def fitted_boxes() -> list[Fit]:
             return [
-                self._fit(
-                    axis,
-                    assignment,
+                fit_box(
                     shape,
-                    (origin, insertion),
-                    (origin_area, insertion_area),
-                    None if seen is None else _guide(seen, template, turned_cube(assignment)),
+                    axis,
+                    landmarks=(origin, insertion),
+                    areas=(origin_area, insertion_area),
+                    angle_step=self.angle_step,
+                    guide=guide,
                 )
                 for axis in self._axes(shape, origin, insertion)
-                for assignment in (ASSIGNMENTS if self.orientation == "any" else ASSIGNMENTS[:1])
             ]
 
-        if seen is None:  # boxes that do not depend on the template's fibres
+        if guide is None:  # boxes that do not depend on the template's fibres
             arrays = (origin, insertion, origin_area, insertion_area)
-            settings = self.axis, self.orientation, self.angle_step, self.refine, self.mirror
+            settings = self.axis, self.angle_step, self.mirror
             key = "boxes", settings, *(np.ascontiguousarray(array).tobytes() for array in arrays)
             fits = geometry.once(key, fitted_boxes)
         else:
@@ -187,34 +176,12 @@ class TemplateFitter(Filter):
             axes.append(principal_axis(muscle, origin, insertion))
         return axes
 
-    def _fit(
-        self,
-        axis: Floats,
-        assignment: Floats,
-        muscle: MuscleViews,
-        landmarks: tuple[Floats, Floats],
-        areas: tuple[Floats, Floats],
-        guide: Callable[[Floats], float] | None,
-    ) -> Fit:
-        """Return the best box with one of the cube's axes along an axis."""
-        turn = turned_cube(assignment)
-        fit = fit_box(
-            muscle,
-            axis,
-            landmarks=landmarks,
-            areas=(apply_transform(turn, areas[0]), apply_transform(turn, areas[1])),
-            angle_step=self.angle_step,
-            refine=self.refine,
-            guide=guide,
-        )
-        return replace(fit, transform=fit.transform @ turn)
 
-
-def _guide(seen: SuperficialFibres, lines: Polylines, turn: Floats) -> Callable[[Floats], float]:
-    """Return the function from a box to the angle between given fibres and the turned template's in it."""
+def _guide(seen: SuperficialFibres, lines: Polylines) -> Callable[[Floats], float]:
+    """Return the function from a box to the angle between superficial fibres and the template's in it."""
 
     def angle(box: Floats) -> float:
-        return angle_to_nearest(seen, apply_transform(box @ turn, lines.points), lines.offsets)
+        return angle_to_nearest(seen, apply_transform(box, lines.points), lines.offsets)
 
     return angle
 

@@ -32,7 +32,6 @@ PUBLISHED_FIBRES: Mapping[str, Mapping[str, Any]] = MappingProxyType(
         "kohout2012": {
             "axis": "attachments",
             "angle_step": 5.0,
-            "refine": False,
             "method": "plane",
             "continuity": 0.0,
             "end_rule": "closest",
