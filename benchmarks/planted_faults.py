@@ -57,7 +57,7 @@ EQUIVALENT: dict[str, str] = {
     "core.motion.blending._by_newton: m * b + n * q -> (m * b - n * q)": (
         "equivalent: the steps come to no end, and the quaternion gives the same rotation, later"
     ),
-    "core.fibres.mean_value_lanes._see_triangles: n_close > 0 -> (n_close >= 0)": (
+    "core.fibres.mean_value._see_far: n_close > 0 -> (n_close >= 0)": (
         "equivalent: lanes are looked through, and none is found"
     ),
     "core.collision.distance_collision._crosses: max(_LEAST_STEP * field.cell, abs(height - zone)) -> "

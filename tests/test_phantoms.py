@@ -16,7 +16,6 @@ from phantoms import (
     spindle_over_hinge,
     strap_over_two_joints,
     tendon_through_ring,
-    winding_spindle,
     wrapping_cylinder,
 )
 from vtkmodules.vtkFiltersCore import vtkImplicitPolyDataDistance
@@ -39,7 +38,6 @@ from vtkmuscle.filters import FibreMetrics, FibreSource
 from vtkmuscle.phantoms.hip_bones import femur
 from vtkmuscle.phantoms.implicit import ball, thick_curve, thick_sheet
 from vtkmuscle.phantoms.meshing import box, mesh_of, solid_of_revolution
-from vtkmuscle.phantoms.winding_spindle import radius_at
 from vtkmuscle.pipelines import decompose
 
 PHANTOMS = [
@@ -53,7 +51,6 @@ PHANTOMS = [
     tendon_through_ring,
     pennate_belly,
     pennate_block,
-    winding_spindle,
     hip,
     leg,
 ]
@@ -437,31 +434,6 @@ def test_the_answers_of_blocks_are_those_of_finely_sampled_fibres(kind, rng):
         ):
             angles = np.degrees(np.arcsin(steps[:, 2] / np.linalg.norm(steps, axis=1)))
             assert np.allclose(known_of_each(phantom, f"pennation_{end}", r, s), angles, atol=0.02)
-
-
-@pytest.mark.parametrize("twist", [60.0, -100.0])
-def test_fibres_of_the_winding_spindle_wind_from_end_to_end(twist):
-    phantom = winding_spindle(twist)
-    muscle, attachments = phantom.muscles["spindle"], phantom.attachments["spindle"]
-    fibres = decompose(muscle, attachments, phantom.superficial["spindle"]).update().output
-    lines = polylines_of(fibres, "spindle")
-    turns, lengths, parts = [], [], []
-    for line in map(lines.line, range(len(lines))):
-        middle = line[6:10]
-        part = (np.hypot(*middle[:, :2].T) / radius_at(middle[:, 2])).mean()
-        if part > 0.4:
-            angle = np.degrees(np.unwrap(np.arctan2(line[:, 1], line[:, 0])))
-            turns.append((angle[-1] - angle[0]) * 120 / (line[-1, 2] - line[0, 2]))
-            lengths.append(np.linalg.norm(np.diff(line, axis=0), axis=1).sum())
-            parts.append(part)
-    assert len(turns) > 60
-    assert np.mean(turns) == pytest.approx(twist, abs=3.0)
-    assert np.std(turns) < 12.0
-    known = [phantom.known["fibre_length"](part) for part in parts]
-    assert np.mean(lengths) == pytest.approx(np.mean(known), rel=0.005)
-    straight = polylines_of(decompose(muscle, attachments).update().output, "spindle")
-    chords = [line[-1, :2] - line[0, :2] for line in map(straight.line, range(100))]
-    assert np.linalg.norm(np.mean(chords, axis=0)) < 1.0
 
 
 def test_a_kind_of_block_that_there_is_not_is_named():

@@ -337,7 +337,7 @@ def test_nonsense_is_said(good, name):
 
 
 #: Settings that change the numbers of some muscles only, or none: only the memory that a run takes.
-OF_OTHERS = {"bone_clearance", "angle_step", "refine", "orientation", "slice_tolerance", "continuity"}
+OF_OTHERS = {"bone_clearance", "angle_step", "slice_tolerance", "continuity"}
 OF_OTHERS |= {"largest_cut", "checkpoint_memory"}
 
 

@@ -21,11 +21,11 @@ def tables(case: Case) -> list[Table]:
         "published",
         "attachments, 5 degrees (Kohout 2012)",
         "principal, 5 degrees (Kohout 2012)",
-        "auto, refined",
+        "auto, 5 degrees",
     )
     columns += ("box [mm]",)
     table = Table("Fig. 6: error of the fit [mm]", columns)
-    settings = ({"axis": "attachments"}, {"axis": "principal"}, {"axis": "auto", "refine": True})
+    settings = ({"axis": "attachments"}, {"axis": "principal"}, {"axis": "auto"})
     template = FibreTemplateSource(n_fibres=50, resolution=19)()
     row = []
     for name in case.muscles:

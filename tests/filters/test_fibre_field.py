@@ -2,14 +2,13 @@ import numpy as np
 import pytest
 import pyvista as pv
 from phantoms import fibre_block
+from phantoms.winding_spindle import LENGTH, winding_fibre, winding_fibres, winding_surface
 from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 
-from vtkmuscle.data.arrays import points_of, with_points
+from vtkmuscle.data.arrays import Polylines, points_of, polylines_from, with_points
 from vtkmuscle.filters import FibreField, FibreSource, FibreTransport
-from vtkmuscle.phantoms import pennate_belly, spindle_over_hinge, winding_spindle
+from vtkmuscle.phantoms import pennate_belly, spindle_over_hinge
 from vtkmuscle.phantoms.pennate_belly import ADVANCE, GAIN, THICKNESS
-from vtkmuscle.phantoms.winding_spindle import LENGTH, winding_fibre
-from vtkmuscle.pipelines import decompose
 
 #: The block's sides [mm].
 SIDES = np.array([20.0, 40.0, 120.0])
@@ -102,11 +101,10 @@ def test_where_fibres_differ_the_field_lies_between_them():
     assert np.percentile(errors, 95) < 4.0
 
 
-@pytest.mark.parametrize("twist", [0.0, 90.0])
-def test_a_winding_muscles_field_winds(twist):
-    phantom = winding_spindle(twist)
-    muscle = phantom.muscles["spindle"]
-    fibres = decompose(muscle, phantom.attachments["spindle"], phantom.superficial["spindle"], n_fibres=200)
+def test_a_winding_muscles_field_winds():
+    twist, lines = 90.0, winding_fibres(200)
+    fibres = polylines_from(Polylines(np.vstack(lines), np.arange(0, 201 * 31, 31)))
+    muscle = winding_surface()
     mesh = pv.ImageData(dimensions=(15, 15, 41), spacing=(2.5, 2.5, 2.5), origin=(-17.5, -17.5, 10.0))
     field = FibreField().apply(mesh, fibres, muscle)
     inside = field["InMuscle"] == 1

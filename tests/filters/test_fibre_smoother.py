@@ -26,7 +26,7 @@ from vtkmuscle.data.arrays import (
 from vtkmuscle.data.attachments import attachments_of
 from vtkmuscle.data.muscle_geometry import muscle_geometry
 from vtkmuscle.filters.fibre_smoother import FibreSmoother
-from vtkmuscle.phantoms import hip, spindle_over_hinge, winding_spindle
+from vtkmuscle.phantoms import hip, spindle_over_hinge
 from vtkmuscle.pipelines import decompose
 
 
@@ -120,9 +120,7 @@ def test_attachments_without_the_muscle_are_refused():
         FibreSmoother()(polylines_from(noisy_fibres()), None, attachments)
 
 
-@pytest.mark.parametrize(
-    "phantom", [fibre_block("parallel"), spindle_over_hinge(), winding_spindle(60.0)], ids=lambda p: p.name
-)
+@pytest.mark.parametrize("phantom", [fibre_block("parallel"), spindle_over_hinge()], ids=lambda p: p.name)
 def test_neighbours_by_their_parameters_stay_neighbours_in_every_slice_as_fibres_are_spread(phantom):
     ((name, muscle),) = phantom.muscles.items()
     chain = decompose(muscle, phantom.attachments[name], phantom.superficial.get(name), template="parallel")

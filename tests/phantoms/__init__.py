@@ -14,7 +14,6 @@ from vtkmuscle.phantoms import (
     pennate_belly,
     pennate_block,
     spindle_over_hinge,
-    winding_spindle,
     wrapping_cylinder,
 )
 
@@ -32,6 +31,5 @@ __all__ = [
     "spindle_over_hinge",
     "strap_over_two_joints",
     "tendon_through_ring",
-    "winding_spindle",
     "wrapping_cylinder",
 ]

@@ -9,8 +9,7 @@ from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.attachments.rings import discs_over
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.core.fibres.ends_as_printed import ends_as_printed
-from vtkmuscle.core.fibres.trimming import EndArea, trim_fibres
+from vtkmuscle.core.fibres.trimming import EndArea, ends_as_printed, trim_fibres
 from vtkmuscle.core.mesh.triangle_tree import triangle_tree
 from vtkmuscle.core.types import Floats, Ints
 from vtkmuscle.data.arrays import Polylines, field_array, set_field_array

@@ -13,8 +13,7 @@ from vtkmuscle.core.mesh.shared import RecentlyUsed
 from vtkmuscle.core.morphing.isolines import morph_by_isolines
 from vtkmuscle.core.morphing.planes import morph_by_planes
 from vtkmuscle.core.morphing.slices import Box, Morph, Slicing
-from vtkmuscle.core.morphing.twist import Twist, TwistSetting, superficial_pieces
-from vtkmuscle.core.template.fitting import areas_are_opposite
+from vtkmuscle.core.template.fitting import angle_to_nearest, areas_are_opposite, superficial_pieces
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import Polylines, field_array, set_field_array
 from vtkmuscle.data.attachments import AttachmentArea
@@ -63,14 +62,6 @@ class SliceMorpher(Filter):
     in each slice. By default it is chosen for all slices together, so that neighbouring contours are not
     twisted against each other, and is a vertex that is added there; ``continuity=0`` is the paper's rule.
 
-    Fibres that wind around a muscle have sections turned along their contours on purpose: by ``twist``, the
-    insertion against the origin, evenly from one to the other. Where superficial fibres are connected, that
-    one is taken with which fibres of the template would run most nearly like them on the surface (least
-    squares of the angle, by length), unless it leaves more than half of the squares: then a twist is not what
-    they show, and there is a warning. A few fibres will do, whatever part of the surface they are on, also a
-    little off it. They are for templates whose areas are their bottom and their top; for others, and for a
-    template that is not the same from all sides, TemplateFitter turns the box to suit them.
-
     Parameters
     ----------
     template
@@ -80,7 +71,8 @@ class SliceMorpher(Filter):
     attachments
         Areas of both roles; for the harmonic method only, of a muscle without ``HarmonicField``.
     superficial
-        Polylines on the muscle's surface, or near it, from which the twist is found.
+        Polylines on the muscle's surface, or near it. Their angle to the fibres is reported; it is
+        TemplateFitter that turns the box to suit them.
     method
         How the muscle is sliced: by parallel planes, along isolines, or whichever suits it.
     slice_tolerance
@@ -89,9 +81,6 @@ class SliceMorpher(Filter):
     continuity
         Part of the muscle's length over which slices resist being twisted against each other; 0 matches each
         slice by itself.
-    twist
-        How far sections are turned along their contours from origin to insertion, 360 once round,
-        counterclockwise seen from the insertion; not looked at where superficial fibres are connected.
 
     Attributes
     ----------
@@ -101,9 +90,9 @@ class SliceMorpher(Filter):
         section; along isolines: outside of the muscle), ``SplitError`` (largest deviation of a section's four
         parts from the rectangle's sides, as a part of its perimeter), ``VolumeShare`` (part of the muscle in
         the branch that the fibres fill), ``SteepShare`` (part of the planes' branch at more than 45 degrees
-        to their axis, also where it is why isolines were taken; 0 where planes were not tried) and ``Twist``
-        [degrees]; with superficial fibres ``SuperficialAngle``, between them and the template's on the
-        surface, root mean square [degrees], and ``SuperficialAngleStraight``, the same without the twist.
+        to their axis, also where it is why isolines were taken; 0 where planes were not tried); with
+        superficial fibres ``SuperficialAngle``, between them and the nearest fibres, root mean square
+        [degrees]. Where that is more than 10 degrees there is a warning.
 
     Raises
     ------
@@ -135,7 +124,6 @@ class SliceMorpher(Filter):
     method = Parameter(str, default="auto", choices=("auto", "plane", "harmonic"))
     slice_tolerance: Parameter[float | None] = Parameter(float, default=None, minimum=0.0, units="mm")
     continuity = Parameter(float, default=0.2, minimum=0.0, maximum=10.0)
-    twist = Parameter(float, default=0.0, minimum=-720.0, maximum=720.0, units="degrees")
 
     template = ports.Lines()
     muscle = ports.Surface()
@@ -157,15 +145,9 @@ class SliceMorpher(Filter):
         if tolerance is None:
             tolerance = DEFAULT_TOLERANCE * float(np.linalg.norm(box[:3, 2]))
         upright = _runs_upwards(template.data, box)
-        twisting = TwistSetting(self.twist)
-        if superficial is not None and upright:
-            seen = superficial_pieces(superficial.points, superficial.offsets, geometry.points)
-            twisting = TwistSetting(0.0, seen, template.offsets)
-
         slicing = Slicing(
             slice_tolerance=tolerance,
             continuity=self.continuity,
-            twisting=twisting,
             report_progress=self.report_progress,
             once=geometry.once("sections", lambda: RecentlyUsed(SETTINGS_KEPT)),
         )
@@ -190,7 +172,6 @@ class SliceMorpher(Filter):
         if self.method == "auto" and not result.suits and upright and known:
             method, result = "harmonic", morph("harmonic")
         _warn(result, method)
-        _warn_of_superficial(result.twist)
         moved = template.moved(result.points)
         for name, value in (
             ("MorphMethod", method),
@@ -198,12 +179,13 @@ class SliceMorpher(Filter):
             ("SplitError", result.split_error),
             ("VolumeShare", result.volume_share),
             ("SteepShare", steep_share),
-            ("Twist", result.twist.twist),
         ):
             set_field_array(moved, name, value)
-        if twisting.seen is not None:
-            set_field_array(moved, "SuperficialAngle", result.twist.angle)
-            set_field_array(moved, "SuperficialAngleStraight", result.twist.straight_angle)
+        if superficial is not None:
+            seen = superficial_pieces(superficial.points, superficial.offsets, geometry.points)
+            angle = float(np.degrees(angle_to_nearest(seen, result.points, template.offsets)))
+            _warn_of_superficial(angle)
+            set_field_array(moved, "SuperficialAngle", angle)
         return moved
 
 
@@ -218,15 +200,13 @@ def _warn(result: Morph, method: str) -> None:
         )
 
 
-def _warn_of_superficial(found: Twist) -> None:
-    """Warn where superficial fibres run otherwise than the template's, and no twist explains it."""
-    if found.angle == found.straight_angle and found.angle > NOTICED:
+def _warn_of_superficial(angle: float) -> None:
+    """Warn where superficial fibres run otherwise than the fibres beside them."""
+    if angle > NOTICED:
         warnings.warn(
-            f"SliceMorpher: the superficial fibres deviate by {found.straight_angle:.0f} degrees from the "
-            f"template's (root mean square), and by {found.best_angle:.0f} with the best twist, which "
-            "explains too little to be taken; another template, or another axis or cube of TemplateFitter, "
-            "may do better",
-            stacklevel=2,
+            f"SliceMorpher: the superficial fibres deviate by {angle:.0f} degrees from the fibres next to "
+            "them (root mean square); another template, or another axis of TemplateFitter, may do better",
+            stacklevel=3,
         )
 
 

@@ -3,23 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 
 import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.core.morphing.twist import SuperficialFibres, angle_to_nearest, superficial_pieces
 from vtkmuscle.core.motion.rigid import apply_transform
 from vtkmuscle.core.template.fitting import (
-    ASSIGNMENTS,
     TIE,
     Fit,
     MuscleViews,
+    SuperficialFibres,
+    angle_to_nearest,
     centroid_axis,
     fit_box,
     principal_axis,
-    turned_cube,
+    superficial_pieces,
 )
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import Polylines, field_array, set_field_array
@@ -39,15 +38,12 @@ class TemplateFitter(Filter):
     muscle.
 
     The box is turned about this axis step by step, and the angle is kept at which the corners of the
-    template's areas are nearest to the landmarks; ``refine=True`` goes on from there to a minimum between its
-    neighbours. Several areas of one role count as one. ``orientation="any"`` also tries the cube with another
-    of its axes along the muscle, either way up: 24 turns in all, with the quarter turns of the sweep.
-    Fibres of a broad muscle may run across its long axis.
+    template's areas are nearest to the landmarks. Several areas of one role count as one.
 
     Where superficial fibres are connected, boxes are also judged by the angle between them and the template's
     fibres next to them: landmarks that are off by a tenth of the muscle's length, on the average, count as
     much as fibres that are off by 6 degrees (root mean square). From that follows the side to which fibres
-    lean or arch where landmarks leave it open. A twist, which no box has, is SliceMorpher's.
+    lean or arch where landmarks leave it open.
 
     Only rotations are tried. ``mirror=True`` is for the muscle of the other side of the body: it gives the
     mirror image of what the mirrored muscle would get.
@@ -66,10 +62,6 @@ class TemplateFitter(Filter):
         What the box's long axis follows.
     angle_step
         Step of the turn about the axis.
-    refine
-        Go on from the best step to a local optimum.
-    orientation
-        Which of the cube's axes follows the muscle: z, or whichever fits best.
     mirror
         Mirror the template.
 
@@ -106,8 +98,6 @@ class TemplateFitter(Filter):
 
     axis = Parameter(str, default="auto", choices=("auto", "attachments", "principal"))
     angle_step = Parameter(float, default=5.0, minimum=0.01, maximum=90.0, units="degrees")
-    refine = Parameter(bool, default=False)
-    orientation = Parameter(str, default="upright", choices=("upright", "any"))
     mirror = Parameter(bool, default=False)
 
     template = ports.Lines()
@@ -138,26 +128,27 @@ class TemplateFitter(Filter):
         shape = geometry.once(("seen", self.mirror), used_points)
         seen = None
         if superficial is not None:
-            seen = superficial_pieces(superficial.points, superficial.offsets, shape.points)
-            seen = seen.within(np.zeros(3), reflection[:3, :3])
+            mirrored = apply_transform(reflection, superficial.points)
+            seen = superficial_pieces(mirrored, superficial.offsets, shape.points)
+
+        guide = None if seen is None else _guide(seen, template)
 
         def fitted_boxes() -> list[Fit]:
             return [
-                self._fit(
-                    axis,
-                    assignment,
+                fit_box(
                     shape,
-                    (origin, insertion),
-                    (origin_area, insertion_area),
-                    None if seen is None else _guide(seen, template, turned_cube(assignment)),
+                    axis,
+                    landmarks=(origin, insertion),
+                    areas=(origin_area, insertion_area),
+                    angle_step=self.angle_step,
+                    guide=guide,
                 )
                 for axis in self._axes(shape, origin, insertion)
-                for assignment in (ASSIGNMENTS if self.orientation == "any" else ASSIGNMENTS[:1])
             ]
 
-        if seen is None:  # boxes that do not depend on the template's fibres
+        if guide is None:  # boxes that do not depend on the template's fibres
             arrays = (origin, insertion, origin_area, insertion_area)
-            settings = self.axis, self.orientation, self.angle_step, self.refine, self.mirror
+            settings = self.axis, self.angle_step, self.mirror
             key = "boxes", settings, *(np.ascontiguousarray(array).tobytes() for array in arrays)
             fits = geometry.once(key, fitted_boxes)
         else:
@@ -185,34 +176,12 @@ class TemplateFitter(Filter):
             axes.append(principal_axis(muscle, origin, insertion))
         return axes
 
-    def _fit(
-        self,
-        axis: Floats,
-        assignment: Floats,
-        muscle: MuscleViews,
-        landmarks: tuple[Floats, Floats],
-        areas: tuple[Floats, Floats],
-        guide: Callable[[Floats], float] | None,
-    ) -> Fit:
-        """Return the best box with one of the cube's axes along an axis."""
-        turn = turned_cube(assignment)
-        fit = fit_box(
-            muscle,
-            axis,
-            landmarks=landmarks,
-            areas=(apply_transform(turn, areas[0]), apply_transform(turn, areas[1])),
-            angle_step=self.angle_step,
-            refine=self.refine,
-            guide=guide,
-        )
-        return replace(fit, transform=fit.transform @ turn)
 
-
-def _guide(seen: SuperficialFibres, lines: Polylines, turn: Floats) -> Callable[[Floats], float]:
-    """Return the function from a box to the angle between given fibres and the turned template's in it."""
+def _guide(seen: SuperficialFibres, lines: Polylines) -> Callable[[Floats], float]:
+    """Return the function from a box to the angle between superficial fibres and the template's in it."""
 
     def angle(box: Floats) -> float:
-        return angle_to_nearest(seen, apply_transform(box @ turn, lines.points), lines.offsets)
+        return angle_to_nearest(seen, apply_transform(box, lines.points), lines.offsets)
 
     return angle
 

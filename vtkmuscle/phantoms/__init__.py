@@ -7,8 +7,7 @@ Joints, from the simplest to the most like life; with what is known of the muscl
 * :func:`hip`, the demo's: pelvis, femur and three muscles (the head of the femur); :func:`leg`, the whole of
   it: three joints, ten muscles.
 
-Fibres: :func:`fibre_block`, :func:`pennate_block` and :func:`pennate_belly` (lengths, pennation),
-:func:`winding_spindle` (twist).
+Fibres: :func:`fibre_block`, :func:`pennate_block` and :func:`pennate_belly` (lengths, pennation).
 
 :func:`label_map` makes an image of labels of any of them (the surfaces behind the voxels).
 """
@@ -23,7 +22,6 @@ from vtkmuscle.phantoms.label_map import label_map
 from vtkmuscle.phantoms.leg import leg
 from vtkmuscle.phantoms.pennate_belly import pennate_belly
 from vtkmuscle.phantoms.phantom import Phantom
-from vtkmuscle.phantoms.winding_spindle import winding_spindle
 
 __all__ = [
     "Phantom",
@@ -34,6 +32,5 @@ __all__ = [
     "pennate_belly",
     "pennate_block",
     "spindle_over_hinge",
-    "winding_spindle",
     "wrapping_cylinder",
 ]

@@ -32,7 +32,6 @@ PUBLISHED_FIBRES: Mapping[str, Mapping[str, Any]] = MappingProxyType(
         "kohout2012": {
             "axis": "attachments",
             "angle_step": 5.0,
-            "refine": False,
             "method": "plane",
             "continuity": 0.0,
             "end_rule": "closest",
@@ -66,8 +65,8 @@ def decompose(
     attachments : vtkMultiBlockDataSet or algorithm
         Where it is attached, at least one origin and one insertion; None will do between aponeuroses.
     superficial : vtkPolyData or algorithm, optional
-        Fibres that are seen on the muscle's surface, a few polylines: the template is turned and twisted such
-        that its fibres follow them.
+        Fibres that are seen on the muscle's surface, a few polylines: the template is turned such that
+        its fibres follow them.
     aponeuroses : vtkMultiBlockDataSet or algorithm, optional
         What fibres end on in place of the attachment areas, see :mod:`vtkmuscle.data.attachments`.
     published : str, optional

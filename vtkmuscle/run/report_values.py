@@ -209,12 +209,6 @@ FIBRE_MEASURES = {
     "CurvatureMax": "curvature_max_per_mm",
     "Penetration": "penetration_mm",
 }
-#: Field arrays of SliceMorpher, likewise.
-TWIST_MEASURES = {
-    "Twist": "twist_degrees",
-    "SuperficialAngle": "superficial_angle_degrees",
-    "SuperficialAngleStraight": "superficial_angle_straight_degrees",
-}
 
 _PACKAGES = ("vtkmuscle", "numpy", "scipy", "numba", "vtk", "pyvista")
 
@@ -243,11 +237,7 @@ def fibres_at_rest(fibres: vtkPolyData, muscle: vtkPolyData, millimetres: float)
     inside = int((outside <= FIBRE_TOLERANCE).sum())
     lines, geometry = polylines_of(fibres, "fibres"), muscle_geometry(muscle, "muscle")
     found = arrangement(lines.points, lines.offsets, geometry.samples(SAMPLES))
-    twist = {
-        name: float(values[0])
-        for array, name in TWIST_MEASURES.items()
-        if (values := field_array(fibres, array)) is not None
-    }
+    angle = field_array(fibres, "SuperficialAngle")
     return {
         "fibres": fibres.GetNumberOfCells(),
         "points": len(points),
@@ -258,7 +248,7 @@ def fibres_at_rest(fibres: vtkPolyData, muscle: vtkPolyData, millimetres: float)
         "hooked_share": found.hooked,
         "turning_p95_deg": found.turning,
         "bare_share": found.bare,
-        **twist,
+        **({} if angle is None else {"superficial_angle_degrees": float(angle[0])}),
     }
 
 

@@ -2,10 +2,10 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from phantoms.winding_spindle import winding_fibre, winding_fibres
 
 from vtkmuscle.core.fibres.direction_field import NEIGHBOURS, DirectionField
 from vtkmuscle.core.mesh.polylines import fibre_directions_at, segment_distances
-from vtkmuscle.phantoms.winding_spindle import winding_fibre
 
 
 def lines_of(fibres):
@@ -17,13 +17,6 @@ def angles(u, v):
     """Return the angles between axes [degrees]."""
     across = np.linalg.norm(np.cross(u, v), axis=-1)
     return np.degrees(np.arctan2(across, np.abs((u * v).sum(axis=-1))))
-
-
-def winding(count, points=31, twist=90.0):
-    """Return fibres that fill the winding spindle evenly."""
-    parts, starts = np.sqrt((np.arange(count) + 0.5) / count), np.arange(count) * np.pi * (3.0 - 5.0**0.5)
-    t = np.linspace(0.0, 1.0, points)
-    return [winding_fibre(part, start, twist, t) for part, start in zip(parts, starts, strict=True)]
 
 
 def in_spindle(rng, count, twist=90.0):
@@ -79,7 +72,7 @@ def test_it_is_the_mean_that_its_words_say(rng):
 
 
 def test_on_a_fibre_it_is_its_tangent():
-    fibres = winding(60, points=200)
+    fibres = winding_fibres(60, points=200)
     for fibre in (fibres[5], fibres[40]):
         directions, distances = DirectionField(*lines_of(fibres)).at(fibre[1:-1])
         tangents = fibre[2:] - fibre[:-2]
@@ -101,7 +94,7 @@ def test_errors_shrink_with_the_spacing_and_are_less_than_the_nearest_fibres(rng
     positions, truth = in_spindle(rng, 2000)
     errors = []
     for count in (25, 100, 400, 1600):
-        lines = lines_of(winding(count))
+        lines = lines_of(winding_fibres(count))
         errors.append(np.median(angles(DirectionField(*lines).at(positions)[0], truth)))
         assert errors[-1] < 0.75 * np.median(angles(fibre_directions_at(positions, *lines), truth))
     assert errors[0] < 1.5
@@ -110,7 +103,7 @@ def test_errors_shrink_with_the_spacing_and_are_less_than_the_nearest_fibres(rng
 
 
 def test_fibres_that_run_the_other_way_change_no_axis(rng):
-    fibres = winding(80)
+    fibres = winding_fibres(80)
     turned = [
         fibre[::-1] if flip else fibre for fibre, flip in zip(fibres, rng.random(80) < 0.3, strict=True)
     ]
@@ -121,7 +114,7 @@ def test_fibres_that_run_the_other_way_change_no_axis(rng):
 
 
 def test_a_rigid_motion_turns_it(rng):
-    fibres = winding(50)
+    fibres = winding_fibres(50)
     turn = np.linalg.qr(rng.normal(size=(3, 3)))[0]
     positions, _ = in_spindle(rng, 200)
     directions, distances = DirectionField(*lines_of(fibres)).at(positions)

@@ -3,8 +3,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from vtkmuscle.core.fibres.ends_as_printed import closest_to_ray, ends_as_printed
-from vtkmuscle.core.fibres.trimming import EndArea
+from vtkmuscle.core.fibres.trimming import EndArea, closest_to_ray, ends_as_printed
 
 
 def distance_to_ray(points, start, ahead):

@@ -12,11 +12,11 @@ from vtkmuscle.core.morphing.correspondence import (
     loop_lengths,
     refined_loop,
     sampled_loop,
+    section_map,
     split_chain,
     starting_points,
     subdivided_rectangle,
 )
-from vtkmuscle.core.morphing.section_maps import section_map
 
 Q0 = np.zeros(2)
 

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from vtkmuscle.core.morphing.section_maps import mean_value_weights as mean_value_coordinates
+from vtkmuscle.core.morphing.correspondence import mean_value_weights as mean_value_coordinates
 
 SQUARE = np.array([(0.0, 0), (2, 0), (2, 1), (0, 1)])
 CONCAVE = np.array([(0.0, 0), (4, 0), (4, 3), (2, 0.5), (0, 3)])

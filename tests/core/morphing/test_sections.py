@@ -13,7 +13,7 @@ from vtkmodules.vtkFiltersCore import vtkPolyDataPlaneCutter, vtkStripper
 from vtkmodules.vtkFiltersSources import vtkParametricFunctionSource, vtkSphereSource
 
 from vtkmuscle.core.mesh.surface import opposite_half_edges, signed_volume
-from vtkmuscle.core.morphing.sections import cut_surface, united
+from vtkmuscle.core.morphing.sections import cut_surface
 from vtkmuscle.data.arrays import points_of, surface_from, triangles_of
 
 TETRAHEDRON = np.array([(0.0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)])
@@ -78,20 +78,6 @@ def test_a_surface_that_faces_inward_is_turned_with_its_opposite_half_edges(surf
     assert np.array_equal(turned.triangles, triangles)
     assert np.array_equal(turned.opposite, opposite_half_edges(triangles))
     assert closed_surface(points, triangles).outward().triangles is not turned.triangles
-
-
-def test_parts_on_either_side_of_loops_are_those_of_a_surface_cut_less_often():
-    points, triangles = torus()
-    heights = points[:, 0].copy()
-    many, few = np.linspace(-2.6, 2.6, 27), np.linspace(-2.6, 2.6, 27)[[0, 9, 13, 20, 26]]
-    fine, coarse = (cut(points, triangles, levels, heights) for levels in (many, few))
-    kept = np.flatnonzero(np.isin(np.repeat(many, np.diff(fine.level_offsets)), few))
-    ignored = np.setdiff1d(np.arange(len(fine.parts_below)), kept)
-    below, above = (side[kept] for side in united(fine.parts_below, fine.parts_above, ignored))
-    assert len(kept) == len(coarse.parts_below) > len(few)
-    same = above[:, None] == below[None]
-    assert np.array_equal(same, coarse.parts_above[:, None] == coarse.parts_below[None])
-    assert same.any()
 
 
 def test_opposite_half_edges_join_the_same_points_the_other_way_round():

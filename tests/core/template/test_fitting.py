@@ -1,5 +1,3 @@
-import itertools
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -8,13 +6,11 @@ from scipy.spatial.transform import Rotation
 
 from vtkmuscle.core.motion.rigid import apply_transform
 from vtkmuscle.core.template.fitting import (
-    ASSIGNMENTS,
     MuscleViews,
     areas_are_opposite,
     centroid_axis,
     fit_box,
     principal_axis,
-    turned_cube,
 )
 from vtkmuscle.core.template.kinds import TEMPLATES
 
@@ -187,47 +183,3 @@ def test_a_flat_muscle_is_refused(flat):
 def test_only_areas_at_bottom_and_top_lie_opposite(kind):
     areas = (TEMPLATES[kind].origin_areas.reshape(-1, 3), TEMPLATES[kind].insertion_areas.reshape(-1, 3))
     assert areas_are_opposite(*areas) == (kind not in {"pennate", "bipennate"})
-
-
-def coarse_and_fine(seed):
-    """Return the fit of a random muscle at steps of 5 degrees, and refined."""
-    points, _ = cloud(seed)
-    origin, insertion = ends(points)
-    return (
-        fit_box(
-            MuscleViews(points),
-            np.array([0.0, 0, 1]),
-            landmarks=(origin, insertion),
-            areas=(rectangle((0, 0, 0), (1, 1, 0)), rectangle((0, 0, 1), (1, 1, 1))),
-            angle_step=5.0,
-            refine=refine,
-        )
-        for refine in (False, True)
-    )
-
-
-@settings(deadline=None, max_examples=20)
-@given(seed=st.integers(0, 10**6))
-def test_refinement_ends_within_a_step_and_is_no_worse(seed):
-    coarse, fine = coarse_and_fine(seed)
-    assert fine.error <= coarse.error
-    assert abs(fine.angle - coarse.angle) <= 5.0
-
-
-def test_refinement_goes_either_way_from_the_best_step():
-    turns = [fine.angle - coarse.angle for coarse, fine in map(coarse_and_fine, range(12))]
-    assert min(turns) < -0.5
-    assert max(turns) > 0.5
-    assert np.abs(turns).max() < 4.9
-
-
-@pytest.mark.parametrize("assignment", ASSIGNMENTS)
-def test_assignments_turn_the_cube_into_itself(assignment):
-    turn = turned_cube(assignment)
-    corners = np.array(list(itertools.product((0.0, 1.0), repeat=3)))
-    assert {tuple(c) for c in apply_transform(turn, corners)} == {tuple(c) for c in corners}
-    assert np.linalg.det(turn) == pytest.approx(1)
-
-
-def test_the_six_assignments_put_every_axis_along_z_either_way_up():
-    assert len({tuple(a[2]) for a in ASSIGNMENTS}) == 6

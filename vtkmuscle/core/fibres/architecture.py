@@ -1,4 +1,4 @@
-"""A muscle without its tendons: fascicles, their lengths and angles, by how thick it is along its course."""
+"""A muscle without its tendons: lengths and angles of the fascicles, by its cross-section along its way."""
 
 from __future__ import annotations
 
@@ -12,31 +12,30 @@ from vtkmuscle.core.mesh.normals import unit_vectors
 from vtkmuscle.core.mesh.polylines import evenly_spaced, polyline_lengths
 from vtkmuscle.core.types import Floats, Ints
 
-#: Area of a muscle for the area of its tendon, at which both together are lightest (Ker, Alexander, Bennett
+#: Area of a muscle over that of its tendon, at which both together are lightest (Ker, Alexander, Bennett
 #: 1988, *Why are mammalian tendons so thick?*, Journal of Zoology 216, 309-324).
 MUSCLE_FOR_TENDON = 34.0
-#: A place counts as tendon below this part of the largest area along the muscle, half way from the muscle's
-#: to the tendon's on a logarithmic scale; it may as well be a quarter of the way to either side.
+#: A place with less than this part of the largest area along the muscle counts as tendon: half way from the
+#: muscle's area to the tendon's on a logarithmic scale. The limits of that, a quarter of the way to either
+#: side.
 TENDON_AREA = MUSCLE_FOR_TENDON**-0.5
 TENDON_AREAS = (MUSCLE_FOR_TENDON**-0.75, MUSCLE_FOR_TENDON**-0.25)
-#: Points of the medial curve, its degree, passes in which it is found, and places at which areas are known.
+#: Points of the medial curve, its degree, passes of its fit, and places at which areas are measured.
 NODES, DEGREE, PASSES, PLACES = 17, 2, 8, 40
-#: Points of a fibre that are looked up on the curve; part of a fascicle that its end's direction is of.
+#: Points of a fibre that are looked up on the curve; part of a fascicle that gives the direction of its end.
 POINTS, END = 121, 0.1
 
 
 @dataclass(frozen=True, eq=False)
 class AreaProfile:
-    """How thick a muscle is along its course.
+    """Cross-section of a muscle along its course.
 
     Attributes
     ----------
     curve : (c, 3) array
-        Through the middle of it, from the origin to the insertion, beyond both [mm].
-    arcs : (s,) array
-        Places along the curve, the middles of even pieces of it [mm].
-    areas : (s,) array
-        Of its cross-sections there [mm^2].
+        Through the muscle's middle, from beyond the origin to beyond the insertion [mm].
+    arcs, areas : (s,) arrays
+        Middles of even pieces of the curve [mm], and the areas of the cross-sections there [mm^2].
     """
 
     curve: Floats
@@ -44,7 +43,7 @@ class AreaProfile:
     areas: Floats
 
     def muscle_between(self, share: float) -> tuple[float, float]:
-        """Return the arcs between which it is more than a part of the largest area thick [mm]."""
+        """Return the arcs between which it has more than a part of the largest area [mm]."""
         least = share * float(self.areas.max())
         thick = np.flatnonzero(self.areas >= least)
         half = (self.arcs[1] - self.arcs[0]) / 2.0
@@ -76,7 +75,7 @@ class Fascicles:
     lengths : (k,) array
         Of each fascicle [mm]; 0 for a fibre that has no part in the muscle.
     origin_angles, insertion_angles : (k,) arrays
-        Between the ends of the fascicles and the curve through the muscle's middle there [degrees].
+        Between the ends of the fascicles and the curve through the muscle's middle [degrees].
     volume : float
         Of the muscle without its tendons [mm^3].
     """
@@ -89,8 +88,8 @@ class Fascicles:
     def cross_section(self, lengths: Floats | None = None) -> float:
         """Return the physiological cross-sectional area: volume cos(pennation) / fascicle length [mm^2].
 
-        As of Lieber and Friden 2000, with the mean angle of both ends and the mean length, of these or
-        of other ``lengths`` (k,) [mm].
+        As of Lieber and Friden 2000, with the mean angle of both ends and the mean of these lengths, or of
+        other ``lengths`` (k,) [mm].
         """
         angles = np.concatenate([self.origin_angles, self.insertion_angles])
         mean = float((self.lengths if lengths is None else lengths).mean())
@@ -100,21 +99,14 @@ class Fascicles:
 def area_profile(
     surface: Floats, triangles: Ints, samples: Floats, points: Floats, offsets: Ints
 ) -> AreaProfile:
-    """Return how thick a muscle is along its course.
+    """Return the cross-sections of a muscle along its course.
 
-    The curve through its middle begins as the fibres' centroid path, and goes to the parabola
-    that is nearest to the means of what is beside it (a curve of a higher degree curls in thick muscles;
-    a principal curve: Hastie, Stuetzle 1989,
-    doi:10.1080/01621459.1989.10478797): so a pennate muscle's runs along the muscle, across its fibres.
-
-    Parameters
-    ----------
-    surface, triangles : (p, 3) array, (m, 3) int array
-        Of the muscle [mm]: points, and their ids, closed, facing outward.
-    samples : (j, 3) array
-        Positions of even density in the muscle [mm].
-    points, offsets : (n, 3) array, (k + 1,) int array
-        Fibres from origin to insertion [mm]; first point of each, and n.
+    The curve through its middle is a principal curve (Hastie, Stuetzle 1989,
+    doi:10.1080/01621459.1989.10478797): it begins as the fibres' centroid path, and each pass fits a parabola
+    to the samples (j, 3), of even density in the muscle, by their arcs on it. (A curve of a higher degree
+    curls in thick muscles.) So that of a pennate muscle runs along the muscle, across its fibres. The surface
+    (p, 3) with its triangles (m, 3) is closed and faces outward; fibres run from origin to insertion, points
+    (n, 3) and offsets (k + 1,).
     """
     curve = centroid_path(points, offsets, NODES)
     for _ in range(PASSES):
@@ -129,26 +121,11 @@ def area_profile(
 
 
 def along(curve: Floats, places: Floats) -> tuple[Floats, Floats]:
-    """Return how far along a curve the points nearest to places are, and the curve's direction there.
+    """Return the arcs (n,) of the points of a curve nearest to places (n, 3) [mm], and its directions there.
 
-    Parameters
-    ----------
-    curve : (c, 3) array
-        A polyline, whose ends go on straight [mm].
-    places : (n, 3) array
-        Positions [mm].
-
-    Returns
-    -------
-    arcs : (n,) array
-        From the first point of the curve on, negative before it [mm].
-    directions : (n, 3) array
-        Unit vectors.
+    The ends of the curve (c, 3) go on straight; arcs are negative before its first point.
     """
-    steps = np.diff(curve, axis=0)
-    lengths = np.linalg.norm(steps, axis=1)
-    ahead = unit_vectors(steps)
-    begins = np.concatenate([[0.0], np.cumsum(lengths)[:-1]])
+    begins, lengths, ahead = _segments(curve)
     nearest = np.full(len(places), np.inf)
     arcs, segment = np.zeros(len(places)), np.zeros(len(places), dtype=np.int64)
     for i, (start, way, length) in enumerate(zip(curve[:-1], ahead, lengths, strict=True)):
@@ -163,42 +140,24 @@ def along(curve: Floats, places: Floats) -> tuple[Floats, Floats]:
 
 def _at(curve: Floats, arcs: Floats) -> tuple[Floats, Floats]:
     """Return places (n, 3) and directions (n, 3) of a curve at some arcs (n,), its ends going on straight."""
+    begins, _, ahead = _segments(curve)
+    segment = np.clip(np.searchsorted(begins, arcs, side="right") - 1, 0, len(begins) - 1)
+    return curve[segment] + (arcs - begins[segment])[:, None] * ahead[segment], ahead[segment]
+
+
+def _segments(curve: Floats) -> tuple[Floats, Floats, Floats]:
+    """Return the arcs at which the segments of a curve begin, their lengths, and their directions."""
     steps = np.diff(curve, axis=0)
     lengths = np.linalg.norm(steps, axis=1)
-    begins = np.concatenate([[0.0], np.cumsum(lengths)[:-1]])
-    segment = np.clip(np.searchsorted(begins, arcs, side="right") - 1, 0, len(steps) - 1)
-    ahead = unit_vectors(steps)[segment]
-    return curve[segment] + (arcs - begins[segment])[:, None] * ahead, ahead
+    return np.concatenate([[0.0], np.cumsum(lengths)[:-1]]), lengths, unit_vectors(steps)
 
 
 def fascicles(
     profile: AreaProfile, volume: float, points: Floats, offsets: Ints, *, share: float
 ) -> Fascicles:
-    """Return the muscle part of fibres: the part of each where the muscle is thick enough.
+    """Return the parts of fibres (n, 3), (k + 1,) between which a muscle of a volume [mm^3] is thick enough.
 
-    Parameters
-    ----------
-    profile : AreaProfile
-        Of the muscle.
-    volume : float
-        Of the muscle [mm^3].
-    points, offsets
-        Fibres, as of :func:`area_profile`.
-    share : float
-        Part of the largest area, below which it is tendon.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from vtkmuscle.core.fibres.architecture import area_profile, fascicles
-    >>> from vtkmuscle.phantoms.meshing import box
-    >>> surface, triangles = box((-1.0, -1.0, 0.0), (1.0, 1.0, 20.0), 1.0)
-    >>> samples = np.random.default_rng(0).uniform([-1.0, -1.0, 0.0], [1.0, 1.0, 20.0], (4000, 3))
-    >>> fibres = np.array([[-0.5, 0.0, 0.0], [-0.5, 0.0, 20.0], [0.5, 0.0, 0.0], [0.5, 0.0, 20.0]])
-    >>> profile = area_profile(surface, triangles, samples, fibres, np.array([0, 2, 4]))
-    >>> found = fascicles(profile, 80.0, fibres, np.array([0, 2, 4]), share=0.17)
-    >>> found.lengths.round(), round(found.cross_section())
-    (array([20., 20.]), 4)
+    Where it has less than a share of its largest area it is tendon.
     """
     low, high = profile.muscle_between(share)
     dense = evenly_spaced(points, offsets, POINTS)

@@ -1,11 +1,11 @@
 """Straight fibres from area to area, as those of muscles between their aponeuroses are.
 
 Measured fibres of a gastrocnemius are straight (length over chord 1.006, median), and equal shares of one
-aponeurosis go to equal shares of the other, in order (:mod:`vtkmuscle.core.fibres.equal_shares`). Nothing
-else is asked: no axis, no template, and an area may have several pieces.
+aponeurosis go to equal shares of the other, in order (:mod:`vtkmuscle.core.fibres.equal_shares`). That takes
+no axis and no template, and an area may have several pieces.
 
 Fibres do not grow thinner on their way from aponeurosis to aponeurosis. So of the one that has the larger
-cross-section, seen along the fibres, a part stays bare: that from which they would have to converge.
+cross-section, seen along the fibres, that part stays bare from which they would have to converge.
 """
 
 from __future__ import annotations
@@ -26,15 +26,15 @@ from vtkmuscle.core.mesh.surface import faces_between
 from vtkmuscle.core.mesh.triangle_tree import TriangleTree, triangle_tree
 from vtkmuscle.core.types import Floats, Ints
 
-#: Places on the lesser of two areas by which is found what of the larger one stays bare. With 64 to 400 of
+#: Places on the lesser of two areas that decide which part of the larger one stays bare. With 64 to 400 of
 #: them fibres in the measured gastrocnemius deviate by 10.0 to 11.0 degrees from the tracts (median).
 COARSE = 128
-#: Fibres by which their direction at a place of an area is known; 2 to 16 change that by as much.
+#: Fibres whose mean is the direction at a place of an area; 2 to 16 change that angle by as much.
 BESIDE = 4
-#: As large is an area that has no less than this part of the other's cross-section: what differs by less than
-#: a row of those places, of a square of them, is not known by them.
+#: An area with no less than this part of the other's cross-section is as large: those places cannot resolve
+#: less than one row of a square of them.
 SAME = 1.0 - COARSE**-0.5
-#: Passes in which fibres that leave the muscle are put back into it and smoothed.
+#: Passes in which fibres that leave the muscle are smoothed and put back into it.
 BENDS = 8
 #: Weight of the middle point in that smoothing, as in the papers'.
 MIDDLE = 4.0
@@ -46,10 +46,8 @@ class EndSurface:
 
     Attributes
     ----------
-    points, triangles : (n, 3) array, (m, 3) int array
-        Of the surface that it is a part of [mm].
-    patch : (j,) int array
-        Ids of the points that belong to it.
+    points, triangles, patch : (n, 3) array, (m, 3) int array, (j,) int array
+        The whole surface [mm], and the ids of the points that fibres end on.
     takes : (float, float)
         Least and most cross-section of fibres that end on it, as multiples of its own, |u . n| times its
         area: 1 and 1 where fibres themselves end on one face of it, 1 and 2 where they may on both, 0 and
@@ -63,17 +61,17 @@ class EndSurface:
 
     @cached_property
     def samples(self) -> PatchSamples:
-        """Positions on it."""
+        """Positions on the patch."""
         return PatchSamples(self.points, self.triangles, self.patch)
 
     @cached_property
     def faces(self) -> Ints:
-        """Its triangles, (k, 3): none where it is a curve or loose points."""
+        """Triangles of the patch, (k, 3): none where it is a curve or loose points."""
         return faces_between(self.triangles, self.patch)
 
     @cached_property
     def tree(self) -> TriangleTree:
-        """Of its triangles."""
+        """The triangles of the patch."""
         return triangle_tree(self.points, self.faces)
 
     def candidates(self, count: int) -> Floats:
@@ -82,15 +80,10 @@ class EndSurface:
         return found if len(found) >= count else np.resize(found, (count, 3))
 
     def crossed_by(self, directions: Floats, places: Floats) -> Floats:
-        """Return its cross-section along fibres, |u . n| times its area [mm^2].
+        """Return its cross-section (m,) along fibres, |u . n| times its area, at places (m, 3) on it [mm^2].
 
-        Parameters
-        ----------
-        directions : (m, k, 3) array
-            Unit vectors of k fibres beside each place. Each counts by itself, not their mean: within a muscle
-            they may come from either side.
-        places : (m, 3) array
-            On it [mm].
+        Directions (m, k, 3) are the unit vectors of k fibres beside each place. |u . n| is averaged, not u:
+        on a surface within a muscle they may come from either side.
         """
         if not len(self.faces):
             return np.zeros(len(places))
@@ -100,23 +93,10 @@ class EndSurface:
 
 
 def straight_fibres(origin: EndSurface, insertion: EndSurface, count: int, resolution: int) -> Floats:
-    """Return straight fibres between two areas, evenly spread over both, that do not cross.
+    """Return straight fibres (count, resolution + 1, 3) [mm] between two areas, without crossings.
 
-    Where one takes more fibres than the other, of one cross-section all along, the rest of it stays bare.
-
-    Parameters
-    ----------
-    origin, insertion : EndSurface
-        Where they begin and end.
-    count : int
-        Number of fibres, >= 1.
-    resolution : int
-        Segments of each, >= 1.
-
-    Returns
-    -------
-    (count, resolution + 1, 3) array
-        Their points [mm].
+    They are evenly spread over both areas. Where one takes more fibres than the other, at the same
+    cross-section of each all along, the rest of it stays bare.
     """
     candidates = [area.candidates(CANDIDATES * max(count, COARSE)) for area in (origin, insertion)]
     starts, ends = even_places(_taken(origin, insertion, candidates), count)
@@ -155,7 +135,7 @@ def _taken(origin: EndSurface, insertion: EndSurface, candidates: Sequence[Float
 
 
 def _by_section(places: Floats, sections: Floats, count: int) -> Floats:
-    """Return some places (count, 3), of which each stands for an equal share of a cross-section."""
+    """Return some of the places, (count, 3), of which each stands for an equal share of a cross-section."""
     mixed = np.random.default_rng(0).permutation(len(places))
     shares = np.cumsum(sections[mixed])
     size = CANDIDATES * count
@@ -164,21 +144,10 @@ def _by_section(places: Floats, sections: Floats, count: int) -> Floats:
 
 
 def filled_share(fibres: Floats, origin: EndSurface, insertion: EndSurface, volume: float) -> float:
-    """Return which part of a muscle straight fibres fill: their mean cross-section times their length.
+    """Return the part of a muscle's volume [mm^3] that straight fibres (k, r, 3) between two areas fill.
 
-    Parameters
-    ----------
-    fibres : (k, r, 3) array
-        Between the areas [mm].
-    origin, insertion : EndSurface
-        The areas.
-    volume : float
-        Of the muscle [mm^3].
-
-    Returns
-    -------
-    float
-        About 1 in a block between two plates, and next to 0 in a spindle that is attached by its tips.
+    That is their mean cross-section times their mean length, over the volume: about 1 in a block between two
+    plates, and next to 0 in a spindle that is attached by its tips.
     """
     ways = fibres[:, -1] - fibres[:, 0]
     ahead = unit_vectors(ways)
@@ -188,24 +157,11 @@ def filled_share(fibres: Floats, origin: EndSurface, insertion: EndSurface, volu
 
 
 def bend_inside(fibres: Floats, into_muscle: Callable[[Floats], Floats]) -> tuple[Floats, Floats]:
-    """Return fibres of which those that leave the muscle are bent inside.
+    """Return fibres (k, r, 3) bent into the muscle, and how far each was outside of it at most (k,) [mm].
 
-    Their points outside go to the nearest place in the muscle, and each fibre is smoothed, its ends kept,
-    again and again: that is about the shortest way within the muscle.
-
-    Parameters
-    ----------
-    fibres : (k, r, 3) array
-        Polylines [mm].
-    into_muscle : callable
-        From points (n, 3) to the nearest points (n, 3) of the muscle, themselves where they are in it [mm].
-
-    Returns
-    -------
-    fibres : (k, r, 3) array
-        With all but the ends in the muscle [mm].
-    departures : (k,) array
-        How far each was outside of the muscle at the most, 0 for those that are as they were [mm].
+    Each fibre that leaves the muscle is smoothed, its ends kept, and its points outside are moved to the
+    nearest ones of the muscle (`into_muscle`, from (n, 3) to (n, 3)), again and again: that leads to about
+    the shortest way within the muscle.
     """
     result = fibres.copy()
     inner = fibres[:, 1:-1]

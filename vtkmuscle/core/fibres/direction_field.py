@@ -13,11 +13,11 @@ from vtkmuscle.core.types import Floats, Ints
 #: median error is 2.1 degrees with 6 to 16 of them, 2.2 with 4, 2.7 with the nearest alone.
 NEIGHBOURS = 8
 
-#: Longest piece of a segment, in spacings of the fibres; most pieces, about; segments whose distance to the
-#: next fibre is measured for that.
+#: Longest piece of a segment, in spacings of the fibres; largest number of pieces, about; segments from which
+#: the spacing is measured.
 PIECE, MOST_PIECES, SAMPLES = 4.0, 2**20, 256
 
-#: Segments that the search for these looks at first, for each of them, and positions times segments that it
+#: Segments that the search looks at first, per fibre wanted, and the most positions times segments that it
 #: looks at together (40 MB).
 CANDIDATES, AT_ONCE = 4, 2**18
 
@@ -29,30 +29,15 @@ BEYOND = 1e-6
 class DirectionField:
     """Directions of fibres as a continuous function of the position.
 
-    The direction u_i of each of the fibres beside a point is that at its own nearest place, between the
-    tangents of both ends of its segment; d_i is how far it is. The mean of the axes is the principal
-    eigenvector of sum w_i u_i u_i^T, so that the sign of an u_i does not matter, with Franke and Nielson's
-    weights w_i = ((R - d_i) / (R d_i))^2, R the distance of the first fibre that has no weight any more. On a
-    fibre it is the fibre's own direction, and it does not jump where another fibre comes nearest, as the
-    direction of the nearest one does. Of both ways along the axis it has that of most weight, from the first
-    points of the fibres to the last.
+    Of each fibre beside a point, d_i is the distance and u_i the direction at its nearest place, between the
+    tangents of both ends of its segment. The mean of the axes is the principal eigenvector of sum w_i u_i
+    u_i^T, so that the sign of an u_i does not matter, with Franke and Nielson's weights w_i = ((R - d_i) / (R
+    d_i))^2, R the distance of the first fibre that has no weight any more. On a fibre it is the fibre's own
+    direction, and it does not jump where another fibre comes nearest. Of both ways along the axis it has that
+    of most weight, from the first points of the fibres to the last.
 
-    Parameters
-    ----------
-    points : (n, 3) array
-        Points of all fibres, one after the other [mm].
-    offsets : (k + 1,) int array
-        First point of each fibre, and n.
-
-    Attributes
-    ----------
-    spacing : float
-        How far a fibre is from the next one, median over segments [mm]; inf for a single fibre.
-
-    Raises
-    ------
-    ValueError
-        If no fibre has a length.
+    The fibres are points (n, 3) and offsets (k + 1,); a ValueError is raised if none has a length. `spacing`
+    is the distance from one fibre to the next, median over segments [mm]; inf for a single fibre.
 
     References
     ----------
@@ -126,17 +111,10 @@ class DirectionField:
     def _beside(self, positions: Floats, count: int) -> tuple[Ints, Floats, Floats]:
         """Return the nearest segment of each of the nearest fibres, in order of their distance.
 
-        Candidates come by the distance of their midpoints. A segment of length s is no nearer than that less
-        s / 2: positions where the last fibre found is farther look at twice as many.
-
-        Returns
-        -------
-        segments : (q, count) int array
-            Numbers of segments, of `count` different fibres.
-        shares : (q, count) array
-            Where on the segment its nearest place is, 0 to 1.
-        distances : (q, count) array
-            Of that place, ascending [mm].
+        These are the numbers of segments of different fibres, the nearest place on each (0 to 1), and its
+        distance [mm], (q, count) each. Candidates come by the distance of their midpoints. A segment of
+        length s is no nearer than that less s / 2: positions where the last fibre found is farther look at
+        twice as many.
         """
         segments = np.zeros((len(positions), count), dtype=np.int64)
         shares, distances = np.zeros(segments.shape), np.full(segments.shape, np.inf)
@@ -150,7 +128,7 @@ class DirectionField:
                 along = np.einsum("qki,qki->qk", ways, steps) / np.einsum("qki,qki->qk", steps, steps)
                 along = np.clip(along, 0.0, 1.0)
                 away = np.linalg.norm(ways - along[:, :, None] * steps, axis=2)
-                # Of each fibre the nearest segment, and of these the nearest ones.
+                # First the nearest segment of each fibre, then the nearest of these.
                 by_fibre = np.lexsort((away, self._fibres[near]))
                 fibres = np.take_along_axis(self._fibres[near], by_fibre, axis=1)
                 again = np.zeros(away.shape, dtype=np.bool_)

@@ -1,4 +1,4 @@
-"""Equal shares of areas, and which share of one area goes with which of another: optimal transport.
+"""Equal shares of areas, and the optimal transport that pairs those of one area with those of another.
 
 Fibres between two areas begin at places of which each stands for as much of one area, and end at such places
 of the other. Matched by the least sum of squared distances they do not cross: (x_i - x_j) . (y_i - y_j) >= 0
@@ -16,48 +16,37 @@ from scipy.spatial import cKDTree
 
 from vtkmuscle.core.types import Floats, Ints
 
-#: How much more some positions count than others, by their numbers, for the axes that divide them.
+#: Largest extra weight of a position, drawn at random, in the axes that divide them.
 UNEVEN = 0.1
-#: Positions by which each share of an area is known.
+#: Positions that sample each share of an area.
 CANDIDATES = 16
 #: Passes of Lloyd's relaxation. Of 333 places on plates of 30 x 10 and 5 x 60 mm the cells' sizes have a
 #: standard deviation of 0.33 of their mean with none, 0.18 with 2, 0.14 with 16; between equal plates that
 #: are sampled otherwise, fibres deviate by 0.19 spacings with none (median), 0.21 with 2, 0.25 with 16.
 RELAXATIONS = 2
-#: Places that are matched at once: that costs the cube of their number, 0.1 s for a thousand.
+#: Places that are matched at once: the time grows with the cube of their number, 0.1 s for a thousand.
 AT_ONCE = 512
 #: Neighbours of each fibre with which it may exchange its end, where places are matched in parts.
 NEIGHBOURS = 8
-#: How thick a flat area is taken for, as a part of its extent: much less, and the map from one flat area to
+#: Thickness assumed for a flat area, as a part of its extent: with much less the map from one flat area to
 #: another would be rounding across them.
 FLAT = 0.01
 
 
 def even_places(areas: Sequence[Floats], count: int) -> list[Floats]:
-    """Return places on one or two areas, of which each stands for an equal share of its area.
+    """Return places (count, 3) on each of one or two areas, each of which stands for an equal share.
 
-    Two areas are halved across the axis along which they are longest together, each half again, until there
-    are as many parts as wanted, and a few passes of Lloyd's relaxation make these round. The axis is turned
-    to each of the areas by half of the optimal map between their normal distributions. Halved alike, areas
-    alike have places alike, and it does not matter which is the first.
-
-    Parameters
-    ----------
-    areas : sequence of one or two (m, 3) arrays
-        Positions of even density on each area, count or more [mm].
-    count : int
-        Number of places, >= 1.
-
-    Returns
-    -------
-    places : list of (count, 3) arrays
-        Some of the positions on each area [mm].
+    The areas are positions (m, 3) of even density, count or more, and the places some of them. Two areas are
+    halved across the axis along which they are longest together, each half again, until there are as many
+    parts as wanted, and a few passes of Lloyd's relaxation make these round. The axis is turned to each of
+    the areas by half of the optimal map between their normal distributions. So areas alike have places alike,
+    and it does not matter which is the first.
     """
     return [_relaxed(area, part, count) for area, part in zip(areas, halved(areas, count), strict=True)]
 
 
 def _relaxed(positions: Floats, part: Ints, count: int) -> Floats:
-    """Return the positions in the middle of parts, after a few passes of relaxation."""
+    """Return the positions nearest to the middles of parts, after a few passes of relaxation."""
     places = _means(positions, part, count)
     for _ in range(RELAXATIONS):
         places = _means(positions, cKDTree(places).query(positions)[1], count, places)
@@ -69,8 +58,8 @@ def halved(areas: Sequence[Floats], count: int) -> list[Ints]:
     """Return for each area the part (m,) of each position, `count` parts that are halves of halves."""
     parts = [np.zeros(len(area), dtype=np.int64) for area in areas]
     shares = np.array([count])  # how many parts each part is to become
-    # Of two axes that are as long, and of the two ways that one may point, rounding would choose: positions
-    # that count for a little more or less, by their numbers, decide instead.
+    # Rounding would choose between two axes of equal length, and between the two ways along one. Small random
+    # weights of the positions, always the same, decide instead.
     weights = [np.random.default_rng(0).random(len(area)) for area in areas]
     while shares.max() > 1:
         centred, spreads = [], []
@@ -107,21 +96,11 @@ def _means(values: Floats, part: Ints, count: int, otherwise: Floats | None = No
 
 
 def matched_places(starts: Floats, ends: Floats) -> Ints:
-    """Return which end goes with each start, such that the sum of squared distances is least.
+    """Return the number of the end for each start, (n,), such that the sum of squared distances is least.
 
-    Up to :data:`AT_ONCE` places that is exact. More are halved, both sets by the same share along directions
-    that the optimal map between their normal distributions takes to each other, until the parts are matched
-    exactly; then neighbours exchange ends for as long as that makes the sum less.
-
-    Parameters
-    ----------
-    starts, ends : (n, 3) arrays
-        Places on the two areas [mm].
-
-    Returns
-    -------
-    (n,) int array
-        A permutation: the number of the end for each start.
+    Up to :data:`AT_ONCE` places, (n, 3) each, that is exact. More are halved, both sets by the same share
+    along directions that the optimal map between their normal distributions takes to each other, until the
+    parts are matched exactly; then neighbours exchange ends for as long as that makes the sum less.
 
     Examples
     --------
@@ -138,8 +117,9 @@ def matched_places(starts: Floats, ends: Floats) -> Ints:
         x, y = starts[mine] - starts[mine].mean(axis=0), ends[theirs] - ends[theirs].mean(axis=0)
         forth = _normal_map(x.T @ x / len(x), y.T @ y / len(y))
         if len(mine) <= AT_ONCE:
-            # Less what it costs at the optimum for normal distributions, the costs of good pairs are near to
-            # 0, and the assignment takes a quarter of the time; which pairs are best is not changed by that.
+            # Terms of one start or one end alone do not change which pairs are best. With those of the
+            # optimal map for normal distributions good pairs cost about 0, and the assignment takes a quarter
+            # of the time.
             back = np.linalg.inv(forth)
             costs = np.einsum("ij,jk,ik->i", x, forth, x)[:, None] - 2.0 * x @ y.T
             costs += np.einsum("ij,jk,ik->i", y, back, y)
@@ -193,7 +173,7 @@ def _uncross(starts: Floats, ends: Floats, goes_with: Ints) -> None:
         if not len(crossing):
             return
         crossing = crossing[np.argsort(along[crossing], kind="stable")]
-        # Of those that cross most, one exchange per fibre: the sum gets less by each, so this ends.
+        # Those that cross most first, one exchange per fibre: each makes the sum less, so this ends.
         rank = np.full(len(starts), len(crossing))
         np.minimum.at(rank, pairs[crossing].reshape(-1), np.repeat(np.arange(len(crossing)), 2))
         first = rank[pairs[crossing]]

@@ -1,45 +1,78 @@
-"""Mean value coordinates of points in a closed triangle mesh."""
+"""Mean value coordinates of points in a closed triangle mesh, computed for sixteen points at a time.
+
+Ju, Schaefer, Warren 2005, *Mean value coordinates for closed triangular meshes*
+(doi:10.1145/1073204.1073229). Seen from a point v, a triangle with corners e_i = p_i - v covers the piece of
+the unit sphere whose vector area is m = sum_k g_k c_k, with c_k = e_{k+1} x e_{k-1} and
+g_k = theta_k / (2 |c_k|), theta_k the angle under which its edge k is seen. Its weights solve
+sum_i w_i e_i = m (section 3). With the height h = n . e over the plane of the triangle (unit normal n, double
+area A, edge vectors l_k, t_k = n x l_k) c_k = b_k n + h t_k, where b_k / A are the barycentric coordinates of
+the foot point, and so
+
+    w_i = (b_i S / h + h sum_k g_k l_k . l_i) / A,   S = n . m = sum_k g_k b_k.
+
+Unlike the paper's form by spherical trigonometry this has no pole but the triangle itself.
+
+Most triangles are far away: their edges are seen under small angles. With u = sin^2(theta / 2), which follows
+from the lengths of the edge and of the e,
+
+    g = f(u) / (2 |e_a| |e_b|),   f(u) = asin(sqrt u) / sqrt(u (1 - u)) = sum_k 4^k (k!)^2 / (2k + 1)! u^k.
+
+The few triangles that are near the point, or whose plane is, are computed separately.
+"""
 
 from __future__ import annotations
 
+import math
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
+from scipy.spatial.distance import cdist
 
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.core.fibres.mean_value_lanes import LANES, MeshArrays, weights_of_lanes
+from vtkmuscle.core.jit import lane, vector_kernel
 from vtkmuscle.core.machine import processors
-from vtkmuscle.core.types import Floats, Ints
+from vtkmuscle.core.types import Bools, Floats, Ints
 
 #: A query point nearer than this to a vertex, an edge or a triangle lies on it; share of the mesh's diagonal.
 ON_SURFACE = 1e-13
 #: Weights that miss their own point by more than this share of the diagonal come from an open surface.
 LARGEST_RESIDUAL = 1e-6
+#: Query points that are done together.
+LANES = 16
+#: Largest u = sin^2(theta / 2) of an edge of a far triangle: 20 degrees; f has all digits after 11 terms.
+SMALL_ANGLE = 1.0 / 32.0
+#: Square of the height over a plane, as a part of that of the distance, below which S is computed otherwise:
+#: rounding of S errs by its own size over the height.
+LEVEL = 1e-6
+#: A sum smaller than this part of its terms has lost digits to cancellation, and is computed otherwise.
+CANCELLED = 1e-6
+#: Square of the height over a plane, as a share of that of the distance, below which a series is exact.
+FLAT = 1e-6
+
+_TERMS = tuple(4.0**k * math.factorial(k) ** 2 / math.factorial(2 * k + 1) for k in range(11))
+_F0, _F1, _F2, _F3, _F4, _F5, _F6, _F7, _F8, _F9, _F10 = _TERMS
+
+# Rows of the buffer, LANES numbers each: squared distances and their roots' inverses at three corners, ...
+_D0, _D1, _D2, _R0, _R1, _R2 = (row * LANES for row in range(6))
+# ... the weights there before and after, whether a triangle is not far, and the points.
+_V0, _V1, _V2, _W0, _W1, _W2, _CLOSE, _X, _Y, _Z = (row * LANES for row in range(6, 16))
 
 
 def mean_value_coordinates(points: Floats, triangles: Ints, queries: Floats, *, threads: int = 0) -> Floats:
-    """Return the weights that express points by the vertices of a closed triangle mesh.
+    """Return the weights (q, n) that express points by the vertices of a closed triangle mesh.
 
-    Ju, Schaefer, Warren 2005, *Mean value coordinates for closed triangular meshes*
-    (doi:10.1145/1073204.1073229). The weights of a point sum to 1 and reproduce linear functions; they are
-    barycentric on the surface and defined outside of it as well.
+    The weights of a point sum to 1 and reproduce linear functions; they are barycentric on the surface and
+    defined outside of it as well.
 
     Parameters
     ----------
-    points : (n, 3) array
-        Vertices of the mesh [mm].
-    triangles : (m, 3) int array
-        Point ids. Triangles without area contribute nothing; which side is out does not matter.
+    points, triangles : (n, 3) array, (m, 3) int array
+        The mesh [mm]. Triangles without area contribute nothing; which side is out does not matter.
     queries : (q, 3) array
         Where to evaluate, inside or outside of the mesh [mm].
     threads : int, optional
         Number of threads, 0 for one per processor. The result does not depend on it.
-
-    Returns
-    -------
-    (q, n) array
-        A row of weights per query point [1].
 
     Raises
     ------
@@ -50,17 +83,32 @@ def mean_value_coordinates(points: Floats, triangles: Ints, queries: Floats, *, 
     return weights_of(coordinate_mesh(points, triangles), queries, threads)
 
 
-@dataclass(frozen=True, eq=False)
-class CoordinateMesh:
-    """The data of a mesh that all query points share."""
+class CoordinateMesh(NamedTuple):
+    """A mesh about its centre as the kernel takes it; number i of a triangle is opposite to its corner i.
 
+    Attributes
+    ----------
+    vertices, triangles : (n, 3) array, (m, 3) int array
+        Positions [mm]; triangles that have an area.
+    constants : (m, 16) array
+        The unit normal n, l_1 x n, l_2 x n, the double area A, l_0 . l_1 / A, l_0 . l_2 / A, l_1 . l_2 / A,
+        and the squared lengths of the edges.
+    spread : (n, 3) array
+        Spreads a residual over the vertices by the smallest change of weights that keeps their sum.
+    centre, diagonal : (3,) array, float
+        The centre, and the diagonal of the box [mm].
+    """
+
+    vertices: Floats
+    triangles: Ints
+    constants: Floats
+    spread: Floats
     centre: Floats
     diagonal: float
-    arrays: MeshArrays
 
 
 def coordinate_mesh(points: Floats, triangles: Ints) -> CoordinateMesh:
-    """Return the data of a mesh that all query points share."""
+    """Return the data of a mesh that all query points share, from points (n, 3) and triangles (m, 3)."""
     centre = points.mean(axis=0) if len(points) else np.zeros(3)
     vertices = points - centre
     corners = vertices[triangles]
@@ -77,37 +125,29 @@ def coordinate_mesh(points: Floats, triangles: Ints) -> CoordinateMesh:
     if not len(used):
         raise InputError("mean value coordinates", "the mesh has no triangle with an area")
     one, two, three = sides[:, 0], sides[:, 1], sides[:, 2]
-    products = np.stack(
-        [(one * two).sum(axis=1), (one * three).sum(axis=1), (two * three).sum(axis=1)], axis=1
+    products = np.stack([(a * b).sum(axis=1) for a, b in ((one, two), (one, three), (two, three))], axis=1)
+    crosses = np.cross(two, normals), np.cross(three, normals)
+    return CoordinateMesh(
+        vertices=np.ascontiguousarray(vertices, dtype=np.float64),
+        triangles=np.ascontiguousarray(triangles, dtype=np.int64),
+        constants=np.column_stack(
+            [normals, *crosses, double_areas, products / double_areas[:, None], squares]
+        ),
+        spread=vertices @ np.linalg.pinv(vertices.T @ vertices),
+        centre=centre,
+        diagonal=float(np.linalg.norm(np.ptp(used, axis=0))),
     )
-    constants = np.column_stack(
-        [
-            normals,
-            np.cross(two, normals),
-            np.cross(three, normals),
-            double_areas,
-            products / double_areas[:, None],
-            squares,
-        ]
-    )
-    arrays = MeshArrays(
-        np.ascontiguousarray(vertices, dtype=np.float64),
-        np.ascontiguousarray(triangles, dtype=np.int64),
-        constants,
-        vertices @ np.linalg.pinv(vertices.T @ vertices),
-    )
-    return CoordinateMesh(centre, float(np.linalg.norm(np.ptp(used, axis=0))), arrays)
 
 
 def weights_of(mesh: CoordinateMesh, queries: Floats, threads: int, *, first: int = 0) -> Floats:
-    """Return the weights (q, n) of points, computed in threads; numbered from `first` on where they fail."""
+    """Return the weights (q, n) of points, in threads; an error numbers the points from `first` on."""
     centred = queries - mesh.centre
-    weights, residuals = np.empty((len(queries), len(mesh.arrays.vertices))), np.empty(len(queries))
+    weights, residuals = np.empty((len(queries), len(mesh.vertices))), np.empty(len(queries))
 
     def work(begin: int) -> None:
         rows = slice(begin, begin + LANES)
         tolerance = mesh.diagonal * ON_SURFACE
-        weights[rows], residuals[rows] = weights_of_lanes(mesh.arrays, centred[rows], tolerance)
+        weights[rows], residuals[rows] = weights_of_lanes(mesh, centred[rows], tolerance)
 
     with ThreadPoolExecutor(threads or processors()) as pool:
         list(pool.map(work, range(0, len(queries), LANES)))
@@ -123,7 +163,7 @@ def weights_of(mesh: CoordinateMesh, queries: Floats, threads: int, *, first: in
 
 
 def transport(weights: Floats, points: Floats) -> Floats:
-    """Return the points that weights make of vertices, v_i = sum_j w_ij p_j.
+    """Return the points (q, 3) that weights make of vertices, v_i = sum_j w_ij p_j.
 
     Kohout, Cervenka 2021, eq. 8 (doi:10.1007/978-3-030-72379-8_24). Taken about the centre of the vertices,
     so that a mesh far from the origin loses no digits.
@@ -133,13 +173,178 @@ def transport(weights: Floats, points: Floats) -> Floats:
     weights : (q, n) array
         Rows that sum to 1.
     points : (n, 3) array
-        Vertices, as many as when the weights were computed [mm].
-
-    Returns
-    -------
-    (q, 3) array
-        Positions [mm].
+        The vertices' new positions [mm].
     """
     centre = points.mean(axis=0)
     moved: Floats = weights @ (points - centre) + centre
     return moved
+
+
+def weights_of_lanes(mesh: CoordinateMesh, queries: Floats, tolerance: float) -> tuple[Floats, Floats]:
+    """Return weights (q, n), and by how much they would miss their points uncorrected, (q,) [mm].
+
+    The points are (q, 3), about the mesh's centre, 1 <= q <= LANES. Those nearer than the tolerance [mm] to a
+    vertex, an edge or a triangle get their barycentric coordinates.
+    """
+    points = queries[np.minimum(np.arange(LANES), len(queries) - 1)]
+    squares = cdist(mesh.vertices, points, "sqeuclidean")
+    sums, close = np.zeros(squares.shape), np.zeros((len(mesh.triangles), LANES), dtype=np.bool_)
+    buffer = np.concatenate([np.empty(_X), points.T.reshape(-1)])
+    inverses = np.sqrt(squares)
+    with np.errstate(divide="ignore", invalid="ignore"):  # at a vertex; an open surface may have no weight
+        np.divide(1.0, inverses, out=inverses)
+        _see_far(mesh, squares.reshape(-1), inverses.reshape(-1), buffer, sums.reshape(-1), close)
+        near = np.flatnonzero(close)
+        corners, shares, on = _see_near(mesh, points, tolerance, near // LANES, near % LANES, sums)
+        sums /= sums.sum(axis=0)
+    missed = mesh.vertices.T @ sums - points.T
+    sums -= mesh.spread @ missed
+    weights, residuals = sums.T, np.linalg.norm(missed, axis=0)
+
+    at_vertex = np.flatnonzero(squares.min(axis=0) <= tolerance**2)
+    on_surface = np.append(on, at_vertex)
+    weights[on_surface], residuals[on_surface] = 0.0, 0.0
+    weights[on[:, None], corners] = shares
+    weights[at_vertex] = 0.0
+    weights[at_vertex, squares[:, at_vertex].argmin(axis=0)] = 1.0
+    return weights[: len(queries)], residuals[: len(queries)]
+
+
+@lane
+def _move(source: Floats, at: int, to: Floats, place: int) -> None:
+    """Copy a row; all loads first, so that the compiler need not know that the arrays do not overlap."""
+    for k in range(0, LANES, 8):
+        i, j = at + k, place + k
+        a, b, c, d = source[i], source[i + 1], source[i + 2], source[i + 3]
+        e, f, g, h = source[i + 4], source[i + 5], source[i + 6], source[i + 7]
+        to[j], to[j + 1], to[j + 2], to[j + 3] = a, b, c, d
+        to[j + 4], to[j + 5], to[j + 6], to[j + 7] = e, f, g, h
+
+
+@lane
+def _half_f(u: float) -> float:
+    """Return f(u) / 2 for u <= SMALL_ANGLE."""
+    series = _F7 + u * (_F8 + u * (_F9 + u * _F10))
+    series = _F4 + u * (_F5 + u * (_F6 + u * series))
+    series = _F1 + u * (_F2 + u * (_F3 + u * series))
+    return 0.5 * _F0 + 0.5 * u * series
+
+
+@vector_kernel
+def _see_far(
+    mesh: CoordinateMesh, squares: Floats, inverses: Floats, buffer: Floats, sums: Floats, close: Bools
+) -> None:
+    """Add up the weights of far triangles, as at the top of this file, and mark those close to a point.
+
+    The l_k add up to 0: sum_k g_k l_k . l_0 = l_0 . l_1 (g_1 - g_0) + l_0 . l_2 (g_2 - g_0), and so on.
+    Arrays of (n * LANES,) have each vertex's squared distance, its inverse distance and its weight;
+    `close` (m, LANES) is made True where a triangle is close.
+    """
+    for t in range(len(mesh.triangles)):
+        first = mesh.triangles[t, 0]
+        px, py, pz = mesh.vertices[first, 0], mesh.vertices[first, 1], mesh.vertices[first, 2]
+        for corner in range(3):  # a row that is no constant: one compilation serves all
+            at, row = mesh.triangles[t, corner] * LANES, corner * LANES
+            _move(squares, at, buffer, _D0 + row)
+            _move(inverses, at, buffer, _R0 + row)
+            _move(sums, at, buffer, _V0 + row)
+        own = mesh.constants[t]
+        nx, ny, nz, ux, uy, uz, vx, vy, vz = (
+            own[0], own[1], own[2], own[3], own[4], own[5], own[6], own[7], own[8],
+        )  # fmt: skip
+        area, l01, l02, l12, l0, l1, l2 = own[9], own[10], own[11], own[12], own[13], own[14], own[15]
+        n_close = 0
+        for k in range(LANES):
+            x, y, z = px - buffer[_X + k], py - buffer[_Y + k], pz - buffer[_Z + k]
+            d0, d1, d2 = buffer[_D0 + k], buffer[_D1 + k], buffer[_D2 + k]
+            r0, r1, r2 = buffer[_R0 + k], buffer[_R1 + k], buffer[_R2 + k]
+            h = x * nx + y * ny + z * nz
+            b1, b2 = x * ux + y * uy + z * uz, x * vx + y * vy + z * vz
+            b0 = area - b1 - b2
+            r12, r20, r01 = r1 * r2, r2 * r0, r0 * r1
+            u0 = 0.5 - 0.25 * (d1 + d2 - l0) * r12
+            u1 = 0.5 - 0.25 * (d2 + d0 - l1) * r20
+            u2 = 0.5 - 0.25 * (d0 + d1 - l2) * r01
+            g0, g1, g2 = r12 * _half_f(u0), r20 * _half_f(u1), r01 * _half_f(u2)
+            s = (g0 * b0 + g1 * b1 + g2 * b2) / (h * area)
+            a, b, c = l01 * (g1 - g0), l02 * (g2 - g0), l12 * (g2 - g1)
+            near = (max(u0, u1, u2) > SMALL_ANGLE) | (h * h <= LEVEL * d0)
+            n_close += 1 if near else 0
+            buffer[_CLOSE + k] = 1.0 if near else 0.0
+            buffer[_W0 + k] = buffer[_V0 + k] + (0.0 if near else b0 * s + h * (a + b))
+            buffer[_W1 + k] = buffer[_V1 + k] + (0.0 if near else b1 * s + h * (c - a))
+            buffer[_W2 + k] = buffer[_V2 + k] + (0.0 if near else b2 * s - h * (b + c))
+        for corner in range(3):
+            _move(buffer, _W0 + corner * LANES, sums, mesh.triangles[t, corner] * LANES)
+        if n_close > 0:
+            for k in range(LANES):
+                close[t, k] = buffer[_CLOSE + k] > 0.0
+
+
+def _see_near(
+    mesh: CoordinateMesh, points: Floats, tolerance: float, triangle: Ints, lane_of: Ints, sums: Floats
+) -> tuple[Ints, Floats, Ints]:
+    """Add the weights of triangles to those of points (n, LANES), however near they are.
+
+    Returns for the points on a triangle or an edge the vertices (s, 3), the barycentric coordinates (s, 3),
+    and the lanes (s,).
+    """
+    constants, corners = mesh.constants[triangle], mesh.triangles[triangle]
+    normals, areas = constants[:, :3], constants[:, 9]
+    at = mesh.vertices[corners]
+    e, sides = at - points[lane_of, None], at[:, [2, 0, 1]] - at[:, [1, 2, 0]]
+    ones, twos = e[:, [1, 2, 0]], e[:, [2, 0, 1]]
+    # a x (b - a) rather than a x b: the error is that of a small vector.
+    crosses = np.cross(ones, sides)
+    cross, length2 = np.sqrt(_dot(crosses, crosses)), _dot(sides, sides)
+    dots, b, h = _dot(ones, twos), _dot(normals[:, None], crosses), _dot(normals, e[:, 0])
+    g = np.where(cross > 0.0, 0.5 * np.arctan2(cross, dots) / cross, 0.5 / dots)
+    s, terms = _dot(g, b), _dot(g, abs(b))
+    lost = abs(s) <= CANCELLED * terms
+    s[lost] = -0.5 * _flat_excess(h[lost, None], b[lost], g[lost], sides[lost], ones[lost], twos[lost])
+    along = _dot(np.einsum("pi,pia->pa", g, sides)[:, None], sides)
+    added = b * (s / (h * areas))[:, None] + (h / areas)[:, None] * along
+    on_edge = (dots < 0.0) & (cross**2 <= tolerance**2 * length2)
+    on = on_edge.any(axis=1) | ((abs(h) <= tolerance) & (b > 0.0).all(axis=1))
+    counts = ~on & (h != 0.0)
+    np.add.at(sums, (corners[counts], lane_of[counts, None]), added[counts])
+
+    shares, edge = b[on] / b[on].sum(axis=1, keepdims=True), np.flatnonzero(on_edge[on].any(axis=1))
+    opposite = on_edge[on][edge].argmax(axis=1)
+    one, two = (opposite + 1) % 3, (opposite + 2) % 3
+    chosen = np.flatnonzero(on)[edge], opposite
+    share = -_dot(ones[chosen], sides[chosen]) / length2[chosen]
+    shares[edge] = 0.0
+    shares[edge, one], shares[edge, two] = 1.0 - share, share
+    return corners[on], shares, lane_of[on]
+
+
+def _dot(a: Floats, b: Floats) -> Floats:
+    """Return products of vectors (..., 3)."""
+    products: Floats = np.einsum("...a,...a->...", a, b)
+    return products
+
+
+def _flat_excess(h: Floats, b: Floats, g: Floats, sides: Floats, ea: Floats, eb: Floats) -> Floats:
+    """Return the sum over the edges of triangles of phi - theta cos(beta).
+
+    That is how far the angle seen from the foot point exceeds its share:
+    phi is the angle under which the foot point sees the edge from a to b, theta that from the height h above,
+    beta the angle between the planes; over the edges of a triangle that the foot point is outside of, the
+    phi sum to 0, so that S is -1/2 the sum of these excesses. With the distance delta = b / length of the
+    foot point from the edge's line, and s along it, the excess is
+
+        h^2 integral delta ds / ((delta^2 + s^2) (delta^2 + s^2 + h^2)),
+
+    and for h much smaller than delta, with y = delta^2 + h^2 / 2, h^2 integral delta ds / (y + s^2)^2.
+    """
+    length = np.sqrt(_dot(sides, sides))
+    delta = b / length
+    sa, sb = _dot(ea, sides) / length, _dot(eb, sides) / length
+    y = delta * delta + 0.5 * h * h
+    x = np.sqrt(y)
+    bracket = np.arctan2(x * length, y + sa * sb) / x + sb / (y + sb * sb) - sa / (y + sa * sa)
+    series = 0.5 * h * h * delta / y * bracket
+    plain = np.arctan2(delta * length, delta * delta + sa * sb) - 2.0 * g * b
+    excess: Floats = np.where(h * h < FLAT * delta * delta, series, plain).sum(axis=1)
+    return excess

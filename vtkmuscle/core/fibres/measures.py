@@ -1,4 +1,4 @@
-"""What researchers publish of fibres: curvature, lines of action, cross-sections, room, groups, curves."""
+"""Measures of fibres that are published: curvature, lines of action, cross-sections, groups, arrangement."""
 
 from __future__ import annotations
 
@@ -15,21 +15,10 @@ from vtkmuscle.core.types import Bools, Floats, Ints
 
 
 def polyline_curvatures(points: Floats, offsets: Ints) -> tuple[Floats, Floats, Floats]:
-    """Return the curvature of polylines: that of the circle through a point and its two neighbours.
+    """Return the curvature of polylines: that of the circle through a point and its two neighbours [1/mm].
 
-    Parameters
-    ----------
-    points, offsets : (n, 3) array, (k + 1,) int array
-        Positions [mm]; first point of each line, and n.
-
-    Returns
-    -------
-    curvature : (n,) array
-        At each point, 0 at ends and where neighbours coincide [1/mm].
-    mean : (k,) array
-        Of each line, weighted by the lengths of the segments at the points [1/mm].
-    largest : (k,) array
-        Of each line [1/mm].
+    It is given at each point (n,), 0 at ends and where neighbours coincide; as the mean of each line (k,),
+    weighted by the lengths of the segments at the points; and as the largest of each line (k,).
     """
     i, firsts = inner_points(offsets), offsets[:-1]
     before, after = points[i] - points[i - 1], points[i + 1] - points[i]
@@ -46,15 +35,7 @@ def polyline_curvatures(points: Floats, offsets: Ints) -> tuple[Floats, Floats, 
 
 
 def centroid_path(points: Floats, offsets: Ints, count: int) -> Floats:
-    """Return the mean (count, 3) of all polylines at equal parts of their lengths, from start to end [mm].
-
-    Parameters
-    ----------
-    points, offsets : (n, 3) array, (k + 1,) int array
-        Positions [mm]; first point of each line, and n.
-    count : int
-        Points of the path, >= 2.
-    """
+    """Return the mean (count, 3) of all polylines at equal parts of their lengths, from start to end [mm]."""
     mean: Floats = evenly_spaced(points, offsets, count).mean(axis=0)
     return mean
 
@@ -85,30 +66,17 @@ def physiological_cross_section(volume: float, lengths: Floats, angles: Floats) 
 
     The area is volume / mean fibre length; what acts along the line of action is its product with the mean
     cosine of the fibres' angles to that line (Lieber, Friden 2000,
-    doi:10.1002/1097-4598(200011)23:11<1647::AID-MUS1>3.0.CO;2-M).
-
-    Parameters
-    ----------
-    volume : float
-        Of the muscle [mm^3].
-    lengths : (k,) array
-        Of the fibres [mm]; their mean is not 0.
-    angles : (k,) array
-        Of the fibres to the line of action [degrees].
+    doi:10.1002/1097-4598(200011)23:11<1647::AID-MUS1>3.0.CO;2-M). The volume is the muscle's [mm^3], lengths
+    [mm] and angles to the line of action [degrees] are those of the fibres, (k,).
     """
     area = abs(volume) / float(lengths.mean())
     return area, area * float(np.cos(np.radians(angles)).mean())
 
 
 def section_areas(points: Floats, triangles: Ints, places: Floats, normals: Floats) -> Floats:
-    """Return the areas (s,) of plane sections of a closed surface [mm^2].
+    """Return the areas (s,) of sections of a closed surface by planes through places (s, 3) [mm^2].
 
-    Parameters
-    ----------
-    points, triangles : (n, 3) array, (m, 3) int array
-        Positions [mm]; point ids, closed, facing outward.
-    places, normals : (s, 3) arrays
-        A point in each plane [mm] and its unit normal.
+    The surface faces outward; the planes have the unit normals (s, 3).
     """
     return np.array([_section_area(points, triangles, *plane) for plane in zip(places, normals, strict=True)])
 
@@ -146,12 +114,7 @@ def smoothed_curve(values: Floats, *, passes: int = 5) -> Floats:
     values : (f,) or (f, k) array
         A row per frame, for instance fibre lengths [mm].
     passes : int, optional
-        How often, >= 0.
-
-    Returns
-    -------
-    array of the same shape
-        Smoothed.
+        Number of passes, >= 0.
 
     Examples
     --------
@@ -168,24 +131,18 @@ _FIRST_NEIGHBOURS = 12
 
 
 def filling_radius(volume: float, total_length: float) -> float:
-    """Return the radius [mm] of tubes in hexagonal packing, whose cells of 2 sqrt(3) r^2 fill a volume.
+    """Return the radius of tubes in hexagonal packing, whose cells of 2 sqrt(3) r^2 fill a volume [mm].
 
-    Parameters
-    ----------
-    volume : float
-        Of the muscle [mm^3].
-    total_length : float
-        Of all fibres, > 0 [mm].
+    The total length is that of all fibres, > 0 [mm].
     """
     return float(np.sqrt(volume / (2.0 * np.sqrt(3.0) * total_length)))
 
 
 def room_between(points: Floats, offsets: Ints) -> Floats:
-    """Return the distance of each point of polylines from the nearest other polyline.
+    """Return the distance (n,) of each point of polylines from the nearest other polyline.
 
-    Of the other lines' points the nearest one is found, and the distance is that to the segments on its two
-    sides; infinite where there is one line only. Points are (n, 3), offsets the first point of each line, and
-    n; the distances (n,), in the unit of the points.
+    That is the distance to the segments on both sides of the nearest point of another line; infinite where
+    there is one line only.
     """
     line_of = np.repeat(np.arange(len(offsets) - 1), np.diff(offsets))
     nearest = np.full(len(points), -1, dtype=np.int64)
@@ -212,17 +169,10 @@ def room_between(points: Floats, offsets: Ints) -> Floats:
 
 
 def group_fibres(lengths: Floats, count: int) -> Ints:
-    """Return the group of each fibre (n,), of fibres that lengthen alike.
+    """Return the group of each fibre (n,), from the lengths of all fibres in each pose (f, n).
 
-    k-means of the lengths' changes from their means over the poses: fibres of one group have the same moment
-    arms, whatever their lengths are.
-
-    Parameters
-    ----------
-    lengths : (f, n) array
-        Of each fibre in each pose.
-    count : int
-        Number of groups; fewer come out where fibres are fewer, or are alike.
+    By k-means of the lengths' changes from their means over the poses: fibres of one group have the same
+    moment arms, whatever their lengths are. There are fewer groups where fibres are fewer, or alike.
     """
     changes = (lengths - lengths.mean(axis=0)).T
     distinct = len(np.unique(changes.round(12), axis=0))
@@ -237,7 +187,7 @@ def group_fibres(lengths: Floats, count: int) -> Ints:
 
 
 def group_errors(lengths: Floats, groups: Ints) -> Floats:
-    """Return the RMS (n,) of each fibre's change of length against that of its group, in its unit."""
+    """Return the RMS difference (n,) of each fibre's change of length from that of its group."""
     changes = lengths - lengths.mean(axis=0)
     errors = np.zeros(lengths.shape[1])
     for group in range(int(groups.max()) + 1):
@@ -247,14 +197,15 @@ def group_errors(lengths: Floats, groups: Ints) -> Floats:
     return errors
 
 
-#: Places along each fibre at which neighbours are compared; ends are compared with places this far from them.
+#: Places along each fibre at which neighbours are compared, and by how many of them an end and the place that
+#: it is compared with are apart.
 STATIONS, INWARD = 33, 4
 #: Neighbours of each fibre, those nearest to it in the middle: the sides of a square.
 NEIGHBOURS = 4
-#: Neighbours nearer to each other than this part of what is usual at a place meet there, and are on no side.
+#: Neighbours nearer to each other than this part of the median distance at a place meet, and are on no side.
 MEET = 0.25
-#: A turn between two segments beyond which a fibre is hooked [degrees]: it runs back. Where an area lies
-#: beside the fibres, they turn onto it by less.
+#: Turn between two segments beyond which a fibre is hooked [degrees]: it runs back. Fibres turn by less onto
+#: an area that lies beside them.
 HOOKED = 90.0
 
 
@@ -271,8 +222,8 @@ class Arrangement:
     turning : float
         Sum of the turns along a fibre, 95th percentile [degrees]: 360 is once round.
     bare : float
-        Part of the muscle's volume that is farther from any fibre than neighbours are from each other (the
-        median of their mean distance) where that is most, in the belly; 0 for fewer than five fibres.
+        Part of the muscle's volume that is farther from any fibre than neighbours are from each other in the
+        belly (the median of their mean distance, where it is largest); 0 for fewer than five fibres.
     """
 
     crossing: float
@@ -282,24 +233,7 @@ class Arrangement:
 
 
 def arrangement(points: Floats, offsets: Ints, samples: Floats) -> Arrangement:
-    """Return the arrangement of fibres: spacing, turns and crossings.
-
-    Parameters
-    ----------
-    points, offsets : (n, 3) array, (k + 1,) int array
-        Points of all fibres, one after the other [mm]; first point of each fibre, and n.
-    samples : (m, 3) array
-        Positions of even density in the muscle [mm].
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from vtkmuscle.core.fibres.measures import arrangement
-    >>> x = np.arange(5.0)
-    >>> ends = np.stack([np.stack([x, 0 * x, 0 * x], 1), np.stack([x, 0 * x, 0 * x + 9.0], 1)], 1)
-    >>> arrangement(ends.reshape(-1, 3), np.arange(0, 11, 2), ends[:, 0]).crossing
-    0.0
-    """
+    """Return the arrangement of fibres in a muscle, of which samples (m, 3) of even density are given."""
     fibres = [points[a:b] for a, b in pairwise(offsets)]
     lines = evenly_spaced(points, offsets, STATIONS)
     turns = [_turns(np.diff(fibre, axis=0)) for fibre in fibres]
@@ -322,7 +256,7 @@ def _turns(steps: Floats) -> Floats:
 
 
 def _neighbours(middle: Floats) -> Ints:
-    """Return the fibres nearest to each by places in the middle (n, 3), (n, 4), or as many as there are."""
+    """Return the fibres nearest to each in the middle, (n, 4), or as many as there are."""
     count = min(NEIGHBOURS, len(middle) - 1)
     if count < 1:
         return np.empty((len(middle), 0), dtype=np.int64)
@@ -332,7 +266,7 @@ def _neighbours(middle: Floats) -> Ints:
 
 
 def _spacing(lines: Floats, near: Ints) -> float:
-    """Return how far neighbours are from each other in the belly; infinite where there are too few."""
+    """Return the distance between neighbours in the belly; infinite where there are too few."""
     if near.shape[1] < NEIGHBOURS:
         return float("inf")
     apart = np.linalg.norm(lines[near] - lines[:, None], axis=-1)
@@ -340,7 +274,7 @@ def _spacing(lines: Floats, near: Ints) -> float:
 
 
 def _crossing(lines: Floats, near: Ints) -> float:
-    """Return which part of neighbours change sides between the first of stations and one farther in."""
+    """Return the part of neighbours that change sides between the first station and one farther in."""
     ahead = unit_vectors((lines[:, [1, INWARD + 1]] - lines[:, [0, INWARD]]).reshape(-1, 3)).reshape(-1, 2, 3)
     stations = lines[:, [0, INWARD]]
     sides = stations[near] - stations[:, None]

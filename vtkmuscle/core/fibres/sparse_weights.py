@@ -1,4 +1,4 @@
-"""Mean value coordinates that groups of vertices have in common: a twentieth of the work of a frame."""
+"""Mean value coordinates shared by groups of vertices: a twentieth of the work per frame."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from vtkmuscle.core.fibres.mean_value import coordinate_mesh, weights_of
 from vtkmuscle.core.jit import reduction
 from vtkmuscle.core.types import Bools, Floats, Ints
 
-#: Added to the diagonal of the equations for the making up, where that is 1: means in one plane.
+#: Added to the unit diagonal of the equations for the correction, in case all means lie in one plane.
 _RIDGE = 1e-12
-#: What is left to make up for counts as nothing below this part of the terms it is a sum of.
-_MADE_UP = 1e-10
-#: Weights are changed by no more than this part of their sum; a row that would be keeps all its weights.
+#: An error after the correction is rounding below this part of the terms it is a sum of.
+_CORRECTED = 1e-10
+#: The correction may change weights by this part of their sum; a row that needs more keeps all its weights.
 LARGEST_CHANGE = 1.0
 #: Points whose weights are grouped at once.
 AT_ONCE = 128
@@ -27,16 +27,10 @@ HALVINGS = 2
 
 
 class Groups(NamedTuple):
-    """Groups of as many vertices each, in the order of :attr:`VertexGroups.order`.
+    """Groups (g,) of vertices of about equal size, in the order of :attr:`VertexGroups.order`.
 
-    Attributes
-    ----------
-    starts, sizes : (g,) int arrays
-        First vertex of each, and how many it has.
-    radii : (g,) array
-        Greatest distance of its vertices from their mean [mm].
-    made_of : (g,) int array
-        How many groups of the next level each is made of.
+    These are the first vertex of each and its number of vertices, the greatest distance of these from their
+    mean [mm], and the number of groups of the next level that it is made of.
     """
 
     starts: Ints
@@ -49,12 +43,7 @@ class Groups(NamedTuple):
 class VertexGroups:
     """Vertices of a mesh in groups, level by level: all in one, that in four, and so on to single vertices.
 
-    Attributes
-    ----------
-    order : (n,) int array
-        The vertices, so that each group's are next to each other.
-    levels : list of Groups
-        From the one of all vertices to those of one each.
+    In `order` (n,) the vertices of each group are next to each other.
     """
 
     order: Ints
@@ -112,7 +101,7 @@ def sparse_mean_value_coordinates(
     threads: int = 0,
     report: Callable[[float], None] = lambda part: None,
 ) -> SparseWeights:
-    """Return mean value coordinates with one weight for many vertices, where theirs are much the same.
+    """Return mean value coordinates with one weight for many vertices where theirs are nearly equal.
 
     Far from a point the weights vary slowly: those of a group of vertices differ little from their mean w,
     and sum w_j p_j from w sum p_j by no more than sum abs(w_j - w) times the radius of the group. The error
@@ -127,17 +116,7 @@ def sparse_mean_value_coordinates(
         A group has one weight where sum abs(w_j - w) r < 2 prune R / n, with r its radius, R that of all n
         vertices, >= 0.
     report : callable, optional
-        Told the part of the points that is done.
-
-    Returns
-    -------
-    SparseWeights
-        A row per query point.
-
-    Raises
-    ------
-    ValueError
-        As :func:`~vtkmuscle.core.fibres.mean_value.mean_value_coordinates`.
+        Called with the part of the points that is done.
     """
     groups = vertex_groups(points)
     # Vertices in the order of the groups: a group's weights are next to each other.
@@ -154,10 +133,11 @@ def sparse_mean_value_coordinates(
         some = queries[first : first + AT_ONCE]
         weights = weights_of(mesh, some, threads, first=first)
         grouped = _grouped(weights, groups, threshold)
-        made_up = _reproduce_points(grouped, means, sizes, some - mesh.centre)
-        if not made_up.all():
+        corrected = _reproduce_points(grouped, means, sizes, some - mesh.centre)
+        if not corrected.all():
             whole = _grouped(weights, groups, -np.inf)
-            grouped = csr_array(vstack([(grouped if fine else whole)[[i]] for i, fine in enumerate(made_up)]))
+            rows = [(grouped if good else whole)[[i]] for i, good in enumerate(corrected)]
+            grouped = csr_array(vstack(rows))
         missed = grouped @ means_of_bent - np.einsum("qn,nk->qk", weights, ordered_bent)
         error = max(error, float(np.linalg.norm(missed, axis=1).max()))
         parts.append(grouped)
@@ -166,27 +146,14 @@ def sparse_mean_value_coordinates(
 
 
 def sparse_transport(weights: SparseWeights, points: Floats) -> Floats:
-    """Return where points go with the vertices of a mesh.
-
-    Parameters
-    ----------
-    weights : SparseWeights
-        Of q points.
-    points : (n, 3) array
-        The vertices' new positions [mm].
-
-    Returns
-    -------
-    (q, 3) array
-        The points' new positions [mm].
-    """
+    """Return the new positions (q, 3) of points, from those of the mesh's vertices (n, 3) [mm]."""
     centre = points.mean(axis=0)
     moved: Floats = weights.matrix @ weights.groups.with_means(points - centre) + centre
     return moved
 
 
 def _grouped(weights: Floats, groups: VertexGroups, threshold: float) -> csr_array:
-    """Return weights (q, n), of the vertices in order, by the largest groups in which they differ little."""
+    """Return weights (q, n) of ordered vertices by the largest groups in which they differ little."""
     parts, first, divided = [], 0, np.ones((len(weights), 1), dtype=np.bool_)
     for level, group in enumerate(groups.levels):
         totals, taken = np.zeros(divided.shape), divided.copy()
@@ -204,8 +171,8 @@ def _grouped(weights: Floats, groups: VertexGroups, threshold: float) -> csr_arr
 def _take(weights: Floats, starts: Ints, radii: Floats, most: float, totals: Floats, taken: Bools) -> None:
     """Sum the weights of each group, and keep the groups whose weights differ little.
 
-    taken : (q, g), changed in place: which groups are looked at, and of these which differ by no more than
-    ``most``, times the radius.
+    `taken` (q, g), changed in place, holds the groups to look at, and then those of them whose weights differ
+    by no more than ``most``, times the radius.
     """
     for q in range(len(weights)):
         for g in range(len(radii)):
@@ -233,18 +200,18 @@ def _reproduce_points(weights: csr_array, means: Floats, sizes: Ints, queries: F
     def summed(values: Floats) -> Floats:
         return np.add.reduceat(values, starts, axis=-1).T
 
-    # Term by term: an array of all products at once would not stay in the processor's memory.
+    # Term by term: an array of all products at once would not stay in the processor's cache.
     matrices = np.array([[summed(counts * one * other) for one in terms] for other in terms]).transpose(
         2, 0, 1
     )
     scales = np.sqrt(np.maximum(np.diagonal(matrices, axis1=1, axis2=2), np.finfo(float).tiny))
     matrices = matrices / (scales[:, :, None] * scales[:, None]) + _RIDGE * np.eye(4)
     wanted = np.array([1.0, 0.0, 0.0, 0.0])
-    lacks = (wanted - summed(weights.data * terms)) / scales
-    multipliers = np.linalg.solve(matrices, lacks[..., None])[..., 0] / scales
+    missing = (wanted - summed(weights.data * terms)) / scales
+    multipliers = np.linalg.solve(matrices, missing[..., None])[..., 0] / scales
     change = counts * sum(term * some[row] for term, some in zip(terms, multipliers.T, strict=True))
     most = LARGEST_CHANGE * summed(np.abs(weights.data))
     weights.data += change
     products = weights.data * terms
-    left = np.abs(wanted - summed(products)) <= _MADE_UP * (wanted + summed(np.abs(products)))
+    left = np.abs(wanted - summed(products)) <= _CORRECTED * (wanted + summed(np.abs(products)))
     return left.all(axis=1) & (summed(np.abs(change)) <= most)

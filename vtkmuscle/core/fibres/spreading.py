@@ -2,10 +2,9 @@
 
 Lloyd's relaxation, 1982, doi:10.1109/TIT.1982.1056489, of curves instead of points: the cell of a fibre is
 the part of the muscle that is nearer to it than to the others, and each place along it goes to the centre of
-the cell's part there. Cells overlap a little: what is between two fibres goes over from one to the other
-rather than jumping, so that rounding decides nothing, not even where fibres meet. The papers leave fibres
-where the map from the template puts them; that map is even in the template, but crowds them in the middle of
-the muscle's sections.
+the cell's part there. Cells overlap a little, so that the room between two fibres passes gradually from one
+to the other and rounding decides nothing, not even where fibres meet. The papers leave fibres where the map
+from the template puts them; that map crowds them in the middle of the muscle's sections.
 """
 
 from __future__ import annotations
@@ -23,11 +22,13 @@ from vtkmuscle.core.types import Floats, Ints
 
 
 def smooth_about_course(points: Floats, offsets: Ints, k: float, passes: int) -> Floats:
-    """Smooth the deviations of fibres from their common course; end points are kept.
+    """Return fibres (n, 3) whose deviations from their common course are smoothed; end points are kept.
 
     A three-point mean moves the points of a bend of radius R, h apart, inwards by h^2 / (R (k + 2)): each
-    pass over fibres of 15 segments round a roller costs up to 2 mm. But what fibres have in common, the mean
-    of their points, is the muscle's own course and no noise. So what the passes do to it is taken back.
+    pass over fibres of 15 segments round a roller costs up to 2 mm. But the mean of all fibres is the
+    muscle's own course and no noise. So the change that the passes make to it is taken back. (Kohout et al.
+    2012, section 3.4, has the passes, but no course.) Where there is one line, or lines differ in their
+    numbers of points, there is no common course, and lines are smoothed as they are.
 
     Parameters
     ----------
@@ -37,29 +38,6 @@ def smooth_about_course(points: Floats, offsets: Ints, k: float, passes: int) ->
         Weight of the middle point, >= 0.
     passes : int
         Number of passes, >= 0.
-
-    Returns
-    -------
-    (n, 3) array
-        New positions [mm]. Where there is one line, or lines differ in their numbers of points, there is no
-        common course, and lines are smoothed as they are.
-
-    References
-    ----------
-    Kohout et al. 2012, *Muscle Fibres Modelling*, section 3.4, has the passes, but no course.
-
-    Examples
-    --------
-    Two fibres alike round a bend stay where they are:
-
-    >>> import numpy as np
-    >>> from vtkmuscle.core.fibres.spreading import smooth_about_course
-    >>> turns = np.linspace(0.0, 1.5, 9)
-    >>> bend = 20.0 * np.column_stack([np.cos(turns), np.sin(turns), 0.0 * turns])
-    >>> fibres = np.vstack([bend, bend + [0.0, 0.0, 4.0]])
-    >>> smoothed = smooth_about_course(fibres, np.array([0, 9, 18]), 4.0, 5)
-    >>> bool(np.allclose(smoothed, fibres))
-    True
     """
     smoothed: Floats = smooth_polylines(points, offsets, k, passes)
     counts = np.diff(offsets)
@@ -71,21 +49,21 @@ def smooth_about_course(points: Floats, offsets: Ints, k: float, passes: int) ->
     return kept
 
 
-#: Places along a fibre that are moved; what is between them follows.
+#: Places along a fibre that are moved; the points between them follow.
 STATIONS = 16
-#: Fewest passes of smoothing, along the fibre, of what its cell says. More where a cell is wider than
-#: stations are apart, for each station's part of the cell to be as long as wide: else fibres meander.
+#: Fewest passes of smoothing of the steps along a fibre. There are more where a cell is wider than stations
+#: are apart, so that each station's part of the cell is as long as wide: else fibres meander.
 LEAST_BLUR = 6
 #: Pieces of the line between two stations, at most.
 PIECES = 8
 #: How far cells overlap: places have a share in what is around them if they are no farther from it, squared,
 #: than the nearest place is and this part of the squared space between fibres (a twentieth of it each way).
 OVERLAP = 0.1
-#: How far along a fibre, as a part of it, points follow its end: less leaves hooks, more bare flanks.
+#: Part of a fibre along which points follow its end: less leaves hooks, more bare flanks.
 REACH = 0.11
 #: Most cells of the grid along a side.
 FINEST = 256
-#: Cells of the grid along its rows for each across them: it is rows that take time, not what is in them.
+#: Cells of the grid along its rows for each across them: rows take time, not the cells in them.
 ALONG_ROWS = 2
 
 
@@ -100,10 +78,10 @@ class Cloud:
     low, high : (3,) arrays
         The corners of their box [mm].
     volume : float
-        That of a box with the same spread, to about a factor of two [mm^3].
+        Volume of a box with the same spread, that of the muscle to about a factor of two [mm^3].
     guesses : (j,) int array
-        Number of the place that was nearest to each when fibres were moved last, and is likely to be still;
-        -1 where that is not known. Nothing but time depends on it.
+        Number of the place that was nearest to each when fibres were moved last, -1 where that is not known.
+        Only the time taken depends on it.
     """
 
     samples: Floats
@@ -115,7 +93,7 @@ class Cloud:
 
 def cloud(samples: Floats) -> Cloud:
     """Return sample points (j, 3), j >= 1, with their quantities."""
-    # Those next to each other one after the other: what is looked up for them is at hand.
+    # In an order in which neighbours follow each other, so that the places near them are in the cache.
     samples = samples[space_order(samples)]
     about = samples - samples.mean(axis=0)
     spread = about.T @ about / len(samples)
@@ -125,43 +103,21 @@ def cloud(samples: Floats) -> Cloud:
 
 
 def steps_to_centres(points: Floats, offsets: Ints, within: Cloud) -> Floats:
-    """Return how each point of fibres has to move, for its fibre to be in the middle of its cell.
+    """Return the displacements (n, 3) of points that bring fibres to the middles of their cells [mm].
 
-    Fibres move across themselves, not along, and as wholes rather than point by point: what a cell says is
-    smoothed along the fibre. So those that are neighbours stay neighbours.
-
-    Parameters
-    ----------
-    points : (n, 3) array
-        Fibre points [mm].
-    offsets : (k + 1,) int array
-        First point of each fibre, and n.
-    within : Cloud
-        Positions in the muscle.
-
-    Returns
-    -------
-    (n, 3) array
-        Displacements [mm].
+    Fibres move across themselves, not along, and steps are smoothed along the fibre: so neighbours stay
+    neighbours.
     """
     lines = evenly_spaced(points, offsets, STATIONS)
     return _between(points, offsets, _station_steps(lines, within))
 
 
 def move_ends(points: Floats, ends: Ints, others: Ints, places: Floats) -> None:
-    """Move one end of each fibre to a given place, and the points near it along.
+    """Move one end of each fibre to a given place (k, 3), in place, and the points near it along.
 
-    A fibre that goes on while its end is held, at the rim of its area, hooks there. So the points beside it
-    follow, the less the farther they are, up to :data:`REACH` of the fibre's points.
-
-    Parameters
-    ----------
-    points : (n, 3) array
-        Fibre points, changed in place [mm].
-    ends, others : (k,) int arrays
-        This end of each fibre, and its other one.
-    places : (k, 3) array
-        Where the ends go [mm].
+    A fibre that moves while its end is held at the rim of its area hooks there. So the points beside it
+    follow, the less the farther they are, up to :data:`REACH` of the fibre's points. `ends` and `others` (k,)
+    are the ids of this end of each fibre and of its other one.
     """
     counts, ways = np.abs(others - ends), places - points[ends]
     fibre, j = np.nonzero(np.arange(counts.max(initial=0)) < REACH * counts[:, None])
@@ -184,11 +140,9 @@ def _between(points: Floats, offsets: Ints, shifts: Floats) -> Floats:
 
 
 def _station_steps(lines: Floats, within: Cloud) -> Floats:
-    """Return how far places (k, STATIONS, 3) of fibres are from the middle of their cells, across them."""
-    low, high = (
-        np.minimum(within.low, lines.min(axis=(0, 1))),
-        np.maximum(within.high, lines.max(axis=(0, 1))),
-    )
+    """Return the steps (k, STATIONS, 3) from places of fibres to the middles of their cells, across them."""
+    low = np.minimum(within.low, lines.min(axis=(0, 1)))
+    high = np.maximum(within.high, lines.max(axis=(0, 1)))
     length = float(np.linalg.norm(np.diff(lines, axis=1), axis=2).sum())
     extent, step = high - low, length / (len(lines) * (STATIONS - 1))
     # The space between fibres in the muscle.
@@ -230,7 +184,7 @@ def _square_to(places: Floats, i: int, x: float, y: float, z: float) -> float:
 
 
 def _divide(lines: Floats, pieces: int) -> tuple[Floats, Ints]:
-    """Return places (q, 3) along lines, so many from each station to the next, and their stations (q,)."""
+    """Return places (q, 3) along lines, `pieces` from each station to the next, and their stations (q,)."""
     share = (np.arange(pieces) / pieces)[:, None]
     between = (1.0 - share) * lines[:, :-1, None] + share * lines[:, 1:, None]
     places = np.concatenate([between.reshape(len(lines), -1, 3), lines[:, -1:]], axis=1)
@@ -241,10 +195,10 @@ def _divide(lines: Floats, pieces: int) -> tuple[Floats, Ints]:
 def _pulls(
     lines: Floats, pieces: int, within: Cloud, grid: tuple[Floats, Floats, Ints], band: float
 ) -> tuple[Floats, Floats]:
-    """Return sums of offsets (k, STATIONS, 3) of the samples that are nearest to each place, and how many.
+    """Return the summed offsets (k, STATIONS, 3) of the samples nearest to each place, and their number.
 
-    Places nearly as near, their squared distances within a band [mm^2] of the least, have a share in a
-    sample, which is 0 at the end of the band. A grid has cells of size 1 / scales (3,) from a corner (3,) on.
+    Places whose squared distances are within a band [mm^2] of the least share a sample; the share is 0 at the
+    end of the band. The grid is its corner (3,), its scales (3,), cells per mm, and its shape.
     """
     low, scales, shape = grid
     places, nodes = _divide(lines, pieces)
@@ -274,12 +228,12 @@ def _pull(
     pulls: Floats,
     weights: Floats,
 ) -> None:
-    """Add to what :func:`_pulls` returns, by the number of the station before each place."""
+    """Add to the results of :func:`_pulls`, by the number of the station before each place."""
     in_cells, order, offsets, low, scales, shape = grid
     lx, ly, lz = low[0], low[1], low[2]
     nx, ny, nz = shape[0], shape[1], shape[2]
     across, along_rows = scales[0], scales[2]
-    beside = 0  # what was nearest to the sample before is near
+    beside = 0  # the place nearest to the sample before is near
     for number in range(len(samples)):
         x, y, z = samples[number, 0], samples[number, 1], samples[number, 2]
         least, guess = _square_to(places, beside, x, y, z), guesses[number]

@@ -1,8 +1,8 @@
 """Fibres between aponeuroses in motion: their ends stay as far from the bones, for tendon is stiff.
 
 A tendon is longer by 3.3 % at its muscle's largest force (Zajac 1989, *Muscle and tendon*, Critical Reviews
-in Biomedical Engineering 17, 359-411), while fibres may shorten by half. So what a muscle's paths become
-longer or shorter by is the fibres' part.
+in Biomedical Engineering 17, 359-411), while fibres may shorten by half. So the change of a path's length is
+the change of the fibres' length.
 """
 
 from __future__ import annotations
@@ -14,14 +14,14 @@ from vtkmuscle.core.mesh.normals import unit_vectors
 from vtkmuscle.core.paths.skinning import falling_weights
 from vtkmuscle.core.types import Bools, Floats
 
-#: Points of paths nearest to an end, whose paths hold it.
+#: Nearest points of paths whose paths hold an end.
 BESIDE = 8
 #: A fibre is straight whose points are nearer to its chord than this part of its length.
 STRAIGHT = 1e-6
 
 
 class Tendons:
-    """Holds the ends of fibres: as far from their bones, along the paths beside them, as at rest.
+    """The ends of fibres, held as far from their bones, along the paths beside them, as at rest.
 
     Parameters
     ----------
@@ -30,18 +30,7 @@ class Tendons:
     paths : (p, n, 3) array
         Of the muscle at rest, from bone to bone [mm].
     fixed : (k, 2) bool array
-        Ends on a part of the muscle that is fixed to a bone: they go with that, as it is.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from vtkmuscle.core.fibres.tendons import Tendons
-    >>> path = np.linspace([0.0, 0.0, 0.0], [100.0, 0.0, 0.0], 11)[None]
-    >>> fibre = np.array([[[40.0, 5.0, 0.0], [60.0, 5.0, 0.0]]])
-    >>> tendons = Tendons(fibre, path, np.zeros((1, 2), dtype=bool))
-    >>> tendons.held(0.9 * fibre, 0.9 * path)
-    array([[[40.,  5.,  0.],
-            [50.,  5.,  0.]]])
+        Ends on a part of the muscle that is fixed to a bone: they stay with that part.
     """
 
     def __init__(self, fibres: Floats, paths: Floats, fixed: Bools) -> None:
@@ -85,7 +74,7 @@ class _EndNeighbours:
         self._offsets = ends[:, None] - places
 
     def places(self, paths: Floats) -> Floats:
-        """Return the ends (m, 3), as far along paths as at rest, turned as these are, not about them."""
+        """Return the ends (m, 3), as far along paths as at rest, their offsets turned with the paths."""
         places, ahead = self._along(paths)
         axis, cosine = np.cross(self._ahead, ahead), (self._ahead * ahead).sum(axis=-1, keepdims=True)
         about = (axis * self._offsets).sum(axis=-1, keepdims=True) / np.maximum(1.0 + cosine, 1e-3)
@@ -94,7 +83,7 @@ class _EndNeighbours:
         return result
 
     def _along(self, paths: Floats) -> tuple[Floats, Floats]:
-        """Return the places (m, c, 3) on paths, and the directions there, over a segment to either side."""
+        """Return places (m, c, 3) on paths, and the directions there over a segment to either side."""
         points = paths[self._paths]
         starts, lengths, ahead = _segments(points)
 
@@ -111,7 +100,7 @@ class _EndNeighbours:
 
 
 def _segments(paths: Floats) -> tuple[Floats, Floats, Floats]:
-    """Return where segments of paths (..., n, 3) begin along them, their lengths and directions."""
+    """Return the arcs at which segments of paths (..., n, 3) begin, their lengths and their directions."""
     steps = np.diff(paths, axis=-2)
     lengths = np.linalg.norm(steps, axis=-1)
     ahead = unit_vectors(steps.reshape(-1, 3)).reshape(steps.shape)

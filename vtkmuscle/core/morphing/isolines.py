@@ -22,10 +22,10 @@ from vtkmuscle.core.mesh.surface import faces_between
 from vtkmuscle.core.mesh.triangle_tree import TriangleTree, triangle_tree
 from vtkmuscle.core.morphing.correspondence import (
     N_PLACES,
+    LoopStack,
     cyclic_products,
     followed_starts,
     sampled_loop,
-    starting_points,
 )
 from vtkmuscle.core.morphing.sections import ClosedSurface, Sections, cut_surface, loop_areas, main_loops
 from vtkmuscle.core.morphing.slices import (
@@ -35,11 +35,11 @@ from vtkmuscle.core.morphing.slices import (
     Morph,
     SliceMaps,
     Slicing,
+    guide_levels,
     map_sections,
     mapped_slices,
     shared_levels,
 )
-from vtkmuscle.core.morphing.twist import guide_levels, turned_starts
 from vtkmuscle.core.types import Floats, Ints
 
 #: Classes of the function's values in which its gradient is averaged.
@@ -49,30 +49,15 @@ N_COURSE = 65
 #: The first and the last isoline are this part of the muscle's length from the attachment areas: on their
 #: rims they have many points in one place.
 END_MARGIN = 1e-3
-#: Beside the main branch's isoline there is another branch where there is one of more than this part of its
-#: area.
+#: There is another branch where another isoline has more than this part of the main one's area.
 OTHER_BRANCH = 0.05
 
 
 def attachment_field(points: Floats, triangles: Ints, origin: Ints, insertion: Ints) -> Floats:
     """Return the function that is 0 on the origin area, 1 on the insertion area, harmonic between them.
 
-    Parameters
-    ----------
-    points, triangles : (n, 3) array, (m, 3) int array
-        The muscle's [mm]; point ids.
-    origin, insertion : (k,) int arrays
-        Ids of the points in the areas of each role.
-
-    Returns
-    -------
-    (n,) array
-        Values in [0, 1].
-
-    Raises
-    ------
-    ValueError
-        If a role has no points, the areas overlap, or no part of the muscle has both.
+    Points are (n, 3), triangles (m, 3), the areas ids of points (k,); the values (n,) are in [0, 1]. Raises a
+    ValueError if a role has no points, the areas overlap, or no connected part of the muscle has both.
     """
     for role, area in (("origin", origin), ("insertion", insertion)):
         if not len(area):
@@ -103,10 +88,10 @@ def morph_by_isolines(
 
     A plane at a height of the template, as a part of its length, goes with the isoline that is that part of
     the way from the origin to the insertion, measured on the surface and averaged around it. Isolines are
-    matched to the planes' rectangles together, such that neighbours twist least against each other and the
-    sum of squared distances from the rectangles is least; where the muscle is bent away from the box's axis
-    the latter counts less. Ends of fibres, at the bottom and the top of the template, go to the nearest
-    places on the areas.
+    matched to the planes' rectangles such that neighbours twist least against each other and the sum of
+    squared distances from the rectangles is least; where the muscle is bent away from the box's axis, these
+    distances count less. Ends of fibres, at the bottom and the top of the template, go to the nearest places
+    on the areas.
 
     Parameters
     ----------
@@ -114,11 +99,6 @@ def morph_by_isolines(
         As for :func:`vtkmuscle.core.morphing.planes.morph_by_planes`.
     field : (n,) array
         From :func:`attachment_field`, of this muscle or of the same one in another pose.
-
-    Returns
-    -------
-    Morph
-        As of morph_by_planes; nothing of the course is steep.
 
     Raises
     ------
@@ -137,14 +117,8 @@ def morph_by_isolines(
     levels, slice_of = shared_levels(fractions, tolerance, GRAIN)
     levels = course.begin + levels * course.way
     slicing.report_progress(0.4)
-
-    def slices() -> SliceMaps:
-        return _mapped(box, course, levels, inside, slicing)
-
-    if slicing.twisting.seen is None:
-        mapped = slicing.once(("mapped", of_field, slicing.key(transform, levels)), slices)
-    else:
-        mapped = slices()
+    key = "mapped", of_field, slicing.key(transform, levels)
+    mapped = slicing.once(key, lambda: _mapped(box, course, levels, slicing))
     heights = course.begin + fractions * course.way
     result, _, split_error = map_sections(mapped, levels, heights, slice_of, inside, slicing)
     at_origin, at_insertion = fractions <= SAME_HEIGHT, fractions >= 1.0 - SAME_HEIGHT
@@ -152,15 +126,15 @@ def morph_by_isolines(
     n_outside = int((~points_inside(between, course.tree)).sum())
     for value, ends in ((0.0, at_origin), (1.0, at_insertion)):
         result[ends] = course.onto_area(value, result[ends])
-    return Morph(box.positions(result), n_outside, split_error, course.share, 0.0, mapped.twist)
+    return Morph(box.positions(result), n_outside, split_error, course.share, 0.0)
 
 
 @dataclass(frozen=True, eq=False)
 class _Course:
     """A muscle in its box, with a function whose isolines follow it.
 
-    ``values`` and ``ways`` are those of :func:`way_of_values`; the main branch is the only one from ``begin``
-    on, for ``way`` [mm], and has the part ``share`` of the muscle.
+    `values` and `ways` are those of :func:`way_of_values`. From `begin` on, for `way` [mm], the main branch
+    is the only one; it has the part `share` of the muscle.
     """
 
     surface: ClosedSurface
@@ -180,7 +154,7 @@ class _Course:
 
     @cached_property
     def tree(self) -> TriangleTree:
-        """Of the muscle."""
+        """The muscle's triangles."""
         return triangle_tree(self.surface.points, self.surface.triangles)
 
     def onto_area(self, value: float, ends: Floats) -> Floats:
@@ -193,6 +167,7 @@ class _Course:
 
 
 def _course(surface: ClosedSurface, field: Floats) -> _Course:
+    """Return a muscle's course from area to area."""
     values, ways = way_of_values(surface.points, surface.triangles, field)
     length = float(ways[-1])
     whole = _Course(surface, field, values, ways, 0.0, length, 1.0)
@@ -204,56 +179,34 @@ def _course(surface: ClosedSurface, field: Floats) -> _Course:
     return replace(whole, begin=regular[first], way=regular[last] - regular[first], share=share)
 
 
-def _mapped(box: Box, course: _Course, levels: Floats, inside: Floats, slicing: Slicing) -> SliceMaps:
+def _mapped(box: Box, course: _Course, levels: Floats, slicing: Slicing) -> SliceMaps:
     """Return the isolines at some ways, matched to the template's rectangle."""
-    begin, way, length = course.begin, course.way, float(course.ways[-1])
-    guides = begin + guide_levels(way)
+    guides = course.begin + guide_levels(course.way)
     followed = np.union1d(levels, guides)
     sections, areas, loops = course.cut(followed)
-    loops, guiding = loops[np.searchsorted(followed, levels)], loops[np.searchsorted(followed, guides)]
-    hits, guides = np.flatnonzero(loops >= 0), guides[guiding >= 0]
-    rings, guide_rings = (
-        [np.ascontiguousarray(sections.loop(int(loop))) for loop in found[found >= 0]]
-        for found in (loops, guiding)
-    )
-    areas, guide_areas = areas[loops[hits]], areas[guiding[guiding >= 0]]
-    reach = slicing.continuity * length
-    guide_costs = _distances_from_rectangle(box.sides, guide_areas)
-    guide_starts = starting_points(guide_rings, guides, reach, np.zeros(3), guide_costs)
-    costs = _distances_from_rectangle(box.sides, areas)
-    starts = followed_starts(
-        rings, levels[hits], reach, (guide_rings, guides, guide_starts), np.zeros(3), costs
-    )
 
-    def guide() -> tuple[list[Floats], Floats, Floats]:
-        return guide_rings, guide_starts, (guides - begin) / way
+    def stack(at: Floats) -> tuple[LoopStack, Floats, Ints]:
+        """Return the main branch's loops at some ways, their areas as vectors, and the ways that have one."""
+        numbers = loops[np.searchsorted(followed, at)]
+        hits = np.flatnonzero(numbers >= 0)
+        rings = [np.ascontiguousarray(sections.loop(int(number))) for number in numbers[hits]]
+        own = areas[numbers[hits]]
+        return LoopStack(rings, at[hits], _distances_from_rectangle(box.sides, own)), own, hits
 
-    twist = slicing.twisting.found(guide, box.seen, inside, box.sides)
-    starts = turned_starts(rings, starts, (levels[hits] - begin) / way, twist.twist)
-    slicing.report_progress(0.5)
-    views = np.array([_view_along(area) for area in areas])
-    return mapped_slices(rings, starts, hits, box.sides, slicing, twist, views)
+    rings, own, hits = stack(levels)
+    reach = slicing.continuity * float(course.ways[-1])
+    starts = followed_starts(rings, stack(guides)[0], reach, np.zeros(3))
+    views = np.array([_view_along(area) for area in own])
+    return mapped_slices(rings.loops, starts, hits, box.sides, slicing, views)
 
 
 def way_of_values(points: Floats, triangles: Ints, field: Floats) -> tuple[Floats, Floats]:
     """Return how far the isolines of a function are from its least value, on the average around them.
 
     ds/df is the length-weighted mean of 1 / |grad f| along an isoline. By the coarea formula that is the
-    ratio of the area to the integral of |grad f| between neighbouring isolines.
-
-    Parameters
-    ----------
-    points, triangles : (n, 3) array, (m, 3) int array
-        Positions [mm]; point ids.
-    field : (n,) array
-        Values in [0, 1], linear on each triangle.
-
-    Returns
-    -------
-    values : (k,) array
-        Strictly ascending, from 0 to 1.
-    ways : (k,) array
-        Strictly ascending, from 0 [mm].
+    ratio of the area to the integral of |grad f| between neighbouring isolines. The function is (n,), in
+    [0, 1], linear on each triangle; its values (k,) from 0 to 1 and the ways (k,) from 0 on [mm] ascend
+    strictly.
     """
     areas, slopes = _per_class(points, triangles, field)
     steps = np.divide(areas, slopes, out=np.zeros(N_CLASSES), where=slopes > 0.0)
@@ -303,19 +256,23 @@ def _single_branch(sections: Sections, sizes: Floats, loops: Ints) -> tuple[int,
     return int(first), int(end) - 1
 
 
-def _distances_from_rectangle(sides: Floats, areas: Floats) -> Callable[[Floats, Ints], Floats]:
-    """Return the function that :func:`starting_points` asks for what places of isolines cost."""
+def _distances_from_rectangle(sides: Floats, areas: Floats) -> Callable[[Floats], Floats]:
+    """Return the function from places (l, n, 3) of isolines to their costs (l, n) [mm^2].
+
+    These are mean squared distances of an isoline from the rectangle, both about their centres, if it starts
+    there; they count less where its vector area (3,) is inclined to z.
+    """
     width, depth = sides[:2]
     corners = np.array([(0.0, 0.0), (width, 0.0), (width, depth), (0.0, depth)])
     rectangle = np.zeros((N_PLACES, 3))
     rectangle[:, :2] = sampled_loop(corners, np.zeros(2), N_PLACES) - [width / 2.0, depth / 2.0]
     along = areas[:, 2] / np.maximum(np.linalg.norm(areas, axis=1), np.finfo(float).tiny)
 
-    def costs(places: Floats, numbers: Ints) -> Floats:
+    def costs(places: Floats) -> Floats:
         centred = places - places.mean(axis=1, keepdims=True)
         squares = (centred**2).sum(axis=2).mean(axis=1) + (rectangle**2).sum(axis=1).mean()
         products = cyclic_products(np.broadcast_to(rectangle, centred.shape), centred)
-        weights = np.maximum(along[numbers], 0.0) ** 2
+        weights = np.maximum(along, 0.0) ** 2
         result: Floats = weights[:, None] * (squares[:, None] - 2.0 * products)
         return result
 

@@ -6,11 +6,9 @@ extended in doi:10.1007/978-3-642-38241-3_3.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
-from vtkmuscle.core.morphing.correspondence import boundary_centroid, followed_starts, starting_points
+from vtkmuscle.core.morphing.correspondence import LoopStack, boundary_centroid, followed_starts
 from vtkmuscle.core.morphing.sections import ClosedSurface, Sections, cut_surface, loop_areas, main_loops
 from vtkmuscle.core.morphing.slices import (
     GRAIN,
@@ -20,11 +18,11 @@ from vtkmuscle.core.morphing.slices import (
     Morph,
     SliceMaps,
     Slicing,
+    guide_levels,
     map_sections,
     mapped_slices,
     shared_levels,
 )
-from vtkmuscle.core.morphing.twist import guide_levels, turned_starts
 from vtkmuscle.core.types import Floats, Ints
 
 #: How far inside of the muscle's ends the first and the last slice are, as a part of its length: far enough
@@ -41,10 +39,9 @@ def morph_by_planes(
 
     For each height along the box's z axis at which there are fibre points, the plane there cuts the box in
     a rectangle and the muscle in loops, of which :func:`vtkmuscle.core.morphing.sections.main_loops`
-    chooses one. Rectangle and loop are matched (:mod:`vtkmuscle.core.morphing.correspondence`) and the
-    points of one mapped to the other (:mod:`vtkmuscle.core.morphing.section_maps`). A point keeps its
-    height, unless the chosen loops end before the box does: then the heights beyond the last slice that hits
-    are squeezed into what is left of the muscle there.
+    chooses one. Rectangle and loop are matched, and the points of one mapped to the other
+    (:mod:`vtkmuscle.core.morphing.correspondence`). A point keeps its height, unless the chosen loops end
+    before the box does: then the heights beyond the last loop are squeezed into the rest of the muscle there.
 
     Parameters
     ----------
@@ -57,11 +54,6 @@ def morph_by_planes(
     slicing : Slicing
         How finely it is sliced, and how slices are mapped.
 
-    Returns
-    -------
-    Morph
-        Points in the muscle [mm], and what there is to say about them.
-
     Raises
     ------
     ValueError
@@ -71,145 +63,89 @@ def morph_by_planes(
     inside = box.coordinates(fibre_points)
     tolerance = max(slicing.slice_tolerance, SAME_HEIGHT * box.length)
     grain = GRAIN * box.length
-    raised = slicing.once(("raised", slicing.key(transform)), lambda: _muscle_in_box(box, muscle))
+    boxed = slicing.once(("raised", slicing.key(transform)), lambda: _BoxedMuscle(box, muscle))
     slicing.report_progress(0.1)
-    heights = np.clip(inside[:, 2], raised.bottom + raised.margin, raised.top - raised.margin)
+    heights = np.clip(inside[:, 2], boxed.bottom + boxed.margin, boxed.top - boxed.margin)
     levels, slice_of = shared_levels(heights, tolerance, grain)
-    course = slicing.once(("course", slicing.key(transform, levels)), lambda: _course(raised, levels))
-    followed = course.followed
+    course = slicing.once(("course", slicing.key(transform, levels)), lambda: _Course(boxed, levels))
+    branch = course.branch
     if course.ends is not None:
         heights = _squeezed(heights, *course.ends)
         levels, slice_of = shared_levels(heights, tolerance, grain)
     slicing.report_progress(0.35)
 
     def slices() -> SliceMaps:
-        at_levels = followed if course.ends is None else _branch_at(raised, levels)
-        return _mapped(box, at_levels, levels, raised.guides, inside, slicing)
+        at_levels = branch if course.ends is None else _Branch(boxed, np.union1d(levels, boxed.guides))
+        return _mapped(box, at_levels, levels, boxed.guides, slicing)
 
-    if slicing.twisting.seen is None:
-        mapped = slicing.once(("planes", slicing.key(transform, levels)), slices)
-    else:
-        mapped = slices()
+    mapped = slicing.once(("planes", slicing.key(transform, levels)), slices)
     result = np.column_stack([inside[:, :2], heights])
-    places, n_outside, split_error = map_sections(mapped, levels, heights, slice_of, inside, slicing)
-    result[:, :2] = places
-    return Morph(
-        box.positions(result),
-        n_outside,
-        split_error,
-        course.volume_share,
-        course.steep_share,
-        mapped.twist,
-    )
+    result[:, :2], n_outside, split_error = map_sections(mapped, levels, heights, slice_of, inside, slicing)
+    return Morph(box.positions(result), n_outside, split_error, course.volume_share, course.steep_share)
 
 
-@dataclass(frozen=True, eq=False)
 class _BoxedMuscle:
-    """A muscle in the coordinates of its box, its height, and how far from its ends slices stay."""
+    """A muscle in the coordinates of its box, and the heights of its points."""
 
-    surface: ClosedSurface
-    heights: Floats
-    bottom: float
-    top: float
-
-    @property
-    def margin(self) -> float:
-        return END_MARGIN * (self.top - self.bottom)
-
-    @property
-    def guides(self) -> Floats:
-        """Heights of sections, independent of the resolution of the fibres."""
-        return self.bottom + guide_levels(self.top - self.bottom)
+    def __init__(self, box: Box, muscle: ClosedSurface) -> None:
+        self.surface = box.surface(muscle)
+        self.heights = np.ascontiguousarray(self.surface.points[:, 2])
+        used = self.heights[self.surface.triangles]
+        self.bottom, self.top = float(used.min()), float(used.max())
+        self.margin = END_MARGIN * (self.top - self.bottom)
+        self.guides = self.bottom + guide_levels(self.top - self.bottom)
 
 
-@dataclass(frozen=True, eq=False)
 class _Branch:
-    """Sections at some heights, and of each the loop of the main branch, -1 for none."""
+    """Sections at some heights, their loops' areas, and the loop of the main branch at each, -1 for none."""
 
-    sections: Sections
-    heights: Floats
-    loops: Ints
+    def __init__(self, boxed: _BoxedMuscle, heights: Floats) -> None:
+        self.heights = heights
+        self.sections: Sections = cut_surface(boxed.surface, boxed.heights, heights)
+        self.areas: Floats = loop_areas(self.sections.points, self.sections.loop_offsets)[:, 2]
+        self.loops: Ints = main_loops(self.sections, heights, self.areas)
 
     def at(self, heights: Floats) -> Ints:
         """Return the loops at some of the heights."""
         return self.loops[np.searchsorted(self.heights, heights)]
 
 
-@dataclass(frozen=True, eq=False)
 class _Course:
-    """The main branch of a muscle, and the heights that it is scaled to where it ends before the box."""
+    """The main branch at some levels and the guides, and how well planes suit the muscle.
 
-    followed: _Branch
-    volume_share: float
-    steep_share: float
-    ends: tuple[float, float, float, float] | None
+    Where the branch ends before the levels do, `ends` are the heights of its first and last loop, and those
+    between which it is there.
+    """
 
-
-def _muscle_in_box(box: Box, muscle: ClosedSurface) -> _BoxedMuscle:
-    surface = box.surface(muscle)
-    heights = np.ascontiguousarray(surface.points[:, 2])
-    extent = heights[surface.triangles]  # of the points that are used
-    return _BoxedMuscle(surface, heights, float(extent.min()), float(extent.max()))
-
-
-def _branch_at(raised: _BoxedMuscle, levels: Floats) -> _Branch:
-    """Return sections at the levels and the guides."""
-    at = np.union1d(levels, raised.guides)
-    sections = cut_surface(raised.surface, raised.heights, at)
-    sizes = loop_areas(sections.points, sections.loop_offsets)[:, 2]
-    return _Branch(sections, at, main_loops(sections, at, sizes))
+    def __init__(self, boxed: _BoxedMuscle, levels: Floats) -> None:
+        regular = boxed.bottom + (boxed.top - boxed.bottom) * (np.arange(N_COURSE) + 0.5) / N_COURSE
+        self.volume_share, self.steep_share = _shares(_Branch(boxed, regular))
+        self.branch = _Branch(boxed, np.union1d(levels, boxed.guides))
+        self.ends: tuple[float, float, float, float] | None = None
+        if (self.branch.at(levels[[0, -1]]) < 0).any():
+            low, high = _branch_ends(self.branch, boxed.heights)
+            hit = self.branch.heights[self.branch.loops >= 0]
+            self.ends = float(hit[0]), float(hit[-1]), low + boxed.margin, high - boxed.margin
 
 
-def _course(raised: _BoxedMuscle, levels: Floats) -> _Course:
-    """Return the course of the main branch, by regular heights, and the sections at the levels."""
-    bottom, top = raised.bottom, raised.top
-    regular = bottom + (top - bottom) * (np.arange(N_COURSE) + 0.5) / N_COURSE
-    followed = np.union1d(levels, raised.guides)
-    together = np.union1d(followed, regular)
-    sections = cut_surface(raised.surface, raised.heights, together)
-    sizes = loop_areas(sections.points, sections.loop_offsets)[:, 2]
-    at_regular = np.searchsorted(together, regular)
-    branch = main_loops(sections, together, sizes, at_regular)
-    shares = _shares(sections, sizes, at_regular, branch)
-    main = main_loops(sections, together, sizes, np.searchsorted(together, followed))
-    found = _Branch(sections, followed, main)
-    if (found.at(levels[[0, -1]]) >= 0).all():
-        return _Course(found, *shares, None)
-    at = _branch_at(raised, levels)
-    low, high = _branch_ends(at.sections, at.loops, raised.heights)
-    hit = at.heights[at.loops >= 0]
-    ends = float(hit[0]), float(hit[-1]), low + raised.margin, high - raised.margin
-    return _Course(at, *shares, ends)
-
-
-def _mapped(
-    box: Box, followed: _Branch, levels: Floats, guides: Floats, inside: Floats, slicing: Slicing
-) -> SliceMaps:
+def _mapped(box: Box, branch: _Branch, levels: Floats, guides: Floats, slicing: Slicing) -> SliceMaps:
     """Return the sections at the levels, matched to the template's rectangle."""
-    sections = followed.sections
-    loops, guiding = followed.at(levels), followed.at(guides)
-    hits, guides = np.flatnonzero(loops >= 0), guides[guiding >= 0]
-    slices = [np.ascontiguousarray(sections.loop(int(loop))[:, :2]) for loop in loops[hits]]
-    rings = [sections.loop(int(loop)) for loop in guiding[guiding >= 0]]
-    flat = [np.ascontiguousarray(ring[:, :2]) for ring in rings]
-    reach = slicing.continuity * box.length
-    begin = starting_points(flat, guides, reach, np.zeros(2))
-    starts = followed_starts(slices, levels[hits], reach, (flat, guides, begin), np.zeros(2))
-
-    def guide() -> tuple[list[Floats], Floats, Floats]:
-        return rings, np.column_stack([begin, guides]), guides / box.length
-
-    twist = slicing.twisting.found(guide, box.seen, inside, box.sides)
-    starts = turned_starts(slices, starts, levels[hits] / box.length, twist.twist)
-    slicing.report_progress(0.5)
-    return mapped_slices(slices, starts, hits, box.sides, slicing, twist)
+    loops, guiding = branch.at(levels), branch.at(guides)
+    hits = np.flatnonzero(loops >= 0)
+    slices, rings = (
+        [np.ascontiguousarray(branch.sections.loop(int(loop))[:, :2]) for loop in some[some >= 0]]
+        for some in (loops, guiding)
+    )
+    stack, guide = LoopStack(slices, levels[hits]), LoopStack(rings, guides[guiding >= 0])
+    starts = followed_starts(stack, guide, slicing.continuity * box.length, np.zeros(2))
+    return mapped_slices(slices, starts, hits, box.sides, slicing)
 
 
-def _branch_ends(sections: Sections, loops: Ints, heights: Floats) -> tuple[float, float]:
+def _branch_ends(branch: _Branch, heights: Floats) -> tuple[float, float]:
     """Return the lowest and the highest height of the surface beyond the ends of a branch."""
-    branch = loops[loops >= 0]
-    below = heights[sections.vertex_parts == sections.parts_below[branch[0]]]
-    above = heights[sections.vertex_parts == sections.parts_above[branch[-1]]]
+    sections, loops = branch.sections, branch.loops[branch.loops >= 0]
+    below = heights[sections.vertex_parts == sections.parts_below[loops[0]]]
+    above = heights[sections.vertex_parts == sections.parts_above[loops[-1]]]
     return float(below.min()), float(above.max())
 
 
@@ -224,12 +160,13 @@ def _squeezed(heights: Floats, first: float, last: float, low: float, high: floa
     return result
 
 
-def _shares(sections: Sections, sizes: Floats, levels: Ints, loops: Ints) -> tuple[float, float]:
-    """Return which part of the volume the main branch holds, and which part of its course is steep."""
-    branch = loops[loops >= 0]
-    whole = sum(float(sizes[sections.loops_of(int(level))].sum()) for level in levels)
-    share = float(sizes[branch].sum() / whole)
-    steps = np.diff([boundary_centroid(sections.loop(int(loop))) for loop in branch], axis=0)
+def _shares(branch: _Branch) -> tuple[float, float]:
+    """Return the part of the volume that the main branch holds, and the part of its course that is steep."""
+    sections, loops = branch.sections, branch.loops[branch.loops >= 0]
+    levels = range(len(branch.heights))
+    whole = sum(float(branch.areas[sections.loops_of(level)].sum()) for level in levels)
+    share = float(branch.areas[loops].sum() / whole)
+    steps = np.diff([boundary_centroid(sections.loop(int(loop))) for loop in loops], axis=0)
     if not len(steps):
         return share, 0.0
     lengths = np.linalg.norm(steps, axis=1)

@@ -56,17 +56,7 @@ class Sections:
 
 @dataclass(frozen=True, eq=False)
 class ClosedSurface:
-    """A surface without holes, with its opposite half-edges.
-
-    Attributes
-    ----------
-    points : (n, 3) float array
-        Positions [mm].
-    triangles : (m, 3) int array
-        Point ids.
-    opposite : (3 m,) int array
-        From :func:`opposite_half_edges`: for all positions of the points the same.
-    """
+    """A surface without holes: points (n, 3) [mm], triangles (m, 3), and its opposite half-edges (3 m,)."""
 
     points: Floats
     triangles: Ints
@@ -80,23 +70,10 @@ class ClosedSurface:
 
 
 def cut_surface(surface: ClosedSurface, values: Floats, levels: Floats) -> Sections:
-    """Cut a closed surface along levels of a scalar.
+    """Cut a closed surface, facing outward, along ascending levels (l,) of a scalar at its points (n,).
 
-    Every triangle is visited once per level that crosses it, whatever the number of levels.
-
-    Parameters
-    ----------
-    surface : ClosedSurface
-        That faces outward.
-    values : (n,) array
-        The scalar at each point, linear in between.
-    levels : (l,) array
-        Strictly ascending.
-
-    Returns
-    -------
-    Sections
-        Loops of at least three different points; smaller ones, at isolated extrema, are left out.
+    Every triangle is visited once per level that crosses it, whatever the number of levels. Loops of fewer
+    than three different points, at isolated extrema, are left out.
     """
     points, triangles = surface.points, surface.triangles
     slabs = np.searchsorted(levels, values, side="right")
@@ -127,14 +104,9 @@ def _turned(triangles: Ints, opposite: Ints) -> tuple[Ints, Ints]:
 def _rising(triangles: Ints, slabs: Ints, n_levels: int) -> tuple[Ints, Ints, Ints, Ints]:
     """Return half-edges that rise through levels, and the point where each crosses a level.
 
-    Returns
-    -------
-    rising : (r,) int array
-        Half-edges.
-    crossings : (3 m,) int array
-        Number of the first crossing of each of these; those of a half-edge follow each other upwards.
-    crossed, starts : int arrays
-        The half-edges that cross level i are ``crossed[starts[i] : starts[i + 1]]``.
+    These are the rising half-edges (r,); for each half-edge (3 m,) the number of its first crossing, those of
+    one half-edge following each other upwards; and, in two arrays, the half-edges that cross level i,
+    ``crossed[starts[i] : starts[i + 1]]``.
     """
     low = slabs[triangles]
     rises = (np.roll(low, -1, axis=1) - low).reshape(-1)
@@ -221,28 +193,6 @@ def _parts(
     return point_components(n_points + 2 * n_loops, edges)
 
 
-def united(below: Ints, above: Ints, ignored: Ints) -> tuple[Ints, Ints]:
-    """Return the parts of a surface, joined across the loops that do not cut it.
-
-    Parameters
-    ----------
-    below, above : (k,) int arrays
-        Numbers of the parts, as in :class:`Sections`.
-    ignored : (j,) int array
-        Numbers of these loops.
-
-    Returns
-    -------
-    below, above : (k,) int arrays
-        Equal for loops that the same part is beside.
-    """
-    sides, places = np.unique(np.concatenate((below, above)), return_inverse=True)
-    one, other = places[: len(below)], places[len(below) :]
-    sets = point_components(len(sides), np.column_stack((one[ignored], other[ignored])))
-    lowest = sides[np.unique(sets, return_index=True)[1][sets]]
-    return lowest[one], lowest[other]
-
-
 def loop_areas(points: Floats, loop_offsets: Ints) -> Floats:
     """Return the vector area of each loop, (k, 3): half the sum of the cross products of its edges.
 
@@ -257,12 +207,12 @@ def loop_areas(points: Floats, loop_offsets: Ints) -> Floats:
     return np.add.reduceat(np.cross(about, after), firsts) / 2.0
 
 
-def main_loops(sections: Sections, levels: Floats, sizes: Floats, chosen: Ints | None = None) -> Ints:
-    """Return the loop of each level that belongs to the muscle's main branch, -1 beyond its ends.
+def main_loops(sections: Sections, levels: Floats, sizes: Floats) -> Ints:
+    """Return the loop of each level (l,) that belongs to the muscle's main branch, -1 beyond its ends.
 
-    A loop continues another one of the next level if the surface between the two levels joins them. Of all
-    chains of loops that continue each other the one is taken that encloses most (area times distance of
-    the levels): so it never changes from one branch to another one that it does not meet.
+    A loop continues one of the level below if the surface between the two levels joins them. Of all chains of
+    loops that continue each other, the one is taken that encloses most: area times distance of the levels. So
+    it never changes from one branch to another that it does not meet.
 
     Parameters
     ----------
@@ -272,27 +222,14 @@ def main_loops(sections: Sections, levels: Floats, sizes: Floats, chosen: Ints |
         Heights, strictly ascending [mm].
     sizes : (k,) array
         Area of each loop [mm^2]; loops of 0 or less, as the boundaries of holes, take no part.
-    chosen : (c,) int array, optional
-        Numbers of the levels to follow the branch along, ascending, as if there were no others; default all.
-
-    Returns
-    -------
-    (c,) int array
-        Numbers of loops; the levels of those that are not -1 follow each other.
 
     Raises
     ------
     ValueError
         If no level has a loop with an inside.
     """
-    below, above, offsets = sections.parts_below, sections.parts_above, sections.level_offsets
-    firsts, ends = offsets[:-1], offsets[1:]
-    if chosen is not None:
-        level_of = np.repeat(np.arange(len(levels)), np.diff(offsets))
-        below, above = united(below, above, np.flatnonzero(~np.isin(level_of, chosen)))
-        levels, firsts, ends = levels[chosen], firsts[chosen], ends[chosen]
     thickness = np.gradient(levels) if len(levels) > 1 else np.ones(1)
-    chain: Ints = _largest_chain(sizes, firsts, ends, below, above, thickness)
+    chain = _largest_chain(sections, sizes, thickness)
     if (chain < 0).all():
         raise InputError(
             "", "no section of the muscle through the template has an inside", "fit the template first"
@@ -300,19 +237,17 @@ def main_loops(sections: Sections, levels: Floats, sizes: Floats, chosen: Ints |
     return chain
 
 
-def _largest_chain(
-    sizes: Floats, firsts: Ints, ends: Ints, below: Ints, above: Ints, thickness: Floats
-) -> Ints:
+def _largest_chain(sections: Sections, sizes: Floats, thickness: Floats) -> Ints:
     """Return the loop of each level in the largest chain of loops that continue each other."""
     best, previous = np.zeros(len(sizes)), np.full(len(sizes), -1)
     chain = np.full(len(thickness), -1, dtype=np.int64)
-    levels = [range(*span) for span in zip(firsts.tolist(), ends.tolist(), strict=True)]
+    levels = [sections.loops_of(level) for level in range(len(thickness))]
     for level, loops in enumerate(levels):
         for loop in loops:
             if sizes[loop] <= 0.0:
                 continue
             for other in levels[level - 1] if level else ():
-                if above[other] == below[loop] and best[other] > best[loop]:
+                if sections.parts_above[other] == sections.parts_below[loop] and best[other] > best[loop]:
                     best[loop], previous[loop] = best[other], other
             best[loop] += sizes[loop] * thickness[level]
     end = int(best.argmax()) if best.any() else -1

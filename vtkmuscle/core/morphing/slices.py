@@ -8,21 +8,21 @@ from typing import Any
 
 import numpy as np
 
-from vtkmuscle.core.morphing.section_maps import SectionMap, count_outside, section_map
+from vtkmuscle.core.morphing.correspondence import SectionMap, count_outside, section_map
 from vtkmuscle.core.morphing.sections import ClosedSurface
-from vtkmuscle.core.morphing.twist import STRAIGHT, SuperficialFibres, Twist, TwistSetting
 from vtkmuscle.core.types import Floats, Ints
 
 #: Heights that differ by no more than this part of the box's length are equal but for rounding.
 SAME_HEIGHT = 1e-9
-#: A muscle is bent too much for parallel planes where more than this part of its course runs more steeply
-#: than this angle to the box's axis [degrees], or its main branch holds less than this part of its volume.
-LARGEST_STEEP_SHARE = 0.15
-STEEP = 45.0
-#: What heights of slices are multiples of, as a part of the box's length: more than rounding, less than
+#: Heights of slices are multiples of this part of the box's length: more than rounding, less than
 #: :data:`SAME_HEIGHT`.
 GRAIN = 1e-12
-LEAST_SHARE = 0.8
+#: A muscle is bent too much for parallel planes where more than this part of its course runs more steeply
+#: than this angle to the box's axis [degrees], or its main branch holds less than this part of its volume.
+LARGEST_STEEP_SHARE, STEEP, LEAST_SHARE = 0.15, 45.0, 0.8
+#: Guiding sections, at fixed heights: starts on all others are interpolated between theirs. How many there
+#: are, and how far the first and the last are from the ends, as a part of the length.
+N_GUIDES, GUIDE_MARGIN = 33, 0.02
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,8 +42,6 @@ class Morph:
         Part of the muscle's volume that is in the branch which the fibres fill.
     steep_share : float
         Part of the branch's course that runs at more than :data:`STEEP` degrees to the box's axis.
-    twist : Twist
-        By which sections are turned against each other, and how well that suits what was seen.
     """
 
     points: Floats
@@ -51,7 +49,6 @@ class Morph:
     split_error: float
     volume_share: float
     steep_share: float
-    twist: Twist
 
     @property
     def suits(self) -> bool:
@@ -61,34 +58,30 @@ class Morph:
 
 @dataclass(frozen=True, eq=False)
 class Slicing:
-    """A way to slice a muscle: by planes, or along isolines.
+    """How to slice a muscle, by planes or along isolines.
 
     Attributes
     ----------
     slice_tolerance : float
         Points of the fitted template whose heights differ by no more than this share a slice [mm].
     continuity : float
-        Part of the muscle's length over which neighbouring slices resist twisting; 0 is the paper's rule, and
-        sections then start and are split at their own vertices.
-    twisting : TwistSetting
-        How sections are turned along their contours, from origin to insertion.
+        Part of the muscle's length over which neighbouring slices resist twisting; 0 is the paper's rule, by
+        which sections start and are split at their own vertices.
     report_progress : callable
-        Told the part of the work that is done.
+        Called with the part of the work that is done.
     once : callable
-        From a key and a function to what the function returned when it was first asked for by that key, for
-        this muscle: sections and their maps do not depend on how many fibres there are.
+        From a key and a function to what the function returned when this muscle was first asked for that key:
+        sections and their maps do not depend on how many fibres there are.
     """
 
     slice_tolerance: float
     continuity: float
-    twisting: TwistSetting = STRAIGHT
     report_progress: Callable[[float], None] = lambda fraction: None
     once: Callable[[Hashable, Callable[[], Any]], Any] = lambda key, find: find()
 
     def key(self, transform: Floats, *levels: Floats) -> Hashable:
         """Return the settings that sections at some levels and their maps depend on."""
-        settings = self.continuity, self.twisting.degrees
-        return *settings, *(np.ascontiguousarray(array).tobytes() for array in (transform, *levels))
+        return self.continuity, *(np.ascontiguousarray(array).tobytes() for array in (transform, *levels))
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,22 +91,19 @@ class SliceMaps:
     Attributes
     ----------
     hits : (l,) int array
-        Which level each section is at.
+        Number of the level that each section is at.
     maps : sequence of SectionMap
         Of the template's rectangle to each section.
     loops : sequence of (j, k) arrays
         Their boundaries, in the coordinates of the maps [mm].
     views : (l, 3, 3) array or None
-        Rotations of sections in space that are seen along z only thereafter.
-    twist : Twist
-        By which they are turned against each other.
+        Rotations of sections in space, after which they are seen along z.
     """
 
     hits: Ints
     maps: Sequence[SectionMap]
     loops: Sequence[Floats]
     views: Floats | None
-    twist: Twist
 
 
 def mapped_slices(
@@ -122,23 +112,13 @@ def mapped_slices(
     hits: Ints,
     sides: Floats,
     slicing: Slicing,
-    twist: Twist,
     views: Floats | None = None,
 ) -> SliceMaps:
-    """Return sections with their maps.
+    """Return sections with their maps, from loops that run counterclockwise about z and their starts (l, k).
 
-    Parameters
-    ----------
-    loops : sequence of (j, k) arrays
-        The sections' boundaries, counterclockwise about z [mm].
-    starts : (l, k) array
-        Where the correspondence starts, from :func:`vtkmuscle.core.morphing.correspondence.followed_starts`
-        [mm].
-    sides : (2,) array or longer
-        Sides of the rectangle [mm].
-    hits, slicing, twist, views
-        As of :class:`SliceMaps`; how to map.
+    The sides of the rectangle are (2,) or longer; hits and views are those of :class:`SliceMaps`.
     """
+    slicing.report_progress(0.5)
     if views is not None:
         loops = [loop @ view.T for loop, view in zip(loops, views, strict=True)]
         starts = np.einsum("lij,lj->li", views, starts)
@@ -146,7 +126,7 @@ def mapped_slices(
     for number, loop in enumerate(loops):
         maps.append(section_map(loop, starts[number], sides, as_printed=slicing.continuity == 0.0))
         slicing.report_progress(0.5 + 0.4 * (number + 1) / len(loops))
-    return SliceMaps(hits, maps, loops, views, twist)
+    return SliceMaps(hits, maps, loops, views)
 
 
 def map_sections(
@@ -159,23 +139,23 @@ def map_sections(
 ) -> tuple[Floats, int, float]:
     """Return points of the template in the sections of the muscle.
 
-    Points that share a slice though their heights differ are mapped by it and by the next one on their side,
-    and put between the two.
+    A point whose height is not quite that of its slice is mapped by that slice and by the next one on its
+    side, and put between the two. A level without a section, by rounding, takes that of the level next to it.
 
     Parameters
     ----------
     slices : SliceMaps
-        The sections. A level without one, by rounding, takes that of the level next to it.
+        The sections.
     levels : (h,) array
         Of the slices, ascending.
     heights : (n,) array
         Of the points, in the same unit.
     slice_of : (n,) int array
-        Which level each point is at.
+        Level of each point.
     inside : (n, 2) array or wider
         Points of the rectangle [mm].
     slicing : Slicing
-        Whom to tell how far it is.
+        For its report_progress.
 
     Returns
     -------
@@ -195,11 +175,13 @@ def map_sections(
     weights[shared] -= shares
     points = np.concatenate([np.arange(len(inside)), shared])
     at_level = np.concatenate([slice_of, others[shared]])
+    order = np.argsort(at_level, kind="stable")
+    members = np.split(order, np.searchsorted(at_level[order], np.arange(1, len(levels))))
     places = np.zeros((len(inside), slices.loops[0].shape[1]))
     flat = np.ascontiguousarray(inside[:, :2])
     n_outside = 0
     split_error = 0.0
-    for level, mine in enumerate(members(at_level, len(levels))):
+    for level, mine in enumerate(members):
         number = int(np.abs(slices.hits - level).argmin())
         section = slices.maps[number]
         found = section.places(flat[points[mine]])
@@ -214,11 +196,8 @@ def map_sections(
 class Box:
     """A fitted template's box, and coordinates along its sides.
 
-    Parameters
-    ----------
-    transform : (4, 4) array
-        Unit cube to box. A mirrored one has left-handed sides: all that is done in its coordinates is done to
-        the mirror image of the muscle.
+    A transform (4, 4) of the unit cube that mirrors it gives left-handed sides: all that is done in these
+    coordinates is then done to the mirror image of the muscle.
     """
 
     def __init__(self, transform: Floats) -> None:
@@ -243,39 +222,18 @@ class Box:
         """Return the points (n, 3) that have these coordinates [mm]."""
         return coordinates @ self._frame.T + self._corner
 
-    def seen(self, fibres: SuperficialFibres) -> SuperficialFibres:
-        """Return superficial fibres in the coordinates of the box."""
-        return fibres.within(self._corner, self._frame)
 
-
-def members(slice_of: Ints, n_slices: int) -> list[Ints]:
-    """Return the numbers of the points of each slice."""
-    order = np.argsort(slice_of, kind="stable")
-    return np.split(order, np.searchsorted(slice_of[order], np.arange(1, n_slices)))
+def guide_levels(length: float) -> Floats:
+    """Return heights (k,) of guiding sections in a muscle of this length [mm]."""
+    return length * np.linspace(GUIDE_MARGIN, 1.0 - GUIDE_MARGIN, N_GUIDES)
 
 
 def shared_levels(heights: Floats, tolerance: float, grain: float = 0.0) -> tuple[Floats, Ints]:
-    """Return the levels of slices that heights can share, and the slice of each height.
+    """Return the strictly ascending levels of slices (k,) [mm] that heights can share, and each one's (n,).
 
-    From the lowest height on, a slice takes all heights up to the tolerance above its lowest one; its
-    level is half way between its lowest and its highest, rounded to a multiple of the grain: other fibres,
-    whose heights differ by rounding, have the same slices.
-
-    Parameters
-    ----------
-    heights : (n,) array
-        In any order [mm].
-    tolerance : float
-        Largest difference in one slice [mm].
-    grain : float, optional
-        Much less than the tolerance [mm].
-
-    Returns
-    -------
-    levels : (k,) array
-        Strictly ascending [mm].
-    slice_of : (n,) int array
-        Which level each height has.
+    From the lowest height on, a slice takes all heights up to the tolerance [mm] above its lowest one. Its
+    level is half way between its lowest and its highest, rounded to a multiple of the grain, which is much
+    less than the tolerance: so other fibres, whose heights differ by rounding, have the same slices.
     """
     order = np.argsort(heights, kind="stable")
     slice_of = np.empty(len(heights), dtype=np.int64)

@@ -11,34 +11,22 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.optimize import minimize_scalar
-from scipy.spatial import ConvexHull
+from scipy.spatial import ConvexHull, cKDTree
 from scipy.spatial.distance import cdist
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.mesh.normals import perpendiculars
+from vtkmuscle.core.mesh.polylines import proper_segments, segments
 from vtkmuscle.core.mesh.sampling import skewed_direction
 from vtkmuscle.core.mesh.surface import extent
-from vtkmuscle.core.types import Floats
+from vtkmuscle.core.types import Floats, Ints
 
-#: Of costs that differ by less than this the first counts: a template's symmetries give ties.
+#: Costs that differ by less than this are equal, and the first counts: a template's symmetries give ties.
 TIE = 1e-9
-#: Sides of the least rectangle's edges shorter than this part of the section are rounding.
+#: Edges of an outline shorter than this part of it are rounding.
 SHORTEST_EDGE = 1e-6
-#: To how many degrees a refined angle is found.
-FINEST_ANGLE = 1e-4
-#: Turns of the cube, as rows of the image of each axis, that put its z axis, x axis or y axis along the
-#: muscle, either way up. With the sweep's quarter turns these are all 24.
-ASSIGNMENTS = np.array(
-    [
-        np.eye(3),
-        [(1, 0, 0), (0, -1, 0), (0, 0, -1)],
-        [(0, 1, 0), (0, 0, 1), (1, 0, 0)],
-        [(0, 1, 0), (0, 0, -1), (-1, 0, 0)],
-        [(0, 0, 1), (1, 0, 0), (0, 1, 0)],
-        [(0, 0, -1), (1, 0, 0), (0, -1, 0)],
-    ]
-)
+#: Segments of superficial fibres are cut in pieces of no more than this part of the muscle's extent.
+LONGEST_PIECE = 0.02
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,10 +41,10 @@ class Fit:
     error : float
         Sum of distances from the template's area points to the nearest landmarks, in the unit of the points.
     angle : float
-        Turn about the axis from where the sweep began [degrees].
+        Turn about the axis from the first box of the sweep [degrees].
     cost : float
-        What makes one box better than another: the mean of the distances whose sum is the error, as a part of
-        the muscle's extent, and the angle to superficial fibres where there are some [rad].
+        Least of all boxes: the mean of these distances as a part of the muscle's extent, plus the angle to
+        superficial fibres where there are some [rad].
     """
 
     transform: Floats
@@ -77,10 +65,7 @@ def areas_are_opposite(origin_area: Floats, insertion_area: Floats) -> bool:
 def centroid_axis(origin: Floats, insertion: Floats) -> Floats:
     """Return the unit vector from the centroid of the origin to that of the insertion.
 
-    Raises
-    ------
-    ValueError
-        If the centroids coincide.
+    Raises a ValueError if the centroids coincide.
     """
     difference: Floats = insertion.mean(axis=0) - origin.mean(axis=0)
     length = float(np.linalg.norm(difference))
@@ -104,13 +89,7 @@ def principal_axis(muscle: MuscleViews, origin: Floats, insertion: Floats) -> Fl
 
 
 class MuscleViews:
-    """Views of a muscle along axes, each computed once.
-
-    Parameters
-    ----------
-    points : (n, 3) array
-        Points of its surface.
-    """
+    """Views of a muscle, by the points of its surface (n, 3), along axes, each computed once."""
 
     def __init__(self, points: Floats) -> None:
         self.points = points
@@ -118,7 +97,7 @@ class MuscleViews:
 
     @cached_property
     def extent(self) -> float:
-        """Its size."""
+        """The muscle's size."""
         return extent(self.points)
 
     @cached_property
@@ -151,18 +130,10 @@ class MuscleViews:
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """A muscle seen along an axis.
+    """A muscle seen along an axis, on which it lies from `bottom` to `top`.
 
-    Attributes
-    ----------
-    bottom, top : float
-        Where it begins and ends along the axis.
-    first, second : (3,) arrays
-        Unit vectors across the axis.
-    outline : (k, 2) array
-        Its convex hull, along these.
-    angle : float
-        Of a side of the least rectangle around it [rad].
+    Its convex hull `outline` (k, 2) is along two unit vectors across the axis, `first` and `second` (3,);
+    `angle` is that of a side of the least rectangle around it [rad].
     """
 
     bottom: float
@@ -180,16 +151,15 @@ def fit_box(
     landmarks: tuple[Floats, Floats],
     areas: tuple[Floats, Floats],
     angle_step: float,
-    refine: bool = False,
     guide: Callable[[Floats], float] | None = None,
 ) -> Fit:
     """Return the box around a muscle whose areas lie nearest to the muscle's attachments.
 
     Boxes whose z axis is the given one are turned about it by a full turn, step by step; each is the least
-    one that holds all points. For each point of the template's areas, put into the box, the nearest
-    landmark of the same role is found; the box with the least sum of these distances is returned, the first
-    one of those that tie. The paper starts from any two vectors across the axis: here they are the sides of
-    the least rectangle around the muscle seen along the axis, so that a box-shaped muscle is met exactly.
+    one that holds all points. For each point of the template's areas, put into the box, the nearest landmark
+    of the same role is found; the first box with the least sum of these distances is returned. The paper
+    starts from any two vectors across the axis: here they are the sides of the least rectangle around the
+    muscle seen along the axis, so that a box-shaped muscle is met exactly.
 
     Parameters
     ----------
@@ -203,18 +173,10 @@ def fit_box(
         Points of the template's origin and insertion areas in the unit cube.
     angle_step : float
         Degrees.
-    refine : bool, optional
-        Go on from the best angle to a minimum between its neighbours.
     guide : callable, optional
         From a box, unit cube to world (4, 4), to the angle between the template's fibres in it and those that
-        are known [rad]. It counts as much as the mean distance of the areas from the landmarks, as a part of
-        the muscle's extent: areas that are off by a tenth of the muscle are as bad as fibres that are off
-        by 6 degrees.
-
-    Returns
-    -------
-    Fit
-        The best box.
+        were seen [rad]. It counts as much as the mean distance of the areas from the landmarks, as a part of
+        the muscle's extent: a tenth of the muscle is as bad as 6 degrees.
 
     Raises
     ------
@@ -262,18 +224,49 @@ def fit_box(
     steps = np.arange(0.0, 360.0, angle_step)
     swept = costs(steps)
     best = int((swept <= swept.min() + TIE).argmax())
-    angle, cost = float(steps[best]), float(swept[best])
-    if refine:
-        found = minimize_scalar(
-            lambda degrees: float(costs(np.array([degrees]))[0]),
-            bounds=(angle - angle_step, angle + angle_step),
-            method="bounded",
-            options={"xatol": FINEST_ANGLE},
-        )
-        if found.fun < cost - TIE:
-            angle, cost = float(found.x), float(found.fun)
-    at = np.array([angle])
-    return Fit(transforms(at)[0], float(errors(at)[0]), angle, cost)
+    at = steps[best : best + 1]
+    return Fit(transforms(at)[0], float(errors(at)[0]), float(steps[best]), float(swept[best]))
+
+
+@dataclass(frozen=True, eq=False)
+class SuperficialFibres:
+    """Short pieces of superficial fibres: middles (m, 3) [mm], unit directions (m, 3), lengths (m,) [mm]."""
+
+    places: Floats
+    directions: Floats
+    weights: Floats
+
+
+def superficial_pieces(points: Floats, offsets: Ints, muscle: Floats) -> SuperficialFibres:
+    """Return superficial fibres as short pieces.
+
+    Points are (n, 3) [mm], offsets the first point of each fibre, and n. No piece is longer than
+    :data:`LONGEST_PIECE` of the extent of the muscle's points (m, 3).
+    """
+    a, b, lengths = proper_segments(points, offsets)
+    counts = np.ceil(lengths / (LONGEST_PIECE * extent(muscle))).astype(np.int64)
+    segment = np.repeat(np.arange(len(a)), counts)
+    within = np.arange(len(segment)) - np.repeat(np.cumsum(counts) - counts, counts)
+    share = (within + 0.5) / counts[segment]
+    step = b - a
+    return SuperficialFibres(
+        places=a[segment] + share[:, None] * step[segment],
+        directions=(step / lengths[:, None])[segment],
+        weights=(lengths / counts)[segment],
+    )
+
+
+def angle_to_nearest(seen: SuperficialFibres, points: Floats, offsets: Ints) -> float:
+    """Return the angle between superficial fibres and the nearest segments of others, (0 to pi / 2) [rad].
+
+    It is the root mean square, weighted by length. Points and offsets are those of the other fibres.
+    """
+    a, b = segments(points, offsets)
+    directions = (b - a)[cKDTree((a + b) / 2.0).query(seen.places)[1]]
+    across = np.linalg.norm(np.cross(seen.directions, directions), axis=-1)
+    along = np.abs((seen.directions * directions).sum(axis=-1))
+    angles = np.where((across > 0.0) | (along > 0.0), np.arctan2(across, along), np.pi / 2.0)
+    return float(np.sqrt((seen.weights * angles**2).sum() / seen.weights.sum()))
 
 
 def _has_area(seen: Floats) -> bool:
@@ -300,17 +293,3 @@ def _least_rectangle_angle(outline: Floats, marker: Floats) -> float:
     sides = np.vstack([directions[least], -directions[least], sideways[least], -sideways[least]])
     x, y = sides[int((sides @ marker).argmax())]
     return float(np.arctan2(y, x))
-
-
-def turned_cube(assignment: Floats) -> Floats:
-    """Return the transform (4, 4) of the unit cube to itself that turns it about its centre.
-
-    Parameters
-    ----------
-    assignment : (3, 3) array
-        One of :data:`ASSIGNMENTS`.
-    """
-    transform = np.eye(4)
-    transform[:3, :3] = assignment
-    transform[:3, 3] = 0.5 - assignment @ np.full(3, 0.5)
-    return transform

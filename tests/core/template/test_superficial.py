@@ -3,13 +3,7 @@
 import numpy as np
 import pytest
 
-from vtkmuscle.core.morphing.twist import (
-    SuperficialFibres,
-    angle_between,
-    angle_to_nearest,
-    root_mean_square,
-    superficial_pieces,
-)
+from vtkmuscle.core.template.fitting import SuperficialFibres, angle_to_nearest, superficial_pieces
 
 
 def test_pieces_share_out_their_fibres():
@@ -23,11 +17,15 @@ def test_pieces_share_out_their_fibres():
         superficial_pieces(lines[2:4], np.array([0, 2]), lines)
 
 
-def test_angles_have_no_sign():
-    a = np.array([[1.0, 0, 0], [1, 0, 0], [2, 0, 0], [0, 0, 0]])
-    b = np.array([[-3.0, 0, 0], [0, 1, 0], [1, 1, 0], [1, 0, 0]])
-    assert np.allclose(np.degrees(angle_between(a, b)), [0, 90, 45, 90])
-    assert root_mean_square(np.array([1.0, 3.0]), np.array([3.0, 1.0])) == pytest.approx(np.sqrt(3.0))
+def test_angles_have_no_sign_and_the_longer_pieces_count_more():
+    places = np.arange(4.0)[:, None] * [10.0, 0, 0]
+    ways = np.array([[-3.0, 0, 0], [0, 1, 0], [1, 1, 0], [1, 0, 0]])
+    others = np.stack([places - ways / 2, places + ways / 2], axis=1).reshape(-1, 3)
+    for i, angle in enumerate((0, 90, 45, 0)):
+        one = SuperficialFibres(places[[i]], np.eye(3)[[0]], np.ones(1))
+        assert np.degrees(angle_to_nearest(one, others, np.arange(0, 9, 2))) == pytest.approx(angle)
+    two = SuperficialFibres(places[[0, 1]], np.eye(3)[[0, 0]], np.array([3.0, 1.0]))
+    assert np.degrees(angle_to_nearest(two, others, np.arange(0, 9, 2))) == pytest.approx(np.sqrt(90**2 / 4))
 
 
 def test_the_angle_to_others_is_that_to_the_nearest_of_them():
