@@ -197,12 +197,12 @@ def set_field_array(data: Any, name: str, values: Any) -> None:
 
 def point_array(data: Any, name: str, where: str) -> NDArray[Any]:
     """Return a point array as a read-only view; ValueError at `where` if there is none."""
-    return _view_of(data.GetPointData(), f"point array {name!r}", name, where)
+    return _existing(data.GetPointData(), "point", name, where)
 
 
 def cell_array(data: Any, name: str, where: str) -> NDArray[Any]:
     """Return a cell array as a read-only view; ValueError at `where` if there is none."""
-    return _view_of(data.GetCellData(), f"cell array {name!r}", name, where)
+    return _existing(data.GetCellData(), "cell", name, where)
 
 
 def field_array(data: Any, name: str) -> NDArray[Any] | None:
@@ -249,10 +249,10 @@ def _kind_of(whole: bool) -> int:
     return int(get_vtk_array_type(np.array(0 if whole else 0.0).dtype))
 
 
-def _view_of(owner: Any, what: str, name: str, where: str) -> NDArray[Any]:
+def _existing(owner: Any, kind: str, name: str, where: str) -> NDArray[Any]:
     array = owner.GetArray(name)
     if array is None:
-        raise InputError(where, f"the {what} is missing")
+        raise InputError(where, f"the {kind} array {name!r} is missing")
     return _view(array)
 
 
