@@ -47,7 +47,7 @@ def bones_of(data: vtkMultiBlockDataSet, where: str) -> dict[str, vtkPolyData]:
 
 
 class MovingBones(NamedTuple):
-    """Bones at a time: surfaces by name in the order of their blocks, and transforms, rest to now (b, 4, 4)."""
+    """Bones at a time: surfaces by name, in the order of blocks, and transforms (b, 4, 4), rest to now."""
 
     surfaces: dict[str, vtkPolyData]
     transforms: Floats
@@ -65,9 +65,8 @@ def moving_bones_of(data: vtkMultiBlockDataSet, where: str) -> MovingBones:
     for index, (name, bone) in enumerate(bones.items()):
         values = field_array(bone, "Transform")
         if values is None:
-            raise InputError(
-                f"{where}, block {name!r}", "the field array 'Transform' is missing", "use BoneMotion"
-            )
+            problem = "the field array 'Transform' is missing"
+            raise InputError(f"{where}, block {name!r}", problem, "BoneMotion adds it")
         if values.tobytes() == _AT_REST:  # as most bones are, most of the time
             continue
         if values.size != 16 or not is_rigid(values.reshape(4, 4)):
@@ -88,7 +87,7 @@ def fixed_points_of(muscle: Surface, bones: Sequence[str]) -> Ints:
     array = muscle.array("FixedTo")
     where = f"{muscle.where}, point array 'FixedTo'"
     if array.ndim != 1 or not np.isfinite(array).all() or (array != np.floor(array)).any():
-        raise InputError(where, "it must be one whole number per point", "use FixedPointDetector")
+        raise InputError(where, "it must be one whole number per point", "FixedPointDetector makes it")
     fixed_to = array.astype(np.int64)
     bad = fixed_to[(fixed_to < -1) | (fixed_to >= len(bones))]
     if len(bad):

@@ -118,7 +118,7 @@ class MuscleGeometry:
         return self.once(("tree", patch.tobytes()), tree)
 
     def samples(self, count: int) -> Floats:
-        """Return `count` positions (k, 3) [mm] of even density in it, fewer where it has next to no volume."""
+        """Return `count` positions [mm] of even density in it, fewer where it has next to no volume."""
         if len(self._samples) < count:
             # Up to a power of two, which will do for other numbers of fibres as well.
             self._samples = samples_inside(self.solids.inside, self.points, 2 ** (count - 1).bit_length())
@@ -127,7 +127,7 @@ class MuscleGeometry:
 
 @dataclass(frozen=True, eq=False)
 class Surface:
-    """The argument of a filter for a surface: its data, finite points (n, 3) [mm], triangles, place in errors."""
+    """A filter's argument for a surface: its data, finite points (n, 3) [mm], triangles; place in errors."""
 
     data: vtkPolyData
     points: Floats
@@ -168,8 +168,8 @@ def muscle_geometry(surface: vtkPolyData, where: str) -> MuscleGeometry:
     """Return the facts about a surface, the same object for the same points and triangles.
 
     Content decides, not modification times, so that copies of a muscle share facts, and a surface that was
-    changed through a numpy view is another one. Raises a ValueError at `where` if the surface has no triangles
-    or other faces, or a point is not finite.
+    changed through a numpy view is another one. Raises a ValueError at `where` if the surface has no
+    triangles or other faces, or a point is not finite.
     """
     return _geometry(*checked_surface(surface, where))
 
