@@ -18,7 +18,7 @@ from vtkmuscle.data.muscle_geometry import MuscleGeometry
 #: A ring goes round the muscle where the muscle's surface within it has more than this many times the area of
 #: the disc that spans the ring: a half ball has 2. Fibres then end on the disc.
 BULGE = 2.0
-#: Largest part of a ring that may be deeper in the muscle than a mean edge's length, if it lies on the surface.
+#: Largest part of a ring on the surface that may be deeper in the muscle than a mean edge's length.
 DEEP = 0.05
 #: Positions from one landmark to the next at which that is measured.
 PLACES = 8

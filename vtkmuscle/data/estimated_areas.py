@@ -15,8 +15,8 @@ from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import checked_surface
 from vtkmuscle.data.attachments import ROLES, AttachmentArea
 
-#: Largest distance at which a point of a muscle is near a bone [mm]: 90 % of the points of the areas that were
-#: digitised for the LHDL hip are nearer than 2.2 to 2.3 mm.
+#: Largest distance at which a point of a muscle is near a bone [mm]: 90 % of the points of the areas
+#: digitised for the hip of LHDL are nearer than 2.2 to 2.3 mm.
 NEAR = 2.5
 
 
