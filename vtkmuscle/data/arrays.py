@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cache
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,10 +16,18 @@ from vtkmodules.util.numpy_support import (
     vtk_to_numpy,
 )
 from vtkmodules.vtkCommonCore import vtkDataArray, vtkPoints, vtkStringArray
-from vtkmodules.vtkCommonDataModel import vtkCellArray, vtkCompositeDataSet, vtkMultiBlockDataSet, vtkPolyData
+from vtkmodules.vtkCommonDataModel import (
+    vtkCellArray,
+    vtkCompositeDataSet,
+    vtkDataObject,
+    vtkMultiBlockDataSet,
+    vtkPolyData,
+)
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.types import Floats, Ints
+
+Data = TypeVar("Data", bound=vtkDataObject)
 
 
 def points_of(data: Any) -> Floats:
@@ -60,9 +68,9 @@ def vtk_points(points: Floats) -> vtkPoints:
     return result
 
 
-def shallow_copy(data: Any) -> Any:
+def shallow_copy(data: Data) -> Data:
     """Return another data object with the same arrays; arrays added to it are not added to the first."""
-    copy = data.NewInstance()
+    copy: Data = data.NewInstance()
     copy.ShallowCopy(data)
     return copy
 
@@ -165,12 +173,12 @@ def set_cell_array(data: Any, name: str, values: NDArray[Any]) -> None:
 
 
 def add_arrays(
-    data: Any,
+    data: Data,
     *,
     points: Mapping[str, NDArray[Any]] | None = None,
     cells: Mapping[str, NDArray[Any]] | None = None,
     fields: Mapping[str, Any] | None = None,
-) -> Any:
+) -> Data:
     """Add copies of arrays, by name, to the point, cell and field data; return the data."""
     adders = (set_point_array, points), (set_cell_array, cells), (set_field_array, fields)
     for add, arrays in adders:

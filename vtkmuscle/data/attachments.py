@@ -79,8 +79,9 @@ def attachments_from(areas: Sequence[AttachmentArea]) -> vtkMultiBlockDataSet:
 
 def is_areas(value: object) -> TypeGuard[Sequence[AttachmentArea]]:
     """Return whether a value is a list or tuple of areas."""
-    is_sequence = isinstance(value, (list, tuple)) and bool(value)
-    return is_sequence and all(isinstance(area, AttachmentArea) for area in value)
+    if not isinstance(value, (list, tuple)) or not value:
+        return False
+    return all(isinstance(area, AttachmentArea) for area in value)
 
 
 def attachments_of(data: vtkMultiBlockDataSet, where: str) -> list[AttachmentArea]:

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
+from numpy.typing import NDArray
 from vtkmodules.vtkCommonDataModel import vtkDataSet
 from vtkmodules.vtkFiltersCore import vtkCellCenters, vtkMaskPoints
 
@@ -100,7 +103,7 @@ class FibreField(Filter):
                 f"the fibres in {_box(fibres.points)}",
                 "bring both to the same place and unit of length",
             )
-        arrays = {
+        arrays: dict[str, NDArray[Any]] = {
             "FibreDirection": directions,
             "FibreDistance": distances,
             "InMuscle": inside.astype(np.uint8),
