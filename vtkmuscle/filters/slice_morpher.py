@@ -13,21 +13,21 @@ from vtkmuscle.core.mesh.shared import RecentlyUsed
 from vtkmuscle.core.morphing.isolines import morph_by_isolines
 from vtkmuscle.core.morphing.planes import morph_by_planes
 from vtkmuscle.core.morphing.slices import Box, Morph, Slicing
-from vtkmuscle.core.morphing.twist import Twist, TwistSetting, superficial_pieces
+from vtkmuscle.core.morphing.twist import TwistSetting, superficial_pieces
 from vtkmuscle.core.template.fitting import areas_are_opposite
 from vtkmuscle.core.types import Floats
-from vtkmuscle.data.arrays import Polylines, field_array, set_field_array
+from vtkmuscle.data.arrays import Polylines, add_arrays, field_array
 from vtkmuscle.data.attachments import AttachmentArea
 from vtkmuscle.data.muscle_geometry import Surface
 from vtkmuscle.filters.base import Filter, OutputPort, Parameter, ports
 from vtkmuscle.filters.harmonic_field import field_of, has_field
 
-#: Deviations of superficial fibres from which on a warning is given, root mean square [degrees].
+#: Deviation of superficial fibres from which on a warning is given, root mean square [degrees].
 NOTICED = 10.0
 #: ``slice_tolerance=None`` as a part of the box's length.
 DEFAULT_TOLERANCE = 1e-3
-#: Things that are kept with a muscle, three for each way to slice it: its sections and their maps do not
-#: depend on how many fibres go through them.
+#: Results that are kept with a muscle, three for each way to slice it: its sections and their maps do not
+#: depend on the number of fibres.
 SETTINGS_KEPT = 12
 
 
@@ -36,40 +36,38 @@ class SliceMorpher(Filter):
 
     By ``method="plane"`` a plane across the box's long axis cuts the box in a rectangle and the muscle in a
     contour. The contour is split into four parts, one for each side of the rectangle, so that their lengths
-    match best, and the rectangle is mapped to the contour. Where a section has several loops, the chain of
-    loops that continue each other and enclose most of the muscle is followed from end to end: fibres fill
-    this main branch, and never change from one branch to another. Fibre parts beyond the end of the branch
-    are squeezed into its tip.
+    match best, and the rectangle is mapped to the contour by mean value coordinates. Where a section has
+    several loops, fibres fill the chain of loops that continue each other and enclose most of the muscle, and
+    never change from one branch to another. Fibre parts beyond the end of this main branch are squeezed into
+    its tip.
 
     By ``method="harmonic"`` the muscle is cut along isolines of a function that is 0 on the origin area, 1 on
     the insertion area and harmonic on the surface between them, as many as there are planes through the
-    template: they follow a muscle however it bends. The function is taken from the muscle's point array
-    ``HarmonicField`` where :class:`HarmonicField` has made it, which also serves a deformed muscle of the
-    same points, and computed from the attachments otherwise. The ends of fibres lie on the attachment areas.
+    template: they follow a muscle however it bends. The function is the muscle's point array
+    ``HarmonicField`` (of :class:`HarmonicField`), or else is computed from the attachments. The ends of
+    fibres lie on the attachment areas.
 
-    Parallel planes do not follow a muscle that is bent. ``method="auto"`` takes them unless, at 16 heights,
-    the main branch holds less than 80 % of the muscle's volume, or its centre line runs at more than 45
-    degrees to the box's axis over more than 15 % of its length: then it takes isolines, if it has
-    attachments or the function and the template's areas are its bottom and its top. Which one it took is in
-    ``MorphMethod``. Where planes were used on such a muscle there is a warning.
+    ``method="auto"`` takes isolines for a muscle that is too bent for parallel planes: at 16 heights, the
+    main branch holds less than 80 % of the muscle's volume, or its centre line runs at more than 45 degrees
+    to the box's axis over more than 15 % of its length. It needs attachments or the function for that, and a
+    template whose areas are its bottom and its top; else it takes planes, with a warning. The choice is in
+    ``MorphMethod``.
 
-    A fibre point goes where its mean value coordinates in the rectangle, applied to the contour, put it. That
-    may be outside of a concave section, and isolines are not flat: between them the surface may be on either
-    side of a fibre point. These points are counted, and :class:`FibreTrimmer` and :class:`FibreSmoother` put
-    them in. Narrow parts of a section get next to no fibres; :class:`FibreSmoother` with the muscle connected
-    fills them.
+    Points may come to lie outside of a concave section, and isolines are not flat, so that the surface may be
+    on either side of a point between them. These points are counted; :class:`FibreTrimmer` and
+    :class:`FibreSmoother` put them in. Narrow parts of a section get next to no fibres;
+    :class:`FibreSmoother` with the muscle connected fills them.
 
-    The contour's point that goes with the rectangle's first corner is, in the paper, the vertex nearest to it
-    in each slice. By default it is chosen for all slices together, so that neighbouring contours are not
-    twisted against each other, and is a vertex that is added there; ``continuity=0`` is the paper's rule.
+    The contour's point that corresponds to the rectangle's first corner is, in the paper, the vertex nearest
+    to it in each slice. By default it is a new vertex, chosen for all slices together, so that neighbouring
+    contours are not twisted against each other; ``continuity=0`` is the paper's rule.
 
-    Fibres that wind around a muscle have sections turned along their contours on purpose: by ``twist``, the
-    insertion against the origin, evenly from one to the other. Where superficial fibres are connected, that
-    one is taken with which fibres of the template would run most nearly like them on the surface (least
-    squares of the angle, by length), unless it leaves more than half of the squares: then a twist is not what
-    they show, and there is a warning. A few fibres will do, whatever part of the surface they are on, also a
-    little off it. They are for templates whose areas are their bottom and their top; for others, and for a
-    template that is not the same from all sides, TemplateFitter turns the box to suit them.
+    Fibres that wind around a muscle need sections that are turned along their contours: by ``twist``, the
+    insertion against the origin, evenly from one to the other. From superficial fibres, where connected, the
+    twist is found that makes the template's fibres on the surface most nearly parallel to them (least squares
+    of the angle, by length). If it leaves more than half of the squares there is no twist, but a warning. A
+    few fibres will do, on any part of the surface or a little off it. Their template must have its areas at
+    its bottom and its top; TemplateFitter turns the box for others, and for templates without symmetry.
 
     Parameters
     ----------
@@ -90,8 +88,8 @@ class SliceMorpher(Filter):
         Part of the muscle's length over which slices resist being twisted against each other; 0 matches each
         slice by itself.
     twist
-        How far sections are turned along their contours from origin to insertion, 360 once round,
-        counterclockwise seen from the insertion; not looked at where superficial fibres are connected.
+        Turn of the sections along their contours from origin to insertion, 360 once round, counterclockwise
+        seen from the insertion; ignored where superficial fibres are connected.
 
     Attributes
     ----------
@@ -101,9 +99,9 @@ class SliceMorpher(Filter):
         section; along isolines: outside of the muscle), ``SplitError`` (largest deviation of a section's four
         parts from the rectangle's sides, as a part of its perimeter), ``VolumeShare`` (part of the muscle in
         the branch that the fibres fill), ``SteepShare`` (part of the planes' branch at more than 45 degrees
-        to their axis, also where it is why isolines were taken; 0 where planes were not tried) and ``Twist``
-        [degrees]; with superficial fibres ``SuperficialAngle``, between them and the template's on the
-        surface, root mean square [degrees], and ``SuperficialAngleStraight``, the same without the twist.
+        to their axis, 0 where planes were not tried) and ``Twist`` [degrees]; with superficial fibres
+        ``SuperficialAngle``, between them and the template's on the surface, root mean square [degrees], and
+        ``SuperficialAngleStraight``, the same without the twist.
 
     Raises
     ------
@@ -151,8 +149,7 @@ class SliceMorpher(Filter):
         superficial: Polylines | None,
     ) -> vtkPolyData:
         """Return the fibres in the muscle."""
-        box = _box(template.data)
-        geometry = muscle.geometry
+        box, geometry = _box(template.data), muscle.geometry
         tolerance = self.slice_tolerance
         if tolerance is None:
             tolerance = DEFAULT_TOLERANCE * float(np.linalg.norm(box[:3, 2]))
@@ -190,25 +187,22 @@ class SliceMorpher(Filter):
         if self.method == "auto" and not result.suits and upright and known:
             method, result = "harmonic", morph("harmonic")
         _warn(result, method)
-        _warn_of_superficial(result.twist)
-        moved = template.moved(result.points)
-        for name, value in (
-            ("MorphMethod", method),
-            ("PointsOutside", result.n_outside),
-            ("SplitError", result.split_error),
-            ("VolumeShare", result.volume_share),
-            ("SteepShare", steep_share),
-            ("Twist", result.twist.twist),
-        ):
-            set_field_array(moved, name, value)
+        fields: dict[str, str | float] = {
+            "MorphMethod": method,
+            "PointsOutside": result.n_outside,
+            "SplitError": result.split_error,
+            "VolumeShare": result.volume_share,
+            "SteepShare": steep_share,
+            "Twist": result.twist.twist,
+        }
         if twisting.seen is not None:
-            set_field_array(moved, "SuperficialAngle", result.twist.angle)
-            set_field_array(moved, "SuperficialAngleStraight", result.twist.straight_angle)
-        return moved
+            fields["SuperficialAngle"] = result.twist.angle
+            fields["SuperficialAngleStraight"] = result.twist.straight_angle
+        return add_arrays(template.moved(result.points), fields=fields)
 
 
 def _warn(result: Morph, method: str) -> None:
-    """Warn of what a user should know of the fibres."""
+    """Warn where planes do not suit the muscle, or no twist explains the superficial fibres."""
     if method == "plane" and not result.suits:
         warnings.warn(
             "SliceMorpher: the muscle is bent too much for parallel planes: their main branch holds "
@@ -216,14 +210,11 @@ def _warn(result: Morph, method: str) -> None:
             "run at more than 45 degrees to the box's axis; use method='harmonic'",
             stacklevel=2,
         )
-
-
-def _warn_of_superficial(found: Twist) -> None:
-    """Warn where superficial fibres run otherwise than the template's, and no twist explains it."""
-    if found.angle == found.straight_angle and found.angle > NOTICED:
+    twist = result.twist
+    if twist.angle == twist.straight_angle and twist.angle > NOTICED:
         warnings.warn(
-            f"SliceMorpher: the superficial fibres deviate by {found.straight_angle:.0f} degrees from the "
-            f"template's (root mean square), and by {found.best_angle:.0f} with the best twist, which "
+            f"SliceMorpher: the superficial fibres deviate by {twist.straight_angle:.0f} degrees from the "
+            f"template's (root mean square), and by {twist.best_angle:.0f} with the best twist, which "
             "explains too little to be taken; another template, or another axis or cube of TemplateFitter, "
             "may do better",
             stacklevel=2,
@@ -231,7 +222,7 @@ def _warn_of_superficial(found: Twist) -> None:
 
 
 def _runs_upwards(template: vtkPolyData | None, box: Floats) -> bool:
-    """Return False where the template says that its areas are not its bottom and its top."""
+    """Return False for a template with areas that are not its bottom and its top."""
     areas = [field_array(template, name) for name in ("OriginArea", "InsertionArea")]
     if any(area is None or area.ndim != 2 or area.shape[1] != 3 for area in areas):
         return True

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkPolyData
@@ -22,7 +23,7 @@ from vtkmuscle.core.template.fitting import (
     turned_cube,
 )
 from vtkmuscle.core.types import Floats
-from vtkmuscle.data.arrays import Polylines, field_array, set_field_array
+from vtkmuscle.data.arrays import Polylines, add_arrays, field_array
 from vtkmuscle.data.attachments import ROLES, AttachmentArea
 from vtkmuscle.data.muscle_geometry import Surface
 from vtkmuscle.filters.base import Filter, OutputPort, Parameter, ports
@@ -34,23 +35,22 @@ class TemplateFitter(Filter):
     The box's z axis is the muscle's axis. By ``axis="attachments"`` that is the line from the centroid of
     the origin's landmarks to the centroid of the insertion's; by ``axis="principal"`` the direction in
     which the surface's points spread most. ``axis="auto"`` tries both and keeps the one with the smaller
-    error: the former rule fails where an attachment is so complex that its centroid is not on it, and where
-    areas lie beside each other (pennate, bipennate), so that the line follows the fibres rather than the
-    muscle.
+    error. The first rule fails where an attachment's centroid is not on it, and where areas lie beside each
+    other (pennate, bipennate), so that the line follows the fibres rather than the muscle.
 
     The box is turned about this axis step by step, and the angle is kept at which the corners of the
-    template's areas are nearest to the landmarks; ``refine=True`` goes on from there to a minimum between its
-    neighbours. Several areas of one role count as one. ``orientation="any"`` also tries the cube with another
-    of its axes along the muscle, either way up: 24 turns in all, with the quarter turns of the sweep.
-    Fibres of a broad muscle may run across its long axis.
+    template's areas are nearest to the landmarks; ``refine=True`` continues to a minimum between the
+    neighbouring steps. Several areas of one role count as one. ``orientation="any"`` also tries the cube's
+    other axes along the muscle, either way up, since fibres of a broad muscle may run across its long axis:
+    24 turns in all, with the quarter turns of the sweep.
 
     Where superficial fibres are connected, boxes are also judged by the angle between them and the template's
-    fibres next to them: landmarks that are off by a tenth of the muscle's length, on the average, count as
-    much as fibres that are off by 6 degrees (root mean square). From that follows the side to which fibres
-    lean or arch where landmarks leave it open. A twist, which no box has, is SliceMorpher's.
+    fibres next to them: a mean distance from the landmarks of a tenth of the muscle's length counts as much
+    as an angle of 6 degrees (root mean square). That decides to which side fibres lean or arch where
+    landmarks leave it open. A twist is found by SliceMorpher.
 
     Only rotations are tried. ``mirror=True`` is for the muscle of the other side of the body: it gives the
-    mirror image of what the mirrored muscle would get.
+    mirror image of the fit to the mirrored muscle.
 
     Parameters
     ----------
@@ -63,11 +63,11 @@ class TemplateFitter(Filter):
     superficial
         Polylines on the muscle's surface, or near it, that the template's fibres are to follow.
     axis
-        What the box's long axis follows.
+        The rule for the box's long axis.
     angle_step
         Step of the turn about the axis.
     refine
-        Go on from the best step to a local optimum.
+        Continue from the best step to a local optimum.
     orientation
         Which of the cube's axes follows the muscle: z, or whichever fits best.
     mirror
@@ -124,53 +124,38 @@ class TemplateFitter(Filter):
         superficial: Polylines | None,
     ) -> vtkPolyData:
         """Return the fitted template."""
-        origin_area, insertion_area = (_area(template.data, n) for n in ("OriginArea", "InsertionArea"))
-        geometry = muscle.geometry
-        origin, insertion = (_landmarks(attachments, role) for role in ROLES)
+        areas = _area(template.data, "OriginArea"), _area(template.data, "InsertionArea")
         # The mirror image of the fit to the mirrored muscle.
         reflection = np.diag([-1.0, 1.0, 1.0, 1.0]) if self.mirror else np.eye(4)
-        origin, insertion = (apply_transform(reflection, p) for p in (origin, insertion))
+        origin, insertion = (apply_transform(reflection, _landmarks(attachments, role)) for role in ROLES)
+        geometry = muscle.geometry
 
         def used_points() -> MuscleViews:
             uses = np.bincount(geometry.triangles.reshape(-1), minlength=len(geometry.points))
             return MuscleViews(apply_transform(reflection, geometry.points[uses > 0]))
 
         shape = geometry.once(("seen", self.mirror), used_points)
-        seen = None
         if superficial is not None:
             seen = superficial_pieces(superficial.points, superficial.offsets, shape.points)
-            seen = seen.within(np.zeros(3), reflection[:3, :3])
-
-        def fitted_boxes() -> list[Fit]:
-            return [
-                self._fit(
-                    axis,
-                    assignment,
-                    shape,
-                    (origin, insertion),
-                    (origin_area, insertion_area),
-                    None if seen is None else _guide(seen, template, turned_cube(assignment)),
-                )
-                for axis in self._axes(shape, origin, insertion)
-                for assignment in (ASSIGNMENTS if self.orientation == "any" else ASSIGNMENTS[:1])
-            ]
-
-        if seen is None:  # boxes that do not depend on the template's fibres
-            arrays = (origin, insertion, origin_area, insertion_area)
+            guide = partial(_angle, seen.within(np.zeros(3), reflection[:3, :3]), template)
+            fits = self._fits(shape, (origin, insertion), areas, guide)
+        else:  # boxes that do not depend on the template's fibres
             settings = self.axis, self.orientation, self.angle_step, self.refine, self.mirror
+            arrays = (origin, insertion, *areas)
             key = "boxes", settings, *(np.ascontiguousarray(array).tobytes() for array in arrays)
-            fits = geometry.once(key, fitted_boxes)
-        else:
-            fits = fitted_boxes()
+            fits = geometry.once(key, lambda: self._fits(shape, (origin, insertion), areas, None))
         least = min(fit.cost for fit in fits)
         best = next(fit for fit in fits if fit.cost <= least + TIE)
         transform = reflection @ best.transform
-        fitted = template.moved(apply_transform(transform, template.points))
-        set_field_array(fitted, "OriginArea", apply_transform(transform, origin_area))
-        set_field_array(fitted, "InsertionArea", apply_transform(transform, insertion_area))
-        set_field_array(fitted, "Transform", transform.reshape(16))
-        set_field_array(fitted, "FitError", best.error)
-        return fitted
+        return add_arrays(
+            template.moved(apply_transform(transform, template.points)),
+            fields={
+                "OriginArea": apply_transform(transform, areas[0]),
+                "InsertionArea": apply_transform(transform, areas[1]),
+                "Transform": transform.reshape(16),
+                "FitError": best.error,
+            },
+        )
 
     def _axes(self, muscle: MuscleViews, origin: Floats, insertion: Floats) -> list[Floats]:
         """Return the axes to try, (3,) each."""
@@ -185,36 +170,37 @@ class TemplateFitter(Filter):
             axes.append(principal_axis(muscle, origin, insertion))
         return axes
 
-    def _fit(
+    def _fits(
         self,
-        axis: Floats,
-        assignment: Floats,
         muscle: MuscleViews,
         landmarks: tuple[Floats, Floats],
         areas: tuple[Floats, Floats],
-        guide: Callable[[Floats], float] | None,
-    ) -> Fit:
-        """Return the best box with one of the cube's axes along an axis."""
-        turn = turned_cube(assignment)
-        fit = fit_box(
-            muscle,
-            axis,
-            landmarks=landmarks,
-            areas=(apply_transform(turn, areas[0]), apply_transform(turn, areas[1])),
-            angle_step=self.angle_step,
-            refine=self.refine,
-            guide=guide,
-        )
-        return replace(fit, transform=fit.transform @ turn)
+        guide: Callable[[Floats, Floats], float] | None,
+    ) -> list[Fit]:
+        """Return the best box for each axis of the muscle and turn of the cube.
+
+        `guide` gives the angle of superficial fibres in a turned cube and a box.
+        """
+        fits = []
+        for axis in self._axes(muscle, *landmarks):
+            for assignment in ASSIGNMENTS if self.orientation == "any" else ASSIGNMENTS[:1]:
+                turn = turned_cube(assignment)
+                fit = fit_box(
+                    muscle,
+                    axis,
+                    landmarks=landmarks,
+                    areas=(apply_transform(turn, areas[0]), apply_transform(turn, areas[1])),
+                    angle_step=self.angle_step,
+                    refine=self.refine,
+                    guide=None if guide is None else partial(guide, turn),
+                )
+                fits.append(replace(fit, transform=fit.transform @ turn))
+        return fits
 
 
-def _guide(seen: SuperficialFibres, lines: Polylines, turn: Floats) -> Callable[[Floats], float]:
-    """Return the function from a box to the angle between given fibres and the turned template's in it."""
-
-    def angle(box: Floats) -> float:
-        return angle_to_nearest(seen, apply_transform(box @ turn, lines.points), lines.offsets)
-
-    return angle
+def _angle(seen: SuperficialFibres, lines: Polylines, turn: Floats, box: Floats) -> float:
+    """Return the angle between superficial fibres and those of a turned template in a box."""
+    return angle_to_nearest(seen, apply_transform(box @ turn, lines.points), lines.offsets)
 
 
 def _area(template: vtkPolyData | None, name: str) -> Floats:

@@ -20,13 +20,13 @@ FIBRE_CHAIN: tuple[type[Filter], ...] = (
     FibreTemplateSource, TemplateFitter, SliceMorpher, FibreTrimmer, FibreSmoother,
 )  # fmt: skip
 _ALL: tuple[type[Filter], ...] = (FibreSource, *FIBRE_CHAIN)
-#: The settings of :func:`decompose`, and the parameter of a filter that each one is, by the same name.
+#: The settings of :func:`decompose`, each with its filter and the parameter of it.
 FIBRE_SETTINGS: dict[str, tuple[type[Filter], str]] = {
     name: (kind, name) for kind in _ALL for name in kind.parameter_declarations
 }
-#: Fibres as published; settings that are given beside a name count more. The planes, maps, ends and smoothing
-#: of Kohout et al. 2012 as printed, with the axis between the centroids; and slices along isolines of a
-#: harmonic function (Kohout and Kukacka 2014), which Kohout and Cervenka 2021 took. Neither fills the muscle.
+#: Settings of fibres as published: planes, maps, ends and smoothing of Kohout et al. 2012 as printed, with
+#: the axis between the centroids; and slices along isolines of a harmonic function (Kohout and Kukacka 2014),
+#: also used by Kohout and Cervenka 2021. Neither fills the muscle.
 PUBLISHED_FIBRES: Mapping[str, Mapping[str, Any]] = MappingProxyType(
     {
         "kohout2012": {
@@ -55,9 +55,9 @@ def decompose(
 ) -> FibreSource | FibreSmoother:
     """Return the filters that fill a muscle with fibres.
 
-    That is FibreSource, which takes the way that suits the muscle. Where a setting of the template or of its
-    way through the muscle is given, it is FibreTemplateSource, TemplateFitter, SliceMorpher, FibreTrimmer and
-    FibreSmoother. Nothing is computed before the last one is asked for its output.
+    That is FibreSource, which chooses the way that suits the muscle; or, with a setting of the template or of
+    its way through the muscle, the chain of FibreTemplateSource, TemplateFitter, SliceMorpher, FibreTrimmer
+    and FibreSmoother. Nothing is computed before the last one is asked for its output.
 
     Parameters
     ----------
@@ -66,13 +66,12 @@ def decompose(
     attachments : vtkMultiBlockDataSet or algorithm
         Where it is attached, at least one origin and one insertion; None will do between aponeuroses.
     superficial : vtkPolyData or algorithm, optional
-        Fibres that are seen on the muscle's surface, a few polylines: the template is turned and twisted such
-        that its fibres follow them.
+        A few fibres that are seen on the muscle's surface: the template is turned and twisted to follow them.
     aponeuroses : vtkMultiBlockDataSet or algorithm, optional
-        What fibres end on in place of the attachment areas, see :mod:`vtkmuscle.data.attachments`.
+        Surfaces that fibres end on in place of the attachment areas, see :mod:`vtkmuscle.data.attachments`.
     published : str, optional
-        A name of :data:`PUBLISHED_FIBRES`: ``"kohout2012"`` or ``"kohout2014"``, fibres as in those papers.
-        They are smoothed without regard to the muscle.
+        A name of :data:`PUBLISHED_FIBRES`: ``"kohout2012"`` or ``"kohout2014"``, fibres as in those papers,
+        smoothed without regard to the muscle. Settings beside it win.
     **settings
         ``n_fibres``, ``resolution``, and ``course`` of FibreSource; or parameters of the other five filters:
         ``template``, ``smoothing_passes`` and so on.
