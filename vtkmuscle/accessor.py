@@ -192,7 +192,7 @@ class MuscleAccessor:
         return None
 
     def tubes(self, **parameters: Any) -> Any:
-        """Return tubes around the polylines of the mesh; keywords are :class:`~vtkmuscle.filters.FibreTubes`'s."""
+        """Return tubes around the polylines of the mesh, by :class:`~vtkmuscle.filters.FibreTubes`."""
         return FibreTubes(**parameters).apply(self._mesh)
 
 

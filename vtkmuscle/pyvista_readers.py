@@ -1,7 +1,7 @@
 """Readers for ``pyvista.read``, through the entry point group ``pyvista.readers``.
 
-They are for trees of MAF (``.msf``, ``.nms``), and for scenes where the caller says so: PyVista goes by the last
-suffix of a name, and ``.toml`` is used by many.
+They are for trees of MAF (``.msf``, ``.nms``), and for scenes where the caller says so: PyVista goes by the
+last suffix of a name, and ``.toml`` is used by many.
 """
 
 from __future__ import annotations

@@ -22,8 +22,8 @@ TRANSPORT_SETTINGS: dict[str, tuple[type[Filter], str]] = {
     "weight_tolerance": (FibreTransport, "weight_tolerance")
 }
 #: ``weight_tolerance`` in scenes. For 1600 points in 9878 vertices it keeps 14 MB of weights instead of 126,
-#: and a frame takes 4 ms instead of 24 to 48; in a muscle bent by a radian the error of points is 0.008 mm, at
-#: most 0.03 mm (``benchmarks/bench_fibres.py --transport``).
+#: and a frame takes 4 ms instead of 24 to 48; in a muscle bent by a radian the error of points is 0.008 mm,
+#: at most 0.03 mm (``benchmarks/bench_fibres.py --transport``).
 WEIGHT_TOLERANCE = 0.3
 
 
