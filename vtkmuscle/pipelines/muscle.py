@@ -7,7 +7,7 @@ from types import MappingProxyType
 from typing import Any
 
 from vtkmuscle.core.motion.rigid import RigidMotion
-from vtkmuscle.filters.base.filter import Filter
+from vtkmuscle.filters.base import Parameter
 from vtkmuscle.filters.bone_motion import BoneMotion
 from vtkmuscle.filters.deformer.settings import PUBLISHED
 from vtkmuscle.filters.fibre_metrics import FibreMetrics
@@ -18,8 +18,8 @@ from vtkmuscle.filters.taut_fibres import TautFibres
 from vtkmuscle.pipelines.fibres import decompose
 
 #: Settings of fibres that are not of :func:`decompose`, but of their transport with the muscle.
-TRANSPORT_SETTINGS: dict[str, tuple[type[Filter], str]] = {
-    "weight_tolerance": (FibreTransport, "weight_tolerance")
+TRANSPORT_SETTINGS: dict[str, Parameter[Any]] = {
+    "weight_tolerance": FibreTransport.parameter_declarations["weight_tolerance"]
 }
 #: ``weight_tolerance`` in scenes. For 1600 points in 9878 vertices it keeps 14 MB of weights instead of 126,
 #: and a frame takes 4 ms instead of 24 to 48; in a muscle bent by a radian the error of points is 0.008 mm,
@@ -83,10 +83,8 @@ class MusclePipeline:
 
     Raises
     ------
-    TypeError
-        For a setting that no filter has.
-    ValueError
-        If a setting is not allowed; the message says what is.
+    TypeError, ValueError
+        For a setting that no filter has, or that is not allowed; the message says what is.
 
     Examples
     --------
@@ -190,15 +188,10 @@ def deform(
 
     Parameters
     ----------
-    muscle, bones, motion, superficial
-        As of :class:`MusclePipeline`.
-    attachments : vtkMultiBlockDataSet or algorithm, optional
-        Where the muscle is attached; needed by the method ``"attachment"`` of FixedPointDetector.
+    muscle, bones, motion, attachments, superficial, fixing
+        As of :class:`MusclePipeline`; by default ``fixing`` needs attachments.
     fibres : vtkPolyData or algorithm, optional
         Fibres at rest, for the paths.
-    fixing : mapping or None, optional
-        Parameters of FixedPointDetector, as ``{"method": "proximity", "distance": 3.0}``; None for a muscle
-        that has the point array ``FixedTo`` already.
     **solver
         Parameters of PBDDeformer.
 
@@ -206,11 +199,6 @@ def deform(
     -------
     PBDDeformer
         The end of the chain, which keeps all of it.
-
-    Raises
-    ------
-    TypeError, ValueError
-        As :class:`MusclePipeline`.
 
     Examples
     --------
@@ -223,16 +211,8 @@ def deform(
     >>> deformed.GetNumberOfPoints() == muscle.GetNumberOfPoints()
     True
     """
-    pipeline = MusclePipeline(
-        muscle,
-        bones,
-        motion,
-        attachments,
-        superficial=superficial,
-        fixing=fixing,
-        fibres=fibres,
-        solver=solver,
-    )
+    given = {"superficial": superficial, "fixing": fixing, "fibres": fibres, "solver": solver}
+    pipeline = MusclePipeline(muscle, bones, motion, attachments, **given)
     assert pipeline.deformer is not None
     return pipeline.deformer
 
@@ -253,24 +233,17 @@ def pull_taut(
 
     Parameters
     ----------
-    muscle, bones, motion, fixing
+    muscle, bones, motion, attachments, fixing
         As of :func:`deform`.
     fibres : vtkPolyData or algorithm
         Fibres at rest, as of :func:`decompose`.
-    attachments : vtkMultiBlockDataSet or algorithm, optional
-        Where the muscle is attached, and via rings.
     **settings
         Parameters of TautFibres.
 
     Returns
     -------
     TautFibres
-        The last filter, which keeps the others.
-
-    Raises
-    ------
-    TypeError, ValueError
-        As :func:`deform`, for TautFibres.
+        The end of the chain, which keeps all of it.
 
     Examples
     --------
