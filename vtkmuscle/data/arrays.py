@@ -4,18 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from functools import cache
 from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
-from vtkmodules.util.numpy_support import (
-    get_vtk_array_type,
-    numpy_to_vtk,
-    numpy_to_vtkIdTypeArray,
-    vtk_to_numpy,
-)
-from vtkmodules.vtkCommonCore import vtkDataArray, vtkPoints, vtkStringArray
+from vtkmodules.util.numpy_support import numpy_to_vtk, numpy_to_vtkIdTypeArray, vtk_to_numpy
+from vtkmodules.vtkCommonCore import vtkPoints, vtkStringArray
 from vtkmodules.vtkCommonDataModel import (
     vtkCellArray,
     vtkCompositeDataSet,
@@ -194,10 +188,6 @@ def set_field_array(data: Any, name: str, values: Any) -> None:
         array = vtkStringArray()
         array.SetName(name)
         array.InsertNextValue(values)
-    elif isinstance(values, (int, float)):
-        array = vtkDataArray.CreateDataArray(_kind_of(isinstance(values, int)))
-        array.SetName(name)
-        array.InsertNextTuple1(values)
     else:
         array = _named(name, np.atleast_1d(values))
     data.GetFieldData().AddArray(array)
@@ -249,12 +239,6 @@ def _named(name: str, values: NDArray[Any]) -> Any:
     array = numpy_to_vtk(np.ascontiguousarray(values), deep=True)
     array.SetName(name)
     return array
-
-
-@cache
-def _kind_of(whole: bool) -> int:
-    """Return what VTK calls the kind of numbers that numpy makes of an int, or of a float."""
-    return int(get_vtk_array_type(np.array(0 if whole else 0.0).dtype))
 
 
 def _existing(owner: Any, kind: str, name: str, where: str) -> NDArray[Any]:
