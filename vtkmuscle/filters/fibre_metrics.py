@@ -151,7 +151,7 @@ class FibreMetrics(Filter):
             inner, faces = inner_areas(areas, muscle.geometry)
             triangles = np.vstack([triangles, faces + len(points)])
             points = np.vstack([points, inner])
-        # The tree of the frame before, where there is one, is bent: the muscle is the same.
+        # Of the frame before, where there is one: the muscle has bent, and is the same.
         self._bent = deformed_surface(points, triangles, None if self._bent is None else self._bent.tree)
         ends = np.vstack([lines.points[lines.offsets[:-1]], lines.points[lines.offsets[1:] - 1]])
         faces, places, _ = self._bent.tree.nearest(ends)

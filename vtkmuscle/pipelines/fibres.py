@@ -64,7 +64,8 @@ def decompose(
     attachments : vtkMultiBlockDataSet or algorithm
         Where it is attached, at least one origin and one insertion; None will do between aponeuroses.
     superficial : vtkPolyData or algorithm, optional
-        A few fibres that are seen on the muscle's surface: the template is turned and twisted to follow them.
+        Fibres that are seen on the muscle's surface, a few polylines: the template is turned and twisted such
+        that its fibres follow them.
     aponeuroses : vtkMultiBlockDataSet or algorithm, optional
         Surfaces that fibres end on in place of the attachment areas, see :mod:`vtkmuscle.data.attachments`.
     published : str, optional
