@@ -424,10 +424,7 @@ def test_progress_goes_up_to_one_for_every_muscle(scene):
 TABLES = {
     "solver": PBDDeformer.parameter_declarations,
     "fixing": FixedPointDetector.parameter_declarations,
-    "fibres": {
-        word: kind.parameter_declarations[name]
-        for word, (kind, name) in (FIBRE_SETTINGS | TRANSPORT_SETTINGS).items()
-    },
+    "fibres": FIBRE_SETTINGS | TRANSPORT_SETTINGS,
 }
 #: Settings that are lengths, or have a length in them: those that are declared in millimetres.
 LENGTHS = [(table, word) for table, all_of in TABLES.items() for word in all_of if "mm" in all_of[word].units]

@@ -371,11 +371,10 @@ def test_a_setting_changes_a_run_or_is_said_to_change_nothing(tmp_path, model):
             return first_muscle(scene, fibres={**scene.muscles["spindle"].fibres, name: value})
         return replace(scene, **{table: {name: value}})
 
-    of_fibres = (FIBRE_SETTINGS | TRANSPORT_SETTINGS).items()
     tables = {
         "solver": PBDDeformer.parameter_declarations,
         "fixing": FixedPointDetector.parameter_declarations,
-        "fibres": {word: kind.parameter_declarations[of] for word, (kind, of) in of_fibres},
+        "fibres": FIBRE_SETTINGS | TRANSPORT_SETTINGS,
     }
     before, silent = numbers(scene), []
     for table, declarations in tables.items():

@@ -25,10 +25,11 @@ from vtkmuscle.plotting.plotters import MovingScene
 
 @pyvista.register_dataset_accessor("muscle", pyvista.PolyData)
 class MuscleAccessor:
-    """What can be done with a muscle, or with its fibres, as methods of the mesh.
+    """Filters as methods of a muscle's mesh, or of its fibres.
 
-    The methods return new PyVista meshes and leave the mesh as it is. For a chain that is brought up to date
-    when something upstream changes (a time slider, say), use :mod:`vtkmuscle.pipelines` or the filters.
+    The methods return new PyVista meshes and leave the mesh as it is. They raise the errors of their filters.
+    For a chain that follows changes upstream (with a time slider, say), use :mod:`vtkmuscle.pipelines` or the
+    filters.
 
     Parameters
     ----------
@@ -63,7 +64,7 @@ class MuscleAccessor:
         attachments: Any = None,
         **parameters: Any,
     ) -> Any:
-        """Return the muscle with its fixed points marked, by FixedPointDetector.
+        """Return the muscle with its fixed points marked, in the point array ``FixedTo``.
 
         Parameters
         ----------
@@ -73,21 +74,14 @@ class MuscleAccessor:
             Per bone the landmarks of an attachment area: a (k, 3) array or a polyline, [mm]; a ring ends at
             the point it began with.
         attachments : vtkMultiBlockDataSet or sequence of AttachmentArea, optional
-            The areas as one, instead of ``origin`` and ``insertion``.
+            All areas, instead of ``origin`` and ``insertion``.
         **parameters
             Of :class:`~vtkmuscle.filters.FixedPointDetector`: ``method``, ``distance``.
 
         Returns
         -------
         pyvista.PolyData
-            With the point array ``FixedTo``.
-
-        Raises
-        ------
-        TypeError
-            For a keyword that is no parameter.
-        ValueError
-            If a bone is not named, or as FixedPointDetector.
+            The muscle.
         """
         areas = _areas(origin, insertion, attachments, _names(bones))
         return FixedPointDetector(muscle=self._mesh, bones=bones, attachments=areas, **parameters).apply()
@@ -105,7 +99,7 @@ class MuscleAccessor:
         fixing: Mapping[str, Any] | None = None,
         **solver: Any,
     ) -> Any:
-        """Return the muscle deformed with the bones, by BoneMotion and PBDDeformer.
+        """Return the muscle deformed with the bones.
 
         Parameters
         ----------
@@ -128,13 +122,6 @@ class MuscleAccessor:
         -------
         pyvista.PolyData
             The muscle at that time.
-
-        Raises
-        ------
-        TypeError
-            For a keyword that is no parameter of PBDDeformer.
-        ValueError
-            As FixedPointDetector and PBDDeformer.
         """
         areas = _areas(origin, insertion, attachments, _names(bones))
         marked = areas is None and fixing is None and "FixedTo" in self._mesh.point_data
@@ -145,26 +132,19 @@ class MuscleAccessor:
     def fibres(
         self, *, origin: Any = None, insertion: Any = None, attachments: Any = None, **settings: Any
     ) -> Any:
-        """Return fibres that fill the muscle, by the chain of :func:`vtkmuscle.pipelines.decompose`.
+        """Return fibres that fill the muscle, by :func:`vtkmuscle.pipelines.decompose`.
 
         Parameters
         ----------
         origin, insertion, attachments
             As of :meth:`fixed`; the landmarks of a single area need no bone.
         **settings
-            Of that chain: ``template``, ``n_fibres``, ``resolution`` and so on.
+            Of ``decompose``: ``template``, ``n_fibres``, ``resolution`` and so on.
 
         Returns
         -------
         pyvista.PolyData
             Polylines from origin to insertion.
-
-        Raises
-        ------
-        TypeError
-            For a keyword that is no setting.
-        ValueError
-            If there are no attachments, or as the filters of the chain.
         """
         areas = _areas(origin, insertion, attachments, None)
         if areas is None:
@@ -212,18 +192,7 @@ class MuscleAccessor:
         return None
 
     def tubes(self, **parameters: Any) -> Any:
-        """Return tubes around the polylines of the mesh, by FibreTubes.
-
-        Parameters
-        ----------
-        **parameters
-            Of :class:`~vtkmuscle.filters.FibreTubes`: ``radius`` [mm], ``sides``.
-
-        Returns
-        -------
-        pyvista.PolyData
-            Surfaces.
-        """
+        """Return tubes around the polylines of the mesh, by :class:`~vtkmuscle.filters.FibreTubes`."""
         return FibreTubes(**parameters).apply(self._mesh)
 
 
@@ -233,23 +202,22 @@ def _names(bones: Any) -> list[str]:
 
 
 def _areas(origin: Any, insertion: Any, attachments: Any, bones: list[str] | None) -> Any:
-    """Return attachment areas as filters take them; bones are the names to choose from, where it matters."""
+    """Return attachment areas as filters take them; with the names of bones, each area must name its own."""
     given = {"origin": origin, "insertion": insertion}
+    by_role = {role: landmarks for role, landmarks in given.items() if landmarks is not None}
     if attachments is not None:
-        if origin is not None or insertion is not None:
+        if by_role:
             raise ValueError("mesh.muscle: give attachments=, or origin= and insertion=, not both")
         return attachments
     areas: list[AttachmentArea] = []
-    for role, landmarks in given.items():
-        if landmarks is None:
-            continue
+    for role, landmarks in by_role.items():
         if not isinstance(landmarks, Mapping) or isinstance(landmarks, vtkDataObject):
             if bones is not None:
                 raise ValueError(
                     f"mesh.muscle: {role} must say which bone it is on: {{bone: landmarks}}, with a bone of "
                     f"{', '.join(map(repr, bones))}"
                 )
-            landmarks = {role: landmarks}  # noqa: PLW2901 -- fibres do not ask for the bone
+            landmarks = {role: landmarks}  # noqa: PLW2901 -- fibres do not need the bone
         for bone, where in landmarks.items():
             points, closed = landmarks_of(_polyline(where), f"mesh.muscle: {role} on {bone!r}")
             areas.append(AttachmentArea(role, bone, points, closed))

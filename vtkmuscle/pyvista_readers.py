@@ -1,7 +1,7 @@
-"""What ``pyvista.read`` opens with vtkmuscle installed, through the entry point group ``pyvista.readers``.
+"""Readers for ``pyvista.read``, through the entry point group ``pyvista.readers``.
 
-Only what is ours: trees of MAF (``.msf``, ``.nms``), and a scene where the caller says that it is one.
-PyVista goes by the last suffix of a name, and ``.toml``, ``.csv`` and ``.json`` belong to everybody.
+They are for trees of MAF (``.msf``, ``.nms``), and for scenes where the caller says so: PyVista goes by the
+last suffix of a name, and ``.toml`` is used by many.
 """
 
 from __future__ import annotations
@@ -29,8 +29,8 @@ def read_scene_file(path: str, **_: Any) -> Any:
     Returns
     -------
     pyvista.MultiBlock
-        The blocks ``bones``, ``muscles`` and ``attachments``: each a block per name; the last a block per
-        muscle, with a block per area.
+        The blocks ``bones``, ``muscles`` and ``attachments``, each with a block per name; in the last a block
+        per muscle has a block per area.
 
     Raises
     ------
@@ -38,17 +38,14 @@ def read_scene_file(path: str, **_: Any) -> Any:
         If it cannot be read; the message names the key.
     """
     scene = Scene.load(path)
-    return pyvista.wrap(
-        multiblock_from(
-            {
-                "bones": scene.bones_data(),
-                "muscles": multiblock_from({name: muscle.surface for name, muscle in scene.muscles.items()}),
-                "attachments": multiblock_from(
-                    {name: scene.attachments_data(name) for name in scene.muscles}
-                ),
-            }
-        )
-    )
+    muscles = {name: muscle.surface for name, muscle in scene.muscles.items()}
+    attachments = {name: scene.attachments_data(name) for name in scene.muscles}
+    blocks = {
+        "bones": scene.bones_data(),
+        "muscles": multiblock_from(muscles),
+        "attachments": multiblock_from(attachments),
+    }
+    return pyvista.wrap(multiblock_from(blocks))
 
 
 def read_tree_file(path: str, **_: Any) -> Any:

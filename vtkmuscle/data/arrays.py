@@ -2,23 +2,26 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
-from functools import cache
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
-from vtkmodules.util.numpy_support import (
-    get_vtk_array_type,
-    numpy_to_vtk,
-    numpy_to_vtkIdTypeArray,
-    vtk_to_numpy,
+from vtkmodules.util.numpy_support import numpy_to_vtk, numpy_to_vtkIdTypeArray, vtk_to_numpy
+from vtkmodules.vtkCommonCore import vtkPoints, vtkStringArray
+from vtkmodules.vtkCommonDataModel import (
+    vtkCellArray,
+    vtkCompositeDataSet,
+    vtkDataObject,
+    vtkMultiBlockDataSet,
+    vtkPolyData,
 )
-from vtkmodules.vtkCommonCore import vtkDataArray, vtkPoints, vtkStringArray
-from vtkmodules.vtkCommonDataModel import vtkCellArray, vtkCompositeDataSet, vtkMultiBlockDataSet, vtkPolyData
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.types import Floats, Ints
+
+Data = TypeVar("Data", bound=vtkDataObject)
 
 
 def points_of(data: Any) -> Floats:
@@ -29,25 +32,7 @@ def points_of(data: Any) -> Floats:
 
 
 def triangles_of(surface: vtkPolyData, where: str) -> Ints:
-    """Return the triangles of a surface, (m, 3) point ids.
-
-    Parameters
-    ----------
-    surface : vtkPolyData
-        Polygons only.
-    where : str
-        Named in the error, e.g. ``"PBDDeformer: muscle"``.
-
-    Returns
-    -------
-    (m, 3) int array
-        Point ids.
-
-    Raises
-    ------
-    ValueError
-        If there is no polygon, or one that is not a triangle.
-    """
+    """Return the triangles of a surface, (m, 3) point ids; ValueError at `where` for other faces, or none."""
     polys = surface.GetPolys()
     if polys.GetNumberOfCells() == 0:
         raise InputError(where, "the surface has no triangles")
@@ -58,13 +43,7 @@ def triangles_of(surface: vtkPolyData, where: str) -> Ints:
 
 
 def checked_surface(surface: vtkPolyData, where: str) -> tuple[Floats, Ints]:
-    """Return points and triangles, having checked that all points are finite.
-
-    Raises
-    ------
-    ValueError
-        As :func:`triangles_of`, or for a coordinate that is NaN or infinite.
-    """
+    """Return points and triangles; ValueError as :func:`triangles_of`, or for points that are not finite."""
     triangles = triangles_of(surface, where)
     points = points_of(surface)
     finite = np.isfinite(points)
@@ -83,10 +62,16 @@ def vtk_points(points: Floats) -> vtkPoints:
     return result
 
 
+def shallow_copy(data: Data) -> Data:
+    """Return another data object with the same arrays; arrays added to it are not added to the first."""
+    copy: Data = data.NewInstance()
+    copy.ShallowCopy(data)
+    return copy
+
+
 def with_points(data: Any, points: Floats) -> Any:
     """Return a shallow copy of a data set with other points (double precision)."""
-    copy = data.NewInstance()
-    copy.ShallowCopy(data)
+    copy = shallow_copy(data)
     copy.SetPoints(vtk_points(points))
     return copy
 
@@ -101,16 +86,14 @@ def surface_from(points: Floats, triangles: Ints) -> vtkPolyData:
 
 @dataclass(frozen=True)
 class Polylines:
-    """Polylines one after the other: line i has the points offsets[i] to offsets[i + 1].
+    """Polylines one after the other: line i has the points (n, 3) from offsets[i] to offsets[i + 1].
 
     Attributes
     ----------
-    points : (n, 3) float array
-        Positions.
     offsets : (k + 1,) int array
         First point of each line, and n.
     data : vtkPolyData or None
-        Where they are from.
+        The source, with its arrays.
     """
 
     points: Floats
@@ -125,9 +108,9 @@ class Polylines:
         return self.points[self.offsets[i] : self.offsets[i + 1]]
 
     def moved(self, points: Floats, offsets: Ints | None = None) -> vtkPolyData:
-        """Return as many lines with other points, and the cell and field data of where they are from.
+        """Return as many lines with other points, and the cell and field data of the source.
 
-        Point data is kept where the number of points of every line is the same as before.
+        Point data is kept where every line has as many points as before.
         """
         data: Any = self.data
         offsets = self.offsets if offsets is None else offsets
@@ -143,18 +126,15 @@ class Polylines:
         return result
 
     def copy(self) -> vtkPolyData:
-        """Return the lines with all arrays of where they are from, to add more to."""
+        """Return the lines with all arrays of the source, to add more to."""
         return self.moved(self.points)
 
 
 def polylines_of(data: vtkPolyData, where: str) -> Polylines:
     """Return the polylines of a data set, each with points of its own.
 
-    Raises
-    ------
-    ValueError
-        If there is no line, if there are other cells too (cell arrays would be out of step with the lines),
-        or if a coordinate is not finite.
+    Raises a ValueError at `where` if there is no line, if there are other cells too (cell arrays would be out
+    of step with the lines), or if a coordinate is not finite.
     """
     lines = data.GetLines()
     if lines.GetNumberOfCells() == 0:
@@ -186,6 +166,21 @@ def set_cell_array(data: Any, name: str, values: NDArray[Any]) -> None:
     data.GetCellData().AddArray(_named(name, values))
 
 
+def add_arrays(
+    data: Data,
+    *,
+    points: Mapping[str, NDArray[Any]] | None = None,
+    cells: Mapping[str, NDArray[Any]] | None = None,
+    fields: Mapping[str, Any] | None = None,
+) -> Data:
+    """Add copies of arrays, by name, to the point, cell and field data; return the data."""
+    adders = (set_point_array, points), (set_cell_array, cells), (set_field_array, fields)
+    for add, arrays in adders:
+        for name, values in (arrays or {}).items():
+            add(data, name, values)
+    return data
+
+
 def set_field_array(data: Any, name: str, values: Any) -> None:
     """Add numbers (a copy) or a string to the field data."""
     array: Any
@@ -193,35 +188,19 @@ def set_field_array(data: Any, name: str, values: Any) -> None:
         array = vtkStringArray()
         array.SetName(name)
         array.InsertNextValue(values)
-    elif isinstance(values, (int, float)):
-        array = vtkDataArray.CreateDataArray(_kind_of(isinstance(values, int)))
-        array.SetName(name)
-        array.InsertNextTuple1(values)
     else:
         array = _named(name, np.atleast_1d(values))
     data.GetFieldData().AddArray(array)
 
 
 def point_array(data: Any, name: str, where: str) -> NDArray[Any]:
-    """Return a point array as a read-only view.
-
-    Raises
-    ------
-    ValueError
-        If there is no such array.
-    """
-    array = data.GetPointData().GetArray(name)
-    if array is None:
-        raise InputError(where, f"the point array {name!r} is missing")
-    return _view(array)
+    """Return a point array as a read-only view; ValueError at `where` if there is none."""
+    return _existing(data.GetPointData(), "point", name, where)
 
 
 def cell_array(data: Any, name: str, where: str) -> NDArray[Any]:
-    """Return a cell array as a read-only view; a ValueError where there is none."""
-    array = data.GetCellData().GetArray(name)
-    if array is None:
-        raise InputError(where, f"the cell array {name!r} is missing")
-    return _view(array)
+    """Return a cell array as a read-only view; ValueError at `where` if there is none."""
+    return _existing(data.GetCellData(), "cell", name, where)
 
 
 def field_array(data: Any, name: str) -> NDArray[Any] | None:
@@ -262,10 +241,11 @@ def _named(name: str, values: NDArray[Any]) -> Any:
     return array
 
 
-@cache
-def _kind_of(whole: bool) -> int:
-    """Return what VTK calls the kind of numbers that numpy makes of an int, or of a float."""
-    return int(get_vtk_array_type(np.array(0 if whole else 0.0).dtype))
+def _existing(owner: Any, kind: str, name: str, where: str) -> NDArray[Any]:
+    array = owner.GetArray(name)
+    if array is None:
+        raise InputError(where, f"the {kind} array {name!r} is missing")
+    return _view(array)
 
 
 def _view(array: Any) -> NDArray[Any]:

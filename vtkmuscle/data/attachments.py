@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import TypeGuard
+from typing import Any, TypeGuard
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,11 +48,11 @@ class AttachmentArea:
         In boundary order, each once, mm, in the rest pose.
     closed : bool
         True where the landmarks are the boundary of an area (a ring), False for an open curve or loose
-        points: then the attachment is what lies near the curve. A via ring is closed.
+        points: then the attachment is the part of the muscle near the curve. A via ring is closed.
     estimated : bool
         True where the landmarks were not digitised but made from where the muscle touches the bone.
     sureness : float or None
-        Of an estimate, how sure it is, from 0 to 1; see :class:`~vtkmuscle.filters.AttachmentEstimator`.
+        Sureness of an estimate, 0 to 1; see :class:`~vtkmuscle.filters.AttachmentEstimator`.
     """
 
     role: str
@@ -64,14 +64,10 @@ class AttachmentArea:
 
 
 def attachments_from(areas: Sequence[AttachmentArea]) -> vtkMultiBlockDataSet:
-    """Return areas as the data set that filters take.
-
-    A ring is a polyline whose last point id is its first; an open curve is a plain polyline.
-    """
+    """Return areas as the data set that filters take; a ring is a closed polyline, a curve an open one."""
     blocks = {}
     for i, area in enumerate(areas):
-        points = np.vstack([area.landmarks, area.landmarks[:1]]) if area.closed else area.landmarks
-        block = polylines_from(Polylines(points, np.array([0, len(points)])))
+        block = _polyline(area.landmarks, closed=area.closed)
         set_field_array(block, "Bone", area.bone)
         set_field_array(block, "Role", area.role)
         set_field_array(block, "Estimated", int(area.estimated))
@@ -83,11 +79,9 @@ def attachments_from(areas: Sequence[AttachmentArea]) -> vtkMultiBlockDataSet:
 
 def is_areas(value: object) -> TypeGuard[Sequence[AttachmentArea]]:
     """Return whether a value is a list or tuple of areas."""
-    return (
-        isinstance(value, (list, tuple))
-        and bool(value)
-        and all(isinstance(area, AttachmentArea) for area in value)
-    )
+    if not isinstance(value, (list, tuple)) or not value:
+        return False
+    return all(isinstance(area, AttachmentArea) for area in value)
 
 
 def attachments_of(data: vtkMultiBlockDataSet, where: str) -> list[AttachmentArea]:
@@ -114,10 +108,7 @@ def attachments_of(data: vtkMultiBlockDataSet, where: str) -> list[AttachmentAre
         ring that is not closed, or that :func:`vtkmuscle.core.paths.via_rings.via_ring` refuses.
     """
     areas = []
-    for name, block in blocks_of(data):
-        label = f"{where}, block {name!r}"
-        if block is None or block.GetNumberOfPoints() == 0:
-            raise InputError(label, "there are no landmarks")
+    for label, block in _blocks(data, where, "landmarks"):
         role, bone = field_string(block, "Role"), field_string(block, "Bone")
         if role not in (*ROLES, VIA):
             raise InputError(
@@ -127,12 +118,22 @@ def attachments_of(data: vtkMultiBlockDataSet, where: str) -> list[AttachmentAre
             raise InputError(label, "the field array 'Bone' must name a bone")
         landmarks, closed = landmarks_of(block, label)
         if role == VIA:
-            _check_ring(landmarks, closed, label)
-        estimated = field_array(block, "Estimated")
-        sure = field_array(block, "Sureness")
-        made = bool(estimated is not None and estimated[0])
-        sureness = None if sure is None else float(sure[0])
-        areas.append(AttachmentArea(role, bone, landmarks, closed, made, sureness))
+            if not closed:
+                remedy = "end its polyline with the point that it begins with"
+                raise InputError(label, "a via ring must be closed", remedy)
+            with errors_at(label):
+                via_ring(landmarks)
+        estimated, sureness = field_array(block, "Estimated"), field_array(block, "Sureness")
+        areas.append(
+            AttachmentArea(
+                role,
+                bone,
+                landmarks,
+                closed,
+                estimated is not None and bool(estimated[0]),
+                None if sureness is None else float(sureness[0]),
+            )
+        )
     return areas
 
 
@@ -152,40 +153,20 @@ def via_rings_of(data: vtkMultiBlockDataSet, where: str) -> list[AttachmentArea]
 def rings_by_bone(
     data: vtkMultiBlockDataSet | None, bones: Sequence[str], where: str
 ) -> tuple[tuple[int, ViaRing], ...]:
-    """Return the via rings among attachments, each with the number of the bone that it goes with.
-
-    Raises
-    ------
-    ValueError
-        If a ring goes with a bone that is not there.
-    """
+    """Return the via rings among attachments, each with the number of its bone, which must be known."""
     areas = [] if data is None else via_rings_of(data, where)
+    names = list(bones)
     for area in areas:
-        if area.bone not in bones:
-            raise InputError(
-                where,
-                f"a via ring goes with the bone {area.bone!r}, but the bones are "
-                f"{', '.join(map(repr, bones))}",
-            )
-    return tuple((list(bones).index(area.bone), via_ring(area.landmarks)) for area in areas)
-
-
-def _check_ring(landmarks: NDArray[np.float64], closed: bool, where: str) -> None:
-    if not closed:
-        raise InputError(
-            where, "a via ring must be closed", "end its polyline with the point that it begins with"
-        )
-    with errors_at(where):
-        via_ring(landmarks)
+        if area.bone not in names:
+            known = ", ".join(map(repr, names))
+            raise InputError(where, f"a via ring goes with the bone {area.bone!r}, but the bones are {known}")
+    return tuple((names.index(area.bone), via_ring(area.landmarks)) for area in areas)
 
 
 def landmarks_of(data: vtkPolyData, where: str) -> tuple[NDArray[np.float64], bool]:
     """Return the landmarks of an area in boundary order, and whether they close to a ring.
 
-    Raises
-    ------
-    ValueError
-        If a coordinate is not finite, or there is more than one polyline.
+    Raises a ValueError if a coordinate is not finite, or there is more than one polyline.
     """
     points = points_of(data)
     if not np.isfinite(points).all():
@@ -202,10 +183,6 @@ def landmarks_of(data: vtkPolyData, where: str) -> tuple[NDArray[np.float64], bo
 
 #: Which of a muscle's ends an aponeurosis belongs to: that of its origin, or that of its insertion.
 SIDES = ("proximal", "distal")
-
-
-def _no_triangles() -> Ints:
-    return np.empty((0, 3), dtype=np.int64)
 
 
 @dataclass(frozen=True, eq=False)
@@ -225,7 +202,7 @@ class Aponeurosis:
 
     side: str
     points: Floats
-    triangles: Ints = field(default_factory=_no_triangles)
+    triangles: Ints = field(default_factory=lambda: np.empty((0, 3), dtype=np.int64))
 
     def __post_init__(self) -> None:
         if self.side not in SIDES:
@@ -238,13 +215,7 @@ class Aponeurosis:
 
 
 def aponeurosis_from(data: vtkPolyData, side: str, where: str) -> Aponeurosis:
-    """Return the aponeurosis that a data set shows: a surface where it has triangles, else a ring.
-
-    Raises
-    ------
-    ValueError
-        If there is neither a surface of triangles nor a ring of three points or more.
-    """
+    """Return the aponeurosis in a data set: a surface where it has triangles, else a ring."""
     if data.GetNumberOfPolys():
         return Aponeurosis(side, *checked_surface(data, where))
     return ring_aponeurosis(landmarks_of(data, where)[0], side, where)
@@ -266,11 +237,8 @@ def aponeuroses_data(aponeuroses: Sequence[Aponeurosis]) -> vtkMultiBlockDataSet
     """Return aponeuroses as the data set that filters take."""
     blocks = {}
     for number, one in enumerate(aponeuroses):
-        if one.is_ring:
-            ring = np.vstack([one.points, one.points[:1]])
-            block = polylines_from(Polylines(ring, np.array([0, len(ring)])))
-        else:
-            block = surface_from(one.points, one.triangles)
+        is_ring = one.is_ring
+        block = _polyline(one.points, closed=True) if is_ring else surface_from(one.points, one.triangles)
         set_field_array(block, "Side", one.side)
         blocks[f"{one.side}_{number}"] = block
     return multiblock_from(blocks)
@@ -279,26 +247,28 @@ def aponeuroses_data(aponeuroses: Sequence[Aponeurosis]) -> vtkMultiBlockDataSet
 def aponeuroses_of(data: vtkMultiBlockDataSet, where: str) -> list[Aponeurosis]:
     """Return the aponeuroses of a data set, in the order of its blocks.
 
-    Parameters
-    ----------
-    data : vtkMultiBlockDataSet
-        A block for each: a vtkPolyData with the field array ``Side`` (``"proximal"`` or ``"distal"``) and one
-        polyline through landmarks, points alone, or triangles.
-    where : str
-        Named in errors, e.g. ``"FibreSource: aponeuroses"``.
-
-    Raises
-    ------
-    ValueError
-        For a block that is neither a ring nor a surface, or whose side is missing.
+    Each block is a vtkPolyData with the field array ``Side`` (``"proximal"`` or ``"distal"``) and one
+    polyline through landmarks, points alone, or triangles. Raises a ValueError for any other.
     """
-    found = []
-    for name, block in blocks_of(data):
-        label = f"{where}, block {name!r}"
-        if block is None or block.GetNumberOfPoints() == 0:
-            raise InputError(label, "there are no points")
+    aponeuroses = []
+    for label, block in _blocks(data, where, "points"):
         side = field_string(block, "Side")
         if side not in SIDES:
             raise InputError(label, f"the field array 'Side' is {side!r}, but must be 'proximal' or 'distal'")
-        found.append(aponeurosis_from(block, side, label))
-    return found
+        aponeuroses.append(aponeurosis_from(block, side, label))
+    return aponeuroses
+
+
+def _blocks(data: vtkMultiBlockDataSet, where: str, content: str) -> Iterator[tuple[str, Any]]:
+    """Yield each block with its place for errors; ValueError for one without points."""
+    for name, block in blocks_of(data):
+        label = f"{where}, block {name!r}"
+        if block is None or block.GetNumberOfPoints() == 0:
+            raise InputError(label, f"there are no {content}")
+        yield label, block
+
+
+def _polyline(points: Floats, *, closed: bool) -> vtkPolyData:
+    """Return one line through points (k, 3); a closed one ends at a copy of its first point."""
+    points = np.vstack([points, points[:1]]) if closed else points
+    return polylines_from(Polylines(points, np.array([0, len(points)])))

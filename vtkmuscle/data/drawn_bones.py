@@ -1,4 +1,4 @@
-"""Bones as pictures have them: as many triangles as can be told apart, once for all pictures of a run."""
+"""Bones for pictures, with no more triangles than can be told apart; made once for all pictures of a run."""
 
 from __future__ import annotations
 
@@ -26,14 +26,12 @@ class DrawnBone:
 
     Attributes
     ----------
-    points : (n, 3) float array
-        A part of the bone's points.
-    triangles : (m, 3) int array
-        Point ids.
+    points, triangles : (n, 3) array, (m, 3) int array
+        Some of the bone's points, and triangles of these.
     normals : (n, 3) float array
         Unit normals of the whole bone at these points.
     solid : bool
-        The whole bone is closed and faces outward, so that nobody sees a triangle from behind.
+        The whole bone is closed and faces outward, so that no triangle is seen from behind.
     """
 
     points: Floats
@@ -48,23 +46,7 @@ class DrawnBone:
 
 
 class DrawnBones:
-    """The bones of a scene by name, see :class:`DrawnBone`; made when they are first asked for.
-
-    Parameters
-    ----------
-    bones : vtkMultiBlockDataSet
-        At rest, named blocks of triangles.
-
-    Examples
-    --------
-    >>> from vtkmodules.vtkFiltersSources import vtkSphereSource
-    >>> from vtkmuscle.data.arrays import multiblock_from
-    >>> from vtkmuscle.data.drawn_bones import DrawnBones
-    >>> ball = vtkSphereSource(theta_resolution=300, phi_resolution=300).update().output
-    >>> drawn = DrawnBones(multiblock_from({"ball": ball})).by_name["ball"]
-    >>> len(drawn.triangles) < ball.GetNumberOfCells(), drawn.solid
-    (True, True)
-    """
+    """The bones of a scene at rest by name, see :class:`DrawnBone`; made when first asked for."""
 
     def __init__(self, bones: vtkMultiBlockDataSet) -> None:
         self._bones = bones
@@ -90,18 +72,11 @@ class DrawnBones:
 
     def spread(self, transforms: Mapping[str, Floats] | None = None) -> Floats:
         """Return points (k, 3) spread over all bones, of which some have moved by (4, 4) transforms."""
-        known = transforms or {}
-        moved = [
-            _moved(bone.spread, known[name]) if name in known else bone.spread
-            for name, bone in self.by_name.items()
-        ]
-        return np.vstack([np.zeros((0, 3)), *moved])
-
-
-def _moved(points: Floats, transform: Floats) -> Floats:
-    """Return points where a (4, 4) transform takes them, without loading what is compiled for many points."""
-    turned = (points[:, [k]] * transform[:3, k] for k in range(3))
-    return sum(turned, np.zeros(3)) + transform[:3, 3]
+        every = [np.zeros((0, 3))]
+        for name, bone in self.by_name.items():
+            moved = (transforms or {}).get(name, np.eye(4))
+            every.append(bone.spread @ moved[:3, :3].T + moved[:3, 3])
+        return np.vstack(every)
 
 
 def spread_over(points: Floats, triangles: Ints, n: int = 10_000) -> Floats:
@@ -133,11 +108,11 @@ def clustered(points: Floats, triangles: Ints, area: float, wanted: int) -> tupl
     cluster.CopyCellDataOff()
     cluster.Update()
     coarse = cluster.GetOutput()
-    return _places(points, points_of(coarse)), triangles_of(coarse, "coarse")
+    return _ids_of(points_of(coarse), points), triangles_of(coarse, "coarse")
 
 
-def _places(points: Floats, kept: Floats) -> Ints:
-    """Return where points (k, 3) are among others (n, 3): those that are equal have equal sums."""
+def _ids_of(kept: Floats, points: Floats) -> Ints:
+    """Return the number of each of some points (k, 3) among all (n, 3): equal points have equal sums."""
     # VTK gives them in single precision.
     every, some = (one.astype(np.float32).astype(np.float64) for one in (points, kept))
     x, y, z = np.sqrt([2.0, 3.0, 5.0])
@@ -150,8 +125,9 @@ def _places(points: Floats, kept: Floats) -> Ints:
 def _is_solid(points: Floats, triangles: Ints, normals: Floats) -> bool:
     """Return whether triangles with normals (m, 3) enclose a volume that they face away from.
 
-    Where they do, each edge is run through as often in one direction as in the other: a sum over the edges of
-    anything that changes its sign with their direction is zero. Of what is random, by chance once in 2^63.
+    Where they do, triangles run through each edge as often in one direction as in the other: the sum over the
+    edges of any quantity that changes sign with the direction is zero. A random one is zero by chance once in
+    2^63.
     """
     random = np.random.default_rng(0).integers(0, 2**63, (2, len(points)), dtype=np.uint64)
     of_start, of_end = random[0][triangles], random[1][triangles]

@@ -1,4 +1,4 @@
-"""What fibres end on: attachment areas and aponeuroses as surfaces, on a muscle or within it."""
+"""Attachment areas and aponeuroses as the surfaces that fibres end on, on a muscle or within it."""
 
 from __future__ import annotations
 
@@ -15,11 +15,29 @@ from vtkmuscle.core.types import Floats, Ints
 from vtkmuscle.data.attachments import SIDES, Aponeurosis, AttachmentArea
 from vtkmuscle.data.muscle_geometry import MuscleGeometry
 
+#: A ring goes round the muscle where the muscle's surface within it has more than this many times the area of
+#: the disc that spans the ring: a half ball has 2. Fibres then end on the disc.
+BULGE = 2.0
+#: Largest part of a ring on the surface that may be deeper in the muscle than a mean edge's length.
+DEEP = 0.05
+#: Positions from one landmark to the next at which that is measured.
+PLACES = 8
+#: Largest distance of an aponeurosis from its muscle, as a part of the muscle's extent.
+FARTHEST = 0.05
+#: Largest part of a muscle's surface that an aponeurosis may cover: the two sides of a sheet have half each.
+COVERS = 0.6
+#: Largest part of an aponeurosis that may lie in the other: rings may share a rim.
+OVERLAP = 0.05
+#: Positions nearer to a surface than this part of the mean edge's length are in it.
+TOUCHING = 0.1
+#: Number of positions on a surface for such comparisons.
+SAMPLES = 512
+
 
 def inner_areas(areas: Sequence[AttachmentArea], geometry: MuscleGeometry) -> tuple[Floats, Ints]:
-    """Return triangles (m, 3) that span those rings of landmarks which are within a muscle, and points.
+    """Return points, and triangles (m, 3) that span the rings of landmarks which are within a muscle.
 
-    That is, more than half of what a ring spans is deeper in the muscle than the mean length of its edges.
+    That is, more than half of a ring's disc is deeper in the muscle than the mean length of its edges.
     """
 
     def within(ring: Floats) -> bool:
@@ -30,147 +48,115 @@ def inner_areas(areas: Sequence[AttachmentArea], geometry: MuscleGeometry) -> tu
     return discs_over([area.landmarks for area in areas if area.closed and within(area.landmarks)])
 
 
-#: A ring whose part of the muscle's surface has more than this many times the area that the ring spans by
-#: itself goes round the muscle: what lies within it counts. A half ball has 2.
-BULGE = 2.0
-#: A ring of which more than this part is deeper in the muscle than a mean edge is long does not lie on it.
-DEEP = 0.05
-#: Places at which that is looked at on the way from one landmark to the next.
-PLACES = 8
-#: An aponeurosis is no farther from its muscle than this part of the muscle's extent.
-FARTHEST = 0.05
-#: Part of a muscle's surface beyond which an aponeurosis covers the muscle: the two sides of a sheet have
-#: half each.
-COVERS = 0.6
-#: Two aponeuroses overlap where more than this part of one is in the other: rings may share a rim.
-OVERLAP = 0.05
-#: What is nearer to a surface than this part of the mean edge's length is in it.
-TOUCHING = 0.1
-#: Positions by which that is found out.
-SAMPLES = 512
-
-
 def attached_surface(areas: Sequence[AttachmentArea], geometry: MuscleGeometry, where: str) -> EndSurface:
-    """Return what the areas of one role, one or more, cover of a muscle, or span within it.
-
-    Raises
-    ------
-    ValueError
-        If the landmarks of one cannot be on this muscle.
-    """
-    shapes = [Aponeurosis(SIDES[0], area.landmarks) if area.closed else area for area in areas]
-    return _together(shapes, geometry, where)
+    """Return the surface that the areas of one role, one or more, cover of a muscle, or span within it."""
+    return _together(areas, geometry, where, takes=(0.0, np.inf))
 
 
 def aponeurosis_surfaces(
-    aponeuroses: Sequence[Aponeurosis], geometry: MuscleGeometry, where: str
+    aponeuroses: Sequence[Aponeurosis],
+    geometry: MuscleGeometry,
+    where: str,
+    landmarks: tuple[Floats, Floats] | None = None,
 ) -> tuple[EndSurface, EndSurface]:
     """Return the proximal and the distal aponeurosis of a muscle.
 
-    Raises
-    ------
-    ValueError
-        If a side is missing, one is far from the muscle or covers it, or the two overlap.
+    Raises a ValueError at `where` if a side is missing, one is far from the muscle or covers it, or the two
+    overlap; if the proximal one is on the insertion's side of the distal one, where the landmarks, (n, 3) of
+    the origin and the insertion, are known.
     """
-    surfaces = []
-    for side in SIDES:
-        mine = [one for one in aponeuroses if one.side == side]
-        if not mine:
-            raise InputError(where, f"there is no {side} aponeurosis", "give both, proximal and distal")
-        label = f"{where}: {side}"
-        for one in mine:
-            _check_near(one, geometry, label)
-        surfaces.append(_together(mine, geometry, label, fibres=True))
-        whole = np.linalg.norm(triangle_normals(geometry.points, geometry.triangles), axis=1).sum() / 2.0
-        share = surfaces[-1].samples.area / whole
-        if share > COVERS:
-            raise InputError(
-                label,
-                f"the aponeurosis covers the muscle: its area is {100 * share:.0f} % of the muscle's surface",
-                "draw its ring round the part of the surface that fibres end on",
-            )
-    proximal, distal = surfaces
-    shares = [_share_in(one, other, geometry) for one, other in ((proximal, distal), (distal, proximal))]
-    if max(shares) > OVERLAP:
+    proximal, distal = (_aponeurosis(aponeuroses, side, geometry, where) for side in SIDES)
+    overlap = max(_share_in(proximal, distal, geometry), _share_in(distal, proximal, geometry))
+    if overlap > OVERLAP:
         raise InputError(
             where,
-            f"the aponeuroses overlap: {100 * max(shares):.0f} % of one is in the other",
+            f"the aponeuroses overlap: {100 * overlap:.0f} % of one is in the other",
             "make one of them smaller; fibres go from the one to the other",
         )
+    if landmarks is not None:
+        axis = landmarks[1].mean(axis=0) - landmarks[0].mean(axis=0)
+        low, high = (surface.samples.dense(SAMPLES).mean(axis=0) @ axis for surface in (proximal, distal))
+        if low > high:
+            raise InputError(
+                where,
+                "the proximal aponeurosis is nearer to the insertion than the distal one is",
+                "exchange proximal and distal, or the roles origin and insertion of the attachments",
+            )
     return proximal, distal
 
 
-def check_sides(
-    surfaces: tuple[EndSurface, EndSurface], origin: Floats, insertion: Floats, where: str
-) -> None:
-    """Raise where the proximal aponeurosis is on the insertion's side of the distal one.
-
-    Parameters
-    ----------
-    surfaces : (EndSurface, EndSurface)
-        Proximal, distal.
-    origin, insertion : (n, 3) arrays
-        Landmarks of the muscle's ends on its bones [mm].
-    where : str
-        Named in the error.
-    """
-    axis = insertion.mean(axis=0) - origin.mean(axis=0)
-    low, high = (surface.samples.dense(SAMPLES).mean(axis=0) @ axis for surface in surfaces)
-    if low > high:
+def _aponeurosis(
+    aponeuroses: Sequence[Aponeurosis], side: str, geometry: MuscleGeometry, where: str
+) -> EndSurface:
+    """Return all aponeuroses of one side as one surface."""
+    shapes: list[AttachmentArea | tuple[Floats, Ints]] = []
+    label = f"{where}: {side}"
+    for one in aponeuroses:
+        if one.side == side:
+            _check_near(one.points, geometry, label)
+            ring = AttachmentArea("origin", "", one.points, closed=True)
+            shapes.append(ring if one.is_ring else (one.points, one.triangles))
+    if not shapes:
+        raise InputError(where, f"there is no {side} aponeurosis", "give both, proximal and distal")
+    surface = _together(shapes, geometry, label, takes=(1.0, 1.0))
+    share = surface.samples.area / _area(geometry.points, geometry.triangles)
+    if share > COVERS:
         raise InputError(
-            where,
-            "the proximal aponeurosis is nearer to the insertion than the distal one is",
-            "exchange proximal and distal, or the roles origin and insertion of the attachments",
+            label,
+            f"the aponeurosis covers the muscle: its area is {100 * share:.0f} % of the muscle's surface",
+            "draw its ring round the part of the surface that fibres end on",
         )
+    return surface
 
 
 def _together(
-    shapes: Sequence[Aponeurosis | AttachmentArea],
+    shapes: Sequence[AttachmentArea | tuple[Floats, Ints]],
     geometry: MuscleGeometry,
     where: str,
     *,
-    fibres: bool = False,
+    takes: tuple[float, float],
 ) -> EndSurface:
-    """Return all shapes as one; ``fibres`` says that these themselves end there, and not their tendons."""
+    """Return areas, and surfaces of their own (points, triangles), as one that fibres end on.
+
+    `takes` is that of an :class:`EndSurface` on the muscle's surface; one within it has two faces.
+    """
     patches: list[Ints] = []
     points, triangles, first = [geometry.points], [geometry.triangles], len(geometry.points)
     for number, shape in enumerate(shapes):
         with errors_at(f"{where} {number}"):
-            inner = _within(shape, geometry)
+            inner = _within(shape, geometry) if isinstance(shape, AttachmentArea) else shape
             if inner is None:
-                patches.append(geometry.patch(_as_area(shape)))
+                assert isinstance(shape, AttachmentArea)
+                patches.append(geometry.patch(shape))
                 continue
         points.append(inner[0])
         triangles.append(inner[1] + first)
         patches.append(first + np.arange(len(inner[0])))
         first += len(inner[0])
-    takes = (1.0, 1.0 if len(points) == 1 else 2.0) if fibres else (0.0, np.inf)
-    return EndSurface(np.vstack(points), np.vstack(triangles), np.unique(np.concatenate(patches)), takes)
+    most = takes[1] if len(points) == 1 else 2.0 * takes[1]
+    patch = np.unique(np.concatenate(patches))
+    return EndSurface(np.vstack(points), np.vstack(triangles), patch, (takes[0], most))
 
 
-def _within(shape: Aponeurosis | AttachmentArea, geometry: MuscleGeometry) -> tuple[Floats, Ints] | None:
-    """Return the surface of its own that a shape is, None for a part of the muscle's surface."""
-    if isinstance(shape, AttachmentArea):
+def _within(area: AttachmentArea, geometry: MuscleGeometry) -> tuple[Floats, Ints] | None:
+    """Return the disc of a ring that is within the muscle or goes round it, None for any other area."""
+    if not area.closed:
         return None
-    if not shape.is_ring:
-        return shape.points, shape.triangles
-    disc = discs_over([shape.points])
+    ring, disc = area.landmarks, discs_over([area.landmarks])
     share = np.linspace(0.0, 1.0, PLACES, endpoint=False)[:, None, None]
-    around = (1.0 - share) * shape.points + share * np.roll(shape.points, -1, axis=0)
+    around = (1.0 - share) * ring + share * np.roll(ring, -1, axis=0)
     inside = (geometry.solids.depth(around.reshape(-1, 3)) > geometry.mean_edge).mean() > DEEP
-    patch = EndSurface(geometry.points, geometry.triangles, geometry.patch(_as_area(shape))).samples.area
-    flat = float(np.linalg.norm(triangle_normals(*disc), axis=1).sum()) / 2.0
-    return disc if inside or patch > BULGE * flat > 0.0 else None
+    patch = EndSurface(geometry.points, geometry.triangles, geometry.patch(area)).samples.area
+    return disc if inside or patch > BULGE * _area(*disc) > 0.0 else None
 
 
-def _as_area(shape: Aponeurosis | AttachmentArea) -> AttachmentArea:
-    if isinstance(shape, AttachmentArea):
-        return shape
-    return AttachmentArea("origin", "", shape.points, closed=True)
+def _area(points: Floats, triangles: Ints) -> float:
+    """Return the area of triangles [mm^2]."""
+    return float(np.linalg.norm(triangle_normals(points, triangles), axis=1).sum()) / 2.0
 
 
-def _check_near(one: Aponeurosis, geometry: MuscleGeometry, where: str) -> None:
-    away = np.maximum(geometry.solids.distances(one.points), 0.0)
+def _check_near(points: Floats, geometry: MuscleGeometry, where: str) -> None:
+    away = np.maximum(geometry.solids.distances(points), 0.0)
     allowed = max(FARTHEST * extent(geometry.points), geometry.mean_edge)
     worst = int(away.argmax())
     if away[worst] > allowed:
@@ -183,7 +169,7 @@ def _check_near(one: Aponeurosis, geometry: MuscleGeometry, where: str) -> None:
 
 
 def _share_in(one: EndSurface, other: EndSurface, geometry: MuscleGeometry) -> float:
-    """Return which part of a surface lies in another."""
+    """Return the part of a surface that lies in another."""
     if not len(other.faces):
         return 0.0
     distances = other.tree.nearest(one.samples.dense(SAMPLES))[2]

@@ -1,4 +1,4 @@
-"""Attachment areas where there are no landmarks: from where a muscle is near its bones."""
+"""Attachment areas without landmarks: where a muscle's ends are near bones."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import checked_surface
 from vtkmuscle.data.attachments import ROLES, AttachmentArea
 
-#: Up to which distance a point of a muscle is near a bone [mm]: 90 % of the points of the areas digitised for
-#: the LHDL hip are nearer than 2.2 to 2.3 mm.
+#: Largest distance at which a point of a muscle is near a bone [mm]: 90 % of the points of the areas
+#: digitised for the hip of LHDL are nearer than 2.2 to 2.3 mm.
 NEAR = 2.5
 
 
@@ -38,7 +38,7 @@ def estimated_areas(
     bones : mapping of str to vtkPolyData
         By name, at rest.
     within : float
-        Up to which distance a point is near a bone [mm].
+        Largest distance at which a point is near a bone [mm].
     origin, insertion : str, optional
         The bones, where known. Else the origin is the end with more area.
     bodies : sequence of sequence of str
@@ -47,8 +47,7 @@ def estimated_areas(
     Raises
     ------
     ValueError
-        If a bone that is named is not there, if fewer than two bones are near, or if the muscle ends far
-        from them.
+        If a named bone is missing, if fewer than two bones are near, or if the muscle ends far from them.
     """
     named = [bone for bone in (origin, insertion) if bone is not None]
     for what, bone in zip(ROLES, (origin, insertion), strict=True):
@@ -77,7 +76,7 @@ def estimated_areas(
 
 
 def _distances(points: Floats, name: str, bone: vtkPolyData, far: float) -> Floats:
-    """Return distances (n,) from a bone, negative inside; those from its box where no point is near that."""
+    """Return distances (n,) from a bone, negative inside; from its box where all are more than `far`."""
     low, high = np.array(bone.GetBounds()).reshape(3, 2).T
     outside: Floats = np.linalg.norm(np.maximum(np.maximum(low - points, points - high), 0.0), axis=1)
     return outside if outside.min() > far else solids_of(*checked_surface(bone, name)).distances(points)

@@ -1,4 +1,4 @@
-"""The surface of what is inside on a grid, as even triangles."""
+"""The zero level of values on a grid, as even triangles."""
 
 from __future__ import annotations
 
@@ -21,23 +21,23 @@ from vtkmuscle.data.label_images import LabelField
 
 #: Area of a triangle whose edges are 1 long.
 EVEN = math.sqrt(3.0) / 4.0
-#: Part of its label's volume that a surface may be off by.
+#: Largest error of a surface's volume, as a part of its label's.
 MOST_OFF = 0.01
-#: Times that a surface is moved along its normals to the label's volume: 2 are enough but for a few voxels.
+#: Number of moves of a surface along its normals to the label's volume: 2 do except for a few voxels.
 OFFSETS = 4
-#: Triangles that a label's surface has at least, if its voxels give so many.
+#: Least number of triangles of a label's surface, if its voxels give so many.
 LEAST = 100
-#: A label that is longer has voxels of another size [mm]: the tallest person was 2720 mm.
+#: Longest label [mm], to notice wrong sizes of voxels: the tallest person was 2720 mm.
 LONGEST = 3000.0
 
 
 def isosurface(values: Floats, origin: Floats, spacing: float) -> tuple[Floats, Ints]:
-    """Return the surface on which values (ni, nj, nk) on a grid are 0, facing to where they are positive."""
+    """Return the surface where values (ni, nj, nk) on a grid are 0; it faces their positive side."""
     image = vtkImageData()
     image.SetDimensions(*values.shape)
     image.SetOrigin(*origin)
     image.SetSpacing(spacing, spacing, spacing)
-    # The isosurface faces where values fall: turn them over, so that it faces outward.
+    # VTK's isosurface faces falling values: change the sign, so that it faces outward.
     set_point_array(image, "inside", -values.ravel(order="F"))
     image.GetPointData().SetActiveScalars("inside")
     contour = vtkFlyingEdges3D()
@@ -58,23 +58,14 @@ def evened(
     *,
     passes: int = 8,
 ) -> tuple[Floats, Ints]:
-    """Return a surface with fewer triangles, relaxed along itself so that they are even.
+    """Return a closed surface with about `n_triangles`, or those it has, relaxed so that they are even.
 
-    Parameters
-    ----------
-    points, triangles : (n, 3) array, (m, 3) int array
-        Closed, manifold.
-    n_triangles : int
-        About how many are wanted; where there are fewer, all stay.
-    projected : callable
-        From points (n, 3) to the nearest on the true surface.
-    passes : int
-        Number of relaxation passes.
+    `projected` gives the points of the true surface nearest to points (n, 3); `passes` are of relaxation.
     """
     whole = points, triangles
     while n_triangles < len(whole[1]):
         points, triangles = _decimated(*whole, n_triangles)
-        # Where it tears a thin place, fewer triangles go.
+        # Where it tears a thin place, more triangles are left.
         if (edge_uses(triangles) == 2).all():
             break
         points, triangles = whole
@@ -107,21 +98,12 @@ def _neighbour_average(triangles: Ints, n_points: int) -> csr_array:
 
 
 def label_surface(field: LabelField, edge: float) -> tuple[Floats, Ints]:
-    """Return the surface of a label, points (n, 3) [mm] and triangles (m, 3), as the label's volume has it.
+    """Return the surface of a label, points (n, 3) [mm] and triangles (m, 3), with the label's volume.
 
-    Parameters
-    ----------
-    field : LabelField
-        Of the label.
-    edge : float
-        Length of the triangles' edges; about a voxel's where that is more [mm].
-
-    Raises
-    ------
-    ValueError
-        If it is not closed, manifold and in one piece, or its volume is off by more than 1 %.
+    The triangles' edges are about `edge` long [mm], or a voxel where that is more. Raises a ValueError if the
+    surface is not closed, manifold and in one piece, or its volume is off by more than 1 %.
     """
-    # Neither finer than is of use, nor coarser than a thin label is deep, nor longer one way than another.
+    # A cubic grid, half as fine as the edges, but not coarser than a thin label is deep.
     nodes = np.array(field.values.shape)
     longest = float(((nodes - 1) * field.spacing[::-1]).max())
     if longest > LONGEST:
@@ -152,7 +134,7 @@ def label_surface(field: LabelField, edge: float) -> tuple[Floats, Ints]:
 
 
 def _largest(points: Floats, triangles: Ints) -> tuple[Floats, Ints]:
-    """Return the part of a surface that has most triangles, with its own points."""
+    """Return the connected part of a surface that has most triangles, with its own points."""
     part = point_components(len(points), unique_edges(triangles))[triangles[:, 0]]
     kept = triangles[part == np.argmax(np.bincount(part))]
     used, ids = np.unique(kept, return_inverse=True)

@@ -1,4 +1,4 @@
-"""Images of labels as vtkImageData, and a label as a smooth signed distance that keeps its volume."""
+"""Images of labels as vtkImageData; a label as a smooth signed distance that keeps its volume."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.types import Bools, Floats, Ints
 from vtkmuscle.data.arrays import field_array, set_field_array, set_point_array
 
-#: Voxels left free around a label: the Gaussian ends within them, and a Newton step does.
+#: Free voxels around a label, within which the Gaussian and a Newton step end.
 MARGIN = 4
-#: A Gaussian counts up to so many of its standard deviations.
+#: Where a Gaussian is cut off [standard deviations].
 _TRUNCATED = 3.0
-#: Pieces are of voxels that share a corner; what is around them, of voxels that share a face.
+#: Voxels of a piece share a corner; those around it share a face.
 _TOUCHING = np.ones((3, 3, 3), dtype=np.bool_)
 
 
@@ -32,19 +32,19 @@ class LabelField:
     Attributes
     ----------
     values : (nk, nj, ni) float32 array
-        At the voxels of a box around the label, negative inside [mm].
+        Smooth distance at the voxels of a box around the label, negative inside [mm].
     frame : (4, 4) array
-        From the numbers (i, j, k) of a voxel in the box to the place of its centre [mm].
+        From the numbers (i, j, k) of a voxel in the box to the position of its centre [mm].
     boundary : (nk, nj, ni) float32 array
-        The distance from the label's own boundary, between voxels, negative inside, not smooth [mm].
+        Distance from the label's own boundary, between voxels, negative inside, not smooth [mm].
     volume : float
-        Of the voxels inside [mm^3].
+        Volume of the voxels inside [mm^3].
     pieces : (p,) int array
-        Voxels of all pieces that the label has, the largest, which is taken, first.
+        Number of voxels of each piece, of the largest, which is taken, first.
     filled : int
-        Voxels of hollows that were filled.
+        Number of voxels of hollows, which were filled.
     cut : int
-        Voxels at the border of the image: there the label may go on.
+        Number of voxels at the border of the image, where the label may go on.
     """
 
     values: Floats
@@ -62,7 +62,7 @@ class LabelField:
         return size
 
     def at(self, points: Floats) -> tuple[Floats, Floats]:
-        """Return the distance (n,), and its gradient (n, 3), at points (n, 3); beyond the box it goes on."""
+        """Return the distance (n,) and its gradient (n, 3) at points (n, 3), in the box and beyond."""
         index = self._index(points)
         last = np.array(self.values.shape)[::-1] - 1.0
         within = np.clip(index, 0.0, last)
@@ -79,20 +79,19 @@ class LabelField:
         return value, slope
 
     def distances_from_boundary(self, points: Floats) -> Floats:
-        """Return how far points (n, 3) are from the boundary between voxels, (n,) [mm], negative inside."""
+        """Return the distances (n,) [mm] of points (n, 3) from the label's boundary, negative inside."""
         return self._interpolated(self.boundary, self._index(points))
 
-    def projected(self, points: Floats, *, steps: int = 1) -> Floats:
-        """Return points (n, 3) moved to where the distance is 0, along its gradient, by Newton's steps."""
-        for _ in range(steps):
-            value, slope = self.at(points)
-            # As a distance the field is 1 steep, less where it was smoothed over an edge.
-            squared = np.maximum(np.einsum("ij,ij->i", slope, slope), 0.25)
-            points = points - (value / squared)[:, None] * slope
-        return points
+    def projected(self, points: Floats) -> Floats:
+        """Return points (n, 3) moved along the gradient to distance 0, by one step of Newton's."""
+        value, slope = self.at(points)
+        # The slope of a distance is 1, less where it was smoothed over an edge.
+        squared = np.maximum(np.einsum("ij,ij->i", slope, slope), 0.25)
+        moved: Floats = points - (value / squared)[:, None] * slope
+        return moved
 
     def _index(self, points: Floats) -> Floats:
-        """Return the voxel numbers, (i, j, k) and parts of them, of points (n, 3)."""
+        """Return the voxel coordinates (i, j, k) of points (n, 3), with fractions."""
         return (points - self.frame[:3, 3]) @ np.linalg.inv(self.frame[:3, :3]).T
 
     @staticmethod
@@ -105,24 +104,19 @@ class LabelField:
 def label_field(mask: Bools, frame: Floats, inner: tuple[slice, ...] = (), *, smoothing: float) -> LabelField:
     """Return the smooth signed distance of a label, at the level at which it has the label's volume.
 
-    The distance to the nearest voxel of the other side, Euclidean and with the voxels' size, exact; then a
-    Gaussian. What is inside of the level has as many voxels as the label.
+    That is the exact Euclidean distance to the nearest voxel of the other side, then a Gaussian. As many
+    voxels as the label has are within the level.
 
     Parameters
     ----------
     mask : (nk, nj, ni) bool array
-        An image's voxels, or those of a box of it, that have the label.
+        The voxels of an image, or of a box of it, that have the label; one or more.
     frame : (4, 4) array
-        From voxel numbers (i, j, k) in the mask to the places of their centres [mm].
+        From voxel numbers (i, j, k) in the mask to the positions of their centres [mm].
     inner : tuple of slice, optional
-        What of the mask is not at the border of the image, by axis; all of it by default.
+        The part of the mask that is not at the border of the image; all of it by default.
     smoothing : float
         Standard deviation of the Gaussian [voxels], >= 0.
-
-    Raises
-    ------
-    ValueError
-        If no voxel has the label.
     """
     if not mask.any():
         raise InputError("", "no voxel has this label")
@@ -160,10 +154,10 @@ def label_field(mask: Bools, frame: Floats, inner: tuple[slice, ...] = (), *, sm
 
 
 def _signed_distance(solid: Bools, sampling: Floats) -> Floats:
-    """Return the distance to the other side's nearest voxel, negative inside, as if the step were between."""
+    """Return the distance from the boundary between voxels, negative inside; `sampling` are their sizes."""
     outward = ndimage.distance_transform_edt(~solid, sampling=sampling).astype(np.float32)
     outward -= ndimage.distance_transform_edt(solid, sampling=sampling).astype(np.float32)
-    # Both count from voxel to voxel: half of the step is on either side of the boundary.
+    # Both are from centre to centre of voxels, with the boundary halfway between.
     nearer: Floats = outward - np.sign(outward) * np.float32(0.5 * sampling.min())
     return nearer
 
@@ -175,16 +169,10 @@ MOST = 65535
 
 
 def label_image(voxels: NDArray[np.integer], frame: Floats, names: Mapping[int, str]) -> vtkImageData:
-    """Return an image of labels.
+    """Return an image of labels (nk, nj, ni), where 0 is none; names are by label.
 
-    Parameters
-    ----------
-    voxels : (nk, nj, ni) int array
-        Labels; 0 is none.
-    frame : (4, 4) array
-        From voxel numbers (i, j, k) to the places of their centres [mm]; voxels are right-angled.
-    names : mapping of int to str
-        By label.
+    The frame (4, 4) leads from voxel numbers (i, j, k) to the positions of their centres [mm]; voxels are
+    right-angled.
     """
     image = vtkImageData()
     image.SetDimensions(*voxels.shape[::-1])
@@ -207,18 +195,9 @@ def label_image(voxels: NDArray[np.integer], frame: Floats, names: Mapping[int, 
 
 @dataclass(frozen=True, eq=False)
 class Label:
-    """A label of an image.
+    """A label of an image: its value, the voxels (nk, nj, ni) and frame of the whole image, the label's box.
 
-    Attributes
-    ----------
-    value : int
-        That its voxels have.
-    voxels : (nk, nj, ni) int array
-        Of the whole image.
-    box : tuple of slice
-        Where in the image it is.
-    frame : (4, 4) array
-        From the numbers (i, j, k) of voxels of the image to the places of their centres [mm].
+    The frame (4, 4) leads from the numbers (i, j, k) of voxels to the positions of their centres [mm].
     """
 
     value: int
@@ -238,13 +217,10 @@ class Label:
 
 
 def labels_in(image: vtkImageData, where: str) -> dict[str, Label]:
-    """Return the labels of an image by name, ``label_7`` where it says none, in the order of their values.
+    """Return the labels of an image by name, or else as ``label_7``, in the order of their values.
 
-    Raises
-    ------
-    ValueError
-        If the active point scalars, or the only ones, are not whole numbers from 0 to 65535; if all are 0;
-        if two labels have one name; if the image is nowhere.
+    Raises a ValueError at `where` if the active point scalars, or the only ones, are not whole numbers from 0
+    to 65535; if all are 0; if two labels have one name; if the image's frame is not finite, or flat.
     """
     data = image.GetPointData()
     array = data.GetScalars() or data.GetArray(0)

@@ -1,4 +1,4 @@
-"""What moving bones say: where they are, and what they are like at rest."""
+"""Moving bones: their poses, and their rest geometry as obstacles."""
 
 from __future__ import annotations
 
@@ -18,36 +18,20 @@ from vtkmuscle.core.types import Floats, Ints
 from vtkmuscle.data.arrays import blocks_of, checked_surface, field_array
 from vtkmuscle.data.muscle_geometry import Surface
 
-#: How far a bone's points may be off its transform, as a part of its size and distance from the origin
-#: (coordinates may be float32).
+#: Largest distance of a bone's points from where its transform puts them, as a part of its size and distance
+#: from the origin (coordinates may be float32).
 RIGIDITY_TOLERANCE = 1e-5
+#: Points of a bone by which it is checked that it moved with its transform.
+SAMPLE_SIZE = 100
 
 #: The identity, as an array of the pipeline holds it.
 _AT_REST = np.eye(4).tobytes()
 
-#: Points of a bone that are looked at to see whether it moved with its transform.
-SAMPLE_SIZE = 100
-
 
 def bones_of(data: vtkMultiBlockDataSet, where: str) -> dict[str, vtkPolyData]:
-    """Return the bones of a data set by name, in the order of their blocks.
+    """Return the bones of a data set by name; the i-th item is block i, to which ``FixedTo`` refers.
 
-    Parameters
-    ----------
-    data : vtkMultiBlockDataSet
-        Named blocks.
-    where : str
-        Named in errors, e.g. ``"PBDDeformer: bones"``.
-
-    Returns
-    -------
-    dict of str to vtkPolyData
-        The i-th item is block i, to which ``FixedTo`` and the like refer.
-
-    Raises
-    ------
-    ValueError
-        If a block is not a vtkPolyData, two have the same name, or a point is not finite.
+    Raises a ValueError if a block is not a vtkPolyData, two have the same name, or a point is not finite.
     """
     bones: dict[str, vtkPolyData] = {}
     for name, block in blocks_of(data):
@@ -63,66 +47,42 @@ def bones_of(data: vtkMultiBlockDataSet, where: str) -> dict[str, vtkPolyData]:
 
 
 class MovingBones(NamedTuple):
-    """Bones at a time.
-
-    Attributes
-    ----------
-    surfaces : dict of str to vtkPolyData
-        By name, in the order of their blocks.
-    transforms : (b, 4, 4) array
-        Rest to now.
-    """
+    """Bones at a time: surfaces by name, in the order of blocks, and transforms (b, 4, 4), rest to now."""
 
     surfaces: dict[str, vtkPolyData]
     transforms: Floats
 
     @property
     def names(self) -> list[str]:
-        """In the order of their blocks."""
+        """Names of the bones, in the order of their blocks."""
         return list(self.surfaces)
 
 
 def moving_bones_of(data: vtkMultiBlockDataSet, where: str) -> MovingBones:
-    """Return bones and where they are; raises as :func:`bones_of` and :func:`transforms_of` do."""
+    """Return bones with their field arrays ``Transform``; ValueError for one that is missing or not rigid."""
     bones = bones_of(data, where)
-    return MovingBones(bones, transforms_of(bones, where))
-
-
-def transforms_of(bones: dict[str, vtkPolyData], where: str) -> Floats:
-    """Return the transforms of bones, rest to now, (b, 4, 4).
-
-    Raises
-    ------
-    ValueError
-        If a bone has no field array ``Transform``, or one that is not rigid.
-    """
-    transforms = np.zeros((len(bones), 4, 4))
-    transforms[:, range(4), range(4)] = 1.0
+    transforms = np.tile(np.eye(4), (len(bones), 1, 1))
     for index, (name, bone) in enumerate(bones.items()):
         values = field_array(bone, "Transform")
         if values is None:
-            raise InputError(
-                f"{where}, block {name!r}", "the field array 'Transform' is missing", "BoneMotion adds it"
-            )
+            problem = "the field array 'Transform' is missing"
+            raise InputError(f"{where}, block {name!r}", problem, "BoneMotion adds it")
         if values.tobytes() == _AT_REST:  # as most bones are, most of the time
             continue
-        if values.size != transforms[index].size or not is_rigid(values.reshape(4, 4)):
+        if values.size != 16 or not is_rigid(values.reshape(4, 4)):
             raise InputError(
                 f"{where}, block {name!r}",
                 "the field array 'Transform' must be 16 numbers, a rotation and a translation, row by row, "
                 "with last row 0 0 0 1",
             )
         transforms[index] = values.reshape(4, 4)
-    return transforms
+    return MovingBones(bones, transforms)
 
 
 def fixed_points_of(muscle: Surface, bones: Sequence[str]) -> Ints:
     """Return the point array ``FixedTo`` of a muscle, (n,): -1 for a free point, else a bone's number.
 
-    Raises
-    ------
-    ValueError
-        If there is none, or it has other numbers.
+    Raises a ValueError if there is none, or it has other numbers.
     """
     array = muscle.array("FixedTo")
     where = f"{muscle.where}, point array 'FixedTo'"
@@ -141,20 +101,15 @@ def fixed_points_of(muscle: Surface, bones: Sequence[str]) -> Ints:
 
 
 class RestBones:
-    """Bones in the rest pose as obstacles, found by taking back the motion of moving bones.
+    """Bones in the rest pose as obstacles, made by taking back the motion of moving bones.
 
-    Errors name the port ``bones``.
-
-    Parameters
-    ----------
-    owner : str
-        Class of the filter, named in warnings.
+    Errors name the port ``bones``; `owner`, the class of the filter, is named in warnings.
     """
 
     def __init__(self, owner: str) -> None:
         self._owner = owner
         self._obstacles: dict[str, Obstacle] = {}
-        #: State of each bone's points, and its transform, when they were last found to agree.
+        #: State of each bone's points, and its transform, when they last agreed.
         self._checked: dict[str, tuple[int, bytes]] = {}
 
     @property
@@ -171,27 +126,11 @@ class RestBones:
         n_max: int = DEFAULT_N_MAX,
         n_equal: int | None = None,
     ) -> None:
-        """Take the rest geometry from moving bones; a bone that is as before keeps what is known of it.
+        """Take the rest geometry from moving bones; obstacles of bones that are as before are kept.
 
         Take it from the same frame each time: from another one rounding differs, and with it the result.
-
-        Parameters
-        ----------
-        bones : MovingBones
-            Bones now.
-        collision : str
-            ``"sdf"`` or ``"voxel"``.
-        skin : float
-            With ``"sdf"``: distance that points keep from the bones [mm].
-        n_max : int
-            With ``"voxel"``: number of voxels of a bone, about.
-        n_equal : int, optional
-            With ``"voxel"``: number of voxels along each axis instead.
-
-        Raises
-        ------
-        ValueError
-            If a bone is not made of triangles, or a coordinate is not finite.
+        The collision is ``"voxel"``, with about `n_max` voxels of a bone, or `n_equal` along each axis; else
+        distances, with the distance `skin` that points keep from the bones [mm].
         """
         kept, self._obstacles = self._obstacles, {}
         self._checked.clear()
@@ -199,39 +138,25 @@ class RestBones:
             where = f"bones, block {name!r}"
             points, triangles = checked_surface(bone, where)
             rest = apply_transform(inverse(bones.transforms[index]), points)
-            old = kept.get(name)
-            name_of = f"{self._owner}: {where}"
+            old, label = kept.get(name), f"{self._owner}: {where}"
             new: Obstacle
             if collision == "voxel":
-                new = VoxelObstacle(index, rest, triangles, n_max=n_max, n_equal=n_equal, name=name_of)
+                new = VoxelObstacle(index, rest, triangles, n_max=n_max, n_equal=n_equal, name=label)
             else:
-                new = DistanceObstacle(index, rest, triangles, skin=skin, name=name_of)
+                new = DistanceObstacle(index, rest, triangles, skin=skin, name=label)
             self._obstacles[name] = old if old is not None and new.same_as(old) else new
 
     def depths(self, points: Floats, transforms: Floats) -> Floats:
-        """Return how deep points are in the bones, against their triangles.
+        """Return the depth (n,) [mm] of points (n, 3) in the triangles of the bones, 0 outside.
 
-        Parameters
-        ----------
-        points : (n, 3) array
-            In the scene, now [mm].
-        transforms : (b, 4, 4) array
-            Of the bones, rest to now.
-
-        Returns
-        -------
-        (n,) array
-            0 outside [mm].
+        The points are in the scene now; `transforms` (b, 4, 4) are those of the bones, rest to now.
         """
         return depth_in(((one.shape, transforms[one.bone]) for one in self.obstacles), points)
 
     def check(self, bones: MovingBones) -> None:
-        """Check that each bone is its rest geometry moved by its transform, at a sample of its points.
+        """Check, at a sample of its points, that each bone is its rest geometry moved by its transform.
 
-        Raises
-        ------
-        ValueError
-            If one is not: its obstacle would be somewhere else than the bone.
+        Else its obstacle would be somewhere else than the bone.
         """
         for index, (name, bone) in enumerate(bones.surfaces.items()):
             transform = bones.transforms[index]

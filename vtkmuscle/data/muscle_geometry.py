@@ -1,4 +1,4 @@
-"""What several filters ask of one muscle surface, computed once for all of them."""
+"""Facts about a muscle's surface that several filters need, computed once for all of them."""
 
 from __future__ import annotations
 
@@ -36,13 +36,7 @@ REMEMBERED = 8
 
 
 class SurfaceTopology:
-    """What of a surface stays the same wherever its points are.
-
-    Parameters
-    ----------
-    triangles : (m, 3) int array
-        Point ids.
-    """
+    """Facts about triangles (m, 3) that do not depend on where their points are."""
 
     def __init__(self, triangles: Ints) -> None:
         self.triangles = triangles
@@ -54,26 +48,18 @@ class SurfaceTopology:
 
     @cached_property
     def opposite(self) -> Ints:
-        """Of each half-edge the opposite one; ValueError where the surface is open."""
+        """The opposite of each half-edge; ValueError where the surface is open."""
         return opposite_half_edges(self.triangles)
 
 
 class MuscleGeometry:
-    """A surface and what was found out about it so far: each fact is computed when first asked for.
-
-    Parameters
-    ----------
-    points : (n, 3) array
-        Its points [mm].
-    triangles : (m, 3) int array
-        Point ids.
-    """
+    """A surface, points (n, 3) [mm] and triangles (m, 3), with facts that are computed when first needed."""
 
     def __init__(self, points: Floats, triangles: Ints) -> None:
         self.points = points
         self._topology = _topology(triangles)
         self.triangles = self._topology.triangles
-        self._found: dict[Hashable, Any] = {}
+        self._facts: dict[Hashable, Any] = {}
         self._samples = np.empty((0, 3))
 
     @property
@@ -83,7 +69,7 @@ class MuscleGeometry:
 
     @property
     def closed(self) -> ClosedSurface:
-        """The surface to cut; ValueError where it is open or its triangles face different sides."""
+        """The surface for cutting; ValueError where it is open or its triangles face different sides."""
         return ClosedSurface(self.points, self.triangles, self._topology.opposite)
 
     @cached_property
@@ -93,23 +79,19 @@ class MuscleGeometry:
 
     @cached_property
     def solids(self) -> Solids:
-        """What is inside of the surface, and how far things are from it."""
+        """The inside of the surface, and distances from it."""
         return solids_of(self.points, self.triangles)
 
     def patch(self, area: AttachmentArea) -> Ints:
-        """Return the ids of the points that an attachment area covers; ValueError where it is off it."""
+        """Return the ids of the points that an attachment area covers; ValueError for one off the surface."""
+        given = area.landmarks, area.closed
         key = "patch", np.ascontiguousarray(area.landmarks).tobytes(), area.closed
-        return self.once(
-            key, lambda: attachment_patch(self.points, self.triangles, area.landmarks, area.closed)
-        )
+        return self.once(key, lambda: attachment_patch(self.points, self.triangles, *given))
 
     def attached(self, areas: Sequence[AttachmentArea], role: str) -> Ints:
         """Return the ids of the points that all areas of a role cover together, ascending.
 
-        Raises
-        ------
-        ValueError
-            If there is no such area, or the landmarks of one cannot be on this muscle.
+        Raises a ValueError if there is no such area, or one is off the surface.
         """
         patches = []
         for number, area in enumerate(area for area in areas if area.role == role):
@@ -120,14 +102,14 @@ class MuscleGeometry:
         return np.unique(np.concatenate(patches))
 
     def once(self, key: Hashable, find: Callable[[], T]) -> T:
-        """Return what a function finds out about the surface; it is asked once for each key."""
-        if key not in self._found:
-            self._found[key] = find()
-        found: T = self._found[key]
-        return found
+        """Return the result of a function, which is called once for each key."""
+        if key not in self._facts:
+            self._facts[key] = find()
+        fact: T = self._facts[key]
+        return fact
 
     def patch_tree(self, patch: Ints) -> TriangleTree | None:
-        """Return the triangles between points (j,) of the surface, None if there are none."""
+        """Return the tree of the triangles between points (j,) of the surface, None if there are none."""
 
         def tree() -> TriangleTree | None:
             faces = faces_between(self.triangles, patch)
@@ -136,41 +118,29 @@ class MuscleGeometry:
         return self.once(("tree", patch.tobytes()), tree)
 
     def samples(self, count: int) -> Floats:
-        """Return positions (k, 3) of even density in it, `count` but where it has next to no volume [mm]."""
+        """Return `count` positions [mm] of even density in it, fewer where it has next to no volume."""
         if len(self._samples) < count:
-            # Up to a power of two: another number of fibres then needs none of its own.
+            # Up to a power of two, which will do for other numbers of fibres as well.
             self._samples = samples_inside(self.solids.inside, self.points, 2 ** (count - 1).bit_length())
         return self._samples[:count]
 
 
 @dataclass(frozen=True, eq=False)
 class Surface:
-    """A surface of triangles as a filter takes it.
-
-    Attributes
-    ----------
-    data : vtkPolyData
-        With its arrays.
-    points : (n, 3) array
-        Finite [mm].
-    triangles : (m, 3) int array
-        Point ids.
-    where : str
-        Named in errors.
-    """
+    """A filter's argument for a surface: its data, finite points (n, 3) [mm], triangles; place in errors."""
 
     data: vtkPolyData
     points: Floats
     triangles: Ints
     where: str
 
-    @property
+    @cached_property
     def geometry(self) -> MuscleGeometry:
-        """What is known of the surface: :func:`muscle_geometry`."""
+        """Facts about the surface: :func:`muscle_geometry`."""
         return _geometry(self.points, self.triangles)
 
     def closed(self, why: str) -> MuscleGeometry:
-        """Return what is known of the surface; an InputError with a reason where it is open."""
+        """Return the facts about the surface; InputError with a reason where it is open."""
         if self.geometry.n_open_edges:
             raise InputError(
                 self.where,
@@ -180,12 +150,12 @@ class Surface:
         return self.geometry
 
     def array(self, name: str) -> NDArray[Any]:
-        """Return a point array as a read-only view; an InputError where there is none."""
+        """Return a point array as a read-only view; InputError where there is none."""
         return point_array(self.data, name, self.where)
 
 
 def surface_of(data: vtkPolyData, where: str) -> Surface:
-    """Return a surface as a filter takes it; raises as :func:`muscle_geometry` does."""
+    """Return the argument of a filter for a surface; raises as :func:`muscle_geometry` does."""
     return Surface(data, *checked_surface(data, where), where)
 
 
@@ -195,22 +165,11 @@ def surfaces_of(data: vtkMultiBlockDataSet, where: str) -> list[Surface]:
 
 
 def muscle_geometry(surface: vtkPolyData, where: str) -> MuscleGeometry:
-    """Return what is known of a surface, the same object for the same points and triangles.
+    """Return the facts about a surface, the same object for the same points and triangles.
 
-    Content decides, not modification times, so that copies of a muscle share what is known, and a surface
-    that was changed through a numpy view is another one.
-
-    Parameters
-    ----------
-    surface : vtkPolyData
-        Triangles.
-    where : str
-        Named in errors, e.g. ``"FibreTrimmer: muscle"``.
-
-    Raises
-    ------
-    ValueError
-        If the surface has no triangles or other faces, or a point is not finite.
+    Content decides, not modification times, so that copies of a muscle share facts, and a surface that was
+    changed through a numpy view is another one. Raises a ValueError at `where` if the surface has no
+    triangles or other faces, or a point is not finite.
     """
     return _geometry(*checked_surface(surface, where))
 

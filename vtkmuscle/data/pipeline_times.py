@@ -1,4 +1,4 @@
-"""Times of a pipeline: announced, asked for, those that lead to one, and what is upstream at them."""
+"""Pipeline time: announced, asked for, and the inputs at a time. Provenance of data."""
 
 from __future__ import annotations
 
@@ -12,83 +12,49 @@ from vtkmodules.vtkCommonExecutionModel import vtkStreamingDemandDrivenPipeline
 
 from vtkmuscle._version import __version__
 
+_STEPS = vtkStreamingDemandDrivenPipeline.TIME_STEPS()
+_RANGE = vtkStreamingDemandDrivenPipeline.TIME_RANGE()
+_TIME = vtkStreamingDemandDrivenPipeline.UPDATE_TIME_STEP()
+
 
 def announce_times(info: Any, steps: Sequence[float]) -> None:
-    """Write time steps and their range into a port's information.
-
-    Parameters
-    ----------
-    info : vtkInformation
-        Of an output port, in RequestInformation.
-    steps : sequence of float
-        Ascending times.
-    """
-    info.Remove(vtkStreamingDemandDrivenPipeline.TIME_STEPS())
-    for step in steps:
-        info.Append(vtkStreamingDemandDrivenPipeline.TIME_STEPS(), float(step))
-    info.Remove(vtkStreamingDemandDrivenPipeline.TIME_RANGE())
-    if len(steps):
-        info.Append(vtkStreamingDemandDrivenPipeline.TIME_RANGE(), float(min(steps)))
-        info.Append(vtkStreamingDemandDrivenPipeline.TIME_RANGE(), float(max(steps)))
+    """Write ascending time steps and their range into an output's information, in RequestInformation."""
+    ends = [min(steps), max(steps)] if len(steps) else []
+    for key, times in ((_STEPS, steps), (_RANGE, ends)):
+        info.Remove(key)
+        for time in times:
+            info.Append(key, float(time))
 
 
 def times_of(info: Any) -> tuple[float, ...]:
     """Return the time steps that a port's information announces, () where there are none."""
-    key = vtkStreamingDemandDrivenPipeline.TIME_STEPS()
-    if info is None or not info.Has(key):
-        return ()
-    times: tuple[float, ...] = info.Get(key)
+    times: tuple[float, ...] = info.Get(_STEPS) if info is not None and info.Has(_STEPS) else ()
     return times
 
 
-_TIME = vtkStreamingDemandDrivenPipeline.UPDATE_TIME_STEP()
+def time_asked(info: Any) -> float | None:
+    """Return the time that is asked for in a port's information, None where none is."""
+    return float(info.Get(_TIME)) if info.Has(_TIME) else None
 
 
 def requested_time(info: Any) -> float | None:
-    """Return the time that is asked for in a port's information: the last time step where none is.
-
-    None where the pipeline has no time.
-    """
-    if info.Has(_TIME):
-        return float(info.Get(_TIME))
+    """Return the time asked for, else the last time step; None where the pipeline has no time."""
     steps = times_of(info)
-    return steps[-1] if steps else None
+    return steps[-1] if steps and not info.Has(_TIME) else time_asked(info)
 
 
 def request_time(info: Any, time: float | None) -> None:
-    """Ask for a time in a port's information."""
-    info.Set(_TIME, time)
-
-
-def path_to(time: float | None, steps: Sequence[float]) -> list[float | None]:
-    """Return the times whose frames lead to the one at a time, in order, that one last.
-
-    Parameters
-    ----------
-    time : float or None
-        None where there are no steps.
-    steps : sequence of float
-        All time steps, ascending; where there are none, the path is the time itself.
-    """
-    return [time] if time is None else [*[step for step in steps if step < time], time]
+    """Ask for a time in a port's information; None takes the request back."""
+    if time is None:
+        info.Remove(_TIME)
+    else:
+        info.Set(_TIME, float(time))
 
 
 def input_at(algorithm: Any, port: int, time: float | None) -> Any:
-    """Return what an input port has at a time; what is there already is not computed again.
+    """Return the data on an algorithm's input port (of one connection) at a time; None where that failed.
 
-    Parameters
-    ----------
-    algorithm : vtkAlgorithm
-        Whose input it is.
-    port : int
-        Of one connection.
-    time : float or None
-        Pipeline time.
-
-    Returns
-    -------
-    vtkDataObject or None
-        None where it could not be computed.
+    Data that is there already is not computed again.
     """
     connection = algorithm.GetInputConnection(port, 0)
     producer, index = connection.GetProducer(), connection.GetIndex()
@@ -124,7 +90,7 @@ def provenance_of(data: Any) -> list[dict[str, Any]]:
     Parameters
     ----------
     data : vtkDataObject
-        What a filter gave, or what was read from a file of it.
+        The output of a filter, or data read from a file of it.
 
     Returns
     -------
@@ -142,20 +108,17 @@ def provenance_of(data: Any) -> list[dict[str, Any]]:
 
 
 def provenance_entry(name: str, parameters: Mapping[str, Any]) -> str:
-    """Return what a filter with these parameters adds to what it makes."""
+    """Return the entry that a filter with these parameters adds to its output."""
     step = {"filter": name, "parameters": dict(parameters), "vtkmuscle": __version__}
     return json.dumps(step, default=lambda value: type(value).__name__)
 
 
 def add_provenance(result: Any, inputs: Sequence[Any], entry: str) -> None:
     """Write into the field data of a result which filters made it: those of all inputs, then this one."""
-    entries: dict[str, None] = {}
-    for data in inputs:
-        entries.update(dict.fromkeys([] if data is None else _entries(data)))
-    entries[entry] = None
+    entries = [each for data in inputs if data is not None for each in _entries(data)]
     array = vtkStringArray()
     array.SetName(PROVENANCE)
-    for each in entries:
+    for each in dict.fromkeys([*entries, entry]):
         array.InsertNextValue(each)
     result.GetFieldData().AddArray(array)
 

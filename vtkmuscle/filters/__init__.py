@@ -33,12 +33,12 @@ _MODULES = {
 
 def filter_classes() -> list[type[Filter]]:
     """Return all filters of the package, in alphabetical order; imports every one of them."""
-    found: list[type[Filter]] = []
+    classes = []
     for name, file in _MODULES.items():
         module = import_module(f"{__name__}.{file}")
         (own,) = (value for key, value in vars(module).items() if key.lower() == name)
-        found.append(own)
-    return sorted(found, key=lambda kind: kind.__name__)
+        classes.append(own)
+    return sorted(classes, key=lambda kind: kind.__name__)
 
 
 def __getattr__(name: str) -> Any:

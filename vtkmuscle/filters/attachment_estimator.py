@@ -12,15 +12,14 @@ from vtkmuscle.filters.base import Filter, InputPort, OutputPort, Parameter, por
 class AttachmentEstimator(Filter):
     """Propose the attachments of a muscle, from where its ends are near the bones at rest.
 
-    The ends are the two points, near two bones, that are farthest apart along the muscle: a bone that it
-    passes is nearer. An attachment is what is near its bone, or inside of it, in the half of the muscle that
-    is nearer to its end; of the smaller one only what lies in the last quarter of the way from the larger:
-    muscles arise from broad areas, and insert by tendons that slide over bone before. The landmarks are
-    points of the muscle on the areas' boundaries. ``origin`` and ``insertion`` name the bones where you know
-    them.
+    The ends are the two points near two bones that are farthest apart along the muscle; bones that it passes
+    are between them. An attachment is the part of the muscle near its bone, or inside of it, in the half that
+    is nearer to its end. The smaller one is limited to the last quarter of the way from the larger: muscles
+    arise from broad areas, and insert by tendons that slide over bone before. The landmarks are points of the
+    muscle on the areas' boundaries. ``origin`` and ``insertion`` name the bones where they are known.
 
-    It is a start where landmarks are missing, no replacement: what lies on a bone at an end without being
-    attached to it is fixed with it. Look at the areas before you rely on them.
+    The areas are a start where landmarks are missing, no replacement: parts of the muscle that lie on a bone
+    at an end without being attached to it are included. Look at the areas before you rely on them.
 
     Parameters
     ----------
@@ -31,9 +30,9 @@ class AttachmentEstimator(Filter):
     distance
         Distance up to which a point is near a bone; half an edge of the muscle where that is more.
     origin
-        Name of the origin's bone; None is that of the larger area.
+        Name of the origin's bone; None is the bone of the larger area.
     insertion
-        Name of the insertion's bone; None is that of the smaller area.
+        Name of the insertion's bone; None is the bone of the smaller area.
 
     Attributes
     ----------
@@ -45,8 +44,8 @@ class AttachmentEstimator(Filter):
     Raises
     ------
     ValueError
-        If the muscle is near fewer than two bones, or far from those that ``origin`` and ``insertion`` name;
-        if one of its ends is far from any bone, as that of a belly whose tendon is another surface.
+        If the muscle is near fewer than two bones, or far from those of ``origin`` and ``insertion``; if one
+        of its ends is far from any bone, as that of a belly whose tendon is another surface.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""bones at a time of a rigid motion."""
+"""BoneMotion: bones at a time of a rigid motion."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from vtkmodules.vtkFiltersGeneral import vtkTransformFilter
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.core.types import Floats
-from vtkmuscle.data.arrays import blocks_of, multiblock_from, set_field_array
+from vtkmuscle.data.arrays import add_arrays, blocks_of, multiblock_from, shallow_copy
 from vtkmuscle.data.moving_bones import bones_of
 from vtkmuscle.filters.base import Filter, InputPort, OutputPort, Parameter
 
@@ -59,7 +59,7 @@ class BoneMotion(Filter):
     output = OutputPort(vtkMultiBlockDataSet)
 
     def __init__(self, **parameters: Any) -> None:
-        #: The state of the input's blocks, the bones by name, and the output with all of them at rest.
+        #: The state of the input's blocks, the bones by name, and the output with all bones at rest.
         self._at_rest: tuple[list[Any], dict[str, vtkPolyData], vtkMultiBlockDataSet] | None = None
         super().__init__(**parameters)
 
@@ -73,11 +73,14 @@ class BoneMotion(Filter):
         if self._at_rest is None or self._at_rest[0] != state:
             self._at_rest = None
             blocks = bones_of(bones, "bones")
-            # To ask VTK to move a block modifies it: the copies are asked for that.
+            # VTK modifies a block when it moves it: it moves these copies.
             blocks = {name: _moved(bone, None) for name, bone in blocks.items()}
             self._at_rest = state, blocks, multiblock_from(blocks)
         _, blocks, still = self._at_rest
-        transforms = self._transforms()
+        transforms = {}
+        if self.motion is not None:
+            assert self.request_time is not None  # the filter announces the motion's times
+            transforms = self.motion.at(self.request_time)
         unknown = sorted(set(transforms) - set(blocks))
         if unknown:
             raise InputError(
@@ -86,7 +89,7 @@ class BoneMotion(Filter):
                 f"{', '.join(map(repr, blocks))}",
                 "rename the block or the motion's bone",
             )
-        # Bones that stay are not looked at again, however many there are.
+        # Bones that stay cost nothing, however many there are.
         result = vtkMultiBlockDataSet()
         result.CompositeShallowCopy(still)
         for number, (name, bone) in enumerate(blocks.items()):
@@ -94,20 +97,11 @@ class BoneMotion(Filter):
                 result.SetBlock(number, _moved(bone, transforms[name]))
         return result
 
-    def _transforms(self) -> dict[str, Floats]:
-        if self.motion is None:
-            return {}
-        assert self.request_time is not None  # the filter announces the motion's times
-        return self.motion.at(self.request_time)
-
 
 def _moved(bone: vtkPolyData, transform: Floats | None) -> vtkPolyData:
     """Return the bone moved rigidly, its normals with it, or sharing its geometry where it stays."""
-    result = vtkPolyData()
-    if transform is None:
-        transform = np.eye(4)
-        result.ShallowCopy(bone)
-    else:
+    moved = bone
+    if transform is not None:
         move = vtkTransform()
         move.SetMatrix(transform.reshape(-1))
         mover = vtkTransformFilter()
@@ -115,6 +109,6 @@ def _moved(bone: vtkPolyData, transform: Floats | None) -> vtkPolyData:
         mover.SetTransform(move)
         mover.SetOutputPointsPrecision(vtkTransformFilter.DOUBLE_PRECISION)
         mover.Update()
-        result.ShallowCopy(mover.GetOutput())
-    set_field_array(result, "Transform", transform.reshape(-1))
-    return result
+        moved = mover.GetOutput()
+    matrix = np.eye(4) if transform is None else transform
+    return add_arrays(shallow_copy(moved), fields={"Transform": matrix.reshape(-1)})

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
+from numpy.typing import NDArray
 from vtkmodules.vtkCommonDataModel import vtkDataSet
 from vtkmodules.vtkFiltersCore import vtkCellCenters, vtkMaskPoints
 
 from vtkmuscle.core.errors import InputError, errors_at
 from vtkmuscle.core.fibres.direction_field import DirectionField
 from vtkmuscle.core.types import Bools, Floats
-from vtkmuscle.data.arrays import Polylines, points_of, set_cell_array, set_point_array
+from vtkmuscle.data.arrays import Polylines, add_arrays, points_of, shallow_copy
 from vtkmuscle.data.muscle_geometry import Surface
 from vtkmuscle.filters.base import Filter, InputPort, OutputPort, Parameter, ports
 
@@ -18,21 +21,21 @@ AT_ONCE = 8192
 #: Positions outside of the muscle by no more than this part of the greatest coordinate are on its surface:
 #: meshes are often written in single precision, which rounds by half of it.
 ON_SURFACE = float(np.finfo(np.float32).eps)
-#: Where no muscle is connected, what is nearer to a fibre than this number of the fibres' spacings is in it.
+#: Where no muscle is connected, positions within this many spacings of the fibres from a fibre are in it.
 SPACINGS = 2.0
 
 
 class FibreField(Filter):
     """Give the cells or points of a mesh the direction of the fibres there, as finite elements need it.
 
-    A direction is the mean, as of axes, of those of the eight fibres beside, by their inverse distances. It
-    is continuous, and on a fibre the fibre's own (see :mod:`vtkmuscle.core.fibres.direction_field`). It
-    points from the first points of fibres to the last: of those that FibreSource makes, from the origin to
-    the insertion.
+    A direction is the mean, as of axes, of the directions of the eight nearest fibres, weighted by their
+    inverse distances. It is continuous, and on a fibre it is the fibre's own (see
+    :mod:`vtkmuscle.core.fibres.direction_field`). It points from the first points of fibres to the last: from
+    the origin to the insertion, for fibres that FibreSource makes.
 
-    What is outside of the muscle gets the direction of the fibres nearest to it, for a mesh may differ a
-    little from the muscle's surface; ``InMuscle`` is 0 there. Where no muscle is connected that is an
-    estimate: outside is what is farther from any fibre than two spacings of the fibres.
+    Outside of the muscle it is the direction of the nearest fibres, since a mesh may differ a little from the
+    muscle's surface; ``InMuscle`` is 0 there. Where no muscle is connected, outside is estimated as farther
+    from any fibre than two spacings of the fibres.
 
     Parameters
     ----------
@@ -43,7 +46,7 @@ class FibreField(Filter):
     muscle
         The muscle's surface: triangles, closed.
     at
-        Of what the directions are.
+        Where the directions are: in the cells, or at the points.
 
     Attributes
     ----------
@@ -100,25 +103,24 @@ class FibreField(Filter):
                 f"the fibres in {_box(fibres.points)}",
                 "bring both to the same place and unit of length",
             )
-        result = mesh.NewInstance()
-        result.ShallowCopy(mesh)
-        put = set_cell_array if self.at == "cells" else set_point_array
-        put(result, "FibreDirection", directions)
-        put(result, "FibreDistance", distances)
-        put(result, "InMuscle", inside.astype(np.uint8))
-        return result
+        arrays: dict[str, NDArray[Any]] = {
+            "FibreDirection": directions,
+            "FibreDistance": distances,
+            "InMuscle": inside.astype(np.uint8),
+        }
+        return add_arrays(shallow_copy(mesh), **{self.at: arrays})
 
     def _positions(self, mesh: vtkDataSet) -> Floats:
         """Return the centres of the cells, or the points, (n, 3); grids have no array of either."""
         if self.at == "cells":
-            seeker, count = vtkCellCenters(), mesh.GetNumberOfCells()
+            reader, count = vtkCellCenters(), mesh.GetNumberOfCells()
         else:
-            seeker, count = vtkMaskPoints(), mesh.GetNumberOfPoints()
-            seeker.SetOnRatio(1)
-            seeker.SetOutputPointsPrecision(vtkMaskPoints.DOUBLE_PRECISION)
-        seeker.SetInputData(mesh)
-        seeker.Update()
-        positions = points_of(seeker.GetOutput())
+            reader, count = vtkMaskPoints(), mesh.GetNumberOfPoints()
+            reader.SetOnRatio(1)
+            reader.SetOutputPointsPrecision(vtkMaskPoints.DOUBLE_PRECISION)
+        reader.SetInputData(mesh)
+        reader.Update()
+        positions = points_of(reader.GetOutput())
         if not count:
             raise InputError("mesh", f"it has no {self.at}")
         if len(positions) != count or not np.isfinite(positions).all():

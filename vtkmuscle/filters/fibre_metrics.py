@@ -24,13 +24,7 @@ from vtkmuscle.core.mesh.polylines import end_directions, polyline_lengths
 from vtkmuscle.core.mesh.surface import signed_volume
 from vtkmuscle.core.mesh.triangle_tree import TriangleTree, tree_of_deformed, triangle_tree
 from vtkmuscle.core.types import Floats
-from vtkmuscle.data.arrays import (
-    Polylines,
-    cell_array,
-    set_cell_array,
-    set_field_array,
-    set_point_array,
-)
+from vtkmuscle.data.arrays import Polylines, add_arrays, cell_array
 from vtkmuscle.data.attachments import AttachmentArea
 from vtkmuscle.data.end_surfaces import inner_areas
 from vtkmuscle.data.muscle_geometry import Surface, surfaces_of
@@ -43,17 +37,16 @@ PATH_POINTS = 21
 class FibreMetrics(Filter):
     """Measure fibres: length, strain, tortuosity, pennation, and on request curvature and architecture.
 
-    Only what the inputs allow is measured: strain where the fibres carry ``RestLength`` (FibreTransport adds
-    it), pennation where there is a muscle, penetration where there are bones. A pennation angle is the one
-    between a fibre's end segment and the surface of the muscle there, that is 90 degrees less the angle to
-    the normal at the fibre's end: 0 for a fibre that runs along the surface, 90 for one at right angles to
-    it. For a fibre that ends on an aponeurosis that is its angle to the aponeurosis. The normal is continuous
-    over the surface but for creases of more than 60 degrees, so that it does not depend on which triangle an
-    end on an edge is counted to. Where the aponeurosis is within the muscle, as in a bipennate one, it is
-    known from the attachments.
+    The inputs decide what is measured: strain where the fibres have ``RestLength`` (FibreTransport adds it),
+    pennation where there is a muscle, penetration where there are bones. A pennation angle is the angle
+    between a fibre's end segment and the surface of the muscle there: 0 for a fibre that runs along the
+    surface, 90 degrees for one at right angles to it. For a fibre that ends on an aponeurosis it is the angle
+    to the aponeurosis. The surface's normal is continuous except at creases of more than 60 degrees, so that
+    it does not depend on the triangle to which an end on an edge is assigned. An aponeurosis within the
+    muscle, as in a bipennate one, is known from the attachments.
 
-    :func:`vtkmuscle.io.write_fibre_table` writes what was measured as a table, and
-    :func:`vtkmuscle.io.fibre_summary` gives mean, standard deviation and range.
+    :func:`vtkmuscle.io.write_fibre_table` writes the measures as a table, and
+    :func:`vtkmuscle.io.fibre_summary` gives their mean, standard deviation and range.
 
     Parameters
     ----------
@@ -64,8 +57,8 @@ class FibreMetrics(Filter):
     bones
         Bones in the pose of the fibres.
     attachments
-        Areas in the pose of the fibres. A surface is spanned over each area within the muscle, and counts as
-        part of the muscle's surface.
+        Areas in the pose of the fibres. The disc that spans an area within the muscle counts as part of the
+        muscle's surface.
     curvature
         Measure curvature.
     architecture
@@ -90,8 +83,8 @@ class FibreMetrics(Filter):
     ------
     ValueError
         If there are no fibres, or a coordinate is not finite; if ``RestLength`` has a negative value or one
-        that is not finite; if the muscle is no triangle mesh; if ``architecture`` or ``sections`` is asked
-        for and there is no muscle, or it is not closed, or no fibre has a length.
+        that is not finite; if the muscle is no triangle mesh; with ``architecture`` or ``sections``, if there
+        is no muscle, or it is not closed, or no fibre has a length.
 
     References
     ----------
@@ -129,27 +122,24 @@ class FibreMetrics(Filter):
     ) -> vtkPolyData:
         """Return the fibres with their measures."""
         lengths = polyline_lengths(fibres.points, fibres.offsets)
+        cells = {"Length": lengths, "Tortuosity": _tortuosity(fibres, lengths)}
+        points = {}
         result = fibres.copy()
-        set_cell_array(result, "Length", lengths)
-        set_cell_array(result, "Tortuosity", _tortuosity(fibres, lengths))
         if result.GetCellData().HasArray("RestLength"):
-            set_cell_array(result, "Strain", _strain(result, lengths))
+            cells["Strain"] = _strain(result, lengths)
         if muscle is not None:
-            origin, insertion = self._pennation(fibres, muscle, attachments)
-            set_cell_array(result, "PennationOrigin", origin)
-            set_cell_array(result, "PennationInsertion", insertion)
+            ends = self._pennation(fibres, muscle, attachments)
+            cells["PennationOrigin"], cells["PennationInsertion"] = ends
         if bones is not None:
-            set_cell_array(result, "Penetration", self._penetration(fibres, bones))
+            cells["Penetration"] = self._penetration(fibres, bones)
         if self.curvature:
             at_points, mean, largest = polyline_curvatures(fibres.points, fibres.offsets)
-            set_point_array(result, "Curvature", at_points)
-            set_cell_array(result, "CurvatureMean", mean)
-            set_cell_array(result, "CurvatureMax", largest)
+            points["Curvature"] = at_points
+            cells |= {"CurvatureMean": mean, "CurvatureMax": largest}
+        add_arrays(result, points=points, cells=cells)
         if self.architecture or self.sections:
             self._measure_muscle(result, fibres, lengths, muscle)
-        set_field_array(result, "LengthMean", lengths.mean())
-        set_field_array(result, "LengthSD", lengths.std())
-        return result
+        return add_arrays(result, fields={"LengthMean": lengths.mean(), "LengthSD": lengths.std()})
 
     def _pennation(
         self, lines: Polylines, muscle: Surface, areas: list[AttachmentArea] | None
@@ -175,8 +165,8 @@ class FibreMetrics(Filter):
         return angles[: len(lines)], angles[len(lines) :]
 
     def _penetration(self, lines: Polylines, bones: list[Surface]) -> Floats:
-        """Return how deep the deepest point of each fibre is in a bone, (k,)."""
-        # Kept, for those that stand still need not be looked at again in the next frame.
+        """Return the greatest depth of each fibre in a bone, (k,) [mm]."""
+        # Kept for the next frame, in which some bones stand still.
         self._shapes = [bone_of(bone.points, bone.triangles) for bone in bones]
         depths = depth_in(((bone, np.eye(4)) for bone in self._shapes), lines.points)
         return np.maximum.reduceat(depths, lines.offsets[:-1])
@@ -195,12 +185,14 @@ class FibreMetrics(Filter):
             angles = angles_to(lines.points, lines.offsets, direction)
             volume = abs(signed_volume(muscle.points, muscle.triangles))
             area, along = physiological_cross_section(volume, lengths, angles)
-            set_cell_array(result, "LineAngle", angles)
-            set_field_array(result, "MuscleVolume", volume)
-            set_field_array(result, "LineOfAction", direction)
-            set_field_array(result, "CentroidPath", centroid_path(lines.points, lines.offsets, PATH_POINTS))
-            set_field_array(result, "PCSA", area)
-            set_field_array(result, "PCSALine", along)
+            fields = {
+                "MuscleVolume": volume,
+                "LineOfAction": direction,
+                "CentroidPath": centroid_path(lines.points, lines.offsets, PATH_POINTS),
+                "PCSA": area,
+                "PCSALine": along,
+            }
+            add_arrays(result, cells={"LineAngle": angles}, fields=fields)
         if self.sections:
             path = centroid_path(lines.points, lines.offsets, 2 * self.sections + 1)
             places, normals = path[1::2], path[2::2] - path[:-1:2]
@@ -210,9 +202,8 @@ class FibreMetrics(Filter):
             planes = zip(places, normals, strict=True)
             counts = np.array([plane_crossings(lines.points, lines.offsets, *plane) for plane in planes])
             density = np.divide(counts, areas, out=np.zeros(len(areas)), where=areas > 0)
-            set_field_array(result, "SectionArea", areas)
-            set_field_array(result, "SectionFibres", counts)
-            set_field_array(result, "SectionDensity", density)
+            fields = {"SectionArea": areas, "SectionFibres": counts, "SectionDensity": density}
+            add_arrays(result, fields=fields)
 
 
 def _tortuosity(lines: Polylines, lengths: Floats) -> Floats:

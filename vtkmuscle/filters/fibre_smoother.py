@@ -13,36 +13,35 @@ from vtkmuscle.core.mesh.polylines import polyline_lengths, smooth_polylines
 from vtkmuscle.core.mesh.shared import RecentlyUsed
 from vtkmuscle.core.mesh.triangle_tree import TriangleTree
 from vtkmuscle.core.types import Floats
-from vtkmuscle.data.arrays import Polylines, field_array, field_string, set_cell_array
+from vtkmuscle.data.arrays import Polylines, add_arrays, field_array, field_string
 from vtkmuscle.data.attachments import ROLES, AttachmentArea
 from vtkmuscle.data.muscle_geometry import MuscleGeometry, Surface
 from vtkmuscle.filters.base import Filter, OutputPort, Parameter, ports
 
-#: Positions in the muscle by which fibres are spread: for each fibre, and at least.
+#: Number of positions in the muscle by which fibres are spread: for each fibre, and at least.
 SAMPLES, LEAST_SAMPLES = 64, 2048
-#: How far fibres that fill the muscle are moved by each pass.
+#: ``spreading`` of fibres that fill the muscle.
 SPREADING = 1.5
-#: Numbers of positions for which they are kept in order.
+#: Clouds of positions that are kept with a muscle, each of another number.
 CLOUDS = 2
 
 
 class FibreSmoother(Filter):
     """Smooth fibres by a three-point weighted mean that keeps their end points, and spread them if asked.
 
-    Each pass moves the inner points to (p_{i-1} + k p_i + p_{i+1}) / (k + 2), which straightens fibres, and
-    so draws them out of a curved muscle on its hollow side. Where the muscle is connected, the course that
-    all fibres have in common, the mean of their points, stays as it is, and only what each differs from it
-    is smoothed (see :func:`vtkmuscle.core.fibres.spreading.smooth_about_course`); points that leave the
-    muscle are put back on its surface.
+    Each pass moves the inner points to (p_{i-1} + k p_i + p_{i+1}) / (k + 2). That straightens fibres, and so
+    draws them out of a curved muscle on its hollow side. Where the muscle is connected, the common course of
+    all fibres, the mean of their points, stays as it is, and only the difference of each fibre from it is
+    smoothed (see :func:`vtkmuscle.core.fibres.spreading.smooth_about_course`). Points that leave the muscle
+    are put back on its surface.
 
     The map from the template crowds fibres in the middle of a muscle, and straight ends leave its flanks
     bare. So where the muscle is connected, each pass also moves every fibre towards the middle of the part
     of the muscle that is nearest to it (Lloyd's relaxation), ``spreading`` times the way. The ends of
-    fibres stay where they are, but where attachments are connected they move along on the areas. That is
-    for fibres of which nothing is known but that they fill the muscle: those of the parallel template, and
-    of any template whose fibres had to be cut and led to the areas. Where most fibres of another template
-    end on the areas as they are, their course is the muscle's own, and what they leave free is free: pennate
-    ones would be drawn into its corners.
+    fibres move with them on attachment areas that are connected, else they stay. This suits fibres that are
+    only known to fill the muscle: those of the parallel template, and of any template whose fibres had to be
+    cut and led to the areas. Where most fibres of another template end on the areas by themselves, their
+    course is the muscle's own: pennate ones would be drawn into its corners.
 
     Parameters
     ----------
@@ -58,9 +57,9 @@ class FibreSmoother(Filter):
         Weight of the middle point.
     spreading
         How far each pass moves a fibre towards the middle of its part of the muscle: 1 is all the way, 1.5
-        gets there with the fewest passes, 0: fibres are smoothed only. None: 1.5 where the fibres' field
-        array ``Template`` says that they are parallel, or ``EndsKept`` of FibreTrimmer that half of them or
-        more got other ends; else 0.
+        gets there with the fewest passes, 0 smooths only. None is 1.5 for parallel fibres (by the field array
+        ``Template``), and for those of which half or more got other ends (by ``EndsKept`` of FibreTrimmer);
+        else 0.
 
     Attributes
     ----------
@@ -103,32 +102,23 @@ class FibreSmoother(Filter):
         """Return the smoothed fibres."""
         points, offsets = fibres.points, fibres.offsets
         if muscle is not None:
-            spreading = self.spreading
-            if spreading is None:
-                spreading = SPREADING if _fill_the_muscle(fibres.data) else 0.0
-            areas = _areas(attachments, muscle.geometry)
-            smoothed = self._in_muscle(fibres, spreading, muscle.geometry, areas)
+            smoothed = self._in_muscle(fibres, muscle.geometry, attachments)
         elif attachments is not None:
-            raise InputError(
-                "",
-                "attachments are areas on the muscle, but the port 'muscle' is not connected",
-                "connect the muscle",
-            )
+            problem = "attachments are areas on the muscle, but the port 'muscle' is not connected"
+            raise InputError("", problem, "connect the muscle")
         else:
             smoothed = smooth_polylines(points, offsets, self.smoothing_weight, self.smoothing_passes)
-        result = fibres.moved(smoothed)
         change = polyline_lengths(smoothed, offsets) - polyline_lengths(points, offsets)
-        set_cell_array(result, "LengthChange", change)
-        return result
+        return add_arrays(fibres.moved(smoothed), cells={"LengthChange": change})
 
     def _in_muscle(
-        self,
-        lines: Polylines,
-        spreading: float,
-        geometry: MuscleGeometry,
-        areas: Sequence[TriangleTree | None],
+        self, lines: Polylines, geometry: MuscleGeometry, attachments: list[AttachmentArea] | None
     ) -> Floats:
         """Return points smoothed and spread, of which the inner ones are put back into the muscle."""
+        spreading = self.spreading
+        if spreading is None:
+            spreading = SPREADING if _fill_the_muscle(lines.data) else 0.0
+        areas = _areas(attachments, geometry)
         ends = lines.offsets[:-1], lines.offsets[1:] - 1
         inner = np.ones(len(lines.points), dtype=np.bool_)
         inner[ends[0]] = inner[ends[1]] = False
@@ -159,13 +149,13 @@ def _cloud(geometry: MuscleGeometry, count: int) -> Cloud | None:
 
 
 def _fill_the_muscle(fibres: vtkPolyData | None) -> bool:
-    """Return whether nothing is known of the course of fibres but that they fill the muscle."""
+    """Return whether fibres are only known to fill the muscle, whatever their course."""
     kept = field_array(fibres, "EndsKept")
     return field_string(fibres, "Template") == "parallel" or (kept is not None and float(kept.min()) <= 0.5)
 
 
 def _areas(areas: list[AttachmentArea] | None, geometry: MuscleGeometry) -> Sequence[TriangleTree | None]:
-    """Return the origin's and the insertion's triangles, None where fibre ends stay where they are."""
+    """Return the origin's and the insertion's triangles, None where fibre ends stay."""
     if areas is None:
         return None, None
     return [geometry.patch_tree(geometry.attached(areas, role)) for role in ROLES]

@@ -9,15 +9,9 @@ from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.fibres.between_areas import EndSurface, bend_inside, filled_share, straight_fibres
 from vtkmuscle.core.mesh.surface import signed_volume
 from vtkmuscle.core.types import Bools, Floats
-from vtkmuscle.data.arrays import (
-    Polylines,
-    polylines_from,
-    set_cell_array,
-    set_field_array,
-    set_point_array,
-)
-from vtkmuscle.data.attachments import ROLES, Aponeurosis, aponeuroses_of, end_areas
-from vtkmuscle.data.end_surfaces import aponeurosis_surfaces, attached_surface, check_sides
+from vtkmuscle.data.arrays import Polylines, add_arrays, polylines_from
+from vtkmuscle.data.attachments import ROLES, Aponeurosis, AttachmentArea, aponeuroses_of
+from vtkmuscle.data.end_surfaces import aponeurosis_surfaces, attached_surface
 from vtkmuscle.data.muscle_geometry import MuscleGeometry, Surface
 from vtkmuscle.filters.base import Filter, InputPort, OutputPort, Parameter, ports
 from vtkmuscle.filters.fibre_smoother import FibreSmoother
@@ -29,28 +23,26 @@ from vtkmuscle.filters.template_fitter import TemplateFitter
 #: Straight fibres suit a muscle of which they fill more than this part. A block between plates is 1, a
 #: measured gastrocnemius between its aponeuroses 0.69; spindles that are attached by their ends, 0.04 to 0.5.
 LEAST_FILLED = 0.6
-#: ... and of which no more than this part of them leaves the muscle, by more than this part of its mean edge.
+#: ... and from which no more than this part of them departs, by more than this part of its mean edge.
 MOST_LEAVING, LEAVING = 0.1, 0.25
 
 
 class FibreSource(Filter):
     """Fill a muscle with fibres.
 
-    Straight fibres go from one area to the other: places that stand for equal shares of either area are
+    Straight fibres go from one area to the other. Positions that stand for equal shares of either area are
     matched by the least sum of squared distances (optimal transport), so that fibres do not cross and
-    neighbours end beside each other. Where a straight line would leave the muscle it is bent inside. Fibres
-    keep their cross-section on their way between aponeuroses: of the one that is larger, seen along them, a
-    part stays bare.
+    neighbours end beside each other. Where a straight line would leave the muscle it is bent inside. Between
+    aponeuroses fibres keep their cross-section on their way: a part of the larger one stays bare.
 
     By sections fibres go through the muscle from section to section: the parallel template through
     TemplateFitter, SliceMorpher, FibreTrimmer and FibreSmoother. Sections are isolines, which follow a muscle
     however it is bent and end at its areas, or planes where the areas overlap. Such fibres fill muscles that
-    are thicker than the areas that they are attached by.
+    are thicker than their attachment areas.
 
-    ``course="auto"`` takes straight fibres where these fill more than 60 % of the muscle's volume (their
-    cross-section at the areas times their length) and at most a tenth of them leaves it; else, and where
-    superficial fibres are connected, sections. Between aponeuroses fibres are straight. Which it took is in
-    ``Course``.
+    ``course="auto"`` takes straight fibres between aponeuroses, and where they fill more than 60 % of the
+    muscle's volume (their cross-section at the areas times their length) and at most a tenth of them leaves
+    it. Otherwise, and where superficial fibres are connected, it takes sections. The choice is in ``Course``.
 
     Parameters
     ----------
@@ -61,8 +53,8 @@ class FibreSource(Filter):
     superficial
         Fibres that were seen on the surface, for sections.
     aponeuroses
-        What fibres end on, in place of the attachment areas: a block for each ring on the muscle's surface or
-        surface within it, with the field array ``Side`` (``proximal`` or ``distal``).
+        The surfaces that fibres end on, in place of the attachment areas: a block for each ring on the
+        muscle's surface or surface within it, with the field array ``Side`` (``proximal`` or ``distal``).
     n_fibres
         Number of fibres.
     resolution
@@ -76,8 +68,8 @@ class FibreSource(Filter):
         Polylines from origin to insertion, with the point array ``t`` (0 to 1), the cell array ``FibreId``,
         and the field arrays ``Course`` (``straight`` or ``sections``), and, where straight fibres were tried,
         ``FilledShare`` (part of the muscle that they fill) and ``LeavingShare`` (part of them that leaves
-        it); and those of the muscle. Straight ones have the cell array ``Bent`` (0 or 1); those by sections
-        what the filters add.
+        it); and the muscle's field arrays. Straight ones have the cell array ``Bent`` (0 or 1); those by
+        sections the arrays of the filters above.
 
     Raises
     ------
@@ -106,7 +98,7 @@ class FibreSource(Filter):
     course = Parameter(str, default="auto", choices=("auto", "straight", "sections"))
 
     muscle = ports.Surface()
-    attachments = InputPort(vtkMultiBlockDataSet, optional=True)
+    attachments = ports.Areas(optional=True)
     superficial = InputPort(vtkPolyData, optional=True)
     aponeuroses = InputPort(vtkMultiBlockDataSet, aponeuroses_of, optional=True)
     output = OutputPort(vtkPolyData)
@@ -114,22 +106,26 @@ class FibreSource(Filter):
     def execute(
         self,
         muscle: Surface,
-        attachments: vtkMultiBlockDataSet | None,
+        attachments: list[AttachmentArea] | None,
         superficial: vtkPolyData | None,
         aponeuroses: list[Aponeurosis] | None,
     ) -> vtkPolyData:
         """Return the fibres."""
-        if aponeuroses is None and (self.course == "sections" or superficial is not None):
-            return _passed_on(self._by_sections(muscle, attachments, superficial), muscle)
-        if self.course == "sections":
+        if self.course == "sections" and aponeuroses is not None:
             raise InputError(
                 "",
                 "course='sections' leads fibres from attachment area to attachment area, but aponeuroses are "
                 "connected",
                 "use course='auto' or 'straight', or leave the aponeuroses out",
             )
+        areas = attachments or []
+        by_role = [[area for area in areas if area.role == role] for role in ROLES]
+        if aponeuroses is None:
+            _check_roles(attachments, by_role)
+            if self.course == "sections" or superficial is not None:
+                return _passed_on(self._by_sections(muscle, areas, superficial), muscle)
         geometry = muscle.closed("and so no inside to keep fibres in")
-        origin, insertion = _ends(geometry, attachments, aponeuroses)
+        origin, insertion = _ends(geometry, by_role, aponeuroses)
         self.report_progress(0.2)
         fibres = straight_fibres(origin, insertion, self.n_fibres, self.resolution)
         volume = abs(signed_volume(geometry.points, geometry.triangles))
@@ -137,49 +133,42 @@ class FibreSource(Filter):
         self.report_progress(0.6)
         inside, departures = bend_inside(fibres, geometry.solids.into)
         leaving = float((departures > LEAVING * geometry.mean_edge).mean())
-        if (
-            self.course == "auto"
-            and aponeuroses is None
-            and (filled <= LEAST_FILLED or leaving > MOST_LEAVING)
-        ):
-            result = self._by_sections(muscle, attachments, superficial)
+        suits = filled > LEAST_FILLED and leaving <= MOST_LEAVING
+        if suits or self.course == "straight" or aponeuroses is not None:
+            result = _straight(inside, departures > 0.0)
         else:
-            result = self._straight(inside, departures > 0.0)
-        set_field_array(result, "FilledShare", filled)
-        set_field_array(result, "LeavingShare", leaving)
+            result = self._by_sections(muscle, areas, superficial)
+        add_arrays(result, fields={"FilledShare": filled, "LeavingShare": leaving})
         return _passed_on(result, muscle)
 
-    def _straight(self, fibres: Floats, bent: Bools) -> vtkPolyData:
-        count, size = fibres.shape[:2]
-        result = polylines_from(Polylines(fibres.reshape(-1, 3), np.arange(count + 1) * size))
-        set_point_array(result, "t", np.tile(np.linspace(0.0, 1.0, size), count))
-        set_cell_array(result, "FibreId", np.arange(count))
-        set_cell_array(result, "Bent", bent.astype(np.int64))
-        set_field_array(result, "Course", "straight")
-        return result
-
     def _by_sections(
-        self, muscle: Surface, attachments: vtkMultiBlockDataSet | None, superficial: vtkPolyData | None
+        self, muscle: Surface, areas: list[AttachmentArea], superficial: vtkPolyData | None
     ) -> vtkPolyData:
         """Return the parallel template led through the muscle's sections."""
-        if attachments is None:
-            raise _missing()
-        surface = muscle.data
         template = FibreTemplateSource(n_fibres=self.n_fibres, resolution=self.resolution)()
-        fitted = TemplateFitter()(template, surface, attachments, superficial)
-        areas = end_areas(attachments, "attachments")
+        fitted = TemplateFitter()(template, muscle.data, areas, superficial)
         origin, insertion = (muscle.geometry.attached(areas, role) for role in ROLES)
         # Isolines run between areas that are apart.
         method = "plane" if len(np.intersect1d(origin, insertion)) else "harmonic"
-        morphed = SliceMorpher(method=method)(fitted, surface, attachments, superficial)
-        trimmed = FibreTrimmer()(morphed, surface, attachments)
-        result: vtkPolyData = FibreSmoother()(trimmed, surface, attachments)
-        set_field_array(result, "Course", "sections")
-        return result
+        morphed = SliceMorpher(method=method)(fitted, muscle.data, areas, superficial)
+        trimmed = FibreTrimmer()(morphed, muscle.data, areas)
+        result: vtkPolyData = FibreSmoother()(trimmed, muscle.data, areas)
+        return add_arrays(result, fields={"Course": "sections"})
+
+
+def _straight(fibres: Floats, bent: Bools) -> vtkPolyData:
+    """Return fibres (k, n, 3) as polylines with their arrays."""
+    count, size = fibres.shape[:2]
+    return add_arrays(
+        polylines_from(Polylines(fibres.reshape(-1, 3), np.arange(count + 1) * size)),
+        points={"t": np.tile(np.linspace(0.0, 1.0, size), count)},
+        cells={"FibreId": np.arange(count), "Bent": bent.astype(np.int64)},
+        fields={"Course": "straight"},
+    )
 
 
 def _passed_on(fibres: vtkPolyData, muscle: Surface) -> vtkPolyData:
-    """Return fibres with the field arrays of their muscle that they have none of their own for."""
+    """Add to fibres the field arrays of their muscle that they do not have."""
     mine, others = fibres.GetFieldData(), muscle.data.GetFieldData()
     for number in range(others.GetNumberOfArrays()):
         if not mine.HasArray(others.GetArrayName(number)):
@@ -187,32 +176,27 @@ def _passed_on(fibres: vtkPolyData, muscle: Surface) -> vtkPolyData:
     return fibres
 
 
-def _missing() -> InputError:
-    return InputError("", "no attachments are connected", "connect them, or aponeuroses")
-
-
-def _ends(
-    geometry: MuscleGeometry,
-    attachments: vtkMultiBlockDataSet | None,
-    aponeuroses: list[Aponeurosis] | None,
-) -> tuple[EndSurface, EndSurface]:
-    """Return where fibres begin and end."""
-    areas = [] if attachments is None else end_areas(attachments, "attachments")
-    by_role = [[area for area in areas if area.role == role] for role in ROLES]
-    if aponeuroses is not None:
-        surfaces = aponeurosis_surfaces(aponeuroses, geometry, "aponeuroses")
-        if all(by_role):
-            landmarks = [np.vstack([area.landmarks for area in mine]) for mine in by_role]
-            check_sides(surfaces, landmarks[0], landmarks[1], "aponeuroses")
-        return surfaces
-    if attachments is None:
-        raise _missing()
+def _check_roles(areas: list[AttachmentArea] | None, by_role: list[list[AttachmentArea]]) -> None:
+    if areas is None:
+        raise InputError("", "no attachments are connected", "connect them, or aponeuroses")
     for role, mine in zip(ROLES, by_role, strict=True):
         if not mine:
             problem = f"there is no area with the role {role!r}"
             raise InputError("attachments", problem, "add its landmarks, or connect aponeuroses")
-    origin, insertion = (
+
+
+def _ends(
+    geometry: MuscleGeometry,
+    by_role: list[list[AttachmentArea]],
+    aponeuroses: list[Aponeurosis] | None,
+) -> tuple[EndSurface, EndSurface]:
+    """Return the surfaces on which fibres begin and end."""
+    if aponeuroses is not None:
+        origin, insertion = ([area.landmarks for area in mine] for mine in by_role)
+        landmarks = (np.vstack(origin), np.vstack(insertion)) if all(by_role) else None
+        return aponeurosis_surfaces(aponeuroses, geometry, "aponeuroses", landmarks)
+    first, last = (
         attached_surface(mine, geometry, f"attachments: {role} area")
         for role, mine in zip(ROLES, by_role, strict=True)
     )
-    return origin, insertion
+    return first, last

@@ -9,17 +9,11 @@ from vtkmuscle.core.errors import errors_at
 from vtkmuscle.core.mesh.sampling import space_order
 from vtkmuscle.core.template.kinds import KINDS, TEMPLATES, sobol_points
 from vtkmuscle.core.template.template_files import read_template
-from vtkmuscle.data.arrays import (
-    Polylines,
-    polylines_from,
-    set_cell_array,
-    set_field_array,
-    set_point_array,
-)
+from vtkmuscle.data.arrays import Polylines, add_arrays, polylines_from
 from vtkmuscle.filters.base import Filter, OutputPort, Parameter
 
-#: Largest number of fibres in the order of Sobol's points. Every second, or eighth, of those is in a part of
-#: the square: areas are shared out among fibres in batches of one in so many, which must be spread over it.
+#: Most fibres in the order of Sobol's points. Every second, or eighth, of those is in one part of the square,
+#: but areas are shared out among fibres in batches of one in so many, which must be spread over it.
 MANY = 256
 
 
@@ -27,11 +21,10 @@ class FibreTemplateSource(Filter):
     """Make fibres of a given architecture in the unit cube.
 
     Each fibre is a Bezier curve from the origin area, at the bottom of the cube, to the insertion area, at
-    its top; which curve is given by two parameters (r, s). The fibres' parameters are Sobol points, as in
-    the paper; more than 256 are in an order in which neighbours follow each other. The points of a fibre are
-    equally spaced in its parameter t.
-    :mod:`vtkmuscle.core.template.kinds` says what each kind is,
-    :mod:`vtkmuscle.core.template.template_files` how to write one of your own.
+    its top; two parameters (r, s) select the curve. The fibres' parameters are Sobol points, as in the paper;
+    more than 256 are in an order in which neighbours follow each other. The points of a fibre are equally
+    spaced in its parameter t. :mod:`vtkmuscle.core.template.kinds` describes the kinds,
+    :mod:`vtkmuscle.core.template.template_files` the files.
 
     Parameters
     ----------
@@ -82,7 +75,7 @@ class FibreTemplateSource(Filter):
         """Return the template."""
         template = TEMPLATES[self.template]
         if self.template_file is not None:
-            with errors_at("FibreTemplateSource: template_file"):
+            with errors_at(f"{type(self).__name__}: template_file"):
                 template = read_template(self.template_file)
         places = sobol_points(self.n_fibres)
         if self.n_fibres > MANY:
@@ -90,13 +83,13 @@ class FibreTemplateSource(Filter):
         r, s = places.T
         t = np.linspace(0.0, 1.0, self.resolution + 1)
         points = template.fibres(r, s, t).reshape(-1, 3)
-        offsets = np.arange(0, len(points) + 1, len(t))
-        fibres = polylines_from(Polylines(points, offsets))
-        set_point_array(fibres, "t", np.tile(t, self.n_fibres))
-        set_cell_array(fibres, "r", r)
-        set_cell_array(fibres, "s", s)
-        set_cell_array(fibres, "FibreId", np.arange(self.n_fibres))
-        set_field_array(fibres, "Template", self.template if self.template_file is None else "file")
-        set_field_array(fibres, "OriginArea", template.origin_areas.reshape(-1, 3))
-        set_field_array(fibres, "InsertionArea", template.insertion_areas.reshape(-1, 3))
-        return fibres
+        return add_arrays(
+            polylines_from(Polylines(points, np.arange(0, len(points) + 1, len(t)))),
+            points={"t": np.tile(t, self.n_fibres)},
+            cells={"r": r, "s": s, "FibreId": np.arange(self.n_fibres)},
+            fields={
+                "Template": self.template if self.template_file is None else "file",
+                "OriginArea": template.origin_areas.reshape(-1, 3),
+                "InsertionArea": template.insertion_areas.reshape(-1, 3),
+            },
+        )

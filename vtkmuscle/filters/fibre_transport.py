@@ -1,4 +1,4 @@
-"""FibreTransport: carry fibres along with the muscle they are in."""
+"""FibreTransport: move fibres with the muscle they are in."""
 
 from __future__ import annotations
 
@@ -21,24 +21,24 @@ from vtkmuscle.core.mesh.polylines import evenly_spaced, polyline_lengths
 from vtkmuscle.core.mesh.solids import points_inside
 from vtkmuscle.core.mesh.triangle_tree import TriangleTree, shared_tree, tree_of_deformed
 from vtkmuscle.core.types import Bools, Floats, Ints
-from vtkmuscle.data.arrays import Polylines, field_array, set_cell_array, set_field_array
+from vtkmuscle.data.arrays import Polylines, add_arrays, field_array
 from vtkmuscle.data.muscle_geometry import Surface
 from vtkmuscle.data.paths import PATH_POINTS, add_paths
 from vtkmuscle.filters.base import Filter, InputPort, OutputPort, Parameter, ports
 
 #: Fibre points whose weights are computed together: bounds the steps of progress and the time to abort.
 _BLOCK = 256
-#: Weights are kept up to this size [bytes]; beyond it they are computed again for each frame.
+#: Size up to which weights are kept [bytes]; the others are computed again for each frame.
 _LARGEST_CACHE = 2**31
 #: Points nearer to the surface than this part of the muscle's size do not count as outside.
 _ON_SURFACE = 1e-6
-#: An end of a fibre nearer to a triangle than this part of the mean edge is on it.
+#: Ends of fibres nearer to a triangle than this part of the mean edge are on it.
 _ON_TRIANGLE = 0.1
 
 
 @dataclass(eq=False)
 class _Rest:
-    """What weights belong to, and those that were kept: all, block by block, or the sparse ones."""
+    """Fibres and muscle at rest, with the weights between them: all, block by block, or the sparse ones."""
 
     fibre_points: Floats
     points: Floats
@@ -60,21 +60,22 @@ class _Rest:
 
     @cached_property
     def tree(self) -> TriangleTree:
-        """Of the muscle at rest."""
+        """The triangles of the muscle at rest."""
         return shared_tree(self.points, self.triangles)
 
-    @cached_property
-    def slack(self) -> float:
-        """How far from the surface points do not count as outside [mm]."""
-        return _ON_SURFACE * float(np.linalg.norm(np.ptp(self.points, axis=0)))
+    @property
+    def n_outside(self) -> int:
+        """Number of fibre points outside of the muscle at rest."""
+        assert self.gap is not None
+        return int((self.gap > _ON_SURFACE * np.linalg.norm(np.ptp(self.points, axis=0))).sum())
 
     @property
     def error(self) -> float:
-        """What the weights err by at most [mm]."""
+        """Largest error of the weights [mm]."""
         return 0.0 if self.sparse is None else self.sparse.error
 
     def moved(self, deformed: Floats, report: Callable[[float], None]) -> Floats:
-        """Return the fibre points in the deformed vertices; `report` is called with the part that is done."""
+        """Return the fibre points in the deformed vertices; `report` is called with the part done."""
         if self.weight_tolerance > 0.0:
             if self.sparse is None:
                 self.sparse = sparse_mean_value_coordinates(
@@ -94,10 +95,10 @@ class _Rest:
         return moved
 
     def keep_within(self, fibre_points: Floats, surface: Floats) -> None:
-        """Move fibre points (p, 3) to the surface (n, 3) that are farther outside of it than at rest.
+        """Move fibre points (p, 3) that are farther outside of the surface (n, 3) than at rest towards it.
 
-        Which are outside follows from parity: the nearest triangle of a muscle that touches itself may be
-        that of the other side.
+        Parity decides which are outside: the triangle nearest to a point of a muscle that touches itself may
+        be that of the other side.
         """
         assert self.gap is not None
         self.bent = tree_of_deformed(self.tree, surface, self.triangles)
@@ -109,7 +110,7 @@ class _Rest:
         fibre_points[out] = nearest + part * (fibre_points[out] - nearest)
 
     def _of_block(self, first: int) -> Floats:
-        """Return all weights of the block of fibre points from number `first` on."""
+        """Return the weights of a block of fibre points, from number `first` on."""
         kept = self.weights.get(first)
         if kept is not None:
             return kept
@@ -122,28 +123,25 @@ class _Rest:
 
 
 class FibreTransport(Filter):
-    """Carry fibres from a muscle at rest into the deformed muscle.
+    """Move fibres from a muscle at rest into the deformed muscle.
 
-    With ``method="carried"`` fibres go where the taut fibres of PBDDeformer are, moved on by what its solve
-    moved the surface from there: mean value coordinates take that to the fibre's points. Points that come to
-    lie outside of the deformed muscle, farther than at rest, go to the nearest place on it. It needs the
-    arrays ``Carried`` and ``FibrePoints`` of PBDDeformer for the very same fibres; where they are not there,
-    ``"mean-value"`` takes the place.
+    With ``method="mean-value"``, that of the paper, a fibre point is a weighted mean of the vertices of the
+    muscle at rest (mean value coordinates); it moves to the same mean of the deformed vertices. The weights
+    are kept while the rest fibres and the rest muscle have the same content, so that a frame costs one matrix
+    product. Fibre points outside of the muscle are moved as well, and counted.
 
-    With ``rest_paths``, for fibres between aponeuroses, their ends stay as far from their bones along the
-    muscle's paths as at rest, for tendon is stiff, but for those on a part of the muscle that is fixed
-    to a bone, which go with that. Fibres that are straight at rest stay straight.
+    With ``method="carried"`` fibres first go with the taut fibres of PBDDeformer (``FibrePoints``); the
+    weights then add the displacement of the surface from where the paths carried it (``Carried``). Points
+    farther outside of the deformed muscle than at rest are moved back towards it. Where these arrays are
+    missing, or belong to other fibres, ``"mean-value"`` takes its place.
 
-    With ``method="mean-value"``, that of the paper, each fibre point is expressed by mean value coordinates
-    in the vertices of the muscle at rest; the same weighted mean of the deformed vertices is where it has
-    moved. The weights are kept for as long as the rest fibres and the rest muscle are the same (in content),
-    so that a frame costs one matrix product. Fibre points outside of the muscle are carried along as well,
-    and counted.
+    With ``rest_paths``, for fibres between aponeuroses, the ends of fibres keep their distance from their
+    bones along the muscle's paths, for tendon is stiff; ends on a part of the muscle that is fixed to a bone
+    go with that part. Fibres that are straight at rest stay straight.
 
     All weights of 1600 points on 9878 vertices take 126 MB. With ``weight_tolerance`` groups of vertices
-    whose weights are much the same have one weight, and affine motions stay exact; 0.3 keeps one in ten.
-    What that costs is in ``WeightError``: the largest error of a fibre point if the muscle is bent by about
-    one radian.
+    with similar weights share one, and affine motions stay exact; 0.3 keeps one weight in ten. The cost is in
+    ``WeightError``: the largest error of a fibre point if the muscle is bent by about one radian.
 
     Parameters
     ----------
@@ -156,13 +154,13 @@ class FibreTransport(Filter):
     paths
         The same fibres pulled taut, as by TautFibres: the paths, where the deformed muscle has none.
     rest_paths
-        For fibres between aponeuroses: the lines at rest that the muscle was deformed with, from bone to
-        bone. The fibres' ends stay as far along them from their bones as they are at rest.
+        For fibres between aponeuroses: the lines at rest, from bone to bone, with which the muscle was
+        deformed.
     weight_tolerance
         Tolerance for merging vertices into groups that share one weight: with a larger one transport is
         faster, takes less memory and is less exact. 0 merges nothing; 0.3 keeps one weight in ten.
     method
-        What fibres follow: the taut fibres that the muscle was deformed with, or its surface alone.
+        Whether fibres follow the taut fibres of the deformer and then the surface, or the surface alone.
 
     Attributes
     ----------
@@ -240,15 +238,16 @@ class FibreTransport(Filter):
             moved = self._held(moved, rest_fibres, rest_paths, rest_muscle, deformed_muscle)
         if carried is not None or rest_paths is not None:
             rest.keep_within(moved, deformed)
-        result = rest_fibres.moved(moved)
-        set_cell_array(result, "RestLength", polyline_lengths(points, rest_fibres.offsets))
-        set_field_array(result, "PointsOutside", int((rest.gap > rest.slack).sum()))
-        set_field_array(result, "WeightError", rest.error)
+        result = add_arrays(
+            rest_fibres.moved(moved),
+            cells={"RestLength": polyline_lengths(points, rest_fibres.offsets)},
+            fields={"PointsOutside": rest.n_outside, "WeightError": rest.error},
+        )
         add_paths(result, deformed_muscle.data, paths, "paths")
         return result
 
     def _carried(self, muscle: Surface, count: int) -> tuple[Floats, Floats] | None:
-        """Return where taut fibres carry the surface and `count` fibre points; None where that is unknown."""
+        """Return the surface and `count` fibre points as taut fibres carry them; None where unknown."""
         if self.method != "carried" or not muscle.data.GetPointData().HasArray("Carried"):
             return None
         points = field_array(muscle.data, "FibrePoints")
@@ -257,17 +256,12 @@ class FibreTransport(Filter):
         return np.array(muscle.array("Carried"), dtype=np.float64), np.array(points, dtype=np.float64)
 
     def _held(
-        self,
-        moved: Floats,
-        fibres: Polylines,
-        lines: Polylines,
-        rest: Surface,
-        muscle: Surface,
+        self, moved: Floats, fibres: Polylines, lines: Polylines, rest: Surface, muscle: Surface
     ) -> Floats:
         """Return the fibres' points (p, 3) with their ends held by tendons."""
         now = field_array(muscle.data, PATH_POINTS)
         if now is None or len(now) != len(lines):
-            return moved  # deformed without paths, as by the published solver
+            return moved  # deformed without paths, by the published model
         now = np.asarray(now, dtype=np.float64).reshape(len(lines), -1, 3)
         counts = np.unique(np.diff(fibres.offsets))
         if len(counts) > 1:
@@ -276,17 +270,17 @@ class FibreTransport(Filter):
                 f"they have {counts[0]} to {counts[-1]} points each, but with rest_paths as many each",
                 "FibreSource makes such fibres",
             )
-        known = fibres.points, lines.points
-        if self._tendons is None or not all(map(np.array_equal, self._tendons[0], known)):
+        given = fibres.points, lines.points
+        if self._tendons is None or not all(map(np.array_equal, self._tendons[0], given)):
             even = evenly_spaced(lines.points, lines.offsets, now.shape[1])
             shape = fibres.points.reshape(len(fibres), -1, 3)
-            self._tendons = known, Tendons(shape, even, _fixed(rest, shape[:, [0, -1]]))
+            self._tendons = given, Tendons(shape, even, _fixed(rest, shape[:, [0, -1]]))
         held = self._tendons[1].held(moved.reshape(len(fibres), -1, 3), now)
         return held.reshape(-1, 3)
 
     def _rest_of(self, fibre_points: Floats, points: Floats, triangles: Ints) -> _Rest:
-        # Comparing content costs a hundredth of a frame, and unlike comparing modification times it is right
-        # for inputs that were copied, or changed behind VTK's back through a numpy view.
+        # To compare content costs a hundredth of a frame. Modification times would be wrong for inputs that
+        # were copied, or changed through a numpy view.
         if self._rest is None or not self._rest.is_of(fibre_points, points, triangles, self.weight_tolerance):
             self._rest = _Rest(fibre_points, points, triangles, self.weight_tolerance)
         return self._rest

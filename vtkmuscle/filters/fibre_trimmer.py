@@ -12,13 +12,13 @@ from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.fibres.trimming import EndArea, ends_as_printed, trim_fibres
 from vtkmuscle.core.mesh.triangle_tree import triangle_tree
 from vtkmuscle.core.types import Floats, Ints
-from vtkmuscle.data.arrays import Polylines, field_array, set_field_array
+from vtkmuscle.data.arrays import Polylines, add_arrays, field_array
 from vtkmuscle.data.attachments import AttachmentArea
 from vtkmuscle.data.end_surfaces import inner_areas
 from vtkmuscle.data.muscle_geometry import MuscleGeometry, Surface
 from vtkmuscle.filters.base import Filter, OutputPort, Parameter, ports
 
-#: How far a fibre's end may be from an area or leave the muscle, as a part of the mean length of its edges.
+#: Largest distance of a fibre's end from an area, or of a fibre from the muscle, in mean edges of the muscle.
 TOLERANCE = 0.25
 
 
@@ -26,24 +26,23 @@ class FibreTrimmer(Filter):
     """Let fibres end on the attachment areas, spread over them.
 
     Near a wide attachment area, fibres from a template meet in a point or run along the area instead of
-    ending on it. So two planes perpendicular to the muscle's principal axis, each through the landmark of
-    its side that reaches furthest into the muscle, cut the ends of the fibres off, and straight segments to
-    places on the attachment areas replace them. The places are spread evenly over the areas; each fibre is
-    given one of its own, such that the new segments are short in all and do not cross. Less or more is cut
-    from a fibre whose new segment would leave the muscle (by more than a quarter of its mean edge length)
-    or turn by more than 30 degrees. Where most fibres end on an area anyway without meeting, as pennate ones
-    do, those that do keep their end.
+    ending on it. So their ends are cut off by two planes perpendicular to the muscle's axis, each through the
+    landmark of its side that reaches furthest into the muscle. Straight segments to the attachment areas
+    replace them. Their ends are spread evenly over the areas, one for each fibre, such that the segments are
+    short in all and do not cross. Less or more is cut from a fibre whose new segment would leave the muscle
+    (by more than a quarter of its mean edge length) or turn by more than 30 degrees. Where most fibres end on
+    an area by themselves without meeting, as pennate ones do, those fibres keep their ends.
 
-    An area may be within the muscle, as the tendon between the halves of a bipennate one is: more than half
-    of what its landmarks span deeper than a mean edge's length. Where most of the template's
-    fibres end on that, it is where they end.
+    An area may be within the muscle, as the tendon between the halves of a bipennate one: more than half of
+    the disc over its landmarks is then deeper than a mean edge's length. Fibres end on that disc where most
+    of the template's do.
 
-    The axis is that of the fitted template where the fibres carry its field array ``Transform``, otherwise
-    the direction from the origin's to the insertion's centroid. Each fibre keeps its number of points,
-    spaced evenly along it; a point that would be outside of the muscle is moved to its surface.
+    The axis is that of the fitted template where the fibres have its field array ``Transform``, otherwise the
+    direction from the origin's to the insertion's centroid. Each fibre keeps its number of points, spaced
+    evenly along it; points outside of the muscle are moved to its surface.
 
     ``end_rule="closest"`` is the rule of the paper as printed: each fibre is cut at the plane and ends at the
-    point of the area that is closest to its own ray, wherever the others do.
+    point of the area that is closest to its own ray, whatever the others do.
 
     Parameters
     ----------
@@ -54,11 +53,10 @@ class FibreTrimmer(Filter):
     attachments
         Areas of both roles, landmarks near the muscle.
     largest_cut
-        Largest part of a fibre's length to cut off at either end: an area may reach so far along the muscle
-        that nothing would be left between the planes.
+        Largest part of a fibre's length to cut off at either end, for areas that reach far along the muscle.
     end_rule
-        Where fibres end: the area is shared out among them, or each ends at the point of it that is closest
-        to its own ray (Kohout et al. 2012), cut at the plane, its points not spaced anew.
+        Where fibres end: on shares of the area, or each at the point of it that is closest to its own ray
+        (Kohout et al. 2012), without new spacing of its points.
 
     Attributes
     ----------
@@ -118,9 +116,8 @@ class FibreTrimmer(Filter):
         self.report_progress(0.2)
         axis = _axis(fibres.data, origin, insertion)
         if self.end_rule == "closest":
-            return fibres.moved(
-                *ends_as_printed(points, offsets, axis=axis, origin=origin, insertion=insertion)
-            )
+            printed = ends_as_printed(points, offsets, axis=axis, origin=origin, insertion=insertion)
+            return fibres.moved(*printed)
         trimmed = trim_fibres(
             points,
             offsets,
@@ -130,24 +127,22 @@ class FibreTrimmer(Filter):
             tolerance=TOLERANCE * geometry.mean_edge,
             largest_cut=self.largest_cut,
         )
-        result = fibres.moved(trimmed)
         kept = (trimmed == points).all(axis=1)
-        set_field_array(result, "EndsKept", np.array([kept[end].mean() for end in ends]))
-        return result
+        shares = np.array([kept[end].mean() for end in ends])
+        return add_arrays(fibres.moved(trimmed), fields={"EndsKept": shares})
 
 
 def _end_area(role: str, areas: Sequence[AttachmentArea], geometry: MuscleGeometry, ends: Floats) -> EndArea:
+    """Return the area of a role on which fibres with these ends (k, 3) are to end."""
     covered = geometry.attached(areas, role)
     mine = [area for area in areas if area.role == role]
     rings = b"".join(area.landmarks.tobytes() + bytes([area.closed]) for area in mine)
-
-    def found() -> tuple[EndArea | None, EndArea]:
-        return _inner_area(mine, geometry), _area_on_surface(mine, geometry, covered)
-
-    inner, outer = geometry.once(("end areas", rings), found)
+    inner, outer = geometry.once(
+        ("end areas", rings), lambda: (_inner_area(mine, geometry), _area_on_surface(mine, geometry, covered))
+    )
     if inner is None or inner.distance is None:
         return outer
-    # The area may as well be hollow, or the landmarks off: where the template's fibres end decides.
+    # The area may also be hollow, or the landmarks off: the ends of the template's fibres decide.
     there = inner.distance(ends) <= TOLERANCE * geometry.mean_edge
     return inner if there.mean() > 0.5 else outer
 
@@ -162,7 +157,7 @@ def _inner_area(areas: Sequence[AttachmentArea], geometry: MuscleGeometry) -> En
 
 
 def _area_on_surface(areas: Sequence[AttachmentArea], geometry: MuscleGeometry, covered: Ints) -> EndArea:
-    # What spans a ring around a hollow or bulging area is none of the surface.
+    # The disc over a ring around a hollow or bulging area is no part of the surface.
     flat = []
     for ring in (area.landmarks for area in areas if area.closed):
         points, triangles = discs_over([ring])
@@ -178,11 +173,7 @@ def _area_on_surface(areas: Sequence[AttachmentArea], geometry: MuscleGeometry, 
 def _distance_to(points: Floats, triangles: Ints) -> Callable[[Floats], Floats]:
     """Return the function from positions (n, 3) to their distances (n,) from triangles."""
     tree = triangle_tree(points, triangles)
-
-    def distance(places: Floats) -> Floats:
-        return tree.nearest(places)[2]
-
-    return distance
+    return lambda positions: tree.nearest(positions)[2]
 
 
 def _axis(fibres: vtkPolyData | None, origin: EndArea, insertion: EndArea) -> Floats:

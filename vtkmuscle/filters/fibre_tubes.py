@@ -12,10 +12,7 @@ from vtkmuscle.core.fibres.measures import filling_radius, room_between
 from vtkmuscle.core.mesh.polylines import polyline_lengths
 from vtkmuscle.core.mesh.surface import signed_volume
 from vtkmuscle.core.types import Floats
-from vtkmuscle.data.arrays import (
-    Polylines,
-    set_point_array,
-)
+from vtkmuscle.data.arrays import Polylines, set_point_array
 from vtkmuscle.data.muscle_geometry import Surface
 from vtkmuscle.filters.base import Filter, OutputPort, Parameter, ports
 
@@ -24,15 +21,15 @@ RADIUS = "TubeRadius"
 
 
 class FibreTubes(Filter):
-    """Make tubes of fibres, with closed ends.
+    """Make tubes of fibres, with closed ends, by vtkTubeFilter.
 
-    By vtkTubeFilter. Point and cell arrays are passed on, so that tubes can be coloured by whatever the
-    fibres carry; ``colour_by`` makes one of them the active scalars (``Length``, ``Strain`` and
-    ``PennationOrigin`` are FibreMetrics'). A fibre without length gets no tube.
+    Point and cell arrays are passed on, to colour tubes by; ``colour_by`` makes one of them the active
+    scalars, such as ``Length``, ``Strain`` or ``PennationOrigin`` of FibreMetrics. A fibre without length
+    gets no tube.
 
     With ``radius_by="fill"`` tubes have the radius with which they would fill the muscle if they were packed
-    like hexagons, sqrt(volume / (2 sqrt(3) total length)), and where fibres are nearer to each other, half
-    their distance: so they do not overlap.
+    like hexagons, sqrt(volume / (2 sqrt(3) total length)). Where fibres are nearer to each other it is half
+    their distance, so that tubes do not overlap.
 
     Parameters
     ----------
@@ -43,7 +40,7 @@ class FibreTubes(Filter):
     radius
         Radius of the tubes.
     radius_by
-        The radius: ``radius``, or what fills the muscle.
+        How the radius is chosen: it is ``radius``, or fills the muscle.
     colour_by
         Point or cell array that becomes the active scalars.
     sides
@@ -98,9 +95,9 @@ class FibreTubes(Filter):
         if result.GetNumberOfPoints() == 0:
             raise InputError("fibres", "none of them has a length, and so none gets a tube")
         if self.colour_by is not None:
-            on_points = result.GetPointData().HasArray(self.colour_by)
-            owner = result.GetPointData() if on_points else result.GetCellData()
-            other = result.GetCellData() if on_points else result.GetPointData()
+            owner, other = result.GetPointData(), result.GetCellData()
+            if not owner.HasArray(self.colour_by):
+                owner, other = other, owner
             other.SetActiveAttribute(-1, vtkDataSetAttributes.SCALARS)
             owner.SetActiveScalars(self.colour_by)
         return result
@@ -114,7 +111,7 @@ class FibreTubes(Filter):
 
 
 def _filling_radii(lines: Polylines, muscle: Surface | None) -> Floats:
-    """Return the radius at each point with which tubes fill the muscle, or that there is room for."""
+    """Return the radius (n,) at each point with which tubes fill the muscle and do not overlap."""
     if muscle is None:
         raise InputError("", "radius_by is 'fill', but the port 'muscle' is not connected")
     volume = abs(signed_volume(muscle.points, muscle.triangles))

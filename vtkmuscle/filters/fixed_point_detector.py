@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 from scipy.spatial import cKDTree
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
@@ -12,25 +14,28 @@ from vtkmuscle.core.errors import InputError, errors_at
 from vtkmuscle.core.mesh.solids import Solids, solids_of
 from vtkmuscle.core.mesh.surface import edge_lengths, unique_edges
 from vtkmuscle.core.types import Floats, Ints
-from vtkmuscle.data.arrays import checked_surface, set_point_array
+from vtkmuscle.data.arrays import add_arrays, checked_surface, shallow_copy
 from vtkmuscle.data.attachments import VIA, AttachmentArea, attachments_of
 from vtkmuscle.data.muscle_geometry import Surface
 from vtkmuscle.filters.base import Filter, InputPort, OutputPort, Parameter, ports
+
+#: Number of a bone, ids of the points that it claims, and their distances [mm].
+Claim = tuple[int, Ints, Floats]
 
 
 class FixedPointDetector(Filter):
     """Find the points of a muscle that are fixed to a bone and move with it.
 
-    ``"attachment"`` fixes what the landmarks of the attachment areas enclose when projected onto the
-    muscle, on the side that faces the bone, and for areas that are open curves what lies within the
-    distance of the curve. ``"proximity"`` fixes the points within the distance of a bone's surface,
-    ``"collision"`` those in the boundary or inside voxels of a bone. The last two also fix points that
-    should slide along the bone; they are for muscles without landmarks. A point that two bones claim goes to
-    the nearer one (by attachment: to the bone with the nearest landmark).
+    ``"attachment"`` fixes the points that the landmarks of an attachment area enclose when projected onto the
+    muscle, on the side that faces the bone; for an area that is an open curve, the points within the distance
+    of the curve. ``"proximity"`` fixes the points within the distance of a bone's surface, ``"collision"``
+    those in the boundary or inside voxels of a bone. The last two are for muscles without landmarks: they
+    also fix points that should slide along the bone. A point that two bones claim goes to the nearer one (by
+    attachment: to the bone with the nearest landmark).
 
-    Landmarks go to the nearest place that faces the bone. Where they lie 10 mm within the muscle, that may be
-    another place: large rings keep theirs, but curves and areas of little more than that size lose it.
-    Look at the points that are fixed where the landmarks do not come from the muscle's own images.
+    Landmarks are projected to the nearest position that faces the bone. From 10 mm within the muscle that may
+    be the wrong one: large rings keep their position, but curves, and areas of little more than that size,
+    lose it. Look at the fixed points where the landmarks do not come from the muscle's own images.
 
     Parameters
     ----------
@@ -96,29 +101,44 @@ class FixedPointDetector(Filter):
         self, muscle: Surface, bones: dict[str, vtkPolyData], attachments: list[AttachmentArea] | None
     ) -> vtkPolyData:
         """Return the muscle with its fixed points marked."""
+        claims: Iterator[Claim]
         if self.method == "attachment":
-            fixed_to = self._by_attachment(muscle, bones, attachments)
+            claims = self._by_attachment(muscle, bones, attachments)
         elif self.method == "proximity":
-            fixed_to = self._by_proximity(muscle, bones)
+            claims = self._by_proximity(muscle, bones)
         else:
-            fixed_to = self._by_collision(muscle.points, bones)
-        result = vtkPolyData()
-        result.ShallowCopy(muscle.data)
-        set_point_array(result, "FixedTo", fixed_to.astype(np.int32))
-        return result
+            claims = self._by_collision(muscle.points, bones)
+        fixed_to = np.full(len(muscle.points), -1, dtype=np.int32)
+        nearest = np.full(len(muscle.points), np.inf)
+        for bone, ids, distances in claims:
+            closer = distances < nearest[ids]
+            nearest[ids[closer]] = distances[closer]
+            fixed_to[ids[closer]] = bone
+        if self.method == "proximity" and (fixed_to < 0).all():
+            raise InputError(
+                "",
+                f"no point of the muscle is within {self._within(muscle):.4g} of a bone",
+                "give a larger distance, or landmarks and the method 'attachment'",
+            )
+        if self.method == "collision" and (fixed_to < 0).all():
+            raise InputError(
+                "",
+                "no point of the muscle is in the voxels of a bone",
+                "lower n_voxels, or use the method 'proximity' or 'attachment'",
+            )
+        return add_arrays(shallow_copy(muscle.data), points={"FixedTo": fixed_to})
 
     def _by_attachment(
         self, muscle: Surface, bones: dict[str, vtkPolyData], areas: list[AttachmentArea] | None
-    ) -> Ints:
+    ) -> Iterator[Claim]:
+        """Yield the points that each area covers, with their distances from its nearest landmark."""
         if areas is None:
             raise InputError(
                 "",
                 "the method 'attachment' needs attachments",
                 "connect them, or choose the method 'proximity' or 'collision'",
             )
-        names, points = list(bones), muscle.points
-        nearest = np.full(len(points), np.inf)
-        fixed_to = np.full(len(points), -1)
+        names = list(bones)
         solids: dict[str, Solids] = {}
         for number, area in enumerate(areas):
             if area.role == VIA:
@@ -130,64 +150,45 @@ class FixedPointDetector(Filter):
                 solids[area.bone] = _solids_of(area.bone, bones[area.bone])
             with errors_at(where):
                 patch = attachment_patch(
-                    points,
+                    muscle.points,
                     muscle.triangles,
                     area.landmarks,
                     area.closed,
                     tolerance=self.distance,
                     bone_distance=solids[area.bone].distances,
                 )
-            offsets = cKDTree(area.landmarks).query(points[patch])[0]
-            closer = offsets < nearest[patch]
-            nearest[patch[closer]] = offsets[closer]
-            fixed_to[patch[closer]] = names.index(area.bone)
+            distances = cKDTree(area.landmarks).query(muscle.points[patch])[0]
+            yield names.index(area.bone), patch, distances
             self.report_progress((number + 1) / len(areas))
-        return fixed_to
 
-    def _by_proximity(self, muscle: Surface, bones: dict[str, vtkPolyData]) -> Ints:
-        within, points = self.distance, muscle.points
-        if within is None:
-            within = float(edge_lengths(points, unique_edges(muscle.triangles)).mean())
-        nearest = np.full(len(points), np.inf)
-        fixed_to = np.full(len(points), -1)
+    def _by_proximity(self, muscle: Surface, bones: dict[str, vtkPolyData]) -> Iterator[Claim]:
+        """Yield the points within the distance of each bone, with their distances from it."""
+        within = self._within(muscle)
         for index, (name, bone) in enumerate(bones.items()):
-            reachable = in_box(points, bone, within)
+            reachable = in_box(muscle.points, bone, within)
             if len(reachable):
-                distances = np.abs(_solids_of(name, bone).distances(points[reachable]))
-                closer = (distances <= within) & (distances < nearest[reachable])
-                nearest[reachable[closer]] = distances[closer]
-                fixed_to[reachable[closer]] = index
+                distances = np.abs(_solids_of(name, bone).distances(muscle.points[reachable]))
+                near = distances <= within
+                yield index, reachable[near], distances[near]
             self.report_progress((index + 1) / len(bones))
-        if (fixed_to < 0).all():
-            raise InputError(
-                "",
-                f"no point of the muscle is within {within:.4g} of a bone",
-                "give a larger distance, or landmarks and the method 'attachment'",
-            )
-        return fixed_to
 
-    def _by_collision(self, points: Floats, bones: dict[str, vtkPolyData]) -> Ints:
-        claimed = np.zeros((len(bones), len(points)), dtype=np.bool_)
+    def _within(self, muscle: Surface) -> float:
+        """Return the distance from a bone at which points are fixed by proximity [mm]."""
+        if self.distance is not None:
+            return self.distance
+        return float(edge_lengths(muscle.points, unique_edges(muscle.triangles)).mean())
+
+    def _by_collision(self, points: Floats, bones: dict[str, vtkPolyData]) -> Iterator[Claim]:
+        """Yield the points in the voxels of each bone, with their distances from it."""
         for index, (name, bone) in enumerate(bones.items()):
             reachable = in_box(points, bone, 0.0)
             if len(reachable):
                 surface = checked_surface(bone, f"bones, block {name!r}")
                 grid = build_voxel_grid(*surface, n_max=self.n_voxels, n_equal=self.n_voxels_per_axis)
-                claimed[index, reachable] = grid.contains(points[reachable])
+                inside = reachable[grid.contains(points[reachable])]
+                if len(inside):
+                    yield index, inside, np.abs(_solids_of(name, bone).distances(points[inside]))
             self.report_progress((index + 1) / len(bones))
-        if not claimed.any():
-            raise InputError(
-                "",
-                "no point of the muscle is in the voxels of a bone",
-                "lower n_voxels, or use the method 'proximity' or 'attachment'",
-            )
-        disputed = claimed.sum(axis=0) > 1
-        distances = np.where(claimed, 0.0, np.inf)
-        for index, (name, bone) in enumerate(bones.items()):
-            both = np.flatnonzero(disputed & claimed[index])
-            if len(both):
-                distances[index, both] = np.abs(_solids_of(name, bone).distances(points[both]))
-        return np.where(claimed.any(axis=0), distances.argmin(axis=0), -1)
 
 
 def _solids_of(name: str, bone: vtkPolyData) -> Solids:

@@ -8,7 +8,7 @@ from vtkmodules.vtkCommonDataModel import vtkPolyData
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.morphing.isolines import attachment_field
 from vtkmuscle.core.types import Floats
-from vtkmuscle.data.arrays import set_point_array
+from vtkmuscle.data.arrays import add_arrays, shallow_copy
 from vtkmuscle.data.attachments import ROLES, AttachmentArea
 from vtkmuscle.data.muscle_geometry import Surface
 from vtkmuscle.filters.base import Filter, OutputPort, ports
@@ -22,9 +22,8 @@ class HarmonicField(Filter):
 
     The attachment areas are those of FixedPointDetector: the landmarks' rings projected onto the muscle. The
     Laplacian has cotangent weights, kept positive on bad triangles, so that the function has no extremum
-    between the areas and every isoline runs around the muscle. :class:`SliceMorpher` computes it by itself;
-    this filter saves it from doing so again for a muscle that moves, as point arrays pass through the
-    deformer.
+    between the areas and every isoline runs around the muscle. :class:`SliceMorpher` computes it where the
+    muscle does not have it. The point array passes through the deformer, and so serves a muscle that moves.
 
     Parameters
     ----------
@@ -65,10 +64,7 @@ class HarmonicField(Filter):
 
     def execute(self, muscle: Surface, attachments: list[AttachmentArea]) -> vtkPolyData:
         """Return the muscle with the function."""
-        result: vtkPolyData = muscle.data.NewInstance()
-        result.ShallowCopy(muscle.data)
-        set_point_array(result, FIELD, _computed(muscle, attachments))
-        return result
+        return add_arrays(shallow_copy(muscle.data), points={FIELD: _computed(muscle, attachments)})
 
 
 def has_field(muscle: vtkPolyData) -> bool:
@@ -77,13 +73,7 @@ def has_field(muscle: vtkPolyData) -> bool:
 
 
 def field_of(muscle: Surface, areas: list[AttachmentArea] | None) -> Floats:
-    """Return a muscle's function, (n,): the one that it has, or else a new one.
-
-    Raises
-    ------
-    ValueError
-        If it has none and attachments are missing, or it has a wrong one.
-    """
+    """Return a muscle's function, (n,): the one that it has, or else that of the attachment areas."""
     if has_field(muscle.data):
         field: Floats = np.array(muscle.array(FIELD), dtype=np.float64)
         if field.ndim != 1 or not np.isfinite(field).all() or field.min() < 0.0 or field.max() > 1.0:
@@ -104,7 +94,6 @@ def _computed(muscle: Surface, areas: list[AttachmentArea]) -> Floats:
     geometry = muscle.geometry
     origin, insertion = (geometry.attached(areas, role) for role in ROLES)
 
-    def found() -> Floats:
-        return attachment_field(geometry.points, geometry.triangles, origin, insertion)
-
-    return geometry.once(("harmonic field", origin.tobytes(), insertion.tobytes()), found).copy()
+    key = "harmonic field", origin.tobytes(), insertion.tobytes()
+    given = geometry.points, geometry.triangles, origin, insertion
+    return geometry.once(key, lambda: attachment_field(*given)).copy()

@@ -1,4 +1,4 @@
-"""LinearBlendFibres: carry fibres along with two bones, without a muscle."""
+"""LinearBlendFibres: move fibres with two bones, without a muscle."""
 
 from __future__ import annotations
 
@@ -7,24 +7,20 @@ from vtkmodules.vtkCommonDataModel import vtkPolyData
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.mesh.polylines import polyline_lengths
 from vtkmuscle.core.motion.blending import blend_fibres
-from vtkmuscle.data.arrays import (
-    Polylines,
-    set_cell_array,
-    set_field_array,
-)
+from vtkmuscle.data.arrays import Polylines, add_arrays
 from vtkmuscle.data.moving_bones import MovingBones
 from vtkmuscle.filters.base import Filter, OutputPort, Parameter, ports
 
 
 class LinearBlendFibres(Filter):
-    """Carry fibres along with the two bones that they join: the kinematic method to compare with.
+    """Move fibres with the two bones that they join: the kinematic method to compare with.
 
-    A point moves by the mean of where its two bones would carry it, weighted by how far along the fibre it
-    is: v' = w T_origin v + (1 - w) T_insertion v, with w = a t^2 - (a + 1) t + 1 and t from 0 at the origin
-    to 1 at the insertion. Nothing keeps fibres out of the bones, and no volume is kept; ``a`` bends their
-    course a little towards one bone. The paper has a = -0.042 for psoas and gluteus maximus, -0.024 for the
-    iliacus and 0 for the gluteus medius, found by trial. With a = -1 fibres follow the origin's bone for most
-    of their length, and near the insertion they take up all of the motion: their lengths then say little.
+    A point moves to v' = w T_origin v + (1 - w) T_insertion v, with w = a t^2 - (a + 1) t + 1 and t from 0 at
+    the fibre's origin to 1 at its insertion. Nothing keeps fibres out of the bones, or keeps their volume;
+    ``a`` bends their course a little towards one bone. The paper has a = -0.042 for psoas and gluteus
+    maximus, -0.024 for the iliacus and 0 for the gluteus medius, found by trial. With a = -1 fibres follow
+    the origin's bone for most of their length and take up all of the motion near the insertion: their lengths
+    then mean little.
 
     Parameters
     ----------
@@ -90,9 +86,9 @@ class LinearBlendFibres(Filter):
             bones.transforms[self._index(bones.names, "insertion", self.insertion, -1)],
         )
         result = rest_fibres.moved(blend_fibres(points, offsets, *pose, self.a))
-        set_cell_array(result, "RestLength", polyline_lengths(points, offsets))
-        set_field_array(result, "BlendA", self.a)
-        return result
+        return add_arrays(
+            result, cells={"RestLength": polyline_lengths(points, offsets)}, fields={"BlendA": self.a}
+        )
 
     @staticmethod
     def _index(names: list[str], role: str, name: str | None, default: int) -> int:

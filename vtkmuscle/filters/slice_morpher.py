@@ -15,18 +15,18 @@ from vtkmuscle.core.morphing.planes import morph_by_planes
 from vtkmuscle.core.morphing.slices import Box, Morph, Slicing
 from vtkmuscle.core.template.fitting import angle_to_nearest, areas_are_opposite, superficial_pieces
 from vtkmuscle.core.types import Floats
-from vtkmuscle.data.arrays import Polylines, field_array, set_field_array
+from vtkmuscle.data.arrays import Polylines, add_arrays, field_array
 from vtkmuscle.data.attachments import AttachmentArea
 from vtkmuscle.data.muscle_geometry import Surface
 from vtkmuscle.filters.base import Filter, OutputPort, Parameter, ports
 from vtkmuscle.filters.harmonic_field import field_of, has_field
 
-#: Deviations of superficial fibres from which on a warning is given, root mean square [degrees].
+#: Deviation of superficial fibres from which on a warning is given, root mean square [degrees].
 NOTICED = 10.0
 #: ``slice_tolerance=None`` as a part of the box's length.
 DEFAULT_TOLERANCE = 1e-3
-#: Things that are kept with a muscle, three for each way to slice it: its sections and their maps do not
-#: depend on how many fibres go through them.
+#: Results that are kept with a muscle, three for each way to slice it: its sections and their maps do not
+#: depend on the number of fibres.
 SETTINGS_KEPT = 12
 
 
@@ -35,32 +35,31 @@ class SliceMorpher(Filter):
 
     By ``method="plane"`` a plane across the box's long axis cuts the box in a rectangle and the muscle in a
     contour. The contour is split into four parts, one for each side of the rectangle, so that their lengths
-    match best, and the rectangle is mapped to the contour. Where a section has several loops, the chain of
-    loops that continue each other and enclose most of the muscle is followed from end to end: fibres fill
-    this main branch, and never change from one branch to another. Fibre parts beyond the end of the branch
-    are squeezed into its tip.
+    match best, and the rectangle is mapped to the contour by mean value coordinates. Where a section has
+    several loops, fibres fill the chain of loops that continue each other and enclose most of the muscle, and
+    never change from one branch to another. Fibre parts beyond the end of this main branch are squeezed into
+    its tip.
 
     By ``method="harmonic"`` the muscle is cut along isolines of a function that is 0 on the origin area, 1 on
     the insertion area and harmonic on the surface between them, as many as there are planes through the
-    template: they follow a muscle however it bends. The function is taken from the muscle's point array
-    ``HarmonicField`` where :class:`HarmonicField` has made it, which also serves a deformed muscle of the
-    same points, and computed from the attachments otherwise. The ends of fibres lie on the attachment areas.
+    template: they follow a muscle however it bends. The function is the muscle's point array
+    ``HarmonicField`` (of :class:`HarmonicField`), or else is computed from the attachments. The ends of
+    fibres lie on the attachment areas.
 
-    Parallel planes do not follow a muscle that is bent. ``method="auto"`` takes them unless, at 16 heights,
-    the main branch holds less than 80 % of the muscle's volume, or its centre line runs at more than 45
-    degrees to the box's axis over more than 15 % of its length: then it takes isolines, if it has
-    attachments or the function and the template's areas are its bottom and its top. Which one it took is in
-    ``MorphMethod``. Where planes were used on such a muscle there is a warning.
+    ``method="auto"`` takes isolines for a muscle that is too bent for parallel planes: at 16 heights, the
+    main branch holds less than 80 % of the muscle's volume, or its centre line runs at more than 45 degrees
+    to the box's axis over more than 15 % of its length. It needs attachments or the function for that, and a
+    template whose areas are its bottom and its top; else it takes planes, with a warning. The choice is in
+    ``MorphMethod``.
 
-    A fibre point goes where its mean value coordinates in the rectangle, applied to the contour, put it. That
-    may be outside of a concave section, and isolines are not flat: between them the surface may be on either
-    side of a fibre point. These points are counted, and :class:`FibreTrimmer` and :class:`FibreSmoother` put
-    them in. Narrow parts of a section get next to no fibres; :class:`FibreSmoother` with the muscle connected
-    fills them.
+    Points may come to lie outside of a concave section, and isolines are not flat, so that the surface may be
+    on either side of a point between them. These points are counted; :class:`FibreTrimmer` and
+    :class:`FibreSmoother` put them in. Narrow parts of a section get next to no fibres;
+    :class:`FibreSmoother` with the muscle connected fills them.
 
-    The contour's point that goes with the rectangle's first corner is, in the paper, the vertex nearest to it
-    in each slice. By default it is chosen for all slices together, so that neighbouring contours are not
-    twisted against each other, and is a vertex that is added there; ``continuity=0`` is the paper's rule.
+    The contour's point that corresponds to the rectangle's first corner is, in the paper, the vertex nearest
+    to it in each slice. By default it is a new vertex, chosen for all slices together, so that neighbouring
+    contours are not twisted against each other; ``continuity=0`` is the paper's rule.
 
     Parameters
     ----------
@@ -139,8 +138,7 @@ class SliceMorpher(Filter):
         superficial: Polylines | None,
     ) -> vtkPolyData:
         """Return the fibres in the muscle."""
-        box = _box(template.data)
-        geometry = muscle.geometry
+        box, geometry = _box(template.data), muscle.geometry
         tolerance = self.slice_tolerance
         if tolerance is None:
             tolerance = DEFAULT_TOLERANCE * float(np.linalg.norm(box[:3, 2]))
@@ -172,25 +170,23 @@ class SliceMorpher(Filter):
         if self.method == "auto" and not result.suits and upright and known:
             method, result = "harmonic", morph("harmonic")
         _warn(result, method)
-        moved = template.moved(result.points)
-        for name, value in (
-            ("MorphMethod", method),
-            ("PointsOutside", result.n_outside),
-            ("SplitError", result.split_error),
-            ("VolumeShare", result.volume_share),
-            ("SteepShare", steep_share),
-        ):
-            set_field_array(moved, name, value)
+        fields: dict[str, str | float] = {
+            "MorphMethod": method,
+            "PointsOutside": result.n_outside,
+            "SplitError": result.split_error,
+            "VolumeShare": result.volume_share,
+            "SteepShare": steep_share,
+        }
         if superficial is not None:
             seen = superficial_pieces(superficial.points, superficial.offsets, geometry.points)
             angle = float(np.degrees(angle_to_nearest(seen, result.points, template.offsets)))
             _warn_of_superficial(angle)
-            set_field_array(moved, "SuperficialAngle", angle)
-        return moved
+            fields["SuperficialAngle"] = angle
+        return add_arrays(template.moved(result.points), fields=fields)
 
 
 def _warn(result: Morph, method: str) -> None:
-    """Warn of what a user should know of the fibres."""
+    """Warn where planes do not suit the muscle, or no twist explains the superficial fibres."""
     if method == "plane" and not result.suits:
         warnings.warn(
             "SliceMorpher: the muscle is bent too much for parallel planes: their main branch holds "
@@ -211,7 +207,7 @@ def _warn_of_superficial(angle: float) -> None:
 
 
 def _runs_upwards(template: vtkPolyData | None, box: Floats) -> bool:
-    """Return False where the template says that its areas are not its bottom and its top."""
+    """Return False for a template with areas that are not its bottom and its top."""
     areas = [field_array(template, name) for name in ("OriginArea", "InsertionArea")]
     if any(area is None or area.ndim != 2 or area.shape[1] != 3 for area in areas):
         return True

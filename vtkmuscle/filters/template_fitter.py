@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 
 import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkPolyData
@@ -21,7 +22,7 @@ from vtkmuscle.core.template.fitting import (
     superficial_pieces,
 )
 from vtkmuscle.core.types import Floats
-from vtkmuscle.data.arrays import Polylines, field_array, set_field_array
+from vtkmuscle.data.arrays import Polylines, add_arrays, field_array
 from vtkmuscle.data.attachments import ROLES, AttachmentArea
 from vtkmuscle.data.muscle_geometry import Surface
 from vtkmuscle.filters.base import Filter, OutputPort, Parameter, ports
@@ -33,20 +34,19 @@ class TemplateFitter(Filter):
     The box's z axis is the muscle's axis. By ``axis="attachments"`` that is the line from the centroid of
     the origin's landmarks to the centroid of the insertion's; by ``axis="principal"`` the direction in
     which the surface's points spread most. ``axis="auto"`` tries both and keeps the one with the smaller
-    error: the former rule fails where an attachment is so complex that its centroid is not on it, and where
-    areas lie beside each other (pennate, bipennate), so that the line follows the fibres rather than the
-    muscle.
+    error. The first rule fails where an attachment's centroid is not on it, and where areas lie beside each
+    other (pennate, bipennate), so that the line follows the fibres rather than the muscle.
 
     The box is turned about this axis step by step, and the angle is kept at which the corners of the
     template's areas are nearest to the landmarks. Several areas of one role count as one.
 
     Where superficial fibres are connected, boxes are also judged by the angle between them and the template's
-    fibres next to them: landmarks that are off by a tenth of the muscle's length, on the average, count as
-    much as fibres that are off by 6 degrees (root mean square). From that follows the side to which fibres
-    lean or arch where landmarks leave it open.
+    fibres next to them: a mean distance from the landmarks of a tenth of the muscle's length counts as much
+    as an angle of 6 degrees (root mean square). That decides to which side fibres lean or arch where
+    landmarks leave it open.
 
     Only rotations are tried. ``mirror=True`` is for the muscle of the other side of the body: it gives the
-    mirror image of what the mirrored muscle would get.
+    mirror image of the fit to the mirrored muscle.
 
     Parameters
     ----------
@@ -59,7 +59,7 @@ class TemplateFitter(Filter):
     superficial
         Polylines on the muscle's surface, or near it, that the template's fibres are to follow.
     axis
-        What the box's long axis follows.
+        The rule for the box's long axis.
     angle_step
         Step of the turn about the axis.
     mirror
@@ -114,54 +114,38 @@ class TemplateFitter(Filter):
         superficial: Polylines | None,
     ) -> vtkPolyData:
         """Return the fitted template."""
-        origin_area, insertion_area = (_area(template.data, n) for n in ("OriginArea", "InsertionArea"))
-        geometry = muscle.geometry
-        origin, insertion = (_landmarks(attachments, role) for role in ROLES)
+        areas = _area(template.data, "OriginArea"), _area(template.data, "InsertionArea")
         # The mirror image of the fit to the mirrored muscle.
         reflection = np.diag([-1.0, 1.0, 1.0, 1.0]) if self.mirror else np.eye(4)
-        origin, insertion = (apply_transform(reflection, p) for p in (origin, insertion))
+        origin, insertion = (apply_transform(reflection, _landmarks(attachments, role)) for role in ROLES)
+        geometry = muscle.geometry
 
         def used_points() -> MuscleViews:
             uses = np.bincount(geometry.triangles.reshape(-1), minlength=len(geometry.points))
             return MuscleViews(apply_transform(reflection, geometry.points[uses > 0]))
 
         shape = geometry.once(("seen", self.mirror), used_points)
-        seen = None
         if superficial is not None:
             mirrored = apply_transform(reflection, superficial.points)
             seen = superficial_pieces(mirrored, superficial.offsets, shape.points)
-
-        guide = None if seen is None else _guide(seen, template)
-
-        def fitted_boxes() -> list[Fit]:
-            return [
-                fit_box(
-                    shape,
-                    axis,
-                    landmarks=(origin, insertion),
-                    areas=(origin_area, insertion_area),
-                    angle_step=self.angle_step,
-                    guide=guide,
-                )
-                for axis in self._axes(shape, origin, insertion)
-            ]
-
-        if guide is None:  # boxes that do not depend on the template's fibres
-            arrays = (origin, insertion, origin_area, insertion_area)
+            fits = self._fits(shape, (origin, insertion), areas, partial(_angle, seen, template))
+        else:  # boxes that do not depend on the template's fibres
             settings = self.axis, self.angle_step, self.mirror
+            arrays = (origin, insertion, *areas)
             key = "boxes", settings, *(np.ascontiguousarray(array).tobytes() for array in arrays)
-            fits = geometry.once(key, fitted_boxes)
-        else:
-            fits = fitted_boxes()
+            fits = geometry.once(key, lambda: self._fits(shape, (origin, insertion), areas, None))
         least = min(fit.cost for fit in fits)
         best = next(fit for fit in fits if fit.cost <= least + TIE)
         transform = reflection @ best.transform
-        fitted = template.moved(apply_transform(transform, template.points))
-        set_field_array(fitted, "OriginArea", apply_transform(transform, origin_area))
-        set_field_array(fitted, "InsertionArea", apply_transform(transform, insertion_area))
-        set_field_array(fitted, "Transform", transform.reshape(16))
-        set_field_array(fitted, "FitError", best.error)
-        return fitted
+        return add_arrays(
+            template.moved(apply_transform(transform, template.points)),
+            fields={
+                "OriginArea": apply_transform(transform, areas[0]),
+                "InsertionArea": apply_transform(transform, areas[1]),
+                "Transform": transform.reshape(16),
+                "FitError": best.error,
+            },
+        )
 
     def _axes(self, muscle: MuscleViews, origin: Floats, insertion: Floats) -> list[Floats]:
         """Return the axes to try, (3,) each."""
@@ -176,14 +160,23 @@ class TemplateFitter(Filter):
             axes.append(principal_axis(muscle, origin, insertion))
         return axes
 
+    def _fits(
+        self,
+        muscle: MuscleViews,
+        landmarks: tuple[Floats, Floats],
+        areas: tuple[Floats, Floats],
+        guide: Callable[[Floats], float] | None,
+    ) -> list[Fit]:
+        """Return the best box for each axis; ``guide`` gives the angle of superficial fibres in a box."""
+        return [
+            fit_box(muscle, axis, landmarks=landmarks, areas=areas, angle_step=self.angle_step, guide=guide)
+            for axis in self._axes(muscle, *landmarks)
+        ]
 
-def _guide(seen: SuperficialFibres, lines: Polylines) -> Callable[[Floats], float]:
-    """Return the function from a box to the angle between superficial fibres and the template's in it."""
 
-    def angle(box: Floats) -> float:
-        return angle_to_nearest(seen, apply_transform(box, lines.points), lines.offsets)
-
-    return angle
+def _angle(seen: SuperficialFibres, lines: Polylines, box: Floats) -> float:
+    """Return the angle between superficial fibres and those of a template in a box."""
+    return angle_to_nearest(seen, apply_transform(box, lines.points), lines.offsets)
 
 
 def _area(template: vtkPolyData | None, name: str) -> Floats:

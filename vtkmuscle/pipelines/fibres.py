@@ -7,7 +7,7 @@ from types import MappingProxyType
 from typing import Any
 
 from vtkmuscle.core.words import suggestion
-from vtkmuscle.filters.base.filter import Filter
+from vtkmuscle.filters.base import Filter, Parameter
 from vtkmuscle.filters.fibre_smoother import FibreSmoother
 from vtkmuscle.filters.fibre_source import FibreSource
 from vtkmuscle.filters.fibre_template_source import FibreTemplateSource
@@ -15,18 +15,16 @@ from vtkmuscle.filters.fibre_trimmer import FibreTrimmer
 from vtkmuscle.filters.slice_morpher import SliceMorpher
 from vtkmuscle.filters.template_fitter import TemplateFitter
 
-#: The filters that lead a template through a muscle's sections, in order.
-FIBRE_CHAIN: tuple[type[Filter], ...] = (
-    FibreTemplateSource, TemplateFitter, SliceMorpher, FibreTrimmer, FibreSmoother,
+_FILTERS: tuple[type[Filter], ...] = (
+    FibreSource, FibreTemplateSource, TemplateFitter, SliceMorpher, FibreTrimmer, FibreSmoother,
 )  # fmt: skip
-_ALL: tuple[type[Filter], ...] = (FibreSource, *FIBRE_CHAIN)
-#: The settings of :func:`decompose`, and the parameter of a filter that each one is, by the same name.
-FIBRE_SETTINGS: dict[str, tuple[type[Filter], str]] = {
-    name: (kind, name) for kind in _ALL for name in kind.parameter_declarations
+#: The settings of :func:`decompose`: the parameters of these filters.
+FIBRE_SETTINGS: dict[str, Parameter[Any]] = {
+    name: declared for kind in _FILTERS for name, declared in kind.parameter_declarations.items()
 }
-#: Fibres as published; settings that are given beside a name count more. The planes, maps, ends and smoothing
-#: of Kohout et al. 2012 as printed, with the axis between the centroids; and slices along isolines of a
-#: harmonic function (Kohout and Kukacka 2014), which Kohout and Cervenka 2021 took. Neither fills the muscle.
+#: Settings of fibres as published: planes, maps, ends and smoothing of Kohout et al. 2012 as printed, with
+#: the axis between the centroids; and slices along isolines of a harmonic function (Kohout and Kukacka 2014),
+#: also used by Kohout and Cervenka 2021. Neither fills the muscle.
 PUBLISHED_FIBRES: Mapping[str, Mapping[str, Any]] = MappingProxyType(
     {
         "kohout2012": {
@@ -54,9 +52,9 @@ def decompose(
 ) -> FibreSource | FibreSmoother:
     """Return the filters that fill a muscle with fibres.
 
-    That is FibreSource, which takes the way that suits the muscle. Where a setting of the template or of its
-    way through the muscle is given, it is FibreTemplateSource, TemplateFitter, SliceMorpher, FibreTrimmer and
-    FibreSmoother. Nothing is computed before the last one is asked for its output.
+    That is FibreSource, which chooses the way that suits the muscle; or, with a setting of the template or of
+    its way through the muscle, the chain of FibreTemplateSource, TemplateFitter, SliceMorpher, FibreTrimmer
+    and FibreSmoother. Nothing is computed before the last one is asked for its output.
 
     Parameters
     ----------
@@ -68,10 +66,10 @@ def decompose(
         Fibres that are seen on the muscle's surface, a few polylines: the template is turned such that
         its fibres follow them.
     aponeuroses : vtkMultiBlockDataSet or algorithm, optional
-        What fibres end on in place of the attachment areas, see :mod:`vtkmuscle.data.attachments`.
+        Surfaces that fibres end on in place of the attachment areas, see :mod:`vtkmuscle.data.attachments`.
     published : str, optional
-        A name of :data:`PUBLISHED_FIBRES`: ``"kohout2012"`` or ``"kohout2014"``, fibres as in those papers.
-        They are smoothed without regard to the muscle.
+        A name of :data:`PUBLISHED_FIBRES`: ``"kohout2012"`` or ``"kohout2014"``, fibres as in those papers,
+        smoothed without regard to the muscle. Settings beside it win.
     **settings
         ``n_fibres``, ``resolution``, and ``course`` of FibreSource; or parameters of the other five filters:
         ``template``, ``smoothing_passes`` and so on.
@@ -100,9 +98,8 @@ def decompose(
     """
     if published is not None:
         if published not in PUBLISHED_FIBRES:
-            raise ValueError(
-                f"decompose has no published fibres {published!r}; {suggestion(published, PUBLISHED_FIBRES)}"
-            )
+            known = suggestion(published, PUBLISHED_FIBRES)
+            raise ValueError(f"decompose has no published fibres {published!r}; {known}")
         settings = {**PUBLISHED_FIBRES[published], **settings}
     for name in settings:
         if name not in FIBRE_SETTINGS:
@@ -113,10 +110,10 @@ def decompose(
         return FibreSource(superficial=superficial, aponeuroses=aponeuroses, **where, **settings)
     course = settings.pop("course", "sections")
     if aponeuroses is not None or course != "sections":
+        why = f"course is {course!r}" if aponeuroses is None else "between aponeuroses they are straight"
         raise ValueError(
-            f"decompose: {of_sections[0]} is a setting of fibres that follow a muscle's sections, but "
-            + (f"course is {course!r}" if aponeuroses is None else "between aponeuroses they are straight")
-            + f"; leave out {', '.join(of_sections)}"
+            f"decompose: {of_sections[0]} is a setting of fibres that follow a muscle's sections, but {why}; "
+            f"leave out {', '.join(of_sections)}"
         )
 
     def own(kind: type[Filter]) -> dict[str, Any]:
@@ -126,6 +123,5 @@ def decompose(
     fitted = TemplateFitter(template=source, superficial=superficial, **where, **own(TemplateFitter))
     morphed = SliceMorpher(template=fitted, superficial=superficial, **where, **own(SliceMorpher))
     trimmed = FibreTrimmer(fibres=morphed, **where, **own(FibreTrimmer))
-    if published is not None:  # without the muscle it is the mean of three points as printed, and no more
-        return FibreSmoother(fibres=trimmed, **own(FibreSmoother))
-    return FibreSmoother(fibres=trimmed, **where, **own(FibreSmoother))
+    # Without the muscle the smoother takes the mean of three points, as printed.
+    return FibreSmoother(fibres=trimmed, **({} if published else where), **own(FibreSmoother))

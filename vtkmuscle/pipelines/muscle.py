@@ -7,7 +7,7 @@ from types import MappingProxyType
 from typing import Any
 
 from vtkmuscle.core.motion.rigid import RigidMotion
-from vtkmuscle.filters.base.filter import Filter
+from vtkmuscle.filters.base import Parameter
 from vtkmuscle.filters.bone_motion import BoneMotion
 from vtkmuscle.filters.deformer.settings import PUBLISHED
 from vtkmuscle.filters.fibre_metrics import FibreMetrics
@@ -17,13 +17,13 @@ from vtkmuscle.filters.pbd_deformer import PBDDeformer
 from vtkmuscle.filters.taut_fibres import TautFibres
 from vtkmuscle.pipelines.fibres import decompose
 
-#: Settings of fibres that are none of :func:`decompose`: how they are carried with the muscle.
-TRANSPORT_SETTINGS: dict[str, tuple[type[Filter], str]] = {
-    "weight_tolerance": (FibreTransport, "weight_tolerance")
+#: Settings of fibres that are not of :func:`decompose`, but of their transport with the muscle.
+TRANSPORT_SETTINGS: dict[str, Parameter[Any]] = {
+    "weight_tolerance": FibreTransport.parameter_declarations["weight_tolerance"]
 }
-#: What ``weight_tolerance`` is in scenes: of 1600 points in 9878 vertices it keeps 14 MB of weights
-#: instead of 126, and a frame takes 4 ms instead of 24 to 48; a muscle bent by a radian has points 0.008 mm
-#: off, 0.03 mm at most (``benchmarks/bench_fibres.py --transport``).
+#: ``weight_tolerance`` in scenes. For 1600 points in 9878 vertices it keeps 14 MB of weights instead of 126,
+#: and a frame takes 4 ms instead of 24 to 48; in a muscle bent by a radian the error of points is 0.008 mm,
+#: at most 0.03 mm (``benchmarks/bench_fibres.py --transport``).
 WEIGHT_TOLERANCE = 0.3
 
 
@@ -44,21 +44,20 @@ class MusclePipeline:
     attachments : vtkMultiBlockDataSet or algorithm, optional
         Where the muscle is attached, and the via rings that it passes through.
     superficial : vtkPolyData or algorithm, optional
-        Fibres that are seen on the surface at rest, a few polylines: they orient the template.
+        A few fibres that are seen on the surface at rest: they orient the template.
     neighbours : mapping of str to algorithm, optional
         Deformers of other muscles, out of which this one is kept.
     model : str, optional
-        ``"volume"``, which deforms the muscle and carries its fibres with it; or ``"paths"``, which pulls the
+        ``"volume"``, which deforms the muscle and moves its fibres with it; or ``"paths"``, which pulls the
         fibres alone taut round the bones.
     fixing : mapping or None, optional
         Parameters of FixedPointDetector; None for a surface that has the point array ``FixedTo`` already.
     aponeuroses : vtkMultiBlockDataSet or algorithm, optional
-        What the fibres end on, on the muscle or within it: fibres between them are carried by the muscle.
-        What the muscle pulls along still goes from bone to bone.
+        Surfaces that the fibres end on, on the muscle or within it: fibres between them move with the muscle.
+        Its paths still go from bone to bone.
     fibres : mapping, vtkPolyData, algorithm or None, optional
         Keyword arguments of :func:`decompose` and parameters of FibreTransport (``weight_tolerance``, by
-        default :data:`WEIGHT_TOLERANCE`); or fibres at rest that are there already; or None for a
-        muscle without fibres.
+        default :data:`WEIGHT_TOLERANCE`); or fibres at rest; or None for a muscle without fibres.
     solver : mapping, optional
         Parameters of PBDDeformer, or of TautFibres with the model ``"paths"``.
 
@@ -67,7 +66,7 @@ class MusclePipeline:
     fixed : FixedPointDetector, vtkPolyData or algorithm
         The muscle at rest with the point array ``FixedTo``: the surface itself where ``fixing`` is None.
     paths : vtkPolyData, algorithm or None
-        From bone to bone at rest: what is pulled taut, and carries the muscle.
+        Lines from bone to bone at rest, which are pulled taut and carry the muscle.
     fibres : vtkPolyData, algorithm or None
         Fibres at rest: between the aponeuroses where there are some, else the paths.
     moving : BoneMotion
@@ -84,10 +83,8 @@ class MusclePipeline:
 
     Raises
     ------
-    TypeError
-        For a setting that no filter has.
-    ValueError
-        If a setting is not allowed; the message says what is.
+    TypeError, ValueError
+        For a setting that no filter has, or that is not allowed; the message says what is.
 
     Examples
     --------
@@ -127,11 +124,11 @@ class MusclePipeline:
         self.fixed = surface
         if fixing is not None:
             self.fixed = FixedPointDetector(muscle=surface, bones=bones, attachments=attachments, **fixing)
-        carrying = {"weight_tolerance": WEIGHT_TOLERANCE}
+        weight_tolerance = WEIGHT_TOLERANCE
         self.paths = self.fibres = fibres
         if isinstance(fibres, Mapping):
-            carrying |= {name: fibres[name] for name in TRANSPORT_SETTINGS if name in fibres}
-            shaping = {name: value for name, value in fibres.items() if name not in TRANSPORT_SETTINGS}
+            shaping = dict(fibres)
+            weight_tolerance = shaping.pop("weight_tolerance", WEIGHT_TOLERANCE)
             self.paths = self.fibres = decompose(self.fixed, attachments, superficial, **shaping)
             if aponeuroses is not None:
                 counts = {name: shaping[name] for name in ("n_fibres", "resolution") if name in shaping}
@@ -150,28 +147,28 @@ class MusclePipeline:
                 attachments=attachments,
                 **(solver or {}),
             )
-        if self.fibres is not None:
-            if self.deformer is None or self.deformer.quality == PUBLISHED:
-                self.taut = TautFibres(
-                    rest_fibres=self.paths,
-                    rest_muscle=self.fixed,
-                    bones=self.moving,
-                    attachments=attachments,
-                    **((solver or {}) if self.deformer is None else {}),
-                )
-            if self.deformer is not None:
-                self.transport = FibreTransport(
-                    rest_fibres=self.fibres,
-                    rest_muscle=self.fixed,
-                    deformed_muscle=self.deformer,
-                    paths=self.taut,
-                    rest_paths=None if self.fibres is self.paths else self.paths,
-                    # What the deformer says of its taut fibres is of the paths.
-                    method="carried" if self.fibres is self.paths else "mean-value",
-                    **carrying,
-                )
-            moved = self.taut if self.transport is None else self.transport
-            self.metrics = FibreMetrics(fibres=moved, muscle=self.deformer, curvature=True)
+        if self.fibres is None:
+            return
+        if self.deformer is None or self.deformer.quality == PUBLISHED:
+            self.taut = TautFibres(
+                rest_fibres=self.paths,
+                rest_muscle=self.fixed,
+                bones=self.moving,
+                attachments=attachments,
+                **((solver or {}) if self.deformer is None else {}),
+            )
+        if self.deformer is not None:
+            along_paths = self.fibres is self.paths  # the deformer's arrays of taut fibres are of the paths
+            self.transport = FibreTransport(
+                rest_fibres=self.fibres,
+                rest_muscle=self.fixed,
+                deformed_muscle=self.deformer,
+                paths=self.taut,
+                rest_paths=None if along_paths else self.paths,
+                method="carried" if along_paths else "mean-value",
+                weight_tolerance=weight_tolerance,
+            )
+        self.metrics = FibreMetrics(fibres=self.transport or self.taut, muscle=self.deformer, curvature=True)
 
 
 def deform(
@@ -185,22 +182,16 @@ def deform(
     fixing: Mapping[str, Any] | None = MappingProxyType({}),
     **solver: Any,
 ) -> PBDDeformer:
-    """Return the chain of filters that deforms a muscle with moving bones.
+    """Return the chain that deforms a muscle with moving bones: FixedPointDetector, BoneMotion, PBDDeformer.
 
-    The chain is FixedPointDetector and BoneMotion, then PBDDeformer; ask the last one for its output at
-    a time of the motion: ``deform(...).update(time=30.0).output``.
+    Ask it for its output at a time of the motion: ``deform(...).update(time=30.0).output``.
 
     Parameters
     ----------
-    muscle, bones, motion, superficial
-        As of :class:`MusclePipeline`.
-    attachments : vtkMultiBlockDataSet or algorithm, optional
-        Where the muscle is attached; needed by the method ``"attachment"`` of FixedPointDetector.
+    muscle, bones, motion, attachments, superficial, fixing
+        As of :class:`MusclePipeline`; by default ``fixing`` needs attachments.
     fibres : vtkPolyData or algorithm, optional
         Fibres at rest, for the paths.
-    fixing : mapping or None, optional
-        Parameters of FixedPointDetector, as ``{"method": "proximity", "distance": 3.0}``; None for a muscle
-        that has the point array ``FixedTo`` already.
     **solver
         Parameters of PBDDeformer.
 
@@ -208,11 +199,6 @@ def deform(
     -------
     PBDDeformer
         The end of the chain, which keeps all of it.
-
-    Raises
-    ------
-    TypeError, ValueError
-        As :class:`MusclePipeline`.
 
     Examples
     --------
@@ -225,16 +211,8 @@ def deform(
     >>> deformed.GetNumberOfPoints() == muscle.GetNumberOfPoints()
     True
     """
-    pipeline = MusclePipeline(
-        muscle,
-        bones,
-        motion,
-        attachments,
-        superficial=superficial,
-        fixing=fixing,
-        fibres=fibres,
-        solver=solver,
-    )
+    given = {"superficial": superficial, "fixing": fixing, "fibres": fibres, "solver": solver}
+    pipeline = MusclePipeline(muscle, bones, motion, attachments, **given)
     assert pipeline.deformer is not None
     return pipeline.deformer
 
@@ -249,31 +227,23 @@ def pull_taut(
     fixing: Mapping[str, Any] | None = MappingProxyType({}),
     **settings: Any,
 ) -> TautFibres:
-    """Return the chain of filters that pulls fibres taut round moving bones, without deforming a muscle.
+    """Return the chain that pulls fibres taut round moving bones: FixedPointDetector, BoneMotion, TautFibres.
 
-    The chain is FixedPointDetector and BoneMotion, then TautFibres; ask the last one for its output at a time
-    of the motion: ``pull_taut(...).update(time=30.0).output``.
+    Ask it for its output at a time of the motion: ``pull_taut(...).update(time=30.0).output``.
 
     Parameters
     ----------
-    muscle, bones, motion, fixing
+    muscle, bones, motion, attachments, fixing
         As of :func:`deform`.
     fibres : vtkPolyData or algorithm
         Fibres at rest, as of :func:`decompose`.
-    attachments : vtkMultiBlockDataSet or algorithm, optional
-        Where the muscle is attached, and via rings.
     **settings
         Parameters of TautFibres.
 
     Returns
     -------
     TautFibres
-        The last filter, which keeps the others.
-
-    Raises
-    ------
-    TypeError, ValueError
-        As :func:`deform`, for TautFibres.
+        The end of the chain, which keeps all of it.
 
     Examples
     --------

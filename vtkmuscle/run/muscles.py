@@ -23,10 +23,12 @@ from vtkmuscle.data.arrays import (
     points_of,
     polylines_of,
     set_cell_array,
+    shallow_copy,
 )
 from vtkmuscle.data.paths import PATH_SQUEEZED
 from vtkmuscle.filters.base.algorithm import AbortedError
 from vtkmuscle.filters.base.filter import Filter
+from vtkmuscle.filters.base.running import upstream
 from vtkmuscle.filters.deformer.shape_report import read_shape
 from vtkmuscle.filters.pbd_deformer import PBDDeformer
 from vtkmuscle.pipelines import MusclePipeline
@@ -178,7 +180,7 @@ class MuscleRun:
         assert pipeline.metrics is not None
         now = float(self.scene.motion.times[number])
         with self._timed("pulling fibres", pipeline.metrics) as took:
-            fibres = _copy(pipeline.metrics.update(time=now).output)
+            fibres = shallow_copy(pipeline.metrics.update(time=now).output)
         _add_penetration(fibres, measure, self.scene.motion.at(now))
         unsettled = field_array(fibres, "Unsettled")
         row = {"frame": number, "time": now, "unsettled": 0 if unsettled is None else int(unsettled[0])}
@@ -206,7 +208,7 @@ class MuscleRun:
             with self._timed("transport", pipeline.transport) as carried:
                 pipeline.transport.update(time=now)
             with self._timed("metrics", pipeline.metrics) as measured:
-                fibres = _copy(pipeline.metrics.update(time=now).output)
+                fibres = shallow_copy(pipeline.metrics.update(time=now).output)
             of_fibres = carried() + measured()
         with self._timed("measuring"):
             row = {"frame": number, "time": now, **read_shape(deformed, self.scene.millimetres)}
@@ -283,7 +285,7 @@ class MuscleRun:
         before = after = self.clock()
         observed = [
             (one, one.AddObserver("ProgressEvent", self._on_progress))
-            for one in (() if last is None else _chain(last))
+            for one in (() if last is None else upstream(last))
         ]
         try:
             yield lambda: after - before
@@ -338,21 +340,6 @@ def muscle_pipeline(
     )
 
 
-def _chain(last: Filter) -> list[Any]:
-    """Return an algorithm and all that it depends on, each once."""
-    found: list[Any] = []
-    waiting: list[Any] = [last]
-    while waiting:
-        algorithm = waiting.pop()
-        if algorithm in found:
-            continue
-        found.append(algorithm)
-        for port in range(algorithm.GetNumberOfInputPorts()):
-            indices = range(algorithm.GetNumberOfInputConnections(port))
-            waiting.extend(algorithm.GetInputAlgorithm(port, index) for index in indices)
-    return found
-
-
 def _check_finite(points: Floats, number: int) -> None:
     if not np.isfinite(points).all():
         problem = "the deformed muscle has coordinates that are not finite"
@@ -383,9 +370,3 @@ def _add_penetration(
     if depths is not None:
         set_cell_array(fibres, "Penetration", np.maximum.reduceat(depths, lines.offsets[:-1]))
     return depths
-
-
-def _copy(data: Any) -> Any:
-    copy = data.NewInstance()
-    copy.ShallowCopy(data)
-    return copy

@@ -73,10 +73,7 @@ else:
     Fixing = _settings("Fixing", FixedPointDetector.parameter_declarations, "Those of FixedPointDetector.")
     Fibres = _settings(
         "Fibres",
-        {
-            word: kind.parameter_declarations[parameter]
-            for word, (kind, parameter) in (FIBRE_SETTINGS | TRANSPORT_SETTINGS).items()
-        },
+        FIBRE_SETTINGS | TRANSPORT_SETTINGS,
         "Settings of a muscle's fibres: those of vtkmuscle.pipelines.decompose, and weight_tolerance of "
         "FibreTransport.",
     )

@@ -1,4 +1,4 @@
-"""What VTK asks of a filter: its ports, its times and its data, with errors and aborts that come through."""
+"""VTK's side of a filter: its ports, its times and its data, with errors and aborts that come through."""
 
 from __future__ import annotations
 
@@ -36,12 +36,11 @@ class Algorithm(VTKPythonAlgorithmBase):
     times_from: ClassVar[str | None] = None
     #: Pipeline time of the request being executed; None where the pipeline has no time.
     request_time: float | None = None
-    #: What VTKPythonAlgorithmBase writes.
+    #: Read by VTKPythonAlgorithmBase.
     InputType = OutputType = "vtkDataObject"
 
     def __init__(self) -> None:
         self._failure: BaseException | None = None
-        self._provenance: tuple[int, str] | None = None
         self._progress_reached = 0.0
         super().__init__(nInputPorts=len(self.input_ports), nOutputPorts=len(self.output_ports))
 
@@ -50,14 +49,14 @@ class Algorithm(VTKPythonAlgorithmBase):
     def execute(self, *inputs: Any) -> Any:
         """Compute the output(s) from the inputs, given in port order (None for an open optional port).
 
-        An input is what its port takes of the data. Errors name a port, or "" for the filter as such: the
-        filter's name is put before that. Inputs must not be changed. The result is a new data object (or a
-        tuple, one per output port).
+        Each input is what its port makes of the data; inputs must not be changed. Errors name a port, or ""
+        for the filter as a whole; the filter's name is put before that. The result is a new data object (or
+        a tuple, one per output port).
         """
         raise NotImplementedError
 
     def time_steps(self, inputs_information: Sequence[Any]) -> Sequence[float] | None:
-        """Time steps that the output announces; None passes on what the first input announces."""
+        """Return the time steps that the output announces; None passes on those of the first input."""
         if self.times_from is None:
             return None
         number = [port.name for port in self.input_ports].index(self.times_from)
@@ -98,23 +97,22 @@ class Algorithm(VTKPythonAlgorithmBase):
 
     def check_connections(self) -> None:
         """Check that all ports are connected that must be, to data of their kind."""
+        owner = type(self).__name__
         for number, port in enumerate(self.input_ports):
             if not self.GetNumberOfInputConnections(number):
                 if not port.optional:
-                    where = f"{type(self).__name__}: {port.name}"
+                    where = f"{owner}: {port.name}"
                     raise InputError(where, "it is not connected", f"it must be {port.allowed}")
                 continue
             connection = self.GetInputConnection(number, 0)
             data = connection.GetProducer().GetOutputDataObject(connection.GetIndex())
             if data is not None and not data.IsA(port.type_name):
-                raise TypeError(
-                    f"{type(self).__name__}.{port.name} takes a {port.type_name}, got a {data.GetClassName()}"
-                )
+                raise TypeError(f"{owner}.{port.name} takes a {port.type_name}, got a {data.GetClassName()}")
 
     # ---------------------------------------------------------------- requests
 
     def FillInputPortInformation(self, port: int, info: Any) -> int:
-        """Tell VTK what the port takes."""
+        """Tell VTK the kind of data on an input port."""
         declaration = self.input_ports[port]
         info.Set(vtkAlgorithm.INPUT_REQUIRED_DATA_TYPE(), declaration.type_name)
         if declaration.optional:
@@ -122,7 +120,7 @@ class Algorithm(VTKPythonAlgorithmBase):
         return 1
 
     def FillOutputPortInformation(self, port: int, info: Any) -> int:
-        """Tell VTK what the port gives."""
+        """Tell VTK the kind of data on an output port."""
         info.Set(vtkDataObject.DATA_TYPE_NAME(), self.output_ports[port].type_name)
         return 1
 
@@ -146,7 +144,7 @@ class Algorithm(VTKPythonAlgorithmBase):
             return 0
 
     def RequestDataObject(self, request: Any, inInfo: Any, outInfo: Any) -> int:
-        """Make the output of a port of any data set: of the kind that the first input is."""
+        """Give a port of any data set an output of the first input's class."""
         for number, port in enumerate(self.output_ports):
             if port.kind is vtkDataSet:
                 given = inInfo[0].GetInformationObject(0).Get(vtkDataObject.DATA_OBJECT())
@@ -158,36 +156,29 @@ class Algorithm(VTKPythonAlgorithmBase):
 
     def RequestInformation(self, request: Any, inInfo: Any, outInfo: Any) -> int:
         """Announce time steps, if the filter makes its own."""
-        first = [
-            port.GetInformationObject(0) if port.GetNumberOfInformationObjects() else None
-            for port in _items(inInfo)
-        ]
-        steps = self.time_steps(first)
+        steps = self.time_steps(_first_of_each(inInfo))
         if steps is not None:
             announce_times(outInfo.GetInformationObject(0), steps)
         return 1
 
     def RequestData(self, request: Any, inInfo: Any, outInfo: Any) -> int:
         """Execute, and publish the result."""
-        self._begin(outInfo)
-        # Who asks a filter to stop before it has begun is heard by every filter, also by those that are too
-        # quick to report progress themselves.
+        self._failure = None
+        self._progress_reached = 0.0
+        self.request_time = requested_time(outInfo.GetInformationObject(0))
+        # Filters too quick to report progress stop here, if they were asked to before they began.
         self.report_progress(0.0)
-        inputs = self._inputs(inInfo)
+        inputs = [
+            info and info.Get(vtkDataObject.DATA_OBJECT())  # None for an open port
+            for info in _first_of_each(inInfo)
+        ]
         try:
-            taken = [port.take(data) for port, data in zip(self.input_ports, inputs, strict=True)]
-            result = self.execute(*taken)
+            result = self.execute(*map(_taken, self.input_ports, inputs))
         except InputError as error:
             self._name(error)
             raise
         self._publish(result, inputs, outInfo)
         return 1
-
-    def _begin(self, outInfo: Any) -> None:
-        self._failure = None
-        self._progress_reached = 0.0
-        info = outInfo.GetInformationObject(0)
-        self.request_time = requested_time(info)
 
     def _name(self, error: InputError) -> None:
         """Put the filter's name before the place of an error that is at one of its ports, or nowhere."""
@@ -196,32 +187,26 @@ class Algorithm(VTKPythonAlgorithmBase):
             where = ": ".join(filter(None, (type(self).__name__, error.where)))
             error.__init__(where, error.problem, error.remedy)  # type: ignore[misc]
 
-    def _inputs(self, inInfo: Any) -> list[Any]:
-        inputs: list[Any] = []
-        for port, infos in zip(self.input_ports, _items(inInfo), strict=True):
-            connected = infos.GetNumberOfInformationObjects() > 0
-            data = infos.GetInformationObject(0).Get(vtkDataObject.DATA_OBJECT()) if connected else None
-            if data is not None and data.GetNumberOfElements(vtkDataObject.POINT) == 0:
-                raise InputError(f"{type(self).__name__}: {port.name}", "the input has no points")
-            inputs.append(data)
-        return inputs
-
     def _publish(self, results: Any, inputs: Sequence[Any], outInfo: Any) -> None:
+        entry = provenance_entry(type(self).__name__, self.parameters())
         for port, result in enumerate(results if isinstance(results, tuple) else (results,)):
             output = outInfo.GetInformationObject(port).Get(vtkDataObject.DATA_OBJECT())
             output.ShallowCopy(result)
-            add_provenance(output, inputs, self._entry_of_provenance())
+            add_provenance(output, inputs, entry)
             if self.request_time is not None:
                 output.GetInformation().Set(vtkDataObject.DATA_TIME_STEP(), self.request_time)
 
-    def _entry_of_provenance(self) -> str:
-        """Return what the filter is; it is put into words again only where a parameter has changed."""
-        modified = self.GetMTime()
-        if self._provenance is None or self._provenance[0] != modified:
-            self._provenance = modified, provenance_entry(type(self).__name__, self.parameters())
-        return self._provenance[1]
+
+def _first_of_each(inInfo: Any) -> list[Any]:
+    """Return the information of each port's first connection, None for an open one; sources have no ports."""
+    return [
+        port.GetInformationObject(0) if port.GetNumberOfInformationObjects() else None
+        for port in inInfo or ()
+    ]
 
 
-def _items(vector: Any) -> list[Any]:
-    # Sources are given an empty tuple (or None), filters a tuple of information vectors.
-    return list(vector or ())
+def _taken(port: InputPort, data: Any) -> Any:
+    """Return the argument of ``execute`` for the data on a port."""
+    if data is not None and data.GetNumberOfElements(vtkDataObject.POINT) == 0:
+        raise InputError(port.name, "the input has no points")
+    return port.take(data)

@@ -1,4 +1,4 @@
-"""What ``a >> b`` gives: a chain of algorithms that can be used like the last of them."""
+"""The result of ``a >> b``: a chain of algorithms that can be used like the last of them."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _Pipeline: Any = object if execution_model is None else execution_model.Pipeline
 
 
 class Chain(Runnable, _Pipeline):
-    """Algorithms connected by ``>>``: VTK's own ``Pipeline``, with what our filters have.
+    """Algorithms connected by ``>>``: VTK's own ``Pipeline``, with the methods of our filters.
 
     Data go into the first algorithm, results come from the last. Connected to a filter, a chain stands for
     its last algorithm.
@@ -53,7 +53,7 @@ class Chain(Runnable, _Pipeline):
         return self.last.GetOutputPort(port)
 
     def GetClassName(self) -> str:
-        """Refuse what asks for it: PyVista, of what it is to draw, where that is no algorithm."""
+        """Raise: PyVista asks for it in ``add_mesh``, which draws no chains."""
         raise TypeError("PyVista draws algorithms, not chains; give it the last one: add_mesh(chain.last)")
 
     def _determine_type(self, arg: Any) -> int:
@@ -69,7 +69,7 @@ def chain_everywhere() -> None:
     if "pyvista" in sys.modules:
         _extend_pyvista(sys.modules["pyvista"])
     else:
-        sys.meta_path.insert(0, _WhenPyVistaComes())
+        sys.meta_path.insert(0, _AtImportOfPyVista())
 
 
 def _extend_pyvista(pyvista: ModuleType) -> None:
@@ -88,8 +88,8 @@ def _extend_pyvista(pyvista: ModuleType) -> None:
         getattr(pyvista, name).__rshift__ = connect
 
 
-class _WhenPyVistaComes(MetaPathFinder, Loader):
-    """Waits for the import of PyVista, to extend it; importing it here would make every import slow."""
+class _AtImportOfPyVista(MetaPathFinder, Loader):
+    """Extends PyVista when it is imported; to import it here would make every import slow."""
 
     def __init__(self) -> None:
         self._loader: Any = None
@@ -103,11 +103,11 @@ class _WhenPyVistaComes(MetaPathFinder, Loader):
         return spec
 
     def create_module(self, spec: ModuleSpec) -> Any:
-        """Let PyVista's own loader do it."""
+        """Leave it to PyVista's own loader."""
         return self._loader.create_module(spec)
 
     def exec_module(self, module: ModuleType) -> None:
-        """Let PyVista's own loader do it, then extend what it made."""
+        """Execute the module by PyVista's own loader, then extend it."""
         assert module.__spec__ is not None
         module.__spec__.loader = module.__loader__ = self._loader
         self._loader.exec_module(module)

@@ -1,4 +1,4 @@
-"""A filter's docstring says what its parameters and ports are; their kinds come from the declarations."""
+"""A filter's docstring describes its parameters and ports; their kinds come from the declarations."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _DECLARED = re.compile(r"^(?:Parameters|Attributes)\n-+\n(?:\S.*\n(?: {4}.*\n)+)
 
 
 def entry(doc: str | None, name: str) -> str:
-    r"""Return what a docstring says under a name in one of its sections; "" where it has no such entry.
+    r"""Return the entry of a name in one of a docstring's sections, "" where there is none.
 
     Examples
     --------
@@ -20,8 +20,8 @@ def entry(doc: str | None, name: str) -> str:
     >>> entry("Parameters\n----------\nsides : int\n    Number of sides\n    of a tube.\n", "sides")
     'Number of sides of a tube.'
     """
-    said = re.search(rf"^( *){name}(?: : .*)?\n((?:\1 {{4}}.*\n)+)", doc or "", re.MULTILINE)
-    return " ".join(said[2].split()) if said else ""
+    match = re.search(rf"^( *){name}(?: : .*)?\n((?:\1 {{4}}.*\n)+)", doc or "", re.MULTILINE)
+    return " ".join(match[2].split()) if match else ""
 
 
 def documented(
@@ -48,7 +48,7 @@ def documented(
 
 
 def described(parameter: Any) -> str:
-    """Return what a parameter does, its unit, and with what it counts."""
+    """Return a parameter's description, its unit, and the condition under which it counts."""
     units = f" [{parameter.units}]" if parameter.units else ""
     return f"{parameter.doc}{units}{parameter.condition}"
 

@@ -1,9 +1,4 @@
-"""The base of all filters: declared parameters and ports on top of VTK's pipeline.
-
-A filter declares its parameters and ports as class attributes and does its work in :meth:`Filter.execute`.
-Everything else (validation, change guards, error propagation, progress, abort, pickling, documentation)
-is here, once.
-"""
+"""The base of all filters: declared parameters and ports on top of VTK's pipeline."""
 
 from __future__ import annotations
 
@@ -22,16 +17,10 @@ from vtkmuscle.filters.base.parameters import Parameter
 from vtkmuscle.filters.base.ports import InputPort, OutputPort
 from vtkmuscle.filters.base.running import Runnable
 
-_RESERVED = frozenset(dir(vtkAlgorithm)) | {
-    "apply",
-    "connect",
-    "execute",
-    "parameters",
-    "request_time",
-    "time",
-    "time_steps",
-    "update",
-}
+#: Names that parameters and ports must not take.
+_RESERVED = {
+    *dir(vtkAlgorithm), "apply", "connect", "execute", "parameters", "request_time", "time", "time_steps",
+}  # fmt: skip
 
 chain_everywhere()
 
@@ -41,8 +30,8 @@ class Filter(Runnable, Algorithm):
 
     A subclass declares :class:`~vtkmuscle.filters.base.parameters.Parameter`,
     :class:`~vtkmuscle.filters.base.ports.InputPort` and
-    :class:`~vtkmuscle.filters.base.ports.OutputPort` attributes and defines :meth:`execute`. All parameters
-    and input ports are keywords of the constructor and attributes of the filter, by one set of names.
+    :class:`~vtkmuscle.filters.base.ports.OutputPort` attributes and defines :meth:`execute`. Parameters and
+    input ports are keywords of the constructor and attributes of the filter, under the same names.
 
     Errors raised in :meth:`execute` are re-raised by :meth:`update` and :meth:`apply`, also where the
     failing filter is further upstream; VTK's own ``Update()`` returns ``False`` for them, every time.
@@ -126,9 +115,8 @@ class Filter(Runnable, Algorithm):
         return dict(self._parameter_values)
 
     def parameters_that_count(self) -> dict[str, Any]:
-        """Return the parameters without those that say nothing beside the others' values."""
-        values = self._parameter_values
-        declared = self.parameter_declarations
+        """Return the parameters without those that have no effect, given the others' values."""
+        values, declared = self._parameter_values, self.parameter_declarations
         return {name: value for name, value in values.items() if declared[name].counts_with(values)}
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -166,35 +154,26 @@ class Filter(Runnable, Algorithm):
         AttributeError, IndexError
             If there is no such port.
         TypeError
-            If the value is nothing that can be connected, or gives data of another class.
+            If the value cannot be connected, or gives data of another class.
         """
         number, source = self._number_of(port), self.source_for(port, value)
         self.SetInputConnection(number, None if source is None else source[0].GetOutputPort(source[1]))
 
     def source_for(self, port: str | int, value: Any) -> tuple[Any, int] | None:
-        """Return the algorithm, and the number of its output, that stand for a value on a port.
-
-        Raises
-        ------
-        AttributeError, IndexError, TypeError
-            As of :meth:`connect`.
-        """
+        """Return the algorithm, and the number of its output, for a value on a port; raises as `connect`."""
         declared = self.input_ports[self._number_of(port)]
         return declared.checked(value, f"{type(self).__name__}.{declared.name}")
 
     def _number_of(self, port: str | int) -> int:
         names = [declared.name for declared in self.input_ports]
+        missing = f"{type(self).__name__} has no input port {port!r}"
         if isinstance(port, str):
             if port not in names:
-                raise AttributeError(
-                    f"{type(self).__name__} has no input port {port!r}; {suggestion(port, names)}"
-                )
+                raise AttributeError(f"{missing}; {suggestion(port, names)}")
             return names.index(port)
         if not 0 <= port < len(names):
             numbered = ", ".join(f"{number} ({name})" for number, name in enumerate(names)) or "none"
-            raise IndexError(
-                f"{type(self).__name__} has no input port {port}; its input ports are {numbered}"
-            )
+            raise IndexError(f"{missing}; its input ports are {numbered}")
         return port
 
     def SetInputData(self, *arguments: Any) -> None:

@@ -5,14 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any, ClassVar, Generic, TypeVar
 
-from vtkmuscle.data.pipeline_times import (
-    input_at,
-    path_to,
-    request_time,
-    requested_time,
-    state_of_inputs,
-    times_of,
-)
+from vtkmuscle.data.pipeline_times import input_at, request_time, requested_time, state_of_inputs, times_of
 from vtkmuscle.filters.base.filter import Filter
 from vtkmuscle.filters.base.parameters import Parameter
 
@@ -25,10 +18,10 @@ MEGABYTE = 10**6
 class Checkpoints(Generic[Frame]):
     """Frames by time, thinned out evenly where memory is short.
 
-    Kept are the frames whose number on the path is a multiple of a stride. When memory is used up the stride
+    The frames whose number on the path is a multiple of a stride are kept. When memory is used up the stride
     doubles. So with room for k frames, going back to one of n costs at most 2 n / k steps. The frame of the
-    last request and the one before it are kept in any case: to play on never starts anew, also after a
-    request between two time steps.
+    last request and the one before it are always kept: playing on never starts anew, even after a request
+    between two time steps.
     """
 
     def __init__(self) -> None:
@@ -45,7 +38,7 @@ class Checkpoints(Generic[Frame]):
         return self._frames[time]
 
     def done(self, path: Sequence[float | None]) -> int:
-        """Return how much of a path is done: one more than the index of its last frame that is kept."""
+        """Return one more than the index on a path of its last frame that is kept, 0 where none is."""
         return max((i + 1 for i, time in enumerate(path) if time in self._frames), default=0)
 
     def clear(self) -> None:
@@ -60,18 +53,10 @@ class Checkpoints(Generic[Frame]):
     def thin(
         self, steps: Sequence[float], last: Sequence[float | None], *, nbytes: int, memory: float
     ) -> None:
-        """Drop frames until the others fit into memory.
+        """Drop frames of `nbytes` each until they fit into `memory` [bytes].
 
-        Parameters
-        ----------
-        steps : sequence of float
-            All time steps, in order. Frames of other times go first: nothing is computed from them.
-        last : sequence of float or None
-            Times whose frames are kept in any case, and not counted.
-        nbytes : int
-            Memory that a frame takes [bytes].
-        memory : float
-            What there is [bytes].
+        `steps` are all time steps, in order. Frames of other times go first: nothing is computed from them.
+        The frames of the times `last` are kept in any case, and not counted.
         """
         number: dict[float | None, int] = {time: i for i, time in enumerate(steps)}
         while True:
@@ -93,8 +78,8 @@ class HistoryFilter(Filter, Generic[Frame]):
 
     The frame at time t is computed through all time steps that the first moving input announces up to t, and
     t itself, whatever was asked for before. Frames are kept to go back to, in memory of the parameter
-    ``checkpoint_memory``, which a subclass declares. In ``execute`` it calls :meth:`frame`; its frames have
-    ``nbytes``.
+    ``checkpoint_memory``, which a subclass declares; they have ``nbytes``. The subclass calls :meth:`frame`
+    in ``execute``.
     """
 
     #: Names of the input ports whose data move with time; the first one's time steps are those of the result.
@@ -120,23 +105,20 @@ class HistoryFilter(Filter, Generic[Frame]):
         return settings
 
     def forget(self) -> None:
-        """Drop all frames: what they were made from has changed."""
+        """Drop all frames: their inputs have changed."""
         self._frames.clear()
 
     @property
     def path(self) -> list[float | None]:
-        """The times whose frames lead to the one asked for, that one last."""
-        return path_to(self.request_time, self._steps)
+        """The times whose frames lead to the one asked for, that one last; [None] without time steps."""
+        time = self.request_time
+        return [time] if time is None else [*(step for step in self._steps if step < time), time]
 
     def frame(self, given: Sequence[Any], advance: Callable[..., Frame]) -> Frame:
-        """Return the frame at the time asked for; those on the way to it that are not kept are computed.
+        """Return the frame at the time asked for; missing ones on the way to it are computed.
 
-        Parameters
-        ----------
-        given : sequence
-            What the moving ports take of their data, None for an open one.
-        advance : callable
-            Given the frame before (None at first) and what the moving ports take, returns the next frame.
+        `given` are the arguments of ``execute`` for the moving ports, None for an open one. `advance` is
+        called with the frame before (None at first) and the moving arguments, and returns the next frame.
         """
         path = self.path
         for index in range(self._frames.done(path), len(path)):
@@ -149,13 +131,14 @@ class HistoryFilter(Filter, Generic[Frame]):
         return self._frames[path[-1]]
 
     def data_at(self, port: str, given: Any, time: float | None) -> Any:
-        """Return what a moving port takes at a time; where there are no time steps what was given."""
+        """Return the argument for a moving port at a time; `given` itself where there are no time steps."""
         if given is None or time is None or not self._steps:
             return given
-        data = input_at(self, self._number_of(port), time)
+        number = self._number_of(port)
+        data = input_at(self, number, time)
         if data is None:
             raise RuntimeError(f"{type(self).__name__}: the {port} at time {time:g} could not be computed")
-        return self.input_ports[self._number_of(port)].take(data)
+        return self.input_ports[number].take(data)
 
     def report_part(self, part: float) -> None:
         """Report which part (0 to 1) of the frame that is being computed is done."""
@@ -165,8 +148,8 @@ class HistoryFilter(Filter, Generic[Frame]):
     def RequestUpdateExtent(self, request: Any, inInfo: Any, outInfo: Any) -> int:
         """Ask for the moving inputs at the first time whose frame is not known yet.
 
-        The later ones are asked for in :meth:`frame`. VTK's own way, CONTINUE_EXECUTING, is no choice: when
-        a filter upstream fails on the way, VTK goes round for ever.
+        The later ones are asked for in :meth:`frame`. VTK's own way, CONTINUE_EXECUTING, will not do: when
+        a filter upstream fails on the way, VTK repeats the request for ever.
         """
         numbers = [self._number_of(name) for name in self.moving]
         connected = [number for number in numbers if self.GetNumberOfInputConnections(number)]

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import math
 import numbers
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping
+from dataclasses import KW_ONLY, dataclass, field
 from typing import TYPE_CHECKING, Any, Generic, TypeVar, overload
+
+import numpy as np
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.words import quoted
@@ -17,6 +20,7 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 
 
+@dataclass(eq=False)
 class Parameter(Generic[T]):
     """A property of a filter that is checked when set and marks the filter modified when it changes.
 
@@ -30,21 +34,20 @@ class Parameter(Generic[T]):
         Bounds of a number, both allowed values.
     above : float, optional
         A bound that the number must exceed.
-    choices : sequence of str, optional
+    choices : tuple of str, optional
         The allowed strings.
     length : int, optional
         Number of components of a vector.
     units : str, optional
         Unit of the value, for the documentation.
     only_with : tuple of str, optional
-        Name of another parameter, and the values of it with which this one counts; with others it says
-        nothing, and ParaView hides it.
+        Name of another parameter, and the values of it with which this one counts. With other values this
+        one has no effect, and ParaView hides it.
     sets : mapping, optional
-        For each of the choices the values of other parameters that it stands for. Setting the choice sets
-        them; a constructor's keywords count more. One that is set later is kept until the choice is set
-        again.
+        For each choice the values of other parameters that it stands for. Setting the choice sets them; a
+        constructor's keywords win. One that is set later is kept until the choice is set again.
     doc : str, optional
-        What the parameter does, where the class's docstring has no entry of its name.
+        Description, where the class's docstring has no entry of this name.
 
     Examples
     --------
@@ -56,33 +59,19 @@ class Parameter(Generic[T]):
     vtkmuscle.core.errors.InputError: FibreTubes: radius is -1.0, but must be a finite number > 0
     """
 
-    def __init__(
-        self,
-        kind: type[Any],
-        *,
-        default: T,
-        minimum: float | None = None,
-        maximum: float | None = None,
-        above: float | None = None,
-        choices: Sequence[str] = (),
-        length: int | None = None,
-        units: str = "",
-        only_with: tuple[str, *tuple[str, ...]] | None = None,
-        sets: Mapping[str, Mapping[str, Any]] | None = None,
-        doc: str = "",
-    ) -> None:
-        self.kind = kind
-        self.default = default
-        self.minimum = minimum
-        self.maximum = maximum
-        self.above = above
-        self.choices = tuple(choices)
-        self.length = length
-        self.units = units
-        self.only_with = only_with
-        self.sets = dict(sets or {})
-        self.doc = doc
-        self.name = ""
+    kind: type[Any]
+    _: KW_ONLY
+    default: T
+    minimum: float | None = None
+    maximum: float | None = None
+    above: float | None = None
+    choices: tuple[str, ...] = ()
+    length: int | None = None
+    units: str = ""
+    only_with: tuple[str, *tuple[str, ...]] | None = None
+    sets: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    doc: str = ""
+    name: str = field(default="", init=False)
 
     def __set_name__(self, owner: type, name: str) -> None:
         self.name = name
@@ -103,7 +92,7 @@ class Parameter(Generic[T]):
     def __set__(self, instance: Filter, value: T) -> None:
         checked = self.check(value, type(instance).__name__)
         values = instance._parameter_values
-        if not self._same(values[self.name], checked):
+        if not _same(values[self.name], checked):
             values[self.name] = checked
             instance.Modified()
         for other, given in self.group(checked).items():
@@ -114,19 +103,19 @@ class Parameter(Generic[T]):
         return self.sets.get(value, {}) if self.sets else {}
 
     def counts_with(self, values: Mapping[str, Any]) -> bool:
-        """Return whether the parameter says anything beside the values of the others."""
+        """Return whether the parameter has an effect, given the values of all."""
         return self.only_with is None or values[self.only_with[0]] in self.only_with[1:]
 
     @property
     def condition(self) -> str:
-        """With what the parameter counts, as the end of a sentence; empty where it always does."""
+        """A sentence that says with which values of another parameter this one counts; "" for always."""
         if self.only_with is None:
             return ""
         other, *values = self.only_with
         return f" Counts only with {other} {' or '.join(map(repr, values))}."
 
     def check_references(self, declarations: Mapping[str, Parameter[Any]], owner: str) -> None:
-        """Check that the other parameters that are named exist, and allow the values that are named."""
+        """Check that parameters named in `only_with` and `sets` exist and allow the values given there."""
         named = [] if self.only_with is None else [(self.only_with[0], v) for v in self.only_with[1:]]
         named += [item for group in self.sets.values() for item in group.items()]
         for other, value in named:
@@ -134,32 +123,17 @@ class Parameter(Generic[T]):
                 raise TypeError(f"{owner}.{self.name} refers to {other!r}, which is not declared")
             declarations[other].check(value, owner)
 
-    @staticmethod
-    def _same(old: Any, new: Any) -> bool:
-        if old is new:
-            return True
-        plain = (bool, int, float, str, tuple)
-        return isinstance(old, plain) and type(old) is type(new) and bool(old == new)
-
     @property
     def allowed(self) -> str:
         """The allowed values in words."""
         if self.choices:
-            words = "one of " + ", ".join(repr(choice) for choice in self.choices)
-        elif self.kind is bool:
-            words = "True or False"
+            words = "one of " + ", ".join(map(repr, self.choices))
         elif self.kind is tuple:
             words = f"{self.length} finite numbers"
-        elif self.kind in (int, float):
-            words = "an integer" if self.kind is int else "a finite number"
-            bounds = [
-                f"{sign} {bound:g}"
-                for sign, bound in ((">", self.above), (">=", self.minimum), ("<=", self.maximum))
-                if bound is not None
-            ]
-            words = " ".join([words, " and ".join(bounds)]).strip()
-        elif self.kind is str:
-            words = "a string"
+        elif self.kind in _WORDS:
+            limits = ((">", self.above), (">=", self.minimum), ("<=", self.maximum))
+            bounds = " and ".join(f"{sign} {bound:g}" for sign, bound in limits if bound is not None)
+            words = f"{_WORDS[self.kind]} {bounds}".strip()
         else:
             article = "an" if self.kind.__name__[0] in "AEIOU" else "a"
             words = f"{article} {self.kind.__name__}"
@@ -167,77 +141,50 @@ class Parameter(Generic[T]):
 
     def check(self, value: Any, owner: str) -> Any:
         """Return the value in its own type, or raise a ValueError that says what is allowed."""
-        converted = self._converted(value)
-        if converted is _INVALID:
-            raise InputError(owner, f"{self.name} is {quoted(value)}, but must be {self.allowed}")
-        return converted
+        try:
+            return self._converted(value)
+        except (TypeError, ValueError, OverflowError):
+            problem = f"{self.name} is {quoted(value)}, but must be {self.allowed}"
+            raise InputError(owner, problem) from None
 
     def _converted(self, value: Any) -> Any:
-        if value is None:
-            return None if self.default is None else _INVALID
-        convert = _CONVERTERS.get(self.kind)
-        if convert is None:
-            return value if isinstance(value, self.kind) else _INVALID
-        converted = convert(value)
-        return converted if converted is not _INVALID and self._within(converted) else _INVALID
-
-    def _within(self, value: Any) -> bool:
-        if self.choices:
-            return value in self.choices
-        if self.length is not None:
-            return len(value) == self.length
-        return (
-            (self.minimum is None or value >= self.minimum)
-            and (self.maximum is None or value <= self.maximum)
-            and (self.above is None or value > self.above)
-        )
+        if value is None and self.default is None:
+            return None
+        if self.kind is tuple:
+            converted: Any = tuple(_plain(component, float) for component in value)
+            allowed = len(converted) == self.length
+        else:
+            converted = _plain(value, self.kind)
+            allowed = (
+                (not self.choices or converted in self.choices)
+                and (self.minimum is None or converted >= self.minimum)
+                and (self.maximum is None or converted <= self.maximum)
+                and (self.above is None or converted > self.above)
+            )
+        if not allowed:
+            raise ValueError
+        return converted
 
 
-class _Invalid:
-    """Says that a value is not allowed (None may be a value)."""
+#: The kinds of plain values in words, and the types that each is made from.
+_WORDS = {bool: "True or False", int: "an integer", float: "a finite number", str: "a string"}
+_TYPES: dict[type, Any] = {bool: (bool, np.bool_), int: numbers.Integral, float: numbers.Real, str: str}
 
 
-_INVALID = _Invalid()
+def _plain(value: Any, kind: type[Any]) -> Any:
+    """Return a value in its kind; raise a TypeError or ValueError where it is of another one."""
+    is_number = kind in (int, float)
+    if not isinstance(value, _TYPES.get(kind, kind)) or (is_number and isinstance(value, bool)):
+        raise TypeError
+    if kind not in _TYPES:
+        return value
+    converted = kind(value)
+    if is_number and not math.isfinite(converted):
+        raise ValueError
+    return converted
 
 
-def _to_bool(value: Any) -> Any:
-    is_bool = isinstance(value, bool) or type(value).__name__ in ("bool", "bool_")
-    return bool(value) if is_bool else _INVALID
-
-
-def _to_int(value: Any) -> Any:
-    if isinstance(value, bool) or not isinstance(value, numbers.Integral):
-        return _INVALID
-    return int(value)
-
-
-def _to_float(value: Any) -> Any:
-    if isinstance(value, bool) or not isinstance(value, numbers.Real):
-        return _INVALID
-    try:
-        return float(value) if math.isfinite(value) else _INVALID
-    except OverflowError:  # an integer that no float is as large as
-        return _INVALID
-
-
-def _to_str(value: Any) -> Any:
-    return str(value) if isinstance(value, str) else _INVALID
-
-
-def _to_vector(value: Any) -> Any:
-    if isinstance(value, str):
-        return _INVALID
-    try:
-        numbers_ = [_to_float(component) for component in value]
-    except TypeError:
-        return _INVALID
-    return _INVALID if any(n is _INVALID for n in numbers_) else tuple(numbers_)
-
-
-_CONVERTERS: dict[type[Any], Callable[[Any], Any]] = {
-    bool: _to_bool,
-    int: _to_int,
-    float: _to_float,
-    str: _to_str,
-    tuple: _to_vector,
-}
+def _same(old: Any, new: Any) -> bool:
+    """Return whether a value has not changed; objects other than plain values are compared by identity."""
+    plain = (bool, int, float, str, tuple)
+    return old is new or (isinstance(old, plain) and type(old) is type(new) and bool(old == new))

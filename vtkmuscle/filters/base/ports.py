@@ -25,15 +25,7 @@ PortT = TypeVar("PortT", bound="Port")
 
 
 class Port:
-    """What input and output ports have in common.
-
-    Parameters
-    ----------
-    kind : type
-        The VTK class of the data on the port.
-    doc : str, optional
-        What is on the port, arrays included, where the class's docstring has no entry of its name.
-    """
+    """What input and output ports have in common: the VTK class of their data, a name, a description."""
 
     def __init__(self, kind: type[Any], *, doc: str = "") -> None:
         self.kind = kind
@@ -54,7 +46,7 @@ class Port:
         return self if instance is None else self.read(instance)
 
     def read(self, instance: Filter) -> Any:
-        """Return what a filter has at the port."""
+        """Return the value of the attribute."""
         raise NotImplementedError
 
     @property
@@ -65,6 +57,13 @@ class Port:
 
 class OutputPort(Port):
     """An output of a filter; read as an attribute, it is the data, brought up to date.
+
+    Parameters
+    ----------
+    kind : type
+        The VTK class of the data.
+    doc : str, optional
+        The data and its arrays, where the class's docstring has no entry of this name.
 
     Examples
     --------
@@ -83,24 +82,24 @@ class OutputPort(Port):
 
 
 class InputPort(Port):
-    """An input of a filter: an attribute, and a keyword of the constructor, that takes what is connected.
+    """An input of a filter: an attribute, and a keyword of the constructor.
 
     It takes a data set, an algorithm, a chain (``a >> b``), an algorithm's output port, or None to leave the
     port open. A port of a ``vtkMultiBlockDataSet`` also takes a mapping from names to any of these, and a
     sequence of :class:`~vtkmuscle.data.attachments.AttachmentArea`. Read, it is the data set or the algorithm
-    that is connected, None where it is open.
+    that is connected, None where the port is open.
 
     Parameters
     ----------
     kind : type
         The VTK class that the port takes.
     taken : callable, optional
-        Given the data, and the name of the port for errors, returns what ``execute`` is given: arrays and the
-        like, checked. By default the data.
+        Turns the data, given with the name of the port for errors, into the argument of ``execute``: arrays,
+        checked. Without it ``execute`` is given the data.
     optional : bool, optional
-        May the port stay unconnected? The filter is then given ``None``.
+        May the port stay unconnected? ``execute`` is then given ``None``.
     doc : str, optional
-        What the port expects, arrays included, where the class's docstring has no entry of its name.
+        The data and its arrays, where the class's docstring has no entry of this name.
 
     Raises
     ------
@@ -130,7 +129,7 @@ class InputPort(Port):
         self._taken = taken
 
     def take(self, data: Any) -> Any:
-        """Return what ``execute`` is given of data, None for None; raises a ValueError where it cannot be."""
+        """Return the argument of ``execute`` for the data on the port; ValueError for unusable data."""
         return data if data is None or self._taken is None else self._taken(data, self.name)
 
     def read(self, instance: Filter) -> Any:
@@ -150,19 +149,8 @@ class InputPort(Port):
     def checked(self, value: Any, where: str) -> tuple[Any, int] | None:
         """Return the algorithm and the number of its output that a value stands for; None for None.
 
-        The caller must hold on to the algorithm: a vtkAlgorithmOutput does not.
-
-        Parameters
-        ----------
-        value : object
-            As given to the port.
-        where : str
-            Named in the error, e.g. ``"PBDDeformer.muscle"``.
-
-        Raises
-        ------
-        TypeError
-            If it is nothing that can be connected, or gives data of another class.
+        The caller must hold on to the algorithm: a vtkAlgorithmOutput does not. Raises a TypeError for a
+        value that cannot be connected, or data of another class; `where` names the port in it.
         """
         if value is None:
             return None
@@ -177,10 +165,9 @@ class InputPort(Port):
     @property
     def allowed(self) -> str:
         """What can be connected, in words."""
-        more = ", a dict of named ones" if self.kind is vtkMultiBlockDataSet else ""
-        return f"a {self.type_name}{more}, an algorithm or a chain of them" + (
-            " or None" if self.optional else ""
-        )
+        mapping = ", a dict of named ones" if self.kind is vtkMultiBlockDataSet else ""
+        none = " or None" if self.optional else ""
+        return f"a {self.type_name}{mapping}, an algorithm or a chain of them{none}"
 
     def _as_data(self, value: Any) -> Any:
         """Return a mapping or areas as the data set that the port takes."""
@@ -195,7 +182,7 @@ class InputPort(Port):
         return _grouped(value)
 
 
-# Ports by what ``execute`` is given.
+# Ports by the argument of ``execute``.
 Lines = partial(InputPort, vtkPolyData, polylines_of)
 Surface = partial(InputPort, vtkPolyData, surface_of)
 SeenLines = partial(InputPort, vtkPolyData, checked_superficial)
@@ -205,17 +192,9 @@ MovingBones = partial(InputPort, vtkMultiBlockDataSet, moving_bones_of)
 
 
 def source_of(value: Any) -> tuple[Any, int] | None:
-    """Return the algorithm and the number of its output that stand for a value to be connected.
+    """Return the algorithm and the number of its output that stand for a value, None for anything else.
 
-    Parameters
-    ----------
-    value : vtkDataObject, vtkAlgorithm, chain, vtkAlgorithmOutput or select_ports
-        What is to be connected.
-
-    Returns
-    -------
-    tuple of vtkAlgorithm and int, or None
-        None for anything else.
+    The value is a data object, an algorithm, a chain, a vtkAlgorithmOutput or VTK's ``select_ports``.
     """
     if isinstance(value, vtkDataObject):
         producer = vtkTrivialProducer()

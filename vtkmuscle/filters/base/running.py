@@ -1,6 +1,6 @@
 """Running any algorithm: bring it up to date at a time, on data, and raise what a filter upstream raised.
 
-VTK prints a failure of its own beside the exception, and loses Ctrl-C while it calls Python: both are held
+VTK prints a message of its own beside the exception, and loses Ctrl-C while it calls Python. Both are held
 back.
 """
 
@@ -14,9 +14,9 @@ from contextlib import contextmanager
 from typing import Any
 
 from vtkmodules.vtkCommonCore import vtkObject
-from vtkmodules.vtkCommonExecutionModel import vtkStreamingDemandDrivenPipeline
 
-from vtkmuscle.data.pipeline_times import times_of
+from vtkmuscle.data.arrays import shallow_copy
+from vtkmuscle.data.pipeline_times import request_time, time_asked, times_of
 from vtkmuscle.filters.base.ports import source_of
 
 
@@ -24,9 +24,8 @@ from vtkmuscle.filters.base.ports import source_of
 def interrupts_deferred() -> Iterator[None]:
     """Hold Ctrl-C back until the block has been left.
 
-    VTK ends the process when a KeyboardInterrupt comes out of an observer. Held back until the observer has
-    returned, it is raised where the filter can be left in good order. Signals are Python's main thread's
-    business; elsewhere, and where Ctrl-C is not handled in Python, this does nothing.
+    VTK ends the process when a KeyboardInterrupt comes out of an observer. Elsewhere than in Python's main
+    thread, and where Ctrl-C is not handled in Python, this does nothing.
     """
     handler = signal.getsignal(signal.SIGINT)
     if threading.current_thread() is not threading.main_thread() or not callable(handler):
@@ -42,51 +41,45 @@ def interrupts_deferred() -> Iterator[None]:
         handler(caught[0], None)
 
 
-class _State:
-    """The switch is one for the whole process, so the last thread that needs it off puts it back."""
+class _Messages:
+    """VTK's switch for messages is one for the whole process: the last thread that needs it restores it."""
 
     def __init__(self) -> None:
         self.lock = threading.Lock()
         self.users = 0
         self.displayed = 1
-        self.here = threading.local()
+        self.thread = threading.local()
 
 
-_state = _State()
+_messages = _Messages()
 
 
 @contextmanager
 def failure_messages_off() -> Iterator[None]:
-    """Keep VTK quiet about filters that fail in this block, from their failure on.
-
-    Before it VTK's warnings are shown as ever.
-    """
-    with _state.lock:
-        if not _state.users:
-            _state.displayed = vtkObject.GetGlobalWarningDisplay()
-        _state.users += 1
-    outer = getattr(_state.here, "off", False)
-    _state.here.off = True
+    """Silence VTK from the moment at which a filter fails in this block; before, its warnings are shown."""
+    with _messages.lock:
+        if not _messages.users:
+            _messages.displayed = vtkObject.GetGlobalWarningDisplay()
+        _messages.users += 1
+    outer = getattr(_messages.thread, "off", False)
+    _messages.thread.off = True
     try:
         yield
     finally:
-        _state.here.off = outer
-        with _state.lock:
-            _state.users -= 1
-            vtkObject.SetGlobalWarningDisplay(_state.displayed)
+        _messages.thread.off = outer
+        with _messages.lock:
+            _messages.users -= 1
+            vtkObject.SetGlobalWarningDisplay(_messages.displayed)
 
 
 def silence_after_failure() -> None:
     """Switch VTK's messages off, in a filter that has failed within :func:`failure_messages_off`."""
-    if getattr(_state.here, "off", False):
+    if getattr(_messages.thread, "off", False):
         vtkObject.GlobalWarningDisplayOff()
 
 
-_TIME = vtkStreamingDemandDrivenPipeline.UPDATE_TIME_STEP()
-
-
 class Output:
-    """What ``update()`` returns: the outputs of an algorithm, as ``vtkAlgorithm.update()`` does."""
+    """The result of ``update()``: the outputs of an algorithm, as ``vtkAlgorithm.update()`` gives them."""
 
     def __init__(self, algorithm: Any) -> None:
         self.algorithm = algorithm
@@ -94,61 +87,33 @@ class Output:
     @property
     def output(self) -> Any:
         """The data object, or a tuple of them where there are several outputs."""
-        outputs = tuple(
-            self.algorithm.GetOutputDataObject(port)
-            for port in range(self.algorithm.GetNumberOfOutputPorts())
-        )
-        return outputs[0] if len(outputs) == 1 else outputs
-
-
-def time_asked(algorithm: Any) -> float | None:
-    """Return the time that an algorithm's output was last asked for, None where it never was."""
-    info = algorithm.GetOutputInformation(0)
-    return float(info.Get(_TIME)) if info.Has(_TIME) else None
-
-
-def ask_for(algorithm: Any, time: float | None) -> None:
-    """Ask for a time at the next update; with None for the last time step."""
-    info = algorithm.GetOutputInformation(0)
-    if time is None:
-        info.Remove(_TIME)
-    else:
-        info.Set(_TIME, float(time))
+        ports = range(self.algorithm.GetNumberOfOutputPorts())
+        return one_or_all(tuple(self.algorithm.GetOutputDataObject(port) for port in ports))
 
 
 def update(algorithm: Any, time: float | None = None) -> Output:
-    """Bring an algorithm's output up to date, and raise the original error where that fails.
+    """Bring the output of an algorithm, ours or VTK's, up to date; raise the original error of a failure.
 
-    Parameters
-    ----------
-    algorithm : vtkAlgorithm
-        One of ours or VTK's.
-    time : float, optional
-        Pipeline time to ask for; by default the one that was asked for last, else the last time step.
-
-    Raises
-    ------
-    Exception
-        Whatever a filter of ours raised, this one or one upstream.
+    By default the time is the one that was asked for last, else the last time step.
     """
-    chain = list(upstream(algorithm))
-    filters = [each for each in reversed(chain) if hasattr(each, "take_failure")]
+    filters = [each for each in reversed(list(upstream(algorithm))) if hasattr(each, "take_failure")]
     for each in filters:
         each.check_connections()
     with failure_messages_off():
         algorithm.UpdateInformation()
-        asked = time_asked(algorithm) if time is None else float(time)
+        info = algorithm.GetOutputInformation(0)
+        asked = time_asked(info) if time is None else float(time)
         # Nobody asked: an algorithm upstream may still stand where another branch asked for it.
-        steps = times_of(algorithm.GetOutputInformation(0))
-        ask_for(algorithm, steps[-1] if asked is None and steps else asked)
+        steps = times_of(info)
+        request_time(info, steps[-1] if asked is None and steps else asked)
         if time is not None and steps and not steps[0] <= time <= steps[-1]:
             warnings.warn(
                 f"{type(algorithm).__name__}: time {time:g} is outside of the motion, {steps[0]:g} to "
-                f"{steps[-1]:g}: what is at its end is taken; ask for a time within",
+                f"{steps[-1]:g}: the pose at its end is taken; ask for a time within",
                 stacklevel=3,
             )
-        done = algorithm.GetExecutive().Update()  # vtkAlgorithm.Update() says nothing before VTK 9.7
-        ask_for(algorithm, asked)
+        done = algorithm.GetExecutive().Update()  # vtkAlgorithm.Update() returns None before VTK 9.7
+        request_time(info, asked)
     for each in filters:
         failure = each.take_failure()
         if failure is not None:
@@ -161,47 +126,31 @@ def update(algorithm: Any, time: float | None = None) -> Output:
 
 
 def run_on(first: Any, last: Any, inputs: Sequence[Any], time: float | None) -> tuple[Any, ...]:
-    """Connect inputs to the first ports of one algorithm, and return copies of what another then gives.
+    """Connect inputs to a chain's first algorithm, and return shallow copies of the last one's outputs.
 
-    Parameters
-    ----------
-    first, last : vtkAlgorithm
-        Ends of a chain; they may be the same.
-    inputs : sequence
-        In the order of the ports of ``first``; the connections are as before in the end.
-    time : float or None
-        As of :func:`update`.
-
-    Returns
-    -------
-    tuple of vtkDataObject
-        Shallow copies, one per output port, that later updates do not change.
+    Afterwards the connections are as before. Later updates do not change the copies.
     """
     count = first.GetNumberOfInputPorts()
     if len(inputs) > count:
         raise TypeError(f"{type(first).__name__} has {count} input port(s), {len(inputs)} given")
-    connected = [first.GetNumberOfInputConnections(port) > 0 for port in range(len(inputs))]
-    before = [first.GetInputConnection(port, 0) if there else None for port, there in enumerate(connected)]
+    before = [
+        first.GetInputConnection(port, 0) if first.GetNumberOfInputConnections(port) else None
+        for port in range(len(inputs))
+    ]
     # A vtkAlgorithmOutput does not keep its producer alive: hold on to it while it is disconnected.
     producers: list[Any] = [connection and connection.GetProducer() for connection in before]
+    source_for = getattr(first, "source_for", lambda _port, value: source_of(value))  # checked by our filters
     try:
         for port, value in enumerate(inputs):
-            source = _checked(first, port, value)
+            source = source_for(port, value)
             producers.append(source)
             first.SetInputConnection(port, source and source[0].GetOutputPort(source[1]))
         outputs = update(last, time).output
-        return tuple(_shallow(data) for data in (outputs if isinstance(outputs, tuple) else (outputs,)))
+        return tuple(map(shallow_copy, outputs if isinstance(outputs, tuple) else (outputs,)))
     finally:
         for port, connection in enumerate(before):
             first.SetInputConnection(port, connection)
         producers.clear()
-
-
-def wrapped(results: tuple[Any, ...]) -> Any:
-    """Return data objects as PyVista's: one of them, or a tuple of several."""
-    import pyvista  # noqa: PLC0415 -- filters work without PyVista
-
-    return one_or_all(tuple(pyvista.wrap(data) for data in results))
 
 
 def one_or_all(results: tuple[Any, ...]) -> Any:
@@ -224,18 +173,6 @@ def upstream(algorithm: Any) -> Iterator[Any]:
             waiting.extend(current.GetInputAlgorithm(port, index) for index in indices)
 
 
-def _checked(algorithm: Any, port: int, value: Any) -> tuple[Any, int] | None:
-    """Return what stands for a value on an input port, one of ours or of VTK's."""
-    checked = getattr(algorithm, "source_for", None)
-    return source_of(value) if checked is None else checked(port, value)
-
-
-def _shallow(data: Any) -> Any:
-    copy = data.NewInstance()
-    copy.ShallowCopy(data)
-    return copy
-
-
 class Runnable:
     """What can be run: a filter, or a chain of them."""
 
@@ -247,11 +184,11 @@ class Runnable:
     @property
     def time(self) -> float | None:
         """Pipeline time that the output is asked for, until another one is; None is the last time step."""
-        return time_asked(self._ends[1])
+        return time_asked(self._ends[1].GetOutputInformation(0))
 
     @time.setter
     def time(self, value: float | None) -> None:
-        ask_for(self._ends[1], value)
+        request_time(self._ends[1].GetOutputInformation(0), value)
 
     def update(self, time: float | None = None) -> Output:
         """Bring the output up to date, and raise the original error where that fails.
@@ -269,7 +206,7 @@ class Runnable:
         Raises
         ------
         Exception
-            Whatever a filter raised, this one or one upstream.
+            The error of this filter, or of one upstream.
         """
         return update(self._ends[1], time)
 
@@ -293,9 +230,11 @@ class Runnable:
         TypeError
             For more inputs than ports, or an input that is not of the port's kind.
         Exception
-            Whatever a filter raised, this one or one upstream.
+            The error of this filter, or of one upstream.
         """
-        return wrapped(run_on(*self._ends, inputs, time))
+        import pyvista  # noqa: PLC0415 -- filters work without PyVista
+
+        return one_or_all(tuple(map(pyvista.wrap, run_on(*self._ends, inputs, time))))
 
     def __call__(self, *inputs: Any, time: float | None = None) -> Any:
         """Run as :meth:`apply` does, and return the result as a bare VTK data object (a copy)."""
