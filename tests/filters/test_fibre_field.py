@@ -7,8 +7,7 @@ from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 from vtkmuscle.data.arrays import points_of, with_points
 from vtkmuscle.filters import FibreField, FibreSource, FibreTransport
 from vtkmuscle.phantoms import pennate_belly, spindle_over_hinge, winding_spindle
-from vtkmuscle.phantoms.pennate_belly import ADVANCE, GAIN, THICKNESS
-from vtkmuscle.phantoms.winding_spindle import LENGTH, winding_fibre
+from vtkmuscle.phantoms.fibre_bodies import ADVANCE, GAIN, LENGTH, THICKNESS, winding_fibre
 from vtkmuscle.pipelines import decompose
 
 #: The block's sides [mm].

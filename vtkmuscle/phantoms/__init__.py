@@ -15,15 +15,11 @@ Fibres: :func:`fibre_block`, :func:`pennate_block` and :func:`pennate_belly` (le
 
 from __future__ import annotations
 
-from vtkmuscle.phantoms.cylinder_wrap import wrapping_cylinder
-from vtkmuscle.phantoms.fibre_blocks import fibre_block, pennate_block
-from vtkmuscle.phantoms.hinge_spindle import spindle_over_hinge
+from vtkmuscle.phantoms.fibre_bodies import fibre_block, pennate_belly, pennate_block, winding_spindle
 from vtkmuscle.phantoms.hip_joint import hip
-from vtkmuscle.phantoms.label_map import label_map
 from vtkmuscle.phantoms.leg import leg
-from vtkmuscle.phantoms.pennate_belly import pennate_belly
-from vtkmuscle.phantoms.phantom import Phantom
-from vtkmuscle.phantoms.winding_spindle import winding_spindle
+from vtkmuscle.phantoms.one_hinge import spindle_over_hinge, wrapping_cylinder
+from vtkmuscle.phantoms.phantom import Phantom, label_map
 
 __all__ = [
     "Phantom",

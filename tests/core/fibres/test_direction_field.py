@@ -5,7 +5,7 @@ import pytest
 
 from vtkmuscle.core.fibres.direction_field import NEIGHBOURS, DirectionField
 from vtkmuscle.core.mesh.polylines import fibre_directions_at, segment_distances
-from vtkmuscle.phantoms.winding_spindle import winding_fibre
+from vtkmuscle.phantoms.fibre_bodies import winding_fibre
 
 
 def lines_of(fibres):
