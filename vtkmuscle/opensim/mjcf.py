@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import NamedTuple
 from xml.etree.ElementTree import Element
 
 import numpy as np
@@ -14,7 +15,7 @@ from vtkmuscle.core.types import Floats
 from vtkmuscle.io.xml_elements import made, xml_text
 from vtkmuscle.io.xml_elements import numbers_text as _numbers
 from vtkmuscle.opensim.export_parts import FOLDER, NEEDED
-from vtkmuscle.opensim.functions import Constant, CoordinateFunction, Multiplier, Polynomial
+from vtkmuscle.opensim.functions import CoordinateFunction, Polynomial
 from vtkmuscle.opensim.muscle_paths import PointPath
 from vtkmuscle.opensim.osim_text import CYLINDER, GYRATION, MuscleOut
 from vtkmuscle.opensim.tree import Joint, JointAxis, KinematicTree
@@ -67,76 +68,74 @@ def mjcf_of(
     ValueError
         If there is what MuJoCo has not: splines, paths that are functions, points that move or come and go.
     """
-    joints = {joint.child: joint for joint in tree.joints}
-    model = _Model({one.name for one in tree.coordinates})
     for muscle in muscles:
         _check(muscle)
+    joints = _Joints(set(), [])
     sites = list(_sites(muscles))
-    shown = meshes or {}
 
     def inside(name: str) -> Iterator[Element]:
         """Give what is in a body: its meshes and sites, and the bodies that hang on it."""
-        yield from (made("geom", type="mesh", mesh=mesh, **_PASSIVE) for mesh in shown.get(name, ()))
+        for mesh in (meshes or {}).get(name, ()):
+            yield made("geom", type="mesh", mesh=mesh, **_PASSIVE)
         yield from (element for on, element in sites if on == name)
-        for child, joint in joints.items():
+        for joint in tree.joints:
             if joint.parent == name:
-                yield _body(joint, inside(child), model, (masses or {}).get(child, LEAST_MASS))
+                mass = (masses or {}).get(joint.child, LEAST_MASS)
+                yield _body(joint, inside(joint.child), joints, mass)
 
     world = list(inside(tree.root))
     for one in tree.couplings:
-        model.couple(one.dependent, one.independent, one.function)
-    missing = sorted(model.coordinates - model.joints)
+        joints.couple(one.dependent, one.independent, one.function)
+    missing = sorted({one.name for one in tree.coordinates} - joints.names)
     if missing:
         raise InputError("", f"no joint is the coordinate {missing[0]!r} itself, as MuJoCo needs it")
-    names = [mesh for found in shown.values() for mesh in found]
+    files = [mesh for of_body in (meshes or {}).values() for mesh in of_body]
     pulled = [one for one in muscles if lengths is not None and set(NEEDED) <= set(one.parameters)]
     return xml_text(
         made(
             "mujoco",
             made("compiler", angle="radian", autolimits="true", meshdir=FOLDER),
-            made("asset", *(made("mesh", name=mesh, file=f"{mesh}.stl") for mesh in names)),
+            made("asset", *(made("mesh", name=mesh, file=f"{mesh}.stl") for mesh in files)),
             made("worldbody", *world),
             made("tendon", *(made("spatial", *_way(one), name=one.name) for one in muscles)),
             made("actuator", *(_actuator(one, (lengths or {})[one.name]) for one in pulled)),
-            made("equality", *model.equalities),
+            made("equality", *joints.equalities),
             model=name,
         )
     )
 
 
-class _Model:
-    """Joints and equalities that have been written."""
+class _Joints(NamedTuple):
+    """Names of the joints that have been written, and equalities between them."""
 
-    def __init__(self, coordinates: set[str]) -> None:
-        self.coordinates = coordinates
-        self.joints: set[str] = set()
-        self.equalities: list[Element] = []
+    names: set[str]
+    equalities: list[Element]
 
     def couple(self, dependent: str, independent: str, function: CoordinateFunction) -> None:
-        coefficients = _polynomial(function, dependent)
         low_first = np.zeros(_HIGHEST + 1)
-        low_first[: len(coefficients)] = coefficients[::-1]
+        coefficients = _polynomial(function, dependent)[::-1]
+        low_first[: len(coefficients)] = coefficients
         numbers = _numbers(low_first)
         self.equalities.append(made("joint", joint1=dependent, joint2=independent, polycoef=numbers))
 
 
-def _body(joint: Joint, inner: Iterable[Element], model: _Model, mass: float) -> Element:
+def _body(joint: Joint, inner: Iterable[Element], joints: _Joints, mass: float) -> Element:
     """Return a child's body: a frame at the joint, which moves, with the child's own frame in it."""
     back = inverses(joint.child_frame[None])[0]
     parts = []
     shift = np.zeros(3)
     for kind, axes in (("slide", joint.translations), ("hinge", joint.rotations)):
         for number, axis in enumerate(axes, start=1):
-            if axis.coordinate is None:
-                far = float(axis.at({}, 1)[0])
-                if kind == "slide":
-                    shift = shift + far * axis.axis
-                elif far:
-                    raise InputError(
-                        "", f"joint {joint.name!r} has a constant turn, which is not written for MuJoCo"
-                    )
+            if axis.coordinate is not None:
+                parts.append(_axis(joint, f"{kind}{number}", axis, axis.coordinate, joints))
                 continue
-            parts.append(_axis(joint, kind, number, axis, model))
+            far = float(axis.at({}, 1)[0])
+            if kind == "slide":
+                shift = shift + far * axis.axis
+            elif far:
+                raise InputError(
+                    "", f"joint {joint.name!r} has a constant turn, which is not written for MuJoCo"
+                )
     place = joint.parent_frame[:3, 3] + joint.parent_frame[:3, :3] @ shift
     turn, own = (_quaternion(frame[:3, :3]) for frame in (joint.parent_frame, back))
     child = made("body", _inertial(mass), *inner, name=joint.child, pos=_numbers(back[:3, 3]), quat=own)
@@ -144,25 +143,19 @@ def _body(joint: Joint, inner: Iterable[Element], model: _Model, mass: float) ->
     return made("body", *parts, _inertial(LEAST_MASS), child, name=name, pos=_numbers(place), quat=turn)
 
 
-def _axis(joint: Joint, kind: str, number: int, axis: JointAxis, model: _Model) -> Element:
-    assert axis.coordinate is not None
-    coefficients = _polynomial(axis.function, f"{joint.name}, {kind} {number}")
-    itself = np.array_equal(coefficients, [1.0, 0.0]) and axis.coordinate not in model.joints
-    name = axis.coordinate if itself else f"{joint.name}_{kind}{number}"
-    model.joints.add(name)
+def _axis(joint: Joint, label: str, axis: JointAxis, coordinate: str, joints: _Joints) -> Element:
+    coefficients = _polynomial(axis.function, f"{joint.name}, {label}")
+    itself = np.array_equal(coefficients, [1.0, 0.0]) and coordinate not in joints.names
+    name = coordinate if itself else f"{joint.name}_{label}"
+    joints.names.add(name)
     if not itself:
-        model.couple(name, axis.coordinate, axis.function)
-    return made("joint", name=name, type=kind, axis=_numbers(axis.axis))
+        joints.couple(name, coordinate, axis.function)
+    return made("joint", name=name, type=label[:-1], axis=_numbers(axis.axis))
 
 
 def _polynomial(function: CoordinateFunction, what: str) -> Floats:
-    factor = 1.0
-    while isinstance(function, Multiplier):
-        factor, function = factor * function.factor, function.function
-    if isinstance(function, Constant):
-        return np.array([factor * function.value])
     if isinstance(function, Polynomial) and len(function.coefficients) <= _HIGHEST + 1:
-        return factor * function.coefficients
+        return function.coefficients
     kind = type(function).__name__
     raise InputError("", f"{what}: MuJoCo has polynomials up to power {_HIGHEST} only, not {kind}")
 
