@@ -38,8 +38,8 @@ _BODY_KEYS = (
     *("mass", "mass_center", "inertia", *_INERTIA, "Joint", "VisibleObject", "WrapObjectSet"),
     *("FrameGeometry", "attached_geometry", "components", "frames"),
 )
-#: Metres per unit of length that a model may name.
-_METRES = {"meters": 1.0, "metres": 1.0, "m": 1.0, "": 1.0, "millimeters": 1e-3, "mm": 1e-3}
+#: Names of the unit of length, of which a file may give none.
+_METRES = ("meters", "metres", "m", "")
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,9 +138,8 @@ def read_osim(path: str | PathLike[str]) -> OsimModel:
     model.only(_MODEL_KEYS)
     units = model.word("length_units")
     if units not in _METRES:
-        raise model.need("length_units").error(f"there is no unit {units!r}", "give meters")
-    if _METRES[units] != 1.0:
-        raise model.error("lengths other than metres are not understood", "convert the model to metres")
+        problem = f"there is no unit {units!r} here: lengths must be in metres"
+        raise model.need("length_units").error(problem, "convert the model to meters")
     return _model_in(model)
 
 
