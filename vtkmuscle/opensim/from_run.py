@@ -311,7 +311,10 @@ def _run_of(source: Path, result: Result | None) -> _Run:
 def _exported(
     run: _Run, asked: Export, theirs: Mapping[str, Mapping[str, float]], names: Mapping[str, str]
 ) -> list[ExportedMuscle]:
-    """Return the muscles of a run as paths; those of ``names`` have other names, and properties there."""
+    """Return the muscles of a run as paths.
+
+    Muscles in ``names`` have the names of the muscles that they replace, whose properties are ``theirs``.
+    """
     result, muscles = run.result, run.scene.muscles
     if unknown := sorted({*theirs, *asked.parameters} - {*muscles}):
         raise InputError("", f"the scene has no muscle {unknown[0]!r}", f"it has {', '.join(muscles)}")

@@ -1,6 +1,7 @@
 """Functions of one coordinate: how far a joint turns or slides, and where a point of a path is.
 
-They are those of OpenSim's models, with its conventions at the ends of splines, and its files.
+The kinds are those of OpenSim's models, with its conventions at the ends of splines; they are read from its
+files, and written to them.
 """
 
 from __future__ import annotations

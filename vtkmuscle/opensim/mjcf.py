@@ -22,9 +22,9 @@ from vtkmuscle.opensim.tree import Joint, JointAxis, KinematicTree
 
 #: Highest power of a coupling in MuJoCo.
 _HIGHEST = 4
-#: Mass of what has none [kg].
+#: Mass of a body for which none is given [kg].
 LEAST_MASS = 0.001
-#: What is seen, and neither touches nor weighs anything.
+#: Attributes of geometry that is seen, and neither touches nor weighs anything.
 _PASSIVE = {"contype": "0", "conaffinity": "0", "mass": "0", "rgba": "0.8 0.75 0.7 0.5"}
 
 
@@ -56,7 +56,8 @@ def mjcf_of(
     meshes : mapping of str to sequence of str, optional
         Of the bodies: names of .stl files, without suffix, in the folder ``Geometry`` beside the model.
     lengths : mapping of str to array, optional
-        Those that a muscle's tendon has [m], by its name: with them, and Hill's parameters, it gets a muscle.
+        Of tendons in the poses of a run [m], by muscle: with them, and Hill's parameters, a tendon gets a
+        muscle.
 
     Returns
     -------
@@ -66,15 +67,14 @@ def mjcf_of(
     Raises
     ------
     ValueError
-        If there is what MuJoCo has not: splines, paths that are functions, points that move or come and go.
+        For what MuJoCo does not have: splines, paths that are functions, points that move or come and go.
     """
-    for muscle in muscles:
-        _check(muscle)
+    paths = {muscle.name: _path_of(muscle) for muscle in muscles}
     joints = _Joints(set(), [])
-    sites = list(_sites(muscles))
+    sites = [site for muscle, path in paths.items() for site in _sites(muscle, path)]
 
     def inside(name: str) -> Iterator[Element]:
-        """Give what is in a body: its meshes and sites, and the bodies that hang on it."""
+        """Give the elements in a body: its meshes and sites, and the bodies that hang on it."""
         for mesh in (meshes or {}).get(name, ()):
             yield made("geom", type="mesh", mesh=mesh, **_PASSIVE)
         yield from (element for on, element in sites if on == name)
@@ -97,7 +97,7 @@ def mjcf_of(
             made("compiler", angle="radian", autolimits="true", meshdir=FOLDER),
             made("asset", *(made("mesh", name=mesh, file=f"{mesh}.stl") for mesh in files)),
             made("worldbody", *world),
-            made("tendon", *(made("spatial", *_way(one), name=one.name) for one in muscles)),
+            made("tendon", *(made("spatial", *_tendon(*one), name=one[0]) for one in paths.items())),
             made("actuator", *(_actuator(one, (lengths or {})[one.name]) for one in pulled)),
             made("equality", *joints.equalities),
             model=name,
@@ -160,36 +160,34 @@ def _polynomial(function: CoordinateFunction, what: str) -> Floats:
     raise InputError("", f"{what}: MuJoCo has polynomials up to power {_HIGHEST} only, not {kind}")
 
 
-def _check(muscle: MuscleOut) -> None:
+def _path_of(muscle: MuscleOut) -> PointPath:
     path = muscle.path
     if not isinstance(path, PointPath):
         raise InputError(
             "", f"muscle {muscle.name!r} is a function of coordinates, which MuJoCo has not; give points"
         )
-    for point in path.points:
-        if point.moves or point.only_in is not None:
-            raise InputError("", f"muscle {muscle.name!r}: MuJoCo has no points that move, or come and go")
+    if any(point.moves or point.only_in is not None for point in path.points):
+        raise InputError("", f"muscle {muscle.name!r}: MuJoCo has no points that move, or come and go")
+    return path
 
 
-def _sites(muscles: Sequence[MuscleOut]) -> Iterator[tuple[str, Element]]:
-    """Give what paths go over and round: bodies, and elements on them."""
-    for muscle in muscles:
-        assert isinstance(muscle.path, PointPath)
-        for i, point in enumerate(muscle.path.points, start=1):
-            yield point.body, made("site", name=f"{muscle.name}-P{i}", pos=_numbers(point.place))
-        for i, one in enumerate(muscle.path.cylinders, start=1):
-            turn, size = _quaternion(one.frame), _numbers([one.radius, CYLINDER / 2.0])
-            where = {"pos": _numbers(one.centre), "quat": turn, "size": size, "group": "3"}
-            yield one.body, made("geom", name=f"{muscle.name}-C{i}", type="cylinder", **where, **_PASSIVE)
+def _sites(muscle: str, path: PointPath) -> Iterator[tuple[str, Element]]:
+    """Give the points and cylinders of a path: bodies, and elements on them."""
+    for i, point in enumerate(path.points, start=1):
+        yield point.body, made("site", name=f"{muscle}-P{i}", pos=_numbers(point.place))
+    for i, one in enumerate(path.cylinders, start=1):
+        turn, size = _quaternion(one.frame), _numbers([one.radius, CYLINDER / 2.0])
+        where = {"pos": _numbers(one.centre), "quat": turn, "size": size, "group": "3"}
+        yield one.body, made("geom", name=f"{muscle}-C{i}", type="cylinder", **where, **_PASSIVE)
 
 
-def _way(muscle: MuscleOut) -> Iterator[Element]:
-    assert isinstance(muscle.path, PointPath)
-    round_it = {one.after: i for i, one in enumerate(muscle.path.cylinders, start=1)}
-    for i in range(len(muscle.path.points)):
-        yield made("site", site=f"{muscle.name}-P{i + 1}")
+def _tendon(muscle: str, path: PointPath) -> Iterator[Element]:
+    """Give the points and cylinders of a path in the order in which it goes over them."""
+    round_it = {one.after: i for i, one in enumerate(path.cylinders, start=1)}
+    for i in range(len(path.points)):
+        yield made("site", site=f"{muscle}-P{i + 1}")
         if i in round_it:
-            yield made("geom", geom=f"{muscle.name}-C{round_it[i]}")
+            yield made("geom", geom=f"{muscle}-C{round_it[i]}")
 
 
 def _actuator(muscle: MuscleOut, lengths: Floats) -> Element:

@@ -26,7 +26,7 @@ from vtkmuscle.opensim.elements import (
 )
 from vtkmuscle.opensim.tree import KinematicTree
 
-#: Parts of a model that say nothing of where bodies are and muscles run; what is in them is named.
+#: Parts of a model that do not decide where bodies are and muscles run; their contents are listed only.
 _NOT_USED = ("ControllerSet", "ContactGeometrySet", "ProbeSet")
 _MODEL_KEYS = (
     *("credits", "publications", "length_units", "force_units", "gravity", "assembly_accuracy", "defaults"),
@@ -63,24 +63,24 @@ class BodyMesh:
 
 @dataclass(frozen=True, eq=False)
 class OsimModel:
-    """What is understood of a model: lengths in metres, angles in radians.
+    """A model of OpenSim as far as it is understood: lengths in metres, angles in radians.
 
     Attributes
     ----------
     name : str
-        Of the model.
+        Name of the model.
     tree : KinematicTree
         Its bodies and joints; the root is the ground.
     markers : tuple of Marker
         Points on bodies.
     muscles : dict of str to OsimMuscle
-        All that acts along a path, by name.
+        Muscles and other actuators along a path, by name.
     meshes : tuple of BodyMesh
         Names of files.
     joint_of : dict of str to str
         The joint of each coordinate.
     not_used : tuple of str
-        Parts of the file that say nothing of where bodies are and muscles run: forces without a path,
+        Parts of the file that do not decide where bodies are and muscles run: forces without a path,
         controllers, contact geometry and probes.
     """
 
@@ -120,8 +120,8 @@ def read_osim(path: str | PathLike[str]) -> OsimModel:
     FileNotFoundError
         If there is no such file.
     ValueError
-        If it is no model, or there is something that decides where bodies are and is not understood; the
-        message names it and its line.
+        If it is no model, or a part that decides where bodies are is not understood; the message names the
+        part and its line.
 
     References
     ----------

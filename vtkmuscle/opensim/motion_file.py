@@ -82,9 +82,9 @@ class MotionFile:
 def read_motion_file(path: str | PathLike[str]) -> MotionFile:
     r"""Read a .mot or .sto file of OpenSim or SIMM.
 
-    The header may have the lines of either program; what counts are the labels after ``endheader`` and the
-    rows below. Where the header counts other rows a warning says so. A file without a version is old, and
-    has its angles in degrees, as OpenSim takes it.
+    The header may have the lines of either program; the labels follow ``endheader``, and the rows follow
+    these. Where the header counts other rows there is a warning. A file without a version is old, and has its
+    angles in degrees, as in OpenSim.
 
     Parameters
     ----------
@@ -101,8 +101,7 @@ def read_motion_file(path: str | PathLike[str]) -> MotionFile:
     FileNotFoundError
         If there is no such file.
     ValueError
-        If it is no such table, or has rows that are not of finite numbers, or times that do not ascend; the
-        message names the line.
+        If it is no such table, a number is not finite, or times do not ascend; the message names the line.
 
     Examples
     --------

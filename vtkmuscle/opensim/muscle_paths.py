@@ -114,7 +114,7 @@ class Cylinder:
 class PointPath:
     """Straight lines from point to point, origin to insertion, and round cylinders.
 
-    ``wraps`` are names of surfaces that it winds round, which is not computed here; ``cylinders`` those that
+    ``wraps`` are names of OpenSim's surfaces that it winds round, which is not computed here; ``cylinders``
     are, one at most between two points.
     """
 
@@ -181,7 +181,10 @@ class PointPath:
         held: Mapping[str, Floats],
         ranges: Mapping[str, tuple[float, float] | None],
     ) -> Floats:
-        """Return the length (f,) where the bodies are known (f, 4, 4), and what points go by."""
+        """Return the length (f,) for poses of the bodies (f, 4, 4).
+
+        Points move by the values ``full`` (f,) of the coordinates, and count by the values ``held`` (f,).
+        """
         frames = len(next(iter(poses.values())))
         winds = {one.after: one for one in self.cylinders}
         total = np.zeros(frames)

@@ -297,7 +297,7 @@ def _coordinate(one: JointCoordinate) -> Element:
 
 
 def _transform_axes(joint: Joint) -> Iterator[Element]:
-    """Give the elements of three turns and three slides; those that a joint does not have do not move."""
+    """Give the elements of three turns and three slides, of which those that the joint lacks stay at 0."""
     still = Polynomial(np.array([0.0]))
     axes: list[JointAxis] = []
     for given in (joint.rotations, joint.translations):
@@ -310,7 +310,7 @@ def _transform_axes(joint: Joint) -> Iterator[Element]:
 
 
 def _further(given: list[Floats]) -> list[Floats]:
-    """Return directions that make three of those given, no two of them alike, as OpenSim wants them."""
+    """Return axes that complete the given ones to three, no two of them parallel, as OpenSim wants."""
     found: list[Floats] = []
     while len(given) + len(found) < 3:
         known = np.array([*given, *found]).reshape(-1, 3)

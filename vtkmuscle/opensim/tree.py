@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.motion.coordinates import ANGLES, TRANSLATIONS
-from vtkmuscle.core.motion.rigid import inverses, is_rigid, turns
+from vtkmuscle.core.motion.rigid import inverses, turns
 from vtkmuscle.core.types import Floats
 from vtkmuscle.core.words import suggestion
 from vtkmuscle.opensim.functions import CoordinateFunction
@@ -40,14 +40,6 @@ class JointCoordinate:
     rest: float = 0.0
     range: tuple[float, float] | None = None
     positive: str = ""
-
-    def __post_init__(self) -> None:
-        if self.unit not in ("rad", *TRANSLATIONS):
-            raise InputError(
-                "", f"the unit of coordinate {self.name!r} must be rad, mm, cm or m, not {self.unit!r}"
-            )
-        if not np.isfinite([self.rest, *(self.range or ())]).all():
-            raise InputError("", f"the rest and range of coordinate {self.name!r} must be finite numbers")
 
     @property
     def is_angle(self) -> bool:
@@ -113,11 +105,6 @@ class Joint:
     parent_frame: Floats = field(default_factory=lambda: np.eye(4))
     child_frame: Floats = field(default_factory=lambda: np.eye(4))
     kind: str = "custom"
-
-    def __post_init__(self) -> None:
-        for name in ("parent_frame", "child_frame"):
-            if not is_rigid(getattr(self, name)):
-                raise InputError("", f"joint {self.name!r}: its {name} must be a rotation and a translation")
 
     @property
     def axes(self) -> tuple[JointAxis, ...]:

@@ -1,11 +1,11 @@
-"""Procedural muscles and joints with known answers: the embedded data, made when asked for.
+"""Procedural muscles and joints with known answers, made on call: the package has no other data.
 
-Joints, from the simplest to the most like life; with what is known of the muscle's middle line in brackets:
+Joints, from the simplest to the most lifelike, with their known answers in brackets:
 
 * :func:`spindle_over_hinge` (length and moment arm of the straight line);
 * :func:`wrapping_cylinder`, a strap wound up and unwound (one moment arm at every angle);
-* :func:`hip`, the demo's: pelvis, femur and three muscles (the head of the femur); :func:`leg`, the whole of
-  it: three joints, ten muscles.
+* :func:`hip`, the demo's: pelvis, femur and three muscles (the head of the femur); :func:`leg`: three
+  joints, ten muscles.
 
 Fibres: :func:`fibre_block`, :func:`pennate_block` and :func:`pennate_belly` (lengths, pennation),
 :func:`winding_spindle` (twist).

@@ -57,7 +57,7 @@ class Sheet:
 
 
 def beside_bones(muscle: Solid, *bones: Solid) -> Solid:
-    """Return a muscle without what lies in bones."""
+    """Return a muscle, cut at bones."""
     for bone in bones:
         muscle = muscle.without(bone, CUT, gap=GAP)
     return muscle

@@ -56,7 +56,7 @@ class Solid:
         return Solid(field, self.lower, self.upper)
 
     def beside(self, centre: ArrayLike, normal: ArrayLike, blend: float) -> Solid:
-        """Return what lies behind a plane, against its normal, the rim rounded over ``blend`` [mm]."""
+        """Return the part behind a plane, against its normal, the rim rounded over ``blend`` [mm]."""
         c, n = _vector(centre), _vector(normal)
         n = n / np.linalg.norm(n)
 

@@ -33,7 +33,7 @@ JOINTS = {
 }
 #: Least and largest angles [degrees].
 LIMITS = {"hip_flexion": (-20.0, 90.0), "knee_flexion": (0.0, 90.0), "ankle_dorsiflexion": (-30.0, 20.0)}
-#: Height of a cord's end above its bone, as a part of its radius: what is below is cut off.
+#: Height of a cord's end above its bone, as a part of its radius; the part below is cut off.
 SUNK = 0.2
 
 _Row = list[float]

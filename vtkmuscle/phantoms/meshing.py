@@ -34,7 +34,7 @@ def _sampled(solid: Solid, spacing: float) -> tuple[Floats, Floats]:
     nearest = [(np.arange(count) + stride // 2) // stride for count in shape]
     fine: Floats = coarse[np.ix_(*nearest)]
     # Fields are no steeper than a distance, the coarse point is at most half a stride away per axis, and
-    # what counts is at most one edge from the surface.
+    # points matter up to one edge from the surface.
     near = np.abs(fine) < (stride / 2.0 * np.sqrt(3.0) + 1.5) * spacing
     fine[near] = solid.values(_grid(origin, shape, spacing)[near])
     return fine, origin
