@@ -263,10 +263,7 @@ def winding_spindle(twist: float = 60.0, *, n_superficial: int = 5) -> Phantom:
     lines = Polylines(np.vstack(seen), np.arange(0, SEEN_POINTS * n_superficial + 1, SEEN_POINTS))
     return phantom_from(
         "winding_spindle",
-        bones={
-            "origin_plate": box(low, high, SPACING),
-            "insertion_plate": box(low + up, high + up, SPACING),
-        },
+        bones={"origin_plate": box(low, high, SPACING), "insertion_plate": box(low + up, high + up, SPACING)},
         muscles={"spindle": solid_of_revolution(heights, radius_at(heights), SIDES)},
         areas={"spindle": ends("origin_plate", ring, "insertion_plate", np.add(ring, [0.0, 0.0, LENGTH]))},
         motion=_sliding("insertion_plate", (0, 0, -1)),
