@@ -19,7 +19,7 @@ import numpy as np
 from vtkmuscle import Scene, SceneError
 from vtkmuscle.core.machine import processors
 from vtkmuscle.io.writing import write_text
-from vtkmuscle.phantoms.hip_joint import HipShape, varied_hip
+from vtkmuscle.phantoms import hip
 from vtkmuscle.studies.cohort import Study, run_study
 from vtkmuscle.studies.cohort.table import curves, tables_of
 from vtkmuscle.studies.study import PARTS
@@ -63,10 +63,10 @@ def write_hip(folder: Path, shape: dict[str, float], frames: int) -> None:
     if (folder / "scene.toml").is_file():
         return
     axis = np.radians(shape["axis"])
-    hip_shape = HipShape(shape["head_radius"], shape["neck_angle"], shape["muscle_volume"])
+    varied = {name: shape[name] for name in ("head_radius", "neck_angle", "muscle_volume")}
     direction = -np.cos(axis), -np.sin(axis), 0.0
     for detail in _DETAILS:  # decimation leaves an edge with three triangles now and then
-        phantom = varied_hip(hip_shape, axis=direction, angles=np.linspace(0.0, 90.0, frames), detail=detail)
+        phantom = hip(axis=direction, angles=np.linspace(0.0, 90.0, frames), detail=detail, **varied)
         try:
             Scene.from_phantom(phantom, n_fibres=32, resolution=10).save(folder)
         except SceneError:

@@ -25,7 +25,6 @@ from vtkmuscle.data.label_images import label_image
 from vtkmuscle.filters import LabelSurfaces
 from vtkmuscle.labels import maps
 from vtkmuscle.phantoms import hip, label_map
-from vtkmuscle.phantoms.hip_joint import HipShape, varied_hip
 
 SIZES = {"1": 1.0, "1.5": 1.5, "1.5, rough": 1.5, "0.8, 0.8, 3": (0.8, 0.8, 3.0), "3": 3.0}
 
@@ -39,7 +38,7 @@ def far(surface, other):
 
 def accuracy():
     """Print volume and surface by voxel size: the worst of five surfaces."""
-    phantom = varied_hip(HipShape(), detail=2.5)
+    phantom = hip(detail=2.5)
     true = {**dict(blocks_of(phantom.bones)), **phantom.muscles}
     print("voxels [mm] | volume off [%] | surface to phantom [mm] | phantom to surface [mm]")
     for words, size in SIZES.items():
@@ -57,7 +56,7 @@ def accuracy():
 
 def paths():
     """Print by how much path lengths and moment arms are off, areas being estimated in both."""
-    phantom = varied_hip(HipShape(), angles=range(0, 61, 5), detail=2.5)
+    phantom = hip(angles=range(0, 61, 5), detail=2.5)
     scene = replace(Scene.from_phantom(phantom), model="paths")
     muscles = {
         name: replace(one, attachments=estimated_areas(one.surface, dict(scene.bones)))

@@ -20,7 +20,7 @@ from vtkmuscle.core.paths.via_rings import via_ring
 from vtkmuscle.data.arrays import blocks_of, point_array, points_of, polylines_of, triangles_of
 from vtkmuscle.data.attachments import attachments_of
 from vtkmuscle.filters import FixedPointDetector
-from vtkmuscle.phantoms.cylinder_wrap import RADIUS, STRAIGHT, THICKNESS
+from vtkmuscle.phantoms.one_hinge import RADIUS, STRAIGHT, THICKNESS
 from vtkmuscle.pipelines import decompose
 
 #: Fibres in a phantom: enough to be everywhere in it.

@@ -243,7 +243,7 @@ def test_slivered_tendon_has_its_volume_and_the_steps_of_the_caller():
 
 
 @pytest.mark.parametrize("clearance", [0.0, 3.5])
-@pytest.mark.parametrize("angle", [0.0, 5.0, 12.0, 30.0, 60.0])
+@pytest.mark.parametrize("angle", [0.0, 12.0, 60.0])
 def test_tendon_is_as_long_as_the_shortest_way_through_its_ring(angle, clearance):
     phantom = tendon_through_ring()
     origin, insertion, ring = attachments_of(phantom.attachments["muscle"], "test")

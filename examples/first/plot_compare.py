@@ -11,12 +11,12 @@ muscles are compared in the same way.
 import matplotlib.pyplot as plt
 
 import vtkmuscle
-from vtkmuscle.phantoms.hip_joint import HipShape, varied_hip
+from vtkmuscle.phantoms import hip
 
 runs = {}
 for radius in (21.0, 26.0):
-    hip = varied_hip(HipShape(head_radius=radius), angles=range(0, 91, 15), detail=0.4)
-    scene = vtkmuscle.Scene.from_phantom(hip, n_fibres=30).with_muscles("iliacus")
+    phantom = hip(head_radius=radius, angles=range(0, 91, 15), detail=0.4)
+    scene = vtkmuscle.Scene.from_phantom(phantom, n_fibres=30).with_muscles("iliacus")
     runs[f"head of {radius:g} mm"] = scene.run()
 compared = vtkmuscle.compare(runs)
 table = compared.table().where(run="head of 26 mm")

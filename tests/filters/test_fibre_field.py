@@ -8,7 +8,7 @@ from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 from vtkmuscle.data.arrays import Polylines, points_of, polylines_from, with_points
 from vtkmuscle.filters import FibreField, FibreSource, FibreTransport
 from vtkmuscle.phantoms import pennate_belly, spindle_over_hinge
-from vtkmuscle.phantoms.pennate_belly import ADVANCE, GAIN, THICKNESS
+from vtkmuscle.phantoms.fibre_bodies import ADVANCE, GAIN, THICKNESS
 
 #: The block's sides [mm].
 SIDES = np.array([20.0, 40.0, 120.0])

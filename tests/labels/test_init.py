@@ -12,9 +12,9 @@ from vtkmuscle.cli import app
 from vtkmuscle.data.arrays import blocks_of, points_of, with_points
 from vtkmuscle.io.writing import write_polydata
 from vtkmuscle.labels import page
-from vtkmuscle.phantoms.hip_joint import HipShape, varied_hip
+from vtkmuscle.phantoms import hip
 
-HIP = varied_hip(HipShape(), detail=0.5)
+HIP = hip(detail=0.5)
 METRES = 1e-3
 
 

@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 from vtkmuscle import Scene
 from vtkmuscle.cli import app
 from vtkmuscle.opensim import MuscleOut, check_model, osim_of, read_osim, write_opensim
-from vtkmuscle.opensim.functions import IDENTITY, Constant, PiecewiseLinear
+from vtkmuscle.opensim.functions import IDENTITY, PiecewiseLinear, Polynomial
 from vtkmuscle.opensim.muscle_paths import PathPoint, PointPath, moment_arm
 from vtkmuscle.opensim.tree import Joint, JointAxis, JointCoordinate, KinematicTree
 
@@ -45,8 +45,8 @@ def test_a_jump_is_found_where_a_point_comes(tmp_path):
 
 def test_a_moment_arm_jumps_where_a_point_begins_to_move(tmp_path):
     slides = PiecewiseLinear(np.array([-0.5, 0.3, 1.5]), np.array([0.06, 0.06, 0.2]))
-    still = Constant(0.05)
-    via = PathPoint("thigh", (0, 0, 0), (slides, still, Constant(0.0)), ("flexion",) * 3)
+    still = Polynomial([0.05])
+    via = PathPoint("thigh", (0, 0, 0), (slides, still, Polynomial([0.0])), ("flexion",) * 3)
     path, found = checked(tmp_path, via)
     assert "length jumps" not in found
     jump = found["moment arm jumps"]

@@ -8,8 +8,8 @@ from vtkmuscle.core.motion.rigid import frame_at
 from vtkmuscle.opensim.fitted_paths import fit_length, fit_points
 from vtkmuscle.opensim.functions import IDENTITY
 from vtkmuscle.opensim.muscle_paths import Cylinder, PathPoint, PointPath, moment_arm, powers, terms
+from vtkmuscle.opensim.scene_joints import grid_of
 from vtkmuscle.opensim.tree import Joint, JointAxis, JointCoordinate, KinematicTree
-from vtkmuscle.opensim.tree_motion import grid_of
 
 
 def leg():
@@ -141,7 +141,7 @@ def test_the_way_round_a_cylinder_is_tangents_and_an_arc():
     pose = np.tile(np.eye(4), (4, 1, 1))
     first = np.array([[-1.0, 1.0, 0.0], [1.0, 2.0, 0.0], [1.0, 2.0, 0.0], [1.0, 0.5, 0.0]])
     second = np.array([[3.0, 1.0, 3.0], [2.0, -np.sqrt(3.0), 0.0], [1.0, -2.0, 0.0], [1.0, -5.0, 0.0]])
-    ways = roller.lengths(pose, first, second)
+    ways, _ = roller.ways(pose, first, second)
     assert ways[0] == pytest.approx(5.0)  # touches: straight, 4 along and 3 up
     assert ways[1] == pytest.approx(2.0 * np.sqrt(3.0) + np.radians(150.0 - 120.0))
     assert ways[2] == pytest.approx(2.0 * np.sqrt(3.0) + np.pi - 2.0 * np.pi / 3.0)

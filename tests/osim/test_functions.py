@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from vtkmuscle.opensim.functions import CubicSpline, Multiplier, PiecewiseLinear, Polynomial
+from vtkmuscle.opensim.functions import CubicSpline, PiecewiseLinear, Polynomial
 
 
 @pytest.mark.parametrize("knots", [4, 5, 9])
@@ -43,4 +43,4 @@ def test_knots_that_do_not_ascend_are_refused():
 
 
 def test_a_multiple_is_that_many_times_its_function():
-    assert Multiplier(Polynomial([1.0, 2.0]), 3.0)(np.array([1.0])).tolist() == [9.0]
+    assert Polynomial([1.0, 2.0]).rescaled(1.0, 3.0)(np.array([1.0])).tolist() == [9.0]

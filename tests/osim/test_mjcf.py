@@ -5,7 +5,7 @@ import pytest
 
 from vtkmuscle.core.motion.rigid import frame_at
 from vtkmuscle.opensim import MuscleOut, mjcf_of
-from vtkmuscle.opensim.functions import IDENTITY, Constant, CubicSpline, Polynomial
+from vtkmuscle.opensim.functions import IDENTITY, CubicSpline, Polynomial
 from vtkmuscle.opensim.muscle_paths import FunctionPath, PathPoint, PointPath, moment_arm
 from vtkmuscle.opensim.tree import Coupling, Joint, JointAxis, JointCoordinate, KinematicTree
 
@@ -16,7 +16,7 @@ def leg():
         "ground",
         "femur",
         [JointAxis((0.1, 0.2, 1), IDENTITY, "flexion"), JointAxis((1, 0, 0), IDENTITY, "adduction")],
-        [JointAxis((0, 1, 0), IDENTITY, "pull"), JointAxis((1, 0, 0), Constant(0.02))],
+        [JointAxis((0, 1, 0), IDENTITY, "pull"), JointAxis((1, 0, 0), Polynomial([0.02]))],
         parent_frame=frame_at((0.1, 0.9, 0.0), (0.1, -0.4, 0.2)),
         child_frame=frame_at((0.0, 0.05, 0.01), (0.3, 0.1, 0.0)),
     )

@@ -10,10 +10,10 @@ import pytest
 from vtkmuscle.core.motion.rigid import frame_at
 from vtkmuscle.opensim import MuscleOut, enriched, osim_of, read_osim
 from vtkmuscle.opensim.fitted_paths import fit_length
-from vtkmuscle.opensim.functions import IDENTITY, CubicSpline, Multiplier, PiecewiseLinear, Polynomial
+from vtkmuscle.opensim.functions import IDENTITY, CubicSpline, PiecewiseLinear, Polynomial
 from vtkmuscle.opensim.muscle_paths import PathPoint, PointPath, moment_arm
+from vtkmuscle.opensim.scene_joints import grid_of
 from vtkmuscle.opensim.tree import Coupling, Joint, JointAxis, JointCoordinate, KinematicTree
-from vtkmuscle.opensim.tree_motion import grid_of
 
 needs_opensim = pytest.mark.skipif(
     importlib.util.find_spec("opensim") is None, reason="the extra opensim is not installed"
@@ -36,7 +36,7 @@ def leg():
         [JointAxis((0, 0, 1), IDENTITY, "knee"), JointAxis((1, 0, 0), Polynomial([0.05, 0.1, 0.0]), "knee")],
         [
             JointAxis((1, 0, 0), CubicSpline([-2, -1, 0, 1, 2], [0.01, 0.005, 0, 0.004, 0.006]), "knee"),
-            JointAxis((0, 1, 0), Multiplier(PiecewiseLinear([-2, -0.23, 2], [1, 0, 2]), 0.003), "knee"),
+            JointAxis((0, 1, 0), PiecewiseLinear([-2, -0.23, 2], [1, 0, 2]).rescaled(1.0, 0.003), "knee"),
         ],
         parent_frame=frame_at((0.0, -0.4, 0.0)),
     )

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from vtkmuscle.core.motion.rigid import frame_at, rotation_about
-from vtkmuscle.opensim.functions import IDENTITY, Constant, Polynomial
+from vtkmuscle.opensim.functions import IDENTITY, Polynomial
 from vtkmuscle.opensim.muscle_paths import FunctionPath, PathPoint, PointPath, moment_arm, powers, terms
 from vtkmuscle.opensim.tree import Coupling, Joint, JointAxis, JointCoordinate, KinematicTree
 
@@ -30,7 +30,7 @@ def leg():
         "femur",
         "patella",
         [JointAxis((0, 0, 1), IDENTITY, "slide")],
-        [JointAxis((1, 0, 0), Constant(40.0))],
+        [JointAxis((1, 0, 0), Polynomial([40.0]))],
         parent_frame=frame_at((0.0, -400.0, 0.0)),
     )
     names = [JointCoordinate(name) for name in ("flexion", "adduction", "knee", "slide")]

@@ -7,8 +7,8 @@ from numpy.typing import ArrayLike
 
 from vtkmuscle.core.motion.rigid import RigidMotion, apply_transform, rotation_about
 from vtkmuscle.core.types import Floats
-from vtkmuscle.phantoms.hinge_spindle import spindle
-from vtkmuscle.phantoms.phantom import Phantom, checked_poses, one_muscle
+from vtkmuscle.phantoms.one_hinge import spindle
+from vtkmuscle.phantoms.phantom import Phantom, checked_poses, phantom_from
 
 #: Centres of the muscle's flat ends [mm]: in front of the joint, which is at the origin, and to its left.
 ORIGIN = np.array([12.0, -32.0, 80.0])
@@ -51,12 +51,11 @@ def spindle_over_ball(*, coordinates: ArrayLike | None = None) -> Phantom:
     given = _net() if coordinates is None else coordinates
     poses = checked_poses(given, LIMITS, "spindle_over_ball")
     bones, muscle, areas = spindle((float(ORIGIN[0]), float(ORIGIN[1])))
-    return one_muscle(
+    return phantom_from(
         "spindle_over_ball",
-        "spindle",
-        muscle,
-        areas,
         bones=bones,
+        muscles={"spindle": muscle},
+        areas={"spindle": areas},
         motion=RigidMotion(
             np.arange(float(len(poses))), {"distal": np.array([turned(*pose) for pose in poses])}, np.zeros(3)
         ),

@@ -15,7 +15,7 @@ from vtkmuscle.core.motion.rigid import hinge
 from vtkmuscle.core.types import Floats
 from vtkmuscle.phantoms.implicit import Solid, ball, thick_curve
 from vtkmuscle.phantoms.meshing import mesh_of
-from vtkmuscle.phantoms.phantom import Phantom, Surface, ends, one_muscle
+from vtkmuscle.phantoms.phantom import Phantom, Surface, ends, phantom_from
 
 #: Centres of the muscle's ends (y, z) [mm]; the hinge is at the origin, its axis -x.
 ORIGIN = np.array([45.0, 100.0])
@@ -67,12 +67,11 @@ def flexor_over_brim(*, groove: float = 8.0) -> Phantom:
     at_rest = taut(0.0)
     start = _direction_at_start()
     rings = round_ring(ORIGIN, start, 0.75 * RADIUS), round_ring(INSERTION, at_rest.pull, 0.75 * RADIUS)
-    return one_muscle(
+    return phantom_from(
         "flexor_over_brim",
-        "flexor",
-        muscle,
-        ends("proximal", rings[0], "distal", rings[1]),
         bones=bones,
+        muscles={"flexor": muscle},
+        areas={"flexor": ends("proximal", rings[0], "distal", rings[1])},
         motion=hinge("distal", centre=(0, 0, 0), axis=(-1, 0, 0), angles=np.arange(0.0, 81.0, 2.0)),
         known={
             "length": lambda angle: taut(angle).length,

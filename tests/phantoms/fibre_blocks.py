@@ -11,8 +11,8 @@ from vtkmodules.vtkCommonDataModel import vtkPolyData
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import Polylines, polylines_from
-from vtkmuscle.phantoms import fibre_blocks
-from vtkmuscle.phantoms.fibre_blocks import (
+from vtkmuscle.phantoms import fibre_bodies
+from vtkmuscle.phantoms.fibre_bodies import (
     DEPTH,
     LENGTH,
     PLATE,
@@ -83,7 +83,7 @@ def fibre_block(kind: str) -> Phantom:
     (60.83, 9.46)
     """
     if kind in ("parallel", "pennate"):
-        return fibre_blocks.fibre_block(kind)
+        return fibre_bodies.fibre_block(kind)
     if kind not in ("bipennate", *_COURSES):
         allowed = ", ".join(map(repr, ("parallel", "pennate", "bipennate", *_COURSES)))
         raise InputError("fibre_block", f"kind is {kind!r}, but must be one of {allowed}")
@@ -99,7 +99,7 @@ def fibre_block(kind: str) -> Phantom:
     if kind == "fan":
         middle = np.array([WIDTH / 2.0, DEPTH / 2.0, LENGTH])
         insertion = middle + (insertion - middle) * [0.3, 0.5, 1.0]
-    seen = _seen() if kind == "curved" else None
+    seen = {"block": _seen()} if kind == "curved" else None
     return block(kind, {"origin_plate": level(0.0)}, insertion, bones, _bent(*_COURSES[kind]), seen)
 
 

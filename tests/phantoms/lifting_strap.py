@@ -7,12 +7,12 @@ from functools import cache
 import numpy as np
 
 from phantoms.planar import flexed
-from phantoms.straps import end_ring, strap
+from phantoms.straps import block, end_ring, strap
 from phantoms.taut_string import String, lever
 from vtkmuscle.core.motion.rigid import apply_transform, hinge, rotation_about
-from vtkmuscle.phantoms.implicit import block, rod, thick_curve
+from vtkmuscle.phantoms.implicit import rod, thick_curve
 from vtkmuscle.phantoms.meshing import mesh_of
-from vtkmuscle.phantoms.phantom import Phantom, Surface, ends, one_muscle
+from vtkmuscle.phantoms.phantom import Phantom, Surface, ends, phantom_from
 
 #: Radius of the bone's roller about the hinge, thickness and width of the strap [mm].
 RADIUS, THICKNESS, WIDTH = 20.0, 10.0, 30.0
@@ -43,12 +43,11 @@ def lifting_strap() -> Phantom:
     at_rest = fibre(0.0)
     upper = end_ring(at_rest.start, (0, -1), WIDTH, THICKNESS)
     lower = end_ring(at_rest.end, -at_rest.pull, WIDTH, THICKNESS)
-    return one_muscle(
+    return phantom_from(
         "lifting_strap",
-        "strap",
-        muscle,
-        ends("proximal", upper, "distal", lower),
         bones=bones,
+        muscles={"strap": muscle},
+        areas={"strap": ends("proximal", upper, "distal", lower)},
         motion=hinge("distal", centre=(0, 0, 0), axis=AXIS, angles=np.arange(0.0, 71.0, 2.0)),
         known={
             "length": lambda angle, depth=0.0: fibre(angle, depth).length,

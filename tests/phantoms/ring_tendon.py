@@ -14,9 +14,9 @@ from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.motion.rigid import hinge
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.attachments import VIA, AttachmentArea
-from vtkmuscle.phantoms.hinge_spindle import bone_with_arm
 from vtkmuscle.phantoms.meshing import mesh_of
-from vtkmuscle.phantoms.phantom import Phantom, Surface, ends, one_muscle
+from vtkmuscle.phantoms.one_hinge import bone_with_arm
+from vtkmuscle.phantoms.phantom import Phantom, Surface, ends, phantom_from
 
 #: Centres of the muscle's flat ends (y, z) [mm]; the hinge is at the origin, its axis -x.
 ORIGIN, INSERTION = np.array([-32.0, 80.0]), np.array([-32.0, -60.0])
@@ -51,12 +51,11 @@ def tendon_through_ring() -> Phantom:
     octagon = HALF / np.cos(np.pi / 8) * np.column_stack([np.cos(turns), np.sin(turns), np.zeros(8)])
     rings = round_ring(ORIGIN, (0, -1), 0.8 * RADII[0]), round_ring(INSERTION, (0, -1), 0.8 * TENDON)
     via = AttachmentArea(VIA, "proximal", in_space(RING[None]) + octagon, closed=True)
-    return one_muscle(
+    return phantom_from(
         "tendon_through_ring",
-        "muscle",
-        muscle,
-        [*ends("proximal", rings[0], "distal", rings[1]), via],
         bones=bones,
+        muscles={"muscle": muscle},
+        areas={"muscle": [*ends("proximal", rings[0], "distal", rings[1]), via]},
         motion=hinge("distal", centre=(0, 0, 0), axis=(-1, 0, 0), angles=np.arange(0.0, 61.0, 2.0)),
         known={
             "length": held_length,

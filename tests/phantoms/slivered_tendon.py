@@ -14,7 +14,7 @@ from vtkmuscle.core.motion.rigid import RigidMotion, rotation_about
 from vtkmuscle.core.types import Floats
 from vtkmuscle.phantoms.implicit import thick_sheet
 from vtkmuscle.phantoms.meshing import box, mesh_of, solid_of_revolution, volume_of_revolution
-from vtkmuscle.phantoms.phantom import Phantom, Surface, ends, one_muscle
+from vtkmuscle.phantoms.phantom import Phantom, Surface, ends, phantom_from
 
 #: Radii of the wedge's edge, which is round about the x axis, of the tendon and of the belly [mm].
 EDGE, TENDON, BELLY = 15.0, 3.0, 16.0
@@ -62,12 +62,11 @@ def slivered_tendon(*, pulls: ArrayLike | None = None) -> Phantom:
     bones, muscle = _surfaces()
     radius = float(_profile()[1][-1])
     upper, lower = (round_ring((-MIDDLE, z), (0, -1), 0.8 * r) for z, r in ((TOP, radius), (END, TENDON)))
-    return one_muscle(
+    return phantom_from(
         "slivered_tendon",
-        "muscle",
-        muscle,
-        ends("base", upper, "pulled", lower),
         bones=bones,
+        muscles={"muscle": muscle},
+        areas={"muscle": ends("base", upper, "pulled", lower)},
         motion=RigidMotion(times, {"pulled": np.array([_pulled(pull) for pull in times])}),
         known={
             "length": lambda pull: TOP - END + pull,

@@ -82,3 +82,18 @@ def cut_ends(solid: Solid, line: Floats) -> Solid:
 def _unit(vector: Floats) -> Floats:
     unit: Floats = vector / np.linalg.norm(vector)
     return unit
+
+
+def block(lower: ArrayLike, upper: ArrayLike, *, rim: float = 2.0) -> Solid:
+    """Return a box along the axes, its edges rounded over ``rim`` [mm]."""
+    low, high = np.asarray(lower, dtype=np.float64), np.asarray(upper, dtype=np.float64)
+
+    def face(points: Floats) -> tuple[Floats, Floats]:
+        return points[:, 0] - high[0], np.tile([1.0, 0.0, 0.0], (len(points), 1))
+
+    solid = Solid(face, low, high)
+    for axis in range(3):
+        normal = np.eye(3)[axis]
+        solid = solid.beside(low, -normal, rim)
+        solid = solid if axis == 0 else solid.beside(high, normal, rim)
+    return solid

@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from phantoms.planar import flexed
-from phantoms.straps import end_ring, strap
+from phantoms.straps import block, end_ring, strap
 from vtkmuscle.core.motion.rigid import RigidMotion, apply_transform, rotation_about
 from vtkmuscle.core.types import Floats
-from vtkmuscle.phantoms.implicit import block, rod, thick_curve
+from vtkmuscle.phantoms.implicit import rod, thick_curve
 from vtkmuscle.phantoms.meshing import mesh_of
-from vtkmuscle.phantoms.phantom import Phantom, Surface, checked_poses, ends, one_muscle
+from vtkmuscle.phantoms.phantom import Phantom, Surface, checked_poses, ends, phantom_from
 
 #: Radii of the rollers about the upper and the lower joint, thickness and width of the strap [mm].
 RADII, THICKNESS, WIDTH = (22.0, 14.0), 8.0, 26.0
@@ -79,12 +79,11 @@ def strap_over_two_joints(*, coordinates: ArrayLike | None = None) -> Phantom:
     transforms = [_transforms(*pose) for pose in poses]
     upper = end_ring(line[0], (0, -1), WIDTH, THICKNESS)
     lower = end_ring(line[-1], line[-1] - line[-2], WIDTH, THICKNESS)
-    return one_muscle(
+    return phantom_from(
         "strap_over_two_joints",
-        "strap",
-        muscle,
-        ends("proximal", upper, "distal", lower),
         bones=bones,
+        muscles={"strap": muscle},
+        areas={"strap": ends("proximal", upper, "distal", lower)},
         motion=RigidMotion(
             np.arange(float(len(poses))),
             {bone: np.array([table[bone] for table in transforms]) for bone in ("middle", "distal")},

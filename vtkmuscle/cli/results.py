@@ -111,7 +111,6 @@ def check(
     """
     with one_clear_error(out):
         from vtkmuscle.opensim import check_model, write_opensim
-        from vtkmuscle.opensim.checking import evaluated
 
         if (repair is None) != (scene is None) or (repair is not None and not replace):
             raise InputError(
@@ -123,7 +122,7 @@ def check(
                 typer.echo(f"{new.out.name}: {new}")
             model = repair
         found = check_model(model)
-        typer.echo(evaluated(found))
+        typer.echo(found)
         kinds = [one.what for one in found.findings]
         for one in found.findings:
             if "jumps" in one.what:

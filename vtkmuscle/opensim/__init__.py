@@ -1,8 +1,8 @@
 """Joints and OpenSim: models read and written, scenes with joints, muscles for other programs.
 
-The rest of the package does not need it: a scene that has joints or names a model asks for it, and so does
-the command. What is written is a :class:`~vtkmuscle.opensim.tree.KinematicTree` with paths, so that a test
-can ask the other program for the same lengths and moment arms.
+The rest of the package does not need it: only scenes with joints or a model use it, and the command. Models
+are written from a :class:`~vtkmuscle.opensim.tree.KinematicTree` with paths, so that a test can compare their
+lengths and moment arms with those of the other program.
 """
 
 import lazy_loader

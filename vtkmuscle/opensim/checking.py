@@ -10,27 +10,29 @@ from typing import Any
 
 import numpy as np
 
-from vtkmuscle.core.types import Floats
+from vtkmuscle.core.types import Floats, Ints
 from vtkmuscle.opensim.model import OsimModel, read_osim
 from vtkmuscle.opensim.muscle_paths import STEP, PointPath
 from vtkmuscle.opensim.tree import JointCoordinate
 from vtkmuscle.report.sections import Section, shown_rows, write_page
 from vtkmuscle.run.table import Table
 
-#: Poses of a sweep, and sweeps of each coordinate: with the others where they are by default, and elsewhere
-#: in their ranges, angles and slides at most so far away [rad, m].
+#: Poses of a sweep, and sweeps of each coordinate: with the others at their defaults, and elsewhere in their
+#: ranges, angles and slides at most so far away [rad, m].
 POSES, SWEEPS = 91, 8
 AWAY = {True: float(np.radians(30.0)), False: 0.02}
-#: Jumps of a length [m] and of a moment arm [m], and moment arms on both sides of zero [m], that are told.
+#: The least findings: jumps of a length and of a moment arm, and moment arms on both sides of zero [m].
 JUMP, ARM_JUMP, ARM = 0.5e-3, 5e-3, 2e-3
-#: A jump is what is left where the interval is halved so often.
+#: How often an interval is halved: a change of a length that is left then is a jump.
 HALVINGS = 16
-#: How far beside a jump its two moment arms are taken [rad or m].
+#: Distance from a jump at which its two moment arms are taken [rad or m].
 BESIDE = 1e-3
 #: Width and height of a curve [pixels].
 _SIZE = (220, 50)
-#: What a table of findings says.
+#: Columns of a table of findings.
 COLUMNS = ("muscle", "coordinate", "what", "size_mm", "at", "unit", "sweeps", "pose")
+#: Kinds of findings, the worst first.
+KINDS = ("length jumps", "moment arm jumps", "moment arm changes sign")
 
 #: Lengths of muscles (f,) for values of coordinates (f,).
 Lengths = Callable[[Sequence[str], Mapping[str, Floats]], dict[str, Floats]]
@@ -47,9 +49,9 @@ class Finding:
     what : str
         ``"length jumps"``, ``"moment arm jumps"`` or ``"moment arm changes sign"``.
     size : float
-        How far [m]; where the sign changes, the smaller of the greatest moment arms on either side.
+        The jump [m]; where the sign changes, the smaller of the greatest moment arms on either side.
     pose : dict of str to float
-        Where: of the coordinates that the muscle crosses [rad or m].
+        The coordinates that the muscle crosses, there [rad or m].
     sweeps : float
         Part of the sweeps that have it.
     values, arms : (n,) array
@@ -68,7 +70,7 @@ class Finding:
 
 @dataclass(frozen=True, eq=False)
 class ModelCheck:
-    """What was found in a model.
+    """The faults of a model's muscles.
 
     Attributes
     ----------
@@ -85,6 +87,18 @@ class ModelCheck:
     by_opensim: tuple[str, ...]
     not_checked: tuple[str, ...]
 
+    def __str__(self) -> str:
+        """Which muscles were evaluated, and by what."""
+        count = len(self.model.muscles)
+        own = count - len(self.by_opensim) - len(self.not_checked)
+        words = f"{own} of {count} muscles evaluated here"
+        if self.by_opensim:
+            words += f", {len(self.by_opensim)} that wind round surfaces by OpenSim"
+        if self.not_checked:
+            names = ", ".join(self.not_checked)
+            words += f"; not evaluated, for they wind round surfaces and OpenSim is not installed: {names}"
+        return words + "."
+
     def table(self) -> Table:
         """Return the findings, a row each; angles in degrees, sizes in millimetres."""
         return Table(COLUMNS, map(self._row, self.findings))
@@ -93,7 +107,7 @@ class ModelCheck:
         """Write the findings as one file of HTML, and as a table beside it; return the table."""
         drawings = [(f"{one.muscle}, {one.coordinate}: {one.what}", _curve(one)) for one in self.findings]
         sections = [
-            Section("Findings", evaluated(self), shown_rows(self.table()), words=True),
+            Section("Findings", str(self), shown_rows(self.table()), words=True),
             Section("Moment arms", "Over the sweep in which it is largest.", drawings=drawings),
         ]
         lead = "Where muscles jump, and where their moment arms change sign."
@@ -141,8 +155,7 @@ def check_model(path: str | PathLike[str]) -> ModelCheck:
     findings = list(_findings(model, [name for name in model.muscles if name not in winding], _own(model)))
     if theirs is not None:
         findings += _findings(model, winding, theirs)
-    order = ("length jumps", "moment arm jumps", "moment arm changes sign")
-    findings.sort(key=lambda one: (order.index(one.what), -one.size))
+    findings.sort(key=lambda one: (KINDS.index(one.what), -one.size))
     checked = () if theirs is None else winding
     return ModelCheck(model, tuple(findings), checked, winding if theirs is None else ())
 
@@ -150,21 +163,20 @@ def check_model(path: str | PathLike[str]) -> ModelCheck:
 def _findings(model: OsimModel, muscles: Sequence[str], lengths: Lengths) -> Iterator[Finding]:
     tree = model.tree
     crossed = {name: model.muscles[name].path.coordinates(tree) for name in muscles}
-    ranges = {one.name: one.range for one in tree.coordinates if one.name in tree.free}
+    free = [one for one in tree.coordinates if one.name in tree.free]
     random = np.random.default_rng(0)
-    for name, limits in ranges.items():
-        mine = [muscle for muscle in muscles if name in crossed[muscle]]
-        if limits is None or limits[0] >= limits[1] or not mine:
+    for swept in free:
+        mine = [muscle for muscle in muscles if swept.name in crossed[muscle]]
+        if swept.range is None or swept.range[0] >= swept.range[1] or not mine:
             continue
-        sweep = np.linspace(*limits, POSES)
-        others = {one.name: _others(one, random) for one in tree.coordinates if one.name in tree.free}
+        sweep = np.linspace(*swept.range, POSES)
+        others = {one.name: _others(one, random) for one in free}
         values = {one: np.repeat(column, POSES) for one, column in others.items()}
-        values[name] = np.tile(sweep, SWEEPS)
+        values[swept.name] = np.tile(sweep, SWEEPS)
         found = lengths(mine, values)
         for muscle in mine:
-            at = {one: others[one] for one in crossed[muscle]}
-            alone = _Alone(muscle, name, lengths, others)
-            yield from _of_muscle(alone, found[muscle].reshape(SWEEPS, POSES), sweep, at)
+            sweeps = _Sweeps(muscle, swept.name, lengths, others, crossed[muscle], sweep)
+            yield from sweeps.findings(found[muscle].reshape(SWEEPS, POSES))
 
 
 def _others(one: JointCoordinate, random: np.random.Generator) -> Floats:
@@ -175,80 +187,72 @@ def _others(one: JointCoordinate, random: np.random.Generator) -> Floats:
 
 
 @dataclass(frozen=True)
-class _Alone:
-    """A muscle in sweeps of a coordinate."""
+class _Sweeps:
+    """A muscle in sweeps (s,) of a coordinate over values (n,), each with its values of the others (s,)."""
 
     muscle: str
     coordinate: str
     lengths: Lengths
     others: Mapping[str, Floats]
+    crossed: Sequence[str]
+    values: Floats
 
-    def length(self, sweeps: Any, at: Floats) -> Floats:
-        """Return its lengths (n,) in sweeps (n,) at values (n,) of the coordinate."""
+    def length(self, sweeps: Ints, at: Floats) -> Floats:
+        """Return the lengths (k,) in sweeps (k,) at values (k,) of the coordinate."""
         values = {name: column[sweeps] for name, column in self.others.items()} | {self.coordinate: at}
         return self.lengths([self.muscle], values)[self.muscle]
 
-    def arm(self, sweeps: Any, at: Floats) -> Floats:
-        """Return its moment arms, likewise."""
+    def arm(self, sweeps: Ints, at: Floats) -> Floats:
+        """Return the moment arms, likewise."""
         ends = self.length(np.tile(sweeps, 2), np.concatenate([at - STEP, at + STEP])).reshape(2, -1)
         result: Floats = (ends[0] - ends[1]) / (2.0 * STEP)
         return result
 
-    def arm_jump(self, sweeps: Any, at: Floats) -> Floats:
-        """Return by how much they differ on the two sides of values, likewise."""
-        low, high = (self.arm(sweeps, at + side) for side in (-BESIDE, BESIDE))
-        return np.abs(high - low)
+    def findings(self, lengths: Floats) -> Iterator[Finding]:
+        """Give the worst finding of each kind, for the lengths (s, n) in the sweeps."""
+        step = self.values[1] - self.values[0]
+        steps = np.diff(lengths, axis=1)
+        arms, middles = -steps / step, (self.values[1:] + self.values[:-1]) / 2.0
 
+        def worst(what: str, sizes: Floats, least: float, sweeps: Ints, at: Floats) -> Iterator[Finding]:
+            real = sizes > least
+            if not real.any():
+                return
+            sizes, sweeps, at = sizes[real], sweeps[real], at[real]
+            i = int(sizes.argmax())
+            pose = {name: float(self.others[name][sweeps[i]]) for name in self.crossed}
+            pose[self.coordinate] = float(at[i])
+            part = len(np.unique(sweeps)) / SWEEPS
+            yield Finding(
+                self.muscle, self.coordinate, what, float(sizes[i]), pose, part, middles, arms[sweeps[i]]
+            )
 
-def _of_muscle(alone: _Alone, lengths: Floats, sweep: Floats, at: Mapping[str, Floats]) -> Iterator[Finding]:
-    step = sweep[1] - sweep[0]
-    steps = np.diff(lengths, axis=1)
-    arms, middles = -steps / step, (sweep[1:] + sweep[:-1]) / 2.0
-
-    def finding(what: str, sizes: Floats, sweeps: Any, where: Floats) -> Finding:
-        worst = int(sizes.argmax())
-        pose = {name: float(column[sweeps[worst]]) for name, column in at.items()}
-        pose[alone.coordinate] = float(where[worst])
-        part = len(np.unique(sweeps)) / SWEEPS
-        size = float(sizes[worst])
-        return Finding(alone.muscle, alone.coordinate, what, size, pose, part, middles, arms[sweeps[worst]])
-
-    # A step that is larger than both beside it may hold a jump, and so may a change of the slope.
-    bends = np.abs(np.diff(steps, axis=1))
-    nearby = np.pad(bends, ((0, 0), (1, 1)))
-    jumped = np.zeros(steps.shape, dtype=np.bool_)
-    sweeps, places = np.nonzero(np.maximum(nearby[:, 1:], nearby[:, :-1]) > JUMP / 2.0)
-    if len(sweeps):
-        sizes, where = _halved(
-            alone.length, sweeps, (sweep[places], sweep[places + 1]), _beside(steps)[sweeps, places] / step
-        )
-        real = sizes > JUMP
-        jumped[sweeps[real], places[real]] = True
-        if real.any():
-            yield finding("length jumps", sizes[real], sweeps[real], where[real])
-    sweeps, places = np.nonzero(bends / step > ARM_JUMP)
-    calm = ~(jumped[sweeps, places] | jumped[sweeps, places + 1])
-    sweeps, places = sweeps[calm], places[calm]
-    if len(sweeps):
-        _, where = _halved(
-            alone.arm,
-            sweeps,
-            (middles[places], middles[places + 1]),
-            _beside(np.diff(arms, axis=1))[sweeps, places] / step,
-        )
-        # A jump of the slope is twice in the steps beside it at most; more is noise of the length.
-        sizes = np.minimum(alone.arm_jump(sweeps, where), 2.0 * bends[sweeps, places] / step)
-        real = sizes > ARM_JUMP
-        if real.any():
-            yield finding("moment arm jumps", sizes[real], sweeps[real], where[real])
-    calm_arms = np.where(jumped, 0.0, arms)
-    sizes = np.minimum(calm_arms.max(axis=1), -calm_arms.min(axis=1))
-    sweeps = np.flatnonzero(sizes > ARM)
-    if len(sweeps):
-        signs = np.sign(calm_arms[sweeps])
-        changes = [np.flatnonzero(np.diff(row[row != 0.0]))[0] for row in signs]
-        where = np.array([middles[row != 0.0][i] for row, i in zip(signs, changes, strict=True)])
-        yield finding("moment arm changes sign", sizes[sweeps], sweeps, where)
+        # A step that is larger than both beside it may hold a jump, and so may a change of the slope.
+        bends = np.abs(np.diff(steps, axis=1))
+        nearby = np.pad(bends, ((0, 0), (1, 1)))
+        jumped = np.zeros(steps.shape, dtype=np.bool_)
+        sweeps, places = np.nonzero(np.maximum(nearby[:, 1:], nearby[:, :-1]) > JUMP / 2.0)
+        if len(sweeps):
+            ends = self.values[places], self.values[places + 1]
+            sizes, at = _halved(self.length, sweeps, ends, _beside(steps)[sweeps, places] / step)
+            jumped[sweeps, places] = sizes > JUMP
+            yield from worst(KINDS[0], sizes, JUMP, sweeps, at)
+        sweeps, places = np.nonzero((bends / step > ARM_JUMP) & ~(jumped[:, 1:] | jumped[:, :-1]))
+        if len(sweeps):
+            ends = middles[places], middles[places + 1]
+            slopes = _beside(np.diff(arms, axis=1))[sweeps, places] / step
+            _, at = _halved(self.arm, sweeps, ends, slopes)
+            low, high = (self.arm(sweeps, at + side) for side in (-BESIDE, BESIDE))
+            # A jump of the slope is twice in the steps beside it at most; more is noise of the length.
+            sizes = np.minimum(np.abs(high - low), 2.0 * bends[sweeps, places] / step)
+            yield from worst(KINDS[1], sizes, ARM_JUMP, sweeps, at)
+        calm = np.where(jumped, 0.0, arms)
+        sizes = np.minimum(calm.max(axis=1), -calm.min(axis=1))
+        sweeps = np.flatnonzero(sizes > ARM)
+        if len(sweeps):
+            moving = [(row != 0.0, np.sign(row)) for row in calm[sweeps]]
+            at = np.array([middles[some][np.flatnonzero(np.diff(signs[some]))[0]] for some, signs in moving])
+            yield from worst(KINDS[2], sizes[sweeps], ARM, sweeps, at)
 
 
 def _beside(steps: Floats) -> Floats:
@@ -258,11 +262,11 @@ def _beside(steps: Floats) -> Floats:
 
 
 def _halved(
-    quantity: Callable[[Any, Floats], Floats], sweeps: Any, ends: tuple[Floats, Floats], slopes: Floats
+    quantity: Callable[[Ints, Floats], Floats], sweeps: Ints, ends: tuple[Floats, Floats], slopes: Floats
 ) -> tuple[Floats, Floats]:
-    """Return what is left of the change of a quantity in intervals (n,) that are halved to where it is.
+    """Return the change of a quantity that is left in intervals (k,) when they are halved, and where it is.
 
-    Taken on is the half in which it changes by more than by its slope beside the interval.
+    Of each interval that half is kept in which the quantity changes by more than by its slope beside it.
     """
     low, high = (end.copy() for end in ends)
     first, last = quantity(sweeps, low), quantity(sweeps, high)
@@ -277,26 +281,27 @@ def _halved(
 
 
 def _own(model: OsimModel) -> Lengths:
-    """Return what computes lengths here."""
+    """Return the function that computes lengths here."""
     tree = model.tree
     ranges = {one.name: one.range for one in tree.coordinates}
 
     def lengths(muscles: Sequence[str], values: Mapping[str, Floats]) -> dict[str, Floats]:
         full = tree.completed(values)
         poses = tree.poses(full)
-        paths = {name: model.muscles[name].path for name in muscles}
-        return {
-            name: path.lengths_at(poses, full, full, ranges)
-            if isinstance(path, PointPath)
-            else path.lengths(tree, full)
-            for name, path in paths.items()
-        }
+        found = {}
+        for name in muscles:
+            path = model.muscles[name].path
+            if isinstance(path, PointPath):
+                found[name] = path.lengths_at(poses, full, full, ranges)
+            else:
+                found[name] = path.lengths(tree, full)
+        return found
 
     return lengths
 
 
 def _opensim_lengths(path: Path) -> Lengths | None:
-    """Return what asks OpenSim for lengths, None where it is not installed."""
+    """Return the function that asks OpenSim for lengths, None where it is not installed."""
     try:
         import opensim  # noqa: PLC0415 -- an extra
     except ImportError:
@@ -322,18 +327,6 @@ def _opensim_lengths(path: Path) -> Lengths | None:
         return dict(zip(muscles, found.T, strict=True))
 
     return lengths
-
-
-def evaluated(found: ModelCheck) -> str:
-    """Return which muscles were evaluated, and by what."""
-    own = len(found.model.muscles) - len(found.by_opensim) - len(found.not_checked)
-    words = f"{own} of {len(found.model.muscles)} muscles evaluated here"
-    if found.by_opensim:
-        words += f", {len(found.by_opensim)} that wind round surfaces by OpenSim"
-    if found.not_checked:
-        names = ", ".join(found.not_checked)
-        words += f"; not evaluated, for they wind round surfaces and OpenSim is not installed: {names}"
-    return words + "."
 
 
 def _curve(one: Finding) -> str:

@@ -10,13 +10,7 @@ import numpy as np
 from vtkmuscle.core.motion.rigid import frame_at
 from vtkmuscle.core.types import Floats
 from vtkmuscle.io.xml_elements import Element
-from vtkmuscle.opensim.functions import (
-    FUNCTIONS,
-    IDENTITY,
-    CoordinateFunction,
-    Multiplier,
-    function_in,
-)
+from vtkmuscle.opensim.functions import FUNCTIONS, IDENTITY, function_in
 from vtkmuscle.opensim.muscle_paths import FunctionPath, PathPoint, PointPath, powers
 from vtkmuscle.opensim.tree import Coupling, Joint, JointAxis, JointCoordinate
 
@@ -33,6 +27,8 @@ _PLAIN = {
 }
 _AXES = dict(zip("xyz", np.eye(3), strict=True))
 JOINTS = ("CustomJoint", *_PLAIN)
+#: Names of the axes of a CustomJoint, in their order.
+AXES = tuple(kind + number for kind in ("rotation", "translation") for number in "123")
 
 _JOINT_KEYS = (
     *("socket_parent_frame", "socket_child_frame", "socket_parent_offset_frame", "socket_child_offset_frame"),
@@ -49,58 +45,44 @@ _FRAME_KEYS = (
 )
 
 
-@dataclass
-class Frames:
-    """Frames of a model by name: the body of each, and where it is on it."""
-
-    ground: str = "ground"
-    on_bodies: dict[str, tuple[str, Floats]] = field(default_factory=dict)
-
-    def find(
-        self, path: str, asking: Element, own: dict[str, tuple[str, Floats]] | None = None
-    ) -> tuple[str, Floats]:
-        """Return the body and the place on it of the frame that a path of OpenSim ends with.
-
-        Raises
-        ------
-        InputError
-            If there is none.
-        """
-        name = path.strip().rstrip("/").rpartition("/")[2]
-        for known in (own or {}, self.on_bodies):
-            if name in known:
-                return known[name]
-        if name == self.ground:
-            return name, np.eye(4)
-        raise asking.error(f"there is no body or frame {name!r}")
+#: The body of each frame of a model, and the frame (4, 4) on it.
+Frames = dict[str, tuple[str, Floats]]
+GROUND = "ground"
 
 
-def offset_frames(elements: Sequence[Element], frames: Frames) -> dict[str, tuple[str, Floats]]:
-    """Return the PhysicalOffsetFrames among elements that hold nothing else, by name."""
-    own: dict[str, tuple[str, Floats]] = {}
+def frame_of(element: Element, frames: Frames) -> tuple[str, Floats]:
+    """Return the body, and the frame (4, 4) on it, that the path of OpenSim in an element ends with."""
+    name = element.text.strip().rstrip("/").rpartition("/")[2]
+    if name in frames:
+        return frames[name]
+    if name == GROUND:
+        return name, np.eye(4)
+    raise element.error(f"there is no body or frame {name!r}")
+
+
+def point_on(element: Element, frames: Frames) -> tuple[str, Floats]:
+    """Return the body of a point, and where it is on it (3,)."""
+    body, frame = frame_of(element.need("socket_parent_frame", "body"), frames)
+    return body, frame[:3, :3] @ element.need("location").numbers(3) + frame[:3, 3]
+
+
+def offset_frames(elements: Sequence[Element], frames: Frames) -> Frames:
+    """Return frames, and the PhysicalOffsetFrames among elements that hold nothing else."""
+    found = dict(frames)
     for element in elements:
         if element.tag != "PhysicalOffsetFrame":
             raise element.error("is not understood among frames")
         element.only(_FRAME_KEYS)
-        body, place = frames.find(element.need("socket_parent").text, element, own)
+        body, place = frame_of(element.need("socket_parent"), found)
         offset = frame_at(element.vector("translation"), element.vector("orientation"))
-        own[element.name] = (body, place @ offset)
-    return own
+        found[element.name] = (body, place @ offset)
+    return found
 
 
 def joint_in(
     element: Element, frames: Frames, child: str | None = None
 ) -> tuple[Joint, list[JointCoordinate]]:
-    """Return a joint and its coordinates.
-
-    Parameters
-    ----------
-    element : Element
-        Of a joint.
-    frames : Frames
-        Of the model.
-    child : str, optional
-        Its body, in files before version 4, in which joints stand in their bodies.
+    """Return a joint and its coordinates; before version 4 joints stand in their bodies, the children.
 
     Raises
     ------
@@ -112,57 +94,47 @@ def joint_in(
     element.only(_JOINT_KEYS)
     if element.flag("reverse"):
         raise element.error("joints with reverse = true are not understood", "exchange parent and child")
-    names = _coordinate_elements(element)
+    named = element.within("coordinates" if element.find("coordinates") else "CoordinateSet")
+    for one in named:
+        if one.tag != "Coordinate":
+            raise one.error("is not understood among coordinates")
     if element.tag == "CustomJoint":
         rotations, translations = _spatial_transform(element)
     else:
         turns, slides = _PLAIN[element.tag]
-        if len(names) != len(turns + slides):
-            raise element.error(f"has {len(names)} coordinates, but must have {len(turns + slides)}")
-        found = [
-            JointAxis(_AXES[letter], IDENTITY, one.name)
-            for letter, one in zip(turns + slides, names, strict=True)
-        ]
-        rotations, translations = found[: len(turns)], found[len(turns) :]
+        if len(named) != len(turns + slides):
+            raise element.error(f"has {len(named)} coordinates, but must have {len(turns + slides)}")
+        letters = zip(turns + slides, named, strict=True)
+        axes = [JointAxis(_AXES[letter], IDENTITY, one.name) for letter, one in letters]
+        rotations, translations = axes[: len(turns)], axes[len(turns) :]
     if child is None:
         own = offset_frames(element.within("frames"), frames)
-        asked = element.need("socket_parent_frame", "socket_parent_offset_frame")
-        parent, parent_frame = frames.find(asked.text, asked, own)
-        asked = element.need("socket_child_frame", "socket_child_offset_frame")
-        child, child_frame = frames.find(asked.text, asked, own)
+        parent, parent_frame = frame_of(
+            element.need("socket_parent_frame", "socket_parent_offset_frame"), own
+        )
+        child, child_frame = frame_of(element.need("socket_child_frame", "socket_child_offset_frame"), own)
     else:
-        asked = element.need("parent_body")
-        parent, _ = frames.find(asked.text, asked)
+        parent, _ = frame_of(element.need("parent_body"), frames)
         parent_frame = frame_at(element.vector("location_in_parent"), element.vector("orientation_in_parent"))
         child_frame = frame_at(element.vector("location"), element.vector("orientation"))
-    coordinates = [_coordinate(one, rotations) for one in names]
+    turned = {axis.coordinate for axis in rotations}
+    coordinates = [_coordinate(one, "rad" if one.name in turned else "m") for one in named]
     joint = Joint(
         element.name, parent, child, rotations, translations, parent_frame, child_frame, element.tag
     )
     return joint, coordinates
 
 
-def _coordinate_elements(element: Element) -> list[Element]:
-    found = element.within("coordinates" if element.find("coordinates") else "CoordinateSet")
-    for one in found:
-        if one.tag != "Coordinate":
-            raise one.error("is not understood among coordinates")
-    return found
-
-
-def _coordinate(element: Element, rotations: Sequence[JointAxis]) -> JointCoordinate:
+def _coordinate(element: Element, unit: str) -> JointCoordinate:
     element.only(_COORDINATE_KEYS)
     if element.flag("prescribed"):
         raise element.error("coordinates that are prescribed by a function of time are not understood")
-    turns = any(axis.coordinate == element.name for axis in rotations)
-    given = element.find("range")
-    low, high = (0.0, 0.0) if given is None else given.numbers(2)
-    return JointCoordinate(
-        element.name,
-        "rad" if turns else "m",
-        element.number("default_value" if element.find("default_value") else "initial_value", 0.0),
-        None if given is None else (float(low), float(high)),
-    )
+    rest = element.number("default_value" if element.find("default_value") else "initial_value", 0.0)
+    limits = None
+    if element.find("range") is not None:
+        low, high = element.vector("range", 2)
+        limits = float(low), float(high)
+    return JointCoordinate(element.name, unit, rest, limits)
 
 
 def _spatial_transform(element: Element) -> tuple[list[JointAxis], list[JointAxis]]:
@@ -174,13 +146,11 @@ def _spatial_transform(element: Element) -> tuple[list[JointAxis], list[JointAxi
         if axis.tag != "TransformAxis":
             raise axis.error("is not understood in a SpatialTransform")
         found[axis.name] = _transform_axis(axis)
-    known = [kind + number for kind in ("rotation", "translation") for number in "123"]
     for name in found:
-        if name not in known:
-            raise transform.error(f"there is no axis {name!r}", f"the axes are {', '.join(known)}")
-    rotations, translations = (
-        [found[one] for one in three if one in found] for three in (known[:3], known[3:])
-    )
+        if name not in AXES:
+            raise transform.error(f"there is no axis {name!r}", f"the axes are {', '.join(AXES)}")
+    rotations = [found[name] for name in AXES[:3] if name in found]
+    translations = [found[name] for name in AXES[3:] if name in found]
     return rotations, translations
 
 
@@ -201,13 +171,7 @@ def _transform_axis(element: Element) -> JointAxis:
 
 
 def coupling_in(element: Element) -> Coupling | None:
-    """Return what a CoordinateCouplerConstraint says; None where it is switched off.
-
-    Raises
-    ------
-    InputError
-        If it is another constraint, or there is something in it that is not understood.
-    """
+    """Return the coupling of a CoordinateCouplerConstraint; None where it is switched off."""
     if not element.flag("isEnforced", default=True) or element.flag("isDisabled"):
         return None
     if element.tag != "CoordinateCouplerConstraint":
@@ -220,9 +184,8 @@ def coupling_in(element: Element) -> Coupling | None:
     if len(names) != 1:
         raise element.error(f"depends on {len(names)} coordinates; functions of one are understood")
     function = function_in(element.need("coupled_coordinates_function"))
-    scale = element.number("scale_factor", 1.0)
     dependent = element.need("dependent_coordinate_name").text.strip()
-    return Coupling(dependent, names[0], function if scale == 1.0 else Multiplier(function, scale))
+    return Coupling(dependent, names[0], function.rescaled(1.0, element.number("scale_factor", 1.0)))
 
 
 #: Numbers of a muscle that are kept where they are given.
@@ -237,17 +200,7 @@ PARAMETERS = (
 
 @dataclass(frozen=True, eq=False)
 class OsimMuscle:
-    """A muscle, or another actuator along a path.
-
-    Attributes
-    ----------
-    name, kind : str
-        Its name, and its class in OpenSim.
-    path : PointPath or FunctionPath
-        Where it runs, in the model's unit.
-    parameters : dict of str to float
-        Those of :data:`PARAMETERS` that the file gives, in its units.
-    """
+    """A muscle, or another actuator along a path: its class in OpenSim, and the parameters that it gives."""
 
     name: str
     kind: str
@@ -256,13 +209,7 @@ class OsimMuscle:
 
 
 def muscle_in(element: Element, frames: Frames) -> OsimMuscle | None:
-    """Return the muscle that a force is; None where it has no path.
-
-    Raises
-    ------
-    InputError
-        If there is something in its path that is not understood.
-    """
+    """Return the muscle of a force; None where it has no path."""
     geometry = element.find("GeometryPath", "FunctionBasedPath")
     holder = element.find("path")
     if geometry is None and holder is not None:
@@ -289,43 +236,35 @@ _MOVING += [f"socket_{axis}_coordinate" for axis in "xyz"]
 
 
 def _point(element: Element, frames: Frames) -> PathPoint:
-    body_element = element.need("socket_parent_frame", "body")
-    body, frame = frames.find(body_element.text, body_element)
     if element.tag == "PathPoint":
         element.only(_POINT_KEYS)
-        return PathPoint(body, _placed(element, frame))
+        return PathPoint(*point_on(element, frames))
     if element.tag == "ConditionalPathPoint":
         element.only((*_POINT_KEYS, *_CONDITIONAL))
         low, high = element.need("range").numbers(2)
-        name = _name_of_coordinate(element.need("coordinate", "socket_coordinate"))
-        return PathPoint(body, _placed(element, frame), only_in=(name, float(low), float(high)))
+        name = last_part(element.need("coordinate", "socket_coordinate").text)
+        return PathPoint(*point_on(element, frames), only_in=(name, float(low), float(high)))
     if element.tag == "MovingPathPoint":
         element.only((*_POINT_KEYS, *_MOVING))
+        body, frame = frame_of(element.need("socket_parent_frame", "body"), frames)
         if not np.array_equal(frame, np.eye(4)):
             raise element.error("points that move on an offset frame are not understood", "give its body")
-        functions: list[CoordinateFunction | None] = []
-        names: list[str | None] = []
-        for axis in "xyz":
-            functions.append(function_in(element.need(f"{axis}_location")))
-            named = element.find(f"{axis}_coordinate", f"socket_{axis}_coordinate")
-            names.append(None if named is None else _name_of_coordinate(named) or None)
-        return PathPoint(body, np.zeros(3), functions, names)
+        functions = [function_in(element.need(f"{axis}_location")) for axis in "xyz"]
+        named = [element.word(f"{axis}_coordinate", f"socket_{axis}_coordinate") for axis in "xyz"]
+        return PathPoint(body, np.zeros(3), functions, [last_part(one) or None for one in named])
     raise element.error(
         "this kind of path point is not understood",
         "understood: PathPoint, ConditionalPathPoint, MovingPathPoint",
     )
 
 
-def _placed(element: Element, frame: Floats) -> Floats:
-    return frame[:3, :3] @ element.need("location").numbers(3) + frame[:3, 3]
-
-
-def _name_of_coordinate(element: Element) -> str:
-    return element.text.strip().rpartition("/")[2]
+def last_part(path: str) -> str:
+    """Return the name that a path of OpenSim ends with."""
+    return path.strip().rpartition("/")[2]
 
 
 def _function_path(element: Element) -> FunctionPath:
-    names = [path.rpartition("/")[2] for path in element.words("coordinate_paths")]
+    names = [last_part(path) for path in element.words("coordinate_paths")]
     bare = [child for child in element.children if child.name == "length_function"]
     candidates = element.within("length_function") or bare
     if len(candidates) != 1 or candidates[0].tag != "MultivariatePolynomialFunction":

@@ -1,9 +1,8 @@
-"""What goes along with paths into other programs: Hill's parameters, meshes, and slides in metres."""
+"""Parts of models of other programs beside the paths: muscles' properties and meshes."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,30 +11,21 @@ from vtkmodules.vtkCommonDataModel import vtkPolyData
 from vtkmodules.vtkFiltersCore import vtkQuadricDecimation
 
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.core.motion.coordinates import TRANSLATIONS
 from vtkmuscle.core.motion.rigid import apply_transform, inverses
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import points_of, triangles_of
 from vtkmuscle.io.writing import replacing
-from vtkmuscle.opensim.functions import Multiplier, stretched
-from vtkmuscle.opensim.tree import Coupling, JointAxis, JointCoordinate, KinematicTree
+from vtkmuscle.opensim.tree import KinematicTree
 
-#: Force per physiological cross-section [N/cm^2], where none is stated: Rajagopal et al. 2016,
+#: Force per physiological cross-section [N/cm^2], where none is given: Rajagopal et al. 2016,
 #: doi:10.1109/TBME.2016.2586891.
 SPECIFIC_TENSION = 60.0
-#: What a muscle cannot do without.
+#: Properties without which a muscle has no force.
 NEEDED = ("max_isometric_force", "optimal_fiber_length", "tendon_slack_length")
 
 
 def opensim_properties(hill: Mapping[str, float], metres: float) -> dict[str, float]:
-    """Return the properties of a muscle of OpenSim.
-
-    Parameters
-    ----------
-    hill : mapping of str to float
-        Hill's parameters by the names of :class:`~vtkmuscle.scene.joint_schema.Hill`.
-    metres : float
-        Of the scene's unit of length.
+    """Return the properties of a muscle of OpenSim for Hill's parameters in a scene, in metres per its unit.
 
     Examples
     --------
@@ -66,7 +56,7 @@ def completed_properties(
     share: float = 1.0,
     specific_tension: float = SPECIFIC_TENSION,
 ) -> dict[str, float]:
-    """Return the properties of a muscle of OpenSim, those that are not given from its architecture.
+    """Return the properties of a muscle of OpenSim: those given, the others from its architecture.
 
     Fibres have the length and pennation that were measured at rest, which are optimal unless the length of
     the sarcomeres is known; the tendon is slack there, so that fibres and tendon make up the path.
@@ -91,18 +81,17 @@ def completed_properties(
     InputError
         If no length is left for a tendon.
     """
-    found = dict(given)
-    fibre = share * architecture["fascicle_length_mm"]["mean"] / 1000.0
-    optimal = share * architecture.get("fascicle_length_normalised_mm", 1000.0 * fibre / share) / 1000.0
+    area = architecture["pcsa_without_tendon_mm2"] / 100.0
+    found = {**given, "max_isometric_force": given.get("max_isometric_force", specific_tension * area)}
+    mean = architecture["fascicle_length_mm"]["mean"]
+    fibre = share * mean / 1000.0
     ends = [architecture[f"fascicle_pennation_{end}_deg"]["mean"] for end in ("origin", "insertion")]
-    pennation = np.radians(np.mean(ends))
-    found.setdefault(
-        "max_isometric_force", specific_tension * architecture["pcsa_without_tendon_mm2"] / 100.0
-    )
+    pennation = float(np.radians(np.mean(ends)))
     if "optimal_fiber_length" in found:
         fibre = found["optimal_fiber_length"]
         pennation = found.get("pennation_angle_at_optimal", pennation)
     else:
+        optimal = share * architecture.get("fascicle_length_normalised_mm", mean) / 1000.0
         found["optimal_fiber_length"] = optimal
         inward = min(fibre * np.sin(pennation) / optimal, 0.99)
         found.setdefault("pennation_angle_at_optimal", float(np.arcsin(inward)))
@@ -134,25 +123,10 @@ def write_meshes(
     frame: str,
     metres: float,
 ) -> dict[str, list[str]]:
-    """Write surfaces as .stl files in the frames of bodies, in metres.
+    """Write surfaces as .stl files in ``Geometry``, in metres and in frames of bodies; return names by body.
 
-    Parameters
-    ----------
-    folder : Path
-        That of the model; the files are in its ``Geometry``.
-    surfaces : mapping of str to (str, vtkPolyData)
-        By the file's name without suffix: its body, and itself in the scene.
-    tree : KinematicTree
-        In metres, at rest where the scene is.
-    frame : str
-        The body whose frame at rest is the scene's.
-    metres : float
-        Of the scene's unit.
-
-    Returns
-    -------
-    dict of str to list of str
-        The names of each body's meshes, without suffix.
+    Each surface has a body, and is given in the scene, of so many metres per unit, by the name of its file
+    without suffix. The tree is in metres, at rest where the scene is, whose frame is that of a body at rest.
     """
     rest = tree.poses({})
     found: dict[str, list[str]] = {}
@@ -172,7 +146,7 @@ def write_meshes(
 
 
 def _with_fewer_triangles(surface: vtkPolyData) -> vtkPolyData:
-    """Return a surface, or one like it of at most so many triangles."""
+    """Return a surface, decimated where it has more than MOST_TRIANGLES triangles."""
     count = surface.GetNumberOfCells()
     if count <= MOST_TRIANGLES:
         return surface
@@ -182,63 +156,3 @@ def _with_fewer_triangles(surface: vtkPolyData) -> vtkPolyData:
     decimation.Update()
     found: vtkPolyData = decimation.GetOutput()
     return found
-
-
-def slides_in_metres(tree: KinematicTree) -> tuple[KinematicTree, dict[str, float]]:
-    """Return a tree that moves as it did, with its sliding coordinates in metres.
-
-    Parameters
-    ----------
-    tree : KinematicTree
-        With slides in any unit.
-
-    Returns
-    -------
-    tree : KinematicTree
-        The same poses for values times the factors.
-    factors : dict of str to float
-        Of each coordinate what its unit is, in metres; 1 for angles.
-
-    Examples
-    --------
-    >>> from vtkmuscle.opensim.functions import IDENTITY
-    >>> from vtkmuscle.opensim.export_parts import slides_in_metres
-    >>> from vtkmuscle.opensim.tree import Joint, JointAxis, JointCoordinate, KinematicTree
-    >>> slide = Joint("draw", "box", "drawer", translations=[JointAxis((1, 0, 0), IDENTITY, "out")])
-    >>> tree = KinematicTree("box", [slide], [JointCoordinate("out", "mm", range=(0.0, 300.0))])
-    >>> metres, factors = slides_in_metres(tree)
-    >>> metres.coordinates[0].range, factors
-    ((0.0, 0.3), {'out': 0.001})
-    """
-    factors = {one.name: 1.0 if one.is_angle else TRANSLATIONS[one.unit] / 1000.0 for one in tree.coordinates}
-
-    def of_metres(axis: JointAxis) -> JointAxis:
-        if axis.coordinate is None:
-            return axis
-        return replace(axis, function=stretched(axis.function, factors[axis.coordinate]))
-
-    joints = [
-        replace(
-            joint,
-            rotations=[of_metres(axis) for axis in joint.rotations],
-            translations=[of_metres(axis) for axis in joint.translations],
-        )
-        for joint in tree.joints
-    ]
-    couplings = [
-        Coupling(
-            one.dependent,
-            one.independent,
-            Multiplier(stretched(one.function, factors[one.independent]), factors[one.dependent]),
-        )
-        for one in tree.couplings
-    ]
-    coordinates = [_in_metres(one, factors[one.name]) for one in tree.coordinates]
-    return replace(tree, joints=joints, coordinates=coordinates, couplings=couplings), factors
-
-
-def _in_metres(one: JointCoordinate, factor: float) -> JointCoordinate:
-    if one.is_angle:
-        return one
-    limits = None if one.range is None else (factor * one.range[0], factor * one.range[1])
-    return replace(one, unit="m", rest=factor * one.rest, range=limits)

@@ -16,9 +16,9 @@ from vtkmuscle.opensim.muscle_paths import STEP, Cylinder, FunctionPath, PathPoi
 from vtkmuscle.opensim.tree import KinematicTree
 
 #: Parts of the values of each coordinate, at most. Poses of each but the outer two are held back, and the
-#: order chosen by how well they are foretold by the others: between the levels of a grid as well.
+#: order is chosen by the errors of a fit of the others there: between the levels of a grid as well.
 PARTS = 5
-#: A higher order must foretell held-back lengths better by this part, or it is not worth its terms.
+#: The part by which a higher order must lessen the error at held-back poses.
 WORTH = 0.05
 #: Terms of a polynomial, at most, for each number that is fitted.
 FILLED = 0.7
@@ -29,25 +29,12 @@ HIGHEST_ORDER = 6
 def fit_length(
     lengths: Floats, values: Mapping[str, Floats], arms: Mapping[str, Floats] | None = None
 ) -> FunctionPath:
-    """Return the polynomial of coordinates that gives a length best where it was not fitted.
+    """Return the polynomial of coordinates that gives lengths (f,) best in poses that it was not fitted to.
 
-    Where moment arms are known, its derivatives are fitted to them as its values are to the lengths, each
-    coordinate counted in half its range: few poses of a grid do then for several coordinates.
-
-    Parameters
-    ----------
-    lengths : (f,) array
-        In each pose.
-    values : mapping of str to (f,) array
-        Of the coordinates that it depends on [radians, or their unit of length]; those that do not change are
-        left out.
-    arms : mapping of str to (f,) array, optional
-        Moment arms -dl/dq by them.
-
-    Returns
-    -------
-    FunctionPath
-        Of the least order that is within 5 % of the best at the poses that were held back.
+    ``values`` (f,) are of the coordinates that it depends on [radians, or their unit of length]; those that
+    do not change are left out. Where moment arms -dl/dq (f,) are known, its derivatives are fitted to them
+    too, each coordinate counted in half its range: few poses of a grid do then for several coordinates. Its
+    order is the least whose error at poses that were held back is within 5 % of the best.
 
     Raises
     ------
@@ -142,10 +129,10 @@ def _unscaled(coefficients: Floats, middle: Sequence[float] | Floats, half: Floa
 
 #: A cylinder must leave less than this part of the error.
 WORTH_A_CYLINDER = 0.9
-#: Where on its part of the line a cylinder begins, in turn, and with which radii [m]: a bone's, a joint's.
+#: Where on its part of the line a cylinder is placed first, and with which radii [m]: a bone's, a joint's.
 PLACES = (0.25, 0.5, 0.75)
 RADII = (0.015, 0.04)
-#: What a length [m] and a direction change alike, as the search takes it.
+#: Steps of a length [m] and of a direction that the search takes for equal.
 SCALES = (0.01, 0.3)
 #: Steps of the search, at most; it is begun anew from each place of a cylinder.
 STEPS = 40
@@ -172,23 +159,14 @@ def fit_points(
     ----------
     line : (f, n, 3) array
         The mean of the fibres in each pose, in the frame of the tree's root [m].
-    tree : KinematicTree
-        The bodies [m].
-    values : mapping of str to (f,) array
-        Of its coordinates.
+    tree, values : KinematicTree, mapping of str to (f,) array
+        The bodies [m], and their coordinates in each pose.
     ends : (str, str)
         The bodies of origin and insertion.
-    lengths : (f,) array
-        Of the fibres, on the mean [m].
-    arms : mapping of str to (f,) array
-        Their moment arms by coordinates [m, 1 by a slide].
+    lengths, arms : (f,) array, mapping of str to (f,) array
+        Mean length of the fibres [m], and moment arms by coordinates [m, 1 by a slide].
     tolerance : float
-        Of what least squares leave, root mean square [m].
-
-    Returns
-    -------
-    PointPath
-        In metres. Its points are fixed to their bodies.
+        Largest error that is accepted, root mean square [m].
     """
     search = _Search(tree, values, lengths, arms)
     poses = tree.poses(tree.completed(values))
@@ -224,7 +202,7 @@ def fit_points(
 
 
 class _Search:
-    """What a path is to have, and where the bodies are in the poses in which it is to have it."""
+    """The lengths and moment arms that a path is fitted to, and the poses of the bodies there."""
 
     def __init__(
         self, tree: KinematicTree, values: Mapping[str, Floats], lengths: Floats, arms: Mapping[str, Floats]
@@ -242,21 +220,18 @@ class _Search:
         self.poses = tree.poses(self.full)
 
     def off(self, path: PointPath) -> Floats:
-        """Return by how much a path is longer, and its moment arms greater, in metres."""
+        """Return the errors of a path's lengths, and of its moment arms times half ranges [m]."""
         found = path.lengths_at(self.poses, self.full, self.full, {}).reshape(-1, self.frames)
         slopes = (found[1::2] - found[2::2]) / (2.0 * STEP)
         result: Floats = np.concatenate([found[0], (self.halves[:, None] * slopes).ravel()]) - self.wanted
         return result
 
     def error(self, path: PointPath) -> float:
-        """Return the root mean square of that."""
+        """Return their root mean square."""
         return float(np.sqrt((self.off(path) ** 2).mean()))
 
     def flips(self, path: PointPath) -> bool:
-        """Return whether a path goes round a cylinder one way in some poses and the other way in others.
-
-        Between these its moment arm jumps.
-        """
+        """Return whether a path goes round a cylinder both ways: its moment arm jumps in between."""
         places = path.places(self.poses, self.full, {})
         for one in path.cylinders:
             first, second = places[one.after : one.after + 2]
@@ -266,7 +241,7 @@ class _Search:
         return False
 
     def refined(self, path: PointPath) -> PointPath:
-        """Return the path with its via points and cylinders where they err least."""
+        """Return the path with the via points and cylinders that have the least error."""
         bodies = [point.body for point in path.points]
         first, last = path.points[0], path.points[-1]
         kept = path.cylinders

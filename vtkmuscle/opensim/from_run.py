@@ -9,19 +9,17 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.fibres.measures import group_errors, group_fibres
 from vtkmuscle.core.motion.rigid import inverses
-from vtkmuscle.core.types import Floats
+from vtkmuscle.core.types import Bools, Floats
 from vtkmuscle.io import write_text
 from vtkmuscle.io.parts import file_digest
 from vtkmuscle.opensim.export_parts import (
     SPECIFIC_TENSION,
     completed_properties,
     opensim_properties,
-    slides_in_metres,
     write_meshes,
 )
 from vtkmuscle.opensim.fitted_paths import fit_length, fit_points
@@ -40,8 +38,8 @@ from vtkmuscle.scene.motion import joints_of
 from vtkmuscle.scene.validation import validated
 from vtkmuscle.scenes import Scene
 
-#: What a path over points may leave of lengths and moment arms [m], root mean square, before a cylinder is
-#: added: less than meshes and landmarks are good for.
+#: Error of a path over points in lengths and moment arms [m], root mean square, above which a cylinder is
+#: added: less than that of meshes and landmarks.
 TOLERANCE = 0.5e-3
 _FORMS = ("functions", "points")
 #: A path without a muscle in OpenSim.
@@ -50,16 +48,16 @@ GEOMETRY_ONLY = "PathActuator"
 
 @dataclass(frozen=True, eq=False)
 class ExportedMuscle:
-    """A group of fibres as it was written, and how far that is from the run.
+    """A group of fibres as it was written, and its errors against the run.
 
     Attributes
     ----------
     muscle : str
         Of the scene.
     out : MuscleOut
-        What was written [m].
+        The muscle as written [m].
     fibres : tuple of int
-        Those that it stands for, on the mean.
+        The group: the muscle stands for their mean.
     group_error : float
         RMS of the changes of their paths' lengths against the group's mean [mm].
     length_errors : (f,) array
@@ -75,18 +73,23 @@ class ExportedMuscle:
     length_errors: Floats
     arm_errors: dict[str, Floats]
 
+    @property
+    def errors(self) -> dict[str, Floats]:
+        """Errors (f,) of the length and of the moment arms by coordinate."""
+        return {"length": self.length_errors} | self.arm_errors
+
     def __str__(self) -> str:
         path = self.out.path
         if isinstance(path, FunctionPath):
             what = f"a polynomial of {', '.join(path.names)}, order {path.order}"
         else:
             what = f"{len(path.points)} points and {len(path.cylinders)} cylinders"
-        errors = {"length": self.length_errors} | self.arm_errors
-        said = ", ".join(
-            f"{name} {_rms(off):.2g} (at most {np.abs(off).max():.2g})" for name, off in errors.items()
-        )
+        listed = [
+            f"{name} {_rms(off):.2g} (at most {np.abs(off).max():.2g})" for name, off in self.errors.items()
+        ]
         return (
-            f"{len(self.fibres)} fibres as {what}; errors in mm: {said}; of the group {self.group_error:.2g}"
+            f"{len(self.fibres)} fibres as {what}; errors in mm: {', '.join(listed)}; of the group "
+            f"{self.group_error:.2g}"
         )
 
 
@@ -95,14 +98,14 @@ def errors_table(found: Sequence[ExportedMuscle]) -> Table:
     rows = (
         (one.out.name, name, _rms(off), float(np.abs(off).max()), float(off.mean()))
         for one in found
-        for name, off in ({"length": one.length_errors} | one.arm_errors).items()
+        for name, off in one.errors.items()
     )
     return Table(("muscle", "of", "rms_mm", "largest_mm", "mean_mm"), rows)
 
 
 @dataclass(frozen=True)
 class Export:
-    """How muscles are written.
+    """Options of an export.
 
     Attributes
     ----------
@@ -167,7 +170,7 @@ def write_opensim(
     Returns
     -------
     list of ExportedMuscle
-        What was written, and how far it is from the run.
+        The muscles as written, and their errors.
 
     Raises
     ------
@@ -175,19 +178,20 @@ def write_opensim(
         If the scene has no joints, is mirrored, or a muscle failed, has no fibres, crosses a coordinate that
         does not move or has no length left for a tendon; or if the model is not of version 4.
     """
-    asked, replaced = Export(**options), dict(replace or {})
-    model = None if into is None else checked_model(Path(into))
-    if replace and model is None:
+    asked, names, theirs = Export(**options), dict(replace or {}), {}
+    if into is not None:
+        model = checked_model(Path(into))
+        theirs = {name: model.muscle(one).parameters for name, one in names.items()}
+    elif names:
         raise InputError("replace", "there is no model whose muscles are replaced", "give it as into")
     run = _run_of(Path(source), result)
-    theirs = {} if model is None else {name: model.muscle(one).parameters for name, one in replaced.items()}
-    found = _exported(run, asked, theirs, replaced)
+    found = _exported(run, asked, theirs, names)
     outs = [one.out for one in found]
     if into is None:
         meshes = _meshes(run, Path(out))
         text = osim_of(run.tree, outs, name=run.result.name, masses=asked.masses, meshes=meshes)
     else:
-        text = enriched(Path(into), outs, replace=list(replaced.values()))
+        text = enriched(Path(into), outs, replace=list(names.values()))
     return _written(Path(out), text, found)
 
 
@@ -211,13 +215,12 @@ def write_mujoco(
     Returns
     -------
     list of ExportedMuscle
-        What was written, and how far it is from the run.
+        The muscles as written, and their errors.
 
     Raises
     ------
     SceneError, ValueError
-        As :func:`write_opensim`; and if the joints have what MuJoCo has not, see
-        :func:`~vtkmuscle.opensim.mjcf_of`.
+        As :func:`write_opensim`; and if MuJoCo has no such joints, see :func:`~vtkmuscle.opensim.mjcf_of`.
     """
     asked = Export(form="points", **options)
     run = _run_of(Path(source), result)
@@ -234,7 +237,11 @@ def write_mujoco(
 
 
 def _meshes(run: _Run, out: Path) -> dict[str, list[str]]:
-    return write_meshes(out.parent, run.surfaces, run.tree, run.joints.frame, run.metres)
+    """Write the meshes of bones, and of muscles at rest on the bodies of their origins."""
+    surfaces = {name: (run.joints.bodies[name], surface) for name, surface in run.scene.bones.items()}
+    muscles = run.scene.muscles.items()
+    surfaces |= {f"{name}_at_rest": (run.ends[name][0], muscle.surface) for name, muscle in muscles}
+    return write_meshes(out.parent, surfaces, run.tree, run.joints.frame, run.metres)
 
 
 def _written(out: Path, text: str, found: list[ExportedMuscle]) -> list[ExportedMuscle]:
@@ -244,13 +251,14 @@ def _written(out: Path, text: str, found: list[ExportedMuscle]) -> list[Exported
 
 
 class _Run(NamedTuple):
-    """A run of a scene with joints, as exports take it.
+    """A run of a scene with joints.
 
-    Its joints; the tree, coordinates in its frames, and metres per unit of the scene; per muscle the bodies
-    of origin and insertion, the coordinates that it crosses, and its properties in OpenSim; and surfaces at
-    rest on bodies.
+    ``tree`` has its lengths and slides in metres, ``values`` (f,) are those of its coordinates, ``metres`` is
+    the length of the unit of the scene. By muscle, ``ends`` are the bodies of origin and insertion, and
+    ``crossed`` the coordinates that it crosses.
     """
 
+    scene: Scene
     result: Result
     joints: SceneJoints
     tree: KinematicTree
@@ -258,12 +266,10 @@ class _Run(NamedTuple):
     metres: float
     ends: dict[str, tuple[str, str]]
     crossed: dict[str, tuple[str, ...]]
-    hill: dict[str, dict[str, float]]
-    surfaces: dict[str, tuple[str, vtkPolyData]]
 
 
 def _run_of(source: Path, result: Result | None) -> _Run:
-    """Return a run of a scene, its results where they are there, else it is run."""
+    """Return a run of a scene: its results where they are there, else it is run."""
     path = source
     if source.is_dir():
         result = result or Result.load(source)
@@ -280,7 +286,7 @@ def _run_of(source: Path, result: Result | None) -> _Run:
         raise SceneError("mirrored scenes are not exported", "mirror", "export the other side", path)
     scene = Scene.load(path)
     metres = MILLIMETRES[scene.units] / 1000.0
-    tree, factors = slides_in_metres(joints.tree.scaled(metres))
+    tree, factors = joints.tree.in_metres(metres)
     _, values = coordinate_values(table, joints.tree, files)
     ends, crossed = {}, {}
     for name, muscle in scene.muscles.items():
@@ -299,82 +305,80 @@ def _run_of(source: Path, result: Result | None) -> _Run:
             )
     result = result or scene.run(figures=False)
     now = {name: factors[name] * column[list(result.frames)] for name, column in values.items()}
-    hill = {name: opensim_properties(muscle.hill, metres) for name, muscle in scene.muscles.items()}
-    surfaces = {name: (joints.bodies[name], surface) for name, surface in scene.bones.items()}
-    surfaces |= {f"{name}_at_rest": (ends[name][0], one.surface) for name, one in scene.muscles.items()}
-    return _Run(result, joints, tree, now, metres, ends, crossed, hill, surfaces)
-
-
-def _properties(
-    run: _Run, theirs: Mapping[str, Mapping[str, float]], given: Mapping[str, Mapping[str, float]]
-) -> dict[str, dict[str, float]]:
-    """Return the properties of each muscle: those given, else those of the scene, else those it replaces."""
-    if unknown := sorted({*theirs, *given} - {*run.hill}):
-        raise InputError("", f"the scene has no muscle {unknown[0]!r}", f"it has {', '.join(run.hill)}")
-    return {name: {**theirs.get(name, {}), **own, **given.get(name, {})} for name, own in run.hill.items()}
+    return _Run(scene, result, joints, tree, now, metres, ends, crossed)
 
 
 def _exported(
     run: _Run, asked: Export, theirs: Mapping[str, Mapping[str, float]], names: Mapping[str, str]
 ) -> list[ExportedMuscle]:
-    """Return the muscles of a run as paths; those of ``names`` have other names, and properties there."""
-    given = _properties(run, theirs, asked.parameters)
-    result, tree = run.result, run.tree
-    arms = result.moment_arms()
-    rest = {
-        name: np.clip([tree.coordinate(name).rest], column.min(), column.max())
-        for name, column in run.values.items()
-    }
+    """Return the muscles of a run as paths.
+
+    Muscles in ``names`` have the names of the muscles that they replace, whose properties are ``theirs``.
+    """
+    result, muscles = run.result, run.scene.muscles
+    if unknown := sorted({*theirs, *asked.parameters} - {*muscles}):
+        raise InputError("", f"the scene has no muscle {unknown[0]!r}", f"it has {', '.join(muscles)}")
     found: list[ExportedMuscle] = []
     for name, lengths in result.lengths.items():
         if len(lengths) < len(result.frames):
             raise InputError(
                 "", f"muscle {name!r} failed after {len(lengths)} of {len(result.frames)} frames"
             )
+        own = opensim_properties(muscles[name].hill, run.metres)
+        given = {**theirs.get(name, {}), **own, **asked.parameters.get(name, {})}
         labels = group_fibres(lengths, asked.groups)
-        errors = group_errors(lengths, labels)
         lines = _lines(run, name) if asked.form == "points" else None
         for group in range(int(labels.max()) + 1):
-            mine = np.flatnonzero(labels == group)
-            mean = lengths[:, mine].mean(axis=1) / 1000.0
-            by = {
-                one: arms[name][one].arms[:, mine].mean(axis=1)
-                / (1000.0 if tree.coordinate(one).is_angle else 1.0)
-                for one in run.crossed[name]
-            }
-            path: FunctionPath | PointPath
-            if lines is None:
-                path = fit_length(mean, {one: run.values[one] for one in by}, by)
-            else:
-                line = lines[:, mine].mean(axis=1)
-                path = fit_points(line, tree, run.values, run.ends[name], mean, by, tolerance=TOLERANCE)
-            own: dict[str, float] = {}
-            if asked.kind != GEOMETRY_ONLY:
-                own = completed_properties(
-                    given.get(name, {}),
-                    result.report["muscles"][name]["architecture"],
-                    name,
-                    length=float(path.lengths(tree, rest)[0]),
-                    share=float(mean.mean() / lengths.mean() * 1000.0),
-                    specific_tension=asked.specific_tension,
-                )
-                own["max_isometric_force"] *= len(mine) / len(labels)
             label = names.get(name, name) + ("" if labels.max() == 0 else f"_{group + 1}")
-            found.append(
-                ExportedMuscle(
-                    name,
-                    MuscleOut(label, path, own, asked.kind),
-                    tuple(int(i) for i in mine),
-                    _rms(errors[mine]),
-                    1000.0 * (path.lengths(tree, run.values) - mean),
-                    {
-                        one: (moment_arm(path, tree, run.values, one) - arm)
-                        * (1000.0 if tree.coordinate(one).is_angle else 1.0)
-                        for one, arm in by.items()
-                    },
-                )
-            )
+            found.append(_exported_group(run, asked, name, label, labels == group, lines, given))
     return found
+
+
+def _exported_group(
+    run: _Run,
+    asked: Export,
+    name: str,
+    label: str,
+    members: Bools,
+    lines: Floats | None,
+    given: Mapping[str, float],
+) -> ExportedMuscle:
+    """Return some fibres (n,) of a muscle as one muscle, over points where their lines are given."""
+    tree, values, lengths = run.tree, run.values, run.result.lengths[name]
+    count = int(members.sum())
+    arms = run.result.moment_arms()[name]
+    units = {one: 1000.0 if tree.coordinate(one).is_angle else 1.0 for one in run.crossed[name]}
+    mean = lengths[:, members].mean(axis=1) / 1000.0
+    by = {one: arms[one].arms[:, members].mean(axis=1) / unit for one, unit in units.items()}
+    path: FunctionPath | PointPath
+    if lines is None:
+        path = fit_length(mean, {one: values[one] for one in by}, by)
+    else:
+        line = lines[:, members].mean(axis=1)
+        path = fit_points(line, tree, values, run.ends[name], mean, by, tolerance=TOLERANCE)
+    properties: dict[str, float] = {}
+    if asked.kind != GEOMETRY_ONLY:
+        rest = {
+            one: np.clip([tree.coordinate(one).rest], column.min(), column.max())
+            for one, column in values.items()
+        }
+        properties = completed_properties(
+            given,
+            run.result.report["muscles"][name]["architecture"],
+            name,
+            length=float(path.lengths(tree, rest)[0]),
+            share=float(mean.mean() / lengths.mean() * 1000.0),
+            specific_tension=asked.specific_tension,
+        )
+        properties["max_isometric_force"] *= count / len(members)
+    return ExportedMuscle(
+        name,
+        MuscleOut(label, path, properties, asked.kind),
+        tuple(int(i) for i in np.flatnonzero(members)),
+        _rms(group_errors(lengths[:, members], np.zeros(count, dtype=np.int64))),
+        1000.0 * (path.lengths(tree, values) - mean),
+        {one: (moment_arm(path, tree, values, one) - arm) * units[one] for one, arm in by.items()},
+    )
 
 
 def _lines(run: _Run, name: str) -> Floats:

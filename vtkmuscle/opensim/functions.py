@@ -1,12 +1,13 @@
 """Functions of one coordinate: how far a joint turns or slides, and where a point of a path is.
 
-They are those of OpenSim's models, with its conventions at the ends of splines, and its files.
+The kinds are those of OpenSim's models, with its conventions at the ends of splines; they are read from its
+files, and written to them.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import Any, ClassVar, Protocol
+from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
@@ -18,42 +19,9 @@ from vtkmuscle.core.types import Floats
 from vtkmuscle.io.xml_elements import Element, made
 
 
-class CoordinateFunction(Protocol):
-    """A function of one coordinate, for many values at once."""
-
-    def __call__(self, values: Floats) -> Floats:
-        """Return the function (f,) of values (f,)."""
-        ...
-
-
-@dataclass(frozen=True)
-class Constant:
-    """The same number everywhere.
-
-    Parameters
-    ----------
-    value : float
-        The number.
-    """
-
-    value: float
-
-    def __post_init__(self) -> None:
-        _check("a constant", [self.value])
-
-    def __call__(self, values: Floats) -> Floats:
-        """Return the number for each value."""
-        return np.full(np.shape(values), self.value)
-
-
 @dataclass(frozen=True, eq=False)
 class Polynomial:
-    """A polynomial; a straight line where it has two coefficients.
-
-    Parameters
-    ----------
-    coefficients : (n,) array_like
-        Highest power first.
+    """A polynomial, its coefficients (n,) from the highest power to the constant.
 
     Examples
     --------
@@ -66,37 +34,33 @@ class Polynomial:
     coefficients: Floats
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "coefficients", _check("a polynomial", self.coefficients))
+        object.__setattr__(self, "coefficients", _checked("a polynomial", self.coefficients))
 
     def __call__(self, values: Floats) -> Floats:
         """Return the polynomial at each value."""
         result = np.polyval(self.coefficients, np.asarray(values, dtype=np.float64))
         return np.asarray(result, dtype=np.float64)
 
+    def rescaled(self, x: float, y: float) -> Polynomial:
+        """Return the function y f(q / x) of q."""
+        return Polynomial(y * self.coefficients / x ** np.arange(len(self.coefficients))[::-1])
+
 
 @dataclass(frozen=True, eq=False)
 class Knots:
-    """A curve through knots that goes on straight beyond them.
-
-    Parameters
-    ----------
-    x, y : (n,) array_like
-        Two knots or more, x ascending.
-    """
+    """A curve through two knots (x, y) or more, x ascending, that goes on straight beyond them."""
 
     x: Floats
     y: Floats
     _curve: Any = field(init=False, repr=False)
-    _what: ClassVar[str]
 
     def __post_init__(self) -> None:
-        what = self._what
-        x, y = (_check(f"{what}'s {name}", getattr(self, name)) for name in "xy")
+        x, y = _checked("x of knots", self.x), _checked("y of knots", self.y)
         if len(x) != len(y) or len(x) < 2:
-            problem = f"{what} has {len(x)} x and {len(y)} y, but needs as many of each, two or more"
+            problem = f"a curve has {len(x)} x and {len(y)} y, but needs as many of each, two or more"
             raise InputError("", problem)
         if (np.diff(x) <= 0.0).any():
-            raise InputError("", f"the x of {what} must ascend")
+            raise InputError("", "the x of a curve's knots must ascend")
         try:
             with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
                 curve = self._through(x, y)
@@ -104,7 +68,7 @@ class Knots:
         except (ValueError, np.linalg.LinAlgError):
             good = False
         if not good:
-            raise InputError("", f"the knots of {what} are too close, or too far apart")
+            raise InputError("", "the knots of a curve are too close, or too far apart")
         for name, value in (("x", x), ("y", y), ("_curve", curve)):
             object.__setattr__(self, name, value)
 
@@ -118,11 +82,13 @@ class Knots:
         result: Floats = self._curve(inside) + (values - inside) * self._curve(inside, 1)
         return result
 
+    def rescaled(self, x: float, y: float) -> Knots:
+        """Return the function y f(q / x) of q, for x > 0."""
+        return type(self)(x * self.x, y * self.y)
+
 
 class PiecewiseLinear(Knots):
     """Straight lines between knots, the first and the last of them going on."""
-
-    _what = "a piecewise linear function"
 
 
 class CubicSpline(Knots):
@@ -141,8 +107,6 @@ class CubicSpline(Knots):
     [8.0, 42.875]
     """
 
-    _what = "a spline"
-
     @staticmethod
     def _through(x: Floats, y: Floats) -> Any:
         if len(x) == 2:
@@ -153,92 +117,50 @@ class CubicSpline(Knots):
 
 
 @dataclass(frozen=True)
-class Multiplier:
-    """A function times a number.
-
-    Parameters
-    ----------
-    function : CoordinateFunction
-        Of a coordinate.
-    factor : float
-        The number.
-    """
-
-    function: CoordinateFunction
-    factor: float
-
-    def __post_init__(self) -> None:
-        _check("a factor", [self.factor])
-
-    def __call__(self, values: Floats) -> Floats:
-        """Return the function times the number at each value."""
-        return self.factor * self.function(values)
-
-
-@dataclass(frozen=True)
 class Wave:
-    """A sine: amplitude * sin(omega * q + phase) + offset.
+    """A sine: amplitude * sin(omega * q + phase) + offset."""
 
-    Parameters
-    ----------
-    amplitude, omega, phase, offset : float
-        As in the formula.
-    """
-
-    amplitude: float
+    amplitude: float = 1.0
     omega: float = 1.0
     phase: float = 0.0
     offset: float = 0.0
 
     def __post_init__(self) -> None:
-        _check("a sine", [self.amplitude, self.omega, self.phase, self.offset])
+        _checked("a sine", [self.amplitude, self.omega, self.phase, self.offset])
 
     def __call__(self, values: Floats) -> Floats:
         """Return the sine at each value."""
         return self.amplitude * np.sin(self.omega * values + self.phase) + self.offset
 
+    def rescaled(self, x: float, y: float) -> Wave:
+        """Return the function y f(q / x) of q."""
+        return Wave(y * self.amplitude, self.omega / x, self.phase, y * self.offset)
 
-def _check(what: str, numbers: ArrayLike) -> Floats:
+
+def _checked(what: str, numbers: ArrayLike) -> Floats:
     values = np.array(numbers, dtype=np.float64)
     if values.ndim != 1 or not len(values) or not np.isfinite(values).all():
-        raise InputError("", f"{what} is made of finite numbers, one or more")
+        raise InputError("", f"{what} must be one finite number or more")
     values.setflags(write=False)
     return values
 
 
-def stretched(function: CoordinateFunction, factor: float) -> CoordinateFunction:
-    """Return the function of q that is f(q / factor), of the same kind as f.
-
-    Raises
-    ------
-    InputError
-        For a function of another kind than those here.
-    """
-    match function:
-        case Constant():
-            return function
-        case Polynomial(coefficients):
-            return Polynomial(coefficients / factor ** np.arange(len(coefficients))[::-1])
-        case Knots(x, y):
-            return type(function)(factor * x, y)
-        case Wave():
-            return replace(function, omega=function.omega / factor)
-        case Multiplier(inner, times):
-            return Multiplier(stretched(inner, factor), times)
-    raise InputError("", f"a function of the kind {type(function).__name__} cannot be stretched")
-
-
+CoordinateFunction = Polynomial | Knots | Wave
 #: The coordinate itself.
 IDENTITY = Polynomial(np.array([1.0, 0.0]))
-
-
-#: Tags of the functions that are understood.
-FUNCTIONS = (
-    *("Constant", "LinearFunction", "PolynomialFunction", "SimmSpline", "NaturalCubicSpline"),
-    *("natCubicSpline", "PiecewiseLinearFunction", "MultiplierFunction", "Sine"),
-)
-#: Numbers of a sine, and what they are where a file does not give them.
-_SINE = {"amplitude": 1.0, "omega": 1.0, "phase": 0.0, "offset": 0.0}
+_SINE = ("amplitude", "omega", "phase", "offset")
+#: Elements in the functions of OpenSim's files that are understood.
+_PARTS: dict[str, tuple[str, ...]] = {
+    "Constant": ("value",),
+    "LinearFunction": ("coefficients",),
+    "PolynomialFunction": ("coefficients",),
+    "SimmSpline": ("x", "y"),
+    "NaturalCubicSpline": ("x", "y"),
+    "natCubicSpline": ("x", "y"),
+    "PiecewiseLinearFunction": ("x", "y"),
+    "Sine": _SINE,
+}
+FUNCTIONS = (*_PARTS, "MultiplierFunction")
 
 
 def function_in(holder: Element) -> CoordinateFunction:
@@ -262,43 +184,33 @@ def function_in(holder: Element) -> CoordinateFunction:
 
 
 def _function(element: Element) -> CoordinateFunction:
-    match element.tag:
-        case "Constant":
-            element.only(("value",))
-            return Constant(element.number("value", 0.0))
-        case "LinearFunction" | "PolynomialFunction":
-            element.only(("coefficients",))
-            count = 2 if element.tag == "LinearFunction" else None
-            return Polynomial(element.need("coefficients").numbers(count))
-        case "MultiplierFunction":
-            element.only(("function", "scale", *FUNCTIONS))
-            inner = element.find("function")
-            if inner is None:
-                bare = [child for child in element.children if child.tag in FUNCTIONS]
-                inner = replace(element, tag="function", attributes={}, children=bare)
-            return Multiplier(function_in(inner), element.number("scale", 1.0))
-        case "Sine":
-            element.only(tuple(_SINE))
-            return Wave(*(element.number(name, default) for name, default in _SINE.items()))
-    element.only(("x", "y"))
+    if element.tag == "MultiplierFunction":
+        element.only(("function", "scale", *FUNCTIONS))
+        inner = element.find("function")
+        if inner is None:
+            bare = [child for child in element.children if child.tag in FUNCTIONS]
+            inner = replace(element, tag="function", attributes={}, children=bare)
+        return function_in(inner).rescaled(1.0, element.number("scale", 1.0))
+    parts = _PARTS[element.tag]
+    element.only(parts)
+    if element.tag == "Constant":
+        return Polynomial(np.array([element.number("value", 0.0)]))
+    if element.tag == "Sine":
+        return Wave(
+            *(element.number(name, default) for name, default in zip(_SINE, (1, 1, 0, 0), strict=True))
+        )
+    if parts == ("coefficients",):
+        count = 2 if element.tag == "LinearFunction" else None
+        return Polynomial(element.need("coefficients").numbers(count))
     kind = PiecewiseLinear if element.tag == "PiecewiseLinearFunction" else CubicSpline
     return kind(element.need("x").numbers(), element.need("y").numbers())
 
 
 def function_element(function: CoordinateFunction, **attributes: str) -> ElementTree.Element:
-    """Return a function as OpenSim's files have it.
-
-    Raises
-    ------
-    InputError
-        For a function of another kind than those here.
-    """
+    """Return a function as OpenSim's files have it."""
     match function:
-        case Multiplier(inner, factor):
-            held = made("function", function_element(inner))
-            return made("MultiplierFunction", held, made("scale", factor), **attributes)
-        case Constant(value):
-            return made("Constant", made("value", value), **attributes)
+        case Polynomial(coefficients) if len(coefficients) == 1:
+            return made("Constant", made("value", coefficients), **attributes)
         case Polynomial(coefficients):
             kind = "LinearFunction" if len(coefficients) == 2 else "PolynomialFunction"
             return made(kind, made("coefficients", coefficients), **attributes)
@@ -307,4 +219,3 @@ def function_element(function: CoordinateFunction, **attributes: str) -> Element
         case Knots(x, y):
             kind = "SimmSpline" if isinstance(function, CubicSpline) else "PiecewiseLinearFunction"
             return made(kind, made("x", x), made("y", y), **attributes)
-    raise InputError("", f"OpenSim has no function like {type(function).__name__}")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import NamedTuple
 from xml.etree.ElementTree import Element
 
 import numpy as np
@@ -14,16 +15,16 @@ from vtkmuscle.core.types import Floats
 from vtkmuscle.io.xml_elements import made, xml_text
 from vtkmuscle.io.xml_elements import numbers_text as _numbers
 from vtkmuscle.opensim.export_parts import FOLDER, NEEDED
-from vtkmuscle.opensim.functions import Constant, CoordinateFunction, Multiplier, Polynomial
+from vtkmuscle.opensim.functions import CoordinateFunction, Polynomial
 from vtkmuscle.opensim.muscle_paths import PointPath
 from vtkmuscle.opensim.osim_text import CYLINDER, GYRATION, MuscleOut
 from vtkmuscle.opensim.tree import Joint, JointAxis, KinematicTree
 
 #: Highest power of a coupling in MuJoCo.
 _HIGHEST = 4
-#: Mass of what has none [kg].
+#: Mass of a body for which none is given [kg].
 LEAST_MASS = 0.001
-#: What is seen, and neither touches nor weighs anything.
+#: Attributes of geometry that is seen, and neither touches nor weighs anything.
 _PASSIVE = {"contype": "0", "conaffinity": "0", "mass": "0", "rgba": "0.8 0.75 0.7 0.5"}
 
 
@@ -55,7 +56,8 @@ def mjcf_of(
     meshes : mapping of str to sequence of str, optional
         Of the bodies: names of .stl files, without suffix, in the folder ``Geometry`` beside the model.
     lengths : mapping of str to array, optional
-        Those that a muscle's tendon has [m], by its name: with them, and Hill's parameters, it gets a muscle.
+        Of tendons in the poses of a run [m], by muscle: with them, and Hill's parameters, a tendon gets a
+        muscle.
 
     Returns
     -------
@@ -65,78 +67,75 @@ def mjcf_of(
     Raises
     ------
     ValueError
-        If there is what MuJoCo has not: splines, paths that are functions, points that move or come and go.
+        For what MuJoCo does not have: splines, paths that are functions, points that move or come and go.
     """
-    joints = {joint.child: joint for joint in tree.joints}
-    model = _Model({one.name for one in tree.coordinates})
-    for muscle in muscles:
-        _check(muscle)
-    sites = list(_sites(muscles))
-    shown = meshes or {}
+    paths = {muscle.name: _path_of(muscle) for muscle in muscles}
+    joints = _Joints(set(), [])
+    sites = [site for muscle, path in paths.items() for site in _sites(muscle, path)]
 
     def inside(name: str) -> Iterator[Element]:
-        """Give what is in a body: its meshes and sites, and the bodies that hang on it."""
-        yield from (made("geom", type="mesh", mesh=mesh, **_PASSIVE) for mesh in shown.get(name, ()))
+        """Give the elements in a body: its meshes and sites, and the bodies that hang on it."""
+        for mesh in (meshes or {}).get(name, ()):
+            yield made("geom", type="mesh", mesh=mesh, **_PASSIVE)
         yield from (element for on, element in sites if on == name)
-        for child, joint in joints.items():
+        for joint in tree.joints:
             if joint.parent == name:
-                yield _body(joint, inside(child), model, (masses or {}).get(child, LEAST_MASS))
+                mass = (masses or {}).get(joint.child, LEAST_MASS)
+                yield _body(joint, inside(joint.child), joints, mass)
 
     world = list(inside(tree.root))
     for one in tree.couplings:
-        model.couple(one.dependent, one.independent, one.function)
-    missing = sorted(model.coordinates - model.joints)
+        joints.couple(one.dependent, one.independent, one.function)
+    missing = sorted({one.name for one in tree.coordinates} - joints.names)
     if missing:
         raise InputError("", f"no joint is the coordinate {missing[0]!r} itself, as MuJoCo needs it")
-    names = [mesh for found in shown.values() for mesh in found]
+    files = [mesh for of_body in (meshes or {}).values() for mesh in of_body]
     pulled = [one for one in muscles if lengths is not None and set(NEEDED) <= set(one.parameters)]
     return xml_text(
         made(
             "mujoco",
             made("compiler", angle="radian", autolimits="true", meshdir=FOLDER),
-            made("asset", *(made("mesh", name=mesh, file=f"{mesh}.stl") for mesh in names)),
+            made("asset", *(made("mesh", name=mesh, file=f"{mesh}.stl") for mesh in files)),
             made("worldbody", *world),
-            made("tendon", *(made("spatial", *_way(one), name=one.name) for one in muscles)),
+            made("tendon", *(made("spatial", *_tendon(*one), name=one[0]) for one in paths.items())),
             made("actuator", *(_actuator(one, (lengths or {})[one.name]) for one in pulled)),
-            made("equality", *model.equalities),
+            made("equality", *joints.equalities),
             model=name,
         )
     )
 
 
-class _Model:
-    """Joints and equalities that have been written."""
+class _Joints(NamedTuple):
+    """Names of the joints that have been written, and equalities between them."""
 
-    def __init__(self, coordinates: set[str]) -> None:
-        self.coordinates = coordinates
-        self.joints: set[str] = set()
-        self.equalities: list[Element] = []
+    names: set[str]
+    equalities: list[Element]
 
     def couple(self, dependent: str, independent: str, function: CoordinateFunction) -> None:
-        coefficients = _polynomial(function, dependent)
         low_first = np.zeros(_HIGHEST + 1)
-        low_first[: len(coefficients)] = coefficients[::-1]
+        coefficients = _polynomial(function, dependent)[::-1]
+        low_first[: len(coefficients)] = coefficients
         numbers = _numbers(low_first)
         self.equalities.append(made("joint", joint1=dependent, joint2=independent, polycoef=numbers))
 
 
-def _body(joint: Joint, inner: Iterable[Element], model: _Model, mass: float) -> Element:
+def _body(joint: Joint, inner: Iterable[Element], joints: _Joints, mass: float) -> Element:
     """Return a child's body: a frame at the joint, which moves, with the child's own frame in it."""
     back = inverses(joint.child_frame[None])[0]
     parts = []
     shift = np.zeros(3)
     for kind, axes in (("slide", joint.translations), ("hinge", joint.rotations)):
         for number, axis in enumerate(axes, start=1):
-            if axis.coordinate is None:
-                far = float(axis.at({}, 1)[0])
-                if kind == "slide":
-                    shift = shift + far * axis.axis
-                elif far:
-                    raise InputError(
-                        "", f"joint {joint.name!r} has a constant turn, which is not written for MuJoCo"
-                    )
+            if axis.coordinate is not None:
+                parts.append(_axis(joint, f"{kind}{number}", axis, axis.coordinate, joints))
                 continue
-            parts.append(_axis(joint, kind, number, axis, model))
+            far = float(axis.at({}, 1)[0])
+            if kind == "slide":
+                shift = shift + far * axis.axis
+            elif far:
+                raise InputError(
+                    "", f"joint {joint.name!r} has a constant turn, which is not written for MuJoCo"
+                )
     place = joint.parent_frame[:3, 3] + joint.parent_frame[:3, :3] @ shift
     turn, own = (_quaternion(frame[:3, :3]) for frame in (joint.parent_frame, back))
     child = made("body", _inertial(mass), *inner, name=joint.child, pos=_numbers(back[:3, 3]), quat=own)
@@ -144,59 +143,51 @@ def _body(joint: Joint, inner: Iterable[Element], model: _Model, mass: float) ->
     return made("body", *parts, _inertial(LEAST_MASS), child, name=name, pos=_numbers(place), quat=turn)
 
 
-def _axis(joint: Joint, kind: str, number: int, axis: JointAxis, model: _Model) -> Element:
-    assert axis.coordinate is not None
-    coefficients = _polynomial(axis.function, f"{joint.name}, {kind} {number}")
-    itself = np.array_equal(coefficients, [1.0, 0.0]) and axis.coordinate not in model.joints
-    name = axis.coordinate if itself else f"{joint.name}_{kind}{number}"
-    model.joints.add(name)
+def _axis(joint: Joint, label: str, axis: JointAxis, coordinate: str, joints: _Joints) -> Element:
+    coefficients = _polynomial(axis.function, f"{joint.name}, {label}")
+    itself = np.array_equal(coefficients, [1.0, 0.0]) and coordinate not in joints.names
+    name = coordinate if itself else f"{joint.name}_{label}"
+    joints.names.add(name)
     if not itself:
-        model.couple(name, axis.coordinate, axis.function)
-    return made("joint", name=name, type=kind, axis=_numbers(axis.axis))
+        joints.couple(name, coordinate, axis.function)
+    return made("joint", name=name, type=label[:-1], axis=_numbers(axis.axis))
 
 
 def _polynomial(function: CoordinateFunction, what: str) -> Floats:
-    factor = 1.0
-    while isinstance(function, Multiplier):
-        factor, function = factor * function.factor, function.function
-    if isinstance(function, Constant):
-        return np.array([factor * function.value])
     if isinstance(function, Polynomial) and len(function.coefficients) <= _HIGHEST + 1:
-        return factor * function.coefficients
+        return function.coefficients
     kind = type(function).__name__
     raise InputError("", f"{what}: MuJoCo has polynomials up to power {_HIGHEST} only, not {kind}")
 
 
-def _check(muscle: MuscleOut) -> None:
+def _path_of(muscle: MuscleOut) -> PointPath:
     path = muscle.path
     if not isinstance(path, PointPath):
         raise InputError(
             "", f"muscle {muscle.name!r} is a function of coordinates, which MuJoCo has not; give points"
         )
-    for point in path.points:
-        if point.moves or point.only_in is not None:
-            raise InputError("", f"muscle {muscle.name!r}: MuJoCo has no points that move, or come and go")
+    if any(point.moves or point.only_in is not None for point in path.points):
+        raise InputError("", f"muscle {muscle.name!r}: MuJoCo has no points that move, or come and go")
+    return path
 
 
-def _sites(muscles: Sequence[MuscleOut]) -> Iterator[tuple[str, Element]]:
-    """Give what paths go over and round: bodies, and elements on them."""
-    for muscle in muscles:
-        assert isinstance(muscle.path, PointPath)
-        for i, point in enumerate(muscle.path.points, start=1):
-            yield point.body, made("site", name=f"{muscle.name}-P{i}", pos=_numbers(point.place))
-        for i, one in enumerate(muscle.path.cylinders, start=1):
-            turn, size = _quaternion(one.frame), _numbers([one.radius, CYLINDER / 2.0])
-            where = {"pos": _numbers(one.centre), "quat": turn, "size": size, "group": "3"}
-            yield one.body, made("geom", name=f"{muscle.name}-C{i}", type="cylinder", **where, **_PASSIVE)
+def _sites(muscle: str, path: PointPath) -> Iterator[tuple[str, Element]]:
+    """Give the points and cylinders of a path: bodies, and elements on them."""
+    for i, point in enumerate(path.points, start=1):
+        yield point.body, made("site", name=f"{muscle}-P{i}", pos=_numbers(point.place))
+    for i, one in enumerate(path.cylinders, start=1):
+        turn, size = _quaternion(one.frame), _numbers([one.radius, CYLINDER / 2.0])
+        where = {"pos": _numbers(one.centre), "quat": turn, "size": size, "group": "3"}
+        yield one.body, made("geom", name=f"{muscle}-C{i}", type="cylinder", **where, **_PASSIVE)
 
 
-def _way(muscle: MuscleOut) -> Iterator[Element]:
-    assert isinstance(muscle.path, PointPath)
-    round_it = {one.after: i for i, one in enumerate(muscle.path.cylinders, start=1)}
-    for i in range(len(muscle.path.points)):
-        yield made("site", site=f"{muscle.name}-P{i + 1}")
+def _tendon(muscle: str, path: PointPath) -> Iterator[Element]:
+    """Give the points and cylinders of a path in the order in which it goes over them."""
+    round_it = {one.after: i for i, one in enumerate(path.cylinders, start=1)}
+    for i in range(len(path.points)):
+        yield made("site", site=f"{muscle}-P{i + 1}")
         if i in round_it:
-            yield made("geom", geom=f"{muscle.name}-C{round_it[i]}")
+            yield made("geom", geom=f"{muscle}-C{round_it[i]}")
 
 
 def _actuator(muscle: MuscleOut, lengths: Floats) -> Element:

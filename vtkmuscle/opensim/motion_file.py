@@ -12,15 +12,15 @@ import numpy as np
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.types import Floats
 from vtkmuscle.core.words import quoted
-from vtkmuscle.io.csv_table import number_in
+from vtkmuscle.io.csv_table import finite_number
 from vtkmuscle.io.motion_table import MOST_FRAMES
 from vtkmuscle.io.xml_elements import decoded
 from vtkmuscle.opensim.tree import KinematicTree
 
 #: Lines of a header, at most.
 _LONGEST_HEADER = 1000
-#: What the headers call the number of rows and of columns.
-_ROWS, _COLUMNS = ("nrows", "datarows"), ("ncolumns", "datacolumns")
+#: Keys of headers that are read; both programs count rows and columns by names of their own.
+_KEYS = ("nrows", "datarows", "ncolumns", "datacolumns", "indegrees", "version", "datatype")
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,26 +48,16 @@ class MotionFile:
     degrees: bool | None
 
     def values(self, tree: KinematicTree, *, degrees: bool | None = None) -> dict[str, Floats]:
-        """Return the values of a tree's coordinates that are in the file.
+        """Return the values (f,) of a tree's coordinates in the file.
 
-        Parameters
-        ----------
-        tree : KinematicTree
-            Whose coordinates they are. Columns are found by the coordinate's name, or by its path in the
-            model (``/jointset/knee_r/knee_angle_r/value``); other columns are left out.
-        degrees : bool, optional
-            Whether angles are in degrees; default as the file says.
-
-        Returns
-        -------
-        dict of str to (f,) array
-            By coordinate: angles in radians, translations as in the file.
+        Angles are in radians, translations as in the file. Columns are found by the coordinate's name, or by
+        its path in the model (``/jointset/knee_r/knee_angle_r/value``); other columns are left out.
+        ``degrees`` is whether the file's angles are in degrees; by default its header tells.
 
         Raises
         ------
         ValueError
-            If no column is a coordinate, two are the same, or the file has angles and does not say their
-            unit.
+            If no column is a coordinate, two are the same, or the unit of angles is unknown.
         """
         kinds = {one.name: one for one in tree.coordinates}
         found: dict[str, Floats] = {}
@@ -92,9 +82,9 @@ class MotionFile:
 def read_motion_file(path: str | PathLike[str]) -> MotionFile:
     r"""Read a .mot or .sto file of OpenSim or SIMM.
 
-    The header may have the lines of either program; what counts are the labels after ``endheader`` and the
-    rows below. Where the header counts other rows a warning says so. A file without a version is old, and
-    has its angles in degrees, as OpenSim takes it.
+    The header may have the lines of either program; the labels follow ``endheader``, and the rows follow
+    these. Where the header counts other rows there is a warning. A file without a version is old, and has its
+    angles in degrees, as in OpenSim.
 
     Parameters
     ----------
@@ -111,8 +101,7 @@ def read_motion_file(path: str | PathLike[str]) -> MotionFile:
     FileNotFoundError
         If there is no such file.
     ValueError
-        If it is no such table, or has rows that are not of finite numbers, or times that do not ascend; the
-        message names the line.
+        If it is no such table, a number is not finite, or times do not ascend; the message names the line.
 
     Examples
     --------
@@ -128,28 +117,32 @@ def read_motion_file(path: str | PathLike[str]) -> MotionFile:
     lines = decoded(path).splitlines()
     header, start = _header(lines, path)
     labels = _labels(lines, start, path)
+    shown = list(map(quoted, labels))
     rows: list[list[float]] = []
-    numbers: list[int] = []
     for number, line in enumerate(lines[start + 1 :], start=start + 2):
         cells = line.replace(",", " ").split()
         if not cells:
             continue
+        where = f"line {number}"
         if len(cells) != len(labels):
-            problem = f"line {number} has {len(cells)} numbers, but there are {len(labels)} labels"
+            problem = f"{where} has {len(cells)} numbers, but there are {len(labels)} labels"
             raise InputError(path, problem, "correct it")
         if len(rows) == MOST_FRAMES:
             raise InputError(path, f"the table has more than {MOST_FRAMES} rows", "leave some out")
-        rows.append(_row(cells, labels, number, path))
-        numbers.append(number)
+        row = [finite_number(cell, label, path, where) for cell, label in zip(cells, shown, strict=True)]
+        if rows and row[0] <= rows[-1][0]:
+            problem = f"{where}: time {row[0]:g} comes after {rows[-1][0]:g}"
+            raise InputError(path, problem, "sort the rows, each time once")
+        rows.append(row)
     if not rows:
         raise InputError(path, "the table has no rows", "export it again")
+    counts = {"nrows": len(rows), "datarows": len(rows), "ncolumns": len(labels), "datacolumns": len(labels)}
+    for key, count in counts.items():
+        if header.get(key, str(count)) != str(count):
+            what = "rows" if "rows" in key else "columns"
+            words = f"the header says {key}={header[key]}, but there are {count} {what}; these were read"
+            warnings.warn(f"{path}: {words}", stacklevel=2)
     table = np.array(rows)
-    late = np.flatnonzero(np.diff(table[:, 0]) <= 0.0)
-    if len(late):
-        row = int(late[0]) + 1
-        problem = f"line {numbers[row]}: time {table[row, 0]:g} comes after {table[row - 1, 0]:g}"
-        raise InputError(path, problem, "sort the rows, each time once")
-    _check_counts(header, len(rows), len(labels), path)
     return MotionFile(path, table[:, 0], tuple(labels[1:]), table[:, 1:], _in_degrees(header, path))
 
 
@@ -160,45 +153,22 @@ def _header(lines: list[str], path: Path) -> tuple[dict[str, str], int]:
         plain = line.strip()
         if plain.lower() == "endheader":
             return found, number + 1
-        key, equals, value = plain.partition("=")
-        if not equals:
-            key, _, value = plain.partition(" ")
-        key = key.strip().lower()
-        if key in (*_ROWS, *_COLUMNS, "indegrees", "version", "datatype"):
-            found[key] = value.strip()
+        key, _, value = plain.partition("=" if "=" in plain else " ")
+        if key.strip().lower() in _KEYS:
+            found[key.strip().lower()] = value.strip()
     raise InputError(path, "there is no line 'endheader'", "export it again as a .mot or .sto file")
 
 
 def _labels(lines: list[str], start: int, path: Path) -> list[str]:
-    line = next((line for line in lines[start:] if line.strip()), "")
-    labels = line.strip().split("\t") if "\t" in line.strip() else line.split()
-    labels = [label.strip() for label in labels]
-    if start < len(lines) and not lines[start].strip():
-        raise InputError(path, f"line {start + 1}: the labels do not follow the header", "remove empty lines")
+    line = lines[start].strip() if start < len(lines) else ""
+    labels = [label.strip() for label in (line.split("\t") if "\t" in line else line.split())]
+    where = f"line {start + 1}"
     if len(labels) < 2 or labels[0].lower() != "time":
-        problem = f"line {start + 1}: the labels begin with {quoted(line[:40])}, but must be time and others"
-        raise InputError(path, problem, "export it again")
+        problem = f"{where}: the labels begin with {quoted(line[:40])}, but must be time and others"
+        raise InputError(path, problem, "export it again, without empty lines after the header")
     if "" in labels:
-        raise InputError(path, f"line {start + 1}: a label is empty", "correct it")
+        raise InputError(path, f"{where}: a label is empty", "correct it")
     return labels
-
-
-def _row(cells: list[str], labels: list[str], number: int, path: Path) -> list[float]:
-    row = [number_in(cell) for cell in cells]
-    for value, cell, label in zip(row, cells, labels, strict=True):
-        if not np.isfinite(value):
-            problem = f"line {number}: {quoted(label)} is {quoted(cell)}, but must be a finite number"
-            raise InputError(path, problem)
-    return row
-
-
-def _check_counts(header: dict[str, str], rows: int, columns: int, path: Path) -> None:
-    for keys, count, what in ((_ROWS, rows, "rows"), (_COLUMNS, columns, "columns")):
-        for key in keys:
-            said = header.get(key, str(count))
-            if said != str(count):
-                words = f"{path}: the header says {key}={said}, but there are {count} {what}; these were read"
-                warnings.warn(words, stacklevel=4)
 
 
 def _in_degrees(header: dict[str, str], path: Path) -> bool | None:

@@ -24,20 +24,10 @@ STEP = 1e-4
 
 @dataclass(frozen=True, eq=False)
 class PathPoint:
-    """A point of a path, on a body.
+    """A point of a path, at a place (3,) on a body.
 
-    Parameters
-    ----------
-    body : str
-        The body that it moves with.
-    place : (3,) array_like, optional
-        Where, in the body's frame; what does not follow a function.
-    functions : sequence of (CoordinateFunction or None), optional
-        x, y and z as functions of ``coordinates``, for a point that moves on its body.
-    coordinates : sequence of (str or None), optional
-        What they are functions of.
-    only_in : (str, float, float), optional
-        The point counts while this coordinate is between these values only.
+    A point that moves on its body has ``functions`` of ``coordinates`` for x, y and z, or None where the
+    place holds. ``only_in`` names a coordinate, and its least and largest value at which the point counts.
     """
 
     body: str
@@ -75,16 +65,8 @@ class PathPoint:
 class Cylinder:
     """A cylinder without ends, round which a path winds the shorter way between two of its points.
 
-    Parameters
-    ----------
-    body : str
-        The body that it moves with.
-    centre, axis : (3,) array
-        A point on its axis, and the direction of that, in the body's frame.
-    radius : float
-        Of the same unit.
-    after : int
-        Number of the path's point that is followed by it, counted from 0.
+    ``centre`` and ``axis`` (3,) are a point on its axis and the direction of that, in the body's frame;
+    ``after`` is the number of the path's point before it, counted from 0.
     """
 
     body: str
@@ -101,21 +83,12 @@ class Cylinder:
         x /= np.linalg.norm(x)
         return np.column_stack([x, np.cross(z, x), z])
 
-    def lengths(self, pose: Floats, first: Floats, second: Floats) -> Floats:
-        """Return the way (f,) from points (f, 3) to others, straight where that misses the cylinder.
-
-        Parameters
-        ----------
-        pose : (f, 4, 4) array
-            Of its body.
-        first, second : (f, 3) array
-            Where the points are. Seen along the axis the way is two tangents and an arc; unrolled, it is
-            straight.
-        """
-        return self.ways(pose, first, second)[0]
-
     def ways(self, pose: Floats, first: Floats, second: Floats) -> tuple[Floats, Floats]:
-        """Return the ways, and which way round they go (f,): 1 or -1 about the axis, 0 where it is missed."""
+        """Return the lengths (f,) of ways from points (f, 3) to others, where the body's pose is (f, 4, 4).
+
+        Seen along the axis a way is two tangents and an arc; unrolled, it is straight. The second result is
+        the direction in which it goes round (f,): 1 or -1 about the axis, 0 where it misses the cylinder.
+        """
         z = self.axis / np.linalg.norm(self.axis)
         a, b = (np.einsum("fji,fj->fi", pose[:, :3, :3], one - pose[:, :3, 3]) for one in (first, second))
         along = (b - a) @ z
@@ -139,16 +112,10 @@ class Cylinder:
 
 @dataclass(frozen=True, eq=False)
 class PointPath:
-    """Straight lines from point to point, and round cylinders.
+    """Straight lines from point to point, origin to insertion, and round cylinders.
 
-    Parameters
-    ----------
-    points : sequence of PathPoint
-        From origin to insertion.
-    wraps : sequence of str, optional
-        Names of surfaces that it winds round, which is not computed here.
-    cylinders : sequence of Cylinder, optional
-        Those that it winds round, one at most between two points.
+    ``wraps`` are names of OpenSim's surfaces that it winds round, which is not computed here; ``cylinders``
+    are, one at most between two points.
     """
 
     points: Sequence[PathPoint]
@@ -156,15 +123,14 @@ class PointPath:
     cylinders: Sequence[Cylinder] = ()
 
     @property
-    def bodies(self) -> tuple[str, ...]:
-        """The bodies that it touches, in order."""
-        return tuple(dict.fromkeys(point.body for point in self.points))
+    def named(self) -> set[str]:
+        """The coordinates that its points move by, or count by."""
+        moving = {name for point in self.points for name in point.coordinates if name is not None}
+        return moving | {point.only_in[0] for point in self.points if point.only_in is not None}
 
     def coordinates(self, tree: KinematicTree) -> tuple[str, ...]:
         """Return the free coordinates that its length may depend on."""
-        own = {name for point in self.points for name in point.coordinates if name is not None}
-        own |= {point.only_in[0] for point in self.points if point.only_in is not None}
-        return tree.freed({*own, *tree.crossed(self.bodies)})
+        return tree.freed({*self.named, *tree.crossed([point.body for point in self.points])})
 
     def lengths(
         self,
@@ -215,7 +181,10 @@ class PointPath:
         held: Mapping[str, Floats],
         ranges: Mapping[str, tuple[float, float] | None],
     ) -> Floats:
-        """Return the length (f,) where the bodies are known (f, 4, 4), and what points go by."""
+        """Return the length (f,) for poses of the bodies (f, 4, 4).
+
+        Points move by the values ``full`` (f,) of the coordinates, and count by the values ``held`` (f,).
+        """
         frames = len(next(iter(poses.values())))
         winds = {one.after: one for one in self.cylinders}
         total = np.zeros(frames)
@@ -229,7 +198,7 @@ class PointPath:
                 if round_it is None:
                     way = np.linalg.norm(place - last, axis=1)
                 else:
-                    way = round_it.lengths(poses[round_it.body], last, place)
+                    way = round_it.ways(poses[round_it.body], last, place)[0]
                 total += np.where(counted & begun, way, 0.0)
                 last[counted] = place[counted]
                 begun |= counted
@@ -240,21 +209,19 @@ class PointPath:
 
 @dataclass(frozen=True, eq=False)
 class FunctionPath:
-    """A path that is nothing but its length, a polynomial of coordinates.
+    """A path that is only its length, a polynomial of d coordinates [radians, or their unit of length].
 
-    Parameters
-    ----------
-    names : sequence of str
-        The d coordinates [radians, or their unit of length].
-    order : int
-        Highest sum of powers.
-    coefficients : (m,) array
-        Of the terms in the order of :func:`powers`.
+    ``order`` is the highest sum of powers; the coefficients (m,) are in the order of :func:`powers`.
     """
 
     names: Sequence[str]
     order: int
     coefficients: Floats
+
+    @property
+    def named(self) -> set[str]:
+        """The coordinates that it is a function of."""
+        return set(self.names)
 
     def coordinates(self, tree: KinematicTree) -> tuple[str, ...]:
         """Return the coordinates that its length depends on."""
@@ -301,24 +268,10 @@ def terms(samples: Floats, order: int) -> Floats:
 def moment_arm(
     path: PointPath | FunctionPath, tree: KinematicTree, values: Mapping[str, ArrayLike], coordinate: str
 ) -> Floats:
-    """Return the moment arm -dl/dq (f,) of a path by a coordinate, what it couples following.
+    """Return the moment arm -dl/dq (f,) of a path by a coordinate, for values (f,) of the coordinates.
 
-    Parameters
-    ----------
-    path : PointPath or FunctionPath
-        Of the muscle.
-    tree : KinematicTree
-        Of its bodies.
-    values : mapping of str to (f,) array_like
-        Of the coordinates.
-    coordinate : str
-        By which.
-
-    Returns
-    -------
-    (f,) array
-        In the tree's unit of length by an angle; without a unit by a translation. A central difference, with
-        the conditional points that count at these values.
+    It is in the tree's unit of length by an angle, without a unit by a translation: a central difference,
+    with the conditional points that count at these values. Coupled coordinates follow.
     """
     tree.coordinate(coordinate)
     full = tree.completed(values)

@@ -1,10 +1,11 @@
-"""Models of OpenSim, made of a kinematic tree and muscles' paths, and muscles put into one that there is."""
+"""Models of OpenSim, made of a kinematic tree and muscles' paths, and muscles put into a model of a file."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import NamedTuple
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
 
@@ -14,7 +15,8 @@ from scipy.spatial.transform import Rotation
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.types import Floats
 from vtkmuscle.io.xml_elements import decoded, made, xml_text
-from vtkmuscle.opensim.functions import Constant, function_element
+from vtkmuscle.opensim.elements import AXES
+from vtkmuscle.opensim.functions import Polynomial, function_element
 from vtkmuscle.opensim.model import checked_model
 from vtkmuscle.opensim.muscle_paths import FunctionPath, PathPoint, PointPath
 from vtkmuscle.opensim.tree import Coupling, Joint, JointAxis, JointCoordinate, KinematicTree
@@ -23,13 +25,12 @@ from vtkmuscle.opensim.tree import Coupling, Joint, JointAxis, JointCoordinate, 
 VERSION = 40600
 #: Kinds of muscles that are written.
 MUSCLES = ("Millard2012EquilibriumMuscle", "Thelen2003Muscle", "DeGrooteFregly2016Muscle", "PathActuator")
-#: Radius of gyration of a body whose mass is stated [m], a quarter of a bone's length: no bone tells it.
+#: Radius of gyration of a body whose mass is given [m], a quarter of a bone's length.
 GYRATION = 0.1
 #: Length of a cylinder [m], which to a path has no ends.
 CYLINDER = 0.5
-#: How much is seen of a muscle that does not move with the model.
+#: Opacity of a muscle that does not move with the model.
 OPACITY = 0.3
-_AXES = [kind + number for kind in ("rotation", "translation") for number in "123"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,7 +96,8 @@ def osim_of(
     Raises
     ------
     ValueError
-        If a name cannot be part of a path in OpenSim, or a muscle names what the tree has not.
+        If a name cannot be part of a path in OpenSim, or a muscle names a body or coordinate that the tree
+        does not have.
     """
     for what, names in (
         ("body", tree.bodies),
@@ -104,11 +106,16 @@ def osim_of(
     ):
         for one in names:
             _check_name(what, one)
-    paths = ComponentPaths(tree, _owners(tree))
+    owners: dict[str, str] = {}
+    for joint in tree.joints:  # a coordinate is of the first joint that moves by it
+        for axis in joint.axes:
+            if axis.coordinate is not None:
+                owners.setdefault(axis.coordinate, joint.name)
+    paths = _component_paths(tree, owners)
     for body in masses or {}:
         paths.body(body)  # raises where there is none
-    bodies = {body: made("Ground" if body == tree.root else "Body", name=body) for body in tree.bodies}
-    bodies[tree.root].set("name", "ground")
+    bodies = {body: made("Body", name=body) for body in tree.bodies}
+    bodies[tree.root] = made("Ground", name="ground")
     for body, inside in bodies.items():
         if body != tree.root:
             mass = (masses or {}).get(body, 0.0)
@@ -126,7 +133,7 @@ def osim_of(
         made("length_units", "meters"),
         made("force_units", "N"),
         _set("BodySet", others, name="bodyset"),
-        _set("JointSet", [_joint(joint, tree, paths) for joint in tree.joints], name="jointset"),
+        _set("JointSet", [_joint(joint, tree, owners, paths) for joint in tree.joints], name="jointset"),
         _set("ConstraintSet", map(_coupler, tree.couplings), name="constraintset"),
         _set("ForceSet", [_muscle(one, paths) for one in muscles], name="forceset"),
         name=name,
@@ -160,9 +167,9 @@ def enriched(model: Path, muscles: Sequence[MuscleOut], *, replace: Sequence[str
         raise InputError(
             model, f"the model has a muscle {one!r} already", "call the new one otherwise, or replace"
         )
-    paths = ComponentPaths(read.tree, read.joint_of)
+    paths = _component_paths(read.tree, read.joint_of)
     parser = ElementTree.XMLParser(target=ElementTree.TreeBuilder(insert_comments=True))
-    text = decoded(model)  # without what it says of its encoding, which is not always so
+    text = decoded(model)  # without its declaration, whose encoding may be wrong
     root = ElementTree.fromstring(text.partition("?>")[2] if text.startswith("<?xml") else text, parser)
     forces = root.find("Model/ForceSet/objects")
     if forces is None:
@@ -179,28 +186,25 @@ def enriched(model: Path, muscles: Sequence[MuscleOut], *, replace: Sequence[str
     return xml_text(root, indented=False)
 
 
-class ComponentPaths:
-    """Where bodies and coordinates are in a model's tree of components.
+class _ComponentPaths(NamedTuple):
+    """Paths of bodies and coordinates in a model's tree of components, by name."""
 
-    Parameters
-    ----------
-    tree : KinematicTree
-        Of the model; its root is the ground.
-    joint_of : mapping of str to str
-        The joint that each coordinate belongs to.
-    """
-
-    def __init__(self, tree: KinematicTree, joint_of: Mapping[str, str]) -> None:
-        self._bodies = {body: f"/bodyset/{body}" for body in tree.bodies} | {tree.root: "/ground"}
-        self._coordinates = {name: f"/jointset/{joint}/{name}" for name, joint in joint_of.items()}
+    bodies: dict[str, str]
+    coordinates: dict[str, str]
 
     def body(self, name: str) -> str:
-        """Return the path of a body; InputError where there is none."""
-        return _known("body", name, self._bodies)
+        return _known("body", name, self.bodies)
 
     def coordinate(self, name: str) -> str:
-        """Return the path of a coordinate; InputError where there is none."""
-        return _known("coordinate", name, self._coordinates)
+        return _known("coordinate", name, self.coordinates)
+
+
+def _component_paths(tree: KinematicTree, joint_of: Mapping[str, str]) -> _ComponentPaths:
+    """Return paths in a model, whose ground is the root, for the joint that each coordinate belongs to."""
+    return _ComponentPaths(
+        {body: f"/bodyset/{body}" for body in tree.bodies} | {tree.root: "/ground"},
+        {name: f"/jointset/{joint}/{name}" for name, joint in joint_of.items()},
+    )
 
 
 def _known(what: str, name: str, paths: Mapping[str, str]) -> str:
@@ -215,7 +219,7 @@ def _set(tag: str, objects: Iterable[Element], **attributes: str) -> Element:
 
 
 def _objects_in(body: Element) -> Element:
-    """Return what holds the cylinders of a body; made where it has none yet."""
+    """Return the element for the cylinders of a body; made where it has none yet."""
     holder = body
     for tag in ("WrapObjectSet", "objects"):
         inner = holder.find(tag)
@@ -232,29 +236,15 @@ def _cylinders(muscles: Sequence[MuscleOut]) -> Iterator[tuple[str, Element]]:
     """Give the bodies and the elements of the cylinders that paths wind round."""
     for muscle in muscles:
         for number, one in enumerate(getattr(muscle.path, "cylinders", ()), start=1):
-            yield (
-                one.body,
-                made(
-                    "WrapCylinder",
-                    made("active", "true"),
-                    made("xyz_body_rotation", _turn(one.frame)),
-                    made("translation", one.centre),
-                    made("quadrant", "all"),
-                    made("radius", one.radius),
-                    made("length", CYLINDER),
-                    name=f"{muscle.name}-C{number}",
-                ),
+            parts = (
+                made("active", "true"),
+                made("xyz_body_rotation", _turn(one.frame)),
+                made("translation", one.centre),
+                made("quadrant", "all"),
+                made("radius", one.radius),
+                made("length", CYLINDER),
             )
-
-
-def _owners(tree: KinematicTree) -> dict[str, str]:
-    """Return the joint that each coordinate belongs to: the first that turns or slides by it."""
-    owners: dict[str, str] = {}
-    for joint in tree.joints:
-        for axis in joint.axes:
-            if axis.coordinate is not None:
-                owners.setdefault(axis.coordinate, joint.name)
-    return owners
+            yield one.body, made("WrapCylinder", *parts, name=f"{muscle.name}-C{number}")
 
 
 def _coupler(one: Coupling) -> Element:
@@ -269,11 +259,10 @@ def _coupler(one: Coupling) -> Element:
     )
 
 
-def _joint(joint: Joint, tree: KinematicTree, paths: ComponentPaths) -> Element:
-    owners = _owners(tree)
-    mine = [one for one in tree.coordinates if owners.get(one.name) == joint.name]
-    used = {axis.coordinate for axis in joint.axes if axis.coordinate is not None}
-    foreign = sorted(used - {one.name for one in mine})
+def _joint(joint: Joint, tree: KinematicTree, owners: Mapping[str, str], paths: _ComponentPaths) -> Element:
+    foreign = sorted(
+        axis.coordinate for axis in joint.axes if axis.coordinate and owners[axis.coordinate] != joint.name
+    )
     if foreign:
         raise InputError(
             "",
@@ -291,12 +280,13 @@ def _joint(joint: Joint, tree: KinematicTree, paths: ComponentPaths) -> Element:
         )
         for side, body, frame in ends
     ]
+    own = [_coordinate(one) for one in tree.coordinates if owners.get(one.name) == joint.name]
     return made(
         "CustomJoint" if joint.axes else "WeldJoint",
         *(made(f"socket_{side}_frame", f"{joint.name}_in_{side}") for side, *_ in ends),
-        made("coordinates", *map(_coordinate, mine)),
+        made("coordinates", *own),
         made("frames", *frames),
-        *([made("SpatialTransform", *_axes(joint))] if joint.axes else []),
+        *([made("SpatialTransform", *_transform_axes(joint))] if joint.axes else []),
         name=joint.name,
     )
 
@@ -306,19 +296,21 @@ def _coordinate(one: JointCoordinate) -> Element:
     return made("Coordinate", made("default_value", one.rest), *limits, name=one.name)
 
 
-def _axes(joint: Joint) -> Iterator[Element]:
+def _transform_axes(joint: Joint) -> Iterator[Element]:
+    """Give the elements of three turns and three slides, of which those that the joint lacks stay at 0."""
+    still = Polynomial(np.array([0.0]))
     axes: list[JointAxis] = []
     for given in (joint.rotations, joint.translations):
         axes += given
-        axes += [JointAxis(axis, Constant(0.0)) for axis in _further([one.axis for one in given])]
-    for name, axis in zip(_AXES, axes, strict=True):
+        axes += [JointAxis(axis, still) for axis in _further([one.axis for one in given])]
+    for name, axis in zip(AXES, axes, strict=True):
         function = function_element(axis.function, name="function")
         coordinates = made("coordinates", axis.coordinate or "")
         yield made("TransformAxis", coordinates, made("axis", axis.axis), function, name=name)
 
 
 def _further(given: list[Floats]) -> list[Floats]:
-    """Return directions that make three of some, no two of them alike, as OpenSim wants them."""
+    """Return axes that complete the given ones to three, no two of them parallel, as OpenSim wants."""
     found: list[Floats] = []
     while len(given) + len(found) < 3:
         known = np.array([*given, *found]).reshape(-1, 3)
@@ -332,16 +324,17 @@ def _turn(frame: Floats) -> Floats:
     return angles
 
 
-def _muscle(muscle: MuscleOut, paths: ComponentPaths) -> Element:
+def _muscle(muscle: MuscleOut, paths: _ComponentPaths) -> Element:
     path = muscle.path
-    written = (
-        _function_path(path, paths) if isinstance(path, FunctionPath) else _point_path(muscle, path, paths)
-    )
+    if isinstance(path, FunctionPath):
+        written = _function_path(path, paths)
+    else:
+        written = _point_path(muscle.name, path, paths)
     given = (made(name, value) for name, value in muscle.parameters.items())
     return made(muscle.kind, written, *given, name=muscle.name)
 
 
-def _function_path(path: FunctionPath, paths: ComponentPaths) -> Element:
+def _function_path(path: FunctionPath, paths: _ComponentPaths) -> Element:
     polynomial = made(
         "MultivariatePolynomialFunction",
         made("coefficients", path.coefficients),
@@ -352,41 +345,36 @@ def _function_path(path: FunctionPath, paths: ComponentPaths) -> Element:
     return made("FunctionBasedPath", names, made("length_function", polynomial), name="path")
 
 
-def _point_path(muscle: MuscleOut, path: PointPath, paths: ComponentPaths) -> Element:
-    points = [_point(f"{muscle.name}-P{i}", one, paths) for i, one in enumerate(path.points, start=1)]
+def _point_path(muscle: str, path: PointPath, paths: _ComponentPaths) -> Element:
+    points = [_point(f"{muscle}-P{i}", one, paths) for i, one in enumerate(path.points, start=1)]
     wraps = [
         made(
             "PathWrap",
-            made("wrap_object", f"{muscle.name}-C{i}"),
+            made("wrap_object", f"{muscle}-C{i}"),
             made("method", "hybrid"),
             made("range", f"{one.after + 1} {one.after + 2}"),
-            name=f"{muscle.name}-W{i}",
+            name=f"{muscle}-W{i}",
         )
         for i, one in enumerate(path.cylinders, start=1)
     ]
     return made("GeometryPath", _set("PathPointSet", points), _set("PathWrapSet", wraps), name="path")
 
 
-def _point(name: str, point: PathPoint, paths: ComponentPaths) -> Element:
-    body = made("socket_parent_frame", paths.body(point.body))
+def _point(name: str, point: PathPoint, paths: _ComponentPaths) -> Element:
+    parts = [made("socket_parent_frame", paths.body(point.body))]
     place = np.asarray(point.place, dtype=np.float64)
     if point.moves:
         named = next(one for one in point.coordinates if one is not None)
-        parts = [
-            part
-            for axis, function, own, at in zip("xyz", point.functions, point.coordinates, place, strict=True)
-            for part in (
-                made(f"socket_{axis}_coordinate", paths.coordinate(own or named)),
-                made(f"{axis}_location", function_element(function or Constant(float(at)))),
-            )
-        ]
-        return made("MovingPathPoint", body, *parts, name=name)
+        for axis, function, own, at in zip("xyz", point.functions, point.coordinates, place, strict=True):
+            parts.append(made(f"socket_{axis}_coordinate", paths.coordinate(own or named)))
+            parts.append(made(f"{axis}_location", function_element(function or Polynomial(at[None]))))
+        return made("MovingPathPoint", *parts, name=name)
+    parts.append(made("location", place))
     if point.only_in is None:
-        return made("PathPoint", body, made("location", place), name=name)
+        return made("PathPoint", *parts, name=name)
     coordinate, *limits = point.only_in
-    when = made("socket_coordinate", paths.coordinate(coordinate))
-    located = made("location", place)
-    return made("ConditionalPathPoint", body, located, when, made("range", limits), name=name)
+    parts += [made("socket_coordinate", paths.coordinate(coordinate)), made("range", limits)]
+    return made("ConditionalPathPoint", *parts, name=name)
 
 
 def _check_name(what: str, name: str) -> None:

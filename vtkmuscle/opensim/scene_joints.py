@@ -3,25 +3,21 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 from math import pi
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from vtkmuscle.core.motion.rigid import RigidMotion, frame_at
+from vtkmuscle.core.motion.blending import screws
+from vtkmuscle.core.motion.coordinates import TRANSLATIONS, Coordinate
+from vtkmuscle.core.motion.rigid import RigidMotion, frame_at, inverses
 from vtkmuscle.core.types import Floats
 from vtkmuscle.opensim import read_motion_file, read_osim
-from vtkmuscle.opensim.functions import (
-    IDENTITY,
-    Constant,
-    CoordinateFunction,
-    CubicSpline,
-    PiecewiseLinear,
-    Polynomial,
-)
+from vtkmuscle.opensim.functions import IDENTITY, CoordinateFunction, CubicSpline, PiecewiseLinear, Polynomial
 from vtkmuscle.opensim.tree import Coupling, Joint, JointAxis, JointCoordinate, KinematicTree
-from vtkmuscle.opensim.tree_motion import grid_of, motion_of_tree
 from vtkmuscle.scene.data import MILLIMETRES
 from vtkmuscle.scene.faults import SceneError, errors_at
 from vtkmuscle.scene.files import SceneFiles
@@ -29,9 +25,12 @@ from vtkmuscle.scene.joint_schema import Axis, Function, JointTable, OpenSimTabl
 from vtkmuscle.scene.motion import steps_of
 from vtkmuscle.scene.schema import MOST_FRAMES, SceneTable
 
-#: What all bones that hang on no joint are fixed to.
+#: The body that all bones without a joint are fixed to.
 GROUND = "ground"
 _DEGREE = pi / 180.0
+#: Half of the step by which it is found how a coordinate moves bones [rad, or its unit]: central differences
+#: of sines err by a sixth of its square, and rounding of positions by a millionth of that of lengths.
+_STEP = 1e-4
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,24 +65,71 @@ class SceneJoints:
             If the file cannot be read, or names no coordinate.
         """
         times, values = coordinate_values(table, self.tree, files)
-        key = "motion.file" if table.motion.file is not None else "motion.grid"
+        key = _key(table)
         _warn_of_ranges(values, self.tree, key, files)
-        chosen = list(table.motion.coordinates) if table.motion.coordinates else None
         with errors_at("motion", files.paths[""], "correct it"):
-            moved = motion_of_tree(
-                self.tree,
-                values,
-                times=times,
-                bodies=self.bodies,
-                frame=self.frame,
-                fixed=self.fixed,
-                coordinates=chosen,
-            )
+            moved = self.motion_of(times, values, list(table.motion.coordinates or ()) or None)
         if not moved.transforms:
             raise SceneError(
                 "no bone moves", key, "name coordinates of joints between bones", files.paths[""]
             )
         return moved
+
+    def motion_of(
+        self, times: Floats, values: Mapping[str, Floats], coordinates: Sequence[str] | None = None
+    ) -> RigidMotion:
+        """Return how the bones that move do so, from rest to values (f,) of coordinates at times (f,).
+
+        Moment arms are by the coordinates given here; by default by all those among the values that move a
+        bone against another one, or against the fixed body. The motion's angles are in degrees.
+        """
+        tree = self.tree
+        free = tree.crossed([*self.bodies.values(), self.fixed])
+        chosen = [name for name in free if name in values] if coordinates is None else coordinates
+        full = tree.completed(values)
+        kinds = {name: tree.coordinate(name) for name in chosen}
+        rest = tree.poses({})
+        placed = rest[self.frame][0]
+        back = inverses(placed[None])[0]
+
+        def moved(at: Mapping[str, ArrayLike]) -> dict[str, Floats]:
+            """Return the motion of each bone from rest, (f, 4, 4)."""
+            now = tree.poses(at)
+            hold = rest[self.fixed] @ inverses(now[self.fixed])
+            return {
+                bone: back @ hold @ now[body] @ inverses(rest[body]) @ placed
+                for bone, body in self.bodies.items()
+            }
+
+        joints = {joint.child: joint for joint in tree.joints}
+        negligible = 1e-12 * max(1.0, float(np.abs(placed[:3, 3]).max()))
+        transforms = {
+            bone: motion
+            for bone, motion in moved(full).items()
+            if np.abs(motion - np.eye(4)).max() > negligible
+        }
+        centres = {
+            bone: (back @ rest[body][0] @ joints[body].child_frame)[:3, 3]
+            for bone, body in self.bodies.items()
+            if bone in transforms and body in joints
+        }
+        own = {name: full[name] for name in tree.free}
+
+        def twists(name: str, factor: float) -> dict[str, Floats] | None:
+            """Return how a coordinate moves each bone, per radian or millimetre, of which it has `factor`."""
+            if name not in own:
+                return None
+            low, high = (moved({**own, name: own[name] + step}) for step in (-_STEP, _STEP))
+            step = 2.0 * _STEP * factor
+            return {bone: screws(high[bone] @ inverses(low[bone])) / step for bone in self.bodies}
+
+        found = {
+            name: Coordinate(np.degrees(full[name]), "deg", one.positive, twists(name, 1.0))
+            if one.is_angle
+            else Coordinate(full[name], one.unit, one.positive, twists(name, TRANSLATIONS[one.unit]))
+            for name, one in kinds.items()
+        }
+        return RigidMotion(times, transforms, centres, found)
 
 
 def joints_in(table: SceneTable, files: SceneFiles) -> SceneJoints:
@@ -104,8 +150,14 @@ def joints_in(table: SceneTable, files: SceneFiles) -> SceneJoints:
     factors = _factors(table.joints)
     for name, joint in table.joints.items():
         with errors_at(f"joints.{name}", files.paths[""], "correct it"):
-            coordinates += _coordinates(joint, factors, table.units)
-            couplings += _couplings(joint, factors)
+            for own, one in (joint.coordinates or {}).items():
+                unit = table.units if factors[own] == 1.0 else "rad"
+                limits = None if one.range is None else (one.range[0], one.range[1])
+                coordinate = JointCoordinate(own, unit, one.rest, limits, one.positive or "")
+                coordinates.append(coordinate.scaled(factors[own]))
+                if one.follows is not None:
+                    function = _function(one).rescaled(factors[one.follows], factors[own])
+                    couplings.append(Coupling(own, one.follows, function))
             joints.append(_joint(name, joint, factors))
     with errors_at("joints", files.paths[""], "correct it"):
         tree = KinematicTree(GROUND, joints, coordinates, couplings)
@@ -122,83 +174,95 @@ def coordinate_values(
     SceneError
         If the file cannot be read, or names no coordinate.
     """
-    motion = table.motion
-    key = "motion.file" if motion.file is not None else "motion.grid"
+    motion, key = table.motion, _key(table)
     if motion.file is not None:
         found = files.read(key, motion.file, read_motion_file)
         rows = slice(None, None, motion.every)
-        times = found.times[rows]
         given = files.read(key, motion.file, lambda _: found.values(tree))
-        values = {name: column[rows] for name, column in given.items()}
-    else:
-        grid = {
-            name: steps_of(*three) * (_DEGREE if tree.coordinate(name).is_angle else 1.0)
-            for name, three in _known(motion.grid or {}, tree, files)
-        }
-        count = int(np.prod([len(one) for one in grid.values()]))
-        if count > MOST_FRAMES:
-            raise SceneError(f"the grid has {count} poses", key, "choose larger steps", files.paths[""])
-        values = grid_of(grid)
-        alone = next(iter(motion.grid or {})) if len(grid) == 1 else None
-        times = np.arange(float(count)) if alone is None else steps_of(*(motion.grid or {})[alone])
+        return found.times[rows], {name: column[rows] for name, column in given.items()}
+    where = files.paths[""]
+    grid = {name: steps_of(*three) for name, three in (motion.grid or {}).items()}
+    for name in grid:
+        with errors_at(f"{key}.{name}", where):
+            tree.coordinate(name)
+        if name not in tree.free:
+            raise SceneError(
+                f"the coordinate {name!r} follows another one", f"{key}.{name}", "leave it out", where
+            )
+    count = int(np.prod([len(one) for one in grid.values()]))
+    if count > MOST_FRAMES:
+        raise SceneError(f"the grid has {count} poses", key, "choose larger steps", where)
+    values = grid_of({name: column * _unit(tree, name) for name, column in grid.items()})
+    times = next(iter(grid.values())) if len(grid) == 1 else np.arange(float(count))
     return times, values
 
 
-def _known(
-    grid: Mapping[str, list[float]], tree: KinematicTree, files: SceneFiles
-) -> Iterator[tuple[str, list[float]]]:
-    for name, three in grid.items():
-        with errors_at(f"motion.grid.{name}", files.paths[""]):
-            tree.coordinate(name)
-        if name not in tree.free:
-            problem = f"the coordinate {name!r} follows another one"
-            raise SceneError(problem, f"motion.grid.{name}", "leave it out", files.paths[""])
-        yield name, three
+def _key(table: SceneTable) -> str:
+    return "motion.file" if table.motion.file is not None else "motion.grid"
+
+
+def _unit(tree: KinematicTree, coordinate: str) -> float:
+    """Return the unit of a coordinate in a scene, a degree or 1, in that of the tree."""
+    return _DEGREE if tree.coordinate(coordinate).is_angle else 1.0
+
+
+def grid_of(axes: Mapping[str, Floats]) -> dict[str, Floats]:
+    """Return all poses (f,) of a grid of coordinates (k,) by name, each next to the one before it.
+
+    The last coordinate changes first, there and back in turn, so that no step is longer than one of the grid.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from vtkmuscle.opensim.scene_joints import grid_of
+    >>> found = grid_of({"hip": np.array([0.0, 1.0]), "knee": np.array([0.0, 1.0, 2.0])})
+    >>> found["knee"].tolist()
+    [0.0, 1.0, 2.0, 2.0, 1.0, 0.0]
+    """
+    sizes = [len(values) for values in axes.values()]
+    rows = np.array(list(product(*(range(size) for size in sizes))), dtype=np.int64)
+    for column in range(1, len(sizes)):
+        # Which way a coordinate goes depends on how many turns those before it have made.
+        block = int(np.prod(sizes[column:]))
+        back = (np.arange(len(rows)) // block) % 2 == 1
+        rows[back, column] = sizes[column] - 1 - rows[back, column]
+    return {name: values[rows[:, column]] for column, (name, values) in enumerate(axes.items())}
 
 
 def _warn_of_ranges(values: Mapping[str, Floats], tree: KinematicTree, key: str, files: SceneFiles) -> None:
     """Warn where a motion goes beyond the range of a coordinate."""
     for name, column in values.items():
-        one = tree.coordinate(name)
-        if one.range is None or name not in tree.free:
+        limits = tree.coordinate(name).range
+        if limits is None or name not in tree.free:
             continue
-        low, high = one.range
-        factor = 1.0 / _DEGREE if one.is_angle else 1.0
+        (low, high), unit = limits, _unit(tree, name)
         if column.min() < low - 1e-6 or column.max() > high + 1e-6:
             words = (
-                f"{files.paths['']}: {key}: {name!r} goes from {factor * column.min():.4g} to "
-                f"{factor * column.max():.4g}, but its range is {factor * low:.4g} to {factor * high:.4g}"
+                f"{files.paths['']}: {key}: {name!r} goes from {column.min() / unit:.4g} to "
+                f"{column.max() / unit:.4g}, but its range is {low / unit:.4g} to {high / unit:.4g}"
             )
             warnings.warn(words, stacklevel=4)
 
 
 def _of_opensim(table: OpenSimTable, scene: SceneTable, files: SceneFiles) -> SceneJoints:
-    model = files.read("opensim.model", table.model, read_osim)
-    tree = model.tree
+    tree = files.read("opensim.model", table.model, read_osim).tree
     where = files.paths[""]
     given = table.bodies or {}
     bodies = {bone: given.get(bone, bone) for bone in scene.bones}
+    frame, fixed = table.frame or tree.root, table.fixed or tree.root
     for bone in given:
         if bone not in scene.bones:
             raise SceneError(f"there is no bone {bone!r}", f"opensim.bodies.{bone}", "", where)
     with errors_at("opensim.rest", where):
-        rest = {
-            name: value * (_DEGREE if tree.coordinate(name).is_angle else 1.0)
-            for name, value in (table.rest or {}).items()
-        }
-        tree = replace(
-            tree, coordinates=[replace(one, rest=rest.get(one.name, one.rest)) for one in tree.coordinates]
-        )
-    for key, body in (
-        *((f"bodies.{bone}", body) for bone, body in bodies.items()),
-        ("frame", table.frame or tree.root),
-        ("fixed", table.fixed or tree.root),
-    ):
+        rest = {name: value * _unit(tree, name) for name, value in (table.rest or {}).items()}
+    coordinates = [replace(one, rest=rest.get(one.name, one.rest)) for one in tree.coordinates]
+    named = {f"bodies.{bone}": body for bone, body in bodies.items()} | {"frame": frame, "fixed": fixed}
+    for key, body in named.items():
         if body not in tree.bodies:
             problem = f"the model has no body {body!r}"
             raise SceneError(problem, f"opensim.{key}", f"its bodies are {', '.join(tree.bodies)}", where)
-    scale = 1000.0 / MILLIMETRES[scene.units]
-    return SceneJoints(tree.scaled(scale), bodies, table.frame or tree.root, table.fixed or tree.root)
+    tree = replace(tree, coordinates=coordinates).scaled(1000.0 / MILLIMETRES[scene.units])
+    return SceneJoints(tree, bodies, frame, fixed)
 
 
 def _factors(joints: Mapping[str, JointTable]) -> dict[str, float]:
@@ -211,52 +275,31 @@ def _factors(joints: Mapping[str, JointTable]) -> dict[str, float]:
     return factors
 
 
-def _coordinates(joint: JointTable, factors: Mapping[str, float], units: str) -> Iterator[JointCoordinate]:
-    for name, one in (joint.coordinates or {}).items():
-        factor = factors[name]
-        limits = None if one.range is None else (factor * one.range[0], factor * one.range[1])
-        unit = units if factor == 1.0 else "rad"
-        yield JointCoordinate(name, unit, factor * one.rest, limits, one.positive or "")
-
-
-def _couplings(joint: JointTable, factors: Mapping[str, float]) -> Iterator[Coupling]:
-    for name, one in (joint.coordinates or {}).items():
-        if one.follows is not None:
-            yield Coupling(name, one.follows, _function(one, factors[one.follows], factors[name]))
-
-
 def _joint(name: str, joint: JointTable, factors: Mapping[str, float]) -> Joint:
     frame = frame_at(joint.centre or (0.0, 0.0, 0.0))
     names = list(joint.coordinates or {})
     rotations: list[JointAxis] = []
-    translations: list[JointAxis] = []
-    if joint.type == "pin":
-        rotations = [JointAxis(np.array(joint.axis), IDENTITY, names[0])]
-    elif joint.type == "ball":
-        axes = joint.axes or np.eye(3).tolist()
+    if joint.type in ("pin", "ball"):
+        axes = [joint.axis] if joint.type == "pin" else joint.axes or np.eye(3)
         rotations = [JointAxis(np.array(axis), IDENTITY, one) for axis, one in zip(axes, names, strict=True)]
-    elif joint.type == "custom":
-        rotations = [_axis(axis, factors, _DEGREE) for axis in joint.rotations or []]
-        translations = [_axis(axis, factors, 1.0) for axis in joint.translations or []]
+    rotations += [_axis(axis, factors, _DEGREE) for axis in joint.rotations or []]
+    translations = [_axis(axis, factors, 1.0) for axis in joint.translations or []]
     return Joint(name, joint.parent, joint.child, rotations, translations, frame, frame, joint.type)
 
 
-def _axis(axis: Axis, factors: Mapping[str, float], out: float) -> JointAxis:
+def _axis(axis: Axis, factors: Mapping[str, float], result: float) -> JointAxis:
+    direction = np.array(axis.axis)
     if axis.coordinate is None:
-        return JointAxis(np.array(axis.axis), Constant(out * (axis.constant or 0.0)))
-    return JointAxis(np.array(axis.axis), _function(axis, factors[axis.coordinate], out), axis.coordinate)
+        return JointAxis(direction, Polynomial(np.array([result * (axis.constant or 0.0)])))
+    return JointAxis(direction, _function(axis).rescaled(factors[axis.coordinate], result), axis.coordinate)
 
 
-def _function(table: Function, factor: float, out: float) -> CoordinateFunction:
-    """Return a function in a file's units as one of radians and lengths.
-
-    ``factor`` is what the coordinate's unit in the file is in the tree, ``out`` the same of the result.
-    """
+def _function(table: Function) -> CoordinateFunction:
+    """Return a function of a scene, in the scene's units."""
     for knots, kind in ((table.spline, CubicSpline), (table.piecewise, PiecewiseLinear)):
         if knots is not None:
-            return kind(np.array(knots.x) * factor, np.array(knots.y) * out)
-    coefficients = np.array(table.polynomial or [1.0, 0.0])
-    return Polynomial(coefficients * out / factor ** np.arange(len(coefficients))[::-1])
+            return kind(np.array(knots.x), np.array(knots.y))
+    return Polynomial(np.array(table.polynomial or [1.0, 0.0]))
 
 
 def _at_rest(tree: KinematicTree) -> KinematicTree:

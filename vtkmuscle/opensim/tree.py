@@ -11,10 +11,10 @@ from numpy.typing import ArrayLike
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.motion.coordinates import ANGLES, TRANSLATIONS
-from vtkmuscle.core.motion.rigid import inverses, is_rigid, turns
+from vtkmuscle.core.motion.rigid import inverses, turns
 from vtkmuscle.core.types import Floats
 from vtkmuscle.core.words import suggestion
-from vtkmuscle.opensim.functions import CoordinateFunction, Multiplier
+from vtkmuscle.opensim.functions import CoordinateFunction
 
 
 @dataclass(frozen=True)
@@ -24,15 +24,15 @@ class JointCoordinate:
     Parameters
     ----------
     name : str
-        Its name, which is no other coordinate's of the tree.
+        Its name, which no other coordinate of the tree has.
     unit : str, optional
         ``"rad"`` for an angle; ``"mm"``, ``"cm"`` or ``"m"`` for a translation: of its values here.
     rest : float, optional
-        Its value where nothing else is said, in its unit.
+        Its value where no other is given, in its unit.
     range : (float, float), optional
         Its least and largest value, in its unit.
     positive : str, optional
-        What its positive direction is, in words.
+        Its positive direction, in words.
     """
 
     name: str
@@ -41,32 +41,22 @@ class JointCoordinate:
     range: tuple[float, float] | None = None
     positive: str = ""
 
-    def __post_init__(self) -> None:
-        if self.unit not in ("rad", *TRANSLATIONS):
-            raise InputError(
-                "", f"the unit of coordinate {self.name!r} must be rad, mm, cm or m, not {self.unit!r}"
-            )
-        if not np.isfinite([self.rest, *(self.range or ())]).all():
-            raise InputError("", f"the rest and range of coordinate {self.name!r} must be finite numbers")
-
     @property
     def is_angle(self) -> bool:
         """Whether it is an angle."""
         return self.unit in ANGLES
 
+    def scaled(self, factor: float) -> JointCoordinate:
+        """Return the coordinate with its rest and range times a factor."""
+        limits = None if self.range is None else (factor * self.range[0], factor * self.range[1])
+        return replace(self, rest=factor * self.rest, range=limits)
+
 
 @dataclass(frozen=True, eq=False)
 class JointAxis:
-    """One turn or slide of a joint.
+    """One turn or slide of a joint about or along an axis (3,), of any length.
 
-    Parameters
-    ----------
-    axis : (3,) array
-        Direction, of any length.
-    function : CoordinateFunction
-        How far [radians, or the tree's unit of length].
-    coordinate : str or None
-        What it is a function of; None for a constant.
+    How far [radians, or the tree's unit of length] is a function of a coordinate; None for a constant.
     """
 
     axis: Floats
@@ -104,7 +94,7 @@ class Joint:
     parent_frame, child_frame : (4, 4) arrays, optional
         The joint's frames in either body; default the bodies' own.
     kind : str, optional
-        What it was made as, for whoever writes it again.
+        The joint's type in the file that it comes from.
     """
 
     name: str
@@ -115,11 +105,6 @@ class Joint:
     parent_frame: Floats = field(default_factory=lambda: np.eye(4))
     child_frame: Floats = field(default_factory=lambda: np.eye(4))
     kind: str = "custom"
-
-    def __post_init__(self) -> None:
-        for name in ("parent_frame", "child_frame"):
-            if not is_rigid(getattr(self, name)):
-                raise InputError("", f"joint {self.name!r}: its {name} must be a rotation and a translation")
 
     @property
     def axes(self) -> tuple[JointAxis, ...]:
@@ -139,15 +124,7 @@ class Joint:
 
 @dataclass(frozen=True, eq=False)
 class Coupling:
-    """A coordinate that follows another one, as a patella's angle follows that of the knee.
-
-    Parameters
-    ----------
-    dependent, independent : str
-        Names of coordinates.
-    function : CoordinateFunction
-        The former's value for the latter's.
-    """
+    """A coordinate that follows another one by a function, as a patella's angle follows that of the knee."""
 
     dependent: str
     independent: str
@@ -172,7 +149,7 @@ class KinematicTree:
     Raises
     ------
     ValueError
-        If the joints are no tree, or name a coordinate that there is not; the message says which.
+        If the joints are no tree, or name a coordinate that is not there; the message says which.
 
     Examples
     --------
@@ -190,8 +167,7 @@ class KinematicTree:
     couplings: Sequence[Coupling] = ()
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "joints", tuple(_in_order(self.root, self.joints)))
-        known = {one.name for one in self.coordinates}
+        object.__setattr__(self, "joints", tuple(_joints_in_order(self.root, self.joints)))
         for what, names in (
             ("coordinate", [one.name for one in self.coordinates]),
             ("joint", [one.name for one in self.joints]),
@@ -202,17 +178,12 @@ class KinematicTree:
                 raise InputError("", f"there are two of the {what} {twice!r}")
         for joint in self.joints:
             for axis in joint.axes:
-                if axis.coordinate is not None and axis.coordinate not in known:
-                    raise InputError(
-                        "",
-                        f"joint {joint.name!r}: there is no coordinate {axis.coordinate!r}; "
-                        + suggestion(axis.coordinate, sorted(known)),
-                    )
+                if axis.coordinate is not None:
+                    self.coordinate(axis.coordinate, f"joint {joint.name!r}: ")
         for one in self.couplings:
             for name in (one.dependent, one.independent):
-                if name not in known:
-                    raise InputError("", f"a coupling names the coordinate {name!r}, which there is not")
-        object.__setattr__(self, "couplings", tuple(_coupled_in_order(self.couplings)))
+                self.coordinate(name, "a coupling: ")
+        object.__setattr__(self, "couplings", tuple(_couplings_in_order(self.couplings)))
 
     @property
     def bodies(self) -> tuple[str, ...]:
@@ -225,19 +196,13 @@ class KinematicTree:
         dependent = {one.dependent for one in self.couplings}
         return tuple(one.name for one in self.coordinates if one.name not in dependent)
 
-    def coordinate(self, name: str) -> JointCoordinate:
-        """Return a coordinate by its name.
-
-        Raises
-        ------
-        ValueError
-            If there is none of that name.
-        """
+    def coordinate(self, name: str, where: str = "") -> JointCoordinate:
+        """Return a coordinate by its name; ValueError, with ``where`` before it, if there is none."""
         for one in self.coordinates:
             if one.name == name:
                 return one
-        known = [one.name for one in self.coordinates]
-        raise InputError("", f"there is no coordinate {name!r}; {suggestion(name, known)}")
+        known = sorted(one.name for one in self.coordinates)
+        raise InputError("", f"{where}there is no coordinate {name!r}; {suggestion(name, known)}")
 
     def completed(self, values: Mapping[str, ArrayLike]) -> dict[str, Floats]:
         """Return the values (f,) of all coordinates: those given, the coupled ones, the others at rest.
@@ -252,7 +217,6 @@ class KinematicTree:
         ValueError
             If there is no such coordinate, lengths differ, or a value is not finite.
         """
-        known = [one.name for one in self.coordinates]
         given = {name: np.asarray(value, dtype=np.float64) for name, value in values.items()}
         lengths = {value.shape for value in given.values() if value.ndim}
         if len(lengths) > 1 or any(len(shape) != 1 for shape in lengths):
@@ -261,8 +225,7 @@ class KinematicTree:
             )
         frames = lengths.pop()[0] if lengths else 1
         for name, value in given.items():
-            if name not in known:
-                raise InputError("", f"there is no coordinate {name!r}; {suggestion(name, known)}")
+            self.coordinate(name)
             if not np.isfinite(value).all():
                 raise InputError("", f"coordinate {name!r} has a value that is not finite")
         result = {one.name: np.full(frames, one.rest) for one in self.coordinates}
@@ -277,17 +240,9 @@ class KinematicTree:
         return result
 
     def poses(self, values: Mapping[str, ArrayLike]) -> dict[str, Floats]:
-        """Return where the bodies are for values of the coordinates.
+        """Return each body's frame in the root's (f, 4, 4) for values of the coordinates.
 
-        Parameters
-        ----------
-        values : mapping of str to (f,) array_like
-            As of :meth:`completed`. What a coupled coordinate is given does not count.
-
-        Returns
-        -------
-        dict of str to (f, 4, 4) array
-            Each body's frame in the root's.
+        They are given as to :meth:`completed`; a value of a coupled coordinate does not count.
         """
         full = self.completed(values)
         frames = len(next(iter(full.values()))) if full else 1
@@ -303,23 +258,43 @@ class KinematicTree:
                 )
         return result
 
-    def scaled(self, factor: float) -> KinematicTree:
-        """Return the tree in another unit of length; coordinates keep their units."""
-        return replace(
-            self,
-            joints=[
-                replace(
-                    joint,
-                    translations=[
-                        replace(axis, function=Multiplier(axis.function, factor))
-                        for axis in joint.translations
-                    ],
-                    parent_frame=_scaled(joint.parent_frame, factor),
-                    child_frame=_scaled(joint.child_frame, factor),
-                )
-                for joint in self.joints
-            ],
+    def scaled(self, length: float, coordinates: Mapping[str, float] | None = None) -> KinematicTree:
+        """Return a tree that moves as this one, lengths times a factor, and coordinates times one by name."""
+        factors = {one.name: 1.0 for one in self.coordinates} | dict(coordinates or {})
+
+        def scaled_axis(axis: JointAxis, result: float) -> JointAxis:
+            own = 1.0 if axis.coordinate is None else factors[axis.coordinate]
+            return replace(axis, function=axis.function.rescaled(own, result))
+
+        joints = [
+            replace(
+                joint,
+                rotations=[scaled_axis(axis, 1.0) for axis in joint.rotations],
+                translations=[scaled_axis(axis, length) for axis in joint.translations],
+                parent_frame=_scaled(joint.parent_frame, length),
+                child_frame=_scaled(joint.child_frame, length),
+            )
+            for joint in self.joints
+        ]
+        couplings = [
+            replace(one, function=one.function.rescaled(factors[one.independent], factors[one.dependent]))
+            for one in self.couplings
+        ]
+        return KinematicTree(
+            self.root, joints, [one.scaled(factors[one.name]) for one in self.coordinates], couplings
         )
+
+    def in_metres(self, metres: float) -> tuple[KinematicTree, dict[str, float]]:
+        """Return the tree in metres, for metres per unit of length, with its sliding coordinates in metres.
+
+        The second result has the factors by which values of coordinates are multiplied; 1 for angles.
+        """
+        factors = {
+            one.name: 1.0 if one.is_angle else TRANSLATIONS[one.unit] / 1000.0 for one in self.coordinates
+        }
+        tree = self.scaled(metres, factors)
+        coordinates = [one if one.is_angle else replace(one, unit="m") for one in tree.coordinates]
+        return replace(tree, coordinates=coordinates), factors
 
     def crossed(self, bodies: Sequence[str]) -> tuple[str, ...]:
         """Return the free coordinates that move some bodies against each other."""
@@ -352,7 +327,7 @@ def _scaled(frame: Floats, factor: float) -> Floats:
     return result
 
 
-def _in_order(root: str, joints: Sequence[Joint]) -> Iterator[Joint]:
+def _joints_in_order(root: str, joints: Sequence[Joint]) -> Iterator[Joint]:
     """Give each joint after that of its parent."""
     waiting: dict[str, list[Joint]] = {}
     seen: dict[str, str] = {root: ""}
@@ -368,15 +343,12 @@ def _in_order(root: str, joints: Sequence[Joint]) -> Iterator[Joint]:
             todo.append(joint.child)
             yield joint
     for parent, left in waiting.items():
-        why = (
-            "there is no such body"
-            if parent not in seen
-            else f"it does not hang on {root!r}: a ring of joints"
-        )
+        ring = f"it does not hang on {root!r}: a ring of joints"
+        why = ring if parent in seen else "there is no such body"
         raise InputError("", f"joint {left[0].name!r}: its parent is {parent!r}, but {why}")
 
 
-def _coupled_in_order(couplings: Sequence[Coupling]) -> Iterator[Coupling]:
+def _couplings_in_order(couplings: Sequence[Coupling]) -> Iterator[Coupling]:
     """Give each coupling after that which its independent coordinate depends on."""
     found = {one.dependent: one for one in couplings}
     sorter = TopologicalSorter({one.dependent: (one.independent,) for one in couplings})

@@ -1,11 +1,11 @@
-"""Procedural muscles and joints with known answers: the embedded data, made when asked for.
+"""Procedural muscles and joints with known answers, made on call: the package has no other data.
 
-Joints, from the simplest to the most like life; with what is known of the muscle's middle line in brackets:
+Joints, from the simplest to the most lifelike, with their known answers in brackets:
 
 * :func:`spindle_over_hinge` (length and moment arm of the straight line);
 * :func:`wrapping_cylinder`, a strap wound up and unwound (one moment arm at every angle);
-* :func:`hip`, the demo's: pelvis, femur and three muscles (the head of the femur); :func:`leg`, the whole of
-  it: three joints, ten muscles.
+* :func:`hip`, the demo's: pelvis, femur and three muscles (the head of the femur); :func:`leg`: three
+  joints, ten muscles.
 
 Fibres: :func:`fibre_block`, :func:`pennate_block` and :func:`pennate_belly` (lengths, pennation).
 
@@ -14,14 +14,11 @@ Fibres: :func:`fibre_block`, :func:`pennate_block` and :func:`pennate_belly` (le
 
 from __future__ import annotations
 
-from vtkmuscle.phantoms.cylinder_wrap import wrapping_cylinder
-from vtkmuscle.phantoms.fibre_blocks import fibre_block, pennate_block
-from vtkmuscle.phantoms.hinge_spindle import spindle_over_hinge
+from vtkmuscle.phantoms.fibre_bodies import fibre_block, pennate_belly, pennate_block
 from vtkmuscle.phantoms.hip_joint import hip
-from vtkmuscle.phantoms.label_map import label_map
 from vtkmuscle.phantoms.leg import leg
-from vtkmuscle.phantoms.pennate_belly import pennate_belly
-from vtkmuscle.phantoms.phantom import Phantom
+from vtkmuscle.phantoms.one_hinge import spindle_over_hinge, wrapping_cylinder
+from vtkmuscle.phantoms.phantom import Phantom, label_map
 
 __all__ = [
     "Phantom",

@@ -14,7 +14,7 @@ from vtkmuscle.core.motion.rigid import rotation_about
 from vtkmuscle.core.types import Floats
 from vtkmuscle.phantoms.implicit import Solid, ball, rod, thick_curve, thick_sheet, union
 
-#: Radii of the femoral head and of the acetabulum [mm]: cartilage fills what is between them.
+#: Radii of the femoral head and of the acetabulum [mm]: cartilage fills the gap.
 HEAD_RADIUS = 23.0
 SOCKET_RADIUS = 25.5
 
@@ -136,7 +136,7 @@ def tibia() -> Solid:
 
 
 def foot() -> Solid:
-    """Return a foot: the talus, a roller about the axis of the ankle, the heel, and what is before them."""
+    """Return a foot: the talus, a roller about the axis of the ankle; the heel; and the forefoot."""
     x, y, z = ANKLE
     talus = rod((x - 18, y, z), (x + 18, y, z), TALUS, rim=3.0)
     heel = thick_curve([(x, 14, -822), (x, 48, -836)], [13, 12])

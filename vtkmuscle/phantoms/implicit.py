@@ -23,14 +23,9 @@ REACH = 16.0
 
 @dataclass(frozen=True, eq=False)
 class Solid:
-    """A solid given by an implicit field.
+    """A solid given by an implicit field, from points (n, 3) to values (n,) [mm] and gradients (n, 3).
 
-    Attributes
-    ----------
-    field : callable
-        From points (n, 3) to values (n,) [mm] and gradients (n, 3) [1].
-    lower, upper : (3,) float array
-        A box that holds the solid [mm].
+    ``lower`` and ``upper`` (3,) are the corners of a box that holds it [mm].
     """
 
     field: Callable[[Floats], tuple[Floats, Floats]]
@@ -61,7 +56,7 @@ class Solid:
         return Solid(field, self.lower, self.upper)
 
     def beside(self, centre: ArrayLike, normal: ArrayLike, blend: float) -> Solid:
-        """Return what lies behind a plane, against its normal, the rim rounded over ``blend`` [mm]."""
+        """Return the part behind a plane, against its normal, the rim rounded over ``blend`` [mm]."""
         c, n = _vector(centre), _vector(normal)
         n = n / np.linalg.norm(n)
 
@@ -123,76 +118,29 @@ def rod(start: ArrayLike, end: ArrayLike, radius: float, *, rim: float = 1.0) ->
     return whole.beside(a, -axis, rim).beside(b, axis, rim)
 
 
-def block(lower: ArrayLike, upper: ArrayLike, *, rim: float = 2.0) -> Solid:
-    """Return a box along the axes, its edges rounded over ``rim`` [mm]."""
-    low, high = _vector(lower), _vector(upper)
-
-    def face(points: Floats) -> tuple[Floats, Floats]:
-        return points[:, 0] - high[0], np.tile([1.0, 0.0, 0.0], (len(points), 1))
-
-    solid = Solid(face, low, high)
-    for axis in range(3):
-        normal = np.eye(3)[axis]
-        solid = solid.beside(low, -normal, rim)
-        solid = solid if axis == 0 else solid.beside(high, normal, rim)
-    return solid
-
-
 def thick_curve(knots: ArrayLike, radii: ArrayLike, *, spacing: float = 3.0) -> Solid:
-    """Return a tube of varying radius about a smooth curve, with round ends.
+    """Return a tube about the smooth curve through knots (k, 3), k >= 2, with radii (k,) there [mm].
 
-    Parameters
-    ----------
-    knots : (k, 3) array_like
-        Points that the centre line passes through, k >= 2 [mm].
-    radii : (k,) array_like
-        Radius at each [mm].
-    spacing : float
-        Distance of samples on the centre line [mm].
-
-    Returns
-    -------
-    Solid
-        The union of the balls on the centre line.
+    It is the union of the balls on the curve, which is sampled every ``spacing`` mm.
     """
     nodes = np.column_stack([_vector(knots), _vector(radii)])
     return _thickened(nodes[:, None, :], spacing)
 
 
 def thick_sheet(knots: ArrayLike, half_thickness: ArrayLike, *, spacing: float = 3.0) -> Solid:
-    """Return the solid within a varying distance of a smooth sheet, with round rims.
+    """Return the solid about the smooth sheet through a net of knots (k, l, 3), k, l >= 2 [mm].
 
-    Parameters
-    ----------
-    knots : (k, l, 3) array_like
-        A net of points that the sheet passes through, k, l >= 2 [mm].
-    half_thickness : (k, l) array_like
-        At each [mm].
-    spacing : float
-        Distance of samples on the sheet [mm].
-
-    Returns
-    -------
-    Solid
-        The union of the balls on the sheet.
+    It is the union of the balls of radius ``half_thickness`` (k, l) on the sheet, which is sampled every
+    ``spacing`` mm.
     """
     return _thickened(np.dstack([_vector(knots), _vector(half_thickness)]), spacing)
 
 
 def spline_net(nodes: Floats, rows: ArrayLike, columns: ArrayLike) -> Floats:
-    """Return a net interpolated by cubic splines (of lower degree where it has few nodes).
+    """Return a net (a, b, c) interpolated by cubic splines (of lower degree where it has few nodes).
 
-    Parameters
-    ----------
-    nodes : (k, l, c) array
-        Values at the parameters 0 ... 1 by rows and columns, evenly spaced.
-    rows, columns : (a,), (b,) array_like
-        Parameters in [0, 1].
-
-    Returns
-    -------
-    (a, b, c) array
-        Values at the parameters.
+    ``nodes`` (k, l, c) are its values at evenly spaced parameters from 0 to 1, ``rows`` (a,) and ``columns``
+    (b,) the parameters of the result.
     """
     for axis, parameters in ((0, rows), (1, columns)):
         count = nodes.shape[axis]

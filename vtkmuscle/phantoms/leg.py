@@ -10,11 +10,20 @@ from numpy.typing import ArrayLike
 from vtkmuscle.core.motion.rigid import RigidMotion, rotation_about
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.attachments import AttachmentArea
-from vtkmuscle.phantoms.hip_bones import ANKLE, HEAD_RADIUS, KNEE, foot, pelvis, tibia, whole_femur
-from vtkmuscle.phantoms.hip_joint import CUT, HipShape, hip_parts
+from vtkmuscle.phantoms.hip_bones import (
+    ANKLE,
+    HEAD_RADIUS,
+    KNEE,
+    NECK_ANGLE,
+    foot,
+    pelvis,
+    tibia,
+    whole_femur,
+)
+from vtkmuscle.phantoms.hip_joint import beside_bones, hip_parts
 from vtkmuscle.phantoms.implicit import Solid, thick_curve
 from vtkmuscle.phantoms.meshing import mesh_of
-from vtkmuscle.phantoms.phantom import Phantom, Surface, checked_poses, ends, phantom_from
+from vtkmuscle.phantoms.phantom import Phantom, Surface, checked_poses, circle, ends, phantom_from
 
 #: The joints: parent, child, a point on the axis [mm], and the axis that the coordinate turns about.
 JOINTS = {
@@ -24,96 +33,59 @@ JOINTS = {
 }
 #: Least and largest angles [degrees].
 LIMITS = {"hip_flexion": (-20.0, 90.0), "knee_flexion": (0.0, 90.0), "ankle_dorsiflexion": (-30.0, 20.0)}
-#: Left free between a cord and the bones [mm].
-GAP = 0.2
-#: Height of a cord's end above its bone, as a part of its radius: what is below is cut off.
+#: Height of a cord's end above its bone, as a part of its radius; the part below is cut off.
 SUNK = 0.2
 
-_Knots = list[tuple[float, float, float]]
-#: The muscles that are cords: bones of origin and insertion, the middle line, and radii along it [mm].
-CORDS: dict[str, tuple[str, str, _Knots, list[float]]] = {
+_Row = list[float]
+#: The muscles that are cords: bones of origin and insertion; x, y, z and radius along the middle line [mm].
+CORDS: dict[str, tuple[str, str, _Row, _Row, _Row, _Row]] = {
     "rectus_femoris": (
         *("pelvis", "tibia"),
-        [
-            (-27, -44, 40),
-            (-40, -52, -50),
-            (-36, -46, -190),
-            (-22, -42, -310),
-            (-14, -36, -400),
-            (-14, -37, -440),
-            (-14, -29, -474),
-        ],
+        [-27, -40, -36, -22, -14, -14, -14],
+        [-44, -52, -46, -42, -36, -37, -29],
+        [40, -50, -190, -310, -400, -440, -474],
         [6.0, 11.0, 14.0, 9.0, 5.5, 5.0, 5.0],
     ),
     "vastus": (
         *("femur", "tibia"),
-        [
-            (-48, -18, -120),
-            (-42, -22, -230),
-            (-26, -26, -330),
-            (-14, -23, -400),
-            (-14, -24, -440),
-            (-14, -22, -462),
-        ],
+        [-48, -42, -26, -14, -14, -14],
+        [-18, -22, -26, -23, -24, -22],
+        [-120, -230, -330, -400, -440, -462],
         [7.0, 11.0, 10.0, 5.5, 5.0, 4.5],
     ),
     "biceps_femoris": (
         *("pelvis", "tibia"),
-        [
-            (20, 46, -84),
-            (-10, 52, -190),
-            (-34, 46, -310),
-            (-42, 40, -400),
-            (-46, 30, -438),
-            (-47, 18, -464),
-        ],
+        [20, -10, -34, -42, -46, -47],
+        [46, 52, 46, 40, 30, 18],
+        [-84, -190, -310, -400, -438, -464],
         [7.0, 14.0, 12.0, 7.0, 6.0, 5.0],
     ),
     "semitendinosus": (
         *("pelvis", "tibia"),
-        [
-            (36, 42, -88),
-            (30, 52, -190),
-            (22, 48, -310),
-            (14, 42, -400),
-            (18, 30, -438),
-            (19, 18, -464),
-        ],
+        [36, 30, 22, 14, 18, 19],
+        [42, 52, 48, 42, 30, 18],
+        [-88, -190, -310, -400, -438, -464],
         [6.5, 12.0, 11.0, 6.5, 6.0, 5.0],
     ),
     "gastrocnemius": (
         *("femur", "foot"),
-        [
-            (-18, 31, -384),
-            (-16, 50, -450),
-            (-14, 54, -540),
-            (-14, 46, -680),
-            (-14, 52, -790),
-            (-14, 66, -828),
-        ],
+        [-18, -16, -14, -14, -14, -14],
+        [31, 50, 54, 46, 52, 66],
+        [-384, -450, -540, -680, -790, -828],
         [6.5, 12.0, 13.0, 7.0, 5.5, 5.0],
     ),
     "soleus": (
         *("tibia", "foot"),
-        [
-            (-26, 26, -520),
-            (-32, 32, -590),
-            (-28, 34, -680),
-            (-22, 40, -770),
-            (-22, 60, -824),
-        ],
+        [-26, -32, -28, -22, -22],
+        [26, 32, 34, 40, 60],
+        [-520, -590, -680, -770, -824],
         [7.0, 12.0, 10.0, 5.5, 4.5],
     ),
     "tibialis_anterior": (
         *("tibia", "foot"),
-        [
-            (-26, -16, -520),
-            (-32, -18, -600),
-            (-26, -16, -700),
-            (-16, -14, -780),
-            (-14, -24, -815),
-            (-14, -44, -826),
-        ],
+        [-26, -32, -26, -16, -14, -14],
+        [-16, -18, -16, -14, -24, -44],
+        [-520, -600, -700, -780, -815, -826],
         [6.0, 10.0, 8.5, 5.0, 4.5, 4.0],
     ),
 }
@@ -168,7 +140,6 @@ def leg(*, coordinates: ArrayLike | None = None) -> Phantom:
         muscles=muscles,
         areas=areas,
         motion=RigidMotion(np.arange(float(len(poses))), moved),
-        templates=dict.fromkeys(muscles, "parallel"),
         known={
             "coordinates": {name: column.copy() for name, column in zip(JOINTS, poses.T, strict=True)},
             "centres": {name: np.array(centre) for name, (_, _, centre, _) in JOINTS.items()},
@@ -179,38 +150,28 @@ def leg(*, coordinates: ArrayLike | None = None) -> Phantom:
 
 @cache
 def _parts() -> tuple[dict[str, Surface], dict[str, Surface], dict[str, list[AttachmentArea]]]:
-    hip_bones, muscles, areas = hip_parts(HipShape(), 1.0)
-    solids = {"femur": whole_femur(), "tibia": tibia(), "foot": foot()}
+    hip_bones, muscles, areas = hip_parts(HEAD_RADIUS, NECK_ANGLE, 1.0, 1.0)
+    solids = {"pelvis": pelvis(), "femur": whole_femur(), "tibia": tibia(), "foot": foot()}
+    counts = {"femur": 7000, "tibia": 4000, "foot": 3000}
     bones = {"pelvis": hip_bones["pelvis"]}
-    for (name, solid), count in zip(solids.items(), (7000, 4000, 3000), strict=True):
-        bones[name] = mesh_of(solid, 4.0, count)
+    bones |= {name: mesh_of(solids[name], 4.0, count) for name, count in counts.items()}
     muscles, areas = dict(muscles), dict(areas)
-    solids = {"pelvis": pelvis(), **solids}
-    for name, (origin, insertion, knots, radii) in CORDS.items():
-        line = np.array(knots, dtype=np.float64)
-        rings = []
-        for end, bone in ((0, origin), (-1, insertion)):
-            line[end], ring = _on(solids[bone], line[end], radii[end])
-            rings.append(ring)
-        cord = _beside(thick_curve(line, radii), list(solids.values()))
+    for name, (origin, insertion, *line, radii) in CORDS.items():
+        knots = np.column_stack(line).astype(np.float64)
+        knots[0], first = _end_on(solids[origin], knots[0], radii[0])
+        knots[-1], last = _end_on(solids[insertion], knots[-1], radii[-1])
+        cord = beside_bones(thick_curve(knots, radii), *solids.values())
         muscles[name] = mesh_of(cord, 3.4, 2400)
-        areas[name] = ends(origin, rings[0], insertion, rings[1])
+        areas[name] = ends(origin, first, insertion, last)
     return bones, muscles, areas
 
 
-def _beside(cord: Solid, bones: list[Solid]) -> Solid:
-    for bone in bones:
-        cord = cord.without(bone, CUT, gap=GAP)
-    return cord
-
-
-def _on(bone: Solid, knot: Floats, radius: float) -> tuple[Floats, Floats]:
-    """Return where a cord ends on a bone near a knot (3,), and landmarks (12, 3) about it there [mm]."""
+def _end_on(bone: Solid, knot: Floats, radius: float) -> tuple[Floats, Floats]:
+    """Return the end (3,) of a cord on a bone near a knot, and landmarks (12, 3) about it there [mm]."""
     ground = bone.projected(knot[None], steps=6)
     normal = bone.field(ground)[1][0]
     normal /= np.linalg.norm(normal)
     side = np.cross(normal, np.eye(3)[np.abs(normal).argmin()])
     side /= np.linalg.norm(side)
-    turns = 2.0 * np.pi * np.arange(12)[:, None] / 12
-    ring = ground + 0.8 * radius * (np.cos(turns) * side + np.sin(turns) * np.cross(normal, side))
+    ring = ground + circle(0.8 * radius) @ np.array([side, np.cross(normal, side), normal])
     return ground[0] + SUNK * radius * normal, bone.projected(ring, steps=6)

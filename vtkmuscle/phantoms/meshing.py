@@ -10,39 +10,18 @@ from vtkmuscle.data.isosurface import evened, isosurface
 from vtkmuscle.phantoms.implicit import Solid
 
 
-def mesh_of(solid: Solid, spacing: float, n_triangles: int, *, passes: int = 8) -> tuple[Floats, Ints]:
-    """Return the surface of a solid as even triangles, closed, manifold, facing outward.
+def mesh_of(solid: Solid, spacing: float, n_triangles: int) -> tuple[Floats, Ints]:
+    """Return the surface of a solid as about so many even triangles, closed, manifold, facing outward.
 
-    Isosurface on a grid, decimated, then relaxed along the surface of the solid.
-
-    Parameters
-    ----------
-    solid : Solid
-        What to mesh.
-    spacing : float
-        Of the grid [mm]; nowhere should the solid be thinner.
-    n_triangles : int
-        About how many triangles are wanted, fewer than the grid gives.
-    passes : int
-        Number of relaxation passes.
-
-    Returns
-    -------
-    points : (n, 3) array
-        On the surface [mm].
-    triangles : (m, 3) int array
-        Point ids.
+    An isosurface on a grid of a spacing [mm], nowhere larger than the solid is thick, is decimated, then
+    relaxed along the surface of the solid.
     """
+    values, origin = _sampled(solid, spacing)
 
     def projected(points: Floats) -> Floats:
         return solid.projected(points, steps=1)
 
-    return evened(*_isosurface(solid, spacing), n_triangles, projected, passes=passes)
-
-
-def _isosurface(solid: Solid, spacing: float) -> tuple[Floats, Ints]:
-    values, origin = _sampled(solid, spacing)
-    return isosurface(values, origin, spacing)
+    return evened(*isosurface(values, origin, spacing), n_triangles, projected)
 
 
 def _sampled(solid: Solid, spacing: float) -> tuple[Floats, Floats]:
@@ -55,7 +34,7 @@ def _sampled(solid: Solid, spacing: float) -> tuple[Floats, Floats]:
     nearest = [(np.arange(count) + stride // 2) // stride for count in shape]
     fine: Floats = coarse[np.ix_(*nearest)]
     # Fields are no steeper than a distance, the coarse point is at most half a stride away per axis, and
-    # what counts is at most one edge from the surface.
+    # points matter up to one edge from the surface.
     near = np.abs(fine) < (stride / 2.0 * np.sqrt(3.0) + 1.5) * spacing
     fine[near] = solid.values(_grid(origin, shape, spacing)[near])
     return fine, origin
@@ -67,21 +46,10 @@ def _grid(origin: Floats, shape: NDArray[np.int_], spacing: float) -> Floats:
 
 
 def solid_of_revolution(heights: ArrayLike, radii: ArrayLike, sides: int) -> tuple[Floats, Ints]:
-    """Return a stack of regular polygons about the z axis, with flat ends.
+    """Return a stack of regular polygons about the z axis, with flat ends, its triangles facing outward.
 
-    Parameters
-    ----------
-    heights : (k,) array_like
-        Ascending, where the polygons lie [mm].
-    radii : (k,) array_like
-        Of their circumscribed circles [mm].
-    sides : int
-        Of the polygons, a multiple of 6: the ends are hexagonal patterns of even triangles.
-
-    Returns
-    -------
-    points, triangles : (n, 3) array, (m, 3) int array
-        Positions [mm]; point ids, facing outward.
+    The polygons lie at ascending heights (k,), with circumscribed circles of radii (k,) [mm]. Their number of
+    sides is a multiple of 6: the ends are hexagonal patterns of even triangles.
     """
     z, r = np.asarray(heights, dtype=np.float64), np.asarray(radii, dtype=np.float64)
     angles = 2.0 * np.pi * np.arange(sides) / sides
@@ -138,20 +106,7 @@ def volume_of_revolution(heights: ArrayLike, radii: ArrayLike, sides: int) -> fl
 
 
 def box(lower: ArrayLike, upper: ArrayLike, spacing: float) -> tuple[Floats, Ints]:
-    """Return a box with right-angled triangles of about one size.
-
-    Parameters
-    ----------
-    lower, upper : (3,) array_like
-        Its corners [mm].
-    spacing : float
-        Longest leg of the triangles [mm].
-
-    Returns
-    -------
-    points, triangles : (n, 3) array, (m, 3) int array
-        Positions [mm]; point ids, facing outward.
-    """
+    """Return a box between two corners (3,), of right-angled triangles with legs up to ``spacing`` [mm]."""
     low, high = np.asarray(lower, dtype=np.float64), np.asarray(upper, dtype=np.float64)
     counts = np.ceil((high - low) / spacing - 1e-9).astype(int)
     faces = []

@@ -1,4 +1,4 @@
-"""What a phantom is: bones, muscles, attachments and a motion, made by a rule, with known answers."""
+"""A phantom: bones, muscles, attachments and a motion, made by a rule, with known answers."""
 
 from __future__ import annotations
 
@@ -7,16 +7,21 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
+from vtkmodules.util.numpy_support import vtk_to_numpy
+from vtkmodules.vtkCommonCore import VTK_UNSIGNED_CHAR
+from vtkmodules.vtkCommonDataModel import vtkImageData, vtkMultiBlockDataSet, vtkPolyData
+from vtkmodules.vtkImagingStencil import vtkImageStencil, vtkPolyDataToImageStencil
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.motion.rigid import RigidMotion
-from vtkmuscle.core.types import Floats
-from vtkmuscle.data.arrays import multiblock_from, surface_from
+from vtkmuscle.core.types import Bools, Floats, Ints
+from vtkmuscle.data.arrays import blocks_of, multiblock_from, points_of, surface_from
 from vtkmuscle.data.attachments import AttachmentArea, attachments_from
+from vtkmuscle.data.label_images import label_image
 
 #: A number, a function, or values by name.
 Answer = float | Callable[..., float] | Mapping[str, NDArray[np.float64]]
+#: Points (n, 3) [mm] and triangles (m, 3).
 Surface = tuple[NDArray[np.float64], NDArray[np.int64]]
 
 
@@ -27,7 +32,7 @@ class Phantom:
     Attributes
     ----------
     name : str
-        What it is called.
+        Name of the phantom.
     bones : vtkMultiBlockDataSet
         Named closed surfaces, in the rest pose.
     muscles : dict of str to vtkPolyData
@@ -63,8 +68,8 @@ def phantom_from(
     muscles: Mapping[str, Surface],
     areas: Mapping[str, Sequence[AttachmentArea]],
     motion: RigidMotion,
-    templates: Mapping[str, str],
     known: Mapping[str, Answer],
+    template: str = "parallel",
     superficial: Mapping[str, vtkPolyData] | None = None,
 ) -> Phantom:
     """Return a phantom with VTK data sets of its own, from points and triangles."""
@@ -74,40 +79,13 @@ def phantom_from(
         {muscle: surface_from(*surface) for muscle, surface in muscles.items()},
         {muscle: attachments_from(parts) for muscle, parts in areas.items()},
         motion,
-        dict(templates),
+        dict.fromkeys(muscles, template),
         dict(known),
         dict(superficial or {}),
     )
 
 
-def one_muscle(
-    name: str,
-    muscle: str,
-    surface: Surface,
-    areas: Sequence[AttachmentArea],
-    *,
-    bones: Mapping[str, Surface],
-    motion: RigidMotion,
-    known: Mapping[str, Answer],
-    template: str = "parallel",
-    superficial: vtkPolyData | None = None,
-) -> Phantom:
-    """Return a phantom of one muscle, as :func:`phantom_from` does."""
-    return phantom_from(
-        name,
-        bones=bones,
-        muscles={muscle: surface},
-        areas={muscle: areas},
-        motion=motion,
-        templates={muscle: template},
-        known=known,
-        superficial=None if superficial is None else {muscle: superficial},
-    )
-
-
-def ends(
-    origin: str, origin_ring: NDArray[np.float64], insertion: str, insertion_ring: NDArray[np.float64]
-) -> list[AttachmentArea]:
+def ends(origin: str, origin_ring: Floats, insertion: str, insertion_ring: Floats) -> list[AttachmentArea]:
     """Return the areas of both ends of a muscle: the bones, and rings of landmarks (k, 3) [mm]."""
     return [
         AttachmentArea("origin", origin, origin_ring, closed=True),
@@ -115,44 +93,90 @@ def ends(
     ]
 
 
-def round_ring(radius: float) -> Floats:
-    """Return landmarks (12, 3) on a circle about the z axis, at z = 0 [mm]."""
-    turns = 2.0 * np.pi * np.arange(12)[:, None] / 12
-    ring: Floats = radius * (np.cos(turns) * [1.0, 0.0, 0.0] + np.sin(turns) * [0.0, 1.0, 0.0])
-    return ring
+def circle(radius: float, count: int = 12) -> Floats:
+    """Return points (count, 3) on a circle about the z axis, at z = 0 [mm]."""
+    turns = 2.0 * np.pi * np.arange(count) / count
+    return np.column_stack([radius * np.cos(turns), radius * np.sin(turns), np.zeros(count)])
 
 
 def checked_poses(coordinates: ArrayLike, limits: Mapping[str, tuple[float, float]], phantom: str) -> Floats:
-    """Return the angles of each frame, checked.
-
-    Parameters
-    ----------
-    coordinates : (k, c) array_like
-        A row per frame [degrees].
-    limits : mapping of str to (low, high)
-        Of each of the c coordinates, by name [degrees].
-    phantom : str
-        Named in errors.
-
-    Returns
-    -------
-    (k, c) array
-        The angles [degrees].
-
-    Raises
-    ------
-    ValueError
-        For another shape, or an angle out of range.
-    """
+    """Return the angles (k, c) of each frame [degrees], which must lie within the limits of c coordinates."""
     poses = np.array(coordinates, dtype=np.float64)
     where = f"{phantom}: coordinates"
     if poses.ndim != 2 or poses.shape[1] != len(limits) or not len(poses):
         raise InputError(where, f"of shape {poses.shape}", f"give a row per frame, of {' and '.join(limits)}")
-    for column, (name, (low, high)) in enumerate(limits.items()):
-        outside = poses[~((poses[:, column] >= low) & (poses[:, column] <= high)), column]
+    for column, (name, (low, high)) in zip(poses.T, limits.items(), strict=True):
+        outside = column[~((column >= low) & (column <= high))]
         if len(outside):
             raise InputError(
                 where,
                 f"{name} is {outside[0]:g} degrees, but answers are known from {low:g} to {high:g} only",
             )
     return poses
+
+
+def label_map(
+    phantom: Phantom, *, spacing: ArrayLike = 1.5, noise: float = 0.0, seed: int = 0
+) -> vtkImageData:
+    """Return bones and muscles of a phantom as an image of labels: known surfaces behind voxels.
+
+    A voxel has the label of the part that holds its centre; where two parts overlap, that of the bone, or of
+    the muscle that comes first.
+
+    Parameters
+    ----------
+    phantom : Phantom
+        The phantom.
+    spacing : float or (3,) array_like, optional
+        Size of a voxel, by axis [mm].
+    noise : float, optional
+        Part of the voxels beside a boundary that take the label of a neighbour, 0 to 1, as a segmentation
+        is rough.
+    seed : int, optional
+        Of the noise.
+
+    Examples
+    --------
+    >>> from vtkmuscle.phantoms import label_map, spindle_over_hinge
+    >>> label_map(spindle_over_hinge(), spacing=4.0).GetDimensions()
+    (12, 20, 70)
+    """
+    parts = {**dict(blocks_of(phantom.bones)), **phantom.muscles}
+    size = np.broadcast_to(np.asarray(spacing, dtype=np.float64), 3)
+    corners = np.vstack([points_of(part) for part in parts.values()])
+    # A voxel and a half is free on either side, and no face of a phantom lies in a plane of centres.
+    origin = corners.min(axis=0) - 1.37 * size
+    shape = np.ceil((corners.max(axis=0) + 1.5 * size - origin) / size).astype(int) + 1
+    voxels = np.zeros(shape[::-1], dtype=np.uint8)
+    for value, part in reversed(list(enumerate(parts.values(), 1))):
+        voxels[_inside(part, shape, origin, size)] = value
+    random = np.random.default_rng(seed)
+    for axis in range(3) if noise else ():
+        for step in (1, -1):
+            swapped = random.random(voxels.shape) < noise / 6.0
+            voxels = np.where(swapped, np.roll(voxels, step, axis), voxels)
+    frame = np.diag([*size, 1.0])
+    frame[:3, 3] = origin
+    return label_image(voxels, frame, dict(enumerate(parts, 1)))
+
+
+def _inside(surface: vtkPolyData, shape: Ints, origin: Floats, size: Floats) -> Bools:
+    """Return which voxels (nk, nj, ni) of an image of a shape (ni, nj, nk) have their centres inside."""
+    image = vtkImageData()
+    image.SetDimensions(*shape)
+    image.SetOrigin(*origin)
+    image.SetSpacing(*size)
+    image.AllocateScalars(VTK_UNSIGNED_CHAR, 1)
+    image.GetPointData().GetScalars().Fill(1)
+    stencil = vtkPolyDataToImageStencil()
+    stencil.SetInputData(surface)
+    stencil.SetOutputOrigin(*origin)
+    stencil.SetOutputSpacing(*size)
+    stencil.SetOutputWholeExtent(image.GetExtent())
+    cut = vtkImageStencil()
+    cut.SetInputData(image)
+    cut.SetStencilConnection(stencil.GetOutputPort())
+    cut.SetBackgroundValue(0.0)
+    cut.Update()
+    inside: Bools = vtk_to_numpy(cut.GetOutput().GetPointData().GetScalars()).reshape(shape[::-1]) > 0
+    return inside

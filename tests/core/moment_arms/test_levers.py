@@ -13,8 +13,8 @@ from vtkmuscle.core.motion.coordinates import Coordinate
 from vtkmuscle.core.motion.rigid import RigidMotion, apply_transform, hinge, rotation_about
 from vtkmuscle.core.paths.wrenches import path_wrenches
 from vtkmuscle.opensim.functions import IDENTITY
+from vtkmuscle.opensim.scene_joints import SceneJoints, grid_of
 from vtkmuscle.opensim.tree import Joint, JointAxis, JointCoordinate, KinematicTree
-from vtkmuscle.opensim.tree_motion import grid_of, motion_of_tree
 
 CENTRE, AXIS = np.array([5.0, -20.0, 300.0]), np.array([1.0, 0.0, 0.0])
 #: Where straight paths leave the bone that stays, and the one that moves, at rest [mm].
@@ -128,7 +128,8 @@ TREE = KinematicTree(
 
 def of_ball(flexion, abduction):
     values = {"flexion": np.radians(flexion), "abduction": np.radians(abduction)}
-    return motion_of_tree(TREE, values, times=np.arange(float(len(flexion))), bodies={"shank": "shank"})
+    joints = SceneJoints(TREE, {"shank": "shank"}, TREE.root, TREE.root)
+    return joints.motion_of(np.arange(float(len(flexion))), values)
 
 
 def known_of_ball(motion, ends):

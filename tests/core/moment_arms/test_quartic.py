@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from vtkmuscle.core.moment_arms.of_joints import quartic_moment_arms
-from vtkmuscle.phantoms.cylinder_wrap import RADIUS, THICKNESS, strap_length
+from vtkmuscle.phantoms.one_hinge import RADIUS, THICKNESS, strap_length
 
 
 def test_the_sign_is_that_of_the_strap_that_is_wound_up():
