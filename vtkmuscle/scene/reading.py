@@ -142,7 +142,7 @@ def _muscle(
         table.fixing.given(),
         superficial,
         literature,
-        hill={} if table.hill is None else table.hill.given(),
+        hill={} if table.hill is None else table.hill.model_dump(exclude_none=True),
         aponeuroses=sheets,
     )
 
