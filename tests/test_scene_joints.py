@@ -205,11 +205,11 @@ FOLLOWER = {"lower": {"follows": "uper", "polynomial": [1, 0]}}
     [
         ({"joints": _with("knee", parent="midle"), **GRID}, "joints.knee.parent", "there is no bone"),
         ({"joints": _with("knee", child="middle"), **GRID}, "joints", "hangs on joint 'hip' as well"),
-        ({"joints": _with("knee", type="hinge"), **GRID}, "joints.knee.type", "no kind of joint 'hinge'"),
+        ({"joints": _with("knee", type="hinge"), **GRID}, "joints.knee.type", "'hinge' is not allowed"),
         ({"joints": _with("knee", centre=None), **GRID}, "joints.knee.centre", "missing"),
         ({"joints": _with("knee", axis=None), **GRID}, "joints.knee.axis", "missing"),
         ({"joints": _with("knee", axis=[0, 0, 0]), **GRID}, "joints.knee.axis", "no length"),
-        ({"joints": _with("knee", type="weld", axis=None), **GRID}, "joints.knee.coordinates", "a weld"),
+        ({"joints": _with("knee", type="weld", axis=None), **GRID}, "joints.knee.coordinates", "no key of"),
         ({"joints": _with("knee", coordinates=["a", "b"]), **GRID}, "joints.knee.coordinates", "a pin has 1"),
         ({"joints": _with("knee", coordinates=["upper"]), **GRID}, "joints", "two coordinates 'upper'"),
         ({"joints": _with("knee", rotations=[]), **GRID}, "joints.knee.rotations", "no key"),

@@ -269,8 +269,11 @@ def test_a_table_says_what_its_coordinates_are(coordinates, found, folder, tmp_p
             'coordinates = ["hip"]',
             "no column 'hip' for a coordinate; the other columns are: time, knee, slide",
         ),
-        ('coordinates = "knee"', "motion.coordinates: must be a list of columns, not 'knee'"),
-        ('coordinates = { knee = { unit = "degrees" } }', "motion.coordinates.knee.unit: there is no unit"),
+        ('coordinates = "knee"', "motion.coordinates: must be a list of names, not 'knee'"),
+        (
+            'coordinates = { knee = { unit = "degrees" } }',
+            "motion.coordinates.knee.unit: 'degrees' is not allowed",
+        ),
         ("coordinates = { knee = { up = true } }", "motion.coordinates.knee.up: there is no such key"),
     ],
 )

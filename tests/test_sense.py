@@ -454,7 +454,7 @@ def test_a_ring_that_is_read_as_a_curve_is_seen(tmp_path):
     np.savetxt(scene.parent / "origin.csv", ring, delimiter=",", header="x,y,z", comments="")
     text = scene.read_text().replace("attachments/origin.vtp", "origin.csv")
     scene.write_text(text)
-    with pytest.warns(UserWarning, match=r"attachments\[0\].landmarks: .* taken for an open curve"):
+    with pytest.warns(UserWarning, match=r"attachments\[0\].landmarks: .* read as an open curve"):
         assert not Scene.load(scene).muscles["spindle"].attachments[0].closed
     for closed in ("true", "false"):
         scene.write_text(text.replace('"origin.csv"', f'"origin.csv", closed = {closed}'))

@@ -47,7 +47,7 @@ class SceneTable(SphinxDirective):
             default = f"``{json.dumps(field.default)}``" if plain else "none"
             example = f"``{json.dumps(field.examples[0])}``" if field.examples else ""
             default = "required" if field.is_required() else f"default: {default}"
-            meaning = [field.description, *([f"Example: {example}"] if example else [])]
+            meaning = [" ".join(field.description.split()), *([f"Example: {example}"] if example else [])]
             rows.append([[f"``{name}``", default], meaning])
         lines = table(["key", "meaning"], [28, 72], rows)
         return self.parse_text_to_nodes("\n".join(lines))

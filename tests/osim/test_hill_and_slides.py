@@ -95,9 +95,9 @@ def test_groups_share_the_force_and_what_is_asked_for_counts_more(drawn, tmp_pat
 @pytest.mark.parametrize(
     ("hill", "words"),
     [
-        ({"pcsa": 18.0}, "without specific_tension"),
+        ({"pcsa": 18.0}, "pcsa alone gives no force; give pcsa and specific_tension"),
         ({"pcsa": 18.0, "specific_tension": 61.0, "max_isometric_force": 900.0}, "cannot be combined"),
-        ({"pennation": 95.0}, "less than 90 degrees"),
+        ({"pennation": 95.0}, "less than 90"),
         ({"optimal_fibre_length": 0.0}, "greater than 0"),
         ({"optimal_fiber_length": 50.0}, "optimal_fibre_length"),
     ],

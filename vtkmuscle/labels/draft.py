@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -21,7 +20,7 @@ from vtkmuscle.labels.guesses import LEFT_OUT, Guess, table_of
 from vtkmuscle.labels.joints import bodies_of, depth_of, guessed_joints
 from vtkmuscle.labels.names import side_of
 from vtkmuscle.scene.data import MILLIMETRES
-from vtkmuscle.scene.writing import write_areas
+from vtkmuscle.scene.writing import inline_toml, write_areas
 
 #: Poses of the sweep beside the first.
 STEPS = 12
@@ -155,7 +154,7 @@ class Draft:
         def add(table: str, keys: Mapping[str, Any]) -> None:
             text.extend(["\n", *notes.pop(table, []), f"[{table}]\n"] if table else [])
             for key, value in keys.items():
-                text.extend([*notes.pop(f"{table}.{key}".lstrip("."), []), f"{key} = {_toml(value)}\n"])
+                text.extend([*notes.pop(f"{table}.{key}".lstrip("."), []), f"{key} = {inline_toml(value)}\n"])
 
         add("", {"name": self.name, "units": self.units, "frame": self.frame})
         for name, bone in self.bones.items():
@@ -176,17 +175,6 @@ class Draft:
         write_text(out / "motion.sto", _sweep(self.sweep))
         write_text(out / "scene.toml", "".join(text))
         return out / "scene.toml"
-
-
-def _toml(value: Any) -> str:
-    """Return a value as TOML has it, tables in one line each."""
-    if isinstance(value, Mapping):
-        return f"{{ {', '.join(f'{key} = {_toml(one)}' for key, one in value.items())} }}"
-    if isinstance(value, list):
-        lines = ",\n  " if any(isinstance(one, Mapping) for one in value) else ", "
-        inner = lines.join(_toml(one) for one in value)
-        return f"[\n  {inner},\n]" if "\n" in lines else f"[{inner}]"
-    return f"{value:.10g}" if isinstance(value, float) else json.dumps(value, ensure_ascii=False)
 
 
 def _sweep(most: Mapping[str, float]) -> str:

@@ -1,10 +1,11 @@
-"""The motion of a scene, from its table and the files that it names."""
+"""The motion of a scene, from its table and its files."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,109 +16,79 @@ from vtkmuscle.core.words import suggestion
 from vtkmuscle.io import motion_columns, read_motion_table
 from vtkmuscle.scene.faults import Faults, SceneError
 from vtkmuscle.scene.files import SceneFiles
-from vtkmuscle.scene.schema import ALONE, SceneTable
+from vtkmuscle.scene.schema import ALONE, Motion, SceneTable
 
 if TYPE_CHECKING:
     from vtkmuscle.opensim.scene_joints import SceneJoints
 
 
 def joints_of(scene: SceneTable, files: SceneFiles) -> SceneJoints | None:
-    """Return the joints of a scene, None where it has none.
-
-    Raises
-    ------
-    SceneError
-        If a file cannot be read, or the joints are no tree.
-    """
+    """Return the joints of a scene, None where it has none; raise a SceneError for a fault in them."""
     if scene.opensim is None and not scene.joints:
         return None
-    from vtkmuscle.opensim.scene_joints import joints_in  # noqa: PLC0415 -- scenes with joints alone need it
+    from vtkmuscle.opensim.scene_joints import joints_in  # noqa: PLC0415 -- only scenes with joints need it
 
     return joints_in(scene, files)
 
 
-def motion_from(scene: SceneTable, files: SceneFiles) -> RigidMotion:
-    """Return the motion of a scene.
-
-    Raises
-    ------
-    SceneError
-        If a file cannot be read, or tables do not agree.
-    """
+def motion_from(scene: SceneTable, files: SceneFiles, joints: SceneJoints | None) -> RigidMotion:
+    """Return the motion of a scene; raise a SceneError where a file cannot be read, or tables disagree."""
     table = scene.motion
-    joints = joints_of(scene, files)
     if joints is not None:
         return joints.motion(scene, files)
     if (turn := table.hinge) is not None:
         return hinge(turn.bone, turn.centre, turn.axis, steps_of(*turn.angles), coordinate=turn.coordinate)
-    coordinates = table.coordinates
-    options: dict[str, Any] = {
-        "time": table.time,
-        "centre": _centre(table.centre, table.bone),
-        "coordinates": None
-        if coordinates is None
-        else {name: one.model_dump(exclude_unset=True) for name, one in coordinates.items()},
-    }
-    transforms = table.transforms or {}
-    if ALONE not in transforms:
-        return _of_several(transforms, files, options, table.centre)
-    read = partial(read_motion_table, bone=str(table.bone), **options)
-    return files.read("motion.transforms", transforms[ALONE], read)
-
-
-def _centre(centres: dict[str, list[float]] | None, bone: str | None) -> list[float] | None:
-    """Return the centre of a bone's motion."""
-    if centres is None:
-        return None
-    return centres.get(ALONE, centres.get(str(bone)))
+    columns = None
+    if table.coordinates is not None:
+        columns = {name: one.model_dump(exclude_unset=True) for name, one in table.coordinates.items()}
+    centres, transforms = table.centre or {}, table.transforms or {}
+    if ALONE in transforms:
+        bone = str(table.bone)
+        centre = centres.get(ALONE, centres.get(bone))
+        read = partial(read_motion_table, bone=bone, time=table.time, centre=centre, coordinates=columns)
+        return files.read("motion.transforms", transforms[ALONE], read)
+    return _of_several(table, columns, files)
 
 
 def _of_several(
-    tables: dict[str, str],
-    files: SceneFiles,
-    options: dict[str, Any],
-    centres: dict[str, list[float]] | None,
+    table: Motion, columns: Mapping[str, Mapping[str, str]] | None, files: SceneFiles
 ) -> RigidMotion:
-    """Return the motion of several bones, each with a table, which takes those coordinates that it has."""
+    """Return the motion of several bones, each with a table, which has some of the columns."""
     motions: list[RigidMotion] = []
     seen: set[str] = set()
-    wanted, scene = options["coordinates"], files.paths[""]
+    centres, scene, faults = table.centre or {}, files.paths[""], Faults()
 
     def read(path: Path, bone: str) -> RigidMotion:
-        columns = motion_columns(path)
-        seen.update(columns)
-        own = wanted and {name: kind for name, kind in wanted.items() if name in columns}
-        centre = _centre(centres, bone)
-        return read_motion_table(path, bone, **{**options, "coordinates": own, "centre": centre})
+        found = motion_columns(path)
+        seen.update(found)
+        own = columns and {name: kind for name, kind in columns.items() if name in found}
+        centre = centres.get(ALONE, centres.get(bone))
+        return read_motion_table(path, bone, time=table.time, centre=centre, coordinates=own)
 
-    faults = Faults()
-    for bone, text in tables.items():
+    for bone, text in (table.transforms or {}).items():
         with faults.gathered():
             key = f"motion.transforms.{bone}"
-            motion = files.read(key, text, partial(read, bone=bone))
-            if motions and not np.array_equal(motion.times, motions[0].times):
+            motions.append(files.read(key, text, partial(read, bone=bone)))
+            if not np.array_equal(motions[-1].times, motions[0].times):
                 problem = "its times differ from those of the first table"
                 raise SceneError(problem, key, "give all tables the same times", scene)
-            motions.append(motion)
     faults.raise_any()
-    transforms = {bone: table for motion in motions for bone, table in motion.transforms.items()}
     coordinates: dict[str, Coordinate] = {}
     for motion in motions:
         for name, coordinate in motion.coordinates.items():
-            known = coordinates.setdefault(name, coordinate)
-            if not np.array_equal(known.values, coordinate.values):
+            if not np.array_equal(coordinates.setdefault(name, coordinate).values, coordinate.values):
                 remedy = "give it the same values in all tables, or another name in one"
                 raise SceneError(f"{name!r} differs from table to table", "motion.coordinates", remedy, scene)
-    missing = sorted(set(wanted or ()) - seen)
-    if missing:
+    if missing := sorted(set(columns or ()) - seen):
         problem = f"no table has the column {missing[0]!r}"
         raise SceneError(problem, "motion.coordinates", suggestion(missing[0], sorted(seen)), scene)
-    found = {bone: one.centre_of(bone) for bone, one in zip(tables, motions, strict=True)}
-    return RigidMotion(motions[0].times, transforms, found if centres else None, coordinates)
+    moving = {bone: one for motion in motions for bone, one in motion.transforms.items()}
+    centre = {bone: motion.centre_of(bone) for motion in motions for bone in motion.transforms}
+    return RigidMotion(motions[0].times, moving, centre if centres else None, coordinates)
 
 
 def steps_of(start: float, stop: float, step: float) -> Floats:
-    """Return values from start to stop, which is the last one also where it is no whole number of steps away.
+    """Return values from start to stop, which is always the last one.
 
     Examples
     --------
@@ -125,11 +96,7 @@ def steps_of(start: float, stop: float, step: float) -> Floats:
     >>> steps_of(0.0, 5.0, 2.0).tolist()
     [0.0, 2.0, 4.0, 5.0]
     """
-    # A stop that is a whole number of steps away, up to rounding, is reached by the last step.
-    count = (stop - start) / step
-    whole = int(np.floor(count + 1e-9))
-    values = start + step * np.arange(whole + 1)
-    if count - whole > 1e-9:
-        return np.append(values, stop)
-    values[-1] = stop
-    return np.asarray(values, dtype=np.float64)
+    before = int(
+        np.ceil((stop - start) / step - 1e-9)
+    )  # a whole number of steps, up to rounding, ends at stop
+    return np.append(start + step * np.arange(before), stop)

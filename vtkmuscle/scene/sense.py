@@ -6,7 +6,7 @@ The checks are listed in docs/reference/sense.rst.
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -14,50 +14,116 @@ import numpy as np
 from vtkmuscle.core.attachments.rings import ring_area, ring_length, short_ring
 from vtkmuscle.core.mesh.solids import solids_of
 from vtkmuscle.core.mesh.surface import signed_volume
-from vtkmuscle.data.attachments import VIA, AttachmentArea
+from vtkmuscle.data.attachments import ROLES, VIA, AttachmentArea
 from vtkmuscle.filters.base.filter import Filter
 from vtkmuscle.filters.fixed_point_detector import FixedPointDetector
 from vtkmuscle.filters.pbd_deformer import PBDDeformer
 from vtkmuscle.scene.data import MILLIMETRES, Anatomy, Muscle, SceneData, Surface
 from vtkmuscle.scene.faults import SceneError
-from vtkmuscle.scene.sense_motion import motion_findings
+from vtkmuscle.scene.sense_motion import Finding, motion_findings
 
-#: A muscle farther from its bones than this is not on them [mm].
+#: Largest plausible distance between a muscle and its bones [mm].
 CLEARANCE = 10.0
 #: Why settings of the solver change nothing in a scene of paths.
 UNSOLVED = "model is 'paths', in which no muscle is solved"
+#: Plausible longest sides of all bones and muscles [mm]. The tallest person was 2720 mm.
+SHORTEST, LONGEST = 10.0, 3000.0
+#: Largest plausible muscle [mm^3]: six times the largest ones of adults, gluteus maximus and vastus lateralis
+#: (Handsfield et al. 2014, doi:10.1016/j.jbiomech.2013.12.002).
+LARGEST = 5e6
+#: Distance of landmarks from their bone, in the middle: they are not on it; and of all of them, if it exceeds
+#: the muscle's length too: they are another scene's [mm].
+FAR_LANDMARKS, LOST_LANDMARKS = 10.0, 300.0
+#: Landmarks are another bone's if they are this far from their own [mm], and nearer to the other by a factor.
+OTHER_BONE, NEARER = 2.0, 2.0
+#: Length of the ring through landmarks, relative to the shortest one: probably, and certainly in wrong order.
+RING, SURE_RING = 1.05, 2.5
+#: 4 pi area / length^2 of a ring that encloses hardly anything; 1 for a circle.
+FLAT_RING = 0.01
+#: Area of a ring that crosses itself, relative to that of the shortest ring, at most.
+CROSSED_RING = 0.6
+#: Distance of a point from the middle, relative to the median of all: probably, and certainly wrong.
+STRAY, SURE_STRAY = 30.0, 1000.0
+#: Distance from the origin, in sizes of the surface, at which double precision has lost its shape.
+LOST_PRECISION = 1e9
+#: An estimated attachment that is less sure may be on another bone: the muscle reaches that bone as well, but
+#: for this part of its length. On the right bones of 31 muscles the sureness is 0.12 or more.
+SURE_ESTIMATE = 0.05
+#: Implausible depth of a muscle in a bone at rest [mm]: muscles and bones segmented from the same images overlap
+#: by up to 2.3 mm (LHDL hip). Also the least extent of a part of a bone within a muscle: a spur of that pelvis
+#: is 1.9 mm long.
+DEEP = 3.0
+#: Most points of a bone that are checked: 2 mm apart, on the largest.
+_MOST_POINTS = 20_000
+#: Most landmarks of a ring that are checked.
+_MOST_LANDMARKS = 150
 
 
-def settings_findings(scene: SceneData, anatomy: Anatomy) -> Iterator[tuple[str, str, str, bool]]:
-    """Give a finding for each implausible setting."""
-    yield from (_idle_finding(*one) for one in _idle_of_scene(scene))
+def check_sense(scene: SceneData, anatomy: Anatomy | None = None) -> list[str]:
+    """Warn of each probable mistake in a scene, and return the warnings.
+
+    Raises
+    ------
+    SceneError
+        For the first certain mistake.
+    """
+    messages = []
+    for key, problem, remedy, certain in sorted(
+        findings(scene, anatomy or Anatomy.of(scene)), key=lambda one: not one.certain
+    ):
+        error = SceneError(problem, key, remedy, scene.files.get(key, scene.files.get("")))
+        if certain:
+            raise error
+        messages.append(str(error))
+        warnings.warn(messages[-1], stacklevel=5)  # at the call of who runs a scene
+    return messages
+
+
+def findings(scene: SceneData, anatomy: Anatomy) -> Iterator[Finding]:
+    """Give a finding for each implausible thing."""
+    strayed = list(_strays(scene.units, anatomy))
+    yield from strayed
+    if any(finding.certain for finding in strayed):
+        return  # all other measures would be meaningless
+    yield from _sizes(scene.units, anatomy)
+    yield from _duplicates(anatomy)
+    yield from _bones_without_inside(anatomy)
+    for name, muscle in scene.muscles.items():
+        surface = anatomy.muscles[name]
+        for number, area in enumerate(muscle.attachments):
+            yield from _ring(f"muscles.{name}.attachments[{number}].landmarks", area, surface, scene.units)
+        yield from _on_bones(scene.millimetres, name, muscle, anatomy)
+        yield from _estimates(name, muscle)
+        yield from _in_bones(scene.millimetres, name, anatomy)
+    yield from motion_findings(scene, anatomy)
+    yield from _idle_settings(scene)
+    yield from _clearances(scene, anatomy)
+
+
+def _idle_settings(scene: SceneData) -> Iterator[Finding]:
+    """Give the settings that change nothing."""
+    idle = dict(_idle_of_scene(scene))
     for table, kind in (("solver", PBDDeformer), ("fixing", FixedPointDetector)):
-        idle: dict[str, list[str]] = {}
+        of_scene: dict[str, list[str]] = {}
         for name, muscle in scene.muscles.items():
             own, given = getattr(muscle, table), getattr(scene, f"{table}_of")(name)
-            reasons = dict(_idle(kind, given))
+            reasons = dict(_idle_of_filter(kind, given))
             if table == "solver" and scene.model == "paths":
                 reasons = dict.fromkeys(given, UNSOLVED)
-            if table == "fixing":
-                reasons |= _idle_distance(given, muscle.attachments)
-            for setting in own.keys() & reasons.keys():
-                yield _idle_finding(f"muscles.{name}.{table}.{setting}", reasons[setting])
-            for setting in getattr(scene, table).keys() & (reasons.keys() | own.keys()):
-                idle.setdefault(setting, []).append(reasons.get(setting, "every muscle has its own"))
-        for setting, found in idle.items():
+            if table == "fixing" and not _distance_counts(given, muscle):
+                reasons["distance"] = "it is for the method 'proximity', and for areas that are open curves"
+            idle |= {f"muscles.{name}.{table}.{one}": reasons[one] for one in own.keys() & reasons.keys()}
+            for one in getattr(scene, table).keys() & (reasons.keys() | own.keys()):
+                of_scene.setdefault(one, []).append(reasons.get(one, "every muscle has its own"))
+        for one, found in of_scene.items():
             if len(found) == len(scene.muscles):
-                yield _idle_finding(f"{table}.{setting}", found[0])
-    for name, muscle in scene.muscles.items():
-        clearance = scene.millimetres * scene.solver_of(name).get("bone_clearance", 0.0)
-        if clearance > CLEARANCE:
-            key = f"muscles.{name}.solver" if "bone_clearance" in muscle.solver else "solver"
-            size = scene.millimetres * float(np.ptp(anatomy.muscles[name].points, axis=0).max())
-            problem = f"{name!r} is kept {clearance:.3g} mm away from the bones"
-            yield f"{key}.bone_clearance", problem, f"give at most {CLEARANCE:g} mm", clearance > size
+                idle[f"{table}.{one}"] = found[0]
+    for key, reason in idle.items():
+        yield Finding(key, f"it changes nothing: {reason}", "leave it out")
 
 
 def _idle_of_scene(scene: SceneData) -> Iterator[tuple[str, str]]:
-    """Give the settings of a scene and of its fibres that say nothing beside others, and why."""
+    """Give the settings of a scene and of its fibres that have no effect beside others, and why."""
     if scene.model == "paths" and scene.quality is not None:
         yield "quality", UNSOLVED
     if scene.muscle_contact != "off" and len(scene.muscles) == 1:
@@ -73,12 +139,8 @@ def _idle_of_scene(scene: SceneData) -> Iterator[tuple[str, str]]:
                 yield f"muscles.{name}.fibres.{setting}", reason
 
 
-def _idle_finding(key: str, reason: str) -> tuple[str, str, str, bool]:
-    return key, f"it changes nothing: {reason}", "leave it out", False
-
-
-def _idle(kind: type[Filter], given: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
-    """Give the settings of a filter that say nothing beside the others, and why."""
+def _idle_of_filter(kind: type[Filter], given: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    """Give the settings of a filter that have no effect beside the others, and why."""
     values = kind(**given).parameters()
     for name in given:
         declared = kind.parameter_declarations[name]
@@ -88,102 +150,26 @@ def _idle(kind: type[Filter], given: Mapping[str, Any]) -> Iterator[tuple[str, s
         yield "dt", "without external_force a step of any time is the same"
 
 
-def _idle_distance(given: Mapping[str, Any], areas: Sequence[AttachmentArea]) -> dict[str, str]:
-    method = given.get("method", FixedPointDetector.parameter_declarations["method"].default)
-    curves = method == "attachment" and any(not one.closed and one.role != VIA for one in areas)
-    if "distance" not in given or method == "proximity" or curves:
-        return {}
-    return {"distance": "it is for the method 'proximity', and for areas that are open curves"}
+def _distance_counts(fixing: Mapping[str, Any], muscle: Muscle) -> bool:
+    method = fixing.get("method", FixedPointDetector.parameter_declarations["method"].default)
+    curves = any(not area.closed and area.role != VIA for area in muscle.attachments)
+    return method == "proximity" or (method == "attachment" and curves)
 
 
-#: The longest side of all bones and muscles: what is shorter or longer is in another unit [mm]. The tallest
-#: person was 2720 mm.
-SHORTEST, LONGEST = 10.0, 3000.0
-#: A muscle that is larger is in another unit [mm^3]: six times the largest ones of adults, gluteus maximus
-#: and vastus lateralis (Handsfield et al. 2014, doi:10.1016/j.jbiomech.2013.12.002).
-LARGEST = 5e6
-#: Landmarks farther than this from their bone, in the middle, are not on it; farther than the second, or
-#: than the muscle is long, all of them: they are another scene's [mm].
-FAR_LANDMARKS, LOST_LANDMARKS = 10.0, 300.0
-#: Landmarks are another bone's if they are this far from their own [mm], and nearer to the other by a factor.
-OTHER_BONE, NEARER = 2.0, 2.0
-#: The ring through landmarks, in parts of the shortest one: another order was meant; surely so.
-RING, SURE_RING = 1.05, 2.5
-#: 4 pi area / length^2 of a ring that encloses nothing worth speaking of; 1 for a circle.
-FLAT_RING = 0.01
-#: Area of a ring, as a part of that of the shortest: one that crosses itself encloses less.
-CROSSED_RING = 0.6
-#: Distance of a point from the middle, in units of the median of all: one that strayed; surely so.
-STRAY, SURE_STRAY = 30.0, 1000.0
-#: Distance from the origin, in sizes of the surface, at which double precision has lost it.
-LOST_PRECISION = 1e9
-#: An estimated attachment that is less sure may well be on another bone: the muscle reaches that one too, but
-#: for this part of its length. On the right bones of 31 muscles it is 0.12 or surer.
-SURE_ESTIMATE = 0.05
-#: A muscle that lies deeper in a bone at rest is pushed out by so much in the first frame; muscles and bones
-#: segmented from the same images overlap by up to 2.3 mm (LHDL hip) [mm]. What of a bone is deeper in a
-#: muscle is as long at least; a spur of that pelvis, 1.9 mm long, is not.
-DEEP = 3.0
-#: Roles of areas that lie on a bone; a ring that a muscle passes through need not.
-ENDS = ("origin", "insertion")
-#: Points of a bone that are looked at, at most: 2 mm apart, on the largest.
-_MOST_POINTS = 20_000
-#: Points of a ring that are looked at.
-_MOST_LANDMARKS = 150
-
-
-#: Where, what is odd, what to do about it, and whether nothing useful can come of it.
-Finding = tuple[str, str, str, bool]
-
-
-def check_sense(scene: SceneData, anatomy: Anatomy | None = None) -> list[str]:
-    """Report what is implausible in a scene, and return the warnings; its surfaces may be open already.
-
-    Raises
-    ------
-    SceneError
-        For the first certain mistake.
-
-    Warns
-    -----
-    UserWarning
-        For each probable mistake.
-    """
-    said = []
-    for key, problem, remedy, sure in sorted(
-        findings(scene, anatomy or Anatomy.of(scene)), key=lambda one: not one[-1]
-    ):
-        file = scene.files.get(key, scene.files.get(""))
-        error = SceneError(problem, key, remedy, file)
-        if sure:
-            raise error
-        said.append(str(error))
-        warnings.warn(said[-1], stacklevel=5)  # through run_scene, to who runs a scene
-    return said
-
-
-def findings(scene: SceneData, anatomy: Anatomy) -> Iterator[Finding]:
-    """Give a finding for each implausible thing."""
-    strayed = list(_strays(scene.units, anatomy))
-    yield from strayed
-    if any(finding[-1] for finding in strayed):
-        return  # measures of the rest would mean nothing
-    yield from _sizes(scene.units, anatomy)
-    yield from _twice(anatomy)
-    yield from _bones_without_inside(anatomy)
+def _clearances(scene: SceneData, anatomy: Anatomy) -> Iterator[Finding]:
     for name, muscle in scene.muscles.items():
-        surface = anatomy.muscles[name]
-        for number, area in enumerate(muscle.attachments):
-            yield from _ring(f"muscles.{name}.attachments[{number}].landmarks", area, surface, scene.units)
-        yield from _on_bones(scene.millimetres, name, muscle, anatomy)
-        yield from _estimates(name, muscle)
-        yield from _in_bones(scene.millimetres, name, anatomy)
-    yield from motion_findings(scene, anatomy)
-    yield from settings_findings(scene, anatomy)
+        clearance = scene.millimetres * scene.solver_of(name).get("bone_clearance", 0.0)
+        if clearance > CLEARANCE:
+            key = f"muscles.{name}.solver" if "bone_clearance" in muscle.solver else "solver"
+            size = scene.millimetres * float(np.ptp(anatomy.muscles[name].points, axis=0).max())
+            problem = f"{name!r} is kept {clearance:.3g} mm away from the bones"
+            yield Finding(
+                f"{key}.bone_clearance", problem, f"give at most {CLEARANCE:g} mm", clearance > size
+            )
 
 
 def _strays(units: str, anatomy: Anatomy) -> Iterator[Finding]:
-    """Give surfaces with a point that is nowhere near the others, or that lie nowhere near the origin."""
+    """Give surfaces with a point far from the others, and surfaces far from the origin."""
     for key, surface in anatomy.surfaces.items():
         points = surface.points
         centre = np.median(points, axis=0)
@@ -193,14 +179,18 @@ def _strays(units: str, anatomy: Anatomy) -> Iterator[Finding]:
         typical, farthest = float(np.median(away)), float(away.max())
         if farthest > STRAY * typical > 0.0:
             point = int(np.argmax(away))
-            where = ", ".join(f"{value:.4g}" for value in points[point])
+            ratio = farthest / typical
             problem = (
-                f"point {point} at ({where}) is {farthest / typical:.3g} times as far off as most points"
+                f"point {point} at {_place(points[point])} is {ratio:.3g} times as far off as most points"
             )
-            yield key, problem, "correct that point, or remove it", farthest > SURE_STRAY * typical
+            yield Finding(key, problem, "correct that point, or remove it", ratio > SURE_STRAY)
         if offset > LOST_PRECISION * farthest > 0.0:
             problem = f"it lies {offset:.3g} {units} from the origin, which leaves no digits for its shape"
-            yield key, problem, "move the scene to the origin", True
+            yield Finding(key, problem, "move the scene to the origin", certain=True)
+
+
+def _place(point: Any) -> str:
+    return f"({', '.join(f'{value:.4g}' for value in point)})"
 
 
 def _sizes(units: str, anatomy: Anatomy) -> Iterator[Finding]:
@@ -218,28 +208,27 @@ def _sizes(units: str, anatomy: Anatomy) -> Iterator[Finding]:
     problem = f"the longest bone or muscle is {longest * size:.3g} mm long"
     if volumes[largest] * size**3 > LARGEST:
         problem += f" and {largest!r} has {volumes[largest] * size**3 / 1e6:.3g} litres"
-    remedies = [
-        f'if the files are in {unit}, write units = "{unit}"' for unit in ("mm", "m", "cm") if fits(unit)
-    ]
-    yield "units", f"{problem} in this unit", (remedies or ["check the unit of the files"])[0], False
+    fitting = next((unit for unit in ("mm", "m", "cm") if fits(unit)), None)
+    remedy = "check the unit of the files"
+    if fitting is not None:
+        remedy = f'if the files are in {fitting}, write units = "{fitting}"'
+    yield Finding("units", f"{problem} in this unit", remedy)
 
 
-def _twice(anatomy: Anatomy) -> Iterator[Finding]:
-    """Give surfaces that stand for two things."""
+def _duplicates(anatomy: Anatomy) -> Iterator[Finding]:
+    """Give surfaces with the points of a bone; two muscles may share theirs, to be solved in two ways."""
     seen: dict[bytes, str] = {}
     for key, surface in anatomy.surfaces.items():
         other = seen.setdefault(np.ascontiguousarray(surface.points).tobytes(), key)
-        if other != key and other.startswith("bones."):  # two muscles may be one, solved in two ways
-            yield key, f"it is the same surface as {other}", "name the file that belongs to it", False
+        if other != key and other.startswith("bones."):
+            yield Finding(key, f"it is the same surface as {other}", "name the file that belongs to it")
 
 
 def _bones_without_inside(anatomy: Anatomy) -> Iterator[Finding]:
-    solid = anatomy.solid_bones
-    for name in anatomy.bones:
-        if name not in solid:
-            problem = "the bone encloses no volume: no muscle will be kept out of it"
-            remedy = "export it again as a closed surface, if a muscle can meet it"
-            yield f"bones.{name}.surface", problem, remedy, False
+    for name in (name for name in anatomy.bones if name not in anatomy.solid_bones):
+        problem = "the bone encloses no volume: no muscle will be kept out of it"
+        remedy = "export it again as a closed surface, if a muscle can meet it"
+        yield Finding(f"bones.{name}.surface", problem, remedy)
 
 
 def _ring(key: str, area: AttachmentArea, muscle: Surface, units: str) -> Iterator[Finding]:
@@ -247,7 +236,8 @@ def _ring(key: str, area: AttachmentArea, muscle: Surface, units: str) -> Iterat
     landmarks = np.asarray(area.landmarks, dtype=np.float64)
     size = float(np.linalg.norm(np.ptp(landmarks, axis=0)))
     if len(landmarks) > 1 and size <= 1e-9 * float(np.linalg.norm(np.ptp(muscle.points, axis=0))):
-        yield key, f"all {len(landmarks)} landmarks are one point", "give the boundary of the area", True
+        problem = f"all {len(landmarks)} landmarks are one point"
+        yield Finding(key, problem, "give the boundary of the area", certain=True)
         return
     if area.estimated or not area.closed or len(landmarks) < 4:
         return
@@ -260,23 +250,21 @@ def _ring(key: str, area: AttachmentArea, muscle: Surface, units: str) -> Iterat
             f"the ring through the landmarks is {length:.4g} {units} long, {length / shortest:.3g} "
             "times as long as in another order: they are not in the order of the boundary"
         )
-        yield key, problem, remedy, length > SURE_RING * shortest
+        yield Finding(key, problem, remedy, length > SURE_RING * shortest)
     elif 4.0 * np.pi * ring_area(best) < FLAT_RING * shortest**2:
-        remedy = "if it is a line and no area, write closed = false"
-        yield key, "the ring through the landmarks encloses hardly any area", remedy, False
+        problem = "the ring through the landmarks encloses hardly any area"
+        yield Finding(key, problem, "if it is a line and no area, write closed = false")
     elif ring_area(landmarks) < CROSSED_RING * ring_area(best):
-        yield key, "the ring through the landmarks crosses itself, as an 8 does", remedy, False
+        yield Finding(key, "the ring through the landmarks crosses itself, as an 8 does", remedy)
 
 
 def _estimates(name: str, muscle: Muscle) -> Iterator[Finding]:
-    """Give estimated attachments that may well be on another bone."""
+    """Give the first estimated attachment that may well be on another bone."""
     for area in muscle.attachments:
         if area.sureness is not None and area.sureness < SURE_ESTIMATE:
-            problem = (
-                f"the {area.role} was estimated to be on {area.bone!r}, but is not sure ({area.sureness:.2f})"
-            )
+            problem = f"the {area.role} was estimated to be on {area.bone!r}, but is not sure"
             remedy = 'name both bones, { estimate = ["ORIGIN", "INSERTION"] }, or give landmarks'
-            yield f"muscles.{name}.attachments", problem, remedy, False
+            yield Finding(f"muscles.{name}.attachments", f"{problem} ({area.sureness:.2f})", remedy)
             return
 
 
@@ -293,51 +281,49 @@ def _in_bones(millimetres: float, name: str, anatomy: Anatomy) -> Iterator[Findi
             depths = millimetres * solids.depth(points)
             deep = points[depths > DEEP]
             if len(deep) and millimetres * np.linalg.norm(np.ptp(deep, axis=0)) >= spread:
-                where = ", ".join(f"{value:.4g}" for value in points[np.argmax(depths)])
-                problem = f"at rest {one} is up to {depths.max():.2g} mm deep in {other}, at ({where}), "
+                where = _place(points[np.argmax(depths)])
+                problem = f"at rest {one} is up to {depths.max():.2g} mm deep in {other}, at {where}, "
                 problem += f"with {(depths > 0.0).mean():.0%} of its points"
-                yield f"muscles.{name}.surface", problem, remedy, False
+                yield Finding(f"muscles.{name}.surface", problem, remedy)
                 break
 
 
-def _on_bones(scale: float, name: str, muscle: Muscle, anatomy: Anatomy) -> Iterator[Finding]:
+def _on_bones(millimetres: float, name: str, muscle: Muscle, anatomy: Anatomy) -> Iterator[Finding]:
     """Give landmarks that are not on the bone that they name."""
-    length = float(np.linalg.norm(np.ptp(anatomy.muscles[name].points, axis=0))) * scale
-    numbered = [(n, area) for n, area in enumerate(muscle.attachments) if area.role in ENDS]
-    areas = [area for _, area in numbered]
-    away = [
-        {
-            bone: scale * np.abs(surface.solids.distances(area.landmarks))
+    key = f"muscles.{name}.attachments"
+    length = float(np.linalg.norm(np.ptp(anatomy.muscles[name].points, axis=0))) * millimetres
+    areas = {number: area for number, area in enumerate(muscle.attachments) if area.role in ROLES}
+    away, medians, nearest = {}, {}, {}
+    for number, area in areas.items():
+        away[number] = {
+            bone: millimetres * np.abs(surface.solids.distances(area.landmarks))
             for bone, surface in anatomy.bones.items()
         }
-        for area in areas
-    ]
-    meant: dict[int, str] = {}
-    for number, (area, far) in enumerate(zip(areas, away, strict=True)):
-        own = float(np.median(far[area.bone]))
-        nearest = min(far, key=lambda bone: float(np.median(far[bone])))
-        if own > OTHER_BONE and NEARER * float(np.median(far[nearest])) < own:
-            meant[number] = nearest
-    exchanged = {(areas[number].bone, bone) for number, bone in meant.items()}
-    if len(areas) == len(meant) > 1 and exchanged == {(b, a) for a, b in exchanged}:
+        far = medians[number] = {bone: float(np.median(one)) for bone, one in away[number].items()}
+        other = min(far, key=far.__getitem__)
+        if far[area.bone] > max(OTHER_BONE, NEARER * far[other]):
+            nearest[number] = other
+    exchanged = {(areas[number].bone, bone) for number, bone in nearest.items()}
+    if len(areas) == len(nearest) > 1 and exchanged == {(b, a) for a, b in exchanged}:
         problem = "origin and insertion are exchanged: each has its landmarks on the other's bone"
-        remedy = "exchange their landmarks, or their bones"
-        yield f"muscles.{name}.attachments", problem, remedy, True
+        yield Finding(key, problem, "exchange their landmarks, or their bones", certain=True)
         return
-    for number, (area, far) in enumerate(zip(areas, away, strict=True)):
-        key = f"muscles.{name}.attachments[{numbered[number][0]}].landmarks"
-        own = float(np.median(far[area.bone]))
-        lost = float(far[area.bone].min()) > max(length, LOST_LANDMARKS)
-        if number in meant and not lost:
-            other = float(np.median(far[meant[number]]))
-            problem = f"the landmarks are {own:.3g} mm from {area.bone!r}"
-            problem += f", but {other:.3g} mm from {meant[number]!r}"
-            yield key, problem, f'if they are on that bone, write bone = "{meant[number]}"', False
+    for number, area in areas.items():
+        where, own = f"{key}[{number}].landmarks", medians[number][area.bone]
+        lost = float(away[number][area.bone].min()) > max(length, LOST_LANDMARKS)
+        if number in nearest and not lost:
+            other = nearest[number]
+            problem = f"the landmarks are {own:.3g} mm from {area.bone!r}, but "
+            problem += f"{medians[number][other]:.3g} mm from {other!r}"
+            yield Finding(where, problem, f'if they are on that bone, write bone = "{other}"')
         elif own > FAR_LANDMARKS:
             problem = (
                 f"the landmarks are {own:.3g} mm from the bone {area.bone!r} that they are said to be on"
             )
-            yield key, problem, "check the bone, and that both are in the same unit and place", lost
-    if len(areas) > 1 and len({area.bone for area in areas}) == 1:
-        problem = f"all areas are on the bone {areas[0].bone!r}: the muscle will move with it as it is"
-        yield f"muscles.{name}.attachments", problem, "check the bones of its areas", False
+            yield Finding(
+                where, problem, "check the bone, and that both are in the same unit and place", lost
+            )
+    bones = {area.bone for area in areas.values()}
+    if len(areas) > 1 and len(bones) == 1:
+        problem = f"all areas are on the bone {bones.pop()!r}: the muscle will move with it as it is"
+        yield Finding(key, problem, "check the bones of its areas")

@@ -1,15 +1,16 @@
-"""Check the tables of a scene: each key by the schema, then what keys say of each other."""
+"""Check the tables of a scene: each key by the schema, then the keys against each other."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+import re
+from collections.abc import Collection, Iterator, Mapping
 from pathlib import Path
 from typing import Any, get_args, get_origin
 
-import tomli_w
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
+from vtkmuscle.core.errors import fault_of
 from vtkmuscle.core.words import quoted, suggestion
 from vtkmuscle.data.attachments import ROLES, VIA
 from vtkmuscle.filters.fixed_point_detector import FixedPointDetector
@@ -17,11 +18,12 @@ from vtkmuscle.scene.faults import Faults, SceneError
 from vtkmuscle.scene.joint_schema import JOINT_KINDS, Function, JointTable
 from vtkmuscle.scene.schema import ALONE, ESTIMATE, Estimate, Motion, MuscleTable, SceneTable
 from vtkmuscle.scene.schema_types import Settings
+from vtkmuscle.scene.writing import inline_toml
 
-#: Names that the run writes itself, beside those of the muscles.
+#: Names that a run writes itself, beside those of the muscles.
 _RESERVED = ("bones", "figures", "finished", "scene")
 
-#: What is missing where a key that is a table is missing.
+#: Remedies for missing tables.
 _TABLES = {
     "bones": "a table [bones.NAME]",
     "muscles": "a table [muscles.NAME]",
@@ -33,92 +35,94 @@ _KINDS = {
     "string_too_short": "a text",
     "bool_type": "true or false",
     "int_type": "a whole number",
-    "float_type": "a number",
+    "float_type": "a finite number",
+    "finite_number": "a finite number",
     "list_type": "a list",
 }
 
-#: Where a fault is, what it is, and its remedy.
+#: Key, problem and remedy.
 _Fault = tuple[str, str, str]
 
 
 def validated(values: Mapping[str, Any], file: Path | None) -> SceneTable:
-    """Return the tables of a scene's file, checked.
+    """Return the checked tables of a scene's file.
 
     Raises
     ------
     SceneError
-        With a fault for each key that is unknown, missing or not allowed, or does not agree with others.
+        With a fault for each key that is unknown, missing, not allowed, or in conflict with others.
     """
     try:
         table = SceneTable.model_validate(values)
     except ValidationError as error:
         found = faults_in_words(error.errors(include_url=False))
     else:
-        found = _disagreements(table)
+        found = _conflicts(table)
     Faults(SceneError(problem, key, remedy, file) for key, problem, remedy in found).raise_any()
     return table
 
 
 def faults_in_words(errors: list[ErrorDetails], root: type[BaseModel] = SceneTable) -> Iterator[_Fault]:
-    """Give key, problem and remedy of what a schema has found: unknown keys first, which may be meant.
+    """Give key, problem and remedy of pydantic's errors in a file of a model: unknown keys first.
 
-    Parameters
-    ----------
-    errors : list of ErrorDetails
-        As pydantic gives them.
-    root : type, optional
-        The model of the whole file.
+    A missing key is not reported where an unknown one looks like a misspelling of it.
     """
     unknown = {error["loc"] for error in errors if error["type"] == "extra_forbidden"}
     for error in sorted(errors, key=lambda one: len(one["loc"]) if one["loc"] in unknown else 99):
-        *path, name = error["loc"] if error["loc"][-1] != "[key]" else error["loc"][:-1]
-        known = _model_at(tuple(path), root)
+        path = [part for part in error["loc"] if part not in ("[key]", ALONE)]
+        table, name = _table_and_key(path, root)
+        misspelt = (str(loc[-1]) for loc in unknown if list(loc[:-1]) == path[:-1])
         if error["type"] == "missing" and any(
-            suggestion(str(loc[-1]), known.model_fields).startswith(f"did you mean {name!r}")
-            for loc in unknown
-            if list(loc[:-1]) == path
+            suggestion(one, table.model_fields).startswith(f"did you mean {name!r}") for one in misspelt
         ):
             continue
-        yield (_key((*path, name)), *_fault(error, str(name), known))
+        yield (_dotted(path), *_problem_and_remedy(error, table, name))
 
 
-def _fault(error: ErrorDetails, name: str, known: type[BaseModel]) -> tuple[str, str]:
-    """Return what is wrong with a key of a table, and what to do about it."""
-    kind, value = error["type"], error["input"]
-    field = known.model_fields.get(name)
-    example = "" if field is None or not field.examples else tomli_w.dumps({name: field.examples[0]})
-    example = " ".join(example.split()).replace("[ ", "[").replace(", ]", "]")
-    if kind == "fault":
-        context = error["ctx"]
-        return context["problem"], context["remedy"] or f"write {example}"
-    if kind == "missing":
-        return "the key is missing", f"add {_TABLES.get(name) or example}"
-    if kind == "extra_forbidden":
-        gone = known.gone.get(name, "") if issubclass(known, Settings) else ""
-        what = f"there is no setting {name!r}" if issubclass(known, Settings) else "there is no such key"
-        return what + (" any more" if gone else ""), gone or suggestion(name, known.model_fields)
-    if kind in _KINDS:
-        remedy = f"write {example}"
-        if kind == "bool_type" and field is not None and field.description:
-            first = field.description.partition(". ")[0]
-            remedy = first[0].lower() + first[1:].rstrip(".")
-        return f"must be {_KINDS[kind]}, not {quoted(value)}", remedy
-    if kind not in ("dict_type", "model_type", "model_attributes_type"):
-        allowed = error["msg"].replace("Input should be", "it must be").replace("List should", "it must")
-        return f"{quoted(value)} is not allowed", allowed
-    return f"must be a table, not {quoted(value)}", "see the format of a scene.toml"
+def _problem_and_remedy(error: ErrorDetails, table: type[BaseModel], name: str) -> tuple[str, str]:
+    kind, value, context = error["type"], error["input"], error.get("ctx", {})
+    field = table.model_fields.get(name)
+    example = f"{name} = {inline_toml(field.examples[0])}" if field and field.examples else ""
+    problem = f"{quoted(value)} is not allowed"
+    remedy = f"write {example}" if example else "see the format of a scene.toml"
+    if kind == "value_error":
+        problem, own = fault_of(context["error"])
+        remedy = own or remedy
+    elif kind == "missing":
+        problem, remedy = "the key is missing", f"add {_TABLES.get(name) or example}"
+    elif kind == "extra_forbidden" and issubclass(table, Settings):
+        gone = table.gone.get(name, "")
+        problem = f"there is no setting {name!r}" + (" any more" if gone else "")
+        remedy = gone or suggestion(name, table.model_fields)
+    elif kind == "extra_forbidden":
+        problem, remedy = "there is no such key", suggestion(name, table.model_fields)
+    elif kind == "literal_error":
+        remedy = suggestion(str(value), re.findall("'(.*?)'", context["expected"]))
+    elif kind == "too_short":
+        problem = f"must have at least {context['min_length']} item(s), not {context['actual_length']}"
+    elif kind == "too_long":
+        problem = f"must have at most {context['max_length']} item(s), not {context['actual_length']}"
+    elif kind == "bool_type" and field and field.description:
+        problem = f"must be true or false, not {quoted(value)}"
+        remedy = " ".join(field.description.partition(". ")[0].split()).rstrip(".")
+        remedy = remedy[0].lower() + remedy[1:]
+    elif kind in _KINDS:
+        problem = f"must be {_KINDS[kind]}, not {quoted(value)}"
+    elif kind in ("dict_type", "model_type", "model_attributes_type"):
+        problem, remedy = f"must be a table, not {quoted(value)}", "see the format of a scene.toml"
+    else:
+        remedy = error["msg"].replace("Input should be", "it must be")
+    return problem, remedy
 
 
-def _model_at(path: tuple[int | str, ...], root: type[BaseModel]) -> type[BaseModel]:
-    """Return the model of the table at a place."""
-    model = root
-    parts = iter(path)
-    for part in parts:
-        kinds = list(_kinds(model.model_fields[str(part)].annotation))
-        model = next((one for one in kinds if isinstance(one, type) and issubclass(one, BaseModel)), model)
-        if dict in kinds or list in kinds:
-            next(parts, None)  # the name of a table, or its number
-    return model
+def _table_and_key(path: list[int | str], table: type[BaseModel]) -> tuple[type[BaseModel], str]:
+    """Return the model of the innermost table on a path, and the key in it that the path goes through."""
+    name = str(path[0])
+    field = table.model_fields.get(name)
+    kinds = [] if field is None else list(_kinds(field.annotation))
+    inner = next((one for one in kinds if isinstance(one, type) and issubclass(one, BaseModel)), None)
+    rest = path[2:] if dict in kinds or list in kinds else path[1:]  # without a table's name or number
+    return (table, name) if inner is None or not rest else _table_and_key(rest, inner)
 
 
 def _kinds(annotation: Any) -> Iterator[Any]:
@@ -128,8 +132,8 @@ def _kinds(annotation: Any) -> Iterator[Any]:
         yield from _kinds(part)
 
 
-def _key(path: tuple[int | str, ...]) -> str:
-    """Return a dotted key, without what a terminal would take for more than text."""
+def _dotted(path: list[int | str]) -> str:
+    """Return a dotted key, with control characters escaped and long names shortened."""
     key = ""
     for part in path:
         text = str(part) if str(part).isprintable() else ascii(part)[1:-1]
@@ -137,8 +141,8 @@ def _key(path: tuple[int | str, ...]) -> str:
     return key.removeprefix(".")
 
 
-def _disagreements(scene: SceneTable) -> Iterator[_Fault]:
-    """Give what keys say of each other that cannot be."""
+def _conflicts(scene: SceneTable) -> Iterator[_Fault]:
+    """Give the faults of keys that are right by themselves, but not together."""
     for kind, names in (("bones", list(scene.bones)), ("muscles", list(scene.muscles))):
         if not names:
             yield kind, f"the scene has no {kind}", f"add a table [{kind}.NAME] with its surface"
@@ -148,81 +152,52 @@ def _disagreements(scene: SceneTable) -> Iterator[_Fault]:
             if other != name:
                 problem = f"{name!r} and {other!r} are the same file name on some systems"
                 yield f"{kind}.{name}", problem, "rename one of them"
-    yield from joint_faults(scene)
-    yield from _of_motion(scene.motion, list(scene.bones), jointed=bool(scene.joints or scene.opensim))
+    yield from _of_joints(scene)
+    yield from _of_motion(scene)
     if scene.model == "paths" and scene.muscle_contact != "off":
         problem = f"model is 'paths', in which no muscle has a surface, but this is {scene.muscle_contact!r}"
         yield "muscle_contact", problem, "leave it out, or use model 'volume'"
-    known = {name.casefold() for name in scene.muscles}
-    for name, muscle in scene.muscles.items():
-        plain = name.casefold().removesuffix("_fibres")
-        if name.casefold() in _RESERVED or (plain != name.casefold() and plain in known):
-            problem = f"the results of a muscle called {name!r} would overwrite other results"
-            yield f"muscles.{name}", problem, "give it another name"
-        if scene.model == "paths" and muscle.fibres is None:
-            problem = "model is 'paths', which moves fibres, but this muscle has none"
-            yield f"muscles.{name}.fibres", problem, "add a table fibres, or use model 'volume'"
-        if muscle.aponeuroses is not None:
-            yield from _of_aponeuroses(f"muscles.{name}.aponeuroses", muscle, scene)
-        yield from _of_attachments(f"muscles.{name}.attachments", muscle, scene)
+    for name in scene.muscles:
+        yield from _of_muscle(name, scene)
 
 
-def _of_motion(motion: Motion, bones: list[str], *, jointed: bool) -> Iterator[_Fault]:
-    if jointed or motion.file is not None or motion.grid is not None:
-        return
-    named = [name for name in Motion.model_fields if name in motion.model_fields_set]
-    given = [name for name in named if getattr(motion, name) is not None and name != "hinge"]
-    if motion.hinge is not None:
-        if given:
-            remedy = "leave out one of them; a hinge has its keys in [motion.hinge]"
-            yield f"motion.{given[0]}", "cannot be combined with motion.hinge", remedy
-        moving = {"motion.hinge.bone": motion.hinge.bone}
-    elif motion.transforms is None:
-        remedy = 'add transforms = "FILE.csv", or a table [motion.hinge]; or joints, and file or grid'
-        yield "motion.transforms", "the key is missing", remedy
-        return
-    elif ALONE not in motion.transforms:
-        if motion.bone is not None:
-            remedy = "leave out bone where transforms is a table of files by bone"
-            yield "motion.bone", "cannot be combined with a table of transforms", remedy
-        if not motion.transforms:
-            yield "motion.transforms", "is empty", 'write transforms = "FILE.csv"'
-        moving = {f"motion.transforms.{bone}": bone for bone in motion.transforms}
-    elif motion.bone is None:
-        yield "motion.bone", "the key is missing", 'add bone = "NAME"'
-        return
-    else:
-        moving = {"motion.bone": motion.bone}
-    for key, bone in moving.items():
-        if bone not in bones:
-            yield key, f"there is no bone {quoted(bone)}", suggestion(bone, bones)
+def _unknown_bone(key: str, bone: str, bones: Collection[str]) -> Iterator[_Fault]:
+    if bone not in bones:
+        yield key, f"there is no bone {quoted(bone)}", suggestion(bone, bones)
 
 
-def _of_aponeuroses(key: str, muscle: MuscleTable, scene: SceneTable) -> Iterator[_Fault]:
-    if muscle.fibres is None:
-        yield key, "fibres end on aponeuroses, but this muscle has none", "add a table fibres"
-    if scene.model == "paths":
+def _of_muscle(name: str, scene: SceneTable) -> Iterator[_Fault]:
+    key, muscle, folded = f"muscles.{name}", scene.muscles[name], name.casefold()
+    others = {other.casefold() for other in scene.muscles} - {folded}
+    if folded in _RESERVED or folded.removesuffix("_fibres") in others:
+        problem = f"the results of a muscle called {name!r} would overwrite other results"
+        yield key, problem, "give it another name"
+    if scene.model == "paths" and muscle.fibres is None:
+        problem = "model is 'paths', which moves fibres, but this muscle has none"
+        yield f"{key}.fibres", problem, "add a table fibres, or use model 'volume'"
+    if muscle.aponeuroses is not None and muscle.fibres is None:
+        problem = "fibres end on aponeuroses, but this muscle has no fibres"
+        yield f"{key}.aponeuroses", problem, "add a table fibres"
+    if muscle.aponeuroses is not None and scene.model == "paths":
         problem = "aponeuroses move with the muscle, which model 'paths' does not deform"
-        yield key, problem, "leave them out, or use model 'volume'"
+        yield f"{key}.aponeuroses", problem, "leave them out, or use model 'volume'"
+    yield from _of_attachments(f"{key}.attachments", muscle, scene)
 
 
 def _of_attachments(key: str, muscle: MuscleTable, scene: SceneTable) -> Iterator[_Fault]:
     if isinstance(muscle.attachments, Estimate):
         for bone in muscle.attachments.bones:
-            if bone not in scene.bones:
-                yield key, f"there is no bone {quoted(bone)}", suggestion(bone, scene.bones)
+            yield from _unknown_bone(key, bone, scene.bones)
         return
     for number, area in enumerate(muscle.attachments):
-        if area.bone not in scene.bones:
-            problem = f"there is no bone {quoted(area.bone)}"
-            yield f"{key}[{number}].bone", problem, suggestion(area.bone, scene.bones)
+        yield from _unknown_bone(f"{key}[{number}].bone", area.bone, scene.bones)
         if area.role == VIA and area.closed is False:
             remedy = "leave closed out, or write closed = true"
             yield f"{key}[{number}].closed", "a via ring is closed", remedy
     roles = {area.role for area in muscle.attachments} - {VIA}
     default = FixedPointDetector.parameter_declarations["method"].default
     method = {"method": default, **scene.fixing.given(), **muscle.fixing.given()}["method"]
-    alone = ROLES[:1] if not roles and method == "attachment" else ()
+    alone = ROLES[:1] if method == "attachment" and not roles else ()  # what holds a muscle without fibres
     for role in alone if muscle.fibres is None else ROLES:
         if role not in roles:
             remedy = f'add {{ role = "{role}", bone = "...", landmarks = "..." }}'
@@ -233,102 +208,119 @@ def _of_attachments(key: str, muscle: MuscleTable, scene: SceneTable) -> Iterato
             yield key, f"there is no attachment with role {role!r}", remedy
 
 
-_FUNCTIONS = ("polynomial", "spline", "piecewise")
-#: Keys that a kind of joint has beside those that all have.
-_KEYS = {"pin": ("axis",), "ball": ("axes",), "weld": (), "custom": ("rotations", "translations")}
+#: Keys that say how the bones move, and the keys that each goes with.
+_MOTIONS = {
+    "hinge": (),
+    "file": ("every", "coordinates"),
+    "grid": ("coordinates",),
+    "transforms": ("bone", "time", "centre", "coordinates"),
+}
 
 
-def joint_faults(scene: SceneTable) -> Iterator[_Fault]:
-    """Give what cannot be of a scene's joints and of the motion by them."""
+def _of_motion(scene: SceneTable) -> Iterator[_Fault]:
+    motion = scene.motion
     jointed = bool(scene.joints) or scene.opensim is not None
+    given = [name for name in Motion.model_fields if name in motion.model_fields_set]
+    kind = next((name for name in _MOTIONS if name in given), None)
+    if jointed and kind not in ("file", "grid"):
+        remedy = 'add file = "FILE.mot", or grid = { COORDINATE = [0, 90, 5] }'
+        yield "motion", "does not say how the joints move", remedy
+        return
+    if kind is None:
+        remedy = 'add transforms = "FILE.csv", or a table [motion.hinge]; or joints, and file or grid'
+        yield "motion.transforms", "the key is missing", remedy
+        return
+    for name in given:
+        if name not in (kind, *_MOTIONS[kind]):
+            yield f"motion.{name}", f"cannot be combined with motion.{kind}", "leave out one of them"
+    if kind in ("file", "grid") and not jointed:
+        remedy = "add tables [joints.NAME], or [opensim] with a model"
+        yield f"motion.{kind}", "there are no joints that it could move", remedy
+    if motion.hinge is not None:
+        yield from _unknown_bone("motion.hinge.bone", motion.hinge.bone, scene.bones)
+    elif motion.transforms is None:
+        return
+    elif ALONE not in motion.transforms:
+        if motion.bone is not None:
+            remedy = "leave out bone where transforms is a table of files by bone"
+            yield "motion.bone", "cannot be combined with a table of transforms", remedy
+        for bone in motion.transforms:
+            yield from _unknown_bone(f"motion.transforms.{bone}", bone, scene.bones)
+    elif motion.bone is None:
+        yield "motion.bone", "the key is missing", 'add bone = "NAME"'
+    else:
+        yield from _unknown_bone("motion.bone", motion.bone, scene.bones)
+
+
+#: Keys that some kinds of joints have, and which kinds.
+_JOINT_KEYS = {
+    "axis": ("pin",),
+    "axes": ("ball",),
+    "rotations": ("custom",),
+    "translations": ("custom",),
+    "coordinates": ("pin", "ball", "custom"),
+}
+#: Keys that a kind of joint needs.
+_NEEDED = {"pin": ("centre", "axis"), "ball": ("centre",), "weld": (), "custom": ("centre",)}
+_FUNCTIONS = ("polynomial", "spline", "piecewise")
+
+
+def _of_joints(scene: SceneTable) -> Iterator[_Fault]:
     if scene.joints and scene.opensim is not None:
         yield "opensim", "cannot be combined with [joints.NAME]", "leave out one of them"
-    yield from _of_joint_motion(scene, jointed=jointed)
-    children = {joint.child for joint in scene.joints.values()}
-    parents = {joint.parent for joint in scene.joints.values()}
+    bodies = {
+        "parent": {*scene.bones, *(joint.child for joint in scene.joints.values())},
+        "child": {*scene.bones, *(joint.parent for joint in scene.joints.values())},
+    }
     known = [name for joint in scene.joints.values() for name in joint.coordinates or {}]
     for number, name in enumerate(known):
         if name in known[:number]:
             yield "joints", f"there are two coordinates {quoted(name)}", "rename one of them"
     for name, joint in scene.joints.items():
         key = f"joints.{name}"
-        for what, body, others in (("parent", joint.parent, children), ("child", joint.child, parents)):
-            if body not in scene.bones and body not in others:
-                yield f"{key}.{what}", f"there is no bone {quoted(body)}", suggestion(body, scene.bones)
+        for end, allowed in bodies.items():
+            if getattr(joint, end) not in allowed:
+                yield from _unknown_bone(f"{key}.{end}", getattr(joint, end), scene.bones)
         yield from _of_kind(key, joint)
         yield from _of_functions(key, joint, known)
 
 
-def _of_joint_motion(scene: SceneTable, *, jointed: bool) -> Iterator[_Fault]:
-    motion = scene.motion
-    named = [key for key in ("file", "grid") if getattr(motion, key) is not None]
-    if len(named) == 2:
-        yield "motion.grid", "cannot be combined with motion.file", "leave out one of them"
-    if named and not jointed:
-        remedy = "add tables [joints.NAME], or [opensim] with a model"
-        yield f"motion.{named[0]}", "there are no joints that it could move", remedy
-    if jointed and not named:
-        remedy = 'add file = "FILE.mot", or grid = { COORDINATE = [0, 90, 5] }'
-        yield "motion", "does not say how the joints move", remedy
-    if motion.every != 1 and motion.file is None:
-        yield "motion.every", "is for a file, but there is none", "leave it out"
-    for key in ("bone", "transforms", "time", "centre", "hinge"):
-        if named and getattr(motion, key) is not None:
-            yield f"motion.{key}", f"cannot be combined with motion.{named[0]}", "leave out one of them"
-
-
 def _of_kind(key: str, joint: JointTable) -> Iterator[_Fault]:
     kind = joint.type
-    for other in {one for keys in _KEYS.values() for one in keys} - set(_KEYS[kind]):
-        if getattr(joint, other) is not None:
-            yield f"{key}.{other}", f"is no key of a joint of type {kind!r}", "leave it out, or change type"
-    if kind == "weld":
-        if joint.coordinates:
-            yield f"{key}.coordinates", "a weld has no coordinates", "leave it out"
-        return
-    if joint.centre is None:
-        yield f"{key}.centre", "the key is missing", "add centre = [0.0, 0.0, 0.0]"
-    if kind == "pin" and joint.axis is None:
-        yield f"{key}.axis", "the key is missing", "add axis = [1.0, 0.0, 0.0]"
+    for name, kinds in _JOINT_KEYS.items():
+        if kind not in kinds and getattr(joint, name) is not None:
+            yield f"{key}.{name}", f"is no key of a joint of type {kind!r}", "leave it out, or change type"
+    for name in _NEEDED[kind]:
+        if getattr(joint, name) is None:
+            yield f"{key}.{name}", "the key is missing", f"add {name} = [1.0, 0.0, 0.0]"
     wanted, given = JOINT_KINDS[kind], len(joint.coordinates or {})
-    if wanted is not None and given != wanted:
+    if wanted and given != wanted:
         names = ", ".join(f'"NAME_{number}"' for number in range(1, wanted + 1))
-        yield (
-            f"{key}.coordinates",
-            f"names {given}, but a {kind} has {wanted}",
-            f"write coordinates = [{names}]",
-        )
-    if kind == "custom":
-        if not (joint.rotations or joint.translations):
-            remedy = 'add rotations = [{ axis = [1.0, 0.0, 0.0], coordinate = "NAME" }]'
-            yield f"{key}.rotations", "a custom joint needs rotations or translations", remedy
-        for what in ("rotations", "translations"):
-            if len(getattr(joint, what) or []) > 3:
-                yield f"{key}.{what}", "are more than three", "leave some out"
+        remedy = f"write coordinates = [{names}]"
+        yield f"{key}.coordinates", f"names {given}, but a {kind} has {wanted}", remedy
+    if kind == "custom" and not (joint.rotations or joint.translations):
+        remedy = 'add rotations = [{ axis = [1.0, 0.0, 0.0], coordinate = "NAME" }]'
+        yield f"{key}.rotations", "a custom joint needs rotations or translations", remedy
 
 
 def _of_functions(key: str, joint: JointTable, known: list[str]) -> Iterator[_Fault]:
     for name, one in (joint.coordinates or {}).items():
-        where, given = f"{key}.coordinates.{name}", _given(one)
-        if len(given) != (one.follows is not None):
-            problem = (
-                "follows another coordinate by one of" if one.follows else "follows no other, but has one of"
-            )
-            remedy = 'write follows = "NAME" and one function, or neither'
-            yield where, f"{problem} {', '.join(_FUNCTIONS)}", remedy
-        if one.follows is not None and (one.follows not in known or one.follows == name):
+        where = f"{key}.coordinates.{name}"
+        if len(_functions(one)) != (one.follows is not None):
+            problem = f"needs exactly one of {', '.join(_FUNCTIONS)}, because it follows another coordinate"
+            if one.follows is None:
+                problem = f"follows no other coordinate, but has one of {', '.join(_FUNCTIONS)}"
+            yield where, problem, 'write follows = "NAME" and one function, or neither'
+        others = [other for other in known if other != name]
+        if one.follows is not None and one.follows not in others:
             problem = f"there is no other coordinate {quoted(one.follows)}"
-            yield (
-                f"{where}.follows",
-                problem,
-                suggestion(one.follows, [other for other in known if other != name]),
-            )
-    for what in ("rotations", "translations"):
-        for number, axis in enumerate(getattr(joint, what) or []):
-            where, given = f"{key}.{what}[{number}]", _given(axis)
+            yield f"{where}.follows", problem, suggestion(one.follows, others)
+    for kind in ("rotations", "translations"):
+        for number, axis in enumerate(getattr(joint, kind) or []):
+            where, given = f"{key}.{kind}[{number}]", _functions(axis)
             if axis.coordinate is None:
                 if given:
-                    yield f"{where}.coordinate", "the key is missing", "name what it is a function of"
+                    yield f"{where}.coordinate", "the key is missing", "name the coordinate of the function"
                 continue
             if axis.coordinate not in known:
                 problem = f"there is no coordinate {quoted(axis.coordinate)}"
@@ -337,5 +329,5 @@ def _of_functions(key: str, joint: JointTable, known: list[str]) -> Iterator[_Fa
                 yield where, "has more than one function", "leave all but one out"
 
 
-def _given(table: Function) -> list[str]:
+def _functions(table: Function) -> list[str]:
     return [name for name in _FUNCTIONS if getattr(table, name) is not None]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import shutil
 from collections.abc import Mapping, Sequence
 from filecmp import cmp
@@ -99,6 +100,17 @@ def tables_of(scene: SceneData) -> dict[str, Any]:
     }
     plain: dict[str, Any] = _plain(tables)
     return plain
+
+
+def inline_toml(value: Any) -> str:
+    """Return a value in TOML, each table in one line."""
+    if isinstance(value, Mapping):
+        return f"{{ {', '.join(f'{key} = {inline_toml(one)}' for key, one in value.items())} }}"
+    if isinstance(value, list):
+        lines = ",\n  " if any(isinstance(one, Mapping) for one in value) else ", "
+        inner = lines.join(inline_toml(one) for one in value)
+        return f"[\n  {inner},\n]" if "\n" in lines else f"[{inner}]"
+    return f"{value:.10g}" if isinstance(value, float) else json.dumps(value, ensure_ascii=False)
 
 
 def write_areas(folder: Path, muscle: str, areas: Sequence[AttachmentArea]) -> list[dict[str, Any]]:

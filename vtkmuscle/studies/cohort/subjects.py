@@ -12,7 +12,6 @@ from typing import Annotated, Any, Self
 
 import numpy as np
 from pydantic import Field, ValidationError
-from pydantic_core import PydanticCustomError
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.words import suggestion
@@ -271,9 +270,8 @@ def _check_name(name: str, file: Path, what: str) -> None:
     """Raise an error for a name that cannot be part of a file's."""
     try:
         checked_name(name)
-    except PydanticCustomError as error:
-        context = error.context or {}
-        raise InputError(file, f"{what} {context.get('problem')}", str(context.get("remedy"))) from None
+    except InputError as error:
+        raise InputError(file, f"{what} {error.problem}", error.remedy) from None
 
 
 def _subjects(study: Path, path: Path) -> tuple[Mapping[str, str], ...]:
