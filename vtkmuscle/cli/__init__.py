@@ -19,7 +19,7 @@ from vtkmuscle._version import __version__
 from vtkmuscle.cli.labels import from_labels, init
 from vtkmuscle.cli.messages import BAD_INPUT, FAILED, INTERRUPTED, TerminatedError, one_clear_error, say
 from vtkmuscle.cli.options import OutOption, QuietOption, RunOptions, named, with_options
-from vtkmuscle.cli.results import ExportOptions, check, compare, export_muscles, figures, report, view
+from vtkmuscle.cli.results import ExportOptions, check, compare, export_muscles, figures, report
 from vtkmuscle.cli.running import cohort, run_and_report
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.isolation import leave_out_working_folder
@@ -184,7 +184,6 @@ def export(
 app.command()(report)
 app.command()(figures)
 app.command()(compare)
-app.command()(view)
 app.command()(cohort)
 app.command("from-labels")(from_labels)
 app.command()(init)

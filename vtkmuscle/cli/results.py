@@ -1,4 +1,4 @@
-"""What is made of a run's results: reports, figures, comparisons, models, and the viewer."""
+"""What is made of a run's results: reports, figures, comparisons and models."""
 
 from __future__ import annotations
 
@@ -195,17 +195,3 @@ def compare(
             out or Path("comparison")
         ):
             typer.echo(f"wrote {path}")
-
-
-def view(
-    source: Annotated[Path, typer.Argument(help="Folder of a run's results, or a scene.toml.")],
-    port: Annotated[int, typer.Option("--port", min=0, max=65535, help="Default: a free one.")] = 0,
-    browser: Annotated[
-        bool, typer.Option("--browser/--no-browser", help="Open it in a browser, or print the address.")
-    ] = True,
-) -> None:
-    """Look at results, or at a scene that is solved as the slider moves, in a browser; Ctrl-C ends it."""
-    with one_clear_error(None):
-        from vtkmuscle.view import view as open_view
-
-        open_view(source, port=port, browser=browser)
