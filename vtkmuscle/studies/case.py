@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from dataclasses import asdict, dataclass, replace
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -37,6 +37,9 @@ from vtkmuscle.studies.variation import AS_IT_IS, Variation
 KEPT, DONE, FAILED = "kept", "done", "failed"
 #: Scenes that a process remembers; the muscles of a scene are solved one after the other.
 _SCENES = 2
+
+
+_Scene = TypeVar("_Scene", bound=SceneData)
 
 
 class UnwritableError(OSError):
@@ -177,20 +180,17 @@ def solve_here(
 
 
 def _solved(case: Case, scene: SceneData, numbers: range, stop: threading.Event) -> dict[str, Any]:
-    """Run one muscle, after those before it if they may meet, and return the values of its outcome."""
+    """Run a scene, and return the values of the outcome of its muscle."""
 
     def check_stop(*_: object) -> None:
         if stop.is_set():
             raise AbortedError("the study was stopped")
 
-    names = list(scene.muscles)
-    before = names[: names.index(case.muscle) + 1] if scene.muscle_contact != "off" else [case.muscle]
-    alone = replace(scene, muscles={name: scene.muscles[name] for name in before})
     if case.variation.cause:  # a motion that was moved too far would be followed for hours
         with recorded():
-            check_sense(alone)
+            check_sense(scene)
     options = RunOptions(frames=numbers, workers=1, sense=False, progress=check_stop)
-    return _values_of(run_scene(alone, None, options, errors=StatedErrors(alone)), case.muscle, case.groups)
+    return _values_of(run_scene(scene, None, options, errors=StatedErrors(scene)), case.muscle, case.groups)
 
 
 def _values_of(result: Result, name: str, groups: int | None) -> dict[str, Any]:
@@ -243,11 +243,19 @@ def _arms(result: Result, name: str) -> list[JointArms]:
 
 
 def _scene_of(case: Case, run: str) -> tuple[SceneData, Collection[str]]:
-    """Return the varied scene of a case, and the warnings of its reading."""
+    """Return the varied scene of a case, with no muscles that the case does not need; warnings of reading."""
     if isinstance(case.scene, SceneData):
-        return case.variation.of(case.scene), ()
+        return case.variation.of(_reduced(case.scene, case.muscle)), ()
     # The text keeps the order of muscles, which yield to those before them.
-    return _read(json.dumps([asdict(case.scene), asdict(case.variation)]), run)
+    scene, remarks = _read(json.dumps([asdict(case.scene), asdict(case.variation)]), run)
+    return _reduced(scene, case.muscle), remarks
+
+
+def _reduced(scene: _Scene, muscle: str) -> _Scene:
+    """Return a scene of one muscle, after those before it if they may meet."""
+    names = list(scene.muscles)
+    before = names[: names.index(muscle) + 1] if scene.muscle_contact != "off" else [muscle]
+    return replace(scene, muscles={name: scene.muscles[name] for name in before})
 
 
 @lru_cache(maxsize=_SCENES)

@@ -87,9 +87,10 @@ def run_with_errors(
     asked = RunOptions.of(options)
     target = None if out is None else Path(out)
     frames = frame_numbers(asked.frames, len(scene.motion.times))
+    alone = replace(scene, muscle_contact="off", files={})
     cases = {
         (name, kind): [
-            Case({"kind": kind, "sample": one.name}, name, _alone(scene, name), one, frames)
+            Case({"kind": kind, "sample": one.name}, name, alone, one, frames)
             for one in _variations(scene, name, kind, landmark_error, landmark_samples)
         ]
         for name, muscle in scene.muscles.items()
@@ -111,10 +112,6 @@ def run_with_errors(
     failed = {key: words for key, own in found.items() if (words := _failure(own))}
     solved = {key: [_solution(one) for one in own] for key, own in found.items() if key not in failed}
     return run_scene(scene, target, asked, errors=StatedErrors(scene, kinds, solved, failed))
-
-
-def _alone(scene: Scene, name: str) -> Scene:
-    return replace(scene, muscles={name: scene.muscles[name]}, muscle_contact="off", files={})
 
 
 def _variations(scene: Scene, name: str, kind: str, distance: float, samples: int) -> list[Variation]:
