@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from vtkmuscle.cli.messages import one_clear_error, say
+from vtkmuscle.cli.messages import say
 from vtkmuscle.cli.options import FolderOption, QuietOption, with_options
 from vtkmuscle.core.errors import InputError
 
@@ -62,19 +62,18 @@ def from_labels(
     guessed. To landmarks that a muscle's label does not reach a tendon is drawn. A muscle that cannot be made
     is named with the reason, and the others are in the scene.
     """
-    with one_clear_error(None):
-        from vtkmuscle.labels.maps import draft_of_labels
+    from vtkmuscle.labels.maps import draft_of_labels
 
-        _check_free(out, options.overwrite)
-        draft = draft_of_labels(
-            label_map,
-            landmarks=landmarks or (),
-            names=options.names,
-            frame=options.frame,
-            edge=options.edge,
-            announce=lambda words: say(options.quiet, words),
-        )
-        _write(draft, out, options.quiet)
+    _check_free(out, options.overwrite)
+    draft = draft_of_labels(
+        label_map,
+        landmarks=landmarks or (),
+        names=options.names,
+        frame=options.frame,
+        edge=options.edge,
+        announce=lambda words: say(options.quiet, words),
+    )
+    _write(draft, out, options.quiet)
 
 
 def init(
@@ -100,13 +99,12 @@ def init(
     Names tell bones and muscles, sizes the unit, contact or landmarks the areas, fits to the bones the
     joints. Each guess has a comment above it with how sure it is; guesses.csv lists them.
     """
-    with one_clear_error(None):
-        from vtkmuscle.labels.meshes import draft_of_files
+    from vtkmuscle.labels.meshes import draft_of_files
 
-        _check_free(out, overwrite)
-        draft = draft_of_files(files, out, bones=bone or (), muscles=muscle or (), frame=frame)
-        draft.complete()
-        _write(draft, out, quiet)
+    _check_free(out, overwrite)
+    draft = draft_of_files(files, out, bones=bone or (), muscles=muscle or (), frame=frame)
+    draft.complete()
+    _write(draft, out, quiet)
 
 
 def _check_free(out: Path, overwrite: bool) -> None:

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from vtkmuscle.cli.messages import one_clear_error
 from vtkmuscle.cli.options import LiteratureOption, OutOption, named
 from vtkmuscle.core.errors import InputError
 
@@ -53,11 +52,14 @@ def export_muscles(source: Path, out: Path, options: ExportOptions) -> None:
     from vtkmuscle.opensim import write_mujoco, write_opensim
     from vtkmuscle.opensim.from_run import GEOMETRY_ONLY
 
-    asked: dict[str, Any] = {"groups": options.groups, "specific_tension": options.specific_tension}
-    asked["masses"] = {body: _kilograms(text) for body, text in pairs(options.mass or [], "--mass").items()}
+    asked: dict[str, Any] = {
+        "groups": options.groups,
+        "specific_tension": options.specific_tension,
+        "masses": {body: _kilograms(text) for body, text in pairs(options.mass, "--mass").items()},
+    }
     if options.geometry_only:
         asked["kind"] = GEOMETRY_ONLY
-    replace = pairs(options.replace or [])
+    replace = pairs(options.replace)
     if out.suffix.lower() == ".osim":
         written = write_opensim(source, out, into=options.into, replace=replace, form=options.form, **asked)
     elif options.into is not None or replace:
@@ -80,12 +82,15 @@ def _kilograms(text: str) -> float:
     return mass
 
 
-def pairs(texts: Sequence[str], option: str = "--replace") -> dict[str, str]:
-    """Return what an option is given as pairs, OURS=THEIRS."""
-    for text in texts:
-        if not all(text.partition("=")):
+def pairs(texts: Sequence[str] | None, option: str = "--replace") -> dict[str, str]:
+    """Return the pairs OURS=THEIRS given to an option."""
+    found = {}
+    for text in texts or ():
+        ours, _, theirs = text.partition("=")
+        if not ours or not theirs:
             raise InputError(option, f"{text!r} is no pair", "write both sides of the =")
-    return {ours: theirs for ours, _, theirs in (text.partition("=") for text in texts)}
+        found[ours] = theirs
+    return found
 
 
 def check(
@@ -109,28 +114,27 @@ def check(
     Each is swept over the ranges of the coordinates that it crosses. The page lists what was found with its
     poses, and a table beside it (.csv). With the surfaces of a scene, paths can be replaced by fitted ones.
     """
-    with one_clear_error(out):
-        from vtkmuscle.opensim import check_model, write_opensim
-        from vtkmuscle.opensim.checking import evaluated
+    from vtkmuscle.opensim import check_model, write_opensim
+    from vtkmuscle.opensim.checking import evaluated
 
-        if (repair is None) != (scene is None) or (repair is not None and not replace):
-            raise InputError(
-                "--repair", "a repair takes a scene and muscles to replace", "give --scene and --replace too"
-            )
-        page = out or Path(f"{model.stem}_check.html")
-        if repair is not None and scene is not None:
-            for new in write_opensim(scene, repair, into=model, replace=pairs(replace or [])):
-                typer.echo(f"{new.out.name}: {new}")
-            model = repair
-        found = check_model(model)
-        typer.echo(evaluated(found))
-        kinds = [one.what for one in found.findings]
-        for one in found.findings:
-            if "jumps" in one.what:
-                where = ", ".join(f"{name} {value:.4g}" for name, value in found.shown(one).items())
-                typer.echo(f"{one.muscle}: {one.what} by {1000.0 * one.size:.1f} mm at {where}")
-        typer.echo(f"{kinds.count('moment arm changes sign')} moment arms change their sign")
-        typer.echo(f"wrote {page}, {found.write(page)}")
+    if (repair is None) != (scene is None) or (repair is not None and not replace):
+        raise InputError(
+            "--repair", "a repair takes a scene and muscles to replace", "give --scene and --replace too"
+        )
+    page = out or Path(f"{model.stem}_check.html")
+    if repair is not None and scene is not None:
+        for new in write_opensim(scene, repair, into=model, replace=pairs(replace)):
+            typer.echo(f"{new.out.name}: {new}")
+        model = repair
+    found = check_model(model)
+    typer.echo(evaluated(found))
+    kinds = [one.what for one in found.findings]
+    for one in found.findings:
+        if "jumps" in one.what:
+            where = ", ".join(f"{name} {value:.4g}" for name, value in found.shown(one).items())
+            typer.echo(f"{one.muscle}: {one.what} by {1000.0 * one.size:.1f} mm at {where}")
+    typer.echo(f"{kinds.count('moment arm changes sign')} moment arms change their sign")
+    typer.echo(f"wrote {page}, {found.write(page)}")
 
 
 def report(
@@ -144,10 +148,9 @@ def report(
     literature: LiteratureOption = None,
 ) -> None:
     """Write the page of a finished run again: the scene, curves, tables and verdicts in one file."""
-    with one_clear_error(out):
-        from vtkmuscle.run.store import PAGE
+    from vtkmuscle.run.store import PAGE
 
-        typer.echo(f"wrote {_loaded(results, literature).write_report(out or results / PAGE)}")
+    typer.echo(f"wrote {_loaded(results, literature).write_report(out or results / PAGE)}")
 
 
 def _loaded(results: Path, literature: Path | None) -> Result:
@@ -169,9 +172,8 @@ def figures(
     literature: LiteratureOption = None,
 ) -> None:
     """Draw the figures of a finished run again, for a journal: as PDF or SVG, at any resolution."""
-    with one_clear_error(out):
-        found = _loaded(results, literature).write_figures(out or results / "figures", form=form, dpi=dpi)
-        typer.echo(f"wrote {len(found)} figures to {found[0].parent}")
+    found = _loaded(results, literature).write_figures(out or results / "figures", form=form, dpi=dpi)
+    typer.echo(f"wrote {len(found)} figures to {found[0].parent}")
 
 
 def compare(
@@ -188,10 +190,7 @@ def compare(
     Settings, sides and subjects match by the names of muscles and coordinates. Without --out it writes to
     comparison, in the folder you are in.
     """
-    with one_clear_error(out):
-        from vtkmuscle.comparison import compare as compared
+    from vtkmuscle.comparison import compare as compared
 
-        for path in compared(results, literature=literature, opensim=opensim).write(
-            out or Path("comparison")
-        ):
-            typer.echo(f"wrote {path}")
+    for path in compared(results, literature=literature, opensim=opensim).write(out or Path("comparison")):
+        typer.echo(f"wrote {path}")
