@@ -101,11 +101,7 @@ def run(
 
 @command()
 @with_options
-def demo(
-    out: OutOption = None,
-    *,
-    options: RunOptions,
-) -> None:
+def demo(out: OutOption = None, *, options: RunOptions) -> None:
     """Run a phantom hip, and write its scene too, as a model for your own.
 
     Without --out it writes to vtkmuscle_demo.
@@ -131,8 +127,7 @@ def info(
         ),
     ],
     draw: Annotated[
-        Path | None,
-        typer.Option("--draw", metavar="PNG", help="Draw the first file, of landmarks."),
+        Path | None, typer.Option(metavar="PNG", help="Draw the first file, of landmarks.")
     ] = None,
 ) -> None:
     """Describe meshes: size, whether closed and manifold, pieces, volume, and the likely unit.
@@ -192,10 +187,7 @@ def fetch(
     accept_licence: Annotated[
         bool, typer.Option("--accept-licence", help="Accept the licence without being asked.")
     ] = False,
-    host: Annotated[
-        str | None,
-        typer.Option("--host", metavar="URL", help="A mirror of GitHub's raw files."),
-    ] = None,
+    host: Annotated[str | None, typer.Option(metavar="URL", help="A mirror of GitHub's raw files.")] = None,
     quiet: QuietOption = False,
 ) -> None:
     """Download a public data set, under the licence that it has, as a scene.
@@ -226,10 +218,7 @@ def paraview_path(
     folder: Annotated[
         Path | None,
         typer.Option(
-            "--folder",
-            metavar="PATH",
-            parser=named,
-            help="Folder for the links; by default one in your cache.",
+            metavar="PATH", parser=named, help="Folder for the links; by default one in your cache."
         ),
     ] = None,
 ) -> None:

@@ -30,11 +30,10 @@ class LabelOptions:
     names: Annotated[
         str | None,
         typer.Option(
-            "--names",
-            help="Names of labels: musclemap, a task of TotalSegmentator, or a .csv of label, name.",
+            help="Names of labels: musclemap, a task of TotalSegmentator, or a .csv of label, name."
         ),
     ] = None
-    edge: Annotated[float, typer.Option("--edge", min=0.1, help="Length of triangles' edges [mm].")] = 3.0
+    edge: Annotated[float, typer.Option(min=0.1, help="Length of triangles' edges [mm].")] = 3.0
     frame: FrameOption = "LPS"
     overwrite: OverwriteOption = False
     quiet: QuietOption = False
@@ -85,10 +84,10 @@ def init(
     ],
     out: FolderOption = Path(),
     bone: Annotated[
-        list[str] | None, typer.Option("--bone", metavar="NAME", help="A bone, whatever it is called.")
+        list[str] | None, typer.Option(metavar="NAME", help="A bone, whatever it is called.")
     ] = None,
     muscle: Annotated[
-        list[str] | None, typer.Option("--muscle", metavar="NAME", help="A muscle, whatever it is called.")
+        list[str] | None, typer.Option(metavar="NAME", help="A muscle, whatever it is called.")
     ] = None,
     frame: FrameOption = "LPS",
     overwrite: OverwriteOption = False,
@@ -123,8 +122,5 @@ def _write(draft: Draft, out: Path, quiet: bool) -> None:
         say(quiet, f"  {sureness}  {what}: {guess}; {why}")
     for name, why in draft.left_out.items():
         typer.echo(f"left out: {name}: {why}", err=True)
-    say(
-        quiet,
-        f"wrote {path}, with {', '.join(draft.muscles)}: look at the guesses, then run it with",
-    )
+    say(quiet, f"wrote {path}, with {', '.join(draft.muscles)}: look at the guesses, then run it with")
     say(quiet, f"  vtkmuscle run {path}")

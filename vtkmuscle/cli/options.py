@@ -40,10 +40,7 @@ class RunOptions:
 
     frames: Annotated[
         str | None,
-        typer.Option(
-            metavar="A:B",
-            help="Frames to write, counted from 0; B is not included. Default: all.",
-        ),
+        typer.Option(metavar="A:B", help="Frames to write, counted from 0; B is not included. Default: all."),
     ] = None
     quiet: QuietOption = False
     figures: Annotated[bool, typer.Option("--figures/--no-figures", help="Draw figures.")] = True
@@ -94,8 +91,7 @@ class RunOptions:
         ),
     ] = None
     landmark_error: Annotated[
-        float,
-        typer.Option(metavar="MM", help="How far --errors landmarks moves the areas of attachment."),
+        float, typer.Option(metavar="MM", help="How far --errors landmarks moves the areas of attachment.")
     ] = 5.0
     landmark_samples: Annotated[int, typer.Option(metavar="N", help="How often --errors landmarks does.")] = 8
 

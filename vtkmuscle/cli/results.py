@@ -22,26 +22,18 @@ class ExportOptions:
     """The options of an export of muscles."""
 
     form: Annotated[
-        str, typer.Option("--form", help="For OpenSim: functions of coordinates, or points and cylinders.")
+        str, typer.Option(help="For OpenSim: functions of coordinates, or points and cylinders.")
     ] = "functions"
-    groups: Annotated[
-        int, typer.Option("--groups", min=1, help="For OpenSim: groups of fibres per muscle, at most.")
-    ] = 1
-    into: Annotated[
-        Path | None, typer.Option("--into", help="For OpenSim: a model to put the muscles into.")
-    ] = None
+    groups: Annotated[int, typer.Option(min=1, help="For OpenSim: groups of fibres per muscle, at most.")] = 1
+    into: Annotated[Path | None, typer.Option(help="For OpenSim: a model to put the muscles into.")] = None
     replace: Annotated[
         list[str] | None,
-        typer.Option(
-            "--replace", metavar="OURS=THEIRS", help="A muscle of that model which one of the scene replaces."
-        ),
+        typer.Option(metavar="OURS=THEIRS", help="A muscle of that model which one of the scene replaces."),
     ] = None
-    specific_tension: Annotated[
-        float, typer.Option("--specific-tension", help="Force per cross-section, in N/cm^2.")
-    ] = 60.0
-    mass: Annotated[
-        list[str] | None, typer.Option("--mass", metavar="BODY=KG", help="Of a body of a new model.")
-    ] = None
+    specific_tension: Annotated[float, typer.Option(help="Force per cross-section, in N/cm^2.")] = 60.0
+    mass: Annotated[list[str] | None, typer.Option(metavar="BODY=KG", help="Of a body of a new model.")] = (
+        None
+    )
     geometry_only: Annotated[
         bool, typer.Option("--geometry-only", help="Paths without muscles' properties.")
     ] = False
@@ -96,17 +88,16 @@ def pairs(texts: Sequence[str] | None, option: str = "--replace") -> dict[str, s
 def check(
     model: Annotated[Path, typer.Argument(help="A model of OpenSim, .osim.")],
     out: Annotated[
-        Path | None, typer.Option("--out", "-o", help="The page, .html. Default: MODEL_check.html here.")
+        Path | None, typer.Option("-o", help="The page, .html. Default: MODEL_check.html here.")
     ] = None,
     repair: Annotated[
-        Path | None, typer.Option("--repair", help="Write the model with paths fitted to those of a scene.")
+        Path | None, typer.Option(help="Write the model with paths fitted to those of a scene.")
     ] = None,
     scene: Annotated[
-        Path | None, typer.Option("--scene", help="For --repair: a scene.toml, or the folder of its results.")
+        Path | None, typer.Option(help="For --repair: a scene.toml, or the folder of its results.")
     ] = None,
     replace: Annotated[
-        list[str] | None,
-        typer.Option("--replace", metavar="OURS=THEIRS", help="For --repair: the scene's muscle of one."),
+        list[str] | None, typer.Option(metavar="OURS=THEIRS", help="For --repair: the scene's muscle of one.")
     ] = None,
 ) -> None:
     """Find where muscles of a model of OpenSim jump, and where their moment arms change sign.
@@ -141,9 +132,7 @@ def report(
     results: Annotated[Path, typer.Argument(help="Folder of a run's results.")],
     out: Annotated[
         Path | None,
-        typer.Option(
-            "--out", "-o", metavar="HTML", parser=named, help="Default: report.html in that folder."
-        ),
+        typer.Option("-o", metavar="HTML", parser=named, help="Default: report.html in that folder."),
     ] = None,
     literature: LiteratureOption = None,
 ) -> None:
@@ -164,11 +153,10 @@ def _loaded(results: Path, literature: Path | None) -> Result:
 def figures(
     results: Annotated[Path, typer.Argument(help="Folder of a run's results.")],
     out: Annotated[
-        Path | None,
-        typer.Option("--out", "-o", metavar="PATH", parser=named, help="Default: figures in that folder."),
+        Path | None, typer.Option("-o", metavar="PATH", parser=named, help="Default: figures in that folder.")
     ] = None,
-    form: Annotated[str, typer.Option("--form", metavar="png|pdf|svg", help="Of the files.")] = "png",
-    dpi: Annotated[float, typer.Option("--dpi", help="Pixels per inch of pictures.")] = 300.0,
+    form: Annotated[str, typer.Option(metavar="png|pdf|svg", help="Of the files.")] = "png",
+    dpi: Annotated[float, typer.Option(help="Pixels per inch of pictures.")] = 300.0,
     literature: LiteratureOption = None,
 ) -> None:
     """Draw the figures of a finished run again, for a journal: as PDF or SVG, at any resolution."""
@@ -181,8 +169,7 @@ def compare(
     out: OutOption = None,
     literature: LiteratureOption = None,
     opensim: Annotated[
-        Path | None,
-        typer.Option("--opensim", metavar="OSIM", help="A model whose muscles are compared, too."),
+        Path | None, typer.Option(metavar="OSIM", help="A model whose muscles are compared, too.")
     ] = None,
 ) -> None:
     """Lay runs over one another: curves, differences with errors, one page and one table.

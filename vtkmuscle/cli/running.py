@@ -143,23 +143,17 @@ class CohortOptions:
     """The options of a cohort, named as those of ``run_study``."""
 
     scheduler: Annotated[
-        str | None,
-        typer.Option(
-            "--scheduler", metavar="tcp://HOST:PORT", help="Of a Dask cluster that is there already."
-        ),
+        str | None, typer.Option(metavar="tcp://HOST:PORT", help="Of a Dask cluster that is there already.")
     ] = None
     workers: Annotated[
         int | None,
-        typer.Option(
-            "--workers", metavar="N", min=1, help="Processes on this machine. Default: one per processor."
-        ),
+        typer.Option(metavar="N", min=1, help="Processes on this machine. Default: one per processor."),
     ] = None
     memory: Annotated[
-        str | None,
-        typer.Option("--memory", metavar="4GB", help="What each of them may take. Default: its share."),
+        str | None, typer.Option(metavar="4GB", help="What each of them may take. Default: its share.")
     ] = None
     retries: Annotated[
-        int, typer.Option("--retries", metavar="N", min=0, help="How often a muscle may lose its worker.")
+        int, typer.Option(metavar="N", min=0, help="How often a muscle may lose its worker.")
     ] = 2
     fresh: FreshOption = False
     quiet: QuietOption = False
@@ -167,10 +161,7 @@ class CohortOptions:
 
 @with_options
 def cohort(
-    study: Annotated[Path, typer.Argument(help="A STUDY.toml.")],
-    out: FolderOption,
-    *,
-    options: CohortOptions,
+    study: Annotated[Path, typer.Argument(help="A STUDY.toml.")], out: FolderOption, *, options: CohortOptions
 ) -> None:
     """Run a study: every muscle of many subjects, by Dask, into one table and a page.
 

@@ -11,13 +11,7 @@ from typing import Any
 
 from markupsafe import Markup
 
-from vtkmuscle.comparison.curves import (
-    Curve,
-    curves_of,
-    curves_of_model,
-    difference,
-    mean_square_root,
-)
+from vtkmuscle.comparison.curves import Curve, curves_of, curves_of_model, difference, mean_square_root
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.io.literature import LiteratureCurve, curves_for, read_literature, side_apart
 from vtkmuscle.io.writing import write_text
