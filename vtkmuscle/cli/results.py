@@ -88,7 +88,7 @@ def pairs(texts: Sequence[str] | None, option: str = "--replace") -> dict[str, s
 def check(
     model: Annotated[Path, typer.Argument(help="A model of OpenSim, .osim.")],
     out: Annotated[
-        Path | None, typer.Option("-o", help="The page, .html. Default: MODEL_check.html here.")
+        Path | None, typer.Option("--out", "-o", help="The page, .html. Default: MODEL_check.html here.")
     ] = None,
     repair: Annotated[
         Path | None, typer.Option(help="Write the model with paths fitted to those of a scene.")
@@ -132,7 +132,9 @@ def report(
     results: Annotated[Path, typer.Argument(help="Folder of a run's results.")],
     out: Annotated[
         Path | None,
-        typer.Option("-o", metavar="HTML", parser=named, help="Default: report.html in that folder."),
+        typer.Option(
+            "--out", "-o", metavar="HTML", parser=named, help="Default: report.html in that folder."
+        ),
     ] = None,
     literature: LiteratureOption = None,
 ) -> None:
@@ -153,7 +155,8 @@ def _loaded(results: Path, literature: Path | None) -> Result:
 def figures(
     results: Annotated[Path, typer.Argument(help="Folder of a run's results.")],
     out: Annotated[
-        Path | None, typer.Option("-o", metavar="PATH", parser=named, help="Default: figures in that folder.")
+        Path | None,
+        typer.Option("--out", "-o", metavar="PATH", parser=named, help="Default: figures in that folder."),
     ] = None,
     form: Annotated[str, typer.Option(metavar="png|pdf|svg", help="Of the files.")] = "png",
     dpi: Annotated[float, typer.Option(help="Pixels per inch of pictures.")] = 300.0,
