@@ -21,7 +21,7 @@ from vtkmuscle.core.machine import processors
 from vtkmuscle.io.writing import write_text
 from vtkmuscle.phantoms import hip
 from vtkmuscle.studies.cohort import Study, run_study
-from vtkmuscle.studies.cohort.table import curves, tables_of
+from vtkmuscle.studies.cohort.table import curves, rows_of
 from vtkmuscle.studies.study import PARTS
 
 #: What is varied, its mean, its standard deviation and its unit: choices, about what adults have.
@@ -105,7 +105,7 @@ def ranked(study: Study, out: Path) -> tuple[list[list[object]], list[list[objec
     """
     rows = {row["id"]: row for row in study.subjects}
     found: dict[str, list[tuple[str, dict[str, np.ndarray]]]] = {}
-    for (subject, _, _, _, muscle, *_), curve in curves(tables_of(study, out / PARTS)).items():
+    for (subject, _, _, _, muscle, *_), curve in curves(rows_of(study, out / PARTS)).items():
         found.setdefault(muscle, []).append((subject, curve))
     bands: list[list[object]] = []
     causes: list[list[object]] = []

@@ -56,7 +56,6 @@ COMMANDS = {
         60,
     ),
     "figures": (["figures", "results"], [RESULTS], 15),
-    "view": (["view", "results"], [RESULTS], 30),
     "export of a series": (
         ["export", "results/spindle.pvd", "all.vtkhdf"],
         ["results/spindle*", RESULTS],

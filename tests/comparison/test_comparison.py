@@ -93,7 +93,7 @@ def test_both_sides_of_one_run_are_two_runs():
 
 
 def test_curves_that_do_not_overlap_have_no_difference():
-    one = Curve("q", "x", "mm", np.array([0.0, 1.0]), *[np.zeros(2)] * 3)
+    one = Curve("q", "x", "mm", np.array([0.0, 1.0]), np.zeros(2))
     assert difference(one, replace(one, x=one.x + 2.0)) is None
     assert difference(one, replace(one, x=one.x + 1.0)).x.tolist() == [1.0]
 

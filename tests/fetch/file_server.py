@@ -6,10 +6,10 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 
 
 @contextmanager
-def serving(files, *, cut=(), missing=()):
+def serving(files, *, cut=(), missing=(), once=False):
     """Serve bytes by path; give its address and the paths that were asked for.
 
-    Of what is to be cut only the first half is sent.
+    Of a file to be cut the first half is sent; with ``once`` it is whole the next time, as a missing one.
     """
     asked = []
 
@@ -17,14 +17,15 @@ def serving(files, *, cut=(), missing=()):
         def do_GET(self):
             path = self.path.lstrip("/")
             asked.append(path)
-            if path not in files or path in missing:
+            faulty = not once or asked.count(path) == 1
+            if path not in files or (path in missing and faulty):
                 self.send_error(404)
                 return
             content = files[path]
             self.send_response(200)
             self.send_header("Content-Length", str(len(content)))
             self.end_headers()
-            self.wfile.write(content[: len(content) // 2] if path in cut else content)
+            self.wfile.write(content[: len(content) // 2] if path in cut and faulty else content)
 
         def log_message(self, *_):
             pass

@@ -2,14 +2,13 @@
 
 import numpy as np
 
-from vtkmuscle import Table
 from vtkmuscle.studies.cohort.table import COLUMNS, curves, outliers, spreads
 
 ANGLES = (0.0, 10.0, 20.0)
 
 
 def measured(rows):
-    """Return the curves of a table with rows of (subject, setting, sample, length, moment arm)."""
+    """Return the curves of rows of (subject, setting, sample, length, moment arm)."""
     common = dict.fromkeys(COLUMNS) | {"motion": "walk", "muscle": "iliacus", "fibre_group": 0}
     common |= {"verdict": "ok", "coordinate": "flexion", "value": np.array(ANGLES)}
     parts = [
@@ -18,7 +17,7 @@ def measured(rows):
         | {"length_mm": length + np.array(ANGLES), "moment_arm_mm": arm}
         for subject, setting, sample, length, arm in rows
     ]
-    return curves([Table.stacked(COLUMNS, parts)])
+    return curves(parts)
 
 
 def test_an_unusual_subject_is_found_and_no_other():

@@ -59,14 +59,15 @@ def test_what_fails_is_said_and_the_others_go_on(done, cases):
     assert of == {"none/spindle": "failed", "none/other": "failed", "lost/spindle": "failed"}
     assert "n_fibres" in outcome_of(cases[2][0], folder).failure
     assert outcome_of(cases[3][0], folder).failure
-    assert outcome_of(cases[0][0], folder).arrays["lengths"].shape[0] == 3
+    assert outcome_of(cases[0][0], folder).values["lengths"].shape[0] == 3
 
 
 def test_workers_change_no_bit(done, cases, tmp_path):
     folder, _ = done
     states(cases, tmp_path, workers=threads(3))
     for case in (case for together in cases[:2] for case in together):
-        before, now = (outcome_of(case, one) for one in (folder, tmp_path))
+        before, now = (Parts(one).read(case.name) for one in (folder, tmp_path))
+        assert before.facts == now.facts
         assert before.arrays.keys() == now.arrays.keys()
         for name, array in before.arrays.items():
             np.testing.assert_array_equal(array, now.arrays[name])
@@ -137,7 +138,7 @@ def test_nothing_is_kept_through_links(cases, tmp_path):
 
 
 def test_a_variation_of_nothing_is_the_scene(scene):
-    assert Variation("any", "any").of(scene) is scene
+    assert Variation("any").of(scene) is scene
 
 
 def test_a_mesh_of_halved_edges_has_four_times_the_triangles(scene):

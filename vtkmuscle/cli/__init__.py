@@ -10,6 +10,7 @@ import os
 import signal
 import sys
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -17,14 +18,14 @@ import typer
 
 from vtkmuscle._version import __version__
 from vtkmuscle.cli.labels import from_labels, init
-from vtkmuscle.cli.messages import BAD_INPUT, FAILED, INTERRUPTED, TerminatedError, one_clear_error, say
+from vtkmuscle.cli.messages import BAD_INPUT, FAILED, INTERRUPTED, Command, TerminatedError, say
 from vtkmuscle.cli.options import OutOption, QuietOption, RunOptions, named, with_options
-from vtkmuscle.cli.results import ExportOptions, check, compare, export_muscles, figures, report, view
+from vtkmuscle.cli.results import ExportOptions, check, compare, export_muscles, figures, report
 from vtkmuscle.cli.running import cohort, run_and_report
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.isolation import leave_out_working_folder
 
-#: Of flexion in the frames of the demo [degrees]: as far as that phantom goes, in fewer steps.
+#: Flexion in the frames of the demo [degrees]: the range of the phantom, in fewer steps.
 DEMO_ANGLES = tuple(range(0, 91, 5))
 
 __all__ = ["BAD_INPUT", "FAILED", "INTERRUPTED", "app", "main"]
@@ -36,6 +37,7 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
+command = partial(app.command, cls=Command)
 
 
 def main() -> None:
@@ -47,14 +49,14 @@ def main() -> None:
             signal.signal(number, _terminate)
     try:
         app()
-    except OSError as error:  # not of a command, which says its own: what it says cannot be written
+    except OSError as error:  # commands print their own errors: this one is of the printing
         with suppress(OSError):
             sys.stderr.write(f"error: standard output cannot be written: {error.strerror}\n")
-        for stream in (sys.stdout, sys.stderr):  # what is left in them would fail again at the end
+        for stream in (sys.stdout, sys.stderr):  # their buffers would fail again at the end
             os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
         sys.exit(BAD_INPUT)
     finally:
-        gc.freeze()  # the end of the process gives all back: nobody need look for what refers to itself
+        gc.freeze()  # no search for cycles: the end of the process frees all memory
 
 
 def _terminate(number: int, _frame: object) -> None:
@@ -77,7 +79,7 @@ def _options(
     pass
 
 
-@app.command()
+@command()
 @with_options
 def run(
     scene: Annotated[Path, typer.Argument(help="A scene.toml.")],
@@ -89,40 +91,34 @@ def run(
 
     Without --out it writes to NAME_out, in the folder you are in; with --muscle to NAME_MUSCLE_out.
     """
-    with one_clear_error(None):
-        from vtkmuscle.scenes import Scene
+    from vtkmuscle.scenes import Scene
 
-        loaded = Scene.load(scene)
+    loaded = Scene.load(scene)
     # Of some muscles alone not to the folder of all: what is there of the others would go.
     parts = [loaded.name, *(options.muscle or ()), "out"]
     run_and_report(loaded, out or Path("_".join(parts)), options)
 
 
-@app.command()
+@command()
 @with_options
-def demo(
-    out: OutOption = None,
-    *,
-    options: RunOptions,
-) -> None:
+def demo(out: OutOption = None, *, options: RunOptions) -> None:
     """Run a phantom hip, and write its scene too, as a model for your own.
 
     Without --out it writes to vtkmuscle_demo.
     """
     folder = out or Path("vtkmuscle_demo")
-    with one_clear_error(folder):
-        from vtkmuscle import phantoms
-        from vtkmuscle.scene.writing import save_unless_changed
-        from vtkmuscle.scenes import Scene
+    from vtkmuscle import phantoms
+    from vtkmuscle.scene.writing import save_unless_changed
+    from vtkmuscle.scenes import Scene
 
-        scene = Scene.from_phantom(phantoms.hip(angles=DEMO_ANGLES))
-        loaded = Scene.load(path := save_unless_changed(scene, folder / "scene", overwrite=options.overwrite))
+    scene = Scene.from_phantom(phantoms.hip(angles=DEMO_ANGLES))
+    loaded = Scene.load(path := save_unless_changed(scene, folder / "scene", overwrite=options.overwrite))
     say(options.quiet, f"The scene is {path}: edit it, or put your own surfaces there, and run it with")
     say(options.quiet, f"  vtkmuscle run {path}")
     run_and_report(loaded, folder, options)
 
 
-@app.command()
+@command()
 def info(
     files: Annotated[
         list[Path],
@@ -131,8 +127,7 @@ def info(
         ),
     ],
     draw: Annotated[
-        Path | None,
-        typer.Option("--draw", metavar="PNG", help="Draw the first file, of landmarks."),
+        Path | None, typer.Option(metavar="PNG", help="Draw the first file, of landmarks.")
     ] = None,
 ) -> None:
     """Describe meshes: size, whether closed and manifold, pieces, volume, and the likely unit.
@@ -141,21 +136,20 @@ def info(
     bodies, joints, coordinates and muscles; for a motion, its columns; for a tree of MAF or ALBA (.msf), its
     surfaces and landmarks; for a folder of results, the frames that are there.
     """
-    with one_clear_error(None):
-        from vtkmuscle.cli.info import facts_of
+    from vtkmuscle.cli.info import facts_of
 
-        for file in files:
-            typer.echo(f"{file}")
-            for word, value in facts_of(file).items():
-                typer.echo(f"  {word:<12}{value}")
-        if draw is not None:
-            from vtkmuscle.cli.info import draw_landmarks
+    for file in files:
+        typer.echo(f"{file}")
+        for word, value in facts_of(file).items():
+            typer.echo(f"  {word:<12}{value}")
+    if draw is not None:
+        from vtkmuscle.cli.info import draw_landmarks
 
-            draw_landmarks(files[0], draw)
-            typer.echo(f"wrote {draw}")
+        draw_landmarks(files[0], draw)
+        typer.echo(f"wrote {draw}")
 
 
-@app.command()
+@command()
 @with_options
 def export(
     source: Annotated[Path, typer.Argument(help="Folder of a run's results, a scene.toml, or a .pvd file.")],
@@ -168,30 +162,23 @@ def export(
     They are those of its results, or of the scene, which is run. By how much lengths and moment arms differ
     from the run is said and written. Or export a .pvd series as one .vtkhdf file.
     """
-    with one_clear_error(None):
-        if out.suffix.lower() in (".osim", ".xml"):
-            export_muscles(source, out, options)
-        elif out.suffix.lower() == ".vtkhdf":
-            from vtkmuscle.io import read_series, write_vtkhdf
-            from vtkmuscle.run.store.writing import merged
+    if out.suffix.lower() in (".osim", ".xml"):
+        export_muscles(source, out, options)
+    elif out.suffix.lower() == ".vtkhdf":
+        from vtkmuscle.io import read_series, write_vtkhdf
+        from vtkmuscle.run.store.writing import merged
 
-            series = read_series(source)
-            write_vtkhdf(out, series.times, lambda number: merged(series.frame(number)))
-        else:
-            raise InputError(out, "this is no format of an export", "end its name in .osim, .xml or .vtkhdf")
-
-
-app.command()(report)
-app.command()(figures)
-app.command()(compare)
-app.command()(view)
-app.command()(cohort)
-app.command("from-labels")(from_labels)
-app.command()(init)
-app.command()(check)
+        series = read_series(source)
+        write_vtkhdf(out, series.times, lambda number: merged(series.frame(number)))
+    else:
+        raise InputError(out, "this is no format of an export", "end its name in .osim, .xml or .vtkhdf")
 
 
-@app.command()
+for one in (report, figures, compare, cohort, from_labels, init, check):
+    command(one.__name__.replace("_", "-"))(one)
+
+
+@command()
 def fetch(
     name: Annotated[
         str | None, typer.Argument(help="A data set. Without a name, those that there are are listed.")
@@ -200,45 +187,38 @@ def fetch(
     accept_licence: Annotated[
         bool, typer.Option("--accept-licence", help="Accept the licence without being asked.")
     ] = False,
-    host: Annotated[
-        str | None,
-        typer.Option("--host", metavar="URL", help="A mirror of GitHub's raw files."),
-    ] = None,
+    host: Annotated[str | None, typer.Option(metavar="URL", help="A mirror of GitHub's raw files.")] = None,
     quiet: QuietOption = False,
 ) -> None:
     """Download a public data set, under the licence that it has, as a scene.
 
     It shows the licence and asks. Without --out it writes to a folder of the name of the data set.
     """
-    with one_clear_error(None):
-        from vtkmuscle.fetch import DATA_SETS, HOST, data_set
-        from vtkmuscle.fetch import fetch as fetched
+    from vtkmuscle.fetch import DATA_SETS, HOST, data_set
+    from vtkmuscle.fetch import fetch as fetched
 
-        if name is None:
-            for one, data in DATA_SETS.items():
-                typer.echo(f"{one}: {data.title}")
-            return
-        typer.echo(data_set(name).licence)
-        if not accept_licence:
-            accept_licence = sys.stdin.isatty() and typer.confirm("Do you accept this licence?")
-        if not accept_licence:
-            raise InputError(name, "its licence is not accepted", "say --accept-licence where you accept it")
-        path = fetched(
-            name, out, accept_licence=True, host=host or HOST, announce=lambda words: say(quiet, words)
-        )
-        say(quiet, f"The scene is {path}: run it with")
-        say(quiet, f"  vtkmuscle run {path}")
+    if name is None:
+        for one, data in DATA_SETS.items():
+            typer.echo(f"{one}: {data.title}")
+        return
+    typer.echo(data_set(name).licence)
+    if not accept_licence:
+        accept_licence = sys.stdin.isatty() and typer.confirm("Do you accept this licence?")
+    if not accept_licence:
+        raise InputError(name, "its licence is not accepted", "say --accept-licence where you accept it")
+    path = fetched(
+        name, out, accept_licence=True, host=host or HOST, announce=lambda words: say(quiet, words)
+    )
+    say(quiet, f"The scene is {path}: run it with")
+    say(quiet, f"  vtkmuscle run {path}")
 
 
-@app.command("paraview-path")
+@command("paraview-path")
 def paraview_path(
     folder: Annotated[
         Path | None,
         typer.Option(
-            "--folder",
-            metavar="PATH",
-            parser=named,
-            help="Folder for the links; by default one in your cache.",
+            metavar="PATH", parser=named, help="Folder for the links; by default one in your cache."
         ),
     ] = None,
 ) -> None:
@@ -249,10 +229,9 @@ def paraview_path(
 
       eval "$(vtkmuscle paraview-path)"; paraview
     """
-    with one_clear_error(None):
-        from vtkmuscle.paraview import environment
+    from vtkmuscle.paraview import environment
 
-        links = (folder or environment.default_folder()).absolute()
-        environment.link_packages(links)
-    for command in environment.shell_commands(links):
-        typer.echo(command)
+    links = (folder or environment.default_folder()).absolute()
+    environment.link_packages(links)
+    for line in environment.shell_commands(links):
+        typer.echo(line)

@@ -1,4 +1,4 @@
-"""What vtkmuscle info says of meshes, folders of results, landmarks, models, motions and trees of MAF."""
+"""``vtkmuscle info``: facts about meshes, folders of results, landmarks, models, motions and trees of MAF."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import numpy as np
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.mesh.surface import survey
+from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import points_of, triangles_of
 from vtkmuscle.io import (
     TREE_SUFFIXES,
@@ -25,16 +26,16 @@ from vtkmuscle.opensim.model import OsimModel, read_osim
 from vtkmuscle.opensim.motion_file import read_motion_file
 from vtkmuscle.run.store import ResultFolder
 
-#: Suffixes of what is known here.
-LANDMARKS = (".csv", ".json", ".fcsv", ".nrrd")
-MOTIONS = (".mot", ".sto")
-MODELS = (".osim",)
-#: Names that are listed, at most.
+#: Suffixes of landmarks and of motions.
+LANDMARKS, MOTIONS = (".csv", ".json", ".fcsv", ".nrrd"), (".mot", ".sto")
+#: Longest list of names that is printed whole.
 _MOST = 12
 
 
-def text_facts(file: Path) -> Mapping[str, str] | None:
-    """Return what is known of a file of text; None where its suffix is no such."""
+def facts_of(file: Path) -> Mapping[str, str]:
+    """Return the facts about a file or folder by a word each."""
+    if file.is_dir():
+        return _of_run(file)
     suffix = file.suffix.lower()
     if suffix in LANDMARKS:
         return _of_landmarks(file)
@@ -42,17 +43,11 @@ def text_facts(file: Path) -> Mapping[str, str] | None:
         return _of_motion(file)
     if suffix in TREE_SUFFIXES:
         return _of_tree(read_msf(file))
-    return _of_model(read_osim(file)) if suffix in MODELS else None
+    return _of_model(read_osim(file)) if suffix == ".osim" else _of_mesh(file)
 
 
 def draw_landmarks(file: Path, picture: Path) -> None:
-    """Draw landmarks from three sides.
-
-    Raises
-    ------
-    ValueError
-        If the file holds none.
-    """
+    """Draw landmarks from three sides."""
     if file.suffix.lower() not in LANDMARKS:
         raise InputError(file, f"landmarks are drawn, not {file.suffix!r}", "Scene.plot() draws surfaces")
     from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -79,9 +74,6 @@ def draw_landmarks(file: Path, picture: Path) -> None:
 def _of_landmarks(file: Path) -> dict[str, str]:
     found = read_named_points(file)
     points, closed = read_landmarks(file)
-    bounds = "  ".join(
-        f"{a:.6g} .. {b:.6g}" for a, b in zip(points.min(axis=0), points.max(axis=0), strict=True)
-    )
     around = np.vstack([points, points[:1]]) if closed else points
     length = float(np.linalg.norm(np.diff(around, axis=0), axis=1).sum())
     names = [name for name in found.names if name]
@@ -90,7 +82,7 @@ def _of_landmarks(file: Path) -> dict[str, str]:
         "ring": f"{'yes' if closed else 'no'}, {length:.6g} {'round' if closed else 'along'}",
         "names": _listed(names) if names else "none",
         "frame": f"{found.frame}, turned to LPS" if found.frame == "RAS" else found.frame or "not said",
-        "bounds": bounds,
+        "bounds": _bounds(points),
     }
 
 
@@ -147,14 +139,18 @@ def _of_tree(root: MsfNode) -> dict[str, str]:
     return {word: value for word, value in facts.items() if value != "none"}
 
 
+def _bounds(points: Floats) -> str:
+    lowest, highest = points.min(axis=0), points.max(axis=0)
+    return "  ".join(f"{a:.6g} .. {b:.6g}" for a, b in zip(lowest, highest, strict=True))
+
+
 def _listed(names: list[str]) -> str:
     more = f", and {len(names) - _MOST} more" if len(names) > _MOST else ""
     counted = f"{len(names)}: " if len(names) > 1 else ""
     return counted + ", ".join(names[:_MOST]) + more if names else "none"
 
 
-def _facts_of_run(folder: Path) -> dict[str, str]:
-    """Return what is in the folder of a run, also of one that was killed."""
+def _of_run(folder: Path) -> dict[str, str]:
     report = ResultFolder(folder).report()
     if report is None:
         raise ValueError(f"{folder}: this is a folder without the report.json of a run")
@@ -163,35 +159,23 @@ def _facts_of_run(folder: Path) -> dict[str, str]:
     return {"scene": str(report.get("scene")), "complete": ended, **frames}
 
 
-def facts_of(file: Path) -> dict[str, str]:
-    """Return what is known of a file or folder, in words."""
-    if file.is_dir():
-        return _facts_of_run(file)
-    known = text_facts(file)
-    if known is not None:
-        return dict(known)
+def _of_mesh(file: Path) -> dict[str, str]:
     data = read_polydata(file)
     points = points_of(data)
     if not np.isfinite(points).all():
         bad = int((~np.isfinite(points).all(axis=1)).sum())
         return {"points": str(len(points)), "not finite": f"{bad} points; correct them"}
-    lowest, highest = points.min(axis=0), points.max(axis=0)
-    longest = float((highest - lowest).max())
-    bounds = "  ".join(f"{a:.6g} .. {b:.6g}" for a, b in zip(lowest, highest, strict=True))
+    longest = float(np.ptp(points, axis=0).max())
     unit, sureness = likely_unit(longest)
     surely = "probably" if sureness > LOOK else "perhaps"
-    size = {"bounds": bounds, "unit": f"{surely} {unit} (the longest side is {longest:.4g})"}
+    size = {"bounds": _bounds(points), "unit": f"{surely} {unit} (the longest side is {longest:.4g})"}
     if data.GetNumberOfPolys() == 0:
         return {"points": str(len(points)), "polylines": str(data.GetNumberOfLines()), **size}
     try:
         report = survey(points, triangles_of(data, str(file)))
     except ValueError as error:
-        return {
-            "points": str(len(points)),
-            "polygons": str(data.GetNumberOfPolys()),
-            "faces": str(error),
-            **size,
-        }
+        polygons = str(data.GetNumberOfPolys())
+        return {"points": str(len(points)), "polygons": polygons, "faces": str(error), **size}
     loose = report.n_unused_points
     side = "outward" if report.volume > 0 else "inward: the surface is inside out"
     return {

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from vtkmuscle.cli.messages import one_clear_error, say
+from vtkmuscle.cli.messages import say
 from vtkmuscle.cli.options import FolderOption, QuietOption, with_options
 from vtkmuscle.core.errors import InputError
 
@@ -30,11 +30,10 @@ class LabelOptions:
     names: Annotated[
         str | None,
         typer.Option(
-            "--names",
-            help="Names of labels: musclemap, a task of TotalSegmentator, or a .csv of label, name.",
+            help="Names of labels: musclemap, a task of TotalSegmentator, or a .csv of label, name."
         ),
     ] = None
-    edge: Annotated[float, typer.Option("--edge", min=0.1, help="Length of triangles' edges [mm].")] = 3.0
+    edge: Annotated[float, typer.Option(min=0.1, help="Length of triangles' edges [mm].")] = 3.0
     frame: FrameOption = "LPS"
     overwrite: OverwriteOption = False
     quiet: QuietOption = False
@@ -62,19 +61,18 @@ def from_labels(
     guessed. To landmarks that a muscle's label does not reach a tendon is drawn. A muscle that cannot be made
     is named with the reason, and the others are in the scene.
     """
-    with one_clear_error(None):
-        from vtkmuscle.labels.maps import draft_of_labels
+    from vtkmuscle.labels.maps import draft_of_labels
 
-        _check_free(out, options.overwrite)
-        draft = draft_of_labels(
-            label_map,
-            landmarks=landmarks or (),
-            names=options.names,
-            frame=options.frame,
-            edge=options.edge,
-            announce=lambda words: say(options.quiet, words),
-        )
-        _write(draft, out, options.quiet)
+    _check_free(out, options.overwrite)
+    draft = draft_of_labels(
+        label_map,
+        landmarks=landmarks or (),
+        names=options.names,
+        frame=options.frame,
+        edge=options.edge,
+        announce=lambda words: say(options.quiet, words),
+    )
+    _write(draft, out, options.quiet)
 
 
 def init(
@@ -86,10 +84,10 @@ def init(
     ],
     out: FolderOption = Path(),
     bone: Annotated[
-        list[str] | None, typer.Option("--bone", metavar="NAME", help="A bone, whatever it is called.")
+        list[str] | None, typer.Option(metavar="NAME", help="A bone, whatever it is called.")
     ] = None,
     muscle: Annotated[
-        list[str] | None, typer.Option("--muscle", metavar="NAME", help="A muscle, whatever it is called.")
+        list[str] | None, typer.Option(metavar="NAME", help="A muscle, whatever it is called.")
     ] = None,
     frame: FrameOption = "LPS",
     overwrite: OverwriteOption = False,
@@ -100,13 +98,12 @@ def init(
     Names tell bones and muscles, sizes the unit, contact or landmarks the areas, fits to the bones the
     joints. Each guess has a comment above it with how sure it is; guesses.csv lists them.
     """
-    with one_clear_error(None):
-        from vtkmuscle.labels.meshes import draft_of_files
+    from vtkmuscle.labels.meshes import draft_of_files
 
-        _check_free(out, overwrite)
-        draft = draft_of_files(files, out, bones=bone or (), muscles=muscle or (), frame=frame)
-        draft.complete()
-        _write(draft, out, quiet)
+    _check_free(out, overwrite)
+    draft = draft_of_files(files, out, bones=bone or (), muscles=muscle or (), frame=frame)
+    draft.complete()
+    _write(draft, out, quiet)
 
 
 def _check_free(out: Path, overwrite: bool) -> None:
@@ -125,8 +122,5 @@ def _write(draft: Draft, out: Path, quiet: bool) -> None:
         say(quiet, f"  {sureness}  {what}: {guess}; {why}")
     for name, why in draft.left_out.items():
         typer.echo(f"left out: {name}: {why}", err=True)
-    say(
-        quiet,
-        f"wrote {path}, with {', '.join(draft.muscles)}: look at the guesses, then run it with",
-    )
+    say(quiet, f"wrote {path}, with {', '.join(draft.muscles)}: look at the guesses, then run it with")
     say(quiet, f"  vtkmuscle run {path}")

@@ -10,11 +10,12 @@ from typing import Any
 
 import typer
 from rich.console import Console
+from typer.core import TyperCommand
 
 from vtkmuscle.core.errors import InputError, check_name, in_words
 
-#: Exit status where a muscle failed and all else was written, for input that cannot be used, and for Ctrl-C
-#: (128 + SIGINT, as shells have it).
+#: Exit status if a muscle failed and all else was written, of input that cannot be used, and of Ctrl-C
+#: (128 + SIGINT, as in shells).
 FAILED = 1
 BAD_INPUT = 2
 INTERRUPTED = 130
@@ -28,13 +29,21 @@ class TerminatedError(KeyboardInterrupt):
         self.number = number
 
 
+class Command(TyperCommand):
+    """A command whose errors are one clear message each."""
+
+    def invoke(self, ctx: Any) -> Any:
+        """Run the command."""
+        with one_clear_error(ctx.params.get("out")):
+            return super().invoke(ctx)
+
+
 @contextmanager
 def one_clear_error(out: Path | None) -> Iterator[None]:
     """Turn bad input and Ctrl-C into one message and an exit status; show warnings in one line."""
-    console = Console(stderr=True, soft_wrap=True, highlight=False)
 
     def show(message: Warning | str, *_: Any, **__: Any) -> None:
-        console.print(f"warning: {one_line(str(message))}", markup=False, style="yellow")
+        print_error(f"warning: {one_line(str(message))}", style="yellow")
 
     try:
         with warnings.catch_warnings():
@@ -46,13 +55,13 @@ def one_clear_error(out: Path | None) -> Iterator[None]:
     except (ValueError, OSError) as error:
         # ValueErrors of the package say what was wrong with the input; a fault in it has a traceback.
         for fault in getattr(error, "faults", (error,)):
-            console.print(f"error: {_words(fault)}", markup=False, style="bold red")
+            print_error(f"error: {_words(fault)}")
         raise typer.Exit(BAD_INPUT) from error
     except MemoryError as error:
-        console.print("error: there is not enough memory for this", markup=False, style="bold red")
+        print_error("error: there is not enough memory for this")
         raise typer.Exit(BAD_INPUT) from error
     except KeyboardInterrupt as stop:
-        console.print(f"stopped. {_what_is_finished(out)}", markup=False, style="yellow")
+        print_error(f"stopped. {_what_is_finished(out)}", style="yellow")
         status = 128 + stop.number if isinstance(stop, TerminatedError) else INTERRUPTED
         raise typer.Exit(status) from None
 
@@ -66,19 +75,29 @@ def _words(error: Exception) -> str:
     return one_line(words)
 
 
-def one_line(words: str) -> str:
-    """Return a text without what a terminal would take for more than text."""
-    return "".join(letter if letter.isprintable() else ascii(letter)[1:-1] for letter in words)
-
-
 def _what_is_finished(out: Path | None) -> str:
     from vtkmuscle.run.store import ResultFolder
 
-    left = None if out is None else ResultFolder(out).unfinished()
+    if out is None:
+        return "Nothing was written."
+    if (out / "study.json").is_file():
+        return f"What is finished is kept in {out}: the same command goes on from there"
+    left = ResultFolder(out).unfinished()
     return "Nothing was written." if left is None else f"{out} {left}"
+
+
+def one_line(words: str) -> str:
+    """Return a text in which control characters are escaped."""
+    return "".join(letter if letter.isprintable() else ascii(letter)[1:-1] for letter in words)
 
 
 def say(quiet: bool, text: str) -> None:
     """Print a text, unless the user wants errors and warnings only."""
     if not quiet:
         typer.echo(text)
+
+
+def print_error(text: str, *, style: str = "bold red", console: Console | None = None) -> None:
+    """Print a text to standard error, above the progress bars of a console."""
+    to = console or Console(stderr=True)
+    to.print(text, markup=False, highlight=False, style=style, soft_wrap=True)

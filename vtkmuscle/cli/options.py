@@ -5,6 +5,7 @@ from __future__ import annotations
 import inspect
 from collections.abc import Callable
 from dataclasses import dataclass, fields
+from functools import wraps
 from pathlib import Path
 from typing import Annotated, Any, get_type_hints
 
@@ -12,19 +13,15 @@ import typer
 
 
 def named(text: str) -> Path:
-    """Return a path; an empty text, as of a shell variable that is not set, is not the working folder."""
+    """Return a path; an empty text, as of an unset variable of a shell, is refused."""
     if not text:
         raise typer.BadParameter("it is empty; give the name of a folder")
     return Path(text)
 
 
-OutOption = Annotated[
-    Path | None,
-    typer.Option("--out", "-o", metavar="PATH", parser=named, help="Folder to write to."),
-]
-FolderOption = Annotated[
-    Path, typer.Option("--out", "-o", metavar="PATH", parser=named, help="Folder to write to.")
-]
+_OUT = typer.Option("--out", "-o", metavar="PATH", parser=named, help="Folder to write to.")
+OutOption = Annotated[Path | None, _OUT]
+FolderOption = Annotated[Path, _OUT]
 FreshOption = Annotated[
     bool, typer.Option("--fresh", help="Compute again what is finished in the folder of results.")
 ]
@@ -43,10 +40,7 @@ class RunOptions:
 
     frames: Annotated[
         str | None,
-        typer.Option(
-            metavar="A:B",
-            help="Frames to write, counted from 0; B is not included. Default: all.",
-        ),
+        typer.Option(metavar="A:B", help="Frames to write, counted from 0; B is not included. Default: all."),
     ] = None
     quiet: QuietOption = False
     figures: Annotated[bool, typer.Option("--figures/--no-figures", help="Draw figures.")] = True
@@ -97,30 +91,29 @@ class RunOptions:
         ),
     ] = None
     landmark_error: Annotated[
-        float,
-        typer.Option(metavar="MM", help="How far --errors landmarks moves the areas of attachment."),
+        float, typer.Option(metavar="MM", help="How far --errors landmarks moves the areas of attachment.")
     ] = 5.0
     landmark_samples: Annotated[int, typer.Option(metavar="N", help="How often --errors landmarks does.")] = 8
 
 
 def with_options(command: Callable[..., None]) -> Callable[..., None]:
-    """Spell out a command's last parameter, ``options``, for typer, which reads the signature."""
-    own = inspect.signature(command, eval_str=True)
-    *before, last = own.parameters.values()
+    """Give typer, which reads the signature, each field of a command's last parameter, ``options``."""
+    signature = inspect.signature(command, eval_str=True)
+    *before, last = signature.parameters.values()
     kind = last.annotation
     hints = get_type_hints(kind, include_extras=True)
-    spelt = [
+    single = [
         inspect.Parameter(
-            option.name, inspect.Parameter.KEYWORD_ONLY, default=option.default, annotation=hints[option.name]
+            one.name, inspect.Parameter.KEYWORD_ONLY, default=one.default, annotation=hints[one.name]
         )
-        for option in fields(kind)
+        for one in fields(kind)
     ]
 
-    def spelt_out(*arguments: Any, **keywords: Any) -> None:
-        options = kind(**{option.name: keywords.pop(option.name) for option in fields(kind)})
+    @wraps(command)
+    def with_single(*arguments: Any, **keywords: Any) -> None:
+        options = kind(**{one.name: keywords.pop(one.name) for one in single})
         command(*arguments, **keywords, options=options)
 
-    spelt_out.__name__, spelt_out.__doc__ = command.__name__, command.__doc__
-    spelt_out.__signature__ = own.replace(parameters=[*before, *spelt])  # type: ignore[attr-defined]
-    spelt_out.__annotations__ = {one.name: one.annotation for one in (*before, *spelt)}
-    return spelt_out
+    with_single.__signature__ = signature.replace(parameters=[*before, *single])  # type: ignore[attr-defined]
+    with_single.__annotations__ = {one.name: one.annotation for one in (*before, *single)}
+    return with_single

@@ -1,4 +1,4 @@
-"""What is made of a run's results: reports, figures, comparisons, models, and the viewer."""
+"""What is made of a run's results: reports, figures, comparisons and models."""
 
 from __future__ import annotations
 
@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from vtkmuscle.cli.messages import one_clear_error
 from vtkmuscle.cli.options import LiteratureOption, OutOption, named
 from vtkmuscle.core.errors import InputError
 
@@ -23,26 +22,18 @@ class ExportOptions:
     """The options of an export of muscles."""
 
     form: Annotated[
-        str, typer.Option("--form", help="For OpenSim: functions of coordinates, or points and cylinders.")
+        str, typer.Option(help="For OpenSim: functions of coordinates, or points and cylinders.")
     ] = "functions"
-    groups: Annotated[
-        int, typer.Option("--groups", min=1, help="For OpenSim: groups of fibres per muscle, at most.")
-    ] = 1
-    into: Annotated[
-        Path | None, typer.Option("--into", help="For OpenSim: a model to put the muscles into.")
-    ] = None
+    groups: Annotated[int, typer.Option(min=1, help="For OpenSim: groups of fibres per muscle, at most.")] = 1
+    into: Annotated[Path | None, typer.Option(help="For OpenSim: a model to put the muscles into.")] = None
     replace: Annotated[
         list[str] | None,
-        typer.Option(
-            "--replace", metavar="OURS=THEIRS", help="A muscle of that model which one of the scene replaces."
-        ),
+        typer.Option(metavar="OURS=THEIRS", help="A muscle of that model which one of the scene replaces."),
     ] = None
-    specific_tension: Annotated[
-        float, typer.Option("--specific-tension", help="Force per cross-section, in N/cm^2.")
-    ] = 60.0
-    mass: Annotated[
-        list[str] | None, typer.Option("--mass", metavar="BODY=KG", help="Of a body of a new model.")
-    ] = None
+    specific_tension: Annotated[float, typer.Option(help="Force per cross-section, in N/cm^2.")] = 60.0
+    mass: Annotated[list[str] | None, typer.Option(metavar="BODY=KG", help="Of a body of a new model.")] = (
+        None
+    )
     geometry_only: Annotated[
         bool, typer.Option("--geometry-only", help="Paths without muscles' properties.")
     ] = False
@@ -53,11 +44,14 @@ def export_muscles(source: Path, out: Path, options: ExportOptions) -> None:
     from vtkmuscle.opensim import write_mujoco, write_opensim
     from vtkmuscle.opensim.from_run import GEOMETRY_ONLY
 
-    asked: dict[str, Any] = {"groups": options.groups, "specific_tension": options.specific_tension}
-    asked["masses"] = {body: _kilograms(text) for body, text in pairs(options.mass or [], "--mass").items()}
+    asked: dict[str, Any] = {
+        "groups": options.groups,
+        "specific_tension": options.specific_tension,
+        "masses": {body: _kilograms(text) for body, text in pairs(options.mass, "--mass").items()},
+    }
     if options.geometry_only:
         asked["kind"] = GEOMETRY_ONLY
-    replace = pairs(options.replace or [])
+    replace = pairs(options.replace)
     if out.suffix.lower() == ".osim":
         written = write_opensim(source, out, into=options.into, replace=replace, form=options.form, **asked)
     elif options.into is not None or replace:
@@ -80,12 +74,15 @@ def _kilograms(text: str) -> float:
     return mass
 
 
-def pairs(texts: Sequence[str], option: str = "--replace") -> dict[str, str]:
-    """Return what an option is given as pairs, OURS=THEIRS."""
-    for text in texts:
-        if not all(text.partition("=")):
+def pairs(texts: Sequence[str] | None, option: str = "--replace") -> dict[str, str]:
+    """Return the pairs OURS=THEIRS given to an option."""
+    found = {}
+    for text in texts or ():
+        ours, _, theirs = text.partition("=")
+        if not ours or not theirs:
             raise InputError(option, f"{text!r} is no pair", "write both sides of the =")
-    return {ours: theirs for ours, _, theirs in (text.partition("=") for text in texts)}
+        found[ours] = theirs
+    return found
 
 
 def check(
@@ -94,14 +91,13 @@ def check(
         Path | None, typer.Option("--out", "-o", help="The page, .html. Default: MODEL_check.html here.")
     ] = None,
     repair: Annotated[
-        Path | None, typer.Option("--repair", help="Write the model with paths fitted to those of a scene.")
+        Path | None, typer.Option(help="Write the model with paths fitted to those of a scene.")
     ] = None,
     scene: Annotated[
-        Path | None, typer.Option("--scene", help="For --repair: a scene.toml, or the folder of its results.")
+        Path | None, typer.Option(help="For --repair: a scene.toml, or the folder of its results.")
     ] = None,
     replace: Annotated[
-        list[str] | None,
-        typer.Option("--replace", metavar="OURS=THEIRS", help="For --repair: the scene's muscle of one."),
+        list[str] | None, typer.Option(metavar="OURS=THEIRS", help="For --repair: the scene's muscle of one.")
     ] = None,
 ) -> None:
     """Find where muscles of a model of OpenSim jump, and where their moment arms change sign.
@@ -109,27 +105,26 @@ def check(
     Each is swept over the ranges of the coordinates that it crosses. The page lists what was found with its
     poses, and a table beside it (.csv). With the surfaces of a scene, paths can be replaced by fitted ones.
     """
-    with one_clear_error(out):
-        from vtkmuscle.opensim import check_model, write_opensim
+    from vtkmuscle.opensim import check_model, write_opensim
 
-        if (repair is None) != (scene is None) or (repair is not None and not replace):
-            raise InputError(
-                "--repair", "a repair takes a scene and muscles to replace", "give --scene and --replace too"
-            )
-        page = out or Path(f"{model.stem}_check.html")
-        if repair is not None and scene is not None:
-            for new in write_opensim(scene, repair, into=model, replace=pairs(replace or [])):
-                typer.echo(f"{new.out.name}: {new}")
-            model = repair
-        found = check_model(model)
-        typer.echo(found)
-        kinds = [one.what for one in found.findings]
-        for one in found.findings:
-            if "jumps" in one.what:
-                where = ", ".join(f"{name} {value:.4g}" for name, value in found.shown(one).items())
-                typer.echo(f"{one.muscle}: {one.what} by {1000.0 * one.size:.1f} mm at {where}")
-        typer.echo(f"{kinds.count('moment arm changes sign')} moment arms change their sign")
-        typer.echo(f"wrote {page}, {found.write(page)}")
+    if (repair is None) != (scene is None) or (repair is not None and not replace):
+        raise InputError(
+            "--repair", "a repair takes a scene and muscles to replace", "give --scene and --replace too"
+        )
+    page = out or Path(f"{model.stem}_check.html")
+    if repair is not None and scene is not None:
+        for new in write_opensim(scene, repair, into=model, replace=pairs(replace)):
+            typer.echo(f"{new.out.name}: {new}")
+        model = repair
+    found = check_model(model)
+    typer.echo(found)
+    kinds = [one.what for one in found.findings]
+    for one in found.findings:
+        if "jumps" in one.what:
+            where = ", ".join(f"{name} {value:.4g}" for name, value in found.shown(one).items())
+            typer.echo(f"{one.muscle}: {one.what} by {1000.0 * one.size:.1f} mm at {where}")
+    typer.echo(f"{kinds.count('moment arm changes sign')} moment arms change their sign")
+    typer.echo(f"wrote {page}, {found.write(page)}")
 
 
 def report(
@@ -143,10 +138,9 @@ def report(
     literature: LiteratureOption = None,
 ) -> None:
     """Write the page of a finished run again: the scene, curves, tables and verdicts in one file."""
-    with one_clear_error(out):
-        from vtkmuscle.run.store import PAGE
+    from vtkmuscle.run.store import PAGE
 
-        typer.echo(f"wrote {_loaded(results, literature).write_report(out or results / PAGE)}")
+    typer.echo(f"wrote {_loaded(results, literature).write_report(out or results / PAGE)}")
 
 
 def _loaded(results: Path, literature: Path | None) -> Result:
@@ -163,14 +157,13 @@ def figures(
         Path | None,
         typer.Option("--out", "-o", metavar="PATH", parser=named, help="Default: figures in that folder."),
     ] = None,
-    form: Annotated[str, typer.Option("--form", metavar="png|pdf|svg", help="Of the files.")] = "png",
-    dpi: Annotated[float, typer.Option("--dpi", help="Pixels per inch of pictures.")] = 300.0,
+    form: Annotated[str, typer.Option(metavar="png|pdf|svg", help="Of the files.")] = "png",
+    dpi: Annotated[float, typer.Option(help="Pixels per inch of pictures.")] = 300.0,
     literature: LiteratureOption = None,
 ) -> None:
     """Draw the figures of a finished run again, for a journal: as PDF or SVG, at any resolution."""
-    with one_clear_error(out):
-        found = _loaded(results, literature).write_figures(out or results / "figures", form=form, dpi=dpi)
-        typer.echo(f"wrote {len(found)} figures to {found[0].parent}")
+    found = _loaded(results, literature).write_figures(out or results / "figures", form=form, dpi=dpi)
+    typer.echo(f"wrote {len(found)} figures to {found[0].parent}")
 
 
 def compare(
@@ -178,8 +171,7 @@ def compare(
     out: OutOption = None,
     literature: LiteratureOption = None,
     opensim: Annotated[
-        Path | None,
-        typer.Option("--opensim", metavar="OSIM", help="A model whose muscles are compared, too."),
+        Path | None, typer.Option(metavar="OSIM", help="A model whose muscles are compared, too.")
     ] = None,
 ) -> None:
     """Lay runs over one another: curves, differences with errors, one page and one table.
@@ -187,24 +179,7 @@ def compare(
     Settings, sides and subjects match by the names of muscles and coordinates. Without --out it writes to
     comparison, in the folder you are in.
     """
-    with one_clear_error(out):
-        from vtkmuscle.comparison import compare as compared
+    from vtkmuscle.comparison import compare as compared
 
-        for path in compared(results, literature=literature, opensim=opensim).write(
-            out or Path("comparison")
-        ):
-            typer.echo(f"wrote {path}")
-
-
-def view(
-    source: Annotated[Path, typer.Argument(help="Folder of a run's results, or a scene.toml.")],
-    port: Annotated[int, typer.Option("--port", min=0, max=65535, help="Default: a free one.")] = 0,
-    browser: Annotated[
-        bool, typer.Option("--browser/--no-browser", help="Open it in a browser, or print the address.")
-    ] = True,
-) -> None:
-    """Look at results, or at a scene that is solved as the slider moves, in a browser; Ctrl-C ends it."""
-    with one_clear_error(None):
-        from vtkmuscle.view import view as open_view
-
-        open_view(source, port=port, browser=browser)
+    for path in compared(results, literature=literature, opensim=opensim).write(out or Path("comparison")):
+        typer.echo(f"wrote {path}")

@@ -1,9 +1,10 @@
-"""Runs over one another, muscle by muscle: settings, sides, subjects, published curves, OpenSim's own."""
+"""Runs compared muscle by muscle: settings, sides, subjects, published curves, OpenSim's own paths."""
 
 from __future__ import annotations
 
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from importlib.resources import files
 from os import PathLike
 from pathlib import Path
@@ -16,6 +17,7 @@ from vtkmuscle.comparison.curves import (
     curves_of,
     curves_of_model,
     difference,
+    figures_of,
     mean_square_root,
 )
 from vtkmuscle.core.errors import InputError
@@ -30,20 +32,21 @@ from vtkmuscle.run.result import Result
 from vtkmuscle.run.table import Table
 
 #: Columns of the table: a row for each muscle, quantity and run. Differences are to the first run, where both
-#: are; ``difference_err`` is the root mean square of their error, and ``at`` where the largest one is.
+#: have values; ``difference_err`` is the root mean square of their error, ``at`` the position of the largest.
 COLUMNS = (
     *("muscle", "quantity", "unit", "run", "verdict", "mean", "mean_err"),
     *("difference", "difference_rms", "difference_largest", "at", "difference_err"),
 )
 
 
+@dataclass(eq=False, repr=False)
 class Comparison:
-    """What :func:`compare` gives.
+    """The result of :func:`compare`.
 
     Attributes
     ----------
     names : list of str
-        Of the runs; the first is what others are compared to.
+        Of the runs; the others are compared to the first.
     curves : dict of str to dict of str to dict of str to Curve
         By muscle, quantity and run.
     literature : dict of str to tuple of LiteratureCurve
@@ -52,11 +55,10 @@ class Comparison:
         By muscle and run.
     """
 
-    def __init__(self) -> None:
-        self.names: list[str] = []
-        self.curves: dict[str, dict[str, dict[str, Curve]]] = {}
-        self.literature: dict[str, tuple[LiteratureCurve, ...]] = {}
-        self.verdicts: dict[tuple[str, str], str] = {}
+    names: list[str] = field(default_factory=list)
+    curves: dict[str, dict[str, dict[str, Curve]]] = field(default_factory=dict)
+    literature: dict[str, tuple[LiteratureCurve, ...]] = field(default_factory=dict)
+    verdicts: dict[tuple[str, str], str] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         return f"Comparison of {', '.join(self.names)}: {', '.join(self.curves)}"
@@ -69,11 +71,11 @@ class Comparison:
         """Write ``comparison.html``, the curves, and ``comparison.csv``, the table; return both."""
         place = Path(folder)
         place.mkdir(parents=True, exist_ok=True)
-        write_text(place / "comparison.html", page_of(self.names, self.curves, self.literature, self.table()))
+        write_text(place / "comparison.html", page_of(self))
         return [place / "comparison.html", self.table().to_csv(place / "comparison.csv", digits=6)]
 
     def add(self, name: str, muscle: str, curves: Sequence[Curve], verdict: str = "") -> None:
-        """Take the curves of a muscle in a run."""
+        """Add the curves of a muscle in a run."""
         key = side_apart(muscle)
         known = self.curves.setdefault(key, {})
         if any(name in found for found in known.values()):
@@ -91,7 +93,7 @@ class Comparison:
                 for name, curve in runs.items():
                     row = (muscle, quantity, curve.unit, name, self.verdicts[muscle, name])
                     apart = None if curve is first else difference(curve, first)
-                    figures = (None,) * 5 if apart is None else apart.figures
+                    figures = (None,) * 5 if apart is None else figures_of(apart)
                     yield *row, float(curve.mean.mean()), mean_square_root(curve.error), *figures
 
 
@@ -101,35 +103,35 @@ def compare(
     literature: str | PathLike[str] | None = None,
     opensim: str | PathLike[str] | None = None,
 ) -> Comparison:
-    """Lay runs over one another: settings, sides, subjects, and what is published.
+    """Compare runs: settings, sides, subjects, and published values.
 
     Muscles and coordinates are matched by their names, without the side (``_r``, ``_l``); both sides of one
-    run are two runs.
+    run count as two runs.
 
     Parameters
     ----------
     results : mapping of str to Result, or sequence of Result or path
-        Runs by a name, or runs and folders of results that are called by their own. The others are compared
-        to the first.
+        Runs by a name, or runs and folders of results with names of their own. The others are compared to the
+        first.
     literature : path, optional
-        Published moment arms as of :func:`vtkmuscle.io.read_literature`; else those of the runs are shown.
+        Published moment arms as of :func:`vtkmuscle.io.read_literature`; by default those of the runs.
     opensim : path, optional
-        An .osim whose muscles of the same names are a run of their own, in the poses of the first run.
+        An .osim whose muscles of the same names are one more run, in the poses of the first run.
 
     Returns
     -------
     Comparison
-        ``table()`` is what differs, ``write(folder)`` the page and the table.
+        ``table()`` gives the differences, ``write(folder)`` writes the page and the table.
 
     Raises
     ------
     ValueError
-        If there are no two things to compare, no muscle is in two of them, or a file cannot be read.
+        If no muscle is in two of the runs, or a file cannot be read.
 
     Warns
     -----
     UserWarning
-        For muscles of the model whose paths wind round surfaces, which is not computed here.
+        For muscles of the model whose paths wind round surfaces, which are not computed here.
 
     Examples
     --------
@@ -183,33 +185,26 @@ def _add_model(found: Comparison, path: Path, result: Result) -> None:
         warnings.warn(f"{path.name} is not compared for {'; '.join(left_out)}", stacklevel=3)
 
 
-def page_of(
-    names: Sequence[str],
-    curves: Mapping[str, Mapping[str, Mapping[str, Curve]]],
-    literature: Mapping[str, Sequence[LiteratureCurve]],
-    table: Table,
-) -> str:
+def page_of(found: Comparison) -> str:
     """Return the page as text: curves over one another, differences to the first run, and the table."""
-    colours = {name: colour_of(k) for k, name in enumerate(names)}
-    charts = [
-        _chart(f"chart-{i}-{j}", runs, colours, literature.get(muscle, ()))
-        for i, (muscle, known) in enumerate(curves.items())
-        for j, runs in enumerate(known.values())
-    ]
+    colours = {name: colour_of(k) for k, name in enumerate(found.names)}
+    muscles, charts = [], []
+    for i, (muscle, known) in enumerate(found.curves.items()):
+        places = {quantity: f"chart-{i}-{j}" for j, quantity in enumerate(known)}
+        muscles.append((label_of(muscle), [(place, quantity) for quantity, place in places.items()]))
+        literature = found.literature.get(muscle, ())
+        charts += [_chart(places[quantity], runs, colours, literature) for quantity, runs in known.items()]
     own = (files("vtkmuscle.comparison") / "page" / "comparison.js").read_text(encoding="utf-8")
+    parts = [part(f"{name}.js") for name in ("arrays", "colours", "curves", "saving")]
+    table = found.table()
     return rendered(
         "comparison.html",
         ("vtkmuscle.comparison", "page"),
-        names=names,
+        names=found.names,
         colours=colours,
-        script=Markup("\n").join(
-            [part("arrays.js"), part("colours.js"), part("curves.js"), part("saving.js"), Markup(own)]
-        ),
-        muscles=[
-            (label_of(muscle), [(f"chart-{i}-{j}", quantity) for j, quantity in enumerate(known)])
-            for i, (muscle, known) in enumerate(curves.items())
-        ],
-        tables=[_sheet(muscle, table.where(muscle=muscle)) for muscle in curves],
+        script=Markup("\n").join([*parts, Markup(own)]),
+        muscles=muscles,
+        tables=[_sheet(muscle, table.where(muscle=muscle)) for muscle in found.curves],
         data=charts,
         plotly=Markup(plotly_text()),
     )
@@ -218,7 +213,9 @@ def page_of(
 def _chart(
     place: str, runs: Mapping[str, Curve], colours: Mapping[str, str], literature: Sequence[LiteratureCurve]
 ) -> dict[str, Any]:
-    first = next(iter(runs.values()))
+    """Return the data of a chart for the page's script."""
+    first, *others = runs.values()
+    apart = {name: difference(one, first) for name, one in zip(list(runs)[1:], others, strict=True)}
     of_arm = first.quantity.startswith("moment arm")
     coordinate = first.over.partition(" [")[0]
     published = [one for one in literature if of_arm and side_apart(one.dof).replace("_", " ") == coordinate]
@@ -226,30 +223,23 @@ def _chart(
         "id": place,
         "x": first.over,
         "y": f"{first.quantity} [{first.unit}]",
-        "runs": [
-            {
-                "label": name,
-                "colour": colours[name],
-                **{key: rounded(getattr(one, key)) for key in ("x", "mean", "low", "high")},
-                "error": None if one.error is None else rounded(one.error),
-            }
-            for name, one in runs.items()
-        ],
-        "differences": [
-            {
-                "label": name,
-                "colour": colours[name],
-                "x": rounded(apart.x),
-                "mean": rounded(apart.values),
-                "error": None if apart.error is None else rounded(apart.error),
-            }
-            for name, one in list(runs.items())[1:]
-            if (apart := difference(one, first)) is not None
-        ],
+        "runs": [_line(name, colours[name], one) for name, one in runs.items()],
+        "differences": [_line(name, colours[name], one) for name, one in apart.items() if one is not None],
         "literature": published_curves(published),
     }
 
 
+def _line(name: str, colour: str, curve: Curve) -> dict[str, Any]:
+    error = None if curve.error is None else rounded(curve.error)
+    return {
+        "label": name,
+        "colour": colour,
+        "x": rounded(curve.x),
+        "mean": rounded(curve.mean),
+        "error": error,
+    }
+
+
 def _sheet(muscle: str, table: Table) -> Sheet:
-    note = "Means over all frames; differences to the first run, where both are, with their errors."
+    note = "Means over all frames; differences to the first run, where both have values, with their errors."
     return Section(label_of(muscle), note, [row[1:] for row in shown_rows(table)]).sheet

@@ -1,9 +1,9 @@
-"""The curves of a muscle in one run or model, and by how much two differ."""
+"""The curves of a muscle in one run or model, and their differences."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -18,6 +18,8 @@ from vtkmuscle.run.result import Result
 
 #: Millimetres in OpenSim's unit of length.
 _MILLIMETRES = 1000.0
+#: Quantity of the curves of paths.
+LENGTH = "length, bone to bone"
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,11 +29,11 @@ class Curve:
     Attributes
     ----------
     quantity, over, unit : str
-        What it is, over what with its unit, and its own unit.
-    x, mean, low, high : (n,) array
-        Where, ascending; the mean of all paths or fibres there, the least and the largest.
+        Its name, the name and unit of the horizontal axis, and its own unit.
+    x, mean : (n,) array
+        Positions on the axis, ascending; the mean of all paths or fibres there.
     error : (n,) array or None
-        Of the mean, with 95 % confidence, where it is known.
+        Of the mean, with 95 % confidence; None where it is not known.
     """
 
     quantity: str
@@ -39,89 +41,68 @@ class Curve:
     unit: str
     x: Floats
     mean: Floats
-    low: Floats
-    high: Floats
     error: Floats | None = None
-
-
-@dataclass(frozen=True, eq=False)
-class Difference:
-    """By how much a curve is above another, where both are.
-
-    Attributes
-    ----------
-    x, values : (n,) array
-        Where, and the difference of the means there.
-    error : (n,) array or None
-        Of the difference, as if the errors of both were independent; what they share is counted twice.
-    """
-
-    x: Floats
-    values: Floats
-    error: Floats | None
-
-    @property
-    def figures(self) -> tuple[float | None, ...]:
-        """Its mean, root mean square, largest value and where that is, and the same root of its error."""
-        worst = int(np.abs(self.values).argmax())
-        largest = float(self.values[worst]), float(self.x[worst])
-        root, error = mean_square_root(self.values), mean_square_root(self.error)
-        return float(self.values.mean()), root, *largest, error
 
 
 def curves_of(result: Result, muscle: str) -> list[Curve]:
     """Return lengths of paths and fibres, and moment arms by each coordinate, of a muscle of a run."""
     known = result.errors.get(muscle, {})
     found = []
-    for what, table in (("length", result.lengths), ("fibre_length", result.fibre_lengths)):
+    tables = (("length", LENGTH, result.lengths), ("fibre_length", "fibre length", result.fibre_lengths))
+    for key, words, table in tables:
         if muscle in table:
             rows = table[muscle]
-            words = "length, bone to bone" if what == "length" else "fibre length"
             x = np.asarray(result.times[: len(rows)], dtype=np.float64)
-            found.append(_curve(words, side_apart_label(result.time_label), "mm", x, rows, known.get(what)))
+            found.append(_curve((words, without_side(result.time_label), "mm"), x, rows, known.get(key)))
     arms = result.moment_arms() if result.has_moment_arms else {}
     for name, one in arms[muscle].items() if muscle in arms else ():
-        label, unit = side_apart(name).replace("_", " "), "mm" if one.unit in ANGLES else "1"
-        error = known.get(f"moment_arm_{name}")
-        found.append(
-            _curve(f"moment arm, {label}", f"{label} [{one.unit}]", unit, one.values, one.arms, error)
-        )
+        labels = _arm_labels(name, one.unit)
+        found.append(_curve(labels, one.values, one.arms, known.get(f"moment_arm_{name}")))
     return found
+
+
+def _arm_labels(coordinate: str, unit: str) -> tuple[str, str, str]:
+    """Return quantity, axis and unit of moment arms by a coordinate."""
+    label = side_apart(coordinate).replace("_", " ")
+    return f"moment arm, {label}", f"{label} [{unit}]", "mm" if unit in ANGLES else "1"
 
 
 def curves_of_model(model: OsimModel, muscle: str, result: Result) -> list[Curve]:
     """Return the same of a muscle of OpenSim's, in the poses of a run whose coordinates it has.
 
-    Raises
-    ------
-    ValueError
-        If its path winds round surfaces, which is not computed here.
+    Raises a ValueError if its path winds round surfaces, which is not computed here.
     """
     path, tree = model.muscle(muscle).path, model.tree
-    frames = list(result.frames)
-    values: dict[str, Floats] = {}
-    for name, one in result.motion.coordinates.items():
-        if name in tree.free:
-            values[name] = np.asarray(one.values)[frames] * (ANGLES.get(one.unit) or 1.0 / _MILLIMETRES)
+    frames, coordinates = list(result.frames), result.motion.coordinates
+    values = {
+        name: np.asarray(one.values)[frames] * (ANGLES.get(one.unit) or 1.0 / _MILLIMETRES)
+        for name, one in coordinates.items()
+        if name in tree.free
+    }
     if not values:
-        raise InputError(
-            "", f"the model has none of the run's coordinates {', '.join(result.motion.coordinates)}"
-        )
+        raise InputError("", f"the model has none of the run's coordinates {', '.join(coordinates)}")
     lengths = _MILLIMETRES * path.lengths(tree, values)[:, None]
     x = np.asarray(result.times, dtype=np.float64)
-    found = [_curve("length, bone to bone", side_apart_label(result.time_label), "mm", x, lengths, None)]
+    found = [_curve((LENGTH, without_side(result.time_label), "mm"), x, lengths)]
     for name in values:
-        one = result.motion.coordinates[name]
-        label = side_apart(name).replace("_", " ")
+        one = coordinates[name]
         if one.changes and one.unit in ANGLES:
             arms = _MILLIMETRES * moment_arm(path, tree, values, name)[:, None]
-            x = np.asarray(one.values)[frames]
-            found.append(_curve(f"moment arm, {label}", f"{label} [{one.unit}]", "mm", x, arms, None))
+            found.append(_curve(_arm_labels(name, one.unit), np.asarray(one.values)[frames], arms))
     return found
 
 
-def difference(one: Curve, other: Curve) -> Difference | None:
-    """Return by how much a curve is above another one, at its own places; None where they do not overlap."""
+def _curve(labels: tuple[str, str, str], x: Floats, rows: Floats, error: Estimate | None = None) -> Curve:
+    order = np.argsort(x, kind="stable")
+    total = None if error is None or error.total.shape != x.shape else error.total[order]
+    return Curve(*labels, x[order], rows[order].mean(axis=1), total)
+
+
+def difference(one: Curve, other: Curve) -> Curve | None:
+    """Return a curve minus another, at its own positions as far as the other covers them; None if nowhere.
+
+    The error is that of independent errors of both; parts that they share are counted twice.
+    """
     inside = (one.x >= other.x[0] - 1e-9) & (one.x <= other.x[-1] + 1e-9)
     if not inside.any():
         return None
@@ -129,22 +110,22 @@ def difference(one: Curve, other: Curve) -> Difference | None:
     error = None
     if one.error is not None and other.error is not None:
         error = root_of_squares(one.error[inside], np.interp(x, other.x, other.error))
-    return Difference(x, one.mean[inside] - np.interp(x, other.x, other.mean), error)
+    return replace(one, x=x, mean=one.mean[inside] - np.interp(x, other.x, other.mean), error=error)
 
 
-def side_apart_label(label: str) -> str:
-    """Return what times are, without a side: ``hip flexion [deg]`` of ``hip flexion r [deg]``."""
+def figures_of(apart: Curve) -> tuple[float | None, ...]:
+    """Return mean, root mean square, largest value and its position, and error of a difference."""
+    worst = int(np.abs(apart.mean).argmax())
+    largest = float(apart.mean[worst]), float(apart.x[worst])
+    return float(apart.mean.mean()), mean_square_root(apart.mean), *largest, mean_square_root(apart.error)
+
+
+def without_side(label: str) -> str:
+    """Return the label of an axis without a side: ``hip flexion [deg]`` of ``hip flexion r [deg]``."""
     name, bracket, unit = label.partition(" [")
     return side_apart(name.replace(" ", "_")).replace("_", " ") + bracket + unit
 
 
 def mean_square_root(values: Floats | None) -> float | None:
-    """Return the root of the mean of the squares; None where nothing is known."""
+    """Return the root of the mean of the squares, None of None."""
     return None if values is None else math.sqrt(float(np.mean(np.square(values))))
-
-
-def _curve(quantity: str, over: str, unit: str, x: Floats, rows: Floats, error: Estimate | None) -> Curve:
-    order = np.argsort(x, kind="stable")
-    total = None if error is None or error.total.shape != x.shape else error.total[order]
-    rows = rows[order]
-    return Curve(quantity, over, unit, x[order], rows.mean(axis=1), rows.min(axis=1), rows.max(axis=1), total)

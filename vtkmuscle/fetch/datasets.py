@@ -1,4 +1,4 @@
-"""What is known of a public data set: its licence, its files, and how to know them again."""
+"""A public data set: its licence, its files, and how each is downloaded and checked."""
 
 from __future__ import annotations
 
@@ -7,57 +7,17 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from vtkmodules.vtkCommonDataModel import vtkPolyData
+import pooch
 
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.core.mesh.surface import survey
-from vtkmuscle.data.arrays import points_of, triangles_of
+from vtkmuscle.core.types import Floats
 
-#: How far figures of a surface may be from those that are known: they are printed with few digits, and
-#: repeated points may be counted or not.
-RELATIVE_TOLERANCE = 1e-3
-BOUNDS_TOLERANCE = 0.05
-
-
-@dataclass(frozen=True)
-class SurfaceFigures:
-    """What is known of a surface whose file's checksum is not.
-
-    Attributes
-    ----------
-    triangles : int
-        Their number, within 0.1 %.
-    volume : float
-        Within 0.1 % [mm^3].
-    bounds : tuple of float
-        Least and greatest x, y and z, within 0.05 [mm].
-    """
-
-    triangles: int
-    volume: float
-    bounds: tuple[float, float, float, float, float, float]
-
-    def check(self, surface: vtkPolyData, where: str) -> None:
-        """Raise an InputError where a surface is another one."""
-        points = points_of(surface)
-        report = survey(points, triangles_of(surface, where))
-        bounds = np.column_stack([points.min(axis=0), points.max(axis=0)]).ravel()
-        wrong = [
-            f"{name} {has:.6g}, not {asked:.6g}"
-            for name, has, asked in (
-                ("triangles", report.n_triangles, self.triangles),
-                ("volume", abs(report.volume), self.volume),
-            )
-            if abs(has - asked) > RELATIVE_TOLERANCE * asked
-        ]
-        if np.abs(bounds - self.bounds).max() > BOUNDS_TOLERANCE:
-            wrong.append(f"bounds {bounds.round(2).tolist()}, not {list(self.bounds)}")
-        if wrong:
-            raise InputError(where, f"this is not the published surface: {'; '.join(wrong)}", AGAIN)
-
-
-#: What to do about a file that is not the one that it should be.
-AGAIN = "try again; if it stays so, what is published has changed, or something on the way changes it"
+#: Longest wait for a connection and for each part of an answer [s], and further tries after a failure.
+PATIENCE, RETRIES = 30.0, 2
+#: What to do about a file that differs from the published one.
+AGAIN = "try again; if it stays so, the published file has changed, or something on the way changes it"
+#: Largest difference in number, relative, and in position [mm]: the known figures have few digits.
+_NUMBER_TOLERANCE, _PLACE_TOLERANCE = 1e-3, 0.05
 
 
 @dataclass(frozen=True)
@@ -67,15 +27,15 @@ class RemoteFile:
     Attributes
     ----------
     name : str
-        What it is called while the scene is put together; its suffix says what it is.
+        Its name while the scene is built, with the suffix of its format.
     repository : str
         ``"owner/name"``.
     commit : str
-        40 digits: what is published there later is not taken.
+        40 digits; later versions of the file are not taken.
     path : str
         In the repository.
     sha256 : str
-        Of the file, 64 digits; "" where it is not known: then what is read is checked.
+        64 digits, or "" where it is not known: then ``build`` checks the content.
     """
 
     name: str
@@ -85,8 +45,29 @@ class RemoteFile:
     sha256: str = ""
 
     def url(self, host: str) -> str:
-        """Return where it is, at a host that serves raw files as GitHub does."""
+        """Return the address at a host that serves raw files as GitHub does."""
         return f"{host.rstrip('/')}/{self.repository}/{self.commit}/{self.path}"
+
+    def download(self, folder: Path, host: str) -> Path:
+        """Download the file into a folder, check its SHA-256, and return its path there."""
+        url = self.url(host)
+        pooch.get_logger().setLevel("ERROR")  # failures are raised here
+        source = pooch.create(
+            folder,
+            "",
+            registry={self.name: f"sha256:{self.sha256}" if self.sha256 else None},
+            urls={self.name: url},
+            retry_if_failed=RETRIES,
+        )
+        # Read at once: of a stream that fails the connection would stay open.
+        downloader = pooch.HTTPDownloader(timeout=PATIENCE, stream=False)
+        try:
+            return Path(source.fetch(self.name, downloader=downloader))
+        except OSError as error:  # of requests too
+            remedy = "check the network and the address, then try again"
+            raise InputError(url, f"the download failed: {error}", remedy) from error
+        except ValueError as error:  # the checksum
+            raise InputError(url, f"this is not the published file: {error}", AGAIN) from error
 
 
 @dataclass(frozen=True)
@@ -96,17 +77,27 @@ class DataSet:
     Attributes
     ----------
     title : str
-        A line.
+        One line.
     licence : str
-        What the user accepts: whose the data are, what may be done with them, whom to name.
+        The text that the user accepts: owner, permitted use, citation.
     files : tuple of RemoteFile
-        What is downloaded.
+        Everything that is downloaded.
     build : callable
-        Writes the scene: called with the downloaded files, by name, and an empty folder; returns the
-        scene.toml. It checks what it reads of files without a known checksum.
+        Writes the scene into an empty folder, from the downloaded files by name, and returns the scene.toml.
+        It checks the content of files without a known checksum.
     """
 
     title: str
     licence: str
     files: tuple[RemoteFile, ...]
     build: Callable[[Mapping[str, Path], Path], Path]
+
+
+def check_figures(name: str, known: tuple[int, Floats], found: tuple[int, Floats]) -> None:
+    """Raise an InputError where a number of elements, or positions (k,) [mm], are not the published ones."""
+    as_many = abs(found[0] - known[0]) <= _NUMBER_TOLERANCE * known[0]
+    if not (as_many and np.abs(found[1] - known[1]).max() <= _PLACE_TOLERANCE):
+        has, must = (
+            f"{number} elements at {np.round(place, 2).tolist()}" for number, place in (found, known)
+        )
+        raise InputError(name, f"this is not the published file: it has {has}, not {must}", AGAIN)

@@ -17,7 +17,7 @@ from vtkmuscle.core.mesh.surface import signed_volume
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import points_of, surface_from, triangles_of
 from vtkmuscle.data.attachments import AttachmentArea
-from vtkmuscle.fetch.datasets import AGAIN, DataSet, RemoteFile, SurfaceFigures
+from vtkmuscle.fetch.datasets import AGAIN, DataSet, RemoteFile, check_figures
 from vtkmuscle.io import read_surface, write_polydata, write_text
 from vtkmuscle.io.msf import landmarks_of, read_msf
 from vtkmuscle.scene.writing import write_areas
@@ -46,23 +46,22 @@ _FOLDER = "_LHDL_hip_r_dataset/_LHDL_hip_r_dataset"
 _MODEL = "LHDL_hip_r.osim"
 _TREE = "landmarks.nms"
 
-#: Number of the file, and figures of the surface: the pelvis is three closed pieces.
+#: Number of the file, triangles, and bounds in x, y and z [mm].
 _BONES = {
-    "sacrum": (523, SurfaceFigures(89944, 245719.9, (178.82, 305.33, 233.77, 345.76, -457.37, -296.09))),
-    "iliac_l": (524, SurfaceFigures(89998, 364011.1, (235.86, 387.48, 181.02, 323.62, -499.35, -283.92))),
-    "iliac_r": (525, SurfaceFigures(89992, 346529.7, (94.21, 234.53, 178.28, 321.29, -493.75, -280.95))),
-    "femur_r": (123, SurfaceFigures(84998, 530204.6, (79.38, 167.5, 220.08, 314.69, -855.17, -409.73))),
+    "sacrum": (523, 89944, (178.82, 305.33, 233.77, 345.76, -457.37, -296.09)),
+    "iliac_l": (524, 89998, (235.86, 387.48, 181.02, 323.62, -499.35, -283.92)),
+    "iliac_r": (525, 89992, (94.21, 234.53, 178.28, 321.29, -493.75, -280.95)),
+    "femur_r": (123, 84998, (79.38, 167.5, 220.08, 314.69, -855.17, -409.73)),
 }
+#: The pelvis is three closed pieces.
 _PELVIS = ("sacrum", "iliac_l", "iliac_r")
 _MUSCLES = {
-    "gluteus_maximus": SurfaceFigures(19752, 746562.3, (70.78, 229.91, 276.55, 348.05, -563.17, -304.06)),
-    "gluteus_medius": SurfaceFigures(10622, 271015.7, (75.22, 171.12, 192.84, 293.48, -441.8, -286.56)),
-    "iliacus": SurfaceFigures(13858, 102325.4, (118.92, 176.18, 189.95, 270.65, -491.87, -289.12)),
-    "adductor_brevis": SurfaceFigures(17124, 54906.7, (113.89, 227.32, 199.69, 281.29, -534.07, -464.68)),
+    "gluteus_maximus": (0, 19752, (70.78, 229.91, 276.55, 348.05, -563.17, -304.06)),
+    "gluteus_medius": (1, 10622, (75.22, 171.12, 192.84, 293.48, -441.8, -286.56)),
+    "iliacus": (2, 13858, (118.92, 176.18, 189.95, 270.65, -491.87, -289.12)),
+    "adductor_brevis": (3, 17124, (113.89, 227.32, 199.69, 281.29, -534.07, -464.68)),
 }
-
-
-#: Number of landmarks of each cloud, and their middle [mm].
+#: Landmarks of each cloud, and their mean [mm].
 _CLOUDS = {
     "Ori_1_R_M081_Glut_Max": (21, (181.01, 305.12, -338.91)),
     "Ori_2_R_M081_Glut_Max": (22, (205.54, 325.99, -380.24)),
@@ -72,10 +71,9 @@ _CLOUDS = {
     "Ori_1_R_M091_Iliacus": (40, (146.85, 237.08, -335.38)),
     "Ins_1_R_M091_Iliacus": (7, (131.99, 264.61, -481.25)),
 }
-#: Cloud and which of its landmarks, of each area; in the order of the file they are rings, and lines where
-#: the area is open. The second cloud of the gluteus maximus is a ring of 16 and six more, of which the
-#: shortest closed way is taken; the third one is on the tibia, which is not there. The adductor brevis
-#: has none.
+#: Cloud of each area, and which of its landmarks: in the order of the file a ring, or a line if the area is
+#: open. The second cloud of the gluteus maximus is a ring of 16 and six more, here in the order of the
+#: shortest closed way; its third cloud is on the tibia, which is absent. The adductor brevis has none.
 _ALL = slice(None)
 _AREAS: dict[str, list[tuple[str, slice | list[int]]]] = {
     "gluteus_maximus": [
@@ -90,19 +88,22 @@ _AREAS: dict[str, list[tuple[str, slice | list[int]]]] = {
 _OPEN = ("Ins_1_R_M081_Glut_Max", "Ins_1_R_M091_Iliacus")
 #: The hip in the pose of the scan, in the model's coordinates [degrees].
 _REST = {"hip_flexion_r": 1.576, "hip_adduction_r": -4.727, "hip_rotation_r": -5.290}
-_CENTRE_TOLERANCE = 0.02
 
 
 def _build(files: Mapping[str, Path], folder: Path) -> Path:
     """Write the scene: four muscles over flexion of the hip."""
-    pieces = {name: _bone(files[f"{name}.vtk"], figures) for name, (_, figures) in _BONES.items()}
-    write_polydata(folder / "bones/pelvis.vtp", _together([pieces[name] for name in _PELVIS]))
+    pieces = {name: _bone(files[f"{name}.vtk"]) for name in _BONES}
+    pelvis = vtkAppendPolyData()
+    for name in _PELVIS:
+        pelvis.AddInputData(pieces[name])
+    pelvis.Update()
+    write_polydata(folder / "bones/pelvis.vtp", pelvis.GetOutput())
     write_polydata(folder / "bones/femur_r.vtp", pieces["femur_r"])
     clouds = _checked_clouds(files[_TREE])
     muscles: dict[str, Any] = {}
-    for name, figures in _MUSCLES.items():
+    for name in _MUSCLES:
         surface = read_surface(files[f"{name}.vtk"])
-        figures.check(surface, f"{name}.vtk")
+        _check_surface(name, surface)
         write_polydata(folder / f"muscles/{name}.vtp", surface)
         muscles[name] = {
             "surface": f"muscles/{name}.vtp",
@@ -138,25 +139,19 @@ def _attachments(muscle: str, clouds: Mapping[str, Floats], folder: Path) -> Any
 
 
 def _checked_clouds(tree: Path) -> dict[str, Floats]:
-    """Return the clouds that are used; raise an InputError where one is another one."""
+    """Return the landmarks of each cloud (n, 3) [mm]."""
     found = landmarks_of(read_msf(tree))
     clouds = {}
     for name, (count, middle) in _CLOUDS.items():
-        cloud = found.get(f"LC_SET_{name}")
-        if cloud is None or len(cloud) != count:
-            has = "is not there" if cloud is None else f"has {len(cloud)} landmarks, not {count}"
-            raise InputError(tree.name, f"the cloud LC_SET_{name} {has}", AGAIN)
-        points = np.array(list(cloud.values()))
-        if np.abs(points.mean(axis=0) - middle).max() > _CENTRE_TOLERANCE:
-            problem = (
-                f"the middle of LC_SET_{name} is {points.mean(axis=0).round(2).tolist()}, not {list(middle)}"
-            )
-            raise InputError(tree.name, problem, AGAIN)
-        clouds[name] = points
+        if f"LC_SET_{name}" not in found:
+            raise InputError(tree.name, f"the cloud LC_SET_{name} is not there", AGAIN)
+        clouds[name] = points = np.array(list(found[f"LC_SET_{name}"].values()))
+        known = count, np.array(middle)
+        check_figures(f"{tree.name}, LC_SET_{name}", known, (len(points), points.mean(axis=0)))
     return clouds
 
 
-def _bone(path: Path, figures: SurfaceFigures) -> vtkPolyData:
+def _bone(path: Path) -> vtkPolyData:
     """Return a bone without repeated and loose points, its triangles outward."""
     clean = vtkCleanPolyData(input_data=read_surface(path), tolerance=0.0, convert_polys_to_lines=False)
     clean.Update()
@@ -164,17 +159,14 @@ def _bone(path: Path, figures: SurfaceFigures) -> vtkPolyData:
     triangles = triangles_of(clean.GetOutput(), path.name)
     outward = triangles if signed_volume(points, triangles) > 0 else triangles[:, ::-1]
     surface = surface_from(points, outward)
-    figures.check(surface, path.name)
+    _check_surface(path.stem, surface)
     return surface
 
 
-def _together(pieces: list[vtkPolyData]) -> vtkPolyData:
-    append = vtkAppendPolyData()
-    for piece in pieces:
-        append.AddInputData(piece)
-    append.Update()
-    together: vtkPolyData = append.GetOutput()
-    return together
+def _check_surface(name: str, surface: vtkPolyData) -> None:
+    _, triangles, bounds = (_BONES | _MUSCLES)[name]
+    known = triangles, np.array(bounds)
+    check_figures(f"{name}.vtk", known, (surface.GetNumberOfPolys(), np.array(surface.GetBounds())))
 
 
 LHDL_HIP = DataSet(
@@ -183,11 +175,11 @@ LHDL_HIP = DataSet(
     files=(
         *(
             RemoteFile(f"{name}.vtk", _HIP, _HIP_DATA, f"{_FOLDER}.{number}.vtk")
-            for name, (number, _) in _BONES.items()
+            for name, (number, *_) in _BONES.items()
         ),
         *(
             RemoteFile(f"{name}.vtk", _PBD, _PBD_DATA, f"data/muscle{number}_s1.vtk")
-            for number, name in enumerate(_MUSCLES)
+            for name, (number, *_) in _MUSCLES.items()
         ),
         RemoteFile(_TREE, _HIP, _HIP_DATA, f"{_FOLDER}.nms"),
         RemoteFile(

@@ -186,7 +186,7 @@ class SliceMorpher(Filter):
 
 
 def _warn(result: Morph, method: str) -> None:
-    """Warn where planes do not suit the muscle, or no twist explains the superficial fibres."""
+    """Warn where planes do not suit the muscle."""
     if method == "plane" and not result.suits:
         warnings.warn(
             "SliceMorpher: the muscle is bent too much for parallel planes: their main branch holds "

@@ -5,7 +5,7 @@ from __future__ import annotations
 import secrets
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager, nullcontext
+from contextlib import ExitStack, contextmanager
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -18,20 +18,14 @@ from vtkmuscle.run.store.keys import code_digest
 from vtkmuscle.studies.case import Case, UnwritableError, solve
 from vtkmuscle.studies.study import Cases, Ended, Workers, keep_failure
 
-#: So long a scheduler may take to answer, and to have a worker [s].
+#: Longest wait for a scheduler's answer, and for its first worker [s].
 ANSWER, PATIENCE = 5.0, 60.0
 
 _GOES_ON = "what is finished is kept: the same command goes on from there"
 
 
 def dask() -> Any:
-    """Return the package ``distributed``.
-
-    Raises
-    ------
-    ValueError
-        If the extra ``cohort`` is not installed.
-    """
+    """Return the package ``distributed``; raise an InputError if the extra ``cohort`` is not installed."""
     try:
         import cryptography  # noqa: F401, PLC0415 -- of the extra `cohort`
         import distributed  # noqa: PLC0415
@@ -52,10 +46,17 @@ def connected(
 ) -> Iterator[tuple[Workers, str]]:
     """Give workers, and the address of their dashboard; parameters as of ``run_study``."""
     distributed = dask()
-    if client is not None or scheduler is not None:
-        with nullcontext(client) if client is not None else _client(distributed, scheduler) as found:
-            yield _workers(distributed, found, retries), found.dashboard_link
-        return
+    with ExitStack() as stack:
+        if client is None and scheduler is not None:
+            client = stack.enter_context(_client(distributed, scheduler))
+        if client is None:
+            client = stack.enter_context(_local_client(distributed, workers or processors(), memory, retries))
+        yield _workers(distributed, client, retries), client.dashboard_link
+
+
+@contextmanager
+def _local_client(distributed: Any, workers: int, memory: str | float | None, retries: int) -> Iterator[Any]:
+    """Give a client of processes of this machine."""
     import dask as settings  # noqa: PLC0415 -- of the extra `cohort`
 
     root = str(Path(__file__).parents[2])
@@ -66,32 +67,26 @@ def connected(
         "distributed.worker.memory.terminate": 0.95,
         "distributed.worker.profile.enabled": False,  # it grows by 0.3 MB for each subject of a worker
     }
-    with (
-        workers_leave_out_working_folder(),
-        settings.config.set(limits),
-        _local_cluster(distributed, workers or processors(), memory) as cluster,
-        distributed.Client(cluster) as found,
-    ):
-        yield _workers(distributed, found, retries), found.dashboard_link
-
-
-def _local_cluster(distributed: Any, workers: int, memory: str | float | None) -> Any:
-    try:
-        return distributed.LocalCluster(
-            n_workers=workers,
-            threads_per_worker=1,
-            processes=True,
-            memory_limit="auto" if memory is None else memory,
-            dashboard_address="127.0.0.1:0",
-            security=True,  # whoever can connect has code executed: other users of this machine
-            silence_logs="CRITICAL",
-        )
-    except RuntimeError as error:
-        raise ConnectionError(f"a worker was lost before it began ({error}); {_GOES_ON}") from error
+    with workers_leave_out_working_folder(), settings.config.set(limits):
+        try:
+            cluster = distributed.LocalCluster(
+                n_workers=workers,
+                threads_per_worker=1,
+                processes=True,
+                memory_limit="auto" if memory is None else memory,
+                dashboard_address="127.0.0.1:0",
+                security=True,  # whoever can connect can have code executed: other users of this machine
+                silence_logs="CRITICAL",
+            )
+        except RuntimeError as error:
+            raise ConnectionError(f"a worker was lost before it began ({error}); {_GOES_ON}") from error
+        with cluster, distributed.Client(cluster) as client:
+            yield client
 
 
 @contextmanager
-def _client(distributed: Any, scheduler: str | None) -> Iterator[Any]:
+def _client(distributed: Any, scheduler: str) -> Iterator[Any]:
+    """Give a client of a scheduler that has a worker."""
     try:
         found = distributed.Client(scheduler, timeout=ANSWER)
     except (OSError, ValueError, TimeoutError) as error:
@@ -114,15 +109,15 @@ def _workers(distributed: Any, client: Any, retries: int) -> Workers:
         code, folder, run = code_digest(), str(parts.folder.absolute()), secrets.token_hex(4)
         submitted: dict[str, Case] = {}
 
-        def submit(case: Case, number: int, after: Any = None, again: str = "") -> Any:
-            key = f"vtkmuscle-{run}-{len(submitted)}{again}"
+        def submit(case: Case, number: int, after: Any = None) -> Any:
+            key = f"vtkmuscle-{run}-{len(submitted)}"
             submitted[key] = case
             return client.submit(solve, case, folder, run, code, after, key=key, pure=False, priority=-number)
 
         futures = []
         for number, together in enumerate(cases):
-            # The first muscle of a scene measures distances from the bones; the others, wherever they run,
-            # find them on disk, and most of them run where the scene is in memory.
+            # A worker that has solved the first muscle of a scene has read and checked the scene, which takes
+            # 2 s of a real hip; most of the other muscles then run there.
             first = submit(together[0], number)
             futures += [first, *(submit(case, number, first) for case in together[1:])]
         left = len(futures)
@@ -133,8 +128,8 @@ def _workers(distributed: Any, client: Any, retries: int) -> Workers:
             try:
                 ended = (case, *future.result())
             except distributed.KilledWorker as error:
-                if getattr(error, "task", future.key) != future.key:  # the case before it was lost
-                    running.add(submit(case, 0, again="-alone"))
+                if getattr(error, "task", future.key) != future.key:  # the first muscle of the scene was lost
+                    running.add(submit(case, 0))
                     continue
                 lost = f"its worker was lost {retries + 1} times: it ran out of memory, or was killed"
                 ended = keep_failure(case, parts, lost)

@@ -1,20 +1,18 @@
-"""The errors of a run by further solves: another model, a finer mesh, finer fibres, moved landmarks."""
+"""The errors of a run by further solves: the other model, a finer mesh, finer fibres, moved landmarks."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
-from contextlib import ExitStack
+from contextlib import nullcontext
 from dataclasses import replace
 from os import PathLike
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
 
 from vtkmuscle.accuracy import KINDS, SOLVED, Solution, StatedErrors
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.core.machine import processors
 from vtkmuscle.core.words import names, suggestion
 from vtkmuscle.filters.fibre_template_source import FibreTemplateSource
 from vtkmuscle.run import Result, RunOptions, frame_numbers, run_scene
@@ -22,7 +20,7 @@ from vtkmuscle.run.store.writing import claimed
 from vtkmuscle.scene.sense import check_sense
 from vtkmuscle.scenes import Scene
 from vtkmuscle.studies.case import Case, Outcome, recorded
-from vtkmuscle.studies.study import outcomes_of, study, threads
+from vtkmuscle.studies.study import solutions
 from vtkmuscle.studies.variation import FEWEST, Variation, samples_of
 
 #: Where the further solves of a run are kept in its folder.
@@ -43,30 +41,29 @@ def run_with_errors(
     Parameters
     ----------
     scene : Scene
-        What is run.
     out : path, optional
         Folder to write to, as of :meth:`vtkmuscle.Scene.run`; further solves are kept there too.
     errors : bool, str or iterable of str, optional
-        What part of the error of lengths, moment arms and areas is found: ``"model"`` (paths against the
-        volume), ``"mesh"`` (edges half as long), ``"slices"`` (of the fibres at rest), ``"landmarks"`` (moved
-        about); True is all but the last.
+        The parts of the errors of lengths, moment arms and areas: ``"model"`` (paths against the volume),
+        ``"mesh"`` (edges half as long), ``"slices"`` (of the fibres at rest), ``"landmarks"`` (moved at
+        random); True is all but the last.
     landmark_error : float, optional
-        By how much landmarks are moved for ``"landmarks"`` [mm].
+        Distance by which ``"landmarks"`` moves each area [mm].
     landmark_samples : int, optional
-        How often, 3 or more.
+        Number of such moves, 3 or more.
     **options
         As of :meth:`vtkmuscle.Scene.run`.
 
     Returns
     -------
     Result
-        As of a run without them, with more in ``errors``; ``errors_not_known`` of a muscle's report says why
-        a solve has failed.
+        As of a run without them, with more parts in ``errors``. ``errors_not_known`` in a muscle's report
+        says why a solve has failed.
 
     Raises
     ------
     ValueError
-        If there is no such kind, or what landmarks are moved by says nothing; else as of
+        If a kind is unknown, or the distance or the number of landmark moves is too small; else as of
         :meth:`vtkmuscle.Scene.run`.
 
     Examples
@@ -90,60 +87,51 @@ def run_with_errors(
     asked = RunOptions.of(options)
     target = None if out is None else Path(out)
     frames = frame_numbers(asked.frames, len(scene.motion.times))
+    alone = replace(scene, muscle_contact="off", files={})
     cases = {
         (name, kind): [
-            Case({"kind": kind, "sample": one.name}, name, _alone(scene, name), one, frames)
+            Case({"kind": kind, "sample": one.name}, name, alone, one, frames)
             for one in _variations(scene, name, kind, landmark_error, landmark_samples)
         ]
         for name, muscle in scene.muscles.items()
         for kind in kinds
         if muscle.fibres is not None
     }
-    with ExitStack() as stack:
-        stack.enter_context(recorded())
+    tell = asked.progress or (lambda *_: None)
+    claim = nullcontext() if target is None else claimed(target, scene, overwrite=asked.overwrite)
+    with recorded():
         check_sense(scene)
-        if target is not None:
-            stack.enter_context(claimed(target, scene, overwrite=asked.overwrite))
-            folder = target / FOLDER
-        else:
-            folder = Path(stack.enter_context(TemporaryDirectory()))
-        tell = asked.progress or (lambda *_: None)
-        study(
-            list(cases.values()),
-            folder,
-            workers=threads(asked.workers or processors()),
-            fresh=asked.fresh,
-            progress=lambda one: tell(one.case.muscle, f"errors: {one.case.labels['kind']}", 0.0),
-        )
-        found = outcomes_of(cases, folder)
+        with claim:
+            found = solutions(
+                cases,
+                None if target is None else target / FOLDER,
+                workers=asked.workers,
+                fresh=asked.fresh,
+                progress=lambda one: tell(one.case.muscle, f"errors: {one.case.labels['kind']}", 0.0),
+            )
     failed = {key: words for key, own in found.items() if (words := _failure(own))}
-    solutions = {key: [_solution(one) for one in own] for key, own in found.items() if key not in failed}
-    return run_scene(scene, target, asked, errors=StatedErrors(scene, kinds, solutions, failed))
-
-
-def _alone(scene: Scene, name: str) -> Scene:
-    return replace(scene, muscles={name: scene.muscles[name]}, muscle_contact="off", files={})
+    solved = {key: [_solution(one) for one in own] for key, own in found.items() if key not in failed}
+    return run_scene(scene, target, asked, errors=StatedErrors(scene, kinds, solved, failed))
 
 
 def _variations(scene: Scene, name: str, kind: str, distance: float, samples: int) -> list[Variation]:
-    """Return what tells of a kind."""
+    """Return the further solves of a kind."""
     if kind == "model":
-        return [Variation(kind, kind, model="paths" if scene.model == "volume" else "volume")]
+        return [Variation(kind, model="paths" if scene.model == "volume" else "volume")]
     if kind == "mesh":
-        return [Variation(kind, kind, halved=True)]
+        return [Variation(kind, halved=True)]
     if kind == "slices":
         default = FibreTemplateSource.parameter_declarations["resolution"].default
         segments = int((scene.muscles[name].fibres or {}).get("resolution", default))
-        return [Variation(kind, kind, fibres={"slice_tolerance": 0.0, "resolution": 2 * segments})]
+        return [Variation(kind, fibres={"slice_tolerance": 0.0, "resolution": 2 * segments})]
     return samples_of(kind, distance, samples, model="paths")
 
 
 def _failure(outcomes: Iterable[Outcome]) -> str:
-    """Return why one of the solves of a kind failed; "" where none did."""
-    return next((one.message for one in outcomes if one.failure or not one.facts["complete"]), "")
+    """Return the reason why one of the solves of a kind failed, or ""."""
+    return next((one.message for one in outcomes if one.failure or not one.values["complete"]), "")
 
 
 def _solution(one: Outcome) -> Solution:
-    arrays = one.arrays
-    lengths = arrays.get("lengths", np.empty((0, 0)))
-    return Solution(lengths, arrays["fibre_lengths"], arrays["rest"][0], one.arms)
+    lengths = one.values.get("lengths", np.empty((0, 0)))
+    return Solution(lengths, one.values["fibre_lengths"], one.values["rest"], one.arms)

@@ -1,20 +1,17 @@
-"""What lengths and moment arms owe to their inputs: landmarks, axes and surfaces moved about."""
+"""Sensitivity: the spread of lengths and moment arms while landmarks, axes and surfaces are moved."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
-from tempfile import TemporaryDirectory
 
 import numpy as np
 
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.core.machine import processors
 from vtkmuscle.core.types import Floats
 from vtkmuscle.scenes import Scene
 from vtkmuscle.studies.case import Case, Outcome
-from vtkmuscle.studies.study import outcomes_of, study, threads
+from vtkmuscle.studies.study import solutions
 from vtkmuscle.studies.variation import CAUSES, FEWEST, samples_of
 
 
@@ -25,11 +22,11 @@ class Spread:
     Attributes
     ----------
     lengths : (f,) array
-        Of the mean length of the paths in each frame [mm].
+        Of the paths' mean length in each frame [mm].
     moment_arms : dict of str to (m,) array
         By coordinate, of the paths' mean moment arm at each value [mm].
     values : dict of str to (m,) array
-        The values of each coordinate, in its unit.
+        By coordinate, its values in its unit.
     """
 
     lengths: Floats
@@ -40,10 +37,10 @@ class Spread:
 def sensitivities(
     scene: Scene, *, samples: int = 8, seed: int = 0, **amounts: float
 ) -> dict[str, dict[str, Spread]]:
-    """Return how lengths and moment arms change where inputs are moved about, one cause at a time.
+    """Return the spread of lengths and moment arms while inputs are moved at random, one cause at a time.
 
     The scene is run ``samples`` times for each cause, with its own model: ``replace(scene, model="paths")``
-    takes a small part of the time. Studies of many subjects have it as ``[sensitivity]``.
+    takes a small part of the time. Studies of many subjects have the same as ``[sensitivity]``.
 
     Parameters
     ----------
@@ -52,20 +49,20 @@ def sensitivities(
     samples : int, optional
         Runs for each cause, 3 or more.
     seed : int, optional
-        The same again for the same seed.
+        The same seed gives the same samples.
     **amounts : float
-        By how much what is varied, ``landmarks=5.0`` for instance; see
+        How far each input is moved, ``landmarks=5.0`` for instance; see
         :class:`~vtkmuscle.studies.variation.Variation`.
 
     Returns
     -------
     dict of str to dict of str to Spread
-        By muscle, then by cause, that with the largest spread of moment arms first.
+        By muscle, then by cause, the cause with the largest spread of moment arms first.
 
     Raises
     ------
     ValueError
-        If there is no such cause, an amount is not positive, there are fewer than 3 samples, no muscle has
+        If a cause is unknown, an amount is not positive, there are fewer than 3 samples, no muscle has
         fibres, or a sample cannot be run.
 
     Examples
@@ -93,18 +90,16 @@ def sensitivities(
         for name in muscles
     }
     found: dict[str, dict[str, Spread]] = {name: {} for name in muscles}
-    with TemporaryDirectory() as folder:
-        study(list(cases.values()), Path(folder), workers=threads(processors()))
-        for (name, cause), outcomes in outcomes_of(cases, Path(folder)).items():
-            if failures := [one.failure for one in outcomes if one.failure]:
-                raise InputError("", f"{name}, {cause} moved about: {failures[0]}")
-            if "lengths" in outcomes[0].arrays:  # a muscle on one bone has no paths
-                found[name][cause] = _spread(outcomes)
+    for (name, cause), outcomes in solutions(cases).items():
+        if failures := [one.failure for one in outcomes if one.failure]:
+            raise InputError("", f"{name}, {cause} moved about: {failures[0]}")
+        if "lengths" in outcomes[0].values:  # a muscle on one bone has no paths
+            found[name][cause] = _spread(outcomes)
     return {name: dict(sorted(causes.items(), key=_by_arms)) for name, causes in found.items()}
 
 
 def _spread(outcomes: Sequence[Outcome]) -> Spread:
-    lengths = [one.arrays["lengths"].mean(axis=1) for one in outcomes]
+    lengths = [one.values["lengths"].mean(axis=1) for one in outcomes]
     arms = [one.arms for one in outcomes]
     first = arms[0]
     return Spread(

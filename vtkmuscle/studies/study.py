@@ -1,4 +1,4 @@
-"""The one way to run the cases of a study: what is kept is not done again, and what fails is a row."""
+"""The one way to run the cases of a study: finished cases are kept, and a case that fails is a row."""
 
 from __future__ import annotations
 
@@ -12,22 +12,25 @@ from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Se
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from contextlib import closing, contextmanager
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any, TypeVar
 
 from vtkmuscle.core.errors import InputError
+from vtkmuscle.core.machine import processors
 from vtkmuscle.io.parts import Part, Parts
 from vtkmuscle.io.writing import check_no_links, left_behind, locked, write_text
 from vtkmuscle.studies.case import FAILED, KEPT, Case, Outcome, recorded, solve_here
 
 _Key = TypeVar("_Key")
-#: What is run: cases, those together that share a scene, its surfaces and distances from bones.
+#: Cases in groups that share a scene and its surfaces.
 Cases = Sequence[Sequence[Case]]
-#: Each case that has ended, with what became of it, in any order.
+#: Each case that has ended, its state, and the verdict or the reason of a failure; in any order.
 Ended = Generator[tuple[Case, str, str], None, None]
-#: Does cases.
+#: Solves cases.
 Workers = Callable[[Cases, Parts], Ended]
-#: The file that says what a folder of results is of, and the folder of what is finished.
+#: The file that describes a folder of results, and the folder of finished cases.
 REPORT, PARTS = "study.json", "parts"
 
 
@@ -38,15 +41,14 @@ class Progress:
     Attributes
     ----------
     case : Case
-        Which.
     state : str
-        ``"kept"`` (it was done by an earlier run), ``"done"`` or ``"failed"``.
+        ``"kept"`` (an earlier run finished it), ``"done"`` or ``"failed"``.
     words : str
-        The verdict, or why it failed.
+        The verdict, or the reason of a failure.
     done, total : int
-        Cases that have ended, and that there are.
+        Number of cases that have ended, and of all.
     seconds_left : float or None
-        By what this run has done so far; None where it has done nothing.
+        Estimated from the cases that this run has solved; None before the first.
     """
 
     case: Case
@@ -67,19 +69,19 @@ def study(
 ) -> Counter[str]:
     """Run the cases of a study, and return how many were kept, done and failed.
 
-    What comes out does not depend on workers, their order or interruptions: :func:`outcome_of` gives it.
+    The outcomes, which :func:`outcome_of` reads, do not depend on workers, their order or interruptions.
 
     Parameters
     ----------
     cases : sequence of sequence of Case
-        Those together that share a scene.
+        In groups that share a scene.
     folder : Path
-        A part for each case that is finished; such as an earlier run has finished, of the same muscle, scene,
-        settings and package, are kept.
+        Of the finished cases. A case that an earlier run has finished, with the same muscle, scene, settings
+        and package, is kept.
     workers : callable, optional
         From :func:`threads` or :func:`~vtkmuscle.studies.cluster.connected`; default: this thread.
     fresh : bool, optional
-        Run cases again that are finished.
+        Run finished cases again.
     progress : callable, optional
         Called with a :class:`Progress` for each case that has ended.
     """
@@ -88,7 +90,7 @@ def study(
         shutil.rmtree(folder, ignore_errors=True)
     states: Counter[str] = Counter()
     total, began = sum(map(len, cases)), time.monotonic()
-    with closing((workers or threads(1))(cases, Parts(folder))) as running:  # ends them where this is ended
+    with closing((workers or threads(1))(cases, Parts(folder))) as running:
         for case, state, words in running:
             states[state] += 1
             done, worked = states.total(), states.total() - states[KEPT]
@@ -98,16 +100,32 @@ def study(
     return states
 
 
+def solutions(
+    cases: Mapping[_Key, Sequence[Case]],
+    folder: Path | None = None,
+    *,
+    workers: int | None = None,
+    **more: Any,
+) -> dict[_Key, list[Outcome]]:
+    """Run cases by threads, by default one per processor, and return their outcomes by the same keys.
+
+    They are kept in the folder, if there is one; further arguments as of :func:`study`.
+    """
+    with TemporaryDirectory() as passing:
+        kept = folder or Path(passing)
+        study(list(cases.values()), kept, workers=threads(workers or processors()), **more)
+        return {key: [outcome_of(case, kept) for case in own] for key, own in cases.items()}
+
+
 def threads(count: int) -> Workers:
-    """Return threads of this process as workers; it may be one."""
+    """Return ``count`` threads of this process as workers."""
 
     def work(cases: Cases, parts: Parts) -> Ended:
         stop, run = threading.Event(), secrets.token_hex(4)
         with recorded(), ThreadPoolExecutor(count) as pool:
             tasks = {
                 pool.submit(solve_here, case, parts, run, (), stop): case
-                for together in cases
-                for case in together
+                for case in chain.from_iterable(cases)
             }
             try:
                 for task in as_completed(tasks):
@@ -121,63 +139,51 @@ def threads(count: int) -> Workers:
 
 
 def outcome_of(case: Case, folder: Path) -> Outcome:
-    """Return what came out of a case that has ended.
-
-    Raises
-    ------
-    FileNotFoundError
-        If it is gone.
-    """
+    """Return the outcome of a case that has ended."""
     parts = Parts(folder)
     part = parts.read(case.name)
     if part is None:
         words = "it was removed or damaged while the study ran; the same command makes it again"
         raise FileNotFoundError(f"{parts.path(case.name)}: {words}")
-    return Outcome.read(part)
-
-
-def outcomes_of(cases: Mapping[_Key, Sequence[Case]], folder: Path) -> dict[_Key, list[Outcome]]:
-    """Return what came out of all cases, by the keys that these have."""
-    return {key: [outcome_of(case, folder) for case in own] for key, own in cases.items()}
+    return Outcome(part.values)
 
 
 def keep_failure(case: Case, parts: Parts, words: str) -> tuple[Case, str, str]:
-    """Keep that a case failed, and return what became of it."""
+    """Keep the reason why a case failed, and return the case as one that has ended."""
     parts.write(case.name, "", Part({"failure": words}))
     return case, FAILED, words
 
 
 @contextmanager
-def claimed(folder: Path, of: Mapping[str, Any], results: Iterable[str]) -> Iterator[dict[str, Any]]:
+def claimed(folder: Path, about: Mapping[str, Any], results: Iterable[str]) -> Iterator[dict[str, Any]]:
     """Hold a folder for a study, and give its report, which is written at the beginning and at the end.
 
     Parameters
     ----------
     folder : Path
-        Made where it does not exist.
-    of : mapping of str to JSON-able
-        What the study is; a folder of another study is refused by the first of them.
+        Made if it does not exist.
+    about : mapping of str to JSON-able
+        Describes the study; its first entry tells it from others.
     results : iterable of str
-        Names of the files that it writes there.
+        Names of the files that the study writes there.
 
     Raises
     ------
     ValueError
         If the folder holds another study, or files of these names that no study has made.
     OSError
-        If it cannot be written to, or another process writes to it.
+        If the folder cannot be written to, or another process writes to it.
     """
     folder.mkdir(parents=True, exist_ok=True)
     with locked(folder):
-        _check_folder(folder, *next(iter(of.items())), [*results, PARTS])
+        _check_folder(folder, *next(iter(about.items())), [*results, PARTS])
         for left in left_behind(folder, deep=True):
             shutil.rmtree(left) if left.is_dir() else left.unlink(missing_ok=True)
-        report = {**of, "complete": False}
-        for complete in (False, True):
-            report["complete"] = complete
-            write_text(folder / REPORT, json.dumps(report, indent=1) + "\n")
-            if not complete:
-                yield report
+        report = {**about, "complete": False}
+        write_text(folder / REPORT, json.dumps(report, indent=1) + "\n")
+        yield report
+        report["complete"] = True
+        write_text(folder / REPORT, json.dumps(report, indent=1) + "\n")
 
 
 def _check_folder(folder: Path, key: str, value: str, results: Iterable[str]) -> None:
@@ -187,7 +193,7 @@ def _check_folder(folder: Path, key: str, value: str, results: Iterable[str]) ->
         before = json.loads((folder / REPORT).read_text(encoding="utf-8"))[key]
     except FileNotFoundError:
         if there:
-            problem = "the study would be written over what no study has made"
+            problem = "the study would be written over a file that no study has made"
             raise InputError(folder / there[0], problem, remedy) from None
         return
     except (OSError, ValueError, KeyError, TypeError):

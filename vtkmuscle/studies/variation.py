@@ -1,4 +1,4 @@
-"""What is changed in a scene: settings, or one of its inputs moved about."""
+"""Variations of a scene: other settings, or one of its inputs moved at random."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ from vtkmuscle.data.arrays import points_of, surface_from, triangles_of, with_po
 from vtkmuscle.data.attachments import VIA
 from vtkmuscle.scene.data import Muscle, SceneData
 
-#: What can be moved about, and the unit of its amount.
+#: Inputs that can be moved at random, and the unit of the amount.
 CAUSES = MappingProxyType({"landmarks": "mm", "axis": "deg", "centre": "mm", "segmentation": "mm"})
 
-#: Fewest samples, or subjects, of which a standard deviation says anything.
+#: Fewest samples, or subjects, from which a standard deviation is computed.
 FEWEST = 3
 
-#: Waves that a displacement of a surface is made of; length of the shortest, as a part of its diagonal.
+#: Number of waves in the displacement of a surface, and the shortest wavelength as a part of its diagonal.
 _WAVES, _SHORTEST = 8, 0.25
 
 _Scene = TypeVar("_Scene", bound=SceneData)
@@ -35,38 +35,35 @@ _Scene = TypeVar("_Scene", bound=SceneData)
 
 @dataclass(frozen=True)
 class Variation:
-    """What is changed in a scene; of one with nothing but a name, nothing.
+    """A change of a scene. One with nothing but a name changes nothing.
 
     Attributes
     ----------
     name : str
-        As in tables, ``"mesh"`` or ``"landmarks 3"``; of samples, also what is drawn by.
-    group : str
-        What is varied.
+        In tables, ``"mesh"`` or ``"landmarks 3"``. Random numbers of a sample are drawn by it.
     fibres : mapping
         Settings of the fibres, in place of those of the same names.
     model : str or None
         ``"volume"`` or ``"paths"``, in place of the scene's.
     halved : bool
-        Whether all edges of the muscles are half as long, their surfaces the same.
+        Halve the length of all edges of the muscles; their surfaces stay the same.
     cause : str
-        One of :data:`CAUSES`. ``"landmarks"``: every area of every muscle is moved as a whole, in a direction
-        of its own, all equally likely; via rings stay. ``"axis"``: the axes of the motion are tilted about
-        its centre, in any direction, all alike. ``"centre"``: they are shifted, likewise.
-        ``"segmentation"``: the points of each surface are moved along their normals, by smooth waves.
+        One of :data:`CAUSES`. ``"landmarks"`` moves each area of each muscle as a whole, in a random
+        direction of its own; via rings stay. ``"axis"`` tilts all axes of the motion alike about its centre,
+        in a random direction; ``"centre"`` shifts them. ``"segmentation"`` moves the points of each surface
+        along their normals by smooth waves.
     amount : float
-        By how much, in the unit of the cause; of a segmentation the standard deviation.
+        Of the movement, in the unit of the cause; of a segmentation the standard deviation.
     seed : int
-        Of all samples. What happens to a bone or a muscle does not depend on which others there are.
+        Of all samples. The change of a bone or a muscle does not depend on which others there are.
 
     Raises
     ------
     ValueError
-        If there is no such cause, or the amount is not positive.
+        If the cause is unknown, or the amount is not positive.
     """
 
     name: str = ""
-    group: str = ""
     fibres: Mapping[str, Any] = field(default_factory=dict)
     model: str | None = None
     halved: bool = False
@@ -87,7 +84,7 @@ class Variation:
 
     def of(self, scene: _Scene) -> _Scene:
         """Return the scene with this change."""
-        if self == Variation(self.name, self.group):
+        if self == Variation(self.name):
             return scene
         changed: dict[str, Any] = {"files": {}, "model": self.model or scene.model}
         changed["muscles"] = {name: self._of_muscle(name, one) for name, one in scene.muscles.items()}
@@ -111,42 +108,37 @@ class Variation:
             return {"motion": _turned(scene.motion, self.amount, 0.0, self._rng(self.cause))}
         if self.cause == "centre":
             return {"motion": _turned(scene.motion, 0.0, units, self._rng(self.cause))}
+        moved: dict[str, Muscle] = {}
+        for name, one in muscles.items():
+            rng = self._rng(f"muscle {name}")
+            if self.cause == "landmarks":
+                moved[name] = _with_moved_areas(one, units, rng)
+            else:
+                moved[name] = replace(one, surface=_waved(one.surface, units, rng))
         if self.cause == "landmarks":
-            return {
-                "muscles": {
-                    name: _with_moved_areas(one, units, self._rng(f"muscle {name}"))
-                    for name, one in muscles.items()
-                }
-            }
+            return {"muscles": moved}
         bones = {name: _waved(bone, units, self._rng(f"bone {name}")) for name, bone in scene.bones.items()}
-        waved = {
-            name: replace(one, surface=_waved(one.surface, units, self._rng(f"muscle {name}")))
-            for name, one in muscles.items()
-        }
-        return {"bones": bones, "muscles": waved}
+        return {"bones": bones, "muscles": moved}
 
     def _rng(self, what: str) -> np.random.Generator:
         return np.random.default_rng([self.seed, *(crc32(word.encode()) for word in (self.name, what))])
 
 
-#: Of nothing.
+#: The variation that changes nothing.
 AS_IT_IS = Variation()
 
 
 def samples_of(cause: str, amount: float, count: int, seed: int = 0, **more: Any) -> list[Variation]:
-    """Return variations of one cause, each drawn for itself: ``"landmarks 1"`` and so on."""
+    """Return independent samples of one cause: ``"landmarks 1"`` and so on."""
     names = (f"{cause} {number + 1}" for number in range(count))
-    return [Variation(name, cause, cause=cause, amount=amount, seed=seed, **more) for name in names]
+    return [Variation(name, cause=cause, amount=amount, seed=seed, **more) for name in names]
 
 
 def _with_moved_areas(muscle: Muscle, distance: float, rng: np.random.Generator) -> Muscle:
-    """Return a muscle with every area but via rings moved as a whole, in a direction of its own."""
     areas = []
     for area in muscle.attachments:
-        shift = distance * _direction(rng)
-        areas.append(
-            area if area.role == VIA else replace(area, landmarks=np.asarray(area.landmarks) + shift)
-        )
+        landmarks = np.asarray(area.landmarks) + distance * _direction(rng)  # drawn for via rings too
+        areas.append(area if area.role == VIA else replace(area, landmarks=landmarks))
     return replace(muscle, attachments=tuple(areas))
 
 

@@ -1,8 +1,8 @@
-"""The page of a cohort: subjects, what to look at, what is unusual, distributions."""
+"""The page of a cohort: subjects, problems, unusual curves, distributions."""
 
 from __future__ import annotations
 
-from collections import Counter, defaultdict
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
@@ -14,7 +14,7 @@ from vtkmuscle.run.table import Table
 from vtkmuscle.run.verdict import FAILED, VERDICTS
 from vtkmuscle.studies.case import Case, Outcome
 from vtkmuscle.studies.cohort.subjects import FOLDER, ID, Study
-from vtkmuscle.studies.cohort.table import UNUSUAL, Curve, Key, outliers, without_samples
+from vtkmuscle.studies.cohort.table import UNUSUAL, Curve, Key, by_subject, outliers
 from vtkmuscle.studies.study import outcome_of
 
 #: Most unusual curves that are listed, curves that are drawn, and subjects that a legend names.
@@ -24,13 +24,12 @@ _OUTLIERS, _DRAWN, _NAMED = 50, 200, 10
 def write_cohort(
     study: Study, folder: Path, out: Path, measured: Mapping[Key, Curve], spread: Table | None
 ) -> Path:
-    """Write ``cohort.html``, of the curves of its cases and, where it asks for it, their sensitivity."""
+    """Write ``cohort.html``; with the spread of samples, if the study asks for sensitivity."""
     muscles = [(case, outcome_of(case, folder)) for together in study.cases() for case in together]
     verdicts = Counter(_verdict(one) for case, one in muscles if not case.variation.name)
     counts = ", ".join(f"{verdicts[word]} {word}" for word in VERDICTS)
-    found = without_samples(measured)
     files = "cohort.csv" if spread is None else "cohort.csv, sensitivity.csv"
-    rows, flags, warned = shown_rows(outliers(found)), _flags(muscles), _warnings(muscles)
+    rows, flags, warned = shown_rows(outliers(measured)), _flags(muscles), _warnings(muscles)
     unusual = f"More than {UNUSUAL} robust standard deviations from the subjects' median, at their worst"
     thin = (
         "A thin line per subject, named where the pointer is on it; the median; and the band from the 5th to "
@@ -43,7 +42,7 @@ def write_cohort(
         Section(
             "Unusual curves", unusual if rows[1:] else "None.", rows[: _OUTLIERS + 1] if rows[1:] else ()
         ),
-        Section("Distributions", thin, drawings=list(_bands(found))),
+        Section("Distributions", thin, drawings=list(_bands(measured))),
         *(() if spread is None else [Section("Sensitivity", rows=shown_rows(spread))]),
     ]
     lead = f"{len(study.subjects)} subjects. Muscles: {counts}. All numbers are in {files}."
@@ -51,7 +50,7 @@ def write_cohort(
 
 
 def _verdict(one: Outcome) -> str:
-    return str(one.facts.get("verdict", FAILED))
+    return str(one.values.get("verdict", FAILED))
 
 
 def _subjects(study: Study, muscles: Sequence[tuple[Case, Outcome]]) -> Iterator[list[str]]:
@@ -69,13 +68,13 @@ def _subjects(study: Study, muscles: Sequence[tuple[Case, Outcome]]) -> Iterator
 
 
 def _flags(muscles: Sequence[tuple[Case, Outcome]]) -> list[Sequence[str]]:
-    """Return what is to be looked at: failures first, then what is farthest beyond its limit."""
+    """Return the table of problems: failures first, then values by how far they are beyond their limit."""
     flags: list[tuple[str, float, Sequence[str]]] = []
     for case, one in muscles:
         who = (*case.labels.values(), case.muscle)
         if one.failure:
             flags.append((FAILED, np.inf, (*who, one.failure)))
-        for reason in one.facts.get("reasons", ()):
+        for reason in one.values.get("reasons", ()):
             limit, value = float(reason["limit"]), float(reason["value"])
             beyond = max(value / limit, limit / value) if limit > 0 and value > 0 else np.inf
             flags.append((reason["verdict"], beyond, (*who, f"{reason['says']}; {reason['do']}")))
@@ -85,32 +84,29 @@ def _flags(muscles: Sequence[tuple[Case, Outcome]]) -> list[Sequence[str]]:
 
 
 def _warnings(muscles: Sequence[tuple[Case, Outcome]]) -> list[Sequence[str]]:
-    counts = Counter(remark for _, one in muscles for remark in one.facts.get("remarks", ()))
+    counts = Counter(remark for _, one in muscles for remark in one.values.get("remarks", ()))
     rows = [(words, str(count)) for words, count in counts.most_common()]
     return [("warning", "times"), *rows] if rows else []
 
 
-def _bands(found: Mapping[Key, Curve]) -> Iterator[tuple[str, str]]:
-    """Give a drawing of lengths and moment arms over the subjects, per motion, setting, muscle and more."""
-    alike: dict[Key, dict[str, Curve]] = defaultdict(dict)
-    for (subject, motion, setting, _, *which), curve in found.items():
-        alike[motion, setting, *which][subject] = curve
-    for (motion, setting, muscle, group, coordinate), by_subject in alike.items():
+def _bands(measured: Mapping[Key, Curve]) -> Iterator[tuple[str, str]]:
+    """Give titles and drawings, each of lengths and moment arms over all subjects."""
+    for (motion, setting, muscle, group, coordinate), ones in by_subject(measured).items():
         words = muscle, motion, setting, f"group {group}" if group else ""
-        title = f"{', '.join(part for part in words if part)} ({len(by_subject)} subjects)"
-        yield title.replace("_", " "), _drawn(coordinate, by_subject)
+        title = f"{', '.join(part for part in words if part)} ({len(ones)} subjects)"
+        yield title.replace("_", " "), _drawn(coordinate, ones)
 
 
-def _drawn(coordinate: str, by_subject: Mapping[str, Curve]) -> str:
+def _drawn(coordinate: str, curves: Mapping[str, Curve]) -> str:
     """Return an SVG: each curve thin, the median, and the band that holds 90 % of them."""
     figure = Figure(figsize=(10.0, 3.2), layout="constrained")
-    ones = list(by_subject.values())
+    ones = list(curves.values())
     same = len({one["value"].tobytes() for one in ones}) == 1 and len(ones) >= 3
     few = len(ones) <= _NAMED
     names: dict[str, str] = {}
     measures = (("length_mm", "length [mm]"), ("moment_arm_mm", "moment arm [mm]"))
     for axes, (measure, label) in zip(figure.subplots(1, 2), measures, strict=True):
-        for number, (subject, one) in enumerate(list(by_subject.items())[:_DRAWN]):
+        for number, (subject, one) in enumerate(list(curves.items())[:_DRAWN]):
             style = (
                 {"color": f"C{number}", "linewidth": 1.2} if few else {"color": "#4a6b8a", "linewidth": 0.6}
             )

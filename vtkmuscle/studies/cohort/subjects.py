@@ -1,4 +1,4 @@
-"""A study: its subjects, the scene of each filled in from their table, and the work that is to be done."""
+"""A study: its subjects, the scene of each filled in from their table, and its cases."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ _Amount = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
 
 
 def _key(default: Any, example: Any, description: str) -> Any:
-    """Return what is said of a key; ``...`` is the default of one that must be there."""
+    """Return a key of a table; the default of a required one is ``...``."""
     return Field(default, examples=[example], description=description)
 
 
 class Sensitivity(Table):
-    """What is moved about, one cause at a time, to see what the results owe to it."""
+    """Inputs that are moved at random, one cause at a time, and how far."""
 
     samples: Annotated[int, Field(ge=3, le=10_000)] = _key(8, 20, "Runs for each cause, 3 or more.")
     seed: Annotated[int, Field(ge=0)] = _key(0, 1, "The same again for the same seed.")
@@ -74,25 +74,23 @@ class StudyTable(Table):
     settings: dict[Name, dict[str, Any]] = _key(
         {}, {}, "Tables [settings.NAME] of keys of a scene, laid over it: every subject is run with each."
     )
-    sensitivity: Sensitivity | None = _key(None, {}, "Runs every subject again with inputs moved about.")
+    sensitivity: Sensitivity | None = _key(None, {}, "Runs every subject again with inputs moved at random.")
 
 
-#: A variable: the name of a column, and what it is to be, if not text.
+#: A variable: the name of a column, and whether its cells are numbers.
 _VARIABLE = re.compile(r"\{([^{}:]+)(:number)?\}")
-#: A value that is left out.
-_NOTHING = object()
 
 
 def filled(value: Any, row: Mapping[str, str], file: Path, key: str = "") -> Any:
     """Return a value of a template, or a table of values, with a subject's variables filled in.
 
-    ``{COLUMN}`` stands for the text in that column; a text that is ``{COLUMN:number}`` is a number; one that
-    is ``{COLUMN}`` alone, of an empty cell, is left out.
+    ``{COLUMN}`` stands for the text in that column, and the value ``{COLUMN:number}`` for a number. A value
+    that is ``{COLUMN}`` alone is left out if the cell is empty: it becomes None.
 
     Raises
     ------
     SceneError
-        If there is no such column, or a number is none; names file and key.
+        If there is no such column, or a cell is no number; with file and key.
 
     Examples
     --------
@@ -102,19 +100,12 @@ def filled(value: Any, row: Mapping[str, str], file: Path, key: str = "") -> Any
     >>> filled({"a": "femur_{side}.stl", "b": "{turn}", "c": ["{x:number}", 0]}, row, Path("t.toml"))
     {'a': 'femur_left.stl', 'c': [1.5, 0]}
     """
-    found = _filled(value, row, file, key)
-    return {} if found is _NOTHING else found
-
-
-def _filled(value: Any, row: Mapping[str, str], file: Path, key: str) -> Any:
     if isinstance(value, Mapping):
-        named = {
-            name: _filled(one, row, file, f"{key}.{name}".removeprefix(".")) for name, one in value.items()
-        }
-        return {name: one for name, one in named.items() if one is not _NOTHING}
+        parts = {name: filled(one, row, file, f"{key}.{name}".lstrip(".")) for name, one in value.items()}
+        return {name: one for name, one in parts.items() if one is not None}
     if isinstance(value, list):
-        listed = [_filled(one, row, file, f"{key}[{number}]") for number, one in enumerate(value)]
-        return [one for one in listed if one is not _NOTHING]
+        listed = [filled(one, row, file, f"{key}[{number}]") for number, one in enumerate(value)]
+        return [one for one in listed if one is not None]
     if not isinstance(value, str):
         return value
     alone = _VARIABLE.fullmatch(value)
@@ -122,7 +113,7 @@ def _filled(value: Any, row: Mapping[str, str], file: Path, key: str) -> Any:
         return _VARIABLE.sub(lambda match: _cell(match, row, file, key), value)
     cell = _cell(alone, row, file, key)
     if not cell:
-        return _NOTHING
+        return None
     return _number(cell, alone[1], file, key) if alone[2] else cell
 
 
@@ -143,36 +134,35 @@ def _number(cell: str, column: str, file: Path, key: str) -> float:
 
 
 def laid_over(values: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
-    """Return tables with others laid over them: keys of the latter count, tables are merged."""
+    """Return a table in which the values of another replace those of the same keys, at any depth."""
     merged = dict(values)
     for name, one in changes.items():
-        under = merged.get(name)
-        merged[name] = laid_over(under, one) if isinstance(under, dict) and isinstance(one, dict) else one
+        before = merged.get(name)
+        merged[name] = laid_over(before, one) if isinstance(before, dict) and isinstance(one, dict) else one
     return merged
 
 
-#: The columns of a table of subjects that mean something to a study.
+#: Columns of a table of subjects with a meaning of their own.
 ID, FOLDER = "id", "folder"
-#: The motion of a study that names none, as in the template.
+#: Name of the only motion of a study without ``[motions]``.
 ONLY = "motion"
-#: More subjects than this are a slip.
+#: A table with more subjects is taken for a mistake.
 _MOST_SUBJECTS = 100_000
 
 
 @dataclass(frozen=True, eq=False)
 class Study:
-    """Subjects, and what is done for each.
+    """Subjects, and the runs of each.
 
     Attributes
     ----------
     name : str
-        Of the study.
     file : Path
         The STUDY.toml.
     subjects : tuple of dict
         The rows of the table of subjects: texts by column, ``id`` and others.
     table : StudyTable
-        What is in the STUDY.toml.
+        The content of the STUDY.toml.
     """
 
     name: str
@@ -187,8 +177,8 @@ class Study:
         Raises
         ------
         ValueError
-            With file, key, problem and remedy for all that is wrong in the study. What is wrong with a single
-            subject's files does not stop a study.
+            With file, key, problem and remedy of each fault in the study. A fault in one subject's files does
+            not stop the study.
         """
         file = Path(path)
         try:
@@ -202,7 +192,7 @@ class Study:
 
     @property
     def columns(self) -> dict[str, type]:
-        """Other columns of the table of subjects, those of numbers alone as such."""
+        """Type of the other columns of the table of subjects: float if all cells are numbers, else str."""
         names = [name for name in self.subjects[0] if name not in (ID, FOLDER)]
         texts = {name: [row[name] for row in self.subjects if row[name]] for name in names}
         return {
@@ -211,7 +201,7 @@ class Study:
         }
 
     def variations(self) -> list[Variation]:
-        """Return the samples of all causes, and before them the one of nothing."""
+        """Return the variation that changes nothing, then the samples of all causes."""
         asked = self.table.sensitivity
         if asked is None:
             return [AS_IT_IS]
@@ -220,7 +210,7 @@ class Study:
         return [AS_IT_IS, *chain.from_iterable(moved)]
 
     def cases(self) -> list[list[Case]]:
-        """Return what is to be run, those together that share a scene."""
+        """Return the cases in groups that share a scene."""
         return [
             list(self._cases(row, motion, setting, variation))
             for row in self.subjects
@@ -245,8 +235,8 @@ class Study:
         yield from (replace(whole, muscle=muscle) for muscle in muscles or ("",))
 
     def _scene(self, row: Mapping[str, str], motion: str, changes: Mapping[str, Any]) -> SceneText:
-        """Return what is in the scene's file, filled in."""
-        template = self.file.parent / filled(self.table.scene, row, self.file, "scene")
+        """Return the scene of a subject, filled in."""
+        template = self.file.parent / (filled(self.table.scene, row, self.file, "scene") or "")
         values = filled(parsed(template), row, template)
         if motion in self.table.motions:
             values["motion"] = filled(self.table.motions[motion], row, self.file, f"motions.{motion}")
@@ -267,7 +257,7 @@ def _muscles(scene: SceneText, wanted: Sequence[str]) -> Sequence[str]:
 
 
 def _check_name(name: str, file: Path, what: str) -> None:
-    """Raise an error for a name that cannot be part of a file's."""
+    """Raise an InputError for a name that cannot be part of a file name."""
     try:
         checked_name(name)
     except InputError as error:
