@@ -11,7 +11,6 @@ from itertools import zip_longest
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.cm import ScalarMappable
 from matplotlib.collections import LineCollection
 from matplotlib.colors import Normalize
@@ -30,7 +29,15 @@ from vtkmuscle.io.literature import LiteratureCurve, curves_for, drawn
 from vtkmuscle.plotting.actors import actors_of, fixed_bones, place_colours, strain_colours
 from vtkmuscle.plotting.colours import FIBRE_MAP, MUSCLE_RED, PALETTE, PLACE_MAP
 from vtkmuscle.plotting.drawing import MuscleFrame
-from vtkmuscle.plotting.sheets import DOTS_PER_INCH, LEGEND_FONT, Panel, curves, hang, legend_columns, sheet
+from vtkmuscle.plotting.sheets import (
+    DOTS_PER_INCH,
+    LEGEND_FONT,
+    Panel,
+    blank_figure,
+    curves,
+    legend_columns,
+    sheet,
+)
 from vtkmuscle.plotting.studio import Studio
 from vtkmuscle.plotting.views import View, clearest_view
 
@@ -249,13 +256,11 @@ def plot_moment_arms(
         panel = Panel(studio.picture(actors, view, bones=bones), "fibres at rest", view)
     beside = 0.0 if panel is None else _PICTURE * panel.view.aspect + 0.5
     width = 9.0 * len(arms) + beside
-    figure = Figure(figsize=(width, _HEIGHT), dpi=DOTS_PER_INCH, facecolor="white")
-    FigureCanvasAgg(figure)
+    figure = blank_figure(width, _HEIGHT)
     if rest is not None and rest.label:
         figure.suptitle(rest.label)
     if panel is not None:
-        shape = (0.25 / width, 0.3 / _HEIGHT, (beside - 0.5) / width, _PICTURE / _HEIGHT)
-        hang(figure.add_axes(shape), panel, units)
+        panel.add_to(figure, (0.25, 0.3), units)
     for number, (name, found) in enumerate(arms.items()):
         axes = figure.add_axes(((beside + 9.0 * number) / width, 0.12, 9.0 / width, 0.79))
         _draw_arms(axes, found, None if errors is None else errors.get(name), places)
