@@ -282,10 +282,9 @@ def plot_moment_arms(
 
 
 def places_across(fibres: vtkPolyData) -> Floats:
-    """Return where each fibre is across its muscle, (n,), 0 to 1: along the widest way across the fibres.
+    """Return the position of each fibre across its muscle, (n,), 0 to 1.
 
-    That is the first principal axis of the fibres' middles, without what lies along their mean direction,
-    towards where its largest coordinate grows.
+    It is taken along the first principal axis of the fibres' middles at right angles to their mean direction.
     """
     lines = polylines_of(fibres, "plotting: fibres")
     first, last = lines.offsets[:-1], lines.offsets[1:] - 1
@@ -319,10 +318,9 @@ def _draw_arms(axes: Axes, found: JointArms, errors: Floats | None, places: Floa
 
 
 def shown_range(arms: Floats, mean: Floats) -> tuple[float, float]:
-    """Return from where to where an axis goes that a spike of a few paths does not flatten.
+    """Return the ends of an axis: the mean, and paths from their 1st to 99th percentile, and a tenth more.
 
-    All of the mean, and the paths between their 1st and 99th percentile, with a tenth of that on either side;
-    literature that goes beyond widens the axis by itself.
+    A spike of a few paths so does not flatten the axis.
     """
     low, high = np.percentile(arms, (1.0, 99.0))
     low, high = min(float(low), float(mean.min()), 0.0), max(float(high), float(mean.max()), 0.0)
