@@ -213,7 +213,7 @@ CATEGORY = "Muscle"
 
 
 def proxy_parts(kind: type[Filter]) -> list[str]:
-    """Return the XML elements of a filter's proxy: documentation, inputs, properties and outputs, in order."""
+    """Return the XML elements of a filter's proxy, in order: documentation, inputs, properties, outputs."""
     parts = [_documentation(kind)]
     parts += [_input(number, port) for number, port in enumerate(kind.input_ports)]
     declared = kind.parameter_declarations.values()

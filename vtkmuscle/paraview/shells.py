@@ -127,7 +127,7 @@ class Shell(Filter):
 
 
 def shell_of(kind: type[Filter], module: str) -> type[Shell]:
-    """Return a class of a filter's name, in a module, with a setter for each of its properties in ParaView."""
+    """Return a class of a filter's name, in a module, with a setter for each property in ParaView."""
     members: dict[str, Any] = {"__module__": module, "__doc__": kind.__doc__}
     for name, parameter in kind.parameter_declarations.items():
         for shown in properties_of(parameter):
