@@ -25,8 +25,7 @@ from vtkmuscle.io.literature import LiteratureCurve, curves_for, read_literature
 from vtkmuscle.io.writing import write_text
 from vtkmuscle.opensim import read_osim
 from vtkmuscle.report.curves import colour_of, label_of, published_curves, rounded
-from vtkmuscle.report.page import part, plotly_text
-from vtkmuscle.report.sections import Section, rendered, shown_rows
+from vtkmuscle.report.sections import Section, part, plotly_text, rendered, shown_rows
 from vtkmuscle.report.tables import Sheet
 from vtkmuscle.run.result import Result
 from vtkmuscle.run.table import Table

@@ -34,13 +34,7 @@ _RECORD = ".made_by_vtkmuscle.json"
 
 
 def default_folder() -> Path:
-    """Return the folder that links are made in: one for each Python environment, in the user's cache.
-
-    Raises
-    ------
-    ValueError
-        If there is no cache folder.
-    """
+    """Return the folder for the links: one for each Python environment, in the user's cache."""
     cache = cache_folder()
     if cache is None:
         raise ValueError(f"there is no cache folder ({FOLDER_VARIABLE} is empty); give one with --folder")
@@ -51,15 +45,9 @@ def default_folder() -> Path:
 def link_packages(folder: Path) -> None:
     """Fill a folder with links to vtkmuscle and to the packages it needs in ParaView, and to no others.
 
-    The environment's own site-packages is no folder for ParaView: the VTK in it would take the place of
-    ParaView's. A file in the folder says which links are ours: only those are ever removed.
-
-    Raises
-    ------
-    ValueError
-        If something is in the folder that was not made here; nothing is changed then.
-    OSError
-        If a link cannot be made.
+    The environment's own site-packages would put its VTK in the place of ParaView's. A file in the folder
+    lists our links: only those are ever removed. Raises ValueError, and changes nothing, if the folder holds
+    anything else.
     """
     package = Path(vtkmuscle.__file__).resolve().parent
     targets = {package, *(target for name in (*DISTRIBUTIONS, *OF_SCENES) for target in _top_level(name))}

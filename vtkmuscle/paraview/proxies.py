@@ -39,17 +39,10 @@ FILES: dict[type, _File] = {
 
 @dataclass(frozen=True)
 class Property:
-    """A property of a proxy.
+    """A property of a proxy: its name (``AngleStep``), and the server manager's description of it.
 
-    Attributes
-    ----------
-    name : str
-        As in ``AngleStep``; its command is ``Set`` with this name.
-    xml : Element
-        The server manager's description.
-    take : callable
-        ``take(state, *values)`` gives the parameter's value from what ParaView sets, and may keep something
-        in ``state`` (a dict of the shell) for the parameter's other property.
+    ``take(state, *values)`` returns the parameter's value for what ParaView sets; ``state``, a dict of the
+    shell, is shared with the parameter's other property.
     """
 
     name: str
@@ -78,27 +71,10 @@ def plain(text: str) -> str:
 
 
 def properties_of(parameter: Parameter[Any], among: Iterable[Parameter[Any]] = ()) -> list[Property]:
-    """Return the properties of a parameter: one, or two for a number that may be None.
+    """Return the properties of a parameter in the order shown: one, or two for a number that may be None.
 
-    They are shown where they count: with the values of other parameters that the parameter is declared for,
-    and not where another one sets it.
-
-    Parameters
-    ----------
-    parameter : Parameter
-        As declared by a filter.
-    among : iterable of Parameter, optional
-        All that the filter declares.
-
-    Returns
-    -------
-    list of Property
-        In the order in which they are shown.
-
-    Raises
-    ------
-    TypeError
-        For a kind that has neither a property in ParaView nor a file to stand for it.
+    They are visible where they have an effect; ``among`` are all parameters of the filter. Raises TypeError
+    for a kind that has neither a property in ParaView nor a file to stand for it.
     """
     properties = _properties_of(parameter)
     for shown in properties:
@@ -237,18 +213,7 @@ CATEGORY = "Muscle"
 
 
 def proxy_parts(kind: type[Filter]) -> list[str]:
-    """Return what stands inside a filter's proxy: documentation, inputs, properties and outputs.
-
-    Parameters
-    ----------
-    kind : type
-        A filter class.
-
-    Returns
-    -------
-    list of str
-        XML elements, in the order in which ParaView shows them.
-    """
+    """Return the XML elements of a filter's proxy, in order: documentation, inputs, properties, outputs."""
     parts = [_documentation(kind)]
     parts += [_input(number, port) for number, port in enumerate(kind.input_ports)]
     declared = kind.parameter_declarations.values()

@@ -71,12 +71,12 @@ def all_kinds() -> list[type[Filter]]:
 
 
 class Shell(Filter):
-    """What ParaView's filters have beside their setters: errors that reach the one who looks at ParaView.
+    """A filter in ParaView: its errors are shown there.
 
-    ParaView drops what a setter raises and goes on with the value before. Here a value that is refused is
-    kept in mind, and makes the filter fail with the reason until it is replaced. ParaView also sets all
-    properties, hidden ones as well, in whatever order: one that another parameter sets waits until that has
-    no say in it.
+    ParaView drops the error of a setter, and goes on with the value before. So a refused value is remembered,
+    and the filter fails with the reason until the value is replaced. ParaView also sets all properties,
+    hidden ones as well, in any order: a parameter that a preset sets waits until the preset allows its own
+    value.
     """
 
     def __init__(self, **parameters: Any) -> None:
@@ -127,20 +127,7 @@ class Shell(Filter):
 
 
 def shell_of(kind: type[Filter], module: str) -> type[Shell]:
-    """Return a filter with a setter for each of its properties in ParaView.
-
-    Parameters
-    ----------
-    kind : type
-        A filter class.
-    module : str
-        Name of the module that ParaView will look for the class in.
-
-    Returns
-    -------
-    type
-        A class of the same name.
-    """
+    """Return a class of a filter's name, in a module, with a setter for each property in ParaView."""
     members: dict[str, Any] = {"__module__": module, "__doc__": kind.__doc__}
     for name, parameter in kind.parameter_declarations.items():
         for shown in properties_of(parameter):

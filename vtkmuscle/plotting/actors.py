@@ -50,9 +50,8 @@ def actors_of(
 ) -> list[vtkActor]:
     """Return muscles, fibres and fixed points, as of :func:`~vtkmuscle.plotting.make_plotter`.
 
-    Fibres have colours (n_fibres, 3), and of the muscle round them the far wall alone is drawn, grey: nothing
-    is before them that would change these colours.
-    Balls have the right size where ``finer`` pixels are rendered for one along each side of the picture.
+    Only the far wall of a muscle with fibres is drawn, in grey, so that it does not tint their colours.
+    ``finer`` is the number of pixels rendered for one of the picture, along each side.
     """
     actors = []
     if fibres is not None and fibres.GetNumberOfLines():
@@ -150,10 +149,7 @@ def fibre_actor(fibres: vtkPolyData, radius: float, colours: NDArray[np.uint8] |
 
 
 def fixed_bones(muscle: vtkPolyData) -> Ints:
-    """Return for each point the index of the bone that it is fixed to, -1 where it is free.
-
-    Without the point array ``FixedTo`` all points are free.
-    """
+    """Return the index of the bone that each point is fixed to, -1 for a free one, from ``FixedTo``."""
     if muscle.GetPointData().GetArray("FixedTo") is None:
         return np.full(muscle.GetNumberOfPoints(), -1)
     return point_array(muscle, "FixedTo", "plotting: muscle").astype(np.int64)
@@ -168,8 +164,8 @@ def _muscle_actor(muscle: vtkPolyData, with_fibres: bool, opacity: float) -> vtk
 
 
 def _colours(name: str, part: Floats) -> NDArray[np.uint8]:
-    found: NDArray[np.uint8] = colormaps[name](part, bytes=True)[:, :3]
-    return found
+    colours: NDArray[np.uint8] = colormaps[name](part, bytes=True)[:, :3]
+    return colours
 
 
 def _with_normals(points: Floats, triangles: Ints, normals: Floats) -> vtkPolyData:

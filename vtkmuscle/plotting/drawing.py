@@ -103,25 +103,16 @@ def too_late() -> str:
 
 
 def no_picture(status: int, said: str) -> str:
-    """Return the reason why no picture can be rendered.
-
-    Parameters
-    ----------
-    status : int
-        Of the process that rendered a test picture; negative where a signal ended it.
-    said : str
-        What it wrote to stderr.
-    """
+    """Return the reason why no picture can be rendered, from a process's exit status and its stderr."""
     what = "a test picture could not be rendered"
     if status < 0:
         what = f"the process that rendered a test picture crashed ({signal.Signals(-status).name})"
-    return f"{what}: no usable OpenGL (on Linux, the packages libegl1 and libgl1 provide it)" + last_words(
-        said
-    )
+    where = "no usable OpenGL (on Linux, the packages libegl1 and libgl1 provide it)"
+    return f"{what}: {where}{last_words(said)}"
 
 
 def last_words(said: str) -> str:
-    """Return the last message that a process wrote to stderr, to be put behind a reason; "" without any."""
+    """Return the last line of a process's stderr, as the end of a sentence; "" without any."""
     lines = [_LOG_PREFIX.sub("", line).strip() for line in said.splitlines()]
     messages = [line for line in lines if line]
     return f"; the last message was: {messages[-1]}" if messages else ""
@@ -138,18 +129,9 @@ class MuscleFrame(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class FigureOrder:
-    """A figure to be drawn; making one loads nothing that draws.
+    """A figure to be drawn: its file's name, and a function of :mod:`vtkmuscle.plotting` with its arguments.
 
-    Attributes
-    ----------
-    name : str
-        Of the file, without its suffix.
-    plot : str
-        The function of :mod:`vtkmuscle.plotting` that makes it.
-    given : mapping of str to object
-        Its arguments, without the bones and the studio.
-    rendered : bool
-        Whether it takes these, too.
+    The bones and the studio are arguments of those that are ``rendered``.
     """
 
     name: str
@@ -181,14 +163,9 @@ class DrawingEndedError(RuntimeError):
 
 
 class DrawingProcess:
-    """A process that draws figures one after the other; its end is nobody else's.
+    """A process that draws figures one after the other; a crash of its driver ends it alone.
 
-    It begins at once to load what it needs, renders a test picture, and makes the bones ready.
-
-    Parameters
-    ----------
-    bones : vtkMultiBlockDataSet
-        At rest, named blocks of triangles, not changed meanwhile.
+    It loads its libraries, renders a test picture, and reduces the ``bones``: named blocks of triangles.
     """
 
     def __init__(self, bones: vtkMultiBlockDataSet) -> None:
@@ -211,24 +188,14 @@ class DrawingProcess:
         self._bones = self._talk.submit(self._begin, bones)
 
     def draw(self, order: FigureOrder, folder: Path) -> Future[tuple[Path, float]]:
-        """Let a figure be drawn into a folder.
+        """Send a figure to be drawn into a folder; the future has the file and the time it took [s].
 
-        Returns
-        -------
-        Future
-            Of the file, and the time that it took [s]. It raises what went wrong in drawing, or
-            DrawingEndedError.
+        The future raises the error of drawing, or DrawingEndedError.
         """
         return self._talk.submit(self._ask, _pickled((order, folder)))
 
     def bones(self) -> Mapping[str, DrawnBone]:
-        """Wait for the bones as they are drawn, and return them.
-
-        Raises
-        ------
-        DrawingEndedError
-            If no picture can be rendered here; the message is the reason.
-        """
+        """Wait for the bones as they are drawn, and return them; or raise DrawingEndedError."""
         return self._bones.result()
 
     def close(self) -> None:

@@ -11,7 +11,6 @@ from itertools import zip_longest
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.cm import ScalarMappable
 from matplotlib.collections import LineCollection
 from matplotlib.colors import Normalize
@@ -30,7 +29,15 @@ from vtkmuscle.io.literature import LiteratureCurve, curves_for, drawn
 from vtkmuscle.plotting.actors import actors_of, fixed_bones, place_colours, strain_colours
 from vtkmuscle.plotting.colours import FIBRE_MAP, MUSCLE_RED, PALETTE, PLACE_MAP
 from vtkmuscle.plotting.drawing import MuscleFrame
-from vtkmuscle.plotting.sheets import DOTS_PER_INCH, LEGEND_FONT, Panel, curves, hang, legend_columns, sheet
+from vtkmuscle.plotting.sheets import (
+    DOTS_PER_INCH,
+    LEGEND_FONT,
+    Panel,
+    blank_figure,
+    curves,
+    legend_columns,
+    sheet,
+)
 from vtkmuscle.plotting.studio import Studio
 from vtkmuscle.plotting.views import View, clearest_view
 
@@ -249,13 +256,11 @@ def plot_moment_arms(
         panel = Panel(studio.picture(actors, view, bones=bones), "fibres at rest", view)
     beside = 0.0 if panel is None else _PICTURE * panel.view.aspect + 0.5
     width = 9.0 * len(arms) + beside
-    figure = Figure(figsize=(width, _HEIGHT), dpi=DOTS_PER_INCH, facecolor="white")
-    FigureCanvasAgg(figure)
+    figure = blank_figure(width, _HEIGHT)
     if rest is not None and rest.label:
         figure.suptitle(rest.label)
     if panel is not None:
-        shape = (0.25 / width, 0.3 / _HEIGHT, (beside - 0.5) / width, _PICTURE / _HEIGHT)
-        hang(figure.add_axes(shape), panel, units)
+        panel.add_to(figure, (0.25, 0.3), units)
     for number, (name, found) in enumerate(arms.items()):
         axes = figure.add_axes(((beside + 9.0 * number) / width, 0.12, 9.0 / width, 0.79))
         _draw_arms(axes, found, None if errors is None else errors.get(name), places)
@@ -277,10 +282,9 @@ def plot_moment_arms(
 
 
 def places_across(fibres: vtkPolyData) -> Floats:
-    """Return where each fibre is across its muscle, (n,), 0 to 1: along the widest way across the fibres.
+    """Return the position of each fibre across its muscle, (n,), 0 to 1.
 
-    That is the first principal axis of the fibres' middles, without what lies along their mean direction,
-    towards where its largest coordinate grows.
+    It is taken along the first principal axis of the fibres' middles at right angles to their mean direction.
     """
     lines = polylines_of(fibres, "plotting: fibres")
     first, last = lines.offsets[:-1], lines.offsets[1:] - 1
@@ -314,10 +318,9 @@ def _draw_arms(axes: Axes, found: JointArms, errors: Floats | None, places: Floa
 
 
 def shown_range(arms: Floats, mean: Floats) -> tuple[float, float]:
-    """Return from where to where an axis goes that a spike of a few paths does not flatten.
+    """Return the ends of an axis: the mean, and paths from their 1st to 99th percentile, and a tenth more.
 
-    All of the mean, and the paths between their 1st and 99th percentile, with a tenth of that on either side;
-    literature that goes beyond widens the axis by itself.
+    A spike of a few paths so does not flatten the axis.
     """
     low, high = np.percentile(arms, (1.0, 99.0))
     low, high = min(float(low), float(mean.min()), 0.0), max(float(high), float(mean.max()), 0.0)

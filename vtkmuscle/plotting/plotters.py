@@ -24,7 +24,7 @@ from vtkmuscle.filters.base.filter import Filter
 from vtkmuscle.plotting.actors import actors_of, surface_actor
 from vtkmuscle.plotting.colours import IVORY, PALETTE
 from vtkmuscle.plotting.studio import look_from, x_server_warning_off
-from vtkmuscle.plotting.views import View, axes_of, choose_view
+from vtkmuscle.plotting.views import View, choose_view
 
 if TYPE_CHECKING:
     import pyvista
@@ -203,12 +203,8 @@ class MovingScene:
     def look(self, view: View) -> None:
         """Look from somewhere, in parallel projection."""
         width, height = self.plotter.window_size
-        camera = self.plotter.camera
-        camera.parallel_projection = True
-        camera.focal_point = tuple(view.focus)
-        camera.position = tuple(view.focus + 10.0 * view.half_height * view.direction)
-        camera.up = tuple(axes_of(view.direction)[1])
-        camera.parallel_scale = 1.2 * view.half_height * max(1.0, view.aspect * height / width)
+        look_from(self.plotter.camera, view)
+        self.plotter.camera.parallel_scale *= 1.2 * max(1.0, view.aspect * height / width)
         self.plotter.renderer.ResetCameraClippingRange()
 
     def _surface(self, surface: vtkPolyData, colour: str, opacity: float) -> tuple[Any, Any, Ints]:
@@ -258,10 +254,7 @@ def _tubes(lines: vtkPolyData) -> Any:
 
 
 def show_time(plotter: pyvista.Plotter, time: float) -> None:
-    """Bring all that a plotter shows to a pipeline time, and render it.
-
-    Data sets stay as they are; filters that were given to ``plotter.add_mesh``, and VTK's filters behind
-    them, are asked for their output at that time.
+    """Update all filters on a plotter to a pipeline time, and render it; data sets stay as they are.
 
     Parameters
     ----------
@@ -276,8 +269,7 @@ def show_time(plotter: pyvista.Plotter, time: float) -> None:
         Whatever a filter raised.
     """
     for renderer in plotter.renderers:
-        # Not renderer.actors: its keys are names made of the addresses of data sets that may be gone, so that
-        # of two actors with one name it has the last one alone.
+        # PyVista's renderer.actors names actors by addresses that are used again: it can lack some.
         for actor in renderer.GetViewProps():
             mapper = actor.GetMapper() if hasattr(actor, "GetMapper") else None
             if mapper is None or not mapper.GetNumberOfInputConnections(0):

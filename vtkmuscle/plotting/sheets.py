@@ -7,12 +7,15 @@ import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib import rc_context
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 from PIL import Image
 
@@ -39,6 +42,41 @@ class Panel:
         width, height = self.view.size
         return width / DOTS_PER_INCH, height / DOTS_PER_INCH
 
+    def add_to(self, figure: Figure, corner: tuple[float, float], units: str) -> None:
+        """Put it on a figure, its lower left corner there [inches], with its title and a scale bar."""
+        (x, y), (width, height), inches = corner, self.inches, figure.dpi_scale_trans
+        figure.add_artist(Pixels(self.image, corner))
+        words: dict[str, Any] = {"transform": inches, "va": "bottom"}
+        figure.text(x + width / 2.0, y + height + 6.0 / 72.0, self.title, ha="center", fontsize=13, **words)
+        per_inch = 2.0 * self.view.half_height / height
+        third = per_inch * width / 3.0
+        power = 10.0 ** math.floor(math.log10(third))
+        length = max(step * power for step in (1.0, 2.0, 5.0) if step * power <= third)
+        left, low = x + 0.03 * width, y + 0.025 * height
+        bar = Line2D([left, left + length / per_inch], [low, low], transform=inches, color="black")
+        bar.set(linewidth=2.5, solid_capstyle="butt")
+        figure.add_artist(bar)
+        figure.text(left, low + 0.012 * height, f"{length:g} {units}", fontsize=10, **words)
+
+
+class Pixels(Artist):
+    """An image (height, width, 3) on a figure, pixel for pixel, its lower left ``corner`` there [inches]."""
+
+    def __init__(self, image: NDArray[np.uint8], corner: tuple[float, float]) -> None:
+        super().__init__()
+        self.image, self.corner = image, corner
+
+    def draw(self, renderer: Any) -> None:
+        """Draw it, on paper as well as in pixels."""
+        opaque = np.full((*self.image.shape[:2], 4), 255, dtype=np.uint8)
+        opaque[..., :3] = self.image[::-1]
+        figure = self.get_figure()
+        assert figure is not None
+        x, y = (round(figure.dpi * side) for side in self.corner)
+        graphics = renderer.new_gc()
+        renderer.draw_image(graphics, x, y, opaque)
+        graphics.restore()
+
 
 def legend_columns(width: float, labels: Sequence[str]) -> int:
     """Return in how many columns a legend fits into a figure of some width [inches]."""
@@ -47,7 +85,7 @@ def legend_columns(width: float, labels: Sequence[str]) -> int:
 
 
 def sheet(panels: Sequence[Panel], title: str, units: str, *, legend: Sequence[str] = ()) -> Figure:
-    """Return a figure of panels in rows, pixel for pixel, with room below for a legend of some labels."""
+    """Return a figure of panels in rows, with room below for a legend of some labels."""
     columns = len(panels) if len(panels) <= 4 else math.ceil(len(panels) / 2)
     rows = [panels[i : i + columns] for i in range(0, len(panels), columns)]
     gap, head, top, bottom = 0.12, 0.34, 0.45 if title else 0.0, 0.85  # inches
@@ -56,35 +94,24 @@ def sheet(panels: Sequence[Panel], title: str, units: str, *, legend: Sequence[s
     width = max(5.0, *widths)
     bottom += LEGEND_ROW * (math.ceil(len(legend) / legend_columns(width, legend)) - 1 if legend else 0)
     height = top + bottom + sum(heights)
-    figure = Figure(figsize=(width, height), dpi=DOTS_PER_INCH, facecolor="white")
-    FigureCanvasAgg(figure)
+    figure = blank_figure(width, height)
     if title:
         figure.text(0.5, 1.0 - 0.25 / height, title, ha="center", va="center", fontsize=17)
     y = height - top
     for row, row_width, row_height in zip(rows, widths, heights, strict=True):
         x = (width - row_width) / 2.0 + gap
         for panel in row:
-            w, h = panel.inches
-            axes = figure.add_axes((x / width, (y - head - h) / height, w / width, h / height))
-            hang(axes, panel, units)
-            x += w + gap
+            panel.add_to(figure, (x, y - head - panel.inches[1]), units)
+            x += panel.inches[0] + gap
         y -= row_height
     return figure
 
 
-def hang(axes: Axes, panel: Panel, units: str) -> None:
-    """Show a panel on axes of its shape, with its title and a scale bar."""
-    axes.imshow(_opaque(panel.image), interpolation="none", aspect="auto")
-    axes.set_axis_off()
-    axes.set_title(panel.title, fontsize=13, y=1.0)  # where it would be: looking for it takes time
-    _scale_bar(axes, panel, units)
-
-
-def _opaque(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """Return an image with the channel that matplotlib would add at twice the cost."""
-    found = np.full((*image.shape[:2], 4), 255, dtype=np.uint8)
-    found[..., :3] = image
-    return found
+def blank_figure(width: float, height: float) -> Figure:
+    """Return a white figure of a size [inches]."""
+    figure = Figure(figsize=(width, height), dpi=DOTS_PER_INCH, facecolor="white")
+    FigureCanvasAgg(figure)
+    return figure
 
 
 def save_figure(figure: Figure, path: Path, dpi: float = DOTS_PER_INCH) -> None:
@@ -106,23 +133,9 @@ def save_figure(figure: Figure, path: Path, dpi: float = DOTS_PER_INCH) -> None:
     image.convert("RGB").save(path, compress_level=1, compress_type=zlib.Z_RLE, dpi=(figure.dpi,) * 2)
 
 
-def _scale_bar(axes: Axes, panel: Panel, units: str) -> None:
-    height, width = panel.image.shape[:2]
-    per_pixel = 2.0 * panel.view.half_height / height
-    third = per_pixel * width / 3.0
-    power = 10.0 ** math.floor(math.log10(third))
-    length = max(step * power for step in (1.0, 2.0, 5.0) if step * power <= third)
-    x, y = 0.03 * width, 0.975 * height
-    axes.plot([x, x + length / per_pixel], [y, y], color="black", linewidth=2.5, solid_capstyle="butt")
-    axes.text(x, y - 0.012 * height, f"{length:g} {units}", fontsize=10, va="bottom")
-    axes.set_xlim(-0.5, width - 0.5)
-    axes.set_ylim(height - 0.5, -0.5)
-
-
 def curves(title: str, time_label: str, value_label: str) -> tuple[Figure, Axes]:
     """Return a figure with one pair of axes for curves over time."""
-    figure = Figure(figsize=(7.0, 4.6), dpi=DOTS_PER_INCH, facecolor="white")
-    FigureCanvasAgg(figure)
+    figure = blank_figure(7.0, 4.6)
     axes = figure.add_axes((0.12, 0.115, 0.86, 0.805))
     axes.set_title(title, y=1.0)
     axes.set_xlabel(time_label)

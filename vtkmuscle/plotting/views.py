@@ -75,17 +75,7 @@ def choose_view(
 
 
 def clearest_view(muscles: Sequence[vtkPolyData], hiding: Sequence[Floats], *, margin: float = 0.12) -> View:
-    """Return the view that shows most of the muscles, as :func:`choose_view`.
-
-    Parameters
-    ----------
-    muscles : sequence of vtkPolyData
-        A muscle in one or more frames.
-    hiding : sequence of (k, 3) array
-        Points spread over the bones, for each frame.
-    margin : float, optional
-        Space around the muscles, as a part of their size.
-    """
+    """Return the view of :func:`choose_view`, from points (k, 3) spread over the bones of each frame."""
     everything = np.vstack([points_of(muscle) for muscle in muscles])
     cell = float(np.linalg.norm(np.ptp(everything, axis=0))) / 30.0
     pairs = [(_spread(muscle), points) for muscle, points in zip(muscles, hiding, strict=True)]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -15,7 +15,10 @@ from vtkmuscle.core.types import Floats
 from vtkmuscle.io.literature import LiteratureCurve, curves_for, drawn
 from vtkmuscle.plotting.colours import PALETTE
 from vtkmuscle.report.scene3d import Pack
-from vtkmuscle.report.source import RunResult
+
+if TYPE_CHECKING:
+    from vtkmuscle.run.limits import Check
+    from vtkmuscle.run.result import Result
 
 #: Fibres of a muscle that are drawn one by one, at most.
 MOST_FIBRES = 100
@@ -23,18 +26,6 @@ MOST_FIBRES = 100
 _FLAT = 1e-3
 #: Digits of what is drawn.
 _DIGITS = 5
-
-
-class Limit(Protocol):
-    """From where on a muscle is looked at, and has failed."""
-
-    @property
-    def look(self) -> float:
-        """From where on it should be looked at."""
-
-    @property
-    def failed(self) -> float:
-        """From where on it has failed."""
 
 
 #: Words that are long.
@@ -50,18 +41,18 @@ def _largest(values: Floats) -> float:
 
 
 class Measure(NamedTuple):
-    """A measure of the shape: its key in a report's frames, and how a page has it.
+    """A measure of the shape, and how a page shows it.
 
     Attributes
     ----------
     key, check : str
-        In the rows of frames; and the check whose limits it has, if any.
+        Key in the rows of frames, and the check whose limits apply, if any.
     curve, head : str
-        What it is called beside its curve, and above its column; those without are not drawn, or not listed.
+        Title of its curve and of its column; "" for none.
     factor, offset : float
-        What it is times the one plus the other has the limits' unit.
+        ``factor`` times the value plus ``offset`` is in the limits' unit.
     of_all : callable
-        Which value of all frames a table has.
+        Takes the values of all frames, and returns that of the table.
     """
 
     key: str
@@ -95,20 +86,11 @@ MEASURES = (
 
 
 def curves_of(
-    result: RunResult, arms: Mapping[str, Mapping[str, JointArms]], limits: Mapping[str, Limit], pack: Pack
+    result: Result, arms: Mapping[str, Mapping[str, JointArms]], limits: Mapping[str, Check], pack: Pack
 ) -> dict[str, Any]:
-    """Return what a page draws over the motion, JSON-able; single fibres are in the pack.
+    """Return the curves of a page over the motion, ready for JSON; single fibres are added to the pack.
 
-    Parameters
-    ----------
-    result : RunResult
-        Of a run.
-    arms : mapping of str to mapping of str to JointArms
-        Its moment arms, per muscle and coordinate.
-    limits : mapping of str to Limit
-        Per check.
-    pack : Pack
-        Takes the arrays in.
+    ``arms`` are the moment arms per muscle and coordinate, ``limits`` those of each check.
     """
     name, _, unit = result.time_label.partition(" [")
     muscles = [
@@ -154,7 +136,7 @@ def colour_of(number: int) -> str:
     return PALETTE[number % len(PALETTE)]
 
 
-def _muscle(result: RunResult, number: int, arms: Mapping[str, JointArms], pack: Pack) -> dict[str, Any]:
+def _muscle(result: Result, number: int, arms: Mapping[str, JointArms], pack: Pack) -> dict[str, Any]:
     name = result.muscle_names[number]
     frames = result.report["muscles"][name]["frames"]
     checks = {}
@@ -230,7 +212,7 @@ def published_curves(curves: Sequence[LiteratureCurve], per_degree: float = 1.0)
     return found
 
 
-def _coordinates(result: RunResult, arms: Mapping[str, Mapping[str, JointArms]]) -> list[dict[str, Any]]:
+def _coordinates(result: Result, arms: Mapping[str, Mapping[str, JointArms]]) -> list[dict[str, Any]]:
     """Return the coordinates that there are moment arms by, and their values in the kept frames."""
     names = dict.fromkeys(name for found in arms.values() for name in found)
     listed = []
@@ -249,8 +231,8 @@ def _coordinates(result: RunResult, arms: Mapping[str, Mapping[str, JointArms]])
     return listed
 
 
-def _flat(result: RunResult, one: Measure, limit: Limit | None) -> str | None:
-    """Return in words what a curve would not show: that a measure hardly changes, and what it is."""
+def _flat(result: Result, one: Measure, limit: Check | None) -> str | None:
+    """Return a sentence in place of the curve of a measure that hardly changes, else None."""
     muscles = (result.report["muscles"][name]["frames"] for name in result.muscle_names)
     found = (row.get(one.key) for frames in muscles for row in frames)
     values = one(np.array([value for value in found if value is not None], dtype=np.float64))
@@ -262,7 +244,7 @@ def _flat(result: RunResult, one: Measure, limit: Limit | None) -> str | None:
     )
 
 
-def _limits(limit: Limit | None, check: str) -> dict[str, Any]:
+def _limits(limit: Check | None, check: str) -> dict[str, Any]:
     if limit is None:
         return {"look": None, "failed": None, "floor": None}
     return {

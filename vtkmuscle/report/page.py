@@ -4,23 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
-from functools import cache
-from importlib.resources import files
 from os import PathLike
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import jinja2
 import numpy as np
 from markupsafe import Markup
 
-from vtkmuscle._version import __version__
 from vtkmuscle.core.moment_arms.by_coordinate import JointArms
 from vtkmuscle.core.motion.coordinates import ANGLES
 from vtkmuscle.io.writing import write_text
-from vtkmuscle.report.curves import Limit, colour_of, curves_of, label_of
-from vtkmuscle.report.scene3d import Pack, packed, scene_of
-from vtkmuscle.report.source import RunResult
+from vtkmuscle.report.curves import colour_of, curves_of, label_of
+from vtkmuscle.report.scene3d import Pack, scene_of
+from vtkmuscle.report.sections import part, plotly_text, rendered
 from vtkmuscle.report.tables import (
     errors_of,
     not_known_of,
@@ -29,6 +25,10 @@ from vtkmuscle.report.tables import (
     settings_of,
     tables_of,
 )
+
+if TYPE_CHECKING:
+    from vtkmuscle.run.limits import Check
+    from vtkmuscle.run.result import Result
 
 #: Of more muscles than this the cards show a line, and the rest when it is asked for.
 MANY = 6
@@ -47,47 +47,22 @@ _SCRIPTS = (
 )
 
 
-def write_page(path: str | PathLike[str], result: RunResult, limits: Mapping[str, Limit]) -> Path:
-    """Write the page of a run.
+def write_page(path: str | PathLike[str], result: Result, limits: Mapping[str, Check]) -> Path:
+    """Write the page of a run to an .html file that loads nothing from anywhere, and return the file.
 
-    Parameters
-    ----------
-    path : path
-        The .html file; replaced where it exists.
-    result : RunResult
-        What a run has given.
-    limits : mapping of str to Limit
-        Per check of the verdicts, drawn beside the curves.
-
-    Returns
-    -------
-    Path
-        The file. It holds all that it shows, and loads nothing from anywhere.
+    ``limits`` are those of each check of the verdicts; they are drawn beside the curves.
     """
     write_text(Path(path), page_of(result, limits))
     return Path(path)
 
 
-def page_of(result: RunResult, limits: Mapping[str, Limit]) -> str:
+def page_of(result: Result, limits: Mapping[str, Check]) -> str:
     """Return the page of a run as text, see :func:`write_page`."""
-    with ThreadPoolExecutor(1) as pool:  # which compresses while the arrays are gathered
+    with ThreadPoolExecutor(1) as pool:  # compresses Plotly while the arrays are gathered
         return _page_of(result, limits, pool.submit(plotly_text))
 
 
-@cache
-def _template() -> jinja2.Template:
-    environment = jinja2.Environment(
-        loader=jinja2.PackageLoader("vtkmuscle.report", "page"),
-        autoescape=True,
-        undefined=jinja2.StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        keep_trailing_newline=True,
-    )
-    return environment.get_template("report.html")
-
-
-def _page_of(result: RunResult, limits: Mapping[str, Limit], plotly: Future[str]) -> str:
+def _page_of(result: Result, limits: Mapping[str, Check], plotly: Future[str]) -> str:
     report = result.report
     arms = result.moment_arms() if result.has_moment_arms else {}
     pack = Pack()
@@ -97,10 +72,9 @@ def _page_of(result: RunResult, limits: Mapping[str, Limit], plotly: Future[str]
         _card(result, place, name, arms.get(name, {})) for place, name in enumerate(result.muscle_names)
     ]
     errors = errors_of(report)
-    return _template().render(
+    return rendered(
+        "report.html",
         name=result.name,
-        version=__version__,
-        style=part("style.css"),
         script=Markup("\n").join(map(part, _SCRIPTS)),
         lead=_lead(result),
         summary=_summary(result),
@@ -136,19 +110,7 @@ def _page_of(result: RunResult, limits: Mapping[str, Limit], plotly: Future[str]
     )
 
 
-def part(name: str) -> Markup:
-    """Return a part of the page as it is; it is ours, and holds no end of a script."""
-    return Markup((files("vtkmuscle.report") / "page" / name).read_text(encoding="utf-8"))
-
-
-def plotly_text() -> str:
-    """Return Plotly's program, compressed and written as text: two fifths of its size."""
-    from plotly.offline import get_plotlyjs  # noqa: PLC0415 -- a page alone needs it
-
-    return packed(get_plotlyjs().encode("utf-8"))
-
-
-def _lead(result: RunResult) -> str:
+def _lead(result: Result) -> str:
     count, frames = len(result.muscle_names), len(result.frames)
     name, _, unit = result.time_label.partition(" [")
     unit = unit.removesuffix("]")
@@ -159,7 +121,7 @@ def _lead(result: RunResult) -> str:
     return f"{count} muscle{'s' * (count > 1)}, {frames} frame{'s' * (frames > 1)}, {over}. {model}."
 
 
-def _summary(result: RunResult) -> str:
+def _summary(result: Result) -> str:
     """Return in plain words which muscles can be used."""
     groups = {
         verdict: [label_of(name) for name in result.muscle_names if result.verdicts[name] == verdict]
@@ -181,7 +143,7 @@ def _listed(names: list[str]) -> str:
     return ", ".join(names[:-1]) + (" and " if len(names) > 1 else "") + names[-1]
 
 
-def _card(result: RunResult, place: int, name: str, arms: Mapping[str, JointArms]) -> dict[str, Any]:
+def _card(result: Result, place: int, name: str, arms: Mapping[str, JointArms]) -> dict[str, Any]:
     muscle = result.report["muscles"][name]
     facts: list[tuple[str, str, list[str] | None]] = []
     lengths = result.lengths.get(name)
@@ -225,7 +187,7 @@ def _card(result: RunResult, place: int, name: str, arms: Mapping[str, JointArms
 def _with_error(muscle: Mapping[str, Any], quantity: str, value: float, per: float) -> str:
     """Return a number in another unit, with its error where that is known.
 
-    Fibres that end on aponeuroses, where none are given, can only be shorter, and areas larger.
+    Without aponeuroses the error is one-sided: fibres that end on some are shorter, and areas larger.
     """
     known = muscle.get("errors", {}).get(quantity)
     if known and known["parts"].get("aponeuroses"):
@@ -240,7 +202,7 @@ def _sentence(words: Any) -> str:
 
 
 def _thinned(scene: Mapping[str, Any]) -> str:
-    """Return in words what the scene leaves out to stay small."""
+    """Return a sentence for each kind of detail that the scene leaves out to stay small."""
     words = []
     drawn = [one for one in scene["muscles"] if one["surface"] is not None]
     if any(one["surface"]["points"]["points"] < one["surface"]["whole"] for one in drawn):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import base64
 import gzip
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -15,18 +15,20 @@ from vtkmuscle.core.types import Floats, Ints
 from vtkmuscle.data.arrays import points_of, polylines_of, triangles_of
 from vtkmuscle.plotting.colours import PALETTE
 from vtkmuscle.plotting.views import clearest_view
-from vtkmuscle.report.source import RunResult
 from vtkmuscle.scene.data import MILLIMETRES
+
+if TYPE_CHECKING:
+    from vtkmuscle.run.result import Result
 
 #: Steps that the longest side of moving points is cut into: 0.03 mm of half a metre.
 STEPS = 20_000
 
-#: How arrays are called in a page, and what they are.
+#: Types of arrays by their names in a page.
 TYPES = {"u8": np.uint8, "i8": np.int8, "u16": np.uint16, "u32": np.uint32, "f32": np.float32}
 
 
 class Pack:
-    """Arrays one behind the other, each known by a small dict that a page finds it by.
+    """Arrays one behind the other; a small dict says where each is, and its type.
 
     Examples
     --------
@@ -46,16 +48,15 @@ class Pack:
         self._size = 0
 
     def add(self, values: Any, kind: str) -> dict[str, Any]:
-        """Take an array in, as one of :data:`TYPES`, and return where it is."""
+        """Append an array as one of :data:`TYPES`, and return its position."""
         array = np.ascontiguousarray(np.asarray(values), dtype=TYPES[kind])
         return {**self._append(array.tobytes()), "count": int(array.size), "type": kind}
 
     def add_moving(self, frames: Floats) -> dict[str, Any]:
-        """Take points that move, (f, n, 3), in; they come out within half a step.
+        """Append moving points (f, n, 3), rounded to half a step.
 
-        They are whole numbers of steps from ``origin``. Of each frame what is kept is by how much it differs
-        from where the two before it lead to, the low bytes of all apart from the high ones: few of these are
-        not zero.
+        Coordinates are whole numbers of steps from ``origin``. Each frame is stored as its difference from
+        the linear extrapolation of the two before it, low and high bytes apart: most high bytes are zero.
         """
         low = frames.min(axis=(0, 1)) if frames.size else np.zeros(3)
         extent = float((frames.max(axis=(0, 1)) - low).max()) if frames.size else 0.0
@@ -98,25 +99,15 @@ MOST_FRAMES = 120
 MUSCLE_POINTS, FIBRE_POINTS = 1_000_000, 600_000
 #: Triangles that a muscle has at least, and at most.
 LEAST, MOST = 600, 12_000
-#: Rotations per bone are written with as many digits.
+#: Decimals of a bone's transform.
 _POSE_DIGITS = 7
 
 
-def scene_of(result: RunResult, pack: Pack) -> dict[str, Any]:
-    """Return what a page draws, JSON-able, its arrays in the pack.
+def scene_of(result: Result, pack: Pack) -> dict[str, Any]:
+    """Return the scene of a page, ready for JSON; its arrays are added to the pack.
 
-    Parameters
-    ----------
-    result : RunResult
-        Of a run.
-    pack : Pack
-        Takes the arrays in.
-
-    Returns
-    -------
-    dict
-        Of bones each its surface at rest and a rigid transform per frame that is shown; of muscles points
-        per frame, the first of them at rest; of fibres points and what was measured per frame.
+    It has each bone's surface at rest and its transforms, each muscle's points at rest and per frame, and
+    each fibre's points, length, strain and depth in bone per frame.
     """
     shown = shown_frames(len(result.frames))
     frames = [result.frames[i] for i in shown]
@@ -150,7 +141,7 @@ def shown_frames(count: int) -> list[int]:
     return [int(position) for position in np.unique(positions)]
 
 
-def _bones(result: RunResult, shown: list[int], pack: Pack) -> list[dict[str, Any]]:
+def _bones(result: Result, shown: list[int], pack: Pack) -> list[dict[str, Any]]:
     found = []
     for name, bone in result.drawn_bones.by_name.items():
         moved = result.motion.transforms.get(name)
@@ -171,9 +162,7 @@ def _bones(result: RunResult, shown: list[int], pack: Pack) -> list[dict[str, An
     return found
 
 
-def _muscle(
-    result: RunResult, name: str, frames: list[int], wanted: int, pack: Pack
-) -> dict[str, Any] | None:
+def _muscle(result: Result, name: str, frames: list[int], wanted: int, pack: Pack) -> dict[str, Any] | None:
     rest = result.rest_muscle(name)
     points, triangles = points_of(rest), triangles_of(rest, name)
     kept = np.arange(len(points))
@@ -203,7 +192,7 @@ def _decimated(surface: vtkPolyData, points: Floats, wanted: int) -> tuple[Ints,
 
 
 def _fibres(
-    result: RunResult, name: str, frames: list[int], shown: list[int], budget: int, pack: Pack
+    result: Result, name: str, frames: list[int], shown: list[int], budget: int, pack: Pack
 ) -> dict[str, Any] | None:
     if name not in result.fibre_lengths or not frames:
         return None
@@ -238,7 +227,7 @@ def _fibres(
     }
 
 
-def _view(result: RunResult) -> dict[str, Any]:
+def _view(result: Result) -> dict[str, Any]:
     """Return from where most of the muscles is seen, at rest."""
     append = vtkAppendPolyData()
     for name in result.muscle_names:

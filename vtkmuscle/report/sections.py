@@ -6,15 +6,17 @@ import io
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
+from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import jinja2
+from markupsafe import Markup
 from numpy.typing import NDArray
 
 from vtkmuscle._version import __version__
 from vtkmuscle.io.writing import write_text
-from vtkmuscle.report.page import part
+from vtkmuscle.report.scene3d import packed
 from vtkmuscle.report.tables import Cell, Sheet
 
 if TYPE_CHECKING:
@@ -64,6 +66,18 @@ def write_page(path: Path, name: str, kind: str, lead: str, sections: Sequence[S
     facts = {"name": name, "kind": kind, "lead": lead, "sections": sections}
     write_text(path, rendered("sections.html", **facts))
     return path
+
+
+def part(name: str) -> Markup:
+    """Return a part of a page as it is; it is ours, and holds no end of a script."""
+    return Markup((files("vtkmuscle.report") / "page" / name).read_text(encoding="utf-8"))
+
+
+def plotly_text() -> str:
+    """Return Plotly's program, compressed and written as text: two fifths of its size."""
+    from plotly.offline import get_plotlyjs  # noqa: PLC0415 -- a page alone needs it
+
+    return packed(get_plotlyjs().encode("utf-8"))
 
 
 def rendered(template: str, *places: tuple[str, str], **values: Any) -> str:
