@@ -22,7 +22,7 @@ from vtkmuscle.core.moment_arms.by_coordinate import JointArms
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import points_of, polylines_of, triangles_of
 from vtkmuscle.data.paths import paths_of
-from vtkmuscle.run.frames import MuscleTrack
+from vtkmuscle.run.tracks import MuscleTrack
 
 #: What further solves tell of, by the names that a run is asked for them.
 KINDS = ("model", "mesh", "slices", "landmarks")
@@ -105,10 +105,10 @@ def causes_of_fibres(track: MuscleTrack, millimetres: float) -> list[Cause]:
     ``segments``: chords for arcs. ``millimetres`` is the length of the scene's unit.
     """
     lengths = np.array(track.fibre_lengths)
-    lines = [polylines_of(frame, "fibres") for frame in track.fibres]
     assert track.rest_fibres is not None  # there are frames of them
     rested = polylines_of(track.rest_fibres, "fibres")
     rest = polyline_lengths(rested.points, rested.offsets)
+    lines = (polylines_of(frame, "fibres") for frame in track.fibres)
     chords = np.array([segment_errors(one.points, one.offsets) for one in lines])
     of_rest = segment_errors(rested.points, rested.offsets)
     return [Cause("segments", [lengths + chords * millimetres], [(rest + of_rest) * millimetres])]

@@ -27,7 +27,7 @@ from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import polylines_of
 from vtkmuscle.data.paths import wrenches_over_time
-from vtkmuscle.run.frames import MuscleTrack
+from vtkmuscle.run.tracks import MuscleTrack
 from vtkmuscle.scene.data import SceneData
 
 

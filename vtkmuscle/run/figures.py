@@ -19,7 +19,7 @@ from vtkmuscle.data.drawn_bones import DrawnBone
 from vtkmuscle.filters.fibre_tubes import FibreTubes
 from vtkmuscle.io.writing import beside
 from vtkmuscle.plotting.drawing import DrawingEndedError, DrawingProcess, FigureOrder, MuscleFrame, can_render
-from vtkmuscle.run.frames import MuscleTrack
+from vtkmuscle.run.tracks import MuscleTrack
 from vtkmuscle.scene.data import SceneData
 
 if TYPE_CHECKING:

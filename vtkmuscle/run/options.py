@@ -11,7 +11,7 @@ from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.estimate import Estimate
 from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.core.words import suggestion
-from vtkmuscle.run.frames import MuscleTrack
+from vtkmuscle.run.tracks import MuscleTrack
 
 Progress = Callable[[str, str, float], None]
 Observe = Callable[[str, Mapping[str, Any]], None]

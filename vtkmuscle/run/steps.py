@@ -20,13 +20,13 @@ from vtkmuscle.filters.base.algorithm import AbortedError
 from vtkmuscle.io.parts import file_digest
 from vtkmuscle.run.cost import check_duration, check_memory
 from vtkmuscle.run.figures import Drawing
-from vtkmuscle.run.frames import MuscleTrack
 from vtkmuscle.run.muscles import MuscleRun, SceneRun
 from vtkmuscle.run.options import Errors, RunOptions, frame_numbers
 from vtkmuscle.run.report_values import DEFINITIONS, versions
 from vtkmuscle.run.result import Result
 from vtkmuscle.run.store import PAGE
 from vtkmuscle.run.store.writing import ResultWriter, claimed, scene_file
+from vtkmuscle.run.tracks import MuscleTrack
 from vtkmuscle.scene.data import Anatomy, SceneData
 from vtkmuscle.scene.faults import SceneError
 from vtkmuscle.scene.sense import check_sense

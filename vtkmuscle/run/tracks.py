@@ -1,0 +1,127 @@
+"""The frames of one muscle of a run: in memory, or in the files of the run's folder."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, overload
+
+import numpy as np
+from vtkmodules.vtkCommonDataModel import vtkPolyData
+
+from vtkmuscle.core.errors import InputError
+from vtkmuscle.core.estimate import Estimate
+from vtkmuscle.core.types import Floats
+from vtkmuscle.data.arrays import cell_array, polylines_of
+from vtkmuscle.data.paths import paths_of
+from vtkmuscle.io.parts import file_digest
+from vtkmuscle.io.surfaces import read_own_polydata
+
+#: Field arrays of a written frame: its scene, the unit of length and the version of the package.
+STAMPS = ("Scene", "Units", "Version")
+#: Field array that VTK's writer adds to data that a pipeline made for a time.
+TIME = "TimeValue"
+#: What to do where files are missing or damaged.
+RUN_AGAIN = "run the scene again: what is whole is kept"
+
+
+@dataclass(frozen=True)
+class WrittenFile:
+    """A .vtp file in the folder of a run, and the digest of its content as the run wrote it."""
+
+    path: Path
+    digest: str
+
+    def check(self) -> None:
+        """Raise an InputError where the file is missing or has another content."""
+        if not self.path.is_file():
+            raise InputError(self.path, "the file is missing", RUN_AGAIN)
+        if file_digest(self.path) != self.digest:
+            raise InputError(self.path, "the file is not what the run has written", RUN_AGAIN)
+
+    def read(self) -> vtkPolyData:
+        """Check the file, and return its data without the stamps of the run."""
+        self.check()
+        data = read_own_polydata(self.path)
+        for name in (*STAMPS, TIME):
+            data.GetFieldData().RemoveArray(name)
+        return data
+
+
+class Frames(Sequence[vtkPolyData]):
+    """Frames of a surface or of fibres; those that are in files are read each time they are asked for."""
+
+    def __init__(self, frames: Iterable[vtkPolyData | WrittenFile] = ()) -> None:
+        self._frames = list(frames)
+
+    @overload
+    def __getitem__(self, index: int) -> vtkPolyData: ...
+    @overload
+    def __getitem__(self, index: slice) -> Frames: ...
+    def __getitem__(self, index: int | slice) -> vtkPolyData | Frames:
+        if isinstance(index, slice):
+            return Frames(self._frames[index])
+        frame = self._frames[index]
+        return frame.read() if isinstance(frame, WrittenFile) else frame
+
+    def __len__(self) -> int:
+        return len(self._frames)
+
+    def append(self, frame: vtkPolyData | WrittenFile) -> None:
+        """Add a frame, or the file that has it."""
+        self._frames.append(frame)
+
+    @property
+    def files(self) -> list[WrittenFile]:
+        """The files of those frames that are in files."""
+        return [frame for frame in self._frames if isinstance(frame, WrittenFile)]
+
+
+@dataclass(eq=False)
+class MuscleTrack:
+    """The finished frames of one muscle.
+
+    Attributes
+    ----------
+    rest : vtkPolyData or None
+        The muscle at rest, with the point array ``FixedTo``.
+    rest_fibres : vtkPolyData or None
+        The fibres at rest.
+    surfaces, fibres : Frames
+        The deformed muscle and its fibres; empty for model ``"paths"`` and for a muscle without fibres.
+    lengths, fibre_lengths : list of (k,) array
+        Per frame the lengths of the paths, which a muscle on one bone does not have, and of the fibres [mm].
+    wrenches : list of dict of str to (k, 6) array
+        Per frame those of the paths by bone, see :mod:`vtkmuscle.data.paths`.
+    report : dict
+        The muscle's part of the report, JSON-able.
+    failure : (int, float, Exception) or None
+        Frame and time that could not be computed, and why; the frames before are there.
+    errors : dict of str to Estimate
+        Quantities with the parts of their errors.
+    """
+
+    rest: vtkPolyData | None = None
+    rest_fibres: vtkPolyData | None = None
+    surfaces: Frames = field(default_factory=Frames)
+    fibres: Frames = field(default_factory=Frames)
+    lengths: list[Floats] = field(default_factory=list)
+    wrenches: list[dict[str, Floats]] = field(default_factory=list)
+    fibre_lengths: list[Floats] = field(default_factory=list)
+    report: dict[str, Any] = field(default_factory=dict)
+    failure: tuple[int, float, Exception] | None = None
+    errors: Mapping[str, Estimate] = field(default_factory=dict)
+
+    def fibre_points(self, position: int) -> Floats:
+        """Return the points (k, n, 3) of the fibres in a frame; all fibres have the same number of points."""
+        lines = polylines_of(self.fibres[position], "fibres")
+        return lines.points.reshape(len(lines), -1, 3)
+
+    def add_lengths(self, fibres: vtkPolyData, millimetres: float) -> None:
+        """Add the lengths of the fibres of a frame, and the lengths and wrenches of their paths."""
+        self.fibre_lengths.append(np.array(cell_array(fibres, "Length", "fibres")) * millimetres)
+        paths = paths_of(fibres, "fibres")
+        if paths is not None:
+            self.lengths.append(paths.lengths * millimetres)
+            self.wrenches.append(paths.wrenches)
