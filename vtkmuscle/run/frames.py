@@ -17,7 +17,7 @@ from vtkmuscle.core.types import Floats
 from vtkmuscle.core.words import suggestion
 from vtkmuscle.data.arrays import points_of, with_points
 from vtkmuscle.data.drawn_bones import DrawnBones
-from vtkmuscle.data.paths import Paths, paths_of, wrenches_over_time
+from vtkmuscle.data.paths import Paths, paths_of
 from vtkmuscle.filters.bone_motion import BoneMotion
 from vtkmuscle.guesses import WithHints
 from vtkmuscle.io.literature import LiteratureCurve
@@ -97,7 +97,7 @@ class KeptFrames(WithHints):
 
         By bone (frames, paths, 6): force [1], and moment about the scene's origin [unit of the scene].
         """
-        return wrenches_over_time(self._track(name).wrenches)
+        return self._track(name).wrenches()
 
     def finished(self, name: str) -> int:
         """Return how many of the kept frames a muscle has: all, or those before the one that failed."""

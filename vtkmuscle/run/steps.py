@@ -15,6 +15,7 @@ from vtkmuscle.core.errors import fault_of
 from vtkmuscle.core.files import check_name
 from vtkmuscle.core.machine import processors
 from vtkmuscle.core.mesh.shared import held
+from vtkmuscle.core.moment_arms.by_coordinate import JointArms
 from vtkmuscle.data.drawn_bones import DrawnBones
 from vtkmuscle.filters.base.algorithm import AbortedError
 from vtkmuscle.io.parts import file_digest
@@ -123,20 +124,21 @@ def _solve(
 
 def _measure(result: Result, tracks: Tracks, report: dict[str, Any], errors: Errors | None) -> None:
     """Report the moment arms, or why there are none, and the errors of all muscles."""
+    arms: Mapping[str, Mapping[str, JointArms]] = {}
     if result.lengths and result.motion.coordinates:
         try:
-            arms = result.moment_arms()
+            arms = table = result.moment_arms()
         except ValueError as error:
             report["moment_arms"] = {"reason": str(error)}
         else:
-            report["moment_arms"] = {"refused": arms.refused}
-            for name in arms:
-                report["muscles"][name]["moment_arms"] = arms.report(name)
+            report["moment_arms"] = {"refused": table.refused}
+            for name in table:
+                report["muscles"][name]["moment_arms"] = table.report(name)
     if errors is not None:
         before = time.perf_counter()
         motion = result.motion.part(result.frames)
         for name, track in tracks.items():
-            track.errors = errors.estimates(name, track, motion)
+            track.errors = errors.estimates(name, track, motion, arms.get(name, {}))
         report["seconds"]["errors"] = time.perf_counter() - before
 
 

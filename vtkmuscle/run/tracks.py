@@ -14,7 +14,7 @@ from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.estimate import Estimate
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import cell_array, polylines_of
-from vtkmuscle.data.paths import paths_of
+from vtkmuscle.data.paths import paths_of, wrenches_over_time
 from vtkmuscle.io.parts import file_digest
 from vtkmuscle.io.surfaces import read_own_polydata
 
@@ -92,8 +92,6 @@ class MuscleTrack:
         The deformed muscle and its fibres; empty for model ``"paths"`` and for a muscle without fibres.
     lengths, fibre_lengths : list of (k,) array
         Per frame the lengths of the paths, which a muscle on one bone does not have, and of the fibres [mm].
-    wrenches : list of dict of str to (k, 6) array
-        Per frame those of the paths by bone, see :mod:`vtkmuscle.data.paths`.
     report : dict
         The muscle's part of the report, JSON-able.
     failure : (int, float, Exception) or None
@@ -107,7 +105,6 @@ class MuscleTrack:
     surfaces: Frames = field(default_factory=Frames)
     fibres: Frames = field(default_factory=Frames)
     lengths: list[Floats] = field(default_factory=list)
-    wrenches: list[dict[str, Floats]] = field(default_factory=list)
     fibre_lengths: list[Floats] = field(default_factory=list)
     report: dict[str, Any] = field(default_factory=dict)
     failure: tuple[int, float, Exception] | None = None
@@ -118,10 +115,14 @@ class MuscleTrack:
         lines = polylines_of(self.fibres[position], "fibres")
         return lines.points.reshape(len(lines), -1, 3)
 
+    def wrenches(self) -> dict[str, Floats]:
+        """Return the wrenches (f, k, 6) of the paths by bone, see :mod:`vtkmuscle.data.paths`."""
+        frames = (paths_of(fibres, "fibres") for fibres in self.fibres)
+        return wrenches_over_time(paths.wrenches for paths in frames if paths is not None)
+
     def add_lengths(self, fibres: vtkPolyData, millimetres: float) -> None:
-        """Add the lengths of the fibres of a frame, and the lengths and wrenches of their paths."""
+        """Add the lengths of the fibres of a frame and of their paths."""
         self.fibre_lengths.append(np.array(cell_array(fibres, "Length", "fibres")) * millimetres)
         paths = paths_of(fibres, "fibres")
         if paths is not None:
             self.lengths.append(paths.lengths * millimetres)
-            self.wrenches.append(paths.wrenches)
