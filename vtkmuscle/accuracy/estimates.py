@@ -21,7 +21,7 @@ from vtkmuscle.core.moment_arms.by_coordinate import JointArms
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import points_of, polylines_of, triangles_of
 from vtkmuscle.data.paths import paths_of
-from vtkmuscle.run.tracks import MuscleTrack
+from vtkmuscle.run.frames import MuscleTrack
 
 #: Causes whose part takes further solves, and those of them that need nothing but the scene.
 KINDS = ("model", "mesh", "slices", "landmarks")

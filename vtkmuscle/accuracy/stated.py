@@ -26,7 +26,7 @@ from vtkmuscle.core.moment_arms.of_joints import known_coordinates, slopes_by
 from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import polylines_of
-from vtkmuscle.run.tracks import MuscleTrack
+from vtkmuscle.run.frames import MuscleTrack
 from vtkmuscle.scene.data import SceneData
 
 

@@ -31,12 +31,12 @@ from vtkmuscle.filters.base.filter import Filter
 from vtkmuscle.filters.deformer.shape_report import read_shape
 from vtkmuscle.filters.pbd_deformer import PBDDeformer
 from vtkmuscle.pipelines import MusclePipeline
+from vtkmuscle.run.frames import MuscleTrack, WrittenFile
 from vtkmuscle.run.limits import CHECKS, FULL_SIZE
 from vtkmuscle.run.measure import MuscleMeasure
 from vtkmuscle.run.options import RunOptions
 from vtkmuscle.run.report_values import architecture_of, fibres_at_rest, measures_of_fibres
 from vtkmuscle.run.store.writing import ResultWriter
-from vtkmuscle.run.tracks import MuscleTrack, WrittenFile
 from vtkmuscle.run.verdict import FibreHistory, judge, slides_of
 from vtkmuscle.scene.data import SceneData
 

@@ -12,7 +12,7 @@ from vtkmuscle.core.estimate import Estimate
 from vtkmuscle.core.moment_arms.by_coordinate import JointArms
 from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.core.words import suggestion
-from vtkmuscle.run.tracks import MuscleTrack
+from vtkmuscle.run.frames import MuscleTrack
 
 Progress = Callable[[str, str, float], None]
 Observe = Callable[[str, Mapping[str, Any]], None]

@@ -21,13 +21,13 @@ from vtkmuscle.filters.base.algorithm import AbortedError
 from vtkmuscle.io.parts import file_digest
 from vtkmuscle.run.cost import check_duration, check_memory
 from vtkmuscle.run.figures import Drawing
+from vtkmuscle.run.frames import MuscleTrack
 from vtkmuscle.run.muscles import MuscleRun, SceneRun
 from vtkmuscle.run.options import Errors, RunOptions, frame_numbers
 from vtkmuscle.run.report_values import DEFINITIONS, versions
 from vtkmuscle.run.result import Result
 from vtkmuscle.run.store import PAGE
 from vtkmuscle.run.store.writing import ResultWriter, claimed, scene_file
-from vtkmuscle.run.tracks import MuscleTrack
 from vtkmuscle.scene.data import Anatomy, SceneData
 from vtkmuscle.scene.faults import SceneError
 from vtkmuscle.scene.sense import check_sense
@@ -83,7 +83,7 @@ def run_scene(
             result = result_of(tracks)
             _measure(result, tracks, report, errors)
             if store is not None:
-                store.write_tables(result)
+                _write_tables(store, result)
                 _write(store, result, drawing, options, report)
             report["complete"] = True
             report["seconds"]["total"] = time.perf_counter() - began
@@ -140,6 +140,15 @@ def _measure(result: Result, tracks: Tracks, report: dict[str, Any], errors: Err
         for name, track in tracks.items():
             track.errors = errors.estimates(name, track, motion, arms.get(name, {}))
         report["seconds"]["errors"] = time.perf_counter() - before
+
+
+def _write_tables(store: ResultWriter, result: Result) -> None:
+    """Write the tables of a result, and those of the measures of each muscle's fibres."""
+    for name, table in result.tables().items():
+        if name != "architecture" or len(table["muscle"]):
+            store.write_table(name, table)
+    for name, table in result.fibre_tables():
+        store.write_table(f"{name}_fibres", table)
 
 
 def _write(
@@ -221,7 +230,7 @@ def _reported(
         report["stopped_by"] = f"{type(error).__name__}: {error}".rstrip(": ")
         if store is not None:
             with suppress(OSError):  # the disk may be what failed; the first error says more
-                store.write_tables(result())
+                _write_tables(store, result())
                 store.write_report(report)
         raise
 

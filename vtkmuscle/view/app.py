@@ -13,7 +13,7 @@ from vtkmuscle.core.errors import InputError
 from vtkmuscle.data.arrays import points_of
 from vtkmuscle.plotting import MovingScene, Pose, View, can_render
 from vtkmuscle.run.display import ResultDisplay
-from vtkmuscle.run.frames import time_label
+from vtkmuscle.run.result_data import time_label
 from vtkmuscle.run.muscles import muscle_pipeline
 from vtkmuscle.run.result import Result
 from vtkmuscle.scenes import Scene

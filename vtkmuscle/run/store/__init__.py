@@ -20,7 +20,7 @@ from vtkmuscle.io.literature import LiteratureCurve
 from vtkmuscle.io.parts import Part, Parts, file_digest
 from vtkmuscle.io.surfaces import read_polydata
 from vtkmuscle.io.temporal import TimeSeries, read_series
-from vtkmuscle.run.tracks import TIME, Frames, MuscleTrack, WrittenFile
+from vtkmuscle.run.frames import TIME, Frames, MuscleTrack, WrittenFile
 from vtkmuscle.scene.data import MILLIMETRES
 
 #: The report of a run, and the page with all that it has found.

@@ -24,10 +24,10 @@ from vtkmuscle.io.parts import Part, file_digest, plain
 from vtkmuscle.io.temporal import Collection as Pvd
 from vtkmuscle.io.temporal import Series
 from vtkmuscle.io.writing import check_no_links, left_behind, locked, write_polydata, write_text
-from vtkmuscle.run.result_tables import ResultTables
+from vtkmuscle.run.frames import STAMPS, Frames, MuscleTrack, WrittenFile
 from vtkmuscle.run.store import FINISHED, PAGE, REPORT, SCENE, ResultFolder
 from vtkmuscle.run.store.keys import muscle_keys
-from vtkmuscle.run.tracks import STAMPS, Frames, MuscleTrack, WrittenFile
+from vtkmuscle.run.table import Table
 from vtkmuscle.scene.data import SceneData
 from vtkmuscle.scene.schema_types import checked_name
 
@@ -174,8 +174,8 @@ def _may_lose(folder: Path) -> bool:
     return any(path.is_dir() or path.suffix.lower() in (".vtp", ".png") for path in folder.iterdir())
 
 
-#: Digits of the numbers in tables; the lengths have all of theirs.
-_DIGITS = 10
+#: Digits of the numbers in tables, and the tables that have all digits.
+_DIGITS, _EXACT = 10, ("lengths", "fibre_lengths")
 
 
 class ResultWriter(ResultFolder):
@@ -272,15 +272,9 @@ class ResultWriter(ResultFolder):
                     write_polydata(parts[name], self._stamped(bone))
             collection.add(time, parts)
 
-    def write_tables(self, result: ResultTables) -> None:
-        """Write the tables of what is there: lengths with all their digits, and the measures of fibres."""
-        tables = result.tables()
-        if not len(tables["architecture"]["muscle"]):
-            del tables["architecture"]
-        for name, table in tables.items():
-            table.to_csv(self.path / f"{name}.csv", digits=None if name.endswith("lengths") else _DIGITS)
-        for name, table in result.fibre_tables():
-            table.to_csv(self.path / f"{name}_fibres.csv", digits=_DIGITS)
+    def write_table(self, name: str, table: Table) -> None:
+        """Write a table, those of lengths with all their digits."""
+        table.to_csv(self.path / f"{name}.csv", digits=None if name in _EXACT else _DIGITS)
 
     def write_report(self, report: Mapping[str, Any]) -> None:
         """Write report.json."""
