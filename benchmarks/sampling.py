@@ -60,6 +60,7 @@ class Sampling:
 
     def _look(self) -> None:
         frames = sys._current_frames()
+        frames.pop(threading.get_ident())  # a cycle, which would keep the data of all other frames alive
         for thread in threading.enumerate():
             frame, number = frames.get(thread.ident or 0), thread.native_id or 0
             if frame is None or thread is self._thread:

@@ -40,7 +40,7 @@ def over_roller(aside, lifted=0.0):
 def jumping(lines, bone, motion):
     lengths = np.full((len(lines), 1), 100.0)
     lengths[5:] = 80.0
-    return slides_of(lengths, lines, motion, {"femur": bone}, jump=1.0)
+    return slides_of(lengths, lines.__getitem__, motion, {"femur": bone}, jump=1.0)
 
 
 @pytest.fixture(scope="module")

@@ -23,8 +23,7 @@ if TYPE_CHECKING:
     from vtkmuscle.core.errors import InputError
     from vtkmuscle.core.motion.rigid import RigidMotion, hinge
     from vtkmuscle.data.attachments import AttachmentArea
-    from vtkmuscle.run.result import Result
-    from vtkmuscle.run.result_tables import MuscleResult
+    from vtkmuscle.run.result import MuscleResult, Result
     from vtkmuscle.run.table import MomentArmTable, Table
     from vtkmuscle.scene.data import Muscle
     from vtkmuscle.scene.faults import SceneError
@@ -45,7 +44,7 @@ _SOURCES = {
     "sensitivities": "vtkmuscle.studies.sensitivity",
     "MomentArmTable": "vtkmuscle.run.table",
     "Muscle": "vtkmuscle.scene.data",
-    "MuscleResult": "vtkmuscle.run.result_tables",
+    "MuscleResult": "vtkmuscle.run.result",
     "Result": "vtkmuscle.run.result",
     "Scene": "vtkmuscle.scenes",
     "SceneError": "vtkmuscle.scene.faults",

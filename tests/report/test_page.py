@@ -155,7 +155,7 @@ def test_a_muscle_that_failed_on_the_way_shows_the_frames_it_has(run_folder):
     _, result = run_folder
     track = copy.copy(result._tracks["spindle"])
     track.report = {**track.report, "frames": track.report["frames"][:2]}
-    track.points, track.fibres, track.lengths = track.points[:2], track.fibres[:2], track.lengths[:2]
+    track.surfaces, track.fibres, track.lengths = track.surfaces[:2], track.fibres[:2], track.lengths[:2]
     report = copy.deepcopy(dict(result.report))
     report["muscles"]["spindle"]["frames"] = report["muscles"]["spindle"]["frames"][:2]
     other = Result(result.rest_bones(), result.motion, {**result._tracks, "spindle": track}, report)
@@ -167,7 +167,7 @@ def test_a_muscle_without_any_frame_has_a_page_too(run_folder):
     _, result = run_folder
     track = copy.copy(result._tracks["spindle"])
     track.report = {**track.report, "frames": []}
-    track.points, track.fibres, track.lengths = [], [], []
+    track.surfaces, track.fibres, track.lengths = [], [], []
     report = copy.deepcopy(dict(result.report))
     report["muscles"]["spindle"] |= {"frames": [], "fibre_measures": []}
     other = Result(result.rest_bones(), result.motion, {**result._tracks, "spindle": track}, report)

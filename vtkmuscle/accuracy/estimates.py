@@ -16,7 +16,6 @@ from vtkmuscle.core.estimate import (
     expanded_of_samples,
     segment_errors,
 )
-from vtkmuscle.core.mesh.polylines import polyline_lengths
 from vtkmuscle.core.mesh.rest_shape import rounded_volume
 from vtkmuscle.core.moment_arms.by_coordinate import JointArms
 from vtkmuscle.core.types import Floats
@@ -24,27 +23,32 @@ from vtkmuscle.data.arrays import points_of, polylines_of, triangles_of
 from vtkmuscle.data.paths import paths_of
 from vtkmuscle.run.frames import MuscleTrack
 
-#: What further solves tell of, by the names that a run is asked for them.
+#: Causes whose part takes further solves, and those of them that need nothing but the scene.
 KINDS = ("model", "mesh", "slices", "landmarks")
-#: Those of them that take nothing but the scene.
 SOLVED = KINDS[:-1]
 #: Orders of convergence: of a muscle's shape in its edges, the lowest there is, since that of position based
-#: dynamics is not known; and of fibres in their segments, chords of curves.
-MESH_ORDER, SLICES_ORDER = 1.0, 2.0
+#: dynamics is not known; of fibres in their segments, which are chords of curves; and of a smooth surface in
+#: its triangles.
+MESH_ORDER, SLICES_ORDER, FACET_ORDER = 1.0, 2.0, 2.0
+#: Length of fascicles as a part of their muscle's, where these are shortest: the semimembranosus, of the four
+#: hamstrings of eight cadavers (Kellis et al. 2012, doi:10.1016/j.jelekin.2012.03.012; others 0.27 to 0.58).
+SHORTEST_FASCICLE = 0.22
 
-#: From what is (...) and others of it (n, ...) to an expanded uncertainty (...).
+#: From a value (...) and other values of it (n, ...) to an expanded uncertainty (...).
 Rule = Callable[[Floats, Floats], Floats]
+#: By a coordinate, from lengths (f, k) of paths to -dl/dq (m, k), NaN where poses do not tell it.
+Slopes = Callable[[str, Floats], Floats]
 
 
-def _apart(value: Floats, others: Floats) -> Floats:
-    """Return how far the one other is off: a difference that is known, and not corrected for."""
+def _difference(value: Floats, others: Floats) -> Floats:
+    """Return the difference from one other value, which is known and not corrected for."""
     return np.asarray(np.abs(others[0] - value))
 
 
-#: Per cause, what its other lengths say.
+#: Per cause, the rule by which its other lengths give its part of an error.
 RULES: Mapping[str, Rule] = MappingProxyType(
     {
-        "segments": _apart,
+        "segments": _difference,
         "model": lambda value, others: expanded_of_bounds(others[0] - value),
         "mesh": lambda value, others: convergence_error(value, others[0], order=MESH_ORDER),
         "slices": lambda value, others: convergence_error(value, others[0], order=SLICES_ORDER),
@@ -55,18 +59,10 @@ RULES: Mapping[str, Rule] = MappingProxyType(
 
 @dataclass(frozen=True, eq=False)
 class Cause:
-    """A cause, and lengths as they would be without it, or with more of it.
+    """A cause of error, a key of :data:`RULES`, with the lengths as they would be without it.
 
-    Attributes
-    ----------
-    name : str
-        A key of :data:`RULES`.
-    lengths : sequence of (f, k) arrays
-        Of the paths, or of the fibres, in each frame [mm].
-    rest : sequence of (k,) arrays
-        Of the fibres at rest [mm]; none where the cause has no part in them.
-    arms : sequence of dict of str to JointArms
-        Of the paths by coordinate, where these are known; else what lengths say of them.
+    ``lengths`` (f, k) are those of the paths or fibres, ``rest`` (k,) of the fibres at rest [mm], and
+    ``arms`` the moment arms of the paths by coordinate; each once or several times, or none.
     """
 
     name: str
@@ -75,58 +71,24 @@ class Cause:
     arms: Sequence[Mapping[str, JointArms]] = ()
 
     def part(self, of: Callable[[Floats], Floats], value: Floats, lengths: Sequence[Floats]) -> Floats:
-        """Return the part of the error of a quantity that is made of lengths.
-
-        Parameters
-        ----------
-        of : callable
-            From lengths to the quantity.
-        value : array
-            The quantity.
-        lengths : sequence of array
-            ``lengths`` or ``rest``.
-        """
+        """Return the cause's part of the error of a quantity; ``of`` gives the quantity of ``lengths``."""
         return RULES[self.name](value, np.array([of(other) for other in lengths]))
 
 
-#: By a coordinate, from lengths (f, k) of paths to -dl/dq (m, k).
-Slopes = Callable[[str, Floats], Floats]
-
-#: A triangle's chords are off a smooth surface by the square of their length.
-FACET_ORDER = 2.0
-#: Length of fascicles as a part of their muscle's, where these are shortest: the semimembranosus, of the four
-#: hamstrings of eight cadavers (Kellis et al. 2012, doi:10.1016/j.jelekin.2012.03.012; others 0.27 to 0.58).
-SHORTEST_FASCICLE = 0.22
-
-
-def causes_of_fibres(track: MuscleTrack, millimetres: float) -> list[Cause]:
-    """Return the causes whose part in the lengths of fibres is known without a further solve.
-
-    ``segments``: chords for arcs. ``millimetres`` is the length of the scene's unit.
-    """
-    lengths = np.array(track.fibre_lengths)
-    lines = [polylines_of(frame, "fibres") for frame in track.fibres]
-    assert track.rest_fibres is not None  # there are frames of them
-    rested = polylines_of(track.rest_fibres, "fibres")
-    rest = polyline_lengths(rested.points, rested.offsets)
-    chords = np.array([segment_errors(one.points, one.offsets) for one in lines])
-    of_rest = segment_errors(rested.points, rested.offsets)
-    return [Cause("segments", [lengths + chords * millimetres], [(rest + of_rest) * millimetres])]
-
-
-def causes_of_paths(track: MuscleTrack, millimetres: float) -> list[Cause]:
-    """Return the causes whose part in the lengths of paths is known without a further solve: ``segments``."""
-    chords = []
+def chord_errors(track: MuscleTrack, millimetres: float) -> tuple[Floats, Floats]:
+    """Return by how much arcs are longer than their chords, of fibres and of paths (f, k) each [mm]."""
+    of_fibres, of_paths = [], []
     for frame in track.fibres:
-        paths = paths_of(frame, "fibres")
-        assert paths is not None  # there are lengths of them
-        k, n, _ = paths.points.shape
-        chords.append(segment_errors(paths.points.reshape(-1, 3), n * np.arange(k + 1)))
-    return [Cause("segments", [np.array(track.lengths) + np.array(chords) * millimetres])]
+        lines, paths = polylines_of(frame, "fibres"), paths_of(frame, "fibres")
+        of_fibres.append(segment_errors(lines.points, lines.offsets))
+        if paths is not None:
+            k, n, _ = paths.points.shape
+            of_paths.append(segment_errors(paths.points.reshape(-1, 3), n * np.arange(k + 1)))
+    return np.array(of_fibres) * millimetres, np.array(of_paths) * millimetres
 
 
 def length_estimates(name: str, lengths: Floats, causes: Sequence[Cause]) -> dict[str, Estimate]:
-    """Return NAME, of the mean length per frame (f,), and ``each_NAME`` (f, k), of lengths (f, k) [mm]."""
+    """Return the estimates NAME of the mean of lengths (f, k) and ``each_NAME`` of every one [mm]."""
     mean = lengths.mean(axis=1)
     parts = {cause.name: cause.part(_mean_of_last, mean, cause.lengths) for cause in causes}
     of_each = {cause.name: cause.part(_itself, lengths, cause.lengths) for cause in causes}
@@ -141,17 +103,8 @@ def arm_estimates(
 ) -> dict[str, Estimate]:
     """Return ``moment_arm_NAME`` (m,) by each coordinate, and ``each_moment_arm_NAME`` (m, k) [mm].
 
-    ``slopes``: what the lever of a pull and -dl/dq of its path differ by, taken as bounds of the error; where
-    poses do not tell -dl/dq it adds nothing.
-
-    Parameters
-    ----------
-    known : dict of str to JointArms
-        The moment arms.
-    causes : sequence of Cause
-        Where one has no moment arms, its lengths say by their slopes how much others they would be.
-    slopes : callable
-        From lengths (f, k) to -dl/dq (m, k), NaN where it is not known, by a coordinate.
+    ``slopes``: the difference of the lever of a pull and -dl/dq of its path bounds the error; it is 0 where
+    -dl/dq is not known. Where a cause has no moment arms, they follow from the slopes of its lengths.
     """
     estimates: dict[str, Estimate] = {}
     for name, found in known.items():
@@ -175,7 +128,7 @@ def arm_estimates(
 def volume_estimate(track: MuscleTrack, millimetres: float) -> Estimate:
     """Return the muscle's volume per frame (f,), or at rest (1,) where it is not deformed [mm^3].
 
-    ``facets``: flat triangles for a round surface. ``solve``: by how much the volume is not kept.
+    ``facets`` is the error of flat triangles for a round surface, ``solve`` the change of volume.
     """
     assert track.rest is not None  # it was run
     points, triangles = points_of(track.rest), triangles_of(track.rest, "muscle")
@@ -191,59 +144,35 @@ def volume_estimate(track: MuscleTrack, millimetres: float) -> Estimate:
 def architecture_estimates(
     architecture: Mapping[str, Any], volume: Estimate, rest: Estimate
 ) -> dict[str, Estimate]:
-    """Return areas and fascicle length: quotients and parts, whose relative variances add.
+    """Return ``pcsa`` and ``pcsa_without_tendon`` [mm^2] and ``fascicle_length`` [mm], (1,) each.
 
-    JCGM 100:2008, 5.1.6, eq. 12, cause by cause. ``tendon``: the range over what may count as tendon.
+    They are quotients and parts of the volume and of the mean length ``rest`` (1,), whose relative variances
+    add, cause by cause (JCGM 100:2008, 5.1.6, eq. 12). ``tendon`` is the range over what may count as tendon.
     ``aponeuroses``, where none are given: fascicles that end on them are shorter, down to
     :data:`SHORTEST_FASCICLE` of the muscle's length, and areas as much larger.
-
-    Parameters
-    ----------
-    architecture : mapping
-        Of the report.
-    volume : Estimate
-        At rest or in motion; what is not kept in motion does not count.
-    rest : Estimate
-        Mean length of the fibres at rest (1,).
-
-    Returns
-    -------
-    dict of str to Estimate
-        ``pcsa`` and ``pcsa_without_tendon`` [mm^2], ``fascicle_length`` [mm], (1,) each.
     """
     facets = {"facets": volume.parts["facets"][:1] / volume.value[:1]}
     relative = {cause: part / rest.value for cause, part in rest.parts.items()}
+    area, length = architecture["pcsa_without_tendon_mm2"], architecture["fascicle_length_mm"]["mean"]
+    bounds_of_area = architecture["pcsa_without_tendon_range_mm2"]
     given = (
         ("pcsa", architecture["pcsa_mm2"], "mm^2", facets | relative, None),
-        (
-            "pcsa_without_tendon",
-            architecture["pcsa_without_tendon_mm2"],
-            "mm^2",
-            facets | relative,
-            architecture["pcsa_without_tendon_range_mm2"],
-        ),
-        (
-            "fascicle_length",
-            architecture["fascicle_length_mm"]["mean"],
-            "mm",
-            relative,
-            architecture["fascicle_length_range_mm"],
-        ),
+        ("pcsa_without_tendon", area, "mm^2", facets | relative, bounds_of_area),
+        ("fascicle_length", length, "mm", relative, architecture["fascicle_length_range_mm"]),
     )
     estimates = {}
-    unknown = architecture["tendon_from"] == "estimate"
+    least = SHORTEST_FASCICLE if architecture["tendon_from"] == "estimate" else 1.0
     for name, value, unit, shares, bounds in given:
         parts = {cause: np.array([value]) * share for cause, share in shares.items()}
         if bounds is not None:
             parts["tendon"] = expanded_of_bounds([(bounds[1] - bounds[0]) / 2.0])
-        least = SHORTEST_FASCICLE if unknown else 1.0
         parts["aponeuroses"] = np.array([value * ((1.0 - least) if unit == "mm" else (1.0 / least - 1.0))])
         estimates[name] = Estimate(np.array([value]), unit, parts)
     return estimates
 
 
 def rest_estimate(rest: Floats, causes: Sequence[Cause]) -> Estimate:
-    """Return the mean length of the fibres at rest (1,), of their lengths (k,) [mm]."""
+    """Return the estimate of the mean (1,) of the fibres' lengths (k,) at rest [mm]."""
     mean = np.array([rest.mean()])
     parts = {
         cause.name: cause.part(lambda other: np.array([other.mean()]), mean, cause.rest)
@@ -254,7 +183,7 @@ def rest_estimate(rest: Floats, causes: Sequence[Cause]) -> Estimate:
 
 
 def _of_number(values: Floats) -> dict[str, Floats]:
-    """Return what a mean owes to the number of fibres, of values (k, ...); nothing of a single one."""
+    """Return the sampling error of the mean of values (k, ...) of k fibres; none for a single fibre."""
     return {"fibres": expanded_of_samples(values, of_mean=True)} if len(values) > 1 else {}
 
 

@@ -1,8 +1,8 @@
-"""The errors of a run's numbers: what is known from the run, and from further solves where there are any."""
+"""The errors of a run's numbers, from the run and from further solves."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 
@@ -11,39 +11,28 @@ import numpy as np
 from vtkmuscle.accuracy.estimates import (
     KINDS,
     Cause,
+    Slopes,
     architecture_estimates,
     arm_estimates,
-    causes_of_fibres,
-    causes_of_paths,
+    chord_errors,
     length_estimates,
     rest_estimate,
     volume_estimate,
 )
-from vtkmuscle.core.estimate import Estimate
+from vtkmuscle.core.estimate import Estimate, segment_errors
 from vtkmuscle.core.mesh.polylines import polyline_lengths
 from vtkmuscle.core.moment_arms.by_coordinate import JointArms
-from vtkmuscle.core.moment_arms.of_joints import joint_arms, known_coordinates, slopes_by
+from vtkmuscle.core.moment_arms.of_joints import known_coordinates, slopes_by
 from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import polylines_of
-from vtkmuscle.data.paths import wrenches_over_time
 from vtkmuscle.run.frames import MuscleTrack
 from vtkmuscle.scene.data import SceneData
 
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """What a further solve of a muscle gives, in the frames of the run.
-
-    Attributes
-    ----------
-    lengths, fibre_lengths : (f, k) arrays
-        Of the paths and of the fibres [mm].
-    rest : (k,) array
-        Of the fibres at rest [mm].
-    arms : dict of str to JointArms
-        Of the paths by coordinate.
-    """
+    """A further solve: lengths of paths and fibres (f, k), of fibres at rest (k,) [mm], and moment arms."""
 
     lengths: Floats
     fibre_lengths: Floats
@@ -57,11 +46,11 @@ class StatedErrors:
     Parameters
     ----------
     scene : SceneData
-        What is run.
+        The scene of the run.
     kinds : sequence of str, optional
         Causes beside those that are always known, of :data:`~vtkmuscle.accuracy.estimates.KINDS`.
     solutions : mapping of (str, str) to sequence of Solution, optional
-        By muscle and kind what further solves gave.
+        The further solves by muscle and kind.
     failed : mapping of (str, str) to str, optional
         Why there are none.
     """
@@ -75,87 +64,71 @@ class StatedErrors:
     ) -> None:
         self.scene, self.kinds, self.solutions, self.failed = scene, tuple(kinds), solutions, failed
 
-    def estimates(self, name: str, track: MuscleTrack, motion: RigidMotion) -> dict[str, Estimate]:
-        """Return what is known of a muscle's errors, and say in its report what is not.
+    def estimates(
+        self, name: str, track: MuscleTrack, motion: RigidMotion, arms: Mapping[str, JointArms]
+    ) -> dict[str, Estimate]:
+        """Return the estimates of a muscle's quantities, and put them into its report.
 
-        Parameters
-        ----------
-        name : str
-            Of the muscle.
-        track : MuscleTrack
-            Its frames, with the report.
-        motion : RigidMotion
-            At the kept frames.
+        ``motion`` is that at the kept frames, ``arms`` the moment arms of the muscle by coordinate.
         """
-        track.report["errors"] = {}
-        estimates = {"volume": volume_estimate(track, self.scene.millimetres)}
+        scale = self.scene.millimetres
+        estimates = {"volume": volume_estimate(track, scale)}
         if track.fibre_lengths and track.rest_fibres is not None:
-            causes = self._causes_of_fibres(name, track)
-            lengths = np.array(track.fibre_lengths)
-            estimates |= length_estimates("fibre_length", lengths, causes)
+            of_fibres, of_paths = chord_errors(track, scale)
             rested = polylines_of(track.rest_fibres, "fibres")
-            rest = polyline_lengths(rested.points, rested.offsets) * self.scene.millimetres
-            at_rest = rest_estimate(rest, causes)
+            rest = polyline_lengths(rested.points, rested.offsets)
+            arcs = (rest + segment_errors(rested.points, rested.offsets)) * scale
+            lengths = np.array(track.fibre_lengths)
+            causes = self._causes_of_fibres(name, Cause("segments", [lengths + of_fibres], [arcs]))
+            estimates |= length_estimates("fibre_length", lengths, causes)
+            at_rest = rest_estimate(rest * scale, causes)
             estimates |= architecture_estimates(track.report["architecture"], estimates["volume"], at_rest)
-        if track.lengths:
-            causes = self._causes_of_paths(name, track, motion)
-            lengths = np.array(track.lengths)
-            estimates |= length_estimates("length", lengths, causes)
-            if "moment_arms" in track.report:
-                known = self._arms(name, motion, lengths, wrenches_over_time(track.wrenches))
-                estimates |= arm_estimates(known, causes, self._slopes(name, motion, known))
+            if track.lengths:
+                lengths = np.array(track.lengths)
+                segments = Cause("segments", [lengths + of_paths])
+                causes = [segments, *self._causes_of_paths(name, track, with_arms=bool(arms))]
+                estimates |= length_estimates("length", lengths, causes)
+                estimates |= arm_estimates(arms, causes, self._slopes(name, motion, arms))
         track.report["errors"] = {
             quantity: one.report() for quantity, one in estimates.items() if not quantity.startswith("each_")
         }
-        track.report["errors_not_known"] = self._not_known(name)
+        track.report["errors_not_known"] = {
+            kind: self.failed.get((name, kind), "not asked for")
+            for kind in KINDS
+            if kind not in self.kinds or (name, kind) in self.failed
+        }
         return estimates
 
-    def _causes_of_fibres(self, name: str, track: MuscleTrack) -> list[Cause]:
-        """Return all causes that are known, their lengths of fibres in the frames that the muscle has."""
-        count, scene = len(track.fibre_lengths), self.scene
-        causes = causes_of_fibres(track, scene.millimetres)
-        causes += [
+    def _causes_of_fibres(self, name: str, segments: Cause) -> list[Cause]:
+        """Return the known causes of errors of fibres, in the frames that the muscle has."""
+        count = len(segments.lengths[0])
+        causes = [
             Cause(kind, [one.fibre_lengths[:count] for one in found], [one.rest for one in found])
             for kind, found in self._solved_kinds(name)
         ]
-        if any(cause.name == "slices" for cause in causes):  # which has twice the segments
-            causes = [cause for cause in causes if cause.name != "segments"]
-        return causes
+        # Fibres of the kind "slices" have twice the segments.
+        return causes if any(cause.name == "slices" for cause in causes) else [segments, *causes]
 
-    def _causes_of_paths(self, name: str, track: MuscleTrack, motion: RigidMotion) -> list[Cause]:
-        """Return all causes that are known, their lengths and moment arms of paths.
-
-        Of the kind ``"model"`` these are the lengths of the fibres in the muscle.
-        """
-        count, scene = len(track.lengths), self.scene
-        causes = causes_of_paths(track, scene.millimetres)
+    def _causes_of_paths(self, name: str, track: MuscleTrack, *, with_arms: bool) -> Iterator[Cause]:
+        """Give the causes that further solves tell; for "model" the lengths are those of fibres."""
+        count = len(track.lengths)
         for kind, found in self._solved_kinds(name):
-            if kind == "model":
-                deformed = [one.fibre_lengths[:count] for one in found]
-                mine = [np.array(track.fibre_lengths)]
-                causes.append(Cause(kind, deformed if scene.model == "paths" else mine))
+            if kind != "model":
+                arms = [one.arms for one in found] if with_arms else []
+                yield Cause(kind, [one.lengths[:count] for one in found], arms=arms)
+            elif self.scene.model == "paths":
+                yield Cause(kind, [one.fibre_lengths[:count] for one in found])
             else:
-                arms = [one.arms for one in found] if "moment_arms" in track.report else []
-                causes.append(Cause(kind, [one.lengths[:count] for one in found], arms=arms))
-        return causes
+                yield Cause(kind, [np.array(track.fibre_lengths)])
 
     def _solved_kinds(self, name: str) -> Iterator[tuple[str, Sequence[Solution]]]:
-        """Give the kinds that were solved for a muscle, and what came out."""
+        """Give the kinds that were solved for a muscle, with the solutions."""
         for kind in self.kinds:
             if found := self.solutions.get((name, kind)):
                 yield kind, found
 
-    def _arms(
-        self, name: str, motion: RigidMotion, lengths: Floats, wrenches: Mapping[str, Floats]
-    ) -> dict[str, JointArms]:
-        crossed = self.scene.muscles[name].crosses
-        millimetres = self.scene.millimetres
-        return joint_arms(lengths, wrenches, motion, crossed=crossed, millimetres=millimetres)[0]
-
-    def _slopes(
-        self, name: str, motion: RigidMotion, known: Mapping[str, JointArms]
-    ) -> Callable[[str, Floats], Floats]:
-        """Return what gives -dl/dq by a coordinate, where its moment arms are known."""
+    def _slopes(self, name: str, motion: RigidMotion, known: Mapping[str, JointArms]) -> Slopes:
+        """Return the function that gives -dl/dq by a coordinate, at the frames of its moment arms."""
         crossed = self.scene.muscles[name].crosses
 
         def slopes(coordinate: str, lengths: Floats) -> Floats:
@@ -163,11 +136,3 @@ class StatedErrors:
             return slopes_by(motion, coordinate, among, lengths)[known[coordinate].frames]
 
         return slopes
-
-    def _not_known(self, name: str) -> dict[str, str]:
-        """Return the causes whose part is not known, and why."""
-        return {
-            kind: self.failed.get((name, kind), "not asked for")
-            for kind in KINDS
-            if kind not in self.kinds or (name, kind) in self.failed
-        }

@@ -78,21 +78,15 @@ class Series:
         Where to.
     name : str
         Name of the .pvd and of the folder of its frames.
-
-    Attributes
-    ----------
-    files : list of Path
-        The .pvd, and what it lists.
     """
 
     def __init__(self, folder: Path, name: str) -> None:
         self.name = name
         self.frames = folder / name
         self.collection = Collection(folder / f"{name}.pvd")
-        self.files = [self.collection.path]
 
-    def add(self, frame: int, time: float, data: vtkPolyData) -> None:
-        """Write a frame, then list it.
+    def add(self, frame: int, time: float, data: vtkPolyData) -> Path:
+        """Write a frame, then list it, and return its file.
 
         Parameters
         ----------
@@ -106,7 +100,7 @@ class Series:
         path = self.frames / f"{self.name}_{frame:04d}.vtp"
         write_polydata(path, data)
         self.collection.add(time, {self.name: path})
-        self.files.append(path)
+        return path
 
 
 #: Suffixes of the files that :func:`read_series` reads.

@@ -1,9 +1,8 @@
-"""A result on a plotter, moved from frame to frame, and as a film: a .gif by Pillow, an .mp4 by FFmpeg."""
+"""A result on a plotter, moved from frame to frame; and films, a .gif by Pillow or an .mp4 by FFmpeg."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,56 +13,40 @@ from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.words import names, suggestion
 from vtkmuscle.data.arrays import blocks_of, points_of
 from vtkmuscle.io.writing import replacing
-from vtkmuscle.plotting import MovingScene, Pose
+from vtkmuscle.plotting import MovingScene, Pose, can_render
 from vtkmuscle.scene.data import SceneData
 
 if TYPE_CHECKING:
-    from vtkmuscle.run.frames import KeptFrames
+    from vtkmuscle.run.result_data import ResultData
 
 
-#: What a film can be.
-SUFFIXES = (".gif", ".mp4")
-
-
-def check_movie(path: str | PathLike[str], fps: float) -> Path:
-    """Return the file of a film, having checked that it can be written here.
-
-    Raises
-    ------
-    ValueError
-        For another suffix, or a rate that is not positive.
-    ImportError
-        For an .mp4 without imageio-ffmpeg.
-    """
-    file = Path(path)
-    if file.suffix.lower() not in SUFFIXES:
-        raise InputError(
-            str(path), f"a film is one of {', '.join(SUFFIXES)}", "give it one of these suffixes"
-        )
+def film_of(
+    result: ResultData,
+    path: Path,
+    *,
+    fps: float,
+    muscles: str | Sequence[str] | None,
+    size: tuple[int, int],
+) -> Path:
+    """Write a film of all kept frames, all or nothing; see :meth:`vtkmuscle.Result.movie`."""
+    write = {".gif": _write_gif, ".mp4": _write_mp4}.get(path.suffix.lower())
+    if write is None:
+        raise InputError(str(path), "a film is one of .gif, .mp4", "give it one of these suffixes")
     if not fps > 0:
         raise InputError("", f"fps is {fps}, but must be a number > 0")
-    if file.suffix.lower() == ".mp4":
+    if write is _write_mp4:
         _ffmpeg()
-    return file
-
-
-def write_movie(path: Path, pictures: Iterator[NDArray[np.uint8]], *, fps: float) -> Path:
-    """Write a film, all or nothing.
-
-    Parameters
-    ----------
-    path : Path
-        Checked by :func:`check_movie`; replaced where it exists.
-    pictures : iterator of (height, width, 3) array
-        At least one, all of one size, even in both directions for an .mp4.
-    fps : float
-        Pictures per second.
-    """
-    with replacing(path) as beside:
-        if path.suffix.lower() == ".gif":
-            _write_gif(beside, pictures, fps)
-        else:
-            _write_mp4(beside, pictures, fps)
+    if any(side < 2 or side % 2 for side in size):
+        raise InputError("", f"size is {size}, but must be two even numbers of pixels, e.g. (1024, 768)")
+    reason = can_render()
+    if reason is not None:
+        raise RuntimeError(f"no film can be made: {reason}")
+    shown = ResultDisplay(result, muscles, off_screen=True, size=size)
+    try:
+        with replacing(path) as beside:
+            write(beside, shown.pictures(), fps)
+    finally:
+        shown.scene.plotter.close()
     return path
 
 
@@ -121,29 +104,13 @@ def plotter_at_rest(scene: SceneData, off_screen: bool | None) -> Any:
 
 
 class ResultDisplay:
-    """The muscles, fibres and bones of a result on a plotter.
+    """The muscles, fibres and bones of a result on the plotter of its attribute ``scene``.
 
-    Parameters
-    ----------
-    result : KeptFrames
-        A :class:`vtkmuscle.Result`.
-    muscles : str or sequence of str, optional
-        Which to show; default all.
-    **options
-        Of :class:`~vtkmuscle.plotting.MovingScene`.
-
-    Attributes
-    ----------
-    scene : MovingScene
-        What is drawn.
-    times : list of float
-        Of the kept frames.
-    time_label : str
-        What these are.
+    ``muscles`` are those to show, default all; ``options`` go to :class:`~vtkmuscle.plotting.MovingScene`.
     """
 
     def __init__(
-        self, result: KeptFrames, muscles: str | Sequence[str] | None = None, **options: Any
+        self, result: ResultData, muscles: str | Sequence[str] | None = None, **options: Any
     ) -> None:
         self._result = result
         self.times, self.time_label = list(result.times), result.time_label
@@ -164,7 +131,7 @@ class ResultDisplay:
         self.show(0)
 
     def show(self, position: int) -> None:
-        """Show a kept frame, by its place among them."""
+        """Show the kept frame at a position."""
         result, frame = self._result, self._result.frames[position]
         there = [name for name in self._names if position < result.finished(name)]
         moving = result.motion.transforms

@@ -132,32 +132,7 @@ class Drawing:
 
 
 def write_figures(folder: str | Path, result: Result, *, form: str = "png", dpi: float = 150.0) -> list[Path]:
-    """Write all figures of a run: the rest pose, each muscle in three frames, lengths and moment arms.
-
-    Parameters
-    ----------
-    folder : path-like
-        Made where it does not exist.
-    result : Result
-        What :meth:`vtkmuscle.Scene.run` returns.
-    form : str, optional
-        ``"png"``; or ``"pdf"`` or ``"svg"``, in which curves and letters are drawn as such.
-    dpi : float, optional
-        Pixels per inch of what is a picture; the figure's size on paper stays.
-
-    Returns
-    -------
-    list of Path
-        ``rest_pose.png``, per muscle ``NAME_frames.png`` and (where it has fibres) ``NAME_lengths.png`` of
-        its paths, ``NAME_fibre_lengths.png``, and ``NAME_moment_arms.png`` where the report has some.
-
-    Raises
-    ------
-    ValueError
-        For another form, or pixels that are not 20 to 2400 to an inch.
-    RuntimeError
-        If no picture can be rendered here; nothing is written then. :func:`can_render` asks beforehand.
-    """
+    """Write all figures of a run; see :meth:`vtkmuscle.Result.write_figures`."""
     if form not in FORMS:
         raise InputError(form, "a figure is one of png, pdf and svg", "choose one of these")
     if not 20.0 <= dpi <= 2400.0:

@@ -1,27 +1,81 @@
-"""The frames of a run: those of one muscle while it runs, and all that are kept, by frame or time."""
+"""The frames of one muscle of a run: in memory, or in the files of the run's folder."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from copy import copy
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
-from typing import Any, Self
+from pathlib import Path
+from typing import Any, overload
 
 import numpy as np
-from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkMultiBlockDataSet, vtkPolyData
+from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.estimate import Estimate
-from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.core.types import Floats
-from vtkmuscle.core.words import suggestion
-from vtkmuscle.data.arrays import cell_array, with_points
-from vtkmuscle.data.drawn_bones import DrawnBones
-from vtkmuscle.data.paths import Paths, paths_of, wrenches_over_time
-from vtkmuscle.filters.bone_motion import BoneMotion
-from vtkmuscle.guesses import WithHints
-from vtkmuscle.io.literature import LiteratureCurve
+from vtkmuscle.data.arrays import cell_array, polylines_of
+from vtkmuscle.data.paths import paths_of, wrenches_over_time
+from vtkmuscle.io.parts import file_digest
+from vtkmuscle.io.surfaces import read_own_polydata
+
+#: Field arrays of a written frame: its scene, the unit of length and the version of the package.
+STAMPS = ("Scene", "Units", "Version")
+#: Field array that VTK's writer adds to data that a pipeline made for a time.
+TIME = "TimeValue"
+#: What to do where files are missing or damaged.
+RUN_AGAIN = "run the scene again: what is whole is kept"
+
+
+@dataclass(frozen=True)
+class WrittenFile:
+    """A .vtp file in the folder of a run, and the digest of its content as the run wrote it."""
+
+    path: Path
+    digest: str
+
+    def check(self) -> None:
+        """Raise an InputError where the file is missing or has another content."""
+        if not self.path.is_file():
+            raise InputError(self.path, "the file is missing", RUN_AGAIN)
+        if file_digest(self.path) != self.digest:
+            raise InputError(self.path, "the file is not what the run has written", RUN_AGAIN)
+
+    def read(self) -> vtkPolyData:
+        """Check the file, and return its data without the stamps of the run."""
+        self.check()
+        data = read_own_polydata(self.path)
+        for name in (*STAMPS, TIME):
+            data.GetFieldData().RemoveArray(name)
+        return data
+
+
+class Frames(Sequence[vtkPolyData]):
+    """Frames of a surface or of fibres; those that are in files are read each time they are asked for."""
+
+    def __init__(self, frames: Iterable[vtkPolyData | WrittenFile] = ()) -> None:
+        self._frames = list(frames)
+
+    @overload
+    def __getitem__(self, index: int) -> vtkPolyData: ...
+    @overload
+    def __getitem__(self, index: slice) -> Frames: ...
+    def __getitem__(self, index: int | slice) -> vtkPolyData | Frames:
+        if isinstance(index, slice):
+            return Frames(self._frames[index])
+        frame = self._frames[index]
+        return frame.read() if isinstance(frame, WrittenFile) else frame
+
+    def __len__(self) -> int:
+        return len(self._frames)
+
+    def append(self, frame: vtkPolyData | WrittenFile) -> None:
+        """Add a frame, or the file that has it."""
+        self._frames.append(frame)
+
+    @property
+    def files(self) -> list[WrittenFile]:
+        """The files of those frames that are in files."""
+        return [frame for frame in self._frames if isinstance(frame, WrittenFile)]
 
 
 @dataclass(eq=False)
@@ -31,22 +85,15 @@ class MuscleTrack:
     Attributes
     ----------
     rest : vtkPolyData or None
-        At rest, with the point array ``FixedTo``.
+        The muscle at rest, with the point array ``FixedTo``.
     rest_fibres : vtkPolyData or None
-        Fibres at rest.
-    points : list of (n, 3) array
-        Points per finished frame.
-    fibres : list of vtkPolyData
-        Fibres per finished frame, empty for a muscle without fibres.
-    lengths : list of (k,) array
-        Of the paths per finished frame [mm]: musculotendon lengths. None of a muscle whose fibres have no
-        paths, as it is on one bone.
-    wrenches : list of dict of str to (k, 6) array
-        Of the paths per finished frame, by bone, see :mod:`vtkmuscle.data.paths`.
-    fibre_lengths : list of (k,) array
-        Of the fibres per finished frame [mm].
+        The fibres at rest.
+    surfaces, fibres : Frames
+        The deformed muscle and its fibres; empty for model ``"paths"`` and for a muscle without fibres.
+    lengths, fibre_lengths : list of (k,) array
+        Per frame the lengths of the paths, which a muscle on one bone does not have, and of the fibres [mm].
     report : dict
-        What is known of the muscle, JSON-able.
+        The muscle's part of the report, JSON-able.
     failure : (int, float, Exception) or None
         Frame and time that could not be computed, and why; the frames before are there.
     errors : dict of str to Estimate
@@ -55,246 +102,27 @@ class MuscleTrack:
 
     rest: vtkPolyData | None = None
     rest_fibres: vtkPolyData | None = None
-    points: list[Floats] = field(default_factory=list)
-    fibres: list[vtkPolyData] = field(default_factory=list)
+    surfaces: Frames = field(default_factory=Frames)
+    fibres: Frames = field(default_factory=Frames)
     lengths: list[Floats] = field(default_factory=list)
-    wrenches: list[dict[str, Floats]] = field(default_factory=list)
     fibre_lengths: list[Floats] = field(default_factory=list)
     report: dict[str, Any] = field(default_factory=dict)
     failure: tuple[int, float, Exception] | None = None
     errors: Mapping[str, Estimate] = field(default_factory=dict)
 
-    def keep(self, fibres: vtkPolyData, millimetres: float) -> None:
-        """Keep the fibres of a frame, their lengths and those of their paths."""
-        self.fibres.append(fibres)
+    def fibre_points(self, position: int) -> Floats:
+        """Return the points (k, n, 3) of the fibres in a frame; all fibres have the same number of points."""
+        lines = polylines_of(self.fibres[position], "fibres")
+        return lines.points.reshape(len(lines), -1, 3)
+
+    def wrenches(self) -> dict[str, Floats]:
+        """Return the wrenches (f, k, 6) of the paths by bone, see :mod:`vtkmuscle.data.paths`."""
+        frames = (paths_of(fibres, "fibres") for fibres in self.fibres)
+        return wrenches_over_time(paths.wrenches for paths in frames if paths is not None)
+
+    def add_lengths(self, fibres: vtkPolyData, millimetres: float) -> None:
+        """Add the lengths of the fibres of a frame and of their paths."""
         self.fibre_lengths.append(np.array(cell_array(fibres, "Length", "fibres")) * millimetres)
         paths = paths_of(fibres, "fibres")
         if paths is not None:
             self.lengths.append(paths.lengths * millimetres)
-            self.wrenches.append(paths.wrenches)
-
-
-class KeptFrames(WithHints):
-    """The muscles, fibres and bones of a run, frame by frame; parameters as of :class:`vtkmuscle.Result`."""
-
-    def __init__(
-        self,
-        bones: vtkMultiBlockDataSet,
-        motion: RigidMotion,
-        tracks: Mapping[str, MuscleTrack],
-        report: dict[str, Any],
-        *,
-        literature: Mapping[str, Sequence[LiteratureCurve]] | None = None,
-        crosses: Mapping[str, Sequence[str]] | None = None,
-        drawn_bones: DrawnBones | None = None,
-    ) -> None:
-        self.name: str = report["scene"]
-        self.motion = motion
-        self.time_label = time_label(motion)
-        self.literature: Mapping[str, Sequence[LiteratureCurve]] = dict(literature or {})
-        self.crosses: Mapping[str, Sequence[str]] = dict(crosses or {})
-        self.units: str = report["units"]
-        self.report: Mapping[str, Any] = report
-        self.frames: Sequence[int] = list(report["frames"])
-        self.times: Sequence[float] = [float(motion.times[frame]) for frame in self.frames]
-        self.muscle_names: Sequence[str] = list(tracks)
-        self.verdicts: Mapping[str, str] = {
-            name: one["verdict"]["verdict"]
-            for name in tracks
-            if "verdict" in (one := report["muscles"][name])
-        }
-        self._known_arms: dict[tuple[str, ...], Any] = {}
-        self._tracks = tracks
-        self._wrap = _wrapped
-        self._bones = bones
-        self.drawn_bones = drawn_bones or DrawnBones(bones)
-        self._mover = BoneMotion(motion=motion)
-        self._mover.connect(0, bones)
-
-    def plain(self) -> Self:
-        """Return the same with surfaces and lines as VTK has them, so that PyVista need not be loaded."""
-        other = copy(self)
-        other._wrap = lambda data: data
-        return other
-
-    @cached_property
-    def lengths(self) -> Mapping[str, Floats]:
-        """Per muscle the lengths of its paths in the finished frames, (frames, fibres) [mm]."""
-        return _read_only({name: track.lengths for name, track in self._tracks.items()})
-
-    @cached_property
-    def fibre_lengths(self) -> Mapping[str, Floats]:
-        """Per muscle those of its fibres, likewise."""
-        return _read_only({name: track.fibre_lengths for name, track in self._tracks.items()})
-
-    @property
-    def has_moment_arms(self) -> bool:
-        """Whether the run has found moment arms of any muscle."""
-        return any(one.get("moment_arms") for one in self.report["muscles"].values())
-
-    @property
-    def errors(self) -> dict[str, Mapping[str, Estimate]]:
-        """Per muscle the quantities with their errors, see :mod:`vtkmuscle.accuracy.estimates`.
-
-        ``errors["iliacus"]["length"].total`` is that of the paths' mean length in each frame,
-        ``fibre_length`` of the fibres', ``each_length`` and ``each_fibre_length`` of every one;
-        ``errors["iliacus"]["moment_arm_hip_flexion_r"].parts["model"]`` a part of that of the moment arm.
-        """
-        return {name: track.errors for name, track in self._tracks.items()}
-
-    def wrenches(self, name: str) -> dict[str, Floats]:
-        """Return what the paths of a muscle, each at a tension of 1, do to the bones in each finished frame.
-
-        By bone (frames, paths, 6): force [1], and moment about the scene's origin [unit of the scene].
-        """
-        return wrenches_over_time(self._track(name).wrenches)
-
-    def finished(self, name: str) -> int:
-        """Return how many of the kept frames a muscle has: all, or those before the one that failed."""
-        return len(self.report["muscles"][name]["frames"])
-
-    def muscle(self, name: str, *, frame: int | None = None, time: float | None = None) -> Any:
-        """Return a muscle in a kept frame, with the arrays it has at rest (``FixedTo`` and its own).
-
-        Parameters
-        ----------
-        name : str
-            Name of the muscle.
-        frame : int, optional
-            Number of the frame in the motion, one of ``frames``.
-        time : float, optional
-            Time of the frame, one of ``times``, instead.
-
-        Returns
-        -------
-        pyvista.PolyData
-            The surface.
-
-        Raises
-        ------
-        ValueError
-            If there is no such muscle or kept frame, or the scene's model is ``"paths"``, which deforms no
-            muscle.
-        """
-        i, track = self._position(frame, time), self._track(name)
-        if self.report["model"] == "paths":
-            raise InputError(
-                "",
-                f"the scene's model is 'paths', so that {name!r} was not deformed",
-                f"fibres({name!r}, frame={self.frames[i]}) has its fibres, and model 'volume' deforms it",
-            )
-        self._check_finished(name, i)
-        return self._wrap(with_points(track.rest, track.points[i]))
-
-    def fibres(self, name: str, *, frame: int | None = None, time: float | None = None) -> Any:
-        """Return the fibres of a muscle in a kept frame, None where it has none; see :meth:`muscle`."""
-        i, track = self._position(frame, time), self._track(name)
-        if not track.fibres and track.rest_fibres is None:
-            return None
-        self._check_finished(name, i)
-        return self._wrap(track.fibres[i])
-
-    def paths(self, name: str, *, frame: int | None = None, time: float | None = None) -> Paths:
-        """Return the paths of a muscle in a kept frame, in the scene's unit.
-
-        Returns
-        -------
-        Paths
-            Their ``lengths`` (k,), ``points`` (k, n, 3), and ``wrenches``: per bone (k, 6) the force [1] and
-            the moment about the origin that each exerts on it at a tension of 1.
-
-        Raises
-        ------
-        ValueError
-            If there is no such muscle or kept frame, or the muscle has no paths.
-        """
-        i, track = self._position(frame, time), self._track(name)
-        found = paths_of(self.fibres(name, frame=self.frames[i]), name) if track.lengths else None
-        if found is None:
-            raise InputError("", f"{name!r} has no paths", "give it fibres, and areas on two bones")
-        return found
-
-    def bones(self, *, frame: int | None = None, time: float | None = None) -> Any:
-        """Return the bones in a kept frame, a block each, with the field array ``Transform``."""
-        moved = vtkMultiBlockDataSet()
-        moved.ShallowCopy(self._mover.update(time=self.times[self._position(frame, time)]).output)
-        return self._wrap(moved)
-
-    def rest_muscle(self, name: str) -> Any:
-        """Return a muscle at rest, with the point array ``FixedTo``."""
-        rest = self._track(name).rest
-        assert rest is not None  # a result is made when all muscles are done
-        return self._wrap(rest)
-
-    def rest_fibres(self, name: str) -> Any:
-        """Return the fibres of a muscle at rest, None where it has none."""
-        fibres = self._track(name).rest_fibres
-        return None if fibres is None else self._wrap(fibres)
-
-    def rest_bones(self) -> Any:
-        """Return the bones at rest."""
-        return self._wrap(self._bones)
-
-    def _track(self, name: str) -> MuscleTrack:
-        if name not in self._tracks:
-            raise InputError("", f"there is no muscle {name!r} in the result", suggestion(name, self._tracks))
-        return self._tracks[name]
-
-    def _position(self, frame: int | None, time: float | None) -> int:
-        """Return the place of a frame, given by its number or its time, among those that are kept."""
-        if (frame is None) == (time is None):
-            raise InputError("", "give either the number of a frame (frame=10) or its time (time=20.0)")
-        if frame is not None:
-            if frame not in self.frames:
-                raise InputError("", f"frame {frame} was not kept", f"there are {_listed(self.frames)}")
-            return self.frames.index(frame)
-        near = np.flatnonzero(np.isclose(self.times, float(time), rtol=1e-9, atol=1e-9))  # type: ignore[arg-type]
-        if not len(near):
-            raise InputError("", f"no frame of time {time:g} was kept", f"there are {_listed(self.times)}")
-        return int(near[0])
-
-    def _check_finished(self, name: str, i: int) -> None:
-        if i >= self.finished(name):
-            raise InputError(
-                "",
-                f"{name!r} failed before frame {self.frames[i]}, so that it is not there",
-                f"it has {self.finished(name)} of {len(self.frames)} frames",
-            )
-
-
-class ByMuscle(dict[str, Floats]):
-    """Arrays by the name of a muscle, told in a line each."""
-
-    def __repr__(self) -> str:
-        return "\n".join(
-            f"{name}: {one.shape} array, {one.min():.4g} to {one.max():.4g}" for name, one in self.items()
-        )
-
-
-def _read_only(rows: Mapping[str, Sequence[Floats]]) -> ByMuscle:
-    """Return arrays of what is there per frame, not to be changed: moment arms by them are found once."""
-    arrays = ByMuscle({name: np.array(one) for name, one in rows.items() if one})
-    for array in arrays.values():
-        array.setflags(write=False)
-    return arrays
-
-
-def _wrapped(data: vtkDataObject) -> Any:
-    """Return a data set as PyVista has it."""
-    import pyvista  # noqa: PLC0415 -- a run needs none
-
-    return pyvista.wrap(data)
-
-
-def _listed(values: Sequence[float]) -> str:
-    """Return the first and last of some numbers in words."""
-    words = [f"{value:g}" for value in values]
-    return ", ".join(words if len(words) <= 6 else [*words[:3], "...", *words[-2:]])
-
-
-def time_label(motion: RigidMotion) -> str:
-    """Return what the times of a motion are: a coordinate with its unit, where they are one."""
-    for name, one in motion.coordinates.items():
-        if np.array_equal(one.values, motion.times):
-            return f"{name.replace('_', ' ')} [{one.unit}]"
-    return "time"

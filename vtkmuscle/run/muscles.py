@@ -24,6 +24,7 @@ from vtkmuscle.data.arrays import (
     polylines_of,
     set_cell_array,
     shallow_copy,
+    with_points,
 )
 from vtkmuscle.data.paths import PATH_SQUEEZED
 from vtkmuscle.filters.base.algorithm import AbortedError
@@ -32,7 +33,7 @@ from vtkmuscle.filters.base.running import upstream
 from vtkmuscle.filters.deformer.shape_report import read_shape
 from vtkmuscle.filters.pbd_deformer import PBDDeformer
 from vtkmuscle.pipelines import MusclePipeline
-from vtkmuscle.run.frames import MuscleTrack
+from vtkmuscle.run.frames import MuscleTrack, WrittenFile
 from vtkmuscle.run.limits import CHECKS, FULL_SIZE
 from vtkmuscle.run.measure import MuscleMeasure
 from vtkmuscle.run.options import RunOptions
@@ -225,18 +226,24 @@ class MuscleRun:
         self._keep(row | {"ms": 1000.0 * took()}, deformed, fibres)
 
     def _keep(self, row: dict[str, Any], deformed: vtkPolyData | None, fibres: vtkPolyData | None) -> None:
-        """Write a frame and keep it: all of it is there then, or nothing."""
+        """Keep a frame, all of it or nothing: in files where the run writes to a folder, else in memory."""
         number, now = row["frame"], row["time"]
-        if self.run.store is not None:
+        surface: vtkPolyData | WrittenFile | None
+        lines: vtkPolyData | WrittenFile | None
+        if self.run.store is None:
+            surface = None if deformed is None else with_points(self.track.rest, points_of(deformed))
+            lines = fibres
+        else:
             with self._timed("writing"):
-                self.run.store.write_frame(self.name, number, deformed, fibres)
-        if deformed is not None:
-            self.track.points.append(points_of(deformed))
-        if fibres is not None:
+                surface, lines = self.run.store.write_frame(self.name, number, deformed, fibres)
+        if surface is not None:
+            self.track.surfaces.append(surface)
+        if fibres is not None and lines is not None:
+            self.track.fibres.append(lines)
             if fibres.GetCellData().HasArray(PATH_SQUEEZED):
                 squeezed = cell_array(fibres, PATH_SQUEEZED, "fibres")
                 row["squeezed_p95_mm"] = float(np.percentile(squeezed, 95)) * self.scene.millimetres
-            self.track.keep(fibres, self.scene.millimetres)
+            self.track.add_lengths(fibres, self.scene.millimetres)
             measures = measures_of_fibres(fibres, self.scene.millimetres)
             self.track.report["fibre_measures"].append({"frame": number, "time": now, **measures})
         self.track.report["frames"].append(row)
@@ -251,13 +258,11 @@ class MuscleRun:
         history = None
         if track.fibre_lengths and track.rest_fibres is not None and motion is not None:
             rest = polylines_of(track.rest_fibres, "fibres")
-            lines = [polylines_of(fibres, "fibres") for fibres in track.fibres]
             lengths, slides = np.array(track.fibre_lengths), list[tuple[float, str] | None]()
-            if len({size for one in lines for size in np.diff(one.offsets).tolist()}) == 1:
-                points = [one.points.reshape(len(one), -1, 3) for one in lines]
+            if len({*np.diff(polylines_of(track.fibres[0], "fibres").offsets).tolist()}) == 1:
                 jump = CHECKS["jumps"].look * min(1.0, measure.size / FULL_SIZE)
-                bones = self.run.bones
-                slides = slides_of(lengths, points, motion, bones, jump=jump, millimetres=millimetres)
+                bones, lines = self.run.bones, track.fibre_points
+                slides = slides_of(lengths, lines, motion, bones, jump=jump, millimetres=millimetres)
             rest_lengths = polyline_lengths(rest.points, rest.offsets) * millimetres
             history = FibreHistory(lengths, rest_lengths, track.report["fibres"], slides)
         track.report["verdict"] = judge(

@@ -9,6 +9,7 @@ from typing import Any, Protocol, Self
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.estimate import Estimate
+from vtkmuscle.core.moment_arms.by_coordinate import JointArms
 from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.core.words import suggestion
 from vtkmuscle.run.frames import MuscleTrack
@@ -84,7 +85,9 @@ class RunOptions:
 class Errors(Protocol):
     """What states the errors of a run's numbers; :class:`vtkmuscle.accuracy.StatedErrors` does."""
 
-    def estimates(self, name: str, track: MuscleTrack, motion: RigidMotion) -> Mapping[str, Estimate]:
+    def estimates(
+        self, name: str, track: MuscleTrack, motion: RigidMotion, arms: Mapping[str, JointArms]
+    ) -> Mapping[str, Estimate]:
         """Return a muscle's quantities with their errors, and put them into its report."""
         ...
 

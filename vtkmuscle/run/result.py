@@ -1,30 +1,31 @@
-"""What a run of a scene gives back."""
+"""The result of a run: its frames, tables, figures and page, as a whole and by muscle."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from os import PathLike
 from pathlib import Path
-from typing import Any, Self
-
-import numpy as np
-from numpy.typing import NDArray
+from typing import Any, Self, TypeVar
 
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.core.fibres.measures import smoothed_curve
+from vtkmuscle.core.estimate import Estimate
+from vtkmuscle.core.moment_arms.by_coordinate import JointArms
+from vtkmuscle.core.types import Floats
+from vtkmuscle.core.words import suggestion
 from vtkmuscle.run.limits import CHECKS
-from vtkmuscle.run.result_tables import MuscleResult, ResultTables
+from vtkmuscle.run.result_data import ResultData
 from vtkmuscle.run.store import ResultFolder
 from vtkmuscle.run.verdict import VERDICTS
-
-Floats = NDArray[np.float64]
 
 #: Muscles that are named one by one where a result is printed, at most.
 _MOST_LISTED = 8
 
 
-class Result(ResultTables):
+class Result(ResultData):
     """The muscles, fibres and bones of a run, frame by frame, and its report.
+
+    Frames of a run that wrote to a folder stay in its files, and are read from there when they are asked for;
+    numbers are in memory.
 
     Parameters
     ----------
@@ -35,7 +36,7 @@ class Result(ResultTables):
     tracks : dict of str to MuscleTrack
         The finished frames of each muscle.
     report : dict
-        What was run and measured; ``report["definitions"]`` says what each number means.
+        The report of the run; ``report["definitions"]`` says what each number means.
     literature : mapping of str to sequence of LiteratureCurve, optional
         Published moment arms per muscle.
     crosses : mapping of str to sequence of str, optional
@@ -52,7 +53,7 @@ class Result(ResultTables):
     times : list of float
         Their pipeline times.
     time_label : str
-        What these are: a coordinate with its unit, where they are one.
+        The label of the times: a coordinate with its unit where they are one.
     muscle_names : list of str
         In the order of the scene.
     verdicts : dict of str to str
@@ -96,13 +97,12 @@ class Result(ResultTables):
         Parameters
         ----------
         folder : path
-            What was given to :meth:`vtkmuscle.Scene.run` as ``out``, or to ``vtkmuscle run`` as ``--out``.
+            The ``out`` of :meth:`vtkmuscle.Scene.run`, or the ``--out`` of ``vtkmuscle run``.
 
         Returns
         -------
         Result
-            The same as the run gave: muscles, fibres, lengths, bones, motion, report and verdicts. All files
-            are checked; the frames of a muscle are read when they are first asked for.
+            The same as the run gave. All files are checked; frames are read when they are first asked for.
 
         Raises
         ------
@@ -123,12 +123,12 @@ class Result(ResultTables):
         return cls(**ResultFolder(Path(folder)).result())
 
     def __getitem__(self, name: str) -> MuscleResult:
-        """Return all that there is of one muscle: ``result["iliacus"].fibre_lengths``."""
+        """Return one muscle of the result: ``result["iliacus"].fibre_lengths``."""
         return MuscleResult(self, name)
 
     @property
     def muscles(self) -> dict[str, MuscleResult]:
-        """Per muscle all that there is of it."""
+        """The muscles of the result by name."""
         return {name: self[name] for name in self.muscle_names}
 
     def __repr__(self) -> str:
@@ -138,22 +138,6 @@ class Result(ResultTables):
             counts = ", ".join(f"{verdicts.count(one)} {one}" for one in VERDICTS if one in verdicts)
             muscles = f"{len(verdicts)} muscles ({counts})"
         return f"Result({self.name!r}: {len(self.times)} frames of {muscles})"
-
-    def smoothed_lengths(self, *, passes: int = 5) -> dict[str, Floats]:
-        """Return the lengths of the paths without their noise over the frames.
-
-        Parameters
-        ----------
-        passes : int, optional
-            How often l_i becomes (l_{i-1} + 4 l_i + l_{i+1}) / 6, the ends kept; Kohout and Cervenka 2021,
-            section 4.4, has five.
-
-        Returns
-        -------
-        dict of str to (frames, fibres) array
-            As ``lengths`` [mm].
-        """
-        return {name: smoothed_curve(lengths, passes=passes) for name, lengths in self.lengths.items()}
 
     def plot(
         self,
@@ -180,7 +164,7 @@ class Result(ResultTables):
         Returns
         -------
         pyvista.Plotter or None
-            With the scene on it, where it is not shown; None once it is.
+            The plotter where it is not shown.
 
         Raises
         ------
@@ -220,11 +204,6 @@ class Result(ResultTables):
         size : (int, int), optional
             Width and height [pixels], even numbers.
 
-        Returns
-        -------
-        Path
-            The file.
-
         Raises
         ------
         ValueError
@@ -234,20 +213,9 @@ class Result(ResultTables):
         RuntimeError
             If no picture can be rendered here.
         """
-        from vtkmuscle.plotting import can_render  # noqa: PLC0415 -- only pictures need PyVista
-        from vtkmuscle.run.display import ResultDisplay, check_movie, write_movie  # noqa: PLC0415
+        from vtkmuscle.run.display import film_of  # noqa: PLC0415 -- only pictures need PyVista
 
-        file = check_movie(path, fps)
-        if any(side < 2 or side % 2 for side in size):
-            raise InputError("", f"size is {size}, but must be two even numbers of pixels, e.g. (1024, 768)")
-        reason = can_render()
-        if reason is not None:
-            raise RuntimeError(f"no film can be made: {reason}")
-        shown = ResultDisplay(self, muscles, off_screen=True, size=size)
-        try:
-            return write_movie(file, shown.pictures(), fps=fps)
-        finally:
-            shown.scene.plotter.close()
+        return film_of(self, Path(path), fps=fps, muscles=muscles, size=size)
 
     def write_figures(
         self, folder: str | PathLike[str], *, form: str = "png", dpi: float = 150.0
@@ -261,19 +229,20 @@ class Result(ResultTables):
         form : str, optional
             ``"png"``; or ``"pdf"`` or ``"svg"``, in which curves and letters are drawn as such.
         dpi : float, optional
-            Pixels per inch of what is a picture; the size on paper stays.
+            Pixels per inch of pictures, 20 to 2400; their size on paper stays.
 
         Returns
         -------
         list of Path
-            The files.
+            ``rest_pose.png``, per muscle ``NAME_frames.png`` and (where it has fibres) ``NAME_lengths.png``
+            of its paths, ``NAME_fibre_lengths.png``, and ``NAME_moment_arms.png`` where there are some.
 
         Raises
         ------
         ValueError
-            For another form, or pixels that are not 20 to 2400 to an inch.
+            For another form or resolution.
         RuntimeError
-            If no picture can be rendered here.
+            If no picture can be rendered here; nothing is written then.
         """
         from vtkmuscle.run.figures import write_figures  # noqa: PLC0415 -- only figures need PyVista
 
@@ -287,11 +256,6 @@ class Result(ResultTables):
         path : path
             The .html file; replaced where it exists. It holds all that it shows and needs no network.
 
-        Returns
-        -------
-        Path
-            The file.
-
         Raises
         ------
         ValueError
@@ -302,3 +266,103 @@ class Result(ResultTables):
         if Path(path).suffix.lower() not in (".html", ".htm"):
             raise InputError(str(path), "a report is a page of HTML", "give it a name that ends in .html")
         return write_page(path, self.plain(), CHECKS)
+
+
+One = TypeVar("One")
+
+
+class MuscleResult:
+    """One muscle of a result, as ``result["iliacus"]`` gives it.
+
+    Parameters
+    ----------
+    result : Result
+        The result of all muscles.
+    name : str
+        The name of this one.
+
+    Attributes
+    ----------
+    name, verdict : str
+        Its name, and ``"ok"``, ``"look"`` or ``"failed"``.
+    reasons : tuple of str
+        Why it is not ok.
+    lengths, fibre_lengths : (frames, fibres) array
+        Of its paths and of its fibres [mm].
+    moment_arms : mapping of str to JointArms
+        By coordinate.
+    errors : mapping of str to Estimate
+        Its quantities with their errors.
+    architecture : mapping of str to object
+        At rest, by the names of ``report["definitions"]``.
+
+    Raises
+    ------
+    ValueError
+        If there is no such muscle.
+
+    Examples
+    --------
+    >>> from vtkmuscle import Scene, phantoms
+    >>> result = Scene.from_phantom(phantoms.spindle_over_hinge(), n_fibres=8).run(frames="0:2")
+    >>> result["spindle"].verdict, result["spindle"].lengths.shape
+    ('ok', (2, 8))
+    >>> result["spindle"].architecture["pcsa_mm2"] > 0.0
+    True
+    """
+
+    def __init__(self, result: Result, name: str) -> None:
+        if name not in result.muscle_names:
+            known = suggestion(name, result.muscle_names) if isinstance(name, str) else "give a muscle's name"
+            raise InputError("", f"there is no muscle {name!r} in the result", known)
+        self._result, self.name = result, name
+        self.verdict = result.verdicts[name]
+        self.reasons = tuple(one["says"] for one in result.report["muscles"][name]["verdict"]["reasons"])
+
+    @property
+    def lengths(self) -> Floats:
+        """Of its paths [mm]."""
+        return self._of(self._result.lengths, "paths")
+
+    @property
+    def fibre_lengths(self) -> Floats:
+        """Of its fibres [mm]."""
+        return self._of(self._result.fibre_lengths, "fibres")
+
+    @property
+    def moment_arms(self) -> Mapping[str, JointArms]:
+        """By coordinate."""
+        return self._result.moment_arms()[self.name]
+
+    @property
+    def errors(self) -> Mapping[str, Estimate]:
+        """Its quantities with their errors."""
+        return self._result.errors[self.name]
+
+    @property
+    def architecture(self) -> Mapping[str, Any]:
+        """At rest, by the names of the report's definitions."""
+        muscles = self._result.report["muscles"]
+        return self._of({self.name: muscles[self.name].get("architecture")}, "fibres")
+
+    def surface(self, *, frame: int | None = None, time: float | None = None) -> Any:
+        """Return its surface in a kept frame, as ``result.muscle(name, frame=...)``."""
+        return self._result.muscle(self.name, frame=frame, time=time)
+
+    def fibres(self, *, frame: int | None = None, time: float | None = None) -> Any:
+        """Return its fibres in a kept frame, as ``result.fibres(name, frame=...)``."""
+        return self._result.fibres(self.name, frame=frame, time=time)
+
+    def __repr__(self) -> str:
+        known = self._result.fibre_lengths.get(self.name)
+        words = ""
+        if known is not None:
+            mean = known.mean(axis=1)
+            words = f"; {known.shape[1]} fibres, {mean.min():.1f} to {mean.max():.1f} mm"
+        return f"MuscleResult({self.name!r}: {self.verdict}{words})"
+
+    def _of(self, known: Mapping[str, One], what: str) -> One:
+        found = known.get(self.name)
+        if found is None:
+            raise InputError("", f"{self.name!r} has no {what}", "give it fibres")
+        return found

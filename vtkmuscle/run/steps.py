@@ -14,6 +14,7 @@ from typing import Any
 from vtkmuscle.core.errors import check_name, fault_of
 from vtkmuscle.core.machine import processors
 from vtkmuscle.core.mesh.shared import held
+from vtkmuscle.core.moment_arms.by_coordinate import JointArms
 from vtkmuscle.data.drawn_bones import DrawnBones
 from vtkmuscle.filters.base.algorithm import AbortedError
 from vtkmuscle.io.parts import file_digest
@@ -81,7 +82,7 @@ def run_scene(
             result = result_of(tracks)
             _measure(result, tracks, report, errors)
             if store is not None:
-                store.write_tables(result)
+                _write_tables(store, result)
                 _write(store, result, drawing, options, report)
             report["complete"] = True
             report["seconds"]["total"] = time.perf_counter() - began
@@ -122,21 +123,31 @@ def _solve(
 
 def _measure(result: Result, tracks: Tracks, report: dict[str, Any], errors: Errors | None) -> None:
     """Report the moment arms, or why there are none, and the errors of all muscles."""
+    arms: Mapping[str, Mapping[str, JointArms]] = {}
     if result.lengths and result.motion.coordinates:
         try:
-            arms = result.moment_arms()
+            arms = table = result.moment_arms()
         except ValueError as error:
             report["moment_arms"] = {"reason": str(error)}
         else:
-            report["moment_arms"] = {"refused": arms.refused}
-            for name in arms:
-                report["muscles"][name]["moment_arms"] = arms.report(name)
+            report["moment_arms"] = {"refused": table.refused}
+            for name in table:
+                report["muscles"][name]["moment_arms"] = table.report(name)
     if errors is not None:
         before = time.perf_counter()
         motion = result.motion.part(result.frames)
         for name, track in tracks.items():
-            track.errors = errors.estimates(name, track, motion)
+            track.errors = errors.estimates(name, track, motion, arms.get(name, {}))
         report["seconds"]["errors"] = time.perf_counter() - before
+
+
+def _write_tables(store: ResultWriter, result: Result) -> None:
+    """Write the tables of a result, and those of the measures of each muscle's fibres."""
+    for name, table in result.tables().items():
+        if name != "architecture" or len(table["muscle"]):
+            store.write_table(name, table)
+    for name, table in result.fibre_tables():
+        store.write_table(f"{name}_fibres", table)
 
 
 def _write(
@@ -218,7 +229,7 @@ def _reported(
         report["stopped_by"] = f"{type(error).__name__}: {error}".rstrip(": ")
         if store is not None:
             with suppress(OSError):  # the disk may be what failed; the first error says more
-                store.write_tables(result())
+                _write_tables(store, result())
                 store.write_report(report)
         raise
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import io
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from os import PathLike
 from pathlib import Path
@@ -18,16 +17,15 @@ from vtkmuscle.core.moment_arms.by_coordinate import JointArms
 from vtkmuscle.core.types import Floats
 from vtkmuscle.core.words import suggestion
 from vtkmuscle.guesses import no_attribute
-from vtkmuscle.io.writing import plain_cell, write_text
+from vtkmuscle.io.writing import plain_cell, replacing
 
-#: What is known of errors: per muscle and quantity.
+#: Per muscle and quantity, what is known of its error.
 Errors = Mapping[str, Mapping[str, Estimate]]
 
-#: Columns of the tables of lengths: a row per muscle, fibre and frame; a path has the number of its fibre.
+#: Columns of the tables of lengths: a row per muscle, fibre and frame. A path has the number of its fibre.
 LENGTHS = ("muscle", "fibre", "frame", "time", "length_mm", "length_err_mm")
 #: Columns of the table of moment arms: a row per muscle, coordinate, fibre and value of the coordinate.
-#: ``slope_mm`` is -dl/dq by differences; ``moment_arm_err_mm`` all that is known of the error, with 95 %
-#: confidence: the one error that tables, figures and the page of a run have.
+#: ``slope_mm`` is -dl/dq by differences, ``moment_arm_err_mm`` the total error with 95 % confidence.
 ARMS = (
     *("muscle", "coordinate", "unit", "fibre", "value"),
     *("moment_arm_mm", "slope_mm", "quartic_mm", "moment_arm_err_mm"),
@@ -61,7 +59,9 @@ class Table(Mapping[str, NDArray[Any]]):
 
     def __init__(self, columns: Sequence[str], rows: Iterable[Sequence[Any]]) -> None:
         listed = [[np.nan if value is None else value for value in row] for row in rows]
-        self._columns = {name: np.array([row[i] for row in listed]) for i, name in enumerate(columns)}
+        self._names = tuple(columns)
+        #: The columns of each part, the parts one below the other; joined where a column is asked for.
+        self._parts = [tuple(np.array([row[i] for row in listed]) for i in range(len(columns)))]
 
     @classmethod
     def stacked(cls, columns: Sequence[str], parts: Iterable[Mapping[str, Any]]) -> Self:
@@ -72,8 +72,8 @@ class Table(Mapping[str, NDArray[Any]]):
         columns : sequence of str
             Names of the columns.
         parts : iterable of mapping of str to array
-            By column its values, or one for all rows; arrays are broadcast against each other, and read with
-            the last index running fastest.
+            Per column its values, or one value for all rows; arrays are broadcast against each other, and
+            read with the last index running fastest.
 
         Examples
         --------
@@ -82,25 +82,24 @@ class Table(Mapping[str, NDArray[Any]]):
         array([0., 2., 0., 2.])
         """
         table = cls(columns, ())
-        found = [np.broadcast_arrays(*(part[name] for name in columns)) for part in parts]
-        if found:
-            table._columns = {
-                name: np.concatenate([part[i].ravel() for part in found]) for i, name in enumerate(columns)
-            }
+        found = [tuple(np.broadcast_arrays(*(part[name] for name in columns))) for part in parts]
+        table._parts = found or table._parts
         return table
 
     def __getitem__(self, column: str) -> NDArray[Any]:
-        return self._columns[column]
+        if column not in self._names:
+            raise KeyError(column)
+        i = self._names.index(column)
+        return np.concatenate([part[i].ravel() for part in self._parts])
 
     def __iter__(self) -> Iterator[str]:
-        return iter(self._columns)
+        return iter(self._names)
 
     def __len__(self) -> int:
-        return len(self._columns)
+        return len(self._names)
 
     def __repr__(self) -> str:
-        rows = len(next(iter(self._columns.values()), ()))
-        return f"Table: {rows} rows of {', '.join(self._columns)}"
+        return f"Table: {self._count()} rows of {', '.join(self)}"
 
     if not TYPE_CHECKING:  # which knows the names
 
@@ -115,14 +114,14 @@ class Table(Mapping[str, NDArray[Any]]):
         ValueError
             If there is no such column.
         """
-        kept = np.ones(len(next(iter(self._columns.values()), ())), dtype=np.bool_)
+        kept = np.ones(self._count(), dtype=np.bool_)
         for name, value in wanted.items():
-            if name not in self._columns:
-                raise InputError("", f"the table has no column {name!r}", suggestion(name, self._columns))
-            column = self._columns[name]
+            if name not in self:
+                raise InputError("", f"the table has no column {name!r}", suggestion(name, self))
+            column = self[name]
             floats = np.issubdtype(column.dtype, np.floating)
             kept &= np.isclose(column, value, rtol=1e-9, atol=1e-9) if floats else column == value
-        return self.stacked(tuple(self), [{name: column[kept] for name, column in self._columns.items()}])
+        return self.stacked(self._names, [{name: column[kept] for name, column in self.items()}])
 
     def to_csv(self, path: str | PathLike[str], *, digits: int | None = None) -> Path:
         """Write the table as comma-separated values, NaN as nothing, and return the file.
@@ -134,11 +133,11 @@ class Table(Mapping[str, NDArray[Any]]):
         digits : int, optional
             Of numbers that are not whole; None for as many as keep every bit.
         """
-        text = io.StringIO()
-        writer = csv.writer(text, lineterminator="\n")
-        writer.writerow(map(plain_cell, self))
-        writer.writerows(zip(*(_cells(column, digits) for column in self._columns.values()), strict=True))
-        write_text(Path(path), text.getvalue())
+        with replacing(Path(path)) as partial, partial.open("w", encoding="utf-8", newline="") as file:
+            writer = csv.writer(file, lineterminator="\n")
+            writer.writerow(map(plain_cell, self))
+            for part in self._parts:
+                writer.writerows(zip(*(_cells(column.ravel(), digits) for column in part), strict=True))
         return Path(path)
 
     def to_frame(self) -> Any:
@@ -155,7 +154,10 @@ class Table(Mapping[str, NDArray[Any]]):
             raise ImportError(
                 "a DataFrame needs pandas: python -m pip install pandas; dict(table) gives the same as arrays"
             ) from error
-        return pandas.DataFrame(self._columns)
+        return pandas.DataFrame(dict(self))
+
+    def _count(self) -> int:
+        return sum(part[0].size for part in self._parts if part)
 
 
 class MomentArmTable(Mapping[str, Mapping[str, JointArms]]):
@@ -251,7 +253,7 @@ class MomentArmTable(Mapping[str, Mapping[str, JointArms]]):
         )
 
     def report(self, muscle: str) -> dict[str, Any]:
-        """Return in short what is known of a muscle's moment arms, JSON-able."""
+        """Return the range and mean of a muscle's moment arms by coordinate, JSON-able."""
         return {
             name: {
                 "unit": found.unit,
@@ -282,18 +284,9 @@ def length_table(
     frames: Sequence[int],
     times: Sequence[float],
 ) -> Table:
-    """Return lengths as a table.
+    """Return the table of lengths (f, k) per muscle in the first f frames [mm].
 
-    Parameters
-    ----------
-    lengths : mapping of str to (f, k) array
-        Per muscle, in the first f of the frames [mm].
-    errors : mapping of str to mapping of str to Estimate
-        What is known of the errors of each muscle.
-    quantity : str
-        ``"each_length"`` or ``"each_fibre_length"``: what is known of the lengths' errors.
-    frames, times : sequences
-        Numbers and times of the frames.
+    Their errors are those of ``quantity``, ``"each_length"`` or ``"each_fibre_length"``.
     """
     return Table.stacked(
         LENGTHS,
@@ -312,20 +305,20 @@ def length_table(
 
 
 def total_of(known: Estimate | None, like: Floats) -> Floats:
-    """Return the errors of a quantity, NaN where they are not known, or those of other frames."""
+    """Return the total errors of a quantity; NaN where they are unknown or belong to other frames."""
     if known is None or known.total.shape != like.shape:
         return np.full(like.shape, np.nan)
     return np.asarray(known.total)
 
 
 def _root_mean_square(values: Floats) -> float | None:
-    """Return that of the values that are known, None where none is."""
+    """Return the root mean square of the values that are not NaN, None where all are."""
     known = values[~np.isnan(values)]
     return float(np.sqrt((known**2).mean())) if len(known) else None
 
 
 def _cells(column: NDArray[Any], digits: int | None) -> Iterable[Any]:
-    """Return what is written of a column."""
+    """Return the texts and numbers that a column is written as."""
     values: list[Any] = column.tolist()
     if column.dtype.kind == "U":
         return map({text: plain_cell(text) for text in set(values)}.__getitem__, values)

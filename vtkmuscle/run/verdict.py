@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -242,7 +242,7 @@ def _worded(value: float, unit: str) -> str:
 
 def slides_of(
     lengths: Floats,
-    lines: Sequence[Floats],
+    lines: Callable[[int], Floats],
     motion: RigidMotion,
     shapes: Mapping[str, Bone],
     *,
@@ -255,8 +255,8 @@ def slides_of(
     ----------
     lengths : (f, k) array
         Of the fibres in each frame [mm].
-    lines : sequence of (k, n, 3) array
-        Their points in each frame, in the scene's unit.
+    lines : callable
+        From the position of a frame to their points (k, n, 3) in it, in the scene's unit.
     motion : RigidMotion
         At the times of the frames.
     shapes : mapping of str to Bone
@@ -277,10 +277,11 @@ def slides_of(
     for step in np.flatnonzero(jumps.max(axis=1, initial=0.0) > jump).tolist():
         fibre = int(jumps[step].argmax())
         before, after = (motion.at(time) for time in motion.times[step : step + 2])
+        old, new = lines(step)[fibre], lines(step + 1)[fibre]
         slid = {}
         for bone, shape in shapes.items():
-            here = apply_transform(inverse(before.get(bone, np.eye(4))), lines[step][fibre])
-            there = apply_transform(inverse(after.get(bone, np.eye(4))), lines[step + 1][fibre])
+            here = apply_transform(inverse(before.get(bone, np.eye(4))), old)
+            there = apply_transform(inverse(after.get(bone, np.eye(4))), new)
             slid[bone] = millimetres * _aside(here, there, shape, _ON_BONE / millimetres)
         if slid and max(slid.values()) > 0.0:
             bone = max(slid, key=lambda name: slid[name])

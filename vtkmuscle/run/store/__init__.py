@@ -14,22 +14,18 @@ from vtkmuscle.core.errors import InputError, check_is_file
 from vtkmuscle.core.estimate import Estimate
 from vtkmuscle.core.motion.coordinates import Coordinate
 from vtkmuscle.core.motion.rigid import RigidMotion
-from vtkmuscle.data.arrays import multiblock_from, points_of
+from vtkmuscle.data.arrays import multiblock_from
 from vtkmuscle.io.literature import LiteratureCurve
 from vtkmuscle.io.parts import Part, Parts, file_digest
 from vtkmuscle.io.surfaces import read_polydata
 from vtkmuscle.io.temporal import TimeSeries, read_series
-from vtkmuscle.run.frames import MuscleTrack
+from vtkmuscle.run.frames import TIME, Frames, MuscleTrack, WrittenFile
 from vtkmuscle.scene.data import MILLIMETRES
 
 #: The report of a run, and the page with all that it has found.
 REPORT, PAGE = "report.json", "report.html"
 #: The folder of notes in that of a run: of each finished muscle, and of the whole run under the name "scene".
 FINISHED, SCENE = "finished", "scene"
-#: Field arrays that say what a file is part of.
-STAMPS = ("Scene", "Units", "Version")
-#: Field array that VTK's writer adds to data that a pipeline made for a time.
-_TIME = "TimeValue"
 #: What to do where files are missing or damaged, and where a folder is another one.
 _AGAIN = "run the scene again: what is whole is kept"
 _GIVE = "give the folder of a run's results, its --out"
@@ -159,34 +155,37 @@ class ResultFolder:
         return note
 
     def _check_files(self, note: Part) -> None:
-        for name, digest in note.facts["files"].items():
-            if not (self.path / name).is_file():
-                raise InputError(self.path / name, "the file is missing", _AGAIN)
-            if file_digest(self.path / name) != digest:
-                raise InputError(self.path / name, "the file is not what the run has written", _AGAIN)
+        for file in self._files_of(note):
+            file.check()
+
+    def _files_of(self, note: Part, folder: str = "") -> list[WrittenFile]:
+        """Return the files of a note, all of them or those in one folder."""
+        files = note.facts["files"].items()
+        return [
+            WrittenFile((self.path / name).absolute(), digest)
+            for name, digest in files
+            if name.startswith(folder)
+        ]
 
     def _track(self, name: str, note: Part, millimetres: float) -> MuscleTrack:
         """Return a finished muscle from its files, which are checked."""
         self._check_files(note)
-        track = MuscleTrack(rest=self._at_rest(name), report=dict(note.facts["report"]))
-        track.points = [points_of(frame) for frame in self._frames(name)]
-        if note.facts["fibres"]:
-            track.rest_fibres = self._at_rest(f"{name}_fibres")
-            for fibres in self._frames(f"{name}_fibres"):
-                track.keep(fibres, millimetres)
-        count = len(track.report["frames"])
-        if any(len(one) not in (0, count) for one in (track.points, track.fibres)):
-            raise InputError(self.path, f"it has not all frames of {name!r}", _AGAIN)
+        facts = note.facts
+        track = MuscleTrack(
+            rest=self._at_rest(name),
+            rest_fibres=self._at_rest(f"{name}_fibres") if facts["fibres"] else None,
+            surfaces=Frames(self._files_of(note, f"{name}/")),
+            fibres=Frames(self._files_of(note, f"{name}_fibres/")),
+            report=dict(facts["report"]),
+        )
+        for fibres in track.fibres:
+            track.add_lengths(fibres, millimetres)
         return track
 
     def _at_rest(self, name: str) -> vtkPolyData:
-        return _without_stamps(read_polydata(self.path / FINISHED / f"{name}.vtp"), (_TIME,))
-
-    def _frames(self, name: str) -> list[vtkPolyData]:
-        series = self.series(name)
-        if series is None:
-            return []
-        return [_without_stamps(series.frame(i), (*STAMPS, _TIME)) for i in range(len(series.times))]
+        data = read_polydata(self.path / FINISHED / f"{name}.vtp")
+        data.GetFieldData().RemoveArray(TIME)
+        return data
 
 
 class _Tracks(Mapping[str, MuscleTrack]):
@@ -203,9 +202,3 @@ class _Tracks(Mapping[str, MuscleTrack]):
 
     def __len__(self) -> int:
         return len(self._readers)
-
-
-def _without_stamps(data: vtkPolyData, names: Iterable[str]) -> vtkPolyData:
-    for name in names:
-        data.GetFieldData().RemoveArray(name)
-    return data

@@ -20,14 +20,14 @@ from vtkmuscle._version import __version__
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.data.arrays import blocks_of, set_cell_array, set_field_array
 from vtkmuscle.filters.bone_motion import BoneMotion
-from vtkmuscle.io.parts import Part, plain
+from vtkmuscle.io.parts import Part, file_digest, plain
 from vtkmuscle.io.temporal import Collection as Pvd
 from vtkmuscle.io.temporal import Series
 from vtkmuscle.io.writing import check_no_links, left_behind, locked, write_polydata, write_text
-from vtkmuscle.run.frames import MuscleTrack
-from vtkmuscle.run.result_tables import ResultTables
-from vtkmuscle.run.store import FINISHED, PAGE, REPORT, SCENE, STAMPS, ResultFolder
+from vtkmuscle.run.frames import STAMPS, Frames, MuscleTrack, WrittenFile
+from vtkmuscle.run.store import FINISHED, PAGE, REPORT, SCENE, ResultFolder
 from vtkmuscle.run.store.keys import muscle_keys
+from vtkmuscle.run.table import Table
 from vtkmuscle.scene.data import SceneData
 from vtkmuscle.scene.schema_types import checked_name
 
@@ -174,8 +174,8 @@ def _may_lose(folder: Path) -> bool:
     return any(path.is_dir() or path.suffix.lower() in (".vtp", ".png") for path in folder.iterdir())
 
 
-#: Digits of the numbers in tables; the lengths have all of theirs.
-_DIGITS = 10
+#: Digits of the numbers in tables, and the tables that have all digits.
+_DIGITS, _EXACT = 10, ("lengths", "fibre_lengths")
 
 
 class ResultWriter(ResultFolder):
@@ -217,30 +217,38 @@ class ResultWriter(ResultFolder):
 
     def write_frame(
         self, muscle: str, number: int, surface: vtkPolyData | None, fibres: vtkPolyData | None
-    ) -> None:
-        """Write a frame of a muscle and of its fibres."""
-        time = float(self._scene.motion.times[number])
-        for name, data in ((f"{muscle}_fibres", fibres), (muscle, surface)):
-            if data is not None:
-                series = self._series.setdefault(name, Series(self.path, name))
-                series.add(number, time, self._stamped(data))
+    ) -> tuple[WrittenFile | None, WrittenFile | None]:
+        """Write a frame of a muscle and of its fibres, and return their files."""
+
+        def written(name: str, data: vtkPolyData | None) -> WrittenFile | None:
+            if data is None:
+                return None
+            series = self._series.setdefault(name, Series(self.path, name))
+            file = series.add(number, float(self._scene.motion.times[number]), self._stamped(data))
+            return WrittenFile(file.absolute(), file_digest(file))
+
+        lines = written(f"{muscle}_fibres", fibres)
+        return written(muscle, surface), lines
 
     def finish(self, name: str, track: MuscleTrack) -> None:
         """Note that a muscle is finished: all its frames are written."""
-        inside, files = self.path / FINISHED, list[Path]()
-        for series in (name, f"{name}_fibres"):
-            if series in self._series:
-                files += self._series[series].files
-        for ending, rest in (("", track.rest), ("_fibres", track.rest_fibres)):
+        files = []
+        for series, rest in ((name, track.rest), (f"{name}_fibres", track.rest_fibres)):
             if rest is not None:
-                files.append(inside / f"{name}{ending}.vtp")
+                files.append(self.path / FINISHED / f"{series}.vtp")
                 write_polydata(files[-1], rest)
+            if series in self._series:
+                files.append(self._series[series].collection.path)
         facts = {
             "report": track.report,
             "fibres": track.rest_fibres is not None,
-            "files": self.digests(files),
+            "files": self.digests(files) | self._digests_of(track.surfaces) | self._digests_of(track.fibres),
         }
         self.notes.write(name, self._keys[name], Part(facts))
+
+    def _digests_of(self, frames: Frames) -> dict[str, str]:
+        folder = self.path.absolute()
+        return {file.path.relative_to(folder).as_posix(): file.digest for file in frames.files}
 
     def write_bones(self, stopped: Callable[[], bool]) -> None:
         """Write the bones over time, until it is stopped; those that stay where they are only once."""
@@ -264,15 +272,9 @@ class ResultWriter(ResultFolder):
                     write_polydata(parts[name], self._stamped(bone))
             collection.add(time, parts)
 
-    def write_tables(self, result: ResultTables) -> None:
-        """Write the tables of what is there: lengths with all their digits, and the measures of fibres."""
-        tables = result.tables()
-        if not len(tables["architecture"]["muscle"]):
-            del tables["architecture"]
-        for name, table in tables.items():
-            table.to_csv(self.path / f"{name}.csv", digits=None if name.endswith("lengths") else _DIGITS)
-        for name, table in result.fibre_tables():
-            table.to_csv(self.path / f"{name}_fibres.csv", digits=_DIGITS)
+    def write_table(self, name: str, table: Table) -> None:
+        """Write a table, those of lengths with all their digits."""
+        table.to_csv(self.path / f"{name}.csv", digits=None if name in _EXACT else _DIGITS)
 
     def write_report(self, report: Mapping[str, Any]) -> None:
         """Write report.json."""

@@ -1,0 +1,395 @@
+"""The data of a run: surfaces, fibres and bones by frame or time, moment arms, and tables."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from copy import copy
+from functools import cached_property
+from os import PathLike
+from pathlib import Path
+from typing import Any, Self
+
+import numpy as np
+from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkMultiBlockDataSet
+
+from vtkmuscle.core.errors import InputError
+from vtkmuscle.core.estimate import Estimate
+from vtkmuscle.core.fibres.measures import smoothed_curve
+from vtkmuscle.core.moment_arms.by_coordinate import JointArms
+from vtkmuscle.core.moment_arms.of_joints import joint_arms
+from vtkmuscle.core.motion.rigid import RigidMotion
+from vtkmuscle.core.types import Floats
+from vtkmuscle.core.words import suggestion
+from vtkmuscle.data.arrays import points_of, with_points
+from vtkmuscle.data.drawn_bones import DrawnBones
+from vtkmuscle.data.paths import Paths, paths_of
+from vtkmuscle.filters.bone_motion import BoneMotion
+from vtkmuscle.guesses import WithHints
+from vtkmuscle.io.literature import LiteratureCurve, curves_for, read_literature
+from vtkmuscle.run.frames import MuscleTrack
+from vtkmuscle.run.report_values import architecture_table, fibre_table
+from vtkmuscle.run.table import MomentArmTable, Table, length_table
+from vtkmuscle.scene.data import MILLIMETRES
+
+
+class ResultData(WithHints):
+    """The frames and tables of a run; see :class:`vtkmuscle.Result` for its parameters."""
+
+    def __init__(
+        self,
+        bones: vtkMultiBlockDataSet,
+        motion: RigidMotion,
+        tracks: Mapping[str, MuscleTrack],
+        report: dict[str, Any],
+        *,
+        literature: Mapping[str, Sequence[LiteratureCurve]] | None = None,
+        crosses: Mapping[str, Sequence[str]] | None = None,
+        drawn_bones: DrawnBones | None = None,
+    ) -> None:
+        self.name: str = report["scene"]
+        self.motion = motion
+        self.time_label = time_label(motion)
+        self.literature: Mapping[str, Sequence[LiteratureCurve]] = dict(literature or {})
+        self.crosses: Mapping[str, Sequence[str]] = dict(crosses or {})
+        self.units: str = report["units"]
+        self.report: Mapping[str, Any] = report
+        self.frames: Sequence[int] = list(report["frames"])
+        self.times: Sequence[float] = [float(motion.times[frame]) for frame in self.frames]
+        self.muscle_names: Sequence[str] = list(tracks)
+        self.verdicts: Mapping[str, str] = {
+            name: one["verdict"]["verdict"]
+            for name in tracks
+            if "verdict" in (one := report["muscles"][name])
+        }
+        self._known_arms: dict[tuple[str, ...], Any] = {}
+        self._tracks = tracks
+        self._wrap = _wrapped
+        self._bones = bones
+        self.drawn_bones = drawn_bones or DrawnBones(bones)
+        self._mover = BoneMotion(motion=motion)
+        self._mover.connect(0, bones)
+
+    def plain(self) -> Self:
+        """Return the same result with VTK's data sets in place of PyVista's, which need not be loaded."""
+        other = copy(self)
+        other._wrap = lambda data: data
+        return other
+
+    @cached_property
+    def lengths(self) -> Mapping[str, Floats]:
+        """Per muscle the lengths of its paths in the finished frames, (frames, fibres) [mm]."""
+        return _read_only({name: track.lengths for name, track in self._tracks.items()})
+
+    @cached_property
+    def fibre_lengths(self) -> Mapping[str, Floats]:
+        """Per muscle those of its fibres, likewise."""
+        return _read_only({name: track.fibre_lengths for name, track in self._tracks.items()})
+
+    @property
+    def has_moment_arms(self) -> bool:
+        """Whether the run has found moment arms of any muscle."""
+        return any(one.get("moment_arms") for one in self.report["muscles"].values())
+
+    @property
+    def errors(self) -> dict[str, Mapping[str, Estimate]]:
+        """Per muscle the quantities with their errors, see :mod:`vtkmuscle.accuracy.estimates`.
+
+        ``errors["iliacus"]["length"].total`` is the error of the paths' mean length in each frame,
+        ``fibre_length`` has that of the fibres, ``each_length`` and ``each_fibre_length`` that of every one;
+        ``errors["iliacus"]["moment_arm_hip_flexion_r"].parts["model"]`` is one part of a moment arm's error.
+        """
+        return {name: track.errors for name, track in self._tracks.items()}
+
+    def wrenches(self, name: str) -> dict[str, Floats]:
+        """Return the wrenches of a muscle's paths at a tension of 1, per bone (frames, paths, 6).
+
+        Each is a force [1], and a moment about the scene's origin [unit of the scene].
+        """
+        return self._track(name).wrenches()
+
+    def finished(self, name: str) -> int:
+        """Return how many of the kept frames a muscle has: all, or those before the one that failed."""
+        return len(self.report["muscles"][name]["frames"])
+
+    def muscle(self, name: str, *, frame: int | None = None, time: float | None = None) -> Any:
+        """Return a muscle in a kept frame, with the arrays it has at rest (``FixedTo`` and its own).
+
+        Parameters
+        ----------
+        name : str
+            Name of the muscle.
+        frame, time : int, float, optional
+            One of ``frames``, the number in the motion, or one of ``times``.
+
+        Returns
+        -------
+        pyvista.PolyData
+            The surface.
+
+        Raises
+        ------
+        ValueError
+            If there is no such muscle or kept frame, the file of the frame is gone or changed, or the scene's
+            model is ``"paths"``, which deforms no muscle.
+        """
+        i, track = self._position(frame, time), self._track(name)
+        if self.report["model"] == "paths":
+            raise InputError(
+                "",
+                f"the scene's model is 'paths', so that {name!r} was not deformed",
+                f"fibres({name!r}, frame={self.frames[i]}) has its fibres, and model 'volume' deforms it",
+            )
+        self._check_finished(name, i)
+        return self._wrap(with_points(track.rest, points_of(track.surfaces[i])))
+
+    def fibres(self, name: str, *, frame: int | None = None, time: float | None = None) -> Any:
+        """Return the fibres of a muscle in a kept frame, None where it has none; see :meth:`muscle`."""
+        i, track = self._position(frame, time), self._track(name)
+        if not track.fibres and track.rest_fibres is None:
+            return None
+        self._check_finished(name, i)
+        return self._wrap(track.fibres[i])
+
+    def paths(self, name: str, *, frame: int | None = None, time: float | None = None) -> Paths:
+        """Return the paths of a muscle in a kept frame, in the scene's unit; see :meth:`muscle`.
+
+        Returns
+        -------
+        Paths
+            Their ``lengths`` (k,), ``points`` (k, n, 3), and ``wrenches``: per bone (k, 6) the force [1] and
+            the moment about the origin that each exerts on it at a tension of 1.
+        """
+        i, track = self._position(frame, time), self._track(name)
+        found = paths_of(self.fibres(name, frame=self.frames[i]), name) if track.lengths else None
+        if found is None:
+            raise InputError("", f"{name!r} has no paths", "give it fibres, and areas on two bones")
+        return found
+
+    def bones(self, *, frame: int | None = None, time: float | None = None) -> Any:
+        """Return the bones in a kept frame, a block each, with the field array ``Transform``."""
+        moved = vtkMultiBlockDataSet()
+        moved.ShallowCopy(self._mover.update(time=self.times[self._position(frame, time)]).output)
+        return self._wrap(moved)
+
+    def rest_muscle(self, name: str) -> Any:
+        """Return a muscle at rest, with the point array ``FixedTo``."""
+        rest = self._track(name).rest
+        assert rest is not None  # a result is made when all muscles are done
+        return self._wrap(rest)
+
+    def rest_fibres(self, name: str) -> Any:
+        """Return the fibres of a muscle at rest, None where it has none."""
+        fibres = self._track(name).rest_fibres
+        return None if fibres is None else self._wrap(fibres)
+
+    def rest_bones(self) -> Any:
+        """Return the bones at rest."""
+        return self._wrap(self._bones)
+
+    def _track(self, name: str) -> MuscleTrack:
+        if name not in self._tracks:
+            raise InputError("", f"there is no muscle {name!r} in the result", suggestion(name, self._tracks))
+        return self._tracks[name]
+
+    def _position(self, frame: int | None, time: float | None) -> int:
+        """Return the position of a frame, given by number or time, among the kept frames."""
+        if (frame is None) == (time is None):
+            raise InputError("", "give either the number of a frame (frame=10) or its time (time=20.0)")
+        if frame is not None:
+            if frame not in self.frames:
+                raise InputError("", f"frame {frame} was not kept", f"there are {_listed(self.frames)}")
+            return self.frames.index(frame)
+        near = np.flatnonzero(np.isclose(self.times, float(time), rtol=1e-9, atol=1e-9))  # type: ignore[arg-type]
+        if not len(near):
+            raise InputError("", f"no frame of time {time:g} was kept", f"there are {_listed(self.times)}")
+        return int(near[0])
+
+    def _check_finished(self, name: str, i: int) -> None:
+        if i >= self.finished(name):
+            raise InputError(
+                "",
+                f"{name!r} failed before frame {self.frames[i]}, so that it is not there",
+                f"it has {self.finished(name)} of {len(self.frames)} frames",
+            )
+
+    def moment_arms(self, *coordinates: str) -> MomentArmTable:
+        """Return the moment arms of all paths in the kept frames: the levers of their pulls.
+
+        Parameters
+        ----------
+        *coordinates : str
+            Names of coordinates of the motion; default: all that change, or whose joint is known.
+
+        Returns
+        -------
+        MomentArmTable
+            Per muscle and coordinate arms, -dl/dq beside them and a quartic fit [mm], see
+            :class:`~vtkmuscle.core.moment_arms.of_joints.JointArms`; ``table()`` gives a table.
+
+        Raises
+        ------
+        ValueError
+            If no muscle has fibres, the motion has no such coordinate or none that changes, or the
+            coordinates change together only, and their joints are not known.
+        """
+        if not self.lengths:
+            problem = "no muscle of the run has fibres, so there are no moment arms"
+            raise InputError("", problem, "give it fibres")
+        if coordinates not in self._known_arms:
+            self._known_arms[coordinates] = self._joint_arms(coordinates)
+        arms, refused = self._known_arms[coordinates]
+        return MomentArmTable(arms, refused, self.errors)
+
+    def _joint_arms(
+        self, coordinates: tuple[str, ...]
+    ) -> tuple[dict[str, dict[str, JointArms]], dict[str, str]]:
+        """Return the moment arms per muscle and coordinate, and why there are none by others."""
+        motion = self.motion.part(self.frames)
+        among = coordinates or tuple(motion.coordinates)
+        useful = {
+            name for name in among if (one := motion.coordinates.get(name)) and (one.changes or one.twists)
+        }
+        arms: dict[str, dict[str, JointArms]] = {}
+        refused: dict[str, str] = {}
+        problems: list[InputError] = []
+        for name, lengths in self.lengths.items():
+            crossed = self.crosses.get(name)
+            failed = len(lengths) < len(self.frames)
+            if failed or (crossed is not None and useful.isdisjoint(crossed)):
+                continue
+            try:
+                arms[name], without = joint_arms(
+                    lengths,
+                    self.wrenches(name),
+                    motion,
+                    coordinates or None,
+                    crossed=crossed,
+                    millimetres=MILLIMETRES[self.units],
+                )
+            except InputError as error:  # of this muscle alone, where others cross other coordinates
+                problems.append(error)
+                without = dict.fromkeys(crossed or among, str(error))
+            refused |= without
+        if problems and not arms:
+            raise problems[0]
+        return arms, refused
+
+    def length_table(self) -> Table:
+        """Return the lengths of the paths, a row per muscle, fibre and frame, as lengths.csv."""
+        return length_table(self.lengths, self.errors, "each_length", self.frames, self.times)
+
+    def fibre_length_table(self) -> Table:
+        """Return the lengths of the fibres, a row per muscle, fibre and frame, as fibre_lengths.csv."""
+        return length_table(self.fibre_lengths, self.errors, "each_fibre_length", self.frames, self.times)
+
+    def frame_table(self) -> Table:
+        """Return the numbers of the report, a row per muscle and frame; NaN where a muscle has none.
+
+        ``report["definitions"]`` says what they are; the measures of fibres are in the report alone.
+        """
+        muscles = self.report["muscles"]
+        rows = [{"muscle": name, **row} for name in self.muscle_names for row in muscles[name]["frames"]]
+        known = {
+            key: None for row in rows for key, value in row.items() if not isinstance(value, dict | list)
+        }
+        return Table(tuple(known), ([row.get(key) for key in known] for row in rows))
+
+    def architecture(self) -> Table:
+        """Return the architecture of the muscles at rest, a row each, as architecture.csv."""
+        return architecture_table(self.report["muscles"])
+
+    def tables(self) -> dict[str, Table]:
+        """Return the tables that a run writes, by their names: lengths, moment arms and architecture."""
+        found = {"lengths": self.length_table(), "fibre_lengths": self.fibre_length_table()}
+        if self.has_moment_arms:
+            arms = self.moment_arms()
+            found |= {"moment_arms": arms.table(), "moment_arms_summary": arms.summary()}
+        return found | {"architecture": self.architecture()}
+
+    def fibre_tables(self) -> Iterator[tuple[str, Table]]:
+        """Give the measures of the fibres of each muscle that has some, a row per fibre and frame."""
+        for name, track in self._tracks.items():
+            if track.fibres:
+                yield name, fibre_table(track.fibres, self.times, MILLIMETRES[self.units])
+
+    def to_csv(self, folder: str | PathLike[str]) -> list[Path]:
+        """Write the tables of the result: lengths, moment arms, architecture, and the checks by frame.
+
+        Parameters
+        ----------
+        folder : path
+            Made where it does not exist; files of the same names are replaced.
+
+        Returns
+        -------
+        list of Path
+            The .csv files.
+        """
+        Path(folder).mkdir(parents=True, exist_ok=True)
+        tables = self.tables() | {"frames": self.frame_table()}
+        return [table.to_csv(Path(folder) / f"{name}.csv") for name, table in tables.items()]
+
+    def to_frame(self) -> Any:
+        """Return ``length_table()`` as a pandas DataFrame, or raise an ImportError without pandas."""
+        return self.length_table().to_frame()
+
+    def with_literature(self, path: str | PathLike[str]) -> Self:
+        """Return the same result with published moment arms, which figures and the page then show.
+
+        ``path`` is a table as :func:`vtkmuscle.io.read_literature` takes it; a ValueError is raised if it has
+        none of the muscles of the result.
+        """
+        curves = read_literature(path)
+        found = {name: mine for name in self.muscle_names if (mine := curves_for(curves, muscle=name))}
+        if not found:
+            theirs = ", ".join(sorted({curve.muscle for curve in curves}))
+            problem = "it has moment arms of none of the muscles"
+            raise InputError(str(path), problem, f"it has those of {theirs}")
+        other = copy(self)
+        other.literature = {**self.literature, **found}
+        return other
+
+    def smoothed_lengths(self, *, passes: int = 5) -> dict[str, Floats]:
+        """Return the lengths of the paths without their noise over the frames.
+
+        Each of the ``passes`` replaces l_i by (l_{i-1} + 4 l_i + l_{i+1}) / 6, the ends kept; Kohout and
+        Cervenka 2021, section 4.4, has five.
+        """
+        return {name: smoothed_curve(lengths, passes=passes) for name, lengths in self.lengths.items()}
+
+
+class ByMuscle(dict[str, Floats]):
+    """Arrays by the name of a muscle, printed in a line each."""
+
+    def __repr__(self) -> str:
+        return "\n".join(
+            f"{name}: {one.shape} array, {one.min():.4g} to {one.max():.4g}" for name, one in self.items()
+        )
+
+
+def _read_only(rows: Mapping[str, Sequence[Floats]]) -> ByMuscle:
+    """Return arrays of rows per frame. They are read-only, for moment arms are computed from them once."""
+    arrays = ByMuscle({name: np.array(one) for name, one in rows.items() if one})
+    for array in arrays.values():
+        array.setflags(write=False)
+    return arrays
+
+
+def _wrapped(data: vtkDataObject) -> Any:
+    import pyvista  # noqa: PLC0415 -- a run needs none
+
+    return pyvista.wrap(data)
+
+
+def _listed(values: Sequence[float]) -> str:
+    """Return the first and last of some numbers in words."""
+    words = [f"{value:g}" for value in values]
+    return ", ".join(words if len(words) <= 6 else [*words[:3], "...", *words[-2:]])
+
+
+def time_label(motion: RigidMotion) -> str:
+    """Return the label of a motion's times: a coordinate with its unit where they are one, else "time"."""
+    for name, one in motion.coordinates.items():
+        if np.array_equal(one.values, motion.times):
+            return f"{name.replace('_', ' ')} [{one.unit}]"
+    return "time"
