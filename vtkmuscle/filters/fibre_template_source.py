@@ -7,8 +7,7 @@ from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.errors import errors_at
 from vtkmuscle.core.mesh.sampling import space_order
-from vtkmuscle.core.template.kinds import KINDS, TEMPLATES, sobol_points
-from vtkmuscle.core.template.template_files import read_template
+from vtkmuscle.core.template.kinds import KINDS, TEMPLATES, read_template, sobol_points
 from vtkmuscle.data.arrays import (
     Polylines,
     polylines_from,
@@ -30,8 +29,7 @@ class FibreTemplateSource(Filter):
     its top; which curve is given by two parameters (r, s). The fibres' parameters are Sobol points, as in
     the paper; more than 256 are in an order in which neighbours follow each other. The points of a fibre are
     equally spaced in its parameter t.
-    :mod:`vtkmuscle.core.template.kinds` says what each kind is,
-    :mod:`vtkmuscle.core.template.template_files` how to write one of your own.
+    :mod:`vtkmuscle.core.template.kinds` says what each kind is, and how to write one of your own.
 
     Parameters
     ----------
