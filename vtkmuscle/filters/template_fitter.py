@@ -12,7 +12,6 @@ from vtkmuscle.core.motion.rigid import apply_transform
 from vtkmuscle.core.template.fitting import (
     TIE,
     Fit,
-    MuscleViews,
     SuperficialFibres,
     angle_to_nearest,
     centroid_axis,
@@ -121,32 +120,26 @@ class TemplateFitter(Filter):
         reflection = np.diag([-1.0, 1.0, 1.0, 1.0]) if self.mirror else np.eye(4)
         origin, insertion = (apply_transform(reflection, p) for p in (origin, insertion))
 
-        def used_points() -> MuscleViews:
-            uses = np.bincount(geometry.triangles.reshape(-1), minlength=len(geometry.points))
-            return MuscleViews(apply_transform(reflection, geometry.points[uses > 0]))
-
-        shape = geometry.once(("seen", self.mirror), used_points)
-        seen = None
-        if superficial is not None:
-            mirrored = apply_transform(reflection, superficial.points)
-            seen = superficial_pieces(mirrored, superficial.offsets, shape.points)
-
-        guide = None if seen is None else _guide(seen, template)
-
         def fitted_boxes() -> list[Fit]:
+            uses = np.bincount(geometry.triangles.reshape(-1), minlength=len(geometry.points))
+            points = apply_transform(reflection, geometry.points[uses > 0])
+            guide = None
+            if superficial is not None:
+                mirrored = apply_transform(reflection, superficial.points)
+                guide = _guide(superficial_pieces(mirrored, superficial.offsets, points), template)
             return [
                 fit_box(
-                    shape,
+                    points,
                     axis,
                     landmarks=(origin, insertion),
                     areas=(origin_area, insertion_area),
                     angle_step=self.angle_step,
                     guide=guide,
                 )
-                for axis in self._axes(shape, origin, insertion)
+                for axis in self._axes(points, origin, insertion)
             ]
 
-        if guide is None:  # boxes that do not depend on the template's fibres
+        if superficial is None:  # boxes that do not depend on the template's fibres
             arrays = (origin, insertion, origin_area, insertion_area)
             settings = self.axis, self.angle_step, self.mirror
             key = "boxes", settings, *(np.ascontiguousarray(array).tobytes() for array in arrays)
@@ -163,7 +156,7 @@ class TemplateFitter(Filter):
         set_field_array(fitted, "FitError", best.error)
         return fitted
 
-    def _axes(self, muscle: MuscleViews, origin: Floats, insertion: Floats) -> list[Floats]:
+    def _axes(self, points: Floats, origin: Floats, insertion: Floats) -> list[Floats]:
         """Return the axes to try, (3,) each."""
         axes = []
         if self.axis != "principal":
@@ -173,7 +166,7 @@ class TemplateFitter(Filter):
                 if self.axis == "attachments":
                     raise
         if self.axis != "attachments":
-            axes.append(principal_axis(muscle, origin, insertion))
+            axes.append(principal_axis(points, origin, insertion))
         return axes
 
 

@@ -196,7 +196,7 @@ def _check_end(
 
 
 def _ways(graph: csr_array, start: int | Ints) -> Floats:
-    """Return the distance of each point from the nearest start along the surface, -inf where none is linked."""
+    """Return the distance of each point from the nearest start along the surface, -inf if there is no way."""
     ways = dijkstra(graph, directed=False, indices=start, min_only=True)
     return np.where(np.isfinite(ways), ways, -np.inf)
 
