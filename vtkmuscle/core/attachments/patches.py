@@ -12,13 +12,19 @@ from itertools import pairwise
 
 import numpy as np
 from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components, dijkstra
+from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import cKDTree
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.mesh.normals import triangle_normals, vertex_normals
 from vtkmuscle.core.mesh.polylines import segment_distances
-from vtkmuscle.core.mesh.surface import edge_lengths, numbered_edges, signed_volume, unique_edges
+from vtkmuscle.core.mesh.surface import (
+    edge_lengths,
+    numbered_edges,
+    point_components,
+    signed_volume,
+    unique_edges,
+)
 from vtkmuscle.core.types import Floats, Ints
 
 #: Penalty s on edges away from the chord: at a distance of a times the chord's length an edge counts (1 + s
@@ -251,9 +257,7 @@ def _parts_cut_by(triangles: Ints, loop: Ints, n_points: int) -> tuple[Ints, Int
     owners = order // 3  # the triangle of each half-edge
     number = edge_of[order]
     joined = (number[1:] == number[:-1]) & ~cut[number[1:]]
-    links = (owners[:-1][joined], owners[1:][joined])
-    dual = coo_array((np.ones(len(links[0])), links), shape=(len(triangles), len(triangles)))
-    labels: Ints = connected_components(dual, directed=False)[1].astype(np.int64)
+    labels = point_components(len(triangles), np.column_stack([owners[:-1], owners[1:]])[joined])
     return labels, np.unique(labels[owners[cut[number]]])
 
 
@@ -271,17 +275,9 @@ def _near_curve(points: Floats, edges: Ints, curve: Ints, tolerance: float) -> I
     near = np.zeros(len(points), dtype=np.bool_)
     low, high = points[curve].min(axis=0) - tolerance, points[curve].max(axis=0) + tolerance
     candidates = np.flatnonzero(((points >= low) & (points <= high)).all(axis=1))
-    near[candidates] = _distances_to_polyline(points[candidates], points[curve]) <= tolerance
+    near[candidates] = np.linalg.norm(points[candidates] - points[curve[0]], axis=1) <= tolerance
+    for start, end in pairwise(points[curve]):
+        near[candidates] |= segment_distances(points[candidates], start, end) <= tolerance
     near[curve] = True
-    kept = edges[near[edges].all(axis=1)]
-    links = coo_array((np.ones(len(kept)), (kept[:, 0], kept[:, 1])), shape=(len(points), len(points)))
-    labels = connected_components(links, directed=False)[1]
+    labels = point_components(len(points), edges[near[edges].all(axis=1)])
     return np.flatnonzero(near & np.isin(labels, labels[curve])).astype(np.int64)
-
-
-def _distances_to_polyline(points: Floats, line: Floats) -> Floats:
-    """Return the distance of each point to the nearest segment (or the only point) of a polyline, (n,)."""
-    distances: Floats = np.linalg.norm(points - line[0], axis=1)
-    for start, end in pairwise(line):
-        np.minimum(distances, segment_distances(points, start, end), out=distances)
-    return distances

@@ -36,8 +36,6 @@ from vtkmuscle.core.morphing.slices import (
     SliceMaps,
     Slicing,
     guide_levels,
-    map_sections,
-    mapped_slices,
     shared_levels,
 )
 from vtkmuscle.core.types import Floats, Ints
@@ -120,7 +118,8 @@ def morph_by_isolines(
     key = "mapped", of_field, slicing.key(transform, levels)
     mapped = slicing.once(key, lambda: _mapped(box, course, levels, slicing))
     heights = course.begin + fractions * course.way
-    result, _, split_error = map_sections(mapped, levels, heights, slice_of, inside, slicing)
+    result, _, split_error = mapped.places(inside, heights, levels, slice_of)
+    slicing.report_progress(1.0)
     at_origin, at_insertion = fractions <= SAME_HEIGHT, fractions >= 1.0 - SAME_HEIGHT
     between = result[~(at_origin | at_insertion)]
     n_outside = int((~points_inside(between, course.tree)).sum())
@@ -197,7 +196,7 @@ def _mapped(box: Box, course: _Course, levels: Floats, slicing: Slicing) -> Slic
     reach = slicing.continuity * float(course.ways[-1])
     starts = followed_starts(rings, stack(guides)[0], reach, np.zeros(3))
     views = np.array([_view_along(area) for area in own])
-    return mapped_slices(rings.loops, starts, hits, box.sides, slicing, views)
+    return SliceMaps(rings.loops, starts, hits, box.sides, slicing, views)
 
 
 def way_of_values(points: Floats, triangles: Ints, field: Floats) -> tuple[Floats, Floats]:

@@ -19,8 +19,6 @@ from vtkmuscle.core.morphing.slices import (
     SliceMaps,
     Slicing,
     guide_levels,
-    map_sections,
-    mapped_slices,
     shared_levels,
 )
 from vtkmuscle.core.types import Floats, Ints
@@ -80,7 +78,8 @@ def morph_by_planes(
 
     mapped = slicing.once(("planes", slicing.key(transform, levels)), slices)
     result = np.column_stack([inside[:, :2], heights])
-    result[:, :2], n_outside, split_error = map_sections(mapped, levels, heights, slice_of, inside, slicing)
+    result[:, :2], n_outside, split_error = mapped.places(inside, heights, levels, slice_of)
+    slicing.report_progress(1.0)
     return Morph(box.positions(result), n_outside, split_error, course.volume_share, course.steep_share)
 
 
@@ -138,7 +137,7 @@ def _mapped(box: Box, branch: _Branch, levels: Floats, guides: Floats, slicing: 
     )
     stack, guide = LoopStack(slices, levels[hits]), LoopStack(rings, guides[guiding >= 0])
     starts = followed_starts(stack, guide, slicing.continuity * box.length, np.zeros(2))
-    return mapped_slices(slices, starts, hits, box.sides, slicing)
+    return SliceMaps(slices, starts, hits, box.sides, slicing)
 
 
 def _branch_ends(branch: _Branch, heights: Floats) -> tuple[float, float]:

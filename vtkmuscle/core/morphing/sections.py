@@ -18,11 +18,10 @@ from vtkmuscle.core.types import Floats, Ints
 
 @dataclass(frozen=True, eq=False)
 class Sections:
-    """Loops of a surface at ascending levels, all of level 0 first.
+    """Loops of a surface at ascending levels, one after the other; the last point is not the first one again.
 
-    A loop has the part of the surface that is above its level to the left, seen from outside: about the
-    direction in which the scalar grows, the outer boundary of a section runs counterclockwise and a hole
-    clockwise. The next loop begins where one ends, and the last point is not the first one again.
+    Seen from outside, a loop has the part of the surface above its level to the left: about the direction in
+    which the scalar grows, the outer boundary of a section runs counterclockwise and a hole clockwise.
 
     Attributes
     ----------
@@ -66,7 +65,10 @@ class ClosedSurface:
         """Return the surface with triangles that face outward."""
         if signed_volume(self.points, self.triangles) >= 0.0:
             return self
-        return ClosedSurface(self.points, *_turned(self.triangles, self.opposite))
+        # (a, b, c) becomes (c, b, a): half-edge 0 is half-edge 1 the other way round, 1 is 0, and 2 stays.
+        halves = self.opposite.reshape(-1, 3)[:, [1, 0, 2]].reshape(-1)
+        turned = halves - halves % 3 + np.array([1, 0, 2])[halves % 3]
+        return ClosedSurface(self.points, np.ascontiguousarray(self.triangles[:, ::-1]), turned)
 
 
 def cut_surface(surface: ClosedSurface, values: Floats, levels: Floats) -> Sections:
@@ -91,14 +93,6 @@ def cut_surface(surface: ClosedSurface, values: Floats, levels: Floats) -> Secti
         parts_above=parts[n_points + n_loops :],
         vertex_parts=parts[:n_points],
     )
-
-
-def _turned(triangles: Ints, opposite: Ints) -> tuple[Ints, Ints]:
-    """Return triangles that face the other side, and their opposite half-edges."""
-    # (a, b, c) becomes (c, b, a): half-edge 0 is half-edge 1 the other way round, 1 is 0, and 2 stays.
-    halves = opposite.reshape(-1, 3)[:, [1, 0, 2]].reshape(-1)
-    side = halves % 3
-    return np.ascontiguousarray(triangles[:, ::-1]), halves - side + np.array([1, 0, 2])[side]
 
 
 def _rising(triangles: Ints, slabs: Ints, n_levels: int) -> tuple[Ints, Ints, Ints, Ints]:
