@@ -55,17 +55,11 @@ class Span:
 
 @dataclass(frozen=True, eq=False)
 class AttachedEnd:
-    """One end of a muscle.
+    """One end of a muscle: the bone that it comes nearest to, and its contacts, the largest first.
 
-    Attributes
-    ----------
-    bone : str
-        The bone that it comes nearest to.
-    contacts : list of (str, (k,) int array)
-        Bones, and connected points that are near them; the largest first.
-    sureness : float
-        1 - (score of the best span that has this end on another bone) / (score of the span taken): 0 where
-        another bone is as likely, 1 where none is near.
+    Contacts are bones and the connected points (k,) near them. Sureness is 1 - (score of the best span that
+    has this end on another bone) / (score of the span taken): 0 where another bone is as likely, 1 where none
+    is near.
     """
 
     bone: str

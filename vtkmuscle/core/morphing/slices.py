@@ -27,21 +27,13 @@ N_GUIDES, GUIDE_MARGIN = 33, 0.02
 
 @dataclass(frozen=True, eq=False)
 class Morph:
-    """Fibres in a muscle, and how well the method suits it.
+    """Fibres in a muscle, by their points (n, 3) [mm], and how well the method suits it.
 
-    Attributes
-    ----------
-    points : (n, 3) float array
-        Points of the fibres [mm].
-    n_outside : int
-        By planes, points that the mean value map put outside of their section; along isolines, which are not
-        flat, points outside of the muscle but for ends on the attachment areas.
-    split_error : float
-        Largest error of a section's four parts: root of the sum of their squared errors over the perimeter.
-    volume_share : float
-        Part of the muscle's volume that is in the branch which the fibres fill.
-    steep_share : float
-        Part of the branch's course that runs at more than :data:`STEEP` degrees to the box's axis.
+    `n_outside` is, by planes, the number of points that the mean value map put outside of their section;
+    along isolines, which are not flat, that of points outside of the muscle but for ends on the attachment
+    areas. `split_error` is the largest one of a section, `volume_share` the part of the muscle's volume in
+    the branch that the fibres fill, `steep_share` the part of its course at more than :data:`STEEP` degrees
+    to the axis.
     """
 
     points: Floats
@@ -60,18 +52,11 @@ class Morph:
 class Slicing:
     """How to slice a muscle, by planes or along isolines.
 
-    Attributes
-    ----------
-    slice_tolerance : float
-        Points of the fitted template whose heights differ by no more than this share a slice [mm].
-    continuity : float
-        Part of the muscle's length over which neighbouring slices resist twisting; 0 is the paper's rule, by
-        which sections start and are split at their own vertices.
-    report_progress : callable
-        Called with the part of the work that is done.
-    once : callable
-        From a key and a function to what the function returned when this muscle was first asked for that key:
-        sections and their maps do not depend on how many fibres there are.
+    Points of the fitted template whose heights differ by no more than `slice_tolerance` [mm] share a slice.
+    Neighbouring slices resist twisting over the part `continuity` of the muscle's length; 0 is the paper's
+    rule, by which sections start and are split at their own vertices. `report_progress` is called with the
+    part of the work that is done; `once`, with a key and a function, returns the function's result for the
+    first call with that key: sections and their maps do not depend on how many fibres there are.
     """
 
     slice_tolerance: float
@@ -87,18 +72,9 @@ class Slicing:
 class SliceMaps:
     """Maps of the template's rectangle to sections of a muscle, whatever fibres go through them.
 
-    Parameters
-    ----------
-    loops, starts : sequence of (j, k) arrays, (l, k) array
-        The sections' boundaries, counterclockwise about z, and where they start [mm].
-    hits : (l,) int array
-        Number of the level that each section is at.
-    sides : (2,) array or longer
-        Sides of the rectangle [mm].
-    slicing : Slicing
-        How to map.
-    views : (l, 3, 3) array, optional
-        Rotations of sections in space, after which they are seen along z.
+    The sections' boundaries are `loops` (j, k), counterclockwise about z, which start at `starts` (l, k)
+    [mm]; `hits` (l,) are the numbers of the levels that they are at, `sides` (2,) or longer those of the
+    rectangle. Sections in space are seen along z after the rotations `views` (l, 3, 3).
     """
 
     def __init__(

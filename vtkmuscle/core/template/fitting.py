@@ -32,18 +32,11 @@ LONGEST_PIECE = 0.02
 class Fit:
     """A box around a muscle.
 
-    Attributes
-    ----------
-    transform : (4, 4) float array
-        Unit cube to world: a right-handed rotation of a cube scaled along its axes, and a translation. Its
-        z axis runs from origin to insertion.
-    error : float
-        Sum of distances from the template's area points to the nearest landmarks, in the unit of the points.
-    angle : float
-        Turn about the axis from the first box of the sweep [degrees].
-    cost : float
-        Least of all boxes: the mean of these distances as a part of the muscle's extent, plus the angle to
-        superficial fibres where there are some [rad].
+    Its `transform` (4, 4), unit cube to world, is a right-handed rotation of a cube scaled along its axes,
+    and a translation; its z axis runs from origin to insertion. `error` is the sum of distances from the
+    points of the template's areas to the nearest landmarks [mm], `angle` the turn about the axis from the
+    first box of the sweep [degrees]. The best box has the least `cost`: the mean of these distances as a part
+    of the muscle's extent, plus the angle to superficial fibres where there are some [rad].
     """
 
     transform: Floats
