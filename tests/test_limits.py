@@ -15,7 +15,7 @@ from typer.testing import CliRunner
 
 from vtkmuscle import Scene, SceneError
 from vtkmuscle.cli import BAD_INPUT, app
-from vtkmuscle.core.template.template_files import read_template
+from vtkmuscle.core.template.kinds import read_template
 from vtkmuscle.filters import FibreTemplateSource, FibreTubes, PBDDeformer
 from vtkmuscle.io import read_landmarks, read_motion_table, read_polydata
 from vtkmuscle.run.cost import VARIABLE, check_duration

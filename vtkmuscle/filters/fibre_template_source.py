@@ -7,8 +7,7 @@ from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.errors import errors_at
 from vtkmuscle.core.mesh.sampling import space_order
-from vtkmuscle.core.template.kinds import KINDS, TEMPLATES, sobol_points
-from vtkmuscle.core.template.template_files import read_template
+from vtkmuscle.core.template.kinds import KINDS, TEMPLATES, read_template, sobol_points
 from vtkmuscle.data.arrays import Polylines, add_arrays, polylines_from
 from vtkmuscle.filters.base import Filter, OutputPort, Parameter
 
@@ -23,8 +22,7 @@ class FibreTemplateSource(Filter):
     Each fibre is a Bezier curve from the origin area, at the bottom of the cube, to the insertion area, at
     its top; two parameters (r, s) select the curve. The fibres' parameters are Sobol points, as in the paper;
     more than 256 are in an order in which neighbours follow each other. The points of a fibre are equally
-    spaced in its parameter t. :mod:`vtkmuscle.core.template.kinds` describes the kinds,
-    :mod:`vtkmuscle.core.template.template_files` the files.
+    spaced in its parameter t. :mod:`vtkmuscle.core.template.kinds` describes the kinds, and the files.
 
     Parameters
     ----------

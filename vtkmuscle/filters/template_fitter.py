@@ -13,7 +13,6 @@ from vtkmuscle.core.motion.rigid import apply_transform
 from vtkmuscle.core.template.fitting import (
     TIE,
     Fit,
-    MuscleViews,
     SuperficialFibres,
     angle_to_nearest,
     centroid_axis,
@@ -120,20 +119,21 @@ class TemplateFitter(Filter):
         origin, insertion = (apply_transform(reflection, _landmarks(attachments, role)) for role in ROLES)
         geometry = muscle.geometry
 
-        def used_points() -> MuscleViews:
+        def points() -> Floats:
             uses = np.bincount(geometry.triangles.reshape(-1), minlength=len(geometry.points))
-            return MuscleViews(apply_transform(reflection, geometry.points[uses > 0]))
+            return apply_transform(reflection, geometry.points[uses > 0])
 
-        shape = geometry.once(("seen", self.mirror), used_points)
+        landmarks = origin, insertion
         if superficial is not None:
             mirrored = apply_transform(reflection, superficial.points)
-            seen = superficial_pieces(mirrored, superficial.offsets, shape.points)
-            fits = self._fits(shape, (origin, insertion), areas, partial(_angle, seen, template))
+            shape = points()
+            seen = superficial_pieces(mirrored, superficial.offsets, shape)
+            fits = self._fits(shape, landmarks, areas, partial(_angle, seen, template))
         else:  # boxes that do not depend on the template's fibres
             settings = self.axis, self.angle_step, self.mirror
-            arrays = (origin, insertion, *areas)
+            arrays = (*landmarks, *areas)
             key = "boxes", settings, *(np.ascontiguousarray(array).tobytes() for array in arrays)
-            fits = geometry.once(key, lambda: self._fits(shape, (origin, insertion), areas, None))
+            fits = geometry.once(key, lambda: self._fits(points(), landmarks, areas, None))
         least = min(fit.cost for fit in fits)
         best = next(fit for fit in fits if fit.cost <= least + TIE)
         transform = reflection @ best.transform
@@ -147,7 +147,7 @@ class TemplateFitter(Filter):
             },
         )
 
-    def _axes(self, muscle: MuscleViews, origin: Floats, insertion: Floats) -> list[Floats]:
+    def _axes(self, points: Floats, origin: Floats, insertion: Floats) -> list[Floats]:
         """Return the axes to try, (3,) each."""
         axes = []
         if self.axis != "principal":
@@ -157,20 +157,20 @@ class TemplateFitter(Filter):
                 if self.axis == "attachments":
                     raise
         if self.axis != "attachments":
-            axes.append(principal_axis(muscle, origin, insertion))
+            axes.append(principal_axis(points, origin, insertion))
         return axes
 
     def _fits(
         self,
-        muscle: MuscleViews,
+        points: Floats,
         landmarks: tuple[Floats, Floats],
         areas: tuple[Floats, Floats],
         guide: Callable[[Floats], float] | None,
     ) -> list[Fit]:
         """Return the best box for each axis; ``guide`` gives the angle of superficial fibres in a box."""
         return [
-            fit_box(muscle, axis, landmarks=landmarks, areas=areas, angle_step=self.angle_step, guide=guide)
-            for axis in self._axes(muscle, *landmarks)
+            fit_box(points, axis, landmarks=landmarks, areas=areas, angle_step=self.angle_step, guide=guide)
+            for axis in self._axes(points, *landmarks)
         ]
 
 

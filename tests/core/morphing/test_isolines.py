@@ -8,7 +8,7 @@ from vtkmuscle.core.morphing.isolines import attachment_field, morph_by_isolines
 from vtkmuscle.core.morphing.planes import morph_by_planes
 from vtkmuscle.core.morphing.slices import Slicing
 from vtkmuscle.core.motion.rigid import apply_transform
-from vtkmuscle.core.template.fitting import MuscleViews, centroid_axis, fit_box
+from vtkmuscle.core.template.fitting import centroid_axis, fit_box
 from vtkmuscle.core.template.kinds import TEMPLATES, sobol_points
 
 RADIUS = 12.0
@@ -19,7 +19,7 @@ SETTINGS = {"slice_tolerance": 0.1, "continuity": 0.2}
 def fitted(points, origin, insertion, n_fibres=40, resolution=15, kind="parallel"):
     """Return the transform and the fitted fibres, (n, m, 3)."""
     areas, ends = (BOTTOM, BOTTOM + np.array([0.0, 0, 1])), (points[origin], points[insertion])
-    box = fit_box(MuscleViews(points), centroid_axis(*ends), landmarks=ends, areas=areas, angle_step=5.0)
+    box = fit_box(points, centroid_axis(*ends), landmarks=ends, areas=areas, angle_step=5.0)
     cube = TEMPLATES[kind].fibres(*sobol_points(n_fibres).T, np.linspace(0, 1, resolution + 1))
     return box.transform, apply_transform(box.transform, cube.reshape(-1, 3)).reshape(cube.shape)
 

@@ -6,7 +6,6 @@ from scipy.spatial.transform import Rotation
 
 from vtkmuscle.core.motion.rigid import apply_transform
 from vtkmuscle.core.template.fitting import (
-    MuscleViews,
     areas_are_opposite,
     centroid_axis,
     fit_box,
@@ -46,7 +45,7 @@ def rectangle(low, high):
 def fit(points, origin, insertion, axis=None, angle_step=5.0, areas=PARALLEL):
     axis = centroid_axis(origin, insertion) if axis is None else axis
     ends = (origin, insertion)
-    return fit_box(MuscleViews(points), axis, landmarks=ends, areas=areas, angle_step=angle_step)
+    return fit_box(points, axis, landmarks=ends, areas=areas, angle_step=angle_step)
 
 
 def ends(points):
@@ -150,7 +149,7 @@ def test_aponeuroses_lie_on_the_template_faces_that_are_nearest_to_them(flip):
 
 
 def test_principal_axis_is_the_long_one_and_points_to_the_insertion():
-    points = MuscleViews(block() - SIDES / 2)
+    points = block() - SIDES / 2
     top, bottom = np.array([[0.0, 0, 50]]), np.array([[0.0, 0, -50]])
     assert np.allclose(principal_axis(points, bottom, top), [0, 0, 1])
     assert np.allclose(principal_axis(points, top, bottom), [0, 0, -1])

@@ -3,8 +3,7 @@ import json
 import numpy as np
 import pytest
 
-from vtkmuscle.core.template.kinds import TEMPLATES
-from vtkmuscle.core.template.template_files import read_template, template_from
+from vtkmuscle.core.template.kinds import TEMPLATES, read_template, template_from
 from vtkmuscle.data.arrays import field_array, points_of
 from vtkmuscle.filters.fibre_template_source import FibreTemplateSource
 

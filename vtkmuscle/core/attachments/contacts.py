@@ -1,7 +1,7 @@
-"""Where a muscle is attached, as far as surfaces tell: at its ends, where it comes near bones.
+"""Estimated attachments of a muscle: at its ends, where it comes near bones.
 
-A muscle's ends are the two points, one near each of two bones, that are farthest apart along its surface. Of
-the points that are near a bone those are its attachment that lie at its end.
+A muscle's ends are the two points, one near each of two bones, that are farthest apart along its surface. The
+points near a bone that lie at its end are its attachment.
 """
 
 from __future__ import annotations
@@ -19,17 +19,17 @@ from vtkmuscle.core.mesh.normals import triangle_normals
 from vtkmuscle.core.mesh.surface import edge_lengths, point_components, unique_edges
 from vtkmuscle.core.types import Bools, Floats, Ints
 
-#: So much length of a muscle outweighs a gap of 1 between its end and a bone. Anything from 1 to 100 chooses
-#: the same bones for 31 muscles of phantoms, a hip, two knees and an arm.
+#: Length of a muscle that outweighs a gap of 1 between its end and a bone. Anything from 1 to 100 chooses the
+#: same bones for 31 muscles of phantoms, a hip, two knees and an arm.
 GAP_WEIGHT = 5.0
-#: An end farther from a bone than this many times the distance that counts as near is not attached to it:
-#: 10 mm, as landmarks that are farther are not on their bone either.
+#: An end farther from a bone than this many times the distance that counts as near is not attached to it: 10
+#: mm, beyond which landmarks are not on their bone either.
 FAR_END = 4.0
-#: Part of a muscle's length that may lie beyond its attachment, as a corner of a broad muscle does (5 % at
-#: most in the muscles above); a belly without its tendon goes on for more.
+#: Part of a muscle's length that may lie beyond its attachment, as a corner of a broad muscle (at most 5 % in
+#: the muscles above); a belly without its tendon goes on for more.
 BEYOND = 0.1
-#: How much of the way from the other attachment to its end a tendon's attachment may take, from the end. From
-#: 0.15 to 0.3 areas overlap digitised ones alike (mean intersection over union 0.63 to 0.65).
+#: Last part of the way from the other attachment that a tendon's attachment may take. From 0.15 to 0.3 areas
+#: overlap digitised ones alike (mean intersection over union 0.63 to 0.65).
 TENDON_END = 0.25
 #: A contact smaller than this part of the largest one at the same end is noise.
 LEAST_SHARE = 0.05
@@ -42,16 +42,10 @@ REMEDY = (
 
 @dataclass(frozen=True, eq=False)
 class Span:
-    """The longest way along a muscle that ends near two bones.
+    """The longest way along a muscle between points near two bones.
 
-    Attributes
-    ----------
-    tips : dict of str to int
-        The muscle's point at the end near each of the two bones.
-    ways : dict of str to (n,) array
-        How far each point is from that tip along the surface [mm].
-    score : float
-        Length of the way less what the gaps at its ends count [mm].
+    `tips` has the muscle's point at the end near each bone, `ways` the distances (n,) of all points from it
+    along the surface [mm]; `score` is the length of the way less the weighted gaps at its ends [mm].
     """
 
     tips: dict[str, int]
@@ -61,17 +55,11 @@ class Span:
 
 @dataclass(frozen=True, eq=False)
 class AttachedEnd:
-    """One end of a muscle.
+    """One end of a muscle: the bone that it comes nearest to, and its contacts, the largest first.
 
-    Attributes
-    ----------
-    bone : str
-        The one that it comes nearest to.
-    contacts : list of (str, (k,) int array)
-        Bones, and connected points that are near them; the largest first.
-    sureness : float
-        1 - the score of the best span that has this end on another bone, against the score of the one
-        taken: 0 where another bone is as likely, 1 where none is near.
+    Contacts are bones and the connected points (k,) near them. Sureness is 1 - (score of the best span that
+    has this end on another bone) / (score of the span taken): 0 where another bone is as likely, 1 where none
+    is near.
     """
 
     bone: str
@@ -88,13 +76,13 @@ def attached_ends(
     between: Sequence[str] = (),
     bodies: Sequence[Sequence[str]] = (),
 ) -> tuple[AttachedEnd, AttachedEnd]:
-    """Return where a muscle is likely to be attached: at its two ends, to two bones.
+    """Return the likely attachments of a muscle, at its two ends to two bones; that with more area first.
 
     Each pair of bones has a span, and the longest is the muscle's: a bone that the muscle passes is reached
     by a shorter one. The points near a bone, inside of it or within a distance, belong to the end that is
-    nearer along the surface. All of them count at the end that has more, for muscles arise from broad areas;
-    at the other those in the last quarter of the way from there, for they insert by tendons. Bones that move
-    with the one taken count there as well, in the last quarter, if the muscle's farthest point is near them.
+    nearer along the surface. At the end with more of them all count, for muscles arise from broad areas; at
+    the other only those in the last quarter of the way from there, for they insert by tendons. Bones that
+    move with the one taken count in the last quarter as well, if the muscle's farthest point is near them.
 
     Parameters
     ----------
@@ -106,20 +94,14 @@ def attached_ends(
         Up to which distance a point is near a bone, > 0 [mm]; half an edge where that is more, and as much
         farther as the end itself is from the bone.
     between : sequence of str
-        Bones that the muscle is attached to, as far as known: none, one or two.
+        Known bones of attachment: none, one or two.
     bodies : sequence of sequence of str
         Bones that move as one.
-
-    Returns
-    -------
-    broad, narrow : AttachedEnd
-        That with more area first.
 
     Raises
     ------
     ValueError
-        If fewer than two bones are near, the muscle reaches from none to another, or it ends far from them;
-        it says where and how far.
+        If fewer than two bones are near, the muscle reaches from none to another, or ends far from them.
     """
     edges = unique_edges(triangles)
     lengths = edge_lengths(points, edges)
@@ -208,19 +190,19 @@ def _check_end(
 
 
 def _ways(graph: csr_array, start: int | Ints) -> Floats:
-    """Return how far points are from the nearest of some along the surface, -infinity where nothing leads."""
+    """Return the distance of each point from the nearest start along the surface, -inf if there is no way."""
     ways = dijkstra(graph, directed=False, indices=start, min_only=True)
     return np.where(np.isfinite(ways), ways, -np.inf)
 
 
 def _outer(way: Floats, near: Bools) -> Bools:
-    """Return the points in the last part of the way to those that are near."""
+    """Return which points are in the last part of the way to the near ones."""
     outer: Bools = way >= (1.0 - TENDON_END) * way[near].max()
     return outer
 
 
 def _parts(edges: Ints, mask: Bools, far: int) -> list[Ints]:
-    """Return the connected parts of some points, each with all that it cuts off from a point far away."""
+    """Return the connected parts of some points, each with all points that it cuts off from a far one."""
     labels = point_components(len(mask), edges[mask[edges].all(axis=1)])
     parts = []
     for label in np.unique(labels[mask]):

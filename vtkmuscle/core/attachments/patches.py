@@ -1,4 +1,4 @@
-"""Attachment areas on the muscle: from landmarks digitised on a bone to the muscle's points.
+"""Attachment areas on the muscle, from landmarks digitised on a bone.
 
 The landmarks' boundary is projected onto the muscle, neighbours are joined by shortest paths along edges, and
 the patch inside is the attachment: Kohout, Cervenka 2021, section 3.3, doi:10.1007/978-3-030-72379-8_24,
@@ -12,43 +12,36 @@ from itertools import pairwise
 
 import numpy as np
 from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components, dijkstra
+from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import cKDTree
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.mesh.normals import triangle_normals, vertex_normals
 from vtkmuscle.core.mesh.polylines import segment_distances
-from vtkmuscle.core.mesh.surface import edge_lengths, numbered_edges, signed_volume, unique_edges
+from vtkmuscle.core.mesh.surface import (
+    edge_lengths,
+    numbered_edges,
+    point_components,
+    signed_volume,
+    unique_edges,
+)
 from vtkmuscle.core.types import Floats, Ints
 
-#: Penalty s on edges away from the chord: an edge at the distance of a chords counts (1 + s a^2) times its
-#: length. On a sphere of equal triangles paths are 6 % of the chord off the great circle with 10, 16 % (at
-#: most 38 %) with 0, and equally long.
+#: Penalty s on edges away from the chord: at a distance of a times the chord's length an edge counts (1 + s
+#: a^2) times its own. On a sphere of equal triangles paths are 6 % of the chord off the great circle with 10,
+#: 16 % (at most 38 %) with 0, and equally long.
 _STRAIGHTNESS = 10.0
-#: Nearly all paths stay this many chords from the chord's middle: they are sought there first.
+#: Nearly all paths stay within this many chords of the chord's middle: they are sought there first.
 _REACH = 2.0
 
 
 def geodesic_curve(points: Floats, triangles: Ints, vertices: Ints, *, closed: bool) -> Ints:
-    """Return point ids along the shortest paths from each vertex to the next, (k,), joints once.
+    """Return point ids (k,) along the shortest paths from each vertex to the next, joints once.
 
-    On a mesh of like triangles many paths are nearly as short as the shortest, and that one may bulge
-    by a third of its chord. Edges count as longer the farther they are from the chord, so that the path
-    keeps near to the straight line between the landmarks.
-
-    Parameters
-    ----------
-    points, triangles : (n, 3) array, (m, 3) int array
-        Positions; point ids.
-    vertices : (j,) int array
-        Ids of the points to join, in order.
-    closed : bool
-        True where the last vertex is joined to the first.
-
-    Raises
-    ------
-    ValueError
-        If no edges connect two neighbours.
+    On a mesh of like triangles many paths are nearly as short as the shortest, and that one may bulge by a
+    third of its chord. Edges count as longer the farther they are from the chord, so that the path keeps near
+    to the straight line between the landmarks. The ids of the vertices (j,) are in order; if `closed`, the
+    last one is joined to the first. Raises a ValueError if no edges connect two neighbours.
     """
     ends = np.append(vertices[1:], vertices[:1]) if closed else vertices[1:]
     edges = unique_edges(triangles)
@@ -96,18 +89,14 @@ def _shortest_path(points: Floats, edges: Ints, middles: Floats, start: int, end
 
 #: Landmarks farther from the muscle than this part of its box's diagonal belong to something else.
 FARTHEST_LANDMARK = 0.2
-
-#: A ring whose smaller side is less than this part of the surface encloses that side, without question.
+#: A ring whose smaller side is less than this part of the surface encloses that side.
 CLEAR_SHARE = 0.2
-
 #: Landmarks whose width is below this part of their length lie on a line and enclose nothing.
 _FLATNESS = 1e-3
-
-#: Landmarks that are all nearer to points of the muscle than this part of its box's diagonal are those.
+#: Landmarks nearer to points of the muscle than this part of its box's diagonal are these points.
 ON_POINTS = 1e-6
-
-#: A way along the normal of a point that faces the bone nears it by this part of the way, at least; along
-#: that of a point that looks away it leaves the bone by as much. Between them is the rim of a muscle.
+#: A step along the normal of a point that faces the bone leads nearer to it by this part of the step, at
+#: least; that of a point that looks away leads as much farther. Between them is the rim of a muscle.
 FACING = 0.5
 
 
@@ -120,7 +109,7 @@ def attachment_patch(
     tolerance: float | None = None,
     bone_distance: Callable[[Floats], Floats] | None = None,
 ) -> Ints:
-    """Return the points of the muscle that an attachment area covers.
+    """Return the ids of the muscle's points that an attachment area covers, (k,), ascending.
 
     The landmarks are projected to the nearest points of the muscle, on the side that faces the bone where
     one is within reach, and neighbours joined by geodesics along edges. A ring cuts the surface: the patch
@@ -132,7 +121,7 @@ def attachment_patch(
     Parameters
     ----------
     points, triangles : (n, 3) array, (m, 3) int array
-        The muscle's [mm]; point ids.
+        The muscle [mm].
     landmarks : (k, 3) array
         In boundary order [mm]; they may lie off the muscle.
     closed : bool
@@ -142,11 +131,6 @@ def attachment_patch(
     bone_distance : callable, optional
         From points (j, 3) to their distances (j,) from the bone, negative inside; without it landmarks go
         to either side of the muscle, and the smaller side of a ring is its inside.
-
-    Returns
-    -------
-    (k,) int array
-        Point ids, ascending.
 
     Raises
     ------
@@ -173,10 +157,10 @@ def _nearest_vertices(
     tolerance: float,
     bone_distance: Callable[[Floats], Floats] | None,
 ) -> Ints:
-    """Return for each landmark the nearest point that a triangle uses, neighbours never the same.
+    """Return the nearest used point for each landmark, neighbours never the same.
 
     Landmarks off a thin muscle, or within it, may be nearer to the face that looks away from the bone; the
-    patch would be there. So points that face the bone go first, but where all landmarks are points already.
+    patch would be there. So points that face the bone are preferred, unless all landmarks are points already.
     """
     if not len(landmarks):
         raise InputError("", "the attachment has no landmarks")
@@ -211,8 +195,8 @@ def _prefer_facing(
 ) -> None:
     """Give each landmark the nearest point that faces the bone, where there is one within the limit.
 
-    nearest : (k,), changed in place: for each landmark a number among the points that are used;
-    among : the tree of these points, their ids, and the limit.
+    `nearest` (k,), changed in place, has for each landmark a number among the used points; `among` are the
+    tree of these points, their ids, and the limit.
     """
     tree, used, limit = among
     outward = vertex_normals(points, triangles) * np.sign(signed_volume(points, triangles) or 1.0)
@@ -241,10 +225,10 @@ def _on_a_line(landmarks: Floats) -> bool:
 def _enclosed(
     points: Floats, triangles: Ints, loop: Ints, bone_distance: Callable[[Floats], Floats] | None
 ) -> Ints:
-    """Return the points inside a closed loop of edges, () where the loop cuts nothing off.
+    """Return the points inside a closed loop of edges, none where the loop cuts nothing off.
 
-    Triangles are flooded across all edges but the loop's. Of the parts that touch the loop, the largest
-    is the outside. That needs no simple loop: geodesics may share edges, touch and cross.
+    Triangles are flooded across all edges but the loop's. The largest part that touches the loop is the
+    outside. The loop may be any: geodesics may share edges, touch and cross.
     """
     labels, at_loop = _parts_cut_by(triangles, loop, len(points))
     if len(at_loop) < 2:
@@ -266,16 +250,14 @@ def _enclosed(
 
 
 def _parts_cut_by(triangles: Ints, loop: Ints, n_points: int) -> tuple[Ints, Ints]:
-    """Return the part of each triangle, (m,), where the loop's edges separate, and the parts at the loop."""
+    """Return the part of each triangle (m,) in the surface cut along the loop, and the parts at the loop."""
     edges, edge_of = numbered_edges(triangles)
     cut = np.isin(_edge_keys(edges, n_points), _edge_keys(np.column_stack([loop[:-1], loop[1:]]), n_points))
     order = np.argsort(edge_of, kind="stable")
     owners = order // 3  # the triangle of each half-edge
     number = edge_of[order]
     joined = (number[1:] == number[:-1]) & ~cut[number[1:]]
-    links = (owners[:-1][joined], owners[1:][joined])
-    dual = coo_array((np.ones(len(links[0])), links), shape=(len(triangles), len(triangles)))
-    labels: Ints = connected_components(dual, directed=False)[1].astype(np.int64)
+    labels = point_components(len(triangles), np.column_stack([owners[:-1], owners[1:]])[joined])
     return labels, np.unique(labels[owners[cut[number]]])
 
 
@@ -286,24 +268,16 @@ def _edge_keys(edges: Ints, n_points: int) -> Ints:
 
 
 def _near_curve(points: Floats, edges: Ints, curve: Ints, tolerance: float) -> Ints:
-    """Return the points within a tolerance of a curve of edges that edges connect to it, and the curve's.
+    """Return the points of a curve of edges, and those within a tolerance that edges connect to it.
 
-    Through a thin muscle the other face may be as near, but it is not connected within the tolerance.
+    The other face of a thin muscle may be as near, but it is not connected within the tolerance.
     """
     near = np.zeros(len(points), dtype=np.bool_)
     low, high = points[curve].min(axis=0) - tolerance, points[curve].max(axis=0) + tolerance
     candidates = np.flatnonzero(((points >= low) & (points <= high)).all(axis=1))
-    near[candidates] = _distances_to_polyline(points[candidates], points[curve]) <= tolerance
+    near[candidates] = np.linalg.norm(points[candidates] - points[curve[0]], axis=1) <= tolerance
+    for start, end in pairwise(points[curve]):
+        near[candidates] |= segment_distances(points[candidates], start, end) <= tolerance
     near[curve] = True
-    kept = edges[near[edges].all(axis=1)]
-    links = coo_array((np.ones(len(kept)), (kept[:, 0], kept[:, 1])), shape=(len(points), len(points)))
-    labels = connected_components(links, directed=False)[1]
+    labels = point_components(len(points), edges[near[edges].all(axis=1)])
     return np.flatnonzero(near & np.isin(labels, labels[curve])).astype(np.int64)
-
-
-def _distances_to_polyline(points: Floats, line: Floats) -> Floats:
-    """Return the distance of each point to the nearest segment (or the only point) of a polyline, (n,)."""
-    distances: Floats = np.linalg.norm(points - line[0], axis=1)
-    for start, end in pairwise(line):
-        np.minimum(distances, segment_distances(points, start, end), out=distances)
-    return distances

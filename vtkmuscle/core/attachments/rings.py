@@ -11,22 +11,11 @@ from vtkmuscle.core.types import Floats, Ints
 
 
 def discs_over(rings: Sequence[Floats]) -> tuple[Floats, Ints]:
-    """Return triangles that span rings, from each ring's mean to its sides.
+    """Return points and triangles that span rings (k, 3), from each ring's mean to its sides.
 
     On a coarse mesh the triangles between attached points leave out up to an edge's length along the rim of
-    an area, and an aponeurosis within a muscle is not on its surface at all: the ring is all that is known.
-
-    Parameters
-    ----------
-    rings : sequence of (k, 3) arrays
-        Boundaries of areas, in order; those of fewer than three points span nothing.
-
-    Returns
-    -------
-    points : (n, 3) array
-        Those of the rings, and the mean of each.
-    triangles : (m, 3) int array
-        Point ids.
+    an area, and an aponeurosis within a muscle is not on its surface at all: only the ring is known. Rings of
+    fewer than three points span nothing.
     """
     points, triangles, first = [np.empty((0, 3))], [np.empty((0, 3), dtype=np.int64)], 0
     for ring in rings:
@@ -40,28 +29,14 @@ def discs_over(rings: Sequence[Floats]) -> tuple[Floats, Ints]:
     return np.vstack(points), np.vstack(triangles).astype(np.int64)
 
 
-#: Landmarks of an outline, at most: so the patches inside of them are 0.9 to 1.0 of the patches outlined.
+#: Most landmarks of an outline: the patches inside of them are 0.9 to 1.0 of the patches outlined.
 MOST_LANDMARKS = 40
 
 
 def outline(points: Floats, triangles: Ints, patch: Ints) -> tuple[Floats, bool]:
-    """Return points of the muscle along the boundary of a patch, in order.
+    """Return points (j, 3) of the muscle along the boundary of a connected patch (k,), and True for a ring.
 
-    The patch has to be connected. Holes in it are left out.
-
-    Parameters
-    ----------
-    points, triangles : (n, 3) array, (m, 3) int array
-        The muscle [mm]; point ids.
-    patch : (k,) int array
-        Point ids.
-
-    Returns
-    -------
-    landmarks : (j, 3) array
-        [mm]
-    closed : bool
-        True for a ring; False where the patch has no triangle, and its points are the landmarks.
+    Holes in it are left out. A patch without a triangle is no ring: its own points are returned in order.
     """
     edges = half_edges(triangles)
     held = np.isin(edges, patch).all(axis=1)
@@ -86,7 +61,7 @@ def outline(points: Floats, triangles: Ints, patch: Ints) -> tuple[Floats, bool]
     return points[longest[: -1 : -(-(len(longest) - 1) // MOST_LANDMARKS)]], True
 
 
-#: Passes over all pairs of edges, at most; a ring of a hundred points takes some ten.
+#: Most passes over all pairs of edges; a ring of a hundred points takes some ten.
 _MOST_PASSES = 200
 
 
@@ -102,20 +77,11 @@ def ring_area(points: Floats) -> float:
 
 
 def short_ring(points: Floats) -> Ints:
-    """Return an order of points in which the ring through them is short.
+    """Return an order (n,) of one or more points in which the ring through them is short.
 
-    From each point to the nearest, then pairs of edges are exchanged while that makes the ring shorter
-    (2-opt, Croes 1958, doi:10.1287/opre.6.6.791).
-
-    Parameters
-    ----------
-    points : (n, 3) array
-        At least one.
-
-    Returns
-    -------
-    (n,) int array
-        Point ids. The ring is rarely more than a few percent longer than the shortest.
+    It goes from each point to the nearest, then pairs of edges are exchanged while that makes the ring
+    shorter (2-opt, Croes 1958, doi:10.1287/opre.6.6.791). The ring is rarely more than a few percent longer
+    than the shortest.
     """
     count = len(points)
     distance = np.linalg.norm(points[:, None] - points[None], axis=2)

@@ -45,7 +45,9 @@ class VoxelGrid:
 
     origin: Floats  # (3,), lowest corner of cell (0, 0, 0) [mm]
     spacing: Floats  # (3,), size of a cell [mm]
-    cells: Cells  # (nx, ny, nz), OUTSIDE, BOUNDARY (a triangle meets it) or INSIDE; the outer layer is OUTSIDE
+    cells: (
+        Cells  # (nx, ny, nz), OUTSIDE, BOUNDARY (a triangle meets it) or INSIDE; the outer layer is OUTSIDE
+    )
 
     def contains(self, points: Floats) -> Bools:
         """Return whether each point (n, 3) [mm, rest pose] lies in a boundary or inside cell, (n,).

@@ -28,14 +28,9 @@ POINTS, END = 121, 0.1
 
 @dataclass(frozen=True, eq=False)
 class AreaProfile:
-    """Cross-section of a muscle along its course.
+    """Areas (s,) of the cross-sections of a muscle [mm^2] along a curve (c, 3) through its middle [mm].
 
-    Attributes
-    ----------
-    curve : (c, 3) array
-        Through the muscle's middle, from beyond the origin to beyond the insertion [mm].
-    arcs, areas : (s,) arrays
-        Middles of even pieces of the curve [mm], and the areas of the cross-sections there [mm^2].
+    `arcs` (s,) are the middles of even pieces of the curve, which goes beyond the origin and the insertion.
     """
 
     curve: Floats
@@ -70,14 +65,8 @@ class AreaProfile:
 class Fascicles:
     """The muscle part of fibres, without tendon.
 
-    Attributes
-    ----------
-    lengths : (k,) array
-        Of each fascicle [mm]; 0 for a fibre that has no part in the muscle.
-    origin_angles, insertion_angles : (k,) arrays
-        Between the ends of the fascicles and the curve through the muscle's middle [degrees].
-    volume : float
-        Of the muscle without its tendons [mm^3].
+    Lengths (k,) [mm] are 0 for a fibre that has no part in the muscle; the angles (k,) are between both ends
+    of the fascicles and the curve through the muscle's middle [degrees]; `volume` is the muscle's [mm^3].
     """
 
     lengths: Floats

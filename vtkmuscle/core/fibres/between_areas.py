@@ -44,14 +44,10 @@ MIDDLE = 4.0
 class EndSurface:
     """A surface that fibres end on: a part of the muscle's surface, or one within the muscle.
 
-    Attributes
-    ----------
-    points, triangles, patch : (n, 3) array, (m, 3) int array, (j,) int array
-        The whole surface [mm], and the ids of the points that fibres end on.
-    takes : (float, float)
-        Least and most cross-section of fibres that end on it, as multiples of its own, |u . n| times its
-        area: 1 and 1 where fibres themselves end on one face of it, 1 and 2 where they may on both, 0 and
-        infinity where tendons lie between.
+    The whole surface is points (n, 3) and triangles (m, 3) [mm]; fibres end on the points `patch` (j,).
+    `takes` are the least and the most cross-section of fibres that end on it, as multiples of its own, |u .
+    n| times its area: 1 and 1 where fibres themselves end on one face of it, 1 and 2 where they may on both,
+    0 and infinity where tendons lie between.
     """
 
     points: Floats

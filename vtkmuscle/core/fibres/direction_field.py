@@ -30,11 +30,11 @@ class DirectionField:
     """Directions of fibres as a continuous function of the position.
 
     Of each fibre beside a point, d_i is the distance and u_i the direction at its nearest place, between the
-    tangents of both ends of its segment. The mean of the axes is the principal eigenvector of sum w_i u_i
-    u_i^T, so that the sign of an u_i does not matter, with Franke and Nielson's weights w_i = ((R - d_i) / (R
-    d_i))^2, R the distance of the first fibre that has no weight any more. On a fibre it is the fibre's own
-    direction, and it does not jump where another fibre comes nearest. Of both ways along the axis it has that
-    of most weight, from the first points of the fibres to the last.
+    tangents of both ends of its segment. The mean of the axes is the principal eigenvector of
+    sum w_i u_i u_i^T, so that the sign of an u_i does not matter, with Franke and Nielson's weights
+    w_i = ((R - d_i) / (R d_i))^2, R the distance of the first fibre without a weight. On a fibre it is the
+    fibre's own direction, and it does not jump where another fibre comes nearest. Of both ways along the axis
+    it has that of most weight, from the first points of the fibres to the last.
 
     The fibres are points (n, 3) and offsets (k + 1,); a ValueError is raised if none has a length. `spacing`
     is the distance from one fibre to the next, median over segments [mm]; inf for a single fibre.

@@ -84,19 +84,12 @@ def mean_value_coordinates(points: Floats, triangles: Ints, queries: Floats, *, 
 
 
 class CoordinateMesh(NamedTuple):
-    """A mesh about its centre as the kernel takes it; number i of a triangle is opposite to its corner i.
+    """A mesh about its `centre`, as the kernel takes it; number i of a triangle is opposite to its corner i.
 
-    Attributes
-    ----------
-    vertices, triangles : (n, 3) array, (m, 3) int array
-        Positions [mm]; triangles that have an area.
-    constants : (m, 16) array
-        The unit normal n, l_1 x n, l_2 x n, the double area A, l_0 . l_1 / A, l_0 . l_2 / A, l_1 . l_2 / A,
-        and the squared lengths of the edges.
-    spread : (n, 3) array
-        Spreads a residual over the vertices by the smallest change of weights that keeps their sum.
-    centre, diagonal : (3,) array, float
-        The centre, and the diagonal of the box [mm].
+    It has the vertices (n, 3) [mm] and the triangles with an area (m, 3). Constants (m, 16) are the unit
+    normal n, l_1 x n, l_2 x n, the double area A, l_0 . l_1 / A, l_0 . l_2 / A, l_1 . l_2 / A, and the
+    squared lengths of the edges. `spread` (n, 3) spreads a residual over the vertices by the smallest change
+    of weights that keeps their sum; `diagonal` is that of the box [mm].
     """
 
     vertices: Floats

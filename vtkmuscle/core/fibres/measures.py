@@ -213,17 +213,11 @@ HOOKED = 90.0
 class Arrangement:
     """Measures of fibres at rest.
 
-    Attributes
-    ----------
-    crossing : float
-        Part of all neighbours that change sides in the last eighth of their way, at the worse of both ends.
-    hooked : float
-        Part of the fibres that turn by more than 90 degrees from one segment to the next.
-    turning : float
-        Sum of the turns along a fibre, 95th percentile [degrees]: 360 is once round.
-    bare : float
-        Part of the muscle's volume that is farther from any fibre than neighbours are from each other in the
-        belly (the median of their mean distance, where it is largest); 0 for fewer than five fibres.
+    `crossing` is the part of all neighbours that change sides in the last eighth of their way, at the worse
+    of both ends; `hooked` the part of the fibres that turn by more than 90 degrees between two segments;
+    `turning` the 95th percentile of the sum of turns along a fibre [degrees], 360 once round; `bare` the part
+    of the muscle's volume that is farther from any fibre than neighbours are from each other in the belly
+    (the median of their mean distance, where it is largest), 0 for fewer than five fibres.
     """
 
     crossing: float

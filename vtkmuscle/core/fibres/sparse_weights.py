@@ -74,17 +74,11 @@ def vertex_groups(points: Floats) -> VertexGroups:
 
 @dataclass(frozen=True, eq=False)
 class SparseWeights:
-    """Mean value coordinates of points in means of groups of vertices, down to single ones.
+    """Mean value coordinates of points in the means of groups of vertices, down to single ones.
 
-    Attributes
-    ----------
-    matrix : (q, g) sparse array
-        The weights [1]; rows sum to 1 and reproduce linear functions.
-    error : float
-        How far a point is from where all its weights would put it, at most, if the mesh is bent by the
-        quadratic x_i^2 / (2 d) along each axis, with d the diagonal of the mesh [mm]: about one radian.
-    groups : VertexGroups
-        Of the mesh; their means are the columns.
+    Rows of the matrix (q, g) sum to 1 and reproduce linear functions. `error` is the largest distance of a
+    point from where all its weights would put it, if the mesh is bent by the quadratic x_i^2 / (2 d) along
+    each axis, with d the diagonal of the mesh [mm]: about one radian.
     """
 
     matrix: csr_array

@@ -69,19 +69,11 @@ ALONG_ROWS = 2
 
 @dataclass(frozen=True, eq=False)
 class Cloud:
-    """Sample points of even density in a muscle, with the quantities that moving fibres leave unchanged.
+    """Samples (j, 3) of even density in a muscle, and the quantities that moving fibres leave unchanged.
 
-    Attributes
-    ----------
-    samples : (j, 3) array
-        The positions, j >= 1 [mm].
-    low, high : (3,) arrays
-        The corners of their box [mm].
-    volume : float
-        Volume of a box with the same spread, that of the muscle to about a factor of two [mm^3].
-    guesses : (j,) int array
-        Number of the place that was nearest to each when fibres were moved last, -1 where that is not known.
-        Only the time taken depends on it.
+    `low` and `high` are the corners of their box [mm]; `volume` is that of a box with the same spread, the
+    muscle's to about a factor of two [mm^3]. `guesses` (j,) are the places that were nearest to each when
+    fibres were moved last, -1 where they are not known: only the time taken depends on them.
     """
 
     samples: Floats

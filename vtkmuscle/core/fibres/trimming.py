@@ -43,19 +43,12 @@ BATCH = 256
 
 @dataclass(frozen=True, eq=False)
 class EndArea:
-    """Where the fibres end at one side of the muscle.
+    """Attachment of one side of the muscle, on which fibres end.
 
-    Attributes
-    ----------
-    landmarks : (k, 3) array
-        Of all areas of this side [mm]; the extremal one places the cutting plane.
-    points, triangles : (n, 3) array, (m, 3) int array
-        The muscle [mm].
-    patch : (j,) int array
-        Ids of the points that are attached.
-    distance : callable or None
-        From positions (i, 3) to their distances (i,) from the surface that the landmarks span [mm]: fibres
-        that end there end on the area as well as those that end on the patch.
+    Of the landmarks (k, 3) of all its areas the extremal one places the cutting plane. The muscle is points
+    (n, 3) and triangles (m, 3) [mm]; the attached points have the ids `patch` (j,). `distance` gives the
+    distances (i,) of positions (i, 3) from the surface that the landmarks span [mm]: fibres that end there
+    end on the area, as those that end on the patch.
     """
 
     landmarks: Floats

@@ -300,19 +300,11 @@ class SectionMap:
 
 
 def section_map(loop: Floats, target: Floats, sides: Floats, *, as_printed: bool) -> SectionMap:
-    """Return the map of the template's rectangle to a section of the muscle.
+    """Return the map of the template's rectangle, with sides (2,) or longer, to a section of the muscle [mm].
 
-    Parameters
-    ----------
-    loop : (n, k) array
-        The section's boundary, counterclockwise, n >= 3; of one in space x and y are a view [mm].
-    target : (k,) array
-        The correspondence starts where the section is nearest to this [mm].
-    sides : (2,) array or longer
-        Sides of the rectangle [mm].
-    as_printed : bool
-        Start at the vertex nearest to the target, and split at vertices, as in the paper. Otherwise vertices
-        are added at both.
+    The section's boundary (n, k) runs counterclockwise, n >= 3; of one in space x and y are a view. The
+    correspondence starts where it is nearest to the target (k,). `as_printed` it starts at the nearest vertex
+    and is split at vertices, as in the paper; otherwise vertices are added at both.
     """
     width, depth = float(sides[0]), float(sides[1])
     if as_printed:  # a triangle has too few vertices for four sides, and becomes a hexagon

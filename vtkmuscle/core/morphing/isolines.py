@@ -8,7 +8,6 @@ between them. However the muscle bends, the isolines are across it.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
 from functools import cached_property
 from hashlib import blake2b
 
@@ -27,7 +26,7 @@ from vtkmuscle.core.morphing.correspondence import (
     followed_starts,
     sampled_loop,
 )
-from vtkmuscle.core.morphing.sections import ClosedSurface, Sections, cut_surface, loop_areas, main_loops
+from vtkmuscle.core.morphing.sections import Branch, ClosedSurface
 from vtkmuscle.core.morphing.slices import (
     GRAIN,
     SAME_HEIGHT,
@@ -36,8 +35,6 @@ from vtkmuscle.core.morphing.slices import (
     SliceMaps,
     Slicing,
     guide_levels,
-    map_sections,
-    mapped_slices,
     shared_levels,
 )
 from vtkmuscle.core.types import Floats, Ints
@@ -61,9 +58,8 @@ def attachment_field(points: Floats, triangles: Ints, origin: Ints, insertion: I
     """
     for role, area in (("origin", origin), ("insertion", insertion)):
         if not len(area):
-            raise InputError(
-                "", f"no point of the muscle is in the {role} area, and the function needs both areas"
-            )
+            problem = f"no point of the muscle is in the {role} area, and the function needs both areas"
+            raise InputError("", problem)
     both = np.intersect1d(origin, insertion)
     if len(both):
         raise InputError(
@@ -109,7 +105,7 @@ def morph_by_isolines(
     inside = box.coordinates(fibre_points)
     of_field = blake2b(np.ascontiguousarray(field).data, digest_size=16).digest()
     course = slicing.once(
-        ("isolines", of_field, slicing.key(transform)), lambda: _course(box.surface(muscle), field)
+        ("isolines", of_field, slicing.key(transform)), lambda: _Course(box.surface(muscle), field)
     )
     slicing.report_progress(0.3)
     fractions = np.clip(inside[:, 2] / box.length, 0.0, 1.0)
@@ -120,7 +116,8 @@ def morph_by_isolines(
     key = "mapped", of_field, slicing.key(transform, levels)
     mapped = slicing.once(key, lambda: _mapped(box, course, levels, slicing))
     heights = course.begin + fractions * course.way
-    result, _, split_error = map_sections(mapped, levels, heights, slice_of, inside, slicing)
+    result, _, split_error = mapped.places(inside, heights, levels, slice_of)
+    slicing.report_progress(1.0)
     at_origin, at_insertion = fractions <= SAME_HEIGHT, fractions >= 1.0 - SAME_HEIGHT
     between = result[~(at_origin | at_insertion)]
     n_outside = int((~points_inside(between, course.tree)).sum())
@@ -129,28 +126,30 @@ def morph_by_isolines(
     return Morph(box.positions(result), n_outside, split_error, course.share, 0.0)
 
 
-@dataclass(frozen=True, eq=False)
 class _Course:
     """A muscle in its box, with a function whose isolines follow it.
 
-    `values` and `ways` are those of :func:`way_of_values`. From `begin` on, for `way` [mm], the main branch
-    is the only one; it has the part `share` of the muscle.
+    The isolines at the `values` of the function are at the `ways` along the muscle, see
+    :func:`way_of_values`. From `begin` on, for `way` [mm], the main branch is the only one; it has the part
+    `share` of the muscle.
     """
 
-    surface: ClosedSurface
-    field: Floats
-    values: Floats
-    ways: Floats
-    begin: float
-    way: float
-    share: float
+    def __init__(self, surface: ClosedSurface, field: Floats) -> None:
+        self.surface, self.field = surface, field
+        self.values, self.ways = way_of_values(surface.points, surface.triangles, field)
+        self.length = float(self.ways[-1])
+        regular = self.length * np.linspace(END_MARGIN, 1.0 - END_MARGIN, N_COURSE)
+        branch = self.branch(regular)
+        first, last = _single_branch(branch)
+        self.begin, self.way = regular[first], regular[last] - regular[first]
+        self.share = float(branch.sizes[branch.numbers[branch.numbers >= 0]].sum() / branch.sizes.sum())
 
-    def cut(self, at: Floats) -> tuple[Sections, Floats, Ints]:
-        """Return sections at some ways, the areas of their loops as vectors, and the main branch's loops."""
-        levels = _strictly(np.interp(at, self.ways, self.values))
-        sections = cut_surface(self.surface, self.field, levels)
-        areas = loop_areas(sections.points, sections.loop_offsets)
-        return sections, areas, main_loops(sections, at, np.linalg.norm(areas, axis=1))
+    def branch(self, at: Floats) -> Branch:
+        """Return the main branch at some ways."""
+        levels = np.interp(at, self.ways, self.values)
+        for i in range(1, len(levels)):  # strictly ascending, even where rounding has made neighbours equal
+            levels[i] = max(levels[i], np.nextafter(levels[i - 1], 2.0))
+        return Branch(self.surface, self.field, levels, at, lambda areas: np.linalg.norm(areas, axis=1))
 
     @cached_property
     def tree(self) -> TriangleTree:
@@ -166,38 +165,22 @@ class _Course:
         return triangle_tree(self.surface.points, faces).nearest(ends)[1]
 
 
-def _course(surface: ClosedSurface, field: Floats) -> _Course:
-    """Return a muscle's course from area to area."""
-    values, ways = way_of_values(surface.points, surface.triangles, field)
-    length = float(ways[-1])
-    whole = _Course(surface, field, values, ways, 0.0, length, 1.0)
-    regular = length * np.linspace(END_MARGIN, 1.0 - END_MARGIN, N_COURSE)
-    sections, areas, loops = whole.cut(regular)
-    sizes = np.linalg.norm(areas, axis=1)
-    first, last = _single_branch(sections, sizes, loops)
-    share = float(sizes[loops[loops >= 0]].sum() / sizes.sum())
-    return replace(whole, begin=regular[first], way=regular[last] - regular[first], share=share)
-
-
 def _mapped(box: Box, course: _Course, levels: Floats, slicing: Slicing) -> SliceMaps:
     """Return the isolines at some ways, matched to the template's rectangle."""
     guides = course.begin + guide_levels(course.way)
-    followed = np.union1d(levels, guides)
-    sections, areas, loops = course.cut(followed)
+    branch = course.branch(np.union1d(levels, guides))
 
     def stack(at: Floats) -> tuple[LoopStack, Floats, Ints]:
         """Return the main branch's loops at some ways, their areas as vectors, and the ways that have one."""
-        numbers = loops[np.searchsorted(followed, at)]
-        hits = np.flatnonzero(numbers >= 0)
-        rings = [np.ascontiguousarray(sections.loop(int(number))) for number in numbers[hits]]
-        own = areas[numbers[hits]]
-        return LoopStack(rings, at[hits], _distances_from_rectangle(box.sides, own)), own, hits
+        loops, hits = branch.loops_at(at)
+        areas = branch.areas[branch.at(at[hits])]
+        rings = [np.ascontiguousarray(loop) for loop in loops]
+        return LoopStack(rings, at[hits], _distances_from_rectangle(box.sides, areas)), areas, hits
 
-    rings, own, hits = stack(levels)
-    reach = slicing.continuity * float(course.ways[-1])
-    starts = followed_starts(rings, stack(guides)[0], reach, np.zeros(3))
-    views = np.array([_view_along(area) for area in own])
-    return mapped_slices(rings.loops, starts, hits, box.sides, slicing, views)
+    rings, areas, hits = stack(levels)
+    starts = followed_starts(rings, stack(guides)[0], slicing.continuity * course.length, np.zeros(3))
+    views = np.array([_view_along(area) for area in areas])
+    return SliceMaps(rings.loops, starts, hits, box.sides, slicing, views)
 
 
 def way_of_values(points: Floats, triangles: Ints, field: Floats) -> tuple[Floats, Floats]:
@@ -221,9 +204,8 @@ def _per_class(points: Floats, triangles: Ints, field: Floats) -> tuple[Floats, 
     slopes = areas * np.linalg.norm(triangle_gradients(points, triangles, field), axis=1)
     low, high = field[triangles].min(axis=1), field[triangles].max(axis=1)
     first = (low * N_CLASSES).astype(np.int64)
-    counts = np.where(
-        slopes > 0.0, np.minimum((high * N_CLASSES).astype(np.int64), N_CLASSES - 1) - first + 1, 0
-    )
+    last = np.minimum((high * N_CLASSES).astype(np.int64), N_CLASSES - 1)
+    counts = np.where(slopes > 0.0, last - first + 1, 0)
     t = np.repeat(np.arange(len(triangles)), counts)
     k = first[t] + np.arange(len(t)) - np.repeat(np.cumsum(counts) - counts, counts)
     shares = (np.minimum(high[t], (k + 1) / N_CLASSES) - np.maximum(low[t], k / N_CLASSES)) / (high - low)[t]
@@ -231,27 +213,20 @@ def _per_class(points: Floats, triangles: Ints, field: Floats) -> tuple[Floats, 
     return of_areas.astype(np.float64), of_slopes.astype(np.float64)
 
 
-def _strictly(levels: Floats) -> Floats:
-    """Return levels that ascend strictly even where rounding has made neighbours equal."""
-    for i in range(1, len(levels)):
-        levels[i] = max(levels[i], np.nextafter(levels[i - 1], 2.0))
-    return levels
-
-
-def _single_branch(sections: Sections, sizes: Floats, loops: Ints) -> tuple[int, int]:
+def _single_branch(branch: Branch) -> tuple[int, int]:
     """Return the first and the last level between which the main branch is the only one.
 
     An origin of several areas has an isoline around each; they join on their way to the insertion.
     """
-    single = loops >= 0
+    sizes, numbers = branch.sizes, branch.numbers
+    single = numbers >= 0
     for level in np.flatnonzero(single):
-        others = [n for n in sections.loops_of(int(level)) if n != loops[level]]
-        single[level] = not others or sizes[others].max() <= OTHER_BRANCH * sizes[loops[level]]
+        others = [n for n in branch.sections.loops_of(int(level)) if n != numbers[level]]
+        single[level] = not others or sizes[others].max() <= OTHER_BRANCH * sizes[numbers[level]]
     if not single.any():
-        single = loops >= 0
+        single = numbers >= 0
     # The longest run of levels with one branch.
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], single, [False]]).astype(np.int64)))
-    runs = edges.reshape(-1, 2)
+    runs = np.flatnonzero(np.diff(single.astype(np.int64), prepend=0, append=0)).reshape(-1, 2)
     first, end = runs[np.diff(runs, axis=1)[:, 0].argmax()]
     return int(first), int(end) - 1
 

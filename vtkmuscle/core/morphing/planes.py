@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from vtkmuscle.core.morphing.correspondence import LoopStack, boundary_centroid, followed_starts
-from vtkmuscle.core.morphing.sections import ClosedSurface, Sections, cut_surface, loop_areas, main_loops
+from vtkmuscle.core.morphing.sections import Branch, ClosedSurface
 from vtkmuscle.core.morphing.slices import (
     GRAIN,
     SAME_HEIGHT,
@@ -19,8 +19,6 @@ from vtkmuscle.core.morphing.slices import (
     SliceMaps,
     Slicing,
     guide_levels,
-    map_sections,
-    mapped_slices,
     shared_levels,
 )
 from vtkmuscle.core.types import Floats, Ints
@@ -75,12 +73,13 @@ def morph_by_planes(
     slicing.report_progress(0.35)
 
     def slices() -> SliceMaps:
-        at_levels = branch if course.ends is None else _Branch(boxed, np.union1d(levels, boxed.guides))
+        at_levels = branch if course.ends is None else boxed.branch(np.union1d(levels, boxed.guides))
         return _mapped(box, at_levels, levels, boxed.guides, slicing)
 
     mapped = slicing.once(("planes", slicing.key(transform, levels)), slices)
     result = np.column_stack([inside[:, :2], heights])
-    result[:, :2], n_outside, split_error = map_sections(mapped, levels, heights, slice_of, inside, slicing)
+    result[:, :2], n_outside, split_error = mapped.places(inside, heights, levels, slice_of)
+    slicing.report_progress(1.0)
     return Morph(box.positions(result), n_outside, split_error, course.volume_share, course.steep_share)
 
 
@@ -95,19 +94,9 @@ class _BoxedMuscle:
         self.margin = END_MARGIN * (self.top - self.bottom)
         self.guides = self.bottom + guide_levels(self.top - self.bottom)
 
-
-class _Branch:
-    """Sections at some heights, their loops' areas, and the loop of the main branch at each, -1 for none."""
-
-    def __init__(self, boxed: _BoxedMuscle, heights: Floats) -> None:
-        self.heights = heights
-        self.sections: Sections = cut_surface(boxed.surface, boxed.heights, heights)
-        self.areas: Floats = loop_areas(self.sections.points, self.sections.loop_offsets)[:, 2]
-        self.loops: Ints = main_loops(self.sections, heights, self.areas)
-
-    def at(self, heights: Floats) -> Ints:
-        """Return the loops at some of the heights."""
-        return self.loops[np.searchsorted(self.heights, heights)]
+    def branch(self, heights: Floats) -> Branch:
+        """Return the main branch at some heights."""
+        return Branch(self.surface, self.heights, heights, heights, lambda areas: areas[:, 2])
 
 
 class _Course:
@@ -119,34 +108,28 @@ class _Course:
 
     def __init__(self, boxed: _BoxedMuscle, levels: Floats) -> None:
         regular = boxed.bottom + (boxed.top - boxed.bottom) * (np.arange(N_COURSE) + 0.5) / N_COURSE
-        self.volume_share, self.steep_share = _shares(_Branch(boxed, regular))
-        self.branch = _Branch(boxed, np.union1d(levels, boxed.guides))
+        self.volume_share, self.steep_share = _shares(boxed.branch(regular))
+        self.branch = boxed.branch(np.union1d(levels, boxed.guides))
         self.ends: tuple[float, float, float, float] | None = None
         if (self.branch.at(levels[[0, -1]]) < 0).any():
-            low, high = _branch_ends(self.branch, boxed.heights)
-            hit = self.branch.heights[self.branch.loops >= 0]
-            self.ends = float(hit[0]), float(hit[-1]), low + boxed.margin, high - boxed.margin
+            sections, hits = self.branch.sections, np.flatnonzero(self.branch.numbers >= 0)
+            first, last = self.branch.numbers[hits[[0, -1]]]
+            below = boxed.heights[sections.vertex_parts == sections.parts_below[first]]
+            above = boxed.heights[sections.vertex_parts == sections.parts_above[last]]
+            low, high = (float(height) for height in self.branch.heights[hits[[0, -1]]])
+            self.ends = low, high, float(below.min()) + boxed.margin, float(above.max()) - boxed.margin
 
 
-def _mapped(box: Box, branch: _Branch, levels: Floats, guides: Floats, slicing: Slicing) -> SliceMaps:
+def _mapped(box: Box, branch: Branch, levels: Floats, guides: Floats, slicing: Slicing) -> SliceMaps:
     """Return the sections at the levels, matched to the template's rectangle."""
-    loops, guiding = branch.at(levels), branch.at(guides)
-    hits = np.flatnonzero(loops >= 0)
-    slices, rings = (
-        [np.ascontiguousarray(branch.sections.loop(int(loop))[:, :2]) for loop in some[some >= 0]]
-        for some in (loops, guiding)
-    )
-    stack, guide = LoopStack(slices, levels[hits]), LoopStack(rings, guides[guiding >= 0])
-    starts = followed_starts(stack, guide, slicing.continuity * box.length, np.zeros(2))
-    return mapped_slices(slices, starts, hits, box.sides, slicing)
 
+    def stack(heights: Floats) -> tuple[LoopStack, Ints]:
+        loops, hits = branch.loops_at(heights)
+        return LoopStack([np.ascontiguousarray(loop[:, :2]) for loop in loops], heights[hits]), hits
 
-def _branch_ends(branch: _Branch, heights: Floats) -> tuple[float, float]:
-    """Return the lowest and the highest height of the surface beyond the ends of a branch."""
-    sections, loops = branch.sections, branch.loops[branch.loops >= 0]
-    below = heights[sections.vertex_parts == sections.parts_below[loops[0]]]
-    above = heights[sections.vertex_parts == sections.parts_above[loops[-1]]]
-    return float(below.min()), float(above.max())
+    slices, hits = stack(levels)
+    starts = followed_starts(slices, stack(guides)[0], slicing.continuity * box.length, np.zeros(2))
+    return SliceMaps(slices.loops, starts, hits, box.sides, slicing)
 
 
 def _squeezed(heights: Floats, first: float, last: float, low: float, high: float) -> Floats:
@@ -160,13 +143,13 @@ def _squeezed(heights: Floats, first: float, last: float, low: float, high: floa
     return result
 
 
-def _shares(branch: _Branch) -> tuple[float, float]:
+def _shares(branch: Branch) -> tuple[float, float]:
     """Return the part of the volume that the main branch holds, and the part of its course that is steep."""
-    sections, loops = branch.sections, branch.loops[branch.loops >= 0]
+    sections, numbers = branch.sections, branch.numbers[branch.numbers >= 0]
     levels = range(len(branch.heights))
-    whole = sum(float(branch.areas[sections.loops_of(level)].sum()) for level in levels)
-    share = float(branch.areas[loops].sum() / whole)
-    steps = np.diff([boundary_centroid(sections.loop(int(loop))) for loop in loops], axis=0)
+    whole = sum(float(branch.sizes[sections.loops_of(level)].sum()) for level in levels)
+    share = float(branch.sizes[numbers].sum() / whole)
+    steps = np.diff([boundary_centroid(sections.loop(int(number))) for number in numbers], axis=0)
     if not len(steps):
         return share, 0.0
     lengths = np.linalg.norm(steps, axis=1)

@@ -7,6 +7,7 @@ or along edges is thereby as good as any other, and every loop is closed.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,24 +19,19 @@ from vtkmuscle.core.types import Floats, Ints
 
 @dataclass(frozen=True, eq=False)
 class Sections:
-    """Loops of a surface at ascending levels, all of level 0 first.
+    """Loops of a surface at ascending levels, one after the other; the last point is not the first one again.
 
-    A loop has the part of the surface that is above its level to the left, seen from outside: about the
-    direction in which the scalar grows, the outer boundary of a section runs counterclockwise and a hole
-    clockwise. The next loop begins where one ends, and the last point is not the first one again.
+    Seen from outside, a loop has the part of the surface above its level to the left: about the direction in
+    which the scalar grows, the outer boundary of a section runs counterclockwise and a hole clockwise.
 
     Attributes
     ----------
-    points : (n, 3) float array
-        Points where edges of the surface meet the levels, in the unit of the surface's points.
-    loop_offsets : (k + 1,) int array
-        First point of each loop, and n.
-    level_offsets : (l + 1,) int array
-        First loop of each level, and k.
-    parts_below, parts_above : (k,) int array
-        Number of the part of the surface, cut along all loops, on either side of each loop.
-    vertex_parts : (v,) int array
-        Number of the part in which each point of the surface is.
+    points, loop_offsets, level_offsets : (n, 3) array, (k + 1,) int array, (l + 1,) int array
+        Points where edges of the surface meet the levels; first point of each loop, and n; first loop of each
+        level, and k.
+    parts_below, parts_above, vertex_parts : (k,) int arrays, (v,) int array
+        Number of the part of the surface, cut along all loops, on either side of each loop, and that in which
+        each point of the surface is.
     """
 
     points: Floats
@@ -66,7 +62,10 @@ class ClosedSurface:
         """Return the surface with triangles that face outward."""
         if signed_volume(self.points, self.triangles) >= 0.0:
             return self
-        return ClosedSurface(self.points, *_turned(self.triangles, self.opposite))
+        # (a, b, c) becomes (c, b, a): half-edge 0 is half-edge 1 the other way round, 1 is 0, and 2 stays.
+        halves = self.opposite.reshape(-1, 3)[:, [1, 0, 2]].reshape(-1)
+        turned = halves - halves % 3 + np.array([1, 0, 2])[halves % 3]
+        return ClosedSurface(self.points, np.ascontiguousarray(self.triangles[:, ::-1]), turned)
 
 
 def cut_surface(surface: ClosedSurface, values: Floats, levels: Floats) -> Sections:
@@ -91,14 +90,6 @@ def cut_surface(surface: ClosedSurface, values: Floats, levels: Floats) -> Secti
         parts_above=parts[n_points + n_loops :],
         vertex_parts=parts[:n_points],
     )
-
-
-def _turned(triangles: Ints, opposite: Ints) -> tuple[Ints, Ints]:
-    """Return triangles that face the other side, and their opposite half-edges."""
-    # (a, b, c) becomes (c, b, a): half-edge 0 is half-edge 1 the other way round, 1 is 0, and 2 stays.
-    halves = opposite.reshape(-1, 3)[:, [1, 0, 2]].reshape(-1)
-    side = halves % 3
-    return np.ascontiguousarray(triangles[:, ::-1]), halves - side + np.array([1, 0, 2])[side]
 
 
 def _rising(triangles: Ints, slabs: Ints, n_levels: int) -> tuple[Ints, Ints, Ints, Ints]:
@@ -212,21 +203,9 @@ def main_loops(sections: Sections, levels: Floats, sizes: Floats) -> Ints:
 
     A loop continues one of the level below if the surface between the two levels joins them. Of all chains of
     loops that continue each other, the one is taken that encloses most: area times distance of the levels. So
-    it never changes from one branch to another that it does not meet.
-
-    Parameters
-    ----------
-    sections : Sections
-        Of the muscle.
-    levels : (l,) array
-        Heights, strictly ascending [mm].
-    sizes : (k,) array
-        Area of each loop [mm^2]; loops of 0 or less, as the boundaries of holes, take no part.
-
-    Raises
-    ------
-    ValueError
-        If no level has a loop with an inside.
+    it never changes from one branch to another that it does not meet. Levels ascend strictly [mm]; loops of a
+    size (k,) of 0 or less [mm^2], as the boundaries of holes, take no part. Raises a ValueError if no level
+    has a loop with an inside.
     """
     thickness = np.gradient(levels) if len(levels) > 1 else np.ones(1)
     chain = _largest_chain(sections, sizes, thickness)
@@ -256,3 +235,34 @@ def _largest_chain(sections: Sections, sizes: Floats, thickness: Floats) -> Ints
         chain[level] = end
         end, level = int(previous[end]), level - 1
     return chain
+
+
+class Branch:
+    """Sections of a muscle at ascending heights (h,) [mm], and the loop of the main branch at each.
+
+    The surface is cut at as many levels of the values at its points; `size` gives the areas of loops from
+    their vector areas (k, 3).
+    """
+
+    def __init__(
+        self,
+        surface: ClosedSurface,
+        values: Floats,
+        levels: Floats,
+        heights: Floats,
+        size: Callable[[Floats], Floats],
+    ) -> None:
+        self.heights, self.sections = heights, cut_surface(surface, values, levels)
+        self.areas = loop_areas(self.sections.points, self.sections.loop_offsets)
+        self.sizes = size(self.areas)
+        self.numbers = main_loops(self.sections, heights, self.sizes)
+
+    def at(self, heights: Floats) -> Ints:
+        """Return the numbers of the branch's loops at some of the heights, -1 for none."""
+        return self.numbers[np.searchsorted(self.heights, heights)]
+
+    def loops_at(self, heights: Floats) -> tuple[list[Floats], Ints]:
+        """Return the loops at some of the heights, (n, 3) each, and the numbers of those that have one."""
+        numbers = self.at(heights)
+        hits = np.flatnonzero(numbers >= 0)
+        return [self.sections.loop(int(number)) for number in numbers[hits]], hits

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from vtkmuscle.core.morphing.correspondence import SectionMap, count_outside, section_map
+from vtkmuscle.core.morphing.correspondence import count_outside, section_map
 from vtkmuscle.core.morphing.sections import ClosedSurface
 from vtkmuscle.core.types import Floats, Ints
 
@@ -27,21 +27,13 @@ N_GUIDES, GUIDE_MARGIN = 33, 0.02
 
 @dataclass(frozen=True, eq=False)
 class Morph:
-    """Fibres in a muscle, and how well the method suits it.
+    """Fibres in a muscle, by their points (n, 3) [mm], and how well the method suits it.
 
-    Attributes
-    ----------
-    points : (n, 3) float array
-        Points of the fibres [mm].
-    n_outside : int
-        By planes, points that the mean value map put outside of their section; along isolines, which are not
-        flat, points outside of the muscle but for ends on the attachment areas.
-    split_error : float
-        Largest error of a section's four parts: root of the sum of their squared errors over the perimeter.
-    volume_share : float
-        Part of the muscle's volume that is in the branch which the fibres fill.
-    steep_share : float
-        Part of the branch's course that runs at more than :data:`STEEP` degrees to the box's axis.
+    `n_outside` is, by planes, the number of points that the mean value map put outside of their section;
+    along isolines, which are not flat, that of points outside of the muscle but for ends on the attachment
+    areas. `split_error` is the largest one of a section, `volume_share` the part of the muscle's volume in
+    the branch that the fibres fill, `steep_share` the part of its course at more than :data:`STEEP` degrees
+    to the axis.
     """
 
     points: Floats
@@ -60,18 +52,11 @@ class Morph:
 class Slicing:
     """How to slice a muscle, by planes or along isolines.
 
-    Attributes
-    ----------
-    slice_tolerance : float
-        Points of the fitted template whose heights differ by no more than this share a slice [mm].
-    continuity : float
-        Part of the muscle's length over which neighbouring slices resist twisting; 0 is the paper's rule, by
-        which sections start and are split at their own vertices.
-    report_progress : callable
-        Called with the part of the work that is done.
-    once : callable
-        From a key and a function to what the function returned when this muscle was first asked for that key:
-        sections and their maps do not depend on how many fibres there are.
+    Points of the fitted template whose heights differ by no more than `slice_tolerance` [mm] share a slice.
+    Neighbouring slices resist twisting over the part `continuity` of the muscle's length; 0 is the paper's
+    rule, by which sections start and are split at their own vertices. `report_progress` is called with the
+    part of the work that is done; `once`, with a key and a function, returns the function's result for the
+    first call with that key: sections and their maps do not depend on how many fibres there are.
     """
 
     slice_tolerance: float
@@ -84,113 +69,76 @@ class Slicing:
         return self.continuity, *(np.ascontiguousarray(array).tobytes() for array in (transform, *levels))
 
 
-@dataclass(frozen=True, eq=False)
 class SliceMaps:
-    """Sections of a muscle with their maps, whatever fibres go through them.
+    """Maps of the template's rectangle to sections of a muscle, whatever fibres go through them.
 
-    Attributes
-    ----------
-    hits : (l,) int array
-        Number of the level that each section is at.
-    maps : sequence of SectionMap
-        Of the template's rectangle to each section.
-    loops : sequence of (j, k) arrays
-        Their boundaries, in the coordinates of the maps [mm].
-    views : (l, 3, 3) array or None
-        Rotations of sections in space, after which they are seen along z.
+    The sections' boundaries are `loops` (j, k), counterclockwise about z, which start at `starts` (l, k)
+    [mm]; `hits` (l,) are the numbers of the levels that they are at, `sides` (2,) or longer those of the
+    rectangle. Sections in space are seen along z after the rotations `views` (l, 3, 3).
     """
 
-    hits: Ints
-    maps: Sequence[SectionMap]
-    loops: Sequence[Floats]
-    views: Floats | None
+    def __init__(
+        self,
+        loops: Sequence[Floats],
+        starts: Floats,
+        hits: Ints,
+        sides: Floats,
+        slicing: Slicing,
+        views: Floats | None = None,
+    ) -> None:
+        slicing.report_progress(0.5)
+        if views is not None:
+            loops = [loop @ view.T for loop, view in zip(loops, views, strict=True)]
+            starts = np.einsum("lij,lj->li", views, starts)
+        self._loops, self._views, self._hits = loops, views, hits
+        self._maps = []
+        for number, loop in enumerate(loops):
+            as_printed = slicing.continuity == 0.0
+            self._maps.append(section_map(loop, starts[number], sides, as_printed=as_printed))
+            slicing.report_progress(0.5 + 0.4 * (number + 1) / len(loops))
 
+    def places(
+        self, inside: Floats, heights: Floats, levels: Floats, slice_of: Ints
+    ) -> tuple[Floats, int, float]:
+        """Return points of the template in the sections of the muscle.
 
-def mapped_slices(
-    loops: Sequence[Floats],
-    starts: Floats,
-    hits: Ints,
-    sides: Floats,
-    slicing: Slicing,
-    views: Floats | None = None,
-) -> SliceMaps:
-    """Return sections with their maps, from loops that run counterclockwise about z and their starts (l, k).
+        A point whose height is not quite that of its slice is mapped by that slice and by the next one on its
+        side, and put between the two. A level without a section, by rounding, takes that of the level next to
+        it. Points (n, 2) or wider are in the rectangle; heights (n,) and levels (h,), ascending, in one unit;
+        `slice_of` (n,) is the level of each point.
 
-    The sides of the rectangle are (2,) or longer; hits and views are those of :class:`SliceMaps`.
-    """
-    slicing.report_progress(0.5)
-    if views is not None:
-        loops = [loop @ view.T for loop, view in zip(loops, views, strict=True)]
-        starts = np.einsum("lij,lj->li", views, starts)
-    maps = []
-    for number, loop in enumerate(loops):
-        maps.append(section_map(loop, starts[number], sides, as_printed=slicing.continuity == 0.0))
-        slicing.report_progress(0.5 + 0.4 * (number + 1) / len(loops))
-    return SliceMaps(hits, maps, loops, views)
-
-
-def map_sections(
-    slices: SliceMaps,
-    levels: Floats,
-    heights: Floats,
-    slice_of: Ints,
-    inside: Floats,
-    slicing: Slicing,
-) -> tuple[Floats, int, float]:
-    """Return points of the template in the sections of the muscle.
-
-    A point whose height is not quite that of its slice is mapped by that slice and by the next one on its
-    side, and put between the two. A level without a section, by rounding, takes that of the level next to it.
-
-    Parameters
-    ----------
-    slices : SliceMaps
-        The sections.
-    levels : (h,) array
-        Of the slices, ascending.
-    heights : (n,) array
-        Of the points, in the same unit.
-    slice_of : (n,) int array
-        Level of each point.
-    inside : (n, 2) array or wider
-        Points of the rectangle [mm].
-    slicing : Slicing
-        For its report_progress.
-
-    Returns
-    -------
-    places : (n, k) array
-        Of the points, in their order [mm].
-    n_outside : int
-        Points outside of their section, seen along z.
-    split_error : float
-        The largest one of a section.
-    """
-    above = heights - levels[slice_of]
-    others = slice_of + np.sign(above).astype(np.int64)
-    apart = np.abs(above) > SAME_HEIGHT * (levels[-1] - levels[0])
-    shared = np.flatnonzero(apart & (others >= 0) & (others < len(levels)))
-    shares = above[shared] / (levels[others[shared]] - levels[slice_of[shared]])
-    weights = np.concatenate([np.ones(len(inside)), shares])
-    weights[shared] -= shares
-    points = np.concatenate([np.arange(len(inside)), shared])
-    at_level = np.concatenate([slice_of, others[shared]])
-    order = np.argsort(at_level, kind="stable")
-    members = np.split(order, np.searchsorted(at_level[order], np.arange(1, len(levels))))
-    places = np.zeros((len(inside), slices.loops[0].shape[1]))
-    flat = np.ascontiguousarray(inside[:, :2])
-    n_outside = 0
-    split_error = 0.0
-    for level, mine in enumerate(members):
-        number = int(np.abs(slices.hits - level).argmin())
-        section = slices.maps[number]
-        found = section.places(flat[points[mine]])
-        turned = found if slices.views is None else found @ slices.views[number]
-        places[points[mine]] += weights[mine, None] * turned
-        split_error = max(split_error, section.split_error)
-        n_outside += count_outside(slices.loops[number], found[mine < len(inside)])
-    slicing.report_progress(1.0)
-    return places, n_outside, split_error
+        Returns
+        -------
+        places : (n, k) array
+            Of the points, in their order [mm].
+        n_outside : int
+            Points outside of their section, seen along z.
+        split_error : float
+            The largest one of a section.
+        """
+        above = heights - levels[slice_of]
+        others = slice_of + np.sign(above).astype(np.int64)
+        apart = np.abs(above) > SAME_HEIGHT * (levels[-1] - levels[0])
+        shared = np.flatnonzero(apart & (others >= 0) & (others < len(levels)))
+        shares = above[shared] / (levels[others[shared]] - levels[slice_of[shared]])
+        weights = np.concatenate([np.ones(len(inside)), shares])
+        weights[shared] -= shares
+        points = np.concatenate([np.arange(len(inside)), shared])
+        at_level = np.concatenate([slice_of, others[shared]])
+        order = np.argsort(at_level, kind="stable")
+        members = np.split(order, np.searchsorted(at_level[order], np.arange(1, len(levels))))
+        places = np.zeros((len(inside), self._loops[0].shape[1]))
+        flat = np.ascontiguousarray(inside[:, :2])
+        n_outside, split_error = 0, 0.0
+        for level, mine in enumerate(members):
+            number = int(np.abs(self._hits - level).argmin())
+            section = self._maps[number]
+            found = section.places(flat[points[mine]])
+            turned = found if self._views is None else found @ self._views[number]
+            places[points[mine]] += weights[mine, None] * turned
+            split_error = max(split_error, section.split_error)
+            n_outside += count_outside(self._loops[number], found[mine < len(inside)])
+        return places, n_outside, split_error
 
 
 class Box:

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from scipy.spatial import ConvexHull, cKDTree
@@ -33,18 +32,11 @@ LONGEST_PIECE = 0.02
 class Fit:
     """A box around a muscle.
 
-    Attributes
-    ----------
-    transform : (4, 4) float array
-        Unit cube to world: a right-handed rotation of a cube scaled along its axes, and a translation. Its
-        z axis runs from origin to insertion.
-    error : float
-        Sum of distances from the template's area points to the nearest landmarks, in the unit of the points.
-    angle : float
-        Turn about the axis from the first box of the sweep [degrees].
-    cost : float
-        Least of all boxes: the mean of these distances as a part of the muscle's extent, plus the angle to
-        superficial fibres where there are some [rad].
+    Its `transform` (4, 4), unit cube to world, is a right-handed rotation of a cube scaled along its axes,
+    and a translation; its z axis runs from origin to insertion. `error` is the sum of distances from the
+    points of the template's areas to the nearest landmarks [mm], `angle` the turn about the axis from the
+    first box of the sweep [degrees]. The best box has the least `cost`: the mean of these distances as a part
+    of the muscle's extent, plus the angle to superficial fibres where there are some [rad].
     """
 
     transform: Floats
@@ -69,8 +61,7 @@ def centroid_axis(origin: Floats, insertion: Floats) -> Floats:
     """
     difference: Floats = insertion.mean(axis=0) - origin.mean(axis=0)
     length = float(np.linalg.norm(difference))
-    extent = float(np.ptp(np.vstack([origin, insertion]), axis=0).max())
-    if not length > 1e-9 * extent:
+    if not length > 1e-9 * float(np.ptp(np.vstack([origin, insertion]), axis=0).max()):
         raise InputError(
             "",
             "the centroids of the origin and insertion landmarks coincide and give no axis",
@@ -79,73 +70,18 @@ def centroid_axis(origin: Floats, insertion: Floats) -> Floats:
     return difference / length
 
 
-def principal_axis(muscle: MuscleViews, origin: Floats, insertion: Floats) -> Floats:
+def principal_axis(points: Floats, origin: Floats, insertion: Floats) -> Floats:
     """Return the unit eigenvector of the points' covariance with the largest eigenvalue, (3,).
 
     Of its two directions, the one in which the insertion's centroid lies from the origin's.
     """
-    axis = muscle.longest
+    centred = points - points.mean(axis=0)
+    axis: Floats = np.linalg.eigh(centred.T @ centred)[1][:, -1]
     return axis if axis @ (insertion.mean(axis=0) - origin.mean(axis=0)) >= 0.0 else -axis
 
 
-class MuscleViews:
-    """Views of a muscle, by the points of its surface (n, 3), along axes, each computed once."""
-
-    def __init__(self, points: Floats) -> None:
-        self.points = points
-        self._views: dict[bytes, View] = {}
-
-    @cached_property
-    def extent(self) -> float:
-        """The muscle's size."""
-        return extent(self.points)
-
-    @cached_property
-    def longest(self) -> Floats:
-        """The unit eigenvector of the points' covariance with the largest eigenvalue, (3,), either way."""
-        centred = self.points - self.points.mean(axis=0)
-        axis: Floats = np.linalg.eigh(centred.T @ centred)[1][:, -1]
-        return axis
-
-    def along(self, axis: Floats) -> View:
-        """Return the muscle seen along a unit vector (3,); ValueError if all points lie in one plane."""
-        key = axis.tobytes()
-        if key not in self._views:
-            self._views[key] = self._seen(axis)
-        return self._views[key]
-
-    def _seen(self, axis: Floats) -> View:
-        heights = self.points @ axis
-        bottom, top = float(heights.min()), float(heights.max())
-        first, second = perpendiculars(axis)
-        seen = np.column_stack([self.points @ first, self.points @ second])
-        if not _has_area(seen) or not top > bottom:
-            raise InputError(
-                "", "the points of the muscle lie in one plane, so that no box of any volume holds them"
-            )
-        outline = seen[ConvexHull(seen).vertices]
-        angle = _least_rectangle_angle(outline, skewed_direction(seen))
-        return View(bottom, top, first, second, outline, angle)
-
-
-@dataclass(frozen=True, eq=False)
-class View:
-    """A muscle seen along an axis, on which it lies from `bottom` to `top`.
-
-    Its convex hull `outline` (k, 2) is along two unit vectors across the axis, `first` and `second` (3,);
-    `angle` is that of a side of the least rectangle around it [rad].
-    """
-
-    bottom: float
-    top: float
-    first: Floats
-    second: Floats
-    outline: Floats
-    angle: float
-
-
 def fit_box(
-    muscle: MuscleViews,
+    points: Floats,
     axis: Floats,
     *,
     landmarks: tuple[Floats, Floats],
@@ -163,8 +99,8 @@ def fit_box(
 
     Parameters
     ----------
-    muscle : MuscleViews
-        The muscle.
+    points : (n, 3) array
+        Points of the muscle's surface.
     axis : (3,) array
         Unit vector from origin to insertion.
     landmarks : (k, 3) array, (l, 3) array
@@ -183,49 +119,39 @@ def fit_box(
     ValueError
         If all points lie in one plane.
     """
-    view = muscle.along(axis)
-    bottom, top, first, second = view.bottom, view.top, view.first, view.second
-    outline, start = view.outline, view.angle
-
-    def boxes(degrees: Floats) -> tuple[Floats, Floats, Floats]:
-        """Return the frames, (k, 3, 3), and the lowest and highest corners, (k, 3), of turned boxes."""
-        turn = start + np.radians(degrees)
-        c, s = np.cos(turn)[:, None], np.sin(turn)[:, None]
-        sides = [outline[:, :1] * c.T + outline[:, 1:] * s.T, outline[:, 1:] * c.T - outline[:, :1] * s.T]
-        low = np.column_stack([*(side.min(axis=0) for side in sides), np.full(len(turn), bottom)])
-        high = np.column_stack([*(side.max(axis=0) for side in sides), np.full(len(turn), top)])
-        third = np.broadcast_to(axis, (len(turn), 3))
-        return np.stack([c * first + s * second, c * second - s * first, third], axis=2), low, high
-
-    def errors(degrees: Floats) -> Floats:
-        frames, low, high = boxes(degrees)
-        total = np.zeros(len(degrees))
-        for area, nearby in zip(areas, landmarks, strict=True):
-            inside = low[:, None] + area * (high - low)[:, None]
-            corners = np.einsum("kij,kaj->kai", frames, inside).reshape(-1, 3)
-            total += cdist(corners, nearby).min(axis=1).reshape(len(degrees), -1).sum(axis=1)
-        return total
-
-    def transforms(degrees: Floats) -> Floats:
-        frames, low, high = boxes(degrees)
-        result = np.tile(np.eye(4), (len(degrees), 1, 1))
-        result[:, :3, :3] = frames * (high - low)[:, None]
-        result[:, :3, 3] = np.einsum("kij,kj->ki", frames, low)
-        return result
-
-    unit = sum(map(len, areas)) * muscle.extent
-
-    def costs(degrees: Floats) -> Floats:
-        total = errors(degrees) / unit
-        if guide is not None:
-            total += [guide(box) for box in transforms(degrees)]
-        return total
-
+    heights = points @ axis
+    first, second = perpendiculars(axis)
+    seen = np.column_stack([points @ first, points @ second])
+    if not _has_area(seen) or not heights.max() > heights.min():
+        raise InputError(
+            "", "the points of the muscle lie in one plane, so that no box of any volume holds them"
+        )
+    x, y = seen[ConvexHull(seen).vertices].T[:, :, None]
     steps = np.arange(0.0, 360.0, angle_step)
-    swept = costs(steps)
-    best = int((swept <= swept.min() + TIE).argmax())
-    at = steps[best : best + 1]
-    return Fit(transforms(at)[0], float(errors(at)[0]), float(steps[best]), float(swept[best]))
+    turn = _least_rectangle_angle(np.column_stack([x, y]), skewed_direction(seen)) + np.radians(steps)
+    c, s = np.cos(turn), np.sin(turn)
+    sides = x * c + y * s, y * c - x * s
+    ends = [
+        np.column_stack([*(end(side, axis=0) for side in sides), np.full(len(turn), end(heights))])
+        for end in (np.min, np.max)
+    ]
+    low, extents = ends[0], ends[1] - ends[0]
+    across = np.outer(c, first) + np.outer(s, second), np.outer(c, second) - np.outer(s, first)
+    frames = np.stack([*across, np.broadcast_to(axis, (len(turn), 3))], axis=2)
+
+    errors = np.zeros(len(turn))
+    for area, nearby in zip(areas, landmarks, strict=True):
+        inside = low[:, None] + area * extents[:, None]
+        corners = np.einsum("kij,kaj->kai", frames, inside).reshape(-1, 3)
+        errors += cdist(corners, nearby).min(axis=1).reshape(len(turn), -1).sum(axis=1)
+    boxes = np.tile(np.eye(4), (len(turn), 1, 1))
+    boxes[:, :3, :3] = frames * extents[:, None]
+    boxes[:, :3, 3] = np.einsum("kij,kj->ki", frames, low)
+    costs = errors / (sum(map(len, areas)) * extent(points))
+    if guide is not None:
+        costs += [guide(box) for box in boxes]
+    best = int((costs <= costs.min() + TIE).argmax())
+    return Fit(boxes[best], float(errors[best]), float(steps[best]), float(costs[best]))
 
 
 @dataclass(frozen=True, eq=False)

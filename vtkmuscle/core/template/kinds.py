@@ -22,6 +22,19 @@ equally. All kinds are written out in :data:`TEMPLATES`:
 ``fan``
     From the whole bottom to a narrow insertion area in the middle of the top.
 
+A template of a user's own is a small TOML or JSON file with the sheets from the origin area to the insertion
+area::
+
+    # A strap that bulges to the side: degree 2, three sheets.
+    sheets = [
+        [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]],              # the origin area
+        [[0.3, 0, 0.5], [1, 0, 0.5], [1, 1, 0.5], [0.3, 1, 0.5]],
+        [[0, 0, 1], [1, 0, 1], [1, 1, 1], [0, 1, 1]],              # the insertion area
+    ]
+
+One of several parts has a list of tables instead: ``[[parts]]``, each with ``sheets``, all of the same
+degree.
+
 References
 ----------
 Kohout, Clapworthy, Martelli, Viceconti 2012, *Muscle Fibres Modelling*, section 3.1,
@@ -31,14 +44,25 @@ templates in pictures only: the control points are this module's own.
 
 from __future__ import annotations
 
+import json
+import tomllib
+from collections.abc import Mapping
 from dataclasses import dataclass
 from math import comb
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from vtkmuscle.core.errors import InputError, fault_of
+from vtkmuscle.core.files import MOST_TEXT, check_is_file
 from vtkmuscle.core.mesh.sampling import sobol
 from vtkmuscle.core.types import Floats
+from vtkmuscle.core.words import quoted
+
+#: Degrees of the Bezier curves.
+DEGREES = (2, 3, 4)
 
 #: A range of coordinates, taken at parameter 0 and at parameter 1.
 Range = tuple[float, float]
@@ -46,13 +70,9 @@ Range = tuple[float, float]
 
 @dataclass(frozen=True, eq=False)
 class FibreTemplate:
-    """Fibres in the unit cube.
+    """Fibres in the unit cube, in parts of (degree + 1, 4, 3) corners of sheets of control points.
 
-    Attributes
-    ----------
-    parts : tuple of (degree + 1, 4, 3) float array
-        Corners of the sheets of control points, from origin to insertion. Part i of n has the fibres with
-        i / n <= r < (i + 1) / n, and its sheets are parametrised by (n r - i, s).
+    Part i of n has the fibres with i / n <= r < (i + 1) / n, and its sheets are parametrised by (n r - i, s).
     """
 
     parts: tuple[Floats, ...]
@@ -68,18 +88,7 @@ class FibreTemplate:
         return np.array([sheets[-1] for sheets in self.parts])
 
     def control_polygons(self, r: ArrayLike, s: ArrayLike) -> Floats:
-        """Return the control points of fibres, (n, degree + 1, 3).
-
-        Parameters
-        ----------
-        r, s : (n,) array_like
-            Parameters in [0, 1].
-
-        Returns
-        -------
-        (n, degree + 1, 3) array
-            In the unit cube.
-        """
+        """Return the control points of fibres with the parameters r, s (n,), (n, degree + 1, 3)."""
         n_parts = len(self.parts)
         along = np.asarray(r, dtype=np.float64) * n_parts
         part = np.minimum(along.astype(np.int64), n_parts - 1)
@@ -89,19 +98,9 @@ class FibreTemplate:
         return polygons
 
     def fibres(self, r: ArrayLike, s: ArrayLike, t: ArrayLike) -> Floats:
-        """Return points of fibres.
+        """Return the points (n, m, 3) of fibres r, s (n,) at the parameters t (m,), from origin to insertion.
 
-        Parameters
-        ----------
-        r, s : (n,) array_like
-            Parameters of the fibres, in [0, 1].
-        t : (m,) array_like
-            Parameters along them, 0 at the origin, 1 at the insertion.
-
-        Returns
-        -------
-        (n, m, 3) array
-            In the unit cube.
+        All parameters are in [0, 1], and all points in the unit cube.
         """
         # Rounding must not lift a point out of the cube.
         points: Floats = np.clip(bezier(self.control_polygons(r, s), t), 0.0, 1.0)
@@ -109,19 +108,9 @@ class FibreTemplate:
 
 
 def bezier(polygons: Floats, t: ArrayLike) -> Floats:
-    """Return points of Bezier curves, sum over k of C(d, k) (1 - t)^(d - k) t^k b_k.
+    """Return points of Bezier curves, sum over k of C(d, k) (1 - t)^(d - k) t^k b_k, (n, m, 3).
 
-    Parameters
-    ----------
-    polygons : (n, d + 1, 3) array
-        Control points of n curves of degree d.
-    t : (m,) array_like
-        Parameters in [0, 1].
-
-    Returns
-    -------
-    (n, m, 3) array
-        Points.
+    The control points b are (n, d + 1, 3), the parameters t (m,) are in [0, 1].
     """
     degree = polygons.shape[1] - 1
     parameters = np.asarray(t, dtype=np.float64)
@@ -131,21 +120,11 @@ def bezier(polygons: Floats, t: ArrayLike) -> Floats:
 
 
 def sobol_points(n: int) -> Floats:
-    """Return n points that are evenly spread over the unit square, always the same ones.
+    """Return n points (n, 2) that are evenly spread over the inside of the unit square, always the same ones.
 
     The first 2^m points of Sobol's sequence (Joe, Kuo 2008, doi:10.1137/070709359) divide the square evenly:
     their coordinates are the multiples of 2^-m, each once. They are moved by half of that, into the middle of
     their cells: otherwise the first fibre would be an edge of the cube, and lie in the muscle's surface.
-
-    Parameters
-    ----------
-    n : int
-        Number of points, >= 1; fastest spread where it is a power of two.
-
-    Returns
-    -------
-    (n, 2) array
-        Points strictly inside of the unit square.
     """
     exponent = max(n - 1, 0).bit_length()
     points: Floats = sobol(n, 2) + 0.5 / 2**exponent
@@ -162,42 +141,117 @@ def _wall(x: float, *, z: Range) -> Floats:
     return np.array([[x, 0.0, z[0]], [x, 0.0, z[1]], [x, 1.0, z[1]], [x, 1.0, z[0]]])
 
 
+def _template(*parts: list[Floats]) -> FibreTemplate:
+    return FibreTemplate(tuple(np.array(sheets) for sheets in parts))
+
+
 #: The sheets of every kind, from the origin area to the insertion area.
 TEMPLATES = {
-    "parallel": FibreTemplate((np.array([_level(0.0), _level(0.5), _level(1.0)]),)),
-    "pennate": FibreTemplate(
-        (np.array([_wall(0.0, z=(0.0, 0.5)), _wall(0.5, z=(0.25, 0.75)), _wall(1.0, z=(0.5, 1.0))]),)
+    "parallel": _template([_level(0.0), _level(0.5), _level(1.0)]),
+    "pennate": _template([_wall(0.0, z=(0.0, 0.5)), _wall(0.5, z=(0.25, 0.75)), _wall(1.0, z=(0.5, 1.0))]),
+    "bipennate": _template(
+        [_wall(0.0, z=(0.0, 0.5)), _wall(0.25, z=(0.25, 0.75)), _wall(0.5, z=(0.5, 1.0))],
+        [_wall(1.0, z=(0.0, 0.5)), _wall(0.75, z=(0.25, 0.75)), _wall(0.5, z=(0.5, 1.0))],
     ),
-    "bipennate": FibreTemplate(
-        (
-            np.array([_wall(0.0, z=(0.0, 0.5)), _wall(0.25, z=(0.25, 0.75)), _wall(0.5, z=(0.5, 1.0))]),
-            np.array([_wall(1.0, z=(0.0, 0.5)), _wall(0.75, z=(0.25, 0.75)), _wall(0.5, z=(0.5, 1.0))]),
-        )
+    "curved": _template(
+        [
+            _level(0.0),
+            _level(0.25, x=(0.3, 1.0)),
+            _level(0.5, x=(0.6, 1.0)),
+            _level(0.75, x=(0.3, 1.0)),
+            _level(1.0),
+        ]
     ),
-    "curved": FibreTemplate(
-        (
-            np.array(
-                [
-                    _level(0.0),
-                    _level(0.25, x=(0.3, 1.0)),
-                    _level(0.5, x=(0.6, 1.0)),
-                    _level(0.75, x=(0.3, 1.0)),
-                    _level(1.0),
-                ]
-            ),
-        )
-    ),
-    "fan": FibreTemplate(
-        (
-            np.array(
-                [
-                    _level(0.0),
-                    _level(1 / 3, x=(0.05, 0.95), y=(0.05, 0.95)),
-                    _level(2 / 3, x=(0.3, 0.7), y=(0.2, 0.8)),
-                    _level(1.0, x=(0.35, 0.65), y=(0.25, 0.75)),
-                ]
-            ),
-        )
+    "fan": _template(
+        [
+            _level(0.0),
+            _level(1 / 3, x=(0.05, 0.95), y=(0.05, 0.95)),
+            _level(2 / 3, x=(0.3, 0.7), y=(0.2, 0.8)),
+            _level(1.0, x=(0.35, 0.65), y=(0.25, 0.75)),
+        ]
     ),
 }
 KINDS = tuple(TEMPLATES)
+
+
+def read_template(path: str | Path) -> FibreTemplate:
+    """Return the template in a ``.toml`` or ``.json`` file.
+
+    Raises a ValueError if the file cannot be read, is not TOML or JSON, or does not hold a template; the
+    message names the place in the file and what is allowed there.
+    """
+    file = Path(path)
+    if file.suffix not in (".toml", ".json"):
+        raise InputError("", f"the template {file} must be a .toml or a .json file")
+    try:
+        check_is_file(file, most=MOST_TEXT)
+        text = file.read_text(encoding="utf-8")
+    except (OSError, ValueError) as error:
+        problem, remedy = fault_of(error)
+        raise InputError("", f"the template {file} cannot be read: {problem}", remedy) from error
+    try:
+        content = tomllib.loads(text) if file.suffix == ".toml" else json.loads(text)
+    except (ValueError, RecursionError) as error:  # no TOML or JSON, an endless number, too many brackets
+        kind = file.suffix[1:].upper()
+        raise InputError("", f"the template {file} is not {kind}: {fault_of(error)[0]}") from error
+    return template_from(content, file)
+
+
+def template_from(content: Any, where: str | Path) -> FibreTemplate:
+    """Return the template in the content of a file; a ValueError names the place in it that is wrong.
+
+    The content is a mapping with either ``sheets`` or ``parts``, a list of mappings with ``sheets``.
+    """
+    if not isinstance(content, Mapping) or set(content) not in ({"sheets"}, {"parts"}):
+        keys = ", ".join(map(repr, content)) if isinstance(content, Mapping) else "no table"
+        raise InputError(where, f"{keys or 'no key'}, but must be either the key 'sheets' or the key 'parts'")
+    if "sheets" in content:
+        return FibreTemplate((_sheets(content["sheets"], where, "sheets"),))
+    tables = content["parts"]
+    if not isinstance(tables, list) or not tables:
+        raise InputError(where, "parts must be a list of at least one table with the key 'sheets'")
+    parts = []
+    for number, table in enumerate(tables):
+        if not isinstance(table, Mapping) or set(table) != {"sheets"}:
+            raise InputError(where, f"parts[{number}] must be a table with the key 'sheets', and no other")
+        parts.append(_sheets(table["sheets"], where, f"parts[{number}].sheets"))
+        if len(parts[-1]) != len(parts[0]):
+            raise InputError(
+                where,
+                f"parts[{number}] has {len(parts[-1])} sheets and parts[0] {len(parts[0])}",
+                "all parts must have the same number",
+            )
+    return FibreTemplate(tuple(parts))
+
+
+def _sheets(value: Any, where: str | Path, key: str) -> Floats:
+    """Return sheets of control points, (degree + 1, 4, 3)."""
+    least, most = DEGREES[0] + 1, DEGREES[-1] + 1
+    if not isinstance(value, list) or not least <= len(value) <= most:
+        found = f"{len(value)} sheets" if isinstance(value, list) else quoted(value)
+        raise InputError(
+            where,
+            f"{key}: {found}, but must be a list of {least} to {most} sheets, for Bezier curves of degree "
+            f"{DEGREES[0]} to {DEGREES[-1]}",
+        )
+    for i, sheet in enumerate(value):
+        if not isinstance(sheet, list) or len(sheet) != 4:
+            problem = f"{key}[{i}] must be a list of 4 corners, at (r, s) = (0, 0), (1, 0), (1, 1), (0, 1)"
+            raise InputError(where, problem)
+        for j, corner in enumerate(sheet):
+            if not isinstance(corner, list) or len(corner) != 3 or not all(map(_is_part, corner)):
+                problem = f"{key}[{i}][{j}] is {quoted(corner)}, but must be three numbers from 0 to 1"
+                raise InputError(where, f"{problem}, a point of the unit cube")
+    sheets = np.array(value, dtype=np.float64)
+    for i, name in ((0, "origin"), (-1, "insertion")):
+        first, second = sheets[i, 2] - sheets[i, 0], sheets[i, 3] - sheets[i, 1]
+        if not np.linalg.norm(np.cross(first, second)) > 0.0:
+            problem = f"{key}[{i % len(sheets)}] is the {name} area, but its corners enclose none"
+            raise InputError(where, problem)
+    if np.array_equal(sheets[0], sheets[-1]):
+        raise InputError(where, f"{key}: the origin area and the insertion area are the same")
+    return sheets
+
+
+def _is_part(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and 0 <= value <= 1
