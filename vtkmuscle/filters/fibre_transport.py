@@ -174,9 +174,8 @@ class FibreTransport(Filter):
     Raises
     ------
     ValueError
-        If there are no fibres, if a muscle is no triangle mesh or the rest muscle is not closed, if a
-        coordinate is not finite, if the deformed muscle has not as many points as the muscle at rest, or if
-        ``paths`` are not one for each fibre.
+        If the rest muscle is not closed; if the muscles have different numbers of points; if ``paths`` are
+        not one for each fibre.
 
     References
     ----------

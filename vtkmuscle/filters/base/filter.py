@@ -41,7 +41,9 @@ class Filter(Runnable, Algorithm):
     TypeError
         For a keyword that is neither a parameter nor an input port, or an input of another kind.
     ValueError
-        For a value that is not allowed; the message says what is.
+        For a value that is not allowed; the message says what is. For every filter also on update, if an
+        input has no points, or points that are not finite; if there are no polylines, or other cells among
+        them; if a surface has no triangles, or other faces; if attachments or bones lack their field arrays.
     AttributeError
         When a name that the filter does not have is assigned to.
     """
