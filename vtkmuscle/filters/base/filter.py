@@ -5,6 +5,7 @@ from __future__ import annotations
 import inspect
 import re
 from collections.abc import Iterable, Mapping
+from functools import partial
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from vtkmodules.vtkCommonExecutionModel import vtkAlgorithm
@@ -122,7 +123,7 @@ class Filter(Runnable, Algorithm):
         return {name: value for name, value in values.items() if declared[name].counts_with(values)}
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _rebuild, (type(self), self.parameters())
+        return partial(type(self), **self.parameters()), ()
 
     if not TYPE_CHECKING:
 
@@ -213,7 +214,3 @@ class Filter(Runnable, Algorithm):
             for port in range(self.GetNumberOfInputPorts())
             for index in range(self.GetNumberOfInputConnections(port))
         ]
-
-
-def _rebuild(kind: type[Filter], parameters: dict[str, Any]) -> Filter:
-    return kind(**parameters)
