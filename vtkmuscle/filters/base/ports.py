@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import KW_ONLY, dataclass, field
+from dataclasses import KW_ONLY, dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any, TypeVar, overload
 
@@ -17,7 +17,7 @@ from vtkmuscle.data.attachments import attachments_from, end_areas, is_areas
 from vtkmuscle.data.moving_bones import bones_of, moving_bones_of
 from vtkmuscle.data.muscle_geometry import surface_of
 from vtkmuscle.data.paths import checked_superficial
-from vtkmuscle.filters.base.docstrings import entry
+from vtkmuscle.filters.base.docstrings import Declaration
 
 if TYPE_CHECKING:
     from vtkmuscle.filters.base.filter import Filter
@@ -26,17 +26,8 @@ PortT = TypeVar("PortT", bound="Port")
 
 
 @dataclass(eq=False)
-class Port:
-    """What input and output ports have in common: the VTK class of their data, a description, a name."""
-
-    kind: type[Any]
-    _: KW_ONLY
-    doc: str = ""
-    name: str = field(default="", init=False)
-
-    def __set_name__(self, owner: type, name: str) -> None:
-        self.name = name
-        self.doc = self.doc or entry(owner.__doc__, name)
+class Port(Declaration):
+    """What input and output ports have in common; their kind is the VTK class of the data."""
 
     @overload
     def __get__(self: PortT, instance: None, owner: type) -> PortT: ...
