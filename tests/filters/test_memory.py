@@ -139,7 +139,7 @@ def test_memory_does_not_grow_and_a_planted_leak_is_caught():
     _, deformer, update, frame = check_no_growth(60, 40, 60)
     leak = Leaks()
     leak.connect(0, deformer)
-    leaked = growth_per_update(lambda i: (update(i), leak.update(time=float(ANGLES[i % len(ANGLES)]))), 40)
+    leaked = growth_per_update(lambda i: (update(i), leak.update(time=float(ANGLES[i % len(ANGLES)]))), 11)
     assert leaked > max(NOISE_PER_UPDATE, frame / 20)
 
 

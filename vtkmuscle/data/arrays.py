@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, TypeVar
 
@@ -183,13 +183,18 @@ def add_arrays(
 
 def set_field_array(data: Any, name: str, values: Any) -> None:
     """Add numbers (a copy) or a string to the field data."""
-    array: Any
     if isinstance(values, str):
-        array = vtkStringArray()
-        array.SetName(name)
-        array.InsertNextValue(values)
+        set_field_strings(data, name, [values])
     else:
-        array = _named(name, np.atleast_1d(values))
+        data.GetFieldData().AddArray(_named(name, np.atleast_1d(values)))
+
+
+def set_field_strings(data: Any, name: str, values: Iterable[str]) -> None:
+    """Add strings to the field data."""
+    array = vtkStringArray()
+    array.SetName(name)
+    for value in values:
+        array.InsertNextValue(value)
     data.GetFieldData().AddArray(array)
 
 
@@ -211,10 +216,15 @@ def field_array(data: Any, name: str) -> NDArray[Any] | None:
 
 def field_string(data: Any, name: str) -> str | None:
     """Return the first value of a string field array, None where there is none."""
+    return next(iter(field_strings(data, name)), None)
+
+
+def field_strings(data: Any, name: str) -> list[str]:
+    """Return the values of a string field array, none where there is no such array."""
     array = data.GetFieldData().GetAbstractArray(name)
-    if array is None or not isinstance(array, vtkStringArray) or not array.GetNumberOfValues():
-        return None
-    return str(array.GetValue(0))
+    if not isinstance(array, vtkStringArray):
+        return []
+    return [str(array.GetValue(i)) for i in range(array.GetNumberOfValues())]
 
 
 def blocks_of(data: vtkMultiBlockDataSet) -> list[tuple[str, Any]]:

@@ -9,13 +9,17 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 from vtkmodules.util.numpy_support import vtk_to_numpy
-from vtkmodules.vtkCommonCore import vtkStringArray
 from vtkmodules.vtkCommonDataModel import vtkImageData
-from vtkmodules.vtkCommonMath import vtkMatrix3x3
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.types import Bools, Floats, Ints
-from vtkmuscle.data.arrays import field_array, set_field_array, set_point_array
+from vtkmuscle.data.arrays import (
+    field_array,
+    field_strings,
+    set_field_array,
+    set_field_strings,
+    set_point_array,
+)
 
 #: Free voxels around a label, within which the Gaussian and a Newton step end.
 MARGIN = 4
@@ -179,17 +183,11 @@ def label_image(voxels: NDArray[np.integer], frame: Floats, names: Mapping[int, 
     spacing = np.linalg.norm(frame[:3, :3], axis=0)
     image.SetSpacing(*spacing)
     image.SetOrigin(*frame[:3, 3])
-    direction = vtkMatrix3x3()
-    direction.DeepCopy((frame[:3, :3] / spacing).ravel())
-    image.SetDirectionMatrix(direction)
+    image.SetDirectionMatrix(*(frame[:3, :3] / spacing).ravel())
     set_point_array(image, "Label", voxels.ravel())
     image.GetPointData().SetActiveScalars("Label")
     set_field_array(image, VALUES, np.array(list(names), dtype=np.int64))
-    words = vtkStringArray()
-    words.SetName(NAMES)
-    for name in names.values():
-        words.InsertNextValue(name)
-    image.GetFieldData().AddArray(words)
+    set_field_strings(image, NAMES, names.values())
     return image
 
 
@@ -233,10 +231,8 @@ def labels_in(image: vtkImageData, where: str) -> dict[str, Label]:
         raise InputError(where, problem, "give a map of labels")
     voxels.setflags(write=False)
     voxels = voxels.reshape(image.GetDimensions()[::-1])
-    values, texts = field_array(image, VALUES), image.GetFieldData().GetAbstractArray(NAMES)
-    names = {}
-    if values is not None and isinstance(texts, vtkStringArray):
-        names = {int(value): texts.GetValue(number) for number, value in enumerate(values)}
+    values, texts = field_array(image, VALUES), field_strings(image, NAMES)
+    names = {} if values is None else dict(zip(values.astype(int).tolist(), texts, strict=False))
     matrix = image.GetIndexToPhysicalMatrix()
     frame = np.array([[matrix.GetElement(i, j) for j in range(4)] for i in range(4)])
     frame[:3, 3] += frame[:3, :3] @ image.GetExtent()[::2]

@@ -6,11 +6,11 @@ import json
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-from vtkmodules.vtkCommonCore import vtkStringArray
 from vtkmodules.vtkCommonDataModel import vtkDataObject
 from vtkmodules.vtkCommonExecutionModel import vtkStreamingDemandDrivenPipeline
 
 from vtkmuscle._version import __version__
+from vtkmuscle.data.arrays import field_strings, set_field_strings
 
 _STEPS = vtkStreamingDemandDrivenPipeline.TIME_STEPS()
 _RANGE = vtkStreamingDemandDrivenPipeline.TIME_RANGE()
@@ -104,7 +104,7 @@ def provenance_of(data: Any) -> list[dict[str, Any]]:
     >>> [step["filter"] for step in provenance_of(FibreTemplateSource(n_fibres=3).update().output)]
     ['FibreTemplateSource']
     """
-    return [json.loads(entry) for entry in _entries(data)]
+    return [json.loads(entry) for entry in field_strings(data, PROVENANCE)]
 
 
 def provenance_entry(name: str, parameters: Mapping[str, Any]) -> str:
@@ -115,16 +115,5 @@ def provenance_entry(name: str, parameters: Mapping[str, Any]) -> str:
 
 def add_provenance(result: Any, inputs: Sequence[Any], entry: str) -> None:
     """Write into the field data of a result which filters made it: those of all inputs, then this one."""
-    entries = [each for data in inputs if data is not None for each in _entries(data)]
-    array = vtkStringArray()
-    array.SetName(PROVENANCE)
-    for each in dict.fromkeys([*entries, entry]):
-        array.InsertNextValue(each)
-    result.GetFieldData().AddArray(array)
-
-
-def _entries(data: Any) -> list[str]:
-    array = data.GetFieldData().GetAbstractArray(PROVENANCE)
-    if not isinstance(array, vtkStringArray):
-        return []
-    return [array.GetValue(i) for i in range(array.GetNumberOfValues())]
+    earlier = [each for data in inputs if data is not None for each in field_strings(data, PROVENANCE)]
+    set_field_strings(result, PROVENANCE, dict.fromkeys([*earlier, entry]))

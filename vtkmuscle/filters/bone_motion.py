@@ -41,7 +41,7 @@ class BoneMotion(Filter):
     Raises
     ------
     ValueError
-        If the motion names a bone that is not among the blocks, or a point is not finite.
+        If the motion names a bone that is not among the blocks.
 
     Examples
     --------

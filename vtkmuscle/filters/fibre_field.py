@@ -57,8 +57,8 @@ class FibreField(Filter):
     Raises
     ------
     ValueError
-        If there are no fibres, or none has a length; if the mesh has no cells, cells without points, or
-        points that are not finite; if none of it is in the muscle; if the muscle's surface is open.
+        If no fibre has a length; if the mesh has no cells, or cells without points; if none of it is in the
+        muscle; if the muscle's surface is open.
 
     References
     ----------

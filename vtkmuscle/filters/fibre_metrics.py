@@ -82,9 +82,8 @@ class FibreMetrics(Filter):
     Raises
     ------
     ValueError
-        If there are no fibres, or a coordinate is not finite; if ``RestLength`` has a negative value or one
-        that is not finite; if the muscle is no triangle mesh; with ``architecture`` or ``sections``, if there
-        is no muscle, or it is not closed, or no fibre has a length.
+        If ``RestLength`` has a value that is negative or not finite; with ``architecture`` or ``sections``,
+        if there is no closed muscle, or no fibre has a length.
 
     References
     ----------
@@ -217,15 +216,10 @@ def _tortuosity(lines: Polylines, lengths: Floats) -> Floats:
 def _strain(fibres: vtkPolyData, lengths: Floats) -> Floats:
     rest = np.asarray(cell_array(fibres, "RestLength", "fibres"), dtype=np.float64)
     if rest.shape != lengths.shape:
-        raise InputError(
-            "fibres",
-            f"the cell array 'RestLength' has the shape {rest.shape}, but there are {len(lengths)} fibres",
-            "FibreTransport makes it",
-        )
+        problem = f"the cell array 'RestLength' has the shape {rest.shape} for {len(lengths)} fibres"
+        raise InputError("fibres", problem, "FibreTransport makes it")
     bad = np.flatnonzero(~(np.isfinite(rest) & (rest >= 0)))
     if len(bad):
-        raise InputError(
-            "fibres",
-            f"the rest length of fibre {bad[0]} is {rest[bad[0]]}, but must be finite and not negative",
-        )
+        problem = f"the rest length of fibre {bad[0]} is {rest[bad[0]]}, but must be finite and not negative"
+        raise InputError("fibres", problem)
     return np.divide(lengths - rest, rest, out=np.zeros_like(lengths), where=rest > 0)

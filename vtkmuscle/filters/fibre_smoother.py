@@ -70,8 +70,7 @@ class FibreSmoother(Filter):
     Raises
     ------
     ValueError
-        If there are no polylines, or a point is not finite; if attachments are connected without the
-        muscle, or an area is not on it.
+        If attachments are connected without the muscle, or an area is not on it.
 
     References
     ----------

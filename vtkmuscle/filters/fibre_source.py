@@ -74,9 +74,9 @@ class FibreSource(Filter):
     Raises
     ------
     ValueError
-        If the muscle is no closed surface of triangles; if there are neither aponeuroses nor attachments of
-        both roles; if an aponeurosis is far from the muscle, covers it, or overlaps the other, or the two are
-        exchanged; if ``course="sections"`` is asked for between aponeuroses.
+        If the muscle is not closed; if there are neither aponeuroses nor attachments of both roles; if an
+        aponeurosis is far from the muscle, covers it, or overlaps the other, or the two are exchanged; if
+        ``course="sections"`` is asked for between aponeuroses.
 
     References
     ----------

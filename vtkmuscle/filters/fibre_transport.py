@@ -44,10 +44,10 @@ class _Rest:
     points: Floats
     triangles: Ints
     weight_tolerance: float
-    gap: Floats | None = None
+    #: Distances of the fibre points from the muscle, (p,) [mm], 0 inside.
+    gap: Floats
     sparse: SparseWeights | None = None
     weights: dict[int, Floats] = field(default_factory=dict)
-    size: int = 0
     bent: TriangleTree | None = None
 
     def is_of(self, fibre_points: Floats, points: Floats, triangles: Ints, weight_tolerance: float) -> bool:
@@ -66,7 +66,6 @@ class _Rest:
     @property
     def n_outside(self) -> int:
         """Number of fibre points outside of the muscle at rest."""
-        assert self.gap is not None
         return int((self.gap > _ON_SURFACE * np.linalg.norm(np.ptp(self.points, axis=0))).sum())
 
     @property
@@ -100,7 +99,6 @@ class _Rest:
         Parity decides which are outside: the triangle nearest to a point of a muscle that touches itself may
         be that of the other side.
         """
-        assert self.gap is not None
         self.bent = tree_of_deformed(self.tree, surface, self.triangles)
         outside = np.flatnonzero(~points_inside(fibre_points, self.bent))
         _, nearest, distances = self.bent.nearest(fibre_points[outside])
@@ -111,14 +109,12 @@ class _Rest:
 
     def _of_block(self, first: int) -> Floats:
         """Return the weights of a block of fibre points, from number `first` on."""
-        kept = self.weights.get(first)
-        if kept is not None:
-            return kept
+        if first in self.weights:
+            return self.weights[first]
         block = self.fibre_points[first : first + _BLOCK]
         weights = mean_value_coordinates(self.points, self.triangles, block)
-        if self.size + weights.nbytes <= _LARGEST_CACHE:
+        if weights.nbytes + sum(kept.nbytes for kept in self.weights.values()) <= _LARGEST_CACHE:
             self.weights[first] = weights
-            self.size += weights.nbytes
         return weights
 
 
@@ -174,9 +170,8 @@ class FibreTransport(Filter):
     Raises
     ------
     ValueError
-        If there are no fibres, if a muscle is no triangle mesh or the rest muscle is not closed, if a
-        coordinate is not finite, if the deformed muscle has not as many points as the muscle at rest, or if
-        ``paths`` are not one for each fibre.
+        If the rest muscle is not closed; if the muscles have different numbers of points; if ``paths`` are
+        not one for each fibre.
 
     References
     ----------
@@ -228,12 +223,10 @@ class FibreTransport(Filter):
                 f"deformed_muscle has {len(deformed)} points, but rest_muscle has {len(rest_muscle.points)}",
                 "both must be the same mesh, before and after the deformation",
             )
-        rest = self._rest_of(points, rest_muscle.points, rest_muscle.triangles)
+        rest = self._rest_of(points, rest_muscle)
         carried = self._carried(deformed_muscle, len(points))
         surface, fibre_points = (0.0, 0.0) if carried is None else carried
         moved = fibre_points + rest.moved(deformed - surface, self.report_progress)
-        if rest.gap is None:
-            rest.gap = np.linalg.norm(rest_muscle.geometry.solids.into(points) - points, axis=1)
         if rest_paths is not None:
             moved = self._held(moved, rest_fibres, rest_paths, rest_muscle, deformed_muscle)
         if carried is not None or rest_paths is not None:
@@ -278,11 +271,13 @@ class FibreTransport(Filter):
         held = self._tendons[1].held(moved.reshape(len(fibres), -1, 3), now)
         return held.reshape(-1, 3)
 
-    def _rest_of(self, fibre_points: Floats, points: Floats, triangles: Ints) -> _Rest:
+    def _rest_of(self, fibre_points: Floats, muscle: Surface) -> _Rest:
         # To compare content costs a hundredth of a frame. Modification times would be wrong for inputs that
         # were copied, or changed through a numpy view.
-        if self._rest is None or not self._rest.is_of(fibre_points, points, triangles, self.weight_tolerance):
-            self._rest = _Rest(fibre_points, points, triangles, self.weight_tolerance)
+        given = fibre_points, muscle.points, muscle.triangles
+        if self._rest is None or not self._rest.is_of(*given, self.weight_tolerance):
+            gap = np.linalg.norm(muscle.geometry.solids.into(fibre_points) - fibre_points, axis=1)
+            self._rest = _Rest(*given, self.weight_tolerance, gap)
         return self._rest
 
 

@@ -67,9 +67,8 @@ class FibreTrimmer(Filter):
     Raises
     ------
     ValueError
-        If there are no fibres, or a fibre of one point; if the muscle is no closed triangle mesh; if a role
-        has no attachment area, an area is not on the muscle, or the axis is undefined because the centroids
-        of both sides coincide.
+        If a fibre has one point; if the muscle is not closed; if a role has no area, or one that is not on
+        the muscle; if the axis is undefined because the centroids of both sides coincide.
 
     References
     ----------

@@ -54,8 +54,8 @@ class FibreTubes(Filter):
     Raises
     ------
     ValueError
-        If there are no fibres, a point is not finite, or no fibre has a length; if there is no such array; if
-        ``radius_by="fill"`` and there is no muscle.
+        If no fibre has a length; if there is no array ``colour_by``; if ``radius_by="fill"`` and there is no
+        muscle.
 
     Examples
     --------

@@ -40,8 +40,8 @@ class HarmonicField(Filter):
     Raises
     ------
     ValueError
-        If a role has no attachment area, or one that cannot be on this muscle; if the areas of both roles
-        overlap; if no connected part of the muscle has both; if the muscle has faces that are not triangles.
+        If a role has no area, or one that is not on the muscle; if the areas of both roles overlap; if no
+        connected part of the muscle has both.
 
     References
     ----------

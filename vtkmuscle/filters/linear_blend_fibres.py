@@ -44,8 +44,7 @@ class LinearBlendFibres(Filter):
     Raises
     ------
     ValueError
-        If there are no fibres, if there are no bones of the given names, if a bone has no field array
-        ``Transform``.
+        If there are no bones of the given names.
 
     References
     ----------

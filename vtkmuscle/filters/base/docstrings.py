@@ -5,6 +5,7 @@ from __future__ import annotations
 import inspect
 import re
 from collections.abc import Mapping, Sequence
+from dataclasses import KW_ONLY, dataclass, field
 from typing import Any
 
 #: The sections of a class's docstring that have an entry for each of its parameters and ports.
@@ -22,6 +23,20 @@ def entry(doc: str | None, name: str) -> str:
     """
     match = re.search(rf"^( *){name}(?: : .*)?\n((?:\1 {{4}}.*\n)+)", doc or "", re.MULTILINE)
     return " ".join(match[2].split()) if match else ""
+
+
+@dataclass(eq=False)
+class Declaration:
+    """A class attribute of a filter with a kind, a name, and a description by default from the docstring."""
+
+    kind: type[Any]
+    _: KW_ONLY
+    doc: str = ""
+    name: str = field(default="", init=False)
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        self.name = name
+        self.doc = self.doc or entry(owner.__doc__, name)
 
 
 def documented(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import inspect
 import re
 from collections.abc import Iterable, Mapping
+from functools import partial
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from vtkmodules.vtkCommonExecutionModel import vtkAlgorithm
@@ -41,7 +42,9 @@ class Filter(Runnable, Algorithm):
     TypeError
         For a keyword that is neither a parameter nor an input port, or an input of another kind.
     ValueError
-        For a value that is not allowed; the message says what is.
+        For a value that is not allowed; the message says what is. For every filter also on update, if an
+        input has no points, or points that are not finite; if there are no polylines, or other cells among
+        them; if a surface has no triangles, or other faces; if attachments or bones lack their field arrays.
     AttributeError
         When a name that the filter does not have is assigned to.
     """
@@ -120,7 +123,7 @@ class Filter(Runnable, Algorithm):
         return {name: value for name, value in values.items() if declared[name].counts_with(values)}
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _rebuild, (type(self), self.parameters())
+        return partial(type(self), **self.parameters()), ()
 
     if not TYPE_CHECKING:
 
@@ -211,7 +214,3 @@ class Filter(Runnable, Algorithm):
             for port in range(self.GetNumberOfInputPorts())
             for index in range(self.GetNumberOfInputConnections(port))
         ]
-
-
-def _rebuild(kind: type[Filter], parameters: dict[str, Any]) -> Filter:
-    return kind(**parameters)

@@ -12,7 +12,7 @@ import numpy as np
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.words import quoted
-from vtkmuscle.filters.base.docstrings import entry
+from vtkmuscle.filters.base.docstrings import Declaration
 
 if TYPE_CHECKING:
     from vtkmuscle.filters.base.filter import Filter
@@ -21,7 +21,7 @@ T = TypeVar("T")
 
 
 @dataclass(eq=False)
-class Parameter(Generic[T]):
+class Parameter(Declaration, Generic[T]):
     """A property of a filter that is checked when set and marks the filter modified when it changes.
 
     Parameters
@@ -59,7 +59,6 @@ class Parameter(Generic[T]):
     vtkmuscle.core.errors.InputError: FibreTubes: radius is -1.0, but must be a finite number > 0
     """
 
-    kind: type[Any]
     _: KW_ONLY
     default: T
     minimum: float | None = None
@@ -70,12 +69,6 @@ class Parameter(Generic[T]):
     units: str = ""
     only_with: tuple[str, *tuple[str, ...]] | None = None
     sets: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
-    doc: str = ""
-    name: str = field(default="", init=False)
-
-    def __set_name__(self, owner: type, name: str) -> None:
-        self.name = name
-        self.doc = self.doc or entry(owner.__doc__, name)
 
     @overload
     def __get__(self, instance: None, owner: type) -> Parameter[T]: ...

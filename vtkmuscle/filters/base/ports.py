@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import KW_ONLY, dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any, TypeVar, overload
 
@@ -16,7 +17,7 @@ from vtkmuscle.data.attachments import attachments_from, end_areas, is_areas
 from vtkmuscle.data.moving_bones import bones_of, moving_bones_of
 from vtkmuscle.data.muscle_geometry import surface_of
 from vtkmuscle.data.paths import checked_superficial
-from vtkmuscle.filters.base.docstrings import entry
+from vtkmuscle.filters.base.docstrings import Declaration
 
 if TYPE_CHECKING:
     from vtkmuscle.filters.base.filter import Filter
@@ -24,17 +25,9 @@ if TYPE_CHECKING:
 PortT = TypeVar("PortT", bound="Port")
 
 
-class Port:
-    """What input and output ports have in common: the VTK class of their data, a name, a description."""
-
-    def __init__(self, kind: type[Any], *, doc: str = "") -> None:
-        self.kind = kind
-        self.doc = doc
-        self.name = ""
-
-    def __set_name__(self, owner: type, name: str) -> None:
-        self.name = name
-        self.doc = self.doc or entry(owner.__doc__, name)
+@dataclass(eq=False)
+class Port(Declaration):
+    """What input and output ports have in common; their kind is the VTK class of the data."""
 
     @overload
     def __get__(self: PortT, instance: None, owner: type) -> PortT: ...
@@ -55,6 +48,7 @@ class Port:
         return self.kind.__name__
 
 
+@dataclass(eq=False)
 class OutputPort(Port):
     """An output of a filter; read as an attribute, it is the data, brought up to date.
 
@@ -81,6 +75,7 @@ class OutputPort(Port):
         raise AttributeError(f"{type(instance).__name__}.{self.name} is an output, which cannot be set")
 
 
+@dataclass(eq=False)
 class InputPort(Port):
     """An input of a filter: an attribute, and a keyword of the constructor.
 
@@ -116,21 +111,13 @@ class InputPort(Port):
     TypeError: FibreSmoother.muscle is 3, but must be a vtkPolyData, an algorithm or a chain of them or None
     """
 
-    def __init__(
-        self,
-        kind: type[Any],
-        taken: Callable[[Any, str], Any] | None = None,
-        *,
-        optional: bool = False,
-        doc: str = "",
-    ) -> None:
-        super().__init__(kind, doc=doc)
-        self.optional = optional
-        self._taken = taken
+    taken: Callable[[Any, str], Any] | None = None
+    _: KW_ONLY
+    optional: bool = False
 
     def take(self, data: Any) -> Any:
         """Return the argument of ``execute`` for the data on the port; ValueError for unusable data."""
-        return data if data is None or self._taken is None else self._taken(data, self.name)
+        return data if data is None or self.taken is None else self.taken(data, self.name)
 
     def read(self, instance: Filter) -> Any:
         """Return the data set or the algorithm that is connected, None where the port is open."""
