@@ -42,20 +42,9 @@ Lengths = Callable[[Sequence[str], Mapping[str, Floats]], dict[str, Floats]]
 class Finding:
     """The largest fault of one kind of a muscle by a coordinate.
 
-    Attributes
-    ----------
-    muscle, coordinate : str
-        Of the model.
-    what : str
-        ``"length jumps"``, ``"moment arm jumps"`` or ``"moment arm changes sign"``.
-    size : float
-        The jump [m]; where the sign changes, the smaller of the greatest moment arms on either side.
-    pose : dict of str to float
-        The coordinates that the muscle crosses, there [rad or m].
-    sweeps : float
-        Part of the sweeps that have it.
-    values, arms : (n,) array
-        Moment arms [m] over that sweep.
+    ``what`` is one of :data:`KINDS`; ``size`` is the jump [m], or where the sign changes, the smaller of the
+    greatest moment arms on either side; ``pose`` has the coordinates that the muscle crosses [rad or m];
+    ``sweeps`` is the part of the sweeps with such a fault, ``arms`` (n,) the moment arms [m] over the worst.
     """
 
     muscle: str

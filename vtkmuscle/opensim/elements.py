@@ -210,10 +210,7 @@ class OsimMuscle:
 
 def muscle_in(element: Element, frames: Frames) -> OsimMuscle | None:
     """Return the muscle of a force; None where it has no path."""
-    geometry = element.find("GeometryPath", "FunctionBasedPath")
-    holder = element.find("path")
-    if geometry is None and holder is not None:
-        geometry = holder.find("GeometryPath", "FunctionBasedPath")
+    geometry = (element.find("path") or element).find("GeometryPath", "FunctionBasedPath")
     if geometry is None:
         return None
     path = _function_path(geometry) if geometry.tag == "FunctionBasedPath" else _point_path(geometry, frames)

@@ -151,9 +151,9 @@ def fit_points(
     """Return a path over points and round cylinders that has lengths and moment arms.
 
     Between the fibres' mean ends, which stay, the path has a via point on either side of each joint, and may
-    wind round a cylinder there, on either body. Where all these are is found by least squares of the lengths
-    and of the moment arms, these times half the range of their coordinate. A cylinder is added where it helps
-    most, as long as the tolerance is not met, and only if the path goes round it one way in all poses.
+    wind round a cylinder there, on either body. Points and cylinders are placed by least squares of the
+    lengths and of the moment arms, these times half the range of their coordinate. Until the error is within
+    the tolerance, a cylinder is added where it helps most, if the path goes round it one way in all poses.
 
     Parameters
     ----------
