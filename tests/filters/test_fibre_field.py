@@ -1,13 +1,14 @@
 import numpy as np
 import pytest
 import pyvista as pv
-from phantoms import fibre_block
+from phantoms import fibre_block, winding_spindle
+from phantoms.winding_spindle import winding_fibre
 from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 
 from vtkmuscle.data.arrays import points_of, with_points
 from vtkmuscle.filters import FibreField, FibreSource, FibreTransport
-from vtkmuscle.phantoms import pennate_belly, spindle_over_hinge, winding_spindle
-from vtkmuscle.phantoms.fibre_bodies import ADVANCE, GAIN, LENGTH, THICKNESS, winding_fibre
+from vtkmuscle.phantoms import pennate_belly, spindle_over_hinge
+from vtkmuscle.phantoms.fibre_bodies import ADVANCE, GAIN, LENGTH, THICKNESS
 from vtkmuscle.pipelines import decompose
 
 #: The block's sides [mm].

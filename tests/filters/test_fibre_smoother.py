@@ -3,7 +3,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
-from phantoms import fibre_block
+from phantoms import fibre_block, winding_spindle
 from scipy.spatial import ConvexHull, Delaunay, cKDTree
 from vtkmodules.vtkFiltersSources import vtkSphereSource
 
@@ -26,7 +26,7 @@ from vtkmuscle.data.arrays import (
 from vtkmuscle.data.attachments import attachments_of
 from vtkmuscle.data.muscle_geometry import muscle_geometry
 from vtkmuscle.filters.fibre_smoother import FibreSmoother
-from vtkmuscle.phantoms import hip, spindle_over_hinge, winding_spindle
+from vtkmuscle.phantoms import hip, spindle_over_hinge
 from vtkmuscle.pipelines import decompose
 
 

@@ -3,6 +3,7 @@ import tomllib
 import igl
 import numpy as np
 import pytest
+from phantoms import winding_spindle
 from vtkmodules.vtkIOXML import vtkXMLPolyDataReader
 
 from vtkmuscle import Scene
@@ -26,7 +27,6 @@ from vtkmuscle.filters.fibre_template_source import FibreTemplateSource
 from vtkmuscle.filters.slice_morpher import SliceMorpher
 from vtkmuscle.filters.template_fitter import TemplateFitter
 from vtkmuscle.io import read_polydata
-from vtkmuscle.phantoms import winding_spindle
 
 
 def fitted_to(muscle, attachments, kind="parallel", n_fibres=30, resolution=15):

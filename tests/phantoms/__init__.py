@@ -7,6 +7,7 @@ from phantoms.lifting_strap import lifting_strap
 from phantoms.ring_tendon import tendon_through_ring
 from phantoms.slivered_tendon import slivered_tendon
 from phantoms.two_joint_strap import strap_over_two_joints
+from phantoms.winding_spindle import winding_spindle
 from vtkmuscle.phantoms import (
     Phantom,
     hip,
@@ -14,7 +15,6 @@ from vtkmuscle.phantoms import (
     pennate_belly,
     pennate_block,
     spindle_over_hinge,
-    winding_spindle,
     wrapping_cylinder,
 )
 

@@ -7,15 +7,14 @@ Joints, from the simplest to the most lifelike, with their known answers in brac
 * :func:`hip`, the demo's: pelvis, femur and three muscles (the head of the femur); :func:`leg`: three
   joints, ten muscles.
 
-Fibres: :func:`fibre_block`, :func:`pennate_block` and :func:`pennate_belly` (lengths, pennation),
-:func:`winding_spindle` (twist).
+Fibres: :func:`fibre_block`, :func:`pennate_block` and :func:`pennate_belly` (lengths, pennation).
 
 :func:`label_map` makes an image of labels of any of them (the surfaces behind the voxels).
 """
 
 from __future__ import annotations
 
-from vtkmuscle.phantoms.fibre_bodies import fibre_block, pennate_belly, pennate_block, winding_spindle
+from vtkmuscle.phantoms.fibre_bodies import fibre_block, pennate_belly, pennate_block
 from vtkmuscle.phantoms.hip_joint import hip
 from vtkmuscle.phantoms.leg import leg
 from vtkmuscle.phantoms.one_hinge import spindle_over_hinge, wrapping_cylinder
@@ -30,6 +29,5 @@ __all__ = [
     "pennate_belly",
     "pennate_block",
     "spindle_over_hinge",
-    "winding_spindle",
     "wrapping_cylinder",
 ]

@@ -2,10 +2,10 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from phantoms.winding_spindle import winding_fibre
 
 from vtkmuscle.core.fibres.direction_field import NEIGHBOURS, DirectionField
 from vtkmuscle.core.mesh.polylines import fibre_directions_at, segment_distances
-from vtkmuscle.phantoms.fibre_bodies import winding_fibre
 
 
 def lines_of(fibres):
