@@ -157,8 +157,7 @@ def enriched(model: Path, muscles: Sequence[MuscleOut], *, replace: Sequence[str
     Raises
     ------
     ValueError
-        If the file is no such model, has a muscle of that name that is not taken out, or no muscle that is
-        to be taken out.
+        If the file is no such model, keeps a muscle of the same name, or lacks one that is to be taken out.
     """
     read = checked_model(model)
     for one in replace:
