@@ -276,15 +276,11 @@ def _own(model: OsimModel) -> Lengths:
 
     def lengths(muscles: Sequence[str], values: Mapping[str, Floats]) -> dict[str, Floats]:
         full = tree.completed(values)
-        poses = tree.poses(full)
-        found = {}
-        for name in muscles:
-            path = model.muscles[name].path
-            if isinstance(path, PointPath):
-                found[name] = path.lengths_at(poses, full, full, ranges)
-            else:
-                found[name] = path.lengths(tree, full)
-        return found
+        paths = {name: model.muscles[name].path for name in muscles}
+        over_points = {name: path for name, path in paths.items() if isinstance(path, PointPath)}
+        poses = tree.poses(full, {point.body for path in over_points.values() for point in path.points})
+        found = {name: path.lengths_at(poses, full, full, ranges) for name, path in over_points.items()}
+        return {name: path.lengths(tree, full) for name, path in paths.items() if name not in found} | found
 
     return lengths
 

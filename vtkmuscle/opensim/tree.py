@@ -203,15 +203,19 @@ class KinematicTree:
                 )
         return result
 
-    def poses(self, values: Mapping[str, ArrayLike]) -> dict[str, Floats]:
+    def poses(
+        self, values: Mapping[str, ArrayLike], bodies: Iterable[str] | None = None
+    ) -> dict[str, Floats]:
         """Return each body's frame in the root's (f, 4, 4) for values of the coordinates.
 
-        They are given as to :meth:`completed`; a value of a coupled coordinate does not count.
+        They are given as to :meth:`completed`; a value of a coupled coordinate does not count. Where bodies
+        are named, only these and the bodies that they hang on are placed.
         """
+        wanted = self.bodies if bodies is None else {one.child for on in bodies for one in self.way_up(on)}
         full = self.completed(values)
         frames = len(next(iter(full.values()))) if full else 1
         result = {self.root: np.tile(np.eye(4), (frames, 1, 1))}
-        for joint in self.joints:
+        for joint in (one for one in self.joints if one.child in wanted):
             with np.errstate(over="ignore", invalid="ignore"):
                 result[joint.child] = result[joint.parent] @ joint.transforms(full, frames)
             if not np.isfinite(result[joint.child]).all():
