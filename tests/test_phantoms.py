@@ -35,7 +35,6 @@ from vtkmuscle.data.arrays import (
 )
 from vtkmuscle.data.attachments import attachments_of
 from vtkmuscle.filters import FibreMetrics, FibreSource
-from vtkmuscle.phantoms.fibre_bodies import radius_at
 from vtkmuscle.phantoms.hip_bones import femur
 from vtkmuscle.phantoms.implicit import ball, thick_curve, thick_sheet
 from vtkmuscle.phantoms.meshing import box, mesh_of, solid_of_revolution

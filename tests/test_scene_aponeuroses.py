@@ -94,7 +94,10 @@ def test_a_scene_keeps_its_aponeuroses_and_mirrors_them(saved):
             lambda muscle, scene: muscle["aponeuroses"].update(distal="none.vtp"),
             "muscles.block.aponeuroses.distal",
         ),
-        (lambda muscle, scene: muscle.pop("fibres"), "fibres end on aponeuroses, but this muscle has no fibres"),
+        (
+            lambda muscle, scene: muscle.pop("fibres"),
+            "fibres end on aponeuroses, but this muscle has no fibres",
+        ),
         (lambda muscle, scene: scene.update(model="paths"), "aponeuroses move with the muscle"),
     ],
 )

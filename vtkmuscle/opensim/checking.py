@@ -42,20 +42,9 @@ Lengths = Callable[[Sequence[str], Mapping[str, Floats]], dict[str, Floats]]
 class Finding:
     """The largest fault of one kind of a muscle by a coordinate.
 
-    Attributes
-    ----------
-    muscle, coordinate : str
-        Of the model.
-    what : str
-        ``"length jumps"``, ``"moment arm jumps"`` or ``"moment arm changes sign"``.
-    size : float
-        The jump [m]; where the sign changes, the smaller of the greatest moment arms on either side.
-    pose : dict of str to float
-        The coordinates that the muscle crosses, there [rad or m].
-    sweeps : float
-        Part of the sweeps that have it.
-    values, arms : (n,) array
-        Moment arms [m] over that sweep.
+    ``what`` is one of :data:`KINDS`; ``size`` is the jump [m], or where the sign changes, the smaller of the
+    greatest moment arms on either side; ``pose`` has the coordinates that the muscle crosses [rad or m];
+    ``sweeps`` is the part of the sweeps with such a fault, ``arms`` (n,) the moment arms [m] over the worst.
     """
 
     muscle: str
@@ -287,15 +276,11 @@ def _own(model: OsimModel) -> Lengths:
 
     def lengths(muscles: Sequence[str], values: Mapping[str, Floats]) -> dict[str, Floats]:
         full = tree.completed(values)
-        poses = tree.poses(full)
-        found = {}
-        for name in muscles:
-            path = model.muscles[name].path
-            if isinstance(path, PointPath):
-                found[name] = path.lengths_at(poses, full, full, ranges)
-            else:
-                found[name] = path.lengths(tree, full)
-        return found
+        paths = {name: model.muscles[name].path for name in muscles}
+        over_points = {name: path for name, path in paths.items() if isinstance(path, PointPath)}
+        poses = tree.poses(full, {point.body for path in over_points.values() for point in path.points})
+        found = {name: path.lengths_at(poses, full, full, ranges) for name, path in over_points.items()}
+        return {name: path.lengths(tree, full) for name, path in paths.items() if name not in found} | found
 
     return lengths
 

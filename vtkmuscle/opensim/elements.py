@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from vtkmuscle.core.motion.rigid import frame_at
 from vtkmuscle.core.types import Floats
 from vtkmuscle.io.xml_elements import Element
-from vtkmuscle.opensim.functions import FUNCTIONS, IDENTITY, function_in
+from vtkmuscle.opensim.functions import FUNCTIONS, IDENTITY, function_in, function_of
 from vtkmuscle.opensim.muscle_paths import FunctionPath, PathPoint, PointPath, powers
 from vtkmuscle.opensim.tree import Coupling, Joint, JointAxis, JointCoordinate
 
@@ -50,6 +50,14 @@ Frames = dict[str, tuple[str, Floats]]
 GROUND = "ground"
 
 
+def of_kind(tag: str, elements: Sequence[Element]) -> Sequence[Element]:
+    """Return elements, which must all have a tag."""
+    for element in elements:
+        if element.tag != tag:
+            raise element.error(f"is not understood: only {tag} may be here")
+    return elements
+
+
 def frame_of(element: Element, frames: Frames) -> tuple[str, Floats]:
     """Return the body, and the frame (4, 4) on it, that the path of OpenSim in an element ends with."""
     name = element.text.strip().rstrip("/").rpartition("/")[2]
@@ -69,9 +77,7 @@ def point_on(element: Element, frames: Frames) -> tuple[str, Floats]:
 def offset_frames(elements: Sequence[Element], frames: Frames) -> Frames:
     """Return frames, and the PhysicalOffsetFrames among elements that hold nothing else."""
     found = dict(frames)
-    for element in elements:
-        if element.tag != "PhysicalOffsetFrame":
-            raise element.error("is not understood among frames")
+    for element in of_kind("PhysicalOffsetFrame", elements):
         element.only(_FRAME_KEYS)
         body, place = frame_of(element.need("socket_parent"), found)
         offset = frame_at(element.vector("translation"), element.vector("orientation"))
@@ -94,10 +100,8 @@ def joint_in(
     element.only(_JOINT_KEYS)
     if element.flag("reverse"):
         raise element.error("joints with reverse = true are not understood", "exchange parent and child")
-    named = element.within("coordinates" if element.find("coordinates") else "CoordinateSet")
-    for one in named:
-        if one.tag != "Coordinate":
-            raise one.error("is not understood among coordinates")
+    holder = "coordinates" if element.find("coordinates") else "CoordinateSet"
+    named = of_kind("Coordinate", element.within(holder))
     if element.tag == "CustomJoint":
         rotations, translations = _spatial_transform(element)
     else:
@@ -141,11 +145,7 @@ def _spatial_transform(element: Element) -> tuple[list[JointAxis], list[JointAxi
     transform = element.need("SpatialTransform")
     transform.only(("TransformAxis", "objects", "groups"))
     holder = transform if transform.find("objects") is None else transform.need("objects")
-    found: dict[str, JointAxis] = {}
-    for axis in holder.children:
-        if axis.tag != "TransformAxis":
-            raise axis.error("is not understood in a SpatialTransform")
-        found[axis.name] = _transform_axis(axis)
+    found = {axis.name: _transform_axis(axis) for axis in of_kind("TransformAxis", holder.children)}
     for name in found:
         if name not in AXES:
             raise transform.error(f"there is no axis {name!r}", f"the axes are {', '.join(AXES)}")
@@ -159,11 +159,7 @@ def _transform_axis(element: Element) -> JointAxis:
     names = element.words("coordinates")
     if len(names) > 1:
         raise element.error(f"depends on {len(names)} coordinates; functions of one are understood")
-    holder = element.find("function")
-    if holder is None:
-        bare = [child for child in element.children if child.tag not in ("coordinates", "axis")]
-        holder = replace(element, children=bare)
-    function = function_in(holder)
+    function = function_of(element)
     try:
         return JointAxis(element.need("axis").numbers(3), function, names[0] if names else None)
     except ValueError as error:
@@ -210,10 +206,7 @@ class OsimMuscle:
 
 def muscle_in(element: Element, frames: Frames) -> OsimMuscle | None:
     """Return the muscle of a force; None where it has no path."""
-    geometry = element.find("GeometryPath", "FunctionBasedPath")
-    holder = element.find("path")
-    if geometry is None and holder is not None:
-        geometry = holder.find("GeometryPath", "FunctionBasedPath")
+    geometry = (element.find("path") or element).find("GeometryPath", "FunctionBasedPath")
     if geometry is None:
         return None
     path = _function_path(geometry) if geometry.tag == "FunctionBasedPath" else _point_path(geometry, frames)

@@ -59,27 +59,10 @@ def completed_properties(
     """Return the properties of a muscle of OpenSim: those given, the others from its architecture.
 
     Fibres have the length and pennation that were measured at rest, which are optimal unless the length of
-    the sarcomeres is known; the tendon is slack there, so that fibres and tendon make up the path.
-
-    Parameters
-    ----------
-    given : mapping of str to float
-        Properties in OpenSim, which stay.
-    architecture : mapping
-        Of a run's report: fascicles and cross-section at rest.
-    name : str
-        Of the muscle.
-    length : float
-        Of its path at rest [m].
-    share : float, optional
-        Length of the group of fibres, in parts of that of all.
-    specific_tension : float, optional
-        Force per cross-section [N/cm^2].
-
-    Raises
-    ------
-    InputError
-        If no length is left for a tendon.
+    the sarcomeres is known; the tendon is slack there, so that fibres and tendon make up the path, whose
+    ``length`` at rest is in m. ``architecture`` is that of a run's report, ``share`` the length of a group of
+    fibres in parts of that of all, the specific tension in N/cm^2. InputError if no length is left for a
+    tendon.
     """
     area = architecture["pcsa_without_tendon_mm2"] / 100.0
     found = {**given, "max_isometric_force": given.get("max_isometric_force", specific_tension * area)}

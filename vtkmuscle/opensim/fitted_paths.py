@@ -151,22 +151,14 @@ def fit_points(
     """Return a path over points and round cylinders that has lengths and moment arms.
 
     Between the fibres' mean ends, which stay, the path has a via point on either side of each joint, and may
-    wind round a cylinder there, on either body. Where all these are is found by least squares of the lengths
-    and of the moment arms, these times half the range of their coordinate. A cylinder is added where it helps
-    most, as long as the tolerance is not met, and only if the path goes round it one way in all poses.
+    wind round a cylinder there, on either body. Points and cylinders are placed by least squares of the
+    lengths and of the moment arms, these times half the range of their coordinate. Until the error is within
+    the tolerance, a cylinder is added where it helps most, if the path goes round it one way in all poses.
 
-    Parameters
-    ----------
-    line : (f, n, 3) array
-        The mean of the fibres in each pose, in the frame of the tree's root [m].
-    tree, values : KinematicTree, mapping of str to (f,) array
-        The bodies [m], and their coordinates in each pose.
-    ends : (str, str)
-        The bodies of origin and insertion.
-    lengths, arms : (f,) array, mapping of str to (f,) array
-        Mean length of the fibres [m], and moment arms by coordinates [m, 1 by a slide].
-    tolerance : float
-        Largest error that is accepted, root mean square [m].
+    ``line`` (f, n, 3) is the mean of the fibres in each pose, in the frame of the tree's root [m], ``values``
+    (f,) are the coordinates there. ``ends`` are the bodies of origin and insertion, ``lengths`` and ``arms``
+    (f,) the mean length of the fibres [m] and their moment arms by coordinates [m, 1 by a slide]. The
+    tolerance is for the root mean square error [m].
     """
     search = _Search(tree, values, lengths, arms)
     poses = tree.poses(tree.completed(values))

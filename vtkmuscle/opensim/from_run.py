@@ -115,9 +115,9 @@ class Export:
     groups : int
         Groups of fibres per muscle, at most.
     parameters : mapping of str to mapping
-        Properties of each muscle in OpenSim, in place of those of the scene's ``hill``, of the muscle that it
-        replaces and of its architecture, see :func:`~vtkmuscle.opensim.export_parts.completed_properties`; of
-        ``max_isometric_force`` each group has its fibres' share.
+        Properties of each muscle in OpenSim. The others are those of the scene's ``hill``, or of the muscle
+        that it replaces, or follow from its architecture (fibres and pennation as measured at rest, where the
+        tendon is slack). Each group has its fibres' share of ``max_isometric_force``.
     specific_tension : float
         Force per cross-section [N/cm^2], for the muscles whose force is that of their architecture.
     kind : str
@@ -202,12 +202,10 @@ def write_mujoco(
 
     Parameters
     ----------
-    source : path
-        A scene.toml with ``[joints.NAME]`` or ``[opensim]``, which is run; or the folder of its results.
+    source, result : path, Result
+        As of :func:`write_opensim`.
     out : path
         The .xml file (MJCF).
-    result : Result, optional
-        As of :func:`write_opensim`.
     **options
         Of :class:`~vtkmuscle.opensim.Export` but ``form``. A ``kind`` of ``"PathActuator"`` leaves tendons
         without muscles.

@@ -163,6 +163,14 @@ _PARTS: dict[str, tuple[str, ...]] = {
 FUNCTIONS = (*_PARTS, "MultiplierFunction")
 
 
+def function_of(element: Element) -> CoordinateFunction:
+    """Return the function in the ``function`` of an element, or in the element itself."""
+    holder = element.find("function")
+    if holder is None:
+        holder = replace(element, children=[child for child in element.children if child.tag in FUNCTIONS])
+    return function_in(holder)
+
+
 def function_in(holder: Element) -> CoordinateFunction:
     """Return the function that an element of OpenSim's files holds.
 
@@ -186,11 +194,7 @@ def function_in(holder: Element) -> CoordinateFunction:
 def _function(element: Element) -> CoordinateFunction:
     if element.tag == "MultiplierFunction":
         element.only(("function", "scale", *FUNCTIONS))
-        inner = element.find("function")
-        if inner is None:
-            bare = [child for child in element.children if child.tag in FUNCTIONS]
-            inner = replace(element, tag="function", attributes={}, children=bare)
-        return function_in(inner).rescaled(1.0, element.number("scale", 1.0))
+        return function_of(element).rescaled(1.0, element.number("scale", 1.0))
     parts = _PARTS[element.tag]
     element.only(parts)
     if element.tag == "Constant":

@@ -21,6 +21,7 @@ from vtkmuscle.opensim.elements import (
     coupling_in,
     joint_in,
     muscle_in,
+    of_kind,
     offset_frames,
     point_on,
 )
@@ -172,10 +173,8 @@ def _model_in(model: Element) -> OsimModel:
 def _bodies(model: Element) -> tuple[list[tuple[str, Element]], Frames]:
     """Return bodies by name, and the frames of all that is on them."""
     frames: Frames = {}
-    bodies = [(body.name, body) for body in model.within("BodySet")]
+    bodies = [(body.name, body) for body in of_kind("Body", model.within("BodySet"))]
     for name, body in bodies:
-        if body.tag != "Body":
-            raise body.error("is not understood among bodies")
         if name in frames:
             raise body.error("there is another body of this name")
         body.only(_BODY_KEYS)
@@ -227,11 +226,10 @@ def _tree(model: Element, frames: Frames, not_used: list[str]) -> tuple[Kinemati
 
 
 def _markers(model: Element, frames: Frames) -> tuple[Marker, ...]:
-    for one in model.within("MarkerSet"):
-        if one.tag != "Marker":
-            raise one.error("is not understood among markers")
+    markers = of_kind("Marker", model.within("MarkerSet"))
+    for one in markers:
         one.only(("socket_parent_frame", "body", "location", "fixed", "VisibleObject", "display"))
-    return tuple(Marker(one.name, *point_on(one, frames)) for one in model.within("MarkerSet"))
+    return tuple(Marker(one.name, *point_on(one, frames)) for one in markers)
 
 
 def _muscles(

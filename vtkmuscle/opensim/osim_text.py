@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import NamedTuple
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
 
@@ -31,6 +30,8 @@ GYRATION = 0.1
 CYLINDER = 0.5
 #: Opacity of a muscle that does not move with the model.
 OPACITY = 0.3
+#: Paths in a model's tree of components, by kind ("body" or "coordinate") and name.
+_Paths = dict[tuple[str, str], str]
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,7 +114,7 @@ def osim_of(
                 owners.setdefault(axis.coordinate, joint.name)
     paths = _component_paths(tree, owners)
     for body in masses or {}:
-        paths.body(body)  # raises where there is none
+        _path("body", body, paths)  # raises where there is none
     bodies = {body: made("Body", name=body) for body in tree.bodies}
     bodies[tree.root] = made("Ground", name="ground")
     for body, inside in bodies.items():
@@ -156,8 +157,7 @@ def enriched(model: Path, muscles: Sequence[MuscleOut], *, replace: Sequence[str
     Raises
     ------
     ValueError
-        If the file is no such model, has a muscle of that name that is not taken out, or no muscle that is
-        to be taken out.
+        If the file is no such model, keeps a muscle of the same name, or lacks one that is to be taken out.
     """
     read = checked_model(model)
     for one in replace:
@@ -186,32 +186,18 @@ def enriched(model: Path, muscles: Sequence[MuscleOut], *, replace: Sequence[str
     return xml_text(root, indented=False)
 
 
-class _ComponentPaths(NamedTuple):
-    """Paths of bodies and coordinates in a model's tree of components, by name."""
-
-    bodies: dict[str, str]
-    coordinates: dict[str, str]
-
-    def body(self, name: str) -> str:
-        return _known("body", name, self.bodies)
-
-    def coordinate(self, name: str) -> str:
-        return _known("coordinate", name, self.coordinates)
-
-
-def _component_paths(tree: KinematicTree, joint_of: Mapping[str, str]) -> _ComponentPaths:
+def _component_paths(tree: KinematicTree, joint_of: Mapping[str, str]) -> _Paths:
     """Return paths in a model, whose ground is the root, for the joint that each coordinate belongs to."""
-    return _ComponentPaths(
-        {body: f"/bodyset/{body}" for body in tree.bodies} | {tree.root: "/ground"},
-        {name: f"/jointset/{joint}/{name}" for name, joint in joint_of.items()},
-    )
+    bodies = {("body", body): f"/bodyset/{body}" for body in tree.bodies} | {("body", tree.root): "/ground"}
+    return bodies | {("coordinate", name): f"/jointset/{joint}/{name}" for name, joint in joint_of.items()}
 
 
-def _known(what: str, name: str, paths: Mapping[str, str]) -> str:
-    if name not in paths:
-        problem = f"the model has no {what} {name!r}; it has {', '.join(paths)}"
+def _path(what: str, name: str, paths: _Paths) -> str:
+    if (what, name) not in paths:
+        known = ", ".join(other for kind, other in paths if kind == what)
+        problem = f"the model has no {what} {name!r}; it has {known}"
         raise InputError("", problem, "give the scene's the names of the model's, or leave --into out")
-    return paths[name]
+    return paths[what, name]
 
 
 def _set(tag: str, objects: Iterable[Element], **attributes: str) -> Element:
@@ -259,7 +245,7 @@ def _coupler(one: Coupling) -> Element:
     )
 
 
-def _joint(joint: Joint, tree: KinematicTree, owners: Mapping[str, str], paths: _ComponentPaths) -> Element:
+def _joint(joint: Joint, tree: KinematicTree, owners: Mapping[str, str], paths: _Paths) -> Element:
     foreign = sorted(
         axis.coordinate for axis in joint.axes if axis.coordinate and owners[axis.coordinate] != joint.name
     )
@@ -273,7 +259,7 @@ def _joint(joint: Joint, tree: KinematicTree, owners: Mapping[str, str], paths: 
     frames = [
         made(
             "PhysicalOffsetFrame",
-            made("socket_parent", paths.body(body)),
+            made("socket_parent", _path("body", body, paths)),
             made("translation", frame[:3, 3]),
             made("orientation", _turn(frame)),
             name=f"{joint.name}_in_{side}",
@@ -324,7 +310,7 @@ def _turn(frame: Floats) -> Floats:
     return angles
 
 
-def _muscle(muscle: MuscleOut, paths: _ComponentPaths) -> Element:
+def _muscle(muscle: MuscleOut, paths: _Paths) -> Element:
     path = muscle.path
     if isinstance(path, FunctionPath):
         written = _function_path(path, paths)
@@ -334,18 +320,18 @@ def _muscle(muscle: MuscleOut, paths: _ComponentPaths) -> Element:
     return made(muscle.kind, written, *given, name=muscle.name)
 
 
-def _function_path(path: FunctionPath, paths: _ComponentPaths) -> Element:
+def _function_path(path: FunctionPath, paths: _Paths) -> Element:
     polynomial = made(
         "MultivariatePolynomialFunction",
         made("coefficients", path.coefficients),
         made("dimension", str(len(path.names))),
         made("order", str(path.order)),
     )
-    names = made("coordinate_paths", " ".join(map(paths.coordinate, path.names)))
+    names = made("coordinate_paths", " ".join(_path("coordinate", name, paths) for name in path.names))
     return made("FunctionBasedPath", names, made("length_function", polynomial), name="path")
 
 
-def _point_path(muscle: str, path: PointPath, paths: _ComponentPaths) -> Element:
+def _point_path(muscle: str, path: PointPath, paths: _Paths) -> Element:
     points = [_point(f"{muscle}-P{i}", one, paths) for i, one in enumerate(path.points, start=1)]
     wraps = [
         made(
@@ -360,20 +346,20 @@ def _point_path(muscle: str, path: PointPath, paths: _ComponentPaths) -> Element
     return made("GeometryPath", _set("PathPointSet", points), _set("PathWrapSet", wraps), name="path")
 
 
-def _point(name: str, point: PathPoint, paths: _ComponentPaths) -> Element:
-    parts = [made("socket_parent_frame", paths.body(point.body))]
+def _point(name: str, point: PathPoint, paths: _Paths) -> Element:
+    parts = [made("socket_parent_frame", _path("body", point.body, paths))]
     place = np.asarray(point.place, dtype=np.float64)
     if point.moves:
         named = next(one for one in point.coordinates if one is not None)
         for axis, function, own, at in zip("xyz", point.functions, point.coordinates, place, strict=True):
-            parts.append(made(f"socket_{axis}_coordinate", paths.coordinate(own or named)))
+            parts.append(made(f"socket_{axis}_coordinate", _path("coordinate", own or named, paths)))
             parts.append(made(f"{axis}_location", function_element(function or Polynomial(at[None]))))
         return made("MovingPathPoint", *parts, name=name)
     parts.append(made("location", place))
     if point.only_in is None:
         return made("PathPoint", *parts, name=name)
     coordinate, *limits = point.only_in
-    parts += [made("socket_coordinate", paths.coordinate(coordinate)), made("range", limits)]
+    parts += [made("socket_coordinate", _path("coordinate", coordinate, paths)), made("range", limits)]
     return made("ConditionalPathPoint", *parts, name=name)
 
 

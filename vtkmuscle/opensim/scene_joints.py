@@ -35,16 +35,9 @@ _STEP = 1e-4
 
 @dataclass(frozen=True, eq=False)
 class SceneJoints:
-    """The joints of a scene.
+    """The joints of a scene: a tree in its unit of length, at rest where the bones are, and each bone's body.
 
-    Attributes
-    ----------
-    tree : KinematicTree
-        In the scene's unit of length; the bones are at rest where its coordinates are.
-    bodies : dict of str to str
-        The body of each bone.
-    frame, fixed : str
-        The body whose frame at rest is the scene's, and the one that stays where it is.
+    ``frame`` is the body whose frame at rest is the scene's, ``fixed`` the one that stays where it is.
     """
 
     tree: KinematicTree
@@ -57,13 +50,7 @@ class SceneJoints:
         return self.tree.crossed([self.bodies[bone] for bone in bones])
 
     def motion(self, table: SceneTable, files: SceneFiles) -> RigidMotion:
-        """Return the motion that a scene's file or grid of coordinates gives its bones.
-
-        Raises
-        ------
-        SceneError
-            If the file cannot be read, or names no coordinate.
-        """
+        """Return the motion that a scene's file or grid of coordinates gives its bones."""
         times, values = coordinate_values(table, self.tree, files)
         key = _key(table)
         _warn_of_ranges(values, self.tree, key, files)
@@ -133,13 +120,7 @@ class SceneJoints:
 
 
 def joints_in(table: SceneTable, files: SceneFiles) -> SceneJoints:
-    """Return the joints of a scene that has some.
-
-    Raises
-    ------
-    SceneError
-        If a file cannot be read, or the joints are no tree.
-    """
+    """Return the joints of a scene that has some; SceneError if they are no tree."""
     if table.opensim is not None:
         return _of_opensim(table.opensim, table, files)
     hung = {joint.child for joint in table.joints.values()}
@@ -167,13 +148,7 @@ def joints_in(table: SceneTable, files: SceneFiles) -> SceneJoints:
 def coordinate_values(
     table: SceneTable, tree: KinematicTree, files: SceneFiles
 ) -> tuple[Floats, dict[str, Floats]]:
-    """Return the times (f,) of a scene's motion, and the values (f,) of the coordinates that it gives.
-
-    Raises
-    ------
-    SceneError
-        If the file cannot be read, or names no coordinate.
-    """
+    """Return the times (f,) of a scene's motion, and the values (f,) of the coordinates that it gives."""
     motion, key = table.motion, _key(table)
     if motion.file is not None:
         found = files.read(key, motion.file, read_motion_file)

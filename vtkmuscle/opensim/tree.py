@@ -19,20 +19,10 @@ from vtkmuscle.opensim.functions import CoordinateFunction
 
 @dataclass(frozen=True)
 class JointCoordinate:
-    """A coordinate of a joint.
+    """A coordinate of a joint, in radians, or in mm, cm or m for a translation.
 
-    Parameters
-    ----------
-    name : str
-        Its name, which no other coordinate of the tree has.
-    unit : str, optional
-        ``"rad"`` for an angle; ``"mm"``, ``"cm"`` or ``"m"`` for a translation: of its values here.
-    rest : float, optional
-        Its value where no other is given, in its unit.
-    range : (float, float), optional
-        Its least and largest value, in its unit.
-    positive : str, optional
-        Its positive direction, in words.
+    ``rest`` is its value where no other is given, ``range`` its least and largest value, ``positive`` its
+    positive direction in words.
     """
 
     name: str
@@ -83,18 +73,8 @@ class Joint:
     """How a body moves against its parent.
 
     The child's joint frame is turned against the parent's about each axis in turn, the later axes going along
-    with the earlier turns, and is shifted along axes of the parent's joint frame.
-
-    Parameters
-    ----------
-    name, parent, child : str
-        Of the joint and of its bodies.
-    rotations, translations : sequence of JointAxis
-        In this order; none for a joint that is stiff.
-    parent_frame, child_frame : (4, 4) arrays, optional
-        The joint's frames in either body; default the bodies' own.
-    kind : str, optional
-        The joint's type in the file that it comes from.
+    with the earlier turns, and is shifted along axes of the parent's joint frame. ``parent_frame`` and
+    ``child_frame`` (4, 4) are the joint's frames in either body, ``kind`` is its type in a file.
     """
 
     name: str
@@ -135,21 +115,12 @@ class Coupling:
 class KinematicTree:
     """Bodies on joints, and their poses for given coordinates.
 
-    Parameters
-    ----------
-    root : str
-        The body that all hang on.
-    joints : sequence of Joint
-        In any order; each body but the root is the child of one.
-    coordinates : sequence of JointCoordinate
-        Of all joints.
-    couplings : sequence of Coupling, optional
-        Coordinates that follow others.
+    All bodies hang on the root; each other body is the child of one joint. Joints are given in any order.
 
     Raises
     ------
     ValueError
-        If the joints are no tree, or name a coordinate that is not there; the message says which.
+        If the joints are no tree, or joints or couplings name an unknown coordinate.
 
     Examples
     --------
@@ -205,17 +176,10 @@ class KinematicTree:
         raise InputError("", f"{where}there is no coordinate {name!r}; {suggestion(name, known)}")
 
     def completed(self, values: Mapping[str, ArrayLike]) -> dict[str, Floats]:
-        """Return the values (f,) of all coordinates: those given, the coupled ones, the others at rest.
+        """Return the values (f,) of all coordinates: the given, the coupled ones, the others at rest.
 
-        Parameters
-        ----------
-        values : mapping of str to (f,) array_like
-            By coordinate, in its unit; numbers hold for all frames.
-
-        Raises
-        ------
-        ValueError
-            If there is no such coordinate, lengths differ, or a value is not finite.
+        They are given (f,) by coordinate, in its unit; numbers hold for all frames. ValueError if there is no
+        such coordinate, lengths differ, or a value is not finite.
         """
         given = {name: np.asarray(value, dtype=np.float64) for name, value in values.items()}
         lengths = {value.shape for value in given.values() if value.ndim}
@@ -239,15 +203,19 @@ class KinematicTree:
                 )
         return result
 
-    def poses(self, values: Mapping[str, ArrayLike]) -> dict[str, Floats]:
+    def poses(
+        self, values: Mapping[str, ArrayLike], bodies: Iterable[str] | None = None
+    ) -> dict[str, Floats]:
         """Return each body's frame in the root's (f, 4, 4) for values of the coordinates.
 
-        They are given as to :meth:`completed`; a value of a coupled coordinate does not count.
+        They are given as to :meth:`completed`; a value of a coupled coordinate does not count. Where bodies
+        are named, only these and the bodies that they hang on are placed.
         """
+        wanted = self.bodies if bodies is None else {one.child for on in bodies for one in self.way_up(on)}
         full = self.completed(values)
         frames = len(next(iter(full.values()))) if full else 1
         result = {self.root: np.tile(np.eye(4), (frames, 1, 1))}
-        for joint in self.joints:
+        for joint in (one for one in self.joints if one.child in wanted):
             with np.errstate(over="ignore", invalid="ignore"):
                 result[joint.child] = result[joint.parent] @ joint.transforms(full, frames)
             if not np.isfinite(result[joint.child]).all():

@@ -23,7 +23,7 @@ PLATE, SPACING = 6.0, 4.0
 LANDMARKS = 10.0
 
 
-def _sliding(bone: str, direction: tuple[int, int, int]) -> RigidMotion:
+def sliding(bone: str, direction: tuple[int, int, int]) -> RigidMotion:
     """Return the motion of a plate that goes 10 mm along a direction, its times the way in mm."""
     shifts = np.arange(0.0, 11.0)
     table = np.tile(np.eye(4), (len(shifts), 1, 1))
@@ -100,7 +100,7 @@ def block(
         bones=bones,
         muscles={"block": box((0.0, 0.0, 0.0), (WIDTH, DEPTH, LENGTH), SPACING)},
         areas={"block": areas},
-        motion=_sliding("insertion_plate", (0, 0, -1)),
+        motion=sliding("insertion_plate", (0, 0, -1)),
         template=kind,
         known={"volume": WIDTH * DEPTH * LENGTH, **known},
         superficial=superficial,
@@ -189,7 +189,7 @@ def pennate_belly() -> Phantom:
         },
         muscles={"belly": mesh_of(_belly(), 1.5, 4000)},
         areas={"belly": ends("proximal_plate", ring, "distal_plate", wide * ring + up)},
-        motion=_sliding("distal_plate", (1, 0, 0)),
+        motion=sliding("distal_plate", (1, 0, 0)),
         template="pennate",
         known={
             "volume": np.pi * HALF_LENGTH * HALF_WIDTH * THICKNESS * (1.0 + GAIN / 2.0),
