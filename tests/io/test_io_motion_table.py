@@ -168,5 +168,5 @@ def test_columns_that_do_not_change_are_no_coordinates(tmp_path):
 @pytest.mark.parametrize("name", ["T00", "time", "a,b", " a"])
 def test_a_coordinate_of_the_name_of_another_column_is_refused(name, tmp_path):
     motion = replace(hinge("b", (0, 0, 0), (1, 0, 0), [0, 10]), coordinates={name: Coordinate([5.0, 6.0])})
-    with pytest.raises(ValueError, match="call it otherwise"):
+    with pytest.raises(ValueError, match="rename it"):
         write_motion_table(tmp_path / "m.csv", motion, "b")

@@ -1,4 +1,4 @@
-"""CSV tables: of a user, with empty lines, comments and numbers to be checked; and for one."""
+"""CSV tables: those of users, with comments, empty lines and checked numbers; and those written here."""
 
 from __future__ import annotations
 
@@ -14,15 +14,7 @@ from vtkmuscle.io.writing import write_text
 
 
 def csv_rows(path: Path) -> Iterator[tuple[int, list[str]]]:
-    """Give the number of each line and its cells, without empty lines and those that begin with #.
-
-    Raises
-    ------
-    FileNotFoundError
-        If there is no such file.
-    InputError
-        If it is no table in UTF-8.
-    """
+    """Give the number of each line and its cells, without empty lines and those that begin with #."""
     check_is_file(path)
     try:
         with path.open(newline="", encoding="utf-8-sig") as lines:
@@ -38,13 +30,10 @@ def csv_rows(path: Path) -> Iterator[tuple[int, list[str]]]:
 def table_rows(
     path: Path, *, needed: Sequence[str] = (), most: int | None = None, remedy: str = ""
 ) -> list[tuple[int, dict[str, str]]]:
-    """Return the number of each line below the header and its cells by column: one row or more.
+    """Return the number of each line below the header and its cells by column.
 
-    Raises
-    ------
-    FileNotFoundError, InputError
-        As of :func:`csv_rows`; and if there are no rows or more than ``most``, a column is not there, has no
-        name or is there twice, or a line has another number of cells. ``remedy`` says what the table is.
+    An InputError is raised where there are no rows or more than ``most``, where a column is missing, unnamed
+    or double, and where a line has another number of cells. ``remedy`` describes the table.
     """
     rows = list(islice(csv_rows(path), None if most is None else most + 2))
     header = rows[0][1] if rows else []
@@ -66,7 +55,7 @@ def table_rows(
 
 
 def write_rows(path: Path, rows: Iterable[Iterable[object]]) -> None:
-    """Write a table, its header first; numbers with all their digits, all or nothing."""
+    """Write a table, header first, numbers with all their digits, all or nothing."""
     text = io.StringIO()
     csv.writer(text, lineterminator="\n").writerows(rows)
     write_text(path, text.getvalue())
@@ -81,8 +70,8 @@ def number_in(cell: object) -> float:
 
 
 def finite_number(cell: str, column: str, path: Path, where: str) -> float:
-    """Return the number in a cell of a file's table, InputError where there is none."""
+    """Return the number in a cell of a file's table; raise an InputError where there is no finite number."""
     value = number_in(cell)
     if not math.isfinite(value):
-        raise InputError(path, f"{where}: {column} is {cell!r}, but must be a finite number")
+        raise InputError(path, f"{where}: {column} is {cell!r}, but must be a finite number", "correct it")
     return value

@@ -14,14 +14,14 @@ from vtkmuscle.data.arrays import cell_array
 def febio_axes(mesh: vtkDataSet, element_set: str) -> Element:
     """Return the directions of a mesh's cells as material axes, for the section MeshData of a FEBio model.
 
-    ``a`` is the fibre. ``d`` is a direction across it, without a meaning: FEBio makes the axes a, (a x d) x a
-    and a x d of them, of which transversely isotropic materials read the first.
+    ``a`` is the fibre's direction. ``d`` is an arbitrary direction across it: FEBio makes the axes a, (a x d)
+    x a and a x d of them, of which transversely isotropic materials use the first.
 
     Parameters
     ----------
     mesh : vtkDataSet
-        With the cell array ``FibreDirection`` (3), as of :class:`~vtkmuscle.filters.FibreField`; its cells
-        are the elements of the set, in order.
+        With the cell array ``FibreDirection`` (3) of :class:`~vtkmuscle.filters.FibreField`; its cells are
+        the elements of the set, in order.
     element_set : str
         The set's name in the model, in FEBio 4 that of a domain (``<Elements name="...">``).
 
@@ -33,7 +33,7 @@ def febio_axes(mesh: vtkDataSet, element_set: str) -> Element:
     Raises
     ------
     ValueError
-        If the mesh has no such array, or a cell no direction.
+        If the mesh has no such array, or a cell has no direction.
 
     References
     ----------
@@ -55,15 +55,14 @@ def febio_axes(mesh: vtkDataSet, element_set: str) -> Element:
       </elem>
     </ElementData>
     """
+    where = "febio_axes: mesh"
     if not mesh.GetCellData().HasArray("FibreDirection"):
-        raise InputError("febio_axes: mesh", "it has no cell array 'FibreDirection'", "FibreField makes it")
-    fibres = cell_array(mesh, "FibreDirection", "febio_axes: mesh")
+        raise InputError(where, "it has no cell array 'FibreDirection'", "FibreField makes it")
+    fibres = cell_array(mesh, "FibreDirection", where)
     lengths = np.linalg.norm(fibres, axis=1)
     wrong = np.flatnonzero(~(np.isfinite(lengths) & (lengths > 0.0)))
     if len(wrong):
-        raise InputError(
-            "febio_axes: mesh", f"{len(wrong)} cell(s) have no direction, the first is {wrong[0]}"
-        )
+        raise InputError(where, f"{len(wrong)} cell(s) have no direction, the first is {wrong[0]}")
     across = np.eye(3)[np.abs(fibres).argmin(axis=1)]
     data = Element("ElementData", type="mat_axis", elem_set=element_set)
     for number, axes in enumerate(np.stack([fibres, across], axis=1), start=1):

@@ -1,4 +1,4 @@
-"""What was measured of fibres, as a table and in short."""
+"""Measures of fibres, as a table and as a summary."""
 
 from __future__ import annotations
 
@@ -14,20 +14,13 @@ from vtkmuscle.core.errors import InputError
 from vtkmuscle.data.arrays import field_array
 from vtkmuscle.io.csv_table import write_rows
 
+#: Field arrays of a muscle with one value, and with a value per section.
+_WHOLE = ("MuscleVolume", "PCSA", "PCSALine")
+_SECTIONS = ("SectionArea", "SectionFibres", "SectionDensity")
+
 
 def fibre_columns(fibres: vtkPolyData) -> dict[str, NDArray[np.float64]]:
-    """Return every cell array of numbers, one per fibre, by its name, in alphabetical order.
-
-    Parameters
-    ----------
-    fibres : vtkPolyData
-        From :class:`~vtkmuscle.filters.FibreMetrics`.
-
-    Returns
-    -------
-    dict of str to (n_fibres,) array
-        Columns.
-    """
+    """Return every cell array of numbers (n_fibres,), by its name, in alphabetical order."""
     data = fibres.GetCellData()
     arrays = [data.GetArray(i) for i in range(data.GetNumberOfArrays())]
     columns = {
@@ -39,17 +32,12 @@ def fibre_columns(fibres: vtkPolyData) -> dict[str, NDArray[np.float64]]:
 
 
 def fibre_summary(fibres: vtkPolyData) -> dict[str, dict[str, float]]:
-    """Return mean, standard deviation (of the population), least and largest of each measure.
+    """Return ``mean``, ``sd`` (of the population), ``min`` and ``max`` of each cell array, in its unit.
 
     Parameters
     ----------
     fibres : vtkPolyData
-        As of :func:`fibre_columns`.
-
-    Returns
-    -------
-    dict
-        Per cell array ``mean``, ``sd``, ``min`` and ``max``, in its unit.
+        From :class:`~vtkmuscle.filters.FibreMetrics`.
 
     Examples
     --------
@@ -68,7 +56,7 @@ def fibre_summary(fibres: vtkPolyData) -> dict[str, dict[str, float]]:
 
 
 def muscle_summary(fibres: vtkPolyData) -> dict[str, float | list[float] | dict[str, float]]:
-    """Return what was measured of a muscle as a whole.
+    """Return the measures of a muscle as a whole.
 
     Parameters
     ----------
@@ -78,10 +66,9 @@ def muscle_summary(fibres: vtkPolyData) -> dict[str, float | list[float] | dict[
     Returns
     -------
     dict
-        ``MuscleVolume``, ``PCSA`` and ``PCSALine`` as they are, ``LineOfAction`` as three numbers,
-        ``CentroidPathLength`` from end to end of the centroid path, and of ``SectionArea``, ``SectionFibres``
-        and ``SectionDensity`` the ``mean``, ``sd`` (of the population), ``min`` and ``max`` over the
-        sections; those of them that were measured.
+        The measured ones of ``MuscleVolume``, ``PCSA``, ``PCSALine``, ``LineOfAction`` (three numbers),
+        ``CentroidPathLength``, and ``SectionArea``, ``SectionFibres`` and ``SectionDensity``, each with
+        ``mean``, ``sd`` (of the population), ``min`` and ``max`` over the sections.
 
     Examples
     --------
@@ -96,22 +83,20 @@ def muscle_summary(fibres: vtkPolyData) -> dict[str, float | list[float] | dict[
     >>> round(summary["MuscleVolume"]), round(summary["PCSA"])
     (96000, 800)
     """
-    found: dict[str, float | list[float] | dict[str, float]] = {}
-    for name in ("MuscleVolume", "PCSA", "PCSALine"):
-        values = field_array(fibres, name)
-        if values is not None:
-            found[name] = float(values[0])
-    direction, path = field_array(fibres, "LineOfAction"), field_array(fibres, "CentroidPath")
-    if direction is not None:
-        found["LineOfAction"] = [float(component) for component in np.ravel(direction)]
-    if path is not None:
-        steps = np.linalg.norm(np.diff(np.asarray(path).reshape(-1, 3), axis=0), axis=1)
-        found["CentroidPathLength"] = float(steps.sum())
-    for name in ("SectionArea", "SectionFibres", "SectionDensity"):
-        values = field_array(fibres, name)
-        if values is not None:
-            found[name] = spread(np.asarray(values, dtype=np.float64))
-    return found
+    arrays = {
+        name: np.asarray(field_array(fibres, name), dtype=np.float64)
+        for name in (*_WHOLE, *_SECTIONS, "LineOfAction", "CentroidPath")
+        if field_array(fibres, name) is not None
+    }
+    found: dict[str, float | list[float] | dict[str, float]] = {
+        name: float(arrays[name][0]) for name in _WHOLE if name in arrays
+    }
+    if "LineOfAction" in arrays:
+        found["LineOfAction"] = arrays["LineOfAction"].ravel().tolist()
+    if "CentroidPath" in arrays:
+        steps = np.diff(arrays["CentroidPath"].reshape(-1, 3), axis=0)
+        found["CentroidPathLength"] = float(np.linalg.norm(steps, axis=1).sum())
+    return found | {name: spread(arrays[name]) for name in _SECTIONS if name in arrays}
 
 
 def spread(values: NDArray[np.float64]) -> dict[str, float]:
@@ -146,9 +131,8 @@ def write_fibre_table(fibres: vtkPolyData, path: str | PathLike[str]) -> Path:
     """
     columns = fibre_columns(fibres)
     if not columns:
-        raise InputError(
-            "write_fibre_table", "the fibres have no cell arrays", "run FibreMetrics on them first"
-        )
+        problem = "the fibres have no cell arrays"
+        raise InputError("write_fibre_table", problem, "run FibreMetrics on them first")
     rows = zip(*(map("%.10g".__mod__, column) for column in columns.values()), strict=True)
     write_rows(Path(path), [list(columns), *rows])
     return Path(path)

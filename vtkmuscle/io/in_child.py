@@ -1,7 +1,7 @@
-"""Read files by VTK in a process of its own, for VTK may end the process that reads a damaged file.
+"""Read files by VTK in a process of its own, for a damaged file can crash VTK's readers.
 
-One process reads all files of a run: it starts with the first one, ends with this process, and where a file
-ends it the next file has a new one. Programs that are no Python, such as ParaView, read files themselves.
+One process reads all files of a run. It starts with the first file and ends with this process; after a crash
+the next file gets a new one. In programs that are not Python, such as ParaView, files are read directly.
 """
 
 from __future__ import annotations
@@ -57,8 +57,8 @@ def first_line(messages: str) -> str:
     return ""
 
 
-#: Memory that a file may take in any case [bytes], and in sizes of it: text of two bytes a number becomes
-#: eight bytes, which are read, held, and written.
+#: Memory that any file may take [bytes], and further in sizes of the file: a number of two bytes of text
+#: becomes eight bytes, which are read, held, and written.
 _LEAST_MEMORY, _MEMORY_SIZES = 2 * 1024**3, 40
 
 _TIMES = vtkStreamingDemandDrivenPipeline.TIME_STEPS()
@@ -67,9 +67,9 @@ _TIMES = vtkStreamingDemandDrivenPipeline.TIME_STEPS()
 def serve() -> None:
     """Read what the lines of the standard input ask for, until it ends.
 
-    Each is a JSON list: the file, its reader's module and class, the longest that it may take [s], and
-    whether its data are wanted, or only that all of its time steps can be read. The answer is a line of JSON,
-    ``[class of what it holds, what VTK said, length]``, and as many bytes: poly data as a .vtk file.
+    Each line is a JSON list: the file, its reader's module and class, the time limit [s], and whether the
+    data are wanted or only a check of all time steps. The answer is a line of JSON, ``[class of the data,
+    VTK's complaint, length]``, and that many bytes: poly data as a .vtk file.
     """
     answers = os.fdopen(os.dup(1), "wb")
     os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # where VTK's readers print
@@ -88,7 +88,7 @@ def serve() -> None:
 
 
 def _limit_memory(size: int) -> None:
-    """Let the process take no more than a file of a size can need, and than there is."""
+    """Limit the memory of the process to what a file of a size can need, and to what there is."""
     try:
         import resource  # noqa: PLC0415 -- not there in Windows
     except ImportError:
@@ -102,7 +102,7 @@ def _limit_memory(size: int) -> None:
 
 
 def read(path: str, module: str, name: str, *, wanted: bool) -> tuple[str, str, bytes]:
-    """Return the class of what a file holds, what VTK said, and the data where they are wanted."""
+    """Return the class of a file's data, VTK's complaint, and the data where they are wanted."""
     reader: Any = getattr(import_module(module), name)()
     with vtk_messages() as messages:
         reader.SetFileName(os.fsencode(path))
@@ -114,47 +114,30 @@ def read(path: str, module: str, name: str, *, wanted: bool) -> tuple[str, str, 
     data = reader.GetOutputDataObject(0)
     kind = data.GetClassName() if data is not None else ""
     said = first_line(messages()) or ("it is damaged" if reader.GetErrorCode() else "")
-    if said:
+    if said or not wanted or not isinstance(data, vtkPolyData):
         return kind, said, b""
-    if not wanted or not isinstance(data, vtkPolyData):
-        return kind, "", b""
     cells = (data.GetVerts(), data.GetLines(), data.GetPolys(), data.GetStrips())
     if not all(each.IsValid() for each in cells):
-        return kind, "its cells lead beyond their points", b""
-    return kind, "", _written(data)
-
-
-def _written(data: vtkPolyData) -> bytes:
-    writer = vtkPolyDataWriter()  # not of .vtp: that one writes names with a "<" as they are
+        return kind, "its cells refer to points that do not exist", b""
+    writer = vtkPolyDataWriter()  # not of .vtp: that one does not escape a "<" in names
     writer.SetInputData(data)
     writer.SetFileTypeToBinary()
     writer.WriteToOutputStringOn()
     writer.Write()
     content: str | bytes = writer.GetOutputStdString()
-    return content.encode() if isinstance(content, str) else content
+    return kind, "", content.encode() if isinstance(content, str) else content
 
 
-#: The longest that the reading of a file may take, whatever its size [s], and what is read in a second of a
-#: large one at least [bytes/s].
+#: Time that the reading of any file may take [s], and the least speed for a large one [bytes/s].
 LONGEST, _SPEED = 20.0, 1e7
 
 _REMEDY = "export it again, and check that its suffix says what it is"
 
 
 def read_in_child(path: Path, module: str, reader: str) -> vtkPolyData:
-    """Read poly data by one of VTK's readers.
+    """Read poly data by one of VTK's readers, given by its module and class.
 
-    Parameters
-    ----------
-    path : Path
-        The file.
-    module, reader : str
-        Names of the reader's module and class.
-
-    Raises
-    ------
-    ValueError
-        If VTK complained, ended the process or did not end, or the file holds something else.
+    An InputError is raised if VTK complained, crashed or took too long, or the file holds something else.
     """
     kind, said, content = _child.ask(path, module, reader, wanted=True)
     if said:
@@ -174,31 +157,20 @@ def read_in_child(path: Path, module: str, reader: str) -> vtkPolyData:
 
 
 def check_in_child(path: Path, module: str, reader: str) -> None:
-    """Check that one of VTK's readers can read all time steps of a file.
-
-    Parameters
-    ----------
-    path, module, reader
-        As of :func:`read_in_child`.
-
-    Raises
-    ------
-    ValueError
-        If it cannot.
-    """
+    """Raise an InputError if one of VTK's readers cannot read all time steps of a file."""
     _, said, _ = _child.ask(path, module, reader, wanted=False)
     if said:
         raise InputError(path, "the file is damaged", "write it again")
 
 
 def _is_python() -> bool:
-    """Return whether this program is a Python to be started: ParaView names itself, or no file."""
+    """Return whether this program is a Python to be started; ParaView names itself, or no file."""
     program = Path(sys.executable or "-")
     return program.name.startswith("python") and program.is_file()
 
 
 class _Child:
-    """The process, where there is one."""
+    """The reading process, started when it is needed."""
 
     def __init__(self) -> None:
         self._lock = Lock()
@@ -206,7 +178,7 @@ class _Child:
         self._owner = 0
 
     def ask(self, path: Path, module: str, reader: str, *, wanted: bool) -> tuple[str, str, bytes]:
-        """Return the class of what a file holds, what VTK said, and the data."""
+        """Return the class of a file's data, VTK's complaint, and the data."""
         if not _is_python():
             return read(os.path.abspath(path), module, reader, wanted=wanted)
         longest = LONGEST + path.stat().st_size / _SPEED
@@ -222,7 +194,7 @@ class _Child:
                 line = process.stdout.readline()
                 kind, said, length = json.loads(line) if line else ("", "", 0)
                 content = process.stdout.read(length)
-            except BaseException:  # the answer is not for the next one to ask
+            except BaseException:  # the next question must not get this answer
                 process.kill()
                 raise
             if line:
@@ -235,11 +207,11 @@ class _Child:
         raise InputError(path, problem, _REMEDY)
 
     def _running(self) -> subprocess.Popen[bytes]:
-        """Return the process: a new one where there is none, it has ended, or is that of a parent."""
+        """Return the process; start one where there is none, it has ended, or it is that of a parent."""
         if self._process is None or self._owner != os.getpid() or self._process.poll() is not None:
             self.close()
             self._owner = os.getpid()
-            # The package may be where no other code is loaded from: the folder that somebody works in.
+            # The package may be in the working folder, from which no other code is loaded.
             root = str(Path(__file__).parents[2])
             self._process = subprocess.Popen(
                 isolated_python(f"sys.path.append({root!r})\nfrom {read.__module__} import serve\nserve()"),
@@ -250,7 +222,7 @@ class _Child:
         return self._process
 
     def close(self) -> None:
-        """End the process of this one, which reads no further file."""
+        """End the process, if this process started it."""
         process, self._process = self._process, None
         if process is not None and self._owner == os.getpid():
             process.communicate()

@@ -18,19 +18,19 @@ from vtkmuscle.io.surfaces import SURFACE_SUFFIXES, read_polydata
 
 
 def read_landmarks(path: str | PathLike[str], *, frame: str = "LPS") -> tuple[Floats, bool]:
-    """Read landmarks in boundary order, and whether they close to a ring.
+    """Read landmarks in boundary order, and whether they form a ring.
 
     Parameters
     ----------
     path : path
-        A .vtp or .vtk file with one polyline (a ring where it ends at the point it began with, an open
-        curve otherwise) or with points alone; a .csv file of x, y, z, or of a name, x, y, z (a header
-        line may name the columns, else it and further columns are passed over); a .json file with a list
-        of [x, y, z]; a .mrk.json or .fcsv file of 3D Slicer; or a .nrrd file of 3 x n numbers. A ring
-        repeats its first point at the end, or is a closed curve of Slicer.
+        A .vtp or .vtk file with one polyline (a ring where it ends at its first point, else an open curve) or
+        with points alone; a .csv file of x, y, z, or of a name, x, y, z (a header may name the columns;
+        further columns are ignored); a .json file with a list of [x, y, z]; a .mrk.json or .fcsv file of 3D
+        Slicer; or a .nrrd file of 3 x n numbers. A ring repeats its first point at the end, or is a closed
+        curve of Slicer.
     frame : str, optional
-        ``"LPS"`` or ``"RAS"``: the frame of the scene, to which files are turned that say theirs, as
-        those of Slicer do. Slicer saves surfaces in LPS.
+        ``"LPS"`` or ``"RAS"``: the frame of the scene. Files that state their frame, as those of Slicer, are
+        converted to it. Slicer saves surfaces in LPS.
 
     Returns
     -------
@@ -41,21 +41,17 @@ def read_landmarks(path: str | PathLike[str], *, frame: str = "LPS") -> tuple[Fl
 
     Raises
     ------
-    FileNotFoundError
-        If there is no such file.
-    ValueError
-        If the file cannot be read, has no landmarks, more than one polyline, or a coordinate that is
-        not finite.
+    FileNotFoundError, ValueError
+        If there is no such file, it cannot be read, has no landmarks, more than one polyline, or a coordinate
+        that is not finite.
     """
     path = Path(path)
     if path.suffix.lower() in (".vtp", ".vtk"):
         return landmarks_of(read_polydata(path), str(path))
     found = read_named_points(path)
     points = found.within(frame)
-    if found.closed:
-        return points, True
-    closed = len(points) > 3 and bool(np.array_equal(points[0], points[-1]))
-    return (points[:-1] if closed else points), closed
+    repeated = not found.closed and len(points) > 3 and np.array_equal(points[0], points[-1])
+    return (points[:-1] if repeated else points), found.closed or repeated
 
 
 def read_aponeurosis(path: str | PathLike[str], side: str, *, frame: str = "LPS") -> Aponeurosis:
@@ -73,10 +69,8 @@ def read_aponeurosis(path: str | PathLike[str], side: str, *, frame: str = "LPS"
 
     Raises
     ------
-    FileNotFoundError
-        If there is no such file.
-    ValueError
-        If the file cannot be read, or holds neither three landmarks or more nor triangles.
+    FileNotFoundError, ValueError
+        If there is no such file, it cannot be read, or holds neither triangles nor three landmarks or more.
     """
     path = Path(path)
     if path.suffix.lower() in SURFACE_SUFFIXES:
@@ -86,19 +80,14 @@ def read_aponeurosis(path: str | PathLike[str], side: str, *, frame: str = "LPS"
 
 
 def read_named_points(path: str | PathLike[str]) -> NamedPoints:
-    """Read points with their names and their frame, as a file that is text has them.
+    """Read points with names and a frame from a .csv, .json, .mrk.json, .fcsv or .nrrd file.
 
-    Parameters
-    ----------
-    path : path
-        A .csv, .json, .mrk.json, .fcsv or .nrrd file, see :func:`read_landmarks`.
+    See :func:`read_landmarks`.
 
     Raises
     ------
-    FileNotFoundError
-        If there is no such file.
-    ValueError
-        If the file cannot be read, or has no points.
+    FileNotFoundError, ValueError
+        If there is no such file, it cannot be read, or has no points.
     """
     path = Path(path)
     suffix = path.suffix.lower()
@@ -157,7 +146,7 @@ def _from_csv(path: Path) -> NamedPoints:
 
 
 def _numbers_in(cells: list[str]) -> tuple[int, ...]:
-    """Return which cells of a line without a header are x, y and z: after a name they are the next ones."""
+    """Return the columns of x, y and z in a line without a header: the first three, or those after a name."""
     try:
         float(cells[0])
     except ValueError:

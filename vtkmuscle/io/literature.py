@@ -13,22 +13,23 @@ from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.types import Floats
 from vtkmuscle.io.csv_table import finite_number, table_rows, write_rows
 
-#: Columns that a table must have; ``part`` may be there too, others are passed over.
+#: Columns that a table must have; ``part`` is optional, others are ignored.
 LITERATURE_COLUMNS = ("source", "muscle", "dof", "angle_deg", "moment_arm_mm")
-#: Parts whose names end so are the two sides of a band.
+#: Endings of parts that are the two sides of a band.
 LOWER, UPPER = "lower_bound", "upper_bound"
 
 
 @dataclass(frozen=True, eq=False)
 class LiteratureCurve:
-    """Moment arms of a muscle by a coordinate, as one source has them.
+    """Moment arms of a muscle by a coordinate, from one source.
 
     Attributes
     ----------
     source, muscle, dof, part : str
-        Who published it, of which muscle, by which coordinate, and of which part or kind; ``part`` may be "".
+        The publication, the muscle, the coordinate, and the part of the muscle or the kind of value; ``part``
+        may be "".
     angles, arms : (n,) arrays
-        Ascending [degrees], and the moment arm there [mm], -dl/dq.
+        Angles, ascending [degrees], and moment arms there [mm], -dl/dq.
     """
 
     source: str
@@ -47,8 +48,8 @@ def read_literature(path: str | PathLike[str]) -> tuple[LiteratureCurve, ...]:
     path : path
         With the columns ``source``, ``muscle``, ``dof`` (the coordinate, e.g. ``hip_flexion``),
         ``angle_deg``, ``moment_arm_mm`` (-dl/dq: positive where the muscle drives the coordinate up), and
-        where there is one ``part``. Parts that end in ``lower_bound`` and ``upper_bound`` are the sides of a
-        band. Other columns, empty lines and lines that begin with # are passed over.
+        optionally ``part``. Parts that end in ``lower_bound`` and ``upper_bound`` are the sides of a band.
+        Other columns, empty lines and lines that begin with # are ignored.
 
     Returns
     -------
@@ -57,10 +58,9 @@ def read_literature(path: str | PathLike[str]) -> tuple[LiteratureCurve, ...]:
 
     Raises
     ------
-    FileNotFoundError
-        If there is no such file.
-    ValueError
-        If a column is missing, a cell is no finite number or a name is empty; the message names the line.
+    FileNotFoundError, ValueError
+        If there is no such file, a column is missing, a cell is no finite number or a name is empty; the
+        message names the line.
 
     Examples
     --------
@@ -93,15 +93,7 @@ def read_literature(path: str | PathLike[str]) -> tuple[LiteratureCurve, ...]:
 
 
 def write_literature(path: str | PathLike[str], curves: Sequence[LiteratureCurve]) -> None:
-    """Write published moment arms so that :func:`read_literature` gives the same back.
-
-    Parameters
-    ----------
-    path : path
-        The CSV file; replaced where it exists.
-    curves : sequence of LiteratureCurve
-        What to write.
-    """
+    """Write published moment arms to a CSV file, so that :func:`read_literature` gives the same back."""
     rows = (
         (curve.source, curve.muscle, curve.dof, curve.part, *point)
         for curve in curves
@@ -113,14 +105,9 @@ def write_literature(path: str | PathLike[str], curves: Sequence[LiteratureCurve
 def curves_for(
     curves: Sequence[LiteratureCurve], *, muscle: str = "", coordinate: str = ""
 ) -> tuple[LiteratureCurve, ...]:
-    """Return the curves of a muscle, by a coordinate, or both; sides, ``_r`` and ``_l``, need not be named.
+    """Return the curves of a muscle, by a coordinate, or both.
 
-    Parameters
-    ----------
-    curves : sequence of LiteratureCurve
-        To choose from.
-    muscle, coordinate : str, optional
-        Names in the scene; "" for any.
+    Names are those in the scene, "" for any; a side, ``_r`` or ``_l``, is ignored where the curve has none.
     """
     return tuple(
         curve
@@ -132,16 +119,9 @@ def curves_for(
 
 @dataclass(frozen=True, eq=False)
 class DrawnCurve:
-    """What is drawn of a source: a line, a single value, or a band between two sides.
+    """A line or a band in a figure: ``upper`` (n,) is the upper side of a band, None of a line.
 
-    Attributes
-    ----------
-    source, label : str
-        Whose it is, and what the legend says.
-    angles, arms : (n,) arrays
-        Of the line, or of the lower side [degrees, mm].
-    upper : (n,) array or None
-        Of the upper side; None of a line.
+    ``angles`` (n,) [degrees] and ``arms`` (n,) [mm] are those of the line, or of the lower side of the band.
     """
 
     source: str
@@ -152,7 +132,7 @@ class DrawnCurve:
 
 
 def drawn(curves: Sequence[LiteratureCurve]) -> list[DrawnCurve]:
-    """Return curves as they are drawn: bands where a source has two sides, else lines or single values."""
+    """Return curves for a figure: bands where a source has two sides, else lines or single values."""
     uppers = {_sides(curve): curve for curve in curves if curve.part.endswith(UPPER)}
     lowers = {_sides(curve) for curve in curves if curve.part.endswith(LOWER)}
     found = []

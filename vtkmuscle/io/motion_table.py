@@ -18,17 +18,14 @@ from vtkmuscle.io.csv_table import finite_number, table_rows, write_rows
 #: Column names, row major. The last four may be missing: a rigid transform ends with 0 0 0 1.
 TRANSFORM_COLUMNS = tuple(f"T{row}{column}" for row in range(4) for column in range(4))
 
-#: Rows of a table, at most: a hundred seconds at the rate of motion capture systems.
+#: Most rows of a table: a hundred seconds of motion capture.
 MOST_FRAMES = 20_000
 
-#: What a table without these columns or without rows is told.
-_FORM = (
-    "a table of transforms has the columns T00, T01, T02, T03, T10 ... T23, row major, rest to pose, and a "
-)
-_FORM += "line per time"
+#: The remedy for a table without these columns or without rows.
+_FORM = "give the columns T00, T01, T02, T03, T10 ... T23, row major, rest to pose, and a line per time"
 _LAST_ROW = {"T30": 0.0, "T31": 0.0, "T32": 0.0, "T33": 1.0}
 
-#: Columns that are times or counts; one of another name that is the pipeline's time is a coordinate as well.
+#: Names of times and counts; a column of another name that is the pipeline's time is a coordinate as well.
 _TIMES = ("time", "times", "t", "s", "ms", "sec", "seconds", "percent", "cycle", "gait", "gait_cycle")
 _COUNTS = ("frame", "frames", "row", "rows", "step", "steps", "index", "number", "n")
 
@@ -46,20 +43,20 @@ def read_motion_table(
     Parameters
     ----------
     path : path
-        A CSV file with a header line; the columns ``T00`` to ``T23`` (and ``T30`` to ``T33``, taken as
-        0 0 0 1 where they are missing) are the transform from rest to the pose, row major. Empty lines
-        and lines that begin with # are passed over, and so are other columns.
+        A CSV file with a header line; the columns ``T00`` to ``T23`` (and optionally ``T30`` to ``T33``, 0 0
+        0 1) are the transform from rest to the pose, row major. Other columns, empty lines and lines that
+        begin with # are ignored.
     bone : str
         Name of the bone that moves.
     time : str, optional
-        The column that is the pipeline's time; without it the number of the row.
+        The column that is the pipeline's time; by default rows are numbered from 0.
     centre : (3,) array_like, optional
         Joint centre in the rest pose, in the unit of the table.
     coordinates : sequence of str, or mapping of str to mapping, optional
         Columns that are joint coordinates, in degrees; or, per column, ``unit`` and ``positive`` of a
-        :class:`~vtkmuscle.core.motion.coordinates.Coordinate`. Without it the column of the time is one,
-        unless its name is that of a time (``time``, ``frame`` ...) or it counts the rows. Columns that do
-        not change are left out.
+        :class:`~vtkmuscle.core.motion.coordinates.Coordinate`. By default the column of the time, unless it
+        is called ``time``, ``frame`` or the like, or counts the rows. Columns that do not change are left
+        out.
 
     Returns
     -------
@@ -68,11 +65,9 @@ def read_motion_table(
 
     Raises
     ------
-    FileNotFoundError
-        If there is no such file.
-    ValueError
-        If a column is missing, a cell is no finite number, times do not ascend or a transform is not
-        rigid; the message names the file and the line.
+    FileNotFoundError, ValueError
+        If there is no such file, a column is missing, a cell is no finite number, times do not ascend or a
+        transform is not rigid; the message names the file and the line.
 
     Examples
     --------
@@ -118,11 +113,10 @@ def read_motion_table(
         for name in kinds:
             values[name].append(finite_number(given[name], name, path, where))
     found = {
-        name: Coordinate(np.array(values[name]), kinds[name].get("unit", "deg"), kinds[name]["positive"])
-        for name in kinds
+        name: Coordinate(np.array(values[name]), kind["unit"], kind["positive"])
+        for name, kind in kinds.items()
+        if coordinates is not None or not _counts_rows(values[name])
     }
-    if coordinates is None:
-        found = {name: one for name, one in found.items() if not _counts_rows(one.values)}
     return RigidMotion(
         np.array(times),
         {bone: np.array(transforms)},
@@ -132,13 +126,7 @@ def read_motion_table(
 
 
 def motion_columns(path: str | PathLike[str]) -> list[str]:
-    """Return the columns of a table of transforms that are not part of a transform.
-
-    Raises
-    ------
-    FileNotFoundError, ValueError
-        If there is no such file, or it is no table.
-    """
+    """Return the columns of a table of transforms that are not part of a transform."""
     rows = table_rows(Path(path), most=MOST_FRAMES, remedy=_FORM)
     return [name for name in rows[0][1] if name not in TRANSFORM_COLUMNS]
 
@@ -146,30 +134,22 @@ def motion_columns(path: str | PathLike[str]) -> list[str]:
 def write_motion_table(path: str | PathLike[str], motion: RigidMotion, bone: str) -> None:
     """Write the motion of one bone so that :func:`read_motion_table` gives the same numbers back.
 
-    Parameters
-    ----------
-    path : path
-        The CSV file; replaced where it exists.
-    motion : RigidMotion
-        With a table for the bone.
-    bone : str
-        Which bone.
-
     Raises
     ------
     ValueError
         If a coordinate of the motion has the name of another column.
     """
-    tables: Mapping[str, Floats] = motion.transforms
     columns = {name: one.values for name, one in motion.coordinates.items()}
     if "time" in columns and np.array_equal(columns["time"], motion.times):
         del columns["time"]
     for name in columns:
         if name in ("time", *TRANSFORM_COLUMNS) or set(name) & set(',"\r\n') or name != name.strip():
-            raise InputError(Path(path), f"a coordinate cannot be a column {name!r}", "call it otherwise")
+            raise InputError(Path(path), f"a coordinate cannot be a column {name!r}", "rename it")
     rows = [
         (time, *transform.ravel(), *values)
-        for time, transform, *values in zip(motion.times, tables[bone], *columns.values(), strict=True)
+        for time, transform, *values in zip(
+            motion.times, motion.transforms[bone], *columns.values(), strict=True
+        )
     ]
     head = ("time", *TRANSFORM_COLUMNS, *columns)
     write_rows(Path(path), [head, *([float(value) for value in row] for row in rows)])
@@ -180,14 +160,12 @@ def _kinds(
 ) -> dict[str, dict[str, str]]:
     """Return the unit and positive direction of each coordinate, by its column."""
     if coordinates is None:
-        named = [] if time is None or time.casefold() in _TIMES + _COUNTS else [time]
-    else:
-        named = list(coordinates)
+        coordinates = [] if time is None or time.casefold() in _TIMES + _COUNTS else [time]
     given = coordinates if isinstance(coordinates, Mapping) else {}
-    return {name: {"positive": "", **given.get(name, {})} for name in named}
+    return {name: {"unit": "deg", "positive": "", **given.get(name, {})} for name in coordinates}
 
 
-def _counts_rows(values: Floats) -> bool:
+def _counts_rows(values: Sequence[float]) -> bool:
     return any(np.array_equal(values, np.arange(first, first + len(values))) for first in (0, 1))
 
 

@@ -1,4 +1,4 @@
-"""Trees of the Multimod Application Framework (MAF 2) and of ALBA: surfaces, landmarks, and where they are.
+"""Trees of the Multimod Application Framework (MAF 2) and of ALBA: surfaces, landmarks and their poses.
 
 A tree (.msf) is XML, ``<MSF Version="2.0">`` or ``"2.2"``: a ``<Root>`` with ``<Node>`` in ``<Children>``,
 each with a ``Name`` and a ``Type`` such as ``mafVMESurface`` or ``albaVMELandmarkCloud``. By files and
@@ -7,15 +7,14 @@ sources of both (https://github.com/FusionBox2/MAF2, https://github.com/IOR-BIC/
 * ``<DataVector>`` names a VTK file for each time, beside the tree: ``<VItem>`` with ``<URL>``,
   ``<DataType>``, ``<TimeStamp>`` and ``<Crypting>``; a ``.zvtk`` is such a file in a ZIP archive of its own.
 * ``<MatrixVector>`` has the pose in the frame of the parent for each time: ``<Matrix TimeStamp="0">`` with 16
-  numbers, row by row. What is computed has one ``<Transform>`` instead.
-* The landmarks of a cloud are nodes in it, their places the last columns of their poses; where a landmark is
-  not seen, its matrix is zero.
+  numbers, row by row. Computed nodes have one ``<Transform>`` instead.
+* The landmarks of a cloud are nodes in it, their positions the last columns of their poses; the matrix of an
+  invisible landmark is zero.
 * In older trees a cloud can be closed (the tag ``MFL_VME_LANDMARK_CLOUD_STATE`` is 1): its landmarks are the
-  points of its VTK file.
+  points of its VTK file. Which tags name them is not known: they are numbered.
 
-Not known: which tags name the landmarks of a closed cloud (they are numbered here), and whether ``.nms`` is
-another format than ``.msf`` (it is read as the same). Files that are enciphered, or that are all in one
-archive (``SingleFileMode``), are refused. A pose holds until the next; before the first the first holds.
+``.nms`` is read as the same format. Encrypted files, and files that share one archive (``SingleFileMode``),
+are refused. A pose holds until the next; before the first the first holds.
 """
 
 from __future__ import annotations
@@ -51,7 +50,7 @@ _CLOSED = "MFL_VME_LANDMARK_CLOUD_STATE"
 
 @dataclass(frozen=True, eq=False)
 class MsfFile:
-    """A file of a node: its time [s], where it is, and what kind of VTK data it holds."""
+    """A file of a node: its time [s], its path, and its kind of VTK data."""
 
     time: float
     path: Path
@@ -67,7 +66,7 @@ class MsfNode:
     name, kind : str
         The kind is the node's type without ``mafVME``, ``albaVME`` or ``mflVME``, such as ``"Surface"``.
     times : (t,) array
-        Of the poses [s]; none for a node that is where its parent is.
+        Of the poses [s]; empty for a node that stays in its parent's frame.
     poses : (t, 4, 4) array
         In the frame of the parent, lengths in the unit of the tree.
     files : tuple of MsfFile
@@ -112,20 +111,13 @@ class MsfNode:
 
 
 def read_msf(path: str | PathLike[str]) -> MsfNode:
-    """Return the root of a tree; the files that it names are not opened.
-
-    Parameters
-    ----------
-    path : path
-        A .msf or .nms file.
+    """Return the root of a tree in a .msf or .nms file; the files that it names are not opened.
 
     Raises
     ------
-    FileNotFoundError
-        If there is no such file.
-    InputError
-        If it is no tree of version 2, has a document type, names a file out of its folder, or has a pose that
-        is none; the message names the line.
+    FileNotFoundError, InputError
+        If there is no such file, it is no tree of version 2, has a document type, names a file outside its
+        folder, or has an invalid pose; the message names the line.
     """
     path = Path(path)
     tree = read_xml(path)
@@ -137,14 +129,14 @@ def read_msf(path: str | PathLike[str]) -> MsfNode:
 
 
 def surfaces_of(root: MsfNode, time: float | None = None) -> dict[str, vtkPolyData]:
-    """Return the surfaces and polylines of a tree at a time, by default the first of each, in its own frame.
+    """Return the surfaces and polylines of a tree at a time, by default the first, in the tree's frame.
 
-    Names that occur again get a number. Other data, such as volumes, and clouds are left out.
+    Repeated names get a number. Other data, such as volumes, and clouds are left out.
 
     Raises
     ------
     FileNotFoundError, ValueError
-        If a file is not there or cannot be read.
+        If a file does not exist or cannot be read.
     """
     found: dict[str, vtkPolyData] = {}
     for node, pose in root.walk(time):
@@ -156,7 +148,7 @@ def surfaces_of(root: MsfNode, time: float | None = None) -> dict[str, vtkPolyDa
 
 
 def landmarks_of(root: MsfNode, time: float | None = None) -> dict[str, dict[str, Floats]]:
-    """Return the landmarks (3,) that are seen at a time, by cloud and by name, in the tree's own frame."""
+    """Return the visible landmarks (3,) at a time, by cloud and by name, in the tree's frame."""
     found: dict[str, dict[str, Floats]] = {}
     for cloud, pose in root.walk(time):
         if cloud.kind != "LandmarkCloud":
@@ -176,8 +168,7 @@ def landmarks_of(root: MsfNode, time: float | None = None) -> dict[str, dict[str
 def _node(element: Element, folder: Path) -> MsfNode:
     kind = re.sub(r"^(maf|alba|mfl)VME", "", element.attributes.get("Type", ""))
     timed = [(_time(one), _pose(one, kind)) for one in _children(element, "MatrixVector", "Matrix")]
-    single = element.find("Transform")
-    if not timed and single is not None:
+    if not timed and (single := element.find("Transform")) is not None:
         timed = [(0.0, _pose(single, kind))]
     timed.sort(key=lambda pair: pair[0])
     vector = element.find("DataVector")
@@ -204,7 +195,7 @@ def _time(element: Element) -> float:
     text = element.attributes.get("TimeStamp", "0")
     time = number_in(text)
     if not np.isfinite(time):
-        raise element.error(f"its TimeStamp is {quoted(text)}, but must be a finite number")
+        raise element.error(f"its TimeStamp is {quoted(text)}, but must be a finite number", "correct it")
     return time
 
 
@@ -213,26 +204,27 @@ def _pose(element: Element, kind: str) -> Floats:
     large = np.abs(pose[:3, :3]).max() > _LARGEST or np.abs(pose).max() > _FARTHEST
     singular = not large and abs(np.linalg.det(pose[:3, :3])) < 1e-12
     if (pose[3] != (0.0, 0.0, 0.0, 1.0)).any() or large or (singular and kind != "Landmark"):
-        problem = "is no pose: its last row must be 0 0 0 1, its axes must not be in a plane nor longer than"
-        raise element.error(f"{problem} {_LARGEST:g}, and it must not be farther than {_FARTHEST:g}")
+        problem = "is no pose: its last row must be 0 0 0 1, its axes must not lie in a plane, nor be longer "
+        problem += f"than {_LARGEST:g}, and its position must not be farther than {_FARTHEST:g}"
+        raise element.error(problem, "correct it")
     return pose
 
 
 def _file(item: Element, folder: Path) -> MsfFile:
     if item.word("Crypting").lower() in ("true", "1"):
-        raise item.error("its file is enciphered", "save the tree without it")
+        raise item.error("its file is encrypted", "save the tree without encryption")
     name, time = item.word("URL"), float(item.number("TimeStamp", 0.0))
     windows = PureWindowsPath(name)
     outside = windows.drive or windows.root or ".." in {*PurePosixPath(name).parts, *windows.parts}
     path = folder / name
     if not name or outside or "\0" in name or not path.resolve().is_relative_to(folder.resolve()):
-        problem = f"its file {quoted(name)} leads out of the folder of the tree"
+        problem = f"its file {quoted(name)} lies outside the folder of the tree"
         raise item.error(problem, "put it there, and name it without its folder")
     return MsfFile(time, path, item.word("DataType"))
 
 
 def _tag(element: Element, name: str) -> str:
-    """Return what a tag of a node holds; "" where it has none of that name."""
+    """Return the value of a node's tag, "" where it has none of that name."""
     for array in _children(element, "Attributes", "Item"):
         for tag in array.children:
             if tag.tag == "TItem" and tag.attributes.get("Name") == name:
@@ -242,7 +234,7 @@ def _tag(element: Element, name: str) -> str:
 
 
 def _unused(name: str, taken: Container[str]) -> str:
-    """Return a name that is not taken: with a number, if need be."""
+    """Return a name that is not taken, with a number if need be."""
     number, free = 1, name
     while free in taken:
         number += 1

@@ -1,7 +1,7 @@
-"""Finished parts of a piece of work on disk, so that none is made again.
+"""Finished parts of a computation on disk, for later runs.
 
-A part has a name and a key, a digest of all that it depends on (:mod:`vtkmuscle.run.store.keys`). One of
-another key, or one that is damaged, counts as none.
+A part has a name and a key, a digest of all that it depends on (:mod:`vtkmuscle.run.store.keys`). A part of
+another key, or a damaged one, is ignored.
 """
 
 from __future__ import annotations
@@ -20,23 +20,15 @@ from numpy.typing import NDArray
 
 from vtkmuscle.io.writing import replacing
 
-#: Entry of a file that holds the key and the facts; no array is called so.
+#: Entry of a file that holds the key and the facts; no array has this name.
 _FACTS = "facts"
-#: What stands in facts for an array.
+#: The key in the facts that stands for an array.
 _ARRAY = "array of this name"
 
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """What is kept of a finished part.
-
-    Attributes
-    ----------
-    facts : dict
-        JSON-able.
-    arrays : dict of str to array
-        Numbers, kept bit by bit.
-    """
+    """The content of a finished part: ``facts`` for JSON, and ``arrays``, which are kept bit by bit."""
 
     facts: Mapping[str, Any] = field(default_factory=dict)
     arrays: Mapping[str, NDArray[Any]] = field(default_factory=dict)
@@ -68,7 +60,7 @@ class Part:
 
     @property
     def values(self) -> Any:
-        """What :meth:`of` was given: dataclasses as mappings of their fields, tuples as lists."""
+        """The values given to :meth:`of`; dataclasses as mappings of their fields, tuples as lists."""
 
         def whole_of(value: Any) -> Any:
             if isinstance(value, dict):
@@ -83,11 +75,6 @@ class Part:
 class Parts:
     """A folder of finished parts, a file ``NAME.npz`` for each, which is moved into place complete.
 
-    Parameters
-    ----------
-    folder : Path
-        Made when the first part is written.
-
     Examples
     --------
     >>> from pathlib import Path
@@ -96,7 +83,7 @@ class Parts:
     >>> parts = Parts(Path(mkdtemp()))
     >>> parts.made("one", "key", lambda: Part({"value": 1})).facts
     {'value': 1}
-    >>> parts.made("one", "key", lambda: Part({"value": 2})).facts  # it is there, and not made again
+    >>> parts.made("one", "key", lambda: Part({"value": 2})).facts  # it exists, and is not made again
     {'value': 1}
     >>> parts.read("one", "another key") is None
     True
@@ -112,7 +99,7 @@ class Parts:
     def read(self, name: str, key: str | None = None) -> Part | None:
         """Return a part; None where there is none, it is damaged, or its key is another.
 
-        Without a key that of the file is not looked at.
+        Without a key, any key will do.
         """
         try:
             with self.path(name).open("rb") as file, np.load(file, allow_pickle=False) as kept:
@@ -127,20 +114,14 @@ class Parts:
             return None
 
     def write(self, name: str, key: str, part: Part) -> None:
-        """Keep a part, in place of one of the same name.
-
-        Raises
-        ------
-        OSError
-            If it cannot be written.
-        """
+        """Write a part, in place of one of the same name."""
         text = json.dumps({"key": key, "facts": part.facts}, allow_nan=False, default=plain)
         with replacing(self.path(name)) as beside, beside.open("wb") as file:
             entries: dict[str, Any] = {_FACTS: np.array(text), **part.arrays}
             np.savez_compressed(file, allow_pickle=False, **entries)
 
     def made(self, name: str, key: str, make: Callable[[], Part]) -> Part:
-        """Return a part: the one that is there, or else a new one, which is kept."""
+        """Return the existing part, or a new one, which is written."""
         found = self.read(name, key)
         if found is None:
             self.write(name, key, make())
@@ -157,7 +138,7 @@ def file_digest(path: Path) -> str:
 
 
 def plain(value: Any) -> Any:
-    """Turn what JSON does not know into what it knows."""
+    """Return a value for JSON in place of one that JSON does not know."""
     if isinstance(value, Path):
         return str(value)
     if hasattr(value, "tolist"):

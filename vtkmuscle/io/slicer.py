@@ -22,7 +22,7 @@ FRAMES = ("LPS", "RAS")
 _FRAME_WORDS = {"LPS": "LPS", "1": "LPS", "RAS": "RAS", "0": "RAS", "IJK": "IJK", "2": "IJK"}
 #: Kinds of markups that are points in order, and whether they close.
 _KINDS = {"Fiducial": False, "Line": False, "Curve": False, "ClosedCurve": True}
-_FCSV_COLUMNS = ["id", "x", "y", "z"]
+_FCSV_COLUMNS = ["id", "x", "y", "z", "ow", "ox", "oy", "oz", "vis", "sel", "lock", "label"]
 _AS_SLICER = "save it again with 3D Slicer"
 #: Kinds of numbers, and of frames, in .nrrd files.
 _TYPES = {"float": "f4", "double": "f8", "int": "i4", "int32": "i4", "short": "i2", "int16": "i2"}
@@ -32,18 +32,9 @@ _SPACES = {"left-posterior-superior": "LPS", "lps": "LPS", "right-anterior-super
 
 @dataclass(frozen=True, eq=False)
 class NamedPoints:
-    """Points with names, as a file has them.
+    """Points (n, 3) of a file with their names, "" for none; a ring if ``closed``.
 
-    Attributes
-    ----------
-    names : tuple of str
-        One for each point; "" where there is none.
-    points : (n, 3) array
-        In the file's frame.
-    closed : bool
-        Whether they are a ring.
-    frame : str or None
-        ``"LPS"`` or ``"RAS"``; None where the file does not say.
+    The frame is ``"LPS"`` or ``"RAS"``; None where the file does not state it.
     """
 
     names: tuple[str, ...]
@@ -52,7 +43,7 @@ class NamedPoints:
     frame: str | None = None
 
     def within(self, frame: str) -> Floats:
-        """Return the points (n, 3) in a frame; as they are where the file does not say its own."""
+        """Return the points (n, 3) in a frame; unchanged where the file does not state its own."""
         if frame not in FRAMES:
             raise InputError("", f"there is no frame {frame!r}; allowed: {', '.join(FRAMES)}")
         turned = self.frame is not None and self.frame != frame
@@ -60,20 +51,10 @@ class NamedPoints:
 
 
 def markups_of(content: dict[str, Any], path: Path) -> NamedPoints:
-    """Return the control points of a .mrk.json file.
+    """Return the control points in the content of a .mrk.json file.
 
-    Parameters
-    ----------
-    content : dict
-        What the JSON says.
-    path : Path
-        The file, for errors.
-
-    Raises
-    ------
-    InputError
-        If it has other than one list of points, one of them has no place, or its frame or unit is not
-        understood.
+    An InputError is raised if it has more or fewer than one list of points, a point has no position, or its
+    frame or unit is unknown.
     """
     lists = content.get("markups")
     if not isinstance(lists, list) or len(lists) != 1 or not isinstance(lists[0], dict):
@@ -95,30 +76,23 @@ def markups_of(content: dict[str, Any], path: Path) -> NamedPoints:
     names, points = [], []
     for number, control in enumerate(controls):
         found = control if isinstance(control, dict) else {}
-        name = str(found.get("label", "") or found.get("id", "") or "")
+        names.append(str(found.get("label", "") or found.get("id", "") or ""))
+        where = f"control point {number} ({quoted(names[-1])})"
         status = found.get("positionStatus", "defined")
-        place = found.get("position")
         if status != "defined":
-            problem = f"control point {number} ({quoted(name)}) has no place: its status is {quoted(status)}"
+            problem = f"{where} has no position: its status is {quoted(status)}"
             raise InputError(path, problem, "place it, or remove it")
-        points.append(_place(place, f"control point {number} ({quoted(name)})", path))
-        names.append(name)
+        points.append(_position(found.get("position"), where, path))
     return NamedPoints(tuple(names), np.array(points), _KINDS[kind], frame)
 
 
 def read_fcsv(path: Path) -> NamedPoints:
-    """Return the points of a .fcsv file, of any version of 3D Slicer.
-
-    Raises
-    ------
-    InputError
-        If it does not say its frame, or a line is not one of points.
-    """
+    """Return the points of a .fcsv file, of any version of 3D Slicer, which must state its frame."""
     try:
         lines = path.read_text(encoding="utf-8-sig").splitlines()
     except UnicodeDecodeError as error:
         raise InputError(path, "the file is not text in UTF-8", _AS_SLICER) from error
-    frame, columns = None, [*_FCSV_COLUMNS, "ow", "ox", "oy", "oz", "vis", "sel", "lock", "label"]
+    frame, columns = None, _FCSV_COLUMNS
     names, points = [], []
     for number, line in enumerate(lines, start=1):
         said = re.match(r"#\s*(CoordinateSystem|columns)\s*=\s*(.*)", line)
@@ -136,7 +110,7 @@ def read_fcsv(path: Path) -> NamedPoints:
                 raise InputError(path, f"line {number}: {error}", _AS_SLICER) from error
             given = dict(zip(columns, cells, strict=False))
             place = [number_in(given.get(name, "")) for name in "xyz"]
-            points.append(_place(place, f"line {number}", path))
+            points.append(_position(place, f"line {number}", path))
             names.append(given.get("label", "") or given.get("id", ""))
     if not points:
         raise InputError(path, "the file holds no landmarks", _AS_SLICER)
@@ -153,24 +127,16 @@ def _frame(word: Any, path: Path) -> str:
     return frame
 
 
-def _place(values: Any, where: str, path: Path) -> list[float]:
-    good = isinstance(values, list) and len(values) == 3
-    if not good or not all(isinstance(v, int | float) and not isinstance(v, bool) for v in values):
-        raise InputError(path, f"{where}: {quoted(values)} is no place x, y, z", "correct it")
-    place = [number_in(v) for v in values]
-    if not np.isfinite(place).all():
-        raise InputError(path, f"{where}: {quoted(values)} is not finite", "correct it")
+def _position(values: Any, where: str, path: Path) -> list[float]:
+    numbers = isinstance(values, list) and all(type(value) in (int, float) for value in values)
+    place = [number_in(value) for value in values] if numbers else []
+    if len(place) != 3 or not np.isfinite(place).all():
+        raise InputError(path, f"{where}: {quoted(values)} is not a finite position x, y, z", "correct it")
     return place
 
 
 def read_nrrd_points(path: Path) -> NamedPoints:
-    """Return the points of a .nrrd file of 3 x n numbers.
-
-    Raises
-    ------
-    InputError
-        If it is another kind of array, its data are in another file, or not understood.
-    """
+    """Return the points of a .nrrd file of 3 x n numbers, with its data in the same file."""
     head, *rest = re.split(rb"\r?\n\r?\n", path.read_bytes(), maxsplit=1)
     lines = head.decode("latin-1").splitlines()
     if not head.startswith(b"NRRD") or not rest:
@@ -188,9 +154,8 @@ def read_nrrd_points(path: Path) -> NamedPoints:
     points = _values(fields, rest[0], 3 * int(sizes[1]), path).reshape(-1, 3)
     frame = _SPACES.get(fields.get("space", "").lower())
     if "space" in fields and frame is None:
-        raise InputError(
-            path, f"the space {quoted(fields['space'])} is not understood", "save it in LPS or RAS"
-        )
+        problem = f"the space {quoted(fields['space'])} is not understood"
+        raise InputError(path, problem, "save it in LPS or RAS")
     return NamedPoints(("",) * len(points), points, frame=frame)
 
 
@@ -213,5 +178,6 @@ def _values(fields: dict[str, str], body: bytes, count: int, path: Path) -> Floa
     except (zlib.error, ValueError) as error:
         raise InputError(path, f"its data are damaged: {error}", "export it again") from error
     if len(values) != count:
-        raise InputError(path, f"there are {len(values)} numbers, but {count} are said", "export it again")
+        problem = f"the file has {len(values)} numbers, but its header says {count}"
+        raise InputError(path, problem, "export it again")
     return values

@@ -24,7 +24,7 @@ _READERS = {
     ".ply": ("vtkmodules.vtkIOPLY", "vtkPLYReader"),
 }
 
-#: What to do about a file that is not what it says.
+#: The remedy for a damaged file.
 _DAMAGED = "the file is damaged, export it again"
 
 #: Suffixes of the files that :func:`read_surface` reads.
@@ -46,11 +46,9 @@ def read_polydata(path: str | PathLike[str]) -> vtkPolyData:
 
     Raises
     ------
-    FileNotFoundError
-        If there is no such file.
-    ValueError
-        If the file cannot be read as its suffix says, has no points, or its cells name points that it
-        does not have.
+    FileNotFoundError, ValueError
+        If there is no such file, it cannot be read as its suffix says, has no points, or its cells name
+        points that it does not have.
     """
     path = Path(path)
     suffix = path.suffix.lower()
@@ -68,7 +66,10 @@ def read_polydata(path: str | PathLike[str]) -> vtkPolyData:
     if suffix == ".ply":
         _check_words(data, path)
     if data.GetNumberOfStrips():
-        data = _without_strips(data)
+        splitter = vtkTriangleFilter()
+        splitter.SetInputData(data)
+        splitter.Update()
+        data = splitter.GetOutput()
     result: vtkPolyData = with_points(data, points_of(data))
     return result
 
@@ -100,16 +101,13 @@ def read_surface(path: str | PathLike[str]) -> vtkPolyData:
 
     Raises
     ------
-    FileNotFoundError
-        If there is no such file.
-    ValueError
-        If the file cannot be read, or holds no polygon.
+    FileNotFoundError, ValueError
+        If there is no such file, it cannot be read, or holds no polygon.
     """
     data = read_polydata(path)
     if data.GetNumberOfPolys() == 0:
-        raise InputError(
-            Path(path), "the file holds no triangles", "export the muscle or bone as a surface mesh"
-        )
+        remedy = "export the muscle or bone as a surface mesh"
+        raise InputError(Path(path), "the file holds no triangles", remedy)
     if data.GetNumberOfPolys() == data.GetNumberOfCells():
         return data
     surface = vtkPolyData()
@@ -121,25 +119,22 @@ def read_surface(path: str | PathLike[str]) -> vtkPolyData:
 
 
 def _check_cells(data: vtkPolyData, path: Path) -> None:
-    """Raise a ValueError where a cell names a point that there is not, or a polygon has too few corners."""
+    """Raise an InputError where a cell names a missing point, or a polygon has fewer than three corners."""
     for cells in (data.GetVerts(), data.GetLines(), data.GetPolys(), data.GetStrips()):
         ids = vtk_to_numpy(cells.GetConnectivityArray())
         if len(ids) and (ids.min() < 0 or ids.max() >= data.GetNumberOfPoints()):
-            raise InputError(
-                path,
-                f"a cell names point {(ids.max() if ids.min() >= 0 else ids.min())}, but there are "
-                f"{data.GetNumberOfPoints()} points",
-                _DAMAGED,
-            )
+            wrong = ids.max() if ids.min() >= 0 else ids.min()
+            problem = f"a cell names point {wrong}, but there are {data.GetNumberOfPoints()} points"
+            raise InputError(path, problem, _DAMAGED)
     sizes = np.diff(vtk_to_numpy(data.GetPolys().GetOffsetsArray()))
     if len(sizes) and sizes.min() < 3:
         raise InputError(path, f"polygon {sizes.argmin()} has {sizes.min()} corners", _DAMAGED)
 
 
 def _check_words(data: vtkPolyData, path: Path) -> None:
-    """Raise a ValueError for a .ply file of text with a word that is no number, or fewer than VTK has read.
+    """Raise an InputError for a .ply file of text with fewer numbers than it says, or a word among them.
 
-    VTK takes zeros, and what it has read last, for what is not there.
+    VTK replaces what is missing by zeros, or by what it has read last.
     """
     head, _, body = path.read_bytes().partition(b"end_header")
     if b"format ascii" not in head:
@@ -152,11 +147,3 @@ def _check_words(data: vtkPolyData, path: Path) -> None:
         raise InputError(path, "the file has a word where a number belongs", _DAMAGED) from None
     if held < needed:
         raise InputError(path, f"the file says that it has {needed} numbers, but has {held}", _DAMAGED)
-
-
-def _without_strips(data: vtkPolyData) -> vtkPolyData:
-    splitter = vtkTriangleFilter()
-    splitter.SetInputData(data)
-    splitter.Update()
-    result: vtkPolyData = splitter.GetOutput()
-    return result

@@ -1,4 +1,4 @@
-"""Time series on disk: a .pvd file that lists .vtp files, complete after every frame, or one .vtkhdf file."""
+"""Time series on disk: a .pvd that lists .vtp files and is valid after every frame, or a .vtkhdf file."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ from vtkmuscle.io.xml_elements import read_xml
 class Collection:
     """A ParaView collection (.pvd) that grows by one time step at a time.
 
-    It is written anew after each step, so that a run that is stopped leaves a file that lists all steps
-    that were finished, and only those.
+    It is rewritten after each step, so that an interrupted run leaves a file that lists exactly the finished
+    steps.
 
     Parameters
     ----------
@@ -50,35 +50,21 @@ class Collection:
         time : float
             Pipeline time.
         parts : mapping of str to Path
-            Files that make up the step, by name; they exist already, in or below the folder of the .pvd.
+            Existing files that make up the step, by name, in or below the folder of the .pvd.
         """
         for number, (name, file) in enumerate(parts.items()):
             relative = file.relative_to(self.path.parent).as_posix()
             self._entries.append(
                 f'    <DataSet timestep="{float(time)!r}" part="{number}" name={quoteattr(name)} '
-                f"file={quoteattr(relative)}/>"
+                f"file={quoteattr(relative)}/>\n"
             )
-        lines = [
-            '<?xml version="1.0"?>',
-            '<VTKFile type="Collection" version="0.1" byte_order="LittleEndian">',
-            "  <Collection>",
-            *self._entries,
-            "  </Collection>",
-            "</VTKFile>",
-        ]
-        write_text(self.path, "\n".join(lines) + "\n")
+        head = '<?xml version="1.0"?>\n<VTKFile type="Collection" version="0.1" byte_order="LittleEndian">\n'
+        entries = "".join(self._entries)
+        write_text(self.path, f"{head}  <Collection>\n{entries}  </Collection>\n</VTKFile>\n")
 
 
 class Series:
-    """Poly data over time: ``NAME.pvd`` and ``NAME/NAME_0000.vtp`` and so on.
-
-    Parameters
-    ----------
-    folder : Path
-        Where to.
-    name : str
-        Name of the .pvd and of the folder of its frames.
-    """
+    """Poly data over time: ``NAME.pvd`` and ``NAME/NAME_0000.vtp`` and so on, in a folder."""
 
     def __init__(self, folder: Path, name: str) -> None:
         self.name = name
@@ -86,17 +72,7 @@ class Series:
         self.collection = Collection(folder / f"{name}.pvd")
 
     def add(self, frame: int, time: float, data: vtkPolyData) -> Path:
-        """Write a frame, then list it, and return its file.
-
-        Parameters
-        ----------
-        frame : int
-            Number of the frame, for the file's name.
-        time : float
-            Pipeline time.
-        data : vtkPolyData
-            What to write.
-        """
+        """Write the data of a frame, which has a number for the file's name, list it, and return its file."""
         path = self.frames / f"{self.name}_{frame:04d}.vtp"
         write_polydata(path, data)
         self.collection.add(time, {self.name: path})
@@ -106,24 +82,23 @@ class Series:
 #: Suffixes of the files that :func:`read_series` reads.
 SERIES_SUFFIXES = (".pvd", ".vtkhdf")
 
-#: What a file of HDF5 begins with.
+#: The first bytes of an HDF5 file.
 _HDF = b"\x89HDF\r\n\x1a\n"
 
-#: Values per chunk and strength of compression: VTK's 25 000 would make a file of many small arrays huge.
-_CHUNK = 1000
+#: Values per chunk, for VTK's 25 000 would make a file of many small arrays huge; and degree of compression.
+_CHUNK, _COMPRESSION = 1000, 4
 
-#: Room on the disk that a file must have: in sizes of what is in it uncompressed, and beside that [bytes].
+#: Room on the disk for a file: in sizes of its uncompressed content, and in addition [bytes].
 _ROOM = 1.2
 _LEAST_ROOM = 2_000_000
 
-#: HDF5 is not made for several threads.
+#: HDF5 is not safe with several threads.
 _one_writer = Lock()
-_COMPRESSION = 4
 
 
 @dataclass(frozen=True)
 class TimeSeries:
-    """Frames in a file, read when they are asked for.
+    """Frames in a file, read when they are needed.
 
     Attributes
     ----------
@@ -132,7 +107,7 @@ class TimeSeries:
     frame : callable
         Given the number of a frame, returns its vtkPolyData, or a vtkMultiBlockDataSet of its named parts.
     files : tuple of Path
-        What the frames are read from.
+        The files of the frames.
     """
 
     times: tuple[float, ...]
@@ -146,24 +121,12 @@ class TimeSeries:
 
 
 def read_series(path: str | PathLike[str]) -> TimeSeries:
-    """Open a time series.
-
-    Parameters
-    ----------
-    path : path
-        A .pvd file, or a temporal .vtkhdf file of poly data.
-
-    Returns
-    -------
-    TimeSeries
-        Its times, and a function that reads a frame.
+    """Open a time series: a .pvd file, or a temporal .vtkhdf file of poly data.
 
     Raises
     ------
-    FileNotFoundError
-        If there is no such file.
-    ValueError
-        If it is no time series, or cannot be read.
+    FileNotFoundError, ValueError
+        If there is no such file, it is no time series, or cannot be read.
     """
     path = Path(path)
     if path.suffix.lower() not in SERIES_SUFFIXES:
@@ -184,20 +147,16 @@ def write_vtkhdf(
     times : sequence of float
         Ascending.
     frame : callable
-        Given the number of a frame, returns its vtkPolyData. An array that a frame lacks is left out of all:
-        VTK's reader gives all frames the same arrays.
+        Given the number of a frame, returns its vtkPolyData. An array that a frame lacks is left out of all
+        frames: VTK's reader gives all frames the same arrays.
 
     Raises
     ------
     OSError
         If VTK could not write the file.
-    RuntimeError
-        If VTK has no writer for it (before 9.4).
     """
-    try:
-        from vtkmodules.vtkIOHDF import vtkHDFWriter  # noqa: PLC0415 -- not in the VTK of ParaView 5.11
-    except ImportError:
-        raise RuntimeError("VTKHDF files are written by VTK 9.4 or later; write .pvd instead") from None
+    from vtkmodules.vtkIOHDF import vtkHDFWriter  # noqa: PLC0415 -- not in the VTK of ParaView 5.11
+
     path = Path(path)
     source = _Frames(tuple(float(time) for time in times), frame)
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -218,9 +177,9 @@ def write_vtkhdf(
 
 
 def _check_room(path: Path, beside: Path, nbytes: int) -> None:
-    """Raise an OSError where a disk has no room: HDF5 would try for ever, or end the process.
+    """Raise an OSError where a disk has no room: HDF5 would try for ever, or crash.
 
-    The room is taken and given back, so that quotas and limits count as well as the disk.
+    The room is reserved and released, so that quotas and limits count as well as the disk.
     """
     needed = int(_ROOM * nbytes) + _LEAST_ROOM
     try:
@@ -236,20 +195,19 @@ def _check_room(path: Path, beside: Path, nbytes: int) -> None:
 
 
 class _Frames(VTKPythonAlgorithmBase):
-    """A source that announces times, and gives the frame of the time asked for."""
+    """A source that announces times, and gives the frame of the requested time."""
 
     def __init__(self, times: tuple[float, ...], frame: Callable[[int], vtkPolyData]) -> None:
         super().__init__(nInputPorts=0, nOutputPorts=1, outputType="vtkPolyData")
         self._times, self._frame = times, frame
         self.error: Exception | None = None
-        first = frame(0)
-        self._common = _arrays(first)
-        #: What the frames take in memory [bytes].
-        self.nbytes = 1024 * int(first.GetActualMemorySize())
-        for number in range(1, len(times)):
-            data = frame(number)
-            self._common &= _arrays(data)
-            self.nbytes += 1024 * int(data.GetActualMemorySize())
+        found, sizes = [], []
+        for data in map(frame, range(len(times))):
+            found.append(_arrays(data))
+            sizes.append(int(data.GetActualMemorySize()))
+        self._common = set.intersection(*found)
+        #: Memory of all frames [bytes].
+        self.nbytes = 1024 * sum(sizes)
 
     def RequestInformation(self, request: Any, inInfo: Any, outInfo: Any) -> int:  # noqa: N802, N803
         announce_times(outInfo.GetInformationObject(0), self._times)
@@ -297,9 +255,8 @@ def _from_pvd(path: Path) -> TimeSeries:
         parts = {name: read_polydata(file) for name, file in steps[times[number]].items()}
         return next(iter(parts.values())) if len(parts) == 1 else multiblock_from(parts)
 
-    return TimeSeries(
-        times, frame, tuple({file: None for parts in steps.values() for file in parts.values()})
-    )
+    files = dict.fromkeys(file for parts in steps.values() for file in parts.values())
+    return TimeSeries(times, frame, tuple(files))
 
 
 def _from_vtkhdf(path: Path) -> TimeSeries:

@@ -1,4 +1,4 @@
-"""Write files beside their place and move them in when they are complete; hold a folder while at it."""
+"""Write files under temporary names and rename them when they are complete; lock a folder meanwhile."""
 
 from __future__ import annotations
 
@@ -20,35 +20,25 @@ from vtkmuscle.io.in_child import vtk_messages
 #: The file that is held while a folder is written to.
 LOCK = ".vtkmuscle.lock"
 
-#: How files and folders are called while they are written: the number is that of the process.
+#: Names of incomplete files and folders; the number is that of the writing process.
 _PARTIAL = re.compile(r"\..+\.(?P<process>\d+)(-[0-9a-f]+)?\.partial")
 
-#: Where one cannot ask whether a process still runs, its files are left alone for this long [s].
+#: Where the system cannot tell whether a process still runs, its files are left alone for this long [s].
 _A_DAY = 86400.0
 
 
 def beside(path: Path) -> Path:
-    """Return a name beside a path that no other process uses, for what is not complete yet."""
+    """Return an unused temporary name beside a path."""
     return path.with_name(f".{path.name}.{os.getpid()}-{secrets.token_hex(4)}.partial")
 
 
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
-    """Give a new, empty file beside a place to write to, and move it there when it is complete.
+    """Give a new, empty file beside a path, and move it there when it is complete.
 
-    Whoever reads the file sees the old content or the new one, never a part. Where writing fails the
-    old file stays, and nothing is left beside it. The file is made exclusively: it is never one, or a link
-    to one, that was there before.
-
-    Parameters
-    ----------
-    path : Path
-        The file to be written; its folder is made.
-
-    Raises
-    ------
-    OSError
-        If it cannot be written; names the file, not the one beside it.
+    Readers of the path see the old content or the new one, never a part. Where writing fails the old file
+    stays, and no other is left. The file is created exclusively: it is never an existing one, or a link to
+    one. The folder is made. An OSError names the path.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
     partial = beside(path)
@@ -65,38 +55,23 @@ def replacing(path: Path) -> Iterator[Path]:
 
 
 def check_no_links(folder: Path) -> None:
-    """Raise an error where a folder of results, or one within it at any depth, is a link to elsewhere.
+    """Raise a NotADirectoryError where a folder of results, or one within it at any depth, is a link.
 
-    Files that are links do no harm: they are replaced or removed themselves, never what they lead to.
-
-    Parameters
-    ----------
-    folder : Path
-        Need not exist.
-
-    Raises
-    ------
-    NotADirectoryError
-        For the first link.
+    Files that are links do no harm: they are replaced or removed themselves, never their targets.
     """
     inside = (Path(parent, name) for parent, names, _ in os.walk(folder) for name in sorted(names))
     for path in (folder, *inside):
         if path.is_symlink():
+            target = os.readlink(path)
             raise NotADirectoryError(
-                f"{path} is a link to {os.readlink(path)}; results are not written through links, move it "
-                "away"
+                f"{path} is a link to {target}; results are not written through links, move it away"
             )
 
 
 def left_behind(folder: Path, *, deep: bool = False) -> list[Path]:
-    """Return what processes that were killed have left of what they were writing.
+    """Return the incomplete files that killed processes have left in a folder.
 
-    Parameters
-    ----------
-    folder : Path
-        Where to look.
-    deep : bool, optional
-        Look in the folders inside as well; links are not followed.
+    With ``deep`` the folders within are searched as well; links are not followed.
     """
     found = []
     for parent, folders, files in os.walk(folder):
@@ -111,7 +86,7 @@ def left_behind(folder: Path, *, deep: bool = False) -> list[Path]:
 def _alive(process: int, path: Path) -> bool:
     if process == os.getpid():
         return True
-    if os.name != "posix":  # there is no signal that only asks
+    if os.name != "posix":  # no signal tests for a process there
         return time.time() - path.stat().st_mtime < _A_DAY
     try:
         os.kill(process, 0)
@@ -123,7 +98,7 @@ def _alive(process: int, path: Path) -> bool:
 
 
 def plain_cell(value: Any) -> Any:
-    """Return what goes into a cell: a text that would be a formula there, after an apostrophe."""
+    """Return the value of a cell: a text that a spreadsheet would run as a formula gets an apostrophe."""
     formula = isinstance(value, str) and value.startswith(("=", "+", "-", "@", "\t", "\r"))
     return f"'{value}" if formula else value
 
@@ -135,16 +110,9 @@ def write_text(path: Path, text: str) -> None:
 
 
 def write_polydata(path: Path, data: vtkPolyData) -> None:
-    """Write a .vtp file, all or nothing: binary, compressed without loss, doubles kept exact.
+    """Write a .vtp file, all or nothing: binary, doubles kept exact.
 
-    Compressed by LZ4, which packs less tightly than zlib and takes a tenth of its time or less.
-
-    Parameters
-    ----------
-    path : Path
-        Where to; replaced where it exists.
-    data : vtkPolyData
-        What to write.
+    It is compressed by LZ4, which is less dense than zlib and takes a tenth of its time or less.
 
     Raises
     ------
@@ -167,7 +135,7 @@ def write_polydata(path: Path, data: vtkPolyData) -> None:
 
 @contextmanager
 def locked(folder: Path) -> Iterator[None]:
-    """Hold the lock of a folder; the system lets go of it where the process is killed."""
+    """Hold the lock of a folder; the system releases it where the process is killed."""
     path = folder / LOCK
     if os.name != "posix":
         yield

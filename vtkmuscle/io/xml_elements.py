@@ -1,4 +1,4 @@
-"""XML of other programs: read into plain elements, without entities, every line known; and made."""
+"""XML of other programs, read into elements with line numbers, without entities; and XML to be written."""
 
 from __future__ import annotations
 
@@ -16,30 +16,16 @@ from vtkmuscle.core.types import Floats
 from vtkmuscle.core.words import quoted
 from vtkmuscle.io.csv_table import number_in
 
-#: Elements within elements, at most.
+#: Deepest nesting of elements.
 DEEPEST = 100
 
-#: Elements in a file, at most: the largest models have tens of thousands.
+#: Most elements in a file: the largest models have tens of thousands.
 MOST_ELEMENTS = 1_000_000
 
 
 @dataclass(slots=True)
 class Element:
-    """An element: its tag, its name where it has one, what is in it, and where it stands.
-
-    Attributes
-    ----------
-    tag, name, text : str
-        Name and text are "" where there is none.
-    attributes : dict of str to str
-        All of its attributes.
-    children : list of Element
-        In the order of the file.
-    line : int
-        In the file.
-    path : Path
-        The file.
-    """
+    """An element of a file: its tag, attributes, children, text ("" where there is none), and line."""
 
     tag: str
     path: Path
@@ -61,7 +47,7 @@ class Element:
         return InputError(self.path, f"{self}: {problem}", remedy)
 
     def placed(self, error: ValueError) -> ValueError:
-        """Return an error with the place of this element, where it has none of its own."""
+        """Return an error at this element, unless the error has a place of its own."""
         if isinstance(error, InputError) and error.where:
             return error
         return self.error(*fault_of(error))
@@ -73,13 +59,7 @@ class Element:
                 raise child.error(f"is not understood in {self.tag} {quoted(self.name)}")
 
     def find(self, *tags: str) -> Element | None:
-        """Return the child of one of the tags, None where there is none.
-
-        Raises
-        ------
-        InputError
-            If there are several.
-        """
+        """Return the child of one of the tags, None where there is none; raise an InputError for several."""
         found = [child for child in self.children if child.tag in tags]
         if len(found) > 1:
             raise found[1].error(f"{self.tag} {quoted(self.name)} has it twice", "remove one")
@@ -103,13 +83,7 @@ class Element:
         return "" if found is None else found.text.strip()
 
     def numbers(self, count: int | None = None) -> Floats:
-        """Return the finite numbers that it holds.
-
-        Raises
-        ------
-        InputError
-            If there are others than that many, or what is no finite number.
-        """
+        """Return the finite numbers in the text; raise an InputError for anything else, or another count."""
         values = np.array([number_in(cell) for cell in self.text.replace(",", " ").split()])
         if not np.isfinite(values).all() or (count is not None and len(values) != count):
             what = "finite numbers" if count is None else f"{count} finite number{'s' * (count > 1)}"
@@ -139,14 +113,14 @@ class Element:
         return word == "true"
 
     def within(self, tag: str) -> list[Element]:
-        """Return what is in a child, none where there is no such child; of a set, its objects."""
+        """Return the elements in a child, none where there is no such child; of a set, its objects."""
         found = self.find(tag)
         if found is None:
             return []
         return list(found.objects()) if tag.endswith("Set") else found.children
 
     def objects(self) -> Iterator[Element]:
-        """Give what is in a set's ``objects``."""
+        """Give the elements in a set's ``objects``."""
         self.only(("objects", "groups"))
         holder = self.find("objects")
         if holder is not None:
@@ -154,15 +128,7 @@ class Element:
 
 
 def decoded(path: Path) -> str:
-    """Return the text of a file, which is UTF-8, or Latin-1.
-
-    Raises
-    ------
-    FileNotFoundError
-        If there is no such file.
-    InputError
-        If it is too large for a text.
-    """
+    """Return the text of a file, in UTF-8 or Latin-1; raise an InputError if it is too large for text."""
     check_is_file(path, most=MOST_TEXT)
     data = path.read_bytes()
     try:
@@ -172,16 +138,9 @@ def decoded(path: Path) -> str:
 
 
 def read_xml(path: Path) -> Element:
-    """Return the outermost element of an XML file.
+    """Return the outermost element of an XML file, in UTF-8 or Latin-1.
 
-    The file is UTF-8, or Latin-1, whatever it says. Document types, and with them entities, are refused.
-
-    Raises
-    ------
-    FileNotFoundError
-        If there is no such file.
-    InputError
-        If it is no XML of this kind; the message names the line.
+    Document types, and with them entities, are refused. An InputError names the line of a fault.
     """
     text = decoded(path)
     parser = expat.ParserCreate("utf-8")
@@ -197,7 +156,7 @@ def read_xml(path: Path) -> Element:
         count += 1
         if len(stack) > DEEPEST or count > MOST_ELEMENTS:
             what = f"deeper than {DEEPEST}" if len(stack) > DEEPEST else f"one of more than {MOST_ELEMENTS}"
-            raise element.error(f"is {what} elements")
+            raise element.error(f"is {what} elements", "give a smaller file")
         stack[-1].children.append(element)
         stack.append(element)
         words.append([])
@@ -227,7 +186,7 @@ def read_xml(path: Path) -> Element:
 
 
 def made(tag: str, *parts: ElementTree.Element | str | ArrayLike, **attributes: str) -> ElementTree.Element:
-    """Return an element to be written: in it are further elements, or a text, or numbers.
+    """Return an element to be written, with further elements, or a text, or numbers in it.
 
     Examples
     --------
@@ -241,9 +200,7 @@ def made(tag: str, *parts: ElementTree.Element | str | ArrayLike, **attributes: 
         if isinstance(part, ElementTree.Element):
             element.append(part)
         else:
-            element.text = (
-                part if isinstance(part, str) else " ".join(map(repr, np.ravel(part).astype(float).tolist()))
-            )
+            element.text = part if isinstance(part, str) else numbers_text(part)
     return element
 
 

@@ -1,4 +1,4 @@
-"""A scene drawn up from surfaces and landmarks, with what was guessed of it; written as a scene.toml."""
+"""A draft of a scene from surfaces and landmarks, with all guesses; written as a scene.toml."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ from vtkmuscle.scene.writing import inline_toml, write_areas
 STEPS = 12
 #: Fibres of each muscle.
 FIBRES = {"template": "parallel", "n_fibres": 100, "resolution": 15}
-_HEADER = """# Drawn up by vtkmuscle. What nobody said was guessed: each guess has a comment above it, with
-# how sure it is, from 0 to 1; guesses.csv lists them. Paths are relative to this file.
+_HEADER = """# Drafted by vtkmuscle. Missing information was guessed: each guess has a comment above it, with
+# its sureness, from 0 to 1; guesses.csv lists them. Paths are relative to this file.
 """
-#: Part of an area digitised by hand that an estimated one has in common with it, where the bone is right (of
-#: vtkmuscle.core.attachments.contacts): an estimate is no surer.
+#: Greatest sureness of an estimated area: its overlap with one digitised by hand, on the right bone (see
+#: vtkmuscle.core.attachments.contacts).
 OVERLAP = 0.64
 #: What to do about a muscle that touches fewer than two bones.
 GIVE = "give landmarks of the area: a file MUSCLE_origin or MUSCLE_insertion, as .csv, .mrk.json or .vtp"
@@ -38,7 +38,7 @@ GIVE = "give landmarks of the area: a file MUSCLE_origin or MUSCLE_insertion, as
 
 @dataclass
 class Draft:
-    """A scene that is being drawn up; lengths in mm.
+    """A scene in preparation; lengths in mm.
 
     Attributes
     ----------
@@ -51,11 +51,11 @@ class Draft:
     frame, units : str
         The frame of the surfaces, and the unit that the scene is written in.
     surfaces : dict of str to str
-        Files that the surfaces were read from, relative to the scene's; the others are written.
+        Files of surfaces that exist, relative to the scene's; the others are written.
     within : float
-        Up to which distance a muscle is near a bone [mm].
+        A muscle that is no farther from a bone touches it [mm].
     guesses : list of Guess
-        All that nobody has said.
+        All guesses.
     left_out : dict of str to str
         Muscles that cannot be made, and why.
     """
@@ -74,12 +74,12 @@ class Draft:
     sweep: dict[str, float] = field(default_factory=dict)
 
     def complete(self) -> None:
-        """Guess the joints, and the areas that are missing; leave out muscles that have none.
+        """Guess the joints and the missing areas; leave out muscles without areas.
 
         Raises
         ------
         ValueError
-            If there are no joints, or no muscle is left; it says why.
+            If there are no joints, or no muscle is left, with the reasons.
         """
         self.joints, self.sweep, guesses = guessed_joints(self.bones, frame=self.frame)
         self.guesses += guesses
@@ -97,7 +97,7 @@ class Draft:
             raise InputError(self.name, f"no muscle can be made: {problem or 'there is none'}", GIVE)
 
     def leave_out(self, muscle: str, why: str) -> None:
-        """Take a muscle out of the scene, and say why."""
+        """Take a muscle out of the scene, and note why."""
         self.left_out[muscle] = why
         self.muscles.pop(muscle, None)
         self.guesses.append(Guess(f"muscles.{muscle}", LEFT_OUT, 0.0, why))
@@ -108,25 +108,22 @@ class Draft:
         return {name: bone for name, bone in self.bones.items() if side_of(name) in sides}
 
     def _attach(self, muscle: str) -> None:
-        """Estimate the areas of a muscle that no landmarks are of."""
+        """Estimate the areas of a muscle that have no landmarks."""
         given = self.areas.get(muscle, [])
         missing = [role for role in ROLES if role not in {area.role for area in given}]
         if not missing:
             return
         bones = self.bones_beside(muscle)
-        bodies: dict[str, list[str]] = {}
-        for bone, body in bodies_of(bones, self.joints).items():
-            bodies.setdefault(body, []).append(bone)
+        bodies = bodies_of(bones, self.joints)
+        groups = [[bone for bone in bones if bodies[bone] == body] for body in dict.fromkeys(bodies.values())]
         named = {area.role: area.bone for area in given if area.role in ROLES}
-        areas = estimated_areas(
-            self.muscles[muscle], bones, within=self.within, bodies=[*bodies.values()], **named
-        )
+        surface = self.muscles[muscle]
+        areas = estimated_areas(surface, bones, within=self.within, bodies=groups, **named)
         depth = {area.role: depth_of(area.bone, self.joints) for area in areas}
         if not named and depth["origin"] > depth["insertion"]:
             areas = [replace(area, role=ROLES[area.role == ROLES[0]]) for area in areas]
         used = [*given, *(area for area in areas if area.role in missing)]
-        moved = bodies_of(bones, self.joints)
-        if len({moved[area.bone] for area in used}) < 2:
+        if len({bodies[area.bone] for area in used}) < 2:
             on = " and ".join(sorted({area.bone for area in used}))
             raise InputError("", f"both ends are on what moves as one: {on}", GIVE)
         for role in missing:
@@ -164,12 +161,10 @@ class Draft:
             add(f"joints.{name}", joint | centre)
         add("motion", {"file": "motion.sto"})
         for name, muscle in self.muscles.items():
-            scaled = [
-                replace(area, landmarks=scale * np.asarray(area.landmarks)) for area in self.areas[name]
-            ]
-            areas = write_areas(out, name, scaled)
+            areas = [replace(one, landmarks=scale * np.asarray(one.landmarks)) for one in self.areas[name]]
+            tables = write_areas(out, name, areas)
             surface = written(f"muscles/{name}.vtp", muscle)
-            add(f"muscles.{name}", {"surface": surface, "attachments": areas, "fibres": FIBRES})
+            add(f"muscles.{name}", {"surface": surface, "attachments": tables, "fibres": FIBRES})
         text += ["\n", *(f"# {what}: {note[2:]}" for what, found in notes.items() for note in found)]
         write_rows(out / "guesses.csv", table_of(self.guesses))
         write_text(out / "motion.sto", _sweep(self.sweep))
@@ -178,7 +173,7 @@ class Draft:
 
 
 def _sweep(most: Mapping[str, float]) -> str:
-    """Return the motion: all coordinates together, from rest to where each ends [degrees]."""
+    """Return the motion: all coordinates together, from rest to the end of each [degrees]."""
     part = np.linspace(0.0, 1.0, STEPS + 1)
     longest = max(most.values())
     columns = [longest * part, *(angle * part for angle in most.values())]

@@ -1,4 +1,4 @@
-"""The joints of a scene, guessed: which bones they join by their names, where they are by fits."""
+"""Guesses of a scene's joints: which bones they join by names, their centres and axes by fits."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from vtkmuscle.data.arrays import checked_surface
 from vtkmuscle.labels.guesses import Guess
 from vtkmuscle.labels.names import JOINTS, JointKind, side_of, stem_of
 
-#: What of a bone faces the other one: points that are no farther from it than the nearest, and so much more
-#: [mm]. From 3 to 15 the centres of five hips and of a shoulder move by 0.5 mm at most.
+#: The points of a bone that face the other one are at most this much farther from it than the nearest [mm].
+#: From 3 to 15 the centres of five hips and of a shoulder change by 0.5 mm at most.
 FACING = 10.0
 
 
@@ -29,7 +29,7 @@ def guessed_joints(
     Parameters
     ----------
     bones : mapping of str to vtkPolyData
-        By name, standing up [mm].
+        By name, in a standing pose [mm].
     frame : str, optional
         ``"LPS"`` or ``"RAS"``.
 
@@ -38,7 +38,7 @@ def guessed_joints(
     joints : dict
         By name, the tables of ``[joints.NAME]``.
     sweep : dict of str to float
-        The coordinates that are to be moved, and up to which angle [degrees].
+        The coordinates to move, and the largest angle of each [degrees].
     guesses : list of Guess
         Of parents, centres and axes; and of joints that could not be fitted.
     """
@@ -73,7 +73,7 @@ def guessed_joints(
 
 
 def _parent(kind: JointKind, child: str, bones: Mapping[str, vtkPolyData]) -> str | None:
-    """Return the bone that a child of a kind of joint hangs on, None where there is none."""
+    """Return the bone that a child hangs on by a kind of joint, None where there is none."""
     if not set(kind.children) & set(stem_of(child).split("_")):
         return None
     sides = {side_of(child), None}
@@ -99,9 +99,8 @@ def _axes(kind: JointKind, fit: JointFit, side: str | None, frame: str) -> dict[
     """Return the keys of a joint: its centre, its axes, and its coordinates."""
     turn = np.array([-1.0, -1.0, 1.0]) if frame == "RAS" else np.ones(3)
     ends = f"_{side[0]}" if side else ""
-    axes = []
-    for number, axis in enumerate(kind.axes.values()):
-        axes.append(turn * np.array(axis) * (-1.0 if side == "left" and number else 1.0))
+    signs = [1.0, -1.0, -1.0] if side == "left" else [1.0, 1.0, 1.0]
+    axes = [sign * turn * np.array(axis) for sign, axis in zip(signs, kind.axes.values(), strict=False)]
     if fit.axis is not None:
         axes = [fit.axis * (1.0 if fit.axis @ axes[0] >= 0.0 else -1.0)]
     words = {f"{name}{ends}": {"positive": name.split("_")[1]} for name in kind.axes}
@@ -122,9 +121,7 @@ def _guesses_of(key: str, kind: JointKind, fit: JointFit, child: vtkPolyData, fr
     hanging = checked_surface(child, "bone")[0].mean(axis=0) - fit.centre
     down = max(0.0, -float(hanging[2]) / float(np.linalg.norm(hanging)))
     sure = down if fit.axis is None else down * fit.sureness
-    stands = (
-        f"signs are those of somebody who stands, in {frame}; the bone hangs down by {down:.2f} of its way"
-    )
+    stands = f"signs for a standing person, in {frame}; the bone hangs down by {down:.2f} of its length"
     return [
         Guess(f"{key}.centre", centre, fit.sureness, why),
         Guess(f"{key}.{'axes' if fit.axis is None else 'axis'}", ", ".join(kind.axes), sure, stands),
@@ -132,7 +129,7 @@ def _guesses_of(key: str, kind: JointKind, fit: JointFit, child: vtkPolyData, fr
 
 
 def bodies_of(bones: Mapping[str, vtkPolyData], joints: Mapping[str, Mapping[str, Any]]) -> dict[str, str]:
-    """Return the bone that each bone goes with: itself, or what it is welded to; "" where it stays."""
+    """Return the bone that each bone moves with: itself, or the one it is welded to; "" if it is at rest."""
     hung = {table["child"]: table for table in joints.values()}
 
     def body(bone: str) -> str:
@@ -145,7 +142,7 @@ def bodies_of(bones: Mapping[str, vtkPolyData], joints: Mapping[str, Mapping[str
 
 
 def depth_of(bone: str, joints: Mapping[str, Mapping[str, Any]]) -> int:
-    """Return how many joints that move are between a bone and what stays where it is."""
+    """Return the number of moving joints between a bone and the bones at rest."""
     hung = {table["child"]: table for table in joints.values()}
     depth = 0
     while bone in hung:

@@ -1,4 +1,4 @@
-"""A scene from a label map, with tendons of muscles that were segmented without."""
+"""A scene from a label map; tendons are added to muscles that were segmented without."""
 
 from __future__ import annotations
 
@@ -29,27 +29,19 @@ from vtkmuscle.labels.reading import read_labels
 from vtkmuscle.phantoms.implicit import Solid, thick_curve
 from vtkmuscle.phantoms.meshing import mesh_of
 
-#: A tendon is as thick as the belly is so far from its end [mm]: a round end of that radius.
+#: A tendon is as thick as the belly at this distance from its end [mm].
 INSIDE = 5.0
-#: ... but no thicker than this [mm]: the radius of an Achilles tendon of 80 mm^2.
+#: Largest radius of a tendon [mm]: that of an Achilles tendon of 80 mm^2.
 THICKEST = 5.0
-#: Points of a tendon's line, and rounds in which each goes half way to the middle of its neighbours: with so
-#: few points a bend spreads over all of them in less.
+#: Points of a tendon's line, and most rounds of smoothing, enough for a bend to spread over all points.
 _POINTS, _ROUNDS = 24, 600
 
 
 @dataclass(frozen=True, eq=False)
 class Tendon:
-    """A muscle with a tendon.
+    """A muscle with a tendon: its closed surface, the tendon's middle line (k, 3) and radius [mm].
 
-    Attributes
-    ----------
-    surface : vtkPolyData
-        Of belly and tendon, closed.
-    line : (k, 3) array
-        The tendon's middle, from the belly to the bone [mm].
-    radius : float
-        Of the tendon [mm].
+    The line goes from the belly to the bone.
     """
 
     surface: vtkPolyData
@@ -67,8 +59,8 @@ def with_tendon(
 ) -> Tendon:
     """Return a belly with a tendon to a place on a bone.
 
-    The tube begins where the belly is nearest to the place, is as thick as its end, runs as short as it can
-    without entering a bone, and ends there.
+    The tendon is a tube as thick as the belly's end. It begins where the belly is nearest to the place, and
+    takes the shortest way that enters no bone.
 
     Parameters
     ----------
@@ -79,7 +71,7 @@ def with_tendon(
     target : (3,) array
         The middle of the area on the bone [mm].
     bones : sequence of Solids
-        What the tendon goes round.
+        The bones to go round.
     edge : float
         Length of the triangles' edges [mm].
     """
@@ -101,7 +93,7 @@ def with_tendon(
 
 
 def taut_line(start: Floats, end: Floats, bones: Sequence[Solids], radius: float) -> Floats:
-    """Return a line (24, 3) between two places, as short as it can be so far from the bones [mm].
+    """Return the shortest line (24, 3) between two places that keeps a distance from the bones [mm].
 
     Each point goes half way to the middle of its neighbours, and out of a bone that it is too near to; near
     the ends, which lie on the bones, the tube may touch them.
@@ -124,7 +116,7 @@ def taut_line(start: Floats, end: Floats, bones: Sequence[Solids], radius: float
     return line
 
 
-#: A label whose other pieces are more than this part of it may be two things: both sides in one, for example.
+#: A label whose smaller pieces exceed this part of it may be two structures, such as both sides.
 MOST_LEFT_OUT = 0.05
 #: Landmarks around a tendon's end.
 RING = 12
@@ -146,8 +138,8 @@ def draft_of_labels(
     path, names, frame
         As of :func:`~vtkmuscle.labels.reading.read_labels`.
     landmarks : sequence of Path, optional
-        Files called MUSCLE_origin or MUSCLE_insertion, in the map's frame; to those that a muscle does not
-        reach a tendon is drawn.
+        Files called MUSCLE_origin or MUSCLE_insertion, in the map's frame; a tendon is added where a muscle
+        does not reach them.
     edge : float, optional
         Length of the triangles' edges [mm].
     announce : callable, optional
@@ -163,7 +155,7 @@ def draft_of_labels(
     for image in read_labels(path, names=names, frame=frame):
         found = labels_in(image, str(path))
         for name in (name for name in found if kind_of(name) is None):
-            announce(f"{name}: passed over, its name is that of no bone or muscle that is known")
+            announce(f"{name}: ignored, its name is that of no known bone or muscle")
         wanted = [name for name in found if kind_of(name) is not None]
         if not wanted:
             continue
@@ -184,14 +176,14 @@ def draft_of_labels(
 
 
 def _figures(surface: vtkPolyData) -> str:
-    """Return in words how right a surface is."""
+    """Return a surface's accuracy in words."""
     error, away = _values(surface, "VolumeError")[0], _values(surface, "BoundaryDistance")[1]
     count = surface.GetNumberOfCells()
     return f"{count} triangles, volume {100.0 * error:+.2f} %, 95 % of it within {away:.2f} mm of the label"
 
 
 def _faults(draft: Draft, name: str, kind: str, surface: vtkPolyData) -> str:
-    """Note what is wrong with a label; return the reason where it has no surface."""
+    """Note the faults of a label; return the reason where it has no surface."""
     reason = field_string(surface, "Refused")
     if reason is not None:
         draft.guesses.append(Guess(f"{kind}.{name}", LEFT_OUT, 0.0, reason))
@@ -219,7 +211,7 @@ def _values(surface: vtkPolyData, name: str) -> NDArray[Any]:
 
 
 def _draw_tendons(draft: Draft, muscle: str, label: Label, edge: float) -> None:
-    """Draw tendons to landmarks that a muscle does not reach; its areas are then where these end."""
+    """Add tendons to landmarks that a muscle does not reach; they end on its areas."""
     for number, area in enumerate(draft.areas.get(muscle, [])):
         surface = draft.muscles[muscle]
         gap = float(solids_of(*checked_surface(surface, muscle)).distances(area.landmarks).min())
@@ -241,6 +233,5 @@ def _draw_tendons(draft: Draft, muscle: str, label: Label, edge: float) -> None:
             f"the label ends {gap:.0f} mm from the landmarks of its {area.role}: a tube of radius "
             f"{tendon.radius:.1f} mm is drawn there, and is no part of the fibres"
         )
-        draft.guesses.append(
-            Guess(f"muscles.{muscle}.surface", f"tendon of {tendon.length:.0f} mm", 0.3, why)
-        )
+        value = f"tendon of {tendon.length:.0f} mm"
+        draft.guesses.append(Guess(f"muscles.{muscle}.surface", value, 0.3, why))

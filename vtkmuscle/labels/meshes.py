@@ -1,4 +1,4 @@
-"""A scene from files of meshes and landmarks, told apart by their names."""
+"""A scene from files of meshes and landmarks, recognised by their names."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from vtkmuscle.labels.guesses import Guess
 from vtkmuscle.labels.names import kind_of, plain_name, side_of
 from vtkmuscle.scene.data import MILLIMETRES
 
-#: The longest side of all bones of a scene is 20 mm to 2 m long: what is shorter in its file, is not in mm.
+#: The longest side of all bones of a scene is 20 mm to 2 m: a smaller number in a file is not in mm.
 SHORTEST_IN_MILLIMETRES = 10.0
 LONGEST_IN_METRES = 2.5
 #: Landmarks are a ring where the last is no farther from the first than this many usual steps.
@@ -57,19 +57,19 @@ def draft_of_files(
     Parameters
     ----------
     files : sequence of Path
-        Surfaces, whose names say what they are, and landmarks called MUSCLE_origin, MUSCLE_insertion or
-        MUSCLE_via, with more behind an underscore where there are several.
+        Surfaces, recognised by their names, and landmarks called MUSCLE_origin, MUSCLE_insertion or
+        MUSCLE_via, with a suffix after an underscore where there are several.
     out : Path
-        The folder that the scene is to be in.
+        The folder of the scene.
     bones, muscles : sequence of str
-        Names of files, without their endings, that are bones and muscles whatever they are called.
+        Names of files, without their endings, that are bones or muscles whatever their names.
     frame : str, optional
         ``"LPS"`` or ``"RAS"``.
 
     Raises
     ------
     FileNotFoundError, ValueError
-        If a file cannot be read, or nothing tells what it is.
+        If a file cannot be read, or its name is not recognised.
     """
     draft = Draft(out.resolve().name or "scene", frame=frame)
     landmarks, meshes = [], {}
@@ -81,9 +81,7 @@ def draft_of_files(
             continue
         kind = stated.get(name) or kind_of(name)
         if kind is None or file.suffix.lower() not in SURFACE_SUFFIXES:
-            remedy = (
-                "say --bone or --muscle with its name, or call landmarks MUSCLE_origin or MUSCLE_insertion"
-            )
+            remedy = "name it in --bone or --muscle, or call landmarks MUSCLE_origin or MUSCLE_insertion"
             raise InputError(file, "its name says neither bone nor muscle, and no area of a muscle", remedy)
         if name in meshes:
             raise InputError(file, f"there is another file of {name!r}", "leave one out, or rename it")
@@ -100,7 +98,7 @@ def draft_of_files(
     scale = MILLIMETRES[draft.units]
     for name, (kind, mesh) in meshes.items():
         scaled = with_points(mesh, scale * points_of(mesh))
-        (draft.bones if kind == "bone" else draft.muscles)[name] = scaled
+        getattr(draft, f"{kind}s")[name] = scaled
     add_landmarks(draft, landmarks, scale=scale)
     return draft
 
@@ -110,19 +108,10 @@ def _roles_name(file: Path) -> str:
 
 
 def add_landmarks(draft: Draft, files: Sequence[Path], *, scale: float = 1.0) -> None:
-    """Put landmarks into a scene: each file's to the muscle and the role that its name says.
+    """Add landmarks to a draft: each file's to the muscle and the role in its name.
 
-    The bone is the one that its name says after the role, else the nearest. Landmarks that end near where
-    they began are a ring.
-
-    Parameters
-    ----------
-    draft : Draft
-        With its bones and muscles.
-    files : sequence of Path
-        As of :func:`~vtkmuscle.io.read_landmarks`.
-    scale : float, optional
-        Of the files' coordinates to mm.
+    The bone is the one that the name has after the role, else the nearest. Landmarks that end near where they
+    began are a ring. ``scale`` converts the files' coordinates to mm.
 
     Raises
     ------
@@ -135,9 +124,8 @@ def add_landmarks(draft: Draft, files: Sequence[Path], *, scale: float = 1.0) ->
         side = side_of(said[3]) if said and said[3] else None
         muscle = next((name for name in (muscle, f"{muscle}_{side}") if name in draft.muscles), "")
         if said is None or not muscle:
-            remedy = (
-                f"call it MUSCLE_origin or MUSCLE_insertion; muscles: {', '.join(draft.muscles) or 'none'}"
-            )
+            known = ", ".join(draft.muscles) or "none"
+            remedy = f"call it MUSCLE_origin or MUSCLE_insertion; muscles: {known}"
             raise InputError(file, "its name is not that of a muscle and a role", remedy)
         points, closed = read_landmarks(file, frame=draft.frame)
         points = scale * points
@@ -160,7 +148,7 @@ def add_landmarks(draft: Draft, files: Sequence[Path], *, scale: float = 1.0) ->
 
 
 def _gaps(points: Floats, bones: Mapping[str, vtkPolyData]) -> dict[str, float]:
-    """Return how far points are from each bone, the mean over them [mm]."""
+    """Return the mean distance of points from each bone [mm]."""
     return {
         name: float(np.abs(solids_of(*checked_surface(bone, name)).distances(points)).mean())
         for name, bone in bones.items()

@@ -1,4 +1,4 @@
-"""What a structure is, by its name: a bone or a muscle, of which side, and which bones its joints join."""
+"""The structure behind a name: a bone or a muscle, its side, and the bones that joints connect."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.words import suggestion
 from vtkmuscle.io.csv_table import csv_rows
 
-#: Words that bones are called by; a name with none of the muscles' words and one of these is a bone's.
+#: Words in names of bones; a name with a muscle's word as well is a muscle's.
 BONES = re.compile(
     r"(?:^|_)(?:femur|tibia|fibula|patella|pelvis|hip|coxae?|innominate|ili(?:um|a)|ischium|pubis|sacrum|coccyx|"
     r"vertebrae?|ribs?|sternum|scapula|clavi(?:cle|cula)|humerus|ulna|radius|(?:meta)?(?:carp|tars)als?|"
     r"phalan(?:x|ges)|talus|calcaneus|navicular|cuboid|cuneiform|skull|cranium|mandible|bone|shank|forearm|foot|"
     r"hand)(?:_|$)"
 )
-#: Beginnings of words that muscles are called by; and words of what is neither.
+#: Beginnings of words in names of muscles; and words in names of neither.
 _MUSCLES = re.compile(
     r"(?:^|_)(?:muscle|glut|iliac|psoas|iliopsoas|adduct|abduct|flexor|extensor|vast|rectus|sartor|gracil|bicep|"
     r"tricep|quadricep|semi|soleus|gastroc|tibial|peron|fibulari|plantar|poplit|pectin|piriform|obturator|gemell|"
@@ -41,18 +41,18 @@ class JointKind:
     Attributes
     ----------
     name : str
-        What it is called.
+        Its name.
     children, parents : tuple of str
-        Words in the names of the bones; of several that are there the first counts.
+        Words in the names of the bones; the first that exists counts.
     form : str
         ``"ball"``, ``"pin"`` or ``"weld"``.
     round_end : str
         ``"child"`` or ``"parent"``: whose surface is round there.
     axes : dict of str to (3,) tuple
-        The coordinates, and about what they turn a right limb that hangs down, in LPS; for a left one all but
-        the first are turned round.
+        The coordinates, and the axes of a right limb that hangs down, in LPS; for a left one all but the
+        first are reversed.
     most : float
-        Up to which angle the first is moved [degrees].
+        Largest angle of the first coordinate [degrees].
     """
 
     name: str
@@ -66,6 +66,7 @@ class JointKind:
 
 _FORWARD, _INWARD, _ABOUT = (-1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, 1.0)
 _FOOT = ("talus", "calcaneus", "foot", "tarsal", "tarsals", "metatarsal", "metatarsals", "phalanges")
+_PELVIS = ("hip", "pelvis", "coxa", "coxae", "innominate", "ilium")
 _HAND = ("hand", "carpal", "carpals", "metacarpal", "metacarpals")
 
 
@@ -75,14 +76,7 @@ def _three(joint: str) -> dict[str, tuple[float, float, float]]:
 
 #: The joints of limbs; a patella goes with the shank, as its tendon has it.
 JOINTS = (
-    JointKind(
-        "hip",
-        ("femur",),
-        ("hip", "pelvis", "coxa", "coxae", "innominate", "ilium"),
-        "ball",
-        axes=_three("hip"),
-        most=60.0,
-    ),
+    JointKind("hip", ("femur",), _PELVIS, "ball", axes=_three("hip"), most=60.0),
     JointKind("knee", ("tibia", "shank"), ("femur",), "pin", "parent", {"knee_flexion": (1.0, 0, 0)}, 60.0),
     JointKind("shoulder", ("humerus",), ("scapula",), "ball", axes=_three("shoulder"), most=60.0),
     JointKind("elbow", ("ulna", "forearm"), ("humerus",), "pin", "parent", {"elbow_flexion": _FORWARD}, 60.0),
@@ -120,7 +114,7 @@ def stem_of(name: str) -> str:
 
 
 def kind_of(name: str) -> str | None:
-    """Return ``"bone"`` or ``"muscle"``, None of what is neither or not known.
+    """Return ``"bone"`` or ``"muscle"``, None for anything else.
 
     Examples
     --------
@@ -146,7 +140,7 @@ def _tables() -> dict[str, dict[int, str]]:
 
 
 def name_table(source: str) -> dict[int, str]:
-    """Return names by label, of a table that the package has or of a .csv file with lines of label, name.
+    """Return names by label, from a table of the package or a .csv file with lines of label, name.
 
     Raises
     ------

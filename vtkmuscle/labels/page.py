@@ -1,4 +1,4 @@
-"""The page of a scene that was drawn up: a picture, its surfaces, and each guess with how sure it is."""
+"""The page of a drafted scene: a picture, its surfaces, and each guess with its sureness."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def write_page(draft: Draft, out: Path) -> Path:
 
 
 def draw(draft: Draft) -> bytes:
-    """Return a PNG picture of a scene: bones, muscles that one sees through, and rings around the areas."""
+    """Return a PNG picture of a scene: bones, transparent muscles, and rings around the areas."""
     plotter = pyvista.Plotter(off_screen=True, shape=(1, 2), window_size=(1600, 1000), border=False)
     sign = 1.0 if draft.frame == "LPS" else -1.0
     for number, towards in enumerate(((0.0, -sign, 0.0), (-sign, 0.0, 0.0))):
@@ -71,7 +71,7 @@ def draw(draft: Draft) -> bytes:
 
 
 def _figures(surface: vtkPolyData) -> tuple[str, str, str, str]:
-    """Return the triangles and the volume of a surface, and how near it is to its label, if it has one."""
+    """Return the triangles and the volume of a surface, and its accuracy, if it comes from a label."""
     points, triangles = checked_surface(surface, "surface")
     error, away = field_array(surface, "VolumeError"), field_array(surface, "BoundaryDistance")
     against = "" if error is None else f"{100.0 * error[0]:+.2f} %"

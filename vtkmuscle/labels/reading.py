@@ -20,9 +20,9 @@ from vtkmuscle.data.label_images import label_image
 from vtkmuscle.io.slicer import FRAMES
 from vtkmuscle.labels.names import name_table
 
-#: What is read, by the ends of names.
+#: Ends of the names of readable files.
 SUFFIXES = (".nii", ".nii.gz", ".nrrd", ".nhdr", ".mha", ".mhd", ".dcm")
-#: The header of a NIfTI file has so many bytes; extensions come after four more.
+#: Bytes of the header of a NIfTI file; extensions come after four more.
 _NIFTI_HEADER = 348
 _NIFTI_LABEL = re.compile(rb'<Label\s[^>]*?Key="(\d+)"[^>]*>\s*(?:<!\[CDATA\[)?([^<\]]+)')
 
@@ -36,12 +36,11 @@ def read_labels(
     ----------
     path : path
         A .nii, .nii.gz, .nrrd, .nhdr, .mha or .mhd file of labels; a .seg.nrrd file of 3D Slicer; a .dcm file
-        of DICOM's kind Segmentation; or a folder of such files, of which each is one structure that has the
-        file's name.
+        of DICOM's kind Segmentation; or a folder of such files, each one structure with the file's name.
     names : str, optional
         The names of the labels: ``"musclemap"``, a task of TotalSegmentator such as ``"total"``, or a .csv
-        file with lines of label, name. Without it, those that the file has: TotalSegmentator and 3D Slicer
-        write them, and DICOM has them.
+        file with lines of label, name. By default those in the file: TotalSegmentator, 3D Slicer and DICOM
+        write them.
     frame : str, optional
         ``"LPS"`` or ``"RAS"``: the frame of the images' world.
 
@@ -86,7 +85,7 @@ Layer = tuple[NDArray[np.integer], Floats, Mapping[int, str]]
 
 
 def _read(file: Path) -> Iterator[Layer]:
-    """Give the layers of a file: voxels (nk, nj, ni), their places, and the names that the file has."""
+    """Give the layers of a file: voxels (nk, nj, ni), the transform to the world, and names of labels."""
     if file.suffix.lower() == ".dcm":
         yield _dicom(file)
         return
@@ -115,7 +114,7 @@ def _read(file: Path) -> Iterator[Layer]:
 
 
 def _names(file: Path, image: Any) -> dict[int, dict[int, str]]:
-    """Return the names of labels by layer, that a file's header has."""
+    """Return the names of labels in a file's header, by layer."""
     found: dict[int, dict[int, str]] = {}
     if file.name.lower().endswith((".nii", ".nii.gz")):
         opened = gzip.open if file.suffix.lower() == ".gz" else open
@@ -134,7 +133,7 @@ def _names(file: Path, image: Any) -> dict[int, dict[int, str]]:
 
 
 def _dicom(file: Path) -> Layer:
-    """Return the segments of a DICOM Segmentation; of those that overlap the later ones count."""
+    """Return the segments of a DICOM Segmentation; where they overlap the later ones count."""
     highdicom = _needed("highdicom", file)
     try:
         segmentation = highdicom.seg.segread(file)
