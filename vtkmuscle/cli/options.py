@@ -19,9 +19,13 @@ def named(text: str) -> Path:
     return Path(text)
 
 
-_OUT = typer.Option("--out", "-o", metavar="PATH", parser=named, help="Folder to write to.")
-OutOption = Annotated[Path | None, _OUT]
-FolderOption = Annotated[Path, _OUT]
+def out_option(metavar: str, help: str) -> Any:  # noqa: A002 -- typer's word
+    """Return the option that says where to write."""
+    return typer.Option("--out", "-o", metavar=metavar, parser=named, help=help)
+
+
+OutOption = Annotated[Path | None, out_option("PATH", "Folder to write to.")]
+FolderOption = Annotated[Path, out_option("PATH", "Folder to write to.")]
 FreshOption = Annotated[
     bool, typer.Option("--fresh", help="Compute again what is finished in the folder of results.")
 ]

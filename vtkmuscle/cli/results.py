@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from vtkmuscle.cli.options import LiteratureOption, OutOption, named
+from vtkmuscle.cli.options import LiteratureOption, OutOption, out_option
 from vtkmuscle.core.errors import InputError
 
 if TYPE_CHECKING:
@@ -88,7 +88,7 @@ def pairs(texts: Sequence[str] | None, option: str = "--replace") -> dict[str, s
 def check(
     model: Annotated[Path, typer.Argument(help="A model of OpenSim, .osim.")],
     out: Annotated[
-        Path | None, typer.Option("--out", "-o", help="The page, .html. Default: MODEL_check.html here.")
+        Path | None, out_option("HTML", "The page, .html. Default: MODEL_check.html here.")
     ] = None,
     repair: Annotated[
         Path | None, typer.Option(help="Write the model with paths fitted to those of a scene.")
@@ -130,12 +130,7 @@ def check(
 
 def report(
     results: Annotated[Path, typer.Argument(help="Folder of a run's results.")],
-    out: Annotated[
-        Path | None,
-        typer.Option(
-            "--out", "-o", metavar="HTML", parser=named, help="Default: report.html in that folder."
-        ),
-    ] = None,
+    out: Annotated[Path | None, out_option("HTML", "Default: report.html in that folder.")] = None,
     literature: LiteratureOption = None,
 ) -> None:
     """Write the page of a finished run again: the scene, curves, tables and verdicts in one file."""
@@ -154,10 +149,7 @@ def _loaded(results: Path, literature: Path | None) -> Result:
 
 def figures(
     results: Annotated[Path, typer.Argument(help="Folder of a run's results.")],
-    out: Annotated[
-        Path | None,
-        typer.Option("--out", "-o", metavar="PATH", parser=named, help="Default: figures in that folder."),
-    ] = None,
+    out: Annotated[Path | None, out_option("PATH", "Default: figures in that folder.")] = None,
     form: Annotated[str, typer.Option(metavar="png|pdf|svg", help="Of the files.")] = "png",
     dpi: Annotated[float, typer.Option(help="Pixels per inch of pictures.")] = 300.0,
     literature: LiteratureOption = None,
