@@ -83,7 +83,7 @@ class RunOptions:
         str | None,
         typer.Option(
             metavar="preview|balanced|accurate",
-            help="Preset of the solver, in place of the scene's; what the scene's solver table sets stays.",
+            help="Preset of the solver, in place of the scene's; settings in the scene's solver table stay.",
         ),
     ] = None
     errors: Annotated[
@@ -97,7 +97,7 @@ class RunOptions:
     landmark_error: Annotated[
         float, typer.Option(metavar="MM", help="How far --errors landmarks moves the areas of attachment.")
     ] = 5.0
-    landmark_samples: Annotated[int, typer.Option(metavar="N", help="How often --errors landmarks does.")] = 8
+    landmark_samples: Annotated[int, typer.Option(metavar="N", help="Number of such moves.")] = 8
 
 
 def with_options(command: Callable[..., None]) -> Callable[..., None]:

@@ -1,4 +1,4 @@
-"""What is made of a run's results: reports, figures, comparisons and models."""
+"""Reports, figures, comparisons and models from a run's results."""
 
 from __future__ import annotations
 
@@ -28,12 +28,14 @@ class ExportOptions:
     into: Annotated[Path | None, typer.Option(help="For OpenSim: a model to put the muscles into.")] = None
     replace: Annotated[
         list[str] | None,
-        typer.Option(metavar="OURS=THEIRS", help="A muscle of that model which one of the scene replaces."),
+        typer.Option(
+            metavar="OURS=THEIRS", help="A muscle of the scene, and that of the model which it replaces."
+        ),
     ] = None
     specific_tension: Annotated[float, typer.Option(help="Force per cross-section, in N/cm^2.")] = 60.0
-    mass: Annotated[list[str] | None, typer.Option(metavar="BODY=KG", help="Of a body of a new model.")] = (
-        None
-    )
+    mass: Annotated[
+        list[str] | None, typer.Option(metavar="BODY=KG", help="Mass of a body of a new model.")
+    ] = None
     geometry_only: Annotated[
         bool, typer.Option("--geometry-only", help="Paths without muscles' properties.")
     ] = False
@@ -97,7 +99,10 @@ def check(
         Path | None, typer.Option(help="For --repair: a scene.toml, or the folder of its results.")
     ] = None,
     replace: Annotated[
-        list[str] | None, typer.Option(metavar="OURS=THEIRS", help="For --repair: the scene's muscle of one.")
+        list[str] | None,
+        typer.Option(
+            metavar="OURS=THEIRS", help="For --repair: a muscle of the scene, and that of the model."
+        ),
     ] = None,
 ) -> None:
     """Find where muscles of a model of OpenSim jump, and where their moment arms change sign.
@@ -167,7 +172,7 @@ def compare(
         Path | None, typer.Option(metavar="OSIM", help="A model whose muscles are compared, too.")
     ] = None,
 ) -> None:
-    """Lay runs over one another: curves, differences with errors, one page and one table.
+    """Compare runs: curves over one another, differences with errors, one page and one table.
 
     Settings, sides and subjects match by the names of muscles and coordinates. Without --out it writes to
     comparison, in the folder you are in.
