@@ -22,7 +22,7 @@ from vtkmuscle.io.writing import write_text
 from vtkmuscle.phantoms import hip
 from vtkmuscle.studies.cohort import Study, run_study
 from vtkmuscle.studies.cohort.table import curves, rows_of
-from vtkmuscle.studies.study import PARTS
+from vtkmuscle.studies.study import PARTS, outcomes_of
 
 #: What is varied, its mean, its standard deviation and its unit: choices, about what adults have.
 VARIED = {
@@ -104,8 +104,9 @@ def ranked(study: Study, out: Path) -> tuple[list[list[object]], list[list[objec
     variance that each explains (they are drawn independently).
     """
     rows = {row["id"]: row for row in study.subjects}
+    measured = curves(rows_of(study, outcomes_of(study.cases(), out / PARTS)))
     found: dict[str, list[tuple[str, dict[str, np.ndarray]]]] = {}
-    for (subject, _, _, _, muscle, *_), curve in curves(rows_of(study, out / PARTS)).items():
+    for (subject, _, _, _, muscle, *_), curve in measured.items():
         found.setdefault(muscle, []).append((subject, curve))
     bands: list[list[object]] = []
     causes: list[list[object]] = []

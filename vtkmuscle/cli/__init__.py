@@ -94,7 +94,7 @@ def run(
     from vtkmuscle.scenes import Scene
 
     loaded = Scene.load(scene)
-    # Of some muscles alone not to the folder of all: what is there of the others would go.
+    # A run of some muscles would remove the others' results from the folder of all.
     parts = [loaded.name, *(options.muscle or ()), "out"]
     run_and_report(loaded, out or Path("_".join(parts)), options)
 
@@ -159,8 +159,8 @@ def export(
 ) -> None:
     """Export the muscles of a scene with joints as a model of OpenSim or MuJoCo.
 
-    They are those of its results, or of the scene, which is run. By how much lengths and moment arms differ
-    from the run is said and written. Or export a .pvd series as one .vtkhdf file.
+    They come from its results, or from the scene, which is run first. The differences of lengths and moment
+    arms from the run are printed and written. A .pvd series is exported as one .vtkhdf file.
     """
     if out.suffix.lower() in (".osim", ".xml"):
         export_muscles(source, out, options)
@@ -180,9 +180,7 @@ for one in (report, figures, compare, cohort, from_labels, init, check):
 
 @command()
 def fetch(
-    name: Annotated[
-        str | None, typer.Argument(help="A data set. Without a name, those that there are are listed.")
-    ] = None,
+    name: Annotated[str | None, typer.Argument(help="A data set. Without a name, list all of them.")] = None,
     out: OutOption = None,
     accept_licence: Annotated[
         bool, typer.Option("--accept-licence", help="Accept the licence without being asked.")
@@ -190,9 +188,10 @@ def fetch(
     host: Annotated[str | None, typer.Option(metavar="URL", help="A mirror of GitHub's raw files.")] = None,
     quiet: QuietOption = False,
 ) -> None:
-    """Download a public data set, under the licence that it has, as a scene.
+    """Download a public data set as a scene, under its own licence.
 
-    It shows the licence and asks. Without --out it writes to a folder of the name of the data set.
+    It shows the licence and asks whether you accept it. Without --out it writes to a folder
+    of the name of the data set.
     """
     from vtkmuscle.fetch import DATA_SETS, HOST, data_set
     from vtkmuscle.fetch import fetch as fetched
@@ -205,7 +204,7 @@ def fetch(
     if not accept_licence:
         accept_licence = sys.stdin.isatty() and typer.confirm("Do you accept this licence?")
     if not accept_licence:
-        raise InputError(name, "its licence is not accepted", "say --accept-licence where you accept it")
+        raise InputError(name, "its licence is not accepted", "say --accept-licence if you accept it")
     path = fetched(
         name, out, accept_licence=True, host=host or HOST, announce=lambda words: say(quiet, words)
     )

@@ -1,4 +1,4 @@
-"""``vtkmuscle from-labels`` and ``vtkmuscle init``: scenes drawn up from what there is."""
+"""``vtkmuscle from-labels`` and ``vtkmuscle init``: scenes from label maps, meshes and landmarks."""
 
 from __future__ import annotations
 
@@ -57,9 +57,9 @@ def from_labels(
 ) -> None:
     """Make a scene of a segmentation: closed surfaces, areas where they touch, joints by fits to the bones.
 
-    What nobody said is guessed, with how sure each guess is: in guesses.csv, and in scene.toml above what was
-    guessed. To landmarks that a muscle's label does not reach a tendon is drawn. A muscle that cannot be made
-    is named with the reason, and the others are in the scene.
+    Everything that is not given is guessed: each guess and its certainty is in guesses.csv, and in a comment
+    above it in scene.toml. A tendon is drawn to landmarks that a muscle's label does not reach. A muscle that
+    cannot be made is reported with the reason; the scene has the others.
     """
     from vtkmuscle.labels.maps import draft_of_labels
 
@@ -93,10 +93,10 @@ def init(
     overwrite: OverwriteOption = False,
     quiet: QuietOption = False,
 ) -> None:
-    """Write a scene.toml from meshes and landmarks, with guesses of all that nobody said.
+    """Write a scene.toml from meshes and landmarks; everything that is not given is guessed.
 
-    Names tell bones and muscles, sizes the unit, contact or landmarks the areas, fits to the bones the
-    joints. Each guess has a comment above it with how sure it is; guesses.csv lists them.
+    Bones and muscles are known by their names, the unit by sizes, areas by contact or landmarks, joints by
+    fits to the bones. Each guess and its certainty is in guesses.csv, and in a comment in scene.toml.
     """
     from vtkmuscle.labels.meshes import draft_of_files
 

@@ -19,9 +19,13 @@ def named(text: str) -> Path:
     return Path(text)
 
 
-_OUT = typer.Option("--out", "-o", metavar="PATH", parser=named, help="Folder to write to.")
-OutOption = Annotated[Path | None, _OUT]
-FolderOption = Annotated[Path, _OUT]
+def out_option(metavar: str, help: str) -> Any:  # noqa: A002 -- typer's word
+    """Return the option that says where to write."""
+    return typer.Option("--out", "-o", metavar=metavar, parser=named, help=help)
+
+
+OutOption = Annotated[Path | None, out_option("PATH", "Folder to write to.")]
+FolderOption = Annotated[Path, out_option("PATH", "Folder to write to.")]
 FreshOption = Annotated[
     bool, typer.Option("--fresh", help="Compute again what is finished in the folder of results.")
 ]
@@ -79,7 +83,7 @@ class RunOptions:
         str | None,
         typer.Option(
             metavar="preview|balanced|accurate",
-            help="Preset of the solver, in place of the scene's; what the scene's solver table sets stays.",
+            help="Preset of the solver, in place of the scene's; settings in the scene's solver table stay.",
         ),
     ] = None
     errors: Annotated[
@@ -93,7 +97,7 @@ class RunOptions:
     landmark_error: Annotated[
         float, typer.Option(metavar="MM", help="How far --errors landmarks moves the areas of attachment.")
     ] = 5.0
-    landmark_samples: Annotated[int, typer.Option(metavar="N", help="How often --errors landmarks does.")] = 8
+    landmark_samples: Annotated[int, typer.Option(metavar="N", help="Number of such moves.")] = 8
 
 
 def with_options(command: Callable[..., None]) -> Callable[..., None]:

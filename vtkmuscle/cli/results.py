@@ -1,4 +1,4 @@
-"""What is made of a run's results: reports, figures, comparisons and models."""
+"""Reports, figures, comparisons and models from a run's results."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from vtkmuscle.cli.options import LiteratureOption, OutOption, named
+from vtkmuscle.cli.options import LiteratureOption, OutOption, out_option
 from vtkmuscle.core.errors import InputError
 
 if TYPE_CHECKING:
@@ -28,12 +28,14 @@ class ExportOptions:
     into: Annotated[Path | None, typer.Option(help="For OpenSim: a model to put the muscles into.")] = None
     replace: Annotated[
         list[str] | None,
-        typer.Option(metavar="OURS=THEIRS", help="A muscle of that model which one of the scene replaces."),
+        typer.Option(
+            metavar="OURS=THEIRS", help="A muscle of the scene, and that of the model which it replaces."
+        ),
     ] = None
     specific_tension: Annotated[float, typer.Option(help="Force per cross-section, in N/cm^2.")] = 60.0
-    mass: Annotated[list[str] | None, typer.Option(metavar="BODY=KG", help="Of a body of a new model.")] = (
-        None
-    )
+    mass: Annotated[
+        list[str] | None, typer.Option(metavar="BODY=KG", help="Mass of a body of a new model.")
+    ] = None
     geometry_only: Annotated[
         bool, typer.Option("--geometry-only", help="Paths without muscles' properties.")
     ] = False
@@ -88,7 +90,7 @@ def pairs(texts: Sequence[str] | None, option: str = "--replace") -> dict[str, s
 def check(
     model: Annotated[Path, typer.Argument(help="A model of OpenSim, .osim.")],
     out: Annotated[
-        Path | None, typer.Option("--out", "-o", help="The page, .html. Default: MODEL_check.html here.")
+        Path | None, out_option("HTML", "The page, .html. Default: MODEL_check.html here.")
     ] = None,
     repair: Annotated[
         Path | None, typer.Option(help="Write the model with paths fitted to those of a scene.")
@@ -97,7 +99,10 @@ def check(
         Path | None, typer.Option(help="For --repair: a scene.toml, or the folder of its results.")
     ] = None,
     replace: Annotated[
-        list[str] | None, typer.Option(metavar="OURS=THEIRS", help="For --repair: the scene's muscle of one.")
+        list[str] | None,
+        typer.Option(
+            metavar="OURS=THEIRS", help="For --repair: a muscle of the scene, and that of the model."
+        ),
     ] = None,
 ) -> None:
     """Find where muscles of a model of OpenSim jump, and where their moment arms change sign.
@@ -129,12 +134,7 @@ def check(
 
 def report(
     results: Annotated[Path, typer.Argument(help="Folder of a run's results.")],
-    out: Annotated[
-        Path | None,
-        typer.Option(
-            "--out", "-o", metavar="HTML", parser=named, help="Default: report.html in that folder."
-        ),
-    ] = None,
+    out: Annotated[Path | None, out_option("HTML", "Default: report.html in that folder.")] = None,
     literature: LiteratureOption = None,
 ) -> None:
     """Write the page of a finished run again: the scene, curves, tables and verdicts in one file."""
@@ -153,10 +153,7 @@ def _loaded(results: Path, literature: Path | None) -> Result:
 
 def figures(
     results: Annotated[Path, typer.Argument(help="Folder of a run's results.")],
-    out: Annotated[
-        Path | None,
-        typer.Option("--out", "-o", metavar="PATH", parser=named, help="Default: figures in that folder."),
-    ] = None,
+    out: Annotated[Path | None, out_option("PATH", "Default: figures in that folder.")] = None,
     form: Annotated[str, typer.Option(metavar="png|pdf|svg", help="Of the files.")] = "png",
     dpi: Annotated[float, typer.Option(help="Pixels per inch of pictures.")] = 300.0,
     literature: LiteratureOption = None,
@@ -174,7 +171,7 @@ def compare(
         Path | None, typer.Option(metavar="OSIM", help="A model whose muscles are compared, too.")
     ] = None,
 ) -> None:
-    """Lay runs over one another: curves, differences with errors, one page and one table.
+    """Compare runs: curves over one another, differences with errors, one page and one table.
 
     Settings, sides and subjects match by the names of muscles and coordinates. Without --out it writes to
     comparison, in the folder you are in.

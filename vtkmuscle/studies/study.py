@@ -148,6 +148,11 @@ def outcome_of(case: Case, folder: Path) -> Outcome:
     return Outcome(part.values)
 
 
+def outcomes_of(cases: Cases, folder: Path) -> list[tuple[Case, Outcome]]:
+    """Return all cases with their outcomes."""
+    return [(case, outcome_of(case, folder)) for case in chain.from_iterable(cases)]
+
+
 def keep_failure(case: Case, parts: Parts, words: str) -> tuple[Case, str, str]:
     """Keep the reason why a case failed, and return the case as one that has ended."""
     parts.write(case.name, "", Part({"failure": words}))

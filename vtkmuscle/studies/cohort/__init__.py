@@ -15,7 +15,7 @@ from vtkmuscle.studies.cluster import connected, dask
 from vtkmuscle.studies.cohort.page import write_cohort
 from vtkmuscle.studies.cohort.subjects import Study
 from vtkmuscle.studies.cohort.table import COLUMNS, curves, rows_of, spreads, write_csv
-from vtkmuscle.studies.study import PARTS, Progress, claimed, study
+from vtkmuscle.studies.study import PARTS, Progress, claimed, outcomes_of, study
 
 __all__ = ["COLUMNS", "Progress", "Study", "run_study"]
 
@@ -79,18 +79,19 @@ def run_study(
         "subjects": len(cohort.subjects),
     }
     with claimed(folder, about, _RESULTS) as report:
-        parts = folder / PARTS
+        cases, parts = cohort.cases(), folder / PARTS
         with connected(**workers) as (found, dashboard):
             say(f"Dask's dashboard: {dashboard}")
-            states = study(cohort.cases(), parts, workers=found, fresh=fresh, progress=progress)
+            states = study(cases, parts, workers=found, fresh=fresh, progress=progress)
         report["tasks"] = dict(sorted(states.items()))
         say("writing tables and the page")
-        write_csv(folder / "cohort.csv", rows_of(cohort, parts))
-        measured = curves(rows_of(cohort, parts))
+        outcomes = outcomes_of(cases, parts)
+        write_csv(folder / "cohort.csv", rows_of(cohort, outcomes))
+        measured = curves(rows_of(cohort, outcomes))
         (folder / "sensitivity.csv").unlink(missing_ok=True)
         spread = None
         if cohort.table.sensitivity is not None:
             spread = spreads(measured)
             spread.to_csv(folder / "sensitivity.csv")
-        write_cohort(cohort, parts, folder, measured, spread)
+        write_cohort(cohort, outcomes, measured, spread, folder / "cohort.html")
     return report

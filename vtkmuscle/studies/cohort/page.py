@@ -15,17 +15,19 @@ from vtkmuscle.run.verdict import FAILED, VERDICTS
 from vtkmuscle.studies.case import Case, Outcome
 from vtkmuscle.studies.cohort.subjects import FOLDER, ID, Study
 from vtkmuscle.studies.cohort.table import UNUSUAL, Curve, Key, by_subject, outliers
-from vtkmuscle.studies.study import outcome_of
 
 #: Most unusual curves that are listed, curves that are drawn, and subjects that a legend names.
 _OUTLIERS, _DRAWN, _NAMED = 50, 200, 10
 
 
 def write_cohort(
-    study: Study, folder: Path, out: Path, measured: Mapping[Key, Curve], spread: Table | None
+    study: Study,
+    muscles: Sequence[tuple[Case, Outcome]],
+    measured: Mapping[Key, Curve],
+    spread: Table | None,
+    path: Path,
 ) -> Path:
-    """Write ``cohort.html``; with the spread of samples, if the study asks for sensitivity."""
-    muscles = [(case, outcome_of(case, folder)) for together in study.cases() for case in together]
+    """Write the page; with the spread of samples, if the study asks for sensitivity."""
     verdicts = Counter(_verdict(one) for case, one in muscles if not case.variation.name)
     counts = ", ".join(f"{verdicts[word]} {word}" for word in VERDICTS)
     files = "cohort.csv" if spread is None else "cohort.csv, sensitivity.csv"
@@ -46,7 +48,7 @@ def write_cohort(
         *(() if spread is None else [Section("Sensitivity", rows=shown_rows(spread))]),
     ]
     lead = f"{len(study.subjects)} subjects. Muscles: {counts}. All numbers are in {files}."
-    return write_page(out / "cohort.html", study.name, "cohort", lead, sections)
+    return write_page(path, study.name, "cohort", lead, sections)
 
 
 def _verdict(one: Outcome) -> str:

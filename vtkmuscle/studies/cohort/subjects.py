@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from itertools import chain
+from itertools import chain, product
 from os import PathLike
 from pathlib import Path
 from typing import Annotated, Any, Self
@@ -211,28 +211,20 @@ class Study:
 
     def cases(self) -> list[list[Case]]:
         """Return the cases in groups that share a scene."""
-        return [
-            list(self._cases(row, motion, setting, variation))
-            for row in self.subjects
-            for motion in self.table.motions or {ONLY: {}}
-            for setting in self.table.settings or {"": {}}
-            for variation in self.variations()
-        ]
-
-    def _cases(
-        self, row: Mapping[str, str], motion: str, setting: str, variation: Variation
-    ) -> Iterator[Case]:
-        scene, problem = SceneText("", {}), ""
-        muscles: Sequence[str] = self.table.muscles or ()
-        try:
-            scene = self._scene(row, motion, self.table.settings.get(setting, {}))
-            muscles = _muscles(scene, muscles)
-        except (ValueError, OSError) as error:
-            problem = str(error).splitlines()[0]
-        labels = {"subject": row[ID], "motion": motion, "setting": setting, "sample": variation.name}
-        frames, groups = self.table.frames, self.table.groups
-        whole = Case(labels, "", scene, variation, frames, groups, problem)
-        yield from (replace(whole, muscle=muscle) for muscle in muscles or ("",))
+        table, motions, settings = self.table, self.table.motions or [ONLY], self.table.settings or [""]
+        cases = []
+        for row, motion, setting in product(self.subjects, motions, settings):
+            scene, problem, muscles = SceneText("", {}), "", table.muscles or [""]
+            try:
+                scene = self._scene(row, motion, table.settings.get(setting, {}))
+                muscles = _muscles(scene, table.muscles or [])
+            except (ValueError, OSError) as error:
+                problem = str(error).splitlines()[0]
+            for variation in self.variations():
+                labels = {"subject": row[ID], "motion": motion, "setting": setting, "sample": variation.name}
+                whole = Case(labels, "", scene, variation, table.frames, table.groups, problem)
+                cases.append([replace(whole, muscle=muscle) for muscle in muscles])
+        return cases
 
     def _scene(self, row: Mapping[str, str], motion: str, changes: Mapping[str, Any]) -> SceneText:
         """Return the scene of a subject, filled in."""
@@ -244,7 +236,7 @@ class Study:
         return SceneText(str(template.absolute()), values)
 
 
-def _muscles(scene: SceneText, wanted: Sequence[str]) -> Sequence[str]:
+def _muscles(scene: SceneText, wanted: list[str]) -> list[str]:
     found, file = scene.values.get("muscles"), Path(scene.file)
     if not isinstance(found, dict) or not found:
         raise SceneError("the scene has no muscles", "muscles", "add a table [muscles.NAME]", file)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 from collections import defaultdict
 from collections.abc import Collection, Iterable, Iterator, Mapping
-from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +15,6 @@ from vtkmuscle.io.writing import plain_cell, replacing
 from vtkmuscle.run.table import Table
 from vtkmuscle.studies.case import Case, Outcome
 from vtkmuscle.studies.cohort.subjects import ID, Study
-from vtkmuscle.studies.study import outcome_of
 from vtkmuscle.studies.variation import FEWEST
 
 #: Columns that identify a curve over the values of a coordinate.
@@ -50,7 +48,7 @@ Curve = Mapping[str, Floats]
 Rows = Mapping[str, Any]
 
 
-def rows_of(study: Study, folder: Path) -> Iterator[Rows]:
+def rows_of(study: Study, outcomes: Iterable[tuple[Case, Outcome]]) -> Iterator[Rows]:
     """Give the rows of each case, group of fibres and coordinate.
 
     A column of the table of subjects whose name is taken gets the prefix ``subject_``.
@@ -61,8 +59,7 @@ def rows_of(study: Study, folder: Path) -> Iterator[Rows]:
         for row in study.subjects
     }
     unknown = dict.fromkeys((*COLUMNS, *names.values()))
-    for case in chain.from_iterable(study.cases()):
-        outcome = outcome_of(case, folder)
+    for case, outcome in outcomes:
         message = outcome.message
         for rows in _rows_of(case, outcome):
             messages = np.array([message, *[""] * (np.size(rows.get("frame", 0)) - 1)])
