@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -32,21 +33,21 @@ LARGEST_BEND = 0.5
 
 
 class Proximity(NamedTuple):
-    """How near points are to a bone.
+    """How near p points are to b bones; changed in place by :meth:`BoneContacts.update`.
 
     Attributes
     ----------
-    points : (p, 3) array
-        Where they are, seen from the bone at rest [mm].
-    gaps : (p,) array
-        How far from where the bone keeps them, at least [mm].
-    outward : (p, 3) array
-        In which direction that grows, seen from the bone at rest; where they are near.
+    points : (b, p, 3) array
+        Positions of the points, seen from each bone at rest [mm].
+    gaps : (b, p) array
+        How far they are, at least, from where the bone keeps them [mm].
+    normals : (b, p, 3) array
+        Unit directions, now, in which the gaps grow; where points are near.
     """
 
     points: Floats
     gaps: Floats
-    outward: Floats
+    normals: Floats
 
 
 class Load(NamedTuple):
@@ -55,9 +56,9 @@ class Load(NamedTuple):
     Attributes
     ----------
     force : (f, n, 3) array
-        On the points; the gradient of their energy is less by it [mm].
+        Force on each point; the gradient of the energy is less by it [mm].
     stiffness : (f, n, 3, 3) array
-        By how much the force falls as a point moves [1].
+        How much the force falls as the point moves [1].
     """
 
     force: Floats
@@ -79,79 +80,72 @@ class BoneContacts:
     Attributes
     ----------
     numbers : list of int
-        Of the bones.
+        Numbers of the bones.
     rounding : float
         See :data:`ROUNDING` [mm].
     """
 
     def __init__(self, bones: Mapping[int, Bone], standoff: Floats, segment: float) -> None:
         self.numbers, self._bones = list(bones), list(bones.values())
-        self._standoff = standoff
+        self._standoff = standoff.reshape(len(bones), math.prod(standoff.shape[1:]))
         self.rounding = ROUNDING * segment
 
-    def at(
-        self, x: Floats, transforms: Floats, before: Sequence[Proximity] = ()
-    ) -> tuple[Floats, Floats, list[Proximity]]:
-        """Return the gaps (b, f, n) between paths and bones [mm], and the directions in which they grow.
+    def proximity(self) -> Proximity:
+        """Return a proximity of which nothing is known yet."""
+        shape = self._standoff.shape
+        return Proximity(np.zeros((*shape, 3)), np.full(shape, -np.inf), np.zeros((*shape, 3)))
 
-        Parameters
-        ----------
-        x : (f, n, 3) array
-            Of the paths [mm].
-        transforms : (bones, 4, 4) array
-            Of all bones, rest to now.
-        before : sequence of Proximity, optional
-            What was returned for points near to these, in the same pose: of points that cannot have come near
-            a bone since, gaps are what they are at least, and directions what they were.
+    def update(self, x: Floats, transforms: Floats, near: Proximity) -> None:
+        """Write how near paths x (f, n, 3) are to the bones, which stay in their pose.
 
-        Returns
-        -------
-        gaps, normals : arrays
-        near : list of Proximity
-            Of each bone.
+        A distance changes by no more than the point moves: points that cannot have come near a bone are not
+        looked up. Their gaps are lower bounds.
         """
-        near = [self._near(k, x, transforms, before[k] if before else None) for k in range(len(self._bones))]
-        gaps, normals = np.empty(self._standoff.shape), np.empty((*self._standoff.shape, 3))
-        for k, (number, one) in enumerate(zip(self.numbers, near, strict=True)):
-            gaps[k] = one.gaps.reshape(x.shape[:2])
-            normals[k] = (one.outward @ transforms[number, :3, :3].T).reshape(x.shape)
-        return gaps, normals, near
+        for k, (number, bone) in enumerate(zip(self.numbers, self._bones, strict=True)):
+            transform, gaps = transforms[number], near.gaps[k]
+            _approach(x.reshape(-1, 3), transform, near.points[k], gaps)
+            found = np.flatnonzero(gaps < self.rounding)
+            if not len(found):
+                continue
+            standoff = self._standoff[k, found]
+            distance, outward = bone.field(near.points[k, found], within=standoff + self.rounding)
+            gaps[found], near.normals[k, found] = distance - standoff, outward @ transform[:3, :3].T
 
-    def load(self, k: int, x: Floats, transforms: Floats, near: Proximity) -> Load:
-        """Return the load of the k-th bone, which presses, on points x (f, n, 3) of known proximity.
+    def load(self, k: int, shape: tuple[int, int], transforms: Floats, near: Proximity) -> Load:
+        """Return the load of the k-th bone, which presses, on paths (f, n) of known proximity.
 
         Normals are compared over a cell of its field: flat triangles curve as their surface does. Over a
         thousandth of that a strap on a roller has levers 1 to 4 mm off its radius in one or two of 100 poses.
         """
         bone, turn = self._bones[k], transforms[self.numbers[k], :3, :3]
-        ends = np.zeros(x.shape[:2], dtype=np.bool_)
-        ends[:, [0, -1]] = True
-        pressed = np.flatnonzero((near.gaps < self.rounding) & ~ends.reshape(-1))
+        inner = np.ones(shape, dtype=np.bool_)
+        inner[:, [0, -1]] = False
+        pressed = np.flatnonzero((near.gaps[k] < self.rounding) & inner.reshape(-1))
         moves = bone.cell * np.concatenate([np.eye(3), -np.eye(3)])
-        sides = bone.field((near.points[pressed] + moves[:, None]).reshape(-1, 3))[1].reshape(2, 3, -1, 3)
-        outward = near.outward[pressed]
-        pressures = [pressure_at(gap, PUSH, self.rounding) for gap in near.gaps[pressed]]
+        sides = bone.field((near.points[k, pressed] + moves[:, None]).reshape(-1, 3))[1].reshape(2, 3, -1, 3)
+        normals = near.normals[k, pressed]
+        pressures = [pressure_at(gap, PUSH, self.rounding) for gap in near.gaps[k, pressed]]
         force, stiff = np.array(pressures).T[..., None]
-        turning = ((sides[0] - sides[1]) / (2.0 * bone.cell)).transpose(1, 2, 0)
-        falls = stiff[..., None] * outward[:, :, None] * outward[:, None] - force[..., None] * turning
-        forces, stiffness = np.zeros((x[..., 0].size, 3)), np.zeros((x[..., 0].size, 3, 3))
-        forces[pressed], stiffness[pressed] = (force * outward) @ turn.T, turn @ falls @ turn.T
-        return Load(forces.reshape(x.shape), stiffness.reshape(*x.shape, 3))
+        turning = turn @ ((sides[0] - sides[1]) / (2.0 * bone.cell)).transpose(1, 2, 0) @ turn.T
+        forces, stiffness = np.zeros((*shape, 3)), np.zeros((*shape, 3, 3))
+        forces.reshape(-1, 3)[pressed] = force * normals
+        stiffness.reshape(-1, 3, 3)[pressed] = (
+            stiff[..., None] * normals[:, :, None] * normals[:, None] - force[..., None] * turning
+        )
+        return Load(forces, stiffness)
 
-    def _near(self, k: int, x: Floats, transforms: Floats, before: Proximity | None) -> Proximity:
-        number, bone = self.numbers[k], self._bones[k]
-        at = (x.reshape(-1, 3) - transforms[number, :3, 3]) @ transforms[number, :3, :3]
-        standoff = self._standoff[k].reshape(-1)
-        within = standoff + self.rounding
-        if before is None:
-            distance, outward = bone.field(at, within=within)
-            return Proximity(at, distance - standoff, outward)
-        gaps = before.gaps - np.sqrt(((at - before.points) ** 2).sum(axis=1))
-        near = np.flatnonzero(gaps < self.rounding)
-        outward = before.outward.copy()
-        distance, outward[near] = bone.field(at[near], within=within[near])
-        gaps[near] = distance - standoff[near]
-        return Proximity(at, gaps, outward)
+
+@kernel
+def _approach(x: Floats, transform: Floats, points: Floats, gaps: Floats) -> None:
+    """Move points (p, 3) to where x (p, 3) is, seen from a bone; reduce their gaps (p,) by the way."""
+    for p in range(len(x)):
+        moved = 0.0
+        a, b, c = x[p, 0] - transform[0, 3], x[p, 1] - transform[1, 3], x[p, 2] - transform[2, 3]
+        for k in range(3):
+            at = transform[0, k] * a + transform[1, k] * b + transform[2, k] * c
+            moved += (at - points[p, k]) ** 2
+            points[p, k] = at
+        gaps[p] -= np.sqrt(moved)
 
 
 @kernel
