@@ -176,7 +176,8 @@ class SheetPose:
     @property
     def points(self) -> Floats:
         """Points that were looked at last, (f, n, 3) [mm]."""
-        return self.x + self._middle
+        points: Floats = self.x + self._middle
+        return points
 
     def wrenches(self) -> Floats:
         """Return the wrenches of the paths that were looked at last, about the origin, (f, b, 6)."""
