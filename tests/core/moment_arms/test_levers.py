@@ -28,10 +28,13 @@ def straight(motion, bone="shank"):
     """Return lengths (f, k) of straight paths to a bone that moves, their wrenches on it and their levers."""
     ends = np.array([apply_transform(one, ENDS) for one in motion.transforms[bone]])
     points = np.stack([np.broadcast_to(STARTS, ends.shape), ends], axis=2)
-    stays = np.zeros(len(STARTS), dtype=np.int64)
+    stays, still = np.zeros(len(STARTS), dtype=np.int64), np.tile(np.eye(4), (2, 1, 1))
     # There is nothing between their ends that bones could press on, or that could give way.
     wrenches = np.array(
-        [path_wrenches(one, stays, stays + 1, {}, 2, np.zeros_like, np.zeros_like)[:, 1] for one in points]
+        [
+            path_wrenches(one, stays, stays + 1, {}, still, np.zeros_like, np.zeros_like)[:, 1]
+            for one in points
+        ]
     )
     return np.linalg.norm(ends - STARTS, axis=2), {bone: wrenches}, ends
 

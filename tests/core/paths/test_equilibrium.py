@@ -26,6 +26,7 @@ from vtkmuscle.core.paths.neighbours import (
 )
 from vtkmuscle.core.paths.ring_contact import add_rings, hold_in_rings, rings_at
 from vtkmuscle.core.paths.via_rings import via_ring
+from vtkmuscle.core.paths.wrenches import change_gradient
 from vtkmuscle.core.types import Floats
 
 PUSH, ROUNDING = 100.0, 0.3
@@ -102,16 +103,16 @@ class Sheet:
         return total
 
     def slopes(self, x):
-        """Return the gradient (f, n, 3), and blocks (f, n, 6) and directions (m, 2, 3) of its stiffness."""
+        """Return the gradient (f, n, 3), and blocks (f, n, 6) and couplings (m, 6) of its stiffness."""
         gradient, blocks = np.zeros_like(x), np.zeros((*x.shape[:2], 6))
-        directions = np.empty((len(self.neighbours.pairs), 2, 3))
+        couplings = np.empty((len(self.neighbours.pairs), 6))
         add_springs(x, self.held, self.pull, gradient, blocks)
         flat = x.reshape(-1, 3), gradient.reshape(-1, 3), blocks.reshape(-1, 6)
-        add_neighbours(*flat, self.neighbours, self.widths, directions)
+        add_neighbours(*flat, self.neighbours, self.widths, couplings)
         pressure = np.zeros((1, *x.shape[:2]))
         add_contacts(x, *self.contacts(x), PUSH, ROUNDING, gradient, blocks, pressure)
         add_rings(x, self.rings, self.points, PUSH, ROUNDING, gradient, blocks, np.zeros_like(pressure))
-        return gradient, blocks, directions
+        return gradient, blocks, couplings
 
 
 def test_the_forces_on_a_sheet_are_the_slopes_of_its_energy(rng):
@@ -130,7 +131,7 @@ def test_the_forces_on_a_sheet_are_the_slopes_of_its_energy(rng):
         assert gradient[path, point + 1, axis] == pytest.approx(slope, rel=1e-6, abs=1e-5)
 
 
-def stiffness(blocks, neighbours: Neighbours, directions: Floats):
+def stiffness(blocks, neighbours: Neighbours, couplings: Floats):
     """Return the matrix of the inner points, dense, and these points' numbers."""
     f, n, _ = blocks.shape
     matrix = np.zeros((f, n, 3, f, n, 3))
@@ -138,9 +139,9 @@ def stiffness(blocks, neighbours: Neighbours, directions: Floats):
         matrix[a, i, :, a, i] = full(blocks)[a, i]
         if i < n - 1:
             matrix[a, i, :, a, i + 1] = matrix[a, i + 1, :, a, i] = -np.eye(3)
-    for (p, q), held, ways in zip(neighbours.pairs, neighbours.stiffness, directions, strict=True):
+    for (p, q), coupling in zip(neighbours.pairs, full(couplings), strict=True):
         (a, i), (b, j) = divmod(p, n), divmod(q, n)
-        matrix[a, i, :, b, j] = matrix[b, j, :, a, i] = -np.einsum("d,di,dj->ij", held, ways, ways)
+        matrix[a, i, :, b, j] = matrix[b, j, :, a, i] = -coupling
     return matrix[:, 1:-1, :, :, 1:-1].reshape(f * (n - 2) * 3, -1)
 
 
@@ -148,14 +149,15 @@ def stiffness(blocks, neighbours: Neighbours, directions: Floats):
 @pytest.mark.parametrize(("left_over", "off"), [(1e-12, 1e-9), (0.1, 0.3)])
 def test_a_step_of_newtons_method_solves_its_equations(rng, left_over, off, as_one):
     sheet = Sheet(rng)
-    gradient, blocks, directions = sheet.slopes(sheet.x)
-    matrix = stiffness(blocks, sheet.neighbours, directions)
+    gradient, blocks, couplings = sheet.slopes(sheet.x)
+    matrix = stiffness(blocks, sheet.neighbours, couplings)
     assert np.linalg.eigvalsh(matrix).min() > 0.0
     step = np.empty_like(sheet.x)
     gradient[:, [0, -1]] = 0.0
-    work = np.empty_like(blocks), np.empty((4, *gradient.shape)), np.empty((4, 1, *blocks.shape[1:]))
-    prepare_solve(blocks, sheet.neighbours, directions, as_one, work[0], work[2])
-    slope = newton_step(gradient, blocks, sheet.neighbours, directions, as_one, left_over, *work, step)
+    f, n, _ = gradient.shape
+    held = blocks, sheet.neighbours.pairs, couplings, np.empty((f + 1, n, 6))
+    prepare_solve(*held)
+    slope = newton_step(gradient, *held, as_one, left_over, np.empty((4, f + 1, n, 3)), step)
     known = np.linalg.solve(matrix, -gradient[:, 1:-1].ravel()).reshape(step[:, 1:-1].shape)
     assert np.linalg.norm(step[:, 1:-1] - known) < off * np.linalg.norm(known)
     assert not step[:, [0, -1]].any()
@@ -167,7 +169,7 @@ def test_the_change_of_the_gradient_is_the_slope_of_springs_and_neighbours(rng):
     """Ends go as well, tangents turn and widths change: against central differences."""
     sheet = Sheet(rng)
     lengths = np.linalg.norm(np.diff(sheet.x, axis=1), axis=2).sum(axis=1) / rng.uniform(0.7, 1.4, 4)
-    velocity, pairs = rng.normal(size=(*sheet.x.shape, 2)), (len(sheet.neighbours.pairs), 2, 3)
+    velocity, pairs = rng.normal(size=(*sheet.x.shape, 2)), (len(sheet.neighbours.pairs), 6)
 
     def forces(x):
         gradient, blocks = np.zeros_like(x), np.zeros((*x.shape[:2], 6))
@@ -209,7 +211,9 @@ def test_the_load_of_a_ball_is_the_slope_of_its_force(rng):
     transforms[0, :3, :3] = Rotation.random(random_state=rng).as_matrix()
     transforms[0, :3, 3] = 5.0, -40.0, 70.0
     x = transforms[0, :3, 3] + (36.0 - depth) * ways
-    force, stiffness = contacts.load(0, x, transforms, contacts.at(x, transforms)[2][0])
+    near = contacts.proximity()
+    contacts.update(x, transforms, near)
+    force, stiffness = contacts.load(0, (2, 200), transforms, near)
     pushed = BONE_PUSH * depth
     inner = (slice(None), slice(1, -1))
     np.testing.assert_allclose(force[inner], (pushed * ways)[inner], atol=0.03 * BONE_PUSH)
@@ -232,14 +236,14 @@ def test_the_stiffness_of_springs_contacts_and_neighbours_is_the_slope_of_their_
 
     def forces(x):
         gradient, blocks = np.zeros_like(x), np.zeros((2, 5, 6))
-        directions = np.empty((len(neighbours.pairs), 2, 3))
+        couplings = np.empty((len(neighbours.pairs), 6))
         add_springs(x, held, pull, gradient, blocks)
         flat = gradient.reshape(-1, 3), blocks.reshape(-1, 6)
-        add_neighbours(x.reshape(-1, 3), *flat, neighbours, np.ones(2), directions)
+        add_neighbours(x.reshape(-1, 3), *flat, neighbours, np.ones(2), couplings)
         normals = np.tile([1.0, 0.0, 0.0], (1, 2, 5, 1))
         gaps = (x[..., 0] - 6.1 + 6.0 * (np.arange(2) == 0)[:, None])[None]
         add_contacts(x, gaps, normals, PUSH, ROUNDING, gradient, blocks, np.zeros((1, 2, 5)))
-        return gradient, stiffness(blocks, neighbours, directions)
+        return gradient, stiffness(blocks, neighbours, couplings)
 
     matrix = forces(x)[1]
     move = np.zeros_like(x)

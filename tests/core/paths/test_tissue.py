@@ -5,7 +5,7 @@ import pytest
 from phantom_paths import COURSES, fibres_along, strung_phantom
 
 from vtkmuscle.core.mesh.triangle_tree import triangle_tree
-from vtkmuscle.core.paths.tissue import directions_along, smoothed_along, tissue_between
+from vtkmuscle.core.paths.surroundings import directions_along, smoothed_along, tissue_between
 
 
 def between(make, across, outward, bone):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import NamedTuple
 
@@ -86,7 +87,7 @@ class BoneContacts:
 
     def __init__(self, bones: Mapping[int, Bone], standoff: Floats, segment: float) -> None:
         self.numbers, self._bones = list(bones), list(bones.values())
-        self._standoff = standoff.reshape(len(bones), -1)
+        self._standoff = standoff.reshape(len(bones), math.prod(standoff.shape[1:]))
         self.rounding = ROUNDING * segment
 
     def proximity(self) -> Proximity:

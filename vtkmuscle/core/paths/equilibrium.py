@@ -237,7 +237,9 @@ def _dot(a: Floats, b: Floats) -> float:
 
 
 @kernel
-def _precondition(inverses: Floats, as_one: bool, residual: Floats, solved: Floats) -> None:
+def _precondition(  # noqa: PLR0912 -- each kernel more costs time to compile
+    inverses: Floats, as_one: bool, residual: Floats, solved: Floats
+) -> None:
     """Write each path's solution by itself, (f + 1, n, 3); ``as_one`` adds that of the whole sheet, the last.
 
     Paths are in the inner loops: none waits for its own last result.

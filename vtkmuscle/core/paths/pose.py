@@ -126,10 +126,11 @@ class SheetPose:
     def look_at(self, x: Floats, push: float) -> None:
         """Compute the gradient of the energy at x (f, n, 3), about the middle, and its stiffness."""
         self.x, gradient, blocks, near = x, self.gradient, self._blocks, self._near
-        contacts, shape = self._sheet.contacts, self._pressure.shape
         add_springs(x, self._held, self._pull, gradient, blocks)
-        flat = (array.reshape(-1, array.shape[2]) for array in (x, gradient, blocks))
-        add_neighbours(*flat, self._sheet.neighbours, path_widths(x, self._sheet.lengths), self._couplings)
+        sheet, flat = self._sheet, (gradient.reshape(-1, 3), blocks.reshape(-1, 6))
+        widths = path_widths(x, sheet.lengths)
+        add_neighbours(x.reshape(-1, 3), *flat, sheet.neighbours, widths, self._couplings)
+        contacts, shape = sheet.contacts, self._pressure.shape
         contacts.update(x, self._moved, near)
         gaps, normals = near.gaps.reshape(shape), near.normals.reshape(*shape, 3)
         add_contacts(x, gaps, normals, push, contacts.rounding, gradient, blocks, self._pressure)
@@ -175,7 +176,8 @@ class SheetPose:
     @property
     def points(self) -> Floats:
         """Points that were looked at last, (f, n, 3) [mm]."""
-        return self.x + self._middle
+        points: Floats = self.x + self._middle
+        return points
 
     def wrenches(self) -> Floats:
         """Return the wrenches of the paths that were looked at last, about the origin, (f, b, 6)."""
@@ -198,7 +200,7 @@ class SheetPose:
             return result
 
         ends = sheet.start_bones, sheet.end_bones
-        wrenches = path_wrenches(x, *ends, loads, len(self._moved), change, step)
+        wrenches: Floats = path_wrenches(x, *ends, loads, self._moved, change, step)
         wrenches[:, :, 3:] += np.cross(self._middle, wrenches[:, :, :3])
         return wrenches
 

@@ -27,8 +27,8 @@ from vtkmuscle.core.types import Floats, Ints
 #: 33 and 65, which agree within 0.1 mm.
 POINTS = 33
 
-#: A sheet has settled where the next step of Newton's method would lower its energy by less than this part of
-#: that of its springs; a length errs by half of that part.
+#: A sheet has settled where a step of Newton's method lowers its energy by less than this part of that of its
+#: springs. Lengths of four muscles of a real hip err by 0.001 to 0.004 mm then (rms), and one by 0.07.
 TOLERANCE = 1e-7
 
 #: Steps of Newton's method in a pose, at most; 5 to 20 is what most take.
@@ -77,7 +77,7 @@ class PathState:
     ring_points: Ints
     contacts: Ints
     squeezed: Floats
-    settled: bool = True
+    settled: bool
 
     @property
     def lengths(self) -> Floats:
@@ -220,12 +220,11 @@ class MusclePaths:
             if number < steps:
                 pairs = zip(known, transforms, strict=True)
                 pose = np.array([screw_between(a, b, number / steps) for a, b in pairs])
-            state = self._settle(self._with_bones(state.points, _moves(last, pose)), pose)
-            last = pose
+            state, last = self._settle(self._with_bones(state.points, _moves(last, pose)), pose), pose
         return state
 
     def _carried(self, before: Floats, now: Floats) -> float:
-        """Return how far the bones carry the paths' ends against each other's bones, at most [mm]."""
+        """Return how far bones carry the starts and ends, seen from each other's bone, at most [mm]."""
         farthest = 0.0
         for mine, others, ends in (
             (self.start_bones, self.end_bones, self.fibres[:, 0]),
@@ -272,9 +271,8 @@ class MusclePaths:
             elif -slope < enough:
                 settled = True
                 break
-        return PathState(
-            self._sheet, pose.points, transforms, pose.ring_points, pose.contacts(), pose.squeezed(), settled
-        )
+        contacts, squeezed = pose.contacts(), pose.squeezed()
+        return PathState(self._sheet, pose.points, transforms, pose.ring_points, contacts, squeezed, settled)
 
 
 def half_thickness(surface: Floats, triangles: Ints) -> float:

@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 from vtkmuscle.core.jit import array_kernel, kernel
 from vtkmuscle.core.motion.blending import nearest_rotation
 from vtkmuscle.core.paths.sheet import MusclePaths, PathState
-from vtkmuscle.core.paths.tissue import directions_along
+from vtkmuscle.core.paths.surroundings import directions_along, less_the_last
 from vtkmuscle.core.types import Floats, Ints
 
 #: Paths that take a point of the surface along, at most: those of the nearest points of paths, of which so
@@ -190,10 +190,7 @@ def falling_weights(distances: Floats, least: float) -> Floats:
     Distances below ``least`` are all the same.
     """
     width = np.maximum(distances[:, -1:] / 2.0, least)
-    values = np.exp(-0.5 * (distances / width) ** 2)
-    less = values - values[:, -1:]
-    # Rounding does not choose among neighbours at one distance.
-    values = np.where(less[:, :1] > 1e-9, less, values)
+    values = less_the_last(np.exp(-0.5 * (distances / width) ** 2))
     weights: Floats = values / values.sum(axis=1, keepdims=True)
     return weights
 

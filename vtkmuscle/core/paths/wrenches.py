@@ -23,11 +23,11 @@ def path_wrenches(
     start_bones: Ints,
     end_bones: Ints,
     loads: Mapping[int, Load],
-    count: int,
+    transforms: Floats,
     change: Callable[[Floats], Floats],
     step: Callable[[Floats], Floats],
 ) -> Floats:
-    """Return the force and moment on the bones that a path of unit tension does its work by, (f, count, 6).
+    """Return the force and moment on the bones that a path of unit tension does its work by, (f, b, 6).
 
     As a bone moves by a small twist, the points fixed to it move, and what presses or holds the others goes
     with it; these move until all is in equilibrium again. Minus the change of a path's length per part of the
@@ -43,8 +43,8 @@ def path_wrenches(
         Bones of the ends.
     loads : mapping of int to Load
         Forces of each bone on the points.
-    count : int
-        Number of bones.
+    transforms : (b, 4, 4) array
+        Of the bones, rest to now.
     change : callable
         Takes velocities of the points (f, n, 3, 6), ends included, and returns how the energy's gradient
         changes with them, 0 at the ends.
@@ -54,11 +54,13 @@ def path_wrenches(
     segments = np.diff(points, axis=1)
     along = segments / np.maximum(np.linalg.norm(segments, axis=2, keepdims=True), np.finfo(float).tiny)
     middle = points.reshape(-1, 3).mean(axis=0)
-    wrenches = np.zeros((len(points), count, 6))
+    wrenches = np.zeros((len(points), len(transforms), 6))
     moving = sorted({*start_bones.tolist(), *end_bones.tolist(), *loads})
-    # Of a bone that shifts along the axes and turns about them.
+    # Of a bone that shifts along the axes of the first one and turns about them: how the scene lies does not
+    # matter.
+    axes = transforms[moving[0], :3, :3].T
     velocity = np.concatenate(
-        [np.broadcast_to(np.eye(3), (*points.shape, 3)), _turned(points - middle)], axis=3
+        [np.broadcast_to(axes.T, (*points.shape, 3)), _turned(points - middle, axes)], axis=3
     )
     # All bones that move together leave the lengths as they are: one follows from the others.
     for bone in moving[1:]:
@@ -69,17 +71,18 @@ def path_wrenches(
         if bone in loads:  # which go with it, and turn with it
             force, stiffness = loads[bone]
             gradient[:, 1:-1] -= (stiffness @ velocity)[:, 1:-1]
-            gradient[:, 1:-1, :, 3:] -= _turned(force)[:, 1:-1]
+            gradient[:, 1:-1, :, 3:] -= _turned(force, axes)[:, 1:-1]
         moved = given + _response(gradient, change, step)
         wrenches[:, bone] = -np.einsum("fni,fniv->fv", along, np.diff(moved, axis=1))
         wrenches[:, moving[0]] -= wrenches[:, bone]
+    wrenches = (wrenches.reshape(-1, 3) @ axes).reshape(wrenches.shape)
     wrenches[:, :, 3:] += np.cross(middle, wrenches[:, :, :3])
     return wrenches
 
 
-def _turned(vectors: Floats) -> Floats:
-    """Return how vectors (..., 3) change as they turn about each of the three axes, (..., 3, 3)."""
-    return np.stack([np.cross(axis, vectors) for axis in np.eye(3)], axis=-1)
+def _turned(vectors: Floats, axes: Floats) -> Floats:
+    """Return how vectors (..., 3) change as they turn about each of three axes (3, 3), (..., 3, 3)."""
+    return np.stack([np.cross(axis, vectors) for axis in axes], axis=-1)
 
 
 def _response(
