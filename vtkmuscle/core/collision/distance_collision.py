@@ -77,32 +77,18 @@ def resolve_distance_collisions(
     allowance: Floats | None = None,
     clearance: Clearance | None = None,
 ) -> Bools:
-    """Move the predicted positions that are in a bone, or came through it, out of it; return which, (n,).
+    """Move the predicted positions p that are in a bone, or came through it, out; return which, (n,).
 
-    In the bone's frame, a point nearer than the skin goes along the gradient to the skin. That is not where
-    it belongs if it came through the bone. So the path from its previous position, taken along with the bone,
-    to the predicted one is followed (sphere tracing, Hart 1996, doi:10.1007/s003710050084). If it goes down
-    to the bone at one place and comes up where the surface faces the other way (by more than 90 degrees), the
-    point stops at the first contact and goes on along the tangent plane.
+    In the bone's frame, a point nearer than the skin [mm] goes along the gradient to the skin. That is not
+    where it belongs if it came through the bone. So the path from its previous position x (n, 3), taken along
+    with the bone, to the predicted one is followed (sphere tracing, Hart 1996, doi:10.1007/s003710050084). If
+    it goes down to the bone at one place and comes up where the surface faces the other way (by more than 90
+    degrees), the point stops at the first contact and goes on along the tangent plane.
 
-    Parameters
-    ----------
-    bone : Bone
-        At rest.
-    now, step : (4, 4) arrays
-        Rigid transforms of the bone to now: from its axes, and from the previous frame.
-    x, p : (n, 3) arrays
-        Positions of the previous frame, and those predicted, which are changed in place [mm]; those that are
-        not finite, or have no finite distance from the bone, are left alone.
-    free : (n,) bool array
-        Points that may be moved.
-    skin : float, optional
-        Distance that points keep from the bone [mm], >= 0.
-    allowance : (n,) array, optional
-        How much deeper than the skin each point may be [mm], >= 0.
-    clearance : Clearance, optional
-        Points that it knows to be away from the bone are passed over; it is updated for the others. The bone
-        must stand still from one call to the next.
+    now, step : (4, 4), of the bone to now, from its axes, and from the previous frame. Only ``free`` points
+    (n,) with finite positions are moved. They may be deeper than the skin by their allowance (n,). Those that
+    the clearance knows to be away from the bone are passed over; it is updated for the others. The bone must
+    stand still from one call to the next.
     """
     known = Clearance(len(p)) if clearance is None else clearance
     moved, waiting = np.zeros(len(p), dtype=np.bool_), free.copy()

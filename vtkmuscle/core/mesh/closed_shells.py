@@ -29,12 +29,8 @@ def closed_shells(points: Floats, triangles: Ints) -> ClosedShells:
     Equal points are made one where the surface is open otherwise. Parts whose triangles disagree about their
     side are made consistent. A hole is closed by triangles from its rim to the rim's centre. A part that
     faces inward is turned round, so that a hollow in a bone counts as filled. There is a remark for each kind
-    of defect; a hollow is none.
-
-    Raises
-    ------
-    ValueError
-        If there is no triangle of three different points, or a coordinate is not finite.
+    of defect; a hollow is none. A ValueError says that there is no triangle of three different points, or a
+    coordinate is not finite.
     """
     points = np.asarray(points, dtype=np.float64)
     triangles = _proper(np.asarray(triangles, dtype=np.int64).reshape(-1, 3))

@@ -187,20 +187,7 @@ class Solids:
 def solids_of(points: Floats, triangles: Ints) -> Solids:
     """Return the parts of a surface, points (n, 3) and triangles (m, 3); closed where they are not.
 
-    Raises
-    ------
-    ValueError
-        If there is no triangle of three different points, or a coordinate is not finite.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from vtkmuscle.core.mesh.solids import solids_of
-    >>> points = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1.0]])
-    >>> triangles = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
-    >>> distance, outward = solids_of(points, triangles).exact([[0.2, 0.2, -1.0]])
-    >>> distance.tolist(), outward.tolist()
-    ([1.0], [[0.0, 0.0, -1.0]])
+    A ValueError says that there is no triangle of three different points, or a coordinate is not finite.
     """
     closed = closed_shells(points, triangles)
     parts: dict[bool, list[Ints]] = {True: [], False: []}
