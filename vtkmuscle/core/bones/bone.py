@@ -16,7 +16,6 @@ from vtkmuscle.core.bones.lookup import (
     NODES,
     SIDE,
     Field,
-    distance2_from_box,
     distance_at,
     least_distance_at,
     normal_at,
@@ -27,6 +26,7 @@ from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.mesh.sampling import space_order, uneven_weights
 from vtkmuscle.core.mesh.shared import shared
 from vtkmuscle.core.mesh.solids import FAR, Solids, solids_of
+from vtkmuscle.core.mesh.tree_search import distance2_to_box
 from vtkmuscle.core.motion.rigid import apply_transform, inverse, transform_point
 from vtkmuscle.core.types import Bools, Floats, Ints
 
@@ -178,9 +178,9 @@ class Bone:
         return True
 
     def _nothing(self) -> Field:
-        nothing, cell = np.zeros(2, dtype=np.int64), self.cell
         blocks = *_empty_table(1), np.empty((0, NODES**3))
-        return Field(*blocks, *self.box_along_axes, cell, 1.0 / cell, nothing)
+        box, cell = np.concatenate(self.box_along_axes), self.cell
+        return Field(*blocks, box, cell, 1.0 / cell, np.zeros(2, dtype=np.int64))
 
     def _measured(self, keys: Ints) -> Floats:
         """Return the exact distances at the nodes of blocks, (k, 125)."""
@@ -256,7 +256,7 @@ def _look_up(
         before = field.lacking[0]
         transform_point(axes, points, i, at)
         normal[0], normal[1], normal[2] = 0.0, 0.0, 0.0
-        least = np.sqrt(distance2_from_box(field, at))
+        least = np.sqrt(distance2_to_box(field.box, at[0], at[1], at[2]))
         if not least > max(within[i], 0.0):
             least = least_distance_at(field, at[0], at[1], at[2]) if within[i] < np.inf else -np.inf
         if least > within[i]:

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from vtkmuscle.core.bones.bone import Bone
-from vtkmuscle.core.bones.lookup import Field, distance2_from_box, distance_at, least_distance_at, normal_at
+from vtkmuscle.core.bones.lookup import Field, distance_at, least_distance_at, normal_at
 from vtkmuscle.core.jit import kernel
+from vtkmuscle.core.mesh.tree_search import distance2_to_box
 from vtkmuscle.core.motion.rigid import inverse, transform_point
 from vtkmuscle.core.types import Bools, Floats
 
@@ -137,7 +138,7 @@ def _resolve(
         transform_point(to_rest, p, i, end)
         apart, finite = False, True
         for k in range(3):
-            low, high = field.low[k] - margin, field.high[k] + margin
+            low, high = field.box[k] - margin, field.box[3 + k] + margin
             apart = apart or max(start[k], end[k]) < low or min(start[k], end[k]) > high
             finite = finite and np.isfinite(start[k]) and np.isfinite(end[k])
             wanted[k] = end[k]
@@ -147,7 +148,7 @@ def _resolve(
             continue
         before = field.lacking[0]
         # The bone is not nearer than its box, nor than the overview tells.
-        distance = np.sqrt(distance2_from_box(field, end))
+        distance = np.sqrt(distance2_to_box(field.box, end[0], end[1], end[2]))
         if distance <= margin:
             distance = least_distance_at(field, end[0], end[1], end[2])
         if distance <= margin:
@@ -290,7 +291,7 @@ def _span_in_box(
     """Return where a path enters and leaves the bone's box with a margin; in reverse order if it misses."""
     first, last = 0.0, length
     for k in range(3):
-        low, high = field.low[k] - margin - start[k], field.high[k] + margin - start[k]
+        low, high = field.box[k] - margin - start[k], field.box[3 + k] + margin - start[k]
         if direction[k] == 0.0:
             if low > 0.0 or high < 0.0:
                 return 1.0, 0.0

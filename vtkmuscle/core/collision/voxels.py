@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.jit import array_kernel, kernel
-from vtkmuscle.core.mesh.closed_shells import closed_shells
+from vtkmuscle.core.mesh.solids import closed_shells
 from vtkmuscle.core.motion.rigid import inverse, transform_point
 from vtkmuscle.core.types import Bools, Floats, Ints
 
