@@ -92,16 +92,9 @@ def check_name(path: Path) -> None:
 
 
 def check_is_file(path: Path, *, most: int = MOST_BYTES) -> None:
-    """Raise an error unless a path is a file of at most so many bytes.
+    """Raise a FileNotFoundError where a path is no file, an InputError where the file is too large.
 
     A named pipe would be waited for, and a device be read for ever.
-
-    Raises
-    ------
-    FileNotFoundError
-        If there is no such file.
-    ValueError
-        If it is too large.
     """
     check_name(path)
     if path.is_dir():

@@ -125,11 +125,6 @@ def convergence_error(coarse: ArrayLike, fine: ArrayLike, *, order: float) -> Fl
     return error
 
 
-def convergence_error_of_fine(coarse: ArrayLike, fine: ArrayLike, *, order: float) -> Floats:
-    """Return the error of the finer of two solutions: 1 / 2^p of that of the coarser one."""
-    return np.asarray(convergence_error(coarse, fine, order=order) / 2.0**order)
-
-
 #: Chords are shorter than arcs by the square of the segments' length.
 CHORD_ORDER = 2.0
 
@@ -137,16 +132,12 @@ CHORD_ORDER = 2.0
 def segment_errors(points: Floats, offsets: Ints) -> Floats:
     """Return by how much polylines are shorter than the curves that they stand for, (k,) [mm].
 
-    An expanded uncertainty, from the lengths by all points (n, 3) and by every second point.
+    An expanded uncertainty, from the lengths by all points (n, 3), and by every second point and the last.
     """
-    fine = polyline_lengths(points, offsets)
-    return convergence_error_of_fine(_every_second(points, offsets), fine, order=CHORD_ORDER)
-
-
-def _every_second(points: Floats, offsets: Ints) -> Floats:
-    """Return the lengths (k,) by every second point and the last one."""
     counts = np.diff(offsets)
     place = np.arange(len(points)) - np.repeat(offsets[:-1], counts)
     kept = (place % 2 == 0) | (place == np.repeat(counts, counts) - 1)
     firsts = np.concatenate([[0], np.cumsum(kept)])[offsets]
-    return polyline_lengths(points[kept], firsts)
+    coarse, fine = polyline_lengths(points[kept], firsts), polyline_lengths(points, offsets)
+    # The error of the finer of two solutions is 1 / 2^p of that of the coarser one.
+    return np.asarray(convergence_error(coarse, fine, order=CHORD_ORDER) / 2.0**CHORD_ORDER)

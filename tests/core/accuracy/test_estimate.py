@@ -8,7 +8,6 @@ import pytest
 from vtkmuscle.core.estimate import (
     Estimate,
     convergence_error,
-    convergence_error_of_fine,
     expanded_of_bounds,
     expanded_of_samples,
     root_of_squares,
@@ -51,7 +50,6 @@ def test_report_of_an_estimate_adds_up():
 def test_three_times_the_error_is_stated_where_convergence_is_of_the_order_assumed(order):
     coarse, fine = 7.0 + 0.8 * np.array([1.0, 0.5]) ** order
     assert convergence_error(coarse, fine, order=order) == pytest.approx(3.0 * (coarse - 7.0))
-    assert convergence_error_of_fine(coarse, fine, order=order) == pytest.approx(3.0 * (fine - 7.0))
 
 
 def lines_of(*lines):

@@ -1,6 +1,7 @@
 """The published quality against Kohout and Cervenka 2021 written out from the paper alone."""
 
 import math
+from functools import cached_property
 
 import kohout2021 as paper
 import numpy as np
@@ -41,20 +42,24 @@ class Both:
         muscle = scene.muscles[name].surface
         self.fixed = FixedPointDetector(**fixing).apply(muscle, bones, areas)
         chain = decompose(muscle, areas, published="kohout2014", n_fibres=20, resolution=15)
-        self.fibres = fibres = chain.output
+        self.fibres = chain.output
         self.settings = {"quality": "published", "iterations": iterations, "anisotropy": anisotropy}
         self.settings |= {"collision": "off"} if n_voxels is None else {"n_voxels": n_voxels}
         self.product = self.deformed(self.fixed)
         self.points, self.triangles = checked_surface(self.fixed, name)
         self.fixed_to = np.asarray(point_array(self.fixed, "FixedTo", name))
-        lines = polylines_of(fibres, name)
+        self.name, self.n_voxels, self.anisotropy = name, n_voxels, anisotropy
+
+    @cached_property
+    def paper(self):
+        lines = polylines_of(self.fibres, self.name)
         parts = [lines.points[a:b] for a, b in zip(lines.offsets[:-1], lines.offsets[1:], strict=True)]
         solids = {}
-        if n_voxels is not None:
-            for index, (_, bone) in enumerate(blocks_of(bones)):
-                solids[index] = paper.Voxels(*checked_surface(bone, "bone"), n_voxels)
-        parts = parts if anisotropy else ()
-        self.paper = paper.Muscle(self.points, self.triangles, self.fixed_to, parts, solids)
+        if self.n_voxels is not None:
+            for index, (_, bone) in enumerate(blocks_of(self.scene.bones_data())):
+                solids[index] = paper.Voxels(*checked_surface(bone, "bone"), self.n_voxels)
+        parts = parts if self.anisotropy else ()
+        return paper.Muscle(self.points, self.triangles, self.fixed_to, parts, solids)
 
     def deformed(self, muscle):
         """Return the product's deformer of a muscle with fixed points."""

@@ -7,7 +7,7 @@ import pytest
 from shapes import ball, box, distance_to_box, sphere, union
 
 from vtkmuscle.core.bones.bone import Bone
-from vtkmuscle.core.mesh.closed_shells import closed_shells
+from vtkmuscle.core.mesh.solids import closed_shells
 
 PLATE = (0.0, 0.0, 0.0), (20.0, 20.0, 0.6)
 FAR_PLATE = (100.0, 0.0, 0.0), (120.0, 20.0, 0.6)

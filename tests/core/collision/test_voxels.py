@@ -16,7 +16,7 @@ from vtkmuscle.core.collision.voxels import (
     OUTSIDE,
     build_voxel_grid,
 )
-from vtkmuscle.core.mesh.closed_shells import closed_shells
+from vtkmuscle.core.mesh.solids import closed_shells
 from vtkmuscle.core.mesh.surface import signed_volume
 from vtkmuscle.data.arrays import checked_surface
 

@@ -87,22 +87,9 @@ class Algorithm2:
     """Deforms a muscle with the bones it is fixed to: :meth:`step` is Algorithm 2 as printed.
 
     The solver holds what does not change. :meth:`step` takes a state and gives the next, so that states can
-    be kept and gone back to.
-
-    Parameters
-    ----------
-    muscle : FixedMuscle
-        The muscle. Edges are soft along its fibres, or, where it has none, along the harmonic function
-        between its ends.
-    parameters : Parameters
-        Settings.
-    obstacles : sequence of Obstacle, optional
-        Bones that free points are kept out of.
-
-    Raises
-    ------
-    ValueError
-        If the surface is open or encloses no volume, or if no fibre has a length.
+    be kept and gone back to. Edges are soft along the muscle's fibres, or, where it has none, along the
+    harmonic function between its ends. A ValueError says that the surface is open or encloses no volume, or
+    that no fibre has a length.
     """
 
     def __init__(
@@ -149,16 +136,9 @@ class Algorithm2:
     ) -> State:
         """Return the state after the bones have moved on; raise a ValueError if a position overflows.
 
-        Parameters
-        ----------
-        state : State
-            Of the muscle before; not changed.
-        transforms : (b, 4, 4) array
-            Of the bones now, rest to now.
-        neighbours : sequence of Neighbour, optional
-            Other muscles as they are now, to keep the free points out of.
-        progress : callable, optional
-            Called after each iteration with the part of the step that is done; may raise, to stop.
+        The transforms (b, 4, 4) lead from rest to now. Free points are kept out of the neighbours, too.
+        ``progress`` is called after each iteration with the part of the step that is done; it may raise, to
+        stop.
         """
         settings, free = self.parameters, self._free
         x, v, dt = state.positions, state.velocities, settings.dt

@@ -16,7 +16,6 @@ from vtkmuscle.core.bones.lookup import (
     NODES,
     SIDE,
     Field,
-    distance2_from_box,
     distance_at,
     least_distance_at,
     normal_at,
@@ -27,6 +26,7 @@ from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.mesh.sampling import space_order, uneven_weights
 from vtkmuscle.core.mesh.shared import shared
 from vtkmuscle.core.mesh.solids import FAR, Solids, solids_of
+from vtkmuscle.core.mesh.tree_search import distance2_to_box
 from vtkmuscle.core.motion.rigid import apply_transform, inverse, transform_point
 from vtkmuscle.core.types import Bools, Floats, Ints
 
@@ -45,7 +45,7 @@ _ORDER = space_order(_LATTICE.astype(np.float64))
 
 
 class Bone:
-    """A bone in its rest pose.
+    """A bone in its rest pose, points (n, 3) [mm] and triangles (m, 3), which are not changed afterwards.
 
     :meth:`exact` measures distances from the triangles, in a microsecond or two for each point. :meth:`field`
     looks them up, in a few hundredths of that, between the nodes of a lattice along the bone's own axes,
@@ -53,36 +53,18 @@ class Bone:
     alone, to the last digit. Nothing is built of a bone that nobody comes near, and several threads may ask
     one bone.
 
-    Parameters
-    ----------
-    points, triangles : (n, 3) array, (m, 3) int array
-        Positions at rest [mm]; point ids. Not changed afterwards.
-    cell : float, optional
-        Distance of neighbouring nodes [mm], > 0; the bone's diagonal / :data:`CELLS_PER_DIAGONAL` by default.
-
-    Attributes
-    ----------
-    box : tuple of (3,) arrays
-        Lowest and highest corner of the bone's box at rest [mm].
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from vtkmuscle.core.bones.bone import Bone
-    >>> corners = np.array([[x, y, z] for x in (0, 9) for y in (0, 9) for z in (0, 9.0)])
-    >>> faces = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
-    >>> bone = Bone(corners, np.array([t for a, b, c, d in faces for t in ((a, b, c), (a, c, d))]))
-    >>> distance, outward = bone.field([[4.0, 5.0, 11.0], [4.0, 5.0, 8.5]])
-    >>> distance.round(9).tolist(), np.abs(outward).round(9).tolist()
-    ([2.0, -0.5], [[0.0, 0.0, 1.0], [0.0, 0.0, 1.0]])
+    Neighbouring nodes are ``cell`` > 0 apart [mm], by default the bone's diagonal /
+    :data:`CELLS_PER_DIAGONAL`.
     """
 
     def __init__(self, points: Floats, triangles: Ints, *, cell: float | None = None) -> None:
         if cell is not None and not (np.isfinite(cell) and cell > 0.0):
             raise InputError("", f"the cell of a bone's field must be finite and > 0, got {cell:g} mm")
         self.points, self.triangles = points, triangles
+        #: Lowest and highest corner of the bone's box at rest [mm].
         self.box: tuple[Floats, Floats] = points.min(axis=0), points.max(axis=0)
-        self._cell = cell
+        if cell is not None:
+            self.cell = cell
         self._known: Field | None = None
         self._places: dict[int, int] = {}
         self._lock = Lock()
@@ -103,11 +85,9 @@ class Bone:
         along = apply_transform(self.axes, self.points)
         return along.min(axis=0), along.max(axis=0)
 
-    @property
+    @cached_property
     def cell(self) -> float:
         """Distance of neighbouring nodes of the field [mm]."""
-        if self._cell is not None:
-            return self._cell
         low, high = self.box_along_axes
         return float(np.linalg.norm(high - low)) / CELLS_PER_DIAGONAL
 
@@ -142,24 +122,13 @@ class Bone:
         return depth
 
     def field(self, points: ArrayLike, *, within: ArrayLike = np.inf) -> tuple[Floats, Floats]:
-        """Return the trilinear distances of points in the field, and the directions in which they grow.
+        """Return the trilinear distances (n,) [mm] of points (n, 3) at rest, negative inside, and directions.
 
-        Parameters
-        ----------
-        points : (n, 3) array
-            At rest [mm].
-        within : float or (n,) array, optional
-            Distance that matters [mm]: points that are surely farther away are not looked up.
-
-        Returns
-        -------
-        distance : (n,) array
-            Negative inside [mm]; a bound beyond ``within`` for points that are not looked up, and
-            :data:`~vtkmuscle.core.mesh.solids.FAR` for those that are not finite. Within sqrt(3) / 2 of a
-            cell of the exact distance; beside a smooth surface of radius R about cell^2 / (4 R) off.
-        outward : (n, 3) array
-            Unit vectors, continuous, by differences over a cell; 0 where there is no distance, and where it
-            grows in no direction.
+        They are within sqrt(3) / 2 of a cell of the exact distance, and beside a smooth surface of radius R
+        about cell^2 / (4 R) off. Points that are surely farther away than ``within`` [mm] are not looked up,
+        and get a bound beyond that; points that are not finite get :data:`~vtkmuscle.core.mesh.solids.FAR`.
+        Directions (n, 3) in which the distance grows are unit vectors, continuous, by differences over a
+        cell; 0 where there is no distance, and where it grows in no direction.
         """
         positions = np.ascontiguousarray(points, dtype=np.float64)
         distance, outward = np.empty(len(positions)), np.empty((len(positions), 3))
@@ -209,9 +178,9 @@ class Bone:
         return True
 
     def _nothing(self) -> Field:
-        nothing, cell = np.zeros(2, dtype=np.int64), self.cell
         blocks = *_empty_table(1), np.empty((0, NODES**3))
-        return Field(*blocks, *self.box_along_axes, cell, 1.0 / cell, nothing)
+        box, cell = np.concatenate(self.box_along_axes), self.cell
+        return Field(*blocks, box, cell, 1.0 / cell, np.zeros(2, dtype=np.int64))
 
     def _measured(self, keys: Ints) -> Floats:
         """Return the exact distances at the nodes of blocks, (k, 125)."""
@@ -287,7 +256,7 @@ def _look_up(
         before = field.lacking[0]
         transform_point(axes, points, i, at)
         normal[0], normal[1], normal[2] = 0.0, 0.0, 0.0
-        least = np.sqrt(distance2_from_box(field, at))
+        least = np.sqrt(distance2_to_box(field.box, at[0], at[1], at[2]))
         if not least > max(within[i], 0.0):
             least = least_distance_at(field, at[0], at[1], at[2]) if within[i] < np.inf else -np.inf
         if least > within[i]:

@@ -46,8 +46,7 @@ class Field(NamedTuple):
     keys: Ints  # (c,), hash table of the blocks, c a power of 2
     places: Table  # (c,), rows of their values
     values: Floats  # (n, 125), signed distances at the nodes of each block, 5 along each axis in C order [mm]
-    low: Floats  # (3,), corners of the bone's box along its axes [mm]
-    high: Floats
+    box: Floats  # (6,), low and high corner of the bone's box along its axes [mm]
     cell: float  # distance of neighbouring nodes [mm], one of which is at the origin of the axes
     per_mm: float  # its inverse
     lacking: Ints  # (2 + m,), number of look-ups in unknown blocks, number of blocks noted, their keys
@@ -225,13 +224,3 @@ def _value(p: float, q: float, r: float, t: float) -> float:
 def _growth(p: float, q: float, r: float, t: float) -> float:
     """Return the growth of that interpolation from half a cell before t to half a cell after."""
     return (1.5 - t) * (q - p) + (t - 0.5) * (r - q)
-
-
-@kernel
-def distance2_from_box(field: Field, at: Floats) -> float:
-    """Return the squared distance of a position (3,) from the bone's box [mm^2]."""
-    total = 0.0
-    for k in range(3):
-        outside = max(field.low[k] - at[k], at[k] - field.high[k], 0.0)
-        total += outside * outside
-    return total

@@ -76,22 +76,14 @@ class Barrier:
 
 
 class Contact:
-    """A muscle and the bones during one step.
+    """A muscle and the bones during one step, and other muscles; a bone wins against these.
 
     The boxes of all bones are first compared with that of the free points' path, so that far bones cost next
     to nothing. Where points slide along the bones, their path is followed from one call to the next. A point
     that is known to be away from a bone is not tested again before it has moved that far.
 
-    Parameters
-    ----------
-    barrier : Barrier
-        The bones and the muscle.
-    now, before : (b, 4, 4) arrays
-        Transforms of all bones, rest to now and to the previous frame, of points relative to the centre.
-    x : (n, 3) array
-        Positions of the previous frame, relative to the centre [mm].
-    muscles : MuscleContact, optional
-        Other muscles to keep out of; where they press a muscle into a bone, the bone wins.
+    now, before : (b, 4, 4), transforms of all bones, rest to now and to the previous frame, of points
+    relative to the centre;  x : (n, 3), positions of the previous frame, relative to the centre [mm].
     """
 
     def __init__(

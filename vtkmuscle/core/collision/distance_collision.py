@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from vtkmuscle.core.bones.bone import Bone
-from vtkmuscle.core.bones.lookup import Field, distance2_from_box, distance_at, least_distance_at, normal_at
+from vtkmuscle.core.bones.lookup import Field, distance_at, least_distance_at, normal_at
 from vtkmuscle.core.jit import kernel
+from vtkmuscle.core.mesh.tree_search import distance2_to_box
 from vtkmuscle.core.motion.rigid import inverse, transform_point
 from vtkmuscle.core.types import Bools, Floats
 
@@ -77,32 +78,18 @@ def resolve_distance_collisions(
     allowance: Floats | None = None,
     clearance: Clearance | None = None,
 ) -> Bools:
-    """Move the predicted positions that are in a bone, or came through it, out of it; return which, (n,).
+    """Move the predicted positions p that are in a bone, or came through it, out; return which, (n,).
 
-    In the bone's frame, a point nearer than the skin goes along the gradient to the skin. That is not where
-    it belongs if it came through the bone. So the path from its previous position, taken along with the bone,
-    to the predicted one is followed (sphere tracing, Hart 1996, doi:10.1007/s003710050084). If it goes down
-    to the bone at one place and comes up where the surface faces the other way (by more than 90 degrees), the
-    point stops at the first contact and goes on along the tangent plane.
+    In the bone's frame, a point nearer than the skin [mm] goes along the gradient to the skin. That is not
+    where it belongs if it came through the bone. So the path from its previous position x (n, 3), taken along
+    with the bone, to the predicted one is followed (sphere tracing, Hart 1996, doi:10.1007/s003710050084). If
+    it goes down to the bone at one place and comes up where the surface faces the other way (by more than 90
+    degrees), the point stops at the first contact and goes on along the tangent plane.
 
-    Parameters
-    ----------
-    bone : Bone
-        At rest.
-    now, step : (4, 4) arrays
-        Rigid transforms of the bone to now: from its axes, and from the previous frame.
-    x, p : (n, 3) arrays
-        Positions of the previous frame, and those predicted, which are changed in place [mm]; those that are
-        not finite, or have no finite distance from the bone, are left alone.
-    free : (n,) bool array
-        Points that may be moved.
-    skin : float, optional
-        Distance that points keep from the bone [mm], >= 0.
-    allowance : (n,) array, optional
-        How much deeper than the skin each point may be [mm], >= 0.
-    clearance : Clearance, optional
-        Points that it knows to be away from the bone are passed over; it is updated for the others. The bone
-        must stand still from one call to the next.
+    now, step : (4, 4), of the bone to now, from its axes, and from the previous frame. Only ``free`` points
+    (n,) with finite positions are moved. They may be deeper than the skin by their allowance (n,). Those that
+    the clearance knows to be away from the bone are passed over; it is updated for the others. The bone must
+    stand still from one call to the next.
     """
     known = Clearance(len(p)) if clearance is None else clearance
     moved, waiting = np.zeros(len(p), dtype=np.bool_), free.copy()
@@ -151,7 +138,7 @@ def _resolve(
         transform_point(to_rest, p, i, end)
         apart, finite = False, True
         for k in range(3):
-            low, high = field.low[k] - margin, field.high[k] + margin
+            low, high = field.box[k] - margin, field.box[3 + k] + margin
             apart = apart or max(start[k], end[k]) < low or min(start[k], end[k]) > high
             finite = finite and np.isfinite(start[k]) and np.isfinite(end[k])
             wanted[k] = end[k]
@@ -161,7 +148,7 @@ def _resolve(
             continue
         before = field.lacking[0]
         # The bone is not nearer than its box, nor than the overview tells.
-        distance = np.sqrt(distance2_from_box(field, end))
+        distance = np.sqrt(distance2_to_box(field.box, end[0], end[1], end[2]))
         if distance <= margin:
             distance = least_distance_at(field, end[0], end[1], end[2])
         if distance <= margin:
@@ -304,7 +291,7 @@ def _span_in_box(
     """Return where a path enters and leaves the bone's box with a margin; in reverse order if it misses."""
     first, last = 0.0, length
     for k in range(3):
-        low, high = field.low[k] - margin - start[k], field.high[k] + margin - start[k]
+        low, high = field.box[k] - margin - start[k], field.box[3 + k] + margin - start[k]
         if direction[k] == 0.0:
             if low > 0.0 or high < 0.0:
                 return 1.0, 0.0

@@ -107,8 +107,7 @@ class VoxelObstacle(Obstacle):
         name: str = "bone",
     ) -> None:
         super().__init__(bone, points, triangles, name)
-        self.n_max, self.n_equal = n_max, n_equal
-        self.settings = n_max, n_equal
+        self.settings = self.n_max, self.n_equal = n_max, n_equal
         # No voxel reaches farther over the bone's box than it is long.
         self.margin = 2.0 * self.diagonal / (n_equal or max(n_max, 1) ** (1.0 / 3.0))
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.jit import array_kernel, kernel
-from vtkmuscle.core.mesh.closed_shells import closed_shells
+from vtkmuscle.core.mesh.solids import closed_shells
 from vtkmuscle.core.motion.rigid import inverse, transform_point
 from vtkmuscle.core.types import Bools, Floats, Ints
 
@@ -45,9 +45,7 @@ class VoxelGrid:
 
     origin: Floats  # (3,), lowest corner of cell (0, 0, 0) [mm]
     spacing: Floats  # (3,), size of a cell [mm]
-    cells: (
-        Cells  # (nx, ny, nz), OUTSIDE, BOUNDARY (a triangle meets it) or INSIDE; the outer layer is OUTSIDE
-    )
+    cells: Cells  # (nx, ny, nz), OUTSIDE, BOUNDARY (a triangle meets it) or INSIDE; outermost OUTSIDE
 
     def contains(self, points: Floats) -> Bools:
         """Return whether each point (n, 3) [mm, rest pose] lies in a boundary or inside cell, (n,).
@@ -202,26 +200,17 @@ def _flood_outside(cells: Cells) -> None:
 def resolve_collisions(
     grid: VoxelGrid, now: Floats, step: Floats, x: Floats, p: Floats, free: Bools, *, bone_push: bool
 ) -> Bools:
-    """Move the predicted positions that are in a bone out of it; return which were moved, (n,).
+    """Move the predicted positions p that are in a bone out of it, in place; return which were moved, (n,).
 
     Kohout and Cervenka 2021, section 3.2. A point whose predicted position is in a boundary or inside cell
-    collides (but see :data:`~vtkmuscle.core.collision.voxels.ON_A_FACE`). If its previous position is outside
-    the bone as the bone is now (scenario one, the muscle hits the bone), the segment from p to x is followed
-    to the first outside cell: if x is in that cell p becomes x, else p becomes the point where the segment
-    enters the cell. If not (scenario two, the bone hits the muscle), p becomes x moved by the bone's step.
+    collides (but see :data:`~vtkmuscle.core.collision.voxels.ON_A_FACE`). If its previous position x is
+    outside the bone as the bone is now (scenario one, the muscle hits the bone), the segment from p to x is
+    followed to the first outside cell: if x is in that cell p becomes x, else p becomes the point where the
+    segment enters the cell. If not (scenario two, the bone hits the muscle), p becomes x moved by the bone's
+    step; ``bone_push`` of False leaves p as it is then (section 4.2, the iliacus).
 
-    Parameters
-    ----------
-    grid : VoxelGrid
-        The bone at rest.
-    now, step : (4, 4) arrays
-        Rigid transforms of the bone to now: from rest, and from the previous frame.
-    x, p : (n, 3) arrays
-        Positions of the previous frame, and those predicted, which are changed in place [mm].
-    free : (n,) bool array
-        Points that may be moved.
-    bone_push : bool
-        False leaves p as it is in scenario two (Kohout and Cervenka 2021, section 4.2, the iliacus).
+    now, step : (4, 4), of the bone to now, from rest and from the previous frame;  x, p : (n, 3) [mm]; free :
+    (n,), points that may be moved.
     """
     moved, where = np.zeros(len(p), dtype=np.bool_), (grid.cells, grid.origin, grid.spacing)
     _resolve(*where, now, inverse(now), step, x, p, free, bone_push, moved)

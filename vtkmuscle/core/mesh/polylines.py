@@ -115,13 +115,7 @@ def segments(points: Floats, offsets: Ints) -> tuple[Floats, Floats]:
 
 
 def proper_segments(points: Floats, offsets: Ints) -> tuple[Floats, Floats, Floats]:
-    """Return both ends (s, 3) of the segments that have a length, and their lengths (s,).
-
-    Raises
-    ------
-    ValueError
-        If no fibre has a length.
-    """
+    """Return both ends (s, 3) of the segments that have a length, and their lengths (s,); at least one."""
     a, b = segments(points, offsets)
     lengths = np.linalg.norm(b - a, axis=1)
     proper = lengths > 0.0
@@ -141,13 +135,7 @@ def segment_distances(points: Floats, a: Floats, b: Floats) -> Floats:
 
 
 def fibre_directions_at(queries: Floats, fibre_points: Floats, offsets: Ints) -> Floats:
-    """Return the unit direction (q, 3) of the fibre segment nearest to each of some positions (q, 3).
-
-    Raises
-    ------
-    ValueError
-        If no fibre has a length.
-    """
+    """Return the unit direction (q, 3) of the fibre segment nearest to each of some positions (q, 3)."""
     a, b, lengths = proper_segments(fibre_points, offsets)
     nearest = nearest_segments(queries, a, b)
     return (b[nearest] - a[nearest]) / lengths[nearest, None]

@@ -129,18 +129,8 @@ def hinge(
     n2) . e / (|e| |n1| |n2|) and cos phi = n1 . n2 / (|n1| |n2|): it is 0 where flat, positive where convex.
     As n1 is normal to e, (n1 x n2) . e = -|e|^2 n1 . (p4 - p1).
 
-    Returns
-    -------
-    proper : bool
-        Whether both triangles have a normal, by the tangent of the corner at p1.
-    sine, cosine : float
-        Both times |n1| |n2|.
-    ee, ae, be : float
-        |e|^2, (p3 - p1) . e, (p4 - p1) . e.
-    n11, n22 : float
-        |n1|^2, |n2|^2.
-    n1x, n1y, n1z, n2x, n2y, n2z : float
-        The normals.
+    Returns whether both triangles have a normal, by the tangent of the corner at p1; the sine and the cosine
+    of phi, times |n1| |n2|; |e|^2, (p3 - p1) . e, (p4 - p1) . e; |n1|^2, |n2|^2; the normals n1, n2.
     """
     ex, ey, ez = x2 - x1, y2 - y1, z2 - z1
     ax, ay, az = x3 - x1, y3 - y1, z3 - z1
@@ -220,12 +210,7 @@ class RestShape:
     """Lengths, angles and volume of a closed surface at rest, points (n, 3) [mm].
 
     The directions (k, 3) are those of the fibres at each edge, 0 where there is none: edges along and across
-    them are compared apart.
-
-    Raises
-    ------
-    ValueError
-        If the surface is open or encloses no volume.
+    them are compared apart. A ValueError says that the surface is open or encloses no volume.
     """
 
     def __init__(self, points: Floats, topology: MeshTopology, directions: Floats | None = None) -> None:

@@ -83,7 +83,6 @@ class PatchSamples:
         self._parts = parts if sizes.sum() > 0 else patch[:, None]
         self._points, self._sizes = points, sizes
         self._dense: dict[tuple[int, int], Floats] = {}
-        self._trees: dict[int, cKDTree] = {}
         self._even = RecentlyUsed(MOST_KEPT)
 
     def dense(self, count: int, *, seed: int = 0) -> Floats:
@@ -96,10 +95,7 @@ class PatchSamples:
 
     def tree(self, count: int) -> cKDTree:
         """Return the search tree of at least `count` positions of even density."""
-        positions = self.dense(count)
-        if len(positions) not in self._trees:
-            self._trees[len(positions)] = cKDTree(positions)
-        return self._trees[len(positions)]
+        return cKDTree(self.dense(count))
 
     def even(self, count: int, *, direction: Floats, above: float, seed: int = 0) -> Floats:
         """Return positions, (count, 3), spread over the part above a height along a direction.
@@ -198,16 +194,11 @@ def samples_inside(inside: Callable[[Floats], Bools], points: Floats, count: int
 
     They stand in columns along the body's longest axis, one layer above the other: the middle of a fibre,
     taken from the positions beside it, then has the same error all along it, which does not bend the fibre.
-    The columns come from a low-discrepancy sequence: more positions begin with the same ones.
+    The columns come from a low-discrepancy sequence: more positions begin with the same ones. There are fewer
+    than ``count`` >= 1 where the body has next to no volume.
 
-    Parameters
-    ----------
-    inside : callable
-        From positions (n, 3) to whether they are in the body (n,).
-    points : (m, 3) array
-        Of its surface [mm].
-    count : int
-        Number of positions, >= 1; there are fewer where the body has next to no volume.
+    inside : tells of positions (n, 3) whether they are in the body (n,);  points : (m, 3), of its surface
+    [mm].
     """
     centre, axes = own_axes(points)
     along = (points - centre) @ axes.T

@@ -183,9 +183,7 @@ class MeshTopology:
     n_points: int
     triangles: Ints  # (m, 3)
     edges: Ints  # (k, 2), each undirected edge once, sorted, the smaller point id first
-    edge_triangles: (
-        Ints  # (k, 2), two triangles beside each edge, -1 where there is none; never more than two
-    )
+    edge_triangles: Ints  # (k, 2), two of the triangles beside each edge, -1 where there is none
     #: (q, 4), for each edge of exactly two triangles (p1, p2, p3, p4): p1 to p2 is the edge as the first
     #: triangle (p1, p2, p3) runs through it, p4 is the other's third point. In the order of ``edges``.
     quads: Ints
@@ -225,12 +223,8 @@ def mesh_topology(n_points: int, triangles: Ints) -> MeshTopology:
 def opposite_half_edges(triangles: Ints) -> Ints:
     """Return for each half-edge (3 m,) of a closed surface the one along it in the other triangle.
 
-    Half-edge 3 i + j runs from corner j of triangle i to the next corner.
-
-    Raises
-    ------
-    ValueError
-        If the surface is open, or neighbouring triangles face different sides.
+    Half-edge 3 i + j runs from corner j of triangle i to the next corner. A ValueError says that the surface
+    is open, or neighbouring triangles face different sides.
     """
     directed, edge_of = half_edges(triangles), numbered_edges(triangles)[1]
     opposite = np.full(len(directed), -1, dtype=np.int64)

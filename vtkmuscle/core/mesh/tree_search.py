@@ -204,20 +204,11 @@ def search_in_packets(
 
     A packet goes through the tree as one: into each box that may be nearest to any of its points. Points on a
     lattice need nearly the same boxes, and a packet takes a third of the time of its points; points far apart
-    take many times as long.
+    take many times as long. What is written for a run of ``run`` points does not depend on the runs before
+    it, to the last digit.
 
-    Parameters
-    ----------
-    corners, boxes, discs : (m, 3, 3), (2^k - 1, 6), (2^(k - 1), 8) arrays
-        Of a :class:`~vtkmuscle.core.mesh.triangle_tree.TriangleTree`.
-    queries : (q, 3) array
-        Positions; those of a packet follow each other.
-    run : int
-        Points of a run, >= 1, whose results do not depend on the runs before it, to the last digit.
-    places : (q,) int array
-        Written: places in the tree's order.
-    stack, lanes : (64,) int array, (5, LANES) array
-        Working memory.
+    corners, boxes, discs : of a :class:`~vtkmuscle.core.mesh.triangle_tree.TriangleTree`; queries : (q, 3);
+    places : (q,), written: places in the tree's order; stack, lanes : (64,), (5, LANES), working memory.
     """
     n_leaves = (len(boxes) + 1) // 2
     x, y, z, best, bound = lanes[0], lanes[1], lanes[2], lanes[3], lanes[4]

@@ -40,23 +40,11 @@ class JointFit:
 
 
 def fitted_ball(points: Floats, normals: Floats, areas: Floats, seeds: Bools) -> JointFit:
-    """Return the ball that fits the part of a bone around some points.
+    """Return the ball that fits the part of a bone around some points, the seeds (n,).
 
-    Least squares in rounds: of the seeds at first, then of all points that lie on the last ball.
-
-    Parameters
-    ----------
-    points, normals : (n, 3) array
-        Of the bone's surface [mm]; unit, outward.
-    areas : (n,) array
-        Of the surface around each point [mm^2].
-    seeds : (n,) bool array
-        Points that face the other bone.
-
-    Raises
-    ------
-    ValueError
-        If fewer than 12 points lie on a ball.
+    Least squares in rounds: of the seeds at first, then of all points that lie on the last ball. The bone has
+    points (n, 3) [mm], unit normals, outward, and areas around each point. A ValueError says that fewer than
+    12 points lie on a ball.
     """
     chosen = seeds
     for _ in range(_ROUNDS):
