@@ -385,6 +385,37 @@ def test_the_frames_of_a_muscle_are_read_when_they_are_asked_for(finished):
         loaded.lengths["thin"]
 
 
+def test_the_frames_of_a_run_with_a_folder_are_in_its_files_alone(scene, finished_once, tmp_path):
+    result = Result.load(finished_once)
+    for track in (result._tracks["spindle"], *run(scene, tmp_path, frames="0:2")._tracks.values()):
+        for frames in (track.surfaces, track.fibres):
+            assert len(frames.files) == len(frames)
+    whole = scene.with_muscles("thin").run(frames="0:2", figures=False)
+    assert not whole._tracks["thin"].fibres.files
+
+
+@pytest.mark.parametrize("change", ["removed", "changed", "run again"])
+def test_a_result_says_where_its_frames_were_lost_or_changed(scene, tmp_path, change, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    one = scene.with_muscles("thin")
+    result = run(one, "out", frames="0:2", report=False)
+    monkeypatch.chdir("/")
+    assert result.fibres("thin", frame=1).n_cells == result.lengths["thin"].shape[1]
+    frame = tmp_path / "out" / "thin_fibres" / "thin_fibres_0001.vtp"
+    if change == "run again":
+        run(replace(one, name="another"), tmp_path / "out", frames="0:2", report=False, overwrite=True)
+    elif change == "changed":
+        frame.write_bytes(frame.read_bytes() + b" ")
+    else:
+        frame.unlink()
+    with pytest.raises(
+        InputError, match=r"thin_fibres_0001\.vtp: the file is (missing|not what the run)"
+    ) as failure:
+        result.fibres("thin", frame=1)
+    assert "run the scene again" in str(failure.value)
+    assert len(result.length_table()["length_mm"])
+
+
 def test_an_option_that_there_is_not_names_the_nearest(scene):
     with pytest.raises(TypeError, match="no option 'frame'; did you mean 'frames'"):
         scene.run(frame="0:1")

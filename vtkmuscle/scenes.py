@@ -1,4 +1,4 @@
-"""Scenes: read, checked, saved and run."""
+"""Scenes, to be read, checked, saved and run."""
 
 from __future__ import annotations
 
@@ -98,11 +98,6 @@ class Scene(SceneData, WithHints):
         path : path
             The scene file; the paths in it are relative to its folder.
 
-        Returns
-        -------
-        Scene
-            Ready to run.
-
         Raises
         ------
         SceneError
@@ -113,19 +108,9 @@ class Scene(SceneData, WithHints):
 
     @classmethod
     def from_phantom(cls, phantom: Phantom, *, n_fibres: int = 100, resolution: int = 15) -> Self:
-        """Return the scene of a phantom, with fibres in every muscle.
+        """Return the scene of a phantom of :mod:`vtkmuscle.phantoms`, with fibres in every muscle [mm].
 
-        Parameters
-        ----------
-        phantom : Phantom
-            From :mod:`vtkmuscle.phantoms`.
-        n_fibres, resolution : int, optional
-            Fibres per muscle and segments per fibre.
-
-        Returns
-        -------
-        Scene
-            In millimetres.
+        ``n_fibres`` is the number of fibres of a muscle, ``resolution`` that of segments of a fibre.
         """
         muscles = {}
         for name, surface in phantom.muscles.items():
@@ -161,9 +146,9 @@ class Scene(SceneData, WithHints):
         ----------
         out : path, optional
             Folder to write to: a .pvd per muscle, its fibres and the bones, lengths.csv, architecture.csv,
-            moment_arms.csv, report.json, figures, and report.html with all of it. Where an earlier run of the
-            same scene is in it, killed or not, muscles that it has finished with the same inputs and settings
-            are taken over, and all others are computed; other files are left alone. Without it nothing is
+            moment_arms.csv, report.json, figures, and report.html with all of it. Muscles that an earlier run
+            has finished there with the same inputs and settings are taken over; other files are left alone.
+            The result reads its frames from the folder. Without it they stay in memory, and nothing is
             written.
         **options
             Of :class:`vtkmuscle.run.RunOptions`: ``frames``, ``workers``, ``fresh``, ``overwrite``,
@@ -173,22 +158,23 @@ class Scene(SceneData, WithHints):
         -------
         Result
             With ``report`` (a plain dict), ``verdicts``, ``errors`` (those that take no further solve; see
-            :func:`vtkmuscle.run_with_errors`), ``lengths``, ``moment_arms()``, and the muscles,
-            fibres and bones per frame. A muscle that went astray is ``"failed"`` and has the frames before.
+            :func:`vtkmuscle.run_with_errors`), ``lengths``, ``moment_arms()``, and the muscles, fibres and
+            bones per frame. A muscle that could not be computed to the end is ``"failed"`` and has the frames
+            before.
 
         Raises
         ------
         SceneError
-            If a stage cannot be done, or something in the scene is surely not meant; the message names the
-            muscle and the remedy.
+            If a stage cannot be done, or the scene is not plausible; the message names the muscle and the
+            remedy.
         TypeError
-            For an option that there is not.
+            For an unknown option.
         ValueError
             If no such frames exist, an option is not allowed, or something in the folder would be lost.
         OSError
             If the folder cannot be written to, or another run writes to it.
         KeyboardInterrupt
-            On Ctrl-C; all finished frames are written, and the report says what they are.
+            On Ctrl-C; the finished frames are written, and the report lists them.
         """
         if out is not None and not str(out):
             raise ValueError("out is empty; give the name of a folder")
@@ -200,7 +186,7 @@ class Scene(SceneData, WithHints):
         return run_scene(self, target, RunOptions.of(options), errors=StatedErrors(self))
 
     def __getitem__(self, name: str) -> Any:
-        """Return a muscle or a bone at rest, as PyVista has it: ``scene["iliacus"].plot()``."""
+        """Return a muscle or a bone at rest as PyVista's data: ``scene["iliacus"].plot()``."""
         import pyvista  # noqa: PLC0415 -- a run needs none
 
         known: dict[str, Any] = {**self.bones, **{one: self.muscles[one].surface for one in self.muscles}}
@@ -222,7 +208,7 @@ class Scene(SceneData, WithHints):
         Parameters
         ----------
         muscles : str or sequence of str, optional
-            Which to show; default all.
+            Which to show; default all. A SceneError is raised if there is no such muscle.
         show : bool, optional
             False to get the plotter before it is shown, to add to it or to capture it.
         off_screen : bool, optional
@@ -231,12 +217,7 @@ class Scene(SceneData, WithHints):
         Returns
         -------
         pyvista.Plotter or None
-            Where it is not shown; None once it is.
-
-        Raises
-        ------
-        SceneError
-            If there is no such muscle.
+            The plotter where it is not shown.
         """
         from vtkmuscle.run.display import plotter_at_rest  # noqa: PLC0415 -- only pictures need PyVista
 
@@ -252,13 +233,7 @@ class Scene(SceneData, WithHints):
         return f"Scene({self.name!r}: {listed}; bones {', '.join(self.bones)}; {times}; {self.units})"
 
     def with_muscles(self, *names: str) -> Self:
-        """Return the scene with some of its muscles alone, in their order.
-
-        Raises
-        ------
-        SceneError
-            If there is no such muscle, or none is named.
-        """
+        """Return the scene with only these muscles, in the scene's order; raise a SceneError for others."""
         if not names:
             raise SceneError("no muscle is named", "muscles", f"there are: {', '.join(self.muscles)}")
         for name in names:
@@ -271,7 +246,7 @@ class Scene(SceneData, WithHints):
     def with_quality(self, quality: str) -> Self:
         """Return the scene with another preset.
 
-        Settings that the scene makes itself stay; a warning names those that the preset has as well.
+        Settings of the scene itself stay; a warning names those that the preset has as well.
 
         Parameters
         ----------

@@ -1,4 +1,4 @@
-"""What a run takes, in processor time and memory: one that would not end is not begun."""
+"""Processor time and memory that a run takes: one that would not end is refused before it begins."""
 
 from __future__ import annotations
 
@@ -11,28 +11,34 @@ from vtkmuscle.core.errors import InputError
 from vtkmuscle.filters.deformer.settings import PUBLISHED
 from vtkmuscle.filters.fibre_template_source import FibreTemplateSource
 from vtkmuscle.filters.pbd_deformer import PBDDeformer
-from vtkmuscle.scene.data import SceneData
+from vtkmuscle.scene.data import Muscle, SceneData
 from vtkmuscle.scene.faults import SceneError
 
-#: Processor time that is announced, and that no run is given [h].
+#: Processor time from which a run is announced, and from which it is refused [h].
 LONG, MOST = 1.0 / 6.0, 1000.0
-#: Of a frame: by itself, and for a triangle (docs/validation/scale.rst) [s].
+#: Time of a frame, and of a triangle in it (docs/validation/scale.rst) [s].
 _FRAME_TIME, _TRIANGLE_TIME = 0.02, 2.5e-6
-#: Of a fibre in a frame: alone, for each other fibre, and at most. Fibres side by side settle the more slowly
-#: the more there are: 2.7 ms each of 2048 in a spindle, 6.9 of 4096, 7.2 of 8192 [s].
+#: Time of a fibre in a frame: alone, for each other fibre, and at most. Fibres side by side settle the more
+#: slowly the more there are: 2.7 ms each of 2048 in a spindle, 6.9 of 4096, 7.2 of 8192 [s].
 _FIBRE_TIME, _DENSITY_TIME, _MOST_FIBRE_TIME = 1e-3, 1e-6, 7e-3
-#: Of a round, and of an iteration of Algorithm 2, for a triangle: on the phantom hip, 200 of them [s].
+#: Time of a triangle in a round, and in an iteration of Algorithm 2: on the phantom hip, 200 of them [s].
 _ROUND_TIME, _ITERATION_TIME = 6e-8, 1.5e-7
+
+#: Environment variable for the gigabytes that a run may take, in place of half of the machine's.
+VARIABLE = "VTKMUSCLE_MOST_MEMORY"
+#: Memory of a triangle for the solver and the measures: 4.7 GB were measured with 768 000 [bytes].
+_TRIANGLE_BYTES = 6000
+#: Memory of a point of a fibre in a frame that is kept in memory, and at rest with its weights [bytes].
+_FIBRE_POINT_BYTES, _FIBRE_POINT_AT_REST_BYTES = 150, 2500
+#: Memory of a fibre in such a frame, its measures and its path of 33 points with its wrenches on two bones,
+#: and of its numbers in a frame that is in a file [bytes].
+_FIBRE_BYTES, _FIBRE_NUMBERS_BYTES = 400 + 33 * 24 + 2 * 48, 100
+#: Memory of a point of a muscle in a frame that is kept in memory [bytes].
+_POINT_BYTES = 24
 
 
 def check_duration(scene: SceneData, numbers: range) -> None:
-    """Say that a run of these frames takes over ten minutes; raise a SceneError for over 1000 hours.
-
-    Warns
-    -----
-    UserWarning
-        If it takes more than ten minutes of processor time.
-    """
+    """Warn of a run of these frames that takes over ten minutes; raise a SceneError for over 1000 hours."""
     hours = {name: seconds / 3600.0 for name, seconds in estimated_seconds(scene, numbers)}
     total, longest = sum(hours.values()), max(hours, key=lambda name: hours[name])
     problem = f"the run takes about {total:.2g} hours of processor time, {hours[longest]:.2g} of them for "
@@ -51,32 +57,18 @@ def estimated_seconds(scene: SceneData, numbers: range) -> Iterator[tuple[str, f
         published = settings["quality"] == PUBLISHED
         frames = numbers[-1] + 1 if published else len(numbers)  # a frame needs those before it
         rounds = settings["iterations"] * (_ITERATION_TIME if published else _ROUND_TIME)
-        default = FibreTemplateSource.parameter_declarations["n_fibres"].default
-        fibres = 0 if muscle.fibres is None else muscle.fibres.get("n_fibres", default)
+        fibres = _of_fibres(muscle, "n_fibres")
         triangles = 0 if scene.model == "paths" else muscle.surface.GetNumberOfCells()
         fibre = min(_FIBRE_TIME + fibres * _DENSITY_TIME, _MOST_FIBRE_TIME)
         yield name, frames * (_FRAME_TIME + fibres * fibre + triangles * (_TRIANGLE_TIME + rounds))
 
 
-#: Gigabytes that a run may take, in place of half of what the machine has.
-VARIABLE = "VTKMUSCLE_MOST_MEMORY"
-
-#: Of a triangle of a muscle, for the solver and the measures: 4.7 GB were measured with 768 000 [bytes].
-_TRIANGLE_BYTES = 6000
-#: Of a point of a fibre in a kept frame, and at rest with its weights [bytes].
-_FIBRE_POINT_BYTES, _FIBRE_POINT_AT_REST_BYTES = 150, 2500
-#: Of a fibre in a kept frame, its measures and its path of 33 points with what it does to two bones [bytes].
-_FIBRE_BYTES = 400 + 33 * 24 + 2 * 48
-#: Of a point of a muscle in a kept frame [bytes].
-_POINT_BYTES = 24
-
-
-def check_memory(scene: SceneData, numbers: range) -> None:
+def check_memory(scene: SceneData, numbers: range, *, on_disk: bool) -> None:
     """Raise a SceneError for a run of these frames that would take more than half of the memory."""
     most = _most()
     if most is None:
         return
-    parts = dict(estimated_memory(scene, numbers))
+    parts = dict(estimated_memory(scene, numbers, on_disk=on_disk))
     total = sum(parts.values())
     if total > most:
         key, largest = max(parts.items(), key=lambda part: part[1])
@@ -89,25 +81,34 @@ def check_memory(scene: SceneData, numbers: range) -> None:
         )
 
 
-def estimated_memory(scene: SceneData, numbers: range) -> Iterator[tuple[str, float]]:
-    """Give the key of each part of a scene, and what a run of these frames needs for it [bytes]."""
+def estimated_memory(
+    scene: SceneData, numbers: range, *, on_disk: bool = False
+) -> Iterator[tuple[str, float]]:
+    """Give the key of each part of a scene, and the memory that a run of these frames needs for it [bytes].
+
+    Frames ``on_disk``, in the folder of the run, need memory for their numbers alone.
+    """
     for name, muscle in scene.muscles.items():
-        surface = muscle.surface
+        surface, fibres = muscle.surface, _of_fibres(muscle, "n_fibres")
+        points = fibres * (_of_fibres(muscle, "resolution") + 1.0)
         yield f"muscles.{name}.surface", float(_TRIANGLE_BYTES) * surface.GetNumberOfCells()
-        frames = float(_POINT_BYTES) * surface.GetNumberOfPoints() * len(numbers)
-        if muscle.fibres is not None:
-            declared = FibreTemplateSource.parameter_declarations
-            count, segments = (
-                float(muscle.fibres.get(word, declared[word].default)) for word in ("n_fibres", "resolution")
-            )
-            points = count * (segments + 1.0)
-            frames += len(numbers) * (points * _FIBRE_POINT_BYTES + count * _FIBRE_BYTES)
-            yield f"muscles.{name}.fibres", points * _FIBRE_POINT_AT_REST_BYTES
-        yield f"frames of muscles.{name}", frames
+        yield f"muscles.{name}.fibres", points * _FIBRE_POINT_AT_REST_BYTES
+        frame = fibres * _FIBRE_NUMBERS_BYTES
+        if not on_disk:
+            frame = fibres * _FIBRE_BYTES + points * _FIBRE_POINT_BYTES
+            frame += _POINT_BYTES * surface.GetNumberOfPoints()
+        yield f"frames of muscles.{name}", float(len(numbers)) * frame
+
+
+def _of_fibres(muscle: Muscle, setting: str) -> float:
+    """Return a setting of a muscle's fibres, 0 for a muscle without fibres."""
+    if muscle.fibres is None:
+        return 0.0
+    return float(muscle.fibres.get(setting, FibreTemplateSource.parameter_declarations[setting].default))
 
 
 def _most() -> float | None:
-    """Return what a run may take [bytes], None where the system does not tell."""
+    """Return the memory that a run may take [bytes], None where the system does not tell."""
     chosen = os.environ.get(VARIABLE)
     if chosen:
         try:

@@ -26,27 +26,15 @@ if TYPE_CHECKING:
     from vtkmuscle.run.result import Result
 
 
-#: What a figure can be written as.
+#: Formats of figures.
 FORMS = ("png", "pdf", "svg")
 
 
 class Drawing:
     """The ``figures/`` of a run: pictures of each muscle as soon as it is done, and the others at the end.
 
-    A process of its own draws them, into a folder beside, which begins at once; use it as a context, which
-    ends that process, and leaves no figure that is not in its place.
-
-    Parameters
-    ----------
-    results : Path
-        The run's folder.
-    scene : SceneData
-        What is run.
-
-    Attributes
-    ----------
-    seconds : float
-        Time that the figures have taken [s].
+    A process of its own draws them into a folder beside ``results``. Use it as a context, which ends that
+    process and removes that folder. ``seconds`` is the time that the figures have taken.
     """
 
     def __init__(self, results: Path, scene: SceneData) -> None:
@@ -71,10 +59,7 @@ class Drawing:
             self._draw(rest_pose(self._scene.name, self._scene.units, muscles))
 
     def muscle(self, result: Result, name: str) -> None:
-        """Draw the pictures of a muscle that is done, of a result of it alone.
-
-        What cannot be drawn stops no muscle: :meth:`finish` says so.
-        """
+        """Draw the pictures of a muscle that is done, of a result of it alone."""
         for figure in figures_of_muscle(result.plain(), name):
             self._draw(figure)
 
@@ -92,17 +77,10 @@ class Drawing:
             return None
 
     def finish(self) -> dict[str, Any]:
-        """Wait until all is drawn, move it to ``figures/``, and return what the report says of it.
+        """Wait until all is drawn, move it to ``figures/``, and return the entry of the report.
 
-        Raises
-        ------
-        OSError
-            If a file cannot be written.
-
-        Warns
-        -----
-        UserWarning
-            If no picture can be rendered here, or the process that draws has ended before its time.
+        An OSError is raised if a file cannot be written. A UserWarning says why figures are missing: no
+        picture can be rendered here, or the process that draws has ended before its time.
         """
         drawn: list[Path] = []
         reason = None
@@ -158,17 +136,13 @@ def figures_of(result: Result) -> list[FigureOrder]:
 
 
 def rest_pose(scene: str, units: str, muscles: Mapping[str, vtkPolyData]) -> FigureOrder:
-    """Return the figure of the muscles of a scene at rest, by their names, with their fixed points."""
+    """Return the figure of the muscles of a scene at rest, with their fixed points."""
     given = {"muscles": dict(muscles), "title": f"{scene}: fixed points at rest", "units": units}
     return FigureOrder("rest_pose", "plot_rest_pose", given, rendered=True)
 
 
 def figures_of_muscle(result: Result, name: str) -> list[FigureOrder]:
-    """Return those figures of a run that show one muscle, and need no other: its frames and its lengths.
-
-    There are none of a muscle that failed in the first frame that is kept. A result of this muscle alone will
-    do.
-    """
+    """Return the figures of one muscle, its frames and lengths; none where it has no frame."""
     if not result.finished(name):
         return []
     figures = [FigureOrder(f"{name}_frames", "plot_muscle", _frames(result, name), rendered=True)]
@@ -189,7 +163,7 @@ def figures_of_muscle(result: Result, name: str) -> list[FigureOrder]:
 
 
 def _moment_arms(result: Result) -> list[FigureOrder]:
-    """Return the figures that need all muscles: moment arms of each."""
+    """Return the figures of the moment arms of each muscle, which need all muscles."""
     if not result.has_moment_arms:
         return []
     figures = []
@@ -224,7 +198,7 @@ def _title(name: str) -> str:
 
 
 def _tubes(fibres: vtkPolyData) -> vtkPolyData:
-    """Return fibres as a surface, which stands for a muscle where none was deformed."""
+    """Return fibres as a surface, in place of a muscle where none was deformed."""
     size = float(np.linalg.norm(np.ptp(points_of(fibres), axis=0)))
     tubes = FibreTubes(radius=0.004 * size, sides=6).apply(fibres)
     surface: vtkPolyData = tubes.triangulate()
@@ -232,7 +206,7 @@ def _tubes(fibres: vtkPolyData) -> vtkPolyData:
 
 
 def _chosen_frames(result: Result, name: str) -> list[int]:
-    """Return the first frame of a muscle, its worst one or else the middle, and the last; [] without any."""
+    """Return the first, the worst (or else the middle) and the last finished frame of a muscle."""
     frames = result.frames[: result.finished(name)]
     reasons = result.report["muscles"][name].get("verdict", {}).get("reasons", ())
     worst = [reason["frame"] for reason in reasons[:1] if reason["frame"] in frames]

@@ -1,11 +1,11 @@
-"""The limits beyond which a muscle of a run is looked at, or has failed, and why they are what they are."""
+"""The limits beyond which a muscle of a run needs a look, or has failed, with the reasons for them."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
-#: Limits that are lengths are for muscles of this size or larger (diagonal of the box at rest) [mm]; for
-#: smaller ones they are less in proportion.
+#: Limits that are lengths hold for muscles of this size or larger (diagonal of the box at rest) [mm], and are
+#: in proportion less for smaller ones.
 FULL_SIZE = 100.0
 
 # A muscle exerts no active force below half of its optimal length, nor above 1.6 to 1.7 times of it: Zajac
@@ -18,20 +18,10 @@ BEYOND = 1.5
 
 @dataclass(frozen=True)
 class Check:
-    """What is looked at in each frame, and from where on it is said.
+    """A check of each frame: beyond ``look`` results should be looked at, beyond ``failed`` they are useless.
 
-    Attributes
-    ----------
-    look, failed : float
-        Limits: beyond the first one the results should be looked at, beyond the other they are of no use.
-    unit : str
-        Of the limits; those in "mm" are less for muscles smaller than 100 mm.
-    says : str
-        What is wrong, with the value as ``{}``.
-    do : str
-        What to do about it.
-    smaller : bool
-        Whether small values are bad ones.
+    ``says`` is the problem, with the value as ``{}``, and ``do`` the remedy. Where ``smaller`` is true small
+    values are bad ones.
     """
 
     look: float
@@ -42,10 +32,10 @@ class Check:
     smaller: bool = False
 
 
-#: What to do where a surface is rough.
+#: The remedy for a rough surface.
 ROUGH = "look at its surface there; quality = 'accurate' makes it smoother, and a mesh of even triangles"
 
-#: What is judged. The limits, and why they are what they are:
+#: The checks by name, each with the reason for its limits.
 CHECKS = {
     # Kohout and Cervenka 2021 (doi:10.1007/978-3-030-72379-8_24), Fig. 11: less than 1 % with few iterations;
     # 5 % is seen by eye.

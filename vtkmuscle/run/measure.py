@@ -1,4 +1,4 @@
-"""What a deformed muscle is measured against: its rest pose and the bones."""
+"""Measures of a deformed muscle against its rest pose and the bones."""
 
 from __future__ import annotations
 
@@ -38,18 +38,13 @@ class MuscleMeasure:
     Parameters
     ----------
     rest : vtkPolyData
-        The muscle at rest with the point array ``FixedTo``.
+        The muscle at rest with the point array ``FixedTo``, which counts the ``bones``.
     bones : sequence of str
-        Names of the bones, in the order that ``FixedTo`` counts.
+        Names of the bones.
     shapes : mapping of str to Bone
         The bones that have an inside, at rest.
     millimetres : float
         Millimetres per unit of length.
-
-    Attributes
-    ----------
-    n_edges : int
-        Edges that have a length, 1 where there is none.
     """
 
     def __init__(
@@ -86,7 +81,7 @@ class MuscleMeasure:
         return float(np.linalg.norm(np.ptp(self._rest, axis=0))) * self._millimetres
 
     def at_rest(self) -> dict[str, Any]:
-        """Return what the muscle is at rest."""
+        """Return the numbers of the muscle at rest."""
         fixed = {bone: int((self._fixed_to == i).sum()) for i, bone in enumerate(self._bones)}
         still = {bone: np.eye(4) for bone in self._bones}
         return {
@@ -98,11 +93,10 @@ class MuscleMeasure:
         }
 
     def frame(self, points: Floats, transforms: Mapping[str, Floats]) -> dict[str, Any]:
-        """Return the figures of a frame, see :data:`~vtkmuscle.run.report_values.DEFINITIONS`.
+        """Return the numbers of a frame, see :data:`~vtkmuscle.run.report_values.DEFINITIONS`.
 
-        The deformer's report has those of edges.
-
-        ``points`` (n, 3) are the deformed muscle's, ``transforms`` those of the bones from rest to now.
+        ``points`` (n, 3) are those of the deformed muscle, ``transforms`` those of the bones since rest. The
+        report of the deformer has the numbers of edges.
         """
         now = {bone: transforms.get(bone, np.eye(4)) for bone in self._bones}
         least, greatest, areas = triangle_stretches(self._sides, side_products(points, self._triangles))
@@ -132,9 +126,9 @@ class MuscleMeasure:
         }
 
     def depths(self, points: Floats, transforms: Mapping[str, Floats]) -> Floats | None:
-        """Return how deep points (n, 3) are inside the exact surfaces of the bones, (n,).
+        """Return the depth of points (n, 3) in the exact surfaces of the bones (n,), 0 outside.
 
-        In the scene's unit, 0 outside; None where no bone has an inside.
+        It is in the scene's unit, and None where no bone has an inside.
         """
         if not self._shapes:
             return None
@@ -146,8 +140,8 @@ class MuscleMeasure:
     ) -> dict[str, Any]:
         """Return how far fibres are out of the muscle, and how much deeper in bones than at rest.
 
-        ``fibre_points`` (p, 3) are those of the same fibres each time, ``points`` (n, 3) those of the muscle,
-        ``depths`` (p,) what :meth:`depths` gives of the former.
+        ``fibre_points`` (p, 3) belong to the fibres at rest, ``points`` (n, 3) to the muscle, and ``depths``
+        (p,) are those of the fibres' points.
         """
         self._bent = tree_of_deformed(self._rest_tree, points, self._triangles)
         outside = fibre_points[~points_inside(fibre_points, self._bent)]
@@ -163,12 +157,12 @@ class MuscleMeasure:
         }
 
     def take_fibres_at_rest(self, fibre_points: Floats, offsets: Ints) -> None:
-        """Note how deep fibres are in bones at rest: (p, 3) points, (k + 1,) where each fibre begins."""
+        """Take the depths in bones of fibres at rest: points (p, 3), offsets (k + 1,) of the fibres."""
         depths = self.depths(fibre_points, {bone: np.eye(4) for bone in self._bones})
         self._fibre_rest_depths = None if depths is None else np.maximum.reduceat(depths, offsets[:-1])
 
     def _penetration(self, points: Floats, now: Mapping[str, Floats], *, new: bool = True) -> dict[str, Any]:
-        """Return how deep free points are in the bones, and, if asked, by how much deeper than at rest."""
+        """Return the depths of free points in the bones and, if ``new``, how much deeper than at rest."""
         free = self._fixed_to < 0
         depths = self.depths(points[free], now) if free.any() else None
         names = ("penetration_max_mm", "penetration_p95_mm", "penetrating_points")

@@ -45,22 +45,10 @@ from vtkmuscle.scene.data import SceneData
 
 @dataclass(frozen=True, eq=False)
 class SceneRun:
-    """What the muscles of a run share.
+    """The data that the muscles of a run share.
 
-    Attributes
-    ----------
-    scene : SceneData
-        What they belong to.
-    numbers : range
-        Of the frames that are kept.
-    bones : dict of str to Bone
-        The bones that have an inside, at rest.
-    store : ResultWriter or None
-        Where to write to.
-    options : RunOptions
-        What is asked for.
-    stop : threading.Event
-        Set to end the run early.
+    ``numbers`` are the frames that are kept, ``bones`` those bones that have an inside, at rest; ``stop`` is
+    set to end the run early.
     """
 
     scene: SceneData
@@ -72,26 +60,17 @@ class SceneRun:
     _lock: threading.Lock = field(default_factory=threading.Lock)
 
     def report_progress(self, muscle: str, stage: str, fraction: float) -> None:
-        """Tell who asked for it what is done of a muscle, one thread at a time."""
+        """Call the observer of the progress, one thread at a time."""
         if self.options.progress is not None:
             with self._lock:
                 self.options.progress(muscle, stage, fraction)
 
 
 class MuscleRun:
-    """One muscle's way through all stages: fixed points, fibres, and per frame deformation and fibres.
+    """One muscle's way through all stages: fixed points, fibres, then frame by frame, and the verdict.
 
-    Parameters
-    ----------
-    run : SceneRun
-        What it is a part of.
-    name : str
-        Which muscle.
-    track : MuscleTrack
-        Where finished frames go.
-    others : sequence of MuscleRun, optional
-        Muscles that this one may meet, whose runs are done: overlap with them is measured, and where the
-        scene's ``muscle_contact`` is ``"on"`` this muscle is kept out of them.
+    Finished frames go to ``track``. ``others`` are the muscles that this one may meet, whose runs are done:
+    overlap with them is measured, and where ``muscle_contact`` is ``"on"`` it is kept out of them.
     """
 
     def __init__(
@@ -104,13 +83,7 @@ class MuscleRun:
         track.report["seconds"] = self.seconds
 
     def go(self) -> None:
-        """Run all stages, and keep the frames that are asked for.
-
-        Raises
-        ------
-        AbortedError
-            If it was stopped; the frames before are complete.
-        """
+        """Run all stages; an AbortedError is raised where it is stopped, with the frames before complete."""
         scene, track, last = self.scene, self.track, self.run.numbers[-1] + 1
         neighbours = self._deformers() if scene.muscle_contact == "on" else None
         pipeline = muscle_pipeline(scene, self.name, neighbours=neighbours)
@@ -131,12 +104,13 @@ class MuscleRun:
         if pipeline.fibres is not None:
             self._fill(rest, pipeline.fibres, measure)
         track.report |= {"parameters": self._parameters(pipeline), "frames": []}
-        stage, step, numbers = "deforming", self._deform, range(last)
-        if pipeline.deformer is None:
-            stage, step, numbers = "pulling fibres", self._pull, self.run.numbers
-        for number in numbers:
-            self._report_progress(stage, number / last)
-            step(number, pipeline, measure)
+        deforms = pipeline.deformer is not None
+        for number in range(last) if deforms else self.run.numbers:
+            self._report_progress("deforming" if deforms else "pulling fibres", number / last)
+            if deforms:
+                self._deform(number, pipeline, measure)
+            else:
+                self._pull(number, pipeline, measure)
             if track.failure is not None:
                 break
         self._judge(measure)
@@ -144,7 +118,7 @@ class MuscleRun:
             with self._timed("writing"):
                 self.run.store.finish(self.name, track)
         if scene.muscle_contact == "off":
-            self.deformer = None  # with all that it keeps of the frames; later muscles do not ask for it
+            self.deformer = None  # no later muscle asks it for its frames
         self._report_progress("done", 1.0)
 
     def _parameters(self, pipeline: MusclePipeline) -> dict[str, Any]:
@@ -177,7 +151,7 @@ class MuscleRun:
             }
 
     def _pull(self, number: int, pipeline: MusclePipeline, measure: MuscleMeasure) -> None:
-        """Run a frame of model ``"paths"``: the fibres pulled taut, and nothing else."""
+        """Pull the fibres taut in a frame of model ``"paths"``, and keep it."""
         assert pipeline.metrics is not None
         now = float(self.scene.motion.times[number])
         with self._timed("pulling fibres", pipeline.metrics) as took:
@@ -188,7 +162,7 @@ class MuscleRun:
         self._keep(row | {"ms": 1000.0 * took()}, None, fibres)
 
     def _deform(self, number: int, pipeline: MusclePipeline, measure: MuscleMeasure) -> None:
-        """Run a frame of model ``"volume"``; it is measured and kept where it is asked for."""
+        """Deform the muscle in a frame of model ``"volume"``; measure and keep those that are asked for."""
         assert pipeline.deformer is not None
         now = float(self.scene.motion.times[number])
         try:
@@ -197,7 +171,7 @@ class MuscleRun:
             points = points_of(deformed)
             _check_finite(points, number)
         except ValueError as error:
-            # In the first frame it is what was given that is wrong; later the muscle has gone astray.
+            # In the first frame the input is wrong; later the muscle has gone astray.
             if number == 0:
                 raise
             self.track.failure = number, now, error
@@ -226,20 +200,20 @@ class MuscleRun:
         self._keep(row | {"ms": 1000.0 * took()}, deformed, fibres)
 
     def _keep(self, row: dict[str, Any], deformed: vtkPolyData | None, fibres: vtkPolyData | None) -> None:
-        """Keep a frame, all of it or nothing: in files where the run writes to a folder, else in memory."""
+        """Keep a frame, all of it or nothing: in files where the run has a folder, else in memory."""
         number, now = row["frame"], row["time"]
-        surface: vtkPolyData | WrittenFile | None
-        lines: vtkPolyData | WrittenFile | None
-        if self.run.store is None:
-            surface = None if deformed is None else with_points(self.track.rest, points_of(deformed))
-            lines = fibres
-        else:
+        kept: tuple[vtkPolyData | WrittenFile | None, vtkPolyData | WrittenFile | None]
+        if self.run.store is not None:
             with self._timed("writing"):
-                surface, lines = self.run.store.write_frame(self.name, number, deformed, fibres)
-        if surface is not None:
-            self.track.surfaces.append(surface)
-        if fibres is not None and lines is not None:
-            self.track.fibres.append(lines)
+                kept = self.run.store.write_frame(self.name, number, deformed, fibres)
+        elif deformed is not None:
+            kept = with_points(self.track.rest, points_of(deformed)), fibres
+        else:
+            kept = None, fibres
+        for frames, frame in zip((self.track.surfaces, self.track.fibres), kept, strict=True):
+            if frame is not None:
+                frames.append(frame)
+        if fibres is not None:
             if fibres.GetCellData().HasArray(PATH_SQUEEZED):
                 squeezed = cell_array(fibres, PATH_SQUEEZED, "fibres")
                 row["squeezed_p95_mm"] = float(np.percentile(squeezed, 95)) * self.scene.millimetres
@@ -286,7 +260,7 @@ class MuscleRun:
 
     @contextmanager
     def _timed(self, stage: str, last: Filter | None = None) -> Iterator[Callable[[], float]]:
-        """Add the time to a stage, and let the stop flag abort the filters in it; gives what the time was."""
+        """Add the time to a stage, and let the stop flag abort its filters; gives a function for the time."""
         before = after = self.clock()
         observed = [
             (one, one.AddObserver("ProgressEvent", self._on_progress))
@@ -311,14 +285,9 @@ def muscle_pipeline(
     *,
     neighbours: Mapping[str, Any] | None = None,
 ) -> MusclePipeline:
-    """Return the filters that a run of a scene sends a muscle through.
+    """Return the filters of a muscle of a scene, as a run chains them.
 
-    Parameters
-    ----------
-    scene, name : SceneData, str
-        Which muscle, of which scene.
-    neighbours : mapping of str to algorithm, optional
-        Deformers of the muscles that this one is kept out of.
+    ``neighbours`` are the deformers of the muscles that this one is kept out of, by name.
 
     Examples
     --------
@@ -366,9 +335,9 @@ def _warn_if_none_is_free(name: str, muscle: vtkPolyData) -> None:
 def _add_penetration(
     fibres: vtkPolyData, measure: MuscleMeasure, transforms: Mapping[str, Any]
 ) -> Floats | None:
-    """Add the cell array ``Penetration``: how deep the deepest point of each fibre is in a bone.
+    """Add the cell array ``Penetration``, the depth of each fibre's deepest point in a bone.
 
-    Returns how deep each point of them is, None where no bone has an inside.
+    Returns the depth of every point, None where no bone has an inside.
     """
     lines = polylines_of(fibres, "fibres")
     depths = measure.depths(lines.points, transforms)

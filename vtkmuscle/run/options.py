@@ -1,4 +1,4 @@
-"""What a run is asked for: the frames, what is written, and who is kept informed."""
+"""The options of a run: which frames it keeps, what it writes, and whom it informs."""
 
 from __future__ import annotations
 
@@ -25,16 +25,14 @@ class RunOptions:
     Attributes
     ----------
     frames : str, slice, range, int or None
-        Which frames to keep and write, e.g. ``"0:10"`` for the first ten (the end is not included, as in
-        Python); default all. Frames before them are computed, for the deformation depends on its past; frames
-        after them are not.
+        Frames to keep and write, e.g. ``"0:10"`` for the first ten (the end is not included, as in Python);
+        default all. Frames before them are computed where the deformation depends on its past.
     workers : int or None
         Muscles that run at the same time; default the number of processors. The result does not depend on it.
     figures : bool
         Draw figures; where there is no OpenGL, a warning says so and all else is written.
     report : bool
-        Write report.html: the scene to be turned and moved, curves, tables and verdicts in one file that a
-        browser opens.
+        Write report.html: the scene to be turned and moved, curves, tables and verdicts, for a browser.
     overwrite : bool
         Whether results of another scene in the folder, or files that no run has written, may be replaced. The
         scene's own files never are.
@@ -43,13 +41,12 @@ class RunOptions:
     sense : bool
         Check before the run whether the scene is plausible.
     progress : callable or None
-        Called with the muscle's name, what is being done, and the part that is done, 0 to 1; from several
-        threads.
+        Called with the muscle's name, the stage, and the part that is done, 0 to 1; from several threads.
     observe : callable or None
-        Called with the muscle's name and the figures of each frame that is done, as they are in the report;
+        Called with the muscle's name and the numbers of each frame that is done, as they are in the report;
         from several threads.
     clock : callable
-        What the stages of muscles are timed by [s].
+        The clock for the stages of muscles [s].
 
     Raises
     ------
@@ -74,7 +71,7 @@ class RunOptions:
 
     @classmethod
     def of(cls, given: Mapping[str, Any]) -> Self:
-        """Return options by their names; raise a TypeError for one that there is not."""
+        """Return options by their names; raise a TypeError for an unknown one."""
         names = [field.name for field in fields(cls)]
         for name in given:
             if name not in names:
@@ -83,7 +80,7 @@ class RunOptions:
 
 
 class Errors(Protocol):
-    """What states the errors of a run's numbers; :class:`vtkmuscle.accuracy.StatedErrors` does."""
+    """A statement of the errors of a run's numbers, as :class:`vtkmuscle.accuracy.StatedErrors`."""
 
     def estimates(
         self, name: str, track: MuscleTrack, motion: RigidMotion, arms: Mapping[str, JointArms]
@@ -93,25 +90,10 @@ class Errors(Protocol):
 
 
 def frame_numbers(frames: str | slice | range | int | None, count: int) -> range:
-    """Return which frames of a motion are wanted.
+    """Return the numbers of the wanted frames of a motion of ``count`` frames, ascending and not empty.
 
-    Parameters
-    ----------
-    frames : str, slice, range, int or None
-        ``"A:B"`` or ``"A:B:STEP"`` as in Python (B is not included), ``"A"`` or an int for one frame, None
-        for all.
-    count : int
-        Number of frames of the motion.
-
-    Returns
-    -------
-    range
-        Ascending, not empty.
-
-    Raises
-    ------
-    ValueError
-        If it cannot be understood, or there are no such frames.
+    ``frames`` is ``"A:B"`` or ``"A:B:STEP"`` as in Python (B is not included), ``"A"`` or an int for one
+    frame, a slice or range, or None for all. A ValueError is raised for anything else.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""What a run reports of its muscles: measured from the geometry, not taken from the solver's word."""
+"""The numbers that a run reports of its muscles: all measured from the geometry."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ OPTIMAL_SARCOMERE = 2.7
 #: Positions in the muscle by which the curve through its middle is found.
 SAMPLES = 4096
 
-#: What :func:`vtkmuscle.io.muscle_summary` has, what it is called, and the power of the length that it is.
+#: Quantities of :func:`vtkmuscle.io.muscle_summary`, their keys in a report, and their powers of length.
 ARCHITECTURE = {
     "MuscleVolume": ("muscle_volume_mm3", 3),
     "PCSA": ("pcsa_mm2", 2),
@@ -61,20 +61,18 @@ def architecture_of(
     hill: Mapping[str, float] | None = None,
     aponeuroses: vtkMultiBlockDataSet | None = None,
 ) -> dict[str, Any]:
-    """Return what is published of a muscle as a whole, at rest.
-
-    JSON-able, see :data:`vtkmuscle.run.report_values.DEFINITIONS`.
+    """Return the architecture of a muscle at rest, as it is published; see :data:`DEFINITIONS`. JSON-able.
 
     Parameters
     ----------
     fibres, muscle, attachments : vtkPolyData, vtkPolyData, vtkMultiBlockDataSet or None
         At rest.
     millimetres : float
-        Of the scene's unit of length.
+        Length of the scene's unit.
     hill : mapping of str to float, optional
         Of the muscle; ``tendon_slack_length`` in the scene's unit, ``sarcomere_length`` in micrometres.
     aponeuroses : vtkMultiBlockDataSet, optional
-        What the fibres end on.
+        The surfaces that the fibres end on.
     """
     metrics = FibreMetrics(architecture=True, sections=SECTIONS)
     summary = muscle_summary(metrics(fibres, muscle, None, attachments))
@@ -150,13 +148,7 @@ def _pennations(
 
 
 def architecture_table(muscles: Mapping[str, Mapping[str, Any]]) -> Table:
-    """Return the architecture of the muscles of a report, a row each, with the errors that are known.
-
-    Parameters
-    ----------
-    muscles : mapping of str to mapping
-        ``report["muscles"]``; those without fibres are left out.
-    """
+    """Return the architecture of the muscles of a report that have fibres, a row each, with known errors."""
     columns = ["muscle", "tendon_from"]
     for quantity, unit, _ in _COLUMNS:
         columns += [f"{quantity}_{unit}", *([f"{quantity}_err_{unit}"] if quantity in _WITH_ERRORS else [])]
@@ -193,12 +185,12 @@ def _row(name: str, muscle: Mapping[str, Any]) -> list[Any]:
 #: A fibre point counts as inside its muscle up to this far outside [mm].
 FIBRE_TOLERANCE = 0.5
 
-#: What the numbers of a report mean, by their keys; part of every report.
+#: Definitions of the numbers of a report by their keys; part of every report.
 DEFINITIONS: Mapping[str, str] = tomllib.loads(
     (files("vtkmuscle.run") / "definitions.toml").read_text(encoding="utf-8")
 )
 
-#: Cell arrays of FibreMetrics, and what they are called in a report and in tables.
+#: Cell arrays of FibreMetrics, and their names in reports and tables.
 FIBRE_MEASURES = {
     "Length": "length_mm",
     "Strain": "strain",
@@ -228,10 +220,7 @@ def version_of(package: str) -> str:
 
 
 def fibres_at_rest(fibres: vtkPolyData, muscle: vtkPolyData, millimetres: float) -> dict[str, Any]:
-    """Return how many fibres there are, and how many of their points are inside the muscle, both at rest.
-
-    JSON-able, see :data:`DEFINITIONS`; ``millimetres`` is the length of the scene's unit.
-    """
+    """Return the numbers of the fibres at rest, see :data:`DEFINITIONS`. JSON-able."""
     points = points_of(fibres)
     outside = np.maximum(solids_of(*checked_surface(muscle, "muscle")).distances(points), 0.0) * millimetres
     inside = int((outside <= FIBRE_TOLERANCE).sum())
@@ -253,10 +242,7 @@ def fibres_at_rest(fibres: vtkPolyData, muscle: vtkPolyData, millimetres: float)
 
 
 def measures_of_fibres(fibres: vtkPolyData, millimetres: float) -> dict[str, dict[str, float]]:
-    """Return mean, standard deviation, least and largest of what FibreMetrics measured, for one frame.
-
-    JSON-able, by the names of :data:`FIBRE_MEASURES`; ``millimetres`` is the length of the scene's unit.
-    """
+    """Return mean, standard deviation, least and largest of each measure of FibreMetrics in one frame."""
     summary = fibre_summary(fibres)
     return {
         name: {word: value * _scale(name, millimetres) for word, value in found.items()}
@@ -273,10 +259,7 @@ def _scale(name: str, millimetres: float) -> float:
 
 
 def fibre_table(frames: Sequence[vtkPolyData], times: Sequence[float], millimetres: float) -> Table:
-    """Return the measures of FibreMetrics in all frames, a row per fibre and frame.
-
-    ``millimetres`` is the length of the scene's unit.
-    """
+    """Return the measures of FibreMetrics in all frames, a row per fibre and frame."""
     known = [name for array, name in FIBRE_MEASURES.items() if array in fibre_columns(frames[0])]
 
     def measures(time: float, fibres: vtkPolyData) -> dict[str, Any]:

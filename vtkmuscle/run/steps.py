@@ -1,4 +1,4 @@
-"""The steps of a run: a scene is opened, checked, solved, measured and written."""
+"""The steps of a run: a scene is checked, its muscles are solved and measured, and the results written."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ from vtkmuscle.scene.data import Anatomy, SceneData
 from vtkmuscle.scene.faults import SceneError
 from vtkmuscle.scene.sense import check_sense
 
-#: How often the main thread looks up from waiting [s]: on some systems Ctrl-C arrives only then.
+#: Longest wait of the main thread [s]: on some systems Ctrl-C arrives only after it.
 _LOOK_UP = 0.2
 
 Tracks = dict[str, MuscleTrack]
@@ -41,20 +41,9 @@ Tracks = dict[str, MuscleTrack]
 def run_scene(
     scene: SceneData, out: Path | None, options: RunOptions, *, errors: Errors | None = None
 ) -> Result:
-    """Run a scene: open it, check it, solve and measure its muscles, and write what was found.
+    """Run a scene: check it, solve and measure its muscles, and write the results; see ``Scene.run``.
 
-    See :meth:`vtkmuscle.Scene.run`.
-
-    Parameters
-    ----------
-    scene : SceneData
-        As it was read and checked.
-    out : Path or None
-        Folder to write to.
-    options : RunOptions
-        What is asked for.
-    errors : Errors, optional
-        What states the errors of its numbers.
+    ``out`` is the folder to write to, and ``errors`` states the errors of the numbers.
     """
     began = time.perf_counter()
     with ExitStack() as stack:
@@ -66,7 +55,7 @@ def run_scene(
         numbers = frame_numbers(options.frames, len(scene.motion.times))
         anatomy = Anatomy.of(scene)
         odd = check_sense(scene, anatomy) if options.sense else []
-        check_memory(scene, numbers)
+        check_memory(scene, numbers, on_disk=out is not None)
         check_duration(scene, numbers)
         store = None
         if out is not None:
@@ -178,7 +167,7 @@ def _draw(
     result_of: Callable[[Tracks], Result],
     done: Iterable[str],
 ) -> None:
-    """Let what can be drawn be drawn, after some more jobs."""
+    """Draw the figures of muscles that are done, and of the rest pose once it is known."""
     if drawing is not None:
         drawing.rest(tracks)
         for name in (key.removeprefix("muscles.") for key in done):
@@ -221,7 +210,7 @@ def _first_report(run: SceneRun, tracks: Tracks) -> dict[str, Any]:
 def _reported(
     store: ResultWriter | None, report: dict[str, Any], result: Callable[[], Result]
 ) -> Iterator[None]:
-    """Where a run fails, or is stopped, write what there is of it, and say so in the report."""
+    """Where a run fails or is stopped, write the finished frames' tables, and the reason in the report."""
     try:
         yield
     except BaseException as error:
@@ -247,7 +236,7 @@ def _stopping(stop: threading.Event) -> Iterator[None]:
 def _wait_for(
     jobs: Mapping[str, Future[None]], stop: threading.Event, look: Callable[[Iterable[str]], None]
 ) -> None:
-    """Wait until all jobs have ended, and look now and then at what has; where one fails, stop the others."""
+    """Wait until all jobs have ended, and give those that have to ``look``; stop all where one fails."""
     keys = {job: key for key, job in jobs.items()}
     waiting = set(keys)
     while waiting:
@@ -259,7 +248,7 @@ def _wait_for(
 
 
 def _raise_first_failure(jobs: dict[str, Future[None]], file: Path | None) -> None:
-    """Raise what went wrong first in the order of the scene, not what was merely stopped by it."""
+    """Raise the first failure in the order of the scene; muscles that it stopped are no failures."""
     failures = {key: job.exception() for key, job in jobs.items()}
     for key, error in failures.items():
         if error is None or isinstance(error, AbortedError):

@@ -19,7 +19,7 @@ OK, LOOK, FAILED = "ok", "look", "failed"
 #: Verdicts, the better one first.
 VERDICTS = (OK, LOOK, FAILED)
 
-#: What :func:`vtkmuscle.run.report_values.fibres_at_rest` says of these, to per cent or degrees.
+#: Checks of :func:`vtkmuscle.run.report_values.fibres_at_rest`, with factors to per cent or degrees.
 _AT_REST = {
     "crossed fibres": ("crossing_share", 100.0),
     "hooked fibres": ("hooked_share", 100.0),
@@ -33,28 +33,18 @@ _OF_FIBRES = (
 )
 
 
-#: A point of a fibre lies on a bone where nothing but muscle is between them: nearer than this [mm].
+#: A point of a fibre lies on a bone, with nothing but muscle between them, if it is nearer than this [mm].
 _ON_BONE = 12.0
-#: Parts of a fibre beside its ends, which are attached, that are not looked at.
+#: Part of a fibre at each end, where it is attached, that is left out.
 _ENDS = 0.15
 
 
 @dataclass(frozen=True)
 class Reason:
-    """Why a verdict is not ok: the worst frame of one check.
+    """A reason why a verdict is not ok: the worst frame of one check.
 
-    Attributes
-    ----------
-    check, verdict : str
-        What was checked, and what that gives.
-    frame, time : int, float
-        The worst frame.
-    value, limit : float
-        What was found there, and the limit that it is beyond.
-    unit : str
-        Of both.
-    says, do : str
-        In words, and what to do about it.
+    ``value`` was found in that frame, and is beyond ``limit``, both in ``unit``; ``says`` is the problem in
+    words, and ``do`` the remedy.
     """
 
     check: str
@@ -75,18 +65,10 @@ class Reason:
 
 @dataclass(frozen=True, eq=False)
 class FibreHistory:
-    """What a verdict is given of a muscle's fibres.
+    """A muscle's fibres over the frames: lengths (f, k) and lengths at rest (k,) [mm].
 
-    Attributes
-    ----------
-    lengths : (f, k) array
-        In each frame [mm].
-    rest_lengths : (k,) array
-        At rest [mm].
-    at_rest : mapping or None
-        What :func:`~vtkmuscle.run.report_values.fibres_at_rest` says of them.
-    slides : sequence of (float, str) or None
-        Per frame how far a fibre slid aside on a bone [mm], and on which, as :func:`slides_of` gives it.
+    ``at_rest`` is :func:`~vtkmuscle.run.report_values.fibres_at_rest` of them, ``slides`` their
+    :func:`slides_of`.
     """
 
     lengths: Floats
@@ -104,18 +86,18 @@ def judge(
     size: float = FULL_SIZE,
     failure: tuple[int, float, Exception] | None = None,
 ) -> dict[str, Any]:
-    """Return the verdict on a muscle, from what was measured of its frames.
+    """Return the verdict on a muscle, of its rows of the report, one per frame.
 
     Parameters
     ----------
     rows : sequence of mapping
-        Per frame, as in the report.
+        As in the report.
     fibres : FibreHistory, optional
-        In these frames.
+        The fibres in these frames.
     motion : RigidMotion, optional
         At the times of the rows: where it turns back, lengths may too.
     n_edges : int, optional
-        Of the surface.
+        Number of edges of the surface.
     size : float, optional
         Diagonal of the muscle's box at rest [mm].
     failure : (int, float, Exception), optional
@@ -124,8 +106,8 @@ def judge(
     Returns
     -------
     dict
-        JSON-able: ``verdict``, the worst of its ``reasons``, which are those of :class:`Reason` from the
-        worst on, and ``not_checked``, what was not judged and why.
+        JSON-able: ``verdict``, the worst of its ``reasons``; these are :class:`Reason` as mappings, the worst
+        first; and ``not_checked``, the checks that were not made and why.
     """
     values, missing = _series(rows, fibres, motion, n_edges)
     reasons = [
@@ -153,7 +135,7 @@ def judge(
 
 
 def reasons_of(verdict: Mapping[str, Any]) -> list[Reason]:
-    """Return the reasons of a verdict, as :func:`judge` gives it or a report has it."""
+    """Return the reasons of a verdict of :func:`judge` or of a report."""
     return [Reason(**reason) for reason in verdict["reasons"]]
 
 
@@ -163,7 +145,7 @@ def _series(
     motion: RigidMotion | None,
     n_edges: int,
 ) -> tuple[dict[str, Floats], dict[str, str]]:
-    """Return per check a value for each row (NaN where there is none), and why checks have none."""
+    """Return the values of each check, one per row (NaN where unknown), and why other checks have none."""
 
     def column(name: str) -> Floats:
         found = [row.get(name) for row in rows]
@@ -211,7 +193,7 @@ def _reason(
     rows: Sequence[Mapping[str, Any]],
     scale: float,
 ) -> Reason | None:
-    """Return why a check is not ok, None where it is; a value that is not finite is beyond all limits."""
+    """Return the reason why a check is not ok, None where it is; infinite values are beyond all limits."""
     check = CHECKS[name]
     known = np.array([i for i, value in enumerate(series) if not np.isnan(value)], dtype=np.int64)
     if not len(known):
@@ -254,23 +236,23 @@ def slides_of(
     Parameters
     ----------
     lengths : (f, k) array
-        Of the fibres in each frame [mm].
+        Lengths of the fibres in each frame [mm].
     lines : callable
-        From the position of a frame to their points (k, n, 3) in it, in the scene's unit.
+        From the position of a frame to the points (k, n, 3) of the fibres in it, in the scene's unit.
     motion : RigidMotion
         At the times of the frames.
     shapes : mapping of str to Bone
         The bones at rest.
     jump : float
-        Only steps in which a length jumps by more than this are looked at [mm].
+        Steps in which no length jumps by more than this are left out [mm].
     millimetres : float, optional
-        Of the scene's unit.
+        Length of the scene's unit.
 
     Returns
     -------
     list of (float, str) or None
-        Per frame millimetres since the frame before, and the bone; None where nothing jumps, or the fibre lay
-        on no bone.
+        Per frame millimetres since the frame before, and the bone; None where no length jumps, or the fibre
+        lay on no bone.
     """
     found: list[tuple[float, str] | None] = [None] * len(lengths)
     jumps = length_jumps(lengths, motion.times, even_stretches(motion), largest_turns(motion))
@@ -290,9 +272,9 @@ def slides_of(
 
 
 def _aside(before: Floats, after: Floats, shape: Bone, near: float) -> float:
-    """Return how far points (n, 3) that lie on a bone move across their line and along the bone.
+    """Return how far points (n, 3) of a line on a bone move across the line and along the bone.
 
-    Both are in the frame of the bone. What moves along the line slides as it may, what moves off lifts.
+    Both are in the frame of the bone. A line may slide along itself and lift off the bone.
     """
     skip = int(np.ceil(_ENDS * len(before)))
     inner = slice(skip, len(before) - skip)

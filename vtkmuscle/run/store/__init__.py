@@ -1,4 +1,4 @@
-"""A folder of results as it is: its report, its series of frames, its notes, and the result in it."""
+"""A folder of results, read: its report, its notes of finished muscles, and the result in it."""
 
 from __future__ import annotations
 
@@ -19,26 +19,19 @@ from vtkmuscle.io.literature import LiteratureCurve
 from vtkmuscle.io.parts import Part, Parts, file_digest
 from vtkmuscle.io.surfaces import read_polydata
 from vtkmuscle.io.temporal import TimeSeries, read_series
-from vtkmuscle.run.frames import TIME, Frames, MuscleTrack, WrittenFile
+from vtkmuscle.run.frames import RUN_AGAIN, TIME, Frames, MuscleTrack, WrittenFile
 from vtkmuscle.scene.data import MILLIMETRES
 
-#: The report of a run, and the page with all that it has found.
+#: The report of a run, and its page.
 REPORT, PAGE = "report.json", "report.html"
-#: The folder of notes in that of a run: of each finished muscle, and of the whole run under the name "scene".
+#: The folder of notes, one of each finished muscle, and the name of that of the whole run.
 FINISHED, SCENE = "finished", "scene"
-#: What to do where files are missing or damaged, and where a folder is another one.
-_AGAIN = "run the scene again: what is whole is kept"
+#: What to do where a folder is another one.
 _GIVE = "give the folder of a run's results, its --out"
 
 
 class ResultFolder:
-    """The results of a run, finished or not; nothing of them is changed.
-
-    Parameters
-    ----------
-    path : Path
-        Of the folder.
-    """
+    """The folder of a run, finished or not, to be read."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -72,7 +65,7 @@ class ResultFolder:
         return {name: count(name) for name in (self.report() or {}).get("muscles", {})}
 
     def unfinished(self) -> str | None:
-        """Return in words what a run that did not end has left; None where there is nothing of the kind."""
+        """Return in words what a run that did not end has left; None where none is, or it ended."""
         report = self.report()
         if report is None or report["complete"]:
             return None
@@ -83,30 +76,28 @@ class ResultFolder:
         return f"holds a run that did not end ({why}); frames there: {listed or 'none'}"
 
     def result(self) -> dict[str, Any]:
-        """Return what a :class:`~vtkmuscle.Result` is made of; see :meth:`vtkmuscle.Result.load`."""
+        """Return the arguments of a :class:`~vtkmuscle.Result`; see :meth:`vtkmuscle.Result.load`."""
         report = self._finished_report()
         noted, millimetres = self._note(SCENE).values, MILLIMETRES[report["units"]]
         if "motion" not in noted:
-            raise InputError(self.notes.path(SCENE), "an earlier version of vtkmuscle has written it", _AGAIN)
+            raise InputError(
+                self.notes.path(SCENE), "an earlier version of vtkmuscle has written it", RUN_AGAIN
+            )
         bones = {name: self._at_rest(f"bones/{name}") for name in noted["bones"]}
         coordinates = {name: Coordinate(**one) for name, one in noted["motion"]["coordinates"].items()}
 
-        def reader(name: str) -> Callable[[], MuscleTrack]:
-            note = self._note(name)
+        muscles = {name: self._note(name) for name in report["muscles"]}
 
-            @cache
-            def read() -> MuscleTrack:
-                track = self._track(name, note, millimetres)
-                track.report = report["muscles"][name]
-                track.errors = {what: Estimate(**one) for what, one in noted["errors"][name].items()}
-                return track
-
-            return read
+        def track(name: str) -> MuscleTrack:
+            found = self._track(name, muscles[name], millimetres)
+            found.report = report["muscles"][name]
+            found.errors = {what: Estimate(**one) for what, one in noted["errors"][name].items()}
+            return found
 
         return {
             "bones": multiblock_from(bones),
             "motion": RigidMotion(**noted["motion"] | {"coordinates": coordinates}),
-            "tracks": _Tracks({name: reader(name) for name in report["muscles"]}),
+            "tracks": _Tracks(track, list(muscles)),
             "report": report,
             "literature": {
                 name: tuple(LiteratureCurve(**curve) for curve in curves)
@@ -116,7 +107,7 @@ class ResultFolder:
         }
 
     def finished(self, keys: Mapping[str, str], millimetres: float) -> dict[str, MuscleTrack]:
-        """Return the muscles that are finished under these keys, and as they were written."""
+        """Return the muscles that are finished under these keys and whose files are whole."""
         tracks = {}
         for name, key in keys.items():
             note = self.notes.read(name, key)
@@ -139,9 +130,9 @@ class ResultFolder:
             raise InputError(self.path, what, _GIVE)
         if report is None:
             what = "its report.json is damaged" if there else "it holds no results of a run: no report.json"
-            raise InputError(self.path, what, _AGAIN if there else _GIVE)
+            raise InputError(self.path, what, RUN_AGAIN if there else _GIVE)
         if not report["complete"]:
-            raise InputError(self.path, f"it {self.unfinished()}", _AGAIN)
+            raise InputError(self.path, f"it {self.unfinished()}", RUN_AGAIN)
         return report
 
     def _note(self, name: str) -> Part:
@@ -150,7 +141,7 @@ class ResultFolder:
         if note is None:
             there = self.notes.path(name).exists()
             problem = "the file is damaged" if there else "the file is missing"
-            raise InputError(self.notes.path(name), problem, _AGAIN)
+            raise InputError(self.notes.path(name), problem, RUN_AGAIN)
         self._check_files(note)
         return note
 
@@ -191,14 +182,16 @@ class ResultFolder:
 class _Tracks(Mapping[str, MuscleTrack]):
     """The muscles of a result, each read when it is first asked for."""
 
-    def __init__(self, readers: Mapping[str, Callable[[], MuscleTrack]]) -> None:
-        self._readers = readers
+    def __init__(self, read: Callable[[str], MuscleTrack], muscles: list[str]) -> None:
+        self._read, self._names = cache(read), muscles
 
     def __getitem__(self, name: str) -> MuscleTrack:
-        return self._readers[name]()
+        if name not in self._names:
+            raise KeyError(name)
+        return self._read(name)
 
     def __iter__(self) -> Iterator[str]:
-        return iter(self._readers)
+        return iter(self._names)
 
     def __len__(self) -> int:
-        return len(self._readers)
+        return len(self._names)

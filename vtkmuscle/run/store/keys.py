@@ -1,4 +1,4 @@
-"""Keys of finished work: digests of all that it depends on."""
+"""Keys of finished work: digests of everything that it depends on."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from vtkmodules.vtkCommonDataModel import vtkPolyData
 from vtkmuscle.run.report_values import version_of
 from vtkmuscle.scene.data import Muscle, SceneData
 
-#: Parts of the package that only start runs or show what came out of them.
+#: Parts of the package that only start runs or show results.
 _SHOWING = ("cli", "paraview", "plotting", "report/", "studies/cohort/page")
 #: Fields that no frame of a muscle depends on, and why; all others count.
 IRRELEVANT: Mapping[str, str] = MappingProxyType(
@@ -37,16 +37,9 @@ _FILE = "template_file"
 def muscle_keys(scene: SceneData, numbers: range) -> dict[str, str]:
     """Return the key of each muscle of a scene: a digest of all that its frames depend on.
 
-    That is all of the muscle and of the scene but what is :data:`IRRELEVANT`, which frames are kept, this
+    That is the muscle and the scene without :data:`IRRELEVANT` fields, the numbers of the kept frames, this
     package's source, and the versions of the packages that it computes with. Where muscles may meet, also the
     muscles before it in the scene.
-
-    Parameters
-    ----------
-    scene : SceneData
-        All of it.
-    numbers : range
-        Of the frames that are kept.
     """
     shared = _relevant(scene, SceneData)
     del shared["muscles"]  # each has a key of its own
@@ -64,7 +57,7 @@ def _relevant(value: Any, kind: type) -> dict[str, Any]:
 
 
 def digest_of(value: Any) -> str:
-    """Return a digest of all that a scene, or a value in it, is made of."""
+    """Return a digest of a scene or of a value in it, with all that it is made of."""
     digest = hashlib.sha256()
     _feed(digest, value)
     return digest.hexdigest()
@@ -115,7 +108,7 @@ def _feed_surface(digest: Any, data: vtkPolyData) -> None:
 
 @cache
 def code_digest() -> str:
-    """Return a digest of what computes: the package's source, without what only shows, and other packages."""
+    """Return a digest of the code that computes: source without :data:`_SHOWING`, and other packages."""
     root = Path(__file__).parents[2]
     digest = hashlib.sha256()
     for package in _PACKAGES:

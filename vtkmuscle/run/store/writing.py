@@ -1,4 +1,4 @@
-"""What a run writes to its folder, which it holds against others: frames, tables and notes."""
+"""The folder that a run writes to and holds against other runs: frames, tables and notes."""
 
 from __future__ import annotations
 
@@ -43,8 +43,8 @@ _FOLDERS = ("bones", "figures", FINISHED)
 def claimed(folder: Path, scene: SceneData, *, overwrite: bool) -> Iterator[None]:
     """Make a folder for the results of a scene, and hold it against other runs.
 
-    Nothing in it is changed, but half-written files of killed runs go. With ``overwrite`` results of another
-    scene, and files that no run has written, may be replaced; inputs of the scene never are.
+    Half-written files of killed runs are removed, and nothing else is changed. With ``overwrite`` results of
+    another scene, and files that no run has written, may be replaced; inputs of the scene never are.
 
     Raises
     ------
@@ -77,10 +77,10 @@ def claimed(folder: Path, scene: SceneData, *, overwrite: bool) -> Iterator[None
 
 
 def remove_results(folder: Path, scene: SceneData, kept: Collection[str] = ()) -> None:
-    """Remove the results of an earlier run from a claimed folder, so that nothing old stands beside the new.
+    """Remove the results of an earlier run from a claimed folder, but for muscles that are ``kept``.
 
-    These are files by the names that runs give: of the muscles of the scene and of those that the report
-    names, but for those that are ``kept``; of the bones that are noted; and figures that the report lists.
+    These are files by the names that runs give: of the muscles of the scene and of the report, of the bones
+    that are noted, and figures that the report lists.
     """
     report = ResultFolder(folder).report() or {}
     notes = folder / FINISHED
@@ -122,12 +122,12 @@ def scene_file(scene: SceneData) -> str | None:
 
 
 def _folders(muscles: Iterable[str]) -> list[str]:
-    """Return the folders that a run makes in its own."""
+    """Return the names of the folders that a run makes in its folder."""
     return [*_FOLDERS, *(part for name in muscles for part in (name, f"{name}_fibres"))]
 
 
 def _files(muscles: Iterable[str]) -> list[str]:
-    """Return the files that a run writes to its folder itself."""
+    """Return the names of the files that a run writes to its folder, beside those in folders."""
     names = list(muscles)
     series = ["bones", *(part for name in names for part in (name, f"{name}_fibres"))]
     tables = (f"{name}_fibres.csv" for name in names)
@@ -135,7 +135,7 @@ def _files(muscles: Iterable[str]) -> list[str]:
 
 
 def _muscles_of(report: Mapping[str, Any] | None) -> Iterator[str]:
-    """Give the muscles of an earlier run; a name that no run could have written is passed over."""
+    """Give the muscles of an earlier run, without names that no run can have written."""
     for name in (report or {}).get("muscles", ()):
         with suppress(ValueError):
             yield checked_name(name)
@@ -179,22 +179,15 @@ _DIGITS, _EXACT = 10, ("lengths", "fibre_lengths")
 
 
 class ResultWriter(ResultFolder):
-    """The results of a run that is under way.
+    """The results of a run that is under way, in a claimed folder.
 
     ``NAME.pvd`` and ``NAME_fibres.pvd`` per muscle with their frames in folders of these names,
     ``bones.pvd`` with ``bones/``, tables, ``report.json`` and ``figures/``; and ``finished/`` with what
     :meth:`vtkmuscle.Result.load` and a later run need: a note of each finished muscle with its key and the
     digests of its files, the muscles and bones at rest, and a note of the whole run.
 
-    Parameters
-    ----------
-    path : Path
-        A claimed folder. Results of an earlier run are replaced, but for muscles that are finished and of the
-        same key; other files are left alone.
-    scene : SceneData
-        What is run.
-    numbers : range
-        Of the frames that are kept.
+    Results of an earlier run are replaced, but for muscles that are finished under the same key; other files
+    are left alone.
     """
 
     def __init__(self, path: Path, scene: SceneData, numbers: range) -> None:
@@ -211,7 +204,7 @@ class ResultWriter(ResultFolder):
         return kept
 
     def begin(self, report: Mapping[str, Any], kept: Collection[str]) -> None:
-        """Remove the results of an earlier run but for muscles that are ``kept``; write the report."""
+        """Remove the results of an earlier run, but for muscles that are ``kept``, and write the report."""
         remove_results(self.path, self._scene, kept)
         self.write_report(report)
 
@@ -282,15 +275,10 @@ class ResultWriter(ResultFolder):
         write_text(self.path / REPORT, text + "\n")
 
     def complete(self, report: Mapping[str, Any], tracks: Mapping[str, MuscleTrack]) -> None:
-        """Write the last report, and note what a result needs beside its muscles.
-
-        These are the motion, published curves, the errors of the muscles, and the digests of the report and
-        of the bones at rest.
-        """
+        """Write the last report, and note what a result needs beside its muscles and the report."""
         self.write_report(report)
-        scene = self._scene
+        scene, muscles = self._scene, self._scene.muscles.items()
         bones = [self.path / FINISHED / "bones" / f"{name}.vtp" for name in scene.bones]
-        muscles = scene.muscles.items()
         noted = {
             "bones": list(scene.bones),
             "motion": scene.motion,
@@ -312,7 +300,7 @@ class ResultWriter(ResultFolder):
 
 
 def merged(data: Any) -> vtkPolyData:
-    """Return the blocks of a data set as one, with the cell array ``Bone``: the number of the block."""
+    """Return the blocks of a data set as one, with the number of the block as cell array ``Bone``."""
     if isinstance(data, vtkPolyData):
         return data
     append = vtkAppendPolyData()
