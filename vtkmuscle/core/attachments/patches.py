@@ -262,8 +262,7 @@ def _parts_cut_by(triangles: Ints, loop: Ints, n_points: int) -> tuple[Ints, Int
 
 
 def _edge_keys(edges: Ints, n_points: int) -> Ints:
-    low, high = edges.min(axis=1), edges.max(axis=1)
-    keys: Ints = low * n_points + high
+    keys: Ints = np.sort(edges, axis=1) @ np.array([n_points, 1])
     return keys
 
 

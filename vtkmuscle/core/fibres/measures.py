@@ -144,27 +144,24 @@ def room_between(points: Floats, offsets: Ints) -> Floats:
     That is the distance to the segments on both sides of the nearest point of another line; infinite where
     there is one line only.
     """
-    line_of = np.repeat(np.arange(len(offsets) - 1), np.diff(offsets))
-    nearest = np.full(len(points), -1, dtype=np.int64)
-    if len(offsets) > 2:
-        tree = cKDTree(points)
-        open_ = np.arange(len(points))
-        count = _FIRST_NEIGHBOURS
-        while len(open_):
-            count = min(count, len(points))
-            found = tree.query(points[open_], k=[*range(1, count + 1)])[1]
-            foreign = line_of[found] != line_of[open_, None]
-            some = foreign.any(axis=1)
-            nearest[open_[some]] = found[some, foreign[some].argmax(axis=1)]
-            open_ = open_[~some]
-            count *= 4
     room = np.full(len(points), np.inf)
-    known = nearest >= 0
+    if len(offsets) <= 2:
+        return room
+    line_of = np.repeat(np.arange(len(offsets) - 1), np.diff(offsets))
+    nearest, tree = np.zeros(len(points), dtype=np.int64), cKDTree(points)
+    waiting, count = np.arange(len(points)), _FIRST_NEIGHBOURS
+    while len(waiting):
+        count = min(count, len(points))
+        found = tree.query(points[waiting], k=[*range(1, count + 1)])[1]
+        foreign = line_of[found] != line_of[waiting, None]
+        some = foreign.any(axis=1)
+        nearest[waiting[some]] = found[some, foreign[some].argmax(axis=1)]
+        waiting = waiting[~some]
+        count *= 4
     for step in (-1, 1):
-        other = np.clip(nearest[known] + step, 0, len(points) - 1)
-        other = np.where(line_of[other] == line_of[nearest[known]], other, nearest[known])
-        distances = segment_distances(points[known], points[nearest[known]], points[other])
-        room[known] = np.minimum(room[known], distances)
+        other = np.clip(nearest + step, 0, len(points) - 1)
+        other = np.where(line_of[other] == line_of[nearest], other, nearest)
+        room = np.minimum(room, segment_distances(points, points[nearest], points[other]))
     return room
 
 

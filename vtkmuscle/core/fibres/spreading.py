@@ -101,7 +101,21 @@ def steps_to_centres(points: Floats, offsets: Ints, within: Cloud) -> Floats:
     neighbours.
     """
     lines = evenly_spaced(points, offsets, STATIONS)
-    return _between(points, offsets, _station_steps(lines, within))
+    low = np.minimum(within.low, lines.min(axis=(0, 1)))
+    high = np.maximum(within.high, lines.max(axis=(0, 1)))
+    length = float(np.linalg.norm(np.diff(lines, axis=1), axis=2).sum())
+    extent, step = high - low, length / (len(lines) * (STATIONS - 1))
+    # The space between fibres in the muscle.
+    spacing = max(float(np.sqrt(within.volume / max(length, 1e-300))), 1e-300)
+    pieces = int(np.clip(np.ceil(2.0 * step / spacing), 1, PIECES))
+    scales = np.array([1.0, 1.0, ALONG_ROWS]) / max(spacing, float(extent.max()) / FINEST)
+    shape = (extent * scales).astype(np.int64) + 1
+    band = max(OVERLAP * spacing**2, 1e-300)
+    pulls, weights = _pulls(lines, pieces, within, (low, scales, shape), band)
+    wide = spacing / max(step, 1e-300)
+    passes = int(np.clip(2.0 * wide**2, LEAST_BLUR, 2 * STATIONS**2))
+    across = _across(lines, pulls, weights, _blur(passes))
+    return _between(points, offsets, across)
 
 
 def move_ends(points: Floats, ends: Ints, others: Ints, places: Floats) -> None:
@@ -129,23 +143,6 @@ def _between(points: Floats, offsets: Ints, shifts: Floats) -> Floats:
     share = np.minimum(at - station, 1.0)[:, None]
     between: Floats = (1.0 - share) * shifts[line, station] + share * shifts[line, station + 1]
     return between
-
-
-def _station_steps(lines: Floats, within: Cloud) -> Floats:
-    """Return the steps (k, STATIONS, 3) from places of fibres to the middles of their cells, across them."""
-    low = np.minimum(within.low, lines.min(axis=(0, 1)))
-    high = np.maximum(within.high, lines.max(axis=(0, 1)))
-    length = float(np.linalg.norm(np.diff(lines, axis=1), axis=2).sum())
-    extent, step = high - low, length / (len(lines) * (STATIONS - 1))
-    # The space between fibres in the muscle.
-    spacing = max(float(np.sqrt(within.volume / max(length, 1e-300))), 1e-300)
-    pieces = int(np.clip(np.ceil(2.0 * step / spacing), 1, PIECES))
-    scales = np.array([1.0, 1.0, ALONG_ROWS]) / max(spacing, float(extent.max()) / FINEST)
-    shape = (extent * scales).astype(np.int64) + 1
-    band = max(OVERLAP * spacing**2, 1e-300)
-    pulls, weights = _pulls(lines, pieces, within, (low, scales, shape), band)
-    wide = spacing / max(step, 1e-300)
-    return _across(lines, pulls, weights, _blur(int(np.clip(2.0 * wide**2, LEAST_BLUR, 2 * STATIONS**2))))
 
 
 def _across(lines: Floats, pulls: Floats, weights: Floats, blur: Floats) -> Floats:
