@@ -27,9 +27,9 @@ from vtkmuscle.core.mesh.surface import (
 )
 from vtkmuscle.core.types import Floats, Ints
 
-#: Penalty s on edges away from the chord: at a distance of a times the chord's length an edge counts (1 + s
-#: a^2) times its own. On a sphere of equal triangles paths are 6 % of the chord off the great circle with 10,
-#: 16 % (at most 38 %) with 0, and equally long.
+#: Penalty s on edges away from the chord: at a distance of a chords an edge counts (1 + s a^2) times its
+#: length. On a sphere of equal triangles paths are 6 % of the chord off the great circle with 10, 16 % (at
+#: most 38 %) with 0, and equally long.
 _STRAIGHTNESS = 10.0
 #: Nearly all paths stay within this many chords of the chord's middle: they are sought there first.
 _REACH = 2.0

@@ -1,4 +1,4 @@
-"""Fibres spread evenly through a muscle, each in the middle of what is nearest to it, and smoothed.
+"""Fibres spread evenly through a muscle, each in the middle of the part nearest to it, and smoothed.
 
 Lloyd's relaxation, 1982, doi:10.1109/TIT.1982.1056489, of curves instead of points: the cell of a fibre is
 the part of the muscle that is nearer to it than to the others, and each place along it goes to the centre of
@@ -56,8 +56,8 @@ STATIONS = 16
 LEAST_BLUR = 6
 #: Pieces of the line between two stations, at most.
 PIECES = 8
-#: How far cells overlap: places have a share in what is around them if they are no farther from it, squared,
-#: than the nearest place is and this part of the squared space between fibres (a twentieth of it each way).
+#: Overlap of cells: a place has a share in a sample if its squared distance exceeds that of the nearest place
+#: by less than this part of the squared space between fibres (a twentieth of the space each way).
 OVERLAP = 0.1
 #: Part of a fibre along which points follow its end: less leaves hooks, more bare flanks.
 REACH = 0.11
