@@ -145,9 +145,9 @@ def aponeuroses():
 
 def superficial_fibres():
     """Return three lines beside the spindle's middle that wind a little."""
-    along = np.linspace(-0.2, 0.2, 5)
+    along = np.linspace(-0.1, 0.1, 5)
     lines = [
-        np.column_stack([17 * np.cos(a + along), 17 * np.sin(a + along) - 32, 10 - 100 * along])
+        np.column_stack([17 * np.cos(a + along), 17 * np.sin(a + along) - 32, 10 - 200 * along])
         for a in (0.0, 2.0, 4.0)
     ]
     return polylines_from(Polylines(np.vstack(lines), np.arange(0, 16, 5)))

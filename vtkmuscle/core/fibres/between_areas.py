@@ -29,7 +29,8 @@ from vtkmuscle.core.types import Floats, Ints
 #: Places on the lesser of two areas that decide which part of the larger one stays bare. With 64 to 400 of
 #: them fibres in the measured gastrocnemius deviate by 10.0 to 11.0 degrees from the tracts (median).
 COARSE = 128
-#: Fibres whose mean is the direction at a place of an area; 2 to 16 change that angle by as much.
+#: Number of fibres whose mean is the direction at a place of an area; from 2 to 16 that angle varies by as
+#: much.
 BESIDE = 4
 #: An area with no less than this part of the other's cross-section is as large: those places cannot resolve
 #: less than one row of a square of them.
@@ -45,9 +46,9 @@ class EndSurface:
     """A surface that fibres end on: a part of the muscle's surface, or one within the muscle.
 
     The whole surface is points (n, 3) and triangles (m, 3) [mm]; fibres end on the points `patch` (j,).
-    `takes` are the least and the most cross-section of fibres that end on it, as multiples of its own, |u .
-    n| times its area: 1 and 1 where fibres themselves end on one face of it, 1 and 2 where they may on both,
-    0 and infinity where tendons lie between.
+    `takes` are the least and the most cross-section of fibres that end on it, as multiples of its own,
+    |u . n| times its area: 1 and 1 where fibres themselves end on one face of it, 1 and 2 where they may end
+    on both, 0 and infinity where tendons lie between.
     """
 
     points: Floats
@@ -153,7 +154,7 @@ def filled_share(fibres: Floats, origin: EndSurface, insertion: EndSurface, volu
 
 
 def bend_inside(fibres: Floats, into_muscle: Callable[[Floats], Floats]) -> tuple[Floats, Floats]:
-    """Return fibres (k, r, 3) bent into the muscle, and how far each was outside of it at most (k,) [mm].
+    """Return fibres (k, r, 3) bent into the muscle, and the largest distance of each outside of it (k,) [mm].
 
     Each fibre that leaves the muscle is smoothed, its ends kept, and its points outside are moved to the
     nearest ones of the muscle (`into_muscle`, from (n, 3) to (n, 3)), again and again: that leads to about

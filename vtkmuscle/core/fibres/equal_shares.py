@@ -57,7 +57,7 @@ def _relaxed(positions: Floats, part: Ints, count: int) -> Floats:
 def halved(areas: Sequence[Floats], count: int) -> list[Ints]:
     """Return for each area the part (m,) of each position, `count` parts that are halves of halves."""
     parts = [np.zeros(len(area), dtype=np.int64) for area in areas]
-    shares = np.array([count])  # how many parts each part is to become
+    shares = np.array([count])  # number of final parts in each part
     # Rounding would choose between two axes of equal length, and between the two ways along one. Small random
     # weights of the positions, always the same, decide instead.
     weights = [np.random.default_rng(0).random(len(area)) for area in areas]

@@ -174,7 +174,7 @@ def transport(weights: Floats, points: Floats) -> Floats:
 
 
 def weights_of_lanes(mesh: CoordinateMesh, queries: Floats, tolerance: float) -> tuple[Floats, Floats]:
-    """Return weights (q, n), and by how much they would miss their points uncorrected, (q,) [mm].
+    """Return weights (q, n), and the distance by which they missed their points before correction, (q,) [mm].
 
     The points are (q, 3), about the mesh's centre, 1 <= q <= LANES. Those nearer than the tolerance [mm] to a
     vertex, an edge or a triangle get their barycentric coordinates.
@@ -321,11 +321,11 @@ def _dot(a: Floats, b: Floats) -> Floats:
 def _flat_excess(h: Floats, b: Floats, g: Floats, sides: Floats, ea: Floats, eb: Floats) -> Floats:
     """Return the sum over the edges of triangles of phi - theta cos(beta).
 
-    That is how far the angle seen from the foot point exceeds its share:
-    phi is the angle under which the foot point sees the edge from a to b, theta that from the height h above,
-    beta the angle between the planes; over the edges of a triangle that the foot point is outside of, the
-    phi sum to 0, so that S is -1/2 the sum of these excesses. With the distance delta = b / length of the
-    foot point from the edge's line, and s along it, the excess is
+    It is the excess of the angle seen from the foot point over its share: phi is the angle under which the
+    foot point sees the edge from a to b, theta that from the height h above, beta the angle between the
+    planes; over the edges of a triangle that the foot point is outside of, the phi sum to 0, so that S is
+    -1/2 the sum of these excesses. With the distance delta = b / length of the foot point from the edge's
+    line, and s along it, the excess is
 
         h^2 integral delta ds / ((delta^2 + s^2) (delta^2 + s^2 + h^2)),
 

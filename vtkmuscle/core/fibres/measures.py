@@ -64,7 +64,7 @@ def have_area(points: Floats, triangles: Ints) -> Bools:
 def physiological_cross_section(volume: float, lengths: Floats, angles: Floats) -> tuple[float, float]:
     """Return the physiological cross-sectional area, and its part along the line of action [mm^2].
 
-    The area is volume / mean fibre length; what acts along the line of action is its product with the mean
+    The area is volume / mean fibre length; its part along the line of action is its product with the mean
     cosine of the fibres' angles to that line (Lieber, Friden 2000,
     doi:10.1002/1097-4598(200011)23:11<1647::AID-MUS1>3.0.CO;2-M). The volume is the muscle's [mm^3], lengths
     [mm] and angles to the line of action [degrees] are those of the fibres, (k,).
@@ -98,7 +98,7 @@ def _section_area(points: Floats, triangles: Ints, place: Floats, normal: Floats
 
 
 def plane_crossings(points: Floats, offsets: Ints, place: Floats, normal: Floats) -> int:
-    """Return how many polylines cross a plane, given by a point in it and its normal (3,)."""
+    """Return the number of polylines that cross a plane, given by a point in it and its normal (3,)."""
     below = (points - place) @ normal < 0.0
     some, all_ = np.logical_or.reduceat(below, offsets[:-1]), np.logical_and.reduceat(below, offsets[:-1])
     return int((some & ~all_).sum())
@@ -144,27 +144,24 @@ def room_between(points: Floats, offsets: Ints) -> Floats:
     That is the distance to the segments on both sides of the nearest point of another line; infinite where
     there is one line only.
     """
-    line_of = np.repeat(np.arange(len(offsets) - 1), np.diff(offsets))
-    nearest = np.full(len(points), -1, dtype=np.int64)
-    if len(offsets) > 2:
-        tree = cKDTree(points)
-        open_ = np.arange(len(points))
-        count = _FIRST_NEIGHBOURS
-        while len(open_):
-            count = min(count, len(points))
-            found = tree.query(points[open_], k=[*range(1, count + 1)])[1]
-            foreign = line_of[found] != line_of[open_, None]
-            some = foreign.any(axis=1)
-            nearest[open_[some]] = found[some, foreign[some].argmax(axis=1)]
-            open_ = open_[~some]
-            count *= 4
     room = np.full(len(points), np.inf)
-    known = nearest >= 0
+    if len(offsets) <= 2:
+        return room
+    line_of = np.repeat(np.arange(len(offsets) - 1), np.diff(offsets))
+    nearest, tree = np.zeros(len(points), dtype=np.int64), cKDTree(points)
+    waiting, count = np.arange(len(points)), _FIRST_NEIGHBOURS
+    while len(waiting):
+        count = min(count, len(points))
+        found = tree.query(points[waiting], k=[*range(1, count + 1)])[1]
+        foreign = line_of[found] != line_of[waiting, None]
+        some = foreign.any(axis=1)
+        nearest[waiting[some]] = found[some, foreign[some].argmax(axis=1)]
+        waiting = waiting[~some]
+        count *= 4
     for step in (-1, 1):
-        other = np.clip(nearest[known] + step, 0, len(points) - 1)
-        other = np.where(line_of[other] == line_of[nearest[known]], other, nearest[known])
-        distances = segment_distances(points[known], points[nearest[known]], points[other])
-        room[known] = np.minimum(room[known], distances)
+        other = np.clip(nearest + step, 0, len(points) - 1)
+        other = np.where(line_of[other] == line_of[nearest], other, nearest)
+        room = np.minimum(room, segment_distances(points, points[nearest], points[other]))
     return room
 
 
@@ -180,7 +177,7 @@ def group_fibres(lengths: Floats, count: int) -> Ints:
     if count == 1:
         return np.zeros(len(changes), dtype=np.int64)
     _, labels = kmeans2(changes, count, minit="++", rng=np.random.default_rng(0), missing="warn")
-    # Groups by their first fibre, without those that came out empty.
+    # Groups are numbered by their first fibre, empty ones left out.
     _, first, plain = np.unique(labels, return_index=True, return_inverse=True)
     rank = np.argsort(np.argsort(first))
     return rank[plain].astype(np.int64)
@@ -197,8 +194,8 @@ def group_errors(lengths: Floats, groups: Ints) -> Floats:
     return errors
 
 
-#: Places along each fibre at which neighbours are compared, and by how many of them an end and the place that
-#: it is compared with are apart.
+#: Places along each fibre at which neighbours are compared. The sides of neighbours at an end are compared
+#: with those this many places farther in.
 STATIONS, INWARD = 33, 4
 #: Neighbours of each fibre, those nearest to it in the middle: the sides of a square.
 NEIGHBOURS = 4

@@ -22,7 +22,7 @@ _CORRECTED = 1e-10
 LARGEST_CHANGE = 1.0
 #: Points whose weights are grouped at once.
 AT_ONCE = 128
-#: Halvings from a group to those that it is made of.
+#: Halvings from a group to its groups on the next level.
 HALVINGS = 2
 
 

@@ -1,4 +1,4 @@
-"""Fibres spread evenly through a muscle, each in the middle of what is nearest to it, and smoothed.
+"""Fibres spread evenly through a muscle, each in the middle of the part nearest to it, and smoothed.
 
 Lloyd's relaxation, 1982, doi:10.1109/TIT.1982.1056489, of curves instead of points: the cell of a fibre is
 the part of the muscle that is nearer to it than to the others, and each place along it goes to the centre of
@@ -56,8 +56,8 @@ STATIONS = 16
 LEAST_BLUR = 6
 #: Pieces of the line between two stations, at most.
 PIECES = 8
-#: How far cells overlap: places have a share in what is around them if they are no farther from it, squared,
-#: than the nearest place is and this part of the squared space between fibres (a twentieth of it each way).
+#: Overlap of cells: a place has a share in a sample if its squared distance exceeds that of the nearest place
+#: by less than this part of the squared space between fibres (a twentieth of the space each way).
 OVERLAP = 0.1
 #: Part of a fibre along which points follow its end: less leaves hooks, more bare flanks.
 REACH = 0.11
@@ -101,7 +101,21 @@ def steps_to_centres(points: Floats, offsets: Ints, within: Cloud) -> Floats:
     neighbours.
     """
     lines = evenly_spaced(points, offsets, STATIONS)
-    return _between(points, offsets, _station_steps(lines, within))
+    low = np.minimum(within.low, lines.min(axis=(0, 1)))
+    high = np.maximum(within.high, lines.max(axis=(0, 1)))
+    length = float(np.linalg.norm(np.diff(lines, axis=1), axis=2).sum())
+    extent, step = high - low, length / (len(lines) * (STATIONS - 1))
+    # The space between fibres in the muscle.
+    spacing = max(float(np.sqrt(within.volume / max(length, 1e-300))), 1e-300)
+    pieces = int(np.clip(np.ceil(2.0 * step / spacing), 1, PIECES))
+    scales = np.array([1.0, 1.0, ALONG_ROWS]) / max(spacing, float(extent.max()) / FINEST)
+    shape = (extent * scales).astype(np.int64) + 1
+    band = max(OVERLAP * spacing**2, 1e-300)
+    pulls, weights = _pulls(lines, pieces, within, (low, scales, shape), band)
+    wide = spacing / max(step, 1e-300)
+    passes = int(np.clip(2.0 * wide**2, LEAST_BLUR, 2 * STATIONS**2))
+    across = _across(lines, pulls, weights, _blur(passes))
+    return _between(points, offsets, across)
 
 
 def move_ends(points: Floats, ends: Ints, others: Ints, places: Floats) -> None:
@@ -129,23 +143,6 @@ def _between(points: Floats, offsets: Ints, shifts: Floats) -> Floats:
     share = np.minimum(at - station, 1.0)[:, None]
     between: Floats = (1.0 - share) * shifts[line, station] + share * shifts[line, station + 1]
     return between
-
-
-def _station_steps(lines: Floats, within: Cloud) -> Floats:
-    """Return the steps (k, STATIONS, 3) from places of fibres to the middles of their cells, across them."""
-    low = np.minimum(within.low, lines.min(axis=(0, 1)))
-    high = np.maximum(within.high, lines.max(axis=(0, 1)))
-    length = float(np.linalg.norm(np.diff(lines, axis=1), axis=2).sum())
-    extent, step = high - low, length / (len(lines) * (STATIONS - 1))
-    # The space between fibres in the muscle.
-    spacing = max(float(np.sqrt(within.volume / max(length, 1e-300))), 1e-300)
-    pieces = int(np.clip(np.ceil(2.0 * step / spacing), 1, PIECES))
-    scales = np.array([1.0, 1.0, ALONG_ROWS]) / max(spacing, float(extent.max()) / FINEST)
-    shape = (extent * scales).astype(np.int64) + 1
-    band = max(OVERLAP * spacing**2, 1e-300)
-    pulls, weights = _pulls(lines, pieces, within, (low, scales, shape), band)
-    wide = spacing / max(step, 1e-300)
-    return _across(lines, pulls, weights, _blur(int(np.clip(2.0 * wide**2, LEAST_BLUR, 2 * STATIONS**2))))
 
 
 def _across(lines: Floats, pulls: Floats, weights: Floats, blur: Floats) -> Floats:

@@ -1,4 +1,4 @@
-"""Fibre ends on the attachment areas: those of the paper as printed, and those that share the area out.
+"""Fibre ends on the attachment areas: as printed in the paper, and evenly spread over the area.
 
 Kohout, Clapworthy, Martelli, Viceconti 2012, *Muscle Fibres Modelling*, section 3.4,
 extended in doi:10.1007/978-3-642-38241-3_3.
@@ -140,7 +140,7 @@ def _new_ends(
     tolerance: float,
     largest_cut: float,
 ) -> _Ends:
-    """Return how much to cut off the last points of fibres, and where they end instead."""
+    """Return the lengths to cut off the last points of fibres, and their new ends."""
     lengths = polyline_lengths(points, offsets)
     ends = points[offsets[1:] - 1]
     there = _ends_on_area(ends, area, tolerance) & (_sharpest_turns(points, offsets) <= LARGEST_TURN)

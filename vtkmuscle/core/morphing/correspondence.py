@@ -20,7 +20,7 @@ from vtkmuscle.core.types import Floats, Ints
 
 #: Points of a loop at which it may start, and the least number of its segments.
 N_PLACES = 128
-#: A segment shorter than this part of its loop's perimeter is rounding.
+#: A segment shorter than this part of its loop's perimeter comes from rounding.
 SHORTEST = 1e-9
 #: A vertex nearer to a corner than this part of the perimeter is replaced by the corner.
 CLOSEST = 1e-6
@@ -173,8 +173,8 @@ def refined_loop(loop: Floats, count: int) -> Floats:
 def cornered_loop(loop: Floats, target: Floats, width: float, depth: float) -> Floats:
     """Return a loop (n, k) that starts where it is nearest to a point (k,), with vertices for all corners.
 
-    These are added at the parts of its length that the rectangle's sides are of its perimeter, in place of
-    vertices right beside. If the nearest vertices were taken, neighbouring slices would differ.
+    A vertex is added for each corner, where the rectangle's perimeter has the corner, in place of vertices
+    right beside. If the nearest vertices were taken, neighbouring slices would differ.
     """
     lengths = loop_lengths(loop)
     perimeter, first = lengths[-1], nearest_place(loop, lengths, target)

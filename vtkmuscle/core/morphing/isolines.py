@@ -184,7 +184,7 @@ def _mapped(box: Box, course: _Course, levels: Floats, slicing: Slicing) -> Slic
 
 
 def way_of_values(points: Floats, triangles: Ints, field: Floats) -> tuple[Floats, Floats]:
-    """Return how far the isolines of a function are from its least value, on the average around them.
+    """Return the mean distance of the isolines of a function from its least value along the surface.
 
     ds/df is the length-weighted mean of 1 / |grad f| along an isoline. By the coarea formula that is the
     ratio of the area to the integral of |grad f| between neighbouring isolines. The function is (n,), in

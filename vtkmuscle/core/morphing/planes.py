@@ -102,8 +102,8 @@ class _BoxedMuscle:
 class _Course:
     """The main branch at some levels and the guides, and how well planes suit the muscle.
 
-    Where the branch ends before the levels do, `ends` are the heights of its first and last loop, and those
-    between which it is there.
+    Where the branch ends before the levels do, `ends` are the heights of its first and last loop, and the
+    lowest and highest one of the muscle beyond them.
     """
 
     def __init__(self, boxed: _BoxedMuscle, levels: Floats) -> None:

@@ -208,29 +208,23 @@ def main_loops(sections: Sections, levels: Floats, sizes: Floats) -> Ints:
     has a loop with an inside.
     """
     thickness = np.gradient(levels) if len(levels) > 1 else np.ones(1)
-    chain = _largest_chain(sections, sizes, thickness)
-    if (chain < 0).all():
-        raise InputError(
-            "", "no section of the muscle through the template has an inside", "fit the template first"
-        )
-    return chain
-
-
-def _largest_chain(sections: Sections, sizes: Floats, thickness: Floats) -> Ints:
-    """Return the loop of each level in the largest chain of loops that continue each other."""
     best, previous = np.zeros(len(sizes)), np.full(len(sizes), -1)
     chain = np.full(len(thickness), -1, dtype=np.int64)
-    levels = [sections.loops_of(level) for level in range(len(thickness))]
-    for level, loops in enumerate(levels):
+    by_level = [sections.loops_of(level) for level in range(len(thickness))]
+    for level, loops in enumerate(by_level):
         for loop in loops:
             if sizes[loop] <= 0.0:
                 continue
-            for other in levels[level - 1] if level else ():
+            for other in by_level[level - 1] if level else ():
                 if sections.parts_above[other] == sections.parts_below[loop] and best[other] > best[loop]:
                     best[loop], previous[loop] = best[other], other
             best[loop] += sizes[loop] * thickness[level]
-    end = int(best.argmax()) if best.any() else -1
-    level = next((number for number, loops in enumerate(levels) if end in loops), -1)
+    if not best.any():
+        raise InputError(
+            "", "no section of the muscle through the template has an inside", "fit the template first"
+        )
+    end = int(best.argmax())
+    level = next(number for number, loops in enumerate(by_level) if end in loops)
     while end >= 0:
         chain[level] = end
         end, level = int(previous[end]), level - 1

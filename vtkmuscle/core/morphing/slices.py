@@ -1,4 +1,4 @@
-"""Slice by slice from the fitted template into the muscle: what planes and isolines have in common."""
+"""Slice by slice from the fitted template into the muscle: the common part of planes and isolines."""
 
 from __future__ import annotations
 
