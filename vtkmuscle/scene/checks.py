@@ -1,4 +1,4 @@
-"""What must hold of the surfaces, landmarks and lines of a scene before it is run."""
+"""Check the surfaces, landmarks and lines of a scene before it is run."""
 
 from __future__ import annotations
 
@@ -13,32 +13,30 @@ from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.mesh.surface import survey
 from vtkmuscle.core.paths.via_rings import passes_through, via_ring
-from vtkmuscle.data.arrays import checked_surface, points_of, surface_from
+from vtkmuscle.data.arrays import checked_surface, points_of
 from vtkmuscle.data.attachments import VIA, AttachmentArea
 from vtkmuscle.data.paths import checked_superficial
 from vtkmuscle.filters.deformer.settings import check_together
 from vtkmuscle.filters.pbd_deformer import PBDDeformer
 from vtkmuscle.scene.data import Muscle, SceneData
 from vtkmuscle.scene.faults import Faults, SceneError, errors_at
+from vtkmuscle.scene.mirror import turned_over
 from vtkmuscle.scene.validation import validated
 from vtkmuscle.scene.writing import tables_of
 
-#: Landmarks farther from their muscle than this many of its diagonals are another muscle's, or in
-#: another unit.
+#: Landmarks farther from their muscle than this, in its diagonals, are another muscle's, or in another unit.
 _FARTHEST_LANDMARKS = 1.0
-#: Coordinates beyond this are no length of anything, and their squares may be no numbers.
+#: Largest coordinate; the squares of larger ones may overflow.
 _LARGEST = 1e60
 
 
 def checked(scene: SceneData) -> tuple[dict[str, vtkPolyData], dict[str, Muscle]]:
     """Return the bones and the muscles of a scene, each checked, the muscles facing outward.
 
-    A bone that is open or inside out is corrected where its inside is needed, with a warning.
-
     Raises
     ------
     SceneError
-        With a fault for each thing that cannot be run.
+        With a fault for each key, surface, landmark or line that cannot be used.
     """
     validated(tables_of(scene), scene.files.get(""))
     faults = Faults()
@@ -94,47 +92,36 @@ def _closed(scene: SceneData, key: str, surface: vtkPolyData) -> vtkPolyData:
     """Return the surface of a muscle: closed, in one piece, and facing outward."""
     points, triangles = _checked_surface(scene, key, surface)
     report = survey(points, triangles)
-    faults = [
-        (
-            not report.closed,
-            f"the surface is open: {report.n_boundary_edges} edges belong to one triangle only",
-            "fill its holes (pyvista: mesh.fill_holes(size)); if there are none to see, merge coincident "
-            "points (pyvista: mesh.clean())",
-        ),
-        (
-            not report.manifold,
-            f"the surface is not manifold: {report.n_nonmanifold_edges} edges have more than two triangles",
-            "delete the extra triangles, e.g. with MeshLab's 'repair non manifold edges'",
-        ),
-        (
-            not report.oriented,
-            f"neighbouring triangles disagree on their side at {report.n_misoriented_edges} edges",
-            "orient them alike (pyvista: mesh.compute_normals(consistent_normals=True))",
-        ),
-        (report.closed and report.volume == 0, "the surface has no volume", "export it again"),
-        (
-            report.n_components > 1,
-            f"the surface falls into {report.n_components} separate pieces",
-            "keep the largest (pyvista: mesh.extract_largest()), or make each piece its own muscle",
-        ),
-        (
-            report.n_unused_points > 0,
-            f"{report.n_unused_points} points belong to no triangle",
-            "remove them (pyvista: mesh.clean())",
-        ),
-    ]
-    for at_fault, problem, remedy in faults:
-        if at_fault:
-            raise _error(scene, key, problem, remedy)
+    problem = remedy = ""
+    if not report.closed:
+        problem = f"the surface is open: {report.n_boundary_edges} edges belong to one triangle only"
+        remedy = (
+            "fill its holes (pyvista: mesh.fill_holes(size)); if none are visible, merge coincident points "
+        )
+        remedy += "(pyvista: mesh.clean())"
+    elif not report.manifold:
+        problem = (
+            f"the surface is not manifold: {report.n_nonmanifold_edges} edges have more than two triangles"
+        )
+        remedy = "delete the extra triangles, e.g. with MeshLab's 'repair non manifold edges'"
+    elif not report.oriented:
+        problem = f"neighbouring triangles disagree on their side at {report.n_misoriented_edges} edges"
+        remedy = "orient them alike (pyvista: mesh.compute_normals(consistent_normals=True))"
+    elif report.volume == 0:
+        problem, remedy = "the surface has no volume", "export it again"
+    elif report.n_components > 1:
+        problem = f"the surface falls into {report.n_components} separate pieces"
+        remedy = "keep the largest (pyvista: mesh.extract_largest()), or make each piece its own muscle"
+    elif report.n_unused_points > 0:
+        problem = f"{report.n_unused_points} points belong to no triangle"
+        remedy = "remove them (pyvista: mesh.clean())"
+    if problem:
+        raise _error(scene, key, problem, remedy)
     if report.volume > 0:
         return surface
-    turned_words = "the surface is inside out; its triangles were turned to face outward"
-    warnings.warn(f"{scene.files.get(key) or 'scene'}: {key}: {turned_words}", stacklevel=5)
-    turned = surface_from(points, triangles[:, ::-1])
-    turned.GetPointData().ShallowCopy(surface.GetPointData())
-    turned.GetCellData().ShallowCopy(surface.GetCellData())
-    turned.GetFieldData().ShallowCopy(surface.GetFieldData())
-    return turned
+    problem = "the surface is inside out; its triangles were turned to face outward"
+    warnings.warn(f"{scene.files.get(key) or 'scene'}: {key}: {problem}", stacklevel=5)
+    return turned_over(surface)
 
 
 def _check_area(scene: SceneData, key: str, area: AttachmentArea, surface: vtkPolyData) -> None:
@@ -152,7 +139,7 @@ def _check_area(scene: SceneData, key: str, area: AttachmentArea, surface: vtkPo
 
 
 def _check_ring(scene: SceneData, key: str, area: AttachmentArea, surface: vtkPolyData) -> None:
-    """Check that a via ring is a ring, and that the muscle passes through it."""
+    """Check that the landmarks form a ring, and that the muscle passes through it."""
     with _placed(scene, key, "give landmarks round the muscle, in order"):
         ring = via_ring(area.landmarks)
     points, triangles = checked_surface(surface, key)
@@ -175,7 +162,7 @@ def _check_superficial(scene: SceneData, key: str, muscle: Muscle, points: NDArr
 
 
 def _check_near(scene: SceneData, key: str, what: str, places: NDArray[Any], points: NDArray[Any]) -> None:
-    """Check that some places are about where the muscle with these points is."""
+    """Check that some points lie about where the muscle with other points is."""
     lowest, highest = points.min(axis=0), points.max(axis=0)
     gaps = np.linalg.norm(np.maximum(np.maximum(lowest - places, places - highest), 0), axis=1)
     diagonal = np.linalg.norm(highest - lowest)
