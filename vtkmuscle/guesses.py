@@ -1,4 +1,4 @@
-"""Names that users of other libraries guess, and what to write for them here."""
+"""Names that users of other libraries may try, and what to write instead."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _ARCHITECTURE = "result.architecture() is a table of it"
 _EXPORT = "`vtkmuscle export` writes models of OpenSim and MuJoCo"
 _FOLDER = "scene.run(folder) writes all of a run, result.to_csv(folder) its tables"
 
-#: By what was asked: a guess, and what to write.
+#: By module or class: a name, and what to write instead.
 GUESSES: dict[str, dict[str, str]] = {
     "vtkmuscle": {
         **dict.fromkeys(("load", "read", "open", "read_scene", "load_scene"), _READ),
@@ -59,15 +59,7 @@ GUESSES: dict[str, dict[str, str]] = {
 
 
 def no_attribute(kind: str, name: str) -> AttributeError:
-    """Return the error of a name that is not there, with what to write where the guess is a known one.
-
-    Parameters
-    ----------
-    kind : str
-        ``"vtkmuscle"``, or the name of a class.
-    name : str
-        What was asked for.
-    """
+    """Return the error for an unknown name of ``"vtkmuscle"`` or of a class, with a hint if there is one."""
     known = GUESSES.get(kind, {})
     near = get_close_matches(name, known, n=1, cutoff=0.8)
     hint = f"; {known[near[0]]}" if near else ""
@@ -77,7 +69,7 @@ def no_attribute(kind: str, name: str) -> AttributeError:
 
 
 class ClassWithHints(type):
-    """A class that says what to write for names that it has not."""
+    """A class that gives a hint for names that it does not have."""
 
     if not TYPE_CHECKING:  # which knows the names
 
@@ -86,10 +78,10 @@ class ClassWithHints(type):
 
 
 class WithHints(metaclass=ClassWithHints):
-    """What such a class derives from: its objects say it too, and where a path was given, what reads it."""
+    """A base class with hints for unknown names, on the class and its objects, and for a path as argument."""
 
     def __new__(cls, *arguments: Any, **fields: Any) -> Self:
-        """Refuse a path, with what reads it."""
+        """Refuse a path, and name the method that reads it."""
         if len(arguments) == 1 and not fields and isinstance(arguments[0], str | PathLike):
             name, path = cls.__name__, str(arguments[0])
             raise TypeError(f"{name} takes no path; {name}.load({path!r}) reads a file or folder")

@@ -1,4 +1,4 @@
-"""Nothing is executed from the folder that somebody works in: it may hold a scene from elsewhere."""
+"""No code is loaded from the working folder, which may hold a scene from elsewhere."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from contextlib import contextmanager
 
 
 def leave_out_working_folder() -> None:
-    """Take the working folder off the places that code is loaded from; for the command line.
+    """Remove the working folder from the places that code is loaded from; for the command line.
 
-    ``python -m`` puts the working folder first on Python's path, and so does an empty part of
-    ``PYTHONPATH``; a folder that stands there by its full name was asked for and stays. Numba reads a file
-    ``.numba_config.yaml`` in the working folder, which could have it load compiled code from anywhere: the
-    environment counts more.
+    ``python -m`` puts the working folder first on Python's path, and so does an empty part of ``PYTHONPATH``;
+    a folder that stands there by its full name was given on purpose and stays. Numba reads a file
+    ``.numba_config.yaml`` in the working folder, which could load compiled code from anywhere: the
+    environment overrides it.
     """
     here = os.path.realpath(os.getcwd())
     if here not in map(os.path.realpath, _asked_for()):
@@ -24,7 +24,7 @@ def leave_out_working_folder() -> None:
 
 @contextmanager
 def workers_leave_out_working_folder() -> Iterator[None]:
-    """Have processes that are started meanwhile by :mod:`multiprocessing` load nothing from it either.
+    """Let processes started meanwhile by :mod:`multiprocessing` load nothing from it either.
 
     Each begins as ``python -c``, which looks there for ``multiprocessing`` itself.
     """
@@ -47,19 +47,9 @@ def _asked_for() -> list[str]:
 
 
 def isolated_python(code: str) -> list[str]:
-    """Return the command that runs code in a Python of its own, which finds the packages that this one finds.
+    """Return the command for :func:`subprocess.run` that runs code in a new Python with the same packages.
 
     Neither the working folder nor the environment adds to where it loads code from.
-
-    Parameters
-    ----------
-    code : str
-        What to run.
-
-    Returns
-    -------
-    list of str
-        For :func:`subprocess.run`.
     """
     path = [os.path.abspath(part) for part in sys.path if part]
     return [sys.executable, "-I", "-c", f"import sys\nsys.path[:] = {path!r}\n{code}"]

@@ -1,8 +1,8 @@
-"""What a scene is: bones, muscles, attachments and a motion, from and to a scene.toml.
+"""A scene: bones, muscles, attachments and a motion, read from a scene.toml and written to one.
 
-``schema`` has the keys of the file, ``validation`` what is said of them, ``reading`` and ``writing`` the
-files, ``checks`` what must hold of the surfaces and landmarks, and ``sense`` what is implausible.
-:class:`vtkmuscle.Scene` puts all of it together.
+``schema`` has the keys of the file, ``validation`` checks them, ``reading`` and ``writing`` handle the files,
+``checks`` tests the surfaces and landmarks, and ``sense`` reports what is implausible.
+:class:`vtkmuscle.Scene` combines them.
 """
 
 from vtkmuscle.scene.data import Muscle, SceneData

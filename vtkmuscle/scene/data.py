@@ -1,4 +1,4 @@
-"""What a scene is: bones, muscles with their attachments, a motion, settings; and its surfaces as arrays."""
+"""The content of a scene: bones, muscles with attachments, a motion, settings; its surfaces as arrays."""
 
 from __future__ import annotations
 
@@ -93,7 +93,7 @@ class Muscle:
 
 @dataclass(frozen=True, eq=False)
 class SceneData:
-    """The fields of a :class:`vtkmuscle.Scene`, which says what they are and checks them."""
+    """The fields of a :class:`vtkmuscle.Scene`, which documents and checks them."""
 
     name: str
     bones: Mapping[str, vtkPolyData]
@@ -113,12 +113,12 @@ class SceneData:
         return MILLIMETRES[self.units]
 
     def solver_of(self, muscle: str) -> dict[str, Any]:
-        """Return the parameters of a muscle's PBDDeformer: the scene's, then its own."""
+        """Return the parameters of a muscle's PBDDeformer; its own override the scene's."""
         given = {**self.solver, **self.muscles[muscle].solver}
         return given if self.quality is None else {"quality": self.quality, **given}
 
     def fixing_of(self, muscle: str) -> dict[str, Any]:
-        """Return the parameters of a muscle's FixedPointDetector: the scene's, then its own."""
+        """Return the parameters of a muscle's FixedPointDetector; its own override the scene's."""
         return {**self.fixing, **self.muscles[muscle].fixing}
 
     def bones_data(self) -> vtkMultiBlockDataSet:
@@ -145,28 +145,14 @@ class Surface(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Anatomy:
-    """The bones and muscles of a scene at rest, by their names.
-
-    Attributes
-    ----------
-    bones : mapping of str to Bone
-        All bones.
-    muscles : mapping of str to Surface
-        All muscles.
-    """
+    """The bones and muscles of a scene at rest, by their names."""
 
     bones: Mapping[str, Bone]
     muscles: Mapping[str, Surface]
 
     @classmethod
     def of(cls, scene: SceneData) -> Self:
-        """Open the surfaces of a scene.
-
-        Raises
-        ------
-        ValueError
-            If one is no surface of triangles, or a coordinate is not finite.
-        """
+        """Return the surfaces of a scene; raise a ValueError for one without triangles, or not finite."""
         bones = {name: bone_of(*checked_surface(bone, name)) for name, bone in scene.bones.items()}
         muscles = scene.muscles.items()
         return cls(bones, {name: Surface(*checked_surface(one.surface, name)) for name, one in muscles})

@@ -1,4 +1,4 @@
-"""What is wrong with a scene: one error for all faults of a kind, each with its key, reason and remedy."""
+"""Errors of scenes: one error for all faults found together, each with its key, problem and remedy."""
 
 from __future__ import annotations
 
@@ -14,23 +14,14 @@ class SceneError(InputError):
 
     One error is raised for all faults that were found together; its own fields are those of the first.
 
-    Parameters
-    ----------
-    problem : str
-        What is wrong.
-    key : str
-        The dotted key, e.g. ``muscles.iliacus.attachments[1].bone``.
-    remedy : str, optional
-        What to do about it.
-    file : Path, optional
-        The file at fault.
-    more : iterable of SceneError, optional
-        Faults that were found beside this one.
-
     Attributes
     ----------
-    problem, key, remedy, file
-        As given.
+    problem, remedy : str
+        What is wrong, and what to do about it.
+    key : str
+        The dotted key, e.g. ``muscles.iliacus.attachments[1].bone``.
+    file : Path or None
+        The file at fault.
     where : str
         The file and the key.
     faults : tuple of SceneError
@@ -62,14 +53,9 @@ class SceneError(InputError):
 
 @contextmanager
 def errors_at(key: str, file: Path | None, remedy: str = "") -> Iterator[None]:
-    """Give a ValueError or OSError that is raised inside the key and the file at fault.
+    """Raise a ValueError or OSError from within as a SceneError with a key and a file.
 
-    Parameters
-    ----------
-    key, file
-        As of :class:`SceneError`.
-    remedy : str, optional
-        For an error that has none of its own.
+    ``remedy`` is for an error that has none of its own.
     """
     try:
         yield
@@ -81,7 +67,7 @@ def errors_at(key: str, file: Path | None, remedy: str = "") -> Iterator[None]:
 
 
 class Faults:
-    """Gathers the faults of several checks, so that all are said at once.
+    """Collects the faults of several checks, to report them together.
 
     Examples
     --------
@@ -102,14 +88,14 @@ class Faults:
 
     @contextmanager
     def gathered(self) -> Iterator[None]:
-        """Keep the faults of a SceneError that is raised inside, and go on."""
+        """Keep the faults of a SceneError that is raised within, and go on."""
         try:
             yield
         except SceneError as error:
             self.found += error.faults
 
     def raise_any(self) -> None:
-        """Raise one SceneError for all faults, where there are any."""
+        """Raise one SceneError for all faults, if there are any."""
         if self.found:
             first, *more = self.found
             raise SceneError(first.problem, first.key, first.remedy, first.file, more)

@@ -1,4 +1,4 @@
-"""The files of a scene: its own, and those that it names."""
+"""The files of a scene: its own, and those that it refers to."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ T = TypeVar("T")
 
 
 def parsed(path: Path) -> dict[str, Any]:
-    """Return what is in a scene.toml; raise a SceneError where it cannot be read."""
+    """Return the content of a scene.toml; raise a SceneError where it cannot be read."""
     if path.is_dir():
         remedy = f"give its scene file, e.g. {path / 'scene.toml'}"
         raise SceneError("this is a folder, not a scene file", "", remedy, path)
@@ -36,30 +36,16 @@ def parsed(path: Path) -> dict[str, Any]:
 
 
 class SceneFiles:
-    """The files that a scene names, which are noted by the keys that name them.
+    """The paths of a scene's files by dotted key, its own file by ``""``.
 
-    Parameters
-    ----------
-    path : Path
-        The scene's own file; the others are relative to its folder.
-
-    Attributes
-    ----------
-    paths : dict of str to Path
-        By dotted key; the scene's own by ``""``.
+    A text in the scene is a path relative to the folder of its own file.
     """
 
     def __init__(self, path: Path) -> None:
         self.paths = {"": path}
 
     def read(self, key: str, text: str, reader: Callable[[Path], T]) -> T:
-        """Return what a reader makes of the file that a key names.
-
-        Raises
-        ------
-        SceneError
-            If it cannot be read.
-        """
+        """Read the file of a key by a reader; raise a SceneError if it cannot be read."""
         path = self.paths[""].parent / text
         self.paths[key] = path
         with errors_at(key, path, f"check {key.rpartition('.')[2]} = {text!r} and the file it names"):

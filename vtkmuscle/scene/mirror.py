@@ -1,4 +1,4 @@
-"""The other side of the body: all of a scene mirrored along an axis."""
+"""The other side of the body: a scene mirrored along an axis."""
 
 from __future__ import annotations
 
@@ -17,15 +17,7 @@ from vtkmuscle.scene.data import Muscle
 
 
 def mirrored_fields(fields: dict[str, Any], axis: str) -> dict[str, Any]:
-    """Return the fields of a scene, mirrored along an axis of its frame.
-
-    Parameters
-    ----------
-    fields : dict
-        Of a scene, with ``bones``, ``muscles`` and ``motion``.
-    axis : str
-        ``"x"``, ``"y"`` or ``"z"``: its sign changes.
-    """
+    """Return the fields of a scene, mirrored along the axis ``"x"``, ``"y"`` or ``"z"`` of its frame."""
     signs = np.where(np.array(list("xyz")) == axis, -1.0, 1.0)
     return fields | {
         "bones": {name: mirrored_surface(bone, signs) for name, bone in fields["bones"].items()},
@@ -34,13 +26,18 @@ def mirrored_fields(fields: dict[str, Any], axis: str) -> dict[str, Any]:
     }
 
 
-def mirrored_surface(surface: vtkPolyData, signs: Floats) -> vtkPolyData:
-    """Return a surface with its points times signs (3,), and its triangles facing the same side."""
+def turned_over(surface: vtkPolyData) -> vtkPolyData:
+    """Return a surface whose triangles face the other side."""
     reverse = vtkReverseSense()
-    reverse.SetInputData(with_points(surface, points_of(surface) * signs))
+    reverse.SetInputData(surface)
     reverse.Update()
     result: vtkPolyData = reverse.GetOutput()
     return result
+
+
+def mirrored_surface(surface: vtkPolyData, signs: Floats) -> vtkPolyData:
+    """Return a surface with its points times signs (3,), and its triangles facing the same side."""
+    return turned_over(with_points(surface, points_of(surface) * signs))
 
 
 def mirrored_motion(motion: RigidMotion, signs: Floats) -> RigidMotion:

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkPolyData
@@ -36,9 +36,6 @@ from vtkmuscle.scene.motion import joints_of, motion_from
 from vtkmuscle.scene.schema import Aponeuroses, Area, Estimate, SceneTable
 from vtkmuscle.scene.validation import validated
 
-if TYPE_CHECKING:
-    from vtkmuscle.opensim.scene_joints import SceneJoints
-
 #: Landmarks look like a ring where the last is next to the first, in units of the widest gap between others,
 #: and 4 pi area / length^2 is more than the second. Curves of real muscles have over 2.4, or under 0.06.
 NEXT_TO, ROUND = 1.5, 0.15
@@ -54,16 +51,17 @@ def read_fields(path: Path, values: Mapping[str, Any] | None = None) -> dict[str
     files, faults = SceneFiles(path), Faults()
     bones: dict[str, vtkPolyData] = {}
     muscles: dict[str, Muscle] = {}
-    joints, motion = None, None
+    motion = crossed = None
     for name, bone in table.bones.items():
         with faults.gathered():
             bones[name] = files.read(f"bones.{name}.surface", bone.surface, read_surface)
     with faults.gathered():
         joints = joints_of(table, files)
         motion = motion_from(table, files, joints)
+        crossed = None if joints is None else joints.crossed
     for name in table.muscles:
         with faults.gathered():
-            muscles[name] = _muscle(name, table, files, bones, motion, joints)
+            muscles[name] = _muscle(name, table, files, bones, motion, crossed)
     faults.raise_any()
     fields = {
         "name": table.name or path.stem,
@@ -93,9 +91,12 @@ def _muscle(
     files: SceneFiles,
     bones: dict[str, vtkPolyData],
     motion: RigidMotion | None,
-    joints: SceneJoints | None,
+    crossed: Callable[[Iterable[str]], tuple[str, ...]] | None,
 ) -> Muscle:
-    """Read the files of a muscle; the motion is None where it could not be read."""
+    """Read the files of a muscle.
+
+    The motion is None where it could not be read; ``crossed`` gives the coordinates of joints between bones.
+    """
     key, table, faults = f"muscles.{name}", scene.muscles[name], Faults()
     fibres = None if table.fibres is None else table.fibres.given()
     areas = (
@@ -138,8 +139,8 @@ def _muscle(
             error = SceneError(problem, f"{key}.crosses", suggestion(one, known), files.paths[""])
             faults.found.append(error)
     faults.raise_any()
-    if joints is not None and table.crosses is None:
-        fields["crosses"] = joints.crossed(area.bone for area in fields["attachments"])
+    if crossed is not None and table.crosses is None:
+        fields["crosses"] = crossed(area.bone for area in fields["attachments"])
     return Muscle(**fields)
 
 

@@ -96,7 +96,7 @@ def checked_name(name: str) -> str:
         remedy = "use only letters, digits, spaces and _ - + .; begin and end with a letter or digit"
         raise InputError("", f"{quoted(name)} cannot be part of a file name", remedy)
     if _DEVICES.fullmatch(name):
-        raise InputError("", f"Windows allows no file of the name {name!r}", "choose another name")
+        raise InputError("", f"Windows allows no file of the name {name!r}", "give it another name")
     if name.casefold().endswith(_RESULTS):
         raise InputError("", f"the name {quoted(name)} ends like a file of results", "leave out the suffix")
     if len(name.encode()) > _LONGEST:

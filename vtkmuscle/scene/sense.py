@@ -50,8 +50,8 @@ LOST_PRECISION = 1e9
 #: for this part of its length. On the right bones of 31 muscles the sureness is 0.12 or more.
 SURE_ESTIMATE = 0.05
 #: Implausible depth of a muscle in a bone at rest [mm]: muscles and bones segmented from the same images
-#: overlap by up to 2.3 mm (LHDL hip). Also the least extent of a part of a bone within a muscle: a spur of that
-#: pelvis is 1.9 mm long.
+#: overlap by up to 2.3 mm (LHDL hip). Also the least extent of a part of a bone within a muscle: a spur of
+#: that pelvis is 1.9 mm long.
 DEEP = 3.0
 #: Most points of a bone that are checked: 2 mm apart, on the largest.
 _MOST_POINTS = 20_000

@@ -44,10 +44,8 @@ def write_scene(scene: SceneData, folder: Path) -> Path:
 def save_unless_changed(scene: SceneData, folder: Path, *, overwrite: bool) -> Path:
     """Write a scene to a folder, and return its scene.toml.
 
-    Raises
-    ------
-    ValueError
-        If a file there has been changed since it was written, unless ``overwrite`` is true.
+    A ValueError is raised if a file there has been changed since it was written, unless ``overwrite`` is
+    true.
     """
     folder.parent.mkdir(parents=True, exist_ok=True)
     fresh = beside(folder)
@@ -59,12 +57,11 @@ def save_unless_changed(scene: SceneData, folder: Path, *, overwrite: bool) -> P
             if there.is_file() and cmp(there, fresh / file, shallow=False):
                 continue
             if (there.exists() or there.is_symlink()) and not overwrite:
-                raise InputError(
-                    there,
-                    "this has been changed since it was written",
+                remedy = (
                     f"run it with 'vtkmuscle run {folder / 'scene.toml'}', give another folder with --out, "
-                    "or --overwrite to replace it",
                 )
+                remedy += "or --overwrite to replace it"
+                raise InputError(there, "this has been changed since it was written", remedy)
         for file in files:
             (folder / file).parent.mkdir(parents=True, exist_ok=True)
             (fresh / file).replace(folder / file)
@@ -135,21 +132,15 @@ def _area_tables(muscle: str, areas: Sequence[AttachmentArea]) -> list[dict[str,
 
 
 def _muscle(name: str, muscle: Muscle) -> dict[str, Any]:
+    sheets: dict[str, list[str]] = {side: [] for side in SIDES} if muscle.aponeuroses else {}
+    for number, one in enumerate(muscle.aponeuroses):
+        sheets[one.side].append(_aponeurosis_file(name, number, muscle))
     return {
         "surface": f"muscles/{name}.vtp",
         "superficial_fibres": muscle.superficial_fibres and f"superficial_fibres/{name}.vtp",
         "literature": f"literature/{name}.csv" if muscle.literature else None,
         "attachments": _area_tables(name, muscle.attachments),
-        "aponeuroses": {
-            side: [
-                _aponeurosis_file(name, number, muscle)
-                for number, one in enumerate(muscle.aponeuroses)
-                if one.side == side
-            ]
-            for side in SIDES
-        }
-        if muscle.aponeuroses
-        else None,
+        "aponeuroses": sheets or None,
         "fibres": muscle.fibres,
         "solver": muscle.solver or None,
         "fixing": muscle.fixing or None,
@@ -183,7 +174,7 @@ def _motion_file(motion: RigidMotion, bone: str) -> str:
 
 
 def _plain(value: Any) -> Any:
-    """Return a value in the types of TOML, which has no None: that is what a setting is without its key."""
+    """Return a value in the types of TOML; entries that are None are left out."""
     if isinstance(value, Mapping):
         return {name: _plain(one) for name, one in value.items() if one is not None}
     if hasattr(value, "tolist"):  # NumPy's
