@@ -381,8 +381,9 @@ def test_the_frames_of_a_muscle_are_read_when_they_are_asked_for(finished):
     frame = finished / "thin" / "thin_0001.vtp"
     frame.write_bytes(frame.read_bytes() + b" ")
     assert loaded.verdicts.keys() == loaded.report["muscles"].keys()
+    assert len(loaded.lengths["thin"]) == len(loaded.frames)
     with pytest.raises(InputError, match="is not what the run"):
-        loaded.lengths["thin"]
+        loaded.muscle("thin", frame=1)
 
 
 def test_the_frames_of_a_run_with_a_folder_are_in_its_files_alone(scene, finished_once, tmp_path):

@@ -11,7 +11,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from vtkmuscle.core.errors import check_name, fault_of
+from vtkmuscle.core.errors import InputError, check_name, fault_of
 from vtkmuscle.core.machine import processors
 from vtkmuscle.core.mesh.shared import held
 from vtkmuscle.core.moment_arms.by_coordinate import JointArms
@@ -102,7 +102,7 @@ def _solve(
                 run.report_progress(name, "done", 1.0)
                 continue
             muscles.append(MuscleRun(run, name, track, tuple(muscles) if met else ()))
-            jobs[f"muscles.{name}"] = pool.submit(muscles[-1].go)
+            jobs[name] = pool.submit(muscles[-1].go)
         if run.store is not None:
             run.store.write_bones(run.stop.is_set)
         _wait_for(jobs, run.stop, draw)
@@ -121,7 +121,7 @@ def _measure(result: Result, tracks: Tracks, report: dict[str, Any], errors: Err
         else:
             report["moment_arms"] = {"refused": table.refused}
             for name in table:
-                report["muscles"][name]["moment_arms"] = table.report(name)
+                tracks[name].report["moment_arms"] = table.report(name)
     if errors is not None:
         before = time.perf_counter()
         motion = result.motion.part(result.frames)
@@ -170,9 +170,8 @@ def _draw(
     """Draw the figures of muscles that are done, and of the rest pose once it is known."""
     if drawing is not None:
         drawing.rest(tracks)
-        for name in (key.removeprefix("muscles.") for key in done):
-            if name in tracks:
-                drawing.muscle(result_of({name: tracks[name]}), name)
+        for name in done:
+            drawing.muscle(result_of({name: tracks[name]}), name)
 
 
 def _result(run: SceneRun, report: dict[str, Any], drawn_bones: DrawnBones, tracks: Tracks) -> Result:
@@ -217,7 +216,7 @@ def _reported(
         report["complete"] = False
         report["stopped_by"] = f"{type(error).__name__}: {error}".rstrip(": ")
         if store is not None:
-            with suppress(OSError):  # the disk may be what failed; the first error says more
+            with suppress(OSError, InputError):  # the disk may have failed; the first error says more
                 _write_tables(store, result())
                 store.write_report(report)
         raise
@@ -237,23 +236,23 @@ def _wait_for(
     jobs: Mapping[str, Future[None]], stop: threading.Event, look: Callable[[Iterable[str]], None]
 ) -> None:
     """Wait until all jobs have ended, and give those that have to ``look``; stop all where one fails."""
-    keys = {job: key for key, job in jobs.items()}
-    waiting = set(keys)
+    names = {job: name for name, job in jobs.items()}
+    waiting = set(names)
     while waiting:
         done, waiting = wait(waiting, timeout=_LOOK_UP, return_when=FIRST_COMPLETED)
         if any(job.exception() is not None for job in done):
             stop.set()
         if not stop.is_set():
-            look(sorted(keys[job] for job in done))
+            look(sorted(names[job] for job in done))
 
 
 def _raise_first_failure(jobs: dict[str, Future[None]], file: Path | None) -> None:
     """Raise the first failure in the order of the scene; muscles that it stopped are no failures."""
-    failures = {key: job.exception() for key, job in jobs.items()}
-    for key, error in failures.items():
+    failures = {name: job.exception() for name, job in jobs.items()}
+    for name, error in failures.items():
         if error is None or isinstance(error, AbortedError):
             continue
         if isinstance(error, ValueError | TypeError) and not isinstance(error, SceneError):
             problem, remedy = fault_of(error, placed=True)
-            raise SceneError(problem, key, remedy, file) from error
+            raise SceneError(problem, f"muscles.{name}", remedy, file) from error
         raise error

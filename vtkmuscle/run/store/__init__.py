@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from functools import cache
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +19,6 @@ from vtkmuscle.io.parts import Part, Parts, file_digest
 from vtkmuscle.io.surfaces import read_polydata
 from vtkmuscle.io.temporal import TimeSeries, read_series
 from vtkmuscle.run.frames import RUN_AGAIN, TIME, Frames, MuscleTrack, WrittenFile
-from vtkmuscle.scene.data import MILLIMETRES
 
 #: The report of a run, and its page.
 REPORT, PAGE = "report.json", "report.html"
@@ -78,26 +76,23 @@ class ResultFolder:
     def result(self) -> dict[str, Any]:
         """Return the arguments of a :class:`~vtkmuscle.Result`; see :meth:`vtkmuscle.Result.load`."""
         report = self._finished_report()
-        noted, millimetres = self._note(SCENE).values, MILLIMETRES[report["units"]]
-        if "motion" not in noted:
+        noted = self._note(SCENE).values
+        notes = {name: self._note(name) for name in report["muscles"]}
+        if "motion" not in noted or not all("lengths" in note.arrays for note in notes.values()):
             raise InputError(
                 self.notes.path(SCENE), "an earlier version of vtkmuscle has written it", RUN_AGAIN
             )
         bones = {name: self._at_rest(f"bones/{name}") for name in noted["bones"]}
         coordinates = {name: Coordinate(**one) for name, one in noted["motion"]["coordinates"].items()}
 
-        muscles = {name: self._note(name) for name in report["muscles"]}
-
-        def track(name: str) -> MuscleTrack:
-            found = self._track(name, muscles[name], millimetres)
-            found.report = report["muscles"][name]
-            found.errors = {what: Estimate(**one) for what, one in noted["errors"][name].items()}
-            return found
-
+        tracks = {name: self._track(name, note) for name, note in notes.items()}
+        for name, track in tracks.items():
+            track.report = report["muscles"][name]
+            track.errors = {what: Estimate(**one) for what, one in noted["errors"][name].items()}
         return {
             "bones": multiblock_from(bones),
             "motion": RigidMotion(**noted["motion"] | {"coordinates": coordinates}),
-            "tracks": _Tracks(track, list(muscles)),
+            "tracks": tracks,
             "report": report,
             "literature": {
                 name: tuple(LiteratureCurve(**curve) for curve in curves)
@@ -106,14 +101,15 @@ class ResultFolder:
             "crosses": {name: tuple(one) for name, one in noted["crosses"].items()},
         }
 
-    def finished(self, keys: Mapping[str, str], millimetres: float) -> dict[str, MuscleTrack]:
+    def finished(self, keys: Mapping[str, str]) -> dict[str, MuscleTrack]:
         """Return the muscles that are finished under these keys and whose files are whole."""
         tracks = {}
         for name, key in keys.items():
             note = self.notes.read(name, key)
             if note is not None:
                 try:
-                    tracks[name] = self._track(name, note, millimetres)
+                    self._check_files(note)
+                    tracks[name] = self._track(name, note)
                 except (ValueError, OSError):  # damaged: it is computed again
                     continue
         return tracks
@@ -158,40 +154,19 @@ class ResultFolder:
             if name.startswith(folder)
         ]
 
-    def _track(self, name: str, note: Part, millimetres: float) -> MuscleTrack:
-        """Return a finished muscle from its files, which are checked."""
-        self._check_files(note)
-        facts = note.facts
-        track = MuscleTrack(
+    def _track(self, name: str, note: Part) -> MuscleTrack:
+        """Return a finished muscle from its note and its files."""
+        return MuscleTrack(
             rest=self._at_rest(name),
-            rest_fibres=self._at_rest(f"{name}_fibres") if facts["fibres"] else None,
+            rest_fibres=self._at_rest(f"{name}_fibres") if note.facts["fibres"] else None,
             surfaces=Frames(self._files_of(note, f"{name}/")),
             fibres=Frames(self._files_of(note, f"{name}_fibres/")),
-            report=dict(facts["report"]),
+            lengths=list(note.arrays["lengths"]),
+            fibre_lengths=list(note.arrays["fibre_lengths"]),
+            report=dict(note.facts["report"]),
         )
-        for fibres in track.fibres:
-            track.add_lengths(fibres, millimetres)
-        return track
 
     def _at_rest(self, name: str) -> vtkPolyData:
         data = read_polydata(self.path / FINISHED / f"{name}.vtp")
         data.GetFieldData().RemoveArray(TIME)
         return data
-
-
-class _Tracks(Mapping[str, MuscleTrack]):
-    """The muscles of a result, each read when it is first asked for."""
-
-    def __init__(self, read: Callable[[str], MuscleTrack], muscles: list[str]) -> None:
-        self._read, self._names = cache(read), muscles
-
-    def __getitem__(self, name: str) -> MuscleTrack:
-        if name not in self._names:
-            raise KeyError(name)
-        return self._read(name)
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._names)
-
-    def __len__(self) -> int:
-        return len(self._names)

@@ -160,18 +160,15 @@ def _check_results(folder: Path, scene: SceneData, report: Mapping[str, Any] | N
     insist = "give another folder with --out, or --overwrite (overwrite=True) to replace them"
     if report is None:
         for path in map(folder.joinpath, (*_files(scene.muscles), *_folders(scene.muscles))):
-            if path.is_file() or path.is_symlink() or (path.is_dir() and _may_lose(path)):
+            inside = path.iterdir() if path.is_dir() else ()
+            lost = any(one.is_dir() or one.suffix.lower() in (".vtp", ".png") for one in inside)
+            if path.is_file() or path.is_symlink() or lost:
                 raise InputError(path, "results would be written over what no run has made", insist)
         return
     before, now = report.get("scene_file"), scene_file(scene)
     if report.get("scene") != scene.name or (before and now and before != now):
         of = f" of {before}" if before else ""
         raise InputError(folder, f"it holds the results of the scene {report.get('scene')!r}{of}", insist)
-
-
-def _may_lose(folder: Path) -> bool:
-    """Return whether a folder holds what a run might write over: frames, figures, or folders of them."""
-    return any(path.is_dir() or path.suffix.lower() in (".vtp", ".png") for path in folder.iterdir())
 
 
 #: Digits of the numbers in tables, and the tables that have all digits.
@@ -198,7 +195,7 @@ class ResultWriter(ResultFolder):
 
     def kept(self) -> dict[str, MuscleTrack]:
         """Return the muscles that an earlier run has finished, and that are the same now."""
-        kept = self.finished(self._keys, self._scene.millimetres)
+        kept = self.finished(self._keys)
         if self._scene.muscle_contact != "off" and len(kept) < len(self._scene.muscles):
             return {}  # the others are kept out of these, and ask their filters for it
         return kept
@@ -237,7 +234,9 @@ class ResultWriter(ResultFolder):
             "fibres": track.rest_fibres is not None,
             "files": self.digests(files) | self._digests_of(track.surfaces) | self._digests_of(track.fibres),
         }
-        self.notes.write(name, self._keys[name], Part(facts))
+        numbers = {"lengths": track.lengths, "fibre_lengths": track.fibre_lengths}
+        arrays = {quantity: np.array(rows) for quantity, rows in numbers.items()}
+        self.notes.write(name, self._keys[name], Part(facts, arrays))
 
     def _digests_of(self, frames: Frames) -> dict[str, str]:
         folder = self.path.absolute()
