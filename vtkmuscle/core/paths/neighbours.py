@@ -68,7 +68,7 @@ def neighbours_of(fibres: Floats) -> Neighbours:
     points on each, does not matter.
     """
     f, n, _ = fibres.shape
-    length = float(np.linalg.norm(np.diff(fibres, axis=1), axis=2).sum(axis=1).mean())
+    length = float(path_lengths(fibres).mean())
     found = []
     for i in range(1, n - 1):
         tree = cKDTree(fibres[:, i])
@@ -101,12 +101,16 @@ def neighbours_of(fibres: Floats) -> Neighbours:
     return Neighbours(pairs, distances, ahead[apart], np.outer(stiffness, (MODULUS, SHEAR_MODULUS)))
 
 
-def path_widths(points: Floats, lengths: Floats) -> Floats:
-    """Return how much wider than at rest paths (f, n, 3) are that keep their volume, (f,).
+def path_lengths(points: Floats) -> Floats:
+    """Return the lengths of paths (f, n, 3), (f,) [mm]."""
+    steps = points[:, 1:] - points[:, :-1]
+    lengths: Floats = np.sqrt(np.einsum("fni,fni->fn", steps, steps)).sum(axis=1)
+    return lengths
 
-    ``lengths`` (f,) are those at rest [mm].
-    """
-    stretch = np.linalg.norm(np.diff(points, axis=1), axis=2).sum(axis=1) / lengths
+
+def path_widths(points: Floats, lengths: Floats) -> Floats:
+    """Return how much wider than at rest, with ``lengths`` (f,), paths that keep their volume are, (f,)."""
+    stretch = path_lengths(points) / lengths
     widths: Floats = 1.0 / np.sqrt(stretch.clip(LEAST_STRETCH, GREATEST_STRETCH))
     return widths
 

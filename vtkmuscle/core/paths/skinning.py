@@ -177,11 +177,6 @@ class SkinnedMuscle(NamedTuple):
         _skin(self.rest, self.nodes, self.frames, weights.carriers, weights.weights, weights.points, moved)
         return moved
 
-    @property
-    def nbytes(self) -> int:
-        """Memory that it takes, without data that all poses share [bytes]."""
-        return self.frames.nbytes + self.surface.nbytes
-
 
 def falling_weights(distances: Floats, least: float) -> Floats:
     """Return weights for distances (m, k), ascending: Gaussian, 0 at the last, rows sum to 1.

@@ -11,6 +11,7 @@ from scipy.spatial import cKDTree
 
 from vtkmuscle.core.bones.bone import Bone
 from vtkmuscle.core.mesh.triangle_tree import TriangleTree
+from vtkmuscle.core.paths.neighbours import path_lengths
 from vtkmuscle.core.types import Floats, Ints
 
 #: What is measured between a fibre and the bones is smoothed along the fibre by a Gaussian of this standard
@@ -118,7 +119,7 @@ def surroundings_of(
     rest = np.zeros_like(fibres)
     rest[:, 1:-1] = 2.0 * fibres[:, 1:-1] - fibres[:, :-2] - fibres[:, 2:]
     tangents = directions_along(fibres)
-    lengths = np.linalg.norm(np.diff(fibres, axis=1), axis=2).sum(axis=1)[:, None]
+    lengths = path_lengths(fibres)[:, None]
     along = np.linspace(0.0, 1.0, n)[None]
     for bone, (number, shape_of_bone) in enumerate(bones.items()):
         distance, outward, tissue = tissue_between(fibres, tangents, shape_of_bone, muscle)
