@@ -24,18 +24,11 @@ class Diffusion:
     (:func:`~vtkmuscle.core.mesh.harmonic.cotangent_laplacian`), which leave a field alone that is linear over
     a flat part of the mesh, however irregular its triangles are.
 
-    Parameters
-    ----------
-    points : (n, 3) array
-        Positions at rest [mm].
-    triangles : (m, 3) int array
-        Point ids.
-
     Attributes
     ----------
     time_unit : float
-        In which the times of :meth:`spread` are: the median over the points of their area over the sum of
-        their weights, a quarter of a squared edge length where triangles are equilateral [mm^2].
+        Unit of the times of :meth:`spread`: the median over the points of their area over the sum of their
+        weights, a quarter of a squared edge length where triangles are equilateral [mm^2].
     """
 
     def __init__(self, points: Floats, triangles: Ints) -> None:
@@ -64,16 +57,8 @@ class Diffusion:
         method for explicit super-time-stepping of parabolic and mixed equations*,
         doi:10.1016/j.jcp.2013.08.021, section 2.
 
-        Parameters
-        ----------
-        vectors : (n, 3) array
-            Changed in place.
-        time : float
-            In units of :attr:`time_unit`, >= 0.
-        inside : (n,) bool array
-            Points whose vectors change.
-        insulated : bool, optional
-            Whether the others have no part in that, so that the points inside keep what they have together.
+        The time is in units of :attr:`time_unit`, >= 0. ``insulated``: the others have no part in it, so that
+        the points inside keep what they have together.
         """
         weights, totals = self._weights, self._totals
         if insulated:

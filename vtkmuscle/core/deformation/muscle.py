@@ -28,17 +28,17 @@ class Pose:
     Attributes
     ----------
     surface : (n, 3) array
-        Its points [mm].
+        Points [mm].
     transforms : (b, 4, 4) array
         Of the bones, rest to now.
     colliding : int
-        Points that bones or other muscles hold off.
+        Number of points that bones or other muscles hold off.
     carried : (n, 3) array or None
-        Where its paths carry its points, before they settle [mm]; None where it has no paths.
+        The points as the paths carry them, before they settle [mm]; None where it has no paths.
     fibre_points : (p, 3) array or None
-        Where they carry the points of its fibres [mm]; None where these are lines that stand in for some.
+        The points of the fibres likewise [mm]; None where lines stand in for them.
     paths : PathState or None
-        Its paths, from which those of the next pose go on.
+        The paths, from which those of the next pose go on.
     """
 
     surface: Floats
@@ -110,16 +110,10 @@ class PathDrivenMuscle:
         neighbours: Sequence[Neighbour] = (),
         progress: Callable[[float], None] | None = None,
     ) -> Pose:
-        """Return the muscle in a pose of its bones.
+        """Return the muscle in a pose of its bones (b, 4, 4), rest to now.
 
-        Parameters
-        ----------
-        before : Pose or None
-            The pose before, from which its paths go on; None for those at rest.
-        transforms : (b, 4, 4) array
-            Where the bones are, rest to now.
-        rounds, neighbours, progress
-            As of :meth:`~vtkmuscle.core.deformation.settling.Settling.settle`.
+        Its paths go on from the pose ``before``, None for those at rest; the other parameters are those of
+        :meth:`~vtkmuscle.core.deformation.settling.Settling.settle`.
         """
         transforms = np.array(transforms, dtype=np.float64)
         paths = fibre_points = None

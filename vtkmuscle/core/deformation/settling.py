@@ -36,15 +36,7 @@ _ORIGIN = np.zeros(3)
 
 @dataclass(frozen=True, eq=False)
 class SettlingResult:
-    """The points of a muscle that has settled.
-
-    Attributes
-    ----------
-    surface : (n, 3) array
-        Its points [mm].
-    colliding : int
-        Points that bones or other muscles hold off where they are.
-    """
+    """The points (n, 3) of a settled muscle [mm], and how many of them bones or other muscles hold off."""
 
     surface: Floats
     colliding: int
@@ -58,8 +50,8 @@ class Settling:
     (:class:`~vtkmuscle.core.deformation.diffusion.Diffusion`), and then they ask again. This descends the
     membrane energy of the displacement (Botsch, Sorkine 2008, *On linear variational surface deformation
     methods*, doi:10.1109/TVCG.2007.1054, section 3) under these constraints, for a given time, which the
-    rounds cut into steps. In the end volume and bones have the last word. The result depends on what is
-    given and on nothing before.
+    rounds cut into steps. Volume and bones come last. The result depends on what is given and on nothing
+    before.
 
     Parameters
     ----------
@@ -102,13 +94,13 @@ class Settling:
         Parameters
         ----------
         carried : (n, 3) array
-            Where its paths carry its points [mm]; those that are fixed go with their bones.
+            Its points as the paths carry them [mm]; those that are fixed go with their bones.
         transforms : (b, 4, 4) array
-            Where the bones are, rest to now.
+            Of the bones, rest to now.
         rounds : int
-            Steps of the diffusion, >= 1: the more, the nearer to its end.
+            Steps of the diffusion, >= 1.
         neighbours : sequence of Neighbour, optional
-            Other muscles where they are now, to keep the free points out of.
+            Other muscles now, to keep the free points out of.
         progress : callable, optional
             Called after each round with the part that is done; may raise, to stop.
         """
@@ -160,12 +152,12 @@ class Settling:
         return touching
 
     def _restore_volume(self, points: Floats, mass: Floats) -> float:
-        """Move points, in place, to where the volume is that at rest; return its relative error before."""
+        """Move points, in place, so that the volume is that at rest; return its relative error before."""
         volume = project_volume(points, mass, self._triangles, self._volume, self._floor, self._gradient)
         return abs(volume / self._volume - 1.0)
 
     def _finish(self, points: Floats, touching: Contact) -> Bools:
-        """Take points out of the bones, and the volume that this costs from the others; return which."""
+        """Take points out of the bones, and the volume that costs from the others; return those held."""
         held = np.zeros(len(points), dtype=np.bool_)
         for _ in range(LAST_PASSES):
             new = touching.keep_out(points) & ~held

@@ -24,12 +24,13 @@ UNEVEN = 0.5
 def length_jumps(
     lengths: Floats, times: Floats, stretches: Ints | None = None, turns: Floats | None = None
 ) -> Floats:
-    """Return the deviation of each step of each length from the extrapolation of its neighbours.
+    """Return how far each step of each length is off those beside it, (f - 1, k) [mm].
 
-    A line is fitted to the velocities of up to three steps on either side, by medians (Theil 1950, Sen
-    1968), so that a jump beside does not count; a quarter of the steps' size is allowed for a muscle that
-    lifts off. Where bones turn far from frame to frame, a moment arm that goes as a cosine bends as much as a
-    jump would: (3 a)^2 / 2 of the largest step beside is allowed for steps of a radians.
+    A line is fitted to the velocities of up to three steps on either side, by medians (Theil 1950; Sen 1968,
+    doi:10.1080/01621459.1968.10480934), so that a jump beside does not count. A quarter of the steps' size is
+    allowed, for a muscle that lifts off; and (3 a)^2 / 2 of the largest step beside, where bones turn by a
+    radians in a step: a moment arm that goes as a cosine bends as much. Where there are too few steps to
+    compare with, the result is 0.
 
     Parameters
     ----------
@@ -38,29 +39,10 @@ def length_jumps(
     times : (f,) array
         Ascending.
     stretches : (f - 1,) int array, optional
-        Number of the stretch that a step belongs to, within which the bones move evenly; steps of other
-        stretches are not compared with. Default: one for all.
+        Numbers of the stretches of :func:`even_stretches`; only steps of one stretch are compared. Default:
+        all are one.
     turns : (f - 1,) array, optional
-        By how much bones turn in each step [rad], see :func:`largest_turns`. Default: hardly.
-
-    Returns
-    -------
-    (f - 1, k) array
-        From each frame to the next [mm], >= 0; 0 where there are too few steps to compare with.
-
-    References
-    ----------
-    Sen 1968, *Estimates of the regression coefficient based on Kendall's tau*,
-    doi:10.1080/01621459.1968.10480934.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from vtkmuscle.core.moment_arms.length_jumps import length_jumps
-    >>> times = np.arange(9.0)
-    >>> lengths = 100.0 + times**2 + np.where(times > 4, 5.0, 0.0)
-    >>> length_jumps(lengths[:, None], times).round()[:, 0]
-    array([0., 0., 0., 0., 3., 0., 0., 0.])
+        Turns of the bones in each step [rad], see :func:`largest_turns`. Default: none.
     """
     count = max(len(lengths) - 1, 0)
     jumps = np.zeros((count, lengths.shape[1]))
@@ -93,14 +75,9 @@ def _on_line(x: Floats, values: Floats) -> Floats:
 
 
 def even_stretches(motion: RigidMotion) -> Ints:
-    """Return the stretch of even motion that each step of a motion belongs to, (k - 1,).
+    """Return the number of the stretch of even motion that each step belongs to, (k - 1,).
 
     A sweep that turns back, or another joint that begins to move, begins a new one.
-
-    Parameters
-    ----------
-    motion : RigidMotion
-        Of k times.
     """
     durations = np.diff(motion.times)
     if not len(durations):
@@ -122,7 +99,7 @@ def even_stretches(motion: RigidMotion) -> Ints:
 
 
 def largest_turns(motion: RigidMotion) -> Floats:
-    """Return by how much the bone that turns most turns in each step of a motion, (k - 1,) [rad]."""
+    """Return the turn of the bone that turns most in each step, (k - 1,) [rad]."""
     turns = np.zeros(max(len(motion.times) - 1, 0))
     for table in motion.transforms.values():
         rotations = Rotation.from_matrix(table[:, :3, :3].copy())

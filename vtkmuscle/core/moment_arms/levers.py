@@ -25,17 +25,17 @@ SAME_VALUE = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class Differences:
-    """The neighbouring poses and steps from which slopes by a coordinate are taken, per pose.
+    """The poses and weights from which slopes by a coordinate are taken, for m poses.
 
-    The parabola through a pose and two beside it: one on either side where there are some, else the two next
-    on the same side; the line to the only other one where there are no two.
+    The slope is that of the parabola through a pose and two others: one on either side where there are some,
+    else the next two on the same side. Where there is one other pose only, it is that of the line.
 
     Attributes
     ----------
     frames : (m,) int array
         Numbers of the poses, ascending.
     beside : (m, 2) int array
-        Numbers of those beside each.
+        Numbers of the two others.
     weights : (m, 2) array
         Of their differences from the pose, per unit of the coordinate [1 / rad or 1 / mm].
     """
@@ -45,37 +45,20 @@ class Differences:
     weights: Floats
 
     def slopes(self, values: Floats) -> Floats:
-        """Return the slopes (m, ...) of values (f, ...) that are known in all poses."""
+        """Return the slopes (m, ...) of values (f, ...) in all f poses."""
         return self.of(values[self.beside] - values[self.frames][:, None])
 
     def of(self, differences: Floats) -> Floats:
-        """Return the slopes (m, ...) of differences (m, 2, ...) of the poses beside from each pose."""
+        """Return the slopes (m, ...) of differences (m, 2, ...) between the two others and each pose."""
         found: Floats = np.einsum("md,md...->m...", self.weights, differences)
         return found
 
 
 def differences_by(motion: RigidMotion, name: str, among: Sequence[str] = ()) -> Differences:
-    """Return how slopes by a coordinate are taken, in all poses that others differ from in it alone.
+    """Return how slopes by a coordinate are taken in all poses from which others differ in it alone.
 
-    Parameters
-    ----------
-    motion : RigidMotion
-        With the coordinate.
-    name : str
-        Its name.
-    among : sequence of str, optional
-        Coordinates that have to be the same; default all others of the motion. Where none of them changes and
-        it is not known how the coordinate moves bones, the poses are those of its sweep,
-        :func:`~vtkmuscle.core.moment_arms.levers.frames_of_sweep`.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from vtkmuscle.core.moment_arms.levers import differences_by
-    >>> from vtkmuscle.core.motion.rigid import hinge
-    >>> knee = hinge("tibia", (0, 0, 0), (1, 0, 0), [0, 10, 30], coordinate="knee")
-    >>> differences_by(knee, "knee").slopes(np.radians(knee.times) ** 2).round(3)  # 2 q
-    array([0.   , 0.349, 1.047])
+    ``among`` names the coordinates that have to be the same, by default all others of the motion. Where none
+    of them changes, and the joint is not known, the poses are those of :func:`frames_of_sweep`.
     """
     known = motion.coordinates
     others = [one for one in (among or known) if one != name and known[one].changes]
@@ -110,7 +93,7 @@ def differences_by(motion: RigidMotion, name: str, among: Sequence[str] = ()) ->
 
 
 def _numbered(values: Floats) -> Ints:
-    """Return the number of each value among those that differ, from the least on."""
+    """Return the number of each value among the different ones, ascending."""
     order = np.argsort(values, kind="stable")
     apart = np.diff(values[order]) > SAME_VALUE * max(float(np.ptp(values)), np.finfo(float).tiny)
     numbers = np.empty(len(values), dtype=np.int64)
@@ -119,7 +102,7 @@ def _numbered(values: Floats) -> Ints:
 
 
 def _beside(place: int, count: int) -> list[int]:
-    """Return the places of the one or two values that a slope is taken from, of so many in a row."""
+    """Return the positions of the one or two values, of ``count`` in a row, from which a slope is taken."""
     if 0 < place < count - 1:
         return [place - 1, place + 1]
     inward = (1, 2) if place == 0 else (-1, -2)
@@ -134,28 +117,16 @@ def _weights(steps: list[float]) -> tuple[float, float]:
 
 
 def levers(wrenches: Mapping[str, Floats], twists: Mapping[str, Floats]) -> Floats:
-    """Return the moment arms of paths by a coordinate.
+    """Return the moment arms (f, k) of k paths by a coordinate [mm by an angle, 1 by a slide].
+
+    They are positive where the pull drives the coordinate up.
 
     Parameters
     ----------
     wrenches : mapping of str to (f, k, 6) array
-        On each bone in each pose: force [1] and moment about the origin [mm] of k paths of unit tension.
+        On each bone in each pose: force [1] and moment about the origin [mm] of paths of unit tension.
     twists : mapping of str to (f, 6) array
         Of each bone that moves: velocity at the origin and angular velocity, per unit of the coordinate.
-
-    Returns
-    -------
-    (f, k) array
-        Positive where the pull drives the coordinate up [mm by an angle, 1 by a slide].
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from vtkmuscle.core.moment_arms.levers import levers
-    >>> pull = np.array([[[0.0, 1.0, 0.0, 0.0, 0.0, 30.0]]])  # along y, 30 mm beside the z axis
-    >>> turn = np.array([[0.0, 0.0, 0.0, 0.0, 0.0, 1.0]])
-    >>> levers({"shank": pull}, {"shank": turn})
-    array([[30.]])
     """
     shape = next(iter(wrenches.values())).shape[:2]
     parts = (np.einsum("fki,fi->fk", wrenches[bone], one) for bone, one in twists.items() if bone in wrenches)
@@ -163,22 +134,10 @@ def levers(wrenches: Mapping[str, Floats], twists: Mapping[str, Floats]) -> Floa
 
 
 def twists_by(motion: RigidMotion, name: str, among: Sequence[str] = ()) -> tuple[Ints, dict[str, Floats]]:
-    """Return how a coordinate moves the bones, the others held.
+    """Return how a coordinate moves the bones, the others held: frames (m,), and twists (m, 6) by bone.
 
-    Where the joint is known, exactly and in every pose; else by the screws to the poses beside, which differ
-    in the coordinate alone.
-
-    Parameters
-    ----------
-    motion, name, among
-        As of :func:`~vtkmuscle.core.moment_arms.levers.differences_by`.
-
-    Returns
-    -------
-    frames : (m,) int array
-        In which it is known; none where no two poses differ in the coordinate alone.
-    twists : dict of str to (m, 6) array
-        Per bone that moves.
+    Where the joint is known, that is exact and in every frame; else it is by the screws to the poses that
+    differ in the coordinate alone, which there may be none of. Parameters as of :func:`differences_by`.
     """
     known = motion.coordinates[name].twists
     if known is not None:
@@ -201,32 +160,11 @@ SAME_POSE_PART = 0.1
 
 
 def frames_of_sweep(motion: RigidMotion, coordinate: str) -> Bools:
-    """Return the frames (k,) in which the bones' rotation depends on nothing but one coordinate.
+    """Return the frames (k,), one stretch, in which a coordinate alone decides the rotation of the bones.
 
-    A motion may begin with a way from rest to where the sweep starts, on which other things move as well: at
-    a value of the coordinate that the sweep has too, the pose is another one, and the change of a length
-    is not by the coordinate alone. Such frames are left out at the beginning, or at the end where that
-    leaves more.
-
-    Parameters
-    ----------
-    motion : RigidMotion
-        With the coordinate.
-    coordinate : str
-        Its name.
-
-    Returns
-    -------
-    (k,) bool array
-        True for one stretch of frames.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from vtkmuscle.core.motion.rigid import hinge
-    >>> from vtkmuscle.core.moment_arms.levers import frames_of_sweep
-    >>> frames_of_sweep(hinge("tibia", (0, 0, 0), (1, 0, 0), [0, 10, 20], coordinate="knee"), "knee")
-    array([ True,  True,  True])
+    A motion may begin with a way from rest to the start of the sweep, on which other things move as well:
+    there a change of length is not by the coordinate alone. Such frames are left out at the beginning, or at
+    the end where that leaves more.
     """
     values = motion.coordinates[coordinate].values
     start, end = 0, len(values)

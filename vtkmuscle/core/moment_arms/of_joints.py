@@ -31,17 +31,8 @@ def checked_coordinates(motion: RigidMotion, names: Sequence[str]) -> None:
 def known_coordinates(motion: RigidMotion, crossed: Sequence[str] | None = None) -> tuple[str, ...]:
     """Return the coordinates by which there may be moment arms: those that change, or whose joint is known.
 
-    Parameters
-    ----------
-    motion : RigidMotion
-        With coordinates.
-    crossed : sequence of str, optional
-        Those that lengths depend on; default: all.
-
-    Raises
-    ------
-    ValueError
-        If there is none.
+    ``crossed`` names the coordinates that lengths depend on, by default all. Where there is none it raises a
+    ValueError.
     """
     known = motion.coordinates
     among = known if crossed is None else crossed
@@ -72,14 +63,14 @@ def joint_arms(
     lengths : (f, k) array_like
         Of the paths in each frame of the motion [mm].
     wrenches : mapping of str to (f, k, 6) array
-        Of the paths on each bone, as of :func:`~vtkmuscle.core.moment_arms.levers.levers`; moments in the
-        unit of the motion's translations.
+        As of :func:`~vtkmuscle.core.moment_arms.levers.levers`; moments in the unit of the motion's
+        translations.
     motion : RigidMotion
         With coordinates, and a time for each of the f frames.
     names : sequence of str, optional
-        Which of them are wanted; default: all.
+        Wanted coordinates; default: all.
     crossed : sequence of str, optional
-        Coordinates that the lengths depend on, those of the joints that the muscle crosses; default: all.
+        Coordinates of the joints that the muscle crosses; default: all.
     millimetres : float, optional
         Of the unit of the motion's translations.
 
@@ -88,23 +79,12 @@ def joint_arms(
     arms : dict of str to JointArms
         [mm, or 1 by a slide].
     refused : dict of str to str
-        By which coordinates there are none, and why.
+        Why there are none by other coordinates.
 
     Raises
     ------
     ValueError
         If the motion has no such coordinate, or none by which there are moment arms.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from vtkmuscle.core.moment_arms.of_joints import joint_arms
-    >>> from vtkmuscle.core.motion.rigid import hinge
-    >>> knee = hinge("tibia", (0, 0, 0), (1, 0, 0), [0.0], coordinate="knee")
-    >>> pull = np.array([[[0.0, 0.0, 1.0, 30.0, 0.0, 0.0]]])  # upwards, 30 mm before the axis
-    >>> arms, _ = joint_arms([[300.0]], {"tibia": pull}, knee)
-    >>> arms["knee"].arms
-    array([[30.]])
     """
     checked_coordinates(motion, names or ())
     found = known_coordinates(motion, crossed)
@@ -142,7 +122,7 @@ def joint_arms(
 
 
 def slopes_by(motion: RigidMotion, name: str, among: Sequence[str], lengths: Floats) -> Floats:
-    """Return -dl/dq (f, k) of lengths by differences between poses, NaN where no poses tell it.
+    """Return -dl/dq (f, k) of lengths by differences between poses, NaN where no poses differ in it alone.
 
     Parameters as of :func:`~vtkmuscle.core.moment_arms.levers.differences_by`.
     """
@@ -167,10 +147,11 @@ def _quartic(
 def quartic_moment_arms(
     lengths: Floats, coordinate: Floats, *, at: Floats | None = None
 ) -> tuple[Floats, Floats]:
-    """Return moment arms, -dl/dq, of a polynomial of degree 4 fitted to all lengths of each fibre.
+    """Return moment arms (m, k) by a polynomial of degree 4 through lengths, and its residuals (k,) (rms).
 
-    It is the habit of the field (Modenese, Kohout 2020), and smooth; where a muscle lifts off a bone, or a
-    curve has more than three bends, it is not what was measured, and the residual says so.
+    It is the habit of the field (Modenese, Kohout 2020, doi:10.1007/s10439-020-02490-4), and smooth. Where a
+    muscle lifts off a bone, or a curve has more than three bends, it is off, and the residual shows that.
+    With fewer than 6 different values of the coordinate it raises a ValueError.
 
     Parameters
     ----------
@@ -179,32 +160,7 @@ def quartic_moment_arms(
     coordinate : (f,) array
         Of the poses, in any order; in radians for an angle.
     at : (m,) array, optional
-        Where they are wanted; default: at each pose.
-
-    Returns
-    -------
-    arms : (m, k) array
-        Moment arms.
-    residuals : (k,) array
-        Root mean square of what the fit leaves of each fibre's lengths.
-
-    Raises
-    ------
-    ValueError
-        If there are fewer than 6 different values.
-
-    References
-    ----------
-    Modenese, Kohout 2020, doi:10.1007/s10439-020-02490-4: quartics of lengths.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from vtkmuscle.core.moment_arms.of_joints import quartic_moment_arms
-    >>> q = np.linspace(0.0, 1.0, 7)
-    >>> arms, residuals = quartic_moment_arms(50.0 + q[:, None] ** 2, q, at=np.array([0.5]))
-    >>> arms.round(6), residuals.round(6)
-    (array([[-1.]]), array([0.]))
+        Coordinates of the results; default: those of the poses.
     """
     low, high = coordinate.min(), coordinate.max()
     n_places = len(np.unique(np.round((coordinate - low) / max(SAME_VALUE * (high - low), 1e-300))))

@@ -23,24 +23,11 @@ _PASSES = 10
 
 
 def evenly_spread(points: Floats, offsets: Ints, count: int) -> Floats:
-    """Return points evenly spread along polylines, on smooth curves through their points.
+    """Return ``count`` points evenly spread along each polyline, on a smooth curve through it, (f, count, 3).
 
     On the chords of a polyline a fibre of 15 segments that is wound round a cylinder would be 2 % too near to
-    its axis. The curves are cubic, with the slopes of parabolas through three points each.
-
-    Parameters
-    ----------
-    points : (p, 3) array
-        Points of all polylines, one after the other [mm].
-    offsets : (f + 1,) int array
-        First point of each polyline, and p.
-    count : int
-        Points on each.
-
-    Returns
-    -------
-    (f, count, 3) array
-        First and last ones are those of the polylines.
+    its axis. The curves are cubic, with the slopes of parabolas through three points each. First and last
+    points are those of the polylines: ``points`` (p, 3) [mm], from each of ``offsets`` (f + 1,) to the next.
     """
     result = np.empty((len(offsets) - 1, count, 3))
     for fibre, (first, last) in enumerate(pairwise(offsets)):
@@ -76,8 +63,7 @@ def _spread(line: Floats, count: int) -> Floats:
 def bones_at_ends(fibres: Floats, points: Floats, fixed_to: Ints) -> tuple[Ints, Ints]:
     """Return the bones of the fixed points nearest to both ends of fibres (f, n, 3), (f,) each.
 
-    points : (v, 3) array, fixed_to : (v,) int array
-        The muscle's surface, and the bone that each point is fixed to, -1 for free ones.
+    ``points`` (v, 3) is the muscle's surface, ``fixed_to`` (v,) the bone of each point, -1 for free ones.
     """
     fixed = np.flatnonzero(fixed_to >= 0)
     tree = cKDTree(points[fixed])
@@ -90,22 +76,12 @@ def lines_on_surface(points: Floats, topology: MeshTopology, fixed_to: Ints) -> 
 
     They are the lines of steepest ascent and descent, along edges, of the harmonic function between the
     points fixed to different bones, through points that are spread over the surface, and smoothed.
-
-    Parameters
-    ----------
-    points : (v, 3) array
-        The muscle at rest [mm].
-    topology : MeshTopology
-        Of its surface.
-    fixed_to : (v,) int array
-        Bone that each point is fixed to, -1 for free ones.
+    ``points`` (v, 3) is the muscle at rest [mm], ``fixed_to`` (v,) the bone of each point, -1 for free ones.
 
     Returns
     -------
-    points : (p, 3) array
-        Of all lines, one after the other.
-    offsets : (f + 1,) int array
-        First point of each, and p.
+    points, offsets : (p, 3) array, (f + 1,) int array
+        Points of all lines, one after the other [mm]; first point of each, and p.
     None
         Where fewer than two bones have fixed points, or no line leads from one to another.
     """
@@ -137,7 +113,7 @@ def _walk(seed: int, onward: Ints) -> list[int]:
 
 
 def _steepest(points: Floats, edges: Ints, height: Floats, fixed_to: Ints) -> Ints:
-    """Return for each point its neighbour up the steepest edge; fixed points and summits stay."""
+    """Return the neighbour of each point up the steepest edge; fixed points and summits stay."""
     both = np.vstack([edges, edges[:, ::-1]])
     length = np.linalg.norm(points[both[:, 1]] - points[both[:, 0]], axis=1)
     slope = (height[both[:, 1]] - height[both[:, 0]]) / np.maximum(length, np.finfo(float).tiny)

@@ -46,11 +46,9 @@ class Neighbours(NamedTuple):
     Attributes
     ----------
     pairs : (m, 2) int array
-        Numbers of points, those of one path after those of another.
-    distances : (m,) array
-        At rest, across the paths [mm].
-    ahead : (m,) array
-        How far the first lies ahead of the other at rest, along the paths [mm].
+        Numbers of points, in the order of paths.
+    distances, ahead : (m,) arrays
+        Distances at rest, across the paths and along them, of the first point from the other [mm].
     stiffness : (m, 2) array
         Across and along, in stiffnesses of a path's springs [1].
     """
@@ -62,7 +60,7 @@ class Neighbours(NamedTuple):
 
 
 def neighbours_of(fibres: Floats) -> Neighbours:
-    """Return which points of fibres (f, n, 3) lie beside each other, as far along, and how they are held.
+    """Return the pairs of points of fibres (f, n, 3) that lie beside each other, equally far along.
 
     A pair strained by e has the energy m (L e)^2 / 2 per length of path, of a path of length L whose tension
     is 1 per length: m is :data:`MODULUS`, and of the shear e :data:`SHEAR_MODULUS`. As paths shorten by l the
@@ -70,7 +68,7 @@ def neighbours_of(fibres: Floats) -> Neighbours:
     points on each, does not matter.
     """
     f, n, _ = fibres.shape
-    length = float(np.linalg.norm(np.diff(fibres, axis=1), axis=2).sum(axis=1).mean())
+    length = float(path_lengths(fibres).mean())
     found = []
     for i in range(1, n - 1):
         tree = cKDTree(fibres[:, i])
@@ -103,13 +101,16 @@ def neighbours_of(fibres: Floats) -> Neighbours:
     return Neighbours(pairs, distances, ahead[apart], np.outer(stiffness, (MODULUS, SHEAR_MODULUS)))
 
 
-def path_widths(points: Floats, lengths: Floats) -> Floats:
-    """Return how much wider than at rest paths (f, n, 3) are that keep their volume, (f,).
+def path_lengths(points: Floats) -> Floats:
+    """Return the lengths of paths (f, n, 3), (f,) [mm]."""
+    steps = points[:, 1:] - points[:, :-1]
+    lengths: Floats = np.sqrt(np.einsum("fni,fni->fn", steps, steps)).sum(axis=1)
+    return lengths
 
-    lengths : (f,) array
-        At rest [mm].
-    """
-    stretch = np.linalg.norm(np.diff(points, axis=1), axis=2).sum(axis=1) / lengths
+
+def path_widths(points: Floats, lengths: Floats) -> Floats:
+    """Return how much wider than at rest, with ``lengths`` (f,), paths that keep their volume are, (f,)."""
+    stretch = path_lengths(points) / lengths
     widths: Floats = 1.0 / np.sqrt(stretch.clip(LEAST_STRETCH, GREATEST_STRETCH))
     return widths
 

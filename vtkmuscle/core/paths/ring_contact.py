@@ -38,7 +38,7 @@ class Rings(NamedTuple):
 def rings_at(
     rings: Sequence[tuple[int, ViaRing]], transforms: Floats, middle: Floats, outside: Floats
 ) -> Rings:
-    """Return rings, each with the number of its bone, where these are, about a point."""
+    """Return rings, each with the number of its bone, in a pose of the bones, about a point."""
     moved = [moved_ring(ring, transforms[bone]) for bone, ring in rings]
     frames = np.array([[ring.centre - middle, ring.normal, *ring.axes] for ring in moved]).reshape(-1, 4, 3)
     corners = np.concatenate([np.empty((0, 2)), *(ring.corners for ring in moved)])
@@ -48,11 +48,12 @@ def rings_at(
 
 @kernel
 def hold_in_rings(x: Floats, rings: Rings, points: Ints) -> None:
-    """Write which point of each path each ring holds, (r, f), 0 for none.
+    """Write the point of each path that each ring holds, (r, f), 0 for none.
 
-    A path that crosses a ring's plane outside of it is held there by the point next to that: only a point in
-    the plane bends where the ring is. One that is held stays so in a pose; inside, nothing presses it. Where
-    the paths cross is rounded to points together, on the mean: neighbours are held by neighbours.
+    A path that crosses a ring's plane outside of the ring is held there by the point next to that: only a
+    point in the plane bends where the ring is. One that is held stays so in a pose; inside, nothing presses
+    it. The places where paths cross are rounded to points together, on the mean: neighbours are held by
+    neighbours.
     """
     for ring in range(len(rings.frames)):
         corners = rings.corners[rings.offsets[ring] : rings.offsets[ring + 1]]
@@ -143,9 +144,10 @@ def way_to_edge(corners: Floats, s: float, t: float) -> tuple[float, float, floa
 
 @kernel
 def crossing(frame: Floats, p: Floats) -> tuple[int, float, float, float]:
-    """Return where a path crosses a ring's plane nearest to its centre.
+    """Return where a path crosses a ring's plane nearest to its centre: segment, part, and place (s, t).
 
-    Segment, the part of it that is before, and the place along the plane's axes [mm]; segment -1 for nowhere.
+    The part is that of the segment before the plane, the place is along the plane's axes [mm]. Segment -1: it
+    does not cross.
     """
     nearest, segment, part, s, t = np.inf, -1, 0.0, 0.0, 0.0
     for i in range(len(p) - 1):
@@ -176,12 +178,9 @@ def outside_of(rings: Rings, x: Floats, outside: Floats) -> None:
 
 
 def ring_load(x: Floats, rings: Rings, ring: int, points: Ints, rounding: float, move: float) -> Load:
-    """Return the load of a ring on the points of paths x (f, n, 3) that it holds.
+    """Return the load of a ring on the points, (f,), 0 for none, of paths x (f, n, 3) that it holds.
 
-    points : (f,) int array
-        Which of each path, 0 for none.
-    move : float
-        How far points are moved to see how the forces change, central differences [mm].
+    Stiffness by central differences, for which points are moved by ``move`` [mm].
     """
     first, last = rings.offsets[ring : ring + 2]
     alone = Rings(

@@ -16,7 +16,7 @@ from vtkmuscle.core.mesh.triangle_tree import triangle_tree
 from vtkmuscle.core.motion.blending import screw_between
 from vtkmuscle.core.motion.rigid import inverse
 from vtkmuscle.core.paths.bone_contact import FIRST_PUSH, PUSH, BoneContacts
-from vtkmuscle.core.paths.neighbours import neighbours_of, path_widths
+from vtkmuscle.core.paths.neighbours import neighbours_of, path_lengths, path_widths
 from vtkmuscle.core.paths.pose import Sheet, SheetPose
 from vtkmuscle.core.paths.ring_contact import outside_of, rings_at
 from vtkmuscle.core.paths.surroundings import surroundings_of
@@ -82,8 +82,7 @@ class PathState:
     @property
     def lengths(self) -> Floats:
         """Length of each path, (f,) [mm]."""
-        lengths: Floats = np.linalg.norm(np.diff(self.points, axis=1), axis=2).sum(axis=1)
-        return lengths
+        return path_lengths(self.points)
 
     @cached_property
     def wrenches(self) -> Floats:
@@ -99,7 +98,9 @@ class PathState:
     @property
     def nbytes(self) -> int:
         """Memory that it takes [bytes]."""
-        return sum(value.nbytes for value in vars(self).values() if isinstance(value, np.ndarray))
+        arrays = self.points, self.transforms, self.ring_points, self.contacts, self.squeezed
+        wrenches = 48 * len(self.points) * len(self.transforms)
+        return sum(array.nbytes for array in arrays) + wrenches
 
 
 class MusclePaths:
@@ -154,11 +155,11 @@ class MusclePaths:
     ) -> None:
         self.fibres: Floats = np.ascontiguousarray(fibres, dtype=np.float64)
         self.start_bones, self.end_bones = start_bones, end_bones
-        segments = np.linalg.norm(np.diff(self.fibres, axis=1), axis=2)
-        if not (segments.sum(axis=1) > 0.0).all():
-            raise ValueError(f"fibre {int(segments.sum(axis=1).argmin())} has no length")
-        self.thickness = 2.0 * half_thickness(surface, triangles)
-        self._lengths, self._segment = segments.sum(axis=1), float(segments.mean())
+        lengths = path_lengths(self.fibres)
+        if not (lengths > 0.0).all():
+            raise ValueError(f"fibre {int(lengths.argmin())} has no length")
+        self.thickness = _thickness(surface, triangles)
+        self._lengths, self._segment = lengths, float(lengths.mean()) / (self.fibres.shape[1] - 1)
         # Sums over bones are rounded in their order: that of their sizes, which no names decide. Bones of
         # one size, to nine digits, stay as they come.
         bones = dict(sorted(bones.items(), key=lambda one: float(f"{np.ptp(one[1].box_along_axes):.8e}")))
@@ -275,19 +276,13 @@ class MusclePaths:
         return PathState(self._sheet, pose.points, transforms, pose.ring_points, contacts, squeezed, settled)
 
 
-def half_thickness(surface: Floats, triangles: Ints) -> float:
-    """Return V / A of a closed surface, half the mean thickness of a flat body [mm].
-
-    Raises
-    ------
-    ValueError
-        If it encloses no volume.
-    """
+def _thickness(surface: Floats, triangles: Ints) -> float:
+    """Return 2 V / A of a closed surface [mm]; raise a ValueError where it encloses no volume."""
     a, b, c = (surface[triangles[:, corner]] for corner in range(3))
-    area = 0.5 * float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())
+    twice_area = float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())
     volume = signed_volume(surface, triangles)
     check_volume(surface, volume)
-    return abs(volume) / area
+    return 4.0 * abs(volume) / twice_area
 
 
 def _padded(before: Floats, now: Floats) -> Floats:

@@ -30,14 +30,14 @@ LEAST_APART = 1e-3
 
 
 class SkinningWeights(NamedTuple):
-    """Which points of paths take points along.
+    """The points of paths that take p points along, and their weights.
 
     Attributes
     ----------
     points : (p, 3) array
         At rest [mm].
     carriers : (p, c) int array
-        Points of paths, those of one after those of another.
+        Numbers of points of paths, in the order of paths.
     weights : (p, c) array
         Rows sum to 1.
     """
@@ -48,14 +48,14 @@ class SkinningWeights(NamedTuple):
 
 
 class Skinning:
-    """Takes a muscle along with its paths: where it is before volume and bones are heeded.
+    """Takes a muscle along with its paths, before it settles.
 
     Around each point of a path the muscle turns as the points beside it have turned together (shape matching;
     Müller, Heidelberger, Teschner, Gross 2005, doi:10.1145/1073204.1073216), is as much longer along the path
     as this is, and thinner across by as much as keeps its volume. A point of the surface goes with the paths
-    nearest to it, with each by the four points about the place where it lies beside that, weighted by a cubic
-    B-spline: the surface is as smooth along the paths as these, however few points they have. Near the fixed
-    points it goes with the bone. At rest nothing moves.
+    nearest to it, with each by the four points about its place beside that, weighted by a cubic B-spline: the
+    surface is as smooth along the paths as these, however few points they have. Near the fixed points it goes
+    with the bone. At rest nothing moves.
 
     Parameters
     ----------
@@ -118,8 +118,7 @@ class Skinning:
     def weights_of_fibres(self, points: Floats, offsets: Ints) -> SkinningWeights:
         """Return the weights of points (p, 3) of the fibres that paths were made from, each with its path.
 
-        offsets : (f + 1,) int array
-            First point of each fibre, and p.
+        ``offsets`` (f + 1,) are the numbers of the first point of each fibre, and p.
         """
         n = self._paths.fibres.shape[1]
         carriers, weights = np.empty((len(points), 2), dtype=np.int64), np.empty((len(points), 2))
@@ -133,7 +132,7 @@ class Skinning:
         return SkinningWeights(np.ascontiguousarray(points), carriers, weights)
 
     def at(self, state: PathState) -> SkinnedMuscle:
-        """Return the muscle as its paths take it along in a pose."""
+        """Return the muscle in a pose of its paths."""
         paths = self._paths
         f, n, _ = state.points.shape
         stretch = (paths.widths(paths.rest.points) / paths.widths(state.points)) ** 2
@@ -173,15 +172,10 @@ class SkinnedMuscle(NamedTuple):
     surface: Floats
 
     def points(self, weights: SkinningWeights) -> Floats:
-        """Return where points are taken, (p, 3) [mm]."""
+        """Return the positions of points in the pose, (p, 3) [mm]."""
         moved = np.empty_like(weights.points)
         _skin(self.rest, self.nodes, self.frames, weights.carriers, weights.weights, weights.points, moved)
         return moved
-
-    @property
-    def nbytes(self) -> int:
-        """Memory that it takes, without data that all poses share [bytes]."""
-        return self.frames.nbytes + self.surface.nbytes
 
 
 def falling_weights(distances: Floats, least: float) -> Floats:
@@ -197,10 +191,10 @@ def falling_weights(distances: Floats, least: float) -> Floats:
 
 @kernel
 def _places_beside(points: Floats, paths: Floats, near: Ints, found: Ints, apart: Floats, at: Floats) -> None:
-    """Write the paths nearest to points (v, 3), ascending, how far they are, and where along them that is.
+    """Write the paths nearest to points (v, 3), ascending, their distances and the places along them.
 
-    near : (v, k) int array
-        Points of paths, ascending by distance; paths that have none among these are infinitely far.
+    ``near`` (v, k) are points of paths, ascending by distance; a path that has none among these is infinitely
+    far.
     """
     n = paths.shape[1]
     for v in range(len(points)):
@@ -228,10 +222,10 @@ def _places_beside(points: Floats, paths: Floats, near: Ints, found: Ints, apart
 
 @kernel
 def _place_beside(point: Floats, path: Floats) -> tuple[float, float]:
-    """Return how far a path is from a point, and where along it that is, in segments.
+    """Return the distance of a path from a point, and the point's place along it, in segments.
 
-    Where: the mean of the path's points, weighted by a Gaussian of their distances as wide as a segment.
-    Beside a straight path that is the nearest place. A curved one may have two: it does not choose.
+    The place is the mean of the path's points, weighted by a Gaussian of their distances as wide as a
+    segment. Beside a straight path that is the nearest place. A curved one may have two: it does not choose.
     """
     nearest2, best2, width2 = np.inf, np.inf, 0.0
     for j in range(len(path)):
@@ -308,12 +302,10 @@ def _covariance(
     means: Floats,
     r: Floats,
 ) -> tuple[float, float]:
-    """Write the covariance of now and rest of the points beside point i of path a.
+    """Write the covariance r (3, 3) of now and rest of the points beside point i of path a.
 
-    Returns
-    -------
-    total, variance : float
-        Sum of the points' weights, and of their weighted squared distances from their mean at rest [mm^2].
+    Return the sum of the points' weights, and that of their weighted squared distances from their mean at
+    rest [mm^2].
     """
     r[:], means[:] = 0.0, 0.0
     total, variance, reach = 0.0, 0.0, len(window) // 2
@@ -344,7 +336,7 @@ def _skin(
     points: Floats,
     moved: Floats,
 ) -> None:
-    """Write where points go: the weighted mean of where each carrier takes them."""
+    """Write the weighted means of the places to which its carriers take each point."""
     for v in range(len(points)):
         x, y, z = 0.0, 0.0, 0.0
         for j in range(carriers.shape[1]):

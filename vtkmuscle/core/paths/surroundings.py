@@ -11,6 +11,7 @@ from scipy.spatial import cKDTree
 
 from vtkmuscle.core.bones.bone import Bone
 from vtkmuscle.core.mesh.triangle_tree import TriangleTree
+from vtkmuscle.core.paths.neighbours import path_lengths
 from vtkmuscle.core.types import Floats, Ints
 
 #: What is measured between a fibre and the bones is smoothed along the fibre by a Gaussian of this standard
@@ -54,13 +55,13 @@ class Surroundings(NamedTuple):
     Attributes
     ----------
     standoff : (b, f, n) array
-        Tissue between the point and the bone: no path comes nearer there [mm].
+        Least distance from each bone: the thickness of the tissue between [mm].
     force : (b, f, n, 3) array
-        With which the point is pushed at rest, in the units of a path's springs [mm].
+        Force at rest, in the units of a path's springs [mm].
     stiffness : (b, f, n, 3, 3) array
-        By which that force falls as the point leaves its place at rest, seen from the bone [1].
+        How much it falls as the point leaves its place at rest, seen from the bone [1].
     bones : tuple of int
-        Numbers of the bones that force and stiffness are by: those that there are, else those of the ends.
+        Numbers of the bones that have a force and stiffness; where there are none, the bones of the ends.
     """
 
     standoff: Floats
@@ -77,35 +78,33 @@ def surroundings_of(
     muscle: TriangleTree,
     thickness: float,
 ) -> Surroundings:
-    """Return the forces that hold fibres in their rest positions.
+    """Return the forces that hold fibres (f, n, 3), evenly spread, in their rest positions.
 
-    A chain of springs needs the force 2 x_i - x_{i-1} - x_{i+1} at each point to stay on a course x that is
-    not straight. At rest that force is there, so what bears it can be told:
+    A chain of springs stays on a course x that is not straight by the force 2 x_i - x_{i-1} - x_{i+1} at each
+    point. At rest that force is there, and is borne by:
 
     * a bone, as far as it pushes along its normal and the muscle lies on it: it lets go as soon as the path
-      leaves it. Where there is a gap below a thickness between muscle and bone, it bears the less;
+      leaves it. Where there is a gap below a thickness between muscle and bone, it bears less;
     * the muscle's own pressure, where fibres beside each other bow apart. It does not change;
     * tissue round the muscle, where all of a bundle bows and no bone is near: a hamstring lies on other
       muscles and under a fascia. It is an elastic foundation (Winkler) at right angles to the fibre, whose
-      force changes by what it is at rest as the path goes aside by a thickness.
+      force changes by as much as it is at rest when the path goes aside by a thickness.
 
     A path that a bone pushes with the force p, where that bone turns away to its side with the curvature k,
     is in unstable equilibrium: the force aside grows by k p. At rest the path stays where it is, so the
     tissue beside it is at least as stiff as that: it holds the path with k p.
 
-    A path also shears the tissue between it and the bones that it comes from when it goes aside over them:
-    a layer as thick as the distance d, of the stiffness m (L / d)^2, with m of :data:`MODULUS`. Each bone's
-    part of that falls along the fibre, from all at its end to none at the other.
+    A path that goes aside over the bones that it comes from also shears the tissue between: a layer as thick
+    as the distance d, of the stiffness m (L / d)^2, with m of :data:`MODULUS`. The part of each of the two
+    bones falls along the fibre, from all at its end to none at the other.
 
     Pressure and tissue go with the bones by how near these are; where no bones are given, with those of the
     ends, from all of one to all of the other along the fibre.
 
     Parameters
     ----------
-    fibres : (f, n, 3) array
-        At rest, evenly spread [mm].
-    start_bones, end_bones : (f,) int arrays
-        The bones of the ends.
+    fibres, start_bones, end_bones
+        As of :class:`~vtkmuscle.core.paths.sheet.MusclePaths`.
     bones : mapping of int to Bone
         At rest, by their number.
     muscle : TriangleTree
@@ -120,7 +119,7 @@ def surroundings_of(
     rest = np.zeros_like(fibres)
     rest[:, 1:-1] = 2.0 * fibres[:, 1:-1] - fibres[:, :-2] - fibres[:, 2:]
     tangents = directions_along(fibres)
-    lengths = np.linalg.norm(np.diff(fibres, axis=1), axis=2).sum(axis=1)[:, None]
+    lengths = path_lengths(fibres)[:, None]
     along = np.linspace(0.0, 1.0, n)[None]
     for bone, (number, shape_of_bone) in enumerate(bones.items()):
         distance, outward, tissue = tissue_between(fibres, tangents, shape_of_bone, muscle)
@@ -165,7 +164,7 @@ def curvature_aside(bone: Bone, points: Floats, side: Floats) -> Floats:
 
 
 def shares_by_distance(distances: Floats) -> Floats:
-    """Return shares (b, ...) that fall with the squares of distances (b, ...) [mm] and sum to 1.
+    """Return shares that fall with the squares of distances (b, ...) [mm] and sum to 1 over b.
 
     Shepard 1968, doi:10.1145/800186.810616.
     """
@@ -208,10 +207,9 @@ def directions_along(points: Floats) -> Floats:
 
 
 def smoothed_along(values: Floats, deviation: float) -> Floats:
-    """Return values (f, n, ...) smoothed along n, as by a Gaussian; those of both ends stay.
+    """Return values (f, n, ...) smoothed along n by a Gaussian; those of both ends stay.
 
-    deviation : float
-        The Gaussian's standard deviation, as a part of the whole length: however many points there are.
+    Its standard deviation is a part of the whole length, however many points there are.
     """
     variance = (deviation * (values.shape[1] - 1)) ** 2
     passes = math.ceil(2.0 * variance - 1e-9)
@@ -225,16 +223,17 @@ def smoothed_along(values: Floats, deviation: float) -> Floats:
 def tissue_between(
     points: Floats, tangents: Floats, bone: Bone, muscle: TriangleTree
 ) -> tuple[Floats, Floats, Floats]:
-    """Return the distance and direction of a bone from fibres, and the thickness of muscle between them.
+    """Return the distance of a bone from fibres, its direction, and the thickness of muscle between them.
 
-    A fibre lies against a bone with its side. So the tissue counts from the fibre's point at right angles to
-    the fibre, towards the bone, as far as it is in the muscle: a muscle wound round a cylinder has the same
-    thickness below its fibres along all of its length, also where it has not come to the cylinder yet.
+    A fibre lies against a bone with its side. So the tissue is measured from the fibre's point at right
+    angles to the fibre, towards the bone, as far as it is in the muscle: a muscle wound round a cylinder has
+    the same thickness below its fibres along all of its length, also where it has not come to the cylinder
+    yet.
 
     Parameters
     ----------
     points, tangents : (f, n, 3) arrays
-        Points of the fibres at rest [mm], and the fibres' unit directions there.
+        Points of the fibres at rest [mm], and unit tangents.
     bone : Bone
         At rest.
     muscle : TriangleTree

@@ -47,34 +47,16 @@ class ViaRing(NamedTuple):
 
 
 def via_ring(landmarks: Floats) -> ViaRing:
-    """Return the plane of a ring of landmarks and the polygon that they are in it.
+    """Return the plane of a ring of landmarks (k, 3), in order, once round, and their polygon in it.
 
     The normal is that of the polygon's vector area (Newell's method), so that landmarks which crowd count no
     more than others. Landmarks off the plane are moved onto it along the normal.
-
-    Parameters
-    ----------
-    landmarks : (k, 3) array
-        In order round the ring, each once [mm]; k >= 3.
-
-    Returns
-    -------
-    ViaRing
-        Plane and polygon.
 
     Raises
     ------
     ValueError
         If there are fewer than three landmarks, one is not finite, they lie on a line or far from a plane, or
         do not run once round their centre.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from vtkmuscle.core.paths.via_rings import via_ring
-    >>> ring = via_ring(np.array([(0.0, 0.0, 5.0), (2.0, 0.0, 5.0), (2.0, 2.0, 5.0), (0.0, 2.0, 5.0)]))
-    >>> ring.centre.tolist(), ring.normal.tolist()
-    ([1.0, 1.0, 5.0], [0.0, 0.0, 1.0])
     """
     given = np.asarray(landmarks, dtype=np.float64)
     if given.ndim != 2 or given.shape[1] != 3 or not np.isfinite(given).all():
@@ -126,7 +108,7 @@ def moved_ring(ring: ViaRing, transform: Floats) -> ViaRing:
 
 
 def in_ring_plane(ring: ViaRing, points: Floats) -> tuple[Floats, Floats]:
-    """Return where points (n, 3) are along the ring's axes, (n, 2), and their heights over it, (n,) [mm]."""
+    """Return the places of points (n, 3) along the ring's axes, (n, 2), and their heights, (n,) [mm]."""
     away = np.asarray(points, dtype=np.float64) - ring.centre
     places: Floats = np.ascontiguousarray(away @ ring.axes.T)
     heights: Floats = away @ ring.normal
@@ -134,7 +116,7 @@ def in_ring_plane(ring: ViaRing, points: Floats) -> tuple[Floats, Floats]:
 
 
 def within_ring(ring: ViaRing, points: Floats) -> Bools:
-    """Return which points (n, 3) are within the ring as seen along its normal; on its polygon either."""
+    """Return whether points (n, 3) are within the ring as seen along its normal, (n,)."""
     inside: Bools = inside_polygon(ring.corners, in_ring_plane(ring, points)[0])
     return inside
 
@@ -142,16 +124,7 @@ def within_ring(ring: ViaRing, points: Floats) -> Bools:
 def passes_through(ring: ViaRing, points: Floats, triangles: Ints) -> bool:
     """Return True where the plane of a ring cuts a closed surface within the ring.
 
-    A part of the cut's outline is within the ring, or the ring's centre is inside the surface.
-
-    Parameters
-    ----------
-    ring : ViaRing
-        The ring.
-    points : (n, 3) array
-        Points of the surface [mm].
-    triangles : (m, 3) int array
-        Point ids, closed.
+    That is: a part of the cut's outline is within the ring, or the ring's centre is inside the surface.
     """
     edges = unique_edges(triangles)
     heights = in_ring_plane(ring, points)[1][edges]
@@ -168,20 +141,7 @@ def passes_through(ring: ViaRing, points: Floats, triangles: Ints) -> bool:
 
 @array_kernel
 def inside_polygon(corners: Floats, places: Floats) -> Bools:
-    """Return which places of a plane are inside a polygon, by crossings of a ray.
-
-    Parameters
-    ----------
-    corners : (k, 2) array
-        Of the polygon, in order.
-    places : (n, 2) array
-        Of the plane.
-
-    Returns
-    -------
-    (n,) bool array
-        True inside; on the polygon either.
-    """
+    """Return whether places (n, 2) are inside a polygon of corners (k, 2); those on it may be either."""
     inside = np.empty(len(places), dtype=np.bool_)
     for i in range(len(places)):
         inside[i] = is_inside(corners, places[i, 0], places[i, 1])
