@@ -154,12 +154,12 @@ NONSENSE = {
     "landmarks beside the bone": (
         lambda s: landmarks(s, lambda x: x + np.array([0, 0, 60])),
         False,
-        "are said to be on",
+        "that they are given for",
     ),
     "bones 10 m away": (
         lambda s: replace(s, bones={n: moved(b, lambda x: x + 1e4) for n, b in s.bones.items()}),
         True,
-        "are said to be on",
+        "that they are given for",
     ),
     "ring in random order": (lambda s: landmarks(s, shuffled), True, "not in the order of the boundary"),
     "two landmarks exchanged": (

@@ -38,12 +38,12 @@ def vtk_messages() -> Iterator[Callable[[], str]]:
     vtkLogger.SetStderrVerbosity(vtkLogger.VERBOSITY_OFF)
     vtkOutputWindow.SetInstance(window)
 
-    def said() -> str:
+    def messages() -> str:
         text: str | bytes = window.GetOutput()  # bytes, where those of a damaged file are in it
         return text.decode("utf-8", "replace") if isinstance(text, bytes) else text
 
     try:
-        yield said
+        yield messages
     finally:
         vtkOutputWindow.SetInstance(before)
         vtkLogger.SetStderrVerbosity(verbosity)
@@ -79,11 +79,11 @@ def serve() -> None:
         _limit_memory(os.path.getsize(path))
         faulthandler.dump_traceback_later(longest, exit=True)
         try:
-            kind, said, content = read(path, module, name, wanted=wanted)
+            kind, complaint, content = read(path, module, name, wanted=wanted)
         except MemoryError:
-            kind, said, content = "", "it takes too much memory", b""
+            kind, complaint, content = "", "it takes too much memory", b""
         faulthandler.cancel_dump_traceback_later()
-        answers.write(json.dumps([kind, said, len(content)]).encode() + b"\n" + content)
+        answers.write(json.dumps([kind, complaint, len(content)]).encode() + b"\n" + content)
         answers.flush()
 
 
@@ -113,9 +113,9 @@ def read(path: str, module: str, name: str, *, wanted: bool) -> tuple[str, str, 
         reader.Update()
     data = reader.GetOutputDataObject(0)
     kind = data.GetClassName() if data is not None else ""
-    said = first_line(messages()) or ("it is damaged" if reader.GetErrorCode() else "")
-    if said or not wanted or not isinstance(data, vtkPolyData):
-        return kind, said, b""
+    complaint = first_line(messages()) or ("it is damaged" if reader.GetErrorCode() else "")
+    if complaint or not wanted or not isinstance(data, vtkPolyData):
+        return kind, complaint, b""
     cells = (data.GetVerts(), data.GetLines(), data.GetPolys(), data.GetStrips())
     if not all(each.IsValid() for each in cells):
         return kind, "its cells refer to points that do not exist", b""
@@ -131,7 +131,7 @@ def read(path: str, module: str, name: str, *, wanted: bool) -> tuple[str, str, 
 #: Time that the reading of any file may take [s], and the least speed for a large one [bytes/s].
 LONGEST, _SPEED = 20.0, 1e7
 
-_REMEDY = "export it again, and check that its suffix says what it is"
+_REMEDY = "export it again, and check that its suffix is that of its format"
 
 
 def read_in_child(path: Path, module: str, reader: str) -> vtkPolyData:
@@ -139,9 +139,9 @@ def read_in_child(path: Path, module: str, reader: str) -> vtkPolyData:
 
     An InputError is raised if VTK complained, crashed or took too long, or the file holds something else.
     """
-    kind, said, content = _child.ask(path, module, reader, wanted=True)
-    if said:
-        raise InputError(path, f"the file cannot be read as {path.suffix}: {said}", _REMEDY)
+    kind, complaint, content = _child.ask(path, module, reader, wanted=True)
+    if complaint:
+        raise InputError(path, f"the file cannot be read as {path.suffix}: {complaint}", _REMEDY)
     if kind != "vtkPolyData":
         raise InputError(
             path,
@@ -158,8 +158,8 @@ def read_in_child(path: Path, module: str, reader: str) -> vtkPolyData:
 
 def check_in_child(path: Path, module: str, reader: str) -> None:
     """Raise an InputError if one of VTK's readers cannot read all time steps of a file."""
-    _, said, _ = _child.ask(path, module, reader, wanted=False)
-    if said:
+    _, complaint, _ = _child.ask(path, module, reader, wanted=False)
+    if complaint:
         raise InputError(path, "the file is damaged", "write it again")
 
 
@@ -192,13 +192,13 @@ class _Child:
                 process.stdin.write(question.encode() + b"\n")
                 process.stdin.flush()
                 line = process.stdout.readline()
-                kind, said, length = json.loads(line) if line else ("", "", 0)
+                kind, complaint, length = json.loads(line) if line else ("", "", 0)
                 content = process.stdout.read(length)
             except BaseException:  # the next question must not get this answer
                 process.kill()
                 raise
             if line:
-                return kind, said, content
+                return kind, complaint, content
             code = process.wait()
         if time.monotonic() - began >= longest:
             raise InputError(path, f"the file was not read within {longest:.0f} s", _REMEDY)

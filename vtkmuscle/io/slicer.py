@@ -95,11 +95,11 @@ def read_fcsv(path: Path) -> NamedPoints:
     frame, columns = None, _FCSV_COLUMNS
     names, points = [], []
     for number, line in enumerate(lines, start=1):
-        said = re.match(r"#\s*(CoordinateSystem|columns)\s*=\s*(.*)", line)
-        if said is not None and said[1] == "CoordinateSystem":
-            frame = _frame(said[2].strip(), path)
-        elif said is not None:
-            columns = [name.strip() for name in said[2].split(",")]
+        header = re.match(r"#\s*(CoordinateSystem|columns)\s*=\s*(.*)", line)
+        if header is not None and header[1] == "CoordinateSystem":
+            frame = _frame(header[2].strip(), path)
+        elif header is not None:
+            columns = [name.strip() for name in header[2].split(",")]
             missing = [name for name in "xyz" if name not in columns]
             if missing:
                 raise InputError(path, f"line {number}: there is no column {missing[0]!r}", _AS_SLICER)

@@ -85,7 +85,7 @@ class Draft:
         self.guesses += guesses
         if not self.sweep:
             why = "; ".join(one.why for one in guesses) or f"the bones are {', '.join(self.bones) or 'none'}"
-            remedy = "name bones such that they say what they are, as femur_r and pelvis do"
+            remedy = "name bones by their anatomy, such as femur_r and pelvis"
             raise InputError(self.name, f"no joint was found between the bones: {why}", remedy)
         for muscle in list(self.muscles):
             try:

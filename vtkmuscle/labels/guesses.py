@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-#: A guess that is less sure wants to be looked at before anything is relied on.
+#: A less sure guess should be checked before the results are used.
 LOOK = 0.5
 #: The value of a guess about something that is not in the scene.
 LEFT_OUT = "left out"
@@ -13,18 +13,10 @@ LEFT_OUT = "left out"
 
 @dataclass(frozen=True)
 class Guess:
-    """Something that nobody has said.
+    """A guess: the key of the scene, such as ``joints.hip_right.centre``, its value, and how sure it is.
 
-    Attributes
-    ----------
-    what : str
-        The key of the scene, such as ``joints.hip_right.centre``.
-    value : str
-        What it was taken to be; "" where it could not be.
-    sureness : float
-        From 0, as likely otherwise, to 1.
-    why : str
-        What speaks for it, or why there is none and what to give.
+    ``value`` is "" where there is none. ``sureness`` is from 0 to 1. ``why`` gives the reason, or what is
+    needed for a value.
     """
 
     what: str

@@ -119,32 +119,32 @@ def add_landmarks(draft: Draft, files: Sequence[Path], *, scale: float = 1.0) ->
         If a file cannot be read, or its name is not that of a muscle and a role.
     """
     for file in files:
-        said = _AREA.match(_roles_name(file))
-        muscle = plain_name(said[1]) if said else ""
-        side = side_of(said[3]) if said and said[3] else None
+        match = _AREA.match(_roles_name(file))
+        muscle = plain_name(match[1]) if match else ""
+        side = side_of(match[3]) if match and match[3] else None
         muscle = next((name for name in (muscle, f"{muscle}_{side}") if name in draft.muscles), "")
-        if said is None or not muscle:
+        if match is None or not muscle:
             known = ", ".join(draft.muscles) or "none"
             remedy = f"call it MUSCLE_origin or MUSCLE_insertion; muscles: {known}"
             raise InputError(file, "its name is not that of a muscle and a role", remedy)
         points, closed = read_landmarks(file, frame=draft.frame)
         points = scale * points
-        rests = [bone for bone in draft.bones if said[3] and bone in plain_name(said[3])]
+        rests = [bone for bone in draft.bones if match[3] and bone in plain_name(match[3])]
         gaps = _gaps(points, draft.bones_beside(muscle))
         bone = rests[0] if rests else min(gaps, key=gaps.__getitem__)
         if not rests:
             others = [gap for name, gap in gaps.items() if name != bone]
             sure = 1.0 - min(1.0, gaps[bone] / min(others)) if others else 1.0
-            why = f"{said[2]} on {bone!r}, {gaps[bone]:.1f} mm from the landmarks in {file.name}"
-            draft.guesses.append(Guess(f"muscles.{muscle}.attachments", f"{said[2]}: {bone}", sure, why))
+            why = f"{match[2]} on {bone!r}, {gaps[bone]:.1f} mm from the landmarks in {file.name}"
+            draft.guesses.append(Guess(f"muscles.{muscle}.attachments", f"{match[2]}: {bone}", sure, why))
         if not closed and len(points) > 3:
             steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
             gap = float(np.linalg.norm(points[-1] - points[0]) / max(float(np.median(steps)), 1e-9))
-            closed = gap <= RING_GAP or said[2] == VIA
-            why = f"{said[2]}: the last landmark is {gap:.1f} usual steps from the first"
+            closed = gap <= RING_GAP or match[2] == VIA
+            why = f"{match[2]}: the last landmark is {gap:.1f} usual steps from the first"
             value = "a ring" if closed else "an open curve"
             draft.guesses.append(Guess(f"muscles.{muscle}.attachments", value, min(1.0, abs(gap - 2.0)), why))
-        draft.areas.setdefault(muscle, []).append(AttachmentArea(said[2], bone, points, closed))
+        draft.areas.setdefault(muscle, []).append(AttachmentArea(match[2], bone, points, closed))
 
 
 def _gaps(points: Floats, bones: Mapping[str, vtkPolyData]) -> dict[str, float]:

@@ -40,7 +40,7 @@ def write_page(draft: Draft, out: Path) -> Path:
     rows_of_guesses: list[list[str | Cell]] = [
         [row[0], Cell(row[1], mark), *row[2:]] for row, mark in zip(guesses, marks, strict=True)
     ]
-    note = f"The least sure first; those below {LOOK} want to be looked at, and are marked"
+    note = f"The least sure first; those below {LOOK} are marked: check them"
     sections += [
         Section("Surfaces", rows=rows),
         Section("Guesses", note, [head, *rows_of_guesses], words=True),

@@ -29,7 +29,7 @@ def parsed(path: Path) -> dict[str, Any]:
     except UnicodeDecodeError as error:
         raise SceneError("is not text in UTF-8", "", "save it as UTF-8", path) from error
     except tomllib.TOMLDecodeError as error:
-        remedy = "correct that line; texts stand in double quotes"
+        remedy = "correct that line; put texts in double quotes"
         raise SceneError(f"is not valid TOML: {error}", "", remedy, path) from error
     except (ValueError, RecursionError) as error:  # too large, an endless number, or too many brackets
         raise SceneError(f"cannot be read: {fault_of(error)[0]}", "", "correct it", path) from error

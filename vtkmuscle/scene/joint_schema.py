@@ -10,7 +10,7 @@ from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.words import quoted
 from vtkmuscle.scene.schema_types import Direction, OneOf, Positive, Table, Text, Triple, key
 
-#: Kinds of joints, and the number of coordinates of each; a custom joint says so itself.
+#: Kinds of joints, and the number of coordinates of each; None for a custom joint, which has any number.
 JOINT_KINDS = {"pin": 1, "ball": 3, "weld": 0, "custom": None}
 
 

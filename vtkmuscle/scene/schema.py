@@ -148,7 +148,7 @@ class Area(Table):
     """The bone that the area is on, or that carries the ring."""
     landmarks: Text = key("FILE.vtp", ...)
     """A .vtp or .vtk file with one polyline, or with points; a .csv of x, y, z, or of name, x, y, z; a .json
-    list of [x, y, z]; a .mrk.json or .fcsv file of 3D Slicer; or a .nrrd array of 3 x n. Landmarks stand in
+    list of [x, y, z]; a .mrk.json or .fcsv file of 3D Slicer; or a .nrrd array of 3 x n. Landmarks are in
     the order of the boundary."""
     closed: bool | None = key(True)
     """Write true for a ring around an area, false for an open curve or loose points. Default: as in the file,
@@ -221,7 +221,7 @@ class SceneTable(Table):
     """volume deforms each muscle. paths pulls its fibres taut round the bones and deforms nothing: lengths,
     moment arms and pictures of the fibres; then every muscle needs fibres, and muscle_contact must be off."""
     muscle_contact: Annotated[str, OneOf(("off", "on", "measure"))] = key("on", "off")
-    """on keeps each muscle out of those that stand before it in the file, measure reports how deep it is in
+    """on keeps each muscle out of those before it in the file, measure reports how deep it is in
     them."""
     bones: dict[Name, Bone] = Field()
     """The bones, by name; at least one."""

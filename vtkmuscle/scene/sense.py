@@ -75,7 +75,7 @@ def check_sense(scene: SceneData, anatomy: Anatomy | None = None) -> list[str]:
         if certain:
             raise error
         messages.append(str(error))
-        warnings.warn(messages[-1], stacklevel=5)  # at the call of who runs a scene
+        warnings.warn(messages[-1], stacklevel=5)  # at the call that runs the scene
     return messages
 
 
@@ -232,7 +232,7 @@ def _bones_without_inside(anatomy: Anatomy) -> Iterator[Finding]:
 
 
 def _ring(key: str, area: AttachmentArea, muscle: Surface, units: str) -> Iterator[Finding]:
-    """Give what is odd about the order and place of landmarks."""
+    """Give implausible orders and positions of the landmarks of an area."""
     landmarks = np.asarray(area.landmarks, dtype=np.float64)
     size = float(np.linalg.norm(np.ptp(landmarks, axis=0)))
     if len(landmarks) > 1 and size <= 1e-9 * float(np.linalg.norm(np.ptp(muscle.points, axis=0))):
@@ -317,9 +317,7 @@ def _on_bones(millimetres: float, name: str, muscle: Muscle, anatomy: Anatomy) -
             problem += f"{medians[number][other]:.3g} mm from {other!r}"
             yield Finding(where, problem, f'if they are on that bone, write bone = "{other}"')
         elif own > FAR_LANDMARKS:
-            problem = (
-                f"the landmarks are {own:.3g} mm from the bone {area.bone!r} that they are said to be on"
-            )
+            problem = f"the landmarks are {own:.3g} mm from the bone {area.bone!r} that they are given for"
             yield Finding(
                 where, problem, "check the bone, and that both are in the same unit and place", lost
             )
