@@ -135,11 +135,7 @@ class Scene(SceneData, WithHints):
         """
         return write_scene(self, Path(folder))
 
-    def run(
-        self,
-        out: str | PathLike[str] | None = None,
-        **options: Any,
-    ) -> Result:
+    def run(self, out: str | PathLike[str] | None = None, **options: Any) -> Result:
         """Deform all muscles over the motion, carry their fibres along, and measure.
 
         Parameters
@@ -195,11 +191,7 @@ class Scene(SceneData, WithHints):
         return pyvista.wrap(known[name])
 
     def plot(
-        self,
-        *,
-        muscles: str | Sequence[str] | None = None,
-        show: bool = True,
-        off_screen: bool | None = None,
+        self, *, muscles: str | Sequence[str] | None = None, show: bool = True, off_screen: bool | None = None
     ) -> Any:
         """Show bones, muscles and landmarks at rest, in a window or in a cell of a notebook.
 

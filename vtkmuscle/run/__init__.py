@@ -6,12 +6,4 @@ from vtkmuscle.run.result import Result
 from vtkmuscle.run.steps import run_scene
 from vtkmuscle.run.table import MomentArmTable, Table
 
-__all__ = [
-    "MomentArmTable",
-    "Result",
-    "RunOptions",
-    "Table",
-    "frame_numbers",
-    "muscle_pipeline",
-    "run_scene",
-]
+__all__ = ["MomentArmTable", "Result", "RunOptions", "Table", "frame_numbers", "muscle_pipeline", "run_scene"]

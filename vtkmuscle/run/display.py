@@ -21,12 +21,7 @@ if TYPE_CHECKING:
 
 
 def film_of(
-    result: ResultData,
-    path: Path,
-    *,
-    fps: float,
-    muscles: str | Sequence[str] | None,
-    size: tuple[int, int],
+    result: ResultData, path: Path, *, fps: float, muscles: str | Sequence[str] | None, size: tuple[int, int]
 ) -> Path:
     """Write a film of all kept frames, all or nothing; see :meth:`vtkmuscle.Result.movie`."""
     write = {".gif": _write_gif, ".mp4": _write_mp4}.get(path.suffix.lower())

@@ -48,11 +48,7 @@ class MuscleMeasure:
     """
 
     def __init__(
-        self,
-        rest: vtkPolyData,
-        bones: list[str],
-        shapes: Mapping[str, Bone],
-        millimetres: float,
+        self, rest: vtkPolyData, bones: list[str], shapes: Mapping[str, Bone], millimetres: float
     ) -> None:
         self._bones = bones
         self._shapes = shapes

@@ -240,12 +240,7 @@ class MuscleRun:
             rest_lengths = polyline_lengths(rest.points, rest.offsets) * millimetres
             history = FibreHistory(lengths, rest_lengths, track.report["fibres"], slides)
         track.report["verdict"] = judge(
-            rows,
-            history,
-            motion=motion,
-            n_edges=measure.n_edges,
-            size=measure.size,
-            failure=track.failure,
+            rows, history, motion=motion, n_edges=measure.n_edges, size=measure.size, failure=track.failure
         )
 
     def _deformers(self) -> dict[str, PBDDeformer]:
@@ -280,10 +275,7 @@ class MuscleRun:
 
 
 def muscle_pipeline(
-    scene: SceneData,
-    name: str,
-    *,
-    neighbours: Mapping[str, Any] | None = None,
+    scene: SceneData, name: str, *, neighbours: Mapping[str, Any] | None = None
 ) -> MusclePipeline:
     """Return the filters of a muscle of a scene, as a run chains them.
 

@@ -140,11 +140,7 @@ def _write_tables(store: ResultWriter, result: Result) -> None:
 
 
 def _write(
-    store: ResultWriter,
-    result: Result,
-    drawing: Drawing | None,
-    options: RunOptions,
-    report: dict[str, Any],
+    store: ResultWriter, result: Result, drawing: Drawing | None, options: RunOptions, report: dict[str, Any]
 ) -> None:
     """Write the page and the figures."""
     if drawing is not None:
@@ -162,10 +158,7 @@ def _write(
 
 
 def _draw(
-    drawing: Drawing | None,
-    tracks: Tracks,
-    result_of: Callable[[Tracks], Result],
-    done: Iterable[str],
+    drawing: Drawing | None, tracks: Tracks, result_of: Callable[[Tracks], Result], done: Iterable[str]
 ) -> None:
     """Draw the figures of muscles that are done, and of the rest pose once it is known."""
     if drawing is not None:

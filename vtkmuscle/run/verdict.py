@@ -140,10 +140,7 @@ def reasons_of(verdict: Mapping[str, Any]) -> list[Reason]:
 
 
 def _series(
-    rows: Sequence[Mapping[str, Any]],
-    fibres: FibreHistory | None,
-    motion: RigidMotion | None,
-    n_edges: int,
+    rows: Sequence[Mapping[str, Any]], fibres: FibreHistory | None, motion: RigidMotion | None, n_edges: int
 ) -> tuple[dict[str, Floats], dict[str, str]]:
     """Return the values of each check, one per row (NaN where unknown), and why other checks have none."""
 
@@ -187,12 +184,7 @@ def _series(
     return values, {name: missing.get(name, "it was not measured") for name in unknown}
 
 
-def _reason(
-    name: str,
-    series: Floats,
-    rows: Sequence[Mapping[str, Any]],
-    scale: float,
-) -> Reason | None:
+def _reason(name: str, series: Floats, rows: Sequence[Mapping[str, Any]], scale: float) -> Reason | None:
     """Return the reason why a check is not ok, None where it is; infinite values are beyond all limits."""
     check = CHECKS[name]
     known = np.array([i for i, value in enumerate(series) if not np.isnan(value)], dtype=np.int64)
