@@ -91,7 +91,9 @@ def lane(function: F) -> F:
 
 
 def _compiled(function: F, **options: Any) -> F:
-    compiled: Any = numba.njit(**{"nogil": True, "error_model": "numpy", **options})(function)
+    # What is not said here numba takes from the kernel that happens to call a function first.
+    said = {"nogil": True, "error_model": "numpy", "fastmath": False, "forceinline": False}
+    compiled: Any = numba.njit(**{**said, **options})(function)
     _keep(compiled)
     result: F = compiled
     return result
