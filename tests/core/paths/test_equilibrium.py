@@ -156,7 +156,7 @@ def test_a_step_of_newtons_method_solves_its_equations(rng, left_over, off, as_o
     gradient[:, [0, -1]] = 0.0
     f, n, _ = gradient.shape
     held = blocks, sheet.neighbours.pairs, couplings, np.empty((f + 1, n, 6))
-    prepare_solve(*held)
+    prepare_solve(*held[:3], as_one, held[3])
     slope = newton_step(gradient, *held, as_one, left_over, np.empty((4, f + 1, n, 3)), step)
     known = np.linalg.solve(matrix, -gradient[:, 1:-1].ravel()).reshape(step[:, 1:-1].shape)
     assert np.linalg.norm(step[:, 1:-1] - known) < off * np.linalg.norm(known)

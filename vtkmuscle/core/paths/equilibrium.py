@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 
-from vtkmuscle.core.jit import kernel, lane, reduction
+from vtkmuscle.core.jit import kernel, lane, reduction, vector_kernel
 from vtkmuscle.core.paths.neighbours import Neighbours
 from vtkmuscle.core.types import Floats, Ints
 
@@ -87,7 +87,7 @@ def axes_of_pair(
     return t0, t1, t2, part * u0, part * u1, part * u2, size, ahead, apart
 
 
-@kernel
+@vector_kernel
 def add_neighbours(
     x: Floats, gradient: Floats, blocks: Floats, neighbours: Neighbours, widths: Floats, couplings: Floats
 ) -> None:
@@ -141,24 +141,25 @@ def add_direction(block: Floats, stiffness: float, u: float, v: float, w: float)
 
 
 @kernel
-def prepare_solve(blocks: Floats, pairs: Ints, couplings: Floats, inverses: Floats) -> None:
+def prepare_solve(blocks: Floats, pairs: Ints, couplings: Floats, as_one: bool, inverses: Floats) -> None:
     """Write the inverse blocks of the elimination of each path's matrix, (f + 1, n, 6).
 
     The last are those of a sheet whose paths all move alike, over f: springs between neighbours drop out
-    of its matrix.
+    of its matrix. They are written only ``as_one``.
     """
     f, n, _ = blocks.shape
+    if as_one:
+        for i in range(1, n - 1):
+            for c in range(6):
+                total = 0.0
+                for k in range(f):
+                    total += blocks[k, i, c]
+                inverses[f, i, c] = total / f
+        for e in range(len(pairs)):
+            for c in range(6):
+                inverses[f, pairs[e, 0] % n, c] -= 2.0 / f * couplings[e, c]
     for i in range(1, n - 1):
-        for c in range(6):
-            total = 0.0
-            for k in range(f):
-                total += blocks[k, i, c]
-            inverses[f, i, c] = total / f
-    for e in range(len(pairs)):
-        for c in range(6):
-            inverses[f, pairs[e, 0] % n, c] -= 2.0 / f * couplings[e, c]
-    for i in range(1, n - 1):
-        for k in range(f + 1):
+        for k in range(f + 1 if as_one else f):
             h = inverses[k, i]
             for c in range(6):
                 block = blocks[k, i, c] if k < f else h[c]
@@ -236,7 +237,7 @@ def _dot(a: Floats, b: Floats) -> float:
     return total
 
 
-@kernel
+@vector_kernel
 def _precondition(  # noqa: PLR0912 -- each kernel more costs time to compile
     inverses: Floats, as_one: bool, residual: Floats, solved: Floats
 ) -> None:
@@ -282,7 +283,7 @@ def _precondition(  # noqa: PLR0912 -- each kernel more costs time to compile
                     solved[k, i, c] += solved[f, i, c]
 
 
-@kernel
+@vector_kernel
 def _multiply(blocks: Floats, pairs: Ints, couplings: Floats, x: Floats, y: Floats) -> None:
     """Write the product of the matrix with x (f, n, 3), 0 at the ends."""
     f, n, _ = x.shape

@@ -140,11 +140,11 @@ class SheetPose:
 
     def step(self) -> float:
         """Compute the step of Newton's method, ``way``, and return its slope."""
-        self._prepare_solve()
+        self._prepare_solve(as_one=False)
         return self._solve(self.gradient, as_one=False)
 
-    def _prepare_solve(self) -> None:
-        prepare_solve(self._blocks, self._sheet.neighbours.pairs, self._couplings, self._inverses)
+    def _prepare_solve(self, *, as_one: bool) -> None:
+        prepare_solve(self._blocks, self._sheet.neighbours.pairs, self._couplings, as_one, self._inverses)
 
     def _solve(self, gradient: Floats, *, as_one: bool) -> float:
         """Write to ``way`` the step that brings a gradient to zero, and return its slope."""
@@ -184,7 +184,7 @@ class SheetPose:
         x, sheet, loads = self.x, self._sheet, self._loads()
         held = sum((load.stiffness for load in loads.values()), np.zeros((*x.shape, 3)))
         widths = path_widths(x, sheet.lengths), widening(x, sheet.lengths)
-        self._prepare_solve()
+        self._prepare_solve(as_one=True)
 
         def change(velocity: Floats) -> Floats:
             wider, result = np.empty((len(x), velocity.shape[3])), np.empty_like(velocity)

@@ -95,26 +95,27 @@ def _response(
     tangents and the bones' surfaces turn, which the change of the gradient knows.
     """
     left, response = gradient.copy(), np.zeros_like(gradient)
-    before: list[tuple[Floats, Floats]] = []
+    before: list[tuple[Floats, Floats, Floats]] = []
     for _ in range(RESPONSES):
         way = step(left)
         by_way = change(way)
-        for other, by_other in before:
-            part = _part(by_way, by_other)
+        for other, by_other, size in before:
+            part = _products(by_way, by_other) / size
             way -= part * other
             by_way -= part * by_other
-        part = _part(left, by_way)
+        size = _products(by_way, by_way)
+        size[size == 0.0] = 1.0
+        part = _products(left, by_way) / size
         response -= part * way
         left -= part * by_way
-        before.append((way, by_way))
+        before.append((way, by_way, size))
     return response
 
 
-def _part(a: Floats, b: Floats) -> Floats:
-    """Return the projection coefficient of a onto b (f, n, 3, v), (v,); 0 where b is 0."""
-    size = np.einsum("fniv,fniv->v", b, b)
-    part: Floats = np.einsum("fniv,fniv->v", a, b) / np.where(size > 0.0, size, 1.0)
-    return part
+def _products(a: Floats, b: Floats) -> Floats:
+    """Return the scalar products of a and b (f, n, 3, v), one for each v."""
+    products: Floats = np.einsum("fniv,fniv->v", a, b)
+    return products
 
 
 @vector_kernel
