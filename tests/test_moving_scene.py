@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 from vtkmuscle import InputError, Scene, phantoms
 from vtkmuscle.cli import app
 from vtkmuscle.core.motion.rigid import apply_transform
-from vtkmuscle.data.arrays import points_of
+from vtkmuscle.data.arrays import points_of, triangles_of
 from vtkmuscle.plotting import MovingScene, Pose, can_render
 from vtkmuscle.run.display import ResultDisplay
 from vtkmuscle.scene.faults import SceneError
@@ -38,12 +38,17 @@ def test_a_pose_is_drawn_where_the_result_has_it(result):
         frame = result.frames[position]
         for name in ("upper", "lower"):
             rest, moved = (points_of(one[name]) for one in (result.rest_bones(), result.bones(frame=frame)))
-            matrix = shown.scene._bones[name].user_matrix
+            matrix = pyvista.array_from_vtkmatrix(shown.scene._bones[name].GetUserMatrix())
             np.testing.assert_allclose(apply_transform(matrix, rest), moved, atol=1e-9)
-        _, mesh, _ = shown.scene._muscles["spindle"]
-        np.testing.assert_allclose(mesh.points, points_of(result.muscle("spindle", frame=frame)), atol=1e-5)
-        _, lines = shown.scene._fibres["spindle"]
-        np.testing.assert_allclose(lines.points, points_of(result.fibres("spindle", frame=frame)), atol=1e-5)
+        mesh, lines = (
+            actors["spindle"].mapper.input for actors in (shown.scene._muscles, shown.scene._fibres)
+        )
+        np.testing.assert_allclose(
+            points_of(mesh), points_of(result.muscle("spindle", frame=frame)), atol=1e-5
+        )
+        np.testing.assert_allclose(
+            points_of(lines), points_of(result.fibres("spindle", frame=frame)), atol=1e-5
+        )
     shown.scene.plotter.close()
 
 
@@ -55,9 +60,10 @@ def sliders(plotter):
 def test_normals_follow_the_muscle(result):
     shown = ResultDisplay(result, off_screen=True, size=(200, 160))
     shown.show(4)
-    _, mesh, _ = shown.scene._muscles["spindle"]
-    turned = mesh.compute_normals(cell_normals=False, split_vertices=False, inplace=False)
-    assert (mesh["Normals"] * turned["Normals"]).sum(axis=1).min() > 0.95
+    mesh = shown.scene._muscles["spindle"].mapper.input
+    mesh_alone = pyvista.PolyData.from_regular_faces(points_of(mesh), triangles_of(mesh, "spindle"))
+    turned = mesh_alone.compute_normals(cell_normals=False, split_vertices=False)["Normals"]
+    assert (np.asarray(mesh.point_data.normals) * turned).sum(axis=1).min() > 0.95
     shown.scene.plotter.close()
 
 

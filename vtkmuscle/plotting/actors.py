@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from matplotlib import colormaps
@@ -13,7 +14,7 @@ from vtkmodules.vtkCommonComputationalGeometry import vtkCardinalSpline
 from vtkmodules.vtkCommonDataModel import vtkCellArray, vtkPolyData
 from vtkmodules.vtkFiltersCore import vtkTubeFilter
 from vtkmodules.vtkFiltersGeneral import vtkSplineFilter
-from vtkmodules.vtkRenderingCore import vtkActor, vtkPolyDataMapper
+from vtkmodules.vtkRenderingCore import VTK_PHONG, vtkActor, vtkPolyDataMapper, vtkProperty
 
 from vtkmuscle.core.mesh.normals import vertex_normals
 from vtkmuscle.core.types import Floats, Ints
@@ -32,10 +33,6 @@ from vtkmuscle.plotting.colours import FIBRE_MAP, IVORY, MUSCLE_RED, NEUTRAL, PA
 from vtkmuscle.plotting.views import View
 
 _PLAIN_FIBRES = "#f3d9c9"
-#: Sides of a fibre's tube.
-_SIDES = 8
-#: Straight pieces that a drawn fibre has: its points are joined by a cubic spline.
-_PIECES = 48
 _COLOURS = "Colours"
 
 
@@ -64,20 +61,25 @@ def actors_of(
 
 
 def bone_actor(bone: DrawnBone) -> vtkActor:
-    """Return a bone at rest, ivory; of one that is solid no triangle is drawn from behind."""
-    actor = _actor(_with_normals(bone.points, bone.triangles, bone.normals), IVORY)
-    actor.GetProperty().SetBackfaceCulling(bone.solid)
-    return actor
+    """Return a bone at rest in ivory; the triangles of a closed bone are not drawn from behind."""
+    surface = _with_normals(surface_from(bone.points, bone.triangles), bone.normals)
+    return _actor(surface, IVORY, backface_culling=bone.solid)
 
 
 def surface_actor(surface: vtkPolyData, colour: str = IVORY, *, opacity: float = 1.0) -> vtkActor:
-    """Return a surface of triangles with a part of the light going through it."""
+    """Return a surface of triangles, translucent where its opacity is below 1."""
     points, triangles = points_of(surface), triangles_of(surface, "plotting")
-    actor = _actor(_with_normals(points, triangles, vertex_normals(points, triangles)), colour)
-    actor.GetProperty().SetOpacity(opacity)
+    own = _with_normals(surface_from(points, triangles), vertex_normals(points, triangles))
     # Back faces of a translucent surface would be blended in no particular order.
-    actor.GetProperty().SetBackfaceCulling(opacity < 1.0)
-    return actor
+    return _actor(own, colour, opacity=opacity, backface_culling=opacity < 1.0)
+
+
+def move_points(actor: vtkActor, points: Floats) -> None:
+    """Move the points of a surface, whose normals follow, or of lines."""
+    data = actor.GetMapper().GetInput()
+    data.SetPoints(vtk_points(points))
+    if data.GetNumberOfPolys():
+        _with_normals(data, vertex_normals(points, triangles_of(data, "plotting")))
 
 
 def fixed_point_actors(muscle: vtkPolyData, diameter: float) -> list[vtkActor]:
@@ -86,16 +88,21 @@ def fixed_point_actors(muscle: vtkPolyData, diameter: float) -> list[vtkActor]:
     actors = []
     for bone in np.unique(fixed_to[fixed_to >= 0]):
         held = points[fixed_to == bone]
-        balls = vtkPolyData()
-        balls.SetPoints(vtk_points(held))
         vertices = vtkCellArray()
         vertices.SetData(1, numpy_to_vtk(np.arange(len(held)), deep=True))
-        balls.SetVerts(vertices)
-        actor = _actor(balls, PALETTE[bone % len(PALETTE)], ambient=0.3)
-        actor.GetProperty().SetRenderPointsAsSpheres(True)
-        actor.GetProperty().SetPointSize(diameter)
-        actors.append(actor)
+        balls = vtkPolyData(points=vtk_points(held), verts=vertices)
+        colour = PALETTE[bone % len(PALETTE)]
+        look = {"ambient": 0.3, "render_points_as_spheres": True, "point_size": diameter}
+        actors.append(_actor(balls, colour, **look))
     return actors
+
+
+def line_actor(lines: vtkPolyData, colour: str) -> vtkActor:
+    """Return polylines in a pale tint of a colour, as wide as 2.5 pixels."""
+    look = {"line_width": 2.5, "render_lines_as_tubes": True, "ambient": 0.0, "specular": 0.0}
+    actor = _actor(polylines_from(polylines_of(lines, "plotting: fibres")), colour, **look)
+    actor.GetProperty().SetColor(*(0.5 + 0.5 * part for part in to_rgb(colour)))
+    return actor
 
 
 def strain_colours(strain: Floats, limit: float) -> NDArray[np.uint8]:
@@ -121,24 +128,15 @@ def fibre_actor(fibres: vtkPolyData, radius: float, colours: NDArray[np.uint8] |
     lines = polylines_from(polylines_of(fibres, "plotting: fibres"))
     if colours is not None:
         set_cell_array(lines, _COLOURS, colours)
-    cubic = vtkCardinalSpline()  # bent at its ends as at the points beside them, which keeps arcs round
-    cubic.SetLeftConstraint(3)
-    cubic.SetRightConstraint(3)
-    cubic.SetLeftValue(1.0)
-    cubic.SetRightValue(1.0)
-    splines = vtkSplineFilter()
-    splines.SetSpline(cubic)
-    splines.SetInputData(lines)
+    # Bent at its ends as at the points beside them, which keeps arcs round.
+    cubic = vtkCardinalSpline(left_constraint=3, right_constraint=3, left_value=1.0, right_value=1.0)
+    splines = vtkSplineFilter(spline=cubic, input_data=lines, number_of_subdivisions=48)
     splines.SetSubdivideToSpecified()
-    splines.SetNumberOfSubdivisions(_PIECES)
-    tubes = vtkTubeFilter()
+    tubes = vtkTubeFilter(radius=radius, number_of_sides=8, capping=True)
     tubes.SetInputConnection(splines.GetOutputPort())
-    tubes.SetRadius(radius)
-    tubes.SetNumberOfSides(_SIDES)
-    tubes.CappingOn()
     tubes.Update()
-    actor = _actor(tubes.GetOutput(), _PLAIN_FIBRES, ambient=0.25)
-    actor.GetProperty().SetBackfaceCulling(True)  # nobody sees the inside of a tube
+    # Nobody sees the inside of a tube.
+    actor = _actor(tubes.GetOutput(), _PLAIN_FIBRES, ambient=0.25, backface_culling=True)
     if colours is not None:
         mapper = actor.GetMapper()
         mapper.SetScalarVisibility(True)
@@ -168,22 +166,15 @@ def _colours(name: str, part: Floats) -> NDArray[np.uint8]:
     return colours
 
 
-def _with_normals(points: Floats, triangles: Ints, normals: Floats) -> vtkPolyData:
-    surface = surface_from(points, triangles)
+def _with_normals(surface: vtkPolyData, normals: Floats) -> vtkPolyData:
     surface.GetPointData().SetNormals(numpy_to_vtk(normals.astype(np.float32), deep=True))
     return surface
 
 
-def _actor(data: vtkPolyData, colour: str, *, ambient: float = 0.15) -> vtkActor:
-    mapper = vtkPolyDataMapper()
-    mapper.SetInputData(data)
-    mapper.SetScalarVisibility(False)
-    actor = vtkActor()
-    actor.SetMapper(mapper)
-    look = actor.GetProperty()
-    look.SetColor(*to_rgb(colour))
-    look.SetInterpolationToPhong()
-    look.SetAmbient(ambient)
-    look.SetSpecular(0.1)
-    look.SetSpecularPower(100.0)
-    return actor
+def _actor(data: vtkPolyData, colour: str, **look: Any) -> vtkActor:
+    """Return data in one colour; ``look`` are properties of a vtkProperty."""
+    shine = {"ambient": 0.15, "specular": 0.1, "specular_power": 100.0, "interpolation": VTK_PHONG}
+    return vtkActor(
+        mapper=vtkPolyDataMapper(input_data=data, scalar_visibility=False),
+        property=vtkProperty(color=to_rgb(colour), **{**shine, **look}),
+    )

@@ -4,27 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import chain
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
-from vtkmuscle.core.mesh.normals import vertex_normals
-from vtkmuscle.core.types import Floats, Ints
-from vtkmuscle.data.arrays import (
-    blocks_of,
-    multiblock_from,
-    points_of,
-    polylines_from,
-    polylines_of,
-    triangles_of,
-)
+from vtkmuscle.core.types import Floats
+from vtkmuscle.data.arrays import blocks_of, multiblock_from
 from vtkmuscle.filters.base.filter import Filter
-from vtkmuscle.plotting.actors import actors_of, surface_actor
-from vtkmuscle.plotting.colours import IVORY, PALETTE
-from vtkmuscle.plotting.studio import look_from, x_server_warning_off
-from vtkmuscle.plotting.views import View, choose_view
+from vtkmuscle.plotting.actors import actors_of, line_actor, move_points, surface_actor
+from vtkmuscle.plotting.colours import PALETTE
+from vtkmuscle.plotting.studio import look_from, matrix_of, x_server_warning_off
+from vtkmuscle.plotting.views import View, choose_view, fibre_surface, merged
 
 if TYPE_CHECKING:
     import pyvista
@@ -166,38 +159,31 @@ class MovingScene:
         size: tuple[int, int] = SIZE,
         opacity: float = 0.9,
     ) -> None:
-        import pyvista  # noqa: PLC0415 -- figures need none
-
         named = dict(blocks_of(bones)) if isinstance(bones, vtkMultiBlockDataSet) else bones
-        seen = [*muscles.values()] or [_tubes(lines) for lines in fibres.values()] or [*named.values()]
-        self.view = choose_view(
-            [pyvista.merge([pyvista.wrap(one) for one in seen])], [multiblock_from(dict(named))]
-        )
+        seen = [*muscles.values()] or [fibre_surface(one) for one in fibres.values()] or [*named.values()]
+        self.view = choose_view([merged(seen)], [multiblock_from(dict(named))])
         self.plotter = plain_plotter(size, off_screen)
         colours = {name: PALETTE[i % len(PALETTE)] for i, name in enumerate(muscles or fibres)}
-        self._bones = {name: self._surface(surface, IVORY, 1.0)[0] for name, surface in named.items()}
+        opacities = {name: 0.55 if name in fibres else opacity for name in muscles}
+        self._bones = {name: surface_actor(surface) for name, surface in named.items()}
         self._muscles = {
-            name: self._surface(surface, colours[name], 0.55 if name in fibres else opacity)
+            name: surface_actor(surface, colours[name], opacity=opacities[name])
             for name, surface in muscles.items()
         }
-        self._fibres = {name: self._lines(lines, colours[name]) for name, lines in fibres.items()}
+        self._fibres = {name: line_actor(lines, colours[name]) for name, lines in fibres.items()}
+        for actor in chain(self._bones.values(), self._muscles.values(), self._fibres.values()):
+            self.plotter.add_actor(actor, reset_camera=False, render=False)
         self.look(self.view)
 
     def show(self, pose: Pose) -> None:
         """Move everything to a pose; the plotter is drawn when it is shown, captured or rendered next."""
         for name, actor in self._bones.items():
-            actor.user_matrix = pose.bones.get(name, np.eye(4))
-        for name, (actor, mesh, triangles) in self._muscles.items():
-            points = pose.muscles.get(name)
-            actor.visibility = points is not None
-            if points is not None:
-                mesh.points = points
-                mesh.point_data["Normals"] = vertex_normals(points, triangles)
-        for name, (actor, mesh) in self._fibres.items():
-            points = pose.fibres.get(name)
-            actor.visibility = points is not None
-            if points is not None:
-                mesh.points = points
+            actor.SetUserMatrix(matrix_of(pose.bones.get(name)))
+        for actors, places in ((self._muscles, pose.muscles), (self._fibres, pose.fibres)):
+            for name, actor in actors.items():
+                actor.SetVisibility(name in places)
+                if name in places:
+                    move_points(actor, places[name])
         self.plotter.renderer.ResetCameraClippingRange()
 
     def look(self, view: View) -> None:
@@ -206,51 +192,6 @@ class MovingScene:
         look_from(self.plotter.camera, view)
         self.plotter.camera.parallel_scale *= 1.2 * max(1.0, view.aspect * height / width)
         self.plotter.renderer.ResetCameraClippingRange()
-
-    def _surface(self, surface: vtkPolyData, colour: str, opacity: float) -> tuple[Any, Any, Ints]:
-        import pyvista  # noqa: PLC0415
-
-        points, triangles = points_of(surface), triangles_of(surface, "plotting")
-        mesh = pyvista.PolyData.from_regular_faces(points, triangles)
-        mesh.point_data["Normals"] = vertex_normals(points, triangles)
-        mesh.point_data.active_normals_name = "Normals"
-        actor = self.plotter.add_mesh(
-            mesh,
-            color=colour,
-            opacity=opacity,
-            culling="back" if opacity < 1.0 else False,
-            scalars=None,
-            show_scalar_bar=False,
-            ambient=0.15,
-            specular=0.1,
-            reset_camera=False,
-        )
-        actor.prop.interpolation = "Phong"
-        return actor, mesh, triangles
-
-    def _lines(self, lines: vtkPolyData, colour: str) -> tuple[Any, Any]:
-        import pyvista  # noqa: PLC0415
-
-        mesh = pyvista.wrap(polylines_from(polylines_of(lines, "plotting: fibres")))
-        pale = pyvista.Color(colour)
-        mixed = [0.5 + 0.5 * part for part in pale.float_rgb]
-        actor = self.plotter.add_mesh(
-            mesh,
-            color=mixed,
-            line_width=2.5,
-            render_lines_as_tubes=True,
-            show_scalar_bar=False,
-            reset_camera=False,
-        )
-        return actor, mesh
-
-
-def _tubes(lines: vtkPolyData) -> Any:
-    """Return fibres as a surface, which stands for a muscle where none was deformed."""
-    import pyvista  # noqa: PLC0415
-
-    mesh = pyvista.wrap(polylines_from(polylines_of(lines, "plotting: fibres")))
-    return mesh.tube(radius=0.004 * mesh.length, n_sides=6).triangulate()
 
 
 def show_time(plotter: pyvista.Plotter, time: float) -> None:

@@ -132,10 +132,16 @@ class Studio:
     def _moved(self, bones: DrawnBones | None, transforms: Mapping[str, Floats]) -> Iterator[vtkActor]:
         for name, bone in {} if bones is None else bones.by_name.items():
             actor = self._bones.setdefault(bone, bone_actor(bone))
-            matrix = vtkMatrix4x4()
-            matrix.DeepCopy(np.asarray(transforms.get(name, np.eye(4))).ravel().tolist())
-            actor.SetUserMatrix(matrix)
+            actor.SetUserMatrix(matrix_of(transforms.get(name)))
             yield actor
+
+
+def matrix_of(transform: Floats | None) -> vtkMatrix4x4:
+    """Return a (4, 4) transform as VTK has it, the identity for None."""
+    matrix = vtkMatrix4x4()
+    if transform is not None:
+        matrix.DeepCopy(np.asarray(transform).ravel().tolist())
+    return matrix
 
 
 def look_from(camera: vtkCamera, view: View) -> None:

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
+from vtkmodules.vtkFiltersCore import vtkAppendPolyData, vtkTriangleFilter, vtkTubeFilter
 
 from vtkmuscle.core.types import Floats
-from vtkmuscle.data.arrays import blocks_of, points_of, triangles_of
+from vtkmuscle.data.arrays import blocks_of, points_of, polylines_from, polylines_of, triangles_of
 from vtkmuscle.data.drawn_bones import spread_over
 
 
@@ -119,6 +120,25 @@ def framed(direction: ArrayLike, points: Floats, *, margin: float = 0.12) -> Vie
     width, height = (1.0 + 2.0 * margin) * np.maximum((high - low)[:2], 1e-9)
     aspect = float(np.clip(width / height, 0.5, 1.6))
     return View(axes[2], (low + high) / 2.0 @ axes, float(max(height, width / aspect)) / 2.0, aspect)
+
+
+def fibre_surface(fibres: vtkPolyData) -> vtkPolyData:
+    """Return fibres as tubes of triangles, which stand for a muscle where none was deformed."""
+    lines = polylines_from(polylines_of(fibres, "plotting: fibres"))
+    tubes = vtkTubeFilter(radius=0.004 * lines.GetLength(), number_of_sides=6, capping=True, input_data=lines)
+    triangles = vtkTriangleFilter()
+    triangles.SetInputConnection(tubes.GetOutputPort())
+    triangles.Update()
+    return triangles.GetOutput()
+
+
+def merged(surfaces: Iterable[vtkPolyData]) -> vtkPolyData:
+    """Return several surfaces as one."""
+    append = vtkAppendPolyData()
+    for surface in surfaces:
+        append.AddInputData(surface)
+    append.Update()
+    return append.GetOutput()
 
 
 def _direction(azimuth: float, elevation: float) -> Floats:

@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.spatial import cKDTree
 from vtkmodules.vtkCommonDataModel import vtkPolyData
-from vtkmodules.vtkFiltersCore import vtkAppendPolyData, vtkQuadricDecimation
+from vtkmodules.vtkFiltersCore import vtkQuadricDecimation
 
 from vtkmuscle.core.types import Floats, Ints
 from vtkmuscle.data.arrays import points_of, polylines_of, triangles_of
 from vtkmuscle.plotting.colours import PALETTE
-from vtkmuscle.plotting.views import clearest_view
+from vtkmuscle.plotting.views import clearest_view, merged
 from vtkmuscle.scene.data import MILLIMETRES
 
 if TYPE_CHECKING:
@@ -229,11 +229,8 @@ def _fibres(
 
 def _view(result: Result) -> dict[str, Any]:
     """Return from where most of the muscles is seen, at rest."""
-    append = vtkAppendPolyData()
-    for name in result.muscle_names:
-        append.AddInputData(result.rest_muscle(name))
-    append.Update()
-    view = clearest_view([append.GetOutput()], [result.drawn_bones.spread()])
+    muscles = merged(result.rest_muscle(name) for name in result.muscle_names)
+    view = clearest_view([muscles], [result.drawn_bones.spread()])
     return {"towards": [float(value) for value in view.direction]}
 
 

@@ -14,11 +14,10 @@ import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.data.arrays import points_of
 from vtkmuscle.data.drawn_bones import DrawnBone
-from vtkmuscle.filters.fibre_tubes import FibreTubes
 from vtkmuscle.io.writing import beside
 from vtkmuscle.plotting.drawing import DrawingEndedError, DrawingProcess, FigureOrder, MuscleFrame, can_render
+from vtkmuscle.plotting.views import fibre_surface
 from vtkmuscle.run.frames import MuscleTrack
 from vtkmuscle.scene.data import SceneData
 
@@ -186,7 +185,7 @@ def _frames(result: Result, name: str) -> dict[str, object]:
     for number in _chosen_frames(result, name):
         fibres = result.fibres(name, frame=number)
         volumes = result.report["model"] != "paths"
-        muscle = result.muscle(name, frame=number) if volumes else _tubes(fibres)
+        muscle = result.muscle(name, frame=number) if volumes else fibre_surface(fibres)
         moved = result.motion.at(float(result.motion.times[number]))
         frames.append(MuscleFrame(muscle, moved, fibres, _at(result, number)))
     rest = result.rest_fibres(name)
@@ -195,14 +194,6 @@ def _frames(result: Result, name: str) -> dict[str, object]:
 
 def _title(name: str) -> str:
     return name.replace("_", " ")
-
-
-def _tubes(fibres: vtkPolyData) -> vtkPolyData:
-    """Return fibres as a surface, in place of a muscle where none was deformed."""
-    size = float(np.linalg.norm(np.ptp(points_of(fibres), axis=0)))
-    tubes = FibreTubes(radius=0.004 * size, sides=6).apply(fibres)
-    surface: vtkPolyData = tubes.triangulate()
-    return surface
 
 
 def _chosen_frames(result: Result, name: str) -> list[int]:

@@ -55,8 +55,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from vtkmuscle.core.errors import InputError, fault_of
-from vtkmuscle.core.files import MOST_TEXT, check_is_file
+from vtkmuscle.core.errors import MOST_TEXT, InputError, check_is_file, fault_of
 from vtkmuscle.core.mesh.sampling import sobol
 from vtkmuscle.core.types import Floats
 from vtkmuscle.core.words import quoted
