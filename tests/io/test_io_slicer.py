@@ -108,7 +108,11 @@ def test_plain_tables_may_have_names(tmp_path, text):
         ("a.mrk.json", markups(coordinateUnits="um"), "'um', but must be in mm"),
         ("a.mrk.json", markups(controlPoints=[]), "no control points"),
         ("a.mrk.json", markups(controlPoints=[{"label": "P"}]), "'P'.*not a finite position"),
-        ("a.mrk.json", markups(controlPoints=[{"label": "P", "position": [1, 2, None]}]), "not a finite position"),
+        (
+            "a.mrk.json",
+            markups(controlPoints=[{"label": "P", "position": [1, 2, None]}]),
+            "not a finite position",
+        ),
         (
             "a.mrk.json",
             markups(controlPoints=[{"label": "P", "position": [0, 0, 0], "positionStatus": "undefined"}]),
@@ -122,7 +126,11 @@ def test_plain_tables_may_have_names(tmp_path, text):
             "another file",
         ),
         ("a.nrrd", "NRRD0004\ntype: double\nsizes: 10 10 10\nencoding: raw\n\n", "not an image"),
-        ("a.nrrd", "NRRD0004\ntype: double\nsizes: 3 3\nencoding: raw\n\nabc", "0 numbers, but its header says 9"),
+        (
+            "a.nrrd",
+            "NRRD0004\ntype: double\nsizes: 3 3\nencoding: raw\n\nabc",
+            "0 numbers, but its header says 9",
+        ),
         ("a.nrrd", "NRRD0004\ntype: double\nsizes: 3 3\nencoding: gzip\n\nabc", "damaged"),
         ("a.nrrd", "NRRD0004\ntype: double\nsizes: 3 3\nencoding: raw\nbyte skip: 4\n\nabc", "without skips"),
         ("a.nrrd", "PNG", "not NRRD"),

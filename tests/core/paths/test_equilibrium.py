@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 import pyvista as pv
 from scipy.spatial.transform import Rotation
-from vtkmuscle.core.paths.change_of_gradient import change_gradient
 
 from vtkmuscle.core.bones.bone import Bone
 from vtkmuscle.core.paths.bone_contact import PUSH as BONE_PUSH
