@@ -129,7 +129,8 @@ def fibre_surface(fibres: vtkPolyData) -> vtkPolyData:
     triangles = vtkTriangleFilter()
     triangles.SetInputConnection(tubes.GetOutputPort())
     triangles.Update()
-    return triangles.GetOutput()
+    surface: vtkPolyData = triangles.GetOutput()
+    return surface
 
 
 def merged(surfaces: Iterable[vtkPolyData]) -> vtkPolyData:
@@ -138,7 +139,8 @@ def merged(surfaces: Iterable[vtkPolyData]) -> vtkPolyData:
     for surface in surfaces:
         append.AddInputData(surface)
     append.Update()
-    return append.GetOutput()
+    whole: vtkPolyData = append.GetOutput()
+    return whole
 
 
 def _direction(azimuth: float, elevation: float) -> Floats:
