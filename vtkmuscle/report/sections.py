@@ -88,6 +88,7 @@ def rendered(template: str, *places: tuple[str, str], **values: Any) -> str:
         autoescape=True,
         trim_blocks=True,
         lstrip_blocks=True,
+        keep_trailing_newline=True,
         undefined=jinja2.StrictUndefined,
     )
     page = environment.get_template(template)
