@@ -22,9 +22,6 @@ from vtkmuscle.report.tables import Cell, Sheet
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-#: Verdicts that are marked where a cell holds one.
-_MARKED = ("look", "failed")
-
 
 @dataclass(frozen=True)
 class Section:
@@ -52,13 +49,9 @@ class Section:
     pictures: Sequence[tuple[str, str]] = ()
 
     @property
-    def sheet(self) -> Sheet:
+    def table(self) -> Sheet:
         """The table as pages have it."""
-        head, *body = (
-            [one if isinstance(one, Cell) else Cell(one, one if one in _MARKED else "") for one in row]
-            for row in self.rows
-        )
-        return Sheet(self.note or self.title, [one.text for one in head], body, words=self.words)
+        return Sheet(self.note or self.title, self.rows, words=self.words)
 
 
 def write_page(path: Path, name: str, kind: str, lead: str, sections: Sequence[Section]) -> Path:
