@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from vtkmuscle.report.curves import MEASURES, label_of
+from vtkmuscle.report.curves import MEASURES, MINUS, label_of
 
 #: Architecture: the key in a report, what stands above the column, and the factor to its unit.
 ARCHITECTURE = (
@@ -35,8 +35,8 @@ FIBRES = (
     ("tortuosity", "length / distance of ends", 1.0),
 )
 
-#: What stands where there is no number, and before one that is negative.
-DASH, MINUS = "\u2013", "\u2212"
+#: Stands where there is no number.
+DASH = "\u2013"
 
 
 class Cell(NamedTuple):
