@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from vtkmuscle._version import __version__
 from vtkmuscle.io.writing import write_text
 from vtkmuscle.report.scene3d import packed
-from vtkmuscle.report.tables import Cell, Sheet
+from vtkmuscle.report.tables import Cell
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -47,11 +47,6 @@ class Section:
     words: bool = False
     drawings: Sequence[tuple[str, str]] = ()
     pictures: Sequence[tuple[str, str]] = ()
-
-    @property
-    def table(self) -> Sheet:
-        """The table as pages have it."""
-        return Sheet(self.note or self.title, self.rows, words=self.words)
 
 
 def write_page(path: Path, name: str, kind: str, lead: str, sections: Sequence[Section]) -> Path:
