@@ -26,7 +26,7 @@ from vtkmuscle.filters.base.filter import Filter
 from vtkmuscle.pipelines import deform
 from vtkmuscle.plotting import Studio, View
 from vtkmuscle.plotting.studio import FINER
-from vtkmuscle.run import result_tables
+from vtkmuscle.run import result_data
 
 #: Frames of the run.
 FRAMES = 6
@@ -69,7 +69,7 @@ def drawing() -> dict[str, int]:
         watched = (
             ("bones made coarser", drawn_bones, "clustered"),
             ("windows opened", Studio, "__init__"),
-            ("moment arms of muscles", result_tables, "joint_arms"),
+            ("moment arms of muscles", result_data, "joint_arms"),
         )
         for what, owner, name in watched:
             stack.enter_context(patch.object(owner, name, _counting(getattr(owner, name), what, found)))
