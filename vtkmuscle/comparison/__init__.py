@@ -25,7 +25,7 @@ from vtkmuscle.io.literature import LiteratureCurve, curves_for, read_literature
 from vtkmuscle.io.writing import write_text
 from vtkmuscle.opensim import read_osim
 from vtkmuscle.report.curves import colour_of, label_of, published_curves, rounded
-from vtkmuscle.report.sections import Section, part, plotly_text, rendered, shown_rows
+from vtkmuscle.report.sections import part, plotly_text, rendered, shown_rows
 from vtkmuscle.report.tables import Sheet
 from vtkmuscle.run.result import Result
 from vtkmuscle.run.table import Table
@@ -241,4 +241,4 @@ def _line(name: str, colour: str, curve: Curve) -> dict[str, Any]:
 
 def _sheet(muscle: str, table: Table) -> Sheet:
     note = "Means over all frames; differences to the first run, where both have values, with their errors."
-    return Section(label_of(muscle), note, [row[1:] for row in shown_rows(table)]).sheet
+    return Sheet(note, [row[1:] for row in shown_rows(table)])

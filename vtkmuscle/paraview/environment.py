@@ -18,16 +18,10 @@ _HERE = Path(__file__).resolve().parent
 PLUGINS = _HERE / "plugins"
 #: What lets ParaView 5.11 load Python plugins at all where its Python is 3.11.
 COMPATIBILITY = _HERE / "compatibility_5_11"
-#: What the filters need beside vtkmuscle; where one is not installed its filters say so.
-DISTRIBUTIONS = ("numpy", "scipy", "numba", "llvmlite", "lazy-loader")
-#: What scenes need.
-OF_SCENES = (
-    "pydantic",
-    "pydantic-core",
-    "annotated-types",
-    "typing-extensions",
-    "typing-inspection",
-    "tomli-w",
+#: Packages that filters and scenes need beside vtkmuscle; where one is not installed they say so.
+DISTRIBUTIONS = (
+    *("numpy", "scipy", "numba", "llvmlite", "lazy-loader", "tomli-w"),
+    *("pydantic", "pydantic-core", "annotated-types", "typing-extensions", "typing-inspection"),
 )
 #: The file that says which links in a folder are ours.
 _RECORD = ".made_by_vtkmuscle.json"
@@ -50,7 +44,7 @@ def link_packages(folder: Path) -> None:
     anything else.
     """
     package = Path(vtkmuscle.__file__).resolve().parent
-    targets = {package, *(target for name in (*DISTRIBUTIONS, *OF_SCENES) for target in _top_level(name))}
+    targets = {package, *(target for name in DISTRIBUTIONS for target in _top_level(name))}
     wanted = {target.name: str(target) for target in targets}
     folder.mkdir(parents=True, exist_ok=True)
     ours = _our_links(folder)

@@ -5,8 +5,9 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 from xml.etree.ElementTree import Element, SubElement, tostring
 
 from vtkmuscle.core.motion.rigid import RigidMotion
@@ -21,8 +22,7 @@ _VECTORS = {bool: "Int", int: "Int", float: "Double", tuple: "Double", str: "Str
 _RANGES = {int: "IntRangeDomain", float: "DoubleRangeDomain"}
 
 
-@dataclass(frozen=True)
-class _File:
+class _File(NamedTuple):
     """A file that stands for a value which ParaView has no property for."""
 
     read: Callable[[Path], Any]
@@ -84,7 +84,7 @@ def properties_of(parameter: Parameter[Any], among: Iterable[Parameter[Any]] = (
         for other in among:
             setting = [choice for choice, group in other.sets.items() if parameter.name in group]
             if setting:
-                _show_only_with(shown.xml, camel_case(other.name), setting, inverse=True)
+                _show_only_with(shown.xml, camel_case(other.name), setting, inverse="1")
     return properties
 
 
@@ -118,19 +118,18 @@ def _value(parameter: Parameter[Any], values: tuple[Any, ...]) -> Any:
 
 def _vector(name: str, parameter: Parameter[Any], default: Any, count: int) -> Element:
     xml = _element(name, _VECTORS[parameter.kind], default, count)
-    domain = _RANGES.get(parameter.kind)
     if parameter.kind is bool:
         SubElement(xml, "BooleanDomain", name="bool")
     elif parameter.choices:
         choices = SubElement(xml, "StringListDomain", name="list")
         for choice in ("",) * (parameter.default is None) + parameter.choices:
             SubElement(choices, "String", value=choice)
-    elif domain is not None:
-        bounds = {"min": parameter.above if parameter.minimum is None else parameter.minimum}
-        bounds["max"] = parameter.maximum
+    elif parameter.kind in _RANGES:
+        least = parameter.above if parameter.minimum is None else parameter.minimum
+        bounds = {"min": least, "max": parameter.maximum}
         # An integer as 1e+06 would be read as 1.
         written = {end: repr(parameter.kind(bound)) for end, bound in bounds.items() if bound is not None}
-        SubElement(xml, domain, {"name": "range", **written})
+        SubElement(xml, _RANGES[parameter.kind], {"name": "range", **written})
     _document(xml, parameter)
     return xml
 
@@ -147,33 +146,21 @@ def _optional_number(name: str, parameter: Parameter[Any]) -> list[Property]:
     SubElement(automatic, "BooleanDomain", name="bool")
     SubElement(automatic, "Documentation").text = f"Leave {spaced(name)} to the filter (None in Python)."
 
-    def chosen(state: dict[str, Any]) -> Any:
+    def take(state: dict[str, Any], value: Any, changed: str) -> Any:
+        state[changed] = value
         return None if state.get(box, True) else state.get(name, _first_number(parameter))
 
-    def take_box(state: dict[str, Any], value: int) -> Any:
-        state[box] = bool(value)
-        return chosen(state)
-
-    def take_number(state: dict[str, Any], value: float) -> Any:
-        state[name] = value
-        return chosen(state)
-
+    take_box, take_number = partial(take, changed=box), partial(take, changed=name)
     return [Property(box, automatic, take_box), Property(name, number, take_number)]
 
 
-def _show_only_with(xml: Element, other: str, values: Sequence[str], *, inverse: bool = False) -> None:
-    """Let a property be shown only where another one has one of some values, or none of them."""
+def _show_only_with(xml: Element, other: str, values: Sequence[str], **more: str) -> None:
+    """Let a property be shown only where another one has one of some values, or none with inverse="1"."""
     hints = xml.find("Hints")
-    decorator = SubElement(
-        SubElement(xml, "Hints") if hints is None else hints,
-        "PropertyWidgetDecorator",
-        type="GenericDecorator",
-        mode="visibility",
-        property=other,
-        values=" ".join(values),
-    )
-    if inverse:
-        decorator.set("inverse", "1")
+    if hints is None:
+        hints = SubElement(xml, "Hints")
+    shown = {"mode": "visibility", "property": other, "values": " ".join(values), **more}
+    SubElement(hints, "PropertyWidgetDecorator", {"type": "GenericDecorator"} | shown)
 
 
 def _first_number(parameter: Parameter[Any]) -> Any:
@@ -194,14 +181,9 @@ def _file_property(name: str, parameter: Parameter[Any], file: _File) -> Propert
 def _element(name: str, kind: str, default: Any, count: int) -> Element:
     values = default if isinstance(default, tuple) else (default,)
     texts = [str(int(value)) if isinstance(value, bool) else str(value) for value in values]
-    return Element(
-        f"{kind}VectorProperty",
-        name=name,
-        label=spaced(name),
-        command=f"Set{name}",
-        number_of_elements=str(count),
-        default_values=" ".join(texts),
-    )
+    names = {"name": name, "label": spaced(name), "command": f"Set{name}"}
+    sizes = {"number_of_elements": str(count), "default_values": " ".join(texts)}
+    return Element(f"{kind}VectorProperty", names | sizes)
 
 
 def _document(xml: Element, parameter: Parameter[Any], more: str = "") -> None:
@@ -219,7 +201,10 @@ def proxy_parts(kind: type[Filter]) -> list[str]:
     declared = kind.parameter_declarations.values()
     parts += [shown.xml for parameter in declared for shown in properties_of(parameter, declared)]
     if kind.times_from is not None or kind.time_steps is not Filter.time_steps:
-        parts.append(_times())
+        # By this ParaView's animation learns the time steps.
+        times = Element("DoubleVectorProperty", name="TimestepValues", repeatable="1", information_only="1")
+        SubElement(times, "TimeStepsInformationHelper")
+        parts.append(times)
     if len(kind.output_ports) > 1:
         parts += [
             Element("OutputPort", index=str(number), name=camel_case(port.name), id=f"port{number}")
@@ -231,14 +216,11 @@ def proxy_parts(kind: type[Filter]) -> list[str]:
 def proxy_hints(kind: type[Filter]) -> list[str]:
     """Return XML hints of a filter's proxy: its menu; and of a source that reads a file, that it does."""
     hints = [Element("ShowInMenu", category=CATEGORY)]
-    if not kind.input_ports:
-        files = [FILES[p.kind] for p in kind.parameter_declarations.values() if p.kind in FILES]
-        hints += [
-            Element(
-                "ReaderFactory", extensions=file.extensions, file_description=f"Muscle: {file.description}"
-            )
-            for file in files
-        ]
+    for parameter in kind.parameter_declarations.values():
+        if parameter.kind in FILES and not kind.input_ports:
+            file = FILES[parameter.kind]
+            words = {"extensions": file.extensions, "file_description": f"Muscle: {file.description}"}
+            hints.append(Element("ReaderFactory", words))
     return [tostring(hint, encoding="unicode") for hint in hints]
 
 
@@ -252,9 +234,8 @@ def _documentation(kind: type[Filter]) -> Element:
 
 def _input(number: int, port: InputPort) -> Element:
     name = camel_case(port.name)
-    element = Element(
-        "InputProperty", name=name, label=spaced(name), command="SetInputConnection", port_index=str(number)
-    )
+    names = {"name": name, "label": spaced(name), "command": "SetInputConnection"}
+    element = Element("InputProperty", names | {"port_index": str(number)})
     groups = SubElement(element, "ProxyGroupDomain", name="groups")
     SubElement(groups, "Group", name="sources")
     SubElement(groups, "Group", name="filters")
@@ -263,11 +244,4 @@ def _input(number: int, port: InputPort) -> Element:
     SubElement(element, "Documentation").text = plain(port.doc)
     if port.optional:
         SubElement(SubElement(element, "Hints"), "Optional")
-    return element
-
-
-def _times() -> Element:
-    """Return the property by which ParaView's animation learns the time steps."""
-    element = Element("DoubleVectorProperty", name="TimestepValues", repeatable="1", information_only="1")
-    SubElement(element, "TimeStepsInformationHelper")
     return element

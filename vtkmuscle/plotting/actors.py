@@ -56,7 +56,12 @@ def actors_of(
     for muscle in muscles:
         if fixed_points:
             actors += fixed_point_actors(muscle, finer * view.size[1] / 110.0)
-        actors.append(_muscle_actor(muscle, fibres is not None, 0.35 if fixed_points else 0.5))
+        colour = MUSCLE_RED if fibres is None else NEUTRAL
+        actor = surface_actor(muscle, colour, opacity=0.35 if fixed_points else 0.5)
+        if fibres is not None:
+            actor.GetProperty().SetBackfaceCulling(False)
+            actor.GetProperty().SetFrontfaceCulling(True)
+        actors.append(actor)
     return actors
 
 
@@ -151,14 +156,6 @@ def fixed_bones(muscle: vtkPolyData) -> Ints:
     if muscle.GetPointData().GetArray("FixedTo") is None:
         return np.full(muscle.GetNumberOfPoints(), -1)
     return point_array(muscle, "FixedTo", "plotting: muscle").astype(np.int64)
-
-
-def _muscle_actor(muscle: vtkPolyData, with_fibres: bool, opacity: float) -> vtkActor:
-    """Return a muscle that light goes through, of one with fibres the wall behind them."""
-    actor = surface_actor(muscle, NEUTRAL if with_fibres else MUSCLE_RED, opacity=opacity)
-    actor.GetProperty().SetBackfaceCulling(not with_fibres)
-    actor.GetProperty().SetFrontfaceCulling(with_fibres)
-    return actor
 
 
 def _colours(name: str, part: Floats) -> NDArray[np.uint8]:

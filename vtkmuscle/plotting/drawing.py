@@ -34,9 +34,6 @@ from vtkmuscle.data.drawn_bones import DrawnBone, DrawnBones
 from vtkmuscle.isolation import isolated_python
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
-    from vtkmuscle.data.drawn_bones import DrawnBones
     from vtkmuscle.plotting.studio import Studio
 
 
@@ -83,15 +80,9 @@ def can_render() -> str | None:
     >>> print("no pictures: " + reason if reason else "pictures can be made")  # doctest: +SKIP
     pictures can be made
     """
+    options: dict[str, Any] = {"capture_output": True, "text": True, "errors": "replace"}
     try:
-        done = subprocess.run(
-            isolated_python(_PREFLIGHT),
-            capture_output=True,
-            text=True,
-            errors="replace",
-            timeout=PREFLIGHT_TIMEOUT,
-            check=False,
-        )
+        done = subprocess.run(isolated_python(_PREFLIGHT), check=False, timeout=PREFLIGHT_TIMEOUT, **options)
     except subprocess.TimeoutExpired:
         return too_late()
     return None if done.returncode == 0 else no_picture(done.returncode, done.stderr)
@@ -173,12 +164,8 @@ class DrawingProcess:
         root = str(Path(__file__).parents[2])
         code = f"{TEST_PICTURE}\nsys.path.append({root!r})\nfrom {__name__} import _work\n_work()"
         self._stderr = tempfile.TemporaryFile()  # noqa: SIM115 -- closed by close()
-        self._process = subprocess.Popen(
-            isolated_python(code),
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=self._stderr,
-        )
+        pipes: dict[str, Any] = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "stderr": self._stderr}
+        self._process = subprocess.Popen(isolated_python(code), **pipes)
         self._late = threading.Event()
         self._watch = threading.Timer(PREFLIGHT_TIMEOUT, self._give_up)
         self._watch.daemon = True

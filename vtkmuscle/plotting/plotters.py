@@ -77,14 +77,7 @@ def make_plotter(
         To be shown, or captured by ``screenshot``; close it afterwards.
     """
     plotter = plain_plotter(view.size, off_screen)
-    actors = actors_of(
-        muscles,
-        view,
-        fibres=fibres,
-        colours=colours,
-        fixed_points=fixed_points,
-        finer=_FINER,
-    )
+    actors = actors_of(muscles, view, fibres=fibres, colours=colours, fixed_points=fixed_points, finer=_FINER)
     for actor in (*(surface_actor(bone) for _, bone in blocks_of(bones)), *actors):
         plotter.add_actor(actor, reset_camera=False, render=False)
     look_from(plotter.camera, view)

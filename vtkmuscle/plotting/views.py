@@ -82,7 +82,8 @@ def clearest_view(muscles: Sequence[vtkPolyData], hiding: Sequence[Floats], *, m
     pairs = [(_spread(muscle), points) for muscle, points in zip(muscles, hiding, strict=True)]
 
     def area(direction: Floats) -> float:
-        return float(sum(_visible_cells(seen, points, direction, cell) for seen, points in pairs))
+        axes = axes_of(direction)
+        return float(sum(_visible_cells(axes @ seen.T, axes @ points.T, cell) for seen, points in pairs))
 
     azimuths = np.radians(np.arange(0.0, 360.0, 15.0))
     areas = np.array([area(_direction(azimuth, 0.0)) for azimuth in azimuths])
@@ -139,8 +140,8 @@ def merged(surfaces: Iterable[vtkPolyData]) -> vtkPolyData:
     for surface in surfaces:
         append.AddInputData(surface)
     append.Update()
-    whole: vtkPolyData = append.GetOutput()
-    return whole
+    together: vtkPolyData = append.GetOutput()
+    return together
 
 
 def _direction(azimuth: float, elevation: float) -> Floats:
@@ -151,22 +152,21 @@ def _direction(azimuth: float, elevation: float) -> Floats:
 
 def axes_of(direction: Floats) -> Floats:
     """Return right, up and towards the eye as the rows of a (3, 3) rotation."""
-    towards = direction / np.linalg.norm(direction)
-    right = np.cross([0.0, 0.0, 1.0], towards)
+    x, y, z = direction / np.linalg.norm(direction)
+    right = np.array([-y, x, 0.0])
     right /= np.linalg.norm(right)
-    return np.array([right, np.cross(towards, right), towards])
+    up = [-z * right[1], z * right[0], x * right[1] - y * right[0]]  # faster than np.cross
+    return np.array([right, up, [x, y, z]])
 
 
 def _spread(surface: vtkPolyData) -> Floats:
     return spread_over(points_of(surface), triangles_of(surface, "plotting"))
 
 
-def _visible_cells(seen: Floats, hiding: Floats, direction: Floats, cell: float) -> int:
-    """Count the cells of the picture plane in which ``seen`` is in front of ``hiding``."""
-    axes = axes_of(direction)
-    ours, theirs = axes @ seen.T, axes @ hiding.T
-    low = ours.min(axis=1)
-    columns, rows = (np.floor((ours.max(axis=1) - low)[:2] / cell).astype(int) + 1).tolist()
+def _visible_cells(ours: Floats, theirs: Floats, cell: float) -> int:
+    """Count the cells of the picture plane in which some points (3, n) are in front of others (3, k)."""
+    low = ours[:2].min(axis=1)
+    columns, rows = (np.floor((ours[:2].max(axis=1) - low) / cell).astype(int) + 1).tolist()
     depth = np.full((2, columns * rows), -np.inf)
     for layer, (x, y, z) in zip(depth, (ours, theirs), strict=True):
         column, row = np.floor((x - low[0]) / cell), np.floor((y - low[1]) / cell)

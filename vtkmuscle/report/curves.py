@@ -24,11 +24,12 @@ if TYPE_CHECKING:
 MOST_FIBRES = 100
 #: A measure is given in words where it changes by less than this part of its limit.
 _FLAT = 1e-3
-#: Digits of what is drawn.
+#: Digits of numbers in the data of a page.
 _DIGITS = 5
+#: Stands before a number that is negative.
+MINUS = "\u2212"
 
-
-#: Words that are long.
+#: Titles of measures that are long.
 _SHARE = "surface out of shape, largest share [%]"
 _BENT = "change of angles between triangles, 95th percentile [deg]"
 _DEEPER = "depth in a bone that was not there at rest [mm]"
@@ -104,12 +105,7 @@ def curves_of(
         "muscles": muscles,
         "coordinates": _coordinates(result, arms),
         "checks": [
-            {
-                "key": one.key,
-                "label": one.curve,
-                "flat": _flat(result, one, limits.get(one.check)),
-                **_limits(limits.get(one.check), one.check),
-            }
+            _check(result, one, limits.get(one.check))
             for one in MEASURES
             if any(one.key in muscle["checks"] for muscle in muscles)
         ],
@@ -143,15 +139,13 @@ def _muscle(result: Result, number: int, arms: Mapping[str, JointArms], pack: Pa
     for one in MEASURES:
         values = [row.get(one.key) for row in frames]
         if one.curve and any(value is not None for value in values):
-            found = one(np.array([np.nan if value is None else value for value in values], dtype=np.float64))
+            found = one(np.array(values, dtype=np.float64))  # None is NaN
             checks[one.key] = rounded(np.where(np.abs(found) < 1e-9, 0.0, found))
     errors = result.errors.get(name, {})
     published = result.literature.get(name, ())
     found_arms = {
-        coordinate: _arms(
-            one, errors.get(f"moment_arm_{coordinate}"), curves_for(published, coordinate=coordinate)
-        )
-        for coordinate, one in arms.items()
+        axis: _arms(one, errors.get(f"moment_arm_{axis}"), curves_for(published, coordinate=axis))
+        for axis, one in arms.items()
     }
     lengths, fibres = result.lengths.get(name), result.fibre_lengths.get(name)
     return {
@@ -203,52 +197,39 @@ def published_curves(curves: Sequence[LiteratureCurve], per_degree: float = 1.0)
     found = []
     for one in drawn(curves):
         colour = colours.setdefault(one.source, PALETTE[-1 - len(colours) % len(PALETTE)])
-        arms = (
-            {"y": rounded(one.arms)}
-            if one.upper is None
-            else {"low": rounded(one.arms), "high": rounded(one.upper)}
-        )
-        found.append({"colour": colour, "label": one.label, "x": rounded(one.angles * per_degree), **arms})
+        sides = {"y": one.arms} if one.upper is None else {"low": one.arms, "high": one.upper}
+        sides = {"x": one.angles * per_degree, **sides}
+        found.append({"colour": colour, "label": one.label} | {k: rounded(side) for k, side in sides.items()})
     return found
 
 
 def _coordinates(result: Result, arms: Mapping[str, Mapping[str, JointArms]]) -> list[dict[str, Any]]:
     """Return the coordinates that there are moment arms by, and their values in the kept frames."""
-    names = dict.fromkeys(name for found in arms.values() for name in found)
-    listed = []
-    for name in names:
-        one = result.motion.coordinates[name]
-        listed.append(
-            {
-                "name": name,
-                "label": label_of(name),
-                "unit": one.unit,
-                "positive": one.positive,
-                "of": "mm" if one.unit in ANGLES else "1",
-                "values": rounded(np.asarray(one.values)[list(result.frames)]),
-            }
-        )
-    return listed
+    coordinates = {name: result.motion.coordinates[name] for found in arms.values() for name in found}
+    return [
+        {
+            "name": name,
+            "label": label_of(name),
+            "unit": one.unit,
+            "positive": one.positive,
+            "of": "mm" if one.unit in ANGLES else "1",
+            "values": rounded(np.asarray(one.values)[list(result.frames)]),
+        }
+        for name, one in coordinates.items()
+    ]
 
 
-def _flat(result: Result, one: Measure, limit: Check | None) -> str | None:
-    """Return a sentence in place of the curve of a measure that hardly changes, else None."""
+def _check(result: Result, measure: Measure, limit: Check | None) -> dict[str, Any]:
+    """Return a measure's title and limits, and a sentence in place of its curve where it hardly changes."""
     muscles = (result.report["muscles"][name]["frames"] for name in result.muscle_names)
-    found = (row.get(one.key) for frames in muscles for row in frames)
-    values = one(np.array([value for value in found if value is not None], dtype=np.float64))
-    if limit is None or not len(values) or not np.ptp(values) <= _FLAT * abs(limit.look):
-        return None
-    ends = [f"{value:.2g}".replace("-", "\u2212") for value in (values.min(), values.max())]
-    return (
-        f"{' to '.join(dict.fromkeys(ends))} in all frames of all muscles; looked at from {limit.look:g} on."
-    )
-
-
-def _limits(limit: Check | None, check: str) -> dict[str, Any]:
+    found = (row.get(measure.key) for frames in muscles for row in frames)
+    values = measure(np.array([value for value in found if value is not None], dtype=np.float64))
+    check = {"key": measure.key, "label": measure.curve, "flat": None, "look": None, "failed": None}
     if limit is None:
-        return {"look": None, "failed": None, "floor": None}
-    return {
-        "look": limit.look,
-        "failed": limit.failed,
-        "floor": [-limit.look, limit.look] if check == "volume" else [limit.look],
-    }
+        return check | {"floor": None}
+    if len(values) and np.ptp(values) <= _FLAT * abs(limit.look):
+        ends = dict.fromkeys(f"{value:.2g}".replace("-", MINUS) for value in (values.min(), values.max()))
+        words = f"{' to '.join(ends)} in all frames of all muscles; looked at from {limit.look:g} on."
+        check["flat"] = words
+    floor = [-limit.look, limit.look] if measure.check == "volume" else [limit.look]
+    return check | {"look": limit.look, "failed": limit.failed, "floor": floor}

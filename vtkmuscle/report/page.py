@@ -17,14 +17,7 @@ from vtkmuscle.io.writing import write_text
 from vtkmuscle.report.curves import colour_of, curves_of, label_of
 from vtkmuscle.report.scene3d import Pack, scene_of
 from vtkmuscle.report.sections import part, plotly_text, rendered
-from vtkmuscle.report.tables import (
-    errors_of,
-    not_known_of,
-    number,
-    run_tables_of,
-    settings_of,
-    tables_of,
-)
+from vtkmuscle.report.tables import errors_of, not_known_of, number, run_tables_of, settings_of, tables_of
 
 if TYPE_CHECKING:
     from vtkmuscle.run.limits import Check
@@ -68,9 +61,7 @@ def _page_of(result: Result, limits: Mapping[str, Check], plotly: Future[str]) -
     pack = Pack()
     scene = scene_of(result, pack)
     curves = curves_of(result, arms, limits, pack)
-    muscles = [
-        _card(result, place, name, arms.get(name, {})) for place, name in enumerate(result.muscle_names)
-    ]
+    muscles = [_card(result, k, name, arms.get(name, {})) for k, name in enumerate(result.muscle_names)]
     errors = errors_of(report)
     return rendered(
         "report.html",
@@ -115,9 +106,8 @@ def _lead(result: Result) -> str:
     name, _, unit = result.time_label.partition(" [")
     unit = unit.removesuffix("]")
     over = f"{name} {number(result.times[0])} to {number(result.times[-1])} {unit}".strip()
-    model = {"paths": "Fibres as taut paths round the bones, no volumes"}.get(
-        result.report["model"], "Muscles as volumes"
-    )
+    paths = result.report["model"] == "paths"
+    model = "Fibres as taut paths round the bones, no volumes" if paths else "Muscles as volumes"
     return f"{count} muscle{'s' * (count > 1)}, {frames} frame{'s' * (frames > 1)}, {over}. {model}."
 
 
@@ -146,14 +136,11 @@ def _listed(names: list[str]) -> str:
 def _card(result: Result, place: int, name: str, arms: Mapping[str, JointArms]) -> dict[str, Any]:
     muscle = result.report["muscles"][name]
     facts: list[tuple[str, str, list[str] | None]] = []
-    lengths = result.lengths.get(name)
-    if lengths is not None and len(lengths):
-        mean = lengths.mean(axis=1)
-        facts.append(("mean length, bone to bone", f"{number(mean.min())} to {number(mean.max())} mm", None))
-    lengths = result.fibre_lengths.get(name)
-    if lengths is not None and len(lengths):
-        mean = lengths.mean(axis=1)
-        facts.append(("mean fibre length", f"{number(mean.min())} to {number(mean.max())} mm", None))
+    known = {"mean length, bone to bone": result.lengths, "mean fibre length": result.fibre_lengths}
+    for title, lengths in known.items():
+        if len(lengths.get(name, ())):
+            mean = lengths[name].mean(axis=1)
+            facts.append((title, f"{number(mean.min())} to {number(mean.max())} mm", None))
     for coordinate, found in arms.items():
         some = np.unique([0, len(found.values) // 2, len(found.values) - 1])
         means = " / ".join(number(found.mean[i]) for i in some)
@@ -167,6 +154,7 @@ def _card(result: Result, place: int, name: str, arms: Mapping[str, JointArms]) 
         facts.append((f"PCSA, {RESTS_ON[architecture['tendon_from']]}", f"{area} cm²", None))
     if muscle.get("volume_mm3"):
         facts.append(("volume", f"{_with_error(muscle, 'volume', muscle['volume_mm3'], 1000.0)} cm³", None))
+    reasons = muscle["verdict"]["reasons"]
     finished = result.finished(name)
     if finished < len(result.frames):
         facts.append(("frames", f"{finished} of {len(result.frames)}", None))
@@ -176,11 +164,8 @@ def _card(result: Result, place: int, name: str, arms: Mapping[str, JointArms]) 
         "colour": colour_of(place),
         "verdict": result.verdicts[name],
         "facts": facts,
-        "reasons": [
-            {"says": _sentence(reason["says"]), "frame": reason["frame"]}
-            for reason in muscle["verdict"]["reasons"]
-        ],
-        "remedies": list(dict.fromkeys(_sentence(reason["do"]) for reason in muscle["verdict"]["reasons"])),
+        "reasons": [{"says": _sentence(one["says"]), "frame": one["frame"]} for one in reasons],
+        "remedies": list(dict.fromkeys(_sentence(one["do"]) for one in reasons)),
     }
 
 

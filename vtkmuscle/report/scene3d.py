@@ -50,7 +50,10 @@ class Pack:
     def add(self, values: Any, kind: str) -> dict[str, Any]:
         """Append an array as one of :data:`TYPES`, and return its position."""
         array = np.ascontiguousarray(np.asarray(values), dtype=TYPES[kind])
-        return {**self._append(array.tobytes()), "count": int(array.size), "type": kind}
+        at, padding = self._size, -array.nbytes % 4
+        self._parts += [array.tobytes(), bytes(padding)]
+        self._size += array.nbytes + padding
+        return {"at": at, "count": int(array.size), "type": kind}
 
     def add_moving(self, frames: Floats) -> dict[str, Any]:
         """Append moving points (f, n, 3), rounded to half a step.
@@ -79,13 +82,6 @@ class Pack:
     def text(self) -> str:
         """Return all arrays, compressed by gzip, in base64."""
         return packed(b"".join(self._parts))
-
-    def _append(self, data: bytes) -> dict[str, int]:
-        at = self._size
-        padding = -len(data) % 4
-        self._parts += [data, b"\0" * padding]
-        self._size += len(data) + padding
-        return {"at": at}
 
 
 def packed(data: bytes) -> str:
@@ -142,24 +138,24 @@ def shown_frames(count: int) -> list[int]:
 
 
 def _bones(result: Result, shown: list[int], pack: Pack) -> list[dict[str, Any]]:
-    found = []
-    for name, bone in result.drawn_bones.by_name.items():
-        moved = result.motion.transforms.get(name)
-        rows = None
-        if moved is not None:
-            kept = moved[[result.frames[i] for i in shown]]
-            if not np.allclose(kept, np.eye(4)):
-                rows = [round(float(value), _POSE_DIGITS) for value in kept[:, :3].ravel()]
-        found.append(
-            {
-                "name": name,
-                "points": pack.add_moving(bone.points[None]),
-                "normals": pack.add(np.rint(127.0 * bone.normals), "i8"),
-                "triangles": _indices(bone.triangles, len(bone.points), pack),
-                "transforms": rows,
-            }
-        )
-    return found
+    frames = [result.frames[i] for i in shown]
+    return [
+        {
+            "name": name,
+            "points": pack.add_moving(bone.points[None]),
+            "normals": pack.add(np.rint(127.0 * bone.normals), "i8"),
+            "triangles": _indices(bone.triangles, len(bone.points), pack),
+            "transforms": _rows(result.motion.transforms.get(name), frames),
+        }
+        for name, bone in result.drawn_bones.by_name.items()
+    ]
+
+
+def _rows(transforms: Floats | None, frames: list[int]) -> list[float] | None:
+    """Return the first three rows of a bone's transforms in some frames, None where it stays at rest."""
+    if transforms is None or np.allclose(transforms[frames], np.eye(4)):
+        return None
+    return [round(float(value), _POSE_DIGITS) for value in transforms[frames][:, :3].ravel()]
 
 
 def _muscle(result: Result, name: str, frames: list[int], wanted: int, pack: Pack) -> dict[str, Any] | None:

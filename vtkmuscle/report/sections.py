@@ -17,13 +17,10 @@ from numpy.typing import NDArray
 from vtkmuscle._version import __version__
 from vtkmuscle.io.writing import write_text
 from vtkmuscle.report.scene3d import packed
-from vtkmuscle.report.tables import Cell, Sheet
+from vtkmuscle.report.tables import Cell
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-#: Verdicts that are marked where a cell holds one.
-_MARKED = ("look", "failed")
 
 
 @dataclass(frozen=True)
@@ -50,15 +47,6 @@ class Section:
     words: bool = False
     drawings: Sequence[tuple[str, str]] = ()
     pictures: Sequence[tuple[str, str]] = ()
-
-    @property
-    def sheet(self) -> Sheet:
-        """The table as pages have it."""
-        head, *body = (
-            [one if isinstance(one, Cell) else Cell(one, one if one in _MARKED else "") for one in row]
-            for row in self.rows
-        )
-        return Sheet(self.note or self.title, [one.text for one in head], body, words=self.words)
 
 
 def write_page(path: Path, name: str, kind: str, lead: str, sections: Sequence[Section]) -> Path:

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from vtkmuscle.report.curves import MEASURES, label_of
+from vtkmuscle.report.curves import MEASURES, MINUS, label_of
 
 #: Architecture: the key in a report, what stands above the column, and the factor to its unit.
 ARCHITECTURE = (
@@ -35,25 +35,26 @@ FIBRES = (
     ("tortuosity", "length / distance of ends", 1.0),
 )
 
-#: What stands where there is no number, and before one that is negative.
-DASH, MINUS = "\u2013", "\u2212"
+#: Stands where there is no number.
+DASH = "\u2013"
 
 
-@dataclass(frozen=True)
-class Cell:
-    """A cell: its text, and ``"look"`` or ``"failed"`` where it is to be marked."""
+class Cell(NamedTuple):
+    """A cell that is marked: its text, and ``"look"`` or ``"failed"``, or "" for no mark."""
 
     text: str
-    mark: str = ""
+    mark: str
 
 
 @dataclass(frozen=True)
 class Sheet:
-    """A table of a page; ``words`` where its cells are words rather than numbers."""
+    """A table of a page, its head first; ``words`` where its cells are words rather than numbers.
+
+    A cell that is one of the words look and failed is marked by itself.
+    """
 
     title: str
-    head: list[str]
-    rows: list[list[Cell]]
+    rows: Sequence[Sequence[str | Cell]]
     note: str = ""
     words: bool = False
 
@@ -75,39 +76,29 @@ def number(value: Any, digits: int = 3) -> str:
 def tables_of(report: Mapping[str, Any]) -> list[Sheet]:
     """Return the tables of results of a run, from its report: those that there is something for."""
     muscles = report["muscles"]
-    sheets = [_architecture(muscles), _moment_arms(muscles), _quality(muscles)]
-    return [sheet for sheet in sheets if sheet.rows]
+    sheets = (_architecture(muscles), _moment_arms(muscles), _quality(muscles))
+    return [sheet for sheet in sheets if len(sheet.rows) > 1]
 
 
 def errors_of(report: Mapping[str, Any]) -> Sheet | None:
     """Return the errors of the numbers, where the report has some."""
-    rows = []
+    rows = [("muscle", "number", "value ± error", "parts")]
     for name, muscle in report["muscles"].items():
         for quantity, found in muscle.get("errors", {}).items():
             if not isinstance(found, Mapping) or "total" not in found:
                 continue
             unit = str(found.get("unit", "")).replace("^2", "²").replace("^3", "³")
             value = next((one for key, one in found.items() if key.startswith("value")), None)
-            parts = "; ".join(
-                f"{label_of(cause)} {number(part, 2)}" for cause, part in found.get("parts", {}).items()
-            )
-            rows.append(
-                [
-                    Cell(label_of(name)),
-                    Cell(label_of(quantity)),
-                    Cell(f"{number(value)} ± {number(found['total'], 2)} {unit}".strip()),
-                    Cell(parts or DASH),
-                ]
-            )
-    if not rows:
+            with_error = f"{number(value)} ± {number(found['total'], 2)} {unit}".strip()
+            parts = [f"{label_of(cause)} {number(part, 2)}" for cause, part in found.get("parts", {}).items()]
+            rows.append((label_of(name), label_of(quantity), with_error, "; ".join(parts) or DASH))
+    if len(rows) == 1:
         return None
     note = (
         "Each number with its error: half the width of an interval that holds the true value with about 95 % "
         "confidence, as far as the named causes go. Means over all frames; parts in the same unit."
     )
-    return Sheet(
-        "Errors of the numbers", ["muscle", "number", "value ± error", "parts"], rows, note, words=True
-    )
+    return Sheet("Errors of the numbers", rows, note, words=True)
 
 
 def not_known_of(report: Mapping[str, Any]) -> list[Sheet]:
@@ -115,11 +106,11 @@ def not_known_of(report: Mapping[str, Any]) -> list[Sheet]:
     muscles = report["muscles"]
     causes = {name: muscle.get("errors_not_known", {}) for name, muscle in muscles.items()}
     checks = {name: muscle.get("verdict", {}).get("not_checked", {}) for name, muscle in muscles.items()}
-    sheets = [
+    sheets = (
         _reasons("What is not in these errors", "cause", causes),
         _reasons("What was not checked", "check", checks),
-    ]
-    return [sheet for sheet in sheets if sheet.rows]
+    )
+    return [sheet for sheet in sheets if len(sheet.rows) > 1]
 
 
 def _reasons(title: str, what: str, of_muscles: Mapping[str, Mapping[str, str]]) -> Sheet:
@@ -128,32 +119,25 @@ def _reasons(title: str, what: str, of_muscles: Mapping[str, Mapping[str, str]])
         for one, why in reasons.items():
             muscles.setdefault((one, str(why)), []).append(label_of(name))
     rows = [
-        [
-            Cell(label_of(one)),
-            Cell(why),
-            Cell("all muscles" if len(names) == len(of_muscles) else ", ".join(names)),
-        ]
+        (label_of(one), why, "all muscles" if len(names) == len(of_muscles) else ", ".join(names))
         for (one, why), names in muscles.items()
     ]
-    return Sheet(title, [what, "why", "of"], rows, words=True)
+    return Sheet(title, [(what, "why", "of"), *rows], words=True)
 
 
 def run_tables_of(report: Mapping[str, Any]) -> list[Sheet]:
     """Return the versions that a run was made with, and its files with their hashes."""
-    versions = [[Cell(name), Cell(str(version))] for name, version in report["versions"].items()]
-    hashes = report.get("sha256", {})
-    files = [
-        [Cell(key), Cell(Path(path).name), Cell(hashes.get(key, DASH))]
-        for key, path in report["files"].items()
-    ]
-    seconds = report.get("seconds", {})
-    sheets = [Sheet("Versions", ["of", "version"], versions, words=True)]
-    if seconds:
-        rows = [[Cell(name), Cell(f"{number(value)} s")] for name, value in seconds.items()]
-        sheets.append(Sheet("Time", ["for", "by the clock"], rows, words=True))
-    if files:
+    versions = [(name, str(version)) for name, version in report["versions"].items()]
+    sheets = [Sheet("Versions", [("of", "version"), *versions], words=True)]
+    if report.get("seconds"):
+        seconds = [(name, f"{number(value)} s") for name, value in report["seconds"].items()]
+        sheets.append(Sheet("Time", [("for", "by the clock"), *seconds], words=True))
+    if report["files"]:
+        hashes = report.get("sha256", {})
+        files = [(key, Path(path).name, hashes.get(key, DASH)) for key, path in report["files"].items()]
+        rows = [("key of the scene", "file", "SHA-256"), *files]
         note = f"Read from {report['scene_file']}." if report.get("scene_file") else ""
-        sheets.append(Sheet("Inputs", ["key of the scene", "file", "SHA-256"], files, note, words=True))
+        sheets.append(Sheet("Inputs", rows, note, words=True))
     return sheets
 
 
@@ -161,12 +145,9 @@ def settings_of(report: Mapping[str, Any]) -> list[tuple[str, list[tuple[str, st
     """Return all parameters of muscles, those that several share once."""
     groups: dict[str, list[str]] = {}
     for name, muscle in report["muscles"].items():
-        groups.setdefault(json.dumps(muscle.get("parameters", {}), sort_keys=True, default=str), []).append(
-            name
-        )
-    return [
-        (", ".join(map(label_of, names)), list(_flat(json.loads(text)))) for text, names in groups.items()
-    ]
+        parameters = json.dumps(muscle.get("parameters", {}), sort_keys=True, default=str)
+        groups.setdefault(parameters, []).append(label_of(name))
+    return [(", ".join(names), list(_flat(json.loads(text)))) for text, names in groups.items()]
 
 
 def _flat(values: Mapping[str, Any], before: str = "") -> Iterable[tuple[str, str]]:
@@ -179,27 +160,27 @@ def _flat(values: Mapping[str, Any], before: str = "") -> Iterable[tuple[str, st
 
 def _architecture(muscles: Mapping[str, Any]) -> Sheet:
     known = {name: muscle.get("architecture") or {} for name, muscle in muscles.items()}
-    columns = [column for column in ARCHITECTURE if any(column[0] in one for one in known.values())]
     measures = {name: (muscle.get("fibre_measures") or [{}])[0] for name, muscle in muscles.items()}
+    columns = [column for column in ARCHITECTURE if any(column[0] in one for one in known.values())]
     of_fibres = [column for column in FIBRES if any(column[0] in one for one in measures.values())]
-    rows = []
+    rows: list[tuple[str, ...]] = [("muscle", "fibres", *(head for _, head, _ in (*columns, *of_fibres)))]
     for name, muscle in muscles.items():
+        count = (muscle.get("fibres") or {}).get("fibres")
+        if not (known[name] or count):
+            continue
         cells = [
-            number(_mean(known[name].get(key)) * scale) if key in known[name] else DASH
+            number(_mean(known[name][key]) * scale) if key in known[name] else DASH
             for key, _, scale in columns
         ]
         for key, _, scale in of_fibres:
             one = measures[name].get(key)
             cells.append(f"{number(one['mean'] * scale)} ± {number(one['sd'] * scale, 2)}" if one else DASH)
-        count = (muscle.get("fibres") or {}).get("fibres")
-        if known[name] or count:
-            rows.append([Cell(label_of(name)), Cell(str(count or DASH)), *map(Cell, cells)])
-    heads = [head for _, head, _ in (*columns, *of_fibres)]
+        rows.append((label_of(name), str(count or DASH), *cells))
     note = (
         "Of the muscle at rest; lengths, pennation and tortuosity in the first frame, mean ± standard "
         "deviation over the fibres."
     )
-    return Sheet("Architecture", ["muscle", "fibres", *heads], rows, note)
+    return Sheet("Architecture", rows, note)
 
 
 def _mean(value: Any) -> float:
@@ -207,37 +188,26 @@ def _mean(value: Any) -> float:
 
 
 def _moment_arms(muscles: Mapping[str, Any]) -> Sheet:
-    rows = []
+    ends = ("mean", "least", "largest", "difference from -dl/dq", "left by a quartic")
+    rows: list[tuple[str, ...]] = [("muscle", "coordinate", "range", *ends)]
     for name, muscle in muscles.items():
         for coordinate, found in (muscle.get("moment_arms") or {}).items():
-            low, high = found["values"]
+            low, high = map(number, found["values"])
             rows.append(
-                [
-                    Cell(label_of(name)),
-                    Cell(f"{label_of(coordinate)} [{found['unit']}]"),
-                    Cell(f"{number(low)} to {number(high)}"),
-                    *(Cell(number(found[key])) for key in ("mean_mm", "min_mm", "max_mm")),
-                    Cell(number(found["slope_difference_mm"], 2)),
-                    Cell(number(found.get("quartic_residual_mean_mm"), 2)),
-                ]
+                (
+                    label_of(name),
+                    f"{label_of(coordinate)} [{found['unit']}]",
+                    f"{low} to {high}",
+                    *(number(found[key]) for key in ("mean_mm", "min_mm", "max_mm")),
+                    number(found["slope_difference_mm"], 2),
+                    number(found.get("quartic_residual_mean_mm"), 2),
+                )
             )
-    head = [
-        "muscle",
-        "coordinate",
-        "range",
-        "mean",
-        "least",
-        "largest",
-        "difference from -dl/dq",
-        "left by a quartic",
-    ]
-    return Sheet(
-        "Moment arms [mm]",
-        head,
-        rows,
+    note = (
         "Levers of the pulls of all paths in all frames; positive where the muscle drives the coordinate up. "
-        "-dl/dq is taken between frames; the difference is a root mean square.",
+        "-dl/dq is taken between frames; the difference is a root mean square."
     )
+    return Sheet("Moment arms [mm]", rows, note)
 
 
 def _quality(muscles: Mapping[str, Any]) -> Sheet:
@@ -247,23 +217,19 @@ def _quality(muscles: Mapping[str, Any]) -> Sheet:
         for name, muscle in muscles.items()
     }
     columns = [one for one in listed if any(len(found[one]) for found in series.values())]
-    rows = []
+    rows: list[tuple[str | Cell, ...]] = [("muscle", "frames", *(one.head for one in columns))]
     for name, muscle in muscles.items():
         reasons = muscle.get("verdict", {}).get("reasons", ())
         marks = {reason["check"]: reason["verdict"] for reason in reasons}
         cells = [
             Cell(number(float(one.of_all(values))), marks.get(one.check, ""))
             if len(values := series[name][one])
-            else Cell(DASH)
+            else DASH
             for one in columns
         ]
-        rows.append([Cell(label_of(name)), Cell(str(len(muscle["frames"]))), *cells])
-    return Sheet(
-        "Quality",
-        ["muscle", "frames", *(one.head for one in columns)],
-        rows,
-        "The worst of all frames where nothing else is said; coloured where it is a reason to look.",
-    )
+        rows.append((label_of(name), str(len(muscle["frames"])), *cells))
+    note = "The worst of all frames where nothing else is said; coloured where it is a reason to look."
+    return Sheet("Quality", rows, note)
 
 
 def _column(frames: Iterable[Mapping[str, Any]], key: str) -> Any:

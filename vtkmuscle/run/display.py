@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from contextlib import closing
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -37,11 +39,8 @@ def film_of(
     if reason is not None:
         raise RuntimeError(f"no film can be made: {reason}")
     shown = ResultDisplay(result, muscles, off_screen=True, size=size)
-    try:
-        with replacing(path) as beside:
-            write(beside, shown.pictures(), fps)
-    finally:
-        shown.scene.plotter.close()
+    with closing(shown.scene.plotter), replacing(path) as beside:
+        write(beside, shown.pictures(), fps)
     return path
 
 
@@ -60,8 +59,7 @@ def _write_mp4(path: Path, pictures: Iterator[NDArray[np.uint8]], fps: float) ->
     writer = _ffmpeg().write_frames(str(named), (width, height), fps=fps, macro_block_size=2, quality=8)
     try:
         writer.send(None)
-        writer.send(np.ascontiguousarray(first))
-        for picture in pictures:
+        for picture in chain([first], pictures):
             writer.send(np.ascontiguousarray(picture))
         writer.close()
         named.replace(path)

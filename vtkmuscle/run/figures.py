@@ -145,28 +145,22 @@ def figures_of_muscle(result: Result, name: str) -> list[FigureOrder]:
     if not result.finished(name):
         return []
     figures = [FigureOrder(f"{name}_frames", "plot_muscle", _frames(result, name), rendered=True)]
-    for suffix, of, known in (
-        ("lengths", "path", result.lengths),
-        ("fibre_lengths", "fibre", result.fibre_lengths),
+    for of, suffix, known in (
+        ("path", "lengths", result.lengths),
+        ("fibre", "fibre_lengths", result.fibre_lengths),
     ):
         if name in known:
-            given = {
-                "times": result.times[: len(known[name])],
-                "lengths": known[name],
-                "of": of,
-                "title": _title(name),
-                "time_label": result.time_label,
-            }
+            times = result.times[: len(known[name])]
+            words = {"of": of, "title": _title(name), "time_label": result.time_label}
+            given = {"times": times, "lengths": known[name], **words}
             figures.append(FigureOrder(f"{name}_{suffix}", "plot_lengths", given))
     return figures
 
 
 def _moment_arms(result: Result) -> list[FigureOrder]:
     """Return the figures of the moment arms of each muscle, which need all muscles."""
-    if not result.has_moment_arms:
-        return []
     figures = []
-    for name, arms in result.moment_arms().items():
+    for name, arms in (result.moment_arms() if result.has_moment_arms else {}).items():
         if result.finished(name):
             known = result.errors[name]
             given = {
@@ -181,10 +175,10 @@ def _moment_arms(result: Result) -> list[FigureOrder]:
 
 
 def _frames(result: Result, name: str) -> dict[str, object]:
+    volumes = result.report["model"] != "paths"
     frames = []
     for number in _chosen_frames(result, name):
         fibres = result.fibres(name, frame=number)
-        volumes = result.report["model"] != "paths"
         muscle = result.muscle(name, frame=number) if volumes else fibre_surface(fibres)
         moved = result.motion.at(float(result.motion.times[number]))
         frames.append(MuscleFrame(muscle, moved, fibres, _at(result, number)))
