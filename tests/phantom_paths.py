@@ -168,7 +168,9 @@ def levers(state, moving, centre, axis):
 
     moving : numbers of the bones;  centre, axis : (3,), axis of the positive coordinate, unit.
     """
-    return state.wrenches[:, moving].sum(axis=1) @ twist_about(centre, axis)
+    twists = np.zeros((len(state.transforms), 6))
+    twists[moving] = twist_about(centre, axis)
+    return state.levers({"q": twists})["q"]
 
 
 def off_lines(points, lines):

@@ -58,14 +58,14 @@ def test_every_model_gives_the_same_paths(spindle, solver):
     assert np.abs(volume.fibre_lengths["spindle"] - volume.lengths["spindle"]).max() > 0.1
 
 
-def test_a_paths_length_and_wrenches_are_those_of_its_points(spindle):
+def test_a_paths_length_is_that_of_its_points_and_its_levers_are_the_moment_arms(spindle):
     result = spindle.run(figures=False)
     for frame, lengths in zip(result.frames, result.lengths["spindle"], strict=True):
         found = result.paths("spindle", frame=frame)
         steps = np.linalg.norm(np.diff(found.points, axis=1), axis=2)
         np.testing.assert_allclose(steps.sum(axis=1), lengths)
-        # All forces and moments of a path together are none.
-        np.testing.assert_allclose(sum(found.wrenches.values()), 0.0, atol=1e-9)
+        arms = result.moment_arms()["spindle"]["distal_angle"]
+        np.testing.assert_array_equal(found.levers["distal_angle"], arms.arms[result.frames.index(frame)])
 
 
 def test_each_quantity_has_its_table_and_is_read_back(spindle, tmp_path):

@@ -119,7 +119,8 @@ def taut_fibres():
     data = fibres()
     count = data.GetNumberOfCells()
     set_cell_array(data, "PathLength", np.full(count, 140.0))
-    set_cell_array(data, "PathWrench_lower", np.tile([0.0, 0.0, 1.0, -32.0, 0.0, 0.0], (count, 1)))
+    for name in PHANTOM.motion.coordinates:
+        set_cell_array(data, f"PathLever_{name}", np.full(count, -32.0))
     return data
 
 

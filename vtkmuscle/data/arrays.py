@@ -245,6 +245,11 @@ def multiblock_from(blocks: dict[str, Any]) -> vtkMultiBlockDataSet:
     return data
 
 
+def array_names(attributes: Any) -> list[str]:
+    """Return the names of the arrays of points, cells or fields."""
+    return [str(attributes.GetArrayName(i)) for i in range(attributes.GetNumberOfArrays())]
+
+
 def _named(name: str, values: NDArray[Any]) -> Any:
     array = numpy_to_vtk(np.ascontiguousarray(values), deep=True)
     array.SetName(name)

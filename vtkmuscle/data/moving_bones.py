@@ -15,7 +15,7 @@ from vtkmuscle.core.collision.voxels import DEFAULT_N_MAX
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.motion.rigid import apply_transform, inverse, is_rigid
 from vtkmuscle.core.types import Floats, Ints
-from vtkmuscle.data.arrays import blocks_of, checked_surface, field_array
+from vtkmuscle.data.arrays import array_names, blocks_of, checked_surface, field_array
 from vtkmuscle.data.muscle_geometry import Surface
 
 #: Largest distance of a bone's points from where its transform puts them, as a part of its size and distance
@@ -23,6 +23,9 @@ from vtkmuscle.data.muscle_geometry import Surface
 RIGIDITY_TOLERANCE = 1e-5
 #: Points of a bone by which it is checked that it moved with its transform.
 SAMPLE_SIZE = 100
+
+#: What the field array of a bone's twist by a coordinate is called, before the coordinate's name.
+TWIST = "Twist_"
 
 #: The identity, as an array of the pipeline holds it.
 _AT_REST = np.eye(4).tobytes()
@@ -47,10 +50,21 @@ def bones_of(data: vtkMultiBlockDataSet, where: str) -> dict[str, vtkPolyData]:
 
 
 class MovingBones(NamedTuple):
-    """Bones at a time: surfaces by name, in the order of blocks, and transforms (b, 4, 4), rest to now."""
+    """Bones at a time.
+
+    Attributes
+    ----------
+    surfaces : dict of str to vtkPolyData
+        By name, in the order of blocks.
+    transforms : (b, 4, 4) array
+        Rest to now.
+    twists : dict of str to (b, 6) array
+        How each coordinate moves them now: velocity at the origin and angular velocity, per unit.
+    """
 
     surfaces: dict[str, vtkPolyData]
     transforms: Floats
+    twists: dict[str, Floats]
 
     @property
     def names(self) -> list[str]:
@@ -59,7 +73,10 @@ class MovingBones(NamedTuple):
 
 
 def moving_bones_of(data: vtkMultiBlockDataSet, where: str) -> MovingBones:
-    """Return bones with their field arrays ``Transform``; ValueError for one that is missing or not rigid."""
+    """Return bones with their field arrays ``Transform`` and, where they have some, ``Twist_COORDINATE``.
+
+    Raises a ValueError if a transform is missing or not rigid, or a twist is not six finite numbers.
+    """
     bones = bones_of(data, where)
     transforms = np.tile(np.eye(4), (len(bones), 1, 1))
     for index, (name, bone) in enumerate(bones.items()):
@@ -76,7 +93,18 @@ def moving_bones_of(data: vtkMultiBlockDataSet, where: str) -> MovingBones:
                 "with last row 0 0 0 1",
             )
         transforms[index] = values.reshape(4, 4)
-    return MovingBones(bones, transforms)
+    twists: dict[str, Floats] = {}
+    for index, (name, bone) in enumerate(bones.items()):
+        for array in array_names(bone.GetFieldData()):
+            if not array.startswith(TWIST):
+                continue
+            twist = field_array(bone, array)
+            if twist is None or twist.shape != (6,) or not np.isfinite(twist).all():
+                problem = f"the field array {array!r} must be six finite numbers, linear and angular velocity"
+                raise InputError(f"{where}, block {name!r}", problem, "BoneMotion adds it")
+            coordinate = array.removeprefix(TWIST)
+            twists.setdefault(coordinate, np.zeros((len(bones), 6)))[index] = twist
+    return MovingBones(bones, transforms, twists)
 
 
 def fixed_points_of(muscle: Surface, bones: Sequence[str]) -> Ints:

@@ -1,14 +1,14 @@
 """A muscle's paths as arrays: of fibres, a cell each, or among the field arrays of a deformed muscle.
 
 ``PathLength`` (k,) is the length of each path, musculotendon length; ``PathPoints`` (k, 3 n) are its points;
-``PathWrench_BONE`` (k, 6) is the force [1] and the moment about the origin that it exerts, at a tension of 1,
-on a bone; ``PathSqueezed`` (k,) is the room that it lacks between two bones. Lines that are paths themselves
-have no ``PathPoints``. Superficial fibres are lines that a user has seen on a muscle's surface.
+``PathLever_COORDINATE`` (k,) is the lever of its pull, minus the change of its length by the coordinate;
+``PathSqueezed`` (k,) is the room that it lacks between two bones. Lines that are paths themselves have no
+``PathPoints``. Superficial fibres are lines that a user has seen on a muscle's surface.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -18,7 +18,14 @@ from vtkmodules.vtkCommonDataModel import vtkPolyData
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.mesh.polylines import polyline_lengths
 from vtkmuscle.core.types import Floats
-from vtkmuscle.data.arrays import Polylines, cell_array, field_array, polylines_of, set_cell_array
+from vtkmuscle.data.arrays import (
+    Polylines,
+    array_names,
+    cell_array,
+    field_array,
+    polylines_of,
+    set_cell_array,
+)
 
 
 def checked_superficial(data: vtkPolyData, where: str) -> Polylines:
@@ -47,7 +54,7 @@ def checked_superficial(data: vtkPolyData, where: str) -> Polylines:
 
 
 PATH_LENGTH, PATH_POINTS, PATH_SQUEEZED = "PathLength", "PathPoints", "PathSqueezed"
-PATH_WRENCH = "PathWrench_"
+PATH_LEVER = "PathLever_"
 
 
 class Paths(NamedTuple):
@@ -57,28 +64,24 @@ class Paths(NamedTuple):
     ----------
     lengths : (k,) array
     points : (k, n, 3) array
-    wrenches : dict of str to (k, 6) array
-        By bone; on others there is none.
+    levers : dict of str to (k,) array
+        By coordinate: per radian or millimetre of it, positive where the pull drives it up.
     """
 
     lengths: Floats
     points: Floats
-    wrenches: dict[str, Floats]
+    levers: dict[str, Floats]
 
 
-def path_arrays(
-    points: Floats, wrenches: Floats, bones: Sequence[str], squeezed: Floats
-) -> dict[str, NDArray[Any]]:
+def path_arrays(points: Floats, levers: Mapping[str, Floats], squeezed: Floats) -> dict[str, NDArray[Any]]:
     """Return the arrays of paths by their names.
 
     Parameters
     ----------
     points : (k, n, 3) array
         In the unit of the scene, as all lengths here.
-    wrenches : (k, b, 6) array
-        On each bone; those that no path touches have no array.
-    bones : sequence of str
-        Names of the b bones.
+    levers : mapping of str to (k,) array
+        By coordinate.
     squeezed : (k,) array
         Room that each path lacks between two bones.
     """
@@ -86,10 +89,7 @@ def path_arrays(
     lengths = polyline_lengths(points.reshape(-1, 3), n * np.arange(k + 1))
     arrays: dict[str, NDArray[Any]] = {PATH_LENGTH: lengths, PATH_POINTS: points.reshape(k, -1)}
     arrays[PATH_SQUEEZED] = squeezed
-    for number, bone in enumerate(bones):
-        if wrenches[:, number].any():
-            arrays[PATH_WRENCH + bone] = np.ascontiguousarray(wrenches[:, number])
-    return arrays
+    return arrays | {PATH_LEVER + name: one for name, one in levers.items()}
 
 
 def add_paths(fibres: vtkPolyData, muscle: Any, taut: vtkPolyData | None, where: str) -> None:
@@ -102,7 +102,7 @@ def add_paths(fibres: vtkPolyData, muscle: Any, taut: vtkPolyData | None, where:
     """
     found: dict[str, NDArray[Any]] = {}
     count = fibres.GetNumberOfCells()
-    for name in _names(muscle.GetFieldData()):
+    for name in array_names(muscle.GetFieldData()):
         values = field_array(muscle, name) if name.startswith("Path") else None
         if values is not None and len(values) == count:
             found[name] = values
@@ -115,13 +115,9 @@ def add_paths(fibres: vtkPolyData, muscle: Any, taut: vtkPolyData | None, where:
             raise InputError(where, there, f"connect TautFibres for the same {count} fibre(s)")
         if not found:
             found = {PATH_LENGTH: paths.lengths, PATH_POINTS: paths.points.reshape(count, -1)}
-            found |= {PATH_WRENCH + bone: values for bone, values in paths.wrenches.items()}
+            found |= {PATH_LEVER + name: values for name, values in paths.levers.items()}
     for name, values in found.items():
         set_cell_array(fibres, name, np.array(values))
-
-
-def _names(data: Any) -> list[str]:
-    return [str(data.GetArrayName(i)) for i in range(data.GetNumberOfArrays())]
 
 
 def paths_of(fibres: vtkPolyData, where: str) -> Paths | None:
@@ -131,18 +127,18 @@ def paths_of(fibres: vtkPolyData, where: str) -> Paths | None:
         return None
     lengths = np.array(cell_array(fibres, PATH_LENGTH, where))
     points = np.array(cell_array(fibres, PATH_POINTS, where)) if data.HasArray(PATH_POINTS) else lines.points
-    wrenches = {
-        name.removeprefix(PATH_WRENCH): np.array(cell_array(fibres, name, where))
-        for name in _names(data)
-        if name.startswith(PATH_WRENCH)
+    levers = {
+        name.removeprefix(PATH_LEVER): np.array(cell_array(fibres, name, where))
+        for name in array_names(data)
+        if name.startswith(PATH_LEVER)
     }
-    return Paths(lengths, points.reshape(len(lengths), -1, 3), wrenches)
+    return Paths(lengths, points.reshape(len(lengths), -1, 3), levers)
 
 
-def wrenches_over_time(frames: Iterable[Mapping[str, Floats]]) -> dict[str, Floats]:
-    """Return wrenches (f, k, 6) by bone, of frames that each have those (k, 6) on the bones touched then."""
-    given = list(frames)
-    names = dict.fromkeys(bone for frame in given for bone in frame)
-    shape = next((one.shape for frame in given for one in frame.values()), (0, 6))
-    none = np.zeros(shape)
-    return {bone: np.array([frame.get(bone, none) for frame in given]) for bone in names}
+def levers_over_time(frames: Sequence[Paths]) -> dict[str, Floats]:
+    """Return levers (f, k) by coordinate, NaN in the frames in which they are not known."""
+    names = dict.fromkeys(name for paths in frames for name in paths.levers)
+    return {
+        name: np.array([paths.levers.get(name, np.full(len(paths.lengths), np.nan)) for paths in frames])
+        for name in names
+    }

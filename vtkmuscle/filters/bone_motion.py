@@ -11,10 +11,11 @@ from vtkmodules.vtkCommonTransforms import vtkTransform
 from vtkmodules.vtkFiltersGeneral import vtkTransformFilter
 
 from vtkmuscle.core.errors import InputError
+from vtkmuscle.core.moment_arms.levers import MotionTwists
 from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.core.types import Floats
-from vtkmuscle.data.arrays import add_arrays, blocks_of, multiblock_from, shallow_copy
-from vtkmuscle.data.moving_bones import bones_of
+from vtkmuscle.data.arrays import add_arrays, blocks_of, multiblock_from, set_field_array, shallow_copy
+from vtkmuscle.data.moving_bones import TWIST, bones_of
 from vtkmuscle.filters.base import Filter, InputPort, OutputPort, Parameter
 
 
@@ -36,7 +37,9 @@ class BoneMotion(Filter):
     ----------
     output
         The bones, in the same named blocks, at the time asked for; each with the field array ``Transform``
-        (16, row major): rest to now.
+        (16, row major): rest to now; those that move also with ``Twist_COORDINATE`` (6) by each coordinate
+        whose joint is known, or that changes alone about this time: velocity at the origin and angular
+        velocity, per radian or millimetre. By these there are moment arms.
 
     Raises
     ------
@@ -61,6 +64,8 @@ class BoneMotion(Filter):
     def __init__(self, **parameters: Any) -> None:
         #: The state of the input's blocks, the bones by name, and the output with all bones at rest.
         self._at_rest: tuple[list[Any], dict[str, vtkPolyData], vtkMultiBlockDataSet] | None = None
+        #: A motion, and how its coordinates move the bones.
+        self._twists: tuple[RigidMotion, MotionTwists] | None = None
         super().__init__(**parameters)
 
     def time_steps(self, inputs_information: Sequence[Any]) -> Sequence[float] | None:
@@ -77,10 +82,14 @@ class BoneMotion(Filter):
             blocks = {name: _moved(bone, None) for name, bone in blocks.items()}
             self._at_rest = state, blocks, multiblock_from(blocks)
         _, blocks, still = self._at_rest
-        transforms = {}
+        transforms: dict[str, Floats] = {}
+        twists: dict[str, dict[str, Floats]] = {}
         if self.motion is not None:
             assert self.request_time is not None  # the filter announces the motion's times
+            if self._twists is None or self._twists[0] is not self.motion:
+                self._twists = self.motion, MotionTwists(self.motion)
             transforms = self.motion.at(self.request_time)
+            twists = self._twists[1].at(self.request_time)
         unknown = sorted(set(transforms) - set(blocks))
         if unknown:
             raise InputError(
@@ -94,7 +103,10 @@ class BoneMotion(Filter):
         result.CompositeShallowCopy(still)
         for number, (name, bone) in enumerate(blocks.items()):
             if name in transforms:
-                result.SetBlock(number, _moved(bone, transforms[name]))
+                moved = _moved(bone, transforms[name])
+                for coordinate, by_bone in twists.items():
+                    set_field_array(moved, TWIST + coordinate, by_bone.get(name, np.zeros(6)))
+                result.SetBlock(number, moved)
         return result
 
 

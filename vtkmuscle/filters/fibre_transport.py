@@ -164,7 +164,7 @@ class FibreTransport(Filter):
         The moved polylines, with the arrays of the rest fibres and the cell array ``RestLength`` (n_fibres,)
         [mm], and the field arrays ``PointsOutside``, the number of rest fibre points that are outside of the
         muscle, and ``WeightError`` [mm]. With the arrays of the muscle's paths, where the deformed muscle or
-        the taut fibres have them: ``PathLength``, ``PathPoints`` and ``PathWrench_BONE``
+        the taut fibres have them: ``PathLength``, ``PathPoints`` and ``PathLever_COORDINATE``
         (:mod:`vtkmuscle.data.paths`).
 
     Raises

@@ -12,7 +12,7 @@ from vtkmuscle.core.fibres.measures import filling_radius, room_between
 from vtkmuscle.core.mesh.polylines import polyline_lengths
 from vtkmuscle.core.mesh.surface import signed_volume
 from vtkmuscle.core.types import Floats
-from vtkmuscle.data.arrays import Polylines, set_point_array
+from vtkmuscle.data.arrays import Polylines, array_names, set_point_array
 from vtkmuscle.data.muscle_geometry import Surface
 from vtkmuscle.filters.base import Filter, OutputPort, Parameter, ports
 
@@ -104,7 +104,7 @@ class FibreTubes(Filter):
 
     def _check_colours(self, data: vtkPolyData) -> None:
         owners = (data.GetPointData(), data.GetCellData())
-        names = [owner.GetArrayName(i) for owner in owners for i in range(owner.GetNumberOfArrays())]
+        names = [name for owner in owners for name in array_names(owner)]
         if self.colour_by not in (None, *names):
             have = ", ".join(map(repr, names)) or "(none)"
             raise InputError("", f"colour_by is {self.colour_by!r}, but the fibres have the arrays {have}")

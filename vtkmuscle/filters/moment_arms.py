@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -10,7 +10,7 @@ from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.mesh.polylines import polyline_lengths
-from vtkmuscle.core.moment_arms.levers import differences_by, levers, twists_by
+from vtkmuscle.core.moment_arms.levers import differences_by
 from vtkmuscle.core.moment_arms.of_joints import checked_coordinates, known_coordinates
 from vtkmuscle.core.motion.coordinates import ANGLES, TRANSLATIONS, Coordinate
 from vtkmuscle.core.motion.rigid import RigidMotion
@@ -34,9 +34,9 @@ LENGTHS, TIMES = "Lengths", "Times"
 class MomentArms(Filter):
     """Add moment arms of a muscle's paths about a joint; of other fibres those by their lengths over time.
 
-    Where the fibres have paths with them (``PathWrench_BONE``: the output of TautFibres, or of FibreTransport
-    behind PBDDeformer) and there is a ``motion``, a moment arm is the lever of the path's pull about the axis
-    of the coordinate (:mod:`vtkmuscle.core.moment_arms.levers`). That takes the one pose alone, also where
+    Where the fibres have paths with them (the output of TautFibres, or of FibreTransport behind PBDDeformer)
+    and there is a ``motion``, a moment arm is the lever of the path's pull about the axis of the coordinate,
+    ``PathLever_COORDINATE`` (:mod:`vtkmuscle.core.paths.levers`). That takes the one pose alone, also where
     several coordinates change at once, as long as the joint is known or poses differ in the one coordinate
     only.
 
@@ -136,11 +136,14 @@ class MomentArms(Filter):
         if self.motion is not None:
             motion = _resampled(self.motion, times)
 
-        def slopes(name: str, names: Sequence[str]) -> tuple[Ints, Floats]:
+        now = float(np.clip(now, times.min(), times.max()))
+        names = known_coordinates(motion)
+        arms = {}
+        for name in names:
             near = differences_by(motion, name, names)
-            return near.frames, -near.slopes(lengths)
-
-        self._add_arms(result, motion, float(np.clip(now, times.min(), times.max())), slopes)
+            if _is_known(now, times, near.frames):
+                arms[name] = _interpolated(now, times[near.frames], -near.slopes(lengths))[0]
+        self._add_arms(result, motion, now, arms)
         return result
 
     def _at(self, now: float, fibres: Polylines) -> Polylines:
@@ -175,37 +178,21 @@ class MomentArms(Filter):
         result = self._at(now, fibres).copy()
         paths = paths_of(result, "fibres")
         assert paths is not None  # it had some at another time
-
-        def arms(name: str, names: Sequence[str]) -> tuple[Ints, Floats]:
-            frames, twists = twists_by(motion, name, names)
-            wrenches = {
-                bone: np.broadcast_to(one, (len(frames), *one.shape)) for bone, one in paths.wrenches.items()
-            }
-            none = np.zeros((len(frames), len(paths.lengths)))
-            return frames, levers(wrenches, twists) if wrenches else none
-
-        self._add_arms(result, motion, now, arms)
+        self._add_arms(result, motion, now, paths.levers)
         return result
 
     def _add_arms(
-        self,
-        result: vtkPolyData,
-        motion: RigidMotion,
-        now: float,
-        arms_by: Callable[[str, Sequence[str]], tuple[Ints, Floats]],
+        self, result: vtkPolyData, motion: RigidMotion, now: float, arms: Mapping[str, Floats]
     ) -> None:
-        """Add moment arms by the coordinates: known, (m, k), in some of the motion's frames, (m,)."""
+        """Add the moment arms (k,) that are known now, by coordinates of the motion."""
         wanted = None if self.motion is None else self.coordinate
         checked_coordinates(motion, [wanted] if wanted else ())
         names = known_coordinates(motion)
         for name in names:
-            if wanted not in (None, name):
-                continue
-            frames, arms = arms_by(name, names)
-            if not _is_known(now, motion.times, frames):
+            if wanted not in (None, name) or name not in arms:
                 continue
             suffix = f"_{name}" if len(names) > 1 and self.coordinate is None else ""
-            set_cell_array(result, f"MomentArm{suffix}", _interpolated(now, motion.times[frames], arms)[0])
+            set_cell_array(result, f"MomentArm{suffix}", arms[name])
             set_field_array(result, f"Coordinate{suffix}", name)
             value = np.interp(now, motion.times, motion.coordinates[name].values)
             set_field_array(result, f"CoordinateValue{suffix}", float(value))

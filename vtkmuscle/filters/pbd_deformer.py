@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -35,9 +35,13 @@ from vtkmuscle.filters.deformer.shape_report import shape_fields
 
 @dataclass(eq=False)
 class _Frame:
-    """A state that was computed, and how long that took [ms]; its report, once it was asked for."""
+    """A state that was computed, the twists of the bones there, and how long that took [ms].
+
+    Its report is there once it was asked for.
+    """
 
     state: Pose | State
+    twists: Mapping[str, Floats]
     milliseconds: float
     report: ShapeReport | None = None
 
@@ -109,7 +113,7 @@ class PBDDeformer(DeformerSettings, HistoryFilter[_Frame]):
         do so before it settles [mm], and the field arrays ``FibrePoints`` (p, 3), where they carry the points
         of ``fibres`` [mm], and ``Unsettled``, 1 where the paths did not come to rest; and of the paths, where
         each stands for one of ``fibres``, ``PathLength`` (k,) [mm], ``PathPoints`` (k, 3 n) [mm] and
-        ``PathWrench_BONE`` (k, 6), force [1] and moment about the origin [mm] on each bone at unit tension.
+        ``PathLever_COORDINATE`` (k,), the moment arm by each coordinate of which the bones have the twists.
         With quality 'published' also the point array ``Velocity`` (3) [mm/s].
 
     Raises
@@ -204,7 +208,7 @@ class PBDDeformer(DeformerSettings, HistoryFilter[_Frame]):
         first = self.path[0]
         if self._frames.done(self.path) and self._rest_from != first:
             self._take_rest(self.data_at("bones", bones, first))
-        return self._result(muscle.data, self.frame((bones, neighbours), self._advance), bones.names)
+        return self._result(muscle.data, self.frame((bones, neighbours), self._advance))
 
     def _take_rest(self, bones: MovingBones) -> None:
         """Take the bones at rest from the first frame of the path, on which their last digits depend."""
@@ -245,7 +249,7 @@ class PBDDeformer(DeformerSettings, HistoryFilter[_Frame]):
             state = solver.pose(
                 last, bones.transforms, rounds=self.iterations, neighbours=beside, progress=self.report_part
             )
-        return _Frame(state, 1e3 * (time.perf_counter() - started))
+        return _Frame(state, bones.twists, 1e3 * (time.perf_counter() - started))
 
     def _made_solver(self) -> PathDrivenMuscle | Algorithm2:
         """Return the solver for the present muscle, bones and parameters; it is made where these are new."""
@@ -270,7 +274,7 @@ class PBDDeformer(DeformerSettings, HistoryFilter[_Frame]):
 
     # ---------------------------------------------------------------- the result
 
-    def _result(self, muscle: vtkPolyData, frame: _Frame, bones: list[str]) -> vtkPolyData:
+    def _result(self, muscle: vtkPolyData, frame: _Frame) -> vtkPolyData:
         state = frame.state
         result: vtkPolyData = with_points(muscle, state.surface)
         set_point_array(result, "Displacement", state.surface - self._known_muscle.points)
@@ -282,7 +286,7 @@ class PBDDeformer(DeformerSettings, HistoryFilter[_Frame]):
             if state.fibre_points is not None:
                 set_field_array(result, "FibrePoints", state.fibre_points)
                 paths = state.paths
-                arrays = path_arrays(paths.points, paths.wrenches, bones, paths.squeezed)
+                arrays = path_arrays(paths.points, paths.levers(frame.twists), paths.squeezed)
                 for name, values in arrays.items():
                     set_field_array(result, name, values)
         for name, value in self._figures(frame).items():

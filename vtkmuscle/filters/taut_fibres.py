@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Mapping
+from typing import Any, NamedTuple
 
 import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
@@ -12,6 +13,7 @@ from vtkmuscle.core.errors import InputError, errors_at
 from vtkmuscle.core.fixed_muscle import FixedMuscle
 from vtkmuscle.core.paths.lines import bones_at_ends, evenly_spread
 from vtkmuscle.core.paths.sheet import POINTS, MusclePaths, PathState
+from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import Polylines, set_cell_array, set_field_array
 from vtkmuscle.data.attachments import rings_by_bone
 from vtkmuscle.data.moving_bones import MovingBones, RestBones, fixed_points_of
@@ -20,7 +22,19 @@ from vtkmuscle.data.paths import PATH_POINTS, path_arrays
 from vtkmuscle.filters.base import HistoryFilter, InputPort, OutputPort, Parameter, ports
 
 
-class TautFibres(HistoryFilter[PathState]):
+class _Frame(NamedTuple):
+    """The paths in a pose, and the twists of the bones there."""
+
+    state: PathState
+    twists: Mapping[str, Floats]
+
+    @property
+    def nbytes(self) -> int:
+        """Memory that it takes [bytes]."""
+        return self.state.nbytes
+
+
+class TautFibres(HistoryFilter[_Frame]):
     """Pull fibres taut round the moving bones: the paths of a muscle, without its volume.
 
     Each fibre is the path of its part of the muscle, from bone to bone: its length is that of the
@@ -56,9 +70,9 @@ class TautFibres(HistoryFilter[PathState]):
     output
         The paths, with the cell and field arrays of the rest fibres and the cell arrays ``Length``,
         ``RestLength`` (at rest) [mm], ``Ratio`` (of the two), ``Contact`` (points that bones or rings press
-        on), ``PathLength`` (the length again, as that of the paths) and ``PathWrench_BONE`` (6), force [1]
-        and moment about the origin [mm] that a path of unit tension exerts on each bone, and the field array
-        ``Unsettled``, 1 where the sheet did not come to rest.
+        on), ``PathLength`` (the length again, as that of the paths) and ``PathLever_COORDINATE``, the moment
+        arm by each coordinate of which the bones have the twists, and the field array ``Unsettled``, 1 where
+        the sheet did not come to rest.
 
     Raises
     ------
@@ -122,12 +136,12 @@ class TautFibres(HistoryFilter[PathState]):
         paths = self._paths
         assert paths is not None
 
-        def advance(before: PathState | None, now: MovingBones) -> PathState:
-            pose = paths.follow(paths.rest if before is None else before, now.transforms)
+        def advance(before: _Frame | None, now: MovingBones) -> _Frame:
+            state = paths.follow(paths.rest if before is None else before.state, now.transforms)
             self.report_part(1.0)
-            return pose
+            return _Frame(state, now.twists)
 
-        return self._result(rest_fibres, paths, self.frame((bones,), advance), bones.names)
+        return self._result(rest_fibres, paths, self.frame((bones,), advance))
 
     def _is_new(
         self,
@@ -167,13 +181,12 @@ class TautFibres(HistoryFilter[PathState]):
                 rings=given.rings,
             )
 
-    def _result(
-        self, rest_fibres: Polylines, paths: MusclePaths, state: PathState, bones: list[str]
-    ) -> vtkPolyData:
+    def _result(self, rest_fibres: Polylines, paths: MusclePaths, frame: _Frame) -> vtkPolyData:
+        state = frame.state
         count, n, _ = state.points.shape
         result = rest_fibres.moved(state.points.reshape(-1, 3), n * np.arange(count + 1))
         lengths, rest = state.lengths, paths.rest.lengths
-        found = path_arrays(state.points, state.wrenches, bones, state.squeezed)
+        found = path_arrays(state.points, state.levers(frame.twists), state.squeezed)
         del found[PATH_POINTS]  # the lines themselves
         for name, values in (
             *found.items(),

@@ -18,7 +18,7 @@ from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 from vtkmodules.vtkCommonExecutionModel import vtkStreamingDemandDrivenPipeline
 
 from vtkmuscle.core.errors import InputError, check_is_file
-from vtkmuscle.data.arrays import multiblock_from
+from vtkmuscle.data.arrays import array_names, multiblock_from
 from vtkmuscle.data.pipeline_times import announce_times, times_of
 from vtkmuscle.io.in_child import check_in_child, vtk_messages
 from vtkmuscle.io.surfaces import read_polydata
@@ -232,9 +232,9 @@ class _Frames(VTKPythonAlgorithmBase):
 
 def _arrays(data: vtkPolyData) -> set[tuple[str, str]]:
     return {
-        (kind, getattr(data, kind)().GetArrayName(i))
+        (kind, name)
         for kind in ("GetPointData", "GetCellData", "GetFieldData")
-        for i in range(getattr(data, kind)().GetNumberOfArrays())
+        for name in array_names(getattr(data, kind)())
     }
 
 

@@ -14,7 +14,7 @@ from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.estimate import Estimate
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import cell_array, polylines_of
-from vtkmuscle.data.paths import paths_of, wrenches_over_time
+from vtkmuscle.data.paths import levers_over_time, paths_of
 from vtkmuscle.io.parts import file_digest
 from vtkmuscle.io.surfaces import read_own_polydata
 
@@ -115,10 +115,10 @@ class MuscleTrack:
         lines = polylines_of(self.fibres[position], "fibres")
         return lines.points.reshape(len(lines), -1, 3)
 
-    def wrenches(self) -> dict[str, Floats]:
-        """Return the wrenches (f, k, 6) of the paths by bone, see :mod:`vtkmuscle.data.paths`."""
-        frames = (paths_of(fibres, "fibres") for fibres in self.fibres)
-        return wrenches_over_time(paths.wrenches for paths in frames if paths is not None)
+    def levers(self) -> dict[str, Floats]:
+        """Return the levers (f, k) of the paths by coordinate, NaN in frames in which they are not known."""
+        frames = [paths_of(fibres, "fibres") for fibres in self.fibres]
+        return levers_over_time([paths for paths in frames if paths is not None])
 
     def add_lengths(self, fibres: vtkPolyData, millimetres: float) -> None:
         """Add the lengths of the fibres of a frame and of their paths."""

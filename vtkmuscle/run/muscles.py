@@ -290,11 +290,13 @@ def muscle_pipeline(
     >>> pipeline.fibres.update().output.GetNumberOfCells()
     8
     """
-    muscle = scene.muscles[name]
+    muscle, motion = scene.muscles[name], scene.motion
+    if muscle.crosses is not None:  # nobody asks for moment arms by others
+        motion = motion.by([one for one in motion.coordinates if one in muscle.crosses])
     return MusclePipeline(
         muscle.surface,
         scene.bones_data(),  # one per muscle: threads must not share what VTK writes to
-        scene.motion,
+        motion,
         scene.attachments_data(name),
         superficial=muscle.superficial_fibres,
         aponeuroses=scene.aponeuroses_data(name),

@@ -100,13 +100,6 @@ class ResultData(WithHints):
         """
         return {name: track.errors for name, track in self._tracks.items()}
 
-    def wrenches(self, name: str) -> dict[str, Floats]:
-        """Return the wrenches of a muscle's paths at a tension of 1, per bone (frames, paths, 6).
-
-        Each is a force [1], and a moment about the scene's origin [unit of the scene].
-        """
-        return self._track(name).wrenches()
-
     def finished(self, name: str) -> int:
         """Return how many of the kept frames a muscle has: all, or those before the one that failed."""
         return len(self.report["muscles"][name]["frames"])
@@ -156,8 +149,7 @@ class ResultData(WithHints):
         Returns
         -------
         Paths
-            Their ``lengths`` (k,), ``points`` (k, n, 3), and ``wrenches``: per bone (k, 6) the force [1] and
-            the moment about the origin that each exerts on it at a tension of 1.
+            Their ``lengths`` (k,), ``points`` (k, n, 3), and ``levers``: per coordinate the moment arms (k,).
         """
         i, track = self._position(frame, time), self._track(name)
         found = paths_of(self.fibres(name, frame=self.frames[i]), name) if track.lengths else None
@@ -260,7 +252,7 @@ class ResultData(WithHints):
             try:
                 arms[name], without = joint_arms(
                     lengths,
-                    self.wrenches(name),
+                    self._track(name).levers(),
                     motion,
                     coordinates or None,
                     crossed=crossed,

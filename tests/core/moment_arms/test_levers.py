@@ -7,11 +7,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vtkmuscle.core.moment_arms.levers import differences_by, levers, twists_by
+from vtkmuscle.core.moment_arms.levers import MotionTwists, differences_by, twists_by
 from vtkmuscle.core.moment_arms.of_joints import joint_arms
 from vtkmuscle.core.motion.coordinates import Coordinate
 from vtkmuscle.core.motion.rigid import RigidMotion, apply_transform, hinge, rotation_about
-from vtkmuscle.core.paths.wrenches import path_wrenches
+from vtkmuscle.core.paths.levers import path_levers
 from vtkmuscle.opensim.functions import IDENTITY
 from vtkmuscle.opensim.scene_joints import SceneJoints, grid_of
 from vtkmuscle.opensim.tree import Joint, JointAxis, JointCoordinate, KinematicTree
@@ -25,18 +25,23 @@ ANGLES = np.arange(0.0, 91.0, STEP)
 
 
 def straight(motion, bone="shank"):
-    """Return lengths (f, k) of straight paths to a bone that moves, their wrenches on it and their levers."""
+    """Return lengths (f, k) of straight paths to a bone that moves, their levers by coordinate, and ends."""
     ends = np.array([apply_transform(one, ENDS) for one in motion.transforms[bone]])
     points = np.stack([np.broadcast_to(STARTS, ends.shape), ends], axis=2)
-    stays, still = np.zeros(len(STARTS), dtype=np.int64), np.tile(np.eye(4), (2, 1, 1))
+    twists = MotionTwists(motion)
+    levers = {name: np.full(ends.shape[:2], np.nan) for name in motion.coordinates}
+    for frame, time in enumerate(motion.times):
+        for name, by_bone in twists.at(time).items():
+            levers[name][frame] = of_straight(points[frame], by_bone[bone])
+    return np.linalg.norm(ends - STARTS, axis=2), levers, ends
+
+
+def of_straight(points, twist):
+    """Return the levers of straight paths as the bone of their ends moves."""
     # There is nothing between their ends that bones could press on, or that could give way.
-    wrenches = np.array(
-        [
-            path_wrenches(one, stays, stays + 1, {}, still, np.zeros_like, np.zeros_like)[:, 1]
-            for one in points
-        ]
-    )
-    return np.linalg.norm(ends - STARTS, axis=2), {bone: wrenches}, ends
+    stays = np.zeros(len(points), dtype=np.int64)
+    twists = np.array([[np.zeros(6), twist]])
+    return path_levers(points, stays, stays + 1, {}, twists, np.zeros_like, np.zeros_like)[0]
 
 
 def lever_about(ends, centre, axis):
@@ -59,8 +64,8 @@ def as_table(motion):
 def test_a_hinge_has_the_lever_of_a_straight_pull_in_every_pose(known):
     motion = hinge("shank", CENTRE, AXIS, ANGLES, coordinate="knee")
     motion = motion if known else as_table(motion)
-    lengths, wrenches, ends = straight(motion)
-    arms, refused = joint_arms(lengths, wrenches, motion)
+    lengths, levers, ends = straight(motion)
+    arms, refused = joint_arms(lengths, levers, motion)
     assert not refused
     np.testing.assert_array_equal(arms["knee"].frames, np.arange(len(ANGLES)))
     np.testing.assert_allclose(arms["knee"].arms, lever_about(ends, CENTRE, AXIS), atol=1e-9)
@@ -70,8 +75,8 @@ def test_a_hinge_has_the_lever_of_a_straight_pull_in_every_pose(known):
 def test_slopes_of_lengths_are_the_levers():
     """Central differences err by h^2 / 6 of the third derivative, at either end by h^2 / 3."""
     motion = hinge("shank", CENTRE, AXIS, ANGLES)
-    lengths, wrenches, _ = straight(motion)
-    (found,) = joint_arms(lengths, wrenches, motion)[0].values()
+    lengths, levers, _ = straight(motion)
+    (found,) = joint_arms(lengths, levers, motion)[0].values()
     step = np.radians(STEP)
     third = np.abs(np.diff(lengths, 3, axis=0)).max() / step**3
     off = np.abs(found.arms - found.slopes)
@@ -82,12 +87,12 @@ def test_slopes_of_lengths_are_the_levers():
 
 def test_a_single_pose_has_levers_where_the_joint_is_known():
     motion = hinge("shank", CENTRE, AXIS, [30.0], coordinate="knee")
-    lengths, wrenches, ends = straight(motion)
-    found = joint_arms(lengths, wrenches, motion)[0]["knee"]
+    lengths, levers, ends = straight(motion)
+    found = joint_arms(lengths, levers, motion)[0]["knee"]
     np.testing.assert_allclose(found.arms, lever_about(ends, CENTRE, AXIS), atol=1e-12)
     assert np.isnan(found.slopes).all()
     with pytest.raises(ValueError, match="no coordinate of the motion changes"):
-        joint_arms(lengths, wrenches, as_table(motion))
+        joint_arms(lengths, levers, as_table(motion))
 
 
 def test_a_slide_has_the_part_of_the_pull_along_it():
@@ -95,9 +100,9 @@ def test_a_slide_has_the_part_of_the_pull_along_it():
     table = np.tile(np.eye(4), (6, 1, 1))
     table[:, 2, 3] = -shifts
     motion = RigidMotion(shifts, {"shank": table}, None, {"pull": Coordinate(shifts / 10.0, "cm")})
-    lengths, wrenches, ends = straight(motion)
+    lengths, levers, ends = straight(motion)
     pull = (STARTS - ends) / np.linalg.norm(STARTS - ends, axis=2, keepdims=True)
-    np.testing.assert_allclose(joint_arms(lengths, wrenches, motion)[0]["pull"].arms, -pull[..., 2])
+    np.testing.assert_allclose(joint_arms(lengths, levers, motion)[0]["pull"].arms, -pull[..., 2])
 
 
 def test_the_way_from_rest_to_a_sweep_has_no_levers():
@@ -106,8 +111,8 @@ def test_the_way_from_rest_to_a_sweep_has_no_levers():
     table = np.concatenate([lead, sweep.transforms["shank"]])
     values = np.concatenate([[10.0, 6.0, 3.0], ANGLES])
     motion = RigidMotion(np.arange(len(table)), {"shank": table}, CENTRE, {"knee": Coordinate(values)})
-    lengths, wrenches, ends = straight(motion)
-    found = joint_arms(lengths, wrenches, motion)[0]["knee"]
+    lengths, levers, ends = straight(motion)
+    found = joint_arms(lengths, levers, motion)[0]["knee"]
     np.testing.assert_array_equal(found.frames, np.arange(3, len(table)))
     np.testing.assert_allclose(found.arms, lever_about(ends[3:], CENTRE, AXIS), atol=1e-9)
 
@@ -150,8 +155,8 @@ def test_a_grid_of_7_by_19_poses_has_levers_by_both_coordinates_in_all_of_them(k
     grid = grid_of({"flexion": np.linspace(0.0, 60.0, 7), "abduction": np.linspace(-30.0, 60.0, 19)})
     motion = of_ball(**grid)
     motion = motion if known else as_table(motion)
-    lengths, wrenches, ends = straight(motion)
-    arms, refused = joint_arms(lengths, wrenches, motion)
+    lengths, levers, ends = straight(motion)
+    arms, refused = joint_arms(lengths, levers, motion)
     assert not refused
     for name, right in known_of_ball(motion, ends).items():
         np.testing.assert_array_equal(arms[name].frames, np.arange(7 * 19))
@@ -163,13 +168,14 @@ def test_a_grid_of_7_by_19_poses_has_levers_by_both_coordinates_in_all_of_them(k
 def test_coordinates_that_change_together_have_levers_only_where_the_joint_is_known():
     q = np.linspace(0.0, 40.0, 9)
     motion = of_ball(q, 0.5 * q)
-    lengths, wrenches, ends = straight(motion)
-    arms, _ = joint_arms(lengths, wrenches, motion)
+    lengths, levers, ends = straight(motion)
+    arms, _ = joint_arms(lengths, levers, motion)
     for name, right in known_of_ball(motion, ends).items():
         np.testing.assert_allclose(arms[name].arms, right, atol=1e-5)
         assert np.isnan(arms[name].slopes).all()
+    table = as_table(motion)
     with pytest.raises(ValueError, match="change only together"):
-        joint_arms(lengths, wrenches, as_table(motion))
+        joint_arms(lengths, straight(table)[1], table)
 
 
 def test_a_coordinate_that_never_changes_alone_is_refused_and_the_other_is_not():
@@ -177,16 +183,17 @@ def test_a_coordinate_that_never_changes_alone_is_refused_and_the_other_is_not()
     flexion = np.concatenate([np.arange(0.0, 31.0, 5.0), np.arange(35.0, 56.0, 5.0)])
     abduction = np.concatenate([np.zeros(7), np.arange(5.0, 26.0, 5.0)])
     motion = as_table(of_ball(flexion, abduction))
-    lengths, wrenches, ends = straight(motion)
-    arms, refused = joint_arms(lengths, wrenches, motion)
+    lengths, levers, ends = straight(motion)
+    arms, refused = joint_arms(lengths, levers, motion)
     assert "it changes only together with flexion" in refused["abduction"]
     np.testing.assert_array_equal(arms["flexion"].frames, np.arange(7))
     np.testing.assert_allclose(arms["flexion"].arms, known_of_ball(motion, ends)["flexion"][:7], atol=1e-9)
 
 
-def test_a_bone_that_a_coordinate_does_not_move_adds_nothing():
-    pull = np.ones((3, 2, 6))
-    assert not levers({"thigh": pull}, {"shank": np.ones((3, 6))}).any()
+def test_a_coordinate_that_moves_all_bones_alike_has_no_levers():
+    points = np.stack([STARTS, ENDS], axis=1)
+    stays, twists = np.zeros(len(points), dtype=np.int64), np.ones((1, 2, 6))
+    assert not path_levers(points, stays, stays + 1, {}, twists, np.zeros_like, np.zeros_like).any()
 
 
 # ------------------------------------------------------------------------------ invariance
@@ -200,17 +207,13 @@ def test_a_bone_that_a_coordinate_does_not_move_adds_nothing():
 )
 def test_levers_do_not_depend_on_where_the_scene_is_nor_on_its_side(shift, axis, angle, mirrored):
     motion = hinge("shank", CENTRE, AXIS, [20.0], coordinate="knee")
-    lengths, wrenches, _ = straight(motion)
-    known = joint_arms(lengths, wrenches, motion)[0]["knee"].arms
+    lengths, levers, ends = straight(motion)
+    known = joint_arms(lengths, levers, motion)[0]["knee"].arms
     carried = rotation_about(shift, axis, angle)
     carried[:3, :3] *= [-1.0, 1.0, 1.0] if mirrored else 1.0
-    force, moment = np.split(wrenches["shank"], 2, axis=-1)
-    side = -1.0 if mirrored else 1.0
-    force = force @ carried[:3, :3].T
-    moment = side * moment @ carried[:3, :3].T + np.cross(carried[:3, 3], force)
-    twists = motion.coordinates["knee"].carried(carried).twists
-    found = levers({"shank": np.concatenate([force, moment], axis=-1)}, twists)
-    np.testing.assert_allclose(found, known, atol=1e-8)
+    points = np.stack([apply_transform(carried, one) for one in (STARTS, ends[0])], axis=1)
+    twist = motion.coordinates["knee"].carried(carried).twists["shank"][0]
+    np.testing.assert_allclose(of_straight(points, twist), known[0], atol=1e-8)
 
 
 # ------------------------------------------------------------------------------ differences
@@ -242,3 +245,17 @@ def test_of_two_poses_there_is_a_line():
     frames, twists = twists_by(as_table(motion), name)
     assert frames.tolist() == [0, 1]
     np.testing.assert_allclose(twists["shank"], motion.coordinates[name].twists["shank"], atol=1e-12)
+
+
+def test_between_two_poses_twists_are_interpolated_and_beside_one_without_there_are_none():
+    lead = RigidMotion(
+        [0.0, 1.0, 2.0, 4.0],
+        {"shank": np.array([rotation_about(CENTRE, AXIS, q) for q in (30.0, 0.0, 10.0, 20.0)])},
+        CENTRE,
+        {"knee": Coordinate(np.array([0.0, 0.0, 10.0, 20.0]))},
+    )
+    twists = MotionTwists(lead)
+    assert twists.at(0.0) == twists.at(0.5) == {}
+    before, between, after = (twists.at(time)["knee"]["shank"] for time in (2.0, 3.0, 9.0))
+    np.testing.assert_allclose(between, (before + after) / 2.0)
+    np.testing.assert_allclose(between[3:], AXIS, atol=1e-9)

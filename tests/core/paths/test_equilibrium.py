@@ -14,6 +14,7 @@ from vtkmuscle.core.paths.equilibrium import (
     newton_step,
     prepare_solve,
 )
+from vtkmuscle.core.paths.levers import change_gradient
 from vtkmuscle.core.paths.neighbours import (
     MODULUS,
     NEIGHBOURS,
@@ -25,7 +26,6 @@ from vtkmuscle.core.paths.neighbours import (
 )
 from vtkmuscle.core.paths.ring_contact import add_rings, hold_in_rings, rings_at
 from vtkmuscle.core.paths.via_rings import via_ring
-from vtkmuscle.core.paths.wrenches import change_gradient
 from vtkmuscle.core.types import Floats
 
 PUSH, ROUNDING = 100.0, 0.3

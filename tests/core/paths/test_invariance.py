@@ -16,6 +16,7 @@ from phantom_paths import (
 )
 
 from vtkmuscle.core.bones.bone import Bone
+from vtkmuscle.core.motion.coordinates import carried_twists, twist_about
 from vtkmuscle.core.motion.rigid import apply_transform, rotation_about
 from vtkmuscle.core.paths.sheet import MusclePaths
 
@@ -91,7 +92,7 @@ def test_a_bow_that_no_bone_makes_stays_at_rest():
 @pytest.mark.parametrize(
     "make", ["wrapping_cylinder", "lifting_strap", "strap_over_two_joints", "tendon_through_ring"]
 )
-def test_bones_that_move_together_take_paths_and_wrenches_with_them(make):
+def test_bones_that_move_together_take_paths_with_them_and_leave_levers(make):
     paths = paths_of(make)
     together = np.array([TURN] * len(paths.rest.transforms))
     same = paths.follow(paths.rest, paths.rest.transforms)
@@ -101,9 +102,13 @@ def test_bones_that_move_together_take_paths_and_wrenches_with_them(make):
     np.testing.assert_allclose(
         moved.points.reshape(-1, 3), apply_transform(TURN, paths.rest.points.reshape(-1, 3)), atol=1e-9
     )
-    force = paths.rest.wrenches[:, :, :3] @ TURN[:3, :3].T
-    moment = paths.rest.wrenches[:, :, 3:] @ TURN[:3, :3].T + np.cross(TURN[:3, 3], force)
-    np.testing.assert_allclose(moved.wrenches, np.concatenate([force, moment], axis=2), atol=1e-9)
+    twists = np.zeros((len(together), 6))
+    twists[-1] = twist_about((10.0, 20.0, 30.0), (0.6, 0.0, 0.8))
+    np.testing.assert_allclose(
+        moved.levers({"q": carried_twists(twists, TURN)})["q"],
+        paths.rest.levers({"q": twists})["q"],
+        atol=1e-9,
+    )
 
 
 @pytest.mark.parametrize("number", range(len(HINGES)))

@@ -1,15 +1,13 @@
-"""Moment arms of paths: the levers of their pulls about the axis of a coordinate, in every pose.
+"""How a coordinate alone moves the bones: by the twists of a known joint, or from the poses of a motion.
 
-A path of unit tension pulls on the bones that it is fixed to, presses on or passes through. Where a
-coordinate q moves bone b by the twist s_b per unit, the pull does the work sum_b w_b . s_b, w_b its wrench on
-that bone; and since a taut path does no other work than to shorten, that is -dl/dq (principle of virtual
-work; An et al. 1984, doi:10.1115/1.3138494; for any coordinate Sherman, Seth, Delp 2013,
-doi:10.1115/DETC2013-13633). It takes the pose alone, no motion about it.
+The lever of a path about the axis of a coordinate q is -dl/dq (An et al. 1984, doi:10.1115/1.3138494; for any
+coordinate Sherman, Seth, Delp 2013, doi:10.1115/DETC2013-13633). It takes the pose and the bones' twists per
+unit of q, no motion about it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -116,23 +114,6 @@ def _weights(steps: list[float]) -> tuple[float, float]:
     return b / (a * (b - a)), -a / (b * (b - a))
 
 
-def levers(wrenches: Mapping[str, Floats], twists: Mapping[str, Floats]) -> Floats:
-    """Return the moment arms (f, k) of k paths by a coordinate [mm by an angle, 1 by a slide].
-
-    They are positive where the pull drives the coordinate up.
-
-    Parameters
-    ----------
-    wrenches : mapping of str to (f, k, 6) array
-        On each bone in each pose: force [1] and moment about the origin [mm] of paths of unit tension.
-    twists : mapping of str to (f, 6) array
-        Of each bone that moves: velocity at the origin and angular velocity, per unit of the coordinate.
-    """
-    shape = next(iter(wrenches.values())).shape[:2]
-    parts = (np.einsum("fki,fi->fk", wrenches[bone], one) for bone, one in twists.items() if bone in wrenches)
-    return sum(parts, np.zeros(shape))
-
-
 def twists_by(motion: RigidMotion, name: str, among: Sequence[str] = ()) -> tuple[Ints, dict[str, Floats]]:
     """Return how a coordinate moves the bones, the others held: frames (m,), and twists (m, 6) by bone.
 
@@ -144,6 +125,36 @@ def twists_by(motion: RigidMotion, name: str, among: Sequence[str] = ()) -> tupl
         return np.arange(len(motion.times)), dict(known)
     near = differences_by(motion, name, among)
     return near.frames, {bone: _by_screws(table, near) for bone, table in motion.transforms.items()}
+
+
+class MotionTwists:
+    """How the coordinates of a motion move its bones at any time, each alone.
+
+    Parameters
+    ----------
+    motion : RigidMotion
+        Those of its coordinates count that change, or whose joint is known.
+    """
+
+    def __init__(self, motion: RigidMotion) -> None:
+        self._times = motion.times
+        names = [name for name, one in motion.coordinates.items() if one.changes or one.twists]
+        self._known = {name: twists_by(motion, name, names) for name in names}
+
+    def at(self, time: float) -> dict[str, dict[str, Floats]]:
+        """Return the twist (6,) of each bone by each coordinate known at a time: in the poses beside it."""
+        time = float(np.clip(time, self._times[0], self._times[-1]))
+        upper = int(np.searchsorted(self._times, time))
+        lower = upper if self._times[upper] == time else upper - 1
+        part = (
+            (time - self._times[lower]) / (self._times[upper] - self._times[lower]) if lower < upper else 0.0
+        )
+        found = {}
+        for name, (frames, twists) in self._known.items():
+            if np.isin([lower, upper], frames).all():
+                a, b = np.searchsorted(frames, [lower, upper])
+                found[name] = {bone: (1.0 - part) * one[a] + part * one[b] for bone, one in twists.items()}
+        return found
 
 
 def _by_screws(table: Floats, near: Differences) -> Floats:

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.moment_arms.by_coordinate import JointArms
-from vtkmuscle.core.moment_arms.levers import SAME_VALUE, differences_by, levers, twists_by
+from vtkmuscle.core.moment_arms.levers import SAME_VALUE, differences_by
 from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.core.types import Floats, Ints
 
@@ -49,7 +49,7 @@ def known_coordinates(motion: RigidMotion, crossed: Sequence[str] | None = None)
 
 def joint_arms(
     lengths: ArrayLike,
-    wrenches: Mapping[str, Floats],
+    levers: Mapping[str, Floats],
     motion: RigidMotion,
     names: Sequence[str] | None = None,
     *,
@@ -62,9 +62,9 @@ def joint_arms(
     ----------
     lengths : (f, k) array_like
         Of the paths in each frame of the motion [mm].
-    wrenches : mapping of str to (f, k, 6) array
-        As of :func:`~vtkmuscle.core.moment_arms.levers.levers`; moments in the unit of the motion's
-        translations.
+    levers : mapping of str to (f, k) array
+        Of the paths by the coordinates, NaN in frames in which they are not known; in the unit of the
+        motion's translations.
     motion : RigidMotion
         With coordinates, and a time for each of the f frames.
     names : sequence of str, optional
@@ -95,9 +95,10 @@ def joint_arms(
         if names is not None and name not in names:
             continue
         coordinate = motion.coordinates[name]
-        frames, twists = twists_by(motion, name, found)
+        known = levers.get(name, np.full(curves.shape, np.nan))
+        frames = np.flatnonzero(np.isfinite(known).all(axis=1))
         if not len(frames):
-            others = ", ".join(other for other in found if other != name)
+            others = ", ".join(other for other in found if other != name) or "others"
             refused[name] = f"it changes only together with {others}, so what it moves alone is not known"
             continue
         quartic, residuals = _quartic(curves[frames], motion, found, name, frames)
@@ -107,7 +108,7 @@ def joint_arms(
             coordinate.positive,
             frames,
             coordinate.values[frames],
-            millimetres * levers({bone: one[frames] for bone, one in wrenches.items()}, twists),
+            millimetres * known[frames],
             slopes_by(motion, name, found, curves)[frames],
             quartic,
             residuals,

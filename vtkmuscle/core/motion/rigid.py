@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -188,6 +188,10 @@ class RigidMotion:
             self.centre,
             {name: one.part(kept) for name, one in self.coordinates.items()},
         )
+
+    def by(self, names: Sequence[str]) -> RigidMotion:
+        """Return the motion with only those of its coordinates that are named."""
+        return replace(self, coordinates={name: self.coordinates[name] for name in names})
 
     @staticmethod
     def _between(pair: Floats, fraction: float, centre: Floats) -> Floats:

@@ -16,11 +16,11 @@ from vtkmuscle.core.paths.equilibrium import (
     newton_step,
     prepare_solve,
 )
+from vtkmuscle.core.paths.levers import change_gradient, path_levers
 from vtkmuscle.core.paths.neighbours import Neighbours, path_widths, widening
 from vtkmuscle.core.paths.ring_contact import Rings, add_rings, hold_in_rings, ring_load, rings_at
 from vtkmuscle.core.paths.surroundings import Surroundings
 from vtkmuscle.core.paths.via_rings import ViaRing
-from vtkmuscle.core.paths.wrenches import change_gradient, path_wrenches
 from vtkmuscle.core.types import Floats, Ints
 
 #: How far a bone or a point is moved to see how the forces change, in thicknesses of the muscle.
@@ -61,7 +61,7 @@ class Sheet(NamedTuple):
 
 
 class SheetPose:
-    """The forces on a sheet in one pose of the bones, their stiffness, and the paths' wrenches.
+    """The forces on a sheet in one pose of the bones, their stiffness, and the paths' levers.
 
     Parameters
     ----------
@@ -179,8 +179,11 @@ class SheetPose:
         points: Floats = self.x + self._middle
         return points
 
-    def wrenches(self) -> Floats:
-        """Return the wrenches of the paths that were looked at last, about the origin, (f, b, 6)."""
+    def levers(self, twists: Floats) -> Floats:
+        """Return the levers (v, f) of the paths that were looked at last, as twists (v, b, 6) move the bones.
+
+        See :func:`~vtkmuscle.core.paths.levers.path_levers`; the twists are about the origin.
+        """
         x, sheet, loads = self.x, self._sheet, self._loads()
         held = sum((load.stiffness for load in loads.values()), np.zeros((*x.shape, 3)))
         widths = path_widths(x, sheet.lengths), widening(x, sheet.lengths)
@@ -199,10 +202,9 @@ class SheetPose:
                 result[..., way] = self.way
             return result
 
-        ends = sheet.start_bones, sheet.end_bones
-        wrenches: Floats = path_wrenches(x, *ends, loads, self._moved, change, step)
-        wrenches[:, :, 3:] += np.cross(self._middle, wrenches[:, :, :3])
-        return wrenches
+        about = np.array(twists, dtype=np.float64)
+        about[..., :3] += np.cross(about[..., 3:], self._middle)
+        return path_levers(x, sheet.start_bones, sheet.end_bones, loads, about, change, step)
 
     def _loads(self) -> dict[int, Load]:
         """Return the loads of the bones on the points."""

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 
@@ -84,23 +83,23 @@ class PathState:
         """Length of each path, (f,) [mm]."""
         return path_lengths(self.points)
 
-    @cached_property
-    def wrenches(self) -> Floats:
-        """The wrenches by which each path does work as each bone moves, at unit tension, (f, b, 6).
+    def levers(self, twists: Mapping[str, Floats]) -> dict[str, Floats]:
+        """Return the lever of each path by each coordinate q, (f,): minus dl/dq, all else in equilibrium.
 
-        Force [1] and moment about the origin [mm]; see
-        :func:`~vtkmuscle.core.paths.wrenches.path_wrenches`. They are computed when they are asked for.
+        A coordinate moves the bones by twists (b, 6): velocity at the origin and angular velocity, per unit.
+        See :func:`~vtkmuscle.core.paths.levers.path_levers`.
         """
+        if not twists:
+            return {}
         pose = SheetPose(self.sheet, self.transforms, self.points, self.ring_points)
         pose.look_at(pose.x, PUSH)
-        return pose.wrenches()
+        return dict(zip(twists, pose.levers(np.array(list(twists.values()))), strict=True))
 
     @property
     def nbytes(self) -> int:
         """Memory that it takes [bytes]."""
         arrays = self.points, self.transforms, self.ring_points, self.contacts, self.squeezed
-        wrenches = 48 * len(self.points) * len(self.transforms)
-        return sum(array.nbytes for array in arrays) + wrenches
+        return sum(array.nbytes for array in arrays)
 
 
 class MusclePaths:

@@ -25,7 +25,6 @@ IRRELEVANT: Mapping[str, str] = MappingProxyType(
     {
         "SceneData.files": "where it was read from; what was read counts",
         "Muscle.literature": "drawn beside the curves of a finished run",
-        "Muscle.crosses": "says by which coordinates moment arms are given, which is done after all frames",
     }
 )
 #: Packages that have a part in the numbers.

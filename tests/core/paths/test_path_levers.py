@@ -1,10 +1,11 @@
-"""What paths do to the bones: all of it together is nothing, and each part of it is a slope of lengths."""
+"""The levers of paths: slopes of lengths, by every part of a bone's twist."""
 
 import numpy as np
 import pytest
 from phantom_paths import AXIS, HINGES, angles, known_paths, levers, strung_phantom, swept, turned, worse
 from phantoms.two_joint_strap import ARMS
 
+from vtkmuscle.core.motion.coordinates import twist_about
 from vtkmuscle.core.motion.rigid import apply_transform, rotation_about
 from vtkmuscle.core.paths import sheet
 
@@ -39,7 +40,7 @@ def twisted(pose, bone, number, size, middle):
         (5, 30.0, SMALL, 0.3, 0.5),
     ],
 )
-def test_wrenches_are_slopes_of_lengths(number, angle, small, mean, each, monkeypatch):
+def test_levers_are_slopes_of_lengths(number, angle, small, mean, each, monkeypatch):
     """In mm of lever, of all six parts: on the mean of the fibres, and of each.
 
     Differences are so small that a ring keeps its hold, and sheets settle to rounding, which they need.
@@ -50,23 +51,30 @@ def test_wrenches_are_slopes_of_lengths(number, angle, small, mean, each, monkey
     bone = strung_phantom(make, **settings).names.index(name)
     state = paths.follow(paths.rest, pose)
     middle = state.points.reshape(-1, 3).mean(axis=0)
-    wrenches = state.wrenches[:, bone].copy()
-    wrenches[:, 3:] -= np.cross(middle, wrenches[:, :3])
+    twists = np.zeros((6, len(state.transforms), 6))
+    twists[:, bone] = np.eye(6)
+    twists[3:, bone, :3] = np.cross(middle, np.eye(3))
+    known = list(state.levers(dict(enumerate(twists))).values())
     for part in range(6):
         there, back = (
             paths.follow(state, twisted(pose, bone, part, size, middle)).lengths for size in (small, -small)
         )
         slopes = -(there - back) / (2.0 * small) * REACH
-        lever = wrenches[:, part] * (REACH if part < 3 else 1.0)
+        lever = known[part] * (REACH if part < 3 else 1.0)
         assert np.abs(slopes - lever).max() < each
         assert abs((slopes - lever).mean()) < mean
 
 
-@pytest.mark.parametrize("make", ["flexor_over_brim", "tendon_through_ring"])
-def test_forces_and_moments_of_a_path_are_none_in_all(make):
-    """Nothing but bones holds it, and what goes with them: about any point."""
-    for state in swept(known_paths(make), turned(make, {}, "distal", angles(0.0, 60.0, 15.0))):
-        np.testing.assert_allclose(state.wrenches.sum(axis=1), 0.0, atol=1e-11)
+@pytest.mark.parametrize("make", ["flexor_over_brim", "strap_over_two_joints"])
+def test_levers_by_all_bones_one_after_the_other_are_none_in_all(make):
+    """As they are where all move together, but for what solutions leave."""
+    rest = known_paths(make).rest
+    bones = len(rest.transforms)
+    twists = np.zeros((bones, bones, 6))
+    twists[range(bones), range(bones)] = twist_about((0, 0, 0), AXIS)
+    by_each = np.array(list(rest.levers(dict(enumerate(twists))).values()))
+    assert np.abs(by_each).max() > 1.0
+    np.testing.assert_allclose(by_each.sum(axis=0), 0.0, atol=0.2)
 
 
 def test_a_strap_on_a_cylinder_has_its_radius_as_lever_in_every_pose():
@@ -102,7 +110,7 @@ def test_a_strap_over_two_joints_has_both_rollers_as_levers_in_every_pose():
         assert levers(state, numbers[1:], lower, -AXIS).mean() == pytest.approx(-ARMS[1], abs=0.6)
 
 
-def test_a_bone_that_no_path_ends_on_pushes_paths_and_has_its_wrench():
+def test_a_bone_that_no_path_ends_on_pushes_paths_and_has_its_levers():
     """A cylinder that moves by itself, as a patella does, under a strap whose ends stay."""
     made, paths = strung_phantom("wrapping_cylinder"), known_paths("wrapping_cylinder")
     pulley = made.names.index("pulley")
@@ -116,9 +124,10 @@ def test_a_bone_that_no_path_ends_on_pushes_paths_and_has_its_wrench():
     rest = np.tile(np.eye(4), (3, 1, 1))
     state = free.follow(free.rest, rest)
     for part in (1, 2):
+        by_pulley = np.outer([0.0, 0.0, 1.0], np.eye(6)[part])
         there, back = (
             free.follow(state, twisted(rest, 2, part, size, middle)).lengths for size in (SMALL, -SMALL)
         )
         slopes = -(there - back) / (2.0 * SMALL)
-        np.testing.assert_allclose(state.wrenches[:, 2, part], slopes, atol=0.03)
+        np.testing.assert_allclose(state.levers({"q": by_pulley})["q"], slopes, atol=0.03)
         assert np.abs(slopes).mean() > 0.3
