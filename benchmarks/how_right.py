@@ -30,7 +30,7 @@ from vtkmuscle.core.mesh.polylines import polyline_lengths
 from vtkmuscle.core.moment_arms.of_joints import joint_arms, quartic_moment_arms, slopes_by
 from vtkmuscle.core.motion.coordinates import Coordinate
 from vtkmuscle.data.arrays import polylines_of
-from vtkmuscle.data.paths import paths_of, wrenches_over_time
+from vtkmuscle.data.paths import levers_over_time, paths_of
 from vtkmuscle.io import curves_for, read_literature
 from vtkmuscle.phantoms import Phantom
 from vtkmuscle.pipelines import MusclePipeline
@@ -95,21 +95,21 @@ class Measured:
     ----------
     lengths : dict of str to (f, k) array
         Of the paths and of the fibres [mm].
-    wrenches : dict of str to (f, k, 6) array
-        Of the paths, by bone.
+    levers : dict of str to (f, k) array
+        Of the paths, by coordinate.
     motion : RigidMotion
         With one coordinate.
     """
 
     lengths: dict[str, Floats]
-    wrenches: dict[str, Floats]
+    levers: dict[str, Floats]
     motion: RigidMotion
 
     @property
     def arms(self) -> dict[str, Floats]:
         """Of the paths their levers, of the fibres -dl/dq by differences, in the frames of the sweep [mm]."""
         (name,) = self.motion.coordinates
-        (levers,) = joint_arms(self.lengths["paths"], self.wrenches, self.motion)[0].values()
+        (levers,) = joint_arms(self.lengths["paths"], self.levers, self.motion)[0].values()
         slopes = slopes_by(self.motion, name, (name,), self.lengths["fibres"])
         return {"paths": levers.arms, "fibres": slopes[levers.frames]}
 
@@ -121,17 +121,15 @@ def measured(
     chain = MusclePipeline(muscle, bones, motion, attachments, fixing={}, fibres=fibre_settings).transport
     assert chain is not None  # it has fibres
     lengths: dict[str, list[Floats]] = {of: [] for of in OF}
-    wrenches = []
+    found = []
     for time in motion.times:
         fibres = chain.update(time=float(time)).output
         lines, paths = polylines_of(fibres, "fibres"), paths_of(fibres, "fibres")
         assert paths is not None  # the deformer follows them
         lengths["fibres"].append(polyline_lengths(lines.points, lines.offsets))
         lengths["paths"].append(paths.lengths)
-        wrenches.append(paths.wrenches)
-    return Measured(
-        {of: np.array(rows) for of, rows in lengths.items()}, wrenches_over_time(wrenches), motion
-    )
+        found.append(paths)
+    return Measured({of: np.array(rows) for of, rows in lengths.items()}, levers_over_time(found), motion)
 
 
 # ---------------------------------------------------------------------- phantoms

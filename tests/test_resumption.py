@@ -250,7 +250,7 @@ def test_what_a_muscle_depends_on_is_in_its_key(scene):
         (with_thin(attachments=(landmarks, *others)), {"thin"}),
         (with_thin(surface=with_points(thin, points_of(thin) * (0.999, 1.0, 1.0))), {"thin"}),
         (with_thin(fibres={"n_fibres": 7, "template": "parallel"}), {"thin"}),
-        (with_thin(crosses=("angle",)), set()),
+        (with_thin(crosses=("angle",)), {"thin"}),
     ):
         after = keys(changed)
         assert {name for name in before if after.get(name) != before[name]} == expected
