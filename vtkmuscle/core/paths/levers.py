@@ -15,8 +15,8 @@ from vtkmuscle.core.types import Floats, Ints
 
 #: The response to the bones' move is solved for in steps until one of them changes the levers by less than
 #: this part of the greatest speed of a path's end (rms of all paths), but in no more than so many: levers of
-#: four muscles of a real hip are 0.02 to 0.5 mm off the limit then. A tendon in a ring slides to and fro there
-#: as other points of it are held, which more steps would take for its lever.
+#: four muscles of a real hip are 0.02 to 0.5 mm off the limit then. A tendon in a ring slides to and fro as
+#: other points of it are held, which more steps would take for its lever.
 TOLERANCE, STEPS = 2e-3, 6
 
 
