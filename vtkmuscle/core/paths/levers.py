@@ -62,9 +62,8 @@ def path_levers(
     along = np.linspace(0.0, 1.0, points.shape[1])
     given = np.zeros((*points.shape, np.count_nonzero(moved)))
     by_loads = np.zeros_like(given)
-    for bone, (linear, angular) in zip(touched, _by_bone(relative[moved]), strict=True):
-        if not (linear.any() or angular.any()):
-            continue
+    for bone, twist in zip(touched, relative[moved].swapaxes(0, 1), strict=True):
+        linear, angular = twist[:, :3], twist[:, 3:]
         velocity = linear.T + _turned(points, angular)
         # Points go with the ends to begin with, by how near they are to each.
         part = np.outer(start_bones == bone, 1.0 - along) + np.outer(end_bones == bone, along)
@@ -85,11 +84,6 @@ def path_levers(
             break
     levers[:, moved] = found
     return levers.T
-
-
-def _by_bone(twists: Floats) -> list[tuple[Floats, Floats]]:
-    """Return the linear and the angular velocities (v, 3) of each bone, of twists (v, b, 6)."""
-    return [(one[:, :3], one[:, 3:]) for one in twists.transpose(1, 0, 2)]
 
 
 def _turned(vectors: Floats, angular: Floats) -> Floats:
