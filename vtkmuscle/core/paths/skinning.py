@@ -6,9 +6,10 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
+from scipy.sparse import csr_array
 from scipy.spatial import cKDTree
 
-from vtkmuscle.core.jit import array_kernel, kernel
+from vtkmuscle.core.jit import kernel, vector_kernel
 from vtkmuscle.core.motion.blending import nearest_rotation
 from vtkmuscle.core.paths.sheet import MusclePaths, PathState
 from vtkmuscle.core.paths.surroundings import directions_along, less_the_last
@@ -35,9 +36,9 @@ class SkinningWeights(NamedTuple):
     Attributes
     ----------
     points : (p, 3) array
-        At rest [mm].
+        At rest, about the middle of the paths [mm].
     carriers : (p, c) int array
-        Numbers of points of paths, in the order of paths.
+        Numbers of points of paths, in the order of paths, and after these of bones.
     weights : (p, c) array
         Rows sum to 1.
     """
@@ -72,19 +73,32 @@ class Skinning:
         rest = paths.rest.points
         f, n, _ = rest.shape
         self._rest: Floats = rest.reshape(-1, 3)
+        self._middle: Floats = self._rest.mean(axis=0)
         self._tangents: Floats = directions_along(rest).reshape(-1, 3)
         least = LEAST_APART * paths.thickness
-        count = min(BESIDE, f)
-        self._beside = np.empty((f, n, count), dtype=np.int64)
-        self._parts = np.empty((f, n, count))
+        count, reach = min(BESIDE, f), len(WINDOW) // 2
+        beside, parts = np.empty((f, n, count), dtype=np.int64), np.empty((f, n, count))
         for i in range(n):
             apart, found = cKDTree(rest[:, i]).query(rest[:, i], k=range(1, count + 1))
-            self._beside[:, i], self._parts[:, i] = found, falling_weights(apart, least)
-        self._surface = self._weights_of(surface, least)
+            beside[:, i], parts[:, i] = n * found + i, falling_weights(apart, least)
+        begins = np.arange(0, beside.size + 1, count)
+        self._beside = csr_array((parts.reshape(-1), beside.reshape(-1), begins), shape=(f * n, f * n))
+        near = np.arange(n)[:, None] + np.arange(-reach, reach + 1)
+        window = np.where((near >= 0) & (near < n), WINDOW, 0.0)
+        self._near: Ints = np.clip(near, 0, n - 1)
+        around = np.concatenate([self._around(rest), np.ones((f, *near.shape, 1))], axis=3)
+        self._window: Floats = window[:, :, None] * around
+        total = np.tile(window.sum(axis=1), f)[:, None]
+        self._means = self._sums(rest)[:, :, 3] / total
+        variance = np.trace(self._covariances(rest), axis1=1, axis2=2)[:, None]
+        self._of_bones: Floats = FROM_BONES * (variance + total * (LEAST_APART * paths.thickness) ** 2)
         fixed = np.flatnonzero(fixed_to >= 0)
         apart, nearest = cKDTree(surface[fixed]).query(surface)
-        self._bone: Ints = fixed_to[fixed][nearest]
-        self._with_bone: Floats = np.exp(-0.5 * (2.0 * apart / paths.thickness) ** 2)
+        with_bone = np.exp(-0.5 * (2.0 * apart / paths.thickness) ** 2)[:, None]
+        points, carriers, weights = self._weights_of(surface, least)
+        carriers = np.column_stack([carriers, f * n + fixed_to[fixed][nearest]])
+        weights = np.column_stack([(1.0 - with_bone) * weights, with_bone])
+        self._surface = SkinningWeights(points, carriers, weights)
 
     def _weights_of(self, points: Floats, least: float) -> SkinningWeights:
         f, n, _ = self._paths.rest.points.shape
@@ -113,7 +127,7 @@ class Skinning:
         nodes = np.clip(low[:, :, None] + np.arange(-1, 3), 0, n - 1) + n * paths[:, :, None]
         carriers[:] = nodes.reshape(len(points), -1)
         weights[:] = (parts[:, :, None] * spline).reshape(len(points), -1)
-        return SkinningWeights(np.ascontiguousarray(points), carriers, weights)
+        return SkinningWeights(points - self._middle, carriers, weights)
 
     def weights_of_fibres(self, points: Floats, offsets: Ints) -> SkinningWeights:
         """Return the weights of points (p, 3) of the fibres that paths were made from, each with its path.
@@ -129,7 +143,7 @@ class Skinning:
             low = np.minimum(at.astype(np.int64), n - 2)
             carriers[begin:end] = fibre * n + low[:, None] + np.arange(2)
             weights[begin:end] = np.column_stack([1.0 - (at - low), at - low])
-        return SkinningWeights(np.ascontiguousarray(points), carriers, weights)
+        return SkinningWeights(points - self._middle, carriers, weights)
 
     def at(self, state: PathState) -> SkinnedMuscle:
         """Return the muscle in a pose of its paths."""
@@ -137,20 +151,34 @@ class Skinning:
         f, n, _ = state.points.shape
         stretch = (paths.widths(paths.rest.points) / paths.widths(state.points)) ** 2
         part = np.linspace(0.0, 1.0, n)[None, :, None, None]
-        first, last = (state.transforms[b][:, None, :3, :3] for b in (paths.start_bones, paths.end_bones))
-        turns = np.ascontiguousarray((1.0 - part) * first + part * last)
-        frames = np.empty((f * n, 3, 3))
-        least = (LEAST_APART * paths.thickness) ** 2
-        _frames(
-            paths.rest.points, state.points, self._beside, self._parts, np.array(WINDOW), turns,
-            self._tangents, stretch, least, frames,
-        )  # fmt: skip
-        muscle = SkinnedMuscle(self._rest, state.points.reshape(-1, 3), frames, np.empty((0, 3)))
-        moved, points = muscle.points(self._surface), self._surface.points
-        transforms = state.transforms[self._bone]
-        with_bone = np.einsum("vij,vj->vi", transforms[:, :3, :3], points) + transforms[:, :3, 3]
-        moved += self._with_bone[:, None] * (with_bone - moved)
-        return muscle._replace(surface=moved)
+        bones = state.transforms[:, :3, :3]
+        first, last = (bones[b][:, None] for b in (paths.start_bones, paths.end_bones))
+        turns = ((1.0 - part) * first + part * last).reshape(-1, 3, 3)
+        matrices = self._covariances(state.points) + self._of_bones[:, :, None] * turns
+        _frames(matrices, self._tangents, np.repeat(stretch, n), np.empty((8, 4)))
+        affine = np.empty((f * n + len(bones), 3, 4))
+        affine[:, :, :3] = np.concatenate([matrices, bones])
+        middle = self._middle - self._rest
+        affine[: f * n, :, 3] = state.points.reshape(-1, 3) + np.einsum("kij,kj->ki", matrices, middle)
+        affine[f * n :, :, 3] = state.transforms[:, :3, 3] + bones @ self._middle
+        muscle = SkinnedMuscle(affine, np.empty((0, 3)))
+        return muscle._replace(surface=muscle.points(self._surface))
+
+    def _around(self, points: Floats) -> Floats:
+        """Return the points near each of paths (f, n, 3), about the middle of all there, (f, n, w, 3)."""
+        around: Floats = points[:, self._near] - points.mean(axis=0)[:, None]
+        return around
+
+    def _sums(self, points: Floats) -> Floats:
+        """Return the weighted sums of the points q beside each, of q p^T, p at rest, and of q, (f n, 3, 4)."""
+        along = self._around(points).swapaxes(2, 3) @ self._window
+        sums: Floats = (self._beside @ along.reshape(-1, 12)).reshape(-1, 3, 4)
+        return sums
+
+    def _covariances(self, points: Floats) -> Floats:
+        """Return the covariances of the points beside each, of paths (f, n, 3), and at rest, (f n, 3, 3)."""
+        sums = self._sums(points)
+        return sums[:, :, :3] - sums[:, :, 3:] * self._means[:, None]
 
 
 class SkinnedMuscle(NamedTuple):
@@ -158,23 +186,20 @@ class SkinnedMuscle(NamedTuple):
 
     Attributes
     ----------
-    rest, nodes : (f n, 3) arrays
-        Points of the paths at rest and now [mm].
-    frames : (f n, 3, 3) array
-        How the muscle turns and stretches about each.
+    affine : (f n + b, 3, 4) array
+        How the muscle moves, turns and stretches about each point of paths, and each bone: the matrix F | t
+        of p -> F p + t, about the middle of the paths at rest.
     surface : (v, 3) array
         Points of its surface [mm].
     """
 
-    rest: Floats
-    nodes: Floats
-    frames: Floats
+    affine: Floats
     surface: Floats
 
     def points(self, weights: SkinningWeights) -> Floats:
         """Return the positions of points in the pose, (p, 3) [mm]."""
         moved = np.empty_like(weights.points)
-        _skin(self.rest, self.nodes, self.frames, weights.carriers, weights.weights, weights.points, moved)
+        _skin(self.affine, weights.carriers, weights.weights, weights.points, moved)
         return moved
 
 
@@ -253,99 +278,35 @@ def _place_beside(point: Floats, path: Floats) -> tuple[float, float]:
     return np.sqrt(max(nearest2, 0.0)), place / total
 
 
-@array_kernel
-def _frames(
-    rest: Floats,
-    now: Floats,
-    beside: Ints,
-    parts: Floats,
-    window: Floats,
-    turns: Floats,
-    tangents: Floats,
-    stretch: Floats,
-    least: float,
-    frames: Floats,
-) -> None:
-    """Write F = R (g I + (l - g) t t^T), g = l^(-1/2), for each point of each path.
+@kernel
+def _frames(matrices: Floats, tangents: Floats, stretch: Floats, work: Floats) -> None:
+    """Replace covariances (k, 3, 3) by F = R (g I + (l - g) t t^T), g = l^(-1/2), of tangents t, stretch l.
 
-    R takes the points beside it from rest to now best, in the least squares sense (Arun, Huang, Blostein
-    1987, doi:10.1109/TPAMI.1987.4767965), and a little the bones' turn.
+    R takes the points beside each point from rest to now best, in the least squares sense (Arun, Huang,
+    Blostein 1987, doi:10.1109/TPAMI.1987.4767965), and a little the bones' turn.  work : (8, 4) working memory.
     """
-    f, n, _ = rest.shape
-    r, work, means = np.empty((3, 3)), np.empty((8, 4)), np.empty((2, 3))
-    for a in range(f):
-        along = stretch[a]
+    for k in range(len(matrices)):
+        r, t, along = matrices[k], tangents[k], stretch[k]
+        nearest_rotation(r, work)
         across = 1.0 / np.sqrt(along)
-        for i in range(n):
-            total, variance = _covariance(rest, now, a, i, beside[a, i], parts[a, i], window, means, r)
-            bones = FROM_BONES * (variance + total * least)
-            for c in range(3):
-                for d in range(3):
-                    r[c, d] += bones * turns[a, i, c, d]
-            nearest_rotation(r, work)
-            t = tangents[a * n + i]
-            for c in range(3):
-                turned = r[c, 0] * t[0] + r[c, 1] * t[1] + r[c, 2] * t[2]
-                for d in range(3):
-                    frames[a * n + i, c, d] = across * r[c, d] + (along - across) * turned * t[d]
+        for c in range(3):
+            turned = (along - across) * (r[c, 0] * t[0] + r[c, 1] * t[1] + r[c, 2] * t[2])
+            for d in range(3):
+                r[c, d] = across * r[c, d] + turned * t[d]
 
 
-@kernel
-def _covariance(
-    rest: Floats,
-    now: Floats,
-    a: int,
-    i: int,
-    beside: Ints,
-    parts: Floats,
-    window: Floats,
-    means: Floats,
-    r: Floats,
-) -> tuple[float, float]:
-    """Write the covariance r (3, 3) of now and rest of the points beside point i of path a.
-
-    Return the sum of the points' weights, and that of their weighted squared distances from their mean at
-    rest [mm^2].
-    """
-    r[:], means[:] = 0.0, 0.0
-    total, variance, reach = 0.0, 0.0, len(window) // 2
-    for k in range(len(beside)):
-        for j in range(max(i - reach, 0), min(i + reach + 1, rest.shape[1])):
-            w = parts[k] * window[j - i + reach]
-            total += w
-            for c in range(3):
-                p, q = rest[beside[k], j, c] - rest[a, i, c], now[beside[k], j, c] - now[a, i, c]
-                means[0, c], means[1, c] = means[0, c] + w * p, means[1, c] + w * q
-                variance += w * p * p
-                for d in range(3):
-                    r[c, d] += w * q * (rest[beside[k], j, d] - rest[a, i, d])
-    for c in range(3):
-        variance -= means[0, c] * means[0, c] / total
-        for d in range(3):
-            r[c, d] -= means[1, c] * means[0, d] / total
-    return total, variance
-
-
-@kernel
-def _skin(
-    rest: Floats,
-    nodes: Floats,
-    frames: Floats,
-    carriers: Ints,
-    weights: Floats,
-    points: Floats,
-    moved: Floats,
-) -> None:
+@vector_kernel
+def _skin(affine: Floats, carriers: Ints, weights: Floats, points: Floats, moved: Floats) -> None:
     """Write the weighted means of the places to which its carriers take each point."""
     for v in range(len(points)):
+        a, b, c = points[v, 0], points[v, 1], points[v, 2]
         x, y, z = 0.0, 0.0, 0.0
         for j in range(carriers.shape[1]):
             k, w = carriers[v, j], weights[v, j]
             if w == 0.0:
                 continue
-            a, b, c = points[v, 0] - rest[k, 0], points[v, 1] - rest[k, 1], points[v, 2] - rest[k, 2]
-            m = frames[k]
-            x += w * (nodes[k, 0] + m[0, 0] * a + m[0, 1] * b + m[0, 2] * c)
-            y += w * (nodes[k, 1] + m[1, 0] * a + m[1, 1] * b + m[1, 2] * c)
-            z += w * (nodes[k, 2] + m[2, 0] * a + m[2, 1] * b + m[2, 2] * c)
+            m = affine[k]
+            x += w * (m[0, 0] * a + m[0, 1] * b + m[0, 2] * c + m[0, 3])
+            y += w * (m[1, 0] * a + m[1, 1] * b + m[1, 2] * c + m[1, 3])
+            z += w * (m[2, 0] * a + m[2, 1] * b + m[2, 2] * c + m[2, 3])
         moved[v, 0], moved[v, 1], moved[v, 2] = x, y, z
