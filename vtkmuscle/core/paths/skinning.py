@@ -71,10 +71,11 @@ class Skinning:
     def __init__(self, paths: MusclePaths, surface: Floats, fixed_to: Ints) -> None:
         self._paths = paths
         rest = paths.rest.points
+        self._widths = paths.widths(rest)
         f, n, _ = rest.shape
         self._rest: Floats = rest.reshape(-1, 3)
         self._middle: Floats = self._rest.mean(axis=0)
-        self._tangents: Floats = directions_along(rest).reshape(-1, 3)
+        tangents = directions_along(rest).reshape(-1, 3)
         least = LEAST_APART * paths.thickness
         count, reach = min(BESIDE, f), len(WINDOW) // 2
         beside, parts = np.empty((f, n, count), dtype=np.int64), np.empty((f, n, count))
@@ -88,10 +89,11 @@ class Skinning:
         self._near: Ints = np.clip(near, 0, n - 1)
         around = np.concatenate([self._around(rest), np.ones((f, *near.shape, 1))], axis=3)
         self._window: Floats = window[:, :, None] * around
-        total = np.tile(window.sum(axis=1), f)[:, None]
-        self._means = self._sums(rest)[:, :, 3] / total
-        variance = np.trace(self._covariances(rest), axis1=1, axis2=2)[:, None]
-        self._of_bones: Floats = FROM_BONES * (variance + total * (LEAST_APART * paths.thickness) ** 2)
+        sums, total = self._sums(rest), np.tile(window.sum(axis=1), f)
+        means = sums[:, :, 3] / total[:, None]
+        variance = np.einsum("kii->k", sums[:, :, :3]) - total * (means**2).sum(axis=1)
+        of_bones = FROM_BONES * (variance + total * least**2)
+        self._at_rest = self._rest - self._middle, tangents, means, of_bones
         fixed = np.flatnonzero(fixed_to >= 0)
         apart, nearest = cKDTree(surface[fixed]).query(surface)
         with_bone = np.exp(-0.5 * (2.0 * apart / paths.thickness) ** 2)[:, None]
@@ -147,20 +149,15 @@ class Skinning:
 
     def at(self, state: PathState) -> SkinnedMuscle:
         """Return the muscle in a pose of its paths."""
-        paths = self._paths
+        paths, bones = self._paths, state.transforms
         f, n, _ = state.points.shape
-        stretch = (paths.widths(paths.rest.points) / paths.widths(state.points)) ** 2
-        part = np.linspace(0.0, 1.0, n)[None, :, None, None]
-        bones = state.transforms[:, :3, :3]
-        first, last = (bones[b][:, None] for b in (paths.start_bones, paths.end_bones))
-        turns = ((1.0 - part) * first + part * last).reshape(-1, 3, 3)
-        matrices = self._covariances(state.points) + self._of_bones[:, :, None] * turns
-        _frames(matrices, self._tangents, np.repeat(stretch, n), np.empty((8, 4)))
+        stretch = (self._widths / paths.widths(state.points)) ** 2
         affine = np.empty((f * n + len(bones), 3, 4))
-        affine[:, :, :3] = np.concatenate([matrices, bones])
-        middle = self._middle - self._rest
-        affine[: f * n, :, 3] = state.points.reshape(-1, 3) + np.einsum("kij,kj->ki", matrices, middle)
-        affine[f * n :, :, 3] = state.transforms[:, :3, 3] + bones @ self._middle
+        affine[: f * n] = self._sums(state.points)
+        affine[f * n :] = bones[:, :3]
+        affine[f * n :, :, 3] += bones[:, :3, :3] @ self._middle
+        ends = bones[paths.start_bones], bones[paths.end_bones]
+        _frames(*self._at_rest, *ends, stretch, state.points, affine, np.empty((11, 4)))
         muscle = SkinnedMuscle(affine, np.empty((0, 3)))
         return muscle._replace(surface=muscle.points(self._surface))
 
@@ -170,15 +167,10 @@ class Skinning:
         return around
 
     def _sums(self, points: Floats) -> Floats:
-        """Return the weighted sums of the points q beside each, of q p^T, p at rest, and of q, (f n, 3, 4)."""
+        """Return weighted sums over the points q beside each, p at rest, of q p^T and of q, (f n, 3, 4)."""
         along = self._around(points).swapaxes(2, 3) @ self._window
         sums: Floats = (self._beside @ along.reshape(-1, 12)).reshape(-1, 3, 4)
         return sums
-
-    def _covariances(self, points: Floats) -> Floats:
-        """Return the covariances of the points beside each, of paths (f, n, 3), and at rest, (f n, 3, 3)."""
-        sums = self._sums(points)
-        return sums[:, :, :3] - sums[:, :, 3:] * self._means[:, None]
 
 
 class SkinnedMuscle(NamedTuple):
@@ -279,20 +271,42 @@ def _place_beside(point: Floats, path: Floats) -> tuple[float, float]:
 
 
 @kernel
-def _frames(matrices: Floats, tangents: Floats, stretch: Floats, work: Floats) -> None:
-    """Replace covariances (k, 3, 3) by F = R (g I + (l - g) t t^T), g = l^(-1/2), of tangents t, stretch l.
+def _frames(
+    rest: Floats,
+    tangents: Floats,
+    means: Floats,
+    of_bones: Floats,
+    starts: Floats,
+    ends: Floats,
+    stretch: Floats,
+    now: Floats,
+    affine: Floats,
+    work: Floats,
+) -> None:
+    """Replace sums (f n, 3, 4) by F | t, F = R (g I + (l - g) t t^T), g = l^(-1/2), at each point of paths.
 
-    R takes the points beside each point from rest to now best, in the least squares sense (Arun, Huang,
-    Blostein 1987, doi:10.1109/TPAMI.1987.4767965), and a little the bones' turn.  work : (8, 4) working memory.
+    R takes the points beside it from rest to now best, in the least squares sense (Arun, Huang, Blostein
+    1987, doi:10.1109/TPAMI.1987.4767965), and a little the bones' turn.
     """
-    for k in range(len(matrices)):
-        r, t, along = matrices[k], tangents[k], stretch[k]
-        nearest_rotation(r, work)
+    f, n, _ = now.shape
+    r = work[8:, :3]
+    for a in range(f):
+        along = stretch[a]
         across = 1.0 / np.sqrt(along)
-        for c in range(3):
-            turned = (along - across) * (r[c, 0] * t[0] + r[c, 1] * t[1] + r[c, 2] * t[2])
-            for d in range(3):
-                r[c, d] = across * r[c, d] + turned * t[d]
+        for i in range(n):
+            k, part = a * n + i, i / (n - 1)
+            m, t = affine[k], tangents[k]
+            for c in range(3):
+                for d in range(3):
+                    turn = (1.0 - part) * starts[a, c, d] + part * ends[a, c, d]
+                    r[c, d] = m[c, d] - m[c, 3] * means[k, d] + of_bones[k] * turn
+            nearest_rotation(r, work[:8])
+            for c in range(3):
+                turned = (along - across) * (r[c, 0] * t[0] + r[c, 1] * t[1] + r[c, 2] * t[2])
+                m[c, 3] = now[a, i, c]
+                for d in range(3):
+                    m[c, d] = across * r[c, d] + turned * t[d]
+                    m[c, 3] -= m[c, d] * rest[k, d]
 
 
 @vector_kernel
@@ -302,10 +316,7 @@ def _skin(affine: Floats, carriers: Ints, weights: Floats, points: Floats, moved
         a, b, c = points[v, 0], points[v, 1], points[v, 2]
         x, y, z = 0.0, 0.0, 0.0
         for j in range(carriers.shape[1]):
-            k, w = carriers[v, j], weights[v, j]
-            if w == 0.0:
-                continue
-            m = affine[k]
+            m, w = affine[carriers[v, j]], weights[v, j]
             x += w * (m[0, 0] * a + m[0, 1] * b + m[0, 2] * c + m[0, 3])
             y += w * (m[1, 0] * a + m[1, 1] * b + m[1, 2] * c + m[1, 3])
             z += w * (m[2, 0] * a + m[2, 1] * b + m[2, 2] * c + m[2, 3])
