@@ -163,7 +163,7 @@ class Skinning:
 
     def _around(self, points: Floats) -> Floats:
         """Return the points near each of paths (f, n, 3), about the middle of all there, (f, n, w, 3)."""
-        around: Floats = points[:, self._near] - points.mean(axis=0)[:, None]
+        around: Floats = points.take(self._near, axis=1) - points.mean(axis=0)[:, None]
         return around
 
     def _sums(self, points: Floats) -> Floats:
