@@ -43,7 +43,7 @@ from vtkmuscle.core.types import Floats, Ints
 
 #: Constraints of a batch, at most: two vectors of eight doubles; numbers that those of angles take.
 WIDTH = 16
-LANES = 17 * WIDTH
+LANES = 13 * WIDTH
 
 #: Polynomial P with |t P(t^2) - atan(t)| < 1e-15 for |t| <= 1: that of degree 17 through the values of
 #: atan(sqrt(u)) / sqrt(u) at the 18 Chebyshev points of 0 <= u <= 1.
@@ -107,40 +107,46 @@ def sweep_angles(
                 i = quads[first + q, c]
                 for k in range(3):
                     lanes[WIDTH * (3 * c + k) + q] = p[i, k]
-                lanes[WIDTH * (12 + c) + q] = w[i]
-            lanes[WIDTH * 16 + q] = rest[first + q]
+            lanes[WIDTH * 12 + q] = rest[first + q]
         for q in range(WIDTH):  # of constant length and without branches: by vector instructions
-            x1, y1, z1 = lanes[q], lanes[WIDTH + q], lanes[2 * WIDTH + q]
-            x2, y2, z2 = lanes[3 * WIDTH + q], lanes[4 * WIDTH + q], lanes[5 * WIDTH + q]
-            x3, y3, z3 = lanes[6 * WIDTH + q], lanes[7 * WIDTH + q], lanes[8 * WIDTH + q]
-            x4, y4, z4 = lanes[9 * WIDTH + q], lanes[10 * WIDTH + q], lanes[11 * WIDTH + q]
-            w1, w2, w3, w4 = (
-                lanes[12 * WIDTH + q], lanes[13 * WIDTH + q], lanes[14 * WIDTH + q], lanes[15 * WIDTH + q]
-            )  # fmt: skip
             proper, sine, cosine, ee, a2, b2, n11, n22, n1x, n1y, n1z, n2x, n2y, n2z = hinge(
-                x1, y1, z1, x2, y2, z2, x3, y3, z3, x4, y4, z4
-            )
-            off = angle_of(abs(sine), cosine) - lanes[16 * WIDTH + q]
+                lanes[q], lanes[WIDTH + q], lanes[WIDTH * 2 + q],
+                lanes[WIDTH * 3 + q], lanes[WIDTH * 4 + q], lanes[WIDTH * 5 + q],
+                lanes[WIDTH * 6 + q], lanes[WIDTH * 7 + q], lanes[WIDTH * 8 + q],
+                lanes[WIDTH * 9 + q], lanes[WIDTH * 10 + q], lanes[WIDTH * 11 + q],
+            )  # fmt: skip
+            off = angle_of(abs(sine), cosine) - lanes[WIDTH * 12 + q]
             a1, b1 = ee - a2, ee - b2
             g1, g2, g3, g4 = gradient_squares(cosine, ee, a1, a2, b1, b2, n11, n22)
             s = math.copysign(stiffness * off, sine * off) * math.sqrt(ee) / (g1 + g2 + g3 + g4)
             s = s if proper & (sine != 0.0) else 0.0
             s1, s2 = s * n22, s * n11
-            u, v = w1 * s1 * a1, w1 * s2 * b1
-            lanes[q], lanes[WIDTH + q] = x1 - u * n1x - v * n2x, y1 - u * n1y - v * n2y
-            lanes[2 * WIDTH + q] = z1 - u * n1z - v * n2z
-            u, v = w2 * s1 * a2, w2 * s2 * b2
-            lanes[3 * WIDTH + q], lanes[4 * WIDTH + q] = x2 - u * n1x - v * n2x, y2 - u * n1y - v * n2y
-            lanes[5 * WIDTH + q] = z2 - u * n1z - v * n2z
-            u, v = w3 * s1 * ee, w4 * s2 * ee
-            lanes[6 * WIDTH + q], lanes[7 * WIDTH + q] = x3 + u * n1x, y3 + u * n1y
-            lanes[8 * WIDTH + q], lanes[9 * WIDTH + q] = z3 + u * n1z, x4 + v * n2x
-            lanes[10 * WIDTH + q], lanes[11 * WIDTH + q] = y4 + v * n2y, z4 + v * n2z
+            _turn(lanes, q, -s1 * a1, n1x, n1y, n1z, -s2 * b1, n2x, n2y, n2z)
+            _turn(lanes, WIDTH * 3 + q, -s1 * a2, n1x, n1y, n1z, -s2 * b2, n2x, n2y, n2z)
+            _turn(lanes, WIDTH * 6 + q, s1 * ee, n1x, n1y, n1z, 0.0, n2x, n2y, n2z)
+            _turn(lanes, WIDTH * 9 + q, 0.0, n1x, n1y, n1z, s2 * ee, n2x, n2y, n2z)
         for q in range(count):
             for c in range(4):
                 i = quads[first + q, c]
                 for k in range(3):
-                    p[i, k] = lanes[WIDTH * (3 * c + k) + q]
+                    p[i, k] += w[i] * lanes[WIDTH * (3 * c + k) + q]
+
+
+@lane
+def _turn(
+    way: Floats,
+    q: int,
+    s1: float,
+    x1: float,
+    y1: float,
+    z1: float,
+    s2: float,
+    x2: float,
+    y2: float,
+    z2: float,
+) -> None:
+    """Write the way s1 (x1, y1, z1) + s2 (x2, y2, z2) of a point."""
+    way[q], way[WIDTH + q], way[WIDTH * 2 + q] = s1 * x1 + s2 * x2, s1 * y1 + s2 * y2, s1 * z1 + s2 * z2
 
 
 @lane
