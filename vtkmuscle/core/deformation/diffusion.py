@@ -7,11 +7,12 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from vtkmuscle.core.jit import reduction
+from vtkmuscle.core.jit import vector_kernel
 from vtkmuscle.core.mesh.harmonic import cotangent_laplacian
 from vtkmuscle.core.types import Bools, Floats, Ints
 
-_Numbers = NDArray[np.int32]
+#: Without a sign: a negative index would count from the end, which each look-up would have to ask.
+_Numbers = NDArray[np.uint32]
 
 #: Time that a plain explicit step takes, in units: one that leaves nothing of the shortest wave.
 PLAIN = 0.5
@@ -36,8 +37,8 @@ class Diffusion:
         degrees = laplacian.diagonal()
         laplacian.setdiag(0.0)
         laplacian.eliminate_zeros()
-        self._begins = laplacian.indptr.astype(np.int32)
-        self._neighbours = laplacian.indices.astype(np.int32)
+        self._begins = laplacian.indptr.astype(np.uint32)
+        self._neighbours = laplacian.indices.astype(np.uint32)
         total = np.where(degrees > 0.0, degrees, 1.0)
         self._rows = np.repeat(np.arange(len(points)), np.diff(self._begins))
         self._weights: Floats = -laplacian.data / total[self._rows]
@@ -65,12 +66,10 @@ class Diffusion:
             weights = weights * inside[self._neighbours]
             totals = np.bincount(self._rows, weights, len(vectors)).astype(np.float64)
         rows = self._begins, self._neighbours, weights, totals, inside
-        self._memory[:] = vectors
         now, after, before = self._memory
         # The scheme leaves a part of the shortest waves, of which this takes most.
         first = min(PLAIN, time)
-        _relax(now, now, now, 1.0, 0.0, first, *rows, after)
-        now, after = after, now
+        _relax(vectors, vectors, vectors, 1.0, 0.0, first, *rows, now)
         if time > first:
             # A plain step may be as long as one unit: all eigenvalues are within 0 and 2.
             stages = math.ceil((math.sqrt(1.0 + 8.0 * (time - first)) - 1.0) / 2.0)
@@ -84,7 +83,7 @@ class Diffusion:
         vectors[:] = now
 
 
-@reduction
+@vector_kernel
 def _relax(
     v: Floats,
     one: Floats,
@@ -99,7 +98,7 @@ def _relax(
     inside: Bools,
     result: Floats,
 ) -> None:
-    """Write a one + b other + step (weighted sum of v's neighbours - total of the weights v) inside."""
+    """Write a one + b other + step (weighted sum of v's neighbours - total weight v) inside, v elsewhere."""
     for i in range(len(v)):
         if inside[i]:
             x, y, z = -totals[i] * v[i, 0], -totals[i] * v[i, 1], -totals[i] * v[i, 2]
@@ -111,3 +110,5 @@ def _relax(
             result[i, 0] = a * one[i, 0] + b * other[i, 0] + step * x
             result[i, 1] = a * one[i, 1] + b * other[i, 1] + step * y
             result[i, 2] = a * one[i, 2] + b * other[i, 2] + step * z
+        else:
+            result[i, 0], result[i, 1], result[i, 2] = v[i, 0], v[i, 1], v[i, 2]

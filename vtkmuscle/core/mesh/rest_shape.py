@@ -156,23 +156,23 @@ def dihedral_angles(points: Floats, quads: Ints) -> tuple[Floats, Bools]:
     :class:`~vtkmuscle.core.mesh.surface.MeshTopology`. Beside a degenerate triangle the angle is 0 and not
     defined.
     """
-    angles, defined = np.zeros(len(quads)), np.zeros(len(quads), dtype=np.bool_)
-    _hinges(points, quads, angles, defined)
+    sines, cosines, defined = *np.empty((2, len(quads))), np.empty(len(quads), dtype=np.bool_)
+    _hinges(points, quads, sines, cosines, defined)
+    angles: Floats = np.arctan2(sines, cosines)
+    angles[angles == -np.pi] = np.pi
     return angles, defined
 
 
 @vector_kernel
-def _hinges(p: Floats, quads: Ints, angles: Floats, defined: Bools) -> None:
+def _hinges(p: Floats, quads: Ints, sines: Floats, cosines: Floats, defined: Bools) -> None:
     for q in range(len(quads)):
         i, j, k, m = quads[q, 0], quads[q, 1], quads[q, 2], quads[q, 3]
         found = hinge(
             p[i, 0], p[i, 1], p[i, 2], p[j, 0], p[j, 1], p[j, 2],
             p[k, 0], p[k, 1], p[k, 2], p[m, 0], p[m, 1], p[m, 2],
         )  # fmt: skip
-        proper, sine, cosine = found[0], found[1], found[2]
-        if proper:
-            angle = math.atan2(sine, cosine)
-            angles[q], defined[q] = angle if angle > -math.pi else math.pi, True
+        proper = found[0]
+        sines[q], cosines[q], defined[q] = found[1] if proper else 0.0, found[2] if proper else 1.0, proper
 
 
 def beside_slivers(points: Floats, quads: Ints) -> Bools:
@@ -250,8 +250,9 @@ class RestShape:
         turns = np.abs(angles - self._bent_angles)[defined]
         turns = np.minimum(turns, 2.0 * np.pi - turns)
         along, across = self._directed or (None, None)
+        volume = volume_and_gradient(positions, self.topology.triangles, np.empty_like(positions))
         return ShapeReport(
-            volume_ratio=signed_volume(positions, self.topology.triangles) / self.volume,
+            volume_ratio=volume / self.volume,
             edge_stretch_p95=float(np.percentile(stretch, 95.0)),
             edge_stretch_max=float(stretch.max()),
             dihedral_error_p95=math.degrees(np.percentile(turns, 95.0)) if len(turns) else 0.0,

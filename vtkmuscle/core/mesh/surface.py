@@ -59,7 +59,9 @@ def edge_uses(triangles: Ints) -> Ints:
 
 def edge_lengths(points: Floats, edges: Ints) -> Floats:
     """Return the length of each edge, (k,), in the unit of the points."""
-    lengths: Floats = np.linalg.norm(points[edges[:, 1]] - points[edges[:, 0]], axis=1)
+    columns = np.ascontiguousarray(points.T)  # of long rows they are found four times as fast
+    apart = columns.take(edges[:, 1], axis=1) - columns.take(edges[:, 0], axis=1)
+    lengths: Floats = np.sqrt((apart * apart).sum(axis=0))
     return lengths
 
 
@@ -95,8 +97,9 @@ def signed_volume(points: Floats, triangles: Ints) -> float:
     V = sum over triangles (m, 3) of a . (b x c) / 6, about the centre of the points (n, 3), so that a mesh
     far from the origin loses no digits.
     """
-    a, b, c = (points - points.mean(axis=0))[triangles.T]
-    return float(np.einsum("ti,ti->", a, np.cross(b, c)) / 6.0)
+    columns = np.ascontiguousarray((points - points.mean(axis=0)).T)
+    (ax, bx, cx), (ay, by, cy), (az, bz, cz) = columns.take(triangles.T, axis=1)
+    return float((ax * (by * cz - bz * cy) + ay * (bz * cx - bx * cz) + az * (bx * cy - by * cx)).sum() / 6.0)
 
 
 def extent(points: Floats) -> float:

@@ -6,9 +6,10 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
+from scipy.sparse import csr_array
 from scipy.spatial import cKDTree
 
-from vtkmuscle.core.jit import array_kernel, kernel
+from vtkmuscle.core.jit import kernel, vector_kernel
 from vtkmuscle.core.motion.blending import nearest_rotation
 from vtkmuscle.core.paths.sheet import MusclePaths, PathState
 from vtkmuscle.core.paths.surroundings import directions_along, less_the_last
@@ -35,9 +36,9 @@ class SkinningWeights(NamedTuple):
     Attributes
     ----------
     points : (p, 3) array
-        At rest [mm].
+        At rest, about the middle of the paths [mm].
     carriers : (p, c) int array
-        Numbers of points of paths, in the order of paths.
+        Numbers of points of paths, in the order of paths, and after these of bones.
     weights : (p, c) array
         Rows sum to 1.
     """
@@ -70,29 +71,43 @@ class Skinning:
     def __init__(self, paths: MusclePaths, surface: Floats, fixed_to: Ints) -> None:
         self._paths = paths
         rest = paths.rest.points
+        self._widths = paths.widths(rest)
         f, n, _ = rest.shape
         self._rest: Floats = rest.reshape(-1, 3)
-        self._tangents: Floats = directions_along(rest).reshape(-1, 3)
+        self._middle: Floats = self._rest.mean(axis=0)
+        tangents = directions_along(rest).reshape(-1, 3)
         least = LEAST_APART * paths.thickness
-        count = min(BESIDE, f)
-        self._beside = np.empty((f, n, count), dtype=np.int64)
-        self._parts = np.empty((f, n, count))
+        count, reach = min(BESIDE, f), len(WINDOW) // 2
+        beside, parts = np.empty((f, n, count), dtype=np.int64), np.empty((f, n, count))
         for i in range(n):
             apart, found = cKDTree(rest[:, i]).query(rest[:, i], k=range(1, count + 1))
-            self._beside[:, i], self._parts[:, i] = found, falling_weights(apart, least)
-        self._surface = self._weights_of(surface, least)
+            beside[:, i], parts[:, i] = n * found + i, falling_weights(apart, least)
+        begins = np.arange(0, beside.size + 1, count)
+        self._beside = csr_array((parts.reshape(-1), beside.reshape(-1), begins), shape=(f * n, f * n))
+        self._beside.eliminate_zeros()
+        near = np.arange(n)[:, None] + np.arange(-reach, reach + 1)
+        window = np.where((near >= 0) & (near < n), WINDOW, 0.0)
+        self._near: Ints = np.clip(near, 0, n - 1)
+        around = np.concatenate([self._around(rest), np.ones((f, *near.shape, 1))], axis=3)
+        self._window: Floats = window[:, :, None] * around
+        sums, total = self._sums(rest), np.tile(window.sum(axis=1), f)
+        means = sums[:, :, 3] / total[:, None]
+        variance = np.einsum("kii->k", sums[:, :, :3]) - total * (means**2).sum(axis=1)
+        of_bones = FROM_BONES * (variance + total * least**2)
+        self._at_rest = self._rest - self._middle, tangents, means, of_bones
         fixed = np.flatnonzero(fixed_to >= 0)
         apart, nearest = cKDTree(surface[fixed]).query(surface)
-        self._bone: Ints = fixed_to[fixed][nearest]
-        self._with_bone: Floats = np.exp(-0.5 * (2.0 * apart / paths.thickness) ** 2)
+        with_bone = np.exp(-0.5 * (2.0 * apart / paths.thickness) ** 2)[:, None]
+        points, carriers, weights = self._weights_of(surface, least)
+        carriers = np.column_stack([carriers, f * n + fixed_to[fixed][nearest]])
+        weights = np.column_stack([(1.0 - with_bone) * weights, with_bone])
+        self._surface = SkinningWeights(points, carriers, weights)
 
     def _weights_of(self, points: Floats, least: float) -> SkinningWeights:
         f, n, _ = self._paths.rest.points.shape
         tree = cKDTree(self._rest)
         away, near = tree.query(points, k=range(1, min(LOOKED_AT, tree.n) + 1))
         count = min(CARRIERS, f)
-        carriers = np.empty((len(points), 4 * count), dtype=np.int64)
-        weights = np.empty(carriers.shape)
         apart, at = np.empty((len(points), count)), np.empty((len(points), count))
         paths = np.empty((len(points), count), dtype=np.int64)
         _places_beside(points, self._rest.reshape(f, n, 3), near, paths, apart, at)
@@ -111,9 +126,12 @@ class Skinning:
             axis=2,
         )
         nodes = np.clip(low[:, :, None] + np.arange(-1, 3), 0, n - 1) + n * paths[:, :, None]
-        carriers[:] = nodes.reshape(len(points), -1)
-        weights[:] = (parts[:, :, None] * spline).reshape(len(points), -1)
-        return SkinningWeights(np.ascontiguousarray(points), carriers, weights)
+        carriers = nodes.reshape(len(points), -1)
+        weights = (parts[:, :, None] * spline).reshape(len(points), -1)
+        used = weights.any(axis=0)  # the last of the paths has no part
+        return SkinningWeights(
+            points - self._middle, carriers.compress(used, axis=1), weights.compress(used, axis=1)
+        )
 
     def weights_of_fibres(self, points: Floats, offsets: Ints) -> SkinningWeights:
         """Return the weights of points (p, 3) of the fibres that paths were made from, each with its path.
@@ -129,28 +147,32 @@ class Skinning:
             low = np.minimum(at.astype(np.int64), n - 2)
             carriers[begin:end] = fibre * n + low[:, None] + np.arange(2)
             weights[begin:end] = np.column_stack([1.0 - (at - low), at - low])
-        return SkinningWeights(np.ascontiguousarray(points), carriers, weights)
+        return SkinningWeights(points - self._middle, carriers, weights)
 
     def at(self, state: PathState) -> SkinnedMuscle:
         """Return the muscle in a pose of its paths."""
-        paths = self._paths
+        paths, bones = self._paths, state.transforms
         f, n, _ = state.points.shape
-        stretch = (paths.widths(paths.rest.points) / paths.widths(state.points)) ** 2
-        part = np.linspace(0.0, 1.0, n)[None, :, None, None]
-        first, last = (state.transforms[b][:, None, :3, :3] for b in (paths.start_bones, paths.end_bones))
-        turns = np.ascontiguousarray((1.0 - part) * first + part * last)
-        frames = np.empty((f * n, 3, 3))
-        least = (LEAST_APART * paths.thickness) ** 2
-        _frames(
-            paths.rest.points, state.points, self._beside, self._parts, np.array(WINDOW), turns,
-            self._tangents, stretch, least, frames,
-        )  # fmt: skip
-        muscle = SkinnedMuscle(self._rest, state.points.reshape(-1, 3), frames, np.empty((0, 3)))
-        moved, points = muscle.points(self._surface), self._surface.points
-        transforms = state.transforms[self._bone]
-        with_bone = np.einsum("vij,vj->vi", transforms[:, :3, :3], points) + transforms[:, :3, 3]
-        moved += self._with_bone[:, None] * (with_bone - moved)
-        return muscle._replace(surface=moved)
+        stretch = (self._widths / paths.widths(state.points)) ** 2
+        affine = np.empty((f * n + len(bones), 3, 4))
+        affine[: f * n] = self._sums(state.points)
+        affine[f * n :] = bones[:, :3]
+        affine[f * n :, :, 3] += bones[:, :3, :3] @ self._middle
+        ends = bones[paths.start_bones], bones[paths.end_bones]
+        _frames(*self._at_rest, *ends, stretch, state.points, affine, np.empty((11, 4)))
+        muscle = SkinnedMuscle(affine, np.empty((0, 3)))
+        return muscle._replace(surface=muscle.points(self._surface))
+
+    def _around(self, points: Floats) -> Floats:
+        """Return the points near each of paths (f, n, 3), about the middle of all there, (f, n, w, 3)."""
+        around: Floats = points.take(self._near, axis=1) - points.mean(axis=0)[:, None]
+        return around
+
+    def _sums(self, points: Floats) -> Floats:
+        """Return weighted sums over the points q beside each, p at rest, of q p^T and of q, (f n, 3, 4)."""
+        along = self._around(points).swapaxes(2, 3) @ self._window
+        sums: Floats = (self._beside @ along.reshape(-1, 12)).reshape(-1, 3, 4)
+        return sums
 
 
 class SkinnedMuscle(NamedTuple):
@@ -158,23 +180,20 @@ class SkinnedMuscle(NamedTuple):
 
     Attributes
     ----------
-    rest, nodes : (f n, 3) arrays
-        Points of the paths at rest and now [mm].
-    frames : (f n, 3, 3) array
-        How the muscle turns and stretches about each.
+    affine : (f n + b, 3, 4) array
+        How the muscle moves, turns and stretches about each point of paths, and each bone: the matrix F | t
+        of p -> F p + t, about the middle of the paths at rest.
     surface : (v, 3) array
         Points of its surface [mm].
     """
 
-    rest: Floats
-    nodes: Floats
-    frames: Floats
+    affine: Floats
     surface: Floats
 
     def points(self, weights: SkinningWeights) -> Floats:
         """Return the positions of points in the pose, (p, 3) [mm]."""
         moved = np.empty_like(weights.points)
-        _skin(self.rest, self.nodes, self.frames, weights.carriers, weights.weights, weights.points, moved)
+        _skin(self.affine, weights.carriers, weights.weights, weights.points, moved)
         return moved
 
 
@@ -253,99 +272,54 @@ def _place_beside(point: Floats, path: Floats) -> tuple[float, float]:
     return np.sqrt(max(nearest2, 0.0)), place / total
 
 
-@array_kernel
+@kernel
 def _frames(
     rest: Floats,
-    now: Floats,
-    beside: Ints,
-    parts: Floats,
-    window: Floats,
-    turns: Floats,
     tangents: Floats,
+    means: Floats,
+    of_bones: Floats,
+    starts: Floats,
+    ends: Floats,
     stretch: Floats,
-    least: float,
-    frames: Floats,
+    now: Floats,
+    affine: Floats,
+    work: Floats,
 ) -> None:
-    """Write F = R (g I + (l - g) t t^T), g = l^(-1/2), for each point of each path.
+    """Replace sums (f n, 3, 4) by F | t, F = R (g I + (l - g) t t^T), g = l^(-1/2), at each point of paths.
 
     R takes the points beside it from rest to now best, in the least squares sense (Arun, Huang, Blostein
     1987, doi:10.1109/TPAMI.1987.4767965), and a little the bones' turn.
     """
-    f, n, _ = rest.shape
-    r, work, means = np.empty((3, 3)), np.empty((8, 4)), np.empty((2, 3))
+    f, n, _ = now.shape
+    r = work[8:, :3]
     for a in range(f):
         along = stretch[a]
         across = 1.0 / np.sqrt(along)
         for i in range(n):
-            total, variance = _covariance(rest, now, a, i, beside[a, i], parts[a, i], window, means, r)
-            bones = FROM_BONES * (variance + total * least)
+            k, part = a * n + i, i / (n - 1)
+            m, t = affine[k], tangents[k]
             for c in range(3):
                 for d in range(3):
-                    r[c, d] += bones * turns[a, i, c, d]
-            nearest_rotation(r, work)
-            t = tangents[a * n + i]
+                    turn = (1.0 - part) * starts[a, c, d] + part * ends[a, c, d]
+                    r[c, d] = m[c, d] - m[c, 3] * means[k, d] + of_bones[k] * turn
+            nearest_rotation(r, work[:8])
             for c in range(3):
-                turned = r[c, 0] * t[0] + r[c, 1] * t[1] + r[c, 2] * t[2]
+                turned = (along - across) * (r[c, 0] * t[0] + r[c, 1] * t[1] + r[c, 2] * t[2])
+                m[c, 3] = now[a, i, c]
                 for d in range(3):
-                    frames[a * n + i, c, d] = across * r[c, d] + (along - across) * turned * t[d]
+                    m[c, d] = across * r[c, d] + turned * t[d]
+                    m[c, 3] -= m[c, d] * rest[k, d]
 
 
-@kernel
-def _covariance(
-    rest: Floats,
-    now: Floats,
-    a: int,
-    i: int,
-    beside: Ints,
-    parts: Floats,
-    window: Floats,
-    means: Floats,
-    r: Floats,
-) -> tuple[float, float]:
-    """Write the covariance r (3, 3) of now and rest of the points beside point i of path a.
-
-    Return the sum of the points' weights, and that of their weighted squared distances from their mean at
-    rest [mm^2].
-    """
-    r[:], means[:] = 0.0, 0.0
-    total, variance, reach = 0.0, 0.0, len(window) // 2
-    for k in range(len(beside)):
-        for j in range(max(i - reach, 0), min(i + reach + 1, rest.shape[1])):
-            w = parts[k] * window[j - i + reach]
-            total += w
-            for c in range(3):
-                p, q = rest[beside[k], j, c] - rest[a, i, c], now[beside[k], j, c] - now[a, i, c]
-                means[0, c], means[1, c] = means[0, c] + w * p, means[1, c] + w * q
-                variance += w * p * p
-                for d in range(3):
-                    r[c, d] += w * q * (rest[beside[k], j, d] - rest[a, i, d])
-    for c in range(3):
-        variance -= means[0, c] * means[0, c] / total
-        for d in range(3):
-            r[c, d] -= means[1, c] * means[0, d] / total
-    return total, variance
-
-
-@kernel
-def _skin(
-    rest: Floats,
-    nodes: Floats,
-    frames: Floats,
-    carriers: Ints,
-    weights: Floats,
-    points: Floats,
-    moved: Floats,
-) -> None:
+@vector_kernel
+def _skin(affine: Floats, carriers: Ints, weights: Floats, points: Floats, moved: Floats) -> None:
     """Write the weighted means of the places to which its carriers take each point."""
     for v in range(len(points)):
+        a, b, c = points[v, 0], points[v, 1], points[v, 2]
         x, y, z = 0.0, 0.0, 0.0
         for j in range(carriers.shape[1]):
-            k, w = carriers[v, j], weights[v, j]
-            if w == 0.0:
-                continue
-            a, b, c = points[v, 0] - rest[k, 0], points[v, 1] - rest[k, 1], points[v, 2] - rest[k, 2]
-            m = frames[k]
-            x += w * (nodes[k, 0] + m[0, 0] * a + m[0, 1] * b + m[0, 2] * c)
-            y += w * (nodes[k, 1] + m[1, 0] * a + m[1, 1] * b + m[1, 2] * c)
-            z += w * (nodes[k, 2] + m[2, 0] * a + m[2, 1] * b + m[2, 2] * c)
+            m, w = affine[carriers[v, j]], weights[v, j]
+            x += w * (m[0, 0] * a + m[0, 1] * b + m[0, 2] * c + m[0, 3])
+            y += w * (m[1, 0] * a + m[1, 1] * b + m[1, 2] * c + m[1, 3])
+            z += w * (m[2, 0] * a + m[2, 1] * b + m[2, 2] * c + m[2, 3])
         moved[v, 0], moved[v, 1], moved[v, 2] = x, y, z
