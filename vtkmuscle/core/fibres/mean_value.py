@@ -194,12 +194,13 @@ def weights_of_lanes(mesh: CoordinateMesh, queries: Floats, tolerance: float) ->
     sums -= mesh.spread @ missed
     weights, residuals = sums.T, np.linalg.norm(missed, axis=0)
 
-    at_vertex = np.flatnonzero(squares.min(axis=0) <= tolerance**2)
+    vertices, lanes = np.nonzero(squares <= tolerance**2)
+    at_vertex, first = np.unique(lanes, return_index=True)
     on_surface = np.append(on, at_vertex)
     weights[on_surface], residuals[on_surface] = 0.0, 0.0
     weights[on[:, None], corners] = shares
     weights[at_vertex] = 0.0
-    weights[at_vertex, squares[:, at_vertex].argmin(axis=0)] = 1.0
+    weights[at_vertex, vertices[first]] = 1.0
     return weights[: len(queries)], residuals[: len(queries)]
 
 
