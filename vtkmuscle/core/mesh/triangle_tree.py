@@ -137,9 +137,9 @@ def tree_of_deformed(known: TriangleTree | None, points: Floats, triangles: Ints
     so that the boxes stay small. Answers are those of a new tree, but for the choice among equally near
     triangles.
     """
-    key = digest(points, triangles)
+    key = digest(points)
     tree = _deformed.get(key)
-    if tree is None:
+    if tree is None or not np.array_equal(tree.triangles, triangles):
         points = points.copy()  # the caller's may change
         if known is not None and np.array_equal(known.triangles, triangles):
             tree = _filled(points, known.triangles, known.order)
@@ -150,11 +150,12 @@ def tree_of_deformed(known: TriangleTree | None, points: Floats, triangles: Ints
 
 
 def _filled(points: Floats, triangles: Ints, order: Ints) -> TriangleTree:
-    corners = np.ascontiguousarray(points[triangles[order]], dtype=np.float64)
+    # By take: indexing takes four times as long.
+    corners = points.astype(np.float64, copy=False).take(triangles.take(order, axis=0), axis=0)
     n_leaves = 2 ** max(int(np.ceil(np.log2(len(triangles) / PER_LEAF))), 0)
-    discs = np.empty((n_leaves, 8))
-    _fill_discs(corners, discs)
-    return TriangleTree(points, triangles, order, corners, _boxes(corners, n_leaves), discs)
+    boxes, discs = np.empty((2 * n_leaves - 1, 6)), np.empty((n_leaves, 8))
+    _fill(corners, boxes, discs)
+    return TriangleTree(points, triangles, order, corners, boxes, discs)
 
 
 @kernel
@@ -202,23 +203,17 @@ def _part(values: Floats, order: Ints, first: int, middle: int, last: int) -> No
             break
 
 
-def _boxes(corners: Floats, n_leaves: int) -> Floats:
-    starts = np.arange(n_leaves) * len(corners) // n_leaves
-    a, b, c = corners.swapaxes(0, 1)
-    low = np.minimum.reduceat(np.minimum(np.minimum(a, b), c), starts)
-    levels = [np.hstack([low, np.maximum.reduceat(np.maximum(np.maximum(a, b), c), starts)])]
-    while len(levels[0]) > 1:
-        one, other = levels[0][::2], levels[0][1::2]
-        low, high = np.minimum(one[:, :3], other[:, :3]), np.maximum(one[:, 3:], other[:, 3:])
-        levels.insert(0, np.hstack([low, high]))
-    return np.vstack(levels)
-
-
 @kernel
-def _fill_discs(corners: Floats, discs: Floats) -> None:
+def _fill(corners: Floats, boxes: Floats, discs: Floats) -> None:
     n, n_leaves = len(corners), len(discs)
     for leaf in range(n_leaves):
         first, last = leaf * n // n_leaves, (leaf + 1) * n // n_leaves
+        box = boxes[n_leaves - 1 + leaf]
+        for k in range(3):
+            box[k], box[3 + k] = np.inf, -np.inf
+            for i in range(first, last):
+                x, y, z = corners[i, 0, k], corners[i, 1, k], corners[i, 2, k]
+                box[k], box[3 + k] = min(box[k], x, y, z), max(box[3 + k], x, y, z)
         disc = discs[leaf]
         for k in range(8):
             disc[k] = 0.0
@@ -239,3 +234,7 @@ def _fill_discs(corners: Floats, discs: Floats) -> None:
                 disc[6], disc[7] = max(disc[6], aside), max(disc[7], abs(up))
         size = abs(disc[0]) + abs(disc[1]) + abs(disc[2]) + disc[6] + disc[7]
         disc[6], disc[7] = disc[6] + _ROUNDING * size, disc[7] + _ROUNDING * size
+    for node in range(n_leaves - 2, -1, -1):
+        box, one, other = boxes[node], boxes[2 * node + 1], boxes[2 * node + 2]
+        for k in range(3):
+            box[k], box[3 + k] = min(one[k], other[k]), max(one[3 + k], other[3 + k])
