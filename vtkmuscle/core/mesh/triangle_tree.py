@@ -124,7 +124,7 @@ def triangle_tree(points: Floats, triangles: Ints) -> TriangleTree:
 shared_tree = shared(triangle_tree)
 
 
-#: The trees of deformed surfaces that somebody holds, by their content.
+#: The trees of deformed surfaces that somebody holds, by their points.
 _deformed: WeakValueDictionary[bytes, TriangleTree] = WeakValueDictionary()
 
 
@@ -154,7 +154,7 @@ def _filled(points: Floats, triangles: Ints, order: Ints) -> TriangleTree:
     corners = points.astype(np.float64, copy=False).take(triangles.take(order, axis=0), axis=0)
     n_leaves = 2 ** max(int(np.ceil(np.log2(len(triangles) / PER_LEAF))), 0)
     boxes, discs = np.empty((2 * n_leaves - 1, 6)), np.empty((n_leaves, 8))
-    _fill(corners, boxes, discs)
+    _enclose(corners, boxes, discs)
     return TriangleTree(points, triangles, order, corners, boxes, discs)
 
 
@@ -169,28 +169,28 @@ def _share_out(centres: Floats, order: Ints, starts: Ints) -> None:
     while width > 1:
         for leaf in range(0, n_leaves, width):
             first, middle, last = starts[leaf], starts[leaf + width // 2], starts[leaf + width]
-            axis, longest = 0, -1.0
+            axis, longest = np.int64(0), -1.0  # a constant would be compiled apart
             for k in range(3):
                 low, high = np.inf, -np.inf
                 for i in range(first, last):
                     low, high = min(low, centres[order[i], k]), max(high, centres[order[i], k])
                 if high - low > longest:
                     axis, longest = k, high - low
-            _part(centres[:, axis], order, first, middle, last)
+            _part(centres, axis, order, first, middle, last)
         width //= 2
 
 
 @kernel
-def _part(values: Floats, order: Ints, first: int, middle: int, last: int) -> None:
-    """Put the least of order[first:last], by their values, before ``middle`` (Hoare 1961, quickselect)."""
+def _part(centres: Floats, axis: int, order: Ints, first: int, middle: int, last: int) -> None:
+    """Put the least of order[first:last] along an axis before ``middle`` (Hoare 1961, quickselect)."""
     low, high = first, last - 1
     while low < high:
-        pivot = values[order[(low + high) // 2]]
+        pivot = centres[order[(low + high) // 2], axis]
         i, j = low, high
         while i <= j:
-            while values[order[i]] < pivot:
+            while centres[order[i], axis] < pivot:
                 i += 1
-            while values[order[j]] > pivot:
+            while centres[order[j], axis] > pivot:
                 j -= 1
             if i <= j:
                 order[i], order[j] = order[j], order[i]
@@ -204,19 +204,16 @@ def _part(values: Floats, order: Ints, first: int, middle: int, last: int) -> No
 
 
 @kernel
-def _fill(corners: Floats, boxes: Floats, discs: Floats) -> None:
+def _enclose(corners: Floats, boxes: Floats, discs: Floats) -> None:
+    """Write the boxes of a tree, from its leaves to its root, and the discs of its leaves."""
     n, n_leaves = len(corners), len(discs)
     for leaf in range(n_leaves):
         first, last = leaf * n // n_leaves, (leaf + 1) * n // n_leaves
-        box = boxes[n_leaves - 1 + leaf]
-        for k in range(3):
-            box[k], box[3 + k] = np.inf, -np.inf
-            for i in range(first, last):
-                x, y, z = corners[i, 0, k], corners[i, 1, k], corners[i, 2, k]
-                box[k], box[3 + k] = min(box[k], x, y, z), max(box[3 + k], x, y, z)
-        disc = discs[leaf]
+        disc, box = discs[leaf], boxes[n_leaves - 1 + leaf]
         for k in range(8):
             disc[k] = 0.0
+        for k in range(3):
+            box[k], box[3 + k] = np.inf, -np.inf
         for i in range(first, last):
             a, b, c = corners[i, 0], corners[i, 1], corners[i, 2]
             for k in range(3):
@@ -232,9 +229,12 @@ def _fill(corners: Floats, boxes: Floats, discs: Floats) -> None:
                     disc, corners[i, corner, 0], corners[i, corner, 1], corners[i, corner, 2]
                 )
                 disc[6], disc[7] = max(disc[6], aside), max(disc[7], abs(up))
+                for k in range(3):
+                    box[k] = min(box[k], corners[i, corner, k])
+                    box[3 + k] = max(box[3 + k], corners[i, corner, k])
         size = abs(disc[0]) + abs(disc[1]) + abs(disc[2]) + disc[6] + disc[7]
         disc[6], disc[7] = disc[6] + _ROUNDING * size, disc[7] + _ROUNDING * size
     for node in range(n_leaves - 2, -1, -1):
-        box, one, other = boxes[node], boxes[2 * node + 1], boxes[2 * node + 2]
         for k in range(3):
-            box[k], box[3 + k] = min(one[k], other[k]), max(one[3 + k], other[3 + k])
+            boxes[node, k] = min(boxes[2 * node + 1, k], boxes[2 * node + 2, k])
+            boxes[node, 3 + k] = max(boxes[2 * node + 1, 3 + k], boxes[2 * node + 2, 3 + k])
