@@ -191,22 +191,22 @@ def _reproduce_points(weights: csr_array, means: Floats, sizes: Ints, queries: F
     With c_j vertices in group j, minimise sum_j d_j^2 / c_j such that the weights w + d do so.
     """
     row = np.repeat(np.arange(len(queries)), np.diff(weights.indptr))
-    terms = np.vstack([np.ones(len(row)), (means[weights.indices] - queries[row]).T])
-    counts, starts = sizes[weights.indices], weights.indptr[:-1]
+    terms = np.ones((4, len(row)))
+    terms[1:] = means.T.take(weights.indices, axis=1) - queries.T.take(row, axis=1)
+    counts, starts = sizes.take(weights.indices), weights.indptr[:-1]
 
     def summed(values: Floats) -> Floats:
         return np.add.reduceat(values, starts, axis=-1).T
 
     # Term by term: an array of all products at once would not stay in the processor's cache.
-    matrices = np.array([[summed(counts * one * other) for one in terms] for other in terms]).transpose(
-        2, 0, 1
-    )
+    matrices = np.array([[summed(one * other) for one in counts * terms] for other in terms])
+    matrices = matrices.transpose(2, 0, 1)
     scales = np.sqrt(np.maximum(np.diagonal(matrices, axis1=1, axis2=2), np.finfo(float).tiny))
     matrices = matrices / (scales[:, :, None] * scales[:, None]) + _RIDGE * np.eye(4)
     wanted = np.array([1.0, 0.0, 0.0, 0.0])
     missing = (wanted - summed(weights.data * terms)) / scales
     multipliers = np.linalg.solve(matrices, missing[..., None])[..., 0] / scales
-    change = counts * sum(term * some[row] for term, some in zip(terms, multipliers.T, strict=True))
+    change = counts * sum(term * some.take(row) for term, some in zip(terms, multipliers.T, strict=True))
     most = LARGEST_CHANGE * summed(np.abs(weights.data))
     weights.data += change
     products = weights.data * terms
