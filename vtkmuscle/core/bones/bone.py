@@ -107,10 +107,8 @@ class Bone:
 
     def depth(self, points: Floats) -> Floats:
         """Return the depth (n,) [mm] of points (n, 3), at rest, in the exact surface, 0 outside."""
-        depth, boxed = np.zeros(len(points)), np.ones(len(points), dtype=np.bool_)
-        for along, low, high in zip(points.T, *self.box, strict=True):  # columns are long, rows are not
-            boxed &= (along >= low) & (along <= high)
-        near = np.flatnonzero(boxed)
+        depth = np.zeros(len(points))
+        near = np.flatnonzero(((points >= self.box[0]) & (points <= self.box[1])).all(axis=1))
         if len(near) > NODES**3:  # measuring fewer is faster than filling a block of the overview
             outside = np.zeros(len(near), dtype=np.bool_)
             while True:
