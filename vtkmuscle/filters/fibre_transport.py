@@ -63,7 +63,7 @@ class _Rest:
         """The triangles of the muscle at rest."""
         return shared_tree(self.points, self.triangles)
 
-    @property
+    @cached_property
     def n_outside(self) -> int:
         """Number of fibre points outside of the muscle at rest."""
         return int((self.gap > _ON_SURFACE * np.linalg.norm(np.ptp(self.points, axis=0))).sum())

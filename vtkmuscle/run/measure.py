@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -20,7 +19,7 @@ from vtkmuscle.core.mesh.surface import (
     triangle_stretches,
     unique_edges,
 )
-from vtkmuscle.core.mesh.triangle_tree import TriangleTree, shared_tree, tree_of_deformed
+from vtkmuscle.core.mesh.triangle_tree import TriangleTree, tree_of_deformed
 from vtkmuscle.core.motion.rigid import apply_transform
 from vtkmuscle.core.types import Floats, Ints
 from vtkmuscle.data.arrays import checked_surface, point_array, points_of, triangles_of
@@ -67,10 +66,6 @@ class MuscleMeasure:
         self._fibre_rest_depths: Floats | None = None
         self._bent: TriangleTree | None = None
 
-    @cached_property
-    def _rest_tree(self) -> TriangleTree:
-        return shared_tree(self._rest, self._triangles)
-
     @property
     def size(self) -> float:
         """Diagonal of the muscle's box at rest [mm]."""
@@ -92,7 +87,7 @@ class MuscleMeasure:
         """Return the numbers of a frame, see :data:`~vtkmuscle.run.report_values.DEFINITIONS`.
 
         ``points`` (n, 3) are those of the deformed muscle, ``transforms`` those of the bones since rest. The
-        report of the deformer has the numbers of edges.
+        report of the deformer has the volume and the numbers of edges.
         """
         now = {bone: transforms.get(bone, np.eye(4)) for bone in self._bones}
         least, greatest, areas = triangle_stretches(self._sides, side_products(points, self._triangles))
@@ -100,7 +95,6 @@ class MuscleMeasure:
         angles, _ = dihedral_angles(points, self._quads)
         folded = self._unfolded & (np.abs(angles) > np.radians(FOLDED))
         return {
-            "volume_ratio": signed_volume(points, self._triangles) / self._volume,
             "misshapen_area": float(areas[misshapen].sum() / areas.sum()),
             "folded_edges": int(folded.sum()),
             **self._penetration(points, now),
@@ -139,7 +133,7 @@ class MuscleMeasure:
         ``fibre_points`` (p, 3) belong to the fibres at rest, ``points`` (n, 3) to the muscle, and ``depths``
         (p,) are those of the fibres' points.
         """
-        self._bent = tree_of_deformed(self._rest_tree, points, self._triangles)
+        self._bent = tree_of_deformed(self._bent, points, self._triangles)
         outside = fibre_points[~points_inside(fibre_points, self._bent)]
         farthest = float(self._bent.nearest(outside)[2].max(initial=0.0))
         grown = None

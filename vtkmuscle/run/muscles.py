@@ -178,13 +178,10 @@ class MuscleRun:
             return
         if number not in self.run.numbers:
             return
-        transforms, fibres, of_fibres = self.scene.motion.at(now), None, 0.0
-        if pipeline.transport is not None and pipeline.metrics is not None:
-            with self._timed("transport", pipeline.transport) as carried:
-                pipeline.transport.update(time=now)
-            with self._timed("metrics", pipeline.metrics) as measured:
+        transforms, fibres = self.scene.motion.at(now), None
+        if pipeline.metrics is not None:
+            with self._timed("carrying fibres", pipeline.metrics) as carried:
                 fibres = shallow_copy(pipeline.metrics.update(time=now).output)
-            of_fibres = carried() + measured()
         with self._timed("measuring"):
             row = {"frame": number, "time": now, **read_shape(deformed, self.scene.millimetres)}
             row |= measure.frame(points, transforms)
@@ -192,7 +189,7 @@ class MuscleRun:
                 depths = _add_penetration(fibres, measure, transforms)
                 lines = polylines_of(fibres, "fibres")
                 row |= measure.fibres(lines.points, lines.offsets, points, depths)
-                row["ms_fibres"] = 1000.0 * of_fibres
+                row["ms_fibres"] = 1000.0 * carried()
         if self.scene.muscle_contact != "off":
             with self._timed("measuring overlap"):
                 others = (other.update(time=now).output for other in self._deformers().values())

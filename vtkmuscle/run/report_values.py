@@ -96,10 +96,8 @@ def _without_tendon(
     surface = geometry.points, geometry.triangles
     volume = abs(signed_volume(*surface))
     profile = area_profile(*surface, geometry.samples(SAMPLES), lines.points, lines.offsets)
-    found, *ends = (
-        fascicles(profile, volume, lines.points, lines.offsets, share=share)
-        for share in (TENDON_AREA, *TENDON_AREAS)
-    )
+    shares = TENDON_AREA, *TENDON_AREAS
+    found, *ends = fascicles(profile, volume, lines.points, lines.offsets, shares=shares)
     whole = polyline_lengths(lines.points, lines.offsets)
     source, lengths, means = "estimate", found.lengths, [one.lengths.mean() for one in ends]
     if aponeuroses is not None:

@@ -46,7 +46,7 @@ def test_tendons_are_told_from_the_belly(rng, shape):
     low, high = profile.muscle_between(TENDON_AREA)
     assert high - low == pytest.approx(80.0, abs=5.0)
     assert profile.areas.max() == pytest.approx(np.pi * BELLY**2, rel=0.1)
-    found = fascicles(profile, volumes.sum(), points, offsets, share=TENDON_AREA)
+    (found,) = fascicles(profile, volumes.sum(), points, offsets, shares=[TENDON_AREA])
     assert found.volume == pytest.approx(volumes[1], rel=0.02)
     assert found.lengths.mean() == pytest.approx(80.0, abs=5.0)
 
@@ -65,7 +65,7 @@ def test_blocks_have_the_fascicles_angles_and_areas_that_are_known(kind):
     lines = polylines_of(decompose(muscle, areas, template=kind, n_fibres=50).update().output, kind)
     geometry, fibres = muscle_geometry(muscle, kind), (lines.points, lines.offsets)
     profile = area_profile(geometry.points, geometry.triangles, geometry.samples(4096), *fibres)
-    found = fascicles(profile, known["volume"], *fibres, share=TENDON_AREA)
+    (found,) = fascicles(profile, known["volume"], *fibres, shares=[TENDON_AREA])
     angle = 0.0 if kind == "parallel" else known["pennation"]
     assert found.lengths.mean() == pytest.approx(known["fibre_length"], rel=0.01)
     for angles in (found.origin_angles, found.insertion_angles):

@@ -127,22 +127,24 @@ def test_groups_are_compact_and_their_means_those_of_their_vertices(mesh):
     points = mesh[0]
     groups = vertex_groups(points)
     values = np.random.default_rng(0).normal(size=points.shape)
-    means = iter(groups.with_means(values))
+    means = groups.means @ values
     scattered = np.linalg.norm(np.ptp(points, axis=0)) / 2
-    for level in groups.levels:
-        for start, size, radius in zip(level.starts, level.sizes, level.radii, strict=True):
-            ids = groups.order[start : start + size]
-            assert_allclose(next(means), values[ids].mean(axis=0), atol=1e-12)
-            apart = np.linalg.norm(points[ids] - points[ids].mean(axis=0), axis=1).max()
-            assert radius == pytest.approx(apart, abs=1e-9)
-        if 16 < level.sizes.max() <= 64:
-            assert np.median(level.radii) < 0.35 * scattered
+    starts, sizes, radii, following = groups.groups
+    for number, (start, size) in enumerate(zip(starts, sizes, strict=True)):
+        ids = groups.order[start : start + size]
+        assert_allclose(means[number], values[ids].mean(axis=0), atol=1e-12)
+        apart = np.linalg.norm(points[ids] - points[ids].mean(axis=0), axis=1).max()
+        assert radii[number] == pytest.approx(apart, abs=1e-9)
+        parts = slice(number + 1, following[number])
+        assert (starts[parts] + sizes[parts] <= start + size).all()
+        assert sizes[parts][starts[parts] == start].max(initial=0) < size
+    assert np.median(radii[(sizes > 16) & (sizes <= 64)]) < 0.35 * scattered
     assert sorted(groups.order) == list(range(len(points)))
-    assert (level.sizes == 1).all()
+    assert_array_equal(starts[sizes == 1], np.arange(len(points)))
 
 
 @pytest.mark.parametrize("points", [np.zeros((1, 3)), np.zeros((5, 3)), np.eye(3)[:2]])
 def test_few_or_equal_points_have_groups(points):
     groups = vertex_groups(points)
     assert sorted(groups.order) == list(range(len(points)))
-    assert (groups.levels[-1].sizes == 1).all()
+    assert (groups.groups.sizes == 1).sum() == len(points)

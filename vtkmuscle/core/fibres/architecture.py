@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -115,13 +116,14 @@ def along(curve: Floats, places: Floats) -> tuple[Floats, Floats]:
     The ends of the curve (c, 3) go on straight; arcs are negative before its first point.
     """
     begins, lengths, ahead = _segments(curve)
-    nearest = np.full(len(places), np.inf)
+    columns, nearest = np.ascontiguousarray(places.T), np.full(len(places), np.inf)
     arcs, segment = np.zeros(len(places)), np.zeros(len(places), dtype=np.int64)
     for i, (start, way, length) in enumerate(zip(curve[:-1], ahead, lengths, strict=True)):
         low = -np.inf if i == 0 else 0.0
         high = np.inf if i == len(lengths) - 1 else length
-        t = np.clip((places - start) @ way, low, high)
-        square = ((places - start - t[:, None] * way) ** 2).sum(axis=1)
+        apart = columns - start[:, None]
+        t = np.clip(way @ apart, low, high)
+        square = ((apart - way[:, None] * t) ** 2).sum(axis=0)
         better = square < nearest
         nearest[better], arcs[better], segment[better] = square[better], begins[i] + t[better], i
     return arcs, ahead[segment]
@@ -142,29 +144,28 @@ def _segments(curve: Floats) -> tuple[Floats, Floats, Floats]:
 
 
 def fascicles(
-    profile: AreaProfile, volume: float, points: Floats, offsets: Ints, *, share: float
-) -> Fascicles:
+    profile: AreaProfile, volume: float, points: Floats, offsets: Ints, *, shares: Sequence[float]
+) -> list[Fascicles]:
     """Return the parts of fibres (n, 3), (k + 1,) between which a muscle of a volume [mm^3] is thick enough.
 
-    Where it has less than a share of its largest area it is tendon.
+    For each of some shares: where it has less than that part of its largest area it is tendon.
     """
-    low, high = profile.muscle_between(share)
-    dense = evenly_spaced(points, offsets, POINTS)
+    dense, whole = evenly_spaced(points, offsets, POINTS), polyline_lengths(points, offsets)
     arcs, directions = (
         found.reshape(len(dense), POINTS, -1) for found in along(profile.curve, dense.reshape(-1, 3))
     )
-    within = (arcs[..., 0] >= low) & (arcs[..., 0] <= high)
-    whole = polyline_lengths(points, offsets)
-    # A piece of a fibre counts where its middle is in the muscle: by half where one end is.
-    pieces = (within[:, 1:].astype(np.float64) + within[:, :-1]) / 2.0
-    lengths = whole * pieces.mean(axis=1)
-    angles = np.zeros((2, len(dense)))
-    for i, inside in enumerate(within):
-        places = np.flatnonzero(inside)
-        if len(places) < 2:
-            continue
-        reach = max(1, round(END * len(places)))
-        for side, (a, b) in enumerate(((places[0], places[0] + reach), (places[-1] - reach, places[-1]))):
-            way, axis = dense[i, b] - dense[i, a], directions[i, (a + b) // 2]
-            angles[side, i] = np.degrees(np.arctan2(np.linalg.norm(np.cross(way, axis)), abs(way @ axis)))
-    return Fascicles(lengths, angles[0], angles[1], volume * profile.volume_share(low, high))
+    parts, row = [], np.arange(len(dense))
+    for low, high in map(profile.muscle_between, shares):
+        within = (arcs[..., 0] >= low) & (arcs[..., 0] <= high)
+        # A piece of a fibre counts where its middle is in the muscle: by half where one end is.
+        pieces = (within[:, 1:].astype(np.float64) + within[:, :-1]) / 2.0
+        counts, first = within.sum(axis=1), within.argmax(axis=1)
+        last = POINTS - 1 - within[:, ::-1].argmax(axis=1)
+        reach = np.where(counts > 1, np.maximum(1, np.round(END * counts)), 0).astype(np.int64)
+        a, b = np.array([first, last - reach]), np.array([first + reach, last])
+        ways, axes = dense[row, b] - dense[row, a], directions[row, (a + b) // 2]
+        across = np.linalg.norm(np.cross(ways, axes), axis=2)
+        origin, insertion = np.degrees(np.arctan2(across, np.abs((ways * axes).sum(axis=2))))
+        share = profile.volume_share(low, high)
+        parts.append(Fascicles(whole * pieces.mean(axis=1), origin, insertion, volume * share))
+    return parts

@@ -71,10 +71,12 @@ def halved(areas: Sequence[Floats], count: int) -> list[Ints]:
         axes = np.linalg.eigh(spreads[0] + spreads[-1])[1][..., -1]
         along = (centred[0] * axes[parts[0]]).sum(axis=1)
         axes *= np.where(np.bincount(parts[0], weights[0] * along, len(shares)) < 0.0, -1.0, 1.0)[:, None]
-        forth = _normal_map(spreads[0], spreads[-1])
+        ways = [axes]
+        if len(areas) > 1:
+            forth = _normal_map(*spreads)
+            ways = [(_power(forth, half) @ axes[..., None])[..., 0] for half in (0.5, -0.5)]
         lower, pieces = shares // 2, 1 + (shares > 1)
-        for number, part in enumerate(parts):
-            axis = (_power(forth, 0.5 - number) @ axes[..., None])[..., 0]
+        for number, (part, axis) in enumerate(zip(parts, ways, strict=True)):
             along = np.einsum("ij,ij->i", centred[number], axis[part])
             sizes = np.bincount(part, minlength=len(shares))
             order = np.argsort(along + 2.0 * np.ptp(along) * part, kind="stable")

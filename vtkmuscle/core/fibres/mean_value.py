@@ -189,17 +189,18 @@ def weights_of_lanes(mesh: CoordinateMesh, queries: Floats, tolerance: float) ->
         _see_far(mesh, squares.reshape(-1), inverses.reshape(-1), buffer, sums.reshape(-1), close)
         near = np.flatnonzero(close)
         corners, shares, on = _see_near(mesh, points, tolerance, near // LANES, near % LANES, sums)
-        sums /= sums.sum(axis=0)
+        sums /= np.einsum("nk->k", sums)  # a quarter of the time of sum()
     missed = mesh.vertices.T @ sums - points.T
     sums -= mesh.spread @ missed
     weights, residuals = sums.T, np.linalg.norm(missed, axis=0)
 
-    at_vertex = np.flatnonzero(squares.min(axis=0) <= tolerance**2)
+    vertices, lanes = np.divmod(np.flatnonzero(squares <= tolerance**2), LANES)
+    at_vertex, first = np.unique(lanes, return_index=True)
     on_surface = np.append(on, at_vertex)
     weights[on_surface], residuals[on_surface] = 0.0, 0.0
     weights[on[:, None], corners] = shares
     weights[at_vertex] = 0.0
-    weights[at_vertex, squares[:, at_vertex].argmin(axis=0)] = 1.0
+    weights[at_vertex, vertices[first]] = 1.0
     return weights[: len(queries)], residuals[: len(queries)]
 
 
@@ -282,39 +283,40 @@ def _see_near(
     Returns for the points on a triangle or an edge the vertices (s, 3), the barycentric coordinates (s, 3),
     and the lanes (s,).
     """
-    constants, corners = mesh.constants[triangle], mesh.triangles[triangle]
-    normals, areas = constants[:, :3], constants[:, 9]
-    at = mesh.vertices[corners]
-    e, sides = at - points[lane_of, None], at[:, [2, 0, 1]] - at[:, [1, 2, 0]]
+    # Arrays (..., p) of all pairs, vectors (3, ..., p): each operation runs along them.
+    corners, constants = mesh.triangles[triangle].T, mesh.constants[triangle].T
+    normals, areas = constants[:3], constants[9]
+    at = np.ascontiguousarray(mesh.vertices.take(corners, axis=0).transpose(2, 0, 1))
+    e, sides = at - points[lane_of].T[:, None], at[:, [2, 0, 1]] - at[:, [1, 2, 0]]
     ones, twos = e[:, [1, 2, 0]], e[:, [2, 0, 1]]
     # a x (b - a) rather than a x b: the error is that of a small vector.
-    crosses = np.cross(ones, sides)
+    crosses = np.cross(ones, sides, axis=0)
     cross, length2 = np.sqrt(_dot(crosses, crosses)), _dot(sides, sides)
     dots, b, h = _dot(ones, twos), _dot(normals[:, None], crosses), _dot(normals, e[:, 0])
     g = np.where(cross > 0.0, 0.5 * np.arctan2(cross, dots) / cross, 0.5 / dots)
     s, terms = _dot(g, b), _dot(g, abs(b))
     lost = abs(s) <= CANCELLED * terms
-    s[lost] = -0.5 * _flat_excess(h[lost, None], b[lost], g[lost], sides[lost], ones[lost], twos[lost])
-    along = _dot(np.einsum("pi,pia->pa", g, sides)[:, None], sides)
-    added = b * (s / (h * areas))[:, None] + (h / areas)[:, None] * along
+    s[lost] = -0.5 * _flat_excess(h[lost], *(some[..., lost] for some in (b, g, sides, ones, twos)))
+    along = _dot((g * sides).sum(axis=1)[:, None], sides)
+    added = b * (s / (h * areas)) + (h / areas) * along
     on_edge = (dots < 0.0) & (cross**2 <= tolerance**2 * length2)
-    on = on_edge.any(axis=1) | ((abs(h) <= tolerance) & (b > 0.0).all(axis=1))
+    on = on_edge.any(axis=0) | ((abs(h) <= tolerance) & (b > 0.0).all(axis=0))
     counts = ~on & (h != 0.0)
-    np.add.at(sums, (corners[counts], lane_of[counts, None]), added[counts])
+    np.add.at(sums.reshape(-1), corners[:, counts] * LANES + lane_of[counts], added[:, counts])
 
-    shares, edge = b[on] / b[on].sum(axis=1, keepdims=True), np.flatnonzero(on_edge[on].any(axis=1))
-    opposite = on_edge[on][edge].argmax(axis=1)
+    shares, edge = (b[:, on] / b[:, on].sum(axis=0)).T, np.flatnonzero(on_edge[:, on].any(axis=0))
+    opposite = on_edge[:, on][:, edge].argmax(axis=0)
     one, two = (opposite + 1) % 3, (opposite + 2) % 3
-    chosen = np.flatnonzero(on)[edge], opposite
-    share = -_dot(ones[chosen], sides[chosen]) / length2[chosen]
+    which = np.flatnonzero(on)[edge]
+    share = -_dot(ones[:, opposite, which], sides[:, opposite, which]) / length2[opposite, which]
     shares[edge] = 0.0
     shares[edge, one], shares[edge, two] = 1.0 - share, share
-    return corners[on], shares, lane_of[on]
+    return corners[:, on].T, shares, lane_of[on]
 
 
 def _dot(a: Floats, b: Floats) -> Floats:
-    """Return products of vectors (..., 3)."""
-    products: Floats = np.einsum("...a,...a->...", a, b)
+    """Return products of vectors (3, ...)."""
+    products: Floats = a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
     return products
 
 
@@ -339,5 +341,5 @@ def _flat_excess(h: Floats, b: Floats, g: Floats, sides: Floats, ea: Floats, eb:
     bracket = np.arctan2(x * length, y + sa * sb) / x + sb / (y + sb * sb) - sa / (y + sa * sa)
     series = 0.5 * h * h * delta / y * bracket
     plain = np.arctan2(delta * length, delta * delta + sa * sb) - 2.0 * g * b
-    excess: Floats = np.where(h * h < FLAT * delta * delta, series, plain).sum(axis=1)
+    excess: Floats = np.where(h * h < FLAT * delta * delta, series, plain).sum(axis=0)
     return excess

@@ -86,7 +86,8 @@ def _section_area(points: Floats, triangles: Ints, place: Floats, normal: Floats
     about = points - place
     heights = about @ normal
     below = heights < 0.0
-    met = triangles[below[triangles].any(axis=1) & ~below[triangles].all(axis=1)]
+    a, b, c = below.take(triangles.T)
+    met = triangles[(a != b) | (b != c)]
     ends = []
     for upward in (False, True):  # the edge on which the triangle's boundary goes up: so all loops run alike
         leaves = (below[met] == upward) & (below[np.roll(met, -1, axis=1)] != upward)

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from scipy.sparse import csr_array, vstack
+from numpy.typing import NDArray
+from scipy.sparse import csc_array, csr_array, vstack
 
 from vtkmuscle.core.fibres.equal_shares import halved
 from vtkmuscle.core.fibres.mean_value import coordinate_mesh, weights_of
@@ -25,34 +26,33 @@ AT_ONCE = 128
 #: Halvings from a group to its groups on the next level.
 HALVINGS = 2
 
+#: Indices of a sparse matrix.
+Small = NDArray[np.int32]
+
 
 class Groups(NamedTuple):
-    """Groups (g,) of vertices of about equal size, in the order of :attr:`VertexGroups.order`.
+    """Groups (g,) of consecutive vertices, each followed by the groups that it is divided into.
 
     These are the first vertex of each and its number of vertices, the greatest distance of these from their
-    mean [mm], and the number of groups of the next level that it is made of.
+    mean [mm], and the number of the next group that is not part of it.
     """
 
     starts: Ints
     sizes: Ints
     radii: Floats
-    made_of: Ints
+    following: Ints
 
 
-@dataclass(frozen=True, eq=False)
-class VertexGroups:
-    """Vertices of a mesh in groups, level by level: all in one, that in four, and so on to single vertices.
+class VertexGroups(NamedTuple):
+    """Vertices of a mesh in groups: all in one, that in four, and so on to single vertices.
 
-    In `order` (n,) the vertices of each group are next to each other.
+    In `order` (n,) the vertices of each group are consecutive; the matrix `means` (g, n) takes values of the
+    vertices, not in that order, to their means over the groups.
     """
 
     order: Ints
-    levels: list[Groups]
-
-    def with_means(self, values: Floats) -> Floats:
-        """Return the means of values of the vertices (n, k) over all groups, level after level."""
-        ordered = values[self.order]
-        return np.vstack([np.add.reduceat(ordered, g.starts) / g.sizes[:, None] for g in self.levels])
+    groups: Groups
+    means: csc_array
 
 
 def vertex_groups(points: Floats) -> VertexGroups:
@@ -62,14 +62,16 @@ def vertex_groups(points: Floats) -> VertexGroups:
     part = halved([points], 2 ** (depth - HALVINGS))[0] << HALVINGS if depth else np.zeros(n, dtype=np.int64)
     order = np.argsort(part, kind="stable")
     ancestors = (part[order] >> depth - level for level in range(0, depth, HALVINGS))
-    levels, bounds = [], [*(np.unique(each, return_index=True)[1] for each in ancestors), np.arange(n)]
-    for starts, finer in zip(bounds, [*bounds[1:], bounds[-1]], strict=True):
-        sizes = np.diff(np.append(starts, n))
-        means = np.add.reduceat(points[order], starts) / sizes[:, None]
-        apart = np.linalg.norm(points[order] - np.repeat(means, sizes, axis=0), axis=1)
-        made_of = np.diff(np.append(np.searchsorted(finer, starts), len(finer)))
-        levels.append(Groups(starts, sizes, np.maximum.reduceat(apart, starts), made_of))
-    return VertexGroups(order, levels)
+    bounds = [*(np.unique(each, return_index=True)[1] for each in ancestors), np.arange(n)]
+    extents = [first * (n + 1) + n - np.diff(np.append(first, n)) for first in bounds]
+    starts, rest = np.divmod(np.unique(np.concatenate(extents)), n + 1)  # the largest first, each once
+    sizes = n - rest
+    ends = np.concatenate([[0], np.cumsum(sizes)])
+    members = order[np.arange(ends[-1]) - np.repeat(ends[:-1] - starts, sizes)]
+    means = csc_array(csr_array((np.repeat(1.0 / sizes, sizes), members, ends)))
+    apart = np.linalg.norm(points[members] - np.repeat(means @ points, sizes, axis=0), axis=1)
+    radii = np.maximum.reduceat(apart, ends[:-1])
+    return VertexGroups(order, Groups(starts, sizes, radii, np.searchsorted(starts, starts + sizes)), means)
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,9 +83,9 @@ class SparseWeights:
     each axis, with d the diagonal of the mesh [mm]: about one radian.
     """
 
-    matrix: csr_array
+    matrix: csc_array  # by columns, a product with three of them takes half the time of one by rows
     error: float
-    groups: VertexGroups
+    means: csc_array
 
 
 def sparse_mean_value_coordinates(
@@ -112,74 +114,75 @@ def sparse_mean_value_coordinates(
     report : callable, optional
         Called with the part of the points that is done.
     """
-    groups = vertex_groups(points)
+    order, groups, means_of = vertex_groups(points)
     # Vertices in the order of the groups: a group's weights are next to each other.
-    mesh = coordinate_mesh(points[groups.order], np.argsort(groups.order)[triangles])
+    mesh = coordinate_mesh(points[order], np.argsort(order)[triangles])
     centred = points - mesh.centre
     bent = centred**2 / (2.0 * mesh.diagonal)
-    means, means_of_bent = groups.with_means(centred), groups.with_means(bent)
-    sizes = np.concatenate([level.sizes for level in groups.levels])
-    threshold = 2.0 * prune * groups.levels[0].radii.max() / len(points)
+    means, means_of_bent = means_of @ centred, means_of @ bent
+    threshold = 2.0 * prune * groups.radii[0] / len(points)
 
-    ordered_bent = bent[groups.order]
-    parts, error = [csr_array((0, len(sizes)))], 0.0
+    ordered_bent = np.ascontiguousarray(bent[order].T)
+    parts, error = [csr_array((0, len(means)))], 0.0
     for first in range(0, len(queries), AT_ONCE):
         some = queries[first : first + AT_ONCE]
         weights = weights_of(mesh, some, threads, first=first)
-        grouped = _grouped(weights, groups, threshold)
-        corrected = _reproduce_points(grouped, means, sizes, some - mesh.centre)
+        grouped = _grouped(weights, groups, np.full(len(some), threshold))
+        corrected = _reproduce_points(grouped, means, groups.sizes, some - mesh.centre)
         if not corrected.all():
-            whole = _grouped(weights, groups, -np.inf)
-            rows = [(grouped if good else whole)[[i]] for i, good in enumerate(corrected)]
-            grouped = csr_array(vstack(rows))
-        missed = grouped @ means_of_bent - np.einsum("qn,nk->qk", weights, ordered_bent)
+            grouped = _grouped(weights, groups, np.where(corrected, threshold, -np.inf))
+            _reproduce_points(grouped, means, groups.sizes, some - mesh.centre)
+        missed = grouped @ means_of_bent - np.einsum("qn,kn->qk", weights, ordered_bent)
         error = max(error, float(np.linalg.norm(missed, axis=1).max()))
         parts.append(grouped)
         report(min(1.0, (first + AT_ONCE) / len(queries)))
-    return SparseWeights(csr_array(vstack(parts, format="csr")), error, groups)
+    return SparseWeights(csc_array(vstack(parts)), error, means_of)
 
 
 def sparse_transport(weights: SparseWeights, points: Floats) -> Floats:
     """Return the new positions (q, 3) of points, from those of the mesh's vertices (n, 3) [mm]."""
     centre = points.mean(axis=0)
-    moved: Floats = weights.matrix @ weights.groups.with_means(points - centre) + centre
+    moved: Floats = weights.matrix @ (weights.means @ (points - centre)) + centre
     return moved
 
 
-def _grouped(weights: Floats, groups: VertexGroups, threshold: float) -> csr_array:
+def _grouped(weights: Floats, groups: Groups, thresholds: Floats) -> csr_array:
     """Return weights (q, n) of ordered vertices by the largest groups in which they differ little."""
-    parts, first, divided = [], 0, np.ones((len(weights), 1), dtype=np.bool_)
-    for level, group in enumerate(groups.levels):
-        totals, taken = np.zeros(divided.shape), divided.copy()
-        most = threshold if level < len(groups.levels) - 1 else np.inf
-        _take(weights, np.append(group.starts, weights.shape[1]), group.radii, most, totals, taken)
-        row, column = np.nonzero(taken & (totals != 0.0))
-        parts.append((totals[row, column], row, first + column))
-        first += len(group.starts)
-        divided = np.repeat(divided & ~taken, group.made_of, axis=1)
-    values, row, column = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
-    return csr_array((values, (row, column)), shape=(len(weights), first))
+    values, columns = np.empty(weights.size), np.empty(weights.size, dtype=np.int32)
+    ends = np.zeros(len(weights) + 1, dtype=np.int32)
+    _group(weights, groups, thresholds, values, columns, ends)
+    kept = values[: ends[-1]].copy(), columns[: ends[-1]].copy(), ends
+    return csr_array(kept, shape=(len(weights), len(groups.starts)))
 
 
 @reduction
-def _take(weights: Floats, starts: Ints, radii: Floats, most: float, totals: Floats, taken: Bools) -> None:
-    """Sum the weights of each group, and keep the groups whose weights differ little.
+def _group(
+    weights: Floats, groups: Groups, thresholds: Floats, values: Floats, columns: Small, ends: Small
+) -> None:
+    """Write the sum of the weights of each group that is kept and its number, row after row.
 
-    `taken` (q, g), changed in place, holds the groups to look at, and then those of them whose weights differ
-    by no more than ``most``, times the radius.
+    A group is kept where its weights differ by no more than the threshold of the row (q,), times the radius.
+    Row q ends before ends[q + 1].
     """
+    place = 0
     for q in range(len(weights)):
-        for g in range(len(radii)):
-            if not taken[q, g]:
-                continue
-            group = weights[q, starts[g] : starts[g + 1]]
+        g = 0
+        while g < len(groups.starts):
+            first, size = groups.starts[g], groups.sizes[g]
             total, off = 0.0, 0.0
-            for weight in group:
-                total += weight
-            mean = total / len(group)
-            for weight in group:
-                off += abs(weight - mean)
-            totals[q, g], taken[q, g] = total, radii[g] * off <= most
+            for i in range(first, first + size):
+                total += weights[q, i]
+            mean = total / size
+            for i in range(first, first + size):
+                off += abs(weights[q, i] - mean)
+            if size > 1 and groups.radii[g] * off > thresholds[q]:
+                g += 1
+                continue
+            if total != 0.0:
+                values[place], columns[place] = total, g
+                place += 1
+            g = groups.following[g]
+        ends[q + 1] = place
 
 
 def _reproduce_points(weights: csr_array, means: Floats, sizes: Ints, queries: Floats) -> Bools:
@@ -188,22 +191,22 @@ def _reproduce_points(weights: csr_array, means: Floats, sizes: Ints, queries: F
     With c_j vertices in group j, minimise sum_j d_j^2 / c_j such that the weights w + d do so.
     """
     row = np.repeat(np.arange(len(queries)), np.diff(weights.indptr))
-    terms = np.vstack([np.ones(len(row)), (means[weights.indices] - queries[row]).T])
-    counts, starts = sizes[weights.indices], weights.indptr[:-1]
+    terms = np.ones((4, len(row)))
+    terms[1:] = means.T.take(weights.indices, axis=1) - queries.T.take(row, axis=1)
+    counts, starts = sizes.take(weights.indices), weights.indptr[:-1]
 
     def summed(values: Floats) -> Floats:
         return np.add.reduceat(values, starts, axis=-1).T
 
     # Term by term: an array of all products at once would not stay in the processor's cache.
-    matrices = np.array([[summed(counts * one * other) for one in terms] for other in terms]).transpose(
-        2, 0, 1
-    )
+    matrices = np.array([[summed(one * other) for one in counts * terms] for other in terms])
+    matrices = matrices.transpose(2, 0, 1)
     scales = np.sqrt(np.maximum(np.diagonal(matrices, axis1=1, axis2=2), np.finfo(float).tiny))
     matrices = matrices / (scales[:, :, None] * scales[:, None]) + _RIDGE * np.eye(4)
     wanted = np.array([1.0, 0.0, 0.0, 0.0])
     missing = (wanted - summed(weights.data * terms)) / scales
     multipliers = np.linalg.solve(matrices, missing[..., None])[..., 0] / scales
-    change = counts * sum(term * some[row] for term, some in zip(terms, multipliers.T, strict=True))
+    change = counts * sum(term * some.take(row) for term, some in zip(terms, multipliers.T, strict=True))
     most = LARGEST_CHANGE * summed(np.abs(weights.data))
     weights.data += change
     products = weights.data * terms

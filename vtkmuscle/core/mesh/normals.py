@@ -39,7 +39,8 @@ def smooth_normals(points: Floats, triangles: Ints, faces: Ints, places: Floats)
     corners = triangles[faces]
     member = np.zeros(len(points), dtype=np.bool_)
     member[corners] = True
-    around = triangles[member[triangles].any(axis=1)]
+    a, b, c = member.take(triangles.T)
+    around = triangles[a | b | c]
     vectors = triangle_normals(points, around)
     owner = np.argsort(around.reshape(-1), kind="stable")
     ids = around.reshape(-1)[owner]

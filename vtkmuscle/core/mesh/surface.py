@@ -67,7 +67,7 @@ def edge_lengths(points: Floats, edges: Ints) -> Floats:
 
 def side_products(points: Floats, triangles: Ints) -> Floats:
     """Return the products a . a, a . b and b . b of two sides of each triangle (m, 3), (3, m) [mm^2]."""
-    first, second, third = points.T[:, triangles.T].swapaxes(0, 1)
+    first, second, third = np.ascontiguousarray(points.T).take(triangles.T, axis=1).swapaxes(0, 1)
     a, b = second - first, third - second
     return np.stack([sum(p * q) for p, q in ((a, a), (a, b), (b, b))])
 
