@@ -141,7 +141,7 @@ def _png(pixels: NDArray[np.uint8], dpi: float) -> bytes:
     parts = {
         b"IHDR": struct.pack(">2I5B", width, height, 8, 2, 0, 0, 0),
         b"pHYs": struct.pack(">2IB", per_metre, per_metre, 1),
-        b"IDAT": zlib.compress(rows, 1),
+        b"IDAT": zlib.compress(rows.data, 1),
         b"IEND": b"",
     }
     chunks = (

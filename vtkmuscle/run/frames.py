@@ -5,16 +5,17 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, overload
+from typing import Any, NamedTuple, Self, overload
 
 import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.core.estimate import Estimate
+from vtkmuscle.core.estimate import Estimate, segment_errors
 from vtkmuscle.core.types import Floats
-from vtkmuscle.data.arrays import cell_array, polylines_of
-from vtkmuscle.data.paths import paths_of, wrenches_over_time
+from vtkmuscle.data.arrays import polylines_of
+from vtkmuscle.data.paths import PATH_LENGTH, paths_of, wrenches_over_time
+from vtkmuscle.io.fibre_table import fibre_columns
 from vtkmuscle.io.parts import file_digest
 from vtkmuscle.io.surfaces import read_own_polydata
 
@@ -78,6 +79,30 @@ class Frames(Sequence[vtkPolyData]):
         return [frame for frame in self._frames if isinstance(frame, WrittenFile)]
 
 
+class FibreNumbers(NamedTuple):
+    """What tables and errors need of the fibres in a frame: ``columns``, their measures (k,) by name.
+
+    ``chords`` (k,) is by how much arcs of fibres are longer than their chords, in the scene's unit, and
+    ``path_chords`` arcs of paths; ``wrenches`` are those of paths by bone. Both are None without paths.
+    """
+
+    columns: dict[str, Floats]
+    chords: Floats
+    path_chords: Floats | None = None
+    wrenches: dict[str, Floats] | None = None
+
+    @classmethod
+    def of(cls, fibres: vtkPolyData) -> Self:
+        """Return those of the fibres of a frame."""
+        lines, paths = polylines_of(fibres, "fibres"), paths_of(fibres, "fibres")
+        known = fibre_columns(fibres), segment_errors(lines.points, lines.offsets)
+        if paths is None:
+            return cls(*known)
+        k, n, _ = paths.points.shape
+        of_paths = segment_errors(paths.points.reshape(-1, 3), n * np.arange(k + 1))
+        return cls(*known, of_paths, paths.wrenches)
+
+
 @dataclass(eq=False)
 class MuscleTrack:
     """The finished frames of one muscle.
@@ -109,6 +134,14 @@ class MuscleTrack:
     report: dict[str, Any] = field(default_factory=dict)
     failure: tuple[int, float, Exception] | None = None
     errors: Mapping[str, Estimate] = field(default_factory=dict)
+    _numbers: list[FibreNumbers] = field(default_factory=list)
+
+    @property
+    def numbers(self) -> Sequence[FibreNumbers]:
+        """The numbers of the fibres per frame, which a run has found before the frame went to its file."""
+        if len(self._numbers) != len(self.fibres):
+            self._numbers = [FibreNumbers.of(fibres) for fibres in self.fibres]
+        return self._numbers
 
     def fibre_points(self, position: int) -> Floats:
         """Return the points (k, n, 3) of the fibres in a frame; all fibres have the same number of points."""
@@ -117,12 +150,12 @@ class MuscleTrack:
 
     def wrenches(self) -> dict[str, Floats]:
         """Return the wrenches (f, k, 6) of the paths by bone, see :mod:`vtkmuscle.data.paths`."""
-        frames = (paths_of(fibres, "fibres") for fibres in self.fibres)
-        return wrenches_over_time(paths.wrenches for paths in frames if paths is not None)
+        return wrenches_over_time(one.wrenches for one in self.numbers if one.wrenches is not None)
 
     def add_lengths(self, fibres: vtkPolyData, millimetres: float) -> None:
-        """Add the lengths of the fibres of a frame and of their paths."""
-        self.fibre_lengths.append(np.array(cell_array(fibres, "Length", "fibres")) * millimetres)
-        paths = paths_of(fibres, "fibres")
-        if paths is not None:
-            self.lengths.append(paths.lengths * millimetres)
+        """Add the lengths of the fibres of a frame and of their paths, and their numbers."""
+        numbers = FibreNumbers.of(fibres)
+        self._numbers.append(numbers)
+        self.fibre_lengths.append(numbers.columns["Length"] * millimetres)
+        if PATH_LENGTH in numbers.columns:
+            self.lengths.append(numbers.columns[PATH_LENGTH] * millimetres)
