@@ -27,19 +27,30 @@ TIME = "TimeValue"
 RUN_AGAIN = "run the scene again: what is whole is kept"
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False)
 class WrittenFile:
-    """A .vtp file in the folder of a run, and the digest of its content as the run wrote it."""
+    """A .vtp file in the folder of a run, and the digest of its content as the run wrote it.
+
+    ``known`` is the state of the file of which that is known: what has it needs no other look.
+    """
 
     path: Path
     digest: str
+    known: tuple[int, ...] = ()
+
+    @classmethod
+    def of(cls, path: Path) -> Self:
+        """Return a file that the run has just written."""
+        return cls(path.absolute(), file_digest(path), _state(path))
 
     def check(self) -> None:
         """Raise an InputError where the file is missing or has another content."""
         if not self.path.is_file():
             raise InputError(self.path, "the file is missing", RUN_AGAIN)
-        if file_digest(self.path) != self.digest:
+        now = _state(self.path)
+        if now != self.known and file_digest(self.path) != self.digest:
             raise InputError(self.path, "the file is not what the run has written", RUN_AGAIN)
+        self.known = now
 
     def read(self) -> vtkPolyData:
         """Check the file, and return its data without the stamps of the run."""
@@ -48,6 +59,11 @@ class WrittenFile:
         for name in (*STAMPS, TIME):
             data.GetFieldData().RemoveArray(name)
         return data
+
+
+def _state(path: Path) -> tuple[int, ...]:
+    status = path.stat()
+    return status.st_ino, status.st_size, status.st_mtime_ns
 
 
 class Frames(Sequence[vtkPolyData]):
