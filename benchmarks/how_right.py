@@ -128,7 +128,7 @@ def measured(
         assert paths is not None  # the deformer follows them
         lengths["fibres"].append(polyline_lengths(lines.points, lines.offsets))
         lengths["paths"].append(paths.lengths)
-        found.append(paths)
+        found.append(paths.levers)
     return Measured({of: np.array(rows) for of, rows in lengths.items()}, levers_over_time(found), motion)
 
 

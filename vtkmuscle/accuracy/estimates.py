@@ -14,13 +14,11 @@ from vtkmuscle.core.estimate import (
     convergence_error,
     expanded_of_bounds,
     expanded_of_samples,
-    segment_errors,
 )
 from vtkmuscle.core.mesh.rest_shape import rounded_volume
 from vtkmuscle.core.moment_arms.by_coordinate import JointArms
 from vtkmuscle.core.types import Floats
-from vtkmuscle.data.arrays import points_of, polylines_of, triangles_of
-from vtkmuscle.data.paths import paths_of
+from vtkmuscle.data.arrays import points_of, triangles_of
 from vtkmuscle.run.frames import MuscleTrack
 
 #: Causes whose part takes further solves, and those of them that need nothing but the scene.
@@ -77,14 +75,8 @@ class Cause:
 
 def chord_errors(track: MuscleTrack, millimetres: float) -> tuple[Floats, Floats]:
     """Return by how much arcs are longer than their chords, of fibres and of paths (f, k) each [mm]."""
-    of_fibres, of_paths = [], []
-    for frame in track.fibres:
-        lines, paths = polylines_of(frame, "fibres"), paths_of(frame, "fibres")
-        of_fibres.append(segment_errors(lines.points, lines.offsets))
-        if paths is not None:
-            k, n, _ = paths.points.shape
-            of_paths.append(segment_errors(paths.points.reshape(-1, 3), n * np.arange(k + 1)))
-    return np.array(of_fibres) * millimetres, np.array(of_paths) * millimetres
+    of_paths = [one.path_chords for one in track.numbers if one.path_chords is not None]
+    return np.array([one.chords for one in track.numbers]) * millimetres, np.array(of_paths) * millimetres
 
 
 def length_estimates(name: str, lengths: Floats, causes: Sequence[Cause]) -> dict[str, Estimate]:

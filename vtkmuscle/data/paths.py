@@ -135,10 +135,10 @@ def paths_of(fibres: vtkPolyData, where: str) -> Paths | None:
     return Paths(lengths, points.reshape(len(lengths), -1, 3), levers)
 
 
-def levers_over_time(frames: Sequence[Paths]) -> dict[str, Floats]:
-    """Return levers (f, k) by coordinate, NaN in the frames in which they are not known."""
-    names = dict.fromkeys(name for paths in frames for name in paths.levers)
+def levers_over_time(frames: Sequence[Mapping[str, Floats]]) -> dict[str, Floats]:
+    """Return levers (f, k) by coordinate, NaN in the frames (k,) in which they are not known."""
+    known = {name: one for frame in frames for name, one in frame.items()}
     return {
-        name: np.array([paths.levers.get(name, np.full(len(paths.lengths), np.nan)) for paths in frames])
-        for name in names
+        name: np.array([frame.get(name, np.full_like(one, np.nan)) for frame in frames])
+        for name, one in known.items()
     }

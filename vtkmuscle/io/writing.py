@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from vtkmodules.vtkCommonDataModel import vtkPolyData
+from vtkmodules.vtkCommonDataModel import vtkCellArray, vtkPolyData
 from vtkmodules.vtkIOXML import vtkXMLPolyDataWriter
 
 from vtkmuscle.io.in_child import vtk_messages
@@ -112,19 +112,27 @@ def write_text(path: Path, text: str) -> None:
 def write_polydata(path: Path, data: vtkPolyData) -> None:
     """Write a .vtp file, all or nothing: binary, doubles kept exact.
 
-    It is compressed by LZ4, which is less dense than zlib and takes a tenth of its time or less.
+    Cells name their points by 32-bit numbers and nothing is compressed, which takes as much room as 64-bit
+    numbers that LZ4 compresses, and half its time.
 
     Raises
     ------
     OSError
         If VTK could not write the file (disk full, no permission).
     """
+    narrow = vtkPolyData()
+    narrow.ShallowCopy(data)
+    for kind in ("Verts", "Lines", "Polys", "Strips"):
+        cells = vtkCellArray()
+        cells.DeepCopy(getattr(data, f"Get{kind}")())
+        if cells.ConvertTo32BitStorage():
+            getattr(narrow, f"Set{kind}")(cells)
     writer = vtkXMLPolyDataWriter()
-    writer.SetInputData(data)
+    writer.SetInputData(narrow)
     writer.SetDataModeToAppended()
     writer.EncodeAppendedDataOff()
     writer.SetHeaderTypeToUInt64()
-    writer.SetCompressorTypeToLZ4()
+    writer.SetCompressorTypeToNone()
     with replacing(path) as partial:
         writer.SetFileName(str(partial))
         with vtk_messages():

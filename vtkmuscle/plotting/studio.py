@@ -118,20 +118,22 @@ class Studio:
         self._renderer.ResetCameraClippingRange()
         self._window.Render()
         pixels = vtkUnsignedCharArray()
-        self._window.GetPixelData(0, 0, FINER * width - 1, FINER * height - 1, 0, pixels, 0)
-        fine = vtk_to_numpy(pixels).reshape(FINER * height, FINER * width, 3)
+        self._window.GetRGBACharPixelData(0, 0, FINER * width - 1, FINER * height - 1, 0, pixels, 0)
+        fine = Image.frombuffer("RGBX", (FINER * width, FINER * height), vtk_to_numpy(pixels))
         for actor in shown:
             self._renderer.RemoveActor(actor)
         for actor in actors:
             actor.ReleaseGraphicsResources(self._window)
         self.pictures += 1
         self.triangles += sum(actor.GetMapper().GetInput().GetNumberOfPolys() for actor in shown)
-        image: NDArray[np.uint8] = np.asarray(Image.fromarray(fine).reduce(FINER))[::-1]
+        image: NDArray[np.uint8] = np.asarray(fine.reduce(FINER))[::-1, :, :3]
         return image
 
     def _moved(self, bones: DrawnBones | None, transforms: Mapping[str, Floats]) -> Iterator[vtkActor]:
         for name, bone in {} if bones is None else bones.by_name.items():
-            actor = self._bones.setdefault(bone, bone_actor(bone))
+            if bone not in self._bones:
+                self._bones[bone] = bone_actor(bone)
+            actor = self._bones[bone]
             actor.SetUserMatrix(matrix_of(transforms.get(name)))
             yield actor
 

@@ -5,16 +5,17 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, overload
+from typing import Any, NamedTuple, Self, overload
 
 import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.core.estimate import Estimate
+from vtkmuscle.core.estimate import Estimate, segment_errors
 from vtkmuscle.core.types import Floats
-from vtkmuscle.data.arrays import cell_array, polylines_of
-from vtkmuscle.data.paths import levers_over_time, paths_of
+from vtkmuscle.data.arrays import polylines_of
+from vtkmuscle.data.paths import PATH_LENGTH, levers_over_time, paths_of
+from vtkmuscle.io.fibre_table import fibre_columns
 from vtkmuscle.io.parts import file_digest
 from vtkmuscle.io.surfaces import read_own_polydata
 
@@ -26,19 +27,30 @@ TIME = "TimeValue"
 RUN_AGAIN = "run the scene again: what is whole is kept"
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False)
 class WrittenFile:
-    """A .vtp file in the folder of a run, and the digest of its content as the run wrote it."""
+    """A .vtp file in the folder of a run, and the digest of its content as the run wrote it.
+
+    ``known`` is the state of the file of which that is known: what has it needs no other look.
+    """
 
     path: Path
     digest: str
+    known: tuple[int, ...] = ()
+
+    @classmethod
+    def of(cls, path: Path) -> Self:
+        """Return a file that the run has just written."""
+        return cls(path.absolute(), file_digest(path), _state(path))
 
     def check(self) -> None:
         """Raise an InputError where the file is missing or has another content."""
         if not self.path.is_file():
             raise InputError(self.path, "the file is missing", RUN_AGAIN)
-        if file_digest(self.path) != self.digest:
+        now = _state(self.path)
+        if now != self.known and file_digest(self.path) != self.digest:
             raise InputError(self.path, "the file is not what the run has written", RUN_AGAIN)
+        self.known = now
 
     def read(self) -> vtkPolyData:
         """Check the file, and return its data without the stamps of the run."""
@@ -47,6 +59,11 @@ class WrittenFile:
         for name in (*STAMPS, TIME):
             data.GetFieldData().RemoveArray(name)
         return data
+
+
+def _state(path: Path) -> tuple[int, ...]:
+    status = path.stat()
+    return status.st_ino, status.st_size, status.st_mtime_ns
 
 
 class Frames(Sequence[vtkPolyData]):
@@ -76,6 +93,30 @@ class Frames(Sequence[vtkPolyData]):
     def files(self) -> list[WrittenFile]:
         """The files of those frames that are in files."""
         return [frame for frame in self._frames if isinstance(frame, WrittenFile)]
+
+
+class FibreNumbers(NamedTuple):
+    """What tables and errors need of the fibres in a frame: ``columns``, their measures (k,) by name.
+
+    ``chords`` (k,) is by how much arcs of fibres are longer than their chords, in the scene's unit, and
+    ``path_chords`` arcs of paths; ``levers`` are those of paths by coordinate. Both are None without paths.
+    """
+
+    columns: dict[str, Floats]
+    chords: Floats
+    path_chords: Floats | None = None
+    levers: dict[str, Floats] | None = None
+
+    @classmethod
+    def of(cls, fibres: vtkPolyData) -> Self:
+        """Return those of the fibres of a frame."""
+        lines, paths = polylines_of(fibres, "fibres"), paths_of(fibres, "fibres")
+        known = fibre_columns(fibres), segment_errors(lines.points, lines.offsets)
+        if paths is None:
+            return cls(*known)
+        k, n, _ = paths.points.shape
+        of_paths = segment_errors(paths.points.reshape(-1, 3), n * np.arange(k + 1))
+        return cls(*known, of_paths, paths.levers)
 
 
 @dataclass(eq=False)
@@ -109,6 +150,14 @@ class MuscleTrack:
     report: dict[str, Any] = field(default_factory=dict)
     failure: tuple[int, float, Exception] | None = None
     errors: Mapping[str, Estimate] = field(default_factory=dict)
+    _numbers: list[FibreNumbers] = field(default_factory=list)
+
+    @property
+    def numbers(self) -> Sequence[FibreNumbers]:
+        """The numbers of the fibres per frame, which a run has found before the frame went to its file."""
+        if len(self._numbers) != len(self.fibres):
+            self._numbers = [FibreNumbers.of(fibres) for fibres in self.fibres]
+        return self._numbers
 
     def fibre_points(self, position: int) -> Floats:
         """Return the points (k, n, 3) of the fibres in a frame; all fibres have the same number of points."""
@@ -117,12 +166,12 @@ class MuscleTrack:
 
     def levers(self) -> dict[str, Floats]:
         """Return the levers (f, k) of the paths by coordinate, NaN in frames in which they are not known."""
-        frames = [paths_of(fibres, "fibres") for fibres in self.fibres]
-        return levers_over_time([paths for paths in frames if paths is not None])
+        return levers_over_time([one.levers for one in self.numbers if one.levers is not None])
 
     def add_lengths(self, fibres: vtkPolyData, millimetres: float) -> None:
-        """Add the lengths of the fibres of a frame and of their paths."""
-        self.fibre_lengths.append(np.array(cell_array(fibres, "Length", "fibres")) * millimetres)
-        paths = paths_of(fibres, "fibres")
-        if paths is not None:
-            self.lengths.append(paths.lengths * millimetres)
+        """Add the lengths of the fibres of a frame and of their paths, and their numbers."""
+        numbers = FibreNumbers.of(fibres)
+        self._numbers.append(numbers)
+        self.fibre_lengths.append(numbers.columns["Length"] * millimetres)
+        if PATH_LENGTH in numbers.columns:
+            self.lengths.append(numbers.columns[PATH_LENGTH] * millimetres)

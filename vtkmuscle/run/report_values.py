@@ -23,7 +23,7 @@ from vtkmuscle.data.attachments import aponeuroses_of
 from vtkmuscle.data.end_surfaces import aponeurosis_surfaces
 from vtkmuscle.data.muscle_geometry import MuscleGeometry, muscle_geometry
 from vtkmuscle.filters.fibre_metrics import FibreMetrics
-from vtkmuscle.io.fibre_table import fibre_columns, fibre_summary, muscle_summary, spread
+from vtkmuscle.io.fibre_table import fibre_summary, muscle_summary, spread
 from vtkmuscle.run.table import Table
 
 #: Sections across the centroid path in which fibres are counted.
@@ -250,13 +250,12 @@ def _scale(name: str, millimetres: float) -> float:
     return millimetres if name.endswith("_mm") else 1.0
 
 
-def fibre_table(frames: Sequence[vtkPolyData], times: Sequence[float], millimetres: float) -> Table:
-    """Return the measures of FibreMetrics in all frames, a row per fibre and frame."""
-    known = [name for array, name in FIBRE_MEASURES.items() if array in fibre_columns(frames[0])]
+def fibre_table(frames: Sequence[Mapping[str, Floats]], times: Sequence[float], millimetres: float) -> Table:
+    """Return the measures of FibreMetrics, (k,) by array and frame, as a row per fibre and frame."""
+    known = {array: name for array, name in FIBRE_MEASURES.items() if array in frames[0]}
 
-    def measures(time: float, fibres: vtkPolyData) -> dict[str, Any]:
-        columns = {FIBRE_MEASURES.get(array): values for array, values in fibre_columns(fibres).items()}
-        scaled = {name: columns[name] * _scale(name, millimetres) for name in known}
-        return {"fibre": np.arange(fibres.GetNumberOfCells()), "time": time, **scaled}
+    def measures(time: float, columns: Mapping[str, Floats]) -> dict[str, Any]:
+        scaled = {name: columns[array] * _scale(name, millimetres) for array, name in known.items()}
+        return {"fibre": np.arange(len(columns["Length"])), "time": time, **scaled}
 
-    return Table.stacked(("fibre", "time", *known), map(measures, times, frames))
+    return Table.stacked(("fibre", "time", *known.values()), map(measures, times, frames))

@@ -302,7 +302,8 @@ class ResultData(WithHints):
         """Give the measures of the fibres of each muscle that has some, a row per fibre and frame."""
         for name, track in self._tracks.items():
             if track.fibres:
-                yield name, fibre_table(track.fibres, self.times, MILLIMETRES[self.units])
+                columns = [one.columns for one in track.numbers]
+                yield name, fibre_table(columns, self.times, MILLIMETRES[self.units])
 
     def to_csv(self, folder: str | PathLike[str]) -> list[Path]:
         """Write the tables of the result: lengths, moment arms, architecture, and the checks by frame.

@@ -278,7 +278,9 @@ def _in_bones(millimetres: float, name: str, anatomy: Anatomy) -> Iterator[Findi
             ("it", f"the bone {bone!r}", muscle.points, surface.solids, 0.0),
             (f"the bone {bone!r}", "it", few, solids_of(*muscle), DEEP),
         ):
-            depths = millimetres * solids.depth(points)
+            within = np.flatnonzero(solids.inside(points))  # much faster than the depth of every point
+            depths = np.zeros(len(points))
+            depths[within] = millimetres * solids.depth(points[within])
             deep = points[depths > DEEP]
             if len(deep) and millimetres * np.linalg.norm(np.ptp(deep, axis=0)) >= spread:
                 where = _place(points[np.argmax(depths)])

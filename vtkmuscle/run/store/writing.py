@@ -20,7 +20,7 @@ from vtkmuscle._version import __version__
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.data.arrays import blocks_of, set_cell_array, set_field_array
 from vtkmuscle.filters.bone_motion import BoneMotion
-from vtkmuscle.io.parts import Part, file_digest, plain
+from vtkmuscle.io.parts import Part, plain
 from vtkmuscle.io.temporal import Collection as Pvd
 from vtkmuscle.io.temporal import Series
 from vtkmuscle.io.writing import check_no_links, left_behind, locked, write_polydata, write_text
@@ -214,8 +214,8 @@ class ResultWriter(ResultFolder):
             if data is None:
                 return None
             series = self._series.setdefault(name, Series(self.path, name))
-            file = series.add(number, float(self._scene.motion.times[number]), self._stamped(data))
-            return WrittenFile(file.absolute(), file_digest(file))
+            time = float(self._scene.motion.times[number])
+            return WrittenFile.of(series.add(number, time, self._stamped(data)))
 
         lines = written(f"{muscle}_fibres", fibres)
         return written(muscle, surface), lines
