@@ -18,6 +18,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from numpy.typing import NDArray
+from PIL import Image
 
 from vtkmuscle.plotting.views import View
 
@@ -128,7 +129,8 @@ def save_figure(figure: Figure, path: Path, dpi: float = DOTS_PER_INCH) -> None:
     canvas = figure.canvas
     assert isinstance(canvas, FigureCanvasAgg)
     canvas.draw()
-    path.write_bytes(_png(np.asarray(canvas.buffer_rgba())[..., :3], figure.dpi))
+    image = Image.frombuffer("RGBA", canvas.get_width_height(physical=True), canvas.buffer_rgba())
+    path.write_bytes(_png(np.asarray(image.convert("RGB")), figure.dpi))
 
 
 def _png(pixels: NDArray[np.uint8], dpi: float) -> bytes:
