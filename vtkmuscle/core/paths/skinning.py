@@ -84,6 +84,7 @@ class Skinning:
             beside[:, i], parts[:, i] = n * found + i, falling_weights(apart, least)
         begins = np.arange(0, beside.size + 1, count)
         self._beside = csr_array((parts.reshape(-1), beside.reshape(-1), begins), shape=(f * n, f * n))
+        self._beside.eliminate_zeros()
         near = np.arange(n)[:, None] + np.arange(-reach, reach + 1)
         window = np.where((near >= 0) & (near < n), WINDOW, 0.0)
         self._near: Ints = np.clip(near, 0, n - 1)
@@ -107,8 +108,6 @@ class Skinning:
         tree = cKDTree(self._rest)
         away, near = tree.query(points, k=range(1, min(LOOKED_AT, tree.n) + 1))
         count = min(CARRIERS, f)
-        carriers = np.empty((len(points), 4 * count), dtype=np.int64)
-        weights = np.empty(carriers.shape)
         apart, at = np.empty((len(points), count)), np.empty((len(points), count))
         paths = np.empty((len(points), count), dtype=np.int64)
         _places_beside(points, self._rest.reshape(f, n, 3), near, paths, apart, at)
@@ -127,9 +126,12 @@ class Skinning:
             axis=2,
         )
         nodes = np.clip(low[:, :, None] + np.arange(-1, 3), 0, n - 1) + n * paths[:, :, None]
-        carriers[:] = nodes.reshape(len(points), -1)
-        weights[:] = (parts[:, :, None] * spline).reshape(len(points), -1)
-        return SkinningWeights(points - self._middle, carriers, weights)
+        carriers = nodes.reshape(len(points), -1)
+        weights = (parts[:, :, None] * spline).reshape(len(points), -1)
+        used = weights.any(axis=0)  # the last of the paths has no part
+        return SkinningWeights(
+            points - self._middle, carriers.compress(used, axis=1), weights.compress(used, axis=1)
+        )
 
     def weights_of_fibres(self, points: Floats, offsets: Ints) -> SkinningWeights:
         """Return the weights of points (p, 3) of the fibres that paths were made from, each with its path.
