@@ -269,11 +269,28 @@ class Solids:
         """
         positions = _checked(points)
         least = np.full(len(positions), np.inf)
-        for tree in self._all:
-            near = _runs_in_reach(positions, least, run, tree) if run else np.arange(len(positions))
-            found = tree.signed(positions[near], run=run)[0]
-            least[near] = np.minimum(least[near], np.abs(found) if tree is self.sheets else found)
+        for tree, near in zip(self._all, self._in_reach(positions, run), strict=True):
+            least[near] = np.minimum(least[near], self._signed(tree, positions[near], run))
         return least
+
+    def _signed(self, tree: TriangleTree, points: Floats, run: int) -> Floats:
+        distances = tree.signed(points, run=run)[0]
+        return np.abs(distances) if tree is self.sheets else distances
+
+    def _in_reach(self, points: Floats, run: int) -> list[Ints]:
+        """Return for each tree the points (n, 3) of those runs that may be nearer to it than to all others.
+
+        From the middle of a run to any of its points no distance changes by more than the way.
+        """
+        if not run or len(self._all) == 1:
+            return [np.arange(len(points))] * len(self._all)
+        starts = np.arange(0, len(points), run)
+        middles = points[np.minimum(starts + run // 2, len(points) - 1)]
+        ways = np.linalg.norm(points - np.repeat(middles, run, axis=0)[: len(points)], axis=1)
+        radii = np.maximum.reduceat(ways, starts)
+        values = np.array([self._signed(tree, middles, 0) for tree in self._all])
+        near = values - radii <= values.min(axis=0) + radii
+        return [np.flatnonzero(np.repeat(one, run)[: len(points)]) for one in near]
 
     def exact(self, points: ArrayLike) -> tuple[Floats, Floats]:
         """Return exact distances (n,) of points (n, 3), negative inside, and the directions away (n, 3).
@@ -349,15 +366,6 @@ def _apart(points: Floats, parts: list[Ints]) -> list[list[Ints]]:
             groups.append([part])
             boxes.append(box[None])
     return groups
-
-
-def _runs_in_reach(points: Floats, least: Floats, run: int, tree: TriangleTree) -> Ints:
-    """Return the points (n, 3) of those runs that may be nearer to a tree's triangles than the least (n,)."""
-    starts = np.arange(0, len(points), run)
-    low, high = np.minimum.reduceat(points, starts), np.maximum.reduceat(points, starts)
-    gaps = np.maximum(np.maximum(tree.boxes[0, :3] - high, low - tree.boxes[0, 3:]), 0.0)
-    apart = np.linalg.norm(gaps, axis=1)
-    return np.flatnonzero(np.repeat(apart <= np.maximum.reduceat(least, starts), run)[: len(points)])
 
 
 def _checked(points: ArrayLike) -> Floats:

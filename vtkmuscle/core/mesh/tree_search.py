@@ -250,7 +250,7 @@ def _begin(
 ) -> None:
     """Write a packet's points, and their distances from the triangle to begin with.
 
-    That is the one nearest to the last point of the packet before. Lanes without a point repeat the last one.
+    That is the one nearest to the last point of the packet before. Lanes without a point ask for nothing.
     """
     a, b, c = corners[place, 0], corners[place, 1], corners[place, 2]
     for lane in range(LANES):
@@ -260,6 +260,8 @@ def _begin(
         best = (cx - x) ** 2 + (cy - y) ** 2 + (cz - z) ** 2
         lanes[0, lane], lanes[1, lane], lanes[2, lane] = x, y, z
         lanes[3, lane] = best if best >= 0.0 else np.inf  # of a triangle without area
+        if first + lane >= last:
+            lanes[3, lane] = 0.0  # nothing is nearer
         places[q] = place
 
 
