@@ -38,8 +38,9 @@ def numbered_edges(triangles: Ints) -> tuple[Ints, Ints]:
 
     Edges (k, 2) are sorted, the smaller point id first; half-edges are in the order of :func:`half_edges`.
     """
-    directed, count = half_edges(triangles), int(triangles.max(initial=0)) + 1
-    keys, edge_of = np.unique(directed.min(axis=1) * count + directed.max(axis=1), return_inverse=True)
+    ends, count = triangles[:, [1, 2, 0]], int(triangles.max(initial=0)) + 1
+    keys = np.minimum(triangles, ends) * count + np.maximum(triangles, ends)
+    keys, edge_of = np.unique(keys.reshape(-1), return_inverse=True)
     return np.column_stack(np.divmod(keys, count)), edge_of
 
 
