@@ -144,7 +144,7 @@ def closed_shells(points: Floats, triangles: Ints) -> ClosedShells:
     corners = [points[shell.reshape(-1)] for shell in shells]
     volumes = [signed_volume(one, np.arange(len(one)).reshape(-1, 3)) for one in corners]
     solid = [
-        abs(volume) > LEAST_VOLUME * float(np.linalg.norm(np.ptp(one, axis=0))) ** 3
+        abs(volume) > LEAST_VOLUME * float(np.linalg.norm(np.ptp(one.T.copy(), axis=1))) ** 3
         for one, volume in zip(corners, volumes, strict=True)
     ]
     if sum(volumes) < 0 and any(solid):
@@ -163,8 +163,8 @@ def _check_any(triangles: Ints) -> None:
 
 def _proper(triangles: Ints) -> Ints:
     """Return the triangles without those that have a point twice."""
-    proper: Bools = (triangles != np.roll(triangles, 1, axis=1)).all(axis=1)
-    return triangles[proper]
+    a, b, c = triangles.T
+    return triangles[(a != b) & (b != c) & (c != a)]
 
 
 def _directions(triangles: Ints) -> Ints:
@@ -355,8 +355,8 @@ def _apart(points: Floats, parts: list[Ints]) -> list[list[Ints]]:
     groups: list[list[Ints]] = []
     boxes: list[Floats] = []
     for part in parts:
-        corners = points[part.reshape(-1)]
-        box = np.array([corners.min(axis=0), corners.max(axis=0)])
+        corners = points[part.reshape(-1)].T.copy()
+        box = np.array([corners.min(axis=1), corners.max(axis=1)])
         for number, others in enumerate(boxes):
             if not ((others[:, 0] <= box[1]) & (box[0] <= others[:, 1])).all(axis=1).any():
                 groups[number].append(part)

@@ -96,8 +96,10 @@ def signed_volume(points: Floats, triangles: Ints) -> float:
     V = sum over triangles (m, 3) of a . (b x c) / 6, about the centre of the points (n, 3), so that a mesh
     far from the origin loses no digits.
     """
-    a, b, c = (points - points.mean(axis=0))[triangles.T]
-    return float(np.einsum("ti,ti->", a, np.cross(b, c)) / 6.0)
+    corners = np.take(points - points.mean(axis=0), triangles, axis=0)  # many times as fast as an index
+    ax, ay, az, bx, by, bz, cx, cy, cz = corners.reshape(-1, 9).T
+    products = ax * (by * cz - bz * cy) + ay * (bz * cx - bx * cz) + az * (bx * cy - by * cx)
+    return float(products.sum() / 6.0)
 
 
 def extent(points: Floats) -> float:

@@ -72,12 +72,12 @@ def pseudonormals(points: Floats, triangles: Ints) -> tuple[Floats, Ints]:
     doi:10.1109/TVCG.2005.49. The rows are those of each triangle's regions FACE, EDGE + k and CORNER + k;
     triangles face outward.
     """
-    faces = unit_vectors(triangle_normals(points, triangles))
-    corners = points[triangles]
-    onward, back = np.roll(corners, -1, axis=1) - corners, np.roll(corners, 1, axis=1) - corners
+    normals = triangle_normals(points, triangles)
+    faces = unit_vectors(normals)
+    onward = points[triangles[:, [1, 2, 0]]] - points[triangles]
     # atan2 keeps small angles exact, and is 0 for triangles without area.
-    sines = np.linalg.norm(np.cross(onward, back), axis=2)
-    angles = np.arctan2(sines, (onward * back).sum(axis=2)).reshape(-1)
+    sines, cosines = np.linalg.norm(normals, axis=1), -np.einsum("mki,mki->mk", onward, onward[:, [2, 0, 1]])
+    angles = np.arctan2(sines[:, None], cosines).reshape(-1)
     edge_of = numbered_edges(triangles)[1]
     parts = [faces]
     for at, weights, count in (

@@ -150,7 +150,7 @@ def tree_of_deformed(known: TriangleTree | None, points: Floats, triangles: Ints
 
 
 def _filled(points: Floats, triangles: Ints, order: Ints) -> TriangleTree:
-    corners = np.ascontiguousarray(points[triangles[order]], dtype=np.float64)
+    corners = np.take(points, np.take(triangles, order, axis=0), axis=0).astype(np.float64, copy=False)
     n_leaves = 2 ** max(int(np.ceil(np.log2(len(triangles) / PER_LEAF))), 0)
     boxes, discs = np.empty((2 * n_leaves - 1, 6)), np.empty((n_leaves, 8))
     _enclose(corners, boxes, discs)
