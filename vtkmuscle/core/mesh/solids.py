@@ -164,7 +164,8 @@ def _check_any(triangles: Ints) -> None:
 def _proper(triangles: Ints) -> Ints:
     """Return the triangles without those that have a point twice."""
     a, b, c = triangles.T
-    return triangles[(a != b) & (b != c) & (c != a)]
+    proper: Bools = (a != b) & (b != c) & (c != a)
+    return triangles[proper]
 
 
 def _directions(triangles: Ints) -> Ints:

@@ -168,7 +168,7 @@ def _share_out(centres: Floats, order: Ints, starts: Ints) -> None:
     while width > 1:
         for leaf in range(0, n_leaves, width):
             first, middle, last = starts[leaf], starts[leaf + width // 2], starts[leaf + width]
-            axis, longest = np.int64(0), -1.0  # a constant would be compiled apart
+            axis, longest = int(np.int64(0)), -1.0  # a constant would be compiled apart
             for k in range(3):
                 low, high = np.inf, -np.inf
                 for i in range(first, last):

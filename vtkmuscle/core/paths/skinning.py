@@ -6,10 +6,11 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
+from scipy.sparse import csr_array, kron
 from scipy.spatial import cKDTree
 
-from vtkmuscle.core.jit import array_kernel, kernel
-from vtkmuscle.core.motion.blending import nearest_rotation
+from vtkmuscle.core.jit import kernel
+from vtkmuscle.core.motion.blending import nearest_rotations
 from vtkmuscle.core.paths.sheet import MusclePaths, PathState
 from vtkmuscle.core.paths.surroundings import directions_along, less_the_last
 from vtkmuscle.core.types import Floats, Ints
@@ -72,19 +73,32 @@ class Skinning:
         rest = paths.rest.points
         f, n, _ = rest.shape
         self._rest: Floats = rest.reshape(-1, 3)
+        self._arms = self._rest - self._rest.mean(axis=0)
         self._tangents: Floats = directions_along(rest).reshape(-1, 3)
         least = LEAST_APART * paths.thickness
         count = min(BESIDE, f)
-        self._beside = np.empty((f, n, count), dtype=np.int64)
-        self._parts = np.empty((f, n, count))
+        beside, parts = np.empty((f, n, count), dtype=np.int64), np.empty((f, n, count))
         for i in range(n):
             apart, found = cKDTree(rest[:, i]).query(rest[:, i], k=range(1, count + 1))
-            self._beside[:, i], self._parts[:, i] = found, falling_weights(apart, least)
+            beside[:, i], parts[:, i] = found * n + i, falling_weights(apart, least)
+        shifts = [np.eye(n, k=k - len(WINDOW) // 2) for k in range(len(WINDOW))]
+        window = np.tensordot(WINDOW, shifts, axes=1)
+        self._along = kron(np.eye(f), window / window.sum(axis=1, keepdims=True), format="csr")
+        starts = np.arange(0, f * n * count + 1, count)
+        self._across = csr_array((parts.reshape(-1), beside.reshape(-1), starts), shape=(f * n, f * n))
+        self._means = self._means_beside(self._arms)
+        squares = self._means_beside((self._arms**2).sum(axis=1)) - (self._means**2).sum(axis=1)
+        self._spread: Floats = np.maximum(squares, 0.0) + least**2
         self._surface = self._weights_of(surface, least)
         fixed = np.flatnonzero(fixed_to >= 0)
         apart, nearest = cKDTree(surface[fixed]).query(surface)
         self._bone: Ints = fixed_to[fixed][nearest]
         self._with_bone: Floats = np.exp(-0.5 * (2.0 * apart / paths.thickness) ** 2)
+
+    def _means_beside(self, values: Floats) -> Floats:
+        """Return the weighted means of values (f n, ...) over the points beside each point of a path."""
+        means: Floats = self._across @ (self._along @ values)
+        return means
 
     def _weights_of(self, points: Floats, least: float) -> SkinningWeights:
         f, n, _ = self._paths.rest.points.shape
@@ -134,18 +148,27 @@ class Skinning:
     def at(self, state: PathState) -> SkinnedMuscle:
         """Return the muscle in a pose of its paths."""
         paths = self._paths
-        f, n, _ = state.points.shape
+        n = state.points.shape[1]
         stretch = (paths.widths(paths.rest.points) / paths.widths(state.points)) ** 2
         part = np.linspace(0.0, 1.0, n)[None, :, None, None]
         first, last = (state.transforms[b][:, None, :3, :3] for b in (paths.start_bones, paths.end_bones))
-        turns = np.ascontiguousarray((1.0 - part) * first + part * last)
-        frames = np.empty((f * n, 3, 3))
-        least = (LEAST_APART * paths.thickness) ** 2
-        _frames(
-            paths.rest.points, state.points, self._beside, self._parts, np.array(WINDOW), turns,
-            self._tangents, stretch, least, frames,
-        )  # fmt: skip
-        muscle = SkinnedMuscle(self._rest, state.points.reshape(-1, 3), frames, np.empty((0, 3)))
+        turns = ((1.0 - part) * first + part * last).reshape(-1, 3, 3)
+        now = state.points.reshape(-1, 3)
+        arms = now - now.mean(axis=0)
+        products = (arms[:, :, None] * self._arms[:, None]).reshape(-1, 9)
+        sums = self._means_beside(np.hstack([arms, products]))
+        # The points' covariance, now and at rest, and a little of the bones' turn: the rotation nearest to it
+        # takes the points to now best, in the least squares sense (Arun, Huang, Blostein 1987,
+        # doi:10.1109/TPAMI.1987.4767965).
+        covariances = sums[:, 3:].reshape(-1, 3, 3) - sums[:, :3, None] * self._means[:, None]
+        frames = nearest_rotations(covariances + FROM_BONES * self._spread[:, None, None] * turns)
+        # F = R (g I + (l - g) t t^T), g = l^(-1/2), with l along and g across.
+        t, along = self._tangents, np.repeat(stretch, n)[:, None, None]
+        across = along**-0.5
+        turned = np.einsum("pij,pj->pi", frames, t)[:, :, None]
+        frames *= across
+        frames += (along - across) * turned * t[:, None]
+        muscle = SkinnedMuscle(self._rest, now, frames, np.empty((0, 3)))
         moved, points = muscle.points(self._surface), self._surface.points
         transforms = state.transforms[self._bone]
         with_bone = np.einsum("vij,vj->vi", transforms[:, :3, :3], points) + transforms[:, :3, 3]
@@ -251,79 +274,6 @@ def _place_beside(point: Floats, path: Floats) -> tuple[float, float]:
         total += weight
         place += weight * j
     return np.sqrt(max(nearest2, 0.0)), place / total
-
-
-@array_kernel
-def _frames(
-    rest: Floats,
-    now: Floats,
-    beside: Ints,
-    parts: Floats,
-    window: Floats,
-    turns: Floats,
-    tangents: Floats,
-    stretch: Floats,
-    least: float,
-    frames: Floats,
-) -> None:
-    """Write F = R (g I + (l - g) t t^T), g = l^(-1/2), for each point of each path.
-
-    R takes the points beside it from rest to now best, in the least squares sense (Arun, Huang, Blostein
-    1987, doi:10.1109/TPAMI.1987.4767965), and a little the bones' turn.
-    """
-    f, n, _ = rest.shape
-    r, work, means = np.empty((3, 3)), np.empty((8, 4)), np.empty((2, 3))
-    for a in range(f):
-        along = stretch[a]
-        across = 1.0 / np.sqrt(along)
-        for i in range(n):
-            total, variance = _covariance(rest, now, a, i, beside[a, i], parts[a, i], window, means, r)
-            bones = FROM_BONES * (variance + total * least)
-            for c in range(3):
-                for d in range(3):
-                    r[c, d] += bones * turns[a, i, c, d]
-            nearest_rotation(r, work)
-            t = tangents[a * n + i]
-            for c in range(3):
-                turned = r[c, 0] * t[0] + r[c, 1] * t[1] + r[c, 2] * t[2]
-                for d in range(3):
-                    frames[a * n + i, c, d] = across * r[c, d] + (along - across) * turned * t[d]
-
-
-@kernel
-def _covariance(
-    rest: Floats,
-    now: Floats,
-    a: int,
-    i: int,
-    beside: Ints,
-    parts: Floats,
-    window: Floats,
-    means: Floats,
-    r: Floats,
-) -> tuple[float, float]:
-    """Write the covariance r (3, 3) of now and rest of the points beside point i of path a.
-
-    Return the sum of the points' weights, and that of their weighted squared distances from their mean at
-    rest [mm^2].
-    """
-    r[:], means[:] = 0.0, 0.0
-    total, variance, reach = 0.0, 0.0, len(window) // 2
-    for k in range(len(beside)):
-        for j in range(max(i - reach, 0), min(i + reach + 1, rest.shape[1])):
-            w = parts[k] * window[j - i + reach]
-            total += w
-            for c in range(3):
-                p, q = rest[beside[k], j, c] - rest[a, i, c], now[beside[k], j, c] - now[a, i, c]
-                means[0, c], means[1, c] = means[0, c] + w * p, means[1, c] + w * q
-                variance += w * p * p
-                for d in range(3):
-                    r[c, d] += w * q * (rest[beside[k], j, d] - rest[a, i, d])
-    for c in range(3):
-        variance -= means[0, c] * means[0, c] / total
-        for d in range(3):
-            r[c, d] -= means[1, c] * means[0, d] / total
-    return total, variance
 
 
 @kernel
