@@ -8,8 +8,10 @@ from typing import NamedTuple
 import numpy as np
 from scipy.sparse import csr_array, kron
 from scipy.spatial import cKDTree
+from scipy.spatial.distance import cdist
 
 from vtkmuscle.core.jit import kernel
+from vtkmuscle.core.mesh.surface import sorted_into_bins
 from vtkmuscle.core.motion.blending import nearest_rotations
 from vtkmuscle.core.paths.sheet import MusclePaths, PathState
 from vtkmuscle.core.paths.surroundings import directions_along, less_the_last
@@ -105,11 +107,7 @@ class Skinning:
         tree = cKDTree(self._rest)
         away, near = tree.query(points, k=range(1, min(LOOKED_AT, tree.n) + 1))
         count = min(CARRIERS, f)
-        carriers = np.empty((len(points), 4 * count), dtype=np.int64)
-        weights = np.empty(carriers.shape)
-        apart, at = np.empty((len(points), count)), np.empty((len(points), count))
-        paths = np.empty((len(points), count), dtype=np.int64)
-        _places_beside(points, self._rest.reshape(f, n, 3), near, paths, apart, at)
+        paths, apart, at = _places_beside(points, self._rest.reshape(f, n, 3), near // n, count)
         # A path that none of these points is of is farther than the last.
         seen = apart if tree.n <= LOOKED_AT else np.minimum(apart, away[:, -1:])
         parts = falling_weights(seen, least)
@@ -125,9 +123,8 @@ class Skinning:
             axis=2,
         )
         nodes = np.clip(low[:, :, None] + np.arange(-1, 3), 0, n - 1) + n * paths[:, :, None]
-        carriers[:] = nodes.reshape(len(points), -1)
-        weights[:] = (parts[:, :, None] * spline).reshape(len(points), -1)
-        return SkinningWeights(np.ascontiguousarray(points), carriers, weights)
+        weights = (parts[:, :, None] * spline).reshape(len(points), -1)
+        return SkinningWeights(np.ascontiguousarray(points), nodes.reshape(weights.shape), weights)
 
     def weights_of_fibres(self, points: Floats, offsets: Ints) -> SkinningWeights:
         """Return the weights of points (p, 3) of the fibres that paths were made from, each with its path.
@@ -212,68 +209,42 @@ def falling_weights(distances: Floats, least: float) -> Floats:
     return weights
 
 
-@kernel
-def _places_beside(points: Floats, paths: Floats, near: Ints, found: Ints, apart: Floats, at: Floats) -> None:
-    """Write the paths nearest to points (v, 3), ascending, their distances and the places along them.
+def _places_beside(points: Floats, paths: Floats, near: Ints, count: int) -> tuple[Ints, Floats, Floats]:
+    """Return so many paths nearest to points (v, 3), ascending, their distances and the places along them.
 
-    ``near`` (v, k) are points of paths, ascending by distance; a path that has none among these is infinitely
-    far.
+    ``near`` (v, k) are the paths of points nearby, ascending by distance; a path that has none among these is
+    infinitely far.
     """
-    n = paths.shape[1]
-    for v in range(len(points)):
-        count = 0
-        for k in range(near.shape[1]):
-            path = near[v, k] // n
-            known = False
-            for c in range(count):
-                known = known or found[v, c] == path
-            if known or count == found.shape[1]:
-                continue
-            apart[v, count], at[v, count] = _place_beside(points[v], paths[path])
-            found[v, count] = path
-            count += 1
-        for c in range(count, found.shape[1]):
-            found[v, c], apart[v, c], at[v, c] = found[v, count - 1], np.inf, at[v, count - 1]
-        for c in range(1, count):  # ascending: sorted by insertion
-            k = c
-            while k > 0 and apart[v, k] < apart[v, k - 1]:
-                found[v, k], found[v, k - 1] = found[v, k - 1], found[v, k]
-                apart[v, k], apart[v, k - 1] = apart[v, k - 1], apart[v, k]
-                at[v, k], at[v, k - 1] = at[v, k - 1], at[v, k]
-                k -= 1
+    found = np.empty((len(points), count), dtype=np.int64)
+    apart, at = np.full(found.shape, np.inf), np.zeros(found.shape)
+    new = np.ones(near.shape, dtype=np.bool_)
+    for rank in range(count):
+        found[:, rank] = near[np.arange(len(near)), new.argmax(axis=1)]
+        apart[new.any(axis=1), rank] = 0.0
+        new &= near != found[:, rank, None]
+    bins, starts = sorted_into_bins(np.where(apart < np.inf, found, len(paths)).reshape(-1), len(paths) + 1)
+    for path, begin, end in zip(paths, starts[:-2], starts[1:-1], strict=True):
+        v, place = np.divmod(bins[begin:end], count)
+        apart[v, place], at[v, place] = _place_beside(points[v], path)
+    order = np.argsort(apart, axis=1, kind="stable")
+    found, apart, at = (np.take_along_axis(one, order, axis=1) for one in (found, apart, at))
+    return found, apart, at
 
 
-@kernel
-def _place_beside(point: Floats, path: Floats) -> tuple[float, float]:
-    """Return the distance of a path from a point, and the point's place along it, in segments.
+def _place_beside(points: Floats, path: Floats) -> tuple[Floats, Floats]:
+    """Return the distances of a path (n, 3) from points (v, 3), and their places along it, in segments.
 
     The place is the mean of the path's points, weighted by a Gaussian of their distances as wide as a
     segment. Beside a straight path that is the nearest place. A curved one may have two: it does not choose.
     """
-    nearest2, best2, width2 = np.inf, np.inf, 0.0
-    for j in range(len(path)):
-        squared = 0.0
-        for c in range(3):
-            squared += (path[j, c] - point[c]) ** 2
-        best2 = min(best2, squared)
-        if j + 1 < len(path):
-            ahead, length2 = 0.0, 0.0
-            for c in range(3):
-                step = path[j + 1, c] - path[j, c]
-                ahead += (point[c] - path[j, c]) * step
-                length2 += step * step
-            part = min(max(ahead / length2, 0.0), 1.0) if length2 > 0.0 else 0.0
-            nearest2 = min(nearest2, squared - part * (2.0 * ahead - part * length2))
-            width2 = max(width2, length2)
-    total, place = 0.0, 0.0
-    for j in range(len(path)):
-        squared = 0.0
-        for c in range(3):
-            squared += (path[j, c] - point[c]) ** 2
-        weight = np.exp(-0.5 * (squared - best2) / width2)
-        total += weight
-        place += weight * j
-    return np.sqrt(max(nearest2, 0.0)), place / total
+    steps = np.diff(path, axis=0)
+    lengths2 = (steps**2).sum(axis=1)
+    squared = cdist(points, path, "sqeuclidean")
+    ahead = 0.5 * (squared[:, :-1] - squared[:, 1:] + lengths2)
+    part = (ahead / np.maximum(lengths2, np.finfo(float).tiny)).clip(0.0, 1.0)
+    nearest2 = (squared[:, :-1] - part * (2.0 * ahead - part * lengths2)).min(axis=1)
+    weights = np.exp((squared.min(axis=1, keepdims=True) - squared) * (0.5 / lengths2.max()))
+    return np.sqrt(nearest2.clip(0.0)), weights @ np.arange(len(path)) / weights.sum(axis=1)
 
 
 @kernel
