@@ -22,6 +22,7 @@ from vtkmuscle.core.mesh.surface import (
     edge_lengths,
     numbered_edges,
     point_components,
+    points_in_box,
     signed_volume,
 )
 from vtkmuscle.core.types import Floats, Ints
@@ -276,7 +277,7 @@ def _near_curve(points: Floats, edges: Ints, curve: Ints, tolerance: float) -> I
     """
     near = np.zeros(len(points), dtype=np.bool_)
     low, high = points[curve].min(axis=0) - tolerance, points[curve].max(axis=0) + tolerance
-    candidates = np.flatnonzero(((points >= low) & (points <= high)).all(axis=1))
+    candidates = points_in_box(points, low, high)
     near[candidates] = np.linalg.norm(points[candidates] - points[curve[0]], axis=1) <= tolerance
     for start, end in pairwise(points[curve]):
         near[candidates] |= segment_distances(points[candidates], start, end) <= tolerance

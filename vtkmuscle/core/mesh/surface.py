@@ -90,6 +90,12 @@ def triangle_stretches(rest: Floats, now: Floats) -> tuple[Floats, Floats, Float
     return least, greatest, areas
 
 
+def points_in_box(points: Floats, low: Floats, high: Floats) -> Ints:
+    """Return the ids of the points (n, 3) in a box, its low and high corner (3,) included."""
+    x, y, z = ((low[k] <= points[:, k]) & (points[:, k] <= high[k]) for k in range(3))
+    return np.flatnonzero(x & y & z)
+
+
 def signed_volume(points: Floats, triangles: Ints) -> float:
     """Return the volume inside a closed surface, positive where its triangles face outward.
 

@@ -11,6 +11,7 @@ import numpy as np
 from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.mesh.normals import unit_vectors
 from vtkmuscle.core.mesh.shared import digest, shared
+from vtkmuscle.core.mesh.surface import points_in_box
 from vtkmuscle.core.mesh.tree_search import (
     LANES,
     along_disc,
@@ -89,8 +90,7 @@ class TriangleTree:
     def depth(self, queries: Floats) -> Floats:
         """Return the depth (q,) of points (q, 3) in a closed surface as of :meth:`signed`, 0 outside."""
         depth = np.zeros(len(queries))
-        low, high = self.boxes[0, :3], self.boxes[0, 3:]
-        near = np.flatnonzero(((queries >= low) & (queries <= high)).all(axis=1))
+        near = points_in_box(queries, self.boxes[0, :3], self.boxes[0, 3:])
         if len(near):
             depth[near] = np.maximum(-self.signed(queries[near])[0], 0.0)
         return depth

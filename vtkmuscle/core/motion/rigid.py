@@ -62,11 +62,11 @@ def is_rigid(transform: Floats) -> bool:
 def apply_transform(transform: Floats, points: Floats) -> Floats:
     """Return points (n, 3) moved by a 4 x 4 transform."""
     points = np.asarray(points, dtype=np.float64)
-    # A matrix product with so few columns is slower, and rounds differently from machine to machine.
-    moved: Floats = transform[:3, 0] * points[..., :1]
-    moved += transform[:3, 1] * points[..., 1:2]
-    moved += transform[:3, 2] * points[..., 2:3]
-    moved += transform[:3, 3]
+    x, y, z = points[..., 0], points[..., 1], points[..., 2]
+    moved = np.empty(points.shape)
+    # A matrix product rounds differently from machine to machine, and rows of three are slow.
+    for k in range(3):
+        moved[..., k] = transform[k, 0] * x + transform[k, 1] * y + transform[k, 2] * z + transform[k, 3]
     return moved
 
 
