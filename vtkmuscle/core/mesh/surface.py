@@ -60,7 +60,8 @@ def edge_uses(triangles: Ints) -> Ints:
 
 def edge_lengths(points: Floats, edges: Ints) -> Floats:
     """Return the length of each edge, (k,), in the unit of the points."""
-    lengths: Floats = np.linalg.norm(points[edges[:, 1]] - points[edges[:, 0]], axis=1)
+    x, y, z = np.subtract(*np.take(points, edges, axis=0).swapaxes(0, 1)).T
+    lengths: Floats = np.sqrt(x * x + y * y + z * z)
     return lengths
 
 
