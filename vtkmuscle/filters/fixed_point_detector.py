@@ -12,7 +12,7 @@ from vtkmuscle.core.attachments.patches import attachment_patch
 from vtkmuscle.core.collision.voxels import DEFAULT_N_MAX, MOST_N_EQUAL, build_voxel_grid
 from vtkmuscle.core.errors import InputError, errors_at
 from vtkmuscle.core.mesh.solids import Solids, solids_of
-from vtkmuscle.core.mesh.surface import edge_lengths, unique_edges
+from vtkmuscle.core.mesh.surface import edge_lengths, points_in_box, unique_edges
 from vtkmuscle.core.types import Floats, Ints
 from vtkmuscle.data.arrays import add_arrays, checked_surface, shallow_copy
 from vtkmuscle.data.attachments import VIA, AttachmentArea, attachments_of
@@ -198,5 +198,4 @@ def _solids_of(name: str, bone: vtkPolyData) -> Solids:
 def in_box(points: Floats, bone: vtkPolyData, margin: float) -> Ints:
     """Return the points in the bone's bounding box, made wider by a margin."""
     bounds = np.array(bone.GetBounds()).reshape(3, 2)
-    within = (points >= bounds[:, 0] - margin) & (points <= bounds[:, 1] + margin)
-    return np.flatnonzero(within.all(axis=1))
+    return points_in_box(points, bounds[:, 0] - margin, bounds[:, 1] + margin)

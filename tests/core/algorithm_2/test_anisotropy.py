@@ -29,7 +29,9 @@ def test_nearest_segment_is_the_nearest_of_all(seed, segments, spread):
     b = a + rng.normal(scale=spread, size=(segments, 3)) * rng.random((segments, 1)) ** 4
     queries = rng.normal(scale=2.0, size=(40, 3))
     along = b - a
-    t = ((queries[:, None] - a) * along).sum(axis=2) / (along**2).sum(axis=1)
+    t = ((queries[:, None] - a) * along).sum(axis=2) / np.maximum(
+        (along**2).sum(axis=1), np.finfo(float).tiny
+    )
     distances = np.linalg.norm(queries[:, None] - a - np.clip(t, 0, 1)[..., None] * along, axis=2)
     found = nearest_segments(queries, a, b)
     assert np.allclose(distances[np.arange(40), found], distances.min(axis=1), rtol=1e-12)

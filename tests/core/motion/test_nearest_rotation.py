@@ -5,13 +5,11 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
-from vtkmuscle.core.motion.blending import nearest_rotation
+from vtkmuscle.core.motion.blending import nearest_rotations
 
 
 def rotation_of(matrix):
-    result = np.array(matrix, dtype=np.float64)
-    nearest_rotation(result, np.empty((8, 4)))
-    return result
+    return nearest_rotations(np.array([matrix], dtype=np.float64))[0]
 
 
 def by_decomposition(matrix):

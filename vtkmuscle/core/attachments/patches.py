@@ -22,8 +22,8 @@ from vtkmuscle.core.mesh.surface import (
     edge_lengths,
     numbered_edges,
     point_components,
+    points_in_box,
     signed_volume,
-    unique_edges,
 )
 from vtkmuscle.core.types import Floats, Ints
 
@@ -35,16 +35,15 @@ _STRAIGHTNESS = 10.0
 _REACH = 2.0
 
 
-def geodesic_curve(points: Floats, triangles: Ints, vertices: Ints, *, closed: bool) -> Ints:
+def geodesic_curve(points: Floats, edges: Ints, vertices: Ints, *, closed: bool) -> Ints:
     """Return point ids (k,) along the shortest paths from each vertex to the next, joints once.
 
     On a mesh of like triangles many paths are nearly as short as the shortest, and that one may bulge by a
     third of its chord. Edges count as longer the farther they are from the chord, so that the path keeps near
     to the straight line between the landmarks. The ids of the vertices (j,) are in order; if `closed`, the
-    last one is joined to the first. Raises a ValueError if no edges connect two neighbours.
+    last one is joined to the first. Raises a ValueError if none of the edges (m, 2) connect two neighbours.
     """
     ends = np.append(vertices[1:], vertices[:1]) if closed else vertices[1:]
-    edges = unique_edges(triangles)
     middles = np.ascontiguousarray(0.5 * (points[edges[:, 0]] + points[edges[:, 1]]).T)
     curve = [vertices[:1]]
     for start, end in zip(vertices[: len(ends)], ends, strict=True):
@@ -138,13 +137,15 @@ def attachment_patch(
         If there are no landmarks, if one is too far from the muscle, or if two neighbours are on parts
         of the muscle that are not connected.
     """
-    edges = unique_edges(triangles)
-    within = float(edge_lengths(points, edges).mean()) if tolerance is None else tolerance
-    vertices = _nearest_vertices(points, triangles, landmarks, within, bone_distance)
+    edges, edge_of = numbered_edges(triangles)
+    usual = float(edge_lengths(points, edges).mean())
+    within = usual if tolerance is None else tolerance
+    vertices = _nearest_vertices(points, triangles, landmarks, (within, usual), bone_distance)
     ring = closed and not _on_a_line(landmarks)
-    curve = geodesic_curve(points, triangles, vertices, closed=ring)
+    curve = geodesic_curve(points, edges, vertices, closed=ring)
     if ring:
-        patch = _enclosed(points, triangles, curve, bone_distance)
+        parts = _parts_cut_by(edges, edge_of, curve, len(points))
+        patch = _enclosed(points, triangles, curve, parts, bone_distance)
         if len(patch):
             return patch
     return _near_curve(points, edges, curve, within)
@@ -154,13 +155,14 @@ def _nearest_vertices(
     points: Floats,
     triangles: Ints,
     landmarks: Floats,
-    tolerance: float,
+    lengths: tuple[float, float],
     bone_distance: Callable[[Floats], Floats] | None,
 ) -> Ints:
     """Return the nearest used point for each landmark, neighbours never the same.
 
     Landmarks off a thin muscle, or within it, may be nearer to the face that looks away from the bone; the
     patch would be there. So points that face the bone are preferred, unless all landmarks are points already.
+    The lengths are the tolerance and the muscle's mean edge.
     """
     if not len(landmarks):
         raise InputError("", "the attachment has no landmarks")
@@ -168,7 +170,7 @@ def _nearest_vertices(
     tree = cKDTree(points[used])
     offsets, nearest = tree.query(landmarks)
     diagonal = float(np.linalg.norm(np.ptp(points[used], axis=0)))
-    limit = max(FARTHEST_LANDMARK * diagonal, tolerance)
+    limit = max(FARTHEST_LANDMARK * diagonal, lengths[0])
     worst = int(np.argmax(offsets))
     if offsets[worst] > limit:
         raise InputError(
@@ -179,7 +181,7 @@ def _nearest_vertices(
             "or give a larger distance",
         )
     if bone_distance is not None and offsets[worst] > ON_POINTS * diagonal:
-        _prefer_facing(points, triangles, landmarks, nearest, (tree, used, limit), bone_distance)
+        _prefer_facing(points, triangles, landmarks, nearest, (tree, used, limit, lengths[1]), bone_distance)
     vertices: Ints = used[nearest].astype(np.int64)
     distinct: Ints = vertices[np.append(True, vertices[1:] != vertices[:-1])]
     return distinct
@@ -190,17 +192,16 @@ def _prefer_facing(
     triangles: Ints,
     landmarks: Floats,
     nearest: Ints,
-    among: tuple[cKDTree, Ints, float],
+    among: tuple[cKDTree, Ints, float, float],
     bone_distance: Callable[[Floats], Floats],
 ) -> None:
     """Give each landmark the nearest point that faces the bone, where there is one within the limit.
 
     `nearest` (k,), changed in place, has for each landmark a number among the used points; `among` are the
-    tree of these points, their ids, and the limit.
+    tree of these points, their ids, the limit, and how far to look along their normals.
     """
-    tree, used, limit = among
+    tree, used, limit, step = among
     outward = vertex_normals(points, triangles) * np.sign(signed_volume(points, triangles) or 1.0)
-    step = float(edge_lengths(points, unique_edges(triangles)).mean())
     waiting, count = np.arange(len(landmarks)), 1
     while len(waiting):
         offsets, found = tree.query(landmarks[waiting], [*range(count // 2 + 1, count + 1)])
@@ -223,14 +224,18 @@ def _on_a_line(landmarks: Floats) -> bool:
 
 
 def _enclosed(
-    points: Floats, triangles: Ints, loop: Ints, bone_distance: Callable[[Floats], Floats] | None
+    points: Floats,
+    triangles: Ints,
+    loop: Ints,
+    parts: tuple[Ints, Ints],
+    bone_distance: Callable[[Floats], Floats] | None,
 ) -> Ints:
     """Return the points inside a closed loop of edges, none where the loop cuts nothing off.
 
-    Triangles are flooded across all edges but the loop's. The largest part that touches the loop is the
-    outside. The loop may be any: geodesics may share edges, touch and cross.
+    Triangles are flooded across all edges but the loop's. The largest of these parts that touches the loop is
+    the outside. The loop may be any: geodesics may share edges, touch and cross.
     """
-    labels, at_loop = _parts_cut_by(triangles, loop, len(points))
+    labels, at_loop = parts
     if len(at_loop) < 2:
         return np.zeros(0, dtype=np.int64)
     areas = np.linalg.norm(triangle_normals(points, triangles), axis=1) / 2.0
@@ -249,15 +254,14 @@ def _enclosed(
     return np.union1d(triangles[inside], loop)
 
 
-def _parts_cut_by(triangles: Ints, loop: Ints, n_points: int) -> tuple[Ints, Ints]:
+def _parts_cut_by(edges: Ints, edge_of: Ints, loop: Ints, n_points: int) -> tuple[Ints, Ints]:
     """Return the part of each triangle (m,) in the surface cut along the loop, and the parts at the loop."""
-    edges, edge_of = numbered_edges(triangles)
     cut = np.isin(_edge_keys(edges, n_points), _edge_keys(np.column_stack([loop[:-1], loop[1:]]), n_points))
     order = np.argsort(edge_of, kind="stable")
     owners = order // 3  # the triangle of each half-edge
     number = edge_of[order]
     joined = (number[1:] == number[:-1]) & ~cut[number[1:]]
-    labels = point_components(len(triangles), np.column_stack([owners[:-1], owners[1:]])[joined])
+    labels = point_components(len(edge_of) // 3, np.column_stack([owners[:-1], owners[1:]])[joined])
     return labels, np.unique(labels[owners[cut[number]]])
 
 
@@ -273,7 +277,7 @@ def _near_curve(points: Floats, edges: Ints, curve: Ints, tolerance: float) -> I
     """
     near = np.zeros(len(points), dtype=np.bool_)
     low, high = points[curve].min(axis=0) - tolerance, points[curve].max(axis=0) + tolerance
-    candidates = np.flatnonzero(((points >= low) & (points <= high)).all(axis=1))
+    candidates = points_in_box(points, low, high)
     near[candidates] = np.linalg.norm(points[candidates] - points[curve[0]], axis=1) <= tolerance
     for start, end in pairwise(points[curve]):
         near[candidates] |= segment_distances(points[candidates], start, end) <= tolerance

@@ -26,6 +26,7 @@ from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.mesh.sampling import space_order, uneven_weights
 from vtkmuscle.core.mesh.shared import shared
 from vtkmuscle.core.mesh.solids import FAR, Solids, solids_of
+from vtkmuscle.core.mesh.surface import points_in_box
 from vtkmuscle.core.mesh.tree_search import distance2_to_box
 from vtkmuscle.core.motion.rigid import apply_transform, inverse, transform_point
 from vtkmuscle.core.types import Bools, Floats, Ints
@@ -108,7 +109,7 @@ class Bone:
     def depth(self, points: Floats) -> Floats:
         """Return the depth (n,) [mm] of points (n, 3), at rest, in the exact surface, 0 outside."""
         depth = np.zeros(len(points))
-        near = np.flatnonzero(((points >= self.box[0]) & (points <= self.box[1])).all(axis=1))
+        near = points_in_box(points, *self.box)
         if len(near) > NODES**3:  # measuring fewer is faster than filling a block of the overview
             outside = np.zeros(len(near), dtype=np.bool_)
             while True:

@@ -12,7 +12,7 @@ CREASE = 60.0
 
 def triangle_normals(points: Floats, triangles: Ints) -> Floats:
     """Return (b - a) x (c - a) for each triangle, (m, 3): twice the area long, not normalised."""
-    a, b, c = (points[triangles[:, i]] for i in range(3))
+    a, b, c = np.take(points, triangles, axis=0).swapaxes(0, 1)
     return np.cross(b - a, c - a)
 
 

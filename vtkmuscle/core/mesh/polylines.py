@@ -104,8 +104,9 @@ def end_directions(points: Floats, offsets: Ints) -> tuple[Floats, Floats]:
 #: Distances that differ by less than this part of half the longest segment count as equal.
 EQUALLY_NEAR = 1e-7
 
-#: Segments around each point that the search for the nearest one begins with.
-FIRST_CANDIDATES = 8
+#: Pieces of segments around each point that the search for the nearest one begins with, and pieces of the
+#: longest segment.
+FIRST_CANDIDATES, PIECES = 8, 4
 
 
 def segments(points: Floats, offsets: Ints) -> tuple[Floats, Floats]:
@@ -148,24 +149,30 @@ def nearest_segments(queries: Floats, a: Floats, b: Floats) -> Ints:
     point beyond the point they share. Rounding must not choose there: a muscle that is moved rigidly would
     not deform as before.
 
-    Candidates come by the distance d of their midpoints. A segment of length s is no nearer than d - s / 2.
-    So once the farthest candidate is farther than the best distance and half the longest segment, no other
+    Candidates come by the distance d of the midpoints of their pieces, of length s at most. A piece is no
+    nearer than d - s / 2. So once the farthest candidate is farther than the best distance and that, no other
     can be nearest. Points where that does not hold yet get twice as many candidates.
     """
     from scipy.spatial import cKDTree  # noqa: PLC0415 -- not needed for drawing
 
-    tree = cKDTree((a + b) / 2.0)
-    reach = float(np.linalg.norm(b - a, axis=1).max()) / 2.0
+    lengths = np.linalg.norm(b - a, axis=1)
+    longest = float(lengths.max())
+    counts = np.ceil(PIECES * lengths / longest).clip(min=1.0).astype(np.int64)
+    owner = np.repeat(np.arange(len(a)), counts)
+    nth = np.arange(len(owner)) - np.repeat(np.cumsum(counts) - counts, counts)
+    tree = cKDTree(a[owner] + ((nth + 0.5) / counts[owner])[:, None] * (b - a)[owner])
+    reach = 0.5 * longest / PIECES
     nearest = np.zeros(len(queries), dtype=np.int64)
     open_ = np.arange(len(queries))
     count = FIRST_CANDIDATES
     while len(open_):
-        count = min(count, len(a))
-        far, candidates = tree.query(queries[open_], k=[*range(1, count + 1)])
+        count = min(count, len(owner))
+        far, pieces = tree.query(queries[open_], k=[*range(1, count + 1)])
+        candidates = owner[pieces]
         distances = segment_distances(queries[open_][:, None], a[candidates], b[candidates])
-        bound = distances.min(axis=1) + EQUALLY_NEAR * reach
+        bound = distances.min(axis=1) + EQUALLY_NEAR * 0.5 * longest
         nearest[open_] = np.where(distances <= bound[:, None], candidates, len(a)).min(axis=1)
-        if count == len(a):
+        if count == len(owner):
             break
         open_ = open_[far[:, -1] - reach <= bound]
         count *= 2

@@ -144,7 +144,7 @@ def closed_shells(points: Floats, triangles: Ints) -> ClosedShells:
     corners = [points[shell.reshape(-1)] for shell in shells]
     volumes = [signed_volume(one, np.arange(len(one)).reshape(-1, 3)) for one in corners]
     solid = [
-        abs(volume) > LEAST_VOLUME * float(np.linalg.norm(np.ptp(one, axis=0))) ** 3
+        abs(volume) > LEAST_VOLUME * float(np.linalg.norm(np.ptp(one.T.copy(), axis=1))) ** 3
         for one, volume in zip(corners, volumes, strict=True)
     ]
     if sum(volumes) < 0 and any(solid):
@@ -163,7 +163,8 @@ def _check_any(triangles: Ints) -> None:
 
 def _proper(triangles: Ints) -> Ints:
     """Return the triangles without those that have a point twice."""
-    proper: Bools = (triangles != np.roll(triangles, 1, axis=1)).all(axis=1)
+    a, b, c = triangles.T
+    proper: Bools = (a != b) & (b != c) & (c != a)
     return triangles[proper]
 
 
@@ -269,11 +270,28 @@ class Solids:
         """
         positions = _checked(points)
         least = np.full(len(positions), np.inf)
-        for tree in self._all:
-            near = _runs_in_reach(positions, least, run, tree) if run else np.arange(len(positions))
-            found = tree.signed(positions[near], run=run)[0]
-            least[near] = np.minimum(least[near], np.abs(found) if tree is self.sheets else found)
+        for tree, near in zip(self._all, self._in_reach(positions, run), strict=True):
+            least[near] = np.minimum(least[near], self._signed(tree, positions[near], run))
         return least
+
+    def _signed(self, tree: TriangleTree, points: Floats, run: int) -> Floats:
+        distances = tree.signed(points, run=run)[0]
+        return np.abs(distances) if tree is self.sheets else distances
+
+    def _in_reach(self, points: Floats, run: int) -> list[Ints]:
+        """Return for each tree the points (n, 3) of those runs that may be nearer to it than to all others.
+
+        From the middle of a run to any of its points no distance changes by more than the way.
+        """
+        if not run or len(self._all) == 1:
+            return [np.arange(len(points))] * len(self._all)
+        starts = np.arange(0, len(points), run)
+        middles = points[np.minimum(starts + run // 2, len(points) - 1)]
+        ways = np.linalg.norm(points - np.repeat(middles, run, axis=0)[: len(points)], axis=1)
+        radii = np.maximum.reduceat(ways, starts)
+        values = np.array([self._signed(tree, middles, 0) for tree in self._all])
+        near = values - radii <= values.min(axis=0) + radii
+        return [np.flatnonzero(np.repeat(one, run)[: len(points)]) for one in near]
 
     def exact(self, points: ArrayLike) -> tuple[Floats, Floats]:
         """Return exact distances (n,) of points (n, 3), negative inside, and the directions away (n, 3).
@@ -338,8 +356,8 @@ def _apart(points: Floats, parts: list[Ints]) -> list[list[Ints]]:
     groups: list[list[Ints]] = []
     boxes: list[Floats] = []
     for part in parts:
-        corners = points[part.reshape(-1)]
-        box = np.array([corners.min(axis=0), corners.max(axis=0)])
+        corners = points[part.reshape(-1)].T.copy()
+        box = np.array([corners.min(axis=1), corners.max(axis=1)])
         for number, others in enumerate(boxes):
             if not ((others[:, 0] <= box[1]) & (box[0] <= others[:, 1])).all(axis=1).any():
                 groups[number].append(part)
@@ -349,15 +367,6 @@ def _apart(points: Floats, parts: list[Ints]) -> list[list[Ints]]:
             groups.append([part])
             boxes.append(box[None])
     return groups
-
-
-def _runs_in_reach(points: Floats, least: Floats, run: int, tree: TriangleTree) -> Ints:
-    """Return the points (n, 3) of those runs that may be nearer to a tree's triangles than the least (n,)."""
-    starts = np.arange(0, len(points), run)
-    low, high = np.minimum.reduceat(points, starts), np.maximum.reduceat(points, starts)
-    gaps = np.maximum(np.maximum(tree.boxes[0, :3] - high, low - tree.boxes[0, 3:]), 0.0)
-    apart = np.linalg.norm(gaps, axis=1)
-    return np.flatnonzero(np.repeat(apart <= np.maximum.reduceat(least, starts), run)[: len(points)])
 
 
 def _checked(points: ArrayLike) -> Floats:

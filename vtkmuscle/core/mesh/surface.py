@@ -38,8 +38,9 @@ def numbered_edges(triangles: Ints) -> tuple[Ints, Ints]:
 
     Edges (k, 2) are sorted, the smaller point id first; half-edges are in the order of :func:`half_edges`.
     """
-    directed, count = half_edges(triangles), int(triangles.max(initial=0)) + 1
-    keys, edge_of = np.unique(directed.min(axis=1) * count + directed.max(axis=1), return_inverse=True)
+    ends, count = triangles[:, [1, 2, 0]], int(triangles.max(initial=0)) + 1
+    keys = np.minimum(triangles, ends) * count + np.maximum(triangles, ends)
+    keys, edge_of = np.unique(keys.reshape(-1), return_inverse=True)
     return np.column_stack(np.divmod(keys, count)), edge_of
 
 
@@ -89,6 +90,12 @@ def triangle_stretches(rest: Floats, now: Floats) -> tuple[Floats, Floats, Float
         np.where(known, np.sqrt(np.maximum(square, 0.0)), 1.0) for square in (half - apart, half + apart)
     )
     return least, greatest, areas
+
+
+def points_in_box(points: Floats, low: Floats, high: Floats) -> Ints:
+    """Return the ids of the points (n, 3) in a box, its low and high corner (3,) included."""
+    x, y, z = ((low[k] <= points[:, k]) & (points[:, k] <= high[k]) for k in range(3))
+    return np.flatnonzero(x & y & z)
 
 
 def signed_volume(points: Floats, triangles: Ints) -> float:

@@ -72,12 +72,12 @@ def pseudonormals(points: Floats, triangles: Ints) -> tuple[Floats, Ints]:
     doi:10.1109/TVCG.2005.49. The rows are those of each triangle's regions FACE, EDGE + k and CORNER + k;
     triangles face outward.
     """
-    faces = unit_vectors(triangle_normals(points, triangles))
-    corners = points[triangles]
-    onward, back = np.roll(corners, -1, axis=1) - corners, np.roll(corners, 1, axis=1) - corners
+    normals = triangle_normals(points, triangles)
+    faces = unit_vectors(normals)
+    onward = points[triangles[:, [1, 2, 0]]] - points[triangles]
     # atan2 keeps small angles exact, and is 0 for triangles without area.
-    sines = np.linalg.norm(np.cross(onward, back), axis=2)
-    angles = np.arctan2(sines, (onward * back).sum(axis=2)).reshape(-1)
+    sines, cosines = np.linalg.norm(normals, axis=1), -np.einsum("mki,mki->mk", onward, onward[:, [2, 0, 1]])
+    angles = np.arctan2(sines[:, None], cosines).reshape(-1)
     edge_of = numbered_edges(triangles)[1]
     parts = [faces]
     for at, weights, count in (
@@ -250,7 +250,7 @@ def _begin(
 ) -> None:
     """Write a packet's points, and their distances from the triangle to begin with.
 
-    That is the one nearest to the last point of the packet before. Lanes without a point repeat the last one.
+    That is the one nearest to the last point of the packet before. Lanes without a point ask for nothing.
     """
     a, b, c = corners[place, 0], corners[place, 1], corners[place, 2]
     for lane in range(LANES):
@@ -260,6 +260,8 @@ def _begin(
         best = (cx - x) ** 2 + (cy - y) ** 2 + (cz - z) ** 2
         lanes[0, lane], lanes[1, lane], lanes[2, lane] = x, y, z
         lanes[3, lane] = best if best >= 0.0 else np.inf  # of a triangle without area
+        if first + lane >= last:
+            lanes[3, lane] = 0.0  # nothing is nearer
         places[q] = place
 
 

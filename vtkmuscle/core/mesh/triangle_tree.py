@@ -11,6 +11,7 @@ import numpy as np
 from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.mesh.normals import unit_vectors
 from vtkmuscle.core.mesh.shared import digest, shared
+from vtkmuscle.core.mesh.surface import points_in_box
 from vtkmuscle.core.mesh.tree_search import (
     LANES,
     along_disc,
@@ -89,8 +90,7 @@ class TriangleTree:
     def depth(self, queries: Floats) -> Floats:
         """Return the depth (q,) of points (q, 3) in a closed surface as of :meth:`signed`, 0 outside."""
         depth = np.zeros(len(queries))
-        low, high = self.boxes[0, :3], self.boxes[0, 3:]
-        near = np.flatnonzero(((queries >= low) & (queries <= high)).all(axis=1))
+        near = points_in_box(queries, self.boxes[0, :3], self.boxes[0, 3:])
         if len(near):
             depth[near] = np.maximum(-self.signed(queries[near])[0], 0.0)
         return depth
@@ -124,7 +124,7 @@ def triangle_tree(points: Floats, triangles: Ints) -> TriangleTree:
 shared_tree = shared(triangle_tree)
 
 
-#: The trees of deformed surfaces that somebody holds, by their content.
+#: The trees of deformed surfaces that somebody holds, by their points.
 _deformed: WeakValueDictionary[bytes, TriangleTree] = WeakValueDictionary()
 
 
@@ -137,9 +137,9 @@ def tree_of_deformed(known: TriangleTree | None, points: Floats, triangles: Ints
     so that the boxes stay small. Answers are those of a new tree, but for the choice among equally near
     triangles.
     """
-    key = digest(points, triangles)
+    key = digest(points)
     tree = _deformed.get(key)
-    if tree is None:
+    if tree is None or not np.array_equal(tree.triangles, triangles):
         points = points.copy()  # the caller's may change
         if known is not None and np.array_equal(known.triangles, triangles):
             tree = _filled(points, known.triangles, known.order)
@@ -150,11 +150,11 @@ def tree_of_deformed(known: TriangleTree | None, points: Floats, triangles: Ints
 
 
 def _filled(points: Floats, triangles: Ints, order: Ints) -> TriangleTree:
-    corners = np.ascontiguousarray(points[triangles[order]], dtype=np.float64)
+    corners = np.take(points, np.take(triangles, order, axis=0), axis=0).astype(np.float64, copy=False)
     n_leaves = 2 ** max(int(np.ceil(np.log2(len(triangles) / PER_LEAF))), 0)
-    discs = np.empty((n_leaves, 8))
-    _fill_discs(corners, discs)
-    return TriangleTree(points, triangles, order, corners, _boxes(corners, n_leaves), discs)
+    boxes, discs = np.empty((2 * n_leaves - 1, 6)), np.empty((n_leaves, 8))
+    _enclose(corners, boxes, discs)
+    return TriangleTree(points, triangles, order, corners, boxes, discs)
 
 
 @kernel
@@ -168,28 +168,28 @@ def _share_out(centres: Floats, order: Ints, starts: Ints) -> None:
     while width > 1:
         for leaf in range(0, n_leaves, width):
             first, middle, last = starts[leaf], starts[leaf + width // 2], starts[leaf + width]
-            axis, longest = 0, -1.0
+            axis, longest = int(np.int64(0)), -1.0  # a constant would be compiled apart
             for k in range(3):
                 low, high = np.inf, -np.inf
                 for i in range(first, last):
                     low, high = min(low, centres[order[i], k]), max(high, centres[order[i], k])
                 if high - low > longest:
                     axis, longest = k, high - low
-            _part(centres[:, axis], order, first, middle, last)
+            _part(centres, axis, order, first, middle, last)
         width //= 2
 
 
 @kernel
-def _part(values: Floats, order: Ints, first: int, middle: int, last: int) -> None:
-    """Put the least of order[first:last], by their values, before ``middle`` (Hoare 1961, quickselect)."""
+def _part(centres: Floats, axis: int, order: Ints, first: int, middle: int, last: int) -> None:
+    """Put the least of order[first:last] along an axis before ``middle`` (Hoare 1961, quickselect)."""
     low, high = first, last - 1
     while low < high:
-        pivot = values[order[(low + high) // 2]]
+        pivot = centres[order[(low + high) // 2], axis]
         i, j = low, high
         while i <= j:
-            while values[order[i]] < pivot:
+            while centres[order[i], axis] < pivot:
                 i += 1
-            while values[order[j]] > pivot:
+            while centres[order[j], axis] > pivot:
                 j -= 1
             if i <= j:
                 order[i], order[j] = order[j], order[i]
@@ -202,26 +202,17 @@ def _part(values: Floats, order: Ints, first: int, middle: int, last: int) -> No
             break
 
 
-def _boxes(corners: Floats, n_leaves: int) -> Floats:
-    starts = np.arange(n_leaves) * len(corners) // n_leaves
-    a, b, c = corners.swapaxes(0, 1)
-    low = np.minimum.reduceat(np.minimum(np.minimum(a, b), c), starts)
-    levels = [np.hstack([low, np.maximum.reduceat(np.maximum(np.maximum(a, b), c), starts)])]
-    while len(levels[0]) > 1:
-        one, other = levels[0][::2], levels[0][1::2]
-        low, high = np.minimum(one[:, :3], other[:, :3]), np.maximum(one[:, 3:], other[:, 3:])
-        levels.insert(0, np.hstack([low, high]))
-    return np.vstack(levels)
-
-
 @kernel
-def _fill_discs(corners: Floats, discs: Floats) -> None:
+def _enclose(corners: Floats, boxes: Floats, discs: Floats) -> None:
+    """Write the boxes of a tree, from its leaves to its root, and the discs of its leaves."""
     n, n_leaves = len(corners), len(discs)
     for leaf in range(n_leaves):
         first, last = leaf * n // n_leaves, (leaf + 1) * n // n_leaves
-        disc = discs[leaf]
+        disc, box = discs[leaf], boxes[n_leaves - 1 + leaf]
         for k in range(8):
             disc[k] = 0.0
+        for k in range(3):
+            box[k], box[3 + k] = np.inf, -np.inf
         for i in range(first, last):
             a, b, c = corners[i, 0], corners[i, 1], corners[i, 2]
             for k in range(3):
@@ -237,5 +228,12 @@ def _fill_discs(corners: Floats, discs: Floats) -> None:
                     disc, corners[i, corner, 0], corners[i, corner, 1], corners[i, corner, 2]
                 )
                 disc[6], disc[7] = max(disc[6], aside), max(disc[7], abs(up))
+                for k in range(3):
+                    box[k] = min(box[k], corners[i, corner, k])
+                    box[3 + k] = max(box[3 + k], corners[i, corner, k])
         size = abs(disc[0]) + abs(disc[1]) + abs(disc[2]) + disc[6] + disc[7]
         disc[6], disc[7] = disc[6] + _ROUNDING * size, disc[7] + _ROUNDING * size
+    for node in range(n_leaves - 2, -1, -1):
+        for k in range(3):
+            boxes[node, k] = min(boxes[2 * node + 1, k], boxes[2 * node + 2, k])
+            boxes[node, 3 + k] = max(boxes[2 * node + 1, 3 + k], boxes[2 * node + 2, 3 + k])

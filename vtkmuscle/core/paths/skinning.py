@@ -6,11 +6,13 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
-from scipy.sparse import csr_array
+from scipy.sparse import csr_array, kron
 from scipy.spatial import cKDTree
+from scipy.spatial.distance import cdist
 
-from vtkmuscle.core.jit import kernel, vector_kernel
-from vtkmuscle.core.motion.blending import nearest_rotation
+from vtkmuscle.core.jit import kernel
+from vtkmuscle.core.mesh.surface import sorted_into_bins
+from vtkmuscle.core.motion.blending import nearest_rotations
 from vtkmuscle.core.paths.sheet import MusclePaths, PathState
 from vtkmuscle.core.paths.surroundings import directions_along, less_the_last
 from vtkmuscle.core.types import Floats, Ints
@@ -36,9 +38,9 @@ class SkinningWeights(NamedTuple):
     Attributes
     ----------
     points : (p, 3) array
-        At rest, about the middle of the paths [mm].
+        At rest [mm].
     carriers : (p, c) int array
-        Numbers of points of paths, in the order of paths, and after these of bones.
+        Numbers of points of paths, in the order of paths.
     weights : (p, c) array
         Rows sum to 1.
     """
@@ -71,46 +73,41 @@ class Skinning:
     def __init__(self, paths: MusclePaths, surface: Floats, fixed_to: Ints) -> None:
         self._paths = paths
         rest = paths.rest.points
-        self._widths = paths.widths(rest)
         f, n, _ = rest.shape
         self._rest: Floats = rest.reshape(-1, 3)
-        self._middle: Floats = self._rest.mean(axis=0)
-        tangents = directions_along(rest).reshape(-1, 3)
+        self._arms = self._rest - self._rest.mean(axis=0)
+        self._tangents: Floats = directions_along(rest).reshape(-1, 3)
         least = LEAST_APART * paths.thickness
-        count, reach = min(BESIDE, f), len(WINDOW) // 2
+        count = min(BESIDE, f)
         beside, parts = np.empty((f, n, count), dtype=np.int64), np.empty((f, n, count))
         for i in range(n):
             apart, found = cKDTree(rest[:, i]).query(rest[:, i], k=range(1, count + 1))
-            beside[:, i], parts[:, i] = n * found + i, falling_weights(apart, least)
-        begins = np.arange(0, beside.size + 1, count)
-        self._beside = csr_array((parts.reshape(-1), beside.reshape(-1), begins), shape=(f * n, f * n))
-        self._beside.eliminate_zeros()
-        near = np.arange(n)[:, None] + np.arange(-reach, reach + 1)
-        window = np.where((near >= 0) & (near < n), WINDOW, 0.0)
-        self._near: Ints = np.clip(near, 0, n - 1)
-        around = np.concatenate([self._around(rest), np.ones((f, *near.shape, 1))], axis=3)
-        self._window: Floats = window[:, :, None] * around
-        sums, total = self._sums(rest), np.tile(window.sum(axis=1), f)
-        means = sums[:, :, 3] / total[:, None]
-        variance = np.einsum("kii->k", sums[:, :, :3]) - total * (means**2).sum(axis=1)
-        of_bones = FROM_BONES * (variance + total * least**2)
-        self._at_rest = self._rest - self._middle, tangents, means, of_bones
+            beside[:, i], parts[:, i] = found * n + i, falling_weights(apart, least)
+        shifts = [np.eye(n, k=k - len(WINDOW) // 2) for k in range(len(WINDOW))]
+        window = np.tensordot(WINDOW, shifts, axes=1)
+        self._along = kron(np.eye(f), window / window.sum(axis=1, keepdims=True), format="csr")
+        starts = np.arange(0, f * n * count + 1, count)
+        self._across = csr_array((parts.reshape(-1), beside.reshape(-1), starts), shape=(f * n, f * n))
+        self._means = self._means_beside(self._arms)
+        squares = self._means_beside((self._arms**2).sum(axis=1)) - (self._means**2).sum(axis=1)
+        self._spread: Floats = np.maximum(squares, 0.0) + least**2
+        self._surface = self._weights_of(surface, least)
         fixed = np.flatnonzero(fixed_to >= 0)
         apart, nearest = cKDTree(surface[fixed]).query(surface)
-        with_bone = np.exp(-0.5 * (2.0 * apart / paths.thickness) ** 2)[:, None]
-        points, carriers, weights = self._weights_of(surface, least)
-        carriers = np.column_stack([carriers, f * n + fixed_to[fixed][nearest]])
-        weights = np.column_stack([(1.0 - with_bone) * weights, with_bone])
-        self._surface = SkinningWeights(points, carriers, weights)
+        self._bone: Ints = fixed_to[fixed][nearest]
+        self._with_bone: Floats = np.exp(-0.5 * (2.0 * apart / paths.thickness) ** 2)
+
+    def _means_beside(self, values: Floats) -> Floats:
+        """Return the weighted means of values (f n, ...) over the points beside each point of a path."""
+        means: Floats = self._across @ (self._along @ values)
+        return means
 
     def _weights_of(self, points: Floats, least: float) -> SkinningWeights:
         f, n, _ = self._paths.rest.points.shape
         tree = cKDTree(self._rest)
         away, near = tree.query(points, k=range(1, min(LOOKED_AT, tree.n) + 1))
         count = min(CARRIERS, f)
-        apart, at = np.empty((len(points), count)), np.empty((len(points), count))
-        paths = np.empty((len(points), count), dtype=np.int64)
-        _places_beside(points, self._rest.reshape(f, n, 3), near, paths, apart, at)
+        paths, apart, at = _places_beside(points, self._rest.reshape(f, n, 3), near // n, count)
         # A path that none of these points is of is farther than the last.
         seen = apart if tree.n <= LOOKED_AT else np.minimum(apart, away[:, -1:])
         parts = falling_weights(seen, least)
@@ -126,12 +123,8 @@ class Skinning:
             axis=2,
         )
         nodes = np.clip(low[:, :, None] + np.arange(-1, 3), 0, n - 1) + n * paths[:, :, None]
-        carriers = nodes.reshape(len(points), -1)
         weights = (parts[:, :, None] * spline).reshape(len(points), -1)
-        used = weights.any(axis=0)  # the last of the paths has no part
-        return SkinningWeights(
-            points - self._middle, carriers.compress(used, axis=1), weights.compress(used, axis=1)
-        )
+        return SkinningWeights(np.ascontiguousarray(points), nodes.reshape(weights.shape), weights)
 
     def weights_of_fibres(self, points: Floats, offsets: Ints) -> SkinningWeights:
         """Return the weights of points (p, 3) of the fibres that paths were made from, each with its path.
@@ -147,32 +140,37 @@ class Skinning:
             low = np.minimum(at.astype(np.int64), n - 2)
             carriers[begin:end] = fibre * n + low[:, None] + np.arange(2)
             weights[begin:end] = np.column_stack([1.0 - (at - low), at - low])
-        return SkinningWeights(points - self._middle, carriers, weights)
+        return SkinningWeights(np.ascontiguousarray(points), carriers, weights)
 
     def at(self, state: PathState) -> SkinnedMuscle:
         """Return the muscle in a pose of its paths."""
-        paths, bones = self._paths, state.transforms
-        f, n, _ = state.points.shape
-        stretch = (self._widths / paths.widths(state.points)) ** 2
-        affine = np.empty((f * n + len(bones), 3, 4))
-        affine[: f * n] = self._sums(state.points)
-        affine[f * n :] = bones[:, :3]
-        affine[f * n :, :, 3] += bones[:, :3, :3] @ self._middle
-        ends = bones[paths.start_bones], bones[paths.end_bones]
-        _frames(*self._at_rest, *ends, stretch, state.points, affine, np.empty((11, 4)))
-        muscle = SkinnedMuscle(affine, np.empty((0, 3)))
-        return muscle._replace(surface=muscle.points(self._surface))
-
-    def _around(self, points: Floats) -> Floats:
-        """Return the points near each of paths (f, n, 3), about the middle of all there, (f, n, w, 3)."""
-        around: Floats = points.take(self._near, axis=1) - points.mean(axis=0)[:, None]
-        return around
-
-    def _sums(self, points: Floats) -> Floats:
-        """Return weighted sums over the points q beside each, p at rest, of q p^T and of q, (f n, 3, 4)."""
-        along = self._around(points).swapaxes(2, 3) @ self._window
-        sums: Floats = (self._beside @ along.reshape(-1, 12)).reshape(-1, 3, 4)
-        return sums
+        paths = self._paths
+        n = state.points.shape[1]
+        stretch = (paths.widths(paths.rest.points) / paths.widths(state.points)) ** 2
+        part = np.linspace(0.0, 1.0, n)[None, :, None, None]
+        first, last = (state.transforms[b][:, None, :3, :3] for b in (paths.start_bones, paths.end_bones))
+        turns = ((1.0 - part) * first + part * last).reshape(-1, 3, 3)
+        now = state.points.reshape(-1, 3)
+        arms = now - now.mean(axis=0)
+        products = (arms[:, :, None] * self._arms[:, None]).reshape(-1, 9)
+        sums = self._means_beside(np.hstack([arms, products]))
+        # The points' covariance, now and at rest, and a little of the bones' turn: the rotation nearest to it
+        # takes the points to now best, in the least squares sense (Arun, Huang, Blostein 1987,
+        # doi:10.1109/TPAMI.1987.4767965).
+        covariances = sums[:, 3:].reshape(-1, 3, 3) - sums[:, :3, None] * self._means[:, None]
+        frames = nearest_rotations(covariances + FROM_BONES * self._spread[:, None, None] * turns)
+        # F = R (g I + (l - g) t t^T), g = l^(-1/2), with l along and g across.
+        t, along = self._tangents, np.repeat(stretch, n)[:, None, None]
+        across = along**-0.5
+        turned = np.einsum("pij,pj->pi", frames, t)[:, :, None]
+        frames *= across
+        frames += (along - across) * turned * t[:, None]
+        muscle = SkinnedMuscle(self._rest, now, frames, np.empty((0, 3)))
+        moved, points = muscle.points(self._surface), self._surface.points
+        transforms = state.transforms[self._bone]
+        with_bone = np.einsum("vij,vj->vi", transforms[:, :3, :3], points) + transforms[:, :3, 3]
+        moved += self._with_bone[:, None] * (with_bone - moved)
+        return muscle._replace(surface=moved)
 
 
 class SkinnedMuscle(NamedTuple):
@@ -180,20 +178,23 @@ class SkinnedMuscle(NamedTuple):
 
     Attributes
     ----------
-    affine : (f n + b, 3, 4) array
-        How the muscle moves, turns and stretches about each point of paths, and each bone: the matrix F | t
-        of p -> F p + t, about the middle of the paths at rest.
+    rest, nodes : (f n, 3) arrays
+        Points of the paths at rest and now [mm].
+    frames : (f n, 3, 3) array
+        How the muscle turns and stretches about each.
     surface : (v, 3) array
         Points of its surface [mm].
     """
 
-    affine: Floats
+    rest: Floats
+    nodes: Floats
+    frames: Floats
     surface: Floats
 
     def points(self, weights: SkinningWeights) -> Floats:
         """Return the positions of points in the pose, (p, 3) [mm]."""
         moved = np.empty_like(weights.points)
-        _skin(self.affine, weights.carriers, weights.weights, weights.points, moved)
+        _skin(self.rest, self.nodes, self.frames, weights.carriers, weights.weights, weights.points, moved)
         return moved
 
 
@@ -208,118 +209,64 @@ def falling_weights(distances: Floats, least: float) -> Floats:
     return weights
 
 
-@kernel
-def _places_beside(points: Floats, paths: Floats, near: Ints, found: Ints, apart: Floats, at: Floats) -> None:
-    """Write the paths nearest to points (v, 3), ascending, their distances and the places along them.
+def _places_beside(points: Floats, paths: Floats, near: Ints, count: int) -> tuple[Ints, Floats, Floats]:
+    """Return so many paths nearest to points (v, 3), ascending, their distances and the places along them.
 
-    ``near`` (v, k) are points of paths, ascending by distance; a path that has none among these is infinitely
-    far.
+    ``near`` (v, k) are the paths of points nearby, ascending by distance; a path that has none among these is
+    infinitely far.
     """
-    n = paths.shape[1]
-    for v in range(len(points)):
-        count = 0
-        for k in range(near.shape[1]):
-            path = near[v, k] // n
-            known = False
-            for c in range(count):
-                known = known or found[v, c] == path
-            if known or count == found.shape[1]:
-                continue
-            apart[v, count], at[v, count] = _place_beside(points[v], paths[path])
-            found[v, count] = path
-            count += 1
-        for c in range(count, found.shape[1]):
-            found[v, c], apart[v, c], at[v, c] = found[v, count - 1], np.inf, at[v, count - 1]
-        for c in range(1, count):  # ascending: sorted by insertion
-            k = c
-            while k > 0 and apart[v, k] < apart[v, k - 1]:
-                found[v, k], found[v, k - 1] = found[v, k - 1], found[v, k]
-                apart[v, k], apart[v, k - 1] = apart[v, k - 1], apart[v, k]
-                at[v, k], at[v, k - 1] = at[v, k - 1], at[v, k]
-                k -= 1
+    found = np.empty((len(points), count), dtype=np.int64)
+    apart, at = np.full(found.shape, np.inf), np.zeros(found.shape)
+    new = np.ones(near.shape, dtype=np.bool_)
+    for rank in range(count):
+        found[:, rank] = near[np.arange(len(near)), new.argmax(axis=1)]
+        apart[new.any(axis=1), rank] = 0.0
+        new &= near != found[:, rank, None]
+    bins, starts = sorted_into_bins(np.where(apart < np.inf, found, len(paths)).reshape(-1), len(paths) + 1)
+    for path, begin, end in zip(paths, starts[:-2], starts[1:-1], strict=True):
+        v, place = np.divmod(bins[begin:end], count)
+        apart[v, place], at[v, place] = _place_beside(points[v], path)
+    order = np.argsort(apart, axis=1, kind="stable")
+    found, apart, at = (np.take_along_axis(one, order, axis=1) for one in (found, apart, at))
+    return found, apart, at
 
 
-@kernel
-def _place_beside(point: Floats, path: Floats) -> tuple[float, float]:
-    """Return the distance of a path from a point, and the point's place along it, in segments.
+def _place_beside(points: Floats, path: Floats) -> tuple[Floats, Floats]:
+    """Return the distances of a path (n, 3) from points (v, 3), and their places along it, in segments.
 
     The place is the mean of the path's points, weighted by a Gaussian of their distances as wide as a
     segment. Beside a straight path that is the nearest place. A curved one may have two: it does not choose.
     """
-    nearest2, best2, width2 = np.inf, np.inf, 0.0
-    for j in range(len(path)):
-        squared = 0.0
-        for c in range(3):
-            squared += (path[j, c] - point[c]) ** 2
-        best2 = min(best2, squared)
-        if j + 1 < len(path):
-            ahead, length2 = 0.0, 0.0
-            for c in range(3):
-                step = path[j + 1, c] - path[j, c]
-                ahead += (point[c] - path[j, c]) * step
-                length2 += step * step
-            part = min(max(ahead / length2, 0.0), 1.0) if length2 > 0.0 else 0.0
-            nearest2 = min(nearest2, squared - part * (2.0 * ahead - part * length2))
-            width2 = max(width2, length2)
-    total, place = 0.0, 0.0
-    for j in range(len(path)):
-        squared = 0.0
-        for c in range(3):
-            squared += (path[j, c] - point[c]) ** 2
-        weight = np.exp(-0.5 * (squared - best2) / width2)
-        total += weight
-        place += weight * j
-    return np.sqrt(max(nearest2, 0.0)), place / total
+    steps = np.diff(path, axis=0)
+    lengths2 = (steps**2).sum(axis=1)
+    squared = cdist(points, path, "sqeuclidean")
+    ahead = 0.5 * (squared[:, :-1] - squared[:, 1:] + lengths2)
+    part = (ahead / np.maximum(lengths2, np.finfo(float).tiny)).clip(0.0, 1.0)
+    nearest2 = (squared[:, :-1] - part * (2.0 * ahead - part * lengths2)).min(axis=1)
+    weights = np.exp((squared.min(axis=1, keepdims=True) - squared) * (0.5 / lengths2.max()))
+    return np.sqrt(nearest2.clip(0.0)), weights @ np.arange(len(path)) / weights.sum(axis=1)
 
 
 @kernel
-def _frames(
+def _skin(
     rest: Floats,
-    tangents: Floats,
-    means: Floats,
-    of_bones: Floats,
-    starts: Floats,
-    ends: Floats,
-    stretch: Floats,
-    now: Floats,
-    affine: Floats,
-    work: Floats,
+    nodes: Floats,
+    frames: Floats,
+    carriers: Ints,
+    weights: Floats,
+    points: Floats,
+    moved: Floats,
 ) -> None:
-    """Replace sums (f n, 3, 4) by F | t, F = R (g I + (l - g) t t^T), g = l^(-1/2), at each point of paths.
-
-    R takes the points beside it from rest to now best, in the least squares sense (Arun, Huang, Blostein
-    1987, doi:10.1109/TPAMI.1987.4767965), and a little the bones' turn.
-    """
-    f, n, _ = now.shape
-    r = work[8:, :3]
-    for a in range(f):
-        along = stretch[a]
-        across = 1.0 / np.sqrt(along)
-        for i in range(n):
-            k, part = a * n + i, i / (n - 1)
-            m, t = affine[k], tangents[k]
-            for c in range(3):
-                for d in range(3):
-                    turn = (1.0 - part) * starts[a, c, d] + part * ends[a, c, d]
-                    r[c, d] = m[c, d] - m[c, 3] * means[k, d] + of_bones[k] * turn
-            nearest_rotation(r, work[:8])
-            for c in range(3):
-                turned = (along - across) * (r[c, 0] * t[0] + r[c, 1] * t[1] + r[c, 2] * t[2])
-                m[c, 3] = now[a, i, c]
-                for d in range(3):
-                    m[c, d] = across * r[c, d] + turned * t[d]
-                    m[c, 3] -= m[c, d] * rest[k, d]
-
-
-@vector_kernel
-def _skin(affine: Floats, carriers: Ints, weights: Floats, points: Floats, moved: Floats) -> None:
     """Write the weighted means of the places to which its carriers take each point."""
     for v in range(len(points)):
-        a, b, c = points[v, 0], points[v, 1], points[v, 2]
         x, y, z = 0.0, 0.0, 0.0
         for j in range(carriers.shape[1]):
-            m, w = affine[carriers[v, j]], weights[v, j]
-            x += w * (m[0, 0] * a + m[0, 1] * b + m[0, 2] * c + m[0, 3])
-            y += w * (m[1, 0] * a + m[1, 1] * b + m[1, 2] * c + m[1, 3])
-            z += w * (m[2, 0] * a + m[2, 1] * b + m[2, 2] * c + m[2, 3])
+            k, w = carriers[v, j], weights[v, j]
+            if w == 0.0:
+                continue
+            a, b, c = points[v, 0] - rest[k, 0], points[v, 1] - rest[k, 1], points[v, 2] - rest[k, 2]
+            m = frames[k]
+            x += w * (nodes[k, 0] + m[0, 0] * a + m[0, 1] * b + m[0, 2] * c)
+            y += w * (nodes[k, 1] + m[1, 0] * a + m[1, 1] * b + m[1, 2] * c)
+            z += w * (nodes[k, 2] + m[2, 0] * a + m[2, 1] * b + m[2, 2] * c)
         moved[v, 0], moved[v, 1], moved[v, 2] = x, y, z
