@@ -139,10 +139,9 @@ def _png(pixels: NDArray[np.uint8], dpi: float) -> bytes:
     rows = np.full((height, 1 + 3 * width), 2, dtype=np.uint8)  # each begins with the number of this filter
     rows[0, 1:] = flat[0]
     np.subtract(flat[1:], flat[:-1], out=rows[1:, 1:])
-    per_metre = round(dpi / 0.0254)
     parts = {
         b"IHDR": struct.pack(">2I5B", width, height, 8, 2, 0, 0, 0),
-        b"pHYs": struct.pack(">2IB", per_metre, per_metre, 1),
+        b"pHYs": struct.pack(">2IB", *2 * (round(dpi / 0.0254),), 1),  # pixels to a metre
         b"IDAT": zlib.compress(rows.data, 1),
         b"IEND": b"",
     }

@@ -131,9 +131,7 @@ class Studio:
 
     def _moved(self, bones: DrawnBones | None, transforms: Mapping[str, Floats]) -> Iterator[vtkActor]:
         for name, bone in {} if bones is None else bones.by_name.items():
-            if bone not in self._bones:
-                self._bones[bone] = bone_actor(bone)
-            actor = self._bones[bone]
+            actor = self._bones.get(bone) or self._bones.setdefault(bone, bone_actor(bone))
             actor.SetUserMatrix(matrix_of(transforms.get(name)))
             yield actor
 
