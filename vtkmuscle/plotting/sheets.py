@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import struct
 import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -118,7 +117,7 @@ def blank_figure(width: float, height: float) -> Figure:
 def save_figure(figure: Figure, path: Path, dpi: float = DOTS_PER_INCH) -> None:
     """Write a figure whose canvas is Agg's as a .png, .pdf or .svg: what is no picture in lines and letters.
 
-    A PNG has the pixels that ``savefig`` gives it, in a fifth of its time.
+    A PNG as ``savefig`` does, in a third of its time.
     """
     figure.set_dpi(dpi)
     if path.suffix != ".png":
@@ -130,26 +129,8 @@ def save_figure(figure: Figure, path: Path, dpi: float = DOTS_PER_INCH) -> None:
     assert isinstance(canvas, FigureCanvasAgg)
     canvas.draw()
     image = Image.frombuffer("RGBA", canvas.get_width_height(physical=True), canvas.buffer_rgba())
-    path.write_bytes(_png(np.asarray(image.convert("RGB")), figure.dpi))
-
-
-def _png(pixels: NDArray[np.uint8], dpi: float) -> bytes:
-    """Return pixels (height, width, 3) as a PNG, each row as its difference from the one above it."""
-    (height, width, _), flat = pixels.shape, pixels.reshape(len(pixels), -1)
-    rows = np.full((height, 1 + 3 * width), 2, dtype=np.uint8)  # each begins with the number of this filter
-    rows[0, 1:] = flat[0]
-    np.subtract(flat[1:], flat[:-1], out=rows[1:, 1:])
-    parts = {
-        b"IHDR": struct.pack(">2I5B", width, height, 8, 2, 0, 0, 0),
-        b"pHYs": struct.pack(">2IB", *2 * (round(dpi / 0.0254),), 1),  # pixels to a metre
-        b"IDAT": zlib.compress(rows.data, 1),
-        b"IEND": b"",
-    }
-    chunks = (
-        struct.pack(">I", len(data)) + name + data + struct.pack(">I", zlib.crc32(name + data))
-        for name, data in parts.items()
-    )
-    return b"\x89PNG\r\n\x1a\n" + b"".join(chunks)
+    # White and flat colours are runs of one value.
+    image.convert("RGB").save(path, compress_level=1, compress_type=zlib.Z_RLE, dpi=(figure.dpi,) * 2)
 
 
 def curves(title: str, time_label: str, value_label: str) -> tuple[Figure, Axes]:
