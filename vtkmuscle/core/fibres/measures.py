@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
+from scipy.cluster.vq import kmeans2
 from scipy.spatial import cKDTree
 
 from vtkmuscle.core.mesh.normals import triangle_normals, unit_vectors
@@ -176,8 +177,6 @@ def group_fibres(lengths: Floats, count: int) -> Ints:
     count = max(1, min(count, distinct))
     if count == 1:
         return np.zeros(len(changes), dtype=np.int64)
-    from scipy.cluster.vq import kmeans2  # noqa: PLC0415 -- a run needs none
-
     _, labels = kmeans2(changes, count, minit="++", rng=np.random.default_rng(0), missing="warn")
     # Groups are numbered by their first fibre, empty ones left out.
     _, first, plain = np.unique(labels, return_index=True, return_inverse=True)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from itertools import pairwise
 
 import numpy as np
+from scipy.interpolate import CubicHermiteSpline
 from scipy.spatial import cKDTree
 
 from vtkmuscle.core.mesh.harmonic import harmonic_field
@@ -49,14 +50,7 @@ def _spread(line: Floats, count: int) -> Floats:
     tangents[1:-1] = weighted / (steps[:-1] + steps[1:])[:, None]
     tangents[0], tangents[-1] = 2.0 * slopes[0] - tangents[1], 2.0 * slopes[-1] - tangents[-2]
     at = np.concatenate([[0.0], np.cumsum(steps)])
-    twist = (tangents[:-1] + tangents[1:] - 2.0 * slopes) / steps[:, None]
-    square, cube = (slopes - tangents[:-1]) / steps[:, None] - twist, twist / steps[:, None]
-
-    def curve(places: Floats) -> Floats:
-        i = np.searchsorted(at[1:-1], places, side="right")
-        s = (places - at[i])[:, None]
-        return np.asarray(line[i] + tangents[i] * s + square[i] * s**2 + cube[i] * s**3)
-
+    curve = CubicHermiteSpline(at, line, tangents)
     places = np.linspace(0.0, at[-1], count)
     for _ in range(2):
         reached = np.linalg.norm(np.diff(curve(places), axis=0), axis=1)
