@@ -124,7 +124,9 @@ class Skinning:
         )
         nodes = np.clip(low[:, :, None] + np.arange(-1, 3), 0, n - 1) + n * paths[:, :, None]
         weights = (parts[:, :, None] * spline).reshape(len(points), -1)
-        return SkinningWeights(np.ascontiguousarray(points), nodes.reshape(weights.shape), weights)
+        used = weights.any(axis=0)  # the last of the paths has no part
+        carriers = nodes.reshape(weights.shape).compress(used, axis=1)
+        return SkinningWeights(np.ascontiguousarray(points), carriers, weights.compress(used, axis=1))
 
     def weights_of_fibres(self, points: Floats, offsets: Ints) -> SkinningWeights:
         """Return the weights of points (p, 3) of the fibres that paths were made from, each with its path.
@@ -147,24 +149,26 @@ class Skinning:
         paths = self._paths
         n = state.points.shape[1]
         stretch = (paths.widths(paths.rest.points) / paths.widths(state.points)) ** 2
-        part = np.linspace(0.0, 1.0, n)[None, :, None, None]
-        first, last = (state.transforms[b][:, None, :3, :3] for b in (paths.start_bones, paths.end_bones))
-        turns = ((1.0 - part) * first + part * last).reshape(-1, 3, 3)
+        part = np.linspace(0.0, 1.0, n)
+        parts = np.stack([1.0 - part, part], axis=1)
+        ends = state.transforms[np.stack([paths.start_bones, paths.end_bones], axis=1), :3, :3]
+        turns = np.einsum("ne,feij->fnij", parts, ends).reshape(-1, 3, 3)
         now = state.points.reshape(-1, 3)
         arms = now - now.mean(axis=0)
-        products = (arms[:, :, None] * self._arms[:, None]).reshape(-1, 9)
+        products = np.einsum("pi,pj->pij", arms, self._arms).reshape(-1, 9)
         sums = self._means_beside(np.hstack([arms, products]))
         # The points' covariance, now and at rest, and a little of the bones' turn: the rotation nearest to it
         # takes the points to now best, in the least squares sense (Arun, Huang, Blostein 1987,
         # doi:10.1109/TPAMI.1987.4767965).
-        covariances = sums[:, 3:].reshape(-1, 3, 3) - sums[:, :3, None] * self._means[:, None]
-        frames = nearest_rotations(covariances + FROM_BONES * self._spread[:, None, None] * turns)
+        covariances = sums[:, 3:].reshape(-1, 3, 3) - np.einsum("pi,pj->pij", sums[:, :3], self._means)
+        covariances += np.einsum("p,pij->pij", FROM_BONES * self._spread, turns)
+        frames = nearest_rotations(covariances)
         # F = R (g I + (l - g) t t^T), g = l^(-1/2), with l along and g across.
-        t, along = self._tangents, np.repeat(stretch, n)[:, None, None]
+        t, along = self._tangents, np.repeat(stretch, n)
         across = along**-0.5
-        turned = np.einsum("pij,pj->pi", frames, t)[:, :, None]
-        frames *= across
-        frames += (along - across) * turned * t[:, None]
+        turned = np.einsum("pij,pj->pi", frames, t)
+        frames = np.einsum("p,pij->pij", across, frames)
+        frames += np.einsum("pi,pj->pij", (along - across)[:, None] * turned, t)
         muscle = SkinnedMuscle(self._rest, now, frames, np.empty((0, 3)))
         moved, points = muscle.points(self._surface), self._surface.points
         transforms = state.transforms[self._bone]
