@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, TypeVar
+from urllib.parse import unquote
 
 import numpy as np
 from numpy.typing import NDArray
@@ -248,6 +249,20 @@ def multiblock_from(blocks: dict[str, Any]) -> vtkMultiBlockDataSet:
 def array_names(attributes: Any) -> list[str]:
     """Return the names of the arrays of points, cells or fields."""
     return [str(attributes.GetArrayName(i)) for i in range(attributes.GetNumberOfArrays())]
+
+
+#: Characters that names of arrays lose in VTK's XML files, and how they are written.
+_ESCAPES = {ord(character): f"%{ord(character):02X}" for character in "%<>&\"'"}
+
+
+def array_of(kind: str, name: str) -> str:
+    """Return the name of the array of a kind for something with a name, in which any character may be."""
+    return kind + name.translate(_ESCAPES)
+
+
+def names_of(kind: str, attributes: Any) -> dict[str, str]:
+    """Return the names of the arrays of a kind by what they are for, see :func:`array_of`."""
+    return {unquote(one.removeprefix(kind)): one for one in array_names(attributes) if one.startswith(kind)}
 
 
 def _named(name: str, values: NDArray[Any]) -> Any:

@@ -15,7 +15,7 @@ from vtkmuscle.core.collision.voxels import DEFAULT_N_MAX
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.motion.rigid import apply_transform, inverse, is_rigid
 from vtkmuscle.core.types import Floats, Ints
-from vtkmuscle.data.arrays import array_names, blocks_of, checked_surface, field_array
+from vtkmuscle.data.arrays import blocks_of, checked_surface, field_array, names_of
 from vtkmuscle.data.muscle_geometry import Surface
 
 #: Largest distance of a bone's points from where its transform puts them, as a part of its size and distance
@@ -95,14 +95,11 @@ def moving_bones_of(data: vtkMultiBlockDataSet, where: str) -> MovingBones:
         transforms[index] = values.reshape(4, 4)
     twists: dict[str, Floats] = {}
     for index, (name, bone) in enumerate(bones.items()):
-        for array in array_names(bone.GetFieldData()):
-            if not array.startswith(TWIST):
-                continue
+        for coordinate, array in names_of(TWIST, bone.GetFieldData()).items():
             twist = field_array(bone, array)
             if twist is None or twist.shape != (6,) or not np.isfinite(twist).all():
                 problem = f"the field array {array!r} must be six finite numbers, linear and angular velocity"
                 raise InputError(f"{where}, block {name!r}", problem, "BoneMotion adds it")
-            coordinate = array.removeprefix(TWIST)
             twists.setdefault(coordinate, np.zeros((len(bones), 6)))[index] = twist
     return MovingBones(bones, transforms, twists)
 

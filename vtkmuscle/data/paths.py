@@ -21,8 +21,10 @@ from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import (
     Polylines,
     array_names,
+    array_of,
     cell_array,
     field_array,
+    names_of,
     polylines_of,
     set_cell_array,
 )
@@ -89,7 +91,7 @@ def path_arrays(points: Floats, levers: Mapping[str, Floats], squeezed: Floats) 
     lengths = polyline_lengths(points.reshape(-1, 3), n * np.arange(k + 1))
     arrays: dict[str, NDArray[Any]] = {PATH_LENGTH: lengths, PATH_POINTS: points.reshape(k, -1)}
     arrays[PATH_SQUEEZED] = squeezed
-    return arrays | {PATH_LEVER + name: one for name, one in levers.items()}
+    return arrays | {array_of(PATH_LEVER, name): one for name, one in levers.items()}
 
 
 def add_paths(fibres: vtkPolyData, muscle: Any, taut: vtkPolyData | None, where: str) -> None:
@@ -115,7 +117,7 @@ def add_paths(fibres: vtkPolyData, muscle: Any, taut: vtkPolyData | None, where:
             raise InputError(where, there, f"connect TautFibres for the same {count} fibre(s)")
         if not found:
             found = {PATH_LENGTH: paths.lengths, PATH_POINTS: paths.points.reshape(count, -1)}
-            found |= {PATH_LEVER + name: values for name, values in paths.levers.items()}
+            found |= {array_of(PATH_LEVER, name): values for name, values in paths.levers.items()}
     for name, values in found.items():
         set_cell_array(fibres, name, np.array(values))
 
@@ -128,9 +130,7 @@ def paths_of(fibres: vtkPolyData, where: str) -> Paths | None:
     lengths = np.array(cell_array(fibres, PATH_LENGTH, where))
     points = np.array(cell_array(fibres, PATH_POINTS, where)) if data.HasArray(PATH_POINTS) else lines.points
     levers = {
-        name.removeprefix(PATH_LEVER): np.array(cell_array(fibres, name, where))
-        for name in array_names(data)
-        if name.startswith(PATH_LEVER)
+        name: np.array(cell_array(fibres, array, where)) for name, array in names_of(PATH_LEVER, data).items()
     }
     return Paths(lengths, points.reshape(len(lengths), -1, 3), levers)
 

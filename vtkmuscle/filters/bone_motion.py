@@ -14,7 +14,14 @@ from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.moment_arms.levers import MotionTwists
 from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.core.types import Floats
-from vtkmuscle.data.arrays import add_arrays, blocks_of, multiblock_from, set_field_array, shallow_copy
+from vtkmuscle.data.arrays import (
+    add_arrays,
+    array_of,
+    blocks_of,
+    multiblock_from,
+    set_field_array,
+    shallow_copy,
+)
 from vtkmuscle.data.moving_bones import TWIST, bones_of
 from vtkmuscle.filters.base import Filter, InputPort, OutputPort, Parameter
 
@@ -105,7 +112,7 @@ class BoneMotion(Filter):
             if name in transforms:
                 moved = _moved(bone, transforms[name])
                 for coordinate, by_bone in twists.items():
-                    set_field_array(moved, TWIST + coordinate, by_bone.get(name, np.zeros(6)))
+                    set_field_array(moved, array_of(TWIST, coordinate), by_bone.get(name, np.zeros(6)))
                 result.SetBlock(number, moved)
         return result
 

@@ -41,20 +41,6 @@ from vtkmuscle.core.mesh.rest_shape import hinge, volume_and_gradient
 from vtkmuscle.core.mesh.surface import MeshTopology
 from vtkmuscle.core.types import Floats, Ints
 
-#: Constraints of a batch, at most: two vectors of eight doubles; numbers that those of angles take.
-WIDTH = 16
-LANES = 13 * WIDTH
-
-#: Polynomial P with |t P(t^2) - atan(t)| < 1e-15 for |t| <= 1: that of degree 17 through the values of
-#: atan(sqrt(u)) / sqrt(u) at the 18 Chebyshev points of 0 <= u <= 1.
-ARCTANGENT = (
-    0.9999999999999988, -0.33333333333253284, 0.19999999991319195, -0.14285713910426773,
-    0.11111102499422242, -0.09090787968013053, 0.07691170067941966, -0.06659119943643073,
-    0.05845587712383866, -0.051278290246137094, 0.04377190010711523, -0.034874503444929254,
-    0.02458916421806469, -0.014458808736889693, 0.006642618398837011, -0.0021983905110338,
-    0.0004611471226395625, -4.572466752859746e-05,
-)  # fmt: skip
-
 
 @vector_kernel
 def sweep_distances(p: Floats, w: Floats, edges: Ints, rest: Floats, stiffness: Floats) -> None:
@@ -73,92 +59,33 @@ def sweep_distances(p: Floats, w: Floats, edges: Ints, rest: Floats, stiffness: 
             p[j, 0], p[j, 1], p[j, 2] = p[j, 0] + sj * x, p[j, 1] + sj * y, p[j, 2] + sj * z
 
 
-def in_batches(constraints: Ints, n_points: int) -> tuple[Ints, Ints]:
-    """Return an order of constraints on points (k, c), and the first of each batch of it, and k, (b + 1,).
-
-    No two of a batch, of :data:`WIDTH` at most, share a point, and those that do stay in their order: to
-    project them batch by batch is to project them one by one as given.
-    """
-    levels, last = np.empty(len(constraints), dtype=np.int64), np.zeros(n_points, dtype=np.int64)
-    for number, points in enumerate(constraints):
-        levels[number] = level = last[points].max()
-        last[points] = level + 1
-    order = np.argsort(levels, kind="stable")
-    within = np.arange(len(order)) - np.searchsorted(levels[order], levels[order])
-    return order, np.append(np.flatnonzero(within % WIDTH == 0), len(order))
-
-
 @vector_kernel
-def sweep_angles(
-    p: Floats, w: Floats, quads: Ints, rest: Floats, stiffness: float, batches: Ints, lanes: Floats
-) -> None:
-    """Project the local shape constraint, eq. 6 and 7, of quadruples of points (q, 4), a batch at a time.
+def sweep_angles(p: Floats, w: Floats, quads: Ints, rest: Floats, stiffness: float) -> None:
+    """Project the local shape constraint, eq. 6 and 7, of quadruples of points (q, 4) one by one.
 
     With psi = arccos(n1 . n2) = pi - abs(phi), C = psi - psi0 = abs(phi0) - abs(phi), and its gradient is
     that of phi, times -sign(phi): the same as eq. 7 without its cancellation beside flat pairs.
 
     quads : as of :class:`~vtkmuscle.core.mesh.surface.MeshTopology`;  rest : (q,) abs(phi0) [radians];
-    stiffness : per iteration;  batches : of :func:`in_batches`;  lanes : (LANES,) working memory.
+    stiffness : per iteration.
     """
-    for batch in range(len(batches) - 1):
-        first, count = batches[batch], batches[batch + 1] - batches[batch]
-        for q in range(count):
-            for c in range(4):
-                i = quads[first + q, c]
-                for k in range(3):
-                    lanes[WIDTH * (3 * c + k) + q] = p[i, k]
-            lanes[WIDTH * 12 + q] = rest[first + q]
-        for q in range(WIDTH):  # of constant length and without branches: by vector instructions
-            proper, sine, cosine, ee, a2, b2, n11, n22, n1x, n1y, n1z, n2x, n2y, n2z = hinge(
-                lanes[q], lanes[WIDTH + q], lanes[WIDTH * 2 + q],
-                lanes[WIDTH * 3 + q], lanes[WIDTH * 4 + q], lanes[WIDTH * 5 + q],
-                lanes[WIDTH * 6 + q], lanes[WIDTH * 7 + q], lanes[WIDTH * 8 + q],
-                lanes[WIDTH * 9 + q], lanes[WIDTH * 10 + q], lanes[WIDTH * 11 + q],
-            )  # fmt: skip
-            off = angle_of(abs(sine), cosine) - lanes[WIDTH * 12 + q]
-            a1, b1 = ee - a2, ee - b2
-            g1, g2, g3, g4 = gradient_squares(cosine, ee, a1, a2, b1, b2, n11, n22)
-            s = math.copysign(stiffness * off, sine * off) * math.sqrt(ee) / (g1 + g2 + g3 + g4)
-            s = s if proper & (sine != 0.0) else 0.0
-            s1, s2 = s * n22, s * n11
-            _turn(lanes, q, -s1 * a1, n1x, n1y, n1z, -s2 * b1, n2x, n2y, n2z)
-            _turn(lanes, WIDTH * 3 + q, -s1 * a2, n1x, n1y, n1z, -s2 * b2, n2x, n2y, n2z)
-            _turn(lanes, WIDTH * 6 + q, s1 * ee, n1x, n1y, n1z, 0.0, n2x, n2y, n2z)
-            _turn(lanes, WIDTH * 9 + q, 0.0, n1x, n1y, n1z, s2 * ee, n2x, n2y, n2z)
-        for q in range(count):
-            for c in range(4):
-                i = quads[first + q, c]
-                for k in range(3):
-                    p[i, k] += w[i] * lanes[WIDTH * (3 * c + k) + q]
-
-
-@lane
-def _turn(
-    way: Floats,
-    q: int,
-    s1: float,
-    x1: float,
-    y1: float,
-    z1: float,
-    s2: float,
-    x2: float,
-    y2: float,
-    z2: float,
-) -> None:
-    """Write the way s1 (x1, y1, z1) + s2 (x2, y2, z2) of a point."""
-    way[q], way[WIDTH + q], way[WIDTH * 2 + q] = s1 * x1 + s2 * x2, s1 * y1 + s2 * y2, s1 * z1 + s2 * z2
-
-
-@lane
-def angle_of(sine: float, cosine: float) -> float:
-    """Return the angle (0 to pi) of a sine >= 0 and a cosine, both times a length: twice atan of its half."""
-    t = sine / (math.sqrt(sine * sine + cosine * cosine) + abs(cosine))
-    u = t * t
-    value = ARCTANGENT[17]
-    for k in range(16, -1, -1):
-        value = value * u + ARCTANGENT[k]
-    near = 2.0 * t * value
-    return near if cosine >= 0.0 else math.pi - near
+    for q in range(len(quads)):
+        i, j, k, m = quads[q, 0], quads[q, 1], quads[q, 2], quads[q, 3]
+        proper, sine, cosine, ee, a2, b2, n11, n22, n1x, n1y, n1z, n2x, n2y, n2z = hinge(
+            p[i, 0], p[i, 1], p[i, 2], p[j, 0], p[j, 1], p[j, 2],
+            p[k, 0], p[k, 1], p[k, 2], p[m, 0], p[m, 1], p[m, 2],
+        )  # fmt: skip
+        if not proper or sine == 0.0:
+            continue
+        off = math.atan2(abs(sine), cosine) - rest[q]
+        a1, b1 = ee - a2, ee - b2
+        g1, g2, g3, g4 = gradient_squares(cosine, ee, a1, a2, b1, b2, n11, n22)
+        s = math.copysign(stiffness * off, sine * off) * math.sqrt(ee) / (g1 + g2 + g3 + g4)
+        s1, s2 = s * n22, s * n11
+        _turn(p, i, -w[i] * s1 * a1, n1x, n1y, n1z, -w[i] * s2 * b1, n2x, n2y, n2z)
+        _turn(p, j, -w[j] * s1 * a2, n1x, n1y, n1z, -w[j] * s2 * b2, n2x, n2y, n2z)
+        _turn(p, k, w[k] * s1 * ee, n1x, n1y, n1z, 0.0, n2x, n2y, n2z)
+        _turn(p, m, 0.0, n1x, n1y, n1z, w[m] * s2 * ee, n2x, n2y, n2z)
 
 
 @lane
@@ -174,6 +101,16 @@ def gradient_squares(
     g1 = a1 * (a1 * n22 + b1 * cross) + b1 * (b1 * n11)
     g2 = a2 * (a2 * n22 + b2 * cross) + b2 * (b2 * n11)
     return g1, g2, ee * ee * n22, ee * ee * n11
+
+
+@vector_kernel
+def _turn(
+    p: Floats, i: int, s1: float, x1: float, y1: float, z1: float, s2: float, x2: float, y2: float, z2: float
+) -> None:
+    """Add s1 (x1, y1, z1) + s2 (x2, y2, z2) to a point."""
+    p[i, 0] += s1 * x1 + s2 * x2
+    p[i, 1] += s1 * y1 + s2 * y2
+    p[i, 2] += s1 * z1 + s2 * z2
 
 
 @vector_kernel

@@ -8,10 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from vtkmuscle.core.algorithm_2.constraints import (
-    LANES,
     edge_stiffness,
     harmonic_directions,
-    in_batches,
     project_volume,
     sweep_angles,
     sweep_distances,
@@ -116,15 +114,12 @@ class Algorithm2:
         stiffness = np.full(len(edges), parameters.stiffness)
         if directions is not None:
             stiffness *= edge_stiffness(points, edges, directions)
-        used = np.flatnonzero((mass[edges] > 0).any(axis=1))
-        used = used[in_batches(edges[used], len(points))[0]]
-        self._distances = edges[used], shape.lengths[used], stiffness[used]
+        used = (mass[edges] > 0).any(axis=1)
+        self._distances = np.ascontiguousarray(edges[used]), shape.lengths[used], stiffness[used]
         self._volume = topology.triangles, shape.volume, parameters.volume_stiffness, np.empty_like(self.rest)
-        used = np.flatnonzero(shape.angle_defined & (mass[quads] > 0).any(axis=1))
-        order, batches = in_batches(quads[used], len(points))
-        used = used[order]
-        angles = quads[used], np.abs(shape.angles[used]), parameters.shape_stiffness
-        self._angles = *angles, batches, np.zeros(LANES)
+        used = shape.angle_defined & (mass[quads] > 0).any(axis=1)
+        angles = np.abs(shape.angles[used])
+        self._angles = np.ascontiguousarray(quads[used]), angles, parameters.shape_stiffness
 
     def at_rest(self, n_bones: int) -> State:
         """Return the muscle at rest, with all bones in their rest pose."""

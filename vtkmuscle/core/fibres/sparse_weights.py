@@ -127,11 +127,12 @@ def sparse_mean_value_coordinates(
     for first in range(0, len(queries), AT_ONCE):
         some = queries[first : first + AT_ONCE]
         weights = weights_of(mesh, some, threads, first=first)
-        grouped = _grouped(weights, groups, np.full(len(some), threshold))
+        grouped = _grouped(weights, groups, threshold)
         corrected = _reproduce_points(grouped, means, groups.sizes, some - mesh.centre)
         if not corrected.all():
-            grouped = _grouped(weights, groups, np.where(corrected, threshold, -np.inf))
-            _reproduce_points(grouped, means, groups.sizes, some - mesh.centre)
+            whole = _grouped(weights, groups, -np.inf)
+            rows = [(grouped if good else whole)[[i]] for i, good in enumerate(corrected)]
+            grouped = csr_array(vstack(rows))
         missed = grouped @ means_of_bent - np.einsum("qn,kn->qk", weights, ordered_bent)
         error = max(error, float(np.linalg.norm(missed, axis=1).max()))
         parts.append(grouped)
@@ -146,22 +147,22 @@ def sparse_transport(weights: SparseWeights, points: Floats) -> Floats:
     return moved
 
 
-def _grouped(weights: Floats, groups: Groups, thresholds: Floats) -> csr_array:
+def _grouped(weights: Floats, groups: Groups, threshold: float) -> csr_array:
     """Return weights (q, n) of ordered vertices by the largest groups in which they differ little."""
     values, columns = np.empty(weights.size), np.empty(weights.size, dtype=np.int32)
     ends = np.zeros(len(weights) + 1, dtype=np.int32)
-    _group(weights, groups, thresholds, values, columns, ends)
+    _group(weights, groups, threshold, values, columns, ends)
     kept = values[: ends[-1]].copy(), columns[: ends[-1]].copy(), ends
     return csr_array(kept, shape=(len(weights), len(groups.starts)))
 
 
 @reduction
 def _group(
-    weights: Floats, groups: Groups, thresholds: Floats, values: Floats, columns: Small, ends: Small
+    weights: Floats, groups: Groups, threshold: float, values: Floats, columns: Small, ends: Small
 ) -> None:
     """Write the sum of the weights of each group that is kept and its number, row after row.
 
-    A group is kept where its weights differ by no more than the threshold of the row (q,), times the radius.
+    A group is kept where its weights differ by no more than the threshold, times the radius.
     Row q ends before ends[q + 1].
     """
     place = 0
@@ -175,7 +176,7 @@ def _group(
             mean = total / size
             for i in range(first, first + size):
                 off += abs(weights[q, i] - mean)
-            if size > 1 and groups.radii[g] * off > thresholds[q]:
+            if size > 1 and groups.radii[g] * off > threshold:
                 g += 1
                 continue
             if total != 0.0:

@@ -78,9 +78,11 @@ def path_levers(
     pull = np.diff(segments / np.maximum(sizes, np.finfo(float).tiny), axis=1, prepend=0.0, append=0.0)
     found = np.einsum("fni,fniv->fv", pull, given)
     speed = np.linalg.norm(given[:, [0, -1]], axis=2).max(axis=(0, 1))
+    going = np.ones(len(speed), dtype=np.bool_)  # each for itself: none depends on the others
     for lever in _responses(gradient, pull, change, step):
-        found += lever
-        if (np.sqrt((lever**2).mean(axis=0)) < TOLERANCE * speed).all():
+        found[:, going] += lever[:, going]
+        going &= np.sqrt((lever**2).mean(axis=0)) >= TOLERANCE * speed
+        if not going.any():
             break
     levers[:, moved] = found
     return levers.T
