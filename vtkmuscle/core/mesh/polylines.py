@@ -156,7 +156,7 @@ def nearest_segments(queries: Floats, a: Floats, b: Floats) -> Ints:
     from scipy.spatial import cKDTree  # noqa: PLC0415 -- not needed for drawing
 
     lengths = np.linalg.norm(b - a, axis=1)
-    longest = float(lengths.max())
+    longest = max(float(lengths.max()), np.finfo(float).tiny)
     counts = np.ceil(PIECES * lengths / longest).clip(min=1.0).astype(np.int64)
     owner = np.repeat(np.arange(len(a)), counts)
     nth = np.arange(len(owner)) - np.repeat(np.cumsum(counts) - counts, counts)
