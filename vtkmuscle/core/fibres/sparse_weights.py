@@ -130,9 +130,9 @@ def sparse_mean_value_coordinates(
         grouped = _grouped(weights, groups, threshold)
         corrected = _reproduce_points(grouped, means, groups.sizes, some - mesh.centre)
         if not corrected.all():
-            whole = _grouped(weights, groups, -np.inf)
-            rows = [(grouped if good else whole)[[i]] for i, good in enumerate(corrected)]
-            grouped = csr_array(vstack(rows))
+            whole = _grouped(weights[~corrected], groups, -np.inf)
+            place = np.argsort(np.argsort(~corrected, kind="stable"))
+            grouped = csr_array(vstack([grouped[corrected], whole]))[place]
         missed = grouped @ means_of_bent - np.einsum("qn,kn->qk", weights, ordered_bent)
         error = max(error, float(np.linalg.norm(missed, axis=1).max()))
         parts.append(grouped)
