@@ -18,6 +18,7 @@ from vtkmuscle.data.paths import PATH_LENGTH, levers_over_time, paths_of
 from vtkmuscle.io.fibre_table import fibre_columns
 from vtkmuscle.io.parts import file_digest
 from vtkmuscle.io.surfaces import read_own_polydata
+from vtkmuscle.run.report_values import FIBRE_MEASURES
 
 #: Field arrays of a written frame: its scene, the unit of length and the version of the package.
 STAMPS = ("Scene", "Units", "Version")
@@ -95,6 +96,10 @@ class Frames(Sequence[vtkPolyData]):
         return [frame for frame in self._frames if isinstance(frame, WrittenFile)]
 
 
+#: Cell arrays of fibres that are kept of every frame.
+_COLUMNS = {*FIBRE_MEASURES, PATH_LENGTH}
+
+
 class FibreNumbers(NamedTuple):
     """What tables and errors need of the fibres in a frame: ``columns``, their measures (k,) by name.
 
@@ -111,7 +116,8 @@ class FibreNumbers(NamedTuple):
     def of(cls, fibres: vtkPolyData) -> Self:
         """Return those of the fibres of a frame."""
         lines, paths = polylines_of(fibres, "fibres"), paths_of(fibres, "fibres")
-        known = fibre_columns(fibres), segment_errors(lines.points, lines.offsets)
+        columns = {name: one for name, one in fibre_columns(fibres).items() if name in _COLUMNS}
+        known = columns, segment_errors(lines.points, lines.offsets)
         if paths is None:
             return cls(*known)
         k, n, _ = paths.points.shape
