@@ -250,6 +250,7 @@ def test_output_that_cannot_be_written_is_no_traceback(scene_file, command):
             program,
             stdout=full,
             stderr=subprocess.PIPE,
+            env={name: value for name, value in os.environ.items() if name != "PYTHONUNBUFFERED"},
             cwd=scene_file.parent,
             text=True,
             check=False,

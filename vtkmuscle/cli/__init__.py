@@ -52,10 +52,13 @@ def main() -> None:
     except OSError as error:  # commands print their own errors: this one is of the printing
         with suppress(OSError):
             sys.stderr.write(f"error: standard output cannot be written: {error.strerror}\n")
-        for stream in (sys.stdout, sys.stderr):  # their buffers would fail again at the end
-            os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
         sys.exit(BAD_INPUT)
     finally:
+        for stream in (sys.stdout, sys.stderr):
+            try:
+                stream.flush()
+            except OSError:  # has been told: what is left in the buffer would fail again at the end
+                os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
         gc.freeze()  # no search for cycles: the end of the process frees all memory
 
 
