@@ -85,7 +85,8 @@ class Skinning:
             beside[:, i], parts[:, i] = found * n + i, falling_weights(apart, least)
         shifts = [np.eye(n, k=k - len(WINDOW) // 2) for k in range(len(WINDOW))]
         window = np.tensordot(WINDOW, shifts, axes=1)
-        self._along = kron(np.eye(f), window / window.sum(axis=1, keepdims=True), format="csr")
+        window /= window.sum(axis=1, keepdims=True)
+        self._along = kron(csr_array(np.eye(f)), csr_array(window), format="csr")
         starts = np.arange(0, f * n * count + 1, count)
         self._across = csr_array((parts.reshape(-1), beside.reshape(-1), starts), shape=(f * n, f * n))
         self._means = self._means_beside(self._arms)
