@@ -101,7 +101,7 @@ def main() -> None:
     if given.one:
         print(json.dumps(measured(given.one[0], int(given.one[1]))))
         return
-    lines = ["grows,size,set-up per muscle [s],frame [ms],memory [MB],distance left [mm],volume error [1]"]
+    lines = ["grows,size,set-up per muscle [s],frame [ms],memory [MB],volume error [1]"]
     print(lines[0])
     for kind in given.only:
         for size in SIZES[kind]:
