@@ -10,11 +10,11 @@ from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.mesh.polylines import polyline_lengths
-from vtkmuscle.core.moment_arms.levers import differences_by
+from vtkmuscle.core.moment_arms.levers import differences_by, place_among
 from vtkmuscle.core.moment_arms.of_joints import checked_coordinates, known_coordinates
 from vtkmuscle.core.motion.coordinates import ANGLES, TRANSLATIONS, Coordinate
 from vtkmuscle.core.motion.rigid import RigidMotion
-from vtkmuscle.core.types import Floats, Ints
+from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import (
     Polylines,
     cell_array,
@@ -141,8 +141,10 @@ class MomentArms(Filter):
         arms = {}
         for name in names:
             near = differences_by(motion, name, names)
-            if _is_known(now, times, near.frames):
-                arms[name] = _interpolated(now, times[near.frames], -near.slopes(lengths))[0]
+            place = place_among(near.frames, times, now)
+            if place is not None:
+                (a, b, part), slopes = place, near.slopes(lengths)
+                arms[name] = -(1.0 - part) * slopes[a] - part * slopes[b]
         self._add_arms(result, motion, now, arms)
         return result
 
@@ -212,18 +214,6 @@ def _resampled(motion: RigidMotion, times: Floats) -> RigidMotion:
             for name, one in motion.coordinates.items()
         },
     )
-
-
-def _is_known(now: float, times: Floats, frames: Ints) -> bool:
-    """Return whether what is known in some frames is so at a time: in those on either side of it."""
-    upper = int(np.clip(np.searchsorted(times, now), 0, len(times) - 1))
-    lower = upper if times[upper] <= now or upper == 0 else upper - 1
-    return bool(np.isin([lower, upper], frames).all())
-
-
-def _interpolated(times: Floats | float, known: Floats, samples: Floats) -> Floats:
-    """Return samples (k, d), known at some times, at other ones (m, d)."""
-    return np.column_stack([np.interp(np.atleast_1d(times), known, column) for column in samples.T])
 
 
 def _history(fibres: vtkPolyData, count: int) -> tuple[Floats, Floats]:

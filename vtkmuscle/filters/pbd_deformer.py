@@ -90,6 +90,7 @@ class PBDDeformer(DeformerSettings, HistoryFilter[_Frame]):
         index of a bone's block.
     bones
         Bones at the pipeline's time, each with the field array ``Transform`` (16, row major): rest to now.
+        For moment arms they have ``Twist_COORDINATE`` as well, as BoneMotion gives them.
     fibres
         Polylines in the rest pose, for the paths; which edges run along them in the report, and are soft in
         the published model.

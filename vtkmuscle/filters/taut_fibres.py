@@ -57,6 +57,7 @@ class TautFibres(HistoryFilter[_Frame]):
         the bone of the fixed point nearest to it.
     bones
         Bones at the pipeline's time, each with the field array ``Transform`` (16, row major): rest to now.
+        For moment arms they have ``Twist_COORDINATE`` as well, as BoneMotion gives them.
     attachments
         For the via rings among them, which paths pass through.
     resolution

@@ -213,10 +213,8 @@ class _Child:
             self._owner = os.getpid()
             # The package may be in the working folder, from which no other code is loaded.
             root = str(Path(__file__).parents[2])
-            # VTK would load numpy, which takes as long as all else here.
-            code = f'sys.modules["numpy"] = None\nsys.path.append({root!r})\n'
             self._process = subprocess.Popen(
-                isolated_python(f"{code}from {read.__module__} import serve\nserve()"),
+                isolated_python(f"sys.path.append({root!r})\nfrom {read.__module__} import serve\nserve()"),
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 stderr=subprocess.DEVNULL,

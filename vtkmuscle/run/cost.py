@@ -32,7 +32,7 @@ _TRIANGLE_BYTES = 6000
 _FIBRE_POINT_BYTES, _FIBRE_POINT_AT_REST_BYTES = 150, 2500
 #: Memory of a fibre in such a frame, its measures and its path of 33 points with two levers,
 #: and of its numbers in a frame that is in a file [bytes].
-_FIBRE_BYTES, _FIBRE_NUMBERS_BYTES = 400 + 33 * 24 + 2 * 8, 100
+_FIBRE_BYTES, _FIBRE_NUMBERS_BYTES = 400 + 33 * 24 + 2 * 8, 200
 #: Memory of a point of a muscle in a frame that is kept in memory [bytes].
 _POINT_BYTES = 24
 

@@ -248,14 +248,12 @@ def test_of_two_poses_there_is_a_line():
 
 
 def test_between_two_poses_twists_are_interpolated_and_beside_one_without_there_are_none():
-    lead = RigidMotion(
-        [0.0, 1.0, 2.0, 4.0],
-        {"shank": np.array([rotation_about(CENTRE, AXIS, q) for q in (30.0, 0.0, 10.0, 20.0)])},
-        CENTRE,
-        {"knee": Coordinate(np.array([0.0, 0.0, 10.0, 20.0]))},
-    )
-    twists = MotionTwists(lead)
+    """The first pose has the value of the second, but not its rotation. Then the bone goes as q^2."""
+    shifts = np.tile(np.eye(4), (4, 1, 1))
+    shifts[0] = rotation_about(CENTRE, AXIS, 30.0)
+    shifts[:, 2, 3] += [0.0, 0.0, 100.0, 400.0]
+    values = Coordinate(np.array([0.0, 0.0, 10.0, 20.0]), "mm")
+    twists = MotionTwists(RigidMotion([0.0, 1.0, 2.0, 4.0], {"shank": shifts}, None, {"pull": values}))
     assert twists.at(0.0) == twists.at(0.5) == {}
-    before, between, after = (twists.at(time)["knee"]["shank"] for time in (2.0, 3.0, 9.0))
-    np.testing.assert_allclose(between, (before + after) / 2.0)
-    np.testing.assert_allclose(between[3:], AXIS, atol=1e-9)
+    for time, speed in ((1.0, 0.0), (1.25, 5.0), (2.0, 20.0), (2.5, 25.0), (4.0, 40.0), (9.0, 40.0)):
+        np.testing.assert_allclose(twists.at(time)["pull"]["shank"], [0, 0, speed, 0, 0, 0], atol=1e-9)

@@ -142,19 +142,27 @@ class MotionTwists:
         self._known = {name: twists_by(motion, name, names) for name in names}
 
     def at(self, time: float) -> dict[str, dict[str, Floats]]:
-        """Return the twist (6,) of each bone by each coordinate known at a time: in the poses beside it."""
-        time = float(np.clip(time, self._times[0], self._times[-1]))
-        upper = int(np.searchsorted(self._times, time))
-        lower = upper if self._times[upper] == time else upper - 1
-        part = (
-            (time - self._times[lower]) / (self._times[upper] - self._times[lower]) if lower < upper else 0.0
-        )
+        """Return the twist (6,) of each bone by each coordinate that is known at a time."""
         found = {}
         for name, (frames, twists) in self._known.items():
-            if np.isin([lower, upper], frames).all():
-                a, b = np.searchsorted(frames, [lower, upper])
+            place = place_among(frames, self._times, time)
+            if place is not None:
+                a, b, part = place
                 found[name] = {bone: (1.0 - part) * one[a] + part * one[b] for bone, one in twists.items()}
         return found
+
+
+def place_among(frames: Ints, times: Floats, time: float) -> tuple[int, int, float] | None:
+    """Return where a time is among some frames (m,) of some times (f,), None where the next are not of them.
+
+    That is the number among them of the frame before and of the one after, and the part of the way between.
+    """
+    after = int(np.clip(np.searchsorted(times, time), 0, len(times) - 1))
+    before = after if times[after] <= time or after == 0 else after - 1
+    if not np.isin([before, after], frames).all():
+        return None
+    a, b = np.searchsorted(frames, [before, after]).tolist()
+    return a, b, float((time - times[before]) / (times[after] - times[before])) if before < after else 0.0
 
 
 def _by_screws(table: Floats, near: Differences) -> Floats:
