@@ -120,7 +120,7 @@ def report(muscle: str, measured: dict[str, dict[str, float]]) -> None:
     print(f"  {'':28s} {'step':>7s} {'fibres':>7s} {'whole':>7s}")
     for name, ms in measured.items():
         print(f"  {name:28s} {ms[STEP]:7.2f} {ms[FIBRES]:7.2f} {ms[STEP] + ms[FIBRES]:7.2f}")
-    print("  (aim for the last column: adductor brevis 6 ms, gluteus maximus 12 ms)")
+    print("  (aim for the last column: adductor brevis 10 ms, gluteus maximus 20 ms)")
 
 
 def report_stages(stacks: Stacks, steps: int) -> None:
