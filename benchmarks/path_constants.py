@@ -19,7 +19,7 @@ from real_hip import data_folder
 
 from vtkmuscle import Scene
 from vtkmuscle.core.motion.rigid import RigidMotion
-from vtkmuscle.core.paths import bone_contact, neighbours, pose, sheet, surroundings
+from vtkmuscle.core.paths import bone_contact, neighbours, pose, surroundings
 
 #: Modules that know a constant, its name, and what it is.
 CONSTANTS = (
@@ -30,7 +30,7 @@ CONSTANTS = (
     ((surroundings,), "LEAST_ACROSS", "sine from which a bone tells aside"),
     ((surroundings,), "BUNDLE", "width of a bundle that bows"),
     ((surroundings,), "THICKNESS_SMOOTHING", "smoothing of the tissue's thickness"),
-    ((bone_contact, pose, sheet), "PUSH", "stiffness of bones"),
+    ((bone_contact, pose), "PUSH", "stiffness of bones"),
     ((bone_contact,), "ROUNDING", "rounding of their contact"),
 )
 #: Frames of the hip between two that are looked at.

@@ -73,8 +73,8 @@ class PBDDeformer(DeformerSettings, HistoryFilter[_Frame]):
 
     The frame at time t is computed from rest through all time steps that the bones announce up to t, and t
     itself, whatever was asked for before. Frames are kept to go back to, in memory of ``checkpoint_memory``;
-    one takes 48 bytes per point, and 24 per point of a path and 48 per path and bone. Where it is used up,
-    every second frame is dropped, then every second of those.
+    one takes 48 bytes per point, and 48 per point of a path and per path, and 128 per bone. Where it is used
+    up, every second frame is dropped, then every second of those.
 
     ``collision="sdf"`` moves points that are in a bone to its surface, along which they slide. Points that
     are in a bone at rest stay as deep as they are. ``"voxel"`` takes them back the way they came, as

@@ -7,7 +7,7 @@ from phantoms.two_joint_strap import ARMS
 
 from vtkmuscle.core.motion.coordinates import twist_about
 from vtkmuscle.core.motion.rigid import apply_transform, rotation_about
-from vtkmuscle.core.paths import sheet
+from vtkmuscle.core.paths import pose as sheet_pose
 
 #: Small twists of a bone: so far [mm], and so far at this distance from the middle of the muscle [mm].
 SMALL, REACH = 0.02, 50.0
@@ -47,7 +47,7 @@ def test_levers_are_slopes_of_lengths(number, angle, small, mean, each, monkeypa
     """
     make, settings, name, *_ = HINGES[number]
     paths, (pose,) = known_paths(make, **settings), turned(make, settings, name, [angle])
-    monkeypatch.setattr(sheet, "TOLERANCE", 1e-9)
+    monkeypatch.setattr(sheet_pose, "TOLERANCE", 1e-9)
     bone = strung_phantom(make, **settings).names.index(name)
     state = paths.follow(paths.rest, pose)
     middle = state.points.reshape(-1, 3).mean(axis=0)

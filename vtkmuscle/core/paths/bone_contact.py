@@ -17,10 +17,6 @@ from vtkmuscle.core.types import Floats
 #: radius R with points h apart sinks in by h^2 / (R PUSH): 0.01 mm where h is 4 mm and R 16 mm.
 PUSH = 100.0
 
-#: Stiffness that the first steps in a new pose begin with: bones that moved into a path push it out gently,
-#: ten times harder in each step.
-FIRST_PUSH = 10.0
-
 #: The force of a bone begins this far before a path touches it and is fully there as far behind, in segments:
 #: a point that comes and goes does so smoothly.
 ROUNDING = 0.02

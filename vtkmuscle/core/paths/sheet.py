@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+import weakref
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,9 +15,9 @@ from vtkmuscle.core.mesh.surface import check_volume, signed_volume
 from vtkmuscle.core.mesh.triangle_tree import triangle_tree
 from vtkmuscle.core.motion.blending import screw_between
 from vtkmuscle.core.motion.rigid import inverse
-from vtkmuscle.core.paths.bone_contact import FIRST_PUSH, PUSH, BoneContacts
+from vtkmuscle.core.paths.bone_contact import BoneContacts
 from vtkmuscle.core.paths.neighbours import neighbours_of, path_lengths, path_widths
-from vtkmuscle.core.paths.pose import Sheet, SheetPose
+from vtkmuscle.core.paths.pose import Sheet, SheetPose, farthest_of
 from vtkmuscle.core.paths.ring_contact import outside_of, rings_at
 from vtkmuscle.core.paths.surroundings import surroundings_of
 from vtkmuscle.core.paths.via_rings import ViaRing
@@ -26,23 +27,13 @@ from vtkmuscle.core.types import Floats, Ints
 #: 33 and 65, which agree within 0.1 mm.
 POINTS = 33
 
-#: A sheet has settled where a step of Newton's method lowers its energy by less than this part of that of its
-#: springs. Lengths of four muscles of a real hip err by 0.001 to 0.004 mm then (rms), and one by 0.07.
-TOLERANCE = 1e-7
-
-#: Steps of Newton's method in a pose, at most; 5 to 20 is what most take.
-ITERATIONS = 300
-
-#: A step of Newton's method takes no point farther than this, in segments.
-LARGEST_STEP = 2.0
-
 #: Bones go from one pose to another in parts, in which they carry no end of a path farther than this, in
 #: segments: a path does not jump over what lies between.
 LARGEST_MOVE = 4.0
 
-#: A step is shortened as long as the energy rises at its end by more than this part of the slope that it
-#: began with, but no more often than that.
-_RISE, _SHORTENED = 0.5, 8
+#: Paths begin in a new pose where they drifted to as they did in the one before, by how their ends move: by
+#: no more than so many times as far.
+MOST_AGAIN = 2.0
 
 #: Bones whose moves differ by less than this have moved together: paths go with them as they are [mm].
 _TOGETHER = 1e-9
@@ -68,6 +59,12 @@ class PathState:
         Room that each path lacks between two bones [mm].
     settled : bool
         Whether the sheet came to rest.
+    ends_moved : (2, f, 3) array
+        How the ends moved on the way here, seen from the bones of the other ends [mm].
+    drift : (f, n, 3) array
+        How the points moved from where the ends took them [mm].
+    forces : callable
+        Returns the pose as the sheet settled in it, None when the sheet has gone on.
     """
 
     sheet: Sheet
@@ -77,6 +74,9 @@ class PathState:
     contacts: Ints
     squeezed: Floats
     settled: bool
+    ends_moved: Floats
+    drift: Floats
+    forces: Callable[[], SheetPose | None] = lambda: None
 
     @property
     def lengths(self) -> Floats:
@@ -91,14 +91,19 @@ class PathState:
         """
         if not twists:
             return {}
-        pose = SheetPose(self.sheet, self.transforms, self.points, self.ring_points)
-        pose.look_at(pose.x, PUSH)
+        pose = self.forces()
+        if pose is None:
+            pose = SheetPose(self.sheet, self.transforms, self.points, self.ring_points)
+            pose.look_at(pose.x)
         return dict(zip(twists, pose.levers(np.array(list(twists.values()))), strict=True))
 
     @property
     def nbytes(self) -> int:
         """Memory that it takes [bytes]."""
-        arrays = self.points, self.transforms, self.ring_points, self.contacts, self.squeezed
+        arrays = (
+            *(self.points, self.transforms, self.ring_points, self.contacts, self.squeezed),
+            *(self.ends_moved, self.drift),
+        )
         return sum(array.nbytes for array in arrays)
 
 
@@ -187,7 +192,7 @@ class MusclePaths:
             tuple(rings),
             outside,
         )
-        self.rest = self._settle(self.fibres, still)
+        self.rest = self._settle(self.fibres, still, self._ends_moved(still, still), self.fibres)
 
     def widths(self, points: Floats) -> Floats:
         """Return how much wider than at rest paths (f, n, 3) are that keep their volume, (f,)."""
@@ -212,27 +217,52 @@ class MusclePaths:
         known = _padded(before.transforms, transforms)
         moves = _moves(known, transforms)
         if np.ptp(moves, axis=0).max() <= _TOGETHER:
-            return replace(before, points=self._with_bones(before.points, moves), transforms=transforms)
-        steps = max(math.ceil(self._carried(known, transforms) / (LARGEST_MOVE * self._segment)), 1)
-        state, last = before, known
+            return replace(
+                before,
+                points=self._with_bones(before.points, moves),
+                transforms=transforms,
+                forces=lambda: None,
+            )
+        farthest = np.linalg.norm(self._ends_moved(known, transforms), axis=2).max()
+        steps = max(math.ceil(farthest / (LARGEST_MOVE * self._segment)), 1)
+        state = replace(before, transforms=known)
         for number in range(1, steps + 1):
             pose = transforms
             if number < steps:
                 pairs = zip(known, transforms, strict=True)
                 pose = np.array([screw_between(a, b, number / steps) for a, b in pairs])
-            state, last = self._settle(self._with_bones(state.points, _moves(last, pose)), pose), pose
+            state = self._go_on(state, pose)
         return state
 
-    def _carried(self, before: Floats, now: Floats) -> float:
-        """Return how far bones carry the starts and ends, seen from each other's bone, at most [mm]."""
-        farthest = 0.0
+    def _go_on(self, before: PathState, transforms: Floats) -> PathState:
+        """Return the paths in a near pose.
+
+        They begin where they drift as they did before, as far as their ends move likewise; or where the ends
+        take them, if they settle farther from there than they were to drift.
+        """
+        ends_moved = self._ends_moved(before.transforms, transforms)
+        size = float(np.vdot(before.ends_moved, before.ends_moved))
+        again = float(np.vdot(ends_moved, before.ends_moved)) / size if size > 0.0 else 0.0
+        again = max(-MOST_AGAIN, min(again, MOST_AGAIN))
+        moves = _moves(before.transforms, transforms)
+        carried = self._with_bones(before.points, moves)
+        start = self._with_bones(before.points + again * before.drift, moves)
+        reach = farthest_of(start - carried)
+        state = self._settle(start, transforms, ends_moved, carried, reach)
+        if farthest_of(state.points - start) > reach:
+            state = self._settle(carried, transforms, ends_moved, carried)
+        return state
+
+    def _ends_moved(self, before: Floats, now: Floats) -> Floats:
+        """Return how bones move the starts and ends, seen from each other's bone, (2, f, 3) [mm]."""
+        ways = []
         for mine, others, ends in (
             (self.start_bones, self.end_bones, self.fibres[:, 0]),
             (self.end_bones, self.start_bones, self.fibres[:, -1]),
         ):
             a, b = (_seen_from(t, mine, others, ends) for t in (before, now))
-            farthest = max(farthest, float(np.linalg.norm(b - a, axis=1).max()))
-        return farthest
+            ways.append(b - a)
+        return np.array(ways)
 
     def _with_bones(self, points: Floats, moves: Floats) -> Floats:
         """Return paths that went with their bones, whose moves (b, 4, 4) are blended from end to end."""
@@ -243,36 +273,37 @@ class MusclePaths:
         )
         return np.ascontiguousarray(first + part * (last - first))
 
-    def _settle(self, start: Floats, transforms: Floats) -> PathState:
-        """Return the sheet in a pose, in the equilibrium near to some points."""
+    def _settle(
+        self,
+        start: Floats,
+        transforms: Floats,
+        ends_moved: Floats,
+        carried: Floats,
+        reach: float = math.inf,
+    ) -> PathState:
+        """Return the sheet in a pose, in the equilibrium near ``start``; its ends ``carried`` it so far.
+
+        It gives up where it is farther than ``reach`` from the start.
+        """
         start = start.copy()
         start[:, 0] = _carried_by(transforms[self.start_bones], self.fibres[:, 0])
         start[:, -1] = _carried_by(transforms[self.end_bones], self.fibres[:, -1])
         pose = SheetPose(self._sheet, transforms, start)
-        x, push, settled = pose.x, FIRST_PUSH, False
-        enough = TOLERANCE * x.shape[0] * x.shape[1] * self._segment**2
-        longest = LARGEST_STEP * self._segment
-        pose.hold(x)
-        pose.look_at(x, push)
-        for _ in range(ITERATIONS):
-            slope = pose.step()
-            farthest = math.sqrt(np.einsum("fni,fni->fn", pose.way, pose.way).max())
-            part = longest / max(farthest, longest)
-            for _ in range(_SHORTENED):
-                pose.look_at(x + part * pose.way, push)
-                after = float(np.vdot(pose.gradient, pose.way))
-                if after <= -_RISE * slope:
-                    break
-                part *= max(0.1, min(0.7, slope / (slope - after)))
-            x = x + part * pose.way
-            if pose.hold(x) or push < PUSH:
-                push = min(PUSH, 10.0 * push)
-                pose.look_at(x, push)
-            elif -slope < enough:
-                settled = True
-                break
-        contacts, squeezed = pose.contacts(), pose.squeezed()
-        return PathState(self._sheet, pose.points, transforms, pose.ring_points, contacts, squeezed, settled)
+        pose.hold(carried)  # where paths have settled rings hold the same points for ever
+        settled = pose.settle(self._segment, reach)
+        self._latest = pose
+        return PathState(
+            self._sheet,
+            pose.points,
+            transforms,
+            pose.ring_points,
+            pose.contacts(),
+            pose.squeezed(),
+            settled,
+            ends_moved,
+            pose.points - carried,
+            weakref.ref(pose),
+        )
 
 
 def _thickness(surface: Floats, triangles: Ints) -> float:
