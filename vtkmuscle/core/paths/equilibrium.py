@@ -141,25 +141,24 @@ def add_direction(block: Floats, stiffness: float, u: float, v: float, w: float)
 
 
 @kernel
-def prepare_solve(blocks: Floats, pairs: Ints, couplings: Floats, as_one: bool, inverses: Floats) -> None:
+def prepare_solve(blocks: Floats, pairs: Ints, couplings: Floats, inverses: Floats) -> None:
     """Write the inverse blocks of the elimination of each path's matrix, (f + 1, n, 6).
 
     The last are those of a sheet whose paths all move alike, over f: springs between neighbours drop out
-    of its matrix. They are written only ``as_one``.
+    of its matrix.
     """
     f, n, _ = blocks.shape
-    if as_one:
-        for i in range(1, n - 1):
-            for c in range(6):
-                total = 0.0
-                for k in range(f):
-                    total += blocks[k, i, c]
-                inverses[f, i, c] = total / f
-        for e in range(len(pairs)):
-            for c in range(6):
-                inverses[f, pairs[e, 0] % n, c] -= 2.0 / f * couplings[e, c]
     for i in range(1, n - 1):
-        for k in range(f + 1 if as_one else f):
+        for c in range(6):
+            total = 0.0
+            for k in range(f):
+                total += blocks[k, i, c]
+            inverses[f, i, c] = total / f
+    for e in range(len(pairs)):
+        for c in range(6):
+            inverses[f, pairs[e, 0] % n, c] -= 2.0 / f * couplings[e, c]
+    for i in range(1, n - 1):
+        for k in range(f + 1):
             h = inverses[k, i]
             for c in range(6):
                 block = blocks[k, i, c] if k < f else h[c]
@@ -177,14 +176,14 @@ def newton_step(
     pairs: Ints,
     couplings: Floats,
     inverses: Floats,
-    as_one: bool,
     left_over: float,
     work: Floats,
     step: Floats,
 ) -> float:
     """Write the step of Newton's method, (f, n, 3), and return its slope: gradient . step, negative.
 
-    By conjugate gradients, preconditioned by the solutions of all paths one by one.
+    By conjugate gradients, preconditioned by the solutions of all paths one by one and of the sheet as a
+    whole, which helps the more the more paths there are.
 
     Parameters
     ----------
@@ -192,8 +191,6 @@ def newton_step(
         0 at the ends.
     blocks, pairs, couplings, inverses
         As of the functions above.
-    as_one : bool
-        Whether the preconditioner also moves the sheet as a whole: that helps where a solution goes far.
     left_over : float
         Part of the residual, in the norm of the preconditioner, at which the solution ends.
     work : (4, f + 1, n, 3) array
@@ -209,7 +206,7 @@ def newton_step(
         residual[k], result[k], way[k] = -down[k], 0.0, 0.0
     left, before, aim = 0.0, 1.0, 0.0
     for number in range(STEPS + 1):
-        _precondition(inverses, as_one, work[0], work[1])
+        _precondition(inverses, work[0], work[1])
         left = _dot(residual, solved)
         if number == 0:
             aim = left_over * left_over * left
@@ -238,27 +235,22 @@ def _dot(a: Floats, b: Floats) -> float:
 
 
 @vector_kernel
-def _precondition(  # noqa: PLR0912 -- each kernel more costs time to compile
-    inverses: Floats, as_one: bool, residual: Floats, solved: Floats
-) -> None:
-    """Write each path's solution by itself, (f + 1, n, 3); ``as_one`` adds that of the whole sheet, the last.
+def _precondition(inverses: Floats, residual: Floats, solved: Floats) -> None:
+    """Write each path's solution by itself, (f + 1, n, 3), and add that of the whole sheet, the last.
 
     Paths are in the inner loops: none waits for its own last result.
     """
     f, n = len(residual) - 1, residual.shape[1]
-    paths = f + 1 if as_one else f
-    if as_one:
-        for i in range(n):
-            for c in range(3):
-                total = 0.0
-                for k in range(f):
-                    total += residual[k, i, c]
-                residual[f, i, c] = total / f
-    for k in range(paths):
+    for i in range(n):
         for c in range(3):
-            solved[k, 0, c] = solved[k, n - 1, c] = 0.0
+            total = 0.0
+            for k in range(f):
+                total += residual[k, i, c]
+            residual[f, i, c] = total / f
+    solved[:, 0] = 0.0
+    solved[:, n - 1] = 0.0
     for i in range(1, n - 1):
-        for k in range(paths):
+        for k in range(f + 1):
             p, q, r = residual[k, i, 0], residual[k, i, 1], residual[k, i, 2]
             if i > 1:
                 h, y = inverses[k, i - 1], solved[k, i - 1]
@@ -269,18 +261,17 @@ def _precondition(  # noqa: PLR0912 -- each kernel more costs time to compile
                 )
             solved[k, i, 0], solved[k, i, 1], solved[k, i, 2] = p, q, r
     for i in range(n - 2, 0, -1):
-        for k in range(paths):
+        for k in range(f + 1):
             h, y = inverses[k, i], solved[k, i + 1]
             # The last of all is 0: the end stays.
             p, q, r = solved[k, i, 0] + y[0], solved[k, i, 1] + y[1], solved[k, i, 2] + y[2]
             solved[k, i, 0] = h[0] * p + h[1] * q + h[2] * r
             solved[k, i, 1] = h[1] * p + h[3] * q + h[4] * r
             solved[k, i, 2] = h[2] * p + h[4] * q + h[5] * r
-    if as_one:
-        for k in range(f):
-            for i in range(1, n - 1):
-                for c in range(3):
-                    solved[k, i, c] += solved[f, i, c]
+    for k in range(f):
+        for i in range(1, n - 1):
+            for c in range(3):
+                solved[k, i, c] += solved[f, i, c]
 
 
 @vector_kernel

@@ -189,16 +189,16 @@ class SheetPose:
 
     def step(self) -> float:
         """Compute the step of Newton's method, ``way``, and return its slope."""
-        self._prepare_solve(as_one=False)
-        return self._solve(self.gradient, as_one=False)
+        self._prepare_solve()
+        return self._solve(self.gradient)
 
-    def _prepare_solve(self, *, as_one: bool) -> None:
-        prepare_solve(self._blocks, self._sheet.neighbours.pairs, self._couplings, as_one, self._inverses)
+    def _prepare_solve(self) -> None:
+        prepare_solve(self._blocks, self._sheet.neighbours.pairs, self._couplings, self._inverses)
 
-    def _solve(self, gradient: Floats, *, as_one: bool) -> float:
+    def _solve(self, gradient: Floats) -> float:
         """Write to ``way`` the step that brings a gradient to zero, and return its slope."""
         stiffness = self._blocks, self._sheet.neighbours.pairs, self._couplings, self._inverses
-        return newton_step(gradient, *stiffness, as_one, STEP_LEFT, self._work, self.way)
+        return newton_step(gradient, *stiffness, STEP_LEFT, self._work, self.way)
 
     def contacts(self) -> Ints:
         """Return how many points of each path bones and rings press on, (f,)."""
@@ -236,7 +236,7 @@ class SheetPose:
         x, sheet, loads = self.x, self._sheet, self._loads()
         held = sum((load.stiffness for load in loads.values()), np.zeros((*x.shape, 3)))
         widths = path_widths(x, sheet.lengths), widening(x, sheet.lengths)
-        self._prepare_solve(as_one=True)
+        self._prepare_solve()
 
         def change(velocity: Floats) -> Floats:
             wider, result = np.empty((len(x), velocity.shape[3])), np.empty_like(velocity)
@@ -247,7 +247,7 @@ class SheetPose:
         def step(gradients: Floats) -> Floats:
             result = np.empty_like(gradients)
             for way in range(gradients.shape[3]):
-                self._solve(np.ascontiguousarray(gradients[..., way]), as_one=True)
+                self._solve(np.ascontiguousarray(gradients[..., way]))
                 result[..., way] = self.way
             return result
 
