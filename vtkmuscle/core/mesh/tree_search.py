@@ -198,6 +198,7 @@ def search_in_packets(
     run: int,
     places: Ints,
     stack: Ints,
+    near: Floats,
     lanes: Floats,
 ) -> None:
     """Write the place of the nearest triangle to each point, :data:`LANES` points at a time.
@@ -208,7 +209,7 @@ def search_in_packets(
     it, to the last digit.
 
     corners, boxes, discs : of a :class:`~vtkmuscle.core.mesh.triangle_tree.TriangleTree`; queries : (q, 3);
-    places : (q,), written: places in the tree's order; stack, lanes : (64,), (5, LANES), working memory.
+    places : (q,), written: places in the tree's order; stack, near : (64,), lanes : (5, LANES), memory.
     """
     n_leaves = (len(boxes) + 1) // 2
     x, y, z, best, bound = lanes[0], lanes[1], lanes[2], lanes[3], lanes[4]
@@ -220,18 +221,22 @@ def search_in_packets(
         if first >= last:
             continue
         _begin(corners, queries, places, places[first - 1] if first > begin else 0, first, last, lanes)
-        stack[0], size = 0, 1
+        mx, my, mz = x[MIDDLE], y[MIDDLE], z[MIDDLE]
+        stack[0], near[0], size = 0, 0.0, 1
         while size:
             size -= 1
             node = stack[size]
-            if not _box_is_near(boxes[node], x, y, z, best):
+            # Near the middle is near enough, and known.
+            if near[size] >= best[MIDDLE] and not _box_is_near(boxes[node], x, y, z, best):
                 continue
             if node < n_leaves - 1:
                 left, right = 2 * node + 1, 2 * node + 2
-                mx, my, mz = x[MIDDLE], y[MIDDLE], z[MIDDLE]
-                if distance2_to_box(boxes[left], mx, my, mz) < distance2_to_box(boxes[right], mx, my, mz):
-                    left, right = right, left
-                stack[size], stack[size + 1] = left, right
+                to_left = distance2_to_box(boxes[left], mx, my, mz)
+                to_right = distance2_to_box(boxes[right], mx, my, mz)
+                if to_left < to_right:
+                    left, right, to_left, to_right = right, left, to_right, to_left
+                stack[size], near[size] = left, to_left
+                stack[size + 1], near[size + 1] = right, to_right
                 size += 2
                 continue
             leaf = node - (n_leaves - 1)
@@ -309,6 +314,10 @@ def _distances2(a: Floats, b: Floats, c: Floats, x: Floats, y: Floats, z: Floats
     nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
     by_u, by_v = 1.0 / (ux * ux + uy * uy + uz * uz), 1.0 / (vx * vx + vy * vy + vz * vz)
     by_w, by_n = 1.0 / (wx * wx + wy * wy + wz * wz), 1.0 / (nx * nx + ny * ny + nz * nz)
+    # Inward from each side, in the plane.
+    iux, iuy, iuz = ny * uz - nz * uy, nz * ux - nx * uz, nx * uy - ny * ux
+    ivx, ivy, ivz = vy * nz - vz * ny, vz * nx - vx * nz, vx * ny - vy * nx
+    iwx, iwy, iwz = ny * wz - nz * wy, nz * wx - nx * wz, nx * wy - ny * wx
     for lane in range(LANES):
         px, py, pz = x[lane] - ox, y[lane] - oy, z[lane] - oz
         qx, qy, qz = px - ux, py - uy, pz - uz
@@ -321,9 +330,8 @@ def _distances2(a: Floats, b: Floats, c: Floats, x: Floats, y: Floats, z: Floats
         t = min(max((wx * qx + wy * qy + wz * qz) * by_w, 0.0), 1.0)
         dx, dy, dz = qx - t * wx, qy - t * wy, qz - t * wz
         side = min(side, dx * dx + dy * dy + dz * dz)
-        # Inward of which sides the foot of the perpendicular is.
-        of_u = (uy * pz - uz * py) * nx + (uz * px - ux * pz) * ny + (ux * py - uy * px) * nz
-        of_v = (py * vz - pz * vy) * nx + (pz * vx - px * vz) * ny + (px * vy - py * vx) * nz
-        of_w = (wy * qz - wz * qy) * nx + (wz * qx - wx * qz) * ny + (wx * qy - wy * qx) * nz
+        of_u = iux * px + iuy * py + iuz * pz
+        of_v = ivx * px + ivy * py + ivz * pz
+        of_w = iwx * qx + iwy * qy + iwz * qz
         up = px * nx + py * ny + pz * nz
         out[lane] = up * up * by_n if min(of_u, of_v, of_w) >= 0.0 else side

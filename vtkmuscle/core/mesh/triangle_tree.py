@@ -60,11 +60,11 @@ class TriangleTree:
         """Return the nearest triangle's place in the order, the point on it, its distance and region."""
         places, regions = np.zeros((2, len(queries)), dtype=np.int64)
         closest, distances = np.zeros((len(queries), 3)), np.zeros(len(queries))
-        tree, stack = (self.corners, self.boxes, self.discs), np.empty(64, dtype=np.int64)
+        tree, memory = (self.corners, self.boxes, self.discs), (np.empty(64, dtype=np.int64), np.empty(64))
         if run:
-            search_in_packets(*tree, queries, run, places, stack, np.empty((5, LANES)))
+            search_in_packets(*tree, queries, run, places, *memory, np.empty((5, LANES)))
         else:
-            search_tree(*tree, queries, places, stack, np.empty(64))
+            search_tree(*tree, queries, places, *memory)
         measure_nearest(self.corners, queries, places, closest, distances, regions)
         return places, closest, distances, regions
 
