@@ -6,7 +6,7 @@ from collections import deque
 from collections.abc import Callable, Hashable, Iterator
 from contextlib import contextmanager
 from functools import wraps
-from hashlib import blake2b
+from hashlib import sha1
 from threading import Lock
 from typing import Any, ParamSpec, TypeVar, cast
 from weakref import WeakValueDictionary
@@ -99,8 +99,8 @@ def shared(make: Callable[P, T], *, last: int = 0) -> Callable[P, T]:
 
 
 def digest(*arrays: NDArray[Any]) -> bytes:
-    """Return a key of the content of arrays."""
-    content = blake2b(digest_size=16)
+    """Return a key of the content of arrays: by SHA-1, for which processors have instructions."""
+    content = sha1(usedforsecurity=False)
     for array in arrays:
         content.update(f"{array.dtype.str}{array.shape}".encode())
         content.update(np.ascontiguousarray(array).data)
