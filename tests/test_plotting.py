@@ -276,6 +276,18 @@ def test_a_picture_in_more_detail_is_the_same_picture(renders):
     assert np.mean(np.abs(coarse - once).max(axis=2) > 40) < 0.02
 
 
+def test_a_fibre_is_as_wide_in_more_detail(renders):
+    fibres = straight_fibres()
+    view = framed((0.0, -1.0, 0.0), points_of(fibres))
+    covered = []
+    for detail in (1.0, 3.0):
+        with Studio(detail) as studio:
+            image = studio.picture(actors_of([], view, fibres=fibres, finer=studio.finer), view)
+        covered.append(np.mean(image.min(axis=2) < 250))
+    assert covered[0] > 0.005
+    assert covered[1] == pytest.approx(covered[0], rel=0.1)
+
+
 def test_the_same_frame_twice_gives_the_same_panel_twice(renders):
     with Studio() as studio:
         bones = DrawnBones(two_bones())

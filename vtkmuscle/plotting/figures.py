@@ -130,7 +130,7 @@ def plot_muscle(
     panels = []
     for one, strain in zip_longest(frames, strains):
         colours = None if strain is None else strain_colours(strain, limit)
-        actors = actors_of([one.muscle], view, fibres=one.fibres, colours=colours)
+        actors = actors_of([one.muscle], view, fibres=one.fibres, colours=colours, finer=studio.finer)
         image = studio.picture(actors, view, bones=bones, transforms=one.transforms)
         panels.append(Panel(image, one.label, view))
     figure = sheet(panels, title, units)
@@ -254,7 +254,8 @@ def plot_moment_arms(
     if rest is not None and places is not None and bones is not None and studio is not None:
         view = clearest_view([rest.muscle], [bones.spread()])
         view = replace(view, area=view.aspect * (_PICTURE * DOTS_PER_INCH) ** 2)  # pixel for pixel
-        actors = actors_of([rest.muscle], view, fibres=rest.fibres, colours=place_colours(places))
+        coloured = {"fibres": rest.fibres, "colours": place_colours(places)}
+        actors = actors_of([rest.muscle], view, **coloured, finer=studio.finer)
         panel = Panel(studio.picture(actors, view, bones=bones), "fibres at rest", view)
     beside = 0.0 if panel is None else _PICTURE * panel.view.aspect + 0.5
     width = 9.0 * len(arms) + beside
