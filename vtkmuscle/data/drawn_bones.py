@@ -8,16 +8,15 @@ from functools import cached_property
 
 import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet
-from vtkmodules.vtkFiltersCore import vtkQuadricClustering
 
 from vtkmuscle.core.mesh.normals import mean_normals, triangle_normals
 from vtkmuscle.core.types import Floats, Ints
-from vtkmuscle.data.arrays import blocks_of, points_of, surface_from, triangles_of
+from vtkmuscle.data.arrays import blocks_of, points_of, triangles_of
 
 #: Triangles of all bones, about.
 TRIANGLES = 100_000
-#: Triangles that a bone has at least.
-_LEAST = 600
+#: Triangles that a bone has at least, and cells of the grid that makes it coarser along each axis at most.
+_LEAST, _MOST_CELLS = 600, 400
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,30 +95,20 @@ def spread_over(points: Floats, triangles: Ints, n: int = 10_000) -> Floats:
 def clustered(points: Floats, triangles: Ints, area: float, wanted: int) -> tuple[Ints, Ints]:
     """Return which of the points (n, 3) are kept, and about as many triangles as wanted on these.
 
-    ``area`` is the surface's. A tenth of the time that edges being collapsed would take.
+    Of the points in a cell of a grid the one nearest to their mean stands for all of them (Rossignac and
+    Borrel 1993, doi:10.1007/978-3-642-78114-8_29). ``area`` is the surface's.
     """
-    # A cell of a grid that a surface passes through holds about two triangles.
-    cell = np.sqrt(2.0 * max(area, 1e-12) / wanted)
-    cluster = vtkQuadricClustering()
-    cluster.SetInputData(surface_from(points, triangles))
-    cluster.AutoAdjustNumberOfDivisionsOff()
-    cluster.SetNumberOfDivisions(*(int(n) for n in np.ceil(np.ptp(points, axis=0) / cell).clip(2, 400)))
-    cluster.UseInputPointsOn()
-    cluster.CopyCellDataOff()
-    cluster.Update()
-    coarse = cluster.GetOutput()
-    return _ids_of(points_of(coarse), points), triangles_of(coarse, "coarse")
-
-
-def _ids_of(kept: Floats, points: Floats) -> Ints:
-    """Return the number of each of some points (k, 3) among all (n, 3): equal points have equal sums."""
-    # VTK gives them in single precision.
-    every, some = (one.astype(np.float32).astype(np.float64) for one in (points, kept))
-    x, y, z = np.sqrt([2.0, 3.0, 5.0])
-    every, some = (x * one[:, 0] + y * one[:, 1] + z * one[:, 2] for one in (every, some))
-    order = np.argsort(every)
-    found: Ints = order[np.searchsorted(every, some, sorter=order)]
-    return found
+    # A cell that a surface passes through holds about two triangles.
+    cell = np.maximum(np.sqrt(2.0 * max(area, 1e-12) / wanted), np.ptp(points, axis=0) / _MOST_CELLS)
+    places = ((points - points.min(axis=0)) / cell).astype(np.int64)
+    places = places @ (_MOST_CELLS + 1) ** np.arange(3)
+    _, cluster, counts = np.unique(places, return_inverse=True, return_counts=True)
+    means = np.stack([np.bincount(cluster, axis) / counts for axis in points.T], axis=1)
+    nearest_last = np.argsort(((points - means[cluster]) ** 2).sum(axis=1), kind="stable")[::-1]
+    kept = np.zeros(len(counts), dtype=np.int64)
+    kept[cluster[nearest_last]] = nearest_last
+    a, b, c = cluster[triangles.T]
+    return kept, cluster[triangles][(a != b) & (b != c) & (c != a)]
 
 
 def _is_solid(points: Floats, triangles: Ints, normals: Floats) -> bool:

@@ -130,7 +130,7 @@ def place_colours(places: Floats) -> NDArray[np.uint8]:
 def fibre_actor(fibres: vtkPolyData, width: float, colours: NDArray[np.uint8] | None = None) -> vtkActor:
     """Return the splines through the points of fibres, as wide as ``width`` [pixels] and shaded as tubes.
 
-    ``colours`` are (n_fibres, 3). Tubes of triangles would take half as long again to render.
+    ``colours`` are (n_fibres, 3). A picture of tubes of triangles takes a third longer.
     """
     lines = polylines_from(polylines_of(fibres, "plotting: fibres"))
     if colours is not None:
