@@ -254,8 +254,8 @@ def plot_moment_arms(
     if rest is not None and places is not None and bones is not None and studio is not None:
         view = clearest_view([rest.muscle], [bones.spread()])
         view = replace(view, area=view.aspect * (_PICTURE * DOTS_PER_INCH) ** 2)  # pixel for pixel
-        coloured = {"fibres": rest.fibres, "colours": place_colours(places)}
-        actors = actors_of([rest.muscle], view, **coloured, finer=studio.finer)
+        colours = place_colours(places)
+        actors = actors_of([rest.muscle], view, fibres=rest.fibres, colours=colours, finer=studio.finer)
         panel = Panel(studio.picture(actors, view, bones=bones), "fibres at rest", view)
     beside = 0.0 if panel is None else _PICTURE * panel.view.aspect + 0.5
     width = 9.0 * len(arms) + beside
