@@ -7,11 +7,11 @@ import os
 import shutil
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from html import escape  # that of xml.sax would load an HTTP client
 from os import PathLike
 from pathlib import Path
 from threading import Lock
 from typing import Any
-from xml.sax.saxutils import quoteattr
 
 from vtkmodules.util.vtkAlgorithm import VTKPythonAlgorithmBase
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
@@ -55,8 +55,8 @@ class Collection:
         for number, (name, file) in enumerate(parts.items()):
             relative = file.relative_to(self.path.parent).as_posix()
             self._entries.append(
-                f'    <DataSet timestep="{float(time)!r}" part="{number}" name={quoteattr(name)} '
-                f"file={quoteattr(relative)}/>\n"
+                f'    <DataSet timestep="{float(time)!r}" part="{number}" name="{escape(name)}" '
+                f'file="{escape(relative)}"/>\n'
             )
         head = '<?xml version="1.0"?>\n<VTKFile type="Collection" version="0.1" byte_order="LittleEndian">\n'
         entries = "".join(self._entries)
