@@ -137,7 +137,9 @@ def fibre_actor(fibres: vtkPolyData, width: float, colours: NDArray[np.uint8] | 
         set_cell_array(lines, _COLOURS, colours)
     # Bent at its ends as at the points beside them, which keeps arcs round.
     cubic = vtkCardinalSpline(left_constraint=3, right_constraint=3, left_value=1.0, right_value=1.0)
-    splines = vtkSplineFilter(spline=cubic, input_data=lines, number_of_subdivisions=48)
+    # Lines have gaps where they bend: of as many pieces as this, none that is seen.
+    pieces = max(24, round(5.0 * width))
+    splines = vtkSplineFilter(spline=cubic, input_data=lines, number_of_subdivisions=pieces)
     splines.SetSubdivideToSpecified()
     splines.Update()
     look = {"line_width": width, "render_lines_as_tubes": True, "ambient": 0.25}
