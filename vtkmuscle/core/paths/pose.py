@@ -137,6 +137,8 @@ class SheetPose:
 
     def hold(self, points: Floats) -> bool:
         """Choose the points (f, n, 3) that the rings hold; return whether they are others than before."""
+        if not self._sheet.rings:  # nor are its kernels compiled
+            return False
         before = self.ring_points.copy()
         hold_in_rings(points - self._middle, self._rings, self.ring_points)
         return not np.array_equal(before, self.ring_points)
@@ -153,7 +155,8 @@ class SheetPose:
         gaps, normals = near.gaps.reshape(shape), near.normals.reshape(*shape, 3)
         rounded = PUSH, contacts.rounding
         add_contacts(x, gaps, normals, *rounded, gradient, blocks, self._pressure)
-        add_rings(x, self._rings, self.ring_points, *rounded, gradient, blocks, self._ring_pressure)
+        if sheet.rings:
+            add_rings(x, self._rings, self.ring_points, *rounded, gradient, blocks, self._ring_pressure)
 
     def settle(self, segment: float, reach: float) -> bool:
         """Bring the sheet to rest by Newton's method; return whether it did.

@@ -179,7 +179,8 @@ class MusclePaths:
         still = np.zeros((last + 1, 4, 4)) + np.eye(4)
         nothing = np.zeros((len(rings), len(self.fibres)))
         outside = np.empty_like(nothing)
-        outside_of(rings_at(rings, still, np.zeros(3), nothing), self.fibres, outside)
+        if rings:
+            outside_of(rings_at(rings, still, np.zeros(3), nothing), self.fibres, outside)
         self._sheet = Sheet(
             self.fibres,
             start_bones,
