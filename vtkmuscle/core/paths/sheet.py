@@ -248,7 +248,7 @@ class MusclePaths:
         moves = _moves(before.transforms, transforms)
         carried = self._with_bones(before.points, moves)
         start = self._with_bones(before.points + again * before.drift, moves)
-        reach = farthest_of(start - carried)
+        reach = farthest_of(start - carried) or math.inf
         state = self._settle(start, transforms, ends_moved, carried, reach)
         if farthest_of(state.points - start) > reach:
             state = self._settle(carried, transforms, ends_moved, carried)
