@@ -107,21 +107,19 @@ class BoneContacts:
             distance, outward = bone.field(near.points[k, found], within=standoff + self.rounding)
             gaps[found], near.normals[k, found] = distance - standoff, outward @ transform[:3, :3].T
 
-    def load(self, k: int, shape: tuple[int, int], transforms: Floats, near: Proximity) -> Load:
-        """Return the load of the k-th bone, which presses, on paths (f, n) of known proximity.
+    def load(self, k: int, transforms: Floats, near: Proximity, pressure: Floats) -> Load:
+        """Return the load of the k-th bone on paths of known proximity, on which it has a pressure (f, n).
 
         Normals are compared over a cell of its field: flat triangles curve as their surface does. Over a
         thousandth of that a strap on a roller has levers 1 to 4 mm off its radius in one or two of 100 poses.
         """
         bone, turn = self._bones[k], transforms[self.numbers[k], :3, :3]
-        inner = np.ones(shape, dtype=np.bool_)
-        inner[:, [0, -1]] = False
-        pressed = np.flatnonzero((near.gaps[k] < self.rounding) & inner.reshape(-1))
+        pressed, shape = np.flatnonzero(pressure), pressure.shape
         moves = bone.cell * np.concatenate([np.eye(3), -np.eye(3)])
         sides = bone.field((near.points[k, pressed] + moves[:, None]).reshape(-1, 3))[1].reshape(2, 3, -1, 3)
         normals = near.normals[k, pressed]
-        pressures = [pressure_at(gap, PUSH, self.rounding) for gap in near.gaps[k, pressed]]
-        force, stiff = np.array(pressures).T[..., None]
+        force, gaps = pressure.reshape(-1)[pressed, None], near.gaps[k, pressed, None]
+        stiff = PUSH * np.minimum(0.5 - 0.5 * gaps / self.rounding, 1.0)  # as of pressure_at
         turning = turn @ ((sides[0] - sides[1]) / (2.0 * bone.cell)).transpose(1, 2, 0) @ turn.T
         forces, stiffness = np.zeros((*shape, 3)), np.zeros((*shape, 3, 3))
         forces.reshape(-1, 3)[pressed] = force * normals

@@ -267,7 +267,7 @@ class SheetPose:
         ]
         for k, number in enumerate(contacts.numbers):
             if self._pressure[k].any():
-                loads.append((number, contacts.load(k, x.shape[:2], self._moved, self._near)))
+                loads.append((number, contacts.load(k, self._moved, self._near, self._pressure[k])))
         for k, (number, _) in enumerate(self._sheet.rings):
             if (points := self.ring_points[k]).any():
                 loads.append((number, ring_load(x, self._rings, k, points, contacts.rounding, move)))
