@@ -95,7 +95,19 @@ class PathState:
         if pose is None:
             pose = SheetPose(self.sheet, self.transforms, self.points, self.ring_points)
             pose.look_at(pose.x)
-        return dict(zip(twists, pose.levers(np.array(list(twists.values()))), strict=True))
+        by_twist = np.array(list(twists.values()))
+        return dict(zip(twists, pose.levers(by_twist, self._drifts(by_twist)), strict=True))
+
+    def _drifts(self, twists: Floats) -> Floats:
+        """Return the velocities (f, n, 3, v) of the points if they drift by twists as on the way here."""
+        start, end, points = self.sheet.start_bones, self.sheet.end_bones, self.points
+        velocities = []
+        for mine, others, ends in ((start, end, points[:, 0]), (end, start, points[:, -1])):
+            moving = twists[:, mine] - twists[:, others]
+            velocity = moving[..., :3] + np.cross(moving[..., 3:], ends)
+            velocities.append(np.einsum("fji,vfj->vfi", self.transforms[others, :3, :3], velocity))
+        parts = _parts_of(self.ends_moved, np.array(velocities).swapaxes(0, 1))
+        return self.drift[..., None] * parts
 
     @property
     def nbytes(self) -> int:
@@ -218,12 +230,11 @@ class MusclePaths:
         known = _padded(before.transforms, transforms)
         moves = _moves(known, transforms)
         if np.ptp(moves, axis=0).max() <= _TOGETHER:
-            return replace(
-                before,
-                points=self._with_bones(before.points, moves),
-                transforms=transforms,
-                forces=lambda: None,
+            points, drifted = (
+                self._with_bones(one, moves) for one in (before.points, before.points + before.drift)
             )
+            drift, forces = drifted - points, PathState.forces
+            return replace(before, points=points, transforms=transforms, drift=drift, forces=forces)
         farthest = np.linalg.norm(self._ends_moved(known, transforms), axis=2).max()
         steps = max(math.ceil(farthest / (LARGEST_MOVE * self._segment)), 1)
         state = replace(before, transforms=known)
@@ -242,9 +253,7 @@ class MusclePaths:
         take them, if they settle farther from there than they were to drift.
         """
         ends_moved = self._ends_moved(before.transforms, transforms)
-        size = float(np.vdot(before.ends_moved, before.ends_moved))
-        again = float(np.vdot(ends_moved, before.ends_moved)) / size if size > 0.0 else 0.0
-        again = max(-MOST_AGAIN, min(again, MOST_AGAIN))
+        again = np.clip(_parts_of(before.ends_moved, ends_moved), -MOST_AGAIN, MOST_AGAIN)
         moves = _moves(before.transforms, transforms)
         carried = self._with_bones(before.points, moves)
         start = self._with_bones(before.points + again * before.drift, moves)
@@ -321,6 +330,12 @@ def _padded(before: Floats, now: Floats) -> Floats:
     known = np.array(now)
     known[: len(before)] = before[: len(now)]
     return known
+
+
+def _parts_of(whole: Floats, moves: Floats) -> Floats:
+    """Return how much of moves (2, f, 3) is in others (..., 2, f, 3): 1 for the same, 0 if there are none."""
+    parts: Floats = np.einsum("...efi,efi->...", moves, whole) / (float(np.vdot(whole, whole)) or math.inf)
+    return parts
 
 
 def _moves(before: Floats, now: Floats) -> Floats:
