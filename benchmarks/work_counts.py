@@ -1,4 +1,4 @@
-"""What a run costs whatever the machine: diffusions, collision passes, executions, pictures and memory."""
+"""What a run costs whatever the machine: steps of paths, diffusions, executions, pictures and memory."""
 
 from __future__ import annotations
 
@@ -19,6 +19,7 @@ from vtkmodules.vtkFiltersModeling import vtkLinearSubdivisionFilter
 from vtkmuscle import Scene, phantoms
 from vtkmuscle.core.collision import contact
 from vtkmuscle.core.deformation import diffusion
+from vtkmuscle.core.paths import pose
 from vtkmuscle.data import drawn_bones
 from vtkmuscle.data.arrays import blocks_of, multiblock_from
 from vtkmuscle.filters import FixedPointDetector
@@ -34,8 +35,9 @@ FRAMES = 6
 
 @contextmanager
 def counted(counts: Counter[str]) -> Iterator[None]:
-    """Count diffusions, collision passes, and executions of filters."""
+    """Count steps of paths, diffusions, collision passes, and executions of filters."""
     watched = (
+        ("steps of Newton's method", pose.SheetPose, "step"),
         ("diffusions", diffusion.Diffusion, "spread"),
         ("collision passes", contact.Contact, "keep_out"),
         ("executions", Filter, "RequestData"),

@@ -235,7 +235,9 @@ def _dot(a: Floats, b: Floats) -> float:
 
 
 @vector_kernel
-def _precondition(inverses: Floats, residual: Floats, solved: Floats) -> None:
+def _precondition(  # noqa: PLR0912 -- each kernel more costs time to compile
+    inverses: Floats, residual: Floats, solved: Floats
+) -> None:
     """Write each path's solution by itself, (f + 1, n, 3), and add that of the whole sheet, the last.
 
     Paths are in the inner loops: none waits for its own last result.
@@ -247,8 +249,9 @@ def _precondition(inverses: Floats, residual: Floats, solved: Floats) -> None:
             for k in range(f):
                 total += residual[k, i, c]
             residual[f, i, c] = total / f
-    solved[:, 0] = 0.0
-    solved[:, n - 1] = 0.0
+    for k in range(f + 1):
+        for c in range(3):
+            solved[k, 0, c] = solved[k, n - 1, c] = 0.0
     for i in range(1, n - 1):
         for k in range(f + 1):
             p, q, r = residual[k, i, 0], residual[k, i, 1], residual[k, i, 2]

@@ -23,8 +23,7 @@ TOLERANCE, STEPS = 2e-3, 6
 
 def path_levers(
     points: Floats,
-    start_bones: Ints,
-    end_bones: Ints,
+    ends: tuple[Ints, Ints],
     loads: Mapping[int, Load],
     twists: Floats,
     drifts: Floats,
@@ -42,8 +41,8 @@ def path_levers(
     ----------
     points : (f, n, 3) array
         In equilibrium [mm].
-    start_bones, end_bones : (f,) int arrays
-        Bones of the ends.
+    ends : two (f,) int arrays
+        Bones of the starts and of the ends.
     loads : mapping of int to Load
         Forces of each bone on the points.
     twists : (v, b, 6) array
@@ -57,7 +56,8 @@ def path_levers(
         Takes gradients likewise, and returns velocities of the inner points that about cancel them.
     """
     levers = np.zeros((len(points), len(twists)))
-    touched = sorted({*start_bones.tolist(), *end_bones.tolist(), *loads})
+    starting, ending = ends
+    touched = sorted({*starting.tolist(), *ending.tolist(), *loads})
     # All bones that move together leave the lengths as they are.
     relative = (twists - twists[:, touched[:1]])[:, touched]
     moved = relative.any(axis=(1, 2))
@@ -70,7 +70,7 @@ def path_levers(
         linear, angular = twist[:, :3], twist[:, 3:]
         velocity = linear.T + _turned(points, angular)
         # To begin with points go with the ends by how near they are to each, and drift.
-        part = np.outer(start_bones == bone, 1.0 - along) + np.outer(end_bones == bone, along)
+        part = np.outer(starting == bone, 1.0 - along) + np.outer(ending == bone, along)
         given += part[..., None, None] * velocity
         if bone in loads:  # which go with it, and turn with it
             force, stiffness = loads[bone]

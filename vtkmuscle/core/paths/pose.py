@@ -256,7 +256,8 @@ class SheetPose:
 
         about = np.array(twists, dtype=np.float64)
         about[..., :3] += np.cross(about[..., 3:], self._middle)
-        return path_levers(x, sheet.start_bones, sheet.end_bones, loads, about, drifts, change, step)
+        ends = sheet.start_bones, sheet.end_bones
+        return path_levers(x, ends, loads, about, drifts, change, step)
 
     def _loads(self) -> dict[int, Load]:
         """Return the loads of the bones on the points."""
