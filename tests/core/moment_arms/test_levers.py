@@ -41,7 +41,13 @@ def of_straight(points, twist):
     # There is nothing between their ends that bones could press on, or that could give way.
     stays = np.zeros(len(points), dtype=np.int64)
     twists = np.array([[np.zeros(6), twist]])
-    return path_levers(points, stays, stays + 1, {}, twists, np.zeros_like, np.zeros_like)[0]
+    return straight_levers(points, stays, twists)[0]
+
+
+def straight_levers(points, stays, twists):
+    """Return the levers of straight paths from a bone that stays to the next one, which nothing holds."""
+    drifts = np.zeros((*points.shape, len(twists)))
+    return path_levers(points, (stays, stays + 1), {}, twists, drifts, np.zeros_like, np.zeros_like)
 
 
 def lever_about(ends, centre, axis):
@@ -193,7 +199,7 @@ def test_a_coordinate_that_never_changes_alone_is_refused_and_the_other_is_not()
 def test_a_coordinate_that_moves_all_bones_alike_has_no_levers():
     points = np.stack([STARTS, ENDS], axis=1)
     stays, twists = np.zeros(len(points), dtype=np.int64), np.ones((1, 2, 6))
-    assert not path_levers(points, stays, stays + 1, {}, twists, np.zeros_like, np.zeros_like).any()
+    assert not straight_levers(points, stays, twists).any()
 
 
 # ------------------------------------------------------------------------------ invariance
