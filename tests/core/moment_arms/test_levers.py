@@ -46,8 +46,8 @@ def of_straight(points, twist):
 
 def straight_levers(points, stays, twists):
     """Return the levers of straight paths from a bone that stays to the next one, which nothing holds."""
-    drifts = np.zeros((*points.shape, len(twists)))
-    return path_levers(points, (stays, stays + 1), {}, twists, drifts, np.zeros_like, np.zeros_like)
+    drift = np.zeros_like(points)
+    return path_levers(points, (stays, stays + 1), {}, twists, drift, np.zeros_like, np.zeros_like)
 
 
 def lever_about(ends, centre, axis):

@@ -16,7 +16,7 @@ from vtkmuscle.core.types import Floats, Ints
 #: The response to the bones' move is solved for in steps until one of them changes the levers by less than
 #: this part of the greatest speed of a path's end (rms of all paths), but in no more than so many: levers of
 #: three muscles of a real hip are 0.04 to 0.13 mm off the limit then, and those of one, whose fibres snap,
-#: 0.9. A tendon in a ring slides to and fro as other points of it are held, which more steps would take for
+#: 0.8. A tendon in a ring slides to and fro as other points of it are held, which more steps would take for
 #: its lever.
 TOLERANCE, STEPS = 2e-3, 6
 
@@ -26,7 +26,7 @@ def path_levers(
     ends: tuple[Ints, Ints],
     loads: Mapping[int, Load],
     twists: Floats,
-    drifts: Floats,
+    drift: Floats,
     change: Callable[[Floats], Floats],
     step: Callable[[Floats], Floats],
 ) -> Floats:
@@ -47,8 +47,8 @@ def path_levers(
         Forces of each bone on the points.
     twists : (v, b, 6) array
         Of the bones: velocity at the origin and angular velocity, per unit of each of v coordinates.
-    drifts : (f, n, 3, v) array
-        Velocities of the points from where the ends take them, 0 at the ends: the solution begins with these.
+    drift : (f, n, 3) array
+        A way of the points, 0 at the ends, such as they went: the solution begins with the best part of it.
     change : callable
         Takes velocities of the points (f, n, 3, v), ends included, and returns how the energy's gradient
         changes with them, 0 at the ends.
@@ -64,12 +64,12 @@ def path_levers(
     if not moved.any():
         return levers.T
     along = np.linspace(0.0, 1.0, points.shape[1])
-    given = np.ascontiguousarray(drifts[..., moved])
+    given = np.zeros((*points.shape, np.count_nonzero(moved)))
     by_loads = np.zeros_like(given)
     for bone, twist in zip(touched, relative[moved].swapaxes(0, 1), strict=True):
         linear, angular = twist[:, :3], twist[:, 3:]
         velocity = linear.T + _turned(points, angular)
-        # To begin with points go with the ends by how near they are to each, and drift.
+        # To begin with points go with the ends by how near they are to each.
         part = np.outer(starting == bone, 1.0 - along) + np.outer(ending == bone, along)
         given += part[..., None, None] * velocity
         if bone in loads:  # which go with it, and turn with it
@@ -77,6 +77,10 @@ def path_levers(
             by_loads += stiffness @ velocity + _turned(force, angular)
     gradient = change(given)
     gradient[:, 1:-1] -= by_loads[:, 1:-1]
+    along_drift = change(drift[..., None].copy())
+    part = -_products(gradient, along_drift) / (_products(along_drift, along_drift) or 1.0)
+    given += part * drift[..., None]
+    gradient += part * along_drift
     segments = np.diff(points, axis=1)
     sizes = np.linalg.norm(segments, axis=2, keepdims=True)
     pull = np.diff(segments / np.maximum(sizes, np.finfo(float).tiny), axis=1, prepend=0.0, append=0.0)

@@ -231,7 +231,7 @@ class SheetPose:
         points: Floats = self.x + self._middle
         return points
 
-    def levers(self, twists: Floats, drifts: Floats) -> Floats:
+    def levers(self, twists: Floats, drift: Floats) -> Floats:
         """Return the levers (v, f) of the paths that were looked at last, as twists (v, b, 6) move the bones.
 
         See :func:`~vtkmuscle.core.paths.levers.path_levers`; the twists are about the origin.
@@ -257,7 +257,7 @@ class SheetPose:
         about = np.array(twists, dtype=np.float64)
         about[..., :3] += np.cross(about[..., 3:], self._middle)
         ends = sheet.start_bones, sheet.end_bones
-        return path_levers(x, ends, loads, about, drifts, change, step)
+        return path_levers(x, ends, loads, about, drift, change, step)
 
     def _loads(self) -> dict[int, Load]:
         """Return the loads of the bones on the points."""

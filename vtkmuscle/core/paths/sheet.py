@@ -96,18 +96,7 @@ class PathState:
             pose = SheetPose(self.sheet, self.transforms, self.points, self.ring_points)
             pose.look_at(pose.x)
         by_twist = np.array(list(twists.values()))
-        return dict(zip(twists, pose.levers(by_twist, self._drifts(by_twist)), strict=True))
-
-    def _drifts(self, twists: Floats) -> Floats:
-        """Return the velocities (f, n, 3, v) of the points if they drift by twists as on the way here."""
-        start, end, points = self.sheet.start_bones, self.sheet.end_bones, self.points
-        velocities = []
-        for mine, others, ends in ((start, end, points[:, 0]), (end, start, points[:, -1])):
-            moving = twists[:, mine] - twists[:, others]
-            velocity = moving[..., :3] + np.cross(moving[..., 3:], ends)
-            velocities.append(np.einsum("fji,vfj->vfi", self.transforms[others, :3, :3], velocity))
-        parts = _parts_of(self.ends_moved, np.array(velocities).swapaxes(0, 1))
-        return self.drift[..., None] * parts
+        return dict(zip(twists, pose.levers(by_twist, self.drift), strict=True))
 
     @property
     def nbytes(self) -> int:
