@@ -1,5 +1,7 @@
 """The levers of paths: slopes of lengths, by every part of a bone's twist."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from phantom_paths import AXIS, HINGES, angles, known_paths, levers, strung_phantom, swept, turned, worse
@@ -131,3 +133,20 @@ def test_a_bone_that_no_path_ends_on_pushes_paths_and_has_its_levers():
         slopes = -(there - back) / (2.0 * SMALL)
         np.testing.assert_allclose(state.levers({"q": by_pulley})["q"], slopes, atol=0.03)
         assert np.abs(slopes).mean() > 0.3
+
+
+def test_a_drift_that_says_nothing_does_not_change_the_levers(rng):
+    """As after bones that hardly moved: it is noise, as great as what the paths moved by, or far greater."""
+    paths, (pose,) = (
+        known_paths("strap_over_two_joints"),
+        [strung_phantom("strap_over_two_joints").poses()[20]],
+    )
+    state, twists = paths.follow(paths.rest, pose), np.zeros((1, len(pose), 6))
+    twists[:, -1] = twist_about((0.0, 0.0, 0.0), AXIS)
+    noise = rng.normal(size=state.drift.shape)
+    noise[:, [0, -1]] = 0.0
+    none, small, great = (
+        replace(state, drift=size * noise).levers({"q": twists[0]})["q"] for size in (0.0, 1e-6, 1e3)
+    )
+    np.testing.assert_allclose(small, none, atol=0.2)
+    np.testing.assert_allclose(great, small, atol=1e-6)

@@ -31,9 +31,8 @@ POINTS = 33
 #: segments: a path does not jump over what lies between.
 LARGEST_MOVE = 4.0
 
-#: Paths begin in a new pose where they drifted to as they did in the one before, by how their ends move: by
-#: no more than so many times as far.
-MOST_AGAIN = 2.0
+#: The drift with which paths begin in a new pose, in drifts of the pose before, at most.
+LARGEST_DRIFT = 2.0
 
 #: Bones whose moves differ by less than this have moved together: paths go with them as they are [mm].
 _TOGETHER = 1e-9
@@ -101,11 +100,8 @@ class PathState:
     @property
     def nbytes(self) -> int:
         """Memory that it takes [bytes]."""
-        arrays = (
-            *(self.points, self.transforms, self.ring_points, self.contacts, self.squeezed),
-            *(self.ends_moved, self.drift),
-        )
-        return sum(array.nbytes for array in arrays)
+        arrays = [self.points, self.transforms, self.ring_points, self.contacts, self.squeezed]
+        return sum(array.nbytes for array in [*arrays, self.ends_moved, self.drift])
 
 
 class MusclePaths:
@@ -238,11 +234,12 @@ class MusclePaths:
     def _go_on(self, before: PathState, transforms: Floats) -> PathState:
         """Return the paths in a near pose.
 
-        They begin where they drift as they did before, as far as their ends move likewise; or where the ends
-        take them, if they settle farther from there than they were to drift.
+        They begin with the drift of the pose before, times the part of the ends' move then that is in their
+        move now; or where the ends take them, if they settle farther from that start than the drift is long.
         """
-        ends_moved = self._ends_moved(before.transforms, transforms)
-        again = np.clip(_parts_of(before.ends_moved, ends_moved), -MOST_AGAIN, MOST_AGAIN)
+        ends_moved, last = self._ends_moved(before.transforms, transforms), before.ends_moved
+        again = float(np.vdot(last, ends_moved)) / (float(np.vdot(last, last)) or math.inf)
+        again = max(-LARGEST_DRIFT, min(again, LARGEST_DRIFT))
         moves = _moves(before.transforms, transforms)
         carried = self._with_bones(before.points, moves)
         start = self._with_bones(before.points + again * before.drift, moves)
@@ -288,9 +285,9 @@ class MusclePaths:
         start[:, 0] = _carried_by(transforms[self.start_bones], self.fibres[:, 0])
         start[:, -1] = _carried_by(transforms[self.end_bones], self.fibres[:, -1])
         pose = SheetPose(self._sheet, transforms, start)
-        pose.hold(carried)  # where paths have settled rings hold the same points for ever
+        pose.hold(carried)  # near the equilibrium rings would never let go of the points that they hold
         settled = pose.settle(self._segment, reach)
-        self._latest = pose
+        self._latest = pose  # alive for the levers of this state
         return PathState(
             self._sheet,
             pose.points,
@@ -319,12 +316,6 @@ def _padded(before: Floats, now: Floats) -> Floats:
     known = np.array(now)
     known[: len(before)] = before[: len(now)]
     return known
-
-
-def _parts_of(whole: Floats, moves: Floats) -> Floats:
-    """Return how much of moves (2, f, 3) is in others (..., 2, f, 3): 1 for the same, 0 if there are none."""
-    parts: Floats = np.einsum("...efi,efi->...", moves, whole) / (float(np.vdot(whole, whole)) or math.inf)
-    return parts
 
 
 def _moves(before: Floats, now: Floats) -> Floats:
