@@ -215,13 +215,16 @@ def test_ctrl_c_leaves_the_finished_frames(moment, scene_file, tmp_path):
     )
     out = tmp_path / "out"
     command = [sys.executable, "-c", STOPPABLE, "run", scene_file, "--out", out, "--no-figures"]
-    child = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     sign = out / "spindle/spindle_0003.vtp" if moment == "in the middle" else out
-    deadline = time.monotonic() + 120
-    while not sign.exists() and child.poll() is None and time.monotonic() < deadline:
-        time.sleep(0.01)
-    child.send_signal(signal.SIGINT)
-    _, errors = child.communicate(timeout=60)
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as child:
+        deadline = time.monotonic() + 120
+        while not sign.exists() and child.poll() is None and time.monotonic() < deadline:
+            time.sleep(0.01)
+        child.send_signal(signal.SIGINT)
+        try:
+            _, errors = child.communicate(timeout=60)
+        finally:
+            child.kill()
     assert child.returncode == 130, errors
     assert "stopped. " in errors
     assert "Traceback" not in errors

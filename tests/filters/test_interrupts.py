@@ -6,9 +6,14 @@ import subprocess
 import sys
 import threading
 
+import numpy as np
 import pytest
+from vtkmodules.util.vtkAlgorithm import VTKPythonAlgorithmBase
 from vtkmodules.vtkCommonCore import vtkObject
+from vtkmodules.vtkCommonDataModel import vtkDataObject
 
+from vtkmuscle.data.arrays import Polylines, polylines_from
+from vtkmuscle.filters import FibreSmoother
 from vtkmuscle.filters.base.running import failure_messages_off, interrupts_deferred, silence_after_failure
 
 
@@ -120,6 +125,55 @@ def test_a_signal_is_held_back_until_the_block_is_left():
         reached.append("behind the block")
     assert reached == ["end of the block"]
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
+def line():
+    return polylines_from(Polylines(np.eye(3), np.array([0, 3])))
+
+
+class Interrupted(VTKPythonAlgorithmBase):
+    """A user's source, in which Ctrl-C arrives while VTK asks for its time steps."""
+
+    def __init__(self):
+        super().__init__(nInputPorts=0, nOutputPorts=1, outputType="vtkPolyData")
+
+    def RequestInformation(self, request, in_info, out_info):
+        os.kill(os.getpid(), signal.SIGINT)
+        return 1
+
+    def RequestData(self, request, in_info, out_info):
+        out_info.GetInformationObject(0).Get(vtkDataObject.DATA_OBJECT()).ShallowCopy(line())
+        return 1
+
+
+def test_vtk_does_not_lose_ctrl_c_between_its_calls(capfd):
+    source, smoother = Interrupted(), FibreSmoother()
+    smoother.SetInputConnection(source.GetOutputPort())
+    with pytest.raises(KeyboardInterrupt):
+        smoother.update()
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    assert capfd.readouterr().err == ""
+
+
+def test_ctrl_c_stops_a_filter_at_once():
+    reached = []
+
+    class Pressed(FibreSmoother):
+        """Ctrl-C is pressed while it executes."""
+
+        def execute(self, fibres, muscle, attachments):
+            os.kill(os.getpid(), signal.SIGINT)
+            reached.append("behind Ctrl-C")
+
+    with pytest.raises(KeyboardInterrupt):
+        Pressed().apply(line())
+    assert not reached
+
+
+def test_ctrl_c_is_not_lost_beside_an_error():
+    with pytest.raises(KeyboardInterrupt), interrupts_deferred():  # noqa: PT012 -- both in one block
+        os.kill(os.getpid(), signal.SIGINT)
+        raise ValueError("within")
 
 
 def test_an_error_in_the_block_puts_the_handler_back():

@@ -19,7 +19,11 @@ from vtkmuscle.data.pipeline_times import (
     times_of,
 )
 from vtkmuscle.filters.base.ports import InputPort, OutputPort
-from vtkmuscle.filters.base.running import interrupts_deferred, silence_after_failure
+from vtkmuscle.filters.base.running import (
+    interrupts_deferred,
+    interrupts_let_through,
+    silence_after_failure,
+)
 
 
 class AbortedError(Exception):
@@ -173,7 +177,8 @@ class Algorithm(VTKPythonAlgorithmBase):
             for info in _first_of_each(inInfo)
         ]
         try:
-            result = self.execute(*map(_taken, self.input_ports, inputs))
+            with interrupts_let_through():
+                result = self.execute(*map(_taken, self.input_ports, inputs))
         except InputError as error:
             self._name(error)
             raise

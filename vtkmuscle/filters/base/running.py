@@ -9,8 +9,9 @@ from __future__ import annotations
 import signal
 import threading
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from types import FrameType
 from typing import Any
 
 from vtkmodules.vtkCommonCore import vtkObject
@@ -19,26 +20,44 @@ from vtkmuscle.data.arrays import shallow_copy
 from vtkmuscle.data.pipeline_times import request_time, time_asked, times_of
 from vtkmuscle.filters.base.ports import source_of
 
+#: Handlers of Ctrl-C that blocks of :func:`interrupts_deferred` have put aside, outermost first.
+_deferred: list[Callable[[int, FrameType | None], Any]] = []
+
 
 @contextmanager
 def interrupts_deferred() -> Iterator[None]:
     """Hold Ctrl-C back until the block has been left.
 
-    VTK ends the process when a KeyboardInterrupt comes out of an observer. Elsewhere than in Python's main
-    thread, and where Ctrl-C is not handled in Python, this does nothing.
+    VTK loses a KeyboardInterrupt that comes out of Python that it calls, and ends the process when it comes
+    out of an observer. Elsewhere than in Python's main thread, and where Ctrl-C is not handled in Python,
+    this does nothing.
     """
     handler = signal.getsignal(signal.SIGINT)
     if threading.current_thread() is not threading.main_thread() or not callable(handler):
         yield
         return
     caught: list[int] = []
+    _deferred.append(handler)
     signal.signal(signal.SIGINT, lambda number, _frame: caught.append(number))
     try:
         yield
     finally:
-        signal.signal(signal.SIGINT, handler)
-    if caught:
-        handler(caught[0], None)
+        signal.signal(signal.SIGINT, _deferred.pop())
+        if caught:
+            handler(caught[0], None)
+
+
+@contextmanager
+def interrupts_let_through() -> Iterator[None]:
+    """Let Ctrl-C through at once, in a part of a block of :func:`interrupts_deferred` that keeps errors."""
+    if threading.current_thread() is not threading.main_thread() or not _deferred:
+        yield
+        return
+    before = signal.signal(signal.SIGINT, _deferred[-1])
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 class _Messages:
@@ -99,7 +118,7 @@ def update(algorithm: Any, time: float | None = None) -> Output:
     filters = [each for each in reversed(list(upstream(algorithm))) if hasattr(each, "take_failure")]
     for each in filters:
         each.check_connections()
-    with failure_messages_off():
+    with failure_messages_off(), interrupts_deferred():
         algorithm.UpdateInformation()
         info = algorithm.GetOutputInformation(0)
         asked = time_asked(info) if time is None else float(time)
