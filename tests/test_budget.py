@@ -7,6 +7,7 @@ import sys
 import threading
 import tokenize
 from collections import Counter
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -70,6 +71,7 @@ _BLANK = {
 _WITH_DOCSTRING = (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)
 
 
+@cache
 def lines_of_code(text):
     """Return how many lines of a source hold code: no docstrings, comments or blanks."""
     lines = set()

@@ -37,8 +37,7 @@ def triangles_of(surface: vtkPolyData, where: str) -> Ints:
     polys = surface.GetPolys()
     if polys.GetNumberOfCells() == 0:
         raise InputError(where, "the surface has no triangles")
-    offsets = vtk_to_numpy(polys.GetOffsetsArray())
-    if surface.GetNumberOfStrips() or not (np.diff(offsets) == 3).all():
+    if surface.GetNumberOfStrips() or polys.IsHomogeneous() != 3:
         raise InputError(where, "the surface has faces that are not triangles", "run vtkTriangleFilter on it")
     return np.array(vtk_to_numpy(polys.GetConnectivityArray()), dtype=np.int64).reshape(-1, 3)
 
@@ -143,7 +142,7 @@ def polylines_of(data: vtkPolyData, where: str) -> Polylines:
     others = data.GetNumberOfCells() - lines.GetNumberOfCells()
     if others:
         raise InputError(where, f"{others} cell(s) are not polylines", "keep the lines only")
-    points = points_of(data)[vtk_to_numpy(lines.GetConnectivityArray())]
+    points = points_of(data).take(vtk_to_numpy(lines.GetConnectivityArray()), axis=0)
     if not np.isfinite(points).all():
         raise InputError(where, "some points are not finite", "correct them")
     return Polylines(points, np.array(vtk_to_numpy(lines.GetOffsetsArray()), dtype=np.int64), data)
