@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
+from scipy.spatial.transform import Rotation
 from vtkmodules.vtkFiltersCore import vtkCleanPolyData, vtkTriangleFilter
 from vtkmodules.vtkFiltersSources import vtkCubeSource
 
@@ -11,10 +12,12 @@ from vtkmuscle.data.arrays import (
     points_of,
     polylines_from,
     set_cell_array,
+    surface_from,
     with_points,
 )
 from vtkmuscle.filters.fibre_metrics import FibreMetrics
 from vtkmuscle.phantoms import pennate_block
+from vtkmuscle.phantoms.meshing import box as meshed_box
 from vtkmuscle.pipelines import decompose
 
 
@@ -81,6 +84,18 @@ def test_pennation_is_the_angle_to_the_surface_at_both_ends(box, angle):
     measured = FibreMetrics()(fibres_from(slanted(angle)), box)
     assert_allclose(cell_array(measured, "PennationOrigin", ""), angle, atol=1e-6)
     assert_allclose(cell_array(measured, "PennationInsertion", ""), angle, atol=1e-6)
+
+
+def test_on_a_crease_it_is_the_mean_of_the_angles_to_the_faces_whatever_rounding_says(rng):
+    points, triangles = meshed_box((0.0, 0.0, 0.0), (40.0, 20.0, 10.0), 5.0)
+    # From the middle of the top's longer edge, down at 20 degrees to the top and 70 to the side.
+    down = np.array([0.0, np.cos(np.radians(20.0)), -np.sin(np.radians(20.0))])
+    ends = np.array([[12.5, 0.0, 10.0], [15.0, 0.0, 10.0], [17.5, 0.0, 10.0]])
+    lines = [[end, end + 8.0 * down] for end in ends]
+    for turn in Rotation.random(20, random_state=rng):
+        box = surface_from(turn.apply(points), triangles[rng.permutation(len(triangles))])
+        measured = FibreMetrics()(fibres_from(*(turn.apply(line) for line in lines)), box)
+        assert_allclose(cell_array(measured, "PennationOrigin", ""), 45.0, atol=1e-6)
 
 
 def test_the_two_ends_are_told_apart_and_turning_a_fibre_around_swaps_them(box):

@@ -19,7 +19,7 @@ from vtkmuscle.core.fibres.measures import (
     polyline_curvatures,
     section_areas,
 )
-from vtkmuscle.core.mesh.normals import smooth_normals
+from vtkmuscle.core.mesh.normals import faces_that_meet, smooth_normals, triangle_normals
 from vtkmuscle.core.mesh.polylines import end_directions, polyline_lengths
 from vtkmuscle.core.mesh.surface import signed_volume
 from vtkmuscle.core.mesh.triangle_tree import TriangleTree, tree_of_deformed, triangle_tree
@@ -41,8 +41,8 @@ class FibreMetrics(Filter):
     pennation where there is a muscle, penetration where there are bones. A pennation angle is the angle
     between a fibre's end segment and the surface of the muscle there: 0 for a fibre that runs along the
     surface, 90 degrees for one at right angles to it. For a fibre that ends on an aponeurosis it is the angle
-    to the aponeurosis. The surface's normal is continuous except at creases of more than 60 degrees, so that
-    it does not depend on the triangle to which an end on an edge is assigned. An aponeurosis within the
+    to the aponeurosis. The surface's normal is continuous except at creases of more than 45 to 75 degrees; on
+    a crease the angle is the mean of those to the faces that meet there. An aponeurosis within the
     muscle, as in a bipennate one, is known from the attachments.
 
     :func:`vtkmuscle.io.write_fibre_table` writes the measures as a table, and
@@ -159,8 +159,13 @@ class FibreMetrics(Filter):
                 raise InputError("muscle", "no triangle has an area, and so a direction")
             faces, places, _ = triangle_tree(points, triangles).nearest(ends)
         runs = np.vstack(end_directions(lines.points, lines.offsets))
-        sines = np.abs((runs * smooth_normals(points, triangles, faces, places)).sum(axis=1))
-        angles = np.degrees(np.arcsin(np.minimum(sines, 1.0)))
+        # An end on a crease has an angle to each face: the mean, by area, for rounding would choose one.
+        number, face = faces_that_meet(points, triangles, faces, places)
+        normals = smooth_normals(points, triangles, face, places[number])
+        sines = np.abs((runs[number] * normals).sum(axis=1))
+        sizes = np.linalg.norm(triangle_normals(points, triangles[face]), axis=1)
+        each = np.degrees(np.arcsin(np.minimum(sines, 1.0)))
+        angles = np.bincount(number, sizes * each) / np.bincount(number, sizes)
         return angles[: len(lines)], angles[len(lines) :]
 
     def _penetration(self, lines: Polylines, bones: list[Surface]) -> Floats:

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from vtkmuscle.core.mesh.normals import smooth_normals, triangle_normals
+from vtkmuscle.core.mesh.normals import faces_that_meet, smooth_normals, triangle_normals
 from vtkmuscle.core.mesh.triangle_tree import triangle_tree
 from vtkmuscle.phantoms.meshing import box
 
@@ -46,3 +46,33 @@ def test_the_faces_of_a_block_keep_their_own():
     points, triangles = box((0.0, 0, 0), (20.0, 10.0, 5.0), 2.0)
     found = normals_at(points, triangles, np.array([[10.0, 5.0, 5.0], [19.9, 9.9, 5.0], [20.0, 0.1, 0.1]]))
     assert np.allclose(np.abs(found), [[0, 0, 1], [0, 0, 1], [1, 0, 0]])
+
+
+def test_they_do_not_jump_as_a_hinge_folds():
+    """A triangle that is turned from one beside it by more and more lets it go little by little."""
+    triangles = np.array([[0, 1, 2], [1, 0, 3]])
+    place, found = np.array([[1.0, 0.2, 0.0]]), []
+    for fold in np.radians(np.linspace(0.0, 120.0, 1201)):
+        points = np.array([[0.0, 0, 0], [2, 0, 0], [1, 2, 0], [1, -2 * np.cos(fold), -2 * np.sin(fold)]])
+        found.append(smooth_normals(points, triangles, np.array([0]), place)[0])
+    jumps = np.degrees(np.arccos(np.minimum((np.array(found[1:]) * found[:-1]).sum(axis=1), 1.0)))
+    assert jumps.max() < 0.2
+    assert found[0] == pytest.approx([0.0, 0.0, 1.0])
+    assert found[-1] == pytest.approx([0.0, 0.0, 1.0])
+
+
+def test_faces_that_meet_are_those_on_both_sides_of_an_edge_and_all_round_a_corner():
+    points, triangles = box((0.0, 0, 0), (20.0, 10.0, 5.0), 5.0)
+    places = np.array([[10.0, 5.0, 5.0], [10.0, 2.5, 5.0], [11.0, 3.0, 5.0]])
+    faces = triangle_tree(points, triangles).nearest(places)[0]
+    number, face = faces_that_meet(points, triangles, faces, places)
+    corners = points[triangles]
+    for place, expected in enumerate(places):
+        on = {
+            t
+            for t, (a, b, c) in enumerate(corners)
+            if sum(np.linalg.norm(np.cross(p - expected, q - expected)) for p, q in ((a, b), (b, c), (c, a)))
+            <= np.linalg.norm(np.cross(b - a, c - a)) * (1 + 1e-9)
+        }
+        assert set(face[number == place].tolist()) == on
+    assert len(face[number == 2]) == 1
