@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
-
 import numpy as np
-from scipy.interpolate import CubicHermiteSpline
 from scipy.spatial import cKDTree
 
 from vtkmuscle.core.mesh.harmonic import harmonic_field
@@ -21,6 +18,9 @@ EQUALLY_STEEP = 1e-7
 #: Passes of averaging that take the zigzag of a mesh's edges out of a line.
 _PASSES = 10
 
+#: What is no length at all is divided by this instead.
+_TINY = np.finfo(float).tiny
+
 
 def evenly_spread(points: Floats, offsets: Ints, count: int) -> Floats:
     """Return ``count`` points evenly spread along each polyline, on a smooth curve through it, (f, count, 3).
@@ -29,35 +29,55 @@ def evenly_spread(points: Floats, offsets: Ints, count: int) -> Floats:
     its axis. The curves are cubic, with the slopes of parabolas through three points each. First and last
     points are those of the polylines: ``points`` (p, 3) [mm], from each of ``offsets`` (f + 1,) to the next.
     """
-    result = np.empty((len(offsets) - 1, count, 3))
-    for fibre, (first, last) in enumerate(pairwise(offsets)):
-        line = points[first:last]
-        line = line[np.r_[True, (np.diff(line, axis=0) != 0.0).any(axis=1)]]
-        result[fibre] = line[0]
-        if len(line) == 2:
-            result[fibre] = line[0] + np.linspace(0.0, 1.0, count)[:, None] * (line[1] - line[0])
-        elif len(line) > 2:
-            result[fibre] = _spread(line, count)
-            result[fibre, -1] = line[-1]
-    return result
+    rows, counts = _rows(points, offsets)
+    numbers, last = np.arange(len(rows)), counts - 1
+    steps = np.linalg.norm(np.diff(rows, axis=1), axis=2)
+    slopes = np.diff(rows, axis=1) / np.maximum(steps, _TINY)[..., None]
+    tangents = np.empty_like(rows)
+    weighted = steps[:, 1:, None] * slopes[:, :-1] + steps[:, :-1, None] * slopes[:, 1:]
+    tangents[:, 1:-1] = weighted / np.maximum(steps[:, 1:] + steps[:, :-1], _TINY)[..., None]
+    tangents[:, 0] = 2.0 * slopes[:, 0] - tangents[:, 1]
+    tangents[numbers, last] = 2.0 * slopes[numbers, last - 1] - tangents[numbers, last - 1]
+    tangents[counts == 2, :2] = slopes[counts == 2, :1]
+    at = np.zeros(rows.shape[:2])
+    np.cumsum(steps, axis=1, out=at[:, 1:])
 
+    def curves(places: Floats) -> Floats:
+        before, part = _between(at, places)
+        part, length = part[..., None], np.take_along_axis(steps, before, axis=1)[..., None]
+        first, second = ((numbers[:, None], before + more) for more in (0, 1))
+        along_chord = part * part * (3.0 - 2.0 * part) * (rows[second] - rows[first])
+        bend = part * (1.0 - part) * ((1.0 - part) * tangents[first] - part * tangents[second])
+        curve: Floats = rows[first] + along_chord + length * bend
+        return curve
 
-def _spread(line: Floats, count: int) -> Floats:
-    steps = np.linalg.norm(np.diff(line, axis=0), axis=1)
-    slopes = np.diff(line, axis=0) / steps[:, None]
-    tangents = np.empty_like(line)
-    weighted = steps[1:, None] * slopes[:-1] + steps[:-1, None] * slopes[1:]
-    tangents[1:-1] = weighted / (steps[:-1] + steps[1:])[:, None]
-    tangents[0], tangents[-1] = 2.0 * slopes[0] - tangents[1], 2.0 * slopes[-1] - tangents[-2]
-    at = np.concatenate([[0.0], np.cumsum(steps)])
-    curve = CubicHermiteSpline(at, line, tangents)
-    places = np.linspace(0.0, at[-1], count)
+    places = np.linspace(0.0, at[:, -1], count, axis=1)
     for _ in range(2):
-        reached = np.linalg.norm(np.diff(curve(places), axis=0), axis=1)
-        along = np.concatenate([[0.0], np.cumsum(reached)])
-        places = np.interp(np.linspace(0.0, along[-1], count), along, places)
-    spread: Floats = curve(places)
+        along = np.zeros((len(rows), count))
+        np.cumsum(np.linalg.norm(np.diff(curves(places), axis=1), axis=2), axis=1, out=along[:, 1:])
+        before, part = _between(along, np.linspace(0.0, along[:, -1], count, axis=1))
+        near, far = (np.take_along_axis(places, before + more, axis=1) for more in (0, 1))
+        places = near + part * (far - near)
+    spread = curves(places)
+    spread[:, 0], spread[:, -1] = rows[:, 0], rows[numbers, last]
     return spread
+
+
+def _rows(points: Floats, offsets: Ints) -> tuple[Floats, Ints]:
+    """Return polylines less repeated points in rows (f, m, 3), filled up with the last; and their counts."""
+    new = np.ones(len(points), dtype=np.bool_)
+    new[1:] = (points[1:] != points[:-1]).any(axis=1)
+    new[offsets[:-1]] = True
+    counts = np.add.reduceat(new.astype(np.int64), offsets[:-1])
+    place = np.minimum(np.arange(max(int(counts.max()), 3)), counts[:, None] - 1)
+    return points[new][(np.cumsum(counts) - counts)[:, None] + place], counts
+
+
+def _between(knots: Floats, at: Floats) -> tuple[Ints, Floats]:
+    """Return the knot of its row (f, m) before each place (f, k), and the part of the way to the next."""
+    before = (knots[:, None, 1:-1] <= at[..., None]).sum(axis=2)
+    low, high = (np.take_along_axis(knots, before + more, axis=1) for more in (0, 1))
+    return before, (at - low) / np.maximum(high - low, _TINY)
 
 
 def bones_at_ends(fibres: Floats, points: Floats, fixed_to: Ints) -> tuple[Ints, Ints]:
@@ -116,9 +136,9 @@ def _steepest(points: Floats, edges: Ints, height: Floats, fixed_to: Ints) -> In
     """Return the neighbour of each point up the steepest edge; fixed points and summits stay."""
     both = np.vstack([edges, edges[:, ::-1]])
     length = np.linalg.norm(points[both[:, 1]] - points[both[:, 0]], axis=1)
-    slope = (height[both[:, 1]] - height[both[:, 0]]) / np.maximum(length, np.finfo(float).tiny)
+    slope = (height[both[:, 1]] - height[both[:, 0]]) / np.maximum(length, _TINY)
     # Of equally steep edges the one to the last point counts, whatever rounding says.
-    steps = np.round(slope / (EQUALLY_STEEP * max(slope.max(), np.finfo(float).tiny)))
+    steps = np.round(slope / (EQUALLY_STEEP * max(slope.max(), _TINY)))
     order = np.lexsort((both[:, 1], steps, both[:, 0]))
     last = np.flatnonzero(np.append(np.diff(both[order, 0]) > 0, True))
     steepest = order[last]
