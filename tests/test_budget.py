@@ -30,7 +30,7 @@ BUDGETS = {
     "core/collision": 763,  # 748: points kept out of bones and muscles
     "core/deformation": 293,  # 287: carrying and settling
     "core/fibres": 1382,  # 1355: architecture, mean value coordinates, spreading, trimming, directions
-    "core/mesh": 1501,  # 1472: surfaces, trees, solids; sampling has the Sobol points, and normals the creases (53)
+    "core/mesh": 1501,  # 1472: surfaces, trees, solids; Sobol points, the order in space, normals at creases
     "core/moment_arms": 324,  # 318: twists, slopes and sweeps, the last 34 of core/motion before
     "core/morphing": 696,  # 682: a template taken into a muscle, section by section
     "core/motion": 415,  # 407: rigid motions and coordinates; fits of joints are 84, nearest rotations 77

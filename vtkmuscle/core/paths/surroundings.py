@@ -120,9 +120,10 @@ def surroundings_of(
     rest[:, 1:-1] = 2.0 * fibres[:, 1:-1] - fibres[:, :-2] - fibres[:, 2:]
     tangents = directions_along(fibres)
     lengths = path_lengths(fibres)[:, None]
+    depth = depth_in(muscle, fibres)
     along = np.linspace(0.0, 1.0, n)[None]
     for bone, (number, shape_of_bone) in enumerate(bones.items()):
-        distance, outward, tissue = tissue_between(fibres, tangents, shape_of_bone, muscle)
+        distance, outward, tissue = tissue_between(fibres, tangents, depth, shape_of_bone, muscle)
         standoff[bone] = np.minimum(smoothed_along(tissue, THICKNESS_SMOOTHING), distance)
         distances[bone] = distance
         gap = np.clip((distance - standoff[bone]) / thickness, 0.0, 1.0)
@@ -220,8 +221,14 @@ def smoothed_along(values: Floats, deviation: float) -> Floats:
     return result
 
 
+def depth_in(muscle: TriangleTree, points: Floats) -> Floats:
+    """Return the depth of points (..., 3) in a muscle, 0 outside, (...,) [mm]."""
+    depth: Floats = np.maximum(-muscle.signed(points.reshape(-1, 3))[0], 0.0)
+    return depth.reshape(points.shape[:-1])
+
+
 def tissue_between(
-    points: Floats, tangents: Floats, bone: Bone, muscle: TriangleTree
+    points: Floats, tangents: Floats, depth: Floats, bone: Bone, muscle: TriangleTree
 ) -> tuple[Floats, Floats, Floats]:
     """Return the distance of a bone from fibres, its direction, and the thickness of muscle between them.
 
@@ -234,6 +241,8 @@ def tissue_between(
     ----------
     points, tangents : (f, n, 3) arrays
         Points of the fibres at rest [mm], and unit tangents.
+    depth : (f, n) array
+        Of the points in the muscle, 0 outside [mm].
     bone : Bone
         At rest.
     muscle : TriangleTree
@@ -257,8 +266,8 @@ def tissue_between(
     sure = size >= LEAST_BESIDE
     beside[sure] /= size[sure, None]
     way = np.zeros(len(at))
-    depth = np.maximum(-muscle.signed(at)[0], 0.0)
-    nearest, inside = depth.copy(), depth > ON_SURFACE * float(np.ptp(at, axis=0).max())
+    nearest, depth = depth.reshape(-1), depth.reshape(-1).copy()
+    inside = depth > ON_SURFACE * float(np.ptp(at, axis=0).max())
     going = np.flatnonzero(sure & inside)
     for _ in range(_STEPS):
         # No surface is nearer than the depth: go on by that much.
