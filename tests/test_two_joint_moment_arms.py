@@ -13,8 +13,8 @@ from vtkmuscle import Scene
 
 @pytest.fixture(scope="module")
 def result(tmp_path_factory):
-    """Paths over 90 degrees of each joint, of 100 fibres of 30 segments."""
-    path = save_strap(tmp_path_factory.mktemp("strap"), n_fibres=100, resolution=30)
+    """Paths over 90 degrees of each joint, of 36 fibres of 30 segments."""
+    path = save_strap(tmp_path_factory.mktemp("strap"), n_fibres=36, resolution=30)
     tables = tomllib.loads(path.read_text())
     # The rest pose is in the middle of the upper joint's range: its 90 degrees are those from -40 on.
     grid = {"upper": [-40, 50, 10], "lower": [0, 90, 10]}
