@@ -54,6 +54,16 @@ def test_several_lines_are_each_on_their_own():
     np.testing.assert_array_equal(both[1], spread(b, 6))
 
 
+def test_a_line_of_fewer_points_than_others_is_as_if_alone(rng):
+    lines = [np.cumsum(rng.uniform(0.2, 2.0, (count, 3)), axis=0) for count in (6, 1, 4, 2, 3)]
+    offsets = np.cumsum([0, *map(len, lines)])
+    memory = [np.full((5, 6, 3), np.nan) for _ in range(20)]  # what is not written would be this
+    del memory
+    together = evenly_spread(np.vstack(lines), offsets, 9)
+    for line, spread_line in zip(lines, together, strict=True):
+        np.testing.assert_array_equal(spread_line, spread(line, 9))
+
+
 def test_ends_are_on_the_bones_they_are_nearest_to():
     made = strung_phantom("strap_over_two_joints")
     start, end = bones_at_ends(made.fibres, made.points, made.fixed_to)

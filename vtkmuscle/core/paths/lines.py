@@ -33,7 +33,7 @@ def evenly_spread(points: Floats, offsets: Ints, count: int) -> Floats:
     numbers, last = np.arange(len(rows)), counts - 1
     steps = np.linalg.norm(np.diff(rows, axis=1), axis=2)
     slopes = np.diff(rows, axis=1) / np.maximum(steps, _TINY)[..., None]
-    tangents = np.empty_like(rows)
+    tangents = np.zeros_like(rows)
     weighted = steps[:, 1:, None] * slopes[:, :-1] + steps[:, :-1, None] * slopes[:, 1:]
     tangents[:, 1:-1] = weighted / np.maximum(steps[:, 1:] + steps[:, :-1], _TINY)[..., None]
     tangents[:, 0] = 2.0 * slopes[:, 0] - tangents[:, 1]
