@@ -152,8 +152,8 @@ FILES = 264
         *(
             pytest.param(what, most, marks=pytest.mark.xfail(strict=True, reason=reason))
             for what, most, reason in (
-                ("code", 24_000, "27 600 lines of code: what is left are features"),
-                ("lines", 39_000, "44 400 lines with docstrings, comments and blanks"),
+                ("code", 24_000, "27 700 lines of code: what is left are features"),
+                ("lines", 39_000, "44 700 lines with docstrings, comments and blanks"),
                 ("files", 260, "264 files"),
             )
         ),
