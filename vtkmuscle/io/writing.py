@@ -40,27 +40,18 @@ def replacing(path: Path) -> Iterator[Path]:
     stays, and no other is left. The file is created exclusively: it is never an existing one, or a link to
     one. The folder is made. An OSError names the path.
     """
+    path.parent.mkdir(parents=True, exist_ok=True)
     partial = beside(path)
     try:
-        try:
-            _create(partial)
-        except FileNotFoundError:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            _create(partial)
-        try:
-            yield partial
-            partial.replace(path)
-        except BaseException:
-            partial.unlink(missing_ok=True)
-            raise
+        os.close(os.open(partial, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
+        yield partial
+        partial.replace(path)
     except OSError as error:
         if error.errno is None or error.filename not in (None, str(partial)):
             raise
         raise OSError(error.errno, error.strerror, str(path)) from error
-
-
-def _create(path: Path) -> None:
-    os.close(os.open(path, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
+    finally:
+        partial.unlink(missing_ok=True)
 
 
 def check_no_links(folder: Path) -> None:

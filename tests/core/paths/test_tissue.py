@@ -5,7 +5,7 @@ import pytest
 from phantom_paths import COURSES, fibres_along, strung_phantom
 
 from vtkmuscle.core.mesh.triangle_tree import triangle_tree
-from vtkmuscle.core.paths.surroundings import depth_in, directions_along, smoothed_along, tissue_between
+from vtkmuscle.core.paths.surroundings import directions_along, smoothed_along, tissue_between
 
 
 def between(make, across, outward, bone):
@@ -13,7 +13,7 @@ def between(make, across, outward, bone):
     fibres = fibres_along(COURSES[make][0](), across, outward)
     shape = made.bones[made.names.index(bone)]
     muscle = triangle_tree(made.points, made.triangles)
-    depth = depth_in(muscle, fibres)
+    depth = muscle.depth(fibres.reshape(-1, 3)).reshape(fibres.shape[:2])
     found = tissue_between(fibres, directions_along(fibres), depth, shape, muscle)
     return made, fibres, found
 

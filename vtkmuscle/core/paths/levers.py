@@ -16,8 +16,7 @@ from vtkmuscle.core.types import Floats, Ints
 #: The response to the bones' move is solved for in steps until one of them changes the levers by less than
 #: this part of the greatest speed of a path's end (rms of all paths), but in no more than so many: levers of
 #: three muscles of a real hip are 0.04 to 0.13 mm off the limit then, and those of one, whose fibres snap,
-#: 0.8. A tendon in a ring slides to and fro as other points of it are held, which more steps would take for
-#: its lever.
+#: 0.8. Fibres that are about to roll over in a ring would have that in their levers with more steps.
 TOLERANCE, STEPS = 2e-3, 6
 
 

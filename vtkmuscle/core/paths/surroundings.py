@@ -120,7 +120,7 @@ def surroundings_of(
     rest[:, 1:-1] = 2.0 * fibres[:, 1:-1] - fibres[:, :-2] - fibres[:, 2:]
     tangents = directions_along(fibres)
     lengths = path_lengths(fibres)[:, None]
-    depth = depth_in(muscle, fibres)
+    depth = muscle.depth(fibres.reshape(-1, 3)).reshape(f, n)
     along = np.linspace(0.0, 1.0, n)[None]
     for bone, (number, shape_of_bone) in enumerate(bones.items()):
         distance, outward, tissue = tissue_between(fibres, tangents, depth, shape_of_bone, muscle)
@@ -219,12 +219,6 @@ def smoothed_along(values: Floats, deviation: float) -> Floats:
         bend = result[:, :-2] - 2.0 * result[:, 1:-1] + result[:, 2:]
         result[:, 1:-1] += 0.5 * variance / passes * bend
     return result
-
-
-def depth_in(muscle: TriangleTree, points: Floats) -> Floats:
-    """Return the depth of points (..., 3) in a muscle, 0 outside, (...,) [mm]."""
-    depth: Floats = np.maximum(-muscle.signed(points.reshape(-1, 3))[0], 0.0)
-    return depth.reshape(points.shape[:-1])
 
 
 def tissue_between(
