@@ -1,10 +1,11 @@
-"""A leg of 30 muscles over 100 frames in one run: processor time by stage, and memory as it grows.
+"""A leg of 30 muscles over 100 frames in one run: its time, and memory as it grows.
 
     python benchmarks/bench_leg.py
+    python benchmarks/bench_leg.py --workers 1     # processor time by stage as well
     python benchmarks/bench_leg.py --model paths --frames 25
 
 The muscles are those of the phantom leg, three of each, with 100 fibres. The first run compiles what is not
-compiled yet: run it twice. Times are of the processor, of all threads; two cores take half of it at best.
+compiled yet: run it twice. Processor time is of all threads and processes.
 """
 
 from __future__ import annotations
@@ -39,9 +40,9 @@ def scene_of(frames: int, model: str) -> Scene:
     return replace(one, muscles=muscles, model=model)
 
 
-def memory() -> float:
-    """Return the most memory that the process has held so far [MB]."""
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+def memory(whose: int = resource.RUSAGE_SELF) -> float:
+    """Return the most memory that this process, or the largest of others, has held so far [MB]."""
+    peak = resource.getrusage(whose).ru_maxrss
     return peak / (1024.0**2 if sys.platform == "darwin" else 1024.0)
 
 
@@ -63,17 +64,21 @@ def main() -> None:
                 at[25 * part] = memory()
 
     seen: list[str] = []
-    before, began = memory(), time.perf_counter()
+    before, began, used = memory(), time.perf_counter(), time.process_time()
     with tempfile.TemporaryDirectory() as folder, Sampling() as sampling:
         result = scene.run(Path(folder) / "out", figures=False, workers=given.workers, observe=observe)
     wall = time.perf_counter() - began
+    others = resource.getrusage(resource.RUSAGE_CHILDREN)
+    processor = time.process_time() - used + others.ru_utime + others.ru_stime
     print(
-        f"{len(scene.muscles)} muscles, {given.frames} frames, model {given.model}, {given.workers} workers"
+        f"{len(scene.muscles)} muscles, {given.frames} frames, model {given.model}, {given.workers} workers: "
+        f"{wall:.0f} s by the clock, {processor:.0f} s of processor time"
     )
-    print(f"wall {wall:.0f} s; processor:")
-    print_table(sampling.seconds)
+    if given.workers == 1:
+        print_table(sampling.seconds)
     grown = ", ".join(f"{part} %: {size:.0f}" for part, size in at.items())
     print(f"memory [MB]: {before:.0f} before; at most until {grown}; at the end {memory():.0f}")
+    print(f"of the largest other process [MB]: {memory(resource.RUSAGE_CHILDREN):.0f}")
     print(
         "verdicts:", {word: list(result.verdicts.values()).count(word) for word in ("ok", "look", "failed")}
     )

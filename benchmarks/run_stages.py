@@ -1,9 +1,9 @@
 """Where the processor time of a run goes, by stage: ``python benchmarks/run_stages.py [SCENE]``.
 
-The run is as ``vtkmuscle run`` makes it, with all outputs and from the start of Python on; of the real hip,
-unless another scene is given. The first one may compile: run it twice. Times are of the processor, of all
-threads and of the process that draws. ``--stacks FILE`` writes them by stacks of calls, from which any flame
-graph is drawn; ``--write`` writes the table of the documentation.
+The run is as ``vtkmuscle run --workers 1`` makes it, with all outputs and from the start of Python on; of the
+real hip, unless another scene is given. The first one may compile: run it twice. Times are of the processor,
+of all threads and of the process that draws. ``--stacks FILE`` writes them by stacks of calls, from which any
+flame graph is drawn; ``--write`` writes the table of the documentation.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ def run_seconds(scene: Path, out: Path, *, figures: bool = True) -> Counter[Stac
     with Sampling() as sampling:
         from vtkmuscle import Scene  # importing is a stage
 
-        Scene.load(scene).run(out, figures=figures)
+        Scene.load(scene).run(out, figures=figures, workers=1)
     return sampling.seconds + Counter({(_START,): start, (_DRAWING,): _of_children() - children})
 
 

@@ -39,15 +39,15 @@ BUDGETS = {
     "data": 1220,  # 1196: VTK to arrays and back; what ports deliver is 60, label images are 161
     "fetch": 267,  # 262: public data
     "filters": 2852,  # 2796: VTK filters; FibreField is 69 of them; LabelSurfaces is 51
-    "io": 1511,  # 1481: readers and writers; XML is read and made here, tables as well
+    "io": 1626,  # 1594: readers and writers; XML is read and made here, tables as well; child processes are 114
     "opensim": 2449,  # 2401: joints and OpenSim, in and out
     "labels": 781,  # 766: scenes from label maps, and from meshes, by guesses
     "paraview": 357,  # 350: the plugin
     "phantoms": 937,  # 919: bodies with known answers; pennate_belly is 57 of them
     "pipelines": 201,  # 197: filters connected
-    "plotting": 975,  # 956: figures
+    "plotting": 913,  # 895: figures
     "report": 755,  # 740: the page of a run; pages of sections, of studies and others, are 61
-    "run": 2627,  # 2575: a run of a scene; 115 are one muscle, tables to CSV, literature, plots at rest
+    "run": 2808,  # 2753: a run of a scene; 169 are its workers
     "scene": 1777,  # 1742: scene.toml; settings that change nothing, rings left open and jumps are 94 of them
     "studies": 1149,  # 1126: scenes varied and run: errors, sensitivity, cohorts
 }
@@ -142,7 +142,7 @@ def test_functions_take_at_most_seven_parameters():
 
 
 #: Files of the package, at most: as many as there are.
-FILES = 264
+FILES = 266
 
 
 @pytest.mark.parametrize(
@@ -152,9 +152,9 @@ FILES = 264
         *(
             pytest.param(what, most, marks=pytest.mark.xfail(strict=True, reason=reason))
             for what, most, reason in (
-                ("code", 24_000, "27 700 lines of code: what is left are features"),
-                ("lines", 39_000, "44 700 lines with docstrings, comments and blanks"),
-                ("files", 260, "264 files"),
+                ("code", 24_000, "27 900 lines of code: what is left are features"),
+                ("lines", 39_000, "45 000 lines with docstrings, comments and blanks"),
+                ("files", 260, "266 files"),
             )
         ),
     ],

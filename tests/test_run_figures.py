@@ -153,7 +153,7 @@ def test_a_run_that_fails_leaves_no_process_that_draws(renders, scene, tmp_path,
 
     def noted(self, bones):
         begin(self, bones)
-        begun.append(self._process)
+        begun.append(self._process._process)
 
     def stop(*_):
         raise KeyboardInterrupt

@@ -6,6 +6,7 @@ import os
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 
 
 def leave_out_working_folder() -> None:
@@ -44,6 +45,12 @@ def workers_leave_out_working_folder() -> Iterator[None]:
 def _asked_for() -> list[str]:
     """Return the folders that stand in ``PYTHONPATH`` by their full names."""
     return [part for part in os.environ.get("PYTHONPATH", "").split(os.pathsep) if os.path.isabs(part)]
+
+
+def is_python() -> bool:
+    """Return whether this program is a Python to be started again; ParaView names itself, or no file."""
+    program = Path(sys.executable or "-")
+    return program.name.startswith("python") and program.is_file()
 
 
 def isolated_python(code: str) -> list[str]:

@@ -138,7 +138,12 @@ def _numba_is_known() -> bool:
 
 
 class KernelCache:
-    """The cache of a kernel's machine code that numba reads and writes: one file per signature."""
+    """The cache of a kernel's machine code that numba reads and writes: one file per signature.
+
+    ``grows`` in a process that has compiled a kernel to be kept: not all that it needs were there.
+    """
+
+    grows = False
 
     def __init__(self, function: Callable[..., object], file: Path, folder: Path) -> None:
         self._module = function.__module__
@@ -164,6 +169,7 @@ class KernelCache:
         """Keep the machine code of a signature; warn where its file cannot be written."""
         if compiled.library.has_dynamic_globals:  # addresses of this process
             return
+        KernelCache.grows = True
         body = numba.core.serialize.dumps(compiled._reduce())
         try:
             self._write(self._file(signature, compiled.library.codegen), body)

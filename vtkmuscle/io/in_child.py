@@ -27,7 +27,7 @@ from vtkmodules.vtkCommonExecutionModel import vtkStreamingDemandDrivenPipeline
 from vtkmodules.vtkIOLegacy import vtkPolyDataReader, vtkPolyDataWriter
 
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.isolation import isolated_python
+from vtkmuscle.isolation import is_python, isolated_python
 
 
 @contextmanager
@@ -163,12 +163,6 @@ def check_in_child(path: Path, module: str, reader: str) -> None:
         raise InputError(path, "the file is damaged", "write it again")
 
 
-def _is_python() -> bool:
-    """Return whether this program is a Python to be started; ParaView names itself, or no file."""
-    program = Path(sys.executable or "-")
-    return program.name.startswith("python") and program.is_file()
-
-
 class _Child:
     """The reading process, started when it is needed."""
 
@@ -179,7 +173,7 @@ class _Child:
 
     def ask(self, path: Path, module: str, reader: str, *, wanted: bool) -> tuple[str, str, bytes]:
         """Return the class of a file's data, VTK's complaint, and the data."""
-        if not _is_python():
+        if not is_python():
             return read(os.path.abspath(path), module, reader, wanted=wanted)
         longest = LONGEST + path.stat().st_size / _SPEED
         question = json.dumps([os.path.abspath(path), module, reader, longest, wanted])

@@ -6,17 +6,10 @@ renders, where a driver is at fault. So a child process is asked first whether p
 
 from __future__ import annotations
 
-import io
-import os
-import pickle
-import re
 import signal
 import subprocess
-import sys
-import tempfile
 import threading
 import time
-import traceback
 from collections.abc import Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
@@ -25,12 +18,13 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkMultiBlockDataSet, vtkPolyData
+from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
 import vtkmuscle.plotting
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import blocks_of, multiblock_from
 from vtkmuscle.data.drawn_bones import DrawnBone, DrawnBones
+from vtkmuscle.io.child_process import Asker, ChildEndedError, ChildProcess, last_words, pickled, sendable
 from vtkmuscle.isolation import isolated_python
 
 if TYPE_CHECKING:
@@ -38,7 +32,6 @@ if TYPE_CHECKING:
 
 
 PREFLIGHT_TIMEOUT = 120.0  # seconds; a first import from a cold disk is slow
-_LOG_PREFIX = re.compile(r"^.*\b(WARN|ERR)\|\s|\x1b\[[0-9;]*m")  # time, thread and level; colours
 #: Renders a tiny picture, and ends with status 3 where that comes to nothing.
 TEST_PICTURE = """
 import vtkmodules.vtkRenderingOpenGL2
@@ -102,13 +95,6 @@ def no_picture(status: int, said: str) -> str:
     return f"{what}: {where}{last_words(said)}"
 
 
-def last_words(said: str) -> str:
-    """Return the last line of a process's stderr, as the end of a sentence; "" without any."""
-    lines = [_LOG_PREFIX.sub("", line).strip() for line in said.splitlines()]
-    messages = [line for line in lines if line]
-    return f"; the last message was: {messages[-1]}" if messages else ""
-
-
 class MuscleFrame(NamedTuple):
     """A muscle in a frame: its surface, the bones' transforms from rest, its fibres, and words above it."""
 
@@ -143,12 +129,6 @@ class FigureOrder:
         return path
 
 
-#: Of numbers on the pipes between the processes.
-_PROTOCOL = 5
-#: How long a process that was told to end may take to [s].
-_PATIENCE = 10.0
-
-
 class DrawingEndedError(RuntimeError):
     """The process that draws has ended before it was done; says why."""
 
@@ -160,12 +140,7 @@ class DrawingProcess:
     """
 
     def __init__(self, bones: vtkMultiBlockDataSet) -> None:
-        # The package may be where no other code is loaded from: the folder that somebody works in.
-        root = str(Path(__file__).parents[2])
-        code = f"{TEST_PICTURE}\nsys.path.append({root!r})\nfrom {__name__} import _work\n_work()"
-        self._stderr = tempfile.TemporaryFile()  # noqa: SIM115 -- closed by close()
-        pipes: dict[str, Any] = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "stderr": self._stderr}
-        self._process = subprocess.Popen(isolated_python(code), **pipes)
+        self._process = ChildProcess(_draw, first=TEST_PICTURE, quiet=True)
         self._late = threading.Event()
         self._watch = threading.Timer(PREFLIGHT_TIMEOUT, self._give_up)
         self._watch.daemon = True
@@ -179,7 +154,7 @@ class DrawingProcess:
 
         The future raises the error of drawing, or DrawingEndedError.
         """
-        return self._talk.submit(self._ask, _pickled((order, folder)))
+        return self._talk.submit(self._ask, pickled((order, folder)))
 
     def bones(self) -> Mapping[str, DrawnBone]:
         """Wait for the bones as they are drawn, and return them; or raise DrawingEndedError."""
@@ -189,113 +164,54 @@ class DrawingProcess:
         """End the process, whatever it does."""
         self._watch.cancel()
         self._process.kill()
-        self._process.wait()
         self._talk.shutdown(cancel_futures=True)
-        for file in (self._process.stdin, self._process.stdout, self._stderr):
-            assert file is not None
-            with suppress(OSError):  # what could not be sent is not missed
-                file.close()
+        self._process.close()
 
     def _begin(self, bones: vtkMultiBlockDataSet) -> Mapping[str, DrawnBone]:
-        self._receive()  # it has rendered the test picture
+        self._ask(b"")  # it has rendered the test picture
         self._watch.cancel()
         self._ready = True
-        return self._ask(_pickled(dict(blocks_of(bones))))  # type: ignore[no-any-return]
+        return self._ask(pickled(dict(blocks_of(bones))))  # type: ignore[no-any-return]
 
     def _give_up(self) -> None:
         self._late.set()
         self._process.kill()
 
     def _ask(self, question: bytes) -> Any:
-        assert self._process.stdin is not None
         try:
-            self._process.stdin.write(question)
-            self._process.stdin.flush()
-        except OSError:
-            raise DrawingEndedError(self._why()) from None
-        return self._receive()
-
-    def _receive(self) -> Any:
-        assert self._process.stdout is not None
-        try:
-            answer = pickle.load(self._process.stdout)
-        except (EOFError, OSError, pickle.UnpicklingError):
-            raise DrawingEndedError(self._why()) from None
+            self._process.send(question)
+            answer = self._process.receive()
+        except ChildEndedError as error:
+            raise DrawingEndedError(self._reason(error)) from None
         if isinstance(answer, Exception):
             raise answer
         return answer
 
-    def _why(self) -> str:
-        """Return in words why the process has ended."""
-        try:
-            status = self._process.wait(_PATIENCE)
-        except subprocess.TimeoutExpired:
-            self._process.kill()
-            status = self._process.wait()
+    def _reason(self, error: ChildEndedError) -> str:
         if self._late.is_set():
             return too_late()
-        self._stderr.seek(0)
-        said = self._stderr.read().decode("utf-8", "replace")
-        if not self._ready:
-            return no_picture(status, said)
-        how = f"crashed ({signal.Signals(-status).name})" if status < 0 else f"ended with status {status}"
-        return f"the process that draws {how}{last_words(said)}"
+        return f"the process that draws {error}" if self._ready else no_picture(error.status, error.said)
 
 
-class _Pickler(pickle.Pickler):
-    """Takes data sets of VTK, and of what is built on it, as those of VTK."""
-
-    def reducer_override(self, one: object) -> Any:
-        if not isinstance(one, vtkDataObject):
-            return NotImplemented
-        # ParaView's own VTK has none, and it draws no figures.
-        from vtkmodules.util.pickle_support import serialize_VTK_data_object  # noqa: PLC0415
-
-        return serialize_VTK_data_object(one)
-
-
-def _pickled(one: object) -> bytes:
-    data = io.BytesIO()
-    _Pickler(data, _PROTOCOL).dump(one)
-    return data.getvalue()
-
-
-def _work() -> None:
-    """Do what the process is there for, until its input ends: the one that asks is done, or has ended."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the one that asks, who ends this one
-    answers = os.fdopen(os.dup(1), "wb")
-    os.dup2(2, 1)  # what a library prints is no answer
-
-    def answer(found: Any) -> None:
-        pickle.dump(found, answers, _PROTOCOL)
-        answers.flush()
-
-    answer(None)
+def _draw() -> None:
+    """Draw what this process is asked to, the bones first."""
+    asker = Asker()
+    asker.send(None)
     import matplotlib as mpl  # noqa: PLC0415 -- the process that asks needs none
 
     from vtkmuscle.plotting.studio import Studio  # noqa: PLC0415
 
     mpl.rcdefaults()  # a matplotlibrc in the working folder may be from elsewhere
-    with suppress(EOFError, BrokenPipeError), Studio() as studio:
-        bones = DrawnBones(multiblock_from(pickle.load(sys.stdin.buffer)))
+    with suppress(BrokenPipeError), Studio() as studio:
+        orders = iter(asker)
+        bones = DrawnBones(multiblock_from(next(orders)))
         bones.spread()
-        answer(bones.by_name)
-        while True:
-            order, folder = pickle.load(sys.stdin.buffer)
+        asker.send(bones.by_name)
+        for order, folder in orders:
             before = time.perf_counter()
             try:
-                answer((order.write(folder, bones, studio), time.perf_counter() - before))
-            except BrokenPipeError:
-                raise
+                drawn = order.write(folder, bones, studio), time.perf_counter() - before
             except Exception as error:
-                answer(_sendable(error))
-
-
-def _sendable(error: Exception) -> Exception:
-    """Return an error as it can be sent, with where it was raised."""
-    error.add_note("".join(traceback.format_tb(error.__traceback__)))
-    try:
-        pickle.loads(pickle.dumps(error, _PROTOCOL))
-    except Exception:
-        return RuntimeError(f"{type(error).__name__}: {error}")
-    return error
+                asker.send(sendable(error))
+            else:
+                asker.send(drawn)

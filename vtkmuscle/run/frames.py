@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any, NamedTuple, Self, overload
 
@@ -157,6 +157,14 @@ class MuscleTrack:
     failure: tuple[int, float, Exception] | None = None
     errors: Mapping[str, Estimate] = field(default_factory=dict)
     _numbers: list[FibreNumbers] = field(default_factory=list)
+
+    def take(self, other: MuscleTrack) -> None:
+        """Take over what another process has found of the same muscle, into the report that is there."""
+        self.report.clear()
+        self.report |= other.report
+        for one in fields(self):
+            if one.name != "report":
+                setattr(self, one.name, getattr(other, one.name))
 
     @property
     def numbers(self) -> Sequence[FibreNumbers]:

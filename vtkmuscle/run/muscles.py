@@ -47,8 +47,8 @@ from vtkmuscle.scene.data import SceneData
 class SceneRun:
     """The data that the muscles of a run share.
 
-    ``numbers`` are the frames that are kept, ``bones`` those bones that have an inside, at rest; ``stop`` is
-    set to end the run early.
+    ``numbers`` are the frames that are kept, ``bones`` those bones that have an inside, at rest. ``stop`` is
+    set to end the run early, and ``begun`` once a muscle has passed its first frame.
     """
 
     scene: SceneData
@@ -56,7 +56,8 @@ class SceneRun:
     bones: Mapping[str, Bone]
     store: ResultWriter | None
     options: RunOptions
-    stop: threading.Event = field(default_factory=threading.Event)
+    stop: threading.Event
+    begun: threading.Event
     _lock: threading.Lock = field(default_factory=threading.Lock)
 
     def report_progress(self, muscle: str, stage: str, fraction: float) -> None:
@@ -111,6 +112,7 @@ class MuscleRun:
                 self._deform(number, pipeline, measure)
             else:
                 self._pull(number, pipeline, measure)
+            self.run.begun.set()
             if track.failure is not None:
                 break
         self._judge(measure)

@@ -28,7 +28,9 @@ class RunOptions:
         Frames to keep and write, e.g. ``"0:10"`` for the first ten (the end is not included, as in Python);
         default all. Frames before them are computed where the deformation depends on its past.
     workers : int or None
-        Muscles that run at the same time; default the number of processors. The result does not depend on it.
+        Muscles that run at the same time: one in this process, each other in a process of its own, but for
+        muscles that may meet. Default: one per processor, fewer for a run of seconds. The result does not
+        depend on it.
     figures : bool
         Draw figures; where there is no OpenGL, a warning says so and all else is written.
     report : bool
@@ -46,7 +48,7 @@ class RunOptions:
         Called with the muscle's name and the numbers of each frame that is done, as they are in the report;
         from several threads.
     clock : callable
-        The clock for the stages of muscles [s].
+        The clock for the stages of muscles [s]; a function of a module, for other processes use it too.
 
     Raises
     ------

@@ -5,14 +5,13 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, Future, wait
 from contextlib import ExitStack, contextmanager, suppress
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 from vtkmuscle.core.errors import InputError, check_name, fault_of
-from vtkmuscle.core.machine import processors
 from vtkmuscle.core.mesh.shared import held
 from vtkmuscle.core.moment_arms.by_coordinate import JointArms
 from vtkmuscle.data.drawn_bones import DrawnBones
@@ -27,6 +26,7 @@ from vtkmuscle.run.report_values import DEFINITIONS, versions
 from vtkmuscle.run.result import Result
 from vtkmuscle.run.store import PAGE
 from vtkmuscle.run.store.writing import ResultWriter, claimed, scene_file
+from vtkmuscle.run.workers import Workers
 from vtkmuscle.scene.data import Anatomy, SceneData
 from vtkmuscle.scene.faults import SceneError
 from vtkmuscle.scene.sense import check_sense
@@ -53,6 +53,7 @@ def run_scene(
         if out is not None and options.figures:  # a process of its own, which has much to load
             drawing = stack.enter_context(Drawing(out, scene))
         numbers = frame_numbers(options.frames, len(scene.motion.times))
+        workers = stack.enter_context(Workers(scene, numbers, options))  # likewise
         anatomy = Anatomy.of(scene)
         odd = check_sense(scene, anatomy) if options.sense else []
         check_memory(scene, numbers, on_disk=out is not None)
@@ -62,12 +63,12 @@ def run_scene(
             stack.enter_context(claimed(out, scene, overwrite=options.overwrite))
             store = ResultWriter(out, scene, numbers)
         kept = {} if store is None or options.fresh else store.kept()
-        run = SceneRun(scene, numbers, anatomy.solid_bones, store, options)
+        run = SceneRun(scene, numbers, anatomy.solid_bones, store, options, workers.stopped, workers.begun)
         tracks = {name: kept.get(name) or MuscleTrack() for name in scene.muscles}
         report = _first_report(run, tracks) | {"taken_over": list(kept), "sense": odd}
         result_of = partial(_result, run, report, DrawnBones(scene.bones_data()))
         with _reported(store, report, partial(result_of, tracks)):
-            _solve(run, tracks, list(kept), report, partial(_draw, drawing, tracks, result_of))
+            _solve(run, workers, tracks, list(kept), report, partial(_draw, drawing, tracks, result_of))
             result = result_of(tracks)
             _measure(result, tracks, report, errors)
             if store is not None:
@@ -82,6 +83,7 @@ def run_scene(
 
 def _solve(
     run: SceneRun,
+    workers: Workers,
     tracks: Tracks,
     kept: Iterable[str],
     report: dict[str, Any],
@@ -89,20 +91,18 @@ def _solve(
 ) -> None:
     """Solve the muscles that are not kept, side by side."""
     began = time.perf_counter()
-    met = run.scene.muscle_contact != "off"
-    # Where muscles may meet each waits for those before it, and shares their filters.
-    count = 1 if met else min(run.options.workers or processors(), len(tracks))
+    asked = [name for name in tracks if name not in kept]
     jobs: dict[str, Future[None]] = {}
-    with ThreadPoolExecutor(count) as pool, _stopping(run.stop):
+    with workers:
         if run.store is not None:
             run.store.begin(report, list(kept))
+        for name in kept:
+            run.report_progress(name, "done", 1.0)
         muscles: list[MuscleRun] = []
-        for name, track in tracks.items():
-            if name in kept:
-                run.report_progress(name, "done", 1.0)
-                continue
-            muscles.append(MuscleRun(run, name, track, tuple(muscles) if met else ()))
-            jobs[name] = pool.submit(muscles[-1].go)
+        for name in asked:
+            met = () if run.scene.muscle_contact == "off" else tuple(muscles)
+            muscles.append(MuscleRun(run, name, tracks[name], met))
+            jobs[name] = workers.submit(muscles[-1])
         if run.store is not None:
             run.store.write_bones(run.stop.is_set)
         _wait_for(jobs, run.stop, draw)
@@ -215,26 +215,14 @@ def _reported(
         raise
 
 
-@contextmanager
-def _stopping(stop: threading.Event) -> Iterator[None]:
-    """Tell the threads to stop where the main thread is interrupted (Ctrl-C) or fails."""
-    try:
-        yield
-    except BaseException:
-        stop.set()
-        raise
-
-
 def _wait_for(
     jobs: Mapping[str, Future[None]], stop: threading.Event, look: Callable[[Iterable[str]], None]
 ) -> None:
-    """Wait until all jobs have ended, and give those that have to ``look``; stop all where one fails."""
+    """Wait until all jobs have ended, and give those that have to ``look``."""
     names = {job: name for name, job in jobs.items()}
     waiting = set(names)
     while waiting:
         done, waiting = wait(waiting, timeout=_LOOK_UP, return_when=FIRST_COMPLETED)
-        if any(job.exception() is not None for job in done):
-            stop.set()
         if not stop.is_set():
             look(sorted(names[job] for job in done))
 
