@@ -39,7 +39,7 @@ BUDGETS = {
     "data": 1220,  # 1196: VTK to arrays and back; what ports deliver is 60, label images are 161
     "fetch": 267,  # 262: public data
     "filters": 2852,  # 2796: VTK filters; FibreField is 69 of them; LabelSurfaces is 51
-    "io": 1626,  # 1594: readers and writers; XML is read and made here, tables as well; child processes are 114
+    "io": 1626,  # 1594: readers and writers; XML and tables are read and made here; child processes are 114
     "opensim": 2449,  # 2401: joints and OpenSim, in and out
     "labels": 781,  # 766: scenes from label maps, and from meshes, by guesses
     "paraview": 357,  # 350: the plugin

@@ -24,6 +24,20 @@ from vtkmuscle.cli import main
 signal.signal(signal.SIGINT, signal.default_int_handler)
 main()
 """
+#: The command line, with Ctrl-C as it loads a module.
+STOPPED_AS_IT_LOADS = """
+import sys
+from vtkmuscle.cli import main
+
+class Stop:
+    def find_spec(self, name, path=None, target=None):
+        if name == "{module}":
+            sys.meta_path.remove(self)
+            raise KeyboardInterrupt
+
+sys.meta_path.insert(0, Stop())
+main()
+"""
 MOTION = TOML[TOML.index("[motion]") : TOML.index("[muscles")]
 
 
@@ -240,6 +254,14 @@ def test_ctrl_c_leaves_the_finished_frames(moment, scene_file, tmp_path):
         assert report["complete"] is False
         assert report["stopped_by"] == "KeyboardInterrupt"
         assert abs(len(report["muscles"]["spindle"]["frames"]) - len(reader.time_values)) <= 1
+
+
+@pytest.mark.parametrize("module", ["numba.core.types.misc", "vtkmuscle.run.muscles"])
+def test_ctrl_c_while_libraries_are_loaded_is_one_line(module, scene_file, tmp_path):
+    (tmp_path / "out").mkdir()
+    command = [sys.executable, "-c", STOPPED_AS_IT_LOADS.format(module=module), "run", scene_file]
+    done = subprocess.run([*command, "--out", tmp_path / "out"], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr.strip()) == (130, "stopped. Nothing was written.")
 
 
 def test_the_demo_writes_a_scene_that_can_be_run_again(tmp_path, monkeypatch):

@@ -43,7 +43,7 @@ class Cluster:
 
     @property
     def address(self):
-        wait_for(self.file.exists)
+        wait_for(lambda: self.file.exists() and self.file.stat().st_size)
         return json.loads(self.file.read_text())["address"]
 
     def close(self):

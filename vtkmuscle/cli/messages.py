@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -76,13 +77,10 @@ def _words(error: Exception) -> str:
 
 
 def _what_is_finished(out: Path | None) -> str:
-    from vtkmuscle.run.store import ResultFolder
-
-    if out is None:
-        return "Nothing was written."
-    if (out / "study.json").is_file():
+    if out is not None and (out / "study.json").is_file():
         return f"What is finished is kept in {out}: the same command goes on from there"
-    left = ResultFolder(out).unfinished()
+    store = sys.modules.get("vtkmuscle.run.store")  # a run that has not loaded it has written nothing
+    left = None if out is None or store is None else store.ResultFolder(out).unfinished()
     return "Nothing was written." if left is None else f"{out} {left}"
 
 

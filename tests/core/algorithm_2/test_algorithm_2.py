@@ -91,7 +91,7 @@ class Both:
 
 
 #: Steps that are compared: each takes some seconds of plain Python.
-STEPS = pytest.mark.parametrize("steps", [6, pytest.param(20, marks=pytest.mark.study)])
+STEPS = pytest.mark.parametrize("steps", [4, pytest.param(20, marks=pytest.mark.study)])
 
 
 @pytest.fixture(scope="module")
