@@ -99,14 +99,14 @@ def _solve(
         for name in kept:
             run.report_progress(name, "done", 1.0)
         muscles: list[MuscleRun] = []
-        for name in asked:
+        for name in workers.order(asked):
             met = () if run.scene.muscle_contact == "off" else tuple(muscles)
             muscles.append(MuscleRun(run, name, tracks[name], met))
             jobs[name] = workers.submit(muscles[-1])
         if run.store is not None:
             run.store.write_bones(run.stop.is_set)
         _wait_for(jobs, run.stop, draw)
-    _raise_first_failure(jobs, run.scene.files.get(""))
+    _raise_first_failure({name: jobs[name] for name in asked}, run.scene.files.get(""))
     report["seconds"] = {"muscles": time.perf_counter() - began}
 
 

@@ -55,6 +55,7 @@ class Workers:
 
     def __init__(self, scene: SceneData, numbers: range, options: RunOptions) -> None:
         self.stopped, self.begun = Event(), Event()
+        self._seconds = dict(estimated_seconds(scene, numbers))
         count = count_of(scene, numbers, options.workers)
         self.warned: dict[Any, Any] = {}
         self._pool = ThreadPoolExecutor(count, "muscles")
@@ -74,6 +75,13 @@ class Workers:
         self._pool.shutdown()
         for worker in self._others:
             worker.close()
+
+    def order(self, muscles: list[str]) -> list[str]:
+        """Return muscles in the order to submit them: where there are several workers the longest first.
+
+        Then no worker is left with a long one at the end.
+        """
+        return sorted(muscles, key=lambda name: -self._seconds[name]) if self._others else muscles
 
     def submit(self, muscle: MuscleRun) -> Future[None]:
         """Solve a muscle as soon as a worker is free; where that fails the run is stopped."""
