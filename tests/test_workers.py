@@ -16,6 +16,7 @@ from vtkmuscle import Scene
 from vtkmuscle.core.machine import processors
 from vtkmuscle.data.arrays import points_of
 from vtkmuscle.io import child_process, read_polydata
+from vtkmuscle.run.cost import VARIABLE
 from vtkmuscle.run.workers import count_of
 from vtkmuscle.scene.faults import SceneError
 
@@ -26,10 +27,10 @@ PATIENCE = 120.0
 
 @pytest.fixture(scope="module")
 def scene(tmp_path_factory):
-    """Three muscles, of which only the number of fibres differs."""
+    """Three muscles, of which only the number of fibres differs: they begin in this order."""
     one = Scene.load(write_tiny_scene(tmp_path_factory.mktemp("scene")))
     muscle = one.muscles["spindle"]
-    fibres = [dict(muscle.fibres, n_fibres=count) for count in (3, 4, 5)]
+    fibres = [dict(muscle.fibres, n_fibres=count) for count in (5, 4, 3)]
     return replace(one, muscles={n: replace(muscle, fibres=f) for n, f in zip(NAMES, fibres, strict=True)})
 
 
@@ -178,9 +179,12 @@ def test_a_process_that_crashes_ends_the_run_with_its_muscle(scene, tmp_path, st
         if muscle == SECOND:
             started[0].kill()
 
+    muscle = scene.muscles[SECOND]
+    slow = replace(muscle, fibres={**muscle.fibres, "resolution": 200})
+    killed = replace(scene, muscles={**scene.muscles, SECOND: slow})
     words = rf"muscles\.{SECOND}: the process that solved it crashed \(SIGKILL\).* workers = 1"
     with pytest.raises(RuntimeError, match=words):
-        scene.run(tmp_path, **Meeting(kill).options)
+        killed.run(tmp_path, **Meeting(kill).options)
     assert report_of(tmp_path)["complete"] is False
 
 
@@ -196,9 +200,12 @@ def test_where_no_process_can_be_started_this_one_solves_all(scene, monkeypatch)
     assert set(result.verdicts.values()) == {"ok"}
 
 
-def test_processes_are_started_where_they_are_worth_it(scene):
+def test_processes_are_started_where_they_are_worth_it_and_there_is_memory(scene, monkeypatch):
     assert count_of(scene, range(FRAMES), None) == 1
     assert count_of(scene, range(FRAMES), 2) == 2
     assert count_of(scene, range(FRAMES), 9) == 3
-    assert count_of(scene, range(10**5), None) == min(3, processors())
+    assert count_of(scene, range(10**5), None, on_disk=True) == min(3, processors())
+    monkeypatch.setenv(VARIABLE, "0.3")
+    assert count_of(scene, range(10**5), None, on_disk=True) == 1
+    assert count_of(scene, range(10**5), 3, on_disk=True) == 3
     assert count_of(replace(scene, muscle_contact="measure"), range(10**5), 3) == 1

@@ -29,8 +29,8 @@ class RunOptions:
         default all. Frames before them are computed where the deformation depends on its past.
     workers : int or None
         Muscles that run at the same time: one in this process, each other in a process of its own, but for
-        muscles that may meet. Default: one per processor, fewer for a run of seconds. The result does not
-        depend on it.
+        muscles that may meet. Default: one per processor, fewer for a run of seconds or where memory is
+        short. The result does not depend on it.
     figures : bool
         Draw figures; where there is no OpenGL, a warning says so and all else is written.
     report : bool

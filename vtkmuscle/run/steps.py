@@ -50,10 +50,11 @@ def run_scene(
         drawing = None
         if out is not None:
             check_name(out)
-        if out is not None and options.figures:  # a process of its own, which has much to load
+        # Processes have much to load.
+        if out is not None and options.figures:
             drawing = stack.enter_context(Drawing(out, scene))
         numbers = frame_numbers(options.frames, len(scene.motion.times))
-        workers = stack.enter_context(Workers(scene, numbers, options))  # likewise
+        workers = stack.enter_context(Workers(scene, numbers, options, on_disk=out is not None))
         anatomy = Anatomy.of(scene)
         odd = check_sense(scene, anatomy) if options.sense else []
         check_memory(scene, numbers, on_disk=out is not None)

@@ -20,7 +20,7 @@ from vtkmuscle.data.arrays import points_of, with_points
 from vtkmuscle.filters.base.algorithm import AbortedError
 from vtkmuscle.io.child_process import Asker, ChildEndedError, ChildProcess, pickled, sendable
 from vtkmuscle.isolation import is_python
-from vtkmuscle.run.cost import estimated_seconds
+from vtkmuscle.run.cost import estimated_seconds, most_processes
 from vtkmuscle.run.frames import Frames, MuscleTrack
 from vtkmuscle.run.muscles import MuscleRun, SceneRun
 from vtkmuscle.run.options import RunOptions
@@ -33,7 +33,7 @@ _WORTH = 6.0
 _LOOK_UP = 0.2
 
 
-def count_of(scene: SceneData, numbers: range, workers: int | None) -> int:
+def count_of(scene: SceneData, numbers: range, workers: int | None, *, on_disk: bool = False) -> int:
     """Return how many muscles of a scene are solved at the same time, of ``workers`` that are asked for.
 
     Where muscles may meet, each waits for those before it, and shares their filters.
@@ -41,8 +41,8 @@ def count_of(scene: SceneData, numbers: range, workers: int | None) -> int:
     if scene.muscle_contact != "off" or not is_python():
         return 1
     if workers is None:
-        seconds = sum(dict(estimated_seconds(scene, numbers)).values())
-        workers = min(processors(), int(seconds / _WORTH))
+        worth = sum(seconds for _, seconds in estimated_seconds(scene, numbers)) / _WORTH
+        workers = int(min(processors(), worth, most_processes(scene, numbers, on_disk=on_disk)))
     return max(1, min(workers, len(scene.muscles)))
 
 
@@ -53,10 +53,10 @@ class Workers:
     compile, which they load, only once it has passed its first frame.
     """
 
-    def __init__(self, scene: SceneData, numbers: range, options: RunOptions) -> None:
+    def __init__(self, scene: SceneData, numbers: range, options: RunOptions, *, on_disk: bool) -> None:
         self.stopped, self.begun = Event(), Event()
         self._seconds = dict(estimated_seconds(scene, numbers))
-        count = count_of(scene, numbers, options.workers)
+        count = count_of(scene, numbers, options.workers, on_disk=on_disk)
         self.warned: dict[Any, Any] = {}
         self._pool = ThreadPoolExecutor(count, "muscles")
         self._free: SimpleQueue[_OtherProcess | None] = SimpleQueue()
