@@ -4,6 +4,7 @@ import json
 import subprocess
 import sys
 import threading
+import time
 import warnings
 from dataclasses import replace
 
@@ -16,6 +17,7 @@ from vtkmuscle import Scene
 from vtkmuscle.core.machine import processors
 from vtkmuscle.data.arrays import points_of
 from vtkmuscle.io import child_process, read_polydata
+from vtkmuscle.run import workers
 from vtkmuscle.run.cost import VARIABLE
 from vtkmuscle.run.workers import count_of
 from vtkmuscle.scene.faults import SceneError
@@ -184,6 +186,21 @@ def test_a_process_that_crashes_ends_the_run_with_its_muscle(scene, tmp_path, st
     with pytest.raises(RuntimeError, match=words):
         killed.run(tmp_path, **Meeting(kill).options)
     assert report_of(tmp_path)["complete"] is False
+
+
+@pytest.mark.parametrize("part", [0, 1000])
+def test_a_process_ends_with_the_one_that_asks(part, scene):
+    """That one may be killed at any time: before its first question, or in the midst of it."""
+    process = child_process.ChildProcess(workers._solve_muscles)
+    watch = threading.Timer(PATIENCE, process.kill)
+    watch.start()
+    process.send(child_process.pickled((scene, range(FRAMES), time.perf_counter))[:part])
+    process.stop()
+    with pytest.raises(child_process.ChildEndedError) as ended:
+        process.receive()
+    assert ended.value.status == 0
+    watch.cancel()
+    process.close()
 
 
 def test_where_no_process_can_be_started_this_one_solves_all(scene, monkeypatch):

@@ -154,7 +154,7 @@ class Asker:
         while True:
             try:
                 yield pickle.load(questions)
-            except EOFError:  # it is done, or has ended
+            except (EOFError, pickle.UnpicklingError):  # it is done, or has ended in the midst of a question
                 return
 
     def send(self, message: object) -> None:

@@ -61,11 +61,10 @@ class Workers:
         self._pool = ThreadPoolExecutor(count, "muscles")
         self._free: SimpleQueue[_OtherProcess | None] = SimpleQueue()
         self._free.put(None)  # this one
+        content = pickled((scene, numbers, options.clock)) if count > 1 else b""
         self._others = [_OtherProcess() for _ in range(count - 1)]
-        if self._others:
-            content = pickled((scene, numbers, options.clock))
-            for worker in self._others:
-                self._pool.submit(self._begin, worker, content)
+        for worker in self._others:
+            self._pool.submit(self._begin, worker, content)
 
     def __enter__(self) -> Self:
         return self
@@ -178,10 +177,12 @@ def _solve_muscles() -> None:
     questions: SimpleQueue[Any] = SimpleQueue()
 
     def listen() -> None:
-        for question in asker:
-            questions.put(question)
-        stop.set()
-        questions.put(None)
+        try:
+            for question in asker:
+                questions.put(question)
+        finally:
+            stop.set()
+            questions.put(None)
 
     def progress(*content: Any) -> None:
         asker.send(("progress", *content))
