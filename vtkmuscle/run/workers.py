@@ -27,8 +27,8 @@ from vtkmuscle.run.options import RunOptions
 from vtkmuscle.run.store.writing import ResultWriter
 from vtkmuscle.scene.data import Anatomy, SceneData
 
-#: Processor time of the muscles for which one more process is started: it takes 3 s to begin [s].
-_WORTH = 6.0
+#: Processor time of muscles for which one more process is started: it takes about as long to begin [s].
+_WORTH = 3.0
 #: How often a process that waits for kernels looks whether the run was stopped [s].
 _LOOK_UP = 0.2
 
