@@ -202,7 +202,8 @@ def _draw() -> None:
     from vtkmuscle.plotting.studio import Studio  # noqa: PLC0415
 
     mpl.rcdefaults()  # a matplotlibrc in the working folder may be from elsewhere
-    with suppress(BrokenPipeError), Studio() as studio:
+    # The one that asks may end before it has said anything, and while it is answered.
+    with suppress(StopIteration, BrokenPipeError), Studio() as studio:
         orders = iter(asker)
         bones = DrawnBones(multiblock_from(next(orders)))
         bones.spread()
