@@ -50,7 +50,7 @@ def run_scene(
         drawing = None
         if out is not None:
             check_name(out)
-        # Processes have much to load.
+        # Processes are started first: they have much to load.
         if out is not None and options.figures:
             drawing = stack.enter_context(Drawing(out, scene))
         numbers = frame_numbers(options.frames, len(scene.motion.times))

@@ -1,7 +1,7 @@
 """What solves the muscles of a run side by side: this process, and others beside it.
 
-Most of a frame is work of Python and NumPy, which hold Python's lock: two threads take 0.7 of the time of
-one, and more gain nothing. So each worker but the first is a process.
+Most of a frame is work of Python and NumPy, which hold Python's lock for 0.72 of it: any number of threads
+takes at least that part of the time of one. So each worker but the first is a process.
 """
 
 from __future__ import annotations
@@ -36,7 +36,8 @@ _LOOK_UP = 0.2
 def count_of(scene: SceneData, numbers: range, workers: int | None, *, on_disk: bool = False) -> int:
     """Return how many muscles of a scene are solved at the same time, of ``workers`` that are asked for.
 
-    Where muscles may meet, each waits for those before it, and shares their filters.
+    Without ``workers`` that depends on the time and the memory that the frames take, which may be kept
+    ``on_disk``. Where muscles may meet, each waits for those before it, and shares their filters.
     """
     if scene.muscle_contact != "off" or not is_python():
         return 1
