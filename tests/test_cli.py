@@ -222,6 +222,12 @@ def test_info_of_what_is_not_there_is_status_2(tmp_path):
 
 
 @pytest.mark.skipif(os.name != "posix", reason="signals are sent to a child process")
+def test_a_scene_that_is_to_be_checked_is_said_to_be_none_of_opensim(scene_file):
+    done = vtkmuscle_("check", scene_file)
+    assert done.exit_code == 2
+    assert "no model of OpenSim; a scene is checked as it is run" in done.stderr
+
+
 @pytest.mark.parametrize("moment", ["in the middle", "at the start"])
 def test_ctrl_c_leaves_the_finished_frames(moment, scene_file, tmp_path):
     scene_file.write_text(

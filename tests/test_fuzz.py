@@ -59,7 +59,7 @@ def damaged_scenes(folder, whole, kind, count):
 
 def test_damaged_scenes_are_a_result_or_one_clear_error(whole, tmp_path, pytestconfig, tried, monkeypatch):
     monkeypatch.setenv("VTKMUSCLE_MOST_MEMORY", "4")
-    count = 150 if pytestconfig.getoption("--long") else 4
+    count = 150 if pytestconfig.getoption("--long") else 3
     kinds = {path: kind for kind in KINDS for path in damaged_scenes(tmp_path, whole, kind, count)}
     judged(kinds, "load_and_run", "a damaged {}, read and run", tried)
 
@@ -68,7 +68,7 @@ def test_a_run_goes_on_from_damaged_results_or_says_one_clear_error(whole, tmp_p
     shutil.copytree(whole, tmp_path / "scene")
     Scene.load(tmp_path / "scene/scene.toml").run(tmp_path / "whole", frames="0:2", figures=False)
     kinds = {}
-    for seed in range(300 if pytestconfig.getoption("--long") else 5):
+    for seed in range(300 if pytestconfig.getoption("--long") else 3):
         out = tmp_path / f"{seed}"
         shutil.copytree(tmp_path / "whole", out)
         files = sorted(path for path in out.rglob("*") if path.is_file())

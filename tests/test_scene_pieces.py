@@ -16,7 +16,11 @@ def real_scene(lhdl_hip):
     return Scene.load(lhdl_hip / "scene_lite.toml")
 
 
-@pytest.mark.parametrize("names", [*((name,) for name in MUSCLES), MUSCLES[:2], MUSCLES[2:]], ids="+".join)
+@pytest.mark.parametrize(
+    "names",
+    [*(pytest.param((name,), marks=pytest.mark.long) for name in MUSCLES), MUSCLES[:2], MUSCLES[2:]],
+    ids="+".join,
+)
 def test_each_muscle_of_the_real_hip_runs_alone_and_beside_another(real_scene, names):
     muscles = {name: replace(real_scene.muscles[name], fibres=None) for name in names}
     result = replace(real_scene, muscles=muscles).run(frames="0:3", figures=False)

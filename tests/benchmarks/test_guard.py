@@ -60,7 +60,14 @@ def test_work_and_memory_are_no_more_than_committed(guard, work):
     assert {*now, *DRAWN} == set(committed["counts"]), "run benchmarks/guard.py --update"
 
 
-@pytest.mark.parametrize("planted", ["nothing", "a window for each picture", "bones as fine as they come"])
+@pytest.mark.parametrize(
+    "planted",
+    [
+        "nothing",
+        "a window for each picture",
+        pytest.param("bones as fine as they come", marks=pytest.mark.long),
+    ],
+)
 def test_figures_and_page_take_no_more_than_committed(guard, monkeypatch, planted):
     """Windows, pictures, triangles, pixels, coarser bones and regressions, whatever the machine."""
     import work_counts

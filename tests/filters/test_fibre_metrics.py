@@ -101,7 +101,7 @@ def test_on_a_crease_it_is_the_mean_of_the_angles_to_the_faces_whatever_rounding
 
 
 @pytest.mark.realdata
-@pytest.mark.parametrize("name", ["gluteus_medius", "iliacus"])
+@pytest.mark.parametrize("name", ["gluteus_medius", pytest.param("iliacus", marks=pytest.mark.long)])
 def test_the_pennation_of_no_real_fibre_flickers_as_the_hip_flexes(name, lhdl_hip):
     scene = Scene.load(lhdl_hip / "scene.toml")
     pipeline, found = muscle_pipeline(scene, name), []

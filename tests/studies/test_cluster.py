@@ -93,6 +93,7 @@ def same_tables(study, out):
         assert (out / name).read_bytes() == (study.parent / "whole" / name).read_bytes(), name
 
 
+@pytest.mark.long
 def test_a_cluster_started_by_hand_that_loses_a_worker_and_the_client_gives_the_same_table(
     study, cluster, tmp_path, tried
 ):

@@ -110,7 +110,7 @@ from vtkmuscle import Scene
 from vtkmuscle.studies.sensitivity import samples_of
 from vtkmuscle.studies.study import Case, study
 scene = Scene.load(sys.argv[1])
-samples = samples_of("centre", 1.0, 20)
+samples = samples_of("centre", 1.0, 8)
 study([[Case({"sample": one.name}, "spindle", scene, one)] for one in samples], Path(sys.argv[2]))
 """
 
@@ -127,7 +127,7 @@ def test_one_that_is_killed_leaves_whole_parts_that_are_kept(tmp_path):
     assert left
     assert all(Parts(folder).read(f"{part.parent.name}/spindle") for part in left)
     scene = Scene.load(file)
-    cases = [[Case({"sample": one.name}, "spindle", scene, one)] for one in samples_of("centre", 1.0, 20)]
+    cases = [[Case({"sample": one.name}, "spindle", scene, one)] for one in samples_of("centre", 1.0, 8)]
     assert list(states(cases, folder).values()).count("kept") == len(left)
 
 

@@ -110,6 +110,10 @@ def check(
     Each is swept over the ranges of the coordinates that it crosses. The page lists what was found with its
     poses, and a table beside it (.csv). With the surfaces of a scene, paths can be replaced by fitted ones.
     """
+    if model.suffix.lower() == ".toml":
+        raise InputError(
+            model, "this is no model of OpenSim", "a scene is checked as it is run: vtkmuscle run"
+        )
     from vtkmuscle.opensim import check_model, write_opensim
 
     if (repair is None) != (scene is None) or (repair is not None and not replace):

@@ -153,9 +153,11 @@ def test_a_step_of_newtons_method_solves_its_equations(rng, left_over, off):
     step = np.empty_like(sheet.x)
     gradient[:, [0, -1]] = 0.0
     f, n, _ = gradient.shape
-    held = blocks, sheet.neighbours.pairs, couplings, np.empty((f + 1, n, 6))
-    prepare_solve(*held)
-    slope = newton_step(gradient, *held, left_over, np.empty((4, f + 1, n, 3)), step)
+    pairs, inverses = sheet.neighbours.pairs, np.empty((f + 1, n, 6))
+    prepare_solve(blocks, sheet.neighbours.stations, couplings, inverses)
+    slope = newton_step(
+        gradient, blocks, pairs, couplings, inverses, left_over, np.empty((4, f + 1, n, 3)), step
+    )
     known = np.linalg.solve(matrix, -gradient[:, 1:-1].ravel()).reshape(step[:, 1:-1].shape)
     assert np.linalg.norm(step[:, 1:-1] - known) < off * np.linalg.norm(known)
     assert not step[:, [0, -1]].any()

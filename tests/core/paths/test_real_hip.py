@@ -17,7 +17,13 @@ def hip_scene(lhdl_hip):
     return Scene.load(lhdl_hip / "scene.toml")
 
 
-@pytest.mark.parametrize("name", ["gluteus_maximus", "gluteus_medius", "iliacus", "adductor_brevis"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        *("gluteus_maximus", "iliacus"),
+        *(pytest.param(name, marks=pytest.mark.long) for name in ("gluteus_medius", "adductor_brevis")),
+    ],
+)
 def test_paths_of_a_real_muscle_have_lengths_and_come_to_rest(hip_scene, name):
     made = strung_muscle(
         hip_scene.muscles[name].surface,

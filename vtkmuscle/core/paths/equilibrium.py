@@ -141,11 +141,11 @@ def add_direction(block: Floats, stiffness: float, u: float, v: float, w: float)
 
 
 @kernel
-def prepare_solve(blocks: Floats, pairs: Ints, couplings: Floats, inverses: Floats) -> None:
+def prepare_solve(blocks: Floats, stations: Ints, couplings: Floats, inverses: Floats) -> None:
     """Write the inverse blocks of the elimination of each path's matrix, (f + 1, n, 6).
 
     The last are those of a sheet whose paths all move alike, over f: springs between neighbours drop out
-    of its matrix.
+    of its matrix. ``stations`` (m,) of the pairs are given: to divide takes longer than all else.
     """
     f, n, _ = blocks.shape
     for i in range(1, n - 1):
@@ -154,9 +154,9 @@ def prepare_solve(blocks: Floats, pairs: Ints, couplings: Floats, inverses: Floa
             for k in range(f):
                 total += blocks[k, i, c]
             inverses[f, i, c] = total / f
-    for e in range(len(pairs)):
+    for e in range(len(stations)):
         for c in range(6):
-            inverses[f, pairs[e, 0] % n, c] -= 2.0 / f * couplings[e, c]
+            inverses[f, stations[e], c] -= 2.0 / f * couplings[e, c]
     for i in range(1, n - 1):
         for k in range(f + 1):
             h = inverses[k, i]

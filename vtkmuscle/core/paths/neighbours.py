@@ -47,6 +47,8 @@ class Neighbours(NamedTuple):
     ----------
     pairs : (m, 2) int array
         Numbers of points, in the order of paths.
+    stations : (m,) int array
+        How many points of their paths are before them.
     distances, ahead : (m,) arrays
         Distances at rest, across the paths and along them, of the first point from the other [mm].
     stiffness : (m, 2) array
@@ -54,6 +56,7 @@ class Neighbours(NamedTuple):
     """
 
     pairs: Ints
+    stations: Ints
     distances: Floats
     ahead: Floats
     stiffness: Floats
@@ -98,7 +101,8 @@ def neighbours_of(fibres: Floats) -> Neighbours:
     pairs, distances = pairs[apart], distances[apart]
     spacing = np.maximum(distances, LEAST_SPACING * usual)
     stiffness = (length / (spacing * (n - 1))) ** 2
-    return Neighbours(pairs, distances, ahead[apart], np.outer(stiffness, (MODULUS, SHEAR_MODULUS)))
+    moduli = np.outer(stiffness, (MODULUS, SHEAR_MODULUS))
+    return Neighbours(pairs, pairs[:, 0] % n, distances, ahead[apart], moduli)
 
 
 def path_lengths(points: Floats) -> Floats:
