@@ -49,7 +49,7 @@ def front(scene: Scene, name: str, every: int) -> None:
     fixed_to = np.array(point_array(muscle, "FixedTo", name))
     shape, bones = deformer._solver.shape, RestBones(name)
     still = np.array([np.eye(4)] * len(scene.bones))
-    bones.take(MovingBones(bones_of(scene.bones_data(), name), still), collision="sdf")
+    bones.take(MovingBones(bones_of(scene.bones_data(), name), still, {}), collision="sdf")
     free = fixed_to < 0
     rest_depths = bones.depths(shape.points[free], still)
     print(name)
