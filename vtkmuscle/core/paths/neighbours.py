@@ -48,7 +48,7 @@ class Neighbours(NamedTuple):
     pairs : (m, 2) int array
         Numbers of points, in the order of paths.
     stations : (m,) int array
-        How many points of their paths are before them.
+        Number of both points of a pair along their paths.
     distances, ahead : (m,) arrays
         Distances at rest, across the paths and along them, of the first point from the other [mm].
     stiffness : (m, 2) array
