@@ -53,18 +53,21 @@ class Scene(SceneData, WithHints):
     units : str
         ``"mm"``, ``"cm"`` or ``"m"``.
     solver : mapping
-        Parameters of PBDDeformer for all muscles.
+        Parameters of the deformer for all muscles.
     fixing : mapping
         Parameters of FixedPointDetector for all muscles.
     muscle_contact : str
         ``"off"``; ``"on"``, to keep each muscle out of those before it in the scene; or ``"measure"``, to
         report how deep it is in them.
-    model : str
-        ``"volume"``, each muscle deformed by PBDDeformer; or ``"paths"``, the fibres alone, pulled taut by
-        TautFibres: lengths, moment arms and pictures in a small part of the time, and no volume.
+    deformer : str
+        ``"paths"``, each muscle carried by its taut paths (PathDeformer); ``"pbd"``, position based dynamics
+        (PBDDeformer), without paths unless ``paths`` is given; or ``"none"``, the paths alone: lengths, moment
+        arms and pictures of fibres, and no volume.
+    paths : mapping or None
+        Parameters of TautPaths for all muscles.
     quality : str or None
-        A preset of PBDDeformer for all muscles, ``"preview"``, ``"balanced"`` or ``"accurate"``, on top of
-        which come the settings of ``solver`` and of the muscles.
+        A preset of numbers, ``"preview"``, ``"balanced"`` or ``"accurate"``, with deformer ``"pbd"`` also
+        ``"published"``; the settings of ``paths``, ``solver`` and of the muscles override it.
     files : mapping of str to Path
         The file that the value of a dotted key was read from; ``""`` is the scene's own file.
 
@@ -236,30 +239,16 @@ class Scene(SceneData, WithHints):
         return replace(self, muscles=kept)
 
     def with_quality(self, quality: str) -> Self:
-        """Return the scene with another preset.
-
-        Settings of the scene itself stay; a warning names those that the preset has as well.
+        """Return the scene with another preset; settings of the scene itself stay.
 
         Parameters
         ----------
         quality : str
-            ``"preview"``, ``"balanced"`` or ``"accurate"``.
+            ``"preview"``, ``"balanced"``, ``"accurate"``, or ``"published"`` with deformer ``"pbd"``.
 
         Raises
         ------
         SceneError
             If there is no such preset.
         """
-        changed: Self = replace(self, quality=quality)
-        own = {"solver": self.solver}
-        own |= {f"muscles.{name}.solver": muscle.solver for name, muscle in self.muscles.items()}
-        kept = [
-            f"{key}.{name} = {value!r}"
-            for key, table in own.items()
-            for name, value in table.items()
-            if name in PRESETS[quality] and value != PRESETS[quality][name]
-        ]
-        if kept:
-            message = f"the scene's own settings stay, whatever {quality!r} has for them: {', '.join(kept)}"
-            warnings.warn(message, stacklevel=2)
-        return changed
+        return replace(self, quality=quality)

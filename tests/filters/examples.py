@@ -114,13 +114,16 @@ def fibres():
     return _lines(starts, (0.0, 0.0, -140.0))
 
 
-def taut_fibres():
-    """Return the fibres as paths that pull the bone of their insertion upwards."""
+def paths(time=4.0):
+    """Return the fibres as paths, their lower ends moved, with levers about the phantom's hinge."""
     data = fibres()
-    count = data.GetNumberOfCells()
-    set_cell_array(data, "PathLength", np.full(count, 140.0))
+    count, rest = data.GetNumberOfCells(), points_of(data)
+    moved = rest + np.tile(np.linspace(0.0, 1.0, len(rest) // count), count)[:, None] * (0.0, -time, 0.0)
+    data = with_points(data, moved)
+    set_point_array(data, "RestPosition", rest)
+    set_cell_array(data, "Squeezed", np.zeros(count))
     for name in PHANTOM.motion.coordinates:
-        set_cell_array(data, f"PathLever_{name}", np.full(count, -32.0))
+        set_cell_array(data, f"Lever_{name}", np.full(count, -32.0))
     return data
 
 
@@ -169,6 +172,7 @@ EXAMPLES = {
     "bones": moving_bones,
     "AttachmentEstimator.bones": rest_bones,
     "BoneMotion.bones": rest_bones,
+    "rest_bones": rest_bones,
     "FixedPointDetector.bones": rest_bones,
     "muscle": fixed_muscle,
     "rest_muscle": fixed_muscle,
@@ -180,8 +184,7 @@ EXAMPLES = {
     "mesh": deformed_muscle,
     "fibres": fibres,
     "rest_fibres": fibres,
-    "rest_paths": fibres,
-    "paths": taut_fibres,
+    "paths": paths,
     "MomentArms.fibres": fibres_over_time,
     "superficial": superficial_fibres,
     "aponeuroses": aponeuroses,
@@ -189,7 +192,7 @@ EXAMPLES = {
 }
 
 #: What changes with the pipeline's time.
-MOVING = {moving_bones, neighbours}
+MOVING = {moving_bones, neighbours, paths}
 
 #: Values of parameters that are objects, by their class.
 OBJECTS = {RigidMotion: PHANTOM.motion}

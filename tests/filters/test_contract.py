@@ -104,6 +104,8 @@ def test_points_that_are_not_finite_never_come_out(kind, port):
 
 @every_port
 def test_empty_inputs_are_refused(kind, port):
+    if Case(kind).ports[port].may_be_empty:
+        pytest.skip("takes data without points")
     empty = lambda data: data.NewInstance()  # noqa: E731
     contract.check_bad_inputs_raise_each_time_and_are_mended(Case(kind), port, empty)
 

@@ -116,7 +116,7 @@ class StatedErrors:
             if kind != "model":
                 arms = [one.arms for one in found] if with_arms else []
                 yield Cause(kind, [one.lengths[:count] for one in found], arms=arms)
-            elif self.scene.model == "paths":
+            elif self.scene.deformer == "none":
                 yield Cause(kind, [one.fibre_lengths[:count] for one in found])
             else:
                 yield Cause(kind, [np.array(track.fibre_lengths)])

@@ -79,11 +79,20 @@ class RunOptions:
         list[str] | None,
         typer.Option(metavar="NAME", help="Run this muscle of the scene alone; may be repeated."),
     ] = None
+    deformer: Annotated[
+        str | None,
+        typer.Option(
+            metavar="paths|pbd|none",
+            help="How muscles are deformed, in place of the scene's: carried by taut paths, by position based "
+            "dynamics, or not at all (paths alone).",
+        ),
+    ] = None
     quality: Annotated[
         str | None,
         typer.Option(
-            metavar="preview|balanced|accurate",
-            help="Preset of the solver, in place of the scene's; settings in the scene's solver table stay.",
+            metavar="preview|balanced|accurate|published",
+            help="Preset of numbers, in place of the scene's; settings in the scene's tables stay. published "
+            "is the 2021 paper's, for the deformer pbd.",
         ),
     ] = None
     errors: Annotated[

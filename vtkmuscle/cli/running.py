@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
@@ -30,8 +30,10 @@ def run_and_report(scene: Scene, out: Path, options: RunOptions) -> None:
 
     if options.muscle:
         scene = scene.with_muscles(*options.muscle)
-    if options.quality is not None:
-        scene = scene.with_quality(options.quality)
+    chosen = {"deformer": options.deformer, "quality": options.quality}
+    chosen = {name: value for name, value in chosen.items() if value is not None}
+    if chosen:
+        scene = replace(scene, **chosen)
     tell = partial(say, options.quiet)
     with one_clear_error(out):
         left = ResultFolder(out).unfinished()

@@ -158,12 +158,12 @@ def polylines_from(lines: Polylines) -> vtkPolyData:
 
 def set_point_array(data: Any, name: str, values: NDArray[Any]) -> None:
     """Add a copy of an array, (n,) or (n, c), to the point data."""
-    data.GetPointData().AddArray(_named(name, values))
+    data.GetPointData().AddArray(vtk_array(name, values))
 
 
 def set_cell_array(data: Any, name: str, values: NDArray[Any]) -> None:
     """Add a copy of an array to the cell data."""
-    data.GetCellData().AddArray(_named(name, values))
+    data.GetCellData().AddArray(vtk_array(name, values))
 
 
 def add_arrays(
@@ -186,7 +186,7 @@ def set_field_array(data: Any, name: str, values: Any) -> None:
     if isinstance(values, str):
         set_field_strings(data, name, [values])
     else:
-        data.GetFieldData().AddArray(_named(name, np.atleast_1d(values)))
+        data.GetFieldData().AddArray(vtk_array(name, np.atleast_1d(values)))
 
 
 def set_field_strings(data: Any, name: str, values: Iterable[str]) -> None:
@@ -264,7 +264,8 @@ def names_of(kind: str, attributes: Any) -> dict[str, str]:
     return {unquote(one.removeprefix(kind)): one for one in array_names(attributes) if one.startswith(kind)}
 
 
-def _named(name: str, values: NDArray[Any]) -> Any:
+def vtk_array(name: str, values: NDArray[Any]) -> Any:
+    """Return a named VTK array that holds a copy of values, (n,) or (n, c)."""
     array = numpy_to_vtk(np.ascontiguousarray(values), deep=True)
     array.SetName(name)
     return array

@@ -1,28 +1,20 @@
-"""Moving bones: their poses, and their rest geometry as obstacles."""
+"""Bones at rest and moving bones, as filters take them."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
-from vtkmuscle.core.bones.bone import depth_in
-from vtkmuscle.core.collision.obstacles import DistanceObstacle, Obstacle, VoxelObstacle
-from vtkmuscle.core.collision.voxels import DEFAULT_N_MAX
+from vtkmuscle.core.bones.bone import Bone, bone_of
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.core.motion.rigid import apply_transform, inverse, is_rigid
+from vtkmuscle.core.motion.rigid import is_rigid
 from vtkmuscle.core.types import Floats, Ints
 from vtkmuscle.data.arrays import blocks_of, checked_surface, field_array, names_of
 from vtkmuscle.data.muscle_geometry import Surface
-
-#: Largest distance of a bone's points from where its transform puts them, as a part of its size and distance
-#: from the origin (coordinates may be float32).
-RIGIDITY_TOLERANCE = 1e-5
-#: Points of a bone by which it is checked that it moved with its transform.
-SAMPLE_SIZE = 100
 
 #: What the field array of a bone's twist by a coordinate is called, before the coordinate's name.
 TWIST = "Twist_"
@@ -125,81 +117,40 @@ def fixed_points_of(muscle: Surface, bones: Sequence[str]) -> Ints:
     return fixed_to
 
 
+def check_same_bones(rest: Mapping[str, vtkPolyData], moving: MovingBones, where: str) -> None:
+    """Raise a ValueError where bones at rest and moving bones have other names, or another order."""
+    if list(rest) != moving.names:
+        raise InputError(
+            where,
+            f"the blocks are {', '.join(map(repr, rest))}, but the moving bones are "
+            f"{', '.join(map(repr, moving.names))}",
+            "connect the same bones to rest_bones and, through BoneMotion, to bones",
+        )
+
+
 class RestBones:
-    """Bones in the rest pose as obstacles, made by taking back the motion of moving bones.
+    """Bones at rest with their shapes, which are made again only when a block changes."""
 
-    Errors name the port ``bones``; `owner`, the class of the filter, is named in warnings.
-    """
-
-    def __init__(self, owner: str) -> None:
-        self._owner = owner
-        self._obstacles: dict[str, Obstacle] = {}
-        #: State of each bone's points, and its transform, when they last agreed.
-        self._checked: dict[str, tuple[int, bytes]] = {}
+    def __init__(self) -> None:
+        #: Name of each block, and when it was last modified.
+        self._state: list[tuple[str, int]] = []
+        self._shapes: dict[int, Bone] = {}
 
     @property
-    def obstacles(self) -> tuple[Obstacle, ...]:
-        """The bones, in the order of their blocks."""
-        return tuple(self._obstacles.values())
+    def names(self) -> list[str]:
+        """Names of the bones, in the order of their blocks."""
+        return [name for name, _ in self._state]
 
-    def take(
-        self,
-        bones: MovingBones,
-        *,
-        collision: str,
-        skin: float = 0.0,
-        n_max: int = DEFAULT_N_MAX,
-        n_equal: int | None = None,
-    ) -> None:
-        """Take the rest geometry from moving bones; obstacles of bones that are as before are kept.
+    def shapes(self, bones: Mapping[str, vtkPolyData], where: str) -> dict[int, Bone]:
+        """Return the bones by their numbers; the dict is the same object while no block changes.
 
-        Take it from the same frame each time: from another one rounding differs, and with it the result.
-        The collision is ``"voxel"``, with about `n_max` voxels of a bone, or `n_equal` along each axis; else
-        distances, with the distance `skin` that points keep from the bones [mm].
+        Raises a ValueError for a bone without triangles, or with points that are not finite.
         """
-        kept, self._obstacles = self._obstacles, {}
-        self._checked.clear()
-        for index, (name, bone) in enumerate(bones.surfaces.items()):
-            where = f"bones, block {name!r}"
-            points, triangles = checked_surface(bone, where)
-            rest = apply_transform(inverse(bones.transforms[index]), points)
-            old, label = kept.get(name), f"{self._owner}: {where}"
-            new: Obstacle
-            if collision == "voxel":
-                new = VoxelObstacle(index, rest, triangles, n_max=n_max, n_equal=n_equal, name=label)
-            else:
-                new = DistanceObstacle(index, rest, triangles, skin=skin, name=label)
-            self._obstacles[name] = old if old is not None and new.same_as(old) else new
-
-    def depths(self, points: Floats, transforms: Floats) -> Floats:
-        """Return the depth (n,) [mm] of points (n, 3) in the triangles of the bones, 0 outside.
-
-        The points are in the scene now; `transforms` (b, 4, 4) are those of the bones, rest to now.
-        """
-        return depth_in(((one.shape, transforms[one.bone]) for one in self.obstacles), points)
-
-    def check(self, bones: MovingBones) -> None:
-        """Check, at a sample of its points, that each bone is its rest geometry moved by its transform.
-
-        Else its obstacle would be somewhere else than the bone.
-        """
-        for index, (name, bone) in enumerate(bones.surfaces.items()):
-            transform = bones.transforms[index]
-            state = bone.GetPoints().GetMTime(), transform.tobytes()
-            if self._checked.get(name) == state:
-                continue
-            rest = self._obstacles[name].points
-            sample = np.linspace(0, len(rest) - 1, min(len(rest), SAMPLE_SIZE)).astype(np.int64)
-            expected = apply_transform(transform, rest[sample])
-            off = np.inf
-            if bone.GetNumberOfPoints() == len(rest):
-                now = vtk_to_numpy(bone.GetPoints().GetData())[sample]
-                off = float(np.abs(now - expected).max())
-            scale = float(np.ptp(expected, axis=0).max()) + float(np.abs(expected).max())
-            if not off <= RIGIDITY_TOLERANCE * scale:
-                raise InputError(
-                    f"bones, block {name!r}",
-                    "its points are not its rest points moved by its 'Transform'",
-                    "move bones with BoneMotion, or set collision to 'off'",
-                )
-            self._checked[name] = state
+        state = [(name, bone.GetMTime()) for name, bone in bones.items()]
+        if state != self._state:
+            self._shapes = {
+                number: bone_of(*checked_surface(bone, f"{where}, block {name!r}"))
+                for number, (name, bone) in enumerate(bones.items())
+            }
+            self._state = state
+        return self._shapes

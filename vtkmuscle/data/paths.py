@@ -1,30 +1,28 @@
-"""A muscle's paths as arrays: of fibres, a cell each, or among the field arrays of a deformed muscle.
+"""A muscle's paths as polylines, and as cell arrays of its fibres.
 
-``PathLength`` (k,) is the length of each path, musculotendon length; ``PathPoints`` (k, 3 n) are its points;
-``PathLever_COORDINATE`` (k,) is the lever of its pull, minus the change of its length by the coordinate;
-``PathSqueezed`` (k,) is the room that it lacks between two bones. Lines that are paths themselves have no
-``PathPoints``. Superficial fibres are lines that a user has seen on a muscle's surface.
+Paths have the point array ``RestPosition`` (3) and the cell arrays ``Lever_COORDINATE``, the lever of the pull
+(minus the change of length by the coordinate), and ``Squeezed``, the room that a path lacks between two bones.
+Fibres with the numbers of their paths have these cell arrays and ``PathLength`` (k,), musculotendon length,
+and ``PathPoints`` (k, 3 n). Superficial fibres are lines seen on a muscle's surface.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.mesh.polylines import polyline_lengths
+from vtkmuscle.core.paths.neighbours import path_lengths
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import (
     Polylines,
-    array_names,
-    array_of,
     cell_array,
-    field_array,
     names_of,
+    point_array,
     polylines_of,
     set_cell_array,
 )
@@ -55,8 +53,47 @@ def checked_superficial(data: vtkPolyData, where: str) -> Polylines:
     return lines
 
 
-PATH_LENGTH, PATH_POINTS, PATH_SQUEEZED = "PathLength", "PathPoints", "PathSqueezed"
-PATH_LEVER = "PathLever_"
+#: Point array of paths: their points at rest.
+REST_POSITION = "RestPosition"
+#: Cell arrays of paths, and of fibres that have their paths' numbers.
+SQUEEZED, LEVER = "Squeezed", "Lever_"
+#: Cell arrays of fibres that have their paths' numbers.
+PATH_LENGTH, PATH_POINTS = "PathLength", "PathPoints"
+
+
+class PathLines(NamedTuple):
+    """Paths of equally many points, at rest and now.
+
+    Attributes
+    ----------
+    data : vtkPolyData
+        The polylines, with their arrays.
+    rest, points : (k, n, 3) arrays
+        At rest and now, in the unit of the scene.
+    """
+
+    data: vtkPolyData
+    rest: Floats
+    points: Floats
+
+
+def path_lines_of(data: vtkPolyData, where: str) -> PathLines | None:
+    """Return paths, None where there are none.
+
+    Raises
+    ------
+    ValueError
+        If the point array ``RestPosition`` is missing, or paths have different numbers of points.
+    """
+    if not data.GetNumberOfCells():
+        return None
+    rest = point_array(data, REST_POSITION, where)
+    lines = polylines_of(data, where)
+    counts = np.unique(np.diff(lines.offsets))
+    if len(counts) > 1:
+        raise InputError(where, f"paths have {counts[0]} to {counts[-1]} points", "connect TautPaths")
+    shape = len(lines), int(counts[0]), 3
+    return PathLines(data, np.asarray(rest, dtype=np.float64).reshape(shape), lines.points.reshape(shape))
 
 
 class Paths(NamedTuple):
@@ -75,62 +112,36 @@ class Paths(NamedTuple):
     levers: dict[str, Floats]
 
 
-def path_arrays(points: Floats, levers: Mapping[str, Floats], squeezed: Floats) -> dict[str, NDArray[Any]]:
-    """Return the arrays of paths by their names.
-
-    Parameters
-    ----------
-    points : (k, n, 3) array
-        In the unit of the scene, as all lengths here.
-    levers : mapping of str to (k,) array
-        By coordinate.
-    squeezed : (k,) array
-        Room that each path lacks between two bones.
-    """
-    k, n, _ = points.shape
-    lengths = polyline_lengths(points.reshape(-1, 3), n * np.arange(k + 1))
-    arrays: dict[str, NDArray[Any]] = {PATH_LENGTH: lengths, PATH_POINTS: points.reshape(k, -1)}
-    arrays[PATH_SQUEEZED] = squeezed
-    return arrays | {array_of(PATH_LEVER, name): one for name, one in levers.items()}
-
-
-def add_paths(fibres: vtkPolyData, muscle: Any, taut: vtkPolyData | None, where: str) -> None:
-    """Add their paths to fibres: those of the deformed muscle, or else the taut fibres.
+def add_path_arrays(fibres: vtkPolyData, paths: PathLines, where: str) -> None:
+    """Add to fibres the numbers of their paths: ``PathLength``, ``PathPoints``, ``Squeezed``, levers.
 
     Raises
     ------
     ValueError
-        If taut fibres are no paths, or not one for each fibre.
+        If there is not one path for each fibre.
     """
-    found: dict[str, NDArray[Any]] = {}
-    count = fibres.GetNumberOfCells()
-    for name in array_names(muscle.GetFieldData()):
-        values = field_array(muscle, name) if name.startswith("Path") else None
-        if values is not None and len(values) == count:
-            found[name] = values
-    if taut is not None:
-        paths = paths_of(taut, where)
-        if paths is None or len(paths.lengths) != count:
-            there = (
-                "they have no cell array 'PathLength'" if paths is None else f"there are {len(paths.lengths)}"
-            )
-            raise InputError(where, there, f"connect TautFibres for the same {count} fibre(s)")
-        if not found:
-            found = {PATH_LENGTH: paths.lengths, PATH_POINTS: paths.points.reshape(count, -1)}
-            found |= {array_of(PATH_LEVER, name): values for name, values in paths.levers.items()}
-    for name, values in found.items():
-        set_cell_array(fibres, name, np.array(values))
+    count, cells = fibres.GetNumberOfCells(), paths.data.GetCellData()
+    if len(paths.points) != count:
+        problem = f"there are {len(paths.points)} paths, but {count} fibres"
+        raise InputError(where, problem, "connect TautPaths for the same fibres")
+    set_cell_array(fibres, PATH_LENGTH, path_lengths(paths.points))
+    set_cell_array(fibres, PATH_POINTS, paths.points.reshape(count, -1))
+    for name in (SQUEEZED, *names_of(LEVER, cells).values()):
+        set_cell_array(fibres, name, np.array(cell_array(paths.data, name, where)))
 
 
 def paths_of(fibres: vtkPolyData, where: str) -> Paths | None:
-    """Return the paths that fibres have with them, None where they have none."""
+    """Return the paths that fibres have with them, or are; None for other fibres."""
     lines, data = polylines_of(fibres, where), fibres.GetCellData()
-    if not data.HasArray(PATH_LENGTH):
+    if data.HasArray(PATH_LENGTH):
+        lengths = np.array(cell_array(fibres, PATH_LENGTH, where))
+        points = np.array(cell_array(fibres, PATH_POINTS, where))
+    elif fibres.GetPointData().HasArray(REST_POSITION):
+        lengths, points = polyline_lengths(lines.points, lines.offsets), lines.points
+    else:
         return None
-    lengths = np.array(cell_array(fibres, PATH_LENGTH, where))
-    points = np.array(cell_array(fibres, PATH_POINTS, where)) if data.HasArray(PATH_POINTS) else lines.points
     levers = {
-        name: np.array(cell_array(fibres, array, where)) for name, array in names_of(PATH_LEVER, data).items()
+        name: np.array(cell_array(fibres, array, where)) for name, array in names_of(LEVER, data).items()
     }
     return Paths(lengths, points.reshape(len(lengths), -1, 3), levers)
 

@@ -28,6 +28,7 @@ from vtkmuscle.data.arrays import Polylines, add_arrays, cell_array
 from vtkmuscle.data.attachments import AttachmentArea
 from vtkmuscle.data.end_surfaces import inner_areas
 from vtkmuscle.data.muscle_geometry import Surface, surfaces_of
+from vtkmuscle.data.paths import PathLines, add_path_arrays
 from vtkmuscle.filters.base import Filter, InputPort, OutputPort, Parameter, ports
 
 #: Points of the centroid path.
@@ -59,6 +60,8 @@ class FibreMetrics(Filter):
     attachments
         Areas in the pose of the fibres. The disc that spans an area within the muscle counts as part of the
         muscle's surface.
+    paths
+        The paths of the same fibres in the pose, as TautPaths gives them: their lengths and levers are added.
     curvature
         Measure curvature.
     architecture
@@ -77,13 +80,15 @@ class FibreMetrics(Filter):
         cell array ``LineAngle`` [degrees] between a fibre's chord and the line of action, and the field
         arrays ``MuscleVolume`` [mm^3], ``LineOfAction`` (3), ``CentroidPath`` (21, 3) [mm], ``PCSA`` (volume
         / mean length) and ``PCSALine`` (its part along the line of action) [mm^2]. Sections: the field arrays
-        ``SectionArea`` [mm^2], ``SectionFibres`` and ``SectionDensity`` [1/mm^2].
+        ``SectionArea`` [mm^2], ``SectionFibres`` and ``SectionDensity`` [1/mm^2]. Paths: the cell arrays
+        ``PathLength`` [mm], ``PathPoints`` (3 n) [mm], ``Squeezed`` and ``Lever_COORDINATE``
+        (:mod:`vtkmuscle.data.paths`).
 
     Raises
     ------
     ValueError
         If ``RestLength`` has a value that is negative or not finite; with ``architecture`` or ``sections``,
-        if there is no closed muscle, or no fibre has a length.
+        if there is no closed muscle, or no fibre has a length; if there is not one path for each fibre.
 
     References
     ----------
@@ -107,6 +112,7 @@ class FibreMetrics(Filter):
     muscle = ports.Surface(optional=True)
     bones = InputPort(vtkMultiBlockDataSet, surfaces_of, optional=True)
     attachments = ports.Areas(optional=True)
+    paths = ports.Paths(optional=True)
     output = OutputPort(vtkPolyData)
 
     _bent: TriangleTree | None = None
@@ -118,6 +124,7 @@ class FibreMetrics(Filter):
         muscle: Surface | None,
         bones: list[Surface] | None,
         attachments: list[AttachmentArea] | None,
+        paths: PathLines | None,
     ) -> vtkPolyData:
         """Return the fibres with their measures."""
         lengths = polyline_lengths(fibres.points, fibres.offsets)
@@ -136,6 +143,8 @@ class FibreMetrics(Filter):
             points["Curvature"] = at_points
             cells |= {"CurvatureMean": mean, "CurvatureMax": largest}
         add_arrays(result, points=points, cells=cells)
+        if paths is not None:
+            add_path_arrays(result, paths, "paths")
         if self.architecture or self.sections:
             self._measure_muscle(result, fibres, lengths, muscle)
         return add_arrays(result, fields={"LengthMean": lengths.mean(), "LengthSD": lengths.std()})

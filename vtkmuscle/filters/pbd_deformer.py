@@ -11,7 +11,8 @@ from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
 from vtkmuscle.core.algorithm_2.solver import Algorithm2, State
 from vtkmuscle.core.collision.obstacles import Neighbour
-from vtkmuscle.core.deformation.muscle import PathDrivenMuscle, Pose
+
+PathDrivenMuscle = Pose = Any
 from vtkmuscle.core.errors import InputError, errors_at
 from vtkmuscle.core.fixed_muscle import FixedMuscle
 from vtkmuscle.core.mesh.rest_shape import ShapeReport
@@ -20,7 +21,6 @@ from vtkmuscle.data.arrays import Polylines, set_field_array, set_point_array, w
 from vtkmuscle.data.attachments import rings_by_bone
 from vtkmuscle.data.moving_bones import MovingBones, RestBones, fixed_points_of
 from vtkmuscle.data.muscle_geometry import Surface
-from vtkmuscle.data.paths import path_arrays
 from vtkmuscle.filters.base import HistoryFilter, InputPort, OutputPort, ports
 from vtkmuscle.filters.deformer.neighbours import Neighbours
 from vtkmuscle.filters.deformer.settings import (

@@ -5,9 +5,19 @@ last filter of a part of them.
 """
 
 from vtkmuscle.pipelines.fibres import FIBRE_SETTINGS, decompose
-from vtkmuscle.pipelines.muscle import TRANSPORT_SETTINGS, WEIGHT_TOLERANCE, MusclePipeline, deform, pull_taut
+from vtkmuscle.pipelines.muscle import (
+    DEFORMERS,
+    QUALITIES,
+    TRANSPORT_SETTINGS,
+    WEIGHT_TOLERANCE,
+    MusclePipeline,
+    deform,
+    pull_taut,
+)
 
 __all__ = [
+    "DEFORMERS",
+    "QUALITIES",
     "FIBRE_SETTINGS",
     "TRANSPORT_SETTINGS",
     "WEIGHT_TOLERANCE",

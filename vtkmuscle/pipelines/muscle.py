@@ -13,8 +13,10 @@ from vtkmuscle.filters.deformer.settings import PUBLISHED
 from vtkmuscle.filters.fibre_metrics import FibreMetrics
 from vtkmuscle.filters.fibre_transport import FibreTransport
 from vtkmuscle.filters.fixed_point_detector import FixedPointDetector
+from vtkmuscle.filters.path_deformer import PathDeformer
 from vtkmuscle.filters.pbd_deformer import PBDDeformer
-from vtkmuscle.filters.taut_fibres import TautFibres
+from vtkmuscle.filters.stiff_tendons import StiffTendons
+from vtkmuscle.filters.taut_paths import RESOLUTIONS, TautPaths
 from vtkmuscle.pipelines.fibres import decompose
 
 #: Settings of fibres that are not of :func:`decompose`, but of their transport with the muscle.
@@ -25,6 +27,14 @@ TRANSPORT_SETTINGS: dict[str, Parameter[Any]] = {
 #: and a frame takes 4 ms instead of 24 to 48; in a muscle bent by a radian the error of points is 0.008 mm,
 #: at most 0.03 mm (``benchmarks/bench_fibres.py --transport``).
 WEIGHT_TOLERANCE = 0.3
+
+
+#: Ways to deform a muscle: carried by taut paths, by position based dynamics, or not at all.
+DEFORMERS: Mapping[str, type[PathDeformer] | type[PBDDeformer] | None] = MappingProxyType(
+    {"paths": PathDeformer, "pbd": PBDDeformer, "none": None}
+)
+#: Presets of numbers; the last one is of PBDDeformer alone.
+QUALITIES = (*RESOLUTIONS, PUBLISHED)
 
 
 class MusclePipeline:
@@ -47,9 +57,11 @@ class MusclePipeline:
         A few fibres that are seen on the surface at rest: they orient the template.
     neighbours : mapping of str to algorithm, optional
         Deformers of other muscles, out of which this one is kept.
-    model : str, optional
-        ``"volume"``, which deforms the muscle and moves its fibres with it; or ``"paths"``, which pulls the
-        fibres alone taut round the bones.
+    deformer : str, optional
+        ``"paths"``, the muscle carried by its taut paths (PathDeformer); ``"pbd"``, position based dynamics of
+        its surface (PBDDeformer), which needs no paths; ``"none"``, the paths alone.
+    quality : str, optional
+        Preset of the numbers of TautPaths and of the deformer.
     fixing : mapping or None, optional
         Parameters of FixedPointDetector; None for a surface that has the point array ``FixedTo`` already.
     aponeuroses : vtkMultiBlockDataSet or algorithm, optional
@@ -58,28 +70,28 @@ class MusclePipeline:
     fibres : mapping, vtkPolyData, algorithm or None, optional
         Keyword arguments of :func:`decompose` and parameters of FibreTransport (``weight_tolerance``, by
         default :data:`WEIGHT_TOLERANCE`); or fibres at rest; or None for a muscle without fibres.
+    paths : mapping, optional
+        Parameters of TautPaths. With ``deformer="pbd"`` paths are pulled only where this is given.
     solver : mapping, optional
-        Parameters of PBDDeformer, or of TautFibres with the model ``"paths"``.
+        Parameters of the deformer.
 
     Attributes
     ----------
     fixed : FixedPointDetector, vtkPolyData or algorithm
         The muscle at rest with the point array ``FixedTo``: the surface itself where ``fixing`` is None.
-    paths : vtkPolyData, algorithm or None
-        Lines from bone to bone at rest, which are pulled taut and carry the muscle.
+    rest_paths : vtkPolyData, algorithm or None
+        Lines from bone to bone at rest.
     fibres : vtkPolyData, algorithm or None
         Fibres at rest: between the aponeuroses where there are some, else the paths.
     moving : BoneMotion
         The bones in motion.
-    deformer : PBDDeformer or None
-        The muscle in motion; None with the model ``"paths"``.
-    taut : TautFibres or None
-        The paths: the fibres in motion with the model ``"paths"``; with ``"volume"`` where the deformer
-        follows none (``quality`` is ``"published"``). None without fibres.
-    transport : FibreTransport or None
-        The fibres in motion with the model ``"volume"``; None without fibres.
+    taut_paths : TautPaths or None
+        The paths in motion; None for ``deformer="pbd"`` without ``paths``.
+    deformer : PathDeformer, PBDDeformer or None
+        The muscle in motion; None for ``deformer="none"``.
     metrics : FibreMetrics or None
-        The fibres in motion with their measures; None without fibres.
+        The fibres in motion with their measures; None without fibres. With ``deformer="none"`` they are the
+        paths.
 
     Raises
     ------
@@ -109,66 +121,78 @@ class MusclePipeline:
         superficial: Any = None,
         aponeuroses: Any = None,
         neighbours: Mapping[str, Any] | None = None,
-        model: str = "volume",
+        deformer: str = "paths",
+        quality: str | None = None,
         fixing: Mapping[str, Any] | None = None,
         fibres: Any = None,
+        paths: Mapping[str, Any] | None = None,
         solver: Mapping[str, Any] | None = None,
     ) -> None:
-        if model not in ("volume", "paths"):
-            raise ValueError(f"MusclePipeline: model is {model!r}, but must be 'volume' or 'paths'")
-        if model == "paths" and aponeuroses is not None:
+        if deformer not in DEFORMERS:
+            allowed = ", ".join(map(repr, DEFORMERS))
+            raise ValueError(f"MusclePipeline: deformer is {deformer!r}, but must be one of {allowed}")
+        if deformer == "none" and aponeuroses is not None:
             raise ValueError(
-                "MusclePipeline: aponeuroses move with the muscle, which model='paths' does not deform; "
-                "leave them out, or use model='volume'"
+                "MusclePipeline: fibres between aponeuroses move with the muscle, which deformer='none' does "
+                "not deform; leave aponeuroses out, or choose another deformer"
             )
         self.fixed = surface
         if fixing is not None:
             self.fixed = FixedPointDetector(muscle=surface, bones=bones, attachments=attachments, **fixing)
         weight_tolerance = WEIGHT_TOLERANCE
-        self.paths = self.fibres = fibres
+        self.rest_paths = self.fibres = fibres
         if isinstance(fibres, Mapping):
             shaping = dict(fibres)
             weight_tolerance = shaping.pop("weight_tolerance", WEIGHT_TOLERANCE)
-            self.paths = self.fibres = decompose(self.fixed, attachments, superficial, **shaping)
+            self.rest_paths = self.fibres = decompose(self.fixed, attachments, superficial, **shaping)
             if aponeuroses is not None:
                 counts = {name: shaping[name] for name in ("n_fibres", "resolution") if name in shaping}
                 self.fibres = decompose(self.fixed, attachments, aponeuroses=aponeuroses, **counts)
         self.moving = BoneMotion(bones=bones, motion=motion)
-        self.deformer: PBDDeformer | None = None
-        self.taut: TautFibres | None = None
-        self.transport: FibreTransport | None = None
+        preset = {} if quality is None else {"quality": quality}
+        posed = {"rest_bones": bones, "bones": self.moving}
+        self.taut_paths: TautPaths | None = None
+        if deformer != "pbd" or (paths is not None and self.rest_paths is not None):
+            self.taut_paths = TautPaths(
+                rest_fibres=self.rest_paths,
+                rest_muscle=self.fixed,
+                attachments=attachments,
+                **posed,
+                **{**(preset if quality in RESOLUTIONS else {}), **(paths or {})},
+            )
+        self.deformer = self._deformer(deformer, neighbours or None, posed, {**preset, **(solver or {})})
         self.metrics: FibreMetrics | None = None
-        if model == "volume":
-            self.deformer = PBDDeformer(
-                muscle=self.fixed,
-                bones=self.moving,
-                fibres=self.paths,
-                neighbours=neighbours or None,
-                attachments=attachments,
-                **(solver or {}),
+        if self.fibres is not None:
+            self.metrics = FibreMetrics(
+                fibres=self._moving_fibres(weight_tolerance),
+                muscle=self.deformer,
+                paths=self.taut_paths,
+                curvature=True,
             )
-        if self.fibres is None:
-            return
-        if self.deformer is None or self.deformer.quality == PUBLISHED:
-            self.taut = TautFibres(
-                rest_fibres=self.paths,
-                rest_muscle=self.fixed,
-                bones=self.moving,
-                attachments=attachments,
-                **((solver or {}) if self.deformer is None else {}),
-            )
-        if self.deformer is not None:
-            along_paths = self.fibres is self.paths  # the deformer's arrays of taut fibres are of the paths
-            self.transport = FibreTransport(
-                rest_fibres=self.fibres,
-                rest_muscle=self.fixed,
-                deformed_muscle=self.deformer,
-                paths=self.taut,
-                rest_paths=None if along_paths else self.paths,
-                method="carried" if along_paths else "mean-value",
-                weight_tolerance=weight_tolerance,
-            )
-        self.metrics = FibreMetrics(fibres=self.transport or self.taut, muscle=self.deformer, curvature=True)
+
+    def _deformer(
+        self,
+        kind: str,
+        neighbours: Mapping[str, Any] | None,
+        posed: Mapping[str, Any],
+        settings: Mapping[str, Any],
+    ) -> PathDeformer | PBDDeformer | None:
+        inputs = {"muscle": self.fixed, "fibres": self.rest_paths, "neighbours": neighbours, **posed}
+        if kind == "paths":
+            return PathDeformer(paths=self.taut_paths, **inputs, **settings)
+        return PBDDeformer(**inputs, **settings) if kind == "pbd" else None
+
+    def _moving_fibres(self, weight_tolerance: float) -> Any:
+        """Return what gives the fibres in motion."""
+        if self.deformer is None:
+            return self.taut_paths
+        if isinstance(self.deformer, PathDeformer) and self.fibres is self.rest_paths:
+            return self.deformer.GetOutputPort(1)
+        muscle = {"rest_muscle": self.fixed, "deformed_muscle": self.deformer}
+        moved = FibreTransport(rest_fibres=self.fibres, weight_tolerance=weight_tolerance, **muscle)
+        if self.fibres is self.rest_paths or self.taut_paths is None:
+            return moved
+        return StiffTendons(fibres=moved, rest_fibres=self.fibres, paths=self.taut_paths, **muscle)
 
 
 def deform(
@@ -177,12 +201,13 @@ def deform(
     motion: RigidMotion,
     attachments: Any = None,
     *,
+    deformer: str = "paths",
     fibres: Any = None,
     superficial: Any = None,
     fixing: Mapping[str, Any] | None = MappingProxyType({}),
     **solver: Any,
-) -> PBDDeformer:
-    """Return the chain that deforms a muscle with moving bones: FixedPointDetector, BoneMotion, PBDDeformer.
+) -> PathDeformer | PBDDeformer:
+    """Return the chain that deforms a muscle with moving bones.
 
     Ask it for its output at a time of the motion: ``deform(...).update(time=30.0).output``.
 
@@ -190,14 +215,16 @@ def deform(
     ----------
     muscle, bones, motion, attachments, superficial, fixing
         As of :class:`MusclePipeline`; by default ``fixing`` needs attachments.
+    deformer : str, optional
+        ``"paths"`` or ``"pbd"``.
     fibres : vtkPolyData or algorithm, optional
-        Fibres at rest, for the paths.
+        Fibres at rest, for the paths, or for the directions in which edges are soft.
     **solver
-        Parameters of PBDDeformer.
+        Parameters of the deformer.
 
     Returns
     -------
-    PBDDeformer
+    PathDeformer or PBDDeformer
         The end of the chain, which keeps all of it.
 
     Examples
@@ -212,8 +239,9 @@ def deform(
     True
     """
     given = {"superficial": superficial, "fixing": fixing, "fibres": fibres, "solver": solver}
-    pipeline = MusclePipeline(muscle, bones, motion, attachments, **given)
-    assert pipeline.deformer is not None
+    pipeline = MusclePipeline(muscle, bones, motion, attachments, deformer=deformer, **given)
+    if pipeline.deformer is None:
+        raise ValueError("deform: deformer is 'none', but must be 'paths' or 'pbd'")
     return pipeline.deformer
 
 
@@ -226,8 +254,8 @@ def pull_taut(
     *,
     fixing: Mapping[str, Any] | None = MappingProxyType({}),
     **settings: Any,
-) -> TautFibres:
-    """Return the chain that pulls fibres taut round moving bones: FixedPointDetector, BoneMotion, TautFibres.
+) -> TautPaths:
+    """Return the chain that pulls paths taut round moving bones.
 
     Ask it for its output at a time of the motion: ``pull_taut(...).update(time=30.0).output``.
 
@@ -238,11 +266,11 @@ def pull_taut(
     fibres : vtkPolyData or algorithm
         Fibres at rest, as of :func:`decompose`.
     **settings
-        Parameters of TautFibres.
+        Parameters of TautPaths.
 
     Returns
     -------
-    TautFibres
+    TautPaths
         The end of the chain, which keeps all of it.
 
     Examples
@@ -252,12 +280,12 @@ def pull_taut(
     >>> phantom = phantoms.spindle_over_hinge()
     >>> muscle, attachments = phantom.muscles["spindle"], phantom.attachments["spindle"]
     >>> fibres = decompose(muscle, attachments, n_fibres=8)
-    >>> taut = pull_taut(muscle, phantom.bones, phantom.motion, fibres, attachments)
-    >>> taut.update(time=phantom.motion.times[1]).output.GetNumberOfCells()
+    >>> paths = pull_taut(muscle, phantom.bones, phantom.motion, fibres, attachments)
+    >>> paths.update(time=phantom.motion.times[1]).output.GetNumberOfCells()
     8
     """
     pipeline = MusclePipeline(
-        muscle, bones, motion, attachments, model="paths", fixing=fixing, fibres=fibres, solver=settings
+        muscle, bones, motion, attachments, deformer="none", fixing=fixing, fibres=fibres, paths=settings
     )
-    assert pipeline.taut is not None
-    return pipeline.taut
+    assert pipeline.taut_paths is not None
+    return pipeline.taut_paths

@@ -77,7 +77,7 @@ def _page_of(result: Result, limits: Mapping[str, Check], plotly: Future[str]) -
         thinned=_thinned(scene),
         alt=f"The scene in three dimensions: {', '.join(one['label'] for one in muscles)}, "
         f"and the bones {', '.join(bone['name'] for bone in scene['bones'])}.",
-        surfaces=report["model"] != "paths",
+        surfaces=report["deformer"] != "none",
         fibres=bool(result.fibre_lengths),
         curves=bool(result.lengths or result.fibre_lengths or curves["checks"]),
         lengths=bool(result.lengths),
@@ -106,7 +106,7 @@ def _lead(result: Result) -> str:
     name, _, unit = result.time_label.partition(" [")
     unit = unit.removesuffix("]")
     over = f"{name} {number(result.times[0])} to {number(result.times[-1])} {unit}".strip()
-    paths = result.report["model"] == "paths"
+    paths = result.report["deformer"] == "none"
     model = "Fibres as taut paths round the bones, no volumes" if paths else "Muscles as volumes"
     return f"{count} muscle{'s' * (count > 1)}, {frames} frame{'s' * (frames > 1)}, {over}. {model}."
 

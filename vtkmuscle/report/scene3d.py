@@ -110,7 +110,7 @@ def scene_of(result: Result, pack: Pack) -> dict[str, Any]:
     frames = [result.frames[i] for i in shown]
     scale = MILLIMETRES[result.units]
     names = list(result.muscle_names)
-    surfaces = result.report["model"] != "paths"
+    surfaces = result.report["deformer"] != "none"
     budget = MUSCLE_POINTS // max(len(names) * (len(shown) + 1), 1)
     muscles = []
     for number, name in enumerate(names):

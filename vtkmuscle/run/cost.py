@@ -9,9 +9,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.filters.deformer.settings import PUBLISHED
 from vtkmuscle.filters.fibre_template_source import FibreTemplateSource
-from vtkmuscle.filters.pbd_deformer import PBDDeformer
 from vtkmuscle.scene.data import Muscle, SceneData
 from vtkmuscle.scene.faults import SceneError
 
@@ -56,12 +54,11 @@ def check_duration(scene: SceneData, numbers: range) -> None:
 def estimated_seconds(scene: SceneData, numbers: range) -> Iterator[tuple[str, float]]:
     """Give each muscle's name, and the processor time that a run of these frames takes for it [s]."""
     for name, muscle in scene.muscles.items():
-        settings = PBDDeformer(**scene.solver_of(name)).parameters()
-        published = settings["quality"] == PUBLISHED
-        frames = numbers[-1] + 1 if published else len(numbers)  # a frame needs those before it
-        rounds = settings["iterations"] * (_ITERATION_TIME if published else _ROUND_TIME)
+        by_pbd = scene.deformer == "pbd"
+        frames = numbers[-1] + 1 if by_pbd else len(numbers)  # a frame needs those before it
+        rounds = scene.solver_of(name).get("iterations", 10) * (_ITERATION_TIME if by_pbd else _ROUND_TIME)
         fibres = _of_fibres(muscle, "n_fibres")
-        triangles = 0 if scene.model == "paths" else muscle.surface.GetNumberOfCells()
+        triangles = 0 if scene.deformer == "none" else muscle.surface.GetNumberOfCells()
         fibre = min(_FIBRE_TIME + fibres * _DENSITY_TIME, _MOST_FIBRE_TIME)
         yield name, frames * (_FRAME_TIME + fibres * fibre + triangles * (_TRIANGLE_TIME + rounds))
 

@@ -112,7 +112,7 @@ class ResultDisplay:
             if name not in result.muscle_names:
                 known = suggestion(name, result.muscle_names)
                 raise InputError("", f"there is no muscle {name!r} in the result", known)
-        self._volumes = result.report["model"] != "paths"
+        self._volumes = result.report["deformer"] != "none"
         fibres = {name: lines for name in self._names if (lines := result.rest_fibres(name)) is not None}
         self.scene = MovingScene(
             dict(blocks_of(result.rest_bones())),

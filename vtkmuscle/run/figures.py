@@ -175,7 +175,7 @@ def _moment_arms(result: Result) -> list[FigureOrder]:
 
 
 def _frames(result: Result, name: str) -> dict[str, object]:
-    volumes = result.report["model"] != "paths"
+    volumes = result.report["deformer"] != "none"
     frames = []
     for number in _chosen_frames(result, name):
         fibres = result.fibres(name, frame=number)

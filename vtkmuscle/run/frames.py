@@ -136,7 +136,7 @@ class MuscleTrack:
     rest_fibres : vtkPolyData or None
         The fibres at rest.
     surfaces, fibres : Frames
-        The deformed muscle and its fibres; empty for model ``"paths"`` and for a muscle without fibres.
+        The deformed muscle and its fibres; empty without a deformer and for a muscle without fibres.
     lengths, fibre_lengths : list of (k,) array
         Per frame the lengths of the paths, which a muscle on one bone does not have, and of the fibres [mm].
     report : dict

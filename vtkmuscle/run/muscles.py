@@ -26,11 +26,12 @@ from vtkmuscle.data.arrays import (
     shallow_copy,
     with_points,
 )
-from vtkmuscle.data.paths import PATH_SQUEEZED
+from vtkmuscle.data.paths import SQUEEZED
 from vtkmuscle.filters.base.algorithm import AbortedError
 from vtkmuscle.filters.base.filter import Filter
 from vtkmuscle.filters.base.running import upstream
 from vtkmuscle.filters.deformer.shape_report import read_shape
+from vtkmuscle.filters.path_deformer import PathDeformer
 from vtkmuscle.filters.pbd_deformer import PBDDeformer
 from vtkmuscle.pipelines import MusclePipeline
 from vtkmuscle.run.frames import MuscleTrack, WrittenFile
@@ -79,7 +80,7 @@ class MuscleRun:
     ) -> None:
         self.run, self.scene, self.clock = run, run.scene, run.options.clock
         self.name, self.track, self.others = name, track, others
-        self.deformer: PBDDeformer | None = None
+        self.deformer: PathDeformer | PBDDeformer | None = None
         self.seconds: dict[str, float] = {}
         track.report["seconds"] = self.seconds
 
@@ -89,6 +90,8 @@ class MuscleRun:
         neighbours = self._deformers() if scene.muscle_contact == "on" else None
         pipeline = muscle_pipeline(scene, self.name, neighbours=neighbours)
         self.deformer = pipeline.deformer
+        if self.deformer is not None:
+            self.deformer.measure_shape = True
         self._report_progress("fixed points", 0.0)
         with self._timed("fixing", pipeline.fixed):
             rest = track.rest = pipeline.fixed.update().output
@@ -106,8 +109,8 @@ class MuscleRun:
             self._fill(rest, pipeline.fibres, measure)
         track.report |= {"parameters": self._parameters(pipeline), "frames": []}
         deforms = pipeline.deformer is not None
-        for number in range(last) if deforms else self.run.numbers:
-            self._report_progress("deforming" if deforms else "pulling fibres", number / last)
+        for number in self.run.numbers:
+            self._report_progress("deforming" if deforms else "pulling paths", number / last)
             if deforms:
                 self._deform(number, pipeline, measure)
             else:
@@ -124,14 +127,10 @@ class MuscleRun:
         self._report_progress("done", 1.0)
 
     def _parameters(self, pipeline: MusclePipeline) -> dict[str, Any]:
-        mover = pipeline.taut if pipeline.deformer is None else pipeline.deformer
-        assert mover is not None
         fibres = self.scene.muscles[self.name].fibres
-        if fibres is not None and pipeline.transport is not None:
-            fibres = {**fibres, "weight_tolerance": pipeline.transport.weight_tolerance}
+        stages = {"paths": pipeline.taut_paths, "solver": pipeline.deformer, "fixing": pipeline.fixed}
         return {
-            "solver": mover.parameters(),
-            "fixing": pipeline.fixed.parameters(),
+            **{name: stage.parameters() for name, stage in stages.items() if stage is not None},
             "fibres": None if fibres is None else dict(fibres),
         }
 
@@ -153,18 +152,17 @@ class MuscleRun:
             }
 
     def _pull(self, number: int, pipeline: MusclePipeline, measure: MuscleMeasure) -> None:
-        """Pull the fibres taut in a frame of model ``"paths"``, and keep it."""
+        """Pull the paths in a frame without a deformer, and keep it."""
         assert pipeline.metrics is not None
         now = float(self.scene.motion.times[number])
-        with self._timed("pulling fibres", pipeline.metrics) as took:
+        with self._timed("pulling paths", pipeline.metrics) as took:
             fibres = shallow_copy(pipeline.metrics.update(time=now).output)
         _add_penetration(fibres, measure, self.scene.motion.at(now))
-        unsettled = field_array(fibres, "Unsettled")
-        row = {"frame": number, "time": now, "unsettled": 0 if unsettled is None else int(unsettled[0])}
+        row = {"frame": number, "time": now, **_unsettled(pipeline)}
         self._keep(row | {"ms": 1000.0 * took()}, None, fibres)
 
     def _deform(self, number: int, pipeline: MusclePipeline, measure: MuscleMeasure) -> None:
-        """Deform the muscle in a frame of model ``"volume"``; measure and keep those that are asked for."""
+        """Deform the muscle in a frame, measure and keep it."""
         assert pipeline.deformer is not None
         now = float(self.scene.motion.times[number])
         try:
@@ -178,14 +176,13 @@ class MuscleRun:
                 raise
             self.track.failure = number, now, error
             return
-        if number not in self.run.numbers:
-            return
         transforms, fibres = self.scene.motion.at(now), None
         if pipeline.metrics is not None:
             with self._timed("carrying fibres", pipeline.metrics) as carried:
                 fibres = shallow_copy(pipeline.metrics.update(time=now).output)
         with self._timed("measuring"):
             row = {"frame": number, "time": now, **read_shape(deformed, self.scene.millimetres)}
+            row |= _unsettled(pipeline)
             row |= measure.frame(points, transforms)
             if fibres is not None:
                 depths = _add_penetration(fibres, measure, transforms)
@@ -213,8 +210,8 @@ class MuscleRun:
             if frame is not None:
                 frames.append(frame)
         if fibres is not None:
-            if fibres.GetCellData().HasArray(PATH_SQUEEZED):
-                squeezed = cell_array(fibres, PATH_SQUEEZED, "fibres")
+            if fibres.GetCellData().HasArray(SQUEEZED):
+                squeezed = cell_array(fibres, SQUEEZED, "fibres")
                 row["squeezed_p95_mm"] = float(np.percentile(squeezed, 95)) * self.scene.millimetres
             self.track.add_lengths(fibres, self.scene.millimetres)
             measures = measures_of_fibres(fibres, self.scene.millimetres)
@@ -242,7 +239,7 @@ class MuscleRun:
             rows, history, motion=motion, n_edges=measure.n_edges, size=measure.size, failure=track.failure
         )
 
-    def _deformers(self) -> dict[str, PBDDeformer]:
+    def _deformers(self) -> dict[str, PathDeformer | PBDDeformer]:
         """Return the deformers of the other muscles, without those that failed on the way."""
         whole = [other for other in self.others if other.track.failure is None]
         return {other.name: other.deformer for other in whole if other.deformer is not None}
@@ -300,11 +297,21 @@ def muscle_pipeline(
         superficial=muscle.superficial_fibres,
         aponeuroses=scene.aponeuroses_data(name),
         neighbours=neighbours,
-        model=scene.model,
+        deformer=scene.deformer,
+        quality=scene.quality,
         fixing=scene.fixing_of(name),
         fibres=muscle.fibres,
-        solver=None if scene.model == "paths" else scene.solver_of(name),
+        paths=scene.paths,
+        solver=None if scene.deformer == "none" else scene.solver_of(name),
     )
+
+
+def _unsettled(pipeline: MusclePipeline) -> dict[str, int]:
+    """Return whether the paths did not come to rest in the last frame; nothing without paths."""
+    if pipeline.taut_paths is None:
+        return {}
+    unsettled = field_array(pipeline.taut_paths.GetOutputDataObject(0), "Unsettled")
+    return {} if unsettled is None else {"unsettled": int(unsettled[0])}
 
 
 def _check_finite(points: Floats, number: int) -> None:

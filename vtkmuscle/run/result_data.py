@@ -126,7 +126,7 @@ class ResultData(WithHints):
             model is ``"paths"``, which deforms no muscle.
         """
         i, track = self._position(frame, time), self._track(name)
-        if self.report["model"] == "paths":
+        if self.report["deformer"] == "none":
             raise InputError(
                 "",
                 f"the scene's model is 'paths', so that {name!r} was not deformed",

@@ -185,7 +185,7 @@ def _first_report(run: SceneRun, tracks: Tracks) -> dict[str, Any]:
     scene = run.scene
     return {
         "scene": scene.name,
-        "model": scene.model,
+        "deformer": scene.deformer,
         "scene_file": scene_file(scene),
         "units": scene.units,
         "complete": False,

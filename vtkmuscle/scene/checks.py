@@ -16,8 +16,6 @@ from vtkmuscle.core.types import Floats, Ints
 from vtkmuscle.data.arrays import checked_surface, points_of
 from vtkmuscle.data.attachments import VIA, AttachmentArea
 from vtkmuscle.data.paths import checked_superficial
-from vtkmuscle.filters.deformer.settings import check_together
-from vtkmuscle.filters.pbd_deformer import PBDDeformer
 from vtkmuscle.scene.data import Muscle, SceneData
 from vtkmuscle.scene.faults import Faults, errors_at
 from vtkmuscle.scene.mirror import turned_over
@@ -52,9 +50,6 @@ def checked(scene: SceneData) -> tuple[dict[str, vtkPolyData], dict[str, Muscle]
     for name, muscle in scene.muscles.items():
         key = f"muscles.{name}"
         with faults.gathered():
-            if scene.model == "volume":
-                with at(f"{key}.solver" if muscle.solver else "solver"):
-                    check_together(PBDDeformer(**scene.solver_of(name)).parameters())
             with at(f"{key}.surface", again):
                 surface, turned = _closed(muscle.surface)
             if turned:

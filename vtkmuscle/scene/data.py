@@ -43,7 +43,7 @@ class Muscle:
         Keyword arguments of :func:`vtkmuscle.pipelines.decompose`, and ``weight_tolerance`` of
         FibreTransport, 0.3 where it is not given, 0 for exact transport; None for a muscle without fibres.
     solver : mapping
-        Parameters of PBDDeformer that differ from the scene's.
+        Parameters of the deformer that differ from the scene's.
     fixing : mapping
         Parameters of FixedPointDetector that differ from the scene's.
     superficial_fibres : vtkPolyData, optional
@@ -103,7 +103,8 @@ class SceneData:
     solver: Mapping[str, Any] = field(default_factory=dict)
     fixing: Mapping[str, Any] = field(default_factory=dict)
     muscle_contact: str = "off"
-    model: str = "volume"
+    deformer: str = "paths"
+    paths: Mapping[str, Any] | None = None
     quality: str | None = None
     files: Mapping[str, Path] = field(default_factory=dict)
 
@@ -113,9 +114,8 @@ class SceneData:
         return MILLIMETRES[self.units]
 
     def solver_of(self, muscle: str) -> dict[str, Any]:
-        """Return the parameters of a muscle's PBDDeformer; its own override the scene's."""
-        given = {**self.solver, **self.muscles[muscle].solver}
-        return given if self.quality is None else {"quality": self.quality, **given}
+        """Return the parameters of a muscle's deformer; its own override the scene's."""
+        return {**self.solver, **self.muscles[muscle].solver}
 
     def fixing_of(self, muscle: str) -> dict[str, Any]:
         """Return the parameters of a muscle's FixedPointDetector; its own override the scene's."""

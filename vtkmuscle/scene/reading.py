@@ -72,7 +72,8 @@ def read_fields(path: Path, values: Mapping[str, Any] | None = None) -> dict[str
         "solver": table.solver.given(),
         "fixing": table.fixing.given(),
         "muscle_contact": table.muscle_contact,
-        "model": table.model,
+        "deformer": table.deformer,
+        "paths": None if table.paths is None else table.paths.given(),
         "quality": table.quality,
         "files": files.paths,
     }

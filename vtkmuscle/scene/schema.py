@@ -11,8 +11,8 @@ from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.motion.coordinates import ANGLES, TRANSLATIONS
 from vtkmuscle.core.words import quoted
 from vtkmuscle.data.attachments import ROLES, VIA
-from vtkmuscle.filters.deformer.settings import PRESETS
 from vtkmuscle.io.slicer import FRAMES
+from vtkmuscle.pipelines import DEFORMERS, QUALITIES
 from vtkmuscle.scene.data import MILLIMETRES
 from vtkmuscle.scene.joint_schema import Hill, JointTable, OpenSimTable, names_or_tables
 from vtkmuscle.scene.schema_types import (
@@ -21,6 +21,7 @@ from vtkmuscle.scene.schema_types import (
     Fixing,
     Name,
     OneOf,
+    Paths,
     Solver,
     Table,
     Text,
@@ -214,12 +215,14 @@ class SceneTable(Table):
     units: Annotated[str, OneOf(MILLIMETRES)] = key("mm", "mm")
     """Unit of all coordinates, translations and lengths in the scene. Results are in millimetres where their
     names say so."""
-    quality: Annotated[str, OneOf(PRESETS)] | None = key("balanced")
-    """A preset of the solver; settings in [solver] and of the muscles override it. On the command line
-    --quality replaces it."""
-    model: Annotated[str, OneOf(("volume", "paths"))] = key("volume", "volume")
-    """volume deforms each muscle. paths pulls its fibres taut round the bones and deforms nothing: lengths,
-    moment arms and pictures of the fibres; then every muscle needs fibres, and muscle_contact must be off."""
+    deformer: Annotated[str, OneOf(DEFORMERS)] = key("paths", "paths")
+    """paths carries each muscle by its taut paths. pbd deforms it by position based dynamics, and pulls paths
+    only where there is a table [paths]. none pulls the paths alone: lengths, moment arms and pictures of the
+    fibres; then every muscle needs fibres, and muscle_contact must be off. On the command line --deformer
+    replaces it."""
+    quality: Annotated[str, OneOf(QUALITIES)] | None = key("balanced")
+    """A preset of the numbers of [paths] and [solver], whose settings override it; published needs the deformer
+    pbd. On the command line --quality replaces it."""
     muscle_contact: Annotated[str, OneOf(("off", "on", "measure"))] = key("on", "off")
     """on keeps each muscle out of those before it in the file, measure reports how deep it is in
     them."""
@@ -239,7 +242,9 @@ class SceneTable(Table):
     body. Names and coordinates stay."""
     muscles: dict[Name, MuscleTable] = Field()
     """The muscles, by name; at least one."""
+    paths: Paths | None = None
+    """Parameters of TautPaths for all muscles."""
     solver: Solver = Field(default_factory=Solver)
-    """Parameters of PBDDeformer for all muscles."""
+    """Parameters of the deformer, PathDeformer or PBDDeformer, for all muscles."""
     fixing: Fixing = Field(default_factory=Fixing)
     """Parameters of FixedPointDetector for all muscles."""

@@ -24,7 +24,9 @@ from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.words import quoted
 from vtkmuscle.filters.base.parameters import Parameter
 from vtkmuscle.filters.fixed_point_detector import FixedPointDetector
+from vtkmuscle.filters.path_deformer import PathDeformer
 from vtkmuscle.filters.pbd_deformer import PBDDeformer
+from vtkmuscle.filters.taut_paths import TautPaths
 from vtkmuscle.pipelines import FIBRE_SETTINGS, TRANSPORT_SETTINGS
 
 
@@ -73,9 +75,10 @@ if TYPE_CHECKING:
     Solver = Settings
     Fixing = Settings
     Fibres = Settings
+    Paths = Settings
 else:
-    Solver = _settings("Solver", PBDDeformer.parameter_declarations)
-    Solver.gone = PBDDeformer.gone
+    Paths = _settings("Paths", TautPaths.parameter_declarations)
+    Solver = _settings("Solver", PathDeformer.parameter_declarations | PBDDeformer.parameter_declarations)
     Fixing = _settings("Fixing", FixedPointDetector.parameter_declarations)
     Fibres = _settings("Fibres", FIBRE_SETTINGS | TRANSPORT_SETTINGS)
 

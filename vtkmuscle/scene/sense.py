@@ -96,64 +96,7 @@ def findings(scene: SceneData, anatomy: Anatomy) -> Iterator[Finding]:
         yield from _estimates(name, muscle)
         yield from _in_bones(scene.millimetres, name, anatomy)
     yield from motion_findings(scene, anatomy)
-    yield from _idle_settings(scene)
     yield from _clearances(scene, anatomy)
-
-
-def _idle_settings(scene: SceneData) -> Iterator[Finding]:
-    """Give the settings that change nothing."""
-    idle = dict(_idle_of_scene(scene))
-    for table, kind in (("solver", PBDDeformer), ("fixing", FixedPointDetector)):
-        of_scene: dict[str, list[str]] = {}
-        for name, muscle in scene.muscles.items():
-            own, given = getattr(muscle, table), getattr(scene, f"{table}_of")(name)
-            reasons = dict(_idle_of_filter(kind, given))
-            if table == "solver" and scene.model == "paths":
-                reasons = dict.fromkeys(given, UNSOLVED)
-            if table == "fixing" and not _distance_counts(given, muscle):
-                reasons["distance"] = "it is for the method 'proximity', and for areas that are open curves"
-            idle |= {f"muscles.{name}.{table}.{one}": reasons[one] for one in own.keys() & reasons.keys()}
-            for one in getattr(scene, table).keys() & (reasons.keys() | own.keys()):
-                of_scene.setdefault(one, []).append(reasons.get(one, "every muscle has its own"))
-        for one, found in of_scene.items():
-            if len(found) == len(scene.muscles):
-                idle[f"{table}.{one}"] = found[0]
-    for key, reason in idle.items():
-        yield Finding(key, f"it changes nothing: {reason}", "leave it out")
-
-
-def _idle_of_scene(scene: SceneData) -> Iterator[tuple[str, str]]:
-    """Give the settings of a scene and of its fibres that have no effect beside others, and why."""
-    if scene.model == "paths" and scene.quality is not None:
-        yield "quality", UNSOLVED
-    if scene.muscle_contact != "off" and len(scene.muscles) == 1:
-        yield "muscle_contact", "there is one muscle"
-    for name, muscle in scene.muscles.items():
-        fibres = muscle.fibres or {}
-        for setting, is_idle, reason in (
-            ("weight_tolerance", scene.model == "paths", UNSOLVED),
-            ("template", "template_file" in fibres, "template_file has a template"),
-            ("smoothing_weight", fibres.get("smoothing_passes") == 0, "smoothing_passes is 0"),
-        ):
-            if is_idle and setting in fibres:
-                yield f"muscles.{name}.fibres.{setting}", reason
-
-
-def _idle_of_filter(kind: type[Filter], given: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
-    """Give the settings of a filter that have no effect beside the others, and why."""
-    values = kind(**given).parameters()
-    for name in given:
-        declared = kind.parameter_declarations[name]
-        if not declared.counts_with(values):
-            yield name, declared.condition.strip().removesuffix(".").lower()
-    if kind is PBDDeformer and "dt" in given and not any(values["external_force"]):
-        yield "dt", "without external_force a step of any time is the same"
-
-
-def _distance_counts(fixing: Mapping[str, Any], muscle: Muscle) -> bool:
-    method = fixing.get("method", FixedPointDetector.parameter_declarations["method"].default)
-    curves = any(not area.closed and area.role != VIA for area in muscle.attachments)
-    return method == "proximity" or (method == "attachment" and curves)
 
 
 def _clearances(scene: SceneData, anatomy: Anatomy) -> Iterator[Finding]:

@@ -13,7 +13,9 @@ from pydantic_core import ErrorDetails
 from vtkmuscle.core.errors import fault_of
 from vtkmuscle.core.words import quoted, suggestion
 from vtkmuscle.data.attachments import ROLES, VIA
+from vtkmuscle.filters.deformer.settings import PUBLISHED
 from vtkmuscle.filters.fixed_point_detector import FixedPointDetector
+from vtkmuscle.pipelines import DEFORMERS
 from vtkmuscle.scene.faults import Faults, SceneError
 from vtkmuscle.scene.joint_schema import JOINT_KINDS, Function, JointTable
 from vtkmuscle.scene.schema import ALONE, ESTIMATE, Estimate, Motion, MuscleTable, SceneTable
@@ -154,11 +156,27 @@ def _conflicts(scene: SceneTable) -> Iterator[_Fault]:
                 yield f"{kind}.{name}", problem, "rename one of them"
     yield from _of_joints(scene)
     yield from _of_motion(scene)
-    if scene.model == "paths" and scene.muscle_contact != "off":
-        problem = f"model is 'paths', in which no muscle has a surface, but this is {scene.muscle_contact!r}"
-        yield "muscle_contact", problem, "leave it out, or use model 'volume'"
+    if scene.deformer == "none" and scene.muscle_contact != "off":
+        problem = f"deformer is 'none', so that no muscle has a surface, but this is {scene.muscle_contact!r}"
+        yield "muscle_contact", problem, "leave it out, or use deformer 'paths'"
+    if scene.quality == PUBLISHED and scene.deformer != "pbd":
+        problem = f"{PUBLISHED!r} is a preset of deformer 'pbd', but deformer is {scene.deformer!r}"
+        yield "quality", problem, "use 'preview', 'balanced' or 'accurate', or deformer 'pbd'"
+    kind = DEFORMERS[scene.deformer]
+    allowed = {} if kind is None else kind.parameter_declarations
+    for key, table in _solver_tables(scene):
+        for setting in table.given():
+            if setting not in allowed:
+                problem = f"deformer {scene.deformer!r} has no such setting"
+                yield f"{key}.{setting}", problem, suggestion(setting, allowed) if allowed else "leave it out"
     for name in scene.muscles:
         yield from _of_muscle(name, scene)
+
+
+def _solver_tables(scene: SceneTable) -> Iterator[tuple[str, Settings]]:
+    yield "solver", scene.solver
+    for name, muscle in scene.muscles.items():
+        yield f"muscles.{name}.solver", muscle.solver
 
 
 def _unknown_bone(key: str, bone: str, bones: Collection[str]) -> Iterator[_Fault]:
@@ -172,15 +190,15 @@ def _of_muscle(name: str, scene: SceneTable) -> Iterator[_Fault]:
     if folded in _RESERVED or folded.removesuffix("_fibres") in others:
         problem = f"the results of a muscle called {name!r} would overwrite other results"
         yield key, problem, "give it another name"
-    if scene.model == "paths" and muscle.fibres is None:
-        problem = "model is 'paths', which moves fibres, but this muscle has none"
-        yield f"{key}.fibres", problem, "add a table fibres, or use model 'volume'"
+    if scene.deformer == "none" and muscle.fibres is None:
+        problem = "deformer is 'none', which moves paths alone, but this muscle has no fibres to begin with"
+        yield f"{key}.fibres", problem, "add a table fibres, or use deformer 'paths'"
     if muscle.aponeuroses is not None and muscle.fibres is None:
         problem = "fibres end on aponeuroses, but this muscle has no fibres"
         yield f"{key}.aponeuroses", problem, "add a table fibres"
-    if muscle.aponeuroses is not None and scene.model == "paths":
-        problem = "aponeuroses move with the muscle, which model 'paths' does not deform"
-        yield f"{key}.aponeuroses", problem, "leave them out, or use model 'volume'"
+    if muscle.aponeuroses is not None and scene.deformer == "none":
+        problem = "aponeuroses move with the muscle, which deformer 'none' does not deform"
+        yield f"{key}.aponeuroses", problem, "leave them out, or use deformer 'paths'"
     yield from _of_attachments(f"{key}.attachments", muscle, scene)
 
 

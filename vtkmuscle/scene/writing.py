@@ -88,10 +88,11 @@ def tables_of(scene: SceneData) -> dict[str, Any]:
         "units": scene.units,
         "quality": scene.quality,
         "muscle_contact": None if scene.muscle_contact == "off" else scene.muscle_contact,
-        "model": None if scene.model == "volume" else scene.model,
+        "deformer": None if scene.deformer == "paths" else scene.deformer,
         "bones": {name: {"surface": f"bones/{name}.vtp"} for name in scene.bones},
         "motion": _motion(scene.motion),
         "muscles": {name: _muscle(name, muscle) for name, muscle in scene.muscles.items()},
+        "paths": None if scene.paths is None else dict(scene.paths),
         "solver": scene.solver or None,
         "fixing": scene.fixing or None,
     }

@@ -11,7 +11,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from vtkmuscle.core.mesh.normals import unit_vectors
-from vtkmuscle.core.paths.skinning import falling_weights
+from vtkmuscle.core.skinning.skinning import falling_weights
 from vtkmuscle.core.types import Bools, Floats
 
 #: Nearest points of paths whose paths hold an end.

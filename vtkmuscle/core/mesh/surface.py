@@ -109,6 +109,18 @@ def signed_volume(points: Floats, triangles: Ints) -> float:
     return float((ax * (by * cz - bz * cy) + ay * (bz * cx - bx * cz) + az * (bx * cy - by * cx)).sum() / 6.0)
 
 
+def mean_thickness(points: Floats, triangles: Ints) -> float:
+    """Return 2 V / A of a closed surface, the thickness of a flat muscle [mm].
+
+    Raises a ValueError where the surface encloses no volume.
+    """
+    a, b, c = (points[triangles[:, corner]] for corner in range(3))
+    twice_area = float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())
+    volume = signed_volume(points, triangles)
+    check_volume(points, volume)
+    return 4.0 * abs(volume) / twice_area
+
+
 def extent(points: Floats) -> float:
     """Return twice the distance of the farthest of points (n, 3) from their mean, which no turn changes."""
     return 2.0 * float(np.linalg.norm(points - points.mean(axis=0), axis=1).max())

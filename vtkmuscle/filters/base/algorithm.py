@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 
 from vtkmodules.util.vtkAlgorithm import VTKPythonAlgorithmBase
 from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkDataSet
-from vtkmodules.vtkCommonExecutionModel import vtkAlgorithm, vtkDemandDrivenPipeline
+from vtkmodules.vtkCommonExecutionModel import vtkAlgorithm, vtkDemandDrivenPipeline, vtkExecutive
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.data.pipeline_times import (
@@ -162,14 +162,15 @@ class Algorithm(VTKPythonAlgorithmBase):
         """Announce time steps, if the filter makes its own."""
         steps = self.time_steps(_first_of_each(inInfo))
         if steps is not None:
-            announce_times(outInfo.GetInformationObject(0), steps)
+            for port in range(outInfo.GetNumberOfInformationObjects()):
+                announce_times(outInfo.GetInformationObject(port), steps)
         return 1
 
     def RequestData(self, request: Any, inInfo: Any, outInfo: Any) -> int:
         """Execute, and publish the result."""
         self._failure = None
         self._progress_reached = 0.0
-        self.request_time = requested_time(outInfo.GetInformationObject(0))
+        self.request_time = requested_time(outInfo.GetInformationObject(_port_asked(request)))
         # Filters too quick to report progress stop here, if they were asked to before they began.
         self.report_progress(0.0)
         inputs = [
@@ -195,11 +196,18 @@ class Algorithm(VTKPythonAlgorithmBase):
     def _publish(self, results: Any, inputs: Sequence[Any], outInfo: Any) -> None:
         entry = provenance_entry(type(self).__name__, self.parameters())
         for port, result in enumerate(results if isinstance(results, tuple) else (results,)):
+            if result is None:  # nobody asked for this output
+                continue
             output = outInfo.GetInformationObject(port).Get(vtkDataObject.DATA_OBJECT())
             output.ShallowCopy(result)
             add_provenance(output, inputs, entry)
             if self.request_time is not None:
                 output.GetInformation().Set(vtkDataObject.DATA_TIME_STEP(), self.request_time)
+
+
+def _port_asked(request: Any) -> int:
+    """Return the number of the output that a request came from."""
+    return max(int(request.Get(vtkExecutive.FROM_OUTPUT_PORT())), 0)
 
 
 def _first_of_each(inInfo: Any) -> list[Any]:
@@ -212,6 +220,6 @@ def _first_of_each(inInfo: Any) -> list[Any]:
 
 def _taken(port: InputPort, data: Any) -> Any:
     """Return the argument of ``execute`` for the data on a port."""
-    if data is not None and data.GetNumberOfElements(vtkDataObject.POINT) == 0:
+    if data is not None and not port.may_be_empty and data.GetNumberOfElements(vtkDataObject.POINT) == 0:
         raise InputError(port.name, "the input has no points")
     return port.take(data)

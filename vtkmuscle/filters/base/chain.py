@@ -45,7 +45,7 @@ class Chain(Runnable, _Pipeline):
 
     @property
     def output(self) -> Any:
-        """The last algorithm's output, brought up to date (a tuple where there are several)."""
+        """The last algorithm's output, brought up to date."""
         return self.update().output
 
     def GetOutputPort(self, port: int = 0) -> Any:

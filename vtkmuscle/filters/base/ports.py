@@ -16,7 +16,7 @@ from vtkmuscle.data.arrays import multiblock_from, polylines_of
 from vtkmuscle.data.attachments import attachments_from, end_areas, is_areas
 from vtkmuscle.data.moving_bones import bones_of, moving_bones_of
 from vtkmuscle.data.muscle_geometry import surface_of
-from vtkmuscle.data.paths import checked_superficial
+from vtkmuscle.data.paths import checked_superficial, path_lines_of
 from vtkmuscle.filters.base.docstrings import Declaration
 
 if TYPE_CHECKING:
@@ -68,8 +68,9 @@ class OutputPort(Port):
 
     def read(self, instance: Filter) -> Any:
         """Return the data, brought up to date."""
-        instance.update()
-        return instance.GetOutputDataObject(instance.output_ports.index(self))
+        number = instance.output_ports.index(self)
+        instance.update(port=number)
+        return instance.GetOutputDataObject(number)
 
     def __set__(self, instance: Filter, value: Any) -> None:
         raise AttributeError(f"{type(instance).__name__}.{self.name} is an output, which cannot be set")
@@ -93,6 +94,8 @@ class InputPort(Port):
         checked. Without it ``execute`` is given the data.
     optional : bool, optional
         May the port stay unconnected? ``execute`` is then given ``None``.
+    may_be_empty : bool, optional
+        May the data have no points?
     doc : str, optional
         The data and its arrays, where the class's docstring has no entry of this name.
 
@@ -114,6 +117,7 @@ class InputPort(Port):
     taken: Callable[[Any, str], Any] | None = None
     _: KW_ONLY
     optional: bool = False
+    may_be_empty: bool = False
 
     def take(self, data: Any) -> Any:
         """Return the argument of ``execute`` for the data on the port; ValueError for unusable data."""
@@ -174,6 +178,7 @@ Lines = partial(InputPort, vtkPolyData, polylines_of)
 Surface = partial(InputPort, vtkPolyData, surface_of)
 SeenLines = partial(InputPort, vtkPolyData, checked_superficial)
 Areas = partial(InputPort, vtkMultiBlockDataSet, end_areas)
+Paths = partial(InputPort, vtkPolyData, path_lines_of, may_be_empty=True)
 RestBones = partial(InputPort, vtkMultiBlockDataSet, bones_of)
 MovingBones = partial(InputPort, vtkMultiBlockDataSet, moving_bones_of)
 

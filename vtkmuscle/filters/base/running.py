@@ -98,20 +98,19 @@ def silence_after_failure() -> None:
 
 
 class Output:
-    """The result of ``update()``: the outputs of an algorithm, as ``vtkAlgorithm.update()`` gives them."""
+    """The result of ``update()``: an output of an algorithm."""
 
-    def __init__(self, algorithm: Any) -> None:
-        self.algorithm = algorithm
+    def __init__(self, algorithm: Any, port: int = 0) -> None:
+        self.algorithm, self.port = algorithm, port
 
     @property
     def output(self) -> Any:
-        """The data object, or a tuple of them where there are several outputs."""
-        ports = range(self.algorithm.GetNumberOfOutputPorts())
-        return one_or_all(tuple(self.algorithm.GetOutputDataObject(port) for port in ports))
+        """The data object."""
+        return self.algorithm.GetOutputDataObject(self.port)
 
 
-def update(algorithm: Any, time: float | None = None) -> Output:
-    """Bring the output of an algorithm, ours or VTK's, up to date; raise the original error of a failure.
+def update(algorithm: Any, time: float | None = None, port: int = 0) -> Output:
+    """Bring an output of an algorithm, ours or VTK's, up to date; raise the original error of a failure.
 
     By default the time is the one that was asked for last, else the last time step.
     """
@@ -120,7 +119,7 @@ def update(algorithm: Any, time: float | None = None) -> Output:
         each.check_connections()
     with failure_messages_off(), interrupts_deferred():
         algorithm.UpdateInformation()
-        info = algorithm.GetOutputInformation(0)
+        info = algorithm.GetOutputInformation(port)
         asked = time_asked(info) if time is None else float(time)
         # Nobody asked: an algorithm upstream may still stand where another branch asked for it.
         steps = times_of(info)
@@ -131,7 +130,7 @@ def update(algorithm: Any, time: float | None = None) -> Output:
                 f"{steps[-1]:g}: the pose at its end is taken; ask for a time within",
                 stacklevel=3,
             )
-        done = algorithm.GetExecutive().Update()  # vtkAlgorithm.Update() returns None before VTK 9.7
+        done = algorithm.GetExecutive().Update(port)  # vtkAlgorithm.Update() returns None before VTK 9.7
         request_time(info, asked)
     for each in filters:
         failure = each.take_failure()
@@ -141,13 +140,13 @@ def update(algorithm: Any, time: float | None = None) -> Output:
         raise RuntimeError(
             f"{type(algorithm).__name__}: an algorithm upstream failed; VTK's message above says which"
         )
-    return Output(algorithm)
+    return Output(algorithm, port)
 
 
-def run_on(first: Any, last: Any, inputs: Sequence[Any], time: float | None) -> tuple[Any, ...]:
-    """Connect inputs to a chain's first algorithm, and return shallow copies of the last one's outputs.
+def run_on(first: Any, last: Any, inputs: Sequence[Any], time: float | None) -> Any:
+    """Connect inputs to a chain's first algorithm, and return a shallow copy of the last one's output.
 
-    Afterwards the connections are as before. Later updates do not change the copies.
+    Afterwards the connections are as before. Later updates do not change the copy.
     """
     count = first.GetNumberOfInputPorts()
     if len(inputs) > count:
@@ -164,17 +163,11 @@ def run_on(first: Any, last: Any, inputs: Sequence[Any], time: float | None) -> 
             source = source_for(port, value)
             producers.append(source)
             first.SetInputConnection(port, source and source[0].GetOutputPort(source[1]))
-        outputs = update(last, time).output
-        return tuple(map(shallow_copy, outputs if isinstance(outputs, tuple) else (outputs,)))
+        return shallow_copy(update(last, time).output)
     finally:
         for port, connection in enumerate(before):
             first.SetInputConnection(port, connection)
         producers.clear()
-
-
-def one_or_all(results: tuple[Any, ...]) -> Any:
-    """Return the only item of a tuple, or the tuple where there are several."""
-    return results[0] if len(results) == 1 else results
 
 
 def upstream(algorithm: Any) -> Iterator[Any]:
@@ -209,25 +202,27 @@ class Runnable:
     def time(self, value: float | None) -> None:
         request_time(self._ends[1].GetOutputInformation(0), value)
 
-    def update(self, time: float | None = None) -> Output:
-        """Bring the output up to date, and raise the original error where that fails.
+    def update(self, time: float | None = None, port: int = 0) -> Output:
+        """Bring an output up to date, and raise the original error where that fails.
 
         Parameters
         ----------
         time : float, optional
             Pipeline time to ask for; by default :attr:`time`.
+        port : int, optional
+            Number of the output.
 
         Returns
         -------
         Output
-            With the property ``output``: the data object (or a tuple of them).
+            With the property ``output``: the data object.
 
         Raises
         ------
         Exception
             The error of this filter, or of one upstream.
         """
-        return update(self._ends[1], time)
+        return update(self._ends[1], time, port)
 
     def apply(self, *inputs: Any, time: float | None = None) -> Any:
         """Run on data, and return the result wrapped for PyVista.
@@ -242,7 +237,7 @@ class Runnable:
         Returns
         -------
         pyvista.DataObject
-            A copy that later updates do not change (a tuple where there are several outputs).
+            A copy of the first output, which later updates do not change.
 
         Raises
         ------
@@ -253,8 +248,8 @@ class Runnable:
         """
         import pyvista  # noqa: PLC0415 -- filters work without PyVista
 
-        return one_or_all(tuple(map(pyvista.wrap, run_on(*self._ends, inputs, time))))
+        return pyvista.wrap(run_on(*self._ends, inputs, time))
 
     def __call__(self, *inputs: Any, time: float | None = None) -> Any:
         """Run as :meth:`apply` does, and return the result as a bare VTK data object (a copy)."""
-        return one_or_all(run_on(*self._ends, inputs, time))
+        return run_on(*self._ends, inputs, time)

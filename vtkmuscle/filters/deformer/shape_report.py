@@ -1,4 +1,4 @@
-"""How well a frame of PBDDeformer keeps the muscle's shape: field arrays, rows of figures, their table."""
+"""How well a frame keeps the muscle's shape: field arrays, rows of figures, their table."""
 
 from __future__ import annotations
 
@@ -32,43 +32,31 @@ FIGURES = {
     "DegenerateEdges": "degenerate_edges",
     "CollidingPoints": "colliding_points",
     "PenetratingPoints": "penetrating_points",
-    "Milliseconds": "ms",
 }
 
 
-def shape_fields(
-    shape: ShapeReport, *, colliding: int, depths: Floats | None, milliseconds: float
-) -> dict[str, float]:
-    """Return the field arrays of a frame's report, those that are known.
-
-    Parameters
-    ----------
-    shape : ShapeReport
-        How the muscle keeps its shape in it.
-    colliding : int
-        Points that met a bone.
-    depths : (f,) array or None
-        How deep the free points are in the bones, where measured.
-    milliseconds : float
-        Time that the frame took.
-    """
+def shape_fields(shape: ShapeReport) -> dict[str, float]:
+    """Return the field arrays of how a muscle keeps its shape in a frame."""
     fields: dict[str, float] = {
         "VolumeRatio": shape.volume_ratio,
         "EdgeStretchP95": shape.edge_stretch_p95,
         "EdgeStretchMax": shape.edge_stretch_max,
         "DihedralErrorP95": shape.dihedral_error_p95,
         "DegenerateEdges": shape.degenerate_edges,
-        "CollidingPoints": colliding,
-        "Milliseconds": milliseconds,
     }
     for name, spread in (("Along", shape.along), ("Across", shape.across)):
         if spread is not None:
             fields.update({f"{name}Fibres{part}": value for part, value in zip(_SPREAD, spread, strict=True)})
-    if depths is not None:
-        fields["PenetrationMax"] = float(depths.max(initial=0.0))
-        fields["PenetrationP95"] = float(np.percentile(depths, 95)) if len(depths) else 0.0
-        fields["PenetratingPoints"] = int((depths > 0.0).sum())
     return fields
+
+
+def penetration_fields(depths: Floats) -> dict[str, float]:
+    """Return the field arrays of the depths (f,) of a muscle's free points in the bones."""
+    return {
+        "PenetrationMax": float(depths.max(initial=0.0)),
+        "PenetrationP95": float(np.percentile(depths, 95)) if len(depths) else 0.0,
+        "PenetratingPoints": int((depths > 0.0).sum()),
+    }
 
 
 def shape_row(fields: dict[str, float], millimetres: float = 1.0) -> dict[str, float]:
@@ -87,7 +75,7 @@ def shape_row(fields: dict[str, float], millimetres: float = 1.0) -> dict[str, f
 
 
 def read_shape(deformed: Any, millimetres: float = 1.0) -> dict[str, float]:
-    """Return the figures of a muscle that PBDDeformer made, by their keys; see :func:`shape_row`."""
+    """Return the figures of a muscle that a deformer made, by their keys; see :func:`shape_row`."""
     arrays = {name: field_array(deformed, name) for name in (*FIGURES, *LENGTHS)}
     fields = {name: array[-1].item() for name, array in arrays.items() if array is not None}
     return shape_row(fields, millimetres)

@@ -13,7 +13,7 @@ from scipy.spatial.distance import cdist
 from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.mesh.surface import sorted_into_bins
 from vtkmuscle.core.motion.blending import nearest_rotations
-from vtkmuscle.core.paths.sheet import MusclePaths, PathState
+from vtkmuscle.core.paths.neighbours import path_lengths, path_widths
 from vtkmuscle.core.paths.surroundings import directions_along, less_the_last
 from vtkmuscle.core.types import Floats, Ints
 
@@ -62,22 +62,28 @@ class Skinning:
 
     Parameters
     ----------
-    paths : MusclePaths
-        The paths.
+    paths : (f, n, 3) array
+        Paths at rest, evenly spread points [mm].
+    ends : (2, f) int array
+        Bones of the first and the last point of each path.
     surface : (v, 3) array
         The muscle at rest [mm].
     fixed_to : (v,) int array
         Bone that each point is fixed to, -1 for free ones.
+    thickness : float
+        Mean thickness of the muscle [mm].
     """
 
-    def __init__(self, paths: MusclePaths, surface: Floats, fixed_to: Ints) -> None:
-        self._paths = paths
-        rest = paths.rest.points
+    def __init__(
+        self, paths: Floats, ends: tuple[Ints, Ints], surface: Floats, fixed_to: Ints, thickness: float
+    ) -> None:
+        rest = paths
         f, n, _ = rest.shape
+        self._ends, self._lengths = np.stack(ends, axis=1), path_lengths(rest)
         self._rest: Floats = rest.reshape(-1, 3)
         self._arms = self._rest - self._rest.mean(axis=0)
         self._tangents: Floats = directions_along(rest).reshape(-1, 3)
-        least = LEAST_APART * paths.thickness
+        least = LEAST_APART * thickness
         count = min(BESIDE, f)
         beside, parts = np.empty((f, n, count), dtype=np.int64), np.empty((f, n, count))
         for i in range(n):
@@ -96,7 +102,7 @@ class Skinning:
         fixed = np.flatnonzero(fixed_to >= 0)
         apart, nearest = cKDTree(surface[fixed]).query(surface)
         self._bone: Ints = fixed_to[fixed][nearest]
-        self._with_bone: Floats = np.exp(-0.5 * (2.0 * apart / paths.thickness) ** 2)
+        self._with_bone: Floats = np.exp(-0.5 * (2.0 * apart / thickness) ** 2)
 
     def _means_beside(self, values: Floats) -> Floats:
         """Return the weighted means of values (f n, ...) over the points beside each point of a path."""
@@ -104,7 +110,7 @@ class Skinning:
         return means
 
     def _weights_of(self, points: Floats, least: float) -> SkinningWeights:
-        f, n, _ = self._paths.rest.points.shape
+        f, n = len(self._lengths), len(self._rest) // len(self._lengths)
         tree = cKDTree(self._rest)
         away, near = tree.query(points, k=range(1, min(LOOKED_AT, tree.n) + 1))
         count = min(CARRIERS, f)
@@ -134,7 +140,7 @@ class Skinning:
 
         ``offsets`` (f + 1,) are the numbers of the first point of each fibre, and p.
         """
-        n = self._paths.fibres.shape[1]
+        n = len(self._rest) // len(self._lengths)
         carriers, weights = np.empty((len(points), 2), dtype=np.int64), np.empty((len(points), 2))
         for fibre, (begin, end) in enumerate(pairwise(offsets)):
             steps = np.linalg.norm(np.diff(points[begin:end], axis=0), axis=1)
@@ -145,16 +151,14 @@ class Skinning:
             weights[begin:end] = np.column_stack([1.0 - (at - low), at - low])
         return SkinningWeights(np.ascontiguousarray(points), carriers, weights)
 
-    def at(self, state: PathState) -> SkinnedMuscle:
-        """Return the muscle in a pose of its paths."""
-        paths = self._paths
-        n = state.points.shape[1]
-        stretch = (paths.widths(paths.rest.points) / paths.widths(state.points)) ** 2
+    def at(self, paths: Floats, transforms: Floats) -> SkinnedMuscle:
+        """Return the muscle in a pose: paths (f, n, 3) [mm] and bones' transforms (b, 4, 4), rest to now."""
+        n = paths.shape[1]
+        stretch = path_widths(paths, self._lengths) ** -2
         part = np.linspace(0.0, 1.0, n)
         parts = np.stack([1.0 - part, part], axis=1)
-        ends = state.transforms[np.stack([paths.start_bones, paths.end_bones], axis=1), :3, :3]
-        turns = np.einsum("ne,feij->fnij", parts, ends).reshape(-1, 3, 3)
-        now = state.points.reshape(-1, 3)
+        turns = np.einsum("ne,feij->fnij", parts, transforms[self._ends, :3, :3]).reshape(-1, 3, 3)
+        now = np.ascontiguousarray(paths).reshape(-1, 3)
         arms = now - now.mean(axis=0)
         products = np.einsum("pi,pj->pij", arms, self._arms).reshape(-1, 9)
         sums = self._means_beside(np.hstack([arms, products]))
@@ -172,8 +176,8 @@ class Skinning:
         frames += np.einsum("pi,pj->pij", (along - across)[:, None] * turned, t)
         muscle = SkinnedMuscle(self._rest, now, frames, np.empty((0, 3)))
         moved, points = muscle.points(self._surface), self._surface.points
-        transforms = state.transforms[self._bone]
-        with_bone = np.einsum("vij,vj->vi", transforms[:, :3, :3], points) + transforms[:, :3, 3]
+        bones = transforms[self._bone]
+        with_bone = np.einsum("vij,vj->vi", bones[:, :3, :3], points) + bones[:, :3, 3]
         moved += self._with_bone[:, None] * (with_bone - moved)
         return muscle._replace(surface=moved)
 

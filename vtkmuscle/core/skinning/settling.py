@@ -9,9 +9,10 @@ import numpy as np
 
 from vtkmuscle.core.collision.contact import Barrier, Contact
 from vtkmuscle.core.collision.obstacles import MuscleContact, Neighbour, Obstacle
-from vtkmuscle.core.deformation.diffusion import Diffusion
+from vtkmuscle.core.skinning.diffusion import Diffusion
 from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.mesh.rest_shape import VOLUME_FLOOR, RestShape, project_volume
+from vtkmuscle.core.mesh.surface import mean_thickness
 from vtkmuscle.core.motion.rigid import apply_transform
 from vtkmuscle.core.types import Bools, Floats, Ints
 
@@ -47,7 +48,7 @@ class Settling:
 
     What moves a point away from where it is carried is its *displacement*. Volume and bones ask for some; in
     each round it diffuses over the surface
-    (:class:`~vtkmuscle.core.deformation.diffusion.Diffusion`), and then they ask again. This descends the
+    (:class:`~vtkmuscle.core.skinning.diffusion.Diffusion`), and then they ask again. This descends the
     membrane energy of the displacement (Botsch, Sorkine 2008, *On linear variational surface deformation
     methods*, doi:10.1109/TVCG.2007.1054, section 3) under these constraints, for a given time, which the
     rounds cut into steps. Volume and bones come last. The result depends on what is given and on nothing
@@ -75,9 +76,7 @@ class Settling:
         areas = np.linalg.norm(shape.volume_gradient, axis=1)
         self._floor = VOLUME_FLOOR * float(self._mass @ areas**2)
         self._gradient: Floats = np.empty_like(self._rest)
-        corners = self._rest[self._triangles]
-        normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-        thickness = 4.0 * abs(shape.volume) / float(np.linalg.norm(normals, axis=1).sum())
+        thickness = mean_thickness(self._rest, self._triangles)
         self._time = 0.5 * (SPREAD * thickness) ** 2 / self._diffusion.time_unit
 
     def settle(

@@ -1,0 +1,86 @@
+"""Poses of a muscle's paths, each reached from the nearest pose computed before."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from vtkmuscle.core.motion.rigid import apply_transform, inverse
+from vtkmuscle.core.paths.sheet import MusclePaths, PathState
+from vtkmuscle.core.types import Floats, Ints
+
+
+class KeptPoses:
+    """The paths of a muscle in any pose of the bones.
+
+    A pose begins at the nearest pose that is kept, by how far the bones carry the ends of paths from one to
+    the other; the rest pose is always kept. A pose that was computed is the same when asked for again.
+
+    Parameters
+    ----------
+    paths : MusclePaths
+        The paths.
+    """
+
+    def __init__(self, paths: MusclePaths) -> None:
+        self._paths = paths
+        ends = [
+            (paths.start_bones, paths.fibres[:, 0]),
+            (paths.end_bones, paths.fibres[:, -1]),
+        ]
+        self._bones: Ints = np.unique(np.concatenate([bones for bones, _ in ends]))
+        boxes = []
+        for bone in self._bones:
+            points = np.concatenate([points[bones == bone] for bones, points in ends])
+            low, high = points.min(axis=0), points.max(axis=0)
+            boxes.append([np.where(corner, high, low) for corner in np.ndindex(2, 2, 2)])
+        #: Corners of the box of the ends on each bone, (b, 8, 3) [mm].
+        self._corners: Floats = np.array(boxes)
+        self._states: dict[bytes, tuple[PathState, Floats]] = {}
+
+    @property
+    def rest(self) -> PathState:
+        """The paths at rest."""
+        return self._paths.rest
+
+    def at(self, transforms: Floats, *, memory: float) -> PathState:
+        """Return the paths in a pose of the bones.
+
+        Parameters
+        ----------
+        transforms : (b, 4, 4) array
+            Of the bones, rest to now.
+        memory : float
+            Size of the poses to keep [bytes]; the oldest are dropped first, the last is always kept.
+        """
+        key = transforms.tobytes()
+        if key not in self._states:
+            corners = self._placed(transforms)
+            start, nearest = self.rest, self._apart(self._placed(self._rest_transforms(transforms)), corners)
+            for state, placed in reversed(self._states.values()):
+                apart = self._apart(placed, corners)
+                if apart < nearest:
+                    start, nearest = state, apart
+            state = self._paths.follow(start, transforms)
+            self._states[key] = state, corners
+            most = max(int(memory // max(state.nbytes, 1)), 1)
+            for old in list(self._states)[:-most]:
+                del self._states[old]
+        return self._states[key][0]
+
+    def _rest_transforms(self, transforms: Floats) -> Floats:
+        return np.broadcast_to(np.eye(4), transforms.shape)
+
+    def _placed(self, transforms: Floats) -> Floats:
+        """Return the corners in a pose, seen from the first bone, (b, 8, 3)."""
+        seen = inverse(transforms[self._bones[0]])
+        return np.array(
+            [
+                apply_transform(seen @ transforms[bone], box)
+                for bone, box in zip(self._bones, self._corners, strict=True)
+            ]
+        )
+
+    @staticmethod
+    def _apart(before: Floats, now: Floats) -> float:
+        """Return the farthest move of a corner between two poses [mm]."""
+        return float(np.linalg.norm(now - before, axis=2).max())

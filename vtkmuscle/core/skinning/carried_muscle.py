@@ -1,0 +1,119 @@
+"""A muscle's surface carried by its paths, or by its bones where it has none, then settled."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from vtkmuscle.core.collision.obstacles import Neighbour, Obstacle
+from vtkmuscle.core.fixed_muscle import FixedMuscle, Lines
+from vtkmuscle.core.mesh.harmonic import harmonic_weights
+from vtkmuscle.core.mesh.polylines import fibre_directions_at
+from vtkmuscle.core.mesh.rest_shape import RestShape
+from vtkmuscle.core.mesh.surface import mean_thickness
+from vtkmuscle.core.motion.blending import blend_motions
+from vtkmuscle.core.paths.lines import bones_at_ends
+from vtkmuscle.core.skinning.settling import Settling
+from vtkmuscle.core.skinning.skinning import SkinnedMuscle, Skinning
+from vtkmuscle.core.types import Floats
+
+
+@dataclass(frozen=True, eq=False)
+class CarriedPose:
+    """A muscle in a pose of its bones.
+
+    Attributes
+    ----------
+    surface : (n, 3) array
+        Points of the settled muscle [mm].
+    carried : (n, 3) array
+        The points where paths or bones carry the muscle, before it settles [mm].
+    colliding : int
+        Number of points that bones or other muscles hold off.
+    skinned : SkinnedMuscle or None
+        The skinned muscle; None without paths.
+    """
+
+    surface: Floats
+    carried: Floats
+    colliding: int
+    skinned: SkinnedMuscle | None
+
+
+class CarriedMuscle:
+    """A muscle that moves with its paths by skinning, then settles.
+
+    A muscle without paths is carried by the motions of its bones, blended by harmonic weights.
+
+    Parameters
+    ----------
+    muscle : FixedMuscle
+        The muscle at rest; its fibres give the directions of the shape report.
+    paths : (f, n, 3) array or None
+        Its paths at rest [mm].
+    obstacles : sequence of Obstacle
+        Bones that the surface is kept out of.
+
+    Raises
+    ------
+    ValueError
+        If the surface is open or encloses no volume.
+    """
+
+    def __init__(self, muscle: FixedMuscle, paths: Floats | None, obstacles: Sequence[Obstacle]) -> None:
+        points, fixed_to, topology = muscle.points, muscle.fixed_to, muscle.topology()
+        self._points = points
+        self._skinning = self._weights = None
+        directions = muscle.directions(topology)
+        if paths is not None:
+            ends, thickness = bones_at_ends(paths, points, fixed_to), mean_thickness(points, muscle.triangles)
+            self._skinning = Skinning(paths, ends, points, fixed_to, thickness)
+            if directions is None:
+                offsets = paths.shape[1] * np.arange(len(paths) + 1)
+                middles = points[topology.edges].mean(axis=1)
+                directions = fibre_directions_at(middles, paths.reshape(-1, 3), offsets)
+        elif (fixed_to >= 0).any():
+            self._weights = harmonic_weights(points, muscle.triangles, fixed_to)
+        self.shape = RestShape(points, topology, directions)
+        self._settling = Settling(self.shape, fixed_to, obstacles)
+
+    def pose(
+        self,
+        paths: Floats | None,
+        transforms: Floats,
+        *,
+        rounds: int,
+        neighbours: Sequence[Neighbour] = (),
+        progress: Callable[[float], None] | None = None,
+    ) -> CarriedPose:
+        """Return the muscle in a pose.
+
+        Parameters
+        ----------
+        paths : (f, n, 3) array or None
+            The paths in the pose [mm].
+        transforms : (b, 4, 4) array
+            Of the bones, rest to now.
+        rounds, neighbours, progress
+            See :meth:`~vtkmuscle.core.skinning.settling.Settling.settle`.
+        """
+        skinned = None
+        carried = self._points
+        if self._skinning is not None and paths is not None:
+            skinned = self._skinning.at(paths, transforms)
+            carried = skinned.surface
+        elif self._weights is not None:
+            bones, weights = self._weights
+            carried = blend_motions(transforms[bones], weights, self._points)
+        settled = self._settling.settle(
+            carried, transforms, rounds=rounds, neighbours=neighbours, progress=progress
+        )
+        return CarriedPose(settled.surface, carried, settled.colliding, skinned)
+
+    def fibre_points(self, pose: CarriedPose, fibres: Lines) -> Floats:
+        """Return the points (p, 3) of fibres, each with its path, before the muscle settles [mm]."""
+        assert self._skinning is not None
+        assert pose.skinned is not None
+        return pose.skinned.points(self._skinning.weights_of_fibres(*fibres))

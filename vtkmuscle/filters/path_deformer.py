@@ -1,0 +1,290 @@
+"""PathDeformer: a muscle that its taut paths carry."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
+from vtkmodules.vtkCommonExecutionModel import vtkDemandDrivenPipeline, vtkExecutive
+
+from vtkmuscle.core.bones.bone import Bone, depth_in
+from vtkmuscle.core.collision.obstacles import DistanceObstacle, Neighbour
+from vtkmuscle.core.errors import InputError, errors_at
+from vtkmuscle.core.fibres.embedding import EmbeddedPoints
+from vtkmuscle.core.fixed_muscle import FixedMuscle
+from vtkmuscle.core.mesh.polylines import polyline_lengths
+from vtkmuscle.core.skinning.carried_muscle import CarriedMuscle, CarriedPose
+from vtkmuscle.core.types import Floats
+from vtkmuscle.data.arrays import Polylines, add_arrays, blocks_of, set_point_array, with_points
+from vtkmuscle.data.moving_bones import MovingBones, RestBones, check_same_bones, fixed_points_of
+from vtkmuscle.data.muscle_geometry import Surface
+from vtkmuscle.data.paths import PathLines
+from vtkmuscle.filters.base import Filter, InputPort, OutputPort, Parameter, ports
+from vtkmuscle.filters.deformer.neighbours import Neighbours
+from vtkmuscle.filters.deformer.shape_report import penetration_fields, shape_fields
+
+#: Rounds of settling by quality.
+ROUNDS = {"preview": 2, "balanced": 5, "accurate": 20}
+
+#: Tolerance for merging the weights by which fibres take part in settling. Settling moves the surface by a
+#: millimetre or two, and merged weights are wrong by a hundredth of the move.
+WEIGHT_TOLERANCE = 0.3
+
+
+class PathDeformer(Filter):
+    """Deform a muscle with the taut paths that carry it.
+
+    Points with a ``FixedTo`` follow their bone. The paths carry the other points by skinning. Then the muscle
+    *settles*: it gets its volume back and leaves the bones, and the correction is diffused over the surface in
+    a number of rounds, so that the surface stays smooth. A frame depends on its pose alone.
+
+    Without ``paths``, or where there are none (a muscle that is fixed to one bone), the motions of the bones
+    carry the muscle, blended by harmonic weights.
+
+    Muscles connected as ``neighbours`` stay as they are; this one is kept out of them, except as deep as it is
+    in them at rest: ``neighbours={"psoas": psoas, "iliacus": iliacus}``, with their deformers.
+
+    The second output, ``GetOutputPort(1)``, is the fibres of the paths, carried by the same skinning. It is
+    computed only when asked for.
+
+    Parameters
+    ----------
+    muscle
+        Closed triangles in the rest pose, with the point array ``FixedTo``: -1 for a free point, else the
+        index of a bone's block.
+    paths
+        The paths in the pose, with the point array ``RestPosition``, as TautPaths gives them.
+    rest_bones
+        Bones at rest, in named blocks, out of which the muscle is kept.
+    bones
+        The same bones at the pipeline's time, each with the field array ``Transform`` (16, row major): rest
+        to now.
+    neighbours
+        Other muscles at the pipeline's time, out of which this one is kept: outputs of a deformer, with the
+        point array ``Displacement``.
+    fibres
+        The fibres at rest that the paths were made from; for the second output, and for the directions of the
+        shape report.
+    quality
+        Preset of the iterations.
+    iterations
+        Rounds in which the muscle settles.
+    bone_clearance
+        Distance that points keep from the bones; points that are nearer at rest may come as near.
+    measure_shape
+        Report how the muscle keeps its shape.
+    measure_penetration
+        Measure how deep points are in the bones, against their triangles.
+
+    Attributes
+    ----------
+    output
+        The muscle at the time asked for, with the arrays of the input; the point array ``Displacement`` (3)
+        from rest [mm]. With ``measure_shape`` the field arrays ``VolumeRatio`` (V / V0), ``EdgeStretchP95`` and
+        ``EdgeStretchMax`` (l / l0), ``AlongFibresP5``, ``AlongFibresP50`` and ``AlongFibresP95`` (of the edges
+        within 18 degrees of the fibres), ``AcrossFibresP5``, ``AcrossFibresP50`` and ``AcrossFibresP95`` (over
+        72 degrees), ``DihedralErrorP95`` [degrees], ``DegenerateEdges`` (whose angle was lost as a triangle
+        collapsed) and ``CollidingPoints``. With ``measure_penetration`` ``PenetrationMax`` and
+        ``PenetrationP95`` [mm], how deep the free points are in the closed bones, and ``PenetratingPoints``.
+    carried_fibres
+        The fibres in the deformed muscle, with the arrays of ``fibres``, the cell array ``RestLength`` [mm]
+        and the field array ``PointsOutside``, the number of points outside of the muscle at rest.
+
+    Raises
+    ------
+    ValueError
+        If the surface is open, is not made of triangles or encloses no volume; if ``FixedTo`` is missing or
+        names a block that does not exist; if no point is fixed; if ``rest_bones`` and ``bones`` have different
+        blocks; if a bone has no ``Transform``; if fibres are asked for without ``fibres`` or ``paths``, or there
+        is not one path for each fibre.
+
+    References
+    ----------
+    Botsch, Sorkine 2008, *On linear variational surface deformation methods*, doi:10.1109/TVCG.2007.1054;
+    Müller, Heidelberger, Teschner, Gross 2005, *Meshless deformations based on shape matching*,
+    doi:10.1145/1073204.1073216.
+
+    Limitations
+    -----------
+    There is no tissue law: volume is kept exactly, and the shape is the smoothest that skinning and contact
+    allow. Fold-free surfaces are not guaranteed. Neighbouring muscles do not move.
+
+    Examples
+    --------
+    >>> from vtkmuscle.filters import BoneMotion, FixedPointDetector, PathDeformer, TautPaths
+    >>> from vtkmuscle.phantoms import spindle_over_hinge
+    >>> phantom = spindle_over_hinge()
+    >>> (name, muscle), = phantom.muscles.items()
+    >>> fixed = FixedPointDetector()(muscle, phantom.bones, phantom.attachments[name])
+    >>> bones = {"rest_bones": phantom.bones, "bones": BoneMotion(bones=phantom.bones, motion=phantom.motion)}
+    >>> paths = TautPaths(rest_muscle=fixed, **bones)
+    >>> deformer = PathDeformer(muscle=fixed, paths=paths, **bones, measure_shape=True)
+    >>> bool(abs(deformer.apply(time=10.0).field_data["VolumeRatio"][0] - 1.0) < 1e-9)
+    True
+    """
+
+    quality: Parameter[str | None] = Parameter(
+        str,
+        default=None,
+        choices=tuple(ROUNDS),
+        sets={name: {"iterations": rounds} for name, rounds in ROUNDS.items()},
+    )
+    iterations = Parameter(int, default=ROUNDS["balanced"], minimum=1, maximum=10_000)
+    bone_clearance = Parameter(float, default=0.0, minimum=0.0, units="mm")
+    measure_shape = Parameter(bool, default=False)
+    measure_penetration = Parameter(bool, default=False)
+
+    muscle = ports.Surface()
+    paths = ports.Paths(optional=True)
+    rest_bones = ports.RestBones()
+    bones = ports.MovingBones()
+    neighbours = InputPort(vtkMultiBlockDataSet, optional=True)
+    fibres = ports.Lines(optional=True)
+    output = OutputPort(vtkPolyData)
+    carried_fibres = OutputPort(vtkPolyData)
+
+    times_from = "bones"
+
+    def __init__(self, **settings: Any) -> None:
+        self._shapes = RestBones()
+        self._carried: CarriedMuscle | None = None
+        #: Muscle, paths, bones and clearance that it was made from.
+        self._made_from: tuple[FixedMuscle, Floats | None, dict[int, Bone], float] | None = None
+        self._neighbours: Neighbours | None = None
+        self._embedded: EmbeddedPoints | None = None
+        #: State of the inputs of the last pose, and the pose: both outputs are made from it.
+        self._last: tuple[Any, CarriedPose] | None = None
+        self._fibres_asked = False
+        super().__init__(**settings)
+
+    def ProcessRequest(self, request: Any, inInfo: Any, outInfo: Any) -> int:
+        """Leave the fibres out where only the muscle is asked for."""
+        if request.Has(vtkDemandDrivenPipeline.REQUEST_DATA_NOT_GENERATED()):
+            self._fibres_asked = request.Get(vtkExecutive.FROM_OUTPUT_PORT()) == 1
+            if not self._fibres_asked:
+                outInfo.GetInformationObject(1).Set(vtkDemandDrivenPipeline.DATA_NOT_GENERATED(), 1)
+        return super().ProcessRequest(request, inInfo, outInfo)
+
+    def execute(
+        self,
+        muscle: Surface,
+        paths: PathLines | None,
+        rest_bones: Mapping[str, vtkPolyData],
+        bones: MovingBones,
+        neighbours: vtkMultiBlockDataSet | None,
+        fibres: Polylines | None,
+    ) -> tuple[vtkPolyData, vtkPolyData | None]:
+        """Return the muscle and, where asked for, its fibres, at the time asked for."""
+        check_same_bones(rest_bones, bones, "rest_bones")
+        shapes = self._shapes.shapes(rest_bones, "rest_bones")
+        carried = self._made(muscle, paths, shapes, fibres)
+        state = self.iterations, bones.transforms.tobytes(), _state_of(muscle, paths, neighbours)
+        if self._last is None or self._last[0] != state:
+            pose = carried.pose(
+                None if paths is None else paths.points,
+                bones.transforms,
+                rounds=self.iterations,
+                neighbours=self._beside(muscle, neighbours),
+                progress=self.report_progress,
+            )
+            self._last = state, pose
+        pose = self._last[1]
+        self.report_progress(1.0)
+        surface = self._surface(muscle, pose, shapes, bones.transforms)
+        return surface, self._fibres(muscle, paths, fibres, pose) if self._fibres_asked else None
+
+    def _made(
+        self, muscle: Surface, paths: PathLines | None, shapes: dict[int, Bone], fibres: Polylines | None
+    ) -> CarriedMuscle:
+        """Return the muscle that is carried; it is made where inputs at rest or settings are new."""
+        given = FixedMuscle(
+            muscle.points,
+            muscle.triangles,
+            fixed_points_of(muscle, list(self._shapes.names)),
+            None if fibres is None else (fibres.points, fibres.offsets),
+        )
+        if (given.fixed_to < 0).all():
+            raise InputError(
+                "muscle",
+                "no point is fixed to a bone, so nothing would hold or move the muscle",
+                "detect fixed points by another method or distance",
+            )
+        rest = None if paths is None else paths.rest
+        if self._made_from is not None:
+            before, rest_before, shapes_before, clearance = self._made_from
+            if (
+                clearance == self.bone_clearance
+                and shapes_before is shapes
+                and given.same_as(before)
+                and np.array_equal(rest, rest_before)
+            ):
+                assert self._carried is not None
+                return self._carried
+        self._made_from = self._last = self._neighbours = self._embedded = None
+        obstacles = [
+            DistanceObstacle(number, bone.points, bone.triangles, skin=self.bone_clearance)
+            for number, bone in shapes.items()
+        ]
+        with errors_at("muscle"):
+            self._carried = CarriedMuscle(given, rest, obstacles)
+        self._made_from = given, rest, shapes, self.bone_clearance
+        return self._carried
+
+    def _beside(self, muscle: Surface, neighbours: vtkMultiBlockDataSet | None) -> Sequence[Neighbour]:
+        """Return the neighbours in the pose."""
+        if neighbours is None:
+            return ()
+        if self._neighbours is None:
+            self._neighbours = Neighbours(muscle.points)
+        return self._neighbours.at(neighbours)
+
+    def _surface(
+        self, muscle: Surface, pose: CarriedPose, shapes: dict[int, Bone], transforms: Floats
+    ) -> vtkPolyData:
+        """Return the muscle in a pose, with its report."""
+        result: vtkPolyData = with_points(muscle.data, pose.surface)
+        set_point_array(result, "Displacement", pose.surface - muscle.points)
+        fields: dict[str, Any] = {}
+        if self.measure_shape:
+            assert self._carried is not None
+            fields = shape_fields(self._carried.shape.compare(pose.surface)) | {
+                "CollidingPoints": pose.colliding
+            }
+        if self.measure_penetration:
+            free = fixed_points_of(muscle, list(self._shapes.names)) < 0
+            bones = ((bone, transforms[number]) for number, bone in shapes.items())
+            fields |= penetration_fields(depth_in(bones, pose.surface[free]))
+        return add_arrays(result, fields=fields)
+
+    def _fibres(
+        self, muscle: Surface, paths: PathLines | None, fibres: Polylines | None, pose: CarriedPose
+    ) -> vtkPolyData:
+        """Return the fibres in a pose: carried by their paths, then displaced as the surface settles."""
+        if fibres is None or paths is None or len(fibres) != len(paths.rest):
+            count = "no" if paths is None else str(len(paths.rest))
+            problem = f"there are {0 if fibres is None else len(fibres)} for {count} paths"
+            raise InputError("fibres", problem, "connect the fibres that TautPaths has as rest_fibres")
+        assert self._carried is not None
+        if self._embedded is None:
+            vertices = muscle.points, muscle.triangles
+            self._embedded = EmbeddedPoints(fibres.points, *vertices, WEIGHT_TOLERANCE)
+        moved = self._carried.fibre_points(pose, (fibres.points, fibres.offsets))
+        moved += self._embedded.moved(pose.surface - pose.carried, self.report_progress)
+        self._embedded.keep_within(moved, pose.surface)
+        return add_arrays(
+            fibres.moved(moved),
+            cells={"RestLength": polyline_lengths(fibres.points, fibres.offsets)},
+            fields={"PointsOutside": self._embedded.n_outside},
+        )
+
+
+def _state_of(muscle: Surface, paths: PathLines | None, neighbours: vtkMultiBlockDataSet | None) -> list[int]:
+    """Return when the data that a pose is made from were modified: no two modifications have one number."""
+    data: list[Any] = [muscle.data]
+    if paths is not None:
+        data.append(paths.data)
+    if neighbours is not None:
+        data += [block for _, block in blocks_of(neighbours) if block is not None]
+    return [each.GetMTime() for each in data]

@@ -1,0 +1,132 @@
+"""StiffTendons: hold the ends of fibres between aponeuroses at the lengths of their tendons."""
+
+from __future__ import annotations
+
+import numpy as np
+from vtkmodules.vtkCommonDataModel import vtkPolyData
+
+from vtkmuscle.core.errors import InputError
+from vtkmuscle.core.fibres.embedding import EmbeddedPoints
+from vtkmuscle.core.fibres.tendons import Tendons
+from vtkmuscle.core.mesh.triangle_tree import shared_tree
+from vtkmuscle.core.types import Bools, Floats
+from vtkmuscle.data.arrays import Polylines
+from vtkmuscle.data.muscle_geometry import Surface
+from vtkmuscle.data.paths import PathLines
+from vtkmuscle.filters.base import Filter, OutputPort, ports
+
+#: Ends of fibres nearer to a triangle than this part of the mean edge are on the triangle.
+_ON_TRIANGLE = 0.1
+
+
+class StiffTendons(Filter):
+    """Hold fibre ends at a constant distance from their bones, for tendon is stiff.
+
+    A tendon is 3.3 % longer at its muscle's largest force (Zajac 1989, *Muscle and tendon*, Critical Reviews in
+    Biomedical Engineering 17, 359-411), where fibres may shorten by half. The distance is measured along the muscle's paths, between an end of a fibre and the bone. Ends on a part of
+    the muscle that is fixed to a bone stay with the part. Fibres that are straight at rest stay straight. Points
+    farther outside of the deformed muscle than at rest are moved back towards the muscle.
+
+    Parameters
+    ----------
+    fibres
+        The fibres in the deformed muscle, as FibreTransport gives them.
+    rest_fibres
+        The fibres at rest, from aponeurosis to aponeurosis, each of the same number of points.
+    rest_muscle
+        The muscle at rest; with the point array ``FixedTo``, ends on fixed triangles are seen.
+    deformed_muscle
+        The deformed muscle.
+    paths
+        The paths of the muscle in the pose, as TautPaths gives them.
+
+    Attributes
+    ----------
+    output
+        The fibres with their arrays.
+
+    Raises
+    ------
+    ValueError
+        If fibres differ in their numbers of points; if there are no paths.
+
+    Limitations
+    -----------
+    Tendons have no strain at all, so that the whole change of a path's length is the change of the fibres'
+    length.
+
+    Examples
+    --------
+    >>> from vtkmuscle.phantoms import spindle_over_hinge
+    >>> from vtkmuscle.pipelines import MusclePipeline
+    >>> phantom = spindle_over_hinge()
+    >>> muscle, areas = phantom.muscles["spindle"], phantom.attachments["spindle"]
+    >>> pipeline = MusclePipeline(
+    ...     muscle, phantom.bones, phantom.motion, areas, fixing={}, fibres={"n_fibres": 8}
+    ... )
+    >>> from vtkmuscle.filters import FibreTransport, StiffTendons
+    >>> moved = FibreTransport(
+    ...     rest_fibres=pipeline.fibres, rest_muscle=pipeline.fixed, deformed_muscle=pipeline.deformer
+    ... )
+    >>> held = StiffTendons(
+    ...     fibres=moved, rest_fibres=pipeline.fibres, rest_muscle=pipeline.fixed,
+    ...     deformed_muscle=pipeline.deformer, paths=pipeline.taut_paths,
+    ... )
+    >>> held.update(time=20.0).output.GetNumberOfCells()
+    8
+    """
+
+    fibres = ports.Lines()
+    rest_fibres = ports.Lines()
+    rest_muscle = ports.Surface()
+    deformed_muscle = ports.Surface()
+    paths = ports.Paths()
+    output = OutputPort(vtkPolyData)
+
+    _tendons: tuple[Floats, Floats, Tendons] | None = None
+    _embedded: EmbeddedPoints | None = None
+
+    def execute(
+        self,
+        fibres: Polylines,
+        rest_fibres: Polylines,
+        rest_muscle: Surface,
+        deformed_muscle: Surface,
+        paths: PathLines | None,
+    ) -> vtkPolyData:
+        """Return the fibres with their ends held."""
+        if paths is None:
+            raise InputError("paths", "there are none", "the muscle must be fixed to two bones")
+        if not np.array_equal(fibres.offsets, rest_fibres.offsets):
+            problem = "they have other numbers of points than rest_fibres"
+            raise InputError("fibres", problem, "connect the same fibres, at rest and moved")
+        counts = np.unique(np.diff(rest_fibres.offsets))
+        if len(counts) > 1:
+            problem = f"they have {counts[0]} to {counts[-1]} points each, but all must have the same number"
+            raise InputError("rest_fibres", problem, "FibreSource makes such fibres")
+        shape = len(rest_fibres), int(counts[0]), 3
+        rest = rest_fibres.points
+        kept = self._tendons
+        if kept is None or not (np.array_equal(kept[0], rest) and np.array_equal(kept[1], paths.rest)):
+            lines = rest.reshape(shape)
+            tendons = Tendons(lines, paths.rest, _on_bone(rest_muscle, lines[:, [0, -1]]))
+            self._tendons = kept = rest, paths.rest, tendons
+        held = kept[2].held(fibres.points.reshape(shape), paths.points).reshape(-1, 3)
+        given = rest, rest_muscle.points, rest_muscle.triangles, 0.0
+        if self._embedded is None or not self._embedded.same_as(*given):
+            self._embedded = EmbeddedPoints(*given)
+        self._embedded.keep_within(held, deformed_muscle.points)
+        self.report_progress(1.0)
+        return fibres.moved(held)
+
+
+def _on_bone(muscle: Surface, ends: Floats) -> Bools:
+    """Return which ends (k, 2, 3) are on triangles of a muscle whose points are all fixed to bones."""
+    geometry = muscle.geometry
+    fixed_to = muscle.data.GetPointData().GetArray("FixedTo")
+    if fixed_to is None:
+        return np.zeros(ends.shape[:2], dtype=np.bool_)
+    tree = shared_tree(geometry.points, geometry.triangles)
+    faces, _, apart = tree.nearest(ends.reshape(-1, 3))
+    on_bone = (np.asarray(fixed_to) >= 0)[geometry.triangles[faces]].all(axis=1)
+    return (on_bone & (apart <= _ON_TRIANGLE * geometry.mean_edge)).reshape(ends.shape[:2])
