@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from os import PathLike
@@ -15,7 +14,6 @@ from vtkmuscle.accuracy import StatedErrors
 from vtkmuscle.core.words import names as as_names
 from vtkmuscle.core.words import suggestion
 from vtkmuscle.data.arrays import blocks_of
-from vtkmuscle.filters.deformer.settings import PRESETS
 from vtkmuscle.guesses import WithHints
 from vtkmuscle.run.options import RunOptions
 from vtkmuscle.run.result import Result

@@ -17,8 +17,8 @@ from vtkmuscle.pipelines.muscle import (
 
 __all__ = [
     "DEFORMERS",
-    "QUALITIES",
     "FIBRE_SETTINGS",
+    "QUALITIES",
     "TRANSPORT_SETTINGS",
     "WEIGHT_TOLERANCE",
     "MusclePipeline",

@@ -6,7 +6,7 @@ The checks are listed in docs/reference/sense.rst.
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -14,10 +14,7 @@ import numpy as np
 from vtkmuscle.core.attachments.rings import ring_area, ring_length, short_ring
 from vtkmuscle.core.mesh.solids import solids_of
 from vtkmuscle.core.mesh.surface import signed_volume
-from vtkmuscle.data.attachments import ROLES, VIA, AttachmentArea
-from vtkmuscle.filters.base.filter import Filter
-from vtkmuscle.filters.fixed_point_detector import FixedPointDetector
-from vtkmuscle.filters.pbd_deformer import PBDDeformer
+from vtkmuscle.data.attachments import ROLES, AttachmentArea
 from vtkmuscle.scene.data import MILLIMETRES, Anatomy, Muscle, SceneData, Surface
 from vtkmuscle.scene.faults import SceneError
 from vtkmuscle.scene.sense_motion import Finding, motion_findings

@@ -9,11 +9,11 @@ import numpy as np
 
 from vtkmuscle.core.collision.contact import Barrier, Contact
 from vtkmuscle.core.collision.obstacles import MuscleContact, Neighbour, Obstacle
-from vtkmuscle.core.skinning.diffusion import Diffusion
 from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.mesh.rest_shape import VOLUME_FLOOR, RestShape, project_volume
 from vtkmuscle.core.mesh.surface import mean_thickness
 from vtkmuscle.core.motion.rigid import apply_transform
+from vtkmuscle.core.skinning.diffusion import Diffusion
 from vtkmuscle.core.types import Bools, Floats, Ints
 
 #: How far a displacement spreads over the surface, the standard deviation along a line, as a part of the
