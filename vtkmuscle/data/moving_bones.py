@@ -1,4 +1,4 @@
-"""Moving bones: their poses, and their rest geometry as obstacles."""
+"""Moving bones: their poses, and their rest geometry."""
 
 from __future__ import annotations
 
@@ -9,9 +9,7 @@ import numpy as np
 from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
-from vtkmuscle.core.bones.bone import depth_in
-from vtkmuscle.core.collision.obstacles import DistanceObstacle, Obstacle, VoxelObstacle
-from vtkmuscle.core.collision.voxels import DEFAULT_N_MAX
+from vtkmuscle.core.bones.bone import Bone, bone_of, depth_in
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.motion.rigid import apply_transform, inverse, is_rigid
 from vtkmuscle.core.types import Floats, Ints
@@ -126,57 +124,36 @@ def fixed_points_of(muscle: Surface, bones: Sequence[str]) -> Ints:
 
 
 class RestBones:
-    """Bones in the rest pose as obstacles, made by taking back the motion of moving bones.
+    """Bones in the rest pose, made by taking back the motion of moving bones.
 
     Errors name the port ``bones``; `owner`, the class of the filter, is named in warnings.
     """
 
     def __init__(self, owner: str) -> None:
         self._owner = owner
-        self._obstacles: dict[str, Obstacle] = {}
+        #: The bones, by the number of their block.
+        self.bones: dict[int, Bone] = {}
         #: State of each bone's points, and its transform, when they last agreed.
         self._checked: dict[str, tuple[int, bytes]] = {}
 
-    @property
-    def obstacles(self) -> tuple[Obstacle, ...]:
-        """The bones, in the order of their blocks."""
-        return tuple(self._obstacles.values())
-
-    def take(
-        self,
-        bones: MovingBones,
-        *,
-        collision: str,
-        skin: float = 0.0,
-        n_max: int = DEFAULT_N_MAX,
-        n_equal: int | None = None,
-    ) -> None:
-        """Take the rest geometry from moving bones; obstacles of bones that are as before are kept.
+    def take(self, bones: MovingBones) -> None:
+        """Take the rest geometry from moving bones.
 
         Take it from the same frame each time: from another one rounding differs, and with it the result.
-        The collision is ``"voxel"``, with about `n_max` voxels of a bone, or `n_equal` along each axis; else
-        distances, with the distance `skin` that points keep from the bones [mm].
         """
-        kept, self._obstacles = self._obstacles, {}
         self._checked.clear()
         for index, (name, bone) in enumerate(bones.surfaces.items()):
             where = f"bones, block {name!r}"
             points, triangles = checked_surface(bone, where)
-            rest = apply_transform(inverse(bones.transforms[index]), points)
-            old, label = kept.get(name), f"{self._owner}: {where}"
-            new: Obstacle
-            if collision == "voxel":
-                new = VoxelObstacle(index, rest, triangles, n_max=n_max, n_equal=n_equal, name=label)
-            else:
-                new = DistanceObstacle(index, rest, triangles, skin=skin, name=label)
-            self._obstacles[name] = old if old is not None and new.same_as(old) else new
+            self.bones[index] = bone_of(apply_transform(inverse(bones.transforms[index]), points), triangles)
+            self.bones[index].name = f"{self._owner}: {where}"
 
     def depths(self, points: Floats, transforms: Floats) -> Floats:
         """Return the depth (n,) [mm] of points (n, 3) in the triangles of the bones, 0 outside.
 
         The points are in the scene now; `transforms` (b, 4, 4) are those of the bones, rest to now.
         """
-        return depth_in(((one.shape, transforms[one.bone]) for one in self.obstacles), points)
+        return depth_in(((bone, transforms[index]) for index, bone in self.bones.items()), points)
 
     def check(self, bones: MovingBones) -> None:
         """Check, at a sample of its points, that each bone is its rest geometry moved by its transform.
@@ -188,7 +165,7 @@ class RestBones:
             state = bone.GetPoints().GetMTime(), transform.tobytes()
             if self._checked.get(name) == state:
                 continue
-            rest = self._obstacles[name].points
+            rest = self.bones[index].points
             sample = np.linspace(0, len(rest) - 1, min(len(rest), SAMPLE_SIZE)).astype(np.int64)
             expected = apply_transform(transform, rest[sample])
             off = np.inf

@@ -8,7 +8,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
-from vtkmuscle.core.bones.bone import bone_of
 from vtkmuscle.core.errors import InputError, errors_at
 from vtkmuscle.core.fixed_muscle import FixedMuscle
 from vtkmuscle.core.paths.lines import bones_at_ends, evenly_spread
@@ -170,7 +169,7 @@ class TautFibres(HistoryFilter[_Frame]):
         given = self._rest
         assert given is not None
         assert given.fibres is not None
-        self._rest_bones.take(bones, collision="sdf")
+        self._rest_bones.take(bones)
         fibres = evenly_spread(*given.fibres, self.resolution + 1)
         with errors_at("rest_fibres"):
             self._paths = MusclePaths(
@@ -178,7 +177,7 @@ class TautFibres(HistoryFilter[_Frame]):
                 *bones_at_ends(fibres, given.points, given.fixed_to),
                 given.points,
                 given.triangles,
-                {bone.bone: bone_of(bone.points, bone.triangles) for bone in self._rest_bones.obstacles},
+                self._rest_bones.bones,
                 rings=given.rings,
             )
 

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from vtkmuscle.core.bones.bone import bone_of
-from vtkmuscle.core.collision.obstacles import Neighbour, Obstacle
+from vtkmuscle.core.bones.bone import Bone
 from vtkmuscle.core.deformation.settling import Settling
 from vtkmuscle.core.fixed_muscle import FixedMuscle
 from vtkmuscle.core.mesh.harmonic import harmonic_weights
+from vtkmuscle.core.mesh.neighbours import Neighbour
 from vtkmuscle.core.mesh.rest_shape import RestShape
 from vtkmuscle.core.mesh.surface import MeshTopology
 from vtkmuscle.core.motion.blending import blend_motions
@@ -67,10 +67,12 @@ class PathDrivenMuscle:
     ----------
     muscle : FixedMuscle
         The muscle.
-    obstacles : tuple of Obstacle
-        Bones that paths and surface keep out of.
+    bones : mapping of int to Bone
+        Bones that paths and surface keep out of, by their index among the transforms.
     resolution : int
         Segments of a path.
+    clearance : float, optional
+        Distance that the surface keeps from the bones [mm].
 
     Attributes
     ----------
@@ -83,17 +85,19 @@ class PathDrivenMuscle:
         If the surface is open or encloses no volume, or if no fibre has a length.
     """
 
-    def __init__(self, muscle: FixedMuscle, obstacles: tuple[Obstacle, ...], resolution: int) -> None:
+    def __init__(
+        self, muscle: FixedMuscle, bones: Mapping[int, Bone], resolution: int, clearance: float = 0.0
+    ) -> None:
         points, fixed_to, topology = muscle.points, muscle.fixed_to, muscle.topology()
         directions = muscle.directions(topology)
-        paths = _paths_of(muscle, topology, obstacles, resolution)
+        paths = _paths_of(muscle, topology, bones, resolution)
         self._paths, self._skinning = paths, None
         if paths is not None:
             self._skinning = Skinning(paths, points, fixed_to)
             if directions is None:
                 directions = paths.directions_at(points[topology.edges].mean(axis=1))
         self.shape = RestShape(points, topology, directions)
-        self._settling = Settling(self.shape, fixed_to, obstacles)
+        self._settling = Settling(self.shape, fixed_to, bones, clearance)
         self._fibres = None
         if self._skinning is not None and muscle.fibres is not None:
             self._fibres = self._skinning.weights_of_fibres(*muscle.fibres)
@@ -137,7 +141,7 @@ class PathDrivenMuscle:
 
 
 def _paths_of(
-    muscle: FixedMuscle, topology: MeshTopology, obstacles: tuple[Obstacle, ...], resolution: int
+    muscle: FixedMuscle, topology: MeshTopology, bones: Mapping[int, Bone], resolution: int
 ) -> MusclePaths | None:
     """Return a muscle's fibres, or lines over its surface where it has none, as paths.
 
@@ -157,6 +161,6 @@ def _paths_of(
         *bones_at_ends(fibres, points, fixed_to),
         points,
         topology.triangles,
-        {bone.bone: bone_of(bone.points, bone.triangles) for bone in obstacles},
+        dict(bones),
         rings=muscle.rings,
     )
