@@ -15,8 +15,7 @@ import numpy as np
 
 from vtkmuscle import Scene
 from vtkmuscle.core.bones.bone import Bone
-from vtkmuscle.core.collision.distance_collision import resolve_distance_collisions
-from vtkmuscle.core.motion.rigid import inverse
+from vtkmuscle.core.bones.contact import BoneContact
 from vtkmuscle.data.arrays import checked_surface
 
 #: Cells that are compared [mm]; None for that of the bone's size.
@@ -64,7 +63,7 @@ def measure(name, surface, rng, *, cell):
     start = near_surface(*surface, rng, count=20_000, distance=0.0)
     end = start + rng.normal(scale=1.0, size=start.shape)
     free = np.ones(len(end), dtype=bool)
-    moved = resolve_distance_collisions(bone, inverse(bone.axes), np.eye(4), start, end, free)
+    moved = BoneContact({0: bone}, start, free).at(np.eye(4)[None]).keep_out(end)
     depth = bone.depth(end)
     print(
         f"{name:8s} cell {bone.cell:4.2f} mm, {moved.sum()} of {len(end)} points pushed out: exact depth p95 "

@@ -17,7 +17,7 @@ from vtkmodules.vtkCommonDataModel import vtkPolyData
 from vtkmodules.vtkFiltersModeling import vtkLinearSubdivisionFilter
 
 from vtkmuscle import Scene, phantoms
-from vtkmuscle.core.collision import contact
+from vtkmuscle.core.bones import contact
 from vtkmuscle.core.deformation import diffusion
 from vtkmuscle.core.paths import pose
 from vtkmuscle.data import drawn_bones
@@ -39,7 +39,7 @@ def counted(counts: Counter[str]) -> Iterator[None]:
     watched = (
         ("steps of Newton's method", pose.SheetPose, "step"),
         ("diffusions", diffusion.Diffusion, "spread"),
-        ("collision passes", contact.Contact, "keep_out"),
+        ("collision passes", contact.PoseContact, "keep_out"),
         ("executions", Filter, "RequestData"),
     )
     with ExitStack() as stack:

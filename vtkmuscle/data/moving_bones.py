@@ -148,9 +148,10 @@ class RestBones:
         """
         state = [(name, bone.GetMTime()) for name, bone in bones.items()]
         if state != self._state:
-            self._shapes = {
-                number: bone_of(*checked_surface(bone, f"{where}, block {name!r}"))
-                for number, (name, bone) in enumerate(bones.items())
-            }
+            self._shapes = {}
+            for number, (name, bone) in enumerate(bones.items()):
+                block = f"{where}, block {name!r}"
+                self._shapes[number] = bone_of(*checked_surface(bone, block))
+                self._shapes[number].name = block
             self._state = state
         return self._shapes

@@ -8,8 +8,8 @@ import numpy as np
 from scipy.spatial import cKDTree
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
+from vtkmuscle.core.algorithm_2.voxels import DEFAULT_N_MAX, MOST_N_EQUAL, build_voxel_grid
 from vtkmuscle.core.attachments.patches import attachment_patch
-from vtkmuscle.core.collision.voxels import DEFAULT_N_MAX, MOST_N_EQUAL, build_voxel_grid
 from vtkmuscle.core.errors import InputError, errors_at
 from vtkmuscle.core.mesh.solids import Solids, solids_of
 from vtkmuscle.core.mesh.surface import edge_lengths, points_in_box, unique_edges

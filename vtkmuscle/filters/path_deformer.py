@@ -10,10 +10,10 @@ from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 from vtkmodules.vtkCommonExecutionModel import vtkDemandDrivenPipeline, vtkExecutive
 
 from vtkmuscle.core.bones.bone import Bone, depth_in
-from vtkmuscle.core.collision.obstacles import DistanceObstacle, Neighbour
 from vtkmuscle.core.errors import InputError, errors_at
 from vtkmuscle.core.fibres.embedding import EmbeddedPoints
 from vtkmuscle.core.fixed_muscle import FixedMuscle
+from vtkmuscle.core.mesh.neighbours import Neighbour
 from vtkmuscle.core.mesh.polylines import polyline_lengths
 from vtkmuscle.core.skinning.carried_muscle import CarriedMuscle, CarriedPose
 from vtkmuscle.core.types import Floats
@@ -223,12 +223,8 @@ class PathDeformer(Filter):
                 assert self._carried is not None
                 return self._carried
         self._made_from = self._last = self._neighbours = self._embedded = None
-        obstacles = [
-            DistanceObstacle(number, bone.points, bone.triangles, skin=self.bone_clearance)
-            for number, bone in shapes.items()
-        ]
         with errors_at("muscle"):
-            self._carried = CarriedMuscle(given, rest, obstacles)
+            self._carried = CarriedMuscle(given, rest, shapes, self.bone_clearance)
         self._made_from = given, rest, shapes, self.bone_clearance
         return self._carried
 

@@ -10,11 +10,10 @@ from typing import Any
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
 from vtkmuscle.core.algorithm_2.solver import Algorithm2, State
-from vtkmuscle.core.collision.obstacles import Neighbour
-
 PathDrivenMuscle = Pose = Any
 from vtkmuscle.core.errors import InputError, errors_at
 from vtkmuscle.core.fixed_muscle import FixedMuscle
+from vtkmuscle.core.mesh.neighbours import Neighbour
 from vtkmuscle.core.mesh.rest_shape import ShapeReport
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import Polylines, set_field_array, set_point_array, with_points
@@ -215,13 +214,7 @@ class PBDDeformer(DeformerSettings, HistoryFilter[_Frame]):
         """Take the bones at rest from the first frame of the path, on which their last digits depend."""
         self._rest_from = self.path[0]
         if self.collision != "off" or self.measure_penetration:
-            self._rest_bones.take(
-                bones,
-                collision=self.collision,
-                skin=self.bone_clearance,
-                n_max=self.n_voxels,
-                n_equal=self.n_voxels_per_axis,
-            )
+            self._rest_bones.take(bones)
 
     def _advance(
         self, before: _Frame | None, bones: MovingBones, neighbours: vtkMultiBlockDataSet | None
@@ -254,16 +247,18 @@ class PBDDeformer(DeformerSettings, HistoryFilter[_Frame]):
 
     def _made_solver(self) -> PathDrivenMuscle | Algorithm2:
         """Return the solver for the present muscle, bones and parameters; it is made where these are new."""
-        obstacles = self._rest_bones.obstacles if self.collision != "off" else ()
+        rest_bones = self._rest_bones.bones if self.collision != "off" else {}
         muscle, published = self._known_muscle, self.quality == PUBLISHED
         settings = algorithm_2_parameters(self.parameters())
-        made_from = muscle, obstacles, settings if published else self.taut_resolution
+        voxels = (self.n_voxels, self.n_voxels_per_axis) if self.collision == "voxel" else None
+        own = (settings, voxels) if published else (self.taut_resolution, self.bone_clearance)
+        made_from = muscle, rest_bones, own
         if self._solver is None or made_from != self._made_from:
             with errors_at("muscle"):
                 self._solver = (
-                    Algorithm2(muscle, settings, obstacles)
+                    Algorithm2(muscle, settings, rest_bones, voxels)
                     if published
-                    else PathDrivenMuscle(muscle, obstacles, self.taut_resolution)
+                    else PathDrivenMuscle(muscle, rest_bones, self.taut_resolution, self.bone_clearance)
                 )
             self._made_from = made_from
         return self._solver

@@ -9,7 +9,7 @@ import pytest
 
 from vtkmuscle import RigidMotion, Scene, phantoms
 from vtkmuscle.core.algorithm_2 import solver
-from vtkmuscle.core.collision.voxels import OUTSIDE, build_voxel_grid
+from vtkmuscle.core.algorithm_2.voxels import OUTSIDE, build_voxel_grid
 from vtkmuscle.data.arrays import blocks_of, checked_surface, point_array, points_of, polylines_of
 from vtkmuscle.filters import FixedPointDetector, PBDDeformer
 from vtkmuscle.pipelines import decompose, deform

@@ -5,14 +5,14 @@ import pytest
 from spindle import spindle
 
 from vtkmuscle.core.algorithm_2.solver import Algorithm2, Parameters
-from vtkmuscle.core.collision.obstacles import VoxelObstacle
+from vtkmuscle.core.bones.bone import bone_of
 from vtkmuscle.core.fixed_muscle import FixedMuscle
 from vtkmuscle.core.motion.rigid import apply_transform, inverse, rotation_about
 
 
-def solver_of(mesh=None, *, obstacles=(), **settings):
+def solver_of(mesh=None, *, bones=(), **settings):
     muscle = FixedMuscle(*(mesh or spindle(seed=0)))
-    return Algorithm2(muscle, Parameters(**{"iterations": 10, **settings}), obstacles)
+    return Algorithm2(muscle, Parameters(**{"iterations": 10, **settings}), dict(bones), (20**3, None))
 
 
 def bent(angle, centre=(0.0, 20.0, 0.0)):
@@ -24,15 +24,13 @@ def box_bone(bone, low, high, *, placed=None):
     faces = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
     triangles = np.array([t for a, b, c, d in faces for t in ((a, b, c), (a, c, d))])
     points = np.asarray(low) + corners * (np.asarray(high) - np.asarray(low))
-    return VoxelObstacle(
-        bone, points if placed is None else apply_transform(placed, points), triangles, n_max=20**3
-    )
+    return bone, bone_of(points if placed is None else apply_transform(placed, points), triangles)
 
 
 @pytest.mark.parametrize("bone_push", ["off", "transform"])
 def test_rest_is_an_equilibrium(bone_push):
     inside = box_bone(0, [-5, -40, -20], [5, -2, 20])  # overlaps the muscle at rest, as real bones do
-    solver = solver_of(iterations=1000, bone_push=bone_push, obstacles=[inside])
+    solver = solver_of(iterations=1000, bone_push=bone_push, bones=[inside])
     state = solver.step(solver.at_rest(2), bent(0.0))
     assert np.abs(state.positions - solver.rest).max() <= 1e-9
     assert np.abs(state.velocities).max() <= 1e-9
@@ -46,8 +44,8 @@ def test_a_scene_turned_by_quarters_gives_the_same_turned(sides, axis, angle):
     frame = rotation_about([10, -40, 7], axis, angle)
     low = np.array([-20.0, 14.0, -30.0])
     wall, turned = (box_bone(0, low, low + sides, placed=placed) for placed in (None, frame))
-    here = solver_of((points, triangles, fixed_to), obstacles=[wall])
-    there = solver_of((apply_transform(frame, points), triangles, fixed_to), obstacles=[turned])
+    here = solver_of((points, triangles, fixed_to), bones=[wall])
+    there = solver_of((apply_transform(frame, points), triangles, fixed_to), bones=[turned])
     state, moved, hits = here.at_rest(2), there.at_rest(2), 0
     for flexion in (-2, -5, -10, -20):
         state = here.step(state, bent(flexion, (0.0, 0.0, 0.0)))
@@ -120,7 +118,7 @@ def test_damping_stops_a_body():
 def test_points_stay_out_of_a_bone_that_the_muscle_is_pushed_against(bone_push):
     wall = box_bone(0, [-120, -60, -120], [120, -18, 120])
     mesh = spindle(rings=24, around=16)
-    solver = solver_of(mesh, obstacles=[wall], external_force=(0, -4.0, 0), bone_push=bone_push)
+    solver = solver_of(mesh, bones=[wall], external_force=(0, -4.0, 0), bone_push=bone_push)
     state, hits = solver.at_rest(2), 0
     for _ in range(20):
         state = solver.step(state, bent(0))
@@ -134,7 +132,7 @@ def test_points_that_met_a_bone_have_no_velocity_where_asked_for():
     wall = box_bone(0, [-120, -60, -120], [120, -18, 120])
     free, moving = spindle(seed=0)[2] < 0, {}
     for kept in ("keep", "zero"):
-        solver = solver_of(obstacles=[wall], external_force=(0.0, -8.0, 0.0), contact_velocity=kept)
+        solver = solver_of(bones=[wall], external_force=(0.0, -8.0, 0.0), contact_velocity=kept)
         state = solver.step(solver.at_rest(2), bent(0))
         moving[kept] = free & (state.velocities != 0.0).any(axis=1)
         assert state.colliding > 0
@@ -144,10 +142,9 @@ def test_points_that_met_a_bone_have_no_velocity_where_asked_for():
 
 def test_a_bone_out_of_reach_costs_no_voxels():
     near, far = box_bone(0, [-5, -40, -20], [5, -2, 20]), box_bone(1, [500, 0, 0], [600, 10, 10])
-    solver = solver_of(obstacles=[near, far])
+    solver = solver_of(bones=[near, far])
     solver.step(solver.at_rest(2), bent(1))
-    assert "grid" in vars(near)
-    assert "grid" not in vars(far)
+    assert list(solver._contact._grids) == [0]
 
 
 def test_all_points_fixed_is_allowed():

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from spindle import spindle
 
-from vtkmuscle.core.collision.obstacles import DistanceObstacle
+from vtkmuscle.core.bones.bone import bone_of
 from vtkmuscle.core.deformation.settling import Settling
 from vtkmuscle.core.mesh.rest_shape import RestShape
 from vtkmuscle.core.mesh.surface import mesh_topology, signed_volume
@@ -20,12 +20,12 @@ def box_bone(bone, low, high):
     faces = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
     triangles = np.array([t for a, b, c, d in faces for t in ((a, b, c), (a, c, d))])
     points = np.asarray(low) + corners * (np.asarray(high) - np.asarray(low))
-    return DistanceObstacle(bone, points, triangles)
+    return bone, bone_of(points, triangles)
 
 
-def settling_of(*obstacles, points=POINTS, fixed_to=FIXED_TO):
+def settling_of(*bones, points=POINTS, fixed_to=FIXED_TO):
     shape = RestShape(points, mesh_topology(len(points), TRIANGLES))
-    return Settling(shape, fixed_to, obstacles)
+    return Settling(shape, fixed_to, dict(bones))
 
 
 def carried(depth=0.0, squeeze=1.0):
@@ -103,7 +103,9 @@ def test_a_finer_mesh_settles_the_same():
         transforms = np.eye(4)[None].copy()
         transforms[0, 1, 3] = 4.0
         held = np.where(fixed_to < 0, -1, 1)
-        settled = Settling(shape, held, [wall]).settle(moved, np.array([transforms[0], np.eye(4)]), rounds=10)
+        settled = Settling(shape, held, dict([wall])).settle(
+            moved, np.array([transforms[0], np.eye(4)]), rounds=10
+        )
         middle = np.abs(points[:, 2]) < 0.1 * np.abs(points[:, 2]).max()
         ends.append(float((settled.surface - points)[middle, 1].mean()))
     assert ends[0] == pytest.approx(ends[1], abs=0.15)
@@ -114,7 +116,7 @@ def test_everything_moved_rigidly_gives_the_same_moved():
     frame[:3, 3] += [300.0, -200.0, 50.0]
     top = POINTS[:, 1].max()
     wall = box_bone(0, [-60, top + 1.0, -60], [60, top + 40.0, 60])
-    turned = DistanceObstacle(0, apply_transform(frame, wall.points), wall.triangles)
+    turned = 0, bone_of(apply_transform(frame, wall[1].points), wall[1].triangles)
     here = settling_of(wall).settle(carried(4.0), STILL, rounds=5)
     moved = apply_transform(frame, carried(4.0))
     there = settling_of(turned, points=apply_transform(frame, POINTS)).settle(moved, STILL, rounds=5)

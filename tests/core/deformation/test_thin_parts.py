@@ -5,7 +5,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from vtkmuscle.core.collision.obstacles import DistanceObstacle
+from vtkmuscle.core.bones.bone import bone_of
 from vtkmuscle.core.deformation.muscle import PathDrivenMuscle
 from vtkmuscle.core.fixed_muscle import FixedMuscle
 from vtkmuscle.core.mesh.rest_shape import RestShape
@@ -60,9 +60,9 @@ def tendon(section, mesh):
     return FixedMuscle(points, triangles, fixed_to, fibres=lines)
 
 
-def moved(muscle, poses, rounds, segments, obstacles=()):
+def moved(muscle, poses, rounds, segments, bones=None):
     """Return the muscle after poses (k, 4, 4) of bone 0, beside which bone 1 stays."""
-    model, pose = PathDrivenMuscle(muscle, obstacles, segments), None
+    model, pose = PathDrivenMuscle(muscle, bones or {}, segments), None
     for transform in poses:
         pose = model.pose(pose, np.array([transform, np.eye(4)]), rounds=rounds)
         assert pose.paths.settled
@@ -124,12 +124,12 @@ def bent(points, thickness, turn):
 def test_a_tendon_bends_over_an_edge(section, mesh):
     """By 90 degrees; 24 segments are each 4 to 5 mm long, so that the polyline is up to 0.2 mm inside."""
     muscle, (_, thickness) = tendon(section, mesh), SECTIONS[section]
-    bone = DistanceObstacle(1, *edge(thickness))
+    bone = bone_of(*edge(thickness))
     centre = 0.0, EDGE + thickness, LENGTH / 2.0
     poses = [rotation_about(centre, (1.0, 0.0, 0.0), angle) for angle in np.linspace(0.0, 90.0, 10)[1:]]
     known = bent(muscle.points, thickness, np.pi / 2.0)
     for rounds, segments in QUALITIES:
-        off = np.linalg.norm(moved(muscle, poses, rounds, segments, (bone,)) - known, axis=1)
+        off = np.linalg.norm(moved(muscle, poses, rounds, segments, {1: bone}) - known, axis=1)
         assert np.percentile(off[inside(muscle, section)], 95) < 1.3
 
 

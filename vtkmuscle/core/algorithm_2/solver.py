@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 
 import numpy as np
 
@@ -14,10 +15,12 @@ from vtkmuscle.core.algorithm_2.constraints import (
     sweep_angles,
     sweep_distances,
 )
-from vtkmuscle.core.collision.contact import Barrier, Contact
-from vtkmuscle.core.collision.obstacles import MuscleContact, Neighbour, Obstacle
+from vtkmuscle.core.algorithm_2.voxels import VoxelContact
+from vtkmuscle.core.bones.bone import Bone
+from vtkmuscle.core.bones.contact import BoneContact
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.fixed_muscle import FixedMuscle
+from vtkmuscle.core.mesh.neighbours import Neighbour
 from vtkmuscle.core.mesh.rest_shape import RestShape
 from vtkmuscle.core.motion.rigid import apply_transform, centred
 from vtkmuscle.core.types import Floats
@@ -93,7 +96,11 @@ class Algorithm2:
     """
 
     def __init__(
-        self, muscle: FixedMuscle, parameters: Parameters, obstacles: Sequence[Obstacle] = ()
+        self,
+        muscle: FixedMuscle,
+        parameters: Parameters,
+        bones: Mapping[int, Bone] = MappingProxyType({}),
+        voxels: tuple[int, int | None] | None = None,
     ) -> None:
         self.parameters = parameters
         points, fixed_to, topology = muscle.points, muscle.fixed_to, muscle.topology()
@@ -107,7 +114,10 @@ class Algorithm2:
         self._free = free = fixed_to < 0
         self._fixed = [(int(bone), np.flatnonzero(fixed_to == bone)) for bone in np.unique(fixed_to[~free])]
         push = parameters.bone_push == "transform"
-        self._barrier = Barrier(obstacles, self.rest, self.centre, free, bone_push=push)
+        self._contact: VoxelContact | BoneContact = BoneContact(bones, points, free)
+        if voxels is not None:
+            n_max, n_equal = voxels
+            self._contact = VoxelContact(bones, free, n_max=n_max, n_equal=n_equal, bone_push=push)
 
         self._mass = mass = free.astype(np.float64)
         edges, quads = topology.edges, topology.quads
@@ -140,11 +150,13 @@ class Algorithm2:
         ``progress`` is called after each iteration with the part of the step that is done; it may raise, to
         stop.
         """
-        settings, free = self.parameters, self._free
+        settings = self.parameters
         x, v, dt = state.positions, state.velocities, settings.dt
-        now, before = centred(transforms, self.centre), centred(state.transforms, self.centre)
-        muscles = MuscleContact(neighbours, free, self.centre) if neighbours else None
-        contact = Contact(self._barrier, now, before, x, muscles)
+        now = centred(transforms, self.centre)
+        if isinstance(self._contact, VoxelContact):
+            keep_out = self._contact.at(transforms, neighbours, self.centre, state.transforms, x)
+        else:
+            keep_out = self._contact.at(transforms, neighbours, self.centre).keep_out
         collided = np.zeros(len(x), dtype=np.bool_)
         with np.errstate(over="ignore", invalid="ignore"):  # _check_finite reports it
             # Lines 6 to 15: fixed points go with their bones, free ones where their velocity takes them.
@@ -158,7 +170,7 @@ class Algorithm2:
                 sweep_distances(p, self._mass, *self._distances)
                 project_volume(p, self._mass, *self._volume)
                 sweep_angles(p, self._mass, *self._angles)
-                collided |= contact.keep_out(p)
+                collided |= keep_out(p)
                 _check_finite(p)
                 if progress is not None:
                     progress((iteration + 1) / settings.iterations)

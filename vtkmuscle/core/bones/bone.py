@@ -21,7 +21,7 @@ from vtkmuscle.core.bones.lookup import (
     normal_at,
     put_into_table,
 )
-from vtkmuscle.core.errors import InputError
+from vtkmuscle.core.errors import InputError, errors_at
 from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.mesh.sampling import space_order, uneven_weights
 from vtkmuscle.core.mesh.shared import shared
@@ -62,6 +62,8 @@ class Bone:
         if cell is not None and not (np.isfinite(cell) and cell > 0.0):
             raise InputError("", f"the cell of a bone's field must be finite and > 0, got {cell:g} mm")
         self.points, self.triangles = points, triangles
+        #: Name of the bone in warnings and errors.
+        self.name = "bone"
         #: Lowest and highest corner of the bone's box at rest [mm].
         self.box: tuple[Floats, Floats] = points.min(axis=0), points.max(axis=0)
         if cell is not None:
@@ -73,7 +75,8 @@ class Bone:
     @cached_property
     def solids(self) -> Solids:
         """The exact surface: the bone's parts, closed where they were open."""
-        return solids_of(self.points, self.triangles)
+        with errors_at(self.name):
+            return solids_of(self.points, self.triangles)
 
     @cached_property
     def axes(self) -> Floats:

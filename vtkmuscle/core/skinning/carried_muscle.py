@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from vtkmuscle.core.collision.obstacles import Neighbour, Obstacle
+from vtkmuscle.core.bones.bone import Bone
 from vtkmuscle.core.fixed_muscle import FixedMuscle, Lines
 from vtkmuscle.core.mesh.harmonic import harmonic_weights
+from vtkmuscle.core.mesh.neighbours import Neighbour
 from vtkmuscle.core.mesh.polylines import fibre_directions_at
 from vtkmuscle.core.mesh.rest_shape import RestShape
 from vtkmuscle.core.mesh.surface import mean_thickness
@@ -53,8 +54,10 @@ class CarriedMuscle:
         The muscle at rest; its fibres give the directions of the shape report.
     paths : (f, n, 3) array or None
         Its paths at rest [mm].
-    obstacles : sequence of Obstacle
-        Bones that the surface is kept out of.
+    bones : mapping of int to Bone
+        Bones that the surface is kept out of, by their index among the transforms.
+    clearance : float, optional
+        Distance that the surface keeps from the bones [mm].
 
     Raises
     ------
@@ -62,7 +65,9 @@ class CarriedMuscle:
         If the surface is open or encloses no volume.
     """
 
-    def __init__(self, muscle: FixedMuscle, paths: Floats | None, obstacles: Sequence[Obstacle]) -> None:
+    def __init__(
+        self, muscle: FixedMuscle, paths: Floats | None, bones: Mapping[int, Bone], clearance: float = 0.0
+    ) -> None:
         points, fixed_to, topology = muscle.points, muscle.fixed_to, muscle.topology()
         self._points = points
         self._skinning = self._weights = None
@@ -77,7 +82,7 @@ class CarriedMuscle:
         elif (fixed_to >= 0).any():
             self._weights = harmonic_weights(points, muscle.triangles, fixed_to)
         self.shape = RestShape(points, topology, directions)
-        self._settling = Settling(self.shape, fixed_to, obstacles)
+        self._settling = Settling(self.shape, fixed_to, bones, clearance)
 
     def pose(
         self,
@@ -105,8 +110,8 @@ class CarriedMuscle:
             skinned = self._skinning.at(paths, transforms)
             carried = skinned.surface
         elif self._weights is not None:
-            bones, weights = self._weights
-            carried = blend_motions(transforms[bones], weights, self._points)
+            carriers, weights = self._weights
+            carried = blend_motions(transforms[carriers], weights, self._points)
         settled = self._settling.settle(
             carried, transforms, rounds=rounds, neighbours=neighbours, progress=progress
         )

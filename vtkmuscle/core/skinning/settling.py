@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 
 import numpy as np
 
-from vtkmuscle.core.collision.contact import Barrier, Contact
-from vtkmuscle.core.collision.obstacles import MuscleContact, Neighbour, Obstacle
+from vtkmuscle.core.bones.bone import Bone
+from vtkmuscle.core.bones.contact import BoneContact, PoseContact
 from vtkmuscle.core.jit import kernel
+from vtkmuscle.core.mesh.neighbours import Neighbour
 from vtkmuscle.core.mesh.rest_shape import VOLUME_FLOOR, RestShape, project_volume
 from vtkmuscle.core.mesh.surface import mean_thickness
 from vtkmuscle.core.motion.rigid import apply_transform
@@ -30,9 +32,6 @@ TOGETHER, MOST_STEPS = 1.6, 6
 #: Times that bones and volume are attended to in turn at the end, at most, and the relative error of the
 #: volume that is as good as none.
 LAST_PASSES, VOLUME_TOLERANCE = 30, 1e-10
-
-#: The origin, about which a muscle is settled: the scene's.
-_ORIGIN = np.zeros(3)
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,15 +59,24 @@ class Settling:
         The muscle at rest.
     fixed_to : (n,) int array
         Index of the bone each point is fixed to, -1 for free points.
-    obstacles : sequence of Obstacle, optional
-        Bones that free points are kept out of; points that are in one at rest may be as deep as then.
+    bones : mapping of int to Bone, optional
+        Bones that free points are kept out of, by index: see
+        :class:`~vtkmuscle.core.bones.contact.BoneContact`.
+    clearance : float, optional
+        Distance that points keep from the bones [mm].
     """
 
-    def __init__(self, shape: RestShape, fixed_to: Ints, obstacles: Sequence[Obstacle] = ()) -> None:
+    def __init__(
+        self,
+        shape: RestShape,
+        fixed_to: Ints,
+        bones: Mapping[int, Bone] = MappingProxyType({}),
+        clearance: float = 0.0,
+    ) -> None:
         self._rest, self._triangles = shape.points, shape.topology.triangles
         self._free = free = fixed_to < 0
         self._fixed = [(int(bone), np.flatnonzero(fixed_to == bone)) for bone in np.unique(fixed_to[~free])]
-        self._barrier = Barrier(obstacles, self._rest, _ORIGIN, free, bone_push=False)
+        self._contact = BoneContact(bones, self._rest, free, clearance)
         self._diffusion = Diffusion(self._rest, self._triangles)
         self._edges = shape.topology.edges
         self._volume = shape.volume
@@ -106,13 +114,9 @@ class Settling:
         carried = carried.copy()
         for bone, fixed in self._fixed:
             carried[fixed] = apply_transform(transforms[bone], self._rest[fixed])
-        muscles = MuscleContact(neighbours, self._free, _ORIGIN) if neighbours else None
-
-        def contact(points: Floats) -> Contact:
-            return Contact(self._barrier, transforms, transforms, points.copy(), muscles)
-
+        touching = self._contact.at(transforms, neighbours)
         points = carried.copy()
-        touching = self._leave_bones(points, contact)
+        self._leave_bones(points, touching)
         displacement = np.empty_like(points)
         for number in range(rounds):
             if number:
@@ -126,13 +130,12 @@ class Settling:
         held = self._finish(points, touching)
         return SettlingResult(points, int(held.sum()))
 
-    def _leave_bones(self, points: Floats, contact: Callable[[Floats], Contact]) -> Contact:
-        """Move points out of the bones, in place; return the contact, which goes on from there.
+    def _leave_bones(self, points: Floats, touching: PoseContact) -> None:
+        """Move points out of the bones, in place.
 
         Each point goes to the nearest side of the bone. Where that would tear a muscle in two that is carried
         across a bone, the ways out diffuse first among the points in it, which so go the same way.
         """
-        touching = contact(points)
         out = points.copy()
         inside = touching.keep_out(out)
         way = out - points
@@ -143,19 +146,17 @@ class Settling:
             for _ in range(MOST_STEPS):
                 _advance(points, out, way, inside)
                 out[:] = points
-                touching = contact(points)
                 inside = touching.keep_out(out)
                 if not inside.any():
                     break
         points[:] = out
-        return touching
 
     def _restore_volume(self, points: Floats, mass: Floats) -> float:
         """Move points, in place, so that the volume is that at rest; return its relative error before."""
         volume = project_volume(points, mass, self._triangles, self._volume, self._floor, self._gradient)
         return abs(volume / self._volume - 1.0)
 
-    def _finish(self, points: Floats, touching: Contact) -> Bools:
+    def _finish(self, points: Floats, touching: PoseContact) -> Bools:
         """Take points out of the bones, and the volume that costs from the others; return those held."""
         held = np.zeros(len(points), dtype=np.bool_)
         for _ in range(LAST_PASSES):

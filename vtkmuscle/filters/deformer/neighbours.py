@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
-from vtkmuscle.core.collision.obstacles import Neighbour
 from vtkmuscle.core.errors import InputError
+from vtkmuscle.core.mesh.neighbours import Neighbour
 from vtkmuscle.core.mesh.surface import signed_volume
 from vtkmuscle.core.mesh.triangle_tree import TriangleTree, triangle_tree
 from vtkmuscle.core.types import Floats

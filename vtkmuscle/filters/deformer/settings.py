@@ -7,7 +7,7 @@ from types import MappingProxyType
 from typing import Any
 
 from vtkmuscle.core.algorithm_2.solver import Parameters
-from vtkmuscle.core.collision.voxels import DEFAULT_N_MAX, MOST_N_EQUAL
+from vtkmuscle.core.algorithm_2.voxels import DEFAULT_N_MAX, MOST_N_EQUAL
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.paths.sheet import POINTS
 from vtkmuscle.filters.base.docstrings import entry

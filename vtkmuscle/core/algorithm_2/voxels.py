@@ -7,13 +7,17 @@ doi:10.1007/978-3-030-72379-8_24.
 from __future__ import annotations
 
 import warnings
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from vtkmuscle.core.errors import InputError
+from vtkmuscle.core.bones.bone import Bone
+from vtkmuscle.core.bones.contact import BoneBoxes, boxes_met
+from vtkmuscle.core.errors import InputError, errors_at
 from vtkmuscle.core.jit import array_kernel, kernel
+from vtkmuscle.core.mesh.neighbours import MuscleContact, Neighbour
 from vtkmuscle.core.mesh.solids import closed_shells
 from vtkmuscle.core.motion.rigid import inverse, transform_point
 from vtkmuscle.core.types import Bools, Floats, Ints
@@ -195,6 +199,71 @@ def _flood_outside(cells: Cells) -> None:
 
     parts = label(cells != BOUNDARY)[0]
     cells[parts == parts[0, 0, 0]] = OUTSIDE
+
+
+class VoxelContact:
+    """Keeps the free points of a muscle out of the voxels of bones.
+
+    Parameters
+    ----------
+    bones : mapping of int to Bone
+        By their index among the transforms; the voxels of a bone are made when a muscle first meets its box.
+    free : (n,) bool array
+        Points that may be moved.
+    n_max, n_equal
+        As of :func:`build_voxel_grid`.
+    bone_push : bool
+        Whether a bone takes points along that it moved over.
+    """
+
+    def __init__(
+        self, bones: Mapping[int, Bone], free: Bools, *, n_max: int, n_equal: int | None, bone_push: bool
+    ) -> None:
+        self._bones, self._free, self._bone_push = tuple(bones.values()), free, bone_push
+        # No voxel reaches farther over the bone's box than it is long.
+        diagonals = [float(np.linalg.norm(bone.box[1] - bone.box[0])) for bone in self._bones]
+        per_side = n_equal or max(n_max, 1) ** (1.0 / 3.0)
+        self._boxes = BoneBoxes(bones, [2.0 * diagonal / per_side for diagonal in diagonals])
+        self._divided = {"n_max": n_max, "n_equal": n_equal}
+        self._grids: dict[int, VoxelGrid] = {}
+
+    def grid(self, number: int) -> VoxelGrid:
+        """Return the voxels of a bone."""
+        if number not in self._grids:
+            bone = self._bones[number]
+            with errors_at(bone.name):
+                grid = build_voxel_grid(bone.points, bone.triangles, **self._divided, what=bone.name)
+            self._grids[number] = grid
+        return self._grids[number]
+
+    def at(
+        self, now: Floats, neighbours: Sequence[Neighbour], centre: Floats, before: Floats, x: Floats
+    ) -> Callable[[Floats], Bools]:
+        """Return the contact in a step of the bones to now, (b, 4, 4), from their transforms before.
+
+        Positions, also those before the step, x (n, 3), are relative to a centre (3,) in the scene.
+        """
+        met = np.empty(len(self._bones), dtype=np.bool_)
+        muscles = MuscleContact(neighbours, self._free, centre) if neighbours else None
+        corners = self._boxes.moved(now, centre)
+        about = np.eye(4)
+        about[:3, 3] = -centre
+        moves = [
+            (about @ now[bone], about @ now[bone] @ inverse(before[bone]) @ inverse(about))
+            for bone in self._boxes.indices
+        ]
+
+        def keep_out(p: Floats) -> Bools:
+            moved = np.zeros(len(p), dtype=np.bool_)
+            if muscles is not None:
+                moved |= muscles.keep_out(p)
+            boxes_met(p, self._free, *corners, met)
+            for number in np.flatnonzero(met).tolist():
+                motion = *moves[number], x, p, self._free
+                moved |= resolve_collisions(self.grid(number), *motion, bone_push=self._bone_push)
+            return moved
+
+        return keep_out
 
 
 def resolve_collisions(

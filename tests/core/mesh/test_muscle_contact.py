@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from vtkmodules.vtkFiltersSources import vtkSphereSource
 
-from vtkmuscle.core.collision.obstacles import MuscleContact, Neighbour
+from vtkmuscle.core.mesh.neighbours import MuscleContact, Neighbour
 from vtkmuscle.core.mesh.triangle_tree import triangle_tree
 from vtkmuscle.data.arrays import checked_surface
 

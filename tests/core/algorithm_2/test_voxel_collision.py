@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 from shapes import ring
 
-from vtkmuscle.core.collision.voxels import INSIDE, OUTSIDE, VoxelGrid, build_voxel_grid, resolve_collisions
+from vtkmuscle.core.algorithm_2.voxels import INSIDE, OUTSIDE, VoxelGrid, build_voxel_grid, resolve_collisions
 from vtkmuscle.core.motion.rigid import apply_transform
 
 AT_REST = np.eye(4)

@@ -9,7 +9,7 @@ from scipy.ndimage import binary_dilation, label
 from shapes import ball, box, ring
 from vtkmodules.vtkIOXML import vtkXMLPolyDataReader
 
-from vtkmuscle.core.collision.voxels import (
+from vtkmuscle.core.algorithm_2.voxels import (
     BOUNDARY,
     DEFAULT_N_MAX,
     INSIDE,

@@ -1,0 +1,233 @@
+"""Contact of a muscle with bones, by their signed distances."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from vtkmuscle.core.bones.bone import Bone
+from vtkmuscle.core.bones.lookup import Field, distance_at, least_distance_at, normal_at
+from vtkmuscle.core.jit import kernel
+from vtkmuscle.core.mesh.neighbours import MuscleContact, Neighbour
+from vtkmuscle.core.mesh.tree_search import distance2_to_box
+from vtkmuscle.core.motion.rigid import inverse, transform_point
+from vtkmuscle.core.types import Bools, Floats
+
+#: A point deeper than this is moved [cells]; the push ends within half of it.
+TOLERANCE = 1e-6
+
+#: Most steps of a push; far more than a convergent push takes.
+MOST_PUSHES = 20
+
+#: A muscle with more than this part of its free points in a bone at rest is swallowed by it.
+SWALLOWED = 0.9
+
+
+class BoneBoxes:
+    """The boxes of bones, for a first look at which of them points can meet.
+
+    Parameters
+    ----------
+    bones : mapping of int to Bone
+        By their index among the transforms.
+    margins : (k,) array_like
+        Distance from each bone at which it is met [mm].
+    """
+
+    def __init__(self, bones: Mapping[int, Bone], margins: Sequence[float]) -> None:
+        self.indices = np.array(list(bones), dtype=np.int64)
+        corners = np.array([bone.box for bone in bones.values()]).reshape(-1, 2, 3)
+        self._middles = corners.mean(axis=1)
+        self._halves = np.ptp(corners, axis=1) / 2.0 + np.reshape(margins, (-1, 1))
+
+    def moved(self, transforms: Floats, centre: Floats) -> tuple[Floats, Floats]:
+        """Return the low and high corners (k, 3) of the boxes, relative to a centre (3,).
+
+        The transforms (b, 4, 4) lead from rest to now.
+        """
+        mine = transforms[self.indices]
+        middles = np.einsum("bij,bj->bi", mine[:, :3, :3], self._middles) + mine[:, :3, 3] - centre
+        halves = np.einsum("bij,bj->bi", np.abs(mine[:, :3, :3]), self._halves)
+        # A box without extent must not be missed for a rounding error.
+        halves += 1e-9 * (np.abs(middles) + np.abs(centre) + halves)
+        return middles - halves, middles + halves
+
+
+@kernel
+def boxes_met(p: Floats, free: Bools, low: Floats, high: Floats, met: Bools) -> None:
+    """Write which boxes (k, 3) meet the box of the free points p (n, 3);  met : (k,)."""
+    met[:] = True
+    for axis in range(3):
+        least, most = np.inf, -np.inf
+        for i in range(len(p)):
+            if free[i]:
+                least, most = min(least, p[i, axis]), max(most, p[i, axis])
+        for k in range(len(met)):
+            met[k] = met[k] and least <= high[k, axis] and most >= low[k, axis]
+
+
+class BoneContact:
+    """Keeps the free points of a muscle out of bones.
+
+    A point that is deeper in a bone than at rest goes along the gradient of :meth:`Bone.field
+    <vtkmuscle.core.bones.bone.Bone.field>` to the depth that it had at rest. The result depends on the points
+    and the pose alone. Bones are looked up when a muscle first comes near their box.
+
+    Parameters
+    ----------
+    bones : mapping of int to Bone
+        By their index among the transforms.
+    rest : (n, 3) array
+        Points of the muscle at rest, in the scene [mm].
+    free : (n,) bool array
+        Points that may be moved.
+    clearance : float, optional
+        Distance that points keep from the bones [mm]; a point nearer at rest may come as near.
+
+    Warns
+    -----
+    UserWarning
+        If the surface of a bone that is met was mended, or if nearly all free points are in it at rest: its
+        frame or unit is not the muscle's.
+    """
+
+    def __init__(self, bones: Mapping[int, Bone], rest: Floats, free: Bools, clearance: float = 0.0) -> None:
+        self.bones = tuple(bones.values())
+        self.boxes = BoneBoxes(bones, [clearance] * len(bones))
+        self.rest, self.free, self.clearance = rest, free, clearance
+        self._levels: dict[int, Floats] = {}
+
+    def levels(self, number: int) -> Floats:
+        """Return the least distance (n,) from a bone that each point may have [mm]."""
+        if number not in self._levels:
+            bone = self.bones[number]
+            if bone.solids.remarks:
+                warnings.warn(f"{bone.name}: " + "; ".join(bone.solids.remarks), stacklevel=2)
+            distance, _ = bone.field(self.rest, within=self.clearance)
+            inside = int((distance[self.free] < 0.0).sum())
+            if inside > SWALLOWED * self.free.sum():
+                warnings.warn(
+                    f"{bone.name}: {inside} of the muscle's {self.free.sum()} free points are in it at rest "
+                    "and may stay as deep; check that bone and muscle are in the same frame and unit",
+                    stacklevel=2,
+                )
+            self._levels[number] = np.minimum(distance, self.clearance)
+        return self._levels[number]
+
+    def at(
+        self, transforms: Floats, neighbours: Sequence[Neighbour] = (), centre: Floats | None = None
+    ) -> PoseContact:
+        """Return the contact in a pose of the bones (b, 4, 4), rest to now, and of other muscles.
+
+        Positions are relative to a ``centre`` (3,) in the scene, the origin by default.
+        """
+        return PoseContact(self, transforms, neighbours, np.zeros(3) if centre is None else centre)
+
+
+class PoseContact:
+    """The contact of a muscle in a pose; made by :meth:`BoneContact.at`.
+
+    A point whose distance from a bone was looked up is not looked up again before it has moved that far.
+    """
+
+    def __init__(
+        self, contact: BoneContact, transforms: Floats, neighbours: Sequence[Neighbour], centre: Floats
+    ) -> None:
+        self._contact, self._transforms, self._centre = contact, transforms, centre
+        self._muscles = MuscleContact(neighbours, contact.free, centre) if neighbours else None
+        self._low, self._high = contact.boxes.moved(transforms, centre)
+        self._seen: dict[int, tuple[Floats, Floats, Floats, Floats]] = {}
+
+    def keep_out(self, p: Floats) -> Bools:
+        """Move positions (n, 3) out of muscles and bones, in place; return the moved points, (n,)."""
+        contact = self._contact
+        moved = np.zeros(len(p), dtype=np.bool_)
+        if self._muscles is not None:
+            moved |= self._muscles.keep_out(p)
+        met = np.empty(len(contact.bones), dtype=np.bool_)
+        boxes_met(p, contact.free, self._low, self._high, met)
+        for number in np.flatnonzero(met).tolist():
+            bone, levels = contact.bones[number], contact.levels(number)
+            seen = self._seen.get(number) or self._first_look(number)
+            waiting, work = contact.free.copy(), np.empty((2, 3))
+            while True:
+                field = bone.look_up()
+                _keep_out(field, *seen, p, waiting, levels, contact.clearance, moved, work)
+                if not bone.fill(field):
+                    break
+        return moved
+
+    def _first_look(self, number: int) -> tuple[Floats, Floats, Floats, Floats]:
+        """Return the transforms into a bone's axes and back, and room for what is known of points."""
+        contact = self._contact
+        transform = np.array(self._transforms[contact.boxes.indices[number]])
+        transform[:3, 3] -= self._centre
+        back = transform @ inverse(contact.bones[number].axes)
+        n = len(contact.rest)
+        self._seen[number] = inverse(back), back, np.zeros((n, 3)), np.zeros(n)
+        return self._seen[number]
+
+
+@kernel
+def _keep_out(
+    field: Field,
+    to_axes: Floats,
+    back: Floats,
+    seen_at: Floats,
+    squares: Floats,
+    p: Floats,
+    waiting: Bools,
+    levels: Floats,
+    clearance: float,
+    moved: Bools,
+    work: Floats,
+) -> None:
+    """Do the work of :meth:`PoseContact.keep_out` for a bone.
+
+    seen_at, squares : (n, 3), (n,), where a point was looked up, and the square of how far it may go from
+    there;  waiting : (n,), changed in place: points to look up, afterwards those whose blocks were unknown;
+    work : (2, 3), memory.
+    """
+    at, normal = work[0], work[1]
+    margin = field.cell + clearance  # a cell, for what the interpolation between nodes can be wrong by
+    for i in range(len(p)):
+        if not waiting[i]:
+            continue
+        x, y, z = p[i, 0] - seen_at[i, 0], p[i, 1] - seen_at[i, 1], p[i, 2] - seen_at[i, 2]
+        if x * x + y * y + z * z < squares[i]:
+            waiting[i] = False
+            continue
+        before = field.lacking[0]
+        transform_point(to_axes, p, i, at)
+        distance = np.sqrt(distance2_to_box(field.box, at[0], at[1], at[2]))
+        if distance <= margin:  # the overview tells of what is not near the surface
+            distance = least_distance_at(field, at[0], at[1], at[2])
+        if distance <= margin:
+            distance = distance_at(field, at[0], at[1], at[2])
+        deep = levels[i] - distance > TOLERANCE * field.cell
+        if deep:
+            _push_out(field, at, levels[i], normal)
+        if field.lacking[0] > before:
+            continue
+        waiting[i] = False
+        room = max(distance - margin, 0.0)
+        squares[i] = room * room
+        for k in range(3):
+            seen_at[i, k] = p[i, k]
+        if deep:
+            for k in range(3):
+                p[i, k] = back[k, 0] * at[0] + back[k, 1] * at[1] + back[k, 2] * at[2] + back[k, 3]
+            moved[i] = True
+
+
+@kernel
+def _push_out(field: Field, at: Floats, level: float, normal: Floats) -> None:
+    """Move a position (3,) to a level along the gradient, in place;  normal : (3,), memory."""
+    for _ in range(MOST_PUSHES):
+        depth = level - distance_at(field, at[0], at[1], at[2])
+        if abs(depth) <= 0.5 * TOLERANCE * field.cell or not normal_at(field, at, normal):
+            break
+        for k in range(3):
+            at[k] += depth * normal[k]
