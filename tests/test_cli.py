@@ -76,20 +76,6 @@ def test_a_run_says_what_it_found_and_where_it_is(scene_file, tmp_path):
     assert json.loads((tmp_path / "out/report.json").read_text())["frames"] == [0, 1]
 
 
-def test_errors_that_are_asked_for_are_found_and_no_others(scene_file, tmp_path):
-    out = tmp_path / "out"
-    asked = ("run", scene_file, "--out", out, "--no-figures", "--errors", "model,slices")
-    assert vtkmuscle_(*asked).exit_code == 0
-    told = json.loads((out / "report.json").read_text())["muscles"]["spindle"]
-    of_fibres, of_paths = (told["errors"][name]["parts"].keys() for name in ("fibre_length", "length"))
-    assert of_fibres == {"fibres", "model", "slices"}
-    assert of_paths == {"segments", "fibres", "model", "slices"}
-    assert told["errors_not_known"].keys() == {"mesh", "landmarks"}
-    done = vtkmuscle_("run", scene_file, "--out", out, "--errors", "mash")
-    assert done.exit_code == 2
-    assert "'mesh'" in done.stderr
-
-
 def test_each_fault_of_a_scene_is_a_line(scene_file):
     text = scene_file.read_text().replace('units = "mm"', 'unit = "mm"').replace("iterations", "iteration")
     scene_file.write_text(text)

@@ -9,7 +9,6 @@ from pathlib import Path
 
 import pytest
 from tiny_scene import write_tiny_scene
-from tiny_study import write_tiny_study
 
 #: What the package imports, directly or not, and names of the standard library that it uses.
 PLANTED = """
@@ -17,7 +16,7 @@ PLANTED = """
     pydantic pydantic_core tomli_w lazy_loader
     click shellingham PIL yaml pooch kiwisolver cycler scooby csv json logging tomllib xml hashlib
     tempfile subprocess uuid colorsys sitecustomize usercustomize h5py meshio trimesh IPython cmocean
-    colorcet multiprocessing dask distributed tornado
+    colorcet
 """.split()  # noqa: SIM905 -- a list of this length is easier to read as words
 #: Runs each command, and ends with an error where one ended with an unexpected status.
 ALL_COMMANDS = """
@@ -37,14 +36,6 @@ for command, statuses in commands.items():
     except SystemExit as end:
         if (end.code or 0) not in statuses:
             raise
-"""
-#: Begins as the program does; in what it starts an empty part of the search path is the working folder.
-COHORT = """
-import os
-from vtkmuscle.cli import main
-if __name__ == "__main__":
-    os.environ["PYTHONPATH"] = os.pathsep + os.environ.get("PYTHONPATH", "")
-    main()
 """
 PROGRAM = Path(sysconfig.get_path("scripts")) / "vtkmuscle"
 
@@ -95,17 +86,6 @@ def test_no_command_imports_from_the_working_folder(planted, tmp_path):
     assert caught(planted) == []
     assert done.returncode == 0, done.stderr
     assert "Traceback" not in done.stderr
-
-
-def test_the_workers_of_a_cohort_import_nothing_from_the_working_folder(planted, tmp_path):
-    pytest.importorskip("distributed", reason="the extra cohort is not installed")
-    study = write_tiny_study(tmp_path / "study", subjects={"anna": "short"})
-    (tmp_path / "program.py").write_text(COHORT)
-    program = (sys.executable, str(tmp_path / "program.py"))
-    arguments = ("cohort", str(study), "--out", str(tmp_path / "out"), "--workers", "1", "--quiet")
-    done = run_in(planted, *arguments, program=program)
-    assert caught(planted) == []
-    assert done.returncode == 0, done.stderr
 
 
 def test_python_m_imports_no_dependency_from_the_working_folder(planted):

@@ -1,16 +1,13 @@
 """Long runs, killed on the way: the same result, and memory that grows by what is kept and by no more."""
 
-import csv
 import gc
 import random
 import sys
-import time
 from pathlib import Path
 
 import pytest
-from faults import check_whole, children, ended, killed_at, results, started
+from faults import check_whole, ended, killed_at, results, started
 from tiny_scene import HINGE, TOML, write_tiny_scene
-from tiny_study import write_tiny_study
 
 from vtkmuscle import Scene
 
@@ -20,7 +17,7 @@ from test_memory import in_use
 pytestmark = pytest.mark.long
 
 MOTION = TOML[TOML.index("[motion]") : TOML.index("[muscles")]
-FRAMES, SUBJECTS = 1000, 200
+FRAMES = 1000
 #: Growth that is noise: caches of Python and VTK, fragments, and what further threads hold [bytes].
 NOISE = 20e6
 
@@ -83,43 +80,3 @@ def test_a_thousand_frames_killed_on_the_way_are_those_of_a_whole_run(scene_file
     assert found.keys() == expected.keys()
     for name, content in expected.items():
         assert found[name] == content, name
-
-
-def resident(pid):
-    """Return the memory of a process and of those that it has started [bytes]."""
-    found = 0
-    for one in (pid, *children(pid)):
-        try:
-            lines = Path(f"/proc/{one}/status").read_text().splitlines()
-        except OSError:
-            continue
-        found += next((1024 * int(line.split()[1]) for line in lines if line.startswith("VmRSS")), 0)
-    return found
-
-
-@pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="no /proc to read memory from")
-def test_memory_of_two_hundred_subjects_hardly_grows_also_where_they_are_killed(tmp_path, tried):
-    pytest.importorskip("distributed", reason="the extra cohort is not installed")
-    study = write_tiny_study(tmp_path, subjects={f"s{number:03d}": "all" for number in range(SUBJECTS)})
-    out = tmp_path / "out"
-    command = ("cohort", study, "--out", out, "--workers", "2", "--quiet")
-    used, deadline = {}, time.monotonic() + 3000.0
-    for until in (60, 60, SUBJECTS):  # each is killed after so many subjects more, but for the last
-        before, process = there(out), started(*command)
-        while process.poll() is None and (until == SUBJECTS or there(out) < before + until):
-            assert time.monotonic() < deadline, "it did not end"
-            used.setdefault(there(out) // 20 * 20, resident(process.pid))
-            time.sleep(0.5)
-        if until < SUBJECTS:
-            process.kill()
-            tried.add(f"a cohort of {SUBJECTS} subjects, killed on the way", "used")
-        status, _, errors = ended(process)
-    assert status == 0, errors
-    with (out / "cohort.csv").open(newline="") as lines:
-        assert len({row["subject"] for row in csv.DictReader(lines)}) == SUBJECTS
-    assert used[180] - used[140] < NOISE, used
-
-
-def there(out):
-    """Return how many subjects' muscles have been solved, in subjects."""
-    return len(list(out.glob("parts/**/*.npz"))) // 2

@@ -18,13 +18,12 @@ signal, a traceback, a wait of more than 60 s, a file where none was asked for, 
 name) fails the tests.
 
 {total} cases, {form} form, planted seeds. The page is written by ``pytest --long tests/test_fuzz.py
-tests/test_damaged_commands.py tests/test_faults.py tests/test_long_runs.py tests/io tests/studies
---tried-table docs/validation/reliability.rst``; with some of these files their rows alone. The normal run of
+tests/test_damaged_commands.py tests/test_faults.py tests/test_long_runs.py tests/io --tried-table
+docs/validation/reliability.rst``; with some of these files their rows alone. The normal run of
 tests has a short form.
 
 The heap of a run grows by the frames that its result holds, and is given back with it. Solving the muscles
-of subjects after one another adds nothing to it; workers of a cohort grow by 0.03 MB a subject, and are ended
-with the study.
+of subjects after one another adds nothing to it.
 
 .. list-table::
    :header-rows: 1

@@ -28,8 +28,7 @@ if TYPE_CHECKING:
     from vtkmuscle.scene.data import Muscle
     from vtkmuscle.scene.faults import SceneError
     from vtkmuscle.scenes import Scene
-    from vtkmuscle.studies.errors import run_with_errors
-    from vtkmuscle.studies.sensitivity import Spread, sensitivities
+    from vtkmuscle.studies import cohort, vary
 
 _MODULES = ("filters", "phantoms", "pipelines", "plotting")
 _SOURCES = {
@@ -39,9 +38,8 @@ _SOURCES = {
     "Comparison": "vtkmuscle.comparison",
     "compare": "vtkmuscle.comparison",
     "InputError": "vtkmuscle.core.errors",
-    "Spread": "vtkmuscle.studies.sensitivity",
-    "run_with_errors": "vtkmuscle.studies.errors",
-    "sensitivities": "vtkmuscle.studies.sensitivity",
+    "cohort": "vtkmuscle.studies",
+    "vary": "vtkmuscle.studies",
     "MomentArmTable": "vtkmuscle.run.table",
     "Muscle": "vtkmuscle.scene.data",
     "MuscleResult": "vtkmuscle.run.result",
@@ -62,17 +60,16 @@ __all__ = [
     "RigidMotion",
     "Scene",
     "SceneError",
-    "Spread",
     "Table",
     "__version__",
+    "cohort",
     "compare",
     "filters",
     "hinge",
     "phantoms",
     "pipelines",
     "plotting",
-    "run_with_errors",
-    "sensitivities",
+    "vary",
 ]
 
 

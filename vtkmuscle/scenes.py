@@ -154,10 +154,9 @@ class Scene(SceneData, WithHints):
         Returns
         -------
         Result
-            With ``report`` (a plain dict), ``verdicts``, ``errors`` (those that take no further solve; see
-            :func:`vtkmuscle.run_with_errors`), ``lengths``, ``moment_arms()``, and the muscles, fibres and
-            bones per frame. A muscle that could not be computed to the end is ``"failed"`` and has the frames
-            before.
+            With ``report`` (a plain dict), ``verdicts``, ``lengths``, ``moment_arms()``, and the muscles,
+            fibres and bones per frame. A muscle that could not be computed to the end is ``"failed"`` and has
+            the frames before.
 
         Raises
         ------
@@ -175,10 +174,6 @@ class Scene(SceneData, WithHints):
         """
         if out is not None and not str(out):
             raise ValueError("out is empty; give the name of a folder")
-        if "errors" in options:
-            raise TypeError(
-                "errors by further solves are a study: vtkmuscle.run_with_errors(scene, errors=...)"
-            )
         target = None if out is None else Path(out)
         return run_scene(self, target, RunOptions.of(options), errors=StatedErrors(self))
 

@@ -2,10 +2,9 @@
 Two hips over one another
 =========================
 
-Does a larger femoral head take the iliacus farther from the joint? By less than the error of either.
-:func:`vtkmuscle.compare` matches runs by the names of muscles and coordinates, and says by how much they
-differ; ``write`` gives the page and the table. Settings, sides, published moment arms and OpenSim's own
-muscles are compared in the same way.
+Does a larger femoral head take the iliacus farther from the joint? :func:`vtkmuscle.compare` matches runs by
+the names of muscles and coordinates, and gives their differences; ``write`` writes the table and the figure.
+Settings, sides, published moment arms and OpenSim's own muscles are compared in the same way.
 """
 
 import matplotlib.pyplot as plt
@@ -25,12 +24,9 @@ for quantity, apart in zip(table["quantity"], table["difference"], strict=True):
 
 # %%
 figure, axes = plt.subplots(1, 2, figsize=(10, 4), layout="constrained")
-for beside, (quantity, curves) in zip(axes, list(compared.curves["iliacus"].items())[1:], strict=True):
+for panel, (quantity, curves) in zip(axes, list(compared.curves["iliacus"].items())[1:], strict=True):
     for name, curve in curves.items():
-        (line,) = beside.plot(curve.x, curve.mean, label=name)
-        if curve.error is not None:
-            low, high = curve.mean - curve.error, curve.mean + curve.error
-            beside.fill_between(curve.x, low, high, color=line.get_color(), alpha=0.2)
-    beside.set(xlabel=curve.over, ylabel=f"{quantity} [{curve.unit}]")
+        panel.plot(curve.x, curve.mean, label=name)
+    panel.set(xlabel=curve.over, ylabel=f"{quantity} [{curve.unit}]")
 axes[0].legend(frameon=False)
 plt.show()

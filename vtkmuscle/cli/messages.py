@@ -77,8 +77,6 @@ def _words(error: Exception) -> str:
 
 
 def _what_is_finished(out: Path | None) -> str:
-    if out is not None and (out / "study.json").is_file():
-        return f"What is finished is kept in {out}: the same command goes on from there"
     store = sys.modules.get("vtkmuscle.run.store")  # a run that has not loaded it has written nothing
     left = None if out is None or store is None else store.ResultFolder(out).unfinished()
     return "Nothing was written." if left is None else f"{out} {left}"

@@ -26,6 +26,10 @@ def out_option(metavar: str, help: str) -> Any:  # noqa: A002 -- typer's word
 
 OutOption = Annotated[Path | None, out_option("PATH", "Folder to write to.")]
 FolderOption = Annotated[Path, out_option("PATH", "Folder to write to.")]
+FramesOption = Annotated[
+    str | None,
+    typer.Option(metavar="A:B", help="Frames to write, counted from 0; B is not included. Default: all."),
+]
 FreshOption = Annotated[
     bool, typer.Option("--fresh", help="Compute again what is finished in the folder of results.")
 ]
@@ -42,10 +46,7 @@ QuietOption = Annotated[bool, typer.Option("--quiet", "-q", help="Print errors a
 class RunOptions:
     """The options of commands that run a scene."""
 
-    frames: Annotated[
-        str | None,
-        typer.Option(metavar="A:B", help="Frames to write, counted from 0; B is not included. Default: all."),
-    ] = None
+    frames: FramesOption = None
     quiet: QuietOption = False
     figures: Annotated[bool, typer.Option("--figures/--no-figures", help="Draw figures.")] = True
     report: Annotated[
@@ -95,18 +96,6 @@ class RunOptions:
             "is the 2021 paper's, for the deformer pbd.",
         ),
     ] = None
-    errors: Annotated[
-        str | None,
-        typer.Option(
-            metavar="all|KIND,...",
-            help="Further solves beside the run's own, for the errors of its numbers: model, mesh, slices, "
-            "landmarks; all is all but the last.",
-        ),
-    ] = None
-    landmark_error: Annotated[
-        float, typer.Option(metavar="MM", help="How far --errors landmarks moves the areas of attachment.")
-    ] = 5.0
-    landmark_samples: Annotated[int, typer.Option(metavar="N", help="Number of such moves.")] = 8
 
 
 def with_options(command: Callable[..., None]) -> Callable[..., None]:

@@ -168,14 +168,14 @@ def figures(
 
 
 def compare(
-    results: Annotated[list[Path], typer.Argument(help="Folders of results; the first is compared to.")],
+    results: Annotated[list[Path], typer.Argument(help="Folders of results; the first is the reference.")],
     out: OutOption = None,
     literature: LiteratureOption = None,
     opensim: Annotated[
         Path | None, typer.Option(metavar="OSIM", help="A model whose muscles are compared, too.")
     ] = None,
 ) -> None:
-    """Compare runs: curves over one another, differences with errors, one page and one table.
+    """Compare runs: a table of differences, and a figure of the curves.
 
     Settings, sides and subjects match by the names of muscles and coordinates. Without --out it writes to
     comparison, in the folder you are in.

@@ -1,13 +1,11 @@
-"""Run a scene or a study from the command line: progress, and what was found."""
+"""Run scenes from the command line: progress, and the outcome."""
 
 from __future__ import annotations
 
-import logging
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, replace
+from dataclasses import replace
 from functools import partial
-from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -15,12 +13,11 @@ import typer
 from rich.console import Console
 
 from vtkmuscle.cli.messages import FAILED, one_clear_error, one_line, print_error, say
-from vtkmuscle.cli.options import FolderOption, FreshOption, QuietOption, RunOptions, with_options
+from vtkmuscle.cli.options import FolderOption, FramesOption, FreshOption, QuietOption, RunOptions
 
 if TYPE_CHECKING:
     from vtkmuscle.run import Result
     from vtkmuscle.scenes import Scene
-    from vtkmuscle.studies.study import Progress
 
 
 def run_and_report(scene: Scene, out: Path, options: RunOptions) -> None:
@@ -62,7 +59,7 @@ def run_and_report(scene: Scene, out: Path, options: RunOptions) -> None:
 
 
 def _run(scene: Scene, out: Path, options: RunOptions) -> Result:
-    """Run a scene, with further solves for its errors where they are asked for."""
+    """Run a scene, with progress bars."""
     console, muscles = Console(stderr=True), list(scene.muscles)
     given: dict[str, Any] = {
         name: getattr(options, name)
@@ -71,19 +68,7 @@ def _run(scene: Scene, out: Path, options: RunOptions) -> Result:
     if options.verbose:
         given["observe"] = _table(muscles, console)
     with _progress_bars(muscles, console, quiet=options.quiet) as progress:
-        if options.errors is None:
-            return scene.run(out, progress=progress, **given)
-        from vtkmuscle.studies.errors import run_with_errors
-
-        return run_with_errors(
-            scene,
-            out,
-            errors=options.errors == "all" or [one for one in options.errors.split(",") if one],
-            landmark_error=options.landmark_error,
-            landmark_samples=options.landmark_samples,
-            progress=progress,
-            **given,
-        )
+        return scene.run(out, progress=progress, **given)
 
 
 def _summary(muscle: Mapping[str, Any]) -> str:
@@ -140,88 +125,40 @@ def _progress_bars(
         yield show
 
 
-@dataclass(frozen=True, kw_only=True)
-class CohortOptions:
-    """The options of a cohort, named as those of ``run_study``."""
-
-    scheduler: Annotated[
-        str | None, typer.Option(metavar="tcp://HOST:PORT", help="Of a Dask cluster that is there already.")
-    ] = None
+def cohort(
+    scenes: Annotated[list[Path], typer.Argument(help="The scene.toml of each subject.")],
+    out: FolderOption,
+    frames: FramesOption = None,
     workers: Annotated[
         int | None,
-        typer.Option(metavar="N", min=1, help="Processes on this machine. Default: one per processor."),
-    ] = None
-    memory: Annotated[
-        str | None, typer.Option(metavar="4GB", help="What each of them may take. Default: its share.")
-    ] = None
-    retries: Annotated[
-        int, typer.Option(metavar="N", min=0, help="How often a muscle may lose its worker.")
-    ] = 2
-    fresh: FreshOption = False
-    quiet: QuietOption = False
-
-
-@with_options
-def cohort(
-    study: Annotated[Path, typer.Argument(help="A STUDY.toml.")], out: FolderOption, *, options: CohortOptions
+        typer.Option(metavar="N", min=1, help="Number of processes. Default: one per processor."),
+    ] = None,
+    report: Annotated[bool, typer.Option("--report", help="Write a page for each subject.")] = False,
+    fresh: FreshOption = False,
+    quiet: QuietOption = False,
 ) -> None:
-    """Run a study: every muscle of many subjects, by Dask, into one table and a page.
+    """Run the scenes of many subjects, and write one table with a row per muscle.
 
-    What is finished is kept in OUT and not run again; stop and start it as you like.
+    A subject that is finished in OUT is not run again: stop and start the command as you like.
     """
-    from vtkmuscle.studies.cohort import Study, run_study
+    from vtkmuscle import studies
 
-    loaded, given = Study.load(study), asdict(options)
-    tell = partial(say, given.pop("quiet"))
-    _silence_dask()
-    with _study_bars(quiet=options.quiet) as progress:
-        report = run_study(loaded, out, progress=progress, announce=tell, **given)
-    tasks = report["tasks"]
-    counts = ", ".join(f"{count} {state}" for state, count in tasks.items())
-    tell(f"{sum(tasks.values())} muscles of {report['subjects']} subjects: {counts}. Results are in {out}:")
-    tell("  cohort.html, cohort.csv")
-    if tasks.get("failed"):
+    def show(rows: Sequence[Mapping[str, Any]]) -> None:
+        for row in rows:
+            failed = row["verdict"] == "failed"
+            words = [row["subject"], row["muscle"], row["verdict"], row["message"]]
+            line = one_line(": ".join(word for word in words if word))
+            print_error(line) if failed else say(quiet, line)
+
+    table = studies.cohort(
+        [str(scene) for scene in scenes],
+        out,
+        workers=workers,
+        progress=show,
+        frames=frames,
+        report=report,
+        fresh=fresh,
+    )
+    say(quiet, f"wrote {out / 'cohort.csv'}, {len(table['muscle'])} rows")
+    if "failed" in table["verdict"]:
         raise typer.Exit(FAILED)
-
-
-def _silence_dask() -> None:
-    """Turn off Dask's own messages: the study says what has happened to a cluster."""
-    if find_spec("distributed") is None:
-        return  # the study says so
-    import distributed  # noqa: F401 -- it sets up its loggers
-
-    for name in list(logging.root.manager.loggerDict):
-        if name.partition(".")[0] == "distributed":
-            logging.getLogger(name).setLevel(logging.CRITICAL + 1)
-
-
-@contextmanager
-def _study_bars(*, quiet: bool) -> Iterator[Callable[[Progress], None]]:
-    """Give a function that prints failures and, unless quiet, the progress in a bar, or lines in a file."""
-    from rich.progress import BarColumn, MofNCompleteColumn, TextColumn
-    from rich.progress import Progress as Bars
-
-    console = Console(stderr=True)
-    columns = TextColumn("muscles"), BarColumn(), MofNCompleteColumn(), TextColumn("{task.fields[left]}")
-    seen = console.is_terminal
-    with Bars(*columns, console=console, disable=quiet or not seen) as bars:
-        bar = bars.add_task("muscles", total=None, left="")
-
-        def show(ended: Progress) -> None:
-            left = "" if ended.seconds_left is None else f"{_duration(ended.seconds_left)} left"
-            bars.update(bar, total=ended.total, completed=ended.done, left=left)
-            who = ", ".join(part for part in (*ended.case.labels.values(), ended.case.muscle) if part)
-            if ended.state == "failed":
-                print_error(f"{who}: {one_line(ended.words)}", console=console)
-            elif not quiet and not seen:
-                words = f"{ended.done} of {ended.total}: {who}: {ended.words}{', ' + left if left else ''}"
-                print_error(words, style="", console=console)
-
-        yield show
-
-
-def _duration(seconds: float) -> str:
-    minutes = round(seconds / 60.0)
-    if minutes >= 120:
-        return f"{minutes / 60.0:.1f} h"
-    return f"{minutes} min" if minutes >= 2 else f"{seconds:.0f} s"

@@ -269,7 +269,7 @@ def plot_moment_arms(
         _draw_arms(axes, found, None if errors is None else errors.get(name), places)
         unit = ANGLES.get(found.unit)
         if unit is not None:
-            _draw_literature(axes, curves_for(literature, coordinate=name), math.pi / 180.0 / unit)
+            draw_literature(axes, curves_for(literature, coordinate=name), math.pi / 180.0 / unit)
         axes.axhline(0.0, color="0.7", linewidth=0.8, zorder=0)
         axes.spines[["top", "right"]].set_visible(False)
         positive = f", positive: {found.positive}" if found.positive else ""
@@ -330,7 +330,7 @@ def shown_range(arms: Floats, mean: Floats) -> tuple[float, float]:
     return low - margin, high + margin
 
 
-def _draw_literature(axes: Axes, curves: Sequence[LiteratureCurve], per_degree: float) -> None:
+def draw_literature(axes: Axes, curves: Sequence[LiteratureCurve], per_degree: float) -> None:
     """Draw published curves: bands where a source has two sides, markers where it has single values."""
     of_source: dict[str, str] = {}
     low, high = axes.get_ylim()

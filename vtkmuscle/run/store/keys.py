@@ -19,7 +19,7 @@ from vtkmuscle.run.report_values import version_of
 from vtkmuscle.scene.data import Muscle, SceneData
 
 #: Parts of the package that only start runs or show results.
-_SHOWING = ("cli", "paraview", "plotting", "report/", "studies/cohort/page")
+_SHOWING = ("cli", "paraview", "plotting", "report/")
 #: Fields that no frame of a muscle depends on, and why; all others count.
 IRRELEVANT: Mapping[str, str] = MappingProxyType(
     {

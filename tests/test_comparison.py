@@ -1,22 +1,19 @@
-"""Runs over one another: differences by known answers, and a page that shows them."""
+"""Runs over one another: differences by known answers, and a figure of them."""
 
 from dataclasses import dataclass, field, replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from browser import Page, needs_chromium
 from osim_texts import LAST, axis, model_4, muscle
 from typer.testing import CliRunner
 
 import vtkmuscle
 from vtkmuscle.cli import app
-from vtkmuscle.comparison.curves import Curve, difference
-from vtkmuscle.core.estimate import Estimate
+from vtkmuscle.comparison import Curve, difference
 from vtkmuscle.core.moment_arms.by_coordinate import JointArms
 from vtkmuscle.core.motion.coordinates import Coordinate
 from vtkmuscle.io.literature import side_apart
-from vtkmuscle.run.table import Table
 
 ANGLES = np.linspace(0.0, 60.0, 7)
 
@@ -29,7 +26,6 @@ class Made:
     muscle: str = "vastus_r"
     coordinate: str = "knee_angle_r"
     angles: np.ndarray = field(default_factory=lambda: ANGLES)
-    error: float | None = 3.0
 
     def __post_init__(self):
         self.name, self.muscle_names, self.verdicts = "made", [self.muscle], {self.muscle: "ok"}
@@ -41,9 +37,6 @@ class Made:
         self.lengths = {self.muscle: 100.0 + rows}
         self.fibre_lengths, self.has_moment_arms = {}, True
         self.motion = SimpleNamespace(coordinates={self.coordinate: Coordinate(self.angles, "deg")})
-        known = np.full(len(self.angles), 0.0 if self.error is None else self.error)
-        quantity = Estimate(rows.mean(axis=1), "mm", {"solve": known})
-        self.errors = {self.muscle: {} if self.error is None else {f"moment_arm_{self.coordinate}": quantity}}
         self._arms = JointArms(
             self.coordinate, "deg", "", np.arange(len(rows)), self.angles, rows, rows, None, None
         )
@@ -54,13 +47,12 @@ class Made:
 
 
 def test_runs_differ_by_what_they_differ_by():
-    table = vtkmuscle.compare({"one": Made(0.5), "other": Made(0.6, error=4.0)}).table()
+    table = vtkmuscle.compare({"one": Made(0.5), "other": Made(0.6)}).table()
     arms = table.where(quantity="moment arm, knee angle", run="other")
     assert arms["difference"][0] == pytest.approx(0.1 * ANGLES.mean())
     assert arms["difference_largest"][0] == pytest.approx(6.0)
     assert arms["at"][0] == 60.0
     assert arms["difference_rms"][0] == pytest.approx(0.1 * np.sqrt(np.mean(ANGLES**2)))
-    assert arms["difference_err"][0] == pytest.approx(5.0)  # of 3 and 4
     assert np.isnan(table.where(run="one")["difference"]).all()
 
 
@@ -83,7 +75,6 @@ def test_both_sides_of_one_run_are_two_runs():
     both.muscle_names = ["vastus_r", "vastus_l"]
     both.verdicts |= other.verdicts
     both.lengths |= other.lengths
-    both.errors |= other.errors
     both.report["muscles"] |= other.report["muscles"]
     arms = {**both.moment_arms(), **other.moment_arms()}
     both.moment_arms = lambda: arms
@@ -127,29 +118,21 @@ def test_nothing_in_common_is_one_clear_error():
         vtkmuscle.compare({"one": Made(), "other": Made(muscle="psoas")})
 
 
-def test_a_page_and_a_table_are_written(tmp_path):
+def test_a_table_and_a_figure_are_written(tmp_path):
     published = tmp_path / "published.csv"
     published.write_text("source,muscle,dof,angle_deg,moment_arm_mm\nA1999,vastus,knee_angle,5,30\n")
-    found = vtkmuscle.compare({"one": Made(), "<other>": Made(0.6)}, literature=published)
-    page, table = found.write(tmp_path / "out")
-    text = page.read_text()
-    assert "A1999" in text
-    assert "<other>" not in text.split("<script")[0]
-    assert isinstance(found.table(), Table)
+    compared = vtkmuscle.compare({"one": Made(), "other": Made(0.6)}, literature=published)
+    table, picture = compared.write(tmp_path / "out")
     assert len(table.read_text().splitlines()) == 1 + 2 * 2
-
-
-@needs_chromium
-def test_the_page_draws_all_runs_and_their_differences(tmp_path):
-    page, _ = vtkmuscle.compare({"one": Made(), "other": Made(0.6)}).write(tmp_path)
-    with Page() as shown:
-        shown.open(page.as_uri())
-        charts = "[...document.querySelectorAll('.js-plotly-plot')].map((one) => one.data.length)"
-        assert shown.value(charts) == [2, 1, 4, 2]  # lengths have no errors here, arms have bands
-        rows = shown.value("csvOf(document.getElementById('chart-0-1-apart'))").splitlines()
-        assert rows[-1].startswith("other,60,6")
-        assert shown.errors == []
-        assert [one for one in shown.requests if not one.startswith(("data:", "blob:"))] == [page.as_uri()]
+    assert picture.read_bytes().startswith(b"\x89PNG")
+    lengths, arms = compared.figure().axes
+    assert [line.get_label() for line in lengths.lines] == ["one", "other"]
+    assert [line.get_label() for line in arms.lines] == ["one", "other", "A1999"]
+    np.testing.assert_allclose(arms.lines[1].get_xydata(), np.column_stack([ANGLES, 0.6 * ANGLES]))
+    low, high = arms.get_ylim()
+    assert low <= 0.0
+    assert high >= 36.0
+    assert (arms.get_xlabel(), arms.get_ylabel()) == ("knee angle [deg]", "moment arm, knee angle [mm]")
 
 
 def test_the_command_says_what_it_cannot_read(tmp_path):

@@ -1,0 +1,191 @@
+"""Cohorts and varied settings: one table, on processes or Dask, with finished folders read again."""
+
+from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from tiny_scene import write_tiny_scene
+from typer.testing import CliRunner
+
+import vtkmuscle
+from vtkmuscle import Scene, phantoms
+from vtkmuscle.cli import FAILED, app
+
+
+@pytest.fixture(scope="module")
+def scene():
+    return Scene.from_phantom(phantoms.spindle_over_hinge(), n_fibres=6, resolution=5)
+
+
+@pytest.fixture
+def solved(monkeypatch):
+    """Return the names of the folders into which scenes are run from now on."""
+    folders, run = [], Scene.run
+
+    def counted(self, out=None, **options):
+        folders.append(None if out is None else Path(out).name)
+        return run(self, out, **options)
+
+    monkeypatch.setattr(Scene, "run", counted)
+    return folders
+
+
+def same_numbers(table, other, without=("seconds", "folder")):
+    assert list(table) == list(other)
+    for name in set(table) - set(without):
+        np.testing.assert_array_equal(table[name], other[name], err_msg=name)
+
+
+def test_a_row_has_the_numbers_of_a_run(scene):
+    result = scene.run(frames="0:3")
+    table = vtkmuscle.cohort({"anna": scene}, workers=1, frames="0:3")
+    mean = result.lengths["spindle"].mean(axis=1)
+    arms = result.moment_arms()["spindle"]["distal_angle"].mean
+    expected = {
+        "length_mm": mean.mean(),
+        "length_least_mm": mean.min(),
+        "length_largest_mm": mean.max(),
+        "fibre_length_mm": result.fibre_lengths["spindle"].mean(),
+        "moment_arm_distal_angle_mm": arms.mean(),
+        "moment_arm_distal_angle_largest_mm": arms.max(),
+        "pcsa_mm2": result["spindle"].architecture["pcsa_mm2"],
+        "frames": 3,
+    }
+    np.testing.assert_allclose([table[name][0] for name in expected], list(expected.values()), rtol=1e-12)
+    assert (table["subject"][0], table["muscle"][0], table["verdict"][0]) == ("anna", "spindle", "ok")
+
+
+def test_names_that_differ_by_little_have_folders_of_their_own(scene, tmp_path):
+    table = vtkmuscle.cohort(dict.fromkeys(("a b", "a_b", "A_b"), scene), tmp_path, workers=1, frames="0:1")
+    assert len({folder.casefold() for folder in table["folder"]}) == 3
+    assert all((tmp_path / folder / "report.json").is_file() for folder in table["folder"])
+
+
+def test_a_finished_folder_is_read_and_a_changed_scene_is_run(scene, tmp_path, solved):
+    first = vtkmuscle.cohort({"anna": scene, "ben": scene}, tmp_path, workers=1, frames="0:2")
+    text = (tmp_path / "cohort.csv").read_text()
+    assert sorted(solved) == sorted(first["folder"])
+    solved.clear()
+    same_numbers(vtkmuscle.cohort({"anna": scene, "ben": scene}, tmp_path, workers=1, frames="0:2"), first)
+    assert solved == []
+    assert (tmp_path / "cohort.csv").read_text() == text
+    other = Scene.from_phantom(phantoms.spindle_over_hinge(), n_fibres=7, resolution=5)
+    vtkmuscle.cohort({"anna": scene, "ben": other}, tmp_path, workers=1, frames="0:2", overwrite=True)
+    assert solved == [first["folder"][1]]
+    solved.clear()
+    vtkmuscle.cohort({"anna": scene}, tmp_path, workers=1, frames="0:3")
+    assert solved == [first["folder"][0]], "other frames are another run"
+
+
+def test_a_damaged_folder_is_run_again(scene, tmp_path, solved):
+    first = vtkmuscle.cohort({"anna": scene}, tmp_path, workers=1, frames="0:2")
+    (tmp_path / first["folder"][0] / "spindle" / "spindle_0001.vtp").write_text("damaged")
+    solved.clear()
+    same_numbers(vtkmuscle.cohort({"anna": scene}, tmp_path, workers=1, frames="0:2"), first)
+    assert solved == list(first["folder"])
+
+
+def test_a_scene_that_cannot_be_run_is_a_row(tmp_path):
+    good = write_tiny_scene(tmp_path / "good")
+    bad = write_tiny_scene(tmp_path / "bad")
+    (tmp_path / "bad/muscles/spindle.vtp").write_text("damaged")
+    table = vtkmuscle.cohort([bad, good, tmp_path / "none.toml"], workers=1, frames="0:1")
+    assert table["verdict"][[0, 2]].tolist() == ["failed", "failed"]
+    assert table["verdict"][1] != "failed"
+    assert "spindle.vtp" in table["message"][0]
+    assert "none.toml" in table["message"][2]
+    assert np.isnan(table["length_mm"][[0, 2]]).all()
+
+
+def test_processes_give_the_same_table(scene, tmp_path):
+    scenes, seen = {"anna": scene, "ben": scene}, []
+    here = vtkmuscle.cohort(scenes, workers=1, frames="0:2")
+    there = vtkmuscle.cohort(scenes, tmp_path, workers=2, frames="0:2", progress=seen.append)
+    same_numbers(there, here)
+    assert sorted(row["subject"] for rows in seen for row in rows) == ["anna", "ben"]
+
+
+class Client:
+    """What a cohort asks of Dask's client."""
+
+    def __init__(self, executor):
+        self.executor = executor
+
+    def get_executor(self, *, pure):
+        assert not pure
+        return self.executor
+
+
+class LostProcesses(ThreadPoolExecutor):
+    def submit(self, *_):
+        job = Future()
+        job.set_exception(BrokenProcessPool("killed"))
+        return job
+
+
+def test_a_client_works_and_a_lost_process_is_a_row(scene):
+    table = vtkmuscle.cohort(
+        {"anna": scene, "ben": scene}, client=Client(ThreadPoolExecutor(1)), frames="0:1"
+    )
+    assert table["verdict"].tolist() == ["ok", "ok"]
+    table = vtkmuscle.cohort({"anna": scene}, client=Client(LostProcesses()), frames="0:1")
+    assert table["verdict"].tolist() == ["failed"]
+    assert "run it again" in table["message"][0]
+
+
+def test_a_client_of_dask_gives_the_same_table(scene, tmp_path):
+    distributed = pytest.importorskip("distributed", reason="the extra cohort is not installed")
+    here = vtkmuscle.cohort({"anna": scene, "ben": scene}, workers=1, frames="0:2")
+    address = {"dashboard_address": "127.0.0.1:0", "n_workers": 1, "threads_per_worker": 1}
+    with distributed.Client(processes=False, **address) as client:
+        there = vtkmuscle.cohort({"anna": scene, "ben": scene}, tmp_path, client=client, frames="0:2")
+    same_numbers(there, here)
+
+
+def test_settings_of_scene_and_fibres_are_varied(scene):
+    table = vtkmuscle.vary(scene, workers=1, frames="0:2", model=["paths", "volume"], n_fibres=[4, 8])
+    assert table["model"].tolist() == ["paths", "paths", "volume", "volume"]
+    assert table["n_fibres"].tolist() == [4, 8, 4, 8]
+    few = Scene.from_phantom(phantoms.spindle_over_hinge(), n_fibres=4, resolution=5)
+    lengths = few.run(frames="0:2").lengths["spindle"]
+    assert table.where(model="volume", n_fibres=4)["length_mm"] == pytest.approx(lengths.mean(), rel=1e-12)
+
+
+def test_settings_of_the_solver_are_varied_over_those_of_a_muscle(scene):
+    own = replace(scene.muscles["spindle"], solver={"taut_resolution": 12})
+    table = vtkmuscle.vary(
+        replace(scene, muscles={"spindle": own}), workers=1, frames="0:2", taut_resolution=[8, 12, 30]
+    )
+    assert len(set(table["length_mm"])) == 3
+    lengths = replace(scene, muscles={"spindle": own}).run(frames="0:2").lengths["spindle"]
+    assert table["length_mm"][1] == pytest.approx(lengths.mean(), rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda scene: vtkmuscle.cohort({}), "there are none"),
+        (lambda scene: vtkmuscle.cohort(["a.toml", "a.toml"]), "two have one name"),
+        (lambda scene: vtkmuscle.cohort({"anna": scene}, workers=0), "workers is 0"),
+        (vtkmuscle.vary, "no setting is varied"),
+        (lambda scene: vtkmuscle.vary(scene, workers=1, n_fibers=[3]), "n_fibers"),
+        (lambda scene: vtkmuscle.vary(scene, workers=1, model=["volumes"]), "volumes"),
+    ],
+)
+def test_what_cannot_be_meant_is_refused(scene, call, words):
+    with pytest.raises(ValueError, match=words):
+        call(scene)
+
+
+def test_the_command_writes_the_table_and_ends_with_the_status_of_the_worst(tmp_path):
+    good, out = write_tiny_scene(tmp_path / "good"), tmp_path / "out"
+    command = ("cohort", good, tmp_path / "none.toml", "--out", out, "--frames", "0:1", "--workers", "1")
+    done = CliRunner().invoke(app, [str(word) for word in command], catch_exceptions=False)
+    assert done.exit_code == FAILED
+    assert "none.toml" in done.stderr
+    assert f"wrote {out / 'cohort.csv'}, 2 rows" in done.stdout
+    lines = (out / "cohort.csv").read_text().splitlines()
+    assert [line.split(",")[0] for line in lines] == ["subject", str(good), str(tmp_path / "none.toml")]

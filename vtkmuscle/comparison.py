@@ -1,0 +1,298 @@
+"""Runs compared muscle by muscle: settings, sides, subjects, published moment arms, OpenSim's own paths."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from vtkmuscle.core.errors import InputError
+from vtkmuscle.core.motion.coordinates import ANGLES
+from vtkmuscle.core.types import Floats
+from vtkmuscle.io.literature import LiteratureCurve, curves_for, read_literature, side_apart
+from vtkmuscle.opensim.model import OsimModel, read_osim
+from vtkmuscle.opensim.muscle_paths import moment_arm
+from vtkmuscle.run.result import Result
+from vtkmuscle.run.table import Table
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+#: Columns of the table. Differences are to the first run, where both have values; ``at`` is the position of
+#: the largest difference on the horizontal axis.
+COLUMNS = (
+    *("muscle", "quantity", "unit", "run", "verdict", "mean"),
+    *("difference", "difference_rms", "difference_largest", "at"),
+)
+#: Millimetres in OpenSim's unit of length.
+_MILLIMETRES = 1000.0
+_LENGTH = "length, bone to bone"
+#: Size of a panel of the figure [inches].
+_WIDTH, _HEIGHT = 4.8, 3.2
+
+
+@dataclass(frozen=True, eq=False)
+class Curve:
+    """A quantity of a muscle over a coordinate or the time.
+
+    Attributes
+    ----------
+    quantity, over, unit : str
+        Its name, the name and unit of the horizontal axis, and its own unit.
+    x, mean : (n,) array
+        Positions on the axis, ascending; the mean of all paths or fibres there.
+    """
+
+    quantity: str
+    over: str
+    unit: str
+    x: Floats
+    mean: Floats
+
+
+@dataclass(eq=False, repr=False)
+class Comparison:
+    """The result of :func:`compare`.
+
+    Attributes
+    ----------
+    names : list of str
+        Of the runs; the first is the reference.
+    curves : dict of str to dict of str to dict of str to Curve
+        By muscle, quantity and run.
+    literature : dict of str to tuple of LiteratureCurve
+        Published moment arms by muscle.
+    verdicts : dict of (str, str) to str
+        By muscle and run.
+    """
+
+    names: list[str] = field(default_factory=list)
+    curves: dict[str, dict[str, dict[str, Curve]]] = field(default_factory=dict)
+    literature: dict[str, tuple[LiteratureCurve, ...]] = field(default_factory=dict)
+    verdicts: dict[tuple[str, str], str] = field(default_factory=dict)
+
+    def __repr__(self) -> str:
+        return f"Comparison of {', '.join(self.names)}: {', '.join(self.curves)}"
+
+    def table(self) -> Table:
+        """Return means and differences to the first run, a row per muscle, quantity and run."""
+        return Table(COLUMNS, self._rows())
+
+    def figure(self) -> Figure:
+        """Return a figure of all curves: a row of panels per muscle, a panel per quantity."""
+        from vtkmuscle.plotting.figures import draw_literature  # noqa: PLC0415 -- a table needs no figure
+        from vtkmuscle.plotting.sheets import blank_figure  # noqa: PLC0415
+
+        across = max(map(len, self.curves.values()))
+        figure = blank_figure(_WIDTH * across, _HEIGHT * len(self.curves) + 0.5)
+        figure.set_layout_engine("constrained")
+        panels = figure.subplots(len(self.curves), across, squeeze=False)
+        for row, (muscle, quantities) in zip(panels, self.curves.items(), strict=True):
+            for axes in row[len(quantities) :]:
+                axes.set_visible(False)
+            for axes, (quantity, runs) in zip(row, quantities.items(), strict=False):
+                for name, curve in runs.items():
+                    colour = f"C{self.names.index(name) % 10}"
+                    axes.plot(
+                        curve.x, curve.mean, "." if len(curve.x) == 1 else "-", color=colour, label=name
+                    )
+                coordinate = curve.over.partition(" [")[0].replace(" ", "_")
+                published = curves_for(self.literature.get(muscle, ()), coordinate=coordinate)
+                if quantity.startswith("moment arm") and published:
+                    draw_literature(axes, published, 1.0)
+                axes.set(xlabel=curve.over, ylabel=f"{quantity} [{curve.unit}]")
+                axes.legend(fontsize="small", frameon=False)
+            row[0].set_title(muscle.replace("_", " "), loc="left")
+        return figure
+
+    def write(self, folder: str | PathLike[str]) -> list[Path]:
+        """Write ``comparison.csv``, the table, and ``comparison.png``, the figure; return both."""
+        from vtkmuscle.plotting.sheets import save_figure  # noqa: PLC0415 -- a table needs no figure
+
+        table = self.table().to_csv(Path(folder) / "comparison.csv", digits=6)
+        save_figure(self.figure(), Path(folder) / "comparison.png")
+        return [table, Path(folder) / "comparison.png"]
+
+    def add(self, name: str, muscle: str, curves: Sequence[Curve], verdict: str = "") -> None:
+        """Add the curves of a muscle in a run."""
+        quantities = self.curves.setdefault(side_apart(muscle), {})
+        if any(name in runs for runs in quantities.values()):
+            name = f"{name}, {muscle}"  # both sides of one run
+        for curve in curves:
+            quantities.setdefault(curve.quantity, {})[name] = curve
+        self.verdicts[side_apart(muscle), name] = verdict
+        if name not in self.names:
+            self.names.append(name)
+
+    def _rows(self) -> Iterator[tuple[object, ...]]:
+        for muscle, quantities in self.curves.items():
+            for quantity, runs in quantities.items():
+                first = next(iter(runs.values()))
+                for name, curve in runs.items():
+                    row = (muscle, quantity, curve.unit, name, self.verdicts[muscle, name])
+                    apart = None if curve is first else difference(curve, first)
+                    yield *row, float(curve.mean.mean()), *(_figures(apart) if apart else (None,) * 4)
+
+
+def compare(
+    results: Mapping[str, Result] | Sequence[Result | str | PathLike[str]],
+    *,
+    literature: str | PathLike[str] | None = None,
+    opensim: str | PathLike[str] | None = None,
+) -> Comparison:
+    """Compare runs: settings, sides, subjects, and published values.
+
+    Muscles and coordinates are matched by their names, without the side (``_r``, ``_l``); both sides of one
+    run count as two runs.
+
+    Parameters
+    ----------
+    results : mapping of str to Result, or sequence of Result or path
+        Runs by a name, or runs and folders of results with names of their own. The first is the reference.
+    literature : path, optional
+        Published moment arms as of :func:`vtkmuscle.io.read_literature`; by default those of the runs.
+    opensim : path, optional
+        An .osim whose muscles of the same names are one more run, in the poses of the first run.
+
+    Returns
+    -------
+    Comparison
+        ``table()`` gives the differences, ``figure()`` the curves; ``write(folder)`` writes both.
+
+    Raises
+    ------
+    ValueError
+        If no muscle is in two of the runs, or a file cannot be read.
+
+    Warns
+    -----
+    UserWarning
+        For muscles of the model whose paths wind round surfaces, which are not computed here.
+
+    Examples
+    --------
+    >>> import vtkmuscle
+    >>> scene = vtkmuscle.Scene.from_phantom(vtkmuscle.phantoms.spindle_over_hinge(), n_fibres=8)
+    >>> runs = {name: scene.with_quality(name).run(frames="0:2") for name in ("preview", "balanced")}
+    >>> compared = vtkmuscle.compare(runs)
+    >>> compared
+    Comparison of preview, balanced: spindle
+    >>> compared.table().where(run="balanced", quantity="fibre length")["unit"]
+    array(['mm'], dtype='<U2')
+    """
+    named = dict(results) if isinstance(results, Mapping) else _named(results)
+    compared = Comparison()
+    published = None if literature is None else read_literature(literature)
+    for name, result in named.items():
+        for muscle in result.muscle_names:
+            compared.add(name, muscle, curves_of(result, muscle), result.verdicts[muscle])
+            curves = result.literature.get(muscle, ()) if published is None else published
+            compared.literature.setdefault(side_apart(muscle), curves_for(curves, muscle=muscle))
+    if opensim is not None:
+        _add_model(compared, Path(opensim), next(iter(named.values())))
+    shared = any(len(runs) > 1 for known in compared.curves.values() for runs in known.values())
+    if not shared and not any(compared.literature.values()):
+        listed = "; ".join(f"{name}: {', '.join(one.muscle_names)}" for name, one in named.items())
+        raise InputError("", f"no muscle is in two of the runs ({listed})", "muscles match by name")
+    return compared
+
+
+def _named(results: Sequence[Result | str | PathLike[str]]) -> dict[str, Result]:
+    if isinstance(results, str | PathLike):
+        results = [results]
+    named: dict[str, Result] = {}
+    for one in results:
+        result = Result.load(one) if isinstance(one, str | PathLike) else one
+        name = Path(one).name if isinstance(one, str | PathLike) else one.name
+        number = sum(other == name or other.startswith(f"{name} (") for other in named)
+        named[f"{name} ({number + 1})" if number else name] = result
+    return named
+
+
+def _add_model(compared: Comparison, path: Path, result: Result) -> None:
+    model, left_out = read_osim(path), []
+    for muscle in model.muscles:
+        if side_apart(muscle) in compared.curves:
+            try:
+                compared.add(path.name, muscle, curves_of_model(model, muscle, result))
+            except InputError as error:
+                left_out.append(f"{muscle}: {error}")
+    if left_out:
+        warnings.warn(f"{path.name} is not compared for {'; '.join(left_out)}", stacklevel=3)
+
+
+def curves_of(result: Result, muscle: str) -> list[Curve]:
+    """Return lengths of paths and fibres, and moment arms by each coordinate, of a muscle of a run."""
+    curves = []
+    for quantity, lengths in ((_LENGTH, result.lengths), ("fibre length", result.fibre_lengths)):
+        if muscle in lengths:
+            times = np.asarray(result.times[: len(lengths[muscle])], dtype=np.float64)
+            curves.append(_curve((quantity, _without_side(result.time_label), "mm"), times, lengths[muscle]))
+    arms = result.moment_arms() if result.has_moment_arms else {}
+    for name, one in arms[muscle].items() if muscle in arms else ():
+        curves.append(_curve(_arm_labels(name, one.unit), one.values, one.arms))
+    return curves
+
+
+def curves_of_model(model: OsimModel, muscle: str, result: Result) -> list[Curve]:
+    """Return the same of a muscle of OpenSim's, in the poses of a run whose coordinates it has.
+
+    Raises a ValueError if its path winds round surfaces, which is not computed here.
+    """
+    path, tree = model.muscle(muscle).path, model.tree
+    frames, coordinates = list(result.frames), result.motion.coordinates
+    values = {
+        name: np.asarray(one.values)[frames] * (ANGLES.get(one.unit) or 1.0 / _MILLIMETRES)
+        for name, one in coordinates.items()
+        if name in tree.free
+    }
+    if not values:
+        raise InputError("", f"the model has none of the run's coordinates {', '.join(coordinates)}")
+    lengths = _MILLIMETRES * path.lengths(tree, values)[:, None]
+    times = np.asarray(result.times, dtype=np.float64)
+    curves = [_curve((_LENGTH, _without_side(result.time_label), "mm"), times, lengths)]
+    for name in values:
+        one = coordinates[name]
+        if one.changes and one.unit in ANGLES:
+            arms = _MILLIMETRES * moment_arm(path, tree, values, name)[:, None]
+            curves.append(_curve(_arm_labels(name, one.unit), np.asarray(one.values)[frames], arms))
+    return curves
+
+
+def difference(curve: Curve, reference: Curve) -> Curve | None:
+    """Return a curve minus another, at its own positions that the other covers; None if there are none."""
+    inside = (curve.x >= reference.x[0] - 1e-9) & (curve.x <= reference.x[-1] + 1e-9)
+    if not inside.any():
+        return None
+    x = curve.x[inside]
+    return replace(curve, x=x, mean=curve.mean[inside] - np.interp(x, reference.x, reference.mean))
+
+
+def _arm_labels(coordinate: str, unit: str) -> tuple[str, str, str]:
+    """Return quantity, axis and unit of moment arms by a coordinate."""
+    label = side_apart(coordinate).replace("_", " ")
+    return f"moment arm, {label}", f"{label} [{unit}]", "mm" if unit in ANGLES else "1"
+
+
+def _curve(labels: tuple[str, str, str], x: Floats, rows: Floats) -> Curve:
+    order = np.argsort(x, kind="stable")
+    return Curve(*labels, x[order], rows[order].mean(axis=1))
+
+
+def _figures(apart: Curve) -> tuple[float, ...]:
+    """Return mean, root mean square, largest value and its position of a difference."""
+    worst = int(np.abs(apart.mean).argmax())
+    root = math.sqrt(float(np.mean(np.square(apart.mean))))
+    return float(apart.mean.mean()), root, float(apart.mean[worst]), float(apart.x[worst])
+
+
+def _without_side(label: str) -> str:
+    """Return the label of an axis without a side: ``hip flexion [deg]`` of ``hip flexion r [deg]``."""
+    name, bracket, unit = label.partition(" [")
+    return side_apart(name.replace(" ", "_")).replace("_", " ") + bracket + unit

@@ -1,0 +1,277 @@
+"""Many scenes in one table: a cohort of subjects, or one scene with varied settings."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import BrokenExecutor, ProcessPoolExecutor, as_completed
+from contextlib import contextmanager
+from dataclasses import fields, replace
+from itertools import product
+from multiprocessing import get_context
+from os import PathLike
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+from vtkmuscle.core.errors import InputError
+from vtkmuscle.core.machine import processors
+from vtkmuscle.filters.pbd_deformer import PBDDeformer
+from vtkmuscle.io.writing import locked
+from vtkmuscle.run import Result, RunOptions, frame_numbers
+from vtkmuscle.run.store import ResultFolder
+from vtkmuscle.run.store.keys import muscle_keys
+from vtkmuscle.run.table import Table
+from vtkmuscle.scene.data import SceneData
+from vtkmuscle.scenes import Scene
+
+#: Columns that every table has after the subject or the settings; columns of numbers follow.
+COLUMNS = ("muscle", "verdict", "message", "folder")
+#: A subject's name is cut to this number of characters in the name of its folder.
+_LONGEST = 40
+
+Row = dict[str, Any]
+
+
+def cohort(
+    scenes: Mapping[str, Scene | str | PathLike[str]] | Sequence[str | PathLike[str]],
+    out: str | PathLike[str] | None = None,
+    *,
+    client: Any = None,
+    workers: int | None = None,
+    progress: Callable[[Sequence[Row]], None] | None = None,
+    **options: Any,
+) -> Table:
+    """Run the scene of each subject, and return a table with a row per muscle.
+
+    Parameters
+    ----------
+    scenes : mapping of str to Scene or path, or sequence of path
+        Scenes by the name of the subject. A path alone is also the subject's name.
+    out : path, optional
+        Folder for the results: a run folder per subject, and ``cohort.csv``. A run folder that is finished
+        for the same scene, frames and package is read instead of run again. Without a folder nothing is kept.
+    client : distributed.Client, optional
+        Of a Dask cluster whose workers see the same folders; give ``out`` with it. Default: processes of this
+        machine. A script that starts processes needs ``if __name__ == "__main__":``.
+    workers : int, optional
+        Number of processes, by default one per processor; 1 runs the scenes in this process.
+    progress : callable, optional
+        Called with the rows of each subject when it ends.
+    **options
+        ``frames``, ``fresh``, ``overwrite``, ``figures`` and ``report``, as of
+        :class:`~vtkmuscle.run.RunOptions`. Figures and pages are off by default.
+
+    Returns
+    -------
+    Table
+        In the order of the scenes. ``length``, ``fibre_length`` [mm] and ``moment_arm_COORDINATE`` [mm] are
+        means over fibres and frames, with the least and largest mean of a frame; a column is NaN where a
+        muscle has no such number. A scene that cannot be run is a row with verdict ``"failed"``, no muscle,
+        and the reason as message.
+
+    Raises
+    ------
+    ValueError
+        If there are no scenes, two subjects have one name, or an option is not allowed.
+    OSError
+        If the folder cannot be written to, or another process uses it.
+
+    Examples
+    --------
+    >>> import vtkmuscle
+    >>> scene = vtkmuscle.Scene.from_phantom(vtkmuscle.phantoms.spindle_over_hinge(), n_fibres=8)
+    >>> table = vtkmuscle.cohort({"anna": scene, "ben": scene}, workers=1, frames="0:2")
+    >>> table["subject"]
+    array(['anna', 'ben'], dtype='<U4')
+    """
+    named = list(scenes.items()) if isinstance(scenes, Mapping) else [(str(path), path) for path in scenes]
+    labelled = [({"subject": name}, scene) for name, scene in named]
+    return _run_all(labelled, out, client, workers, progress, options)
+
+
+def vary(
+    scene: Scene,
+    *,
+    out: str | PathLike[str] | None = None,
+    client: Any = None,
+    workers: int | None = None,
+    frames: str | slice | range | int | None = None,
+    **settings: Iterable[Any],
+) -> Table:
+    """Run a scene with all combinations of settings, and return the table of :func:`cohort`.
+
+    Parameters
+    ----------
+    scene : Scene
+    out, client, workers, frames
+        As of :func:`cohort`.
+    **settings : iterable
+        Values of a field of the scene (``model``, ``quality``), of a parameter of the solver
+        (``taut_resolution``), or of a setting of the fibres (``n_fibres``). A setting is a column.
+
+    Raises
+    ------
+    ValueError
+        If no setting is given, a setting is unknown, or a value is not allowed.
+
+    Examples
+    --------
+    >>> import vtkmuscle
+    >>> scene = vtkmuscle.Scene.from_phantom(vtkmuscle.phantoms.spindle_over_hinge(), n_fibres=8)
+    >>> table = vtkmuscle.vary(scene, workers=1, frames="0:2", model=["paths", "volume"])
+    >>> table.where(model="paths")["length_mm"].round()
+    array([140.])
+    """
+    if not settings:
+        raise InputError("", "no setting is varied", "give values: vary(scene, n_fibres=[50, 100])")
+    combinations = [dict(zip(settings, values, strict=True)) for values in product(*settings.values())]
+    labelled = [(values, _with_settings(scene, values)) for values in combinations]
+    return _run_all(labelled, out, client, workers, None, {"frames": frames})
+
+
+def _with_settings(scene: Scene, values: Mapping[str, Any]) -> Scene:
+    """Return the scene with other values of its fields, of its solver, or of the fibres of all muscles."""
+    own = {one.name for one in fields(SceneData)} - {"name", "bones", "muscles", "motion", "files"}
+    changed = {name: value for name, value in values.items() if name in own}
+    solver = {name: value for name, value in values.items() if name in PBDDeformer.parameter_declarations}
+    fibres = {name: value for name, value in values.items() if name not in changed and name not in solver}
+    muscles = {
+        name: replace(
+            muscle,
+            solver={**muscle.solver, **solver},
+            fibres=None if muscle.fibres is None else {**muscle.fibres, **fibres},
+        )
+        for name, muscle in scene.muscles.items()
+    }
+    return replace(scene, muscles=muscles, files={}, **changed)
+
+
+def _run_all(
+    labelled: Sequence[tuple[Mapping[str, Any], Any]],
+    out: str | PathLike[str] | None,
+    client: Any,
+    workers: int | None,
+    progress: Callable[[Sequence[Row]], None] | None,
+    options: Mapping[str, Any],
+) -> Table:
+    """Run scenes that have labels, the first columns of the table, and write the table."""
+    RunOptions.of({**options, "workers": workers})
+    asked = {"figures": False, "report": False, **options, "workers": 1}
+    names = [", ".join(map(str, labels.values())) for labels, _ in labelled]
+    if not names or len(set(names)) < len(names):
+        raise InputError("scenes", "two have one name" if names else "there are none", "name each scene")
+    with _folder(out) as folder:
+        targets = [folder / _folder_name(name) for name in names]
+        files = [
+            scene.save(target / "scene") if isinstance(scene, Scene) else Path(scene).absolute()
+            for target, (_, scene) in zip(targets, labelled, strict=True)
+        ]
+        tasks = [
+            (file, None if out is None else target, asked)
+            for file, target in zip(files, targets, strict=True)
+        ]
+        rows: dict[int, list[Row]] = {}
+        for number, solved in _solved(tasks, client, workers or processors()):
+            rows[number] = [dict(labelled[number][0]) | row for row in solved]
+            if progress is not None:
+                progress(rows[number])
+        listed = [row for number in sorted(rows) for row in rows[number]]
+        columns = dict.fromkeys(name for row in listed for name in row)
+        table = Table(tuple(columns), [[row.get(name) for name in columns] for row in listed])
+        if out is not None:
+            table.to_csv(folder / "cohort.csv", digits=6)
+    return table
+
+
+def _solved(tasks: Sequence[tuple[Any, ...]], client: Any, workers: int) -> Iterator[tuple[int, list[Row]]]:
+    """Give the number and the rows of each task as it ends: by Dask's client, processes, or this process."""
+    if client is None and min(workers, len(tasks)) == 1:
+        for number, task in enumerate(tasks):
+            yield number, _rows(*task)
+        return
+    spawned = get_context("spawn")  # a forked process would hang in libraries that have threads
+    pool = (
+        ProcessPoolExecutor(min(workers, len(tasks)), spawned)
+        if client is None
+        else client.get_executor(pure=False)
+    )
+    try:
+        jobs = {pool.submit(_rows, *task): number for number, task in enumerate(tasks)}
+        for job in as_completed(jobs):
+            try:
+                yield jobs[job], job.result()
+            except BrokenExecutor:
+                yield jobs[job], [_failed("its process was lost or ran out of memory; run it again")]
+    finally:
+        if client is None:
+            pool.shutdown(cancel_futures=True)
+        else:
+            pool.shutdown(wait=False)  # cancels what has not begun
+
+
+def _rows(file: Path, out: Path | None, options: Mapping[str, Any]) -> list[Row]:
+    """Run a scene unless its folder is finished, and return the rows of its muscles."""
+    try:
+        scene = Scene.load(file)
+        result = None if out is None or options.get("fresh") else _finished(scene, out, options.get("frames"))
+        if result is None:
+            result = scene.run(out, **options)
+    except (ValueError, OSError, MemoryError) as error:
+        return [_failed(" ".join(str(error).split()) or type(error).__name__, out)]
+    return [_row(result, name, out) for name in result.muscle_names]
+
+
+def _finished(scene: Scene, out: Path, frames: Any) -> Result | None:
+    """Return the result in a folder if its report is complete, and all muscles are of this scene."""
+    folder = ResultFolder(out)
+    report, keys = folder.report(), muscle_keys(scene, frame_numbers(frames, len(scene.motion.times)))
+    if report is None or not report["complete"] or keys.keys() != folder.finished(keys).keys():
+        return None
+    return Result.load(out)
+
+
+def _failed(message: str, out: Path | None = None) -> Row:
+    values = ("", "failed", message, "" if out is None else out.name)
+    return dict(zip(COLUMNS, values, strict=True))
+
+
+def _row(result: Result, name: str, out: Path | None) -> Row:
+    """Return the numbers of a muscle by the names of columns."""
+    muscle = result.report["muscles"][name]
+    message = "; ".join(reason["says"] for reason in muscle["verdict"]["reasons"])
+    values = (name, muscle["verdict"]["verdict"], message, "" if out is None else out.name)
+    row: Row = dict(zip(COLUMNS, values, strict=True))
+    row |= {"frames": len(muscle["frames"]), "seconds": sum(muscle["seconds"].values())}
+    row["volume_mm3"] = muscle.get("volume_mm3")
+    architecture = muscle.get("architecture", {})
+    row |= {key: architecture[key] for key in ("pcsa_mm2", "pcsa_without_tendon_mm2") if key in architecture}
+    means = {
+        quantity: lengths[name].mean(axis=1)
+        for quantity, lengths in (("length", result.lengths), ("fibre_length", result.fibre_lengths))
+        if name in lengths
+    }
+    arms = result.moment_arms().get(name, {}) if result.has_moment_arms else {}
+    for quantity, mean in (means | {f"moment_arm_{axis}": one.mean for axis, one in arms.items()}).items():
+        row[f"{quantity}_mm"] = float(mean.mean())
+        row |= {f"{quantity}_least_mm": float(mean.min()), f"{quantity}_largest_mm": float(mean.max())}
+    return row
+
+
+def _folder_name(name: str) -> str:
+    """Return the name of a subject's folder: readable letters of its name, and a digest of all of it."""
+    readable = re.sub(r"[^A-Za-z0-9.-]+", "_", name).strip("._")[-_LONGEST:]
+    return f"{readable}-{hashlib.sha256(name.encode()).hexdigest()[:16]}"
+
+
+@contextmanager
+def _folder(out: str | PathLike[str] | None) -> Iterator[Path]:
+    """Give the folder of the results, held against other processes, or a temporary one."""
+    if out is None:
+        with TemporaryDirectory() as folder:
+            yield Path(folder)
+    else:
+        Path(out).mkdir(parents=True, exist_ok=True)
+        with locked(Path(out)):
+            yield Path(out)
