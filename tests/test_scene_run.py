@@ -301,7 +301,7 @@ def test_the_tables_hold_the_result(result, out):
     with (out / "lengths.csv").open(newline="") as lines:
         rows = list(csv.DictReader(lines))
     assert len(rows) == 6 * FRAMES
-    assert list(rows[0]) == ["muscle", "fibre", "frame", "time", "length_mm", "length_err_mm"]
+    assert list(rows[0]) == ["muscle", "fibre", "frame", "time", "length_mm", "segment_error_mm"]
     for row in rows:
         frame = result.times.index(float(row["time"]))
         assert float(row["length_mm"]) == result.lengths[row["muscle"]][frame, int(row["fibre"])]
@@ -324,7 +324,7 @@ def test_the_tables_hold_the_result(result, out):
         assert found == pytest.approx([lengths.mean(), lengths.std(), lengths.min(), lengths.max()])
     assert len(report["muscles"]["spindle"]["fibre_measures"]) == FRAMES
     assert report["muscles"]["spindle"]["frames"] == result.report["muscles"]["spindle"]["frames"]
-    assert report["seconds"].keys() == {"muscles", "errors", "page", "total"}
+    assert report["seconds"].keys() == {"muscles", "page", "total"}
 
 
 def test_other_files_of_the_folder_are_left_alone(scene, tmp_path):

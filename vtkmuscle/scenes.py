@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any, Self
 
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet
 
-from vtkmuscle.accuracy import StatedErrors
 from vtkmuscle.core.words import names as as_names
 from vtkmuscle.core.words import suggestion
 from vtkmuscle.data.arrays import blocks_of
@@ -175,7 +174,7 @@ class Scene(SceneData, WithHints):
         if out is not None and not str(out):
             raise ValueError("out is empty; give the name of a folder")
         target = None if out is None else Path(out)
-        return run_scene(self, target, RunOptions.of(options), errors=StatedErrors(self))
+        return run_scene(self, target, RunOptions.of(options))
 
     def __getitem__(self, name: str) -> Any:
         """Return a muscle or a bone at rest as PyVista's data: ``scene["iliacus"].plot()``."""

@@ -123,32 +123,14 @@ def test_what_was_odd_about_the_scene_is_said(run_folder):
     assert "it is in <metres>" in words_of(page_of(other, CHECKS))
 
 
-def test_errors_are_shown_with_their_parts(run_folder):
+def test_errors_of_mean_lengths_are_a_table(run_folder):
     other = changed(run_folder[1])
     other.report["muscles"]["spindle"]["errors"] = {
-        "length": {
-            "value_mm": 101.25,
-            "parts": {"mesh": 0.4, "distance to convergence": 0.3},
-            "total": 0.5,
-            "unit": "mm",
-        }
+        "length": {"segment_error_mm": 0.125, "sampling_error_mm": None}
     }
     words = " ".join(words_of(page_of(other, CHECKS)).split())
-    assert "101 ± 0.50 mm" in words
-    assert "mesh 0.40; distance to convergence 0.30" in words
-    assert "were not determined" not in words
-
-
-def test_an_area_without_aponeuroses_is_a_least_one(run_folder):
-    other = changed(run_folder[1])
-    muscle = other.report["muscles"]["spindle"]
-    muscle["architecture"] |= {"tendon_from": "estimate", "pcsa_without_tendon_mm2": 500.0}
-    for part, shown in ((1766.0, "5.00 to 22.7 cm²"), (0.0, "5.00 ± 0.10 cm²")):
-        parts = {"facets": 10.0, "aponeuroses": part}
-        total = float(np.hypot(*parts.values()))
-        found = {"value": 500.0, "unit": "mm^2", "parts": parts, "total": total}
-        muscle["errors"] = {"pcsa_without_tendon": found}
-        assert shown in " ".join(words_of(page_of(other, CHECKS)).split())
+    assert "sampling error [mm] spindle length 0.12 \u2013" in words
+    assert "95 %" not in words
 
 
 def test_a_muscle_that_failed_on_the_way_shows_the_frames_it_has(run_folder):

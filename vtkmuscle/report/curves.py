@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from vtkmuscle.core.estimate import Estimate
 from vtkmuscle.core.moment_arms.by_coordinate import JointArms
 from vtkmuscle.core.motion.coordinates import ANGLES
 from vtkmuscle.core.types import Floats
@@ -141,31 +140,26 @@ def _muscle(result: Result, number: int, arms: Mapping[str, JointArms], pack: Pa
         if one.curve and any(value is not None for value in values):
             found = one(np.array(values, dtype=np.float64))  # None is NaN
             checks[one.key] = rounded(np.where(np.abs(found) < 1e-9, 0.0, found))
-    errors = result.errors.get(name, {})
     published = result.literature.get(name, ())
-    found_arms = {
-        axis: _arms(one, errors.get(f"moment_arm_{axis}"), curves_for(published, coordinate=axis))
-        for axis, one in arms.items()
-    }
+    found_arms = {axis: _arms(one, curves_for(published, coordinate=axis)) for axis, one in arms.items()}
     lengths, fibres = result.lengths.get(name), result.fibre_lengths.get(name)
     return {
         "name": name,
         "label": label_of(name),
         "colour": colour_of(number),
-        "lengths": None if lengths is None else _lengths(lengths, errors.get("length"), pack),
-        "fibreLengths": None if fibres is None else _lengths(fibres, errors.get("fibre_length"), pack),
+        "lengths": None if lengths is None else _lengths(lengths, pack),
+        "fibreLengths": None if fibres is None else _lengths(fibres, pack),
         "arms": found_arms,
         "checks": checks,
     }
 
 
-def _lengths(lengths: Floats, error: Estimate | None, pack: Pack) -> dict[str, Any]:
+def _lengths(lengths: Floats, pack: Pack) -> dict[str, Any]:
     lower, upper = np.percentile(lengths, (25.0, 75.0), axis=1)
     count = lengths.shape[1]
     drawn = np.unique(np.linspace(0, count - 1, min(count, MOST_FIBRES)).round().astype(int))
     return {
         "mean": rounded(lengths.mean(axis=1)),
-        "error": None if error is None else rounded(error.total),
         "low": rounded(lengths.min(axis=1)),
         "high": rounded(lengths.max(axis=1)),
         "lower": rounded(lower),
@@ -175,7 +169,7 @@ def _lengths(lengths: Floats, error: Estimate | None, pack: Pack) -> dict[str, A
     }
 
 
-def _arms(found: JointArms, error: Estimate | None, published: Sequence[LiteratureCurve]) -> dict[str, Any]:
+def _arms(found: JointArms, published: Sequence[LiteratureCurve]) -> dict[str, Any]:
     # A sweep up and down has values twice: curves are drawn by ascending value.
     order = np.argsort(found.values, kind="stable")
     quartic = None if found.quartic is None else rounded(found.quartic.mean(axis=1)[order])
@@ -185,7 +179,6 @@ def _arms(found: JointArms, error: Estimate | None, published: Sequence[Literatu
         "mean": rounded(found.mean[order]),
         "low": rounded(found.arms.min(axis=1)[order]),
         "high": rounded(found.arms.max(axis=1)[order]),
-        "error": None if error is None else rounded(error.total[order]),
         "quartic": quartic,
         "literature": [] if unit is None else published_curves(published, math.pi / 180.0 / unit),
     }

@@ -17,7 +17,7 @@ from vtkmuscle.io.writing import write_text
 from vtkmuscle.report.curves import colour_of, curves_of, label_of
 from vtkmuscle.report.scene3d import Pack, scene_of
 from vtkmuscle.report.sections import part, plotly_text, rendered
-from vtkmuscle.report.tables import errors_of, not_known_of, number, run_tables_of, settings_of, tables_of
+from vtkmuscle.report.tables import errors_of, number, run_tables_of, settings_of, tables_of
 
 if TYPE_CHECKING:
     from vtkmuscle.run.limits import Check
@@ -33,6 +33,14 @@ RESTS_ON = {
     "scene": "fibres bone to bone, less the scene's tendon",
     "estimate": "fibres bone to bone, less an estimated tendon",
 }
+#: What the page's numbers can be trusted for.
+TRUST = (
+    "The checks say whether a shape is sound: whether it keeps its volume, does not crumple, stays out "
+    "of the bones and follows its attachments. They do not say whether it is the shape of this person's "
+    "muscle: that depends on the segmentation, the attachments and the motion that were given.",
+    "Lengths and moment arms are those of the muscle's paths, from bone to bone; a moment arm is the "
+    "lever of a path's pull. Strain, pennation and cross-sectional area are those of its fibres.",
+)
 #: The parts of the page's program, in the order in which they are read.
 _SCRIPTS = (
     *("arrays.js", "webgl.js", "shaders.js", "colours.js", "shapes.js", "camera.js", "viewer.js"),
@@ -62,7 +70,6 @@ def _page_of(result: Result, limits: Mapping[str, Check], plotly: Future[str]) -
     scene = scene_of(result, pack)
     curves = curves_of(result, arms, limits, pack)
     muscles = [_card(result, k, name, arms.get(name, {})) for k, name in enumerate(result.muscle_names)]
-    errors = errors_of(report)
     return rendered(
         "report.html",
         name=result.name,
@@ -88,10 +95,7 @@ def _page_of(result: Result, limits: Mapping[str, Check], plotly: Future[str]) -
         time_label=result.time_label,
         last=len(scene["shown"]) - 1,
         tables=tables_of(report),
-        trust={
-            "words": _trust(errors is not None),
-            "tables": [*([] if errors is None else [errors]), *not_known_of(report)],
-        },
+        trust={"words": TRUST, "tables": errors_of(report)},
         run_tables=run_tables_of(report),
         settings=settings_of(report),
         definitions=list(report["definitions"].items()),
@@ -150,10 +154,10 @@ def _card(result: Result, place: int, name: str, arms: Mapping[str, JointArms]) 
         facts.append((f"moment arm, {label_of(coordinate)}", words, [name, coordinate]))
     architecture = muscle.get("architecture") or {}
     if "tendon_from" in architecture:
-        area = _with_error(muscle, "pcsa_without_tendon", architecture["pcsa_without_tendon_mm2"], 100.0)
+        area = number(architecture["pcsa_without_tendon_mm2"] / 100.0)
         facts.append((f"PCSA, {RESTS_ON[architecture['tendon_from']]}", f"{area} cm²", None))
     if muscle.get("volume_mm3"):
-        facts.append(("volume", f"{_with_error(muscle, 'volume', muscle['volume_mm3'], 1000.0)} cm³", None))
+        facts.append(("volume", f"{number(muscle['volume_mm3'] / 1000.0)} cm³", None))
     reasons = muscle["verdict"]["reasons"]
     finished = result.finished(name)
     if finished < len(result.frames):
@@ -167,18 +171,6 @@ def _card(result: Result, place: int, name: str, arms: Mapping[str, JointArms]) 
         "reasons": [{"says": _sentence(one["says"]), "frame": one["frame"]} for one in reasons],
         "remedies": list(dict.fromkeys(_sentence(one["do"]) for one in reasons)),
     }
-
-
-def _with_error(muscle: Mapping[str, Any], quantity: str, value: float, per: float) -> str:
-    """Return a number in another unit, with its error where that is known.
-
-    Without aponeuroses the error is one-sided: fibres that end on some are shorter, and areas larger.
-    """
-    known = muscle.get("errors", {}).get(quantity)
-    if known and known["parts"].get("aponeuroses"):
-        return f"{number(value / per)} to {number((value + known['total']) / per)}"
-    error = f" ± {number(known['total'] / per, 2)}" if known else ""
-    return f"{number(value / per)}{error}"
 
 
 def _sentence(words: Any) -> str:
@@ -196,16 +188,3 @@ def _thinned(scene: Mapping[str, Any]) -> str:
     if any(one["count"] < one["all"] for one in fibres):
         words.append("Of many fibres some are drawn.")
     return " ".join(words)
-
-
-def _trust(errors: bool) -> list[str]:
-    words = [
-        "The checks say whether a shape is sound: whether it keeps its volume, does not crumple, stays out "
-        "of the bones and follows its attachments. They do not say whether it is the shape of this person's "
-        "muscle: that depends on the segmentation, the attachments and the motion that were given.",
-        "Lengths and moment arms are those of the muscle's paths, from bone to bone; a moment arm is the "
-        "lever of a path's pull. Strain, pennation and cross-sectional area are those of its fibres.",
-    ]
-    if not errors:
-        words.append("The errors of the single numbers were not determined in this run.")
-    return words

@@ -162,11 +162,9 @@ def _moment_arms(result: Result) -> list[FigureOrder]:
     figures = []
     for name, arms in (result.moment_arms() if result.has_moment_arms else {}).items():
         if result.finished(name):
-            known = result.errors[name]
             given = {
                 "arms": dict(arms),
                 "rest": MuscleFrame(result.rest_muscle(name), {}, result.rest_fibres(name), _title(name)),
-                "errors": {one: known[key].total for one in arms if (key := f"moment_arm_{one}") in known},
                 "literature": tuple(result.literature.get(name, ())),
                 "units": result.units,
             }

@@ -5,14 +5,10 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
-from typing import Any, Protocol, Self
+from typing import Any, Self
 
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.core.estimate import Estimate
-from vtkmuscle.core.moment_arms.by_coordinate import JointArms
-from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.core.words import suggestion
-from vtkmuscle.run.frames import MuscleTrack
 
 Progress = Callable[[str, str, float], None]
 Observe = Callable[[str, Mapping[str, Any]], None]
@@ -79,16 +75,6 @@ class RunOptions:
             if name not in names:
                 raise TypeError(f"a run has no option {name!r}; {suggestion(name, names)}")
         return cls(**given)
-
-
-class Errors(Protocol):
-    """A statement of the errors of a run's numbers, as :class:`vtkmuscle.accuracy.StatedErrors`."""
-
-    def estimates(
-        self, name: str, track: MuscleTrack, motion: RigidMotion, arms: Mapping[str, JointArms]
-    ) -> Mapping[str, Estimate]:
-        """Return a muscle's quantities with their errors, and put them into its report."""
-        ...
 
 
 def frame_numbers(frames: str | slice | range | int | None, count: int) -> range:

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any, Self, TypeVar
 
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.core.estimate import Estimate
 from vtkmuscle.core.moment_arms.by_coordinate import JointArms
 from vtkmuscle.core.types import Floats
 from vtkmuscle.core.words import suggestion
@@ -83,7 +82,7 @@ class Result(ResultData):
 
     >>> table = result.length_table()
     >>> table
-    Table: 24 rows of muscle, fibre, frame, time, length_mm, length_err_mm
+    Table: 24 rows of muscle, fibre, frame, time, length_mm, segment_error_mm
     >>> table.where(frame=2)["length_mm"].shape
     (8,)
     >>> result.frame_table().where(muscle="spindle")["volume_ratio"].round(6)
@@ -291,8 +290,6 @@ class MuscleResult:
         Of its paths and of its fibres [mm].
     moment_arms : mapping of str to JointArms
         By coordinate.
-    errors : mapping of str to Estimate
-        Its quantities with their errors.
     architecture : mapping of str to object
         At rest, by the names of ``report["definitions"]``.
 
@@ -333,11 +330,6 @@ class MuscleResult:
     def moment_arms(self) -> Mapping[str, JointArms]:
         """By coordinate."""
         return self._result.moment_arms()[self.name]
-
-    @property
-    def errors(self) -> Mapping[str, Estimate]:
-        """Its quantities with their errors."""
-        return self._result.errors[self.name]
 
     @property
     def architecture(self) -> Mapping[str, Any]:

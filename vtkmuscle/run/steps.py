@@ -13,7 +13,6 @@ from typing import Any
 
 from vtkmuscle.core.errors import InputError, check_name, fault_of
 from vtkmuscle.core.mesh.shared import held
-from vtkmuscle.core.moment_arms.by_coordinate import JointArms
 from vtkmuscle.data.drawn_bones import DrawnBones
 from vtkmuscle.filters.base.algorithm import AbortedError
 from vtkmuscle.io.parts import file_digest
@@ -21,7 +20,7 @@ from vtkmuscle.run.cost import check_duration, check_memory
 from vtkmuscle.run.figures import Drawing
 from vtkmuscle.run.frames import MuscleTrack
 from vtkmuscle.run.muscles import MuscleRun, SceneRun
-from vtkmuscle.run.options import Errors, RunOptions, frame_numbers
+from vtkmuscle.run.options import RunOptions, frame_numbers
 from vtkmuscle.run.report_values import DEFINITIONS, versions
 from vtkmuscle.run.result import Result
 from vtkmuscle.run.store import PAGE
@@ -38,13 +37,8 @@ Tracks = dict[str, MuscleTrack]
 
 
 @held()
-def run_scene(
-    scene: SceneData, out: Path | None, options: RunOptions, *, errors: Errors | None = None
-) -> Result:
-    """Run a scene: check it, solve and measure its muscles, and write the results; see ``Scene.run``.
-
-    ``out`` is the folder to write to, and ``errors`` states the errors of the numbers.
-    """
+def run_scene(scene: SceneData, out: Path | None, options: RunOptions) -> Result:
+    """Run a scene: check it, solve and measure its muscles, and write the results; see ``Scene.run``."""
     began = time.perf_counter()
     with ExitStack() as stack:
         drawing = None
@@ -71,7 +65,7 @@ def run_scene(
         with _reported(store, report, partial(result_of, tracks)):
             _solve(run, workers, tracks, list(kept), report, partial(_draw, drawing, tracks, result_of))
             result = result_of(tracks)
-            _measure(result, tracks, report, errors)
+            _measure(result, tracks, report)
             if store is not None:
                 _write_tables(store, result)
                 _write(store, result, drawing, options, report)
@@ -111,24 +105,19 @@ def _solve(
     report["seconds"] = {"muscles": time.perf_counter() - began}
 
 
-def _measure(result: Result, tracks: Tracks, report: dict[str, Any], errors: Errors | None) -> None:
-    """Report the moment arms, or why there are none, and the errors of all muscles."""
-    arms: Mapping[str, Mapping[str, JointArms]] = {}
+def _measure(result: Result, tracks: Tracks, report: dict[str, Any]) -> None:
+    """Report the errors of lengths, and the moment arms, or why there are none."""
+    for track in tracks.values():
+        track.report["errors"] = track.errors()
     if result.lengths and result.motion.coordinates:
         try:
-            arms = table = result.moment_arms()
+            table = result.moment_arms()
         except ValueError as error:
             report["moment_arms"] = {"reason": str(error)}
         else:
             report["moment_arms"] = {"refused": table.refused}
             for name in table:
                 tracks[name].report["moment_arms"] = table.report(name)
-    if errors is not None:
-        before = time.perf_counter()
-        motion = result.motion.part(result.frames)
-        for name, track in tracks.items():
-            track.errors = errors.estimates(name, track, motion, arms.get(name, {}))
-        report["seconds"]["errors"] = time.perf_counter() - before
 
 
 def _write_tables(store: ResultWriter, result: Result) -> None:

@@ -23,14 +23,13 @@ function makeCurves(data, block, choose) {
     const single = Boolean(state.muscle);
     const traces = chosen().flatMap((muscle) => {
       if (!muscle[key]) return [];
-      const { mean, low, high, lower, upper, error } = muscle[key];
+      const { mean, low, high, lower, upper } = muscle[key];
       const times = data.times.slice(0, mean.length);
       const bands = [band(times, low, high, muscle.colour, single ? 0.16 : 0.1, `${muscle.label}: all ${what}`, single)];
       if (single) {
         bands.push(band(times, lower, upper, muscle.colour, 0.28, `middle half of the ${what}`, true));
         bands.push(...each(muscle, muscle[key], times, what));
       }
-      if (error && single) bands.push(errorBand(times, mean, error));
       return [...bands.flat(), line(times, mean, muscle, single ? `mean of the ${what}` : muscle.label)];
     });
     paint(id, traces, data.timeLabel, label);
@@ -59,10 +58,9 @@ function makeCurves(data, block, choose) {
     const traces = chosen().flatMap((muscle) => {
       const found = muscle.arms?.[named];
       if (!found) return [];
-      const { values, mean, low, high, error, quartic } = found;
+      const { values, mean, low, high, quartic } = found;
       const parts = [band(values, low, high, muscle.colour, single ? 0.16 : 0.1, `${muscle.label}: all paths`, single)];
       if (single) {
-        if (error) parts.push(errorBand(values, mean, error));
         if (quartic) {
           const style = { color: "#2a2a2e", width: 1.2, dash: "dash" };
           parts.push({ x: values, y: quartic, mode: "lines", line: style, name: "quartic fit", hoverinfo: "skip" });
@@ -226,12 +224,6 @@ function band(x, low, high, colour, opacity, name, listed) {
   const fill = `rgba(${rgbOf(colour).map((part) => Math.round(255 * part)).join(",")},${opacity})`;
   const round = { x: [...x, ...x.toReversed()], y: [...low, ...high.toReversed()] };
   return [{ ...round, mode: "lines", line: { color: fill, width: 0 }, fill: "toself", fillcolor: fill, name, showlegend: listed, hoverinfo: "skip", meta: { x, low, high } }];
-}
-
-function errorBand(x, mean, error) {
-  const low = mean.map((value, i) => value - error[i]);
-  const high = mean.map((value, i) => value + error[i]);
-  return band(x, low, high, "#2a2a2e", 0.3, "error of the mean (95 %)", true);
 }
 
 function nearest(values, wanted) {

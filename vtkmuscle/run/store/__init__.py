@@ -10,7 +10,6 @@ from typing import Any
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.errors import InputError, check_is_file
-from vtkmuscle.core.estimate import Estimate
 from vtkmuscle.core.motion.coordinates import Coordinate
 from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.data.arrays import multiblock_from
@@ -78,7 +77,7 @@ class ResultFolder:
         report = self._finished_report()
         noted = self._note(SCENE).values
         notes = {name: self._note(name) for name in report["muscles"]}
-        if "motion" not in noted or not all("lengths" in note.arrays for note in notes.values()):
+        if "motion" not in noted or not all("length_errors" in note.arrays for note in notes.values()):
             raise InputError(
                 self.notes.path(SCENE), "an earlier version of vtkmuscle has written it", RUN_AGAIN
             )
@@ -88,7 +87,6 @@ class ResultFolder:
         tracks = {name: self._track(name, note) for name, note in notes.items()}
         for name, track in tracks.items():
             track.report = report["muscles"][name]
-            track.errors = {what: Estimate(**one) for what, one in noted["errors"][name].items()}
         return {
             "bones": multiblock_from(bones),
             "motion": RigidMotion(**noted["motion"] | {"coordinates": coordinates}),
@@ -163,6 +161,8 @@ class ResultFolder:
             fibres=Frames(self._files_of(note, f"{name}_fibres/")),
             lengths=list(note.arrays["lengths"]),
             fibre_lengths=list(note.arrays["fibre_lengths"]),
+            length_errors=list(note.arrays["length_errors"]),
+            fibre_length_errors=list(note.arrays["fibre_length_errors"]),
             report=dict(note.facts["report"]),
         )
 

@@ -234,8 +234,8 @@ class ResultWriter(ResultFolder):
             "fibres": track.rest_fibres is not None,
             "files": self.digests(files) | self._digests_of(track.surfaces) | self._digests_of(track.fibres),
         }
-        numbers = {"lengths": track.lengths, "fibre_lengths": track.fibre_lengths}
-        arrays = {quantity: np.array(rows) for quantity, rows in numbers.items()}
+        numbers = ("lengths", "fibre_lengths", "length_errors", "fibre_length_errors")
+        arrays = {quantity: np.array(getattr(track, quantity)) for quantity in numbers}
         self.notes.write(name, self._keys[name], Part(facts, arrays))
 
     def _digests_of(self, frames: Frames) -> dict[str, str]:
@@ -283,7 +283,6 @@ class ResultWriter(ResultFolder):
             "motion": scene.motion,
             "literature": {name: muscle.literature for name, muscle in muscles},
             "crosses": {name: muscle.crosses for name, muscle in muscles if muscle.crosses is not None},
-            "errors": {name: track.errors for name, track in tracks.items()},
             "files": self.digests([*bones, self.path / REPORT]),
         }
         self.notes.write(SCENE, "", Part.of(noted))
