@@ -9,7 +9,6 @@ from typing import Any
 from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.filters.base import Parameter
 from vtkmuscle.filters.bone_motion import BoneMotion
-from vtkmuscle.filters.deformer.settings import PUBLISHED
 from vtkmuscle.filters.fibre_metrics import FibreMetrics
 from vtkmuscle.filters.fibre_transport import FibreTransport
 from vtkmuscle.filters.fixed_point_detector import FixedPointDetector
@@ -141,15 +140,15 @@ class MusclePipeline:
         if model == "volume":
             self.deformer = PBDDeformer(
                 muscle=self.fixed,
+                rest_bones=bones,
                 bones=self.moving,
                 fibres=self.paths,
                 neighbours=neighbours or None,
-                attachments=attachments,
                 **(solver or {}),
             )
         if self.fibres is None:
             return
-        if self.deformer is None or self.deformer.quality == PUBLISHED:
+        if self.deformer is None or self.deformer.quality == "published":
             self.taut = TautFibres(
                 rest_fibres=self.paths,
                 rest_muscle=self.fixed,

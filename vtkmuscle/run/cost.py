@@ -9,7 +9,6 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.filters.deformer.settings import PUBLISHED
 from vtkmuscle.filters.fibre_template_source import FibreTemplateSource
 from vtkmuscle.filters.pbd_deformer import PBDDeformer
 from vtkmuscle.scene.data import Muscle, SceneData
@@ -57,7 +56,7 @@ def estimated_seconds(scene: SceneData, numbers: range) -> Iterator[tuple[str, f
     """Give each muscle's name, and the processor time that a run of these frames takes for it [s]."""
     for name, muscle in scene.muscles.items():
         settings = PBDDeformer(**scene.solver_of(name)).parameters()
-        published = settings["quality"] == PUBLISHED
+        published = settings["quality"] == "published"
         frames = numbers[-1] + 1 if published else len(numbers)  # a frame needs those before it
         rounds = settings["iterations"] * (_ITERATION_TIME if published else _ROUND_TIME)
         fibres = _of_fibres(muscle, "n_fibres")

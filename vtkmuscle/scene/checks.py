@@ -16,7 +16,6 @@ from vtkmuscle.core.types import Floats, Ints
 from vtkmuscle.data.arrays import checked_surface, points_of
 from vtkmuscle.data.attachments import VIA, AttachmentArea
 from vtkmuscle.data.paths import checked_superficial
-from vtkmuscle.filters.deformer.settings import check_together
 from vtkmuscle.filters.pbd_deformer import PBDDeformer
 from vtkmuscle.scene.data import Muscle, SceneData
 from vtkmuscle.scene.faults import Faults, errors_at
@@ -54,7 +53,7 @@ def checked(scene: SceneData) -> tuple[dict[str, vtkPolyData], dict[str, Muscle]
         with faults.gathered():
             if scene.model == "volume":
                 with at(f"{key}.solver" if muscle.solver else "solver"):
-                    check_together(PBDDeformer(**scene.solver_of(name)).parameters())
+                    PBDDeformer(**scene.solver_of(name))
             with at(f"{key}.surface", again):
                 surface, turned = _closed(muscle.surface)
             if turned:
