@@ -58,8 +58,8 @@ class Scene(SceneData, WithHints):
         report how deep it is in them.
     deformer : str
         ``"paths"``, each muscle carried by its taut paths (PathDeformer); ``"pbd"``, position based dynamics
-        (PBDDeformer), without paths unless ``paths`` is given; or ``"none"``, the paths alone: lengths, moment
-        arms and pictures of fibres, and no volume.
+        (PBDDeformer), without paths unless ``paths`` is given; or ``"none"``, the paths alone: lengths,
+        moment arms and pictures of fibres, and no volume.
     paths : mapping or None
         Parameters of TautPaths for all muscles.
     quality : str or None

@@ -84,8 +84,8 @@ class RunOptions:
         str | None,
         typer.Option(
             metavar="paths|pbd|none",
-            help="How muscles are deformed, in place of the scene's: carried by taut paths, by position based "
-            "dynamics, or not at all (paths alone).",
+            help="How muscles are deformed, in place of the scene's: carried by taut paths, by position "
+            "based dynamics, or not at all (paths alone).",
         ),
     ] = None
     quality: Annotated[

@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 
 from vtkmuscle import RigidMotion, Scene, phantoms
-from vtkmuscle.core.algorithm_2 import solver
-from vtkmuscle.core.algorithm_2.voxels import OUTSIDE, build_voxel_grid
+from vtkmuscle.core.pbd import solver
+from vtkmuscle.core.pbd.voxels import OUTSIDE, build_voxel_grid
 from vtkmuscle.data.arrays import blocks_of, checked_surface, point_array, points_of, polylines_of
-from vtkmuscle.filters import FixedPointDetector, PBDDeformer
-from vtkmuscle.pipelines import decompose, deform
+from vtkmuscle.filters import BoneMotion, FixedPointDetector, PBDDeformer
+from vtkmuscle.pipelines import decompose
 
 #: Largest distance between the paper and the product [mm].
-AGREEMENT = 1e-9
+AGREEMENT = 1e-10
 
 STILL = np.eye(4).tolist()
 
@@ -36,19 +36,20 @@ def exactly_rigid(motion):
 class Both:
     """A muscle of a scene with the published quality, and with the paper."""
 
-    def __init__(self, scene, name, *, iterations, n_voxels=None, anisotropy=True, **fixing):
+    def __init__(self, scene, name, *, iterations, n_voxels=None, with_fibres=True, **fixing):
         self.scene, self.iterations, self.motion = scene, iterations, exactly_rigid(scene.motion)
         bones, areas = scene.bones_data(), scene.attachments_data(name)
         muscle = scene.muscles[name].surface
         self.fixed = FixedPointDetector(**fixing).apply(muscle, bones, areas)
         chain = decompose(muscle, areas, published="kohout2014", n_fibres=20, resolution=15)
         self.fibres = chain.output
-        self.settings = {"quality": "published", "iterations": iterations, "anisotropy": anisotropy}
+        self.settings = {"quality": "published", "iterations": iterations}
         self.settings |= {"collision": "off"} if n_voxels is None else {"n_voxels": n_voxels}
+        self.with_fibres = with_fibres
         self.product = self.deformed(self.fixed)
         self.points, self.triangles = checked_surface(self.fixed, name)
         self.fixed_to = np.asarray(point_array(self.fixed, "FixedTo", name))
-        self.name, self.n_voxels, self.anisotropy = name, n_voxels, anisotropy
+        self.name, self.n_voxels = name, n_voxels
 
     @cached_property
     def paper(self):
@@ -58,13 +59,17 @@ class Both:
         if self.n_voxels is not None:
             for index, (_, bone) in enumerate(blocks_of(self.scene.bones_data())):
                 solids[index] = paper.Voxels(*checked_surface(bone, "bone"), self.n_voxels)
-        parts = parts if self.anisotropy else ()
-        return paper.Muscle(self.points, self.triangles, self.fixed_to, parts, solids)
+        parts = parts if self.with_fibres else ()
+        self.product.update(time=float(self.motion.times[0]))
+        order = self.product._solver.rows.order
+        return paper.Muscle(self.points, self.triangles, self.fixed_to, parts, solids, order=order.tolist())
 
     def deformed(self, muscle):
         """Return the product's deformer of a muscle with fixed points."""
         bones = self.scene.bones_data()
-        return deform(muscle, bones, self.motion, fibres=self.fibres, fixing=None, **self.settings)
+        moving = BoneMotion(bones=bones, motion=self.motion)
+        fibres = self.fibres if self.with_fibres else None
+        return PBDDeformer(muscle=muscle, rest_bones=bones, bones=moving, fibres=fibres, **self.settings)
 
     def bones_at(self, time):
         now = self.motion.at(float(time))
@@ -106,8 +111,9 @@ def test_the_published_quality_is_the_paper(phantom, steps):
     assert moved > 0.5 * steps
 
 
-def test_it_is_with_isotropic_edges_too(phantom):
-    worst, _ = Both(phantom, "gluteus_medius", iterations=2, anisotropy=False).furthest_apart(5)
+def test_it_is_without_fibres_too(phantom):
+    """Algorithm 1, line 15: k = 1 then."""
+    worst, _ = Both(phantom, "gluteus_medius", iterations=2, with_fibres=False).furthest_apart(5)
     assert worst < AGREEMENT
 
 
@@ -116,7 +122,7 @@ def test_the_published_quality_is_the_paper_among_voxels(phantom, steps):
     both = Both(phantom, "iliacus", iterations=3, n_voxels=20_000)
     worst, _ = both.furthest_apart(steps)
     assert worst < AGREEMENT
-    assert all(count > 10 for count in both.paper.met.values()), both.paper.met
+    assert all(count >= 5 for count in both.paper.met.values()), both.paper.met
 
 
 @pytest.mark.study
@@ -233,14 +239,15 @@ def test_displacements_are_below_a_hundredth_of_a_millimetre_at_the_tenth_iterat
     moves = []
 
     def noted(sweep):
-        def noting(p, *arguments):
-            moves.append(p.copy())
-            sweep(p, *arguments)
+        def noting(p, points, constants, with_lengths, *arguments):
+            if with_lengths:
+                moves.append(p[:-1].copy())
+            sweep(p, points, constants, with_lengths, *arguments)
 
         return noting
 
     # Its first projection is that of the distances: what one iteration begins with the one before ends with.
-    monkeypatch.setattr(solver, "sweep_distances", noted(solver.sweep_distances))
+    monkeypatch.setattr(solver, "project_edges", noted(solver.project_edges))
     scene = Scene.load(lhdl_hip / "scene.toml")
     both = Both(scene, "adductor_brevis", iterations=10)
     tenth = []

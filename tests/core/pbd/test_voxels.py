@@ -9,15 +9,15 @@ from scipy.ndimage import binary_dilation, label
 from shapes import ball, box, ring
 from vtkmodules.vtkIOXML import vtkXMLPolyDataReader
 
-from vtkmuscle.core.algorithm_2.voxels import (
+from vtkmuscle.core.mesh.solids import closed_shells
+from vtkmuscle.core.mesh.surface import signed_volume
+from vtkmuscle.core.pbd.voxels import (
     BOUNDARY,
     DEFAULT_N_MAX,
     INSIDE,
     OUTSIDE,
     build_voxel_grid,
 )
-from vtkmuscle.core.mesh.solids import closed_shells
-from vtkmuscle.core.mesh.surface import signed_volume
 from vtkmuscle.data.arrays import checked_surface
 
 

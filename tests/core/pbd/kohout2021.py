@@ -232,6 +232,8 @@ class Muscle:
         Polylines; none for an isotropic muscle.
     bones : dict of int to Voxels
         Those that are collided with.
+    order : list of int
+        Numbers of the edges that have a moveable point, in the order in which they are projected.
     """
 
     def __init__(
@@ -246,6 +248,7 @@ class Muscle:
         damping=0.99,
         dt=1.0,
         force=None,
+        order=None,
     ):
         self.x = [tuple(map(float, point)) for point in points]
         self.v = [(0.0, 0.0, 0.0) for _ in points]
@@ -255,7 +258,7 @@ class Muscle:
         self.bones = bones or {}
         self.shape, self.damping, self.dt, self.force = shape, damping, dt, force or (0.0, 0.0, 0.0)
         self.met = {"back to x": 0, "stopped": 0, "pushed": 0}
-        self.edges, self.pairs = edges_and_pairs(self.triangles)
+        self.edges, self.pairs = edges_and_pairs(self.triangles, order)
         self.d = [math.dist(self.x[i], self.x[j]) for i, j in self.edges]
         self.k = [self.anisotropy(i, j, fibres) for i, j in self.edges]
         self.phi0 = []
@@ -335,14 +338,16 @@ class Muscle:
         p[i] = plus(p[i], sub(self.x[i], p[i]), part)
 
 
-def edges_and_pairs(triangles):
+def edges_and_pairs(triangles, order=None):
     """Return edges, and for each of two triangles (p1, p2, p3, p4) as in section 2.3.
 
-    Reading: "for all edges" names no order; here by their points' numbers.
+    Reading: "for all edges" names no order; here by their points' numbers, or those of the edges in another.
     """
     beside = {}
     for a, b, c in triangles:
         for i, j, k in ((a, b, c), (b, c, a), (c, a, b)):
             beside.setdefault((min(i, j), max(i, j)), []).append(k)
     edges = sorted(beside)
+    if order is not None:
+        edges = [edges[number] for number in order]
     return edges, [(*edge, *beside[edge]) for edge in edges if len(beside[edge]) == 2]

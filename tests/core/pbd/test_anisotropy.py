@@ -4,9 +4,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from spindle import spindle
 
-from vtkmuscle.core.algorithm_2.constraints import edge_stiffness, harmonic_directions
 from vtkmuscle.core.mesh.polylines import fibre_directions_at, nearest_segments
 from vtkmuscle.core.mesh.surface import mesh_topology
+from vtkmuscle.core.pbd.anisotropy import edge_stiffness, harmonic_directions
 
 
 def test_stiffness_is_zero_along_and_one_across_whatever_the_sign():

@@ -224,7 +224,7 @@ class VoxelContact:
         diagonals = [float(np.linalg.norm(bone.box[1] - bone.box[0])) for bone in self._bones]
         per_side = n_equal or max(n_max, 1) ** (1.0 / 3.0)
         self._boxes = BoneBoxes(bones, [2.0 * diagonal / per_side for diagonal in diagonals])
-        self._divided = {"n_max": n_max, "n_equal": n_equal}
+        self._n_max, self._n_equal = n_max, n_equal
         self._grids: dict[int, VoxelGrid] = {}
 
     def grid(self, number: int) -> VoxelGrid:
@@ -232,7 +232,9 @@ class VoxelContact:
         if number not in self._grids:
             bone = self._bones[number]
             with errors_at(bone.name):
-                grid = build_voxel_grid(bone.points, bone.triangles, **self._divided, what=bone.name)
+                grid = build_voxel_grid(
+                    bone.points, bone.triangles, n_max=self._n_max, n_equal=self._n_equal, what=bone.name
+                )
             self._grids[number] = grid
         return self._grids[number]
 

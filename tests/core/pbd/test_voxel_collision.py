@@ -5,8 +5,8 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 from shapes import ring
 
-from vtkmuscle.core.algorithm_2.voxels import INSIDE, OUTSIDE, VoxelGrid, build_voxel_grid, resolve_collisions
 from vtkmuscle.core.motion.rigid import apply_transform
+from vtkmuscle.core.pbd.voxels import INSIDE, OUTSIDE, VoxelGrid, build_voxel_grid, resolve_collisions
 
 AT_REST = np.eye(4)
 
