@@ -657,29 +657,6 @@ def test_a_force_that_takes_the_muscle_far_away_is_survived_or_refused(collision
         frame(deformer, ANGLES[1])
 
 
-# ---------------------------------------------------------------- parameters that went
-
-
-@pytest.mark.parametrize(
-    "name",
-    [
-        "tolerance",
-        "substeps",
-        "guidance",
-        "friction",
-        "grid_spacing",
-        "solver",
-        "prediction",
-        "projection_order",
-    ],
-)
-def test_a_parameter_that_is_gone_says_what_to_use(name):
-    with pytest.raises(TypeError, match=f"'{name}' any more; .*(leave it out|use )"):
-        PBDDeformer(**{name: 1})
-    with pytest.raises(AttributeError, match=f"'{name}' any more; "):
-        setattr(PBDDeformer(), name, 1)
-
-
 def test_voxels_go_with_the_published_model_only():
     with pytest.raises(ValueError, match="'voxel', which goes with quality 'published' only"):
         frame(deformer_of(collision="voxel"), 0.0)

@@ -24,7 +24,6 @@ from vtkmuscle.data.paths import path_arrays
 from vtkmuscle.filters.base import HistoryFilter, InputPort, OutputPort, ports
 from vtkmuscle.filters.deformer.neighbours import Neighbours
 from vtkmuscle.filters.deformer.settings import (
-    GONE,
     PUBLISHED,
     DeformerSettings,
     algorithm_2_parameters,
@@ -154,7 +153,6 @@ class PBDDeformer(DeformerSettings, HistoryFilter[_Frame]):
     output = OutputPort(vtkPolyData)
 
     moving = ("bones", "neighbours")
-    gone = GONE
 
     def __init__(self, **settings: Any) -> None:
         self._muscle: FixedMuscle | None = None

@@ -30,22 +30,6 @@ PRESETS: Mapping[str, Mapping[str, Any]] = MappingProxyType(
 _DEFAULT = Parameters()
 _ONLY_PUBLISHED: tuple[str, *tuple[str, ...]] = ("quality", PUBLISHED)
 
-_CONVERGED = "the muscle settles in a fixed number of rounds: use quality or iterations"
-_OF_PUBLISHED = f"use quality = '{PUBLISHED}' for Algorithm 2 as printed, leave it out otherwise"
-#: Parameters that PBDDeformer had, and what to do without each.
-GONE: Mapping[str, str] = MappingProxyType(
-    {
-        "tolerance": _CONVERGED,
-        "substeps": _CONVERGED + ", or more frames of the motion",
-        "guidance": "the paths carry the muscle, and nothing draws it back to them; leave it out",
-        "friction": "a frame depends on its pose alone, and points slide freely along bones; leave it out",
-        "grid_spacing": "the distances of a bone are as fine as its size asks for; leave it out",
-        "solver": _OF_PUBLISHED,
-        "prediction": _OF_PUBLISHED,
-        "projection_order": _OF_PUBLISHED,
-    }
-)
-
 
 def _published(name: str, units: str = "", **more: Any) -> Parameter[Any]:
     """Return a parameter of Algorithm 2, with its default, and what is said of it there."""
