@@ -196,8 +196,8 @@ class TautPaths(Filter):
                 )
             self._poses = KeptPoses(made)
             self._rest_arrays = {
-                REST_POSITION: vtk_array(REST_POSITION, made.rest.points.reshape(-1, 3)),
-                "RestLength": vtk_array("RestLength", made.rest.lengths),
+                REST_POSITION: vtk_array(made.rest.points.reshape(-1, 3), REST_POSITION),
+                "RestLength": vtk_array(made.rest.lengths, "RestLength"),
             }
         self._rest = given, shapes, self.resolution
 

@@ -93,9 +93,7 @@ def _problem_and_remedy(error: ErrorDetails, table: type[BaseModel], name: str) 
     elif kind == "missing":
         problem, remedy = "the key is missing", f"add {_TABLES.get(name) or example}"
     elif kind == "extra_forbidden" and issubclass(table, Settings):
-        gone = table.gone.get(name, "")
-        problem = f"there is no setting {name!r}" + (" any more" if gone else "")
-        remedy = gone or suggestion(name, table.model_fields)
+        problem, remedy = f"there is no setting {name!r}", suggestion(name, table.model_fields)
     elif kind == "extra_forbidden":
         problem, remedy = "there is no such key", suggestion(name, table.model_fields)
     elif kind == "literal_error":
