@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from concurrent.futures import Future, ThreadPoolExecutor
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,7 +15,7 @@ from vtkmuscle.core.motion.coordinates import ANGLES
 from vtkmuscle.io.writing import write_text
 from vtkmuscle.report.curves import colour_of, curves_of, label_of
 from vtkmuscle.report.scene3d import Pack, scene_of
-from vtkmuscle.report.sections import part, plotly_text, rendered
+from vtkmuscle.report.sections import part, rendered
 from vtkmuscle.report.tables import errors_of, number, run_tables_of, settings_of, tables_of
 
 if TYPE_CHECKING:
@@ -44,7 +43,7 @@ TRUST = (
 #: The parts of the page's program, in the order in which they are read.
 _SCRIPTS = (
     *("arrays.js", "webgl.js", "shaders.js", "colours.js", "shapes.js", "camera.js", "viewer.js"),
-    *("saving.js", "curves.js", "page.js"),
+    *("saving.js", "charts.js", "curves.js", "page.js"),
 )
 
 
@@ -59,11 +58,6 @@ def write_page(path: str | PathLike[str], result: Result, limits: Mapping[str, C
 
 def page_of(result: Result, limits: Mapping[str, Check]) -> str:
     """Return the page of a run as text, see :func:`write_page`."""
-    with ThreadPoolExecutor(1) as pool:  # compresses Plotly while the arrays are gathered
-        return _page_of(result, limits, pool.submit(plotly_text))
-
-
-def _page_of(result: Result, limits: Mapping[str, Check], plotly: Future[str]) -> str:
     report = result.report
     arms = result.moment_arms() if result.has_moment_arms else {}
     pack = Pack()
@@ -101,7 +95,6 @@ def _page_of(result: Result, limits: Mapping[str, Check], plotly: Future[str]) -
         definitions=list(report["definitions"].items()),
         data={"scene": scene, "curves": curves, "frames": list(result.frames)},
         arrays=Markup(pack.text()),
-        plotly=Markup(plotly.result()),
     )
 
 
