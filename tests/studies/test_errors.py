@@ -12,7 +12,6 @@ from vtkmuscle.accuracy import KINDS, SOLVED
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.estimate import convergence_error
 from vtkmuscle.phantoms import spindle_over_hinge
-from vtkmuscle.run.cost import estimated_memory
 
 
 @pytest.fixture(scope="module")
@@ -121,14 +120,6 @@ def test_a_solve_that_fails_is_said_and_the_run_goes_on(scene, monkeypatch):
     told = result.report["muscles"]["spindle"]
     assert told["errors_not_known"]["mesh"] == "the mesh is too fine"
     assert "mesh" not in told["errors"]["length"]["parts"]
-
-
-def test_a_mesh_that_would_take_too_much_memory_is_not_begun(scene, monkeypatch):
-    needed = dict(estimated_memory(scene, range(5)))
-    most = sum(needed.values()) + needed["muscles.spindle.surface"]
-    monkeypatch.setenv("VTKMUSCLE_MOST_MEMORY", str(most / 1e9))
-    result = run_with_errors(scene, frames="0:5", figures=False, errors=["mesh"])
-    assert "GB of memory" in result.report["muscles"]["spindle"]["errors_not_known"]["mesh"]
 
 
 @pytest.mark.parametrize(
