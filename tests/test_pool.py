@@ -201,7 +201,7 @@ def test_a_process_that_is_killed_ends_the_run_with_a_remedy(scene, tmp_path, st
     def kill(muscle, row):
         started[0].kill()
 
-    with pytest.raises(RuntimeError, match=r"ended early: .* use fewer workers"):
+    with pytest.raises(ChildProcessError, match=r"ended early: .* use fewer workers"):
         scene.run(tmp_path, **OPTIONS, observe=kill)
     assert report_of(tmp_path)["complete"] is False
 

@@ -129,7 +129,7 @@ def _outcome(job: Future[MuscleTrack] | Future[Path], name: str, scene: SceneDat
         result: MuscleTrack | Path = job.result()
         return result
     except BrokenProcessPool as error:
-        raise RuntimeError(ENDED) from error
+        raise ChildProcessError(ENDED) from error
     except SceneError:
         raise
     except (ValueError, TypeError) as error:
