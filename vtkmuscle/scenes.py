@@ -169,7 +169,7 @@ class Scene(SceneData, WithHints):
         OSError
             If the folder cannot be written to, or another run writes to it.
         KeyboardInterrupt
-            On Ctrl-C; the finished frames are written, and the report lists them.
+            On Ctrl-C; finished muscles are kept, and the report lists them.
         """
         if out is not None and not str(out):
             raise ValueError("out is empty; give the name of a folder")

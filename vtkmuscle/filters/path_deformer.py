@@ -219,7 +219,7 @@ class PathDeformer(Filter):
                 clearance == self.bone_clearance
                 and shapes_before is shapes
                 and given.same_as(before)
-                and np.array_equal(rest, rest_before)
+                and (rest is rest_before or np.array_equal(rest, rest_before))  # type: ignore[arg-type]
             ):
                 assert self._carried is not None
                 return self._carried

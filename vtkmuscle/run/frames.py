@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple, Self, overload
 
@@ -16,8 +16,7 @@ from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import polylines_of
 from vtkmuscle.data.paths import PATH_LENGTH, levers_over_time, paths_of
 from vtkmuscle.io.fibre_table import fibre_columns
-from vtkmuscle.io.parts import file_digest
-from vtkmuscle.io.surfaces import read_own_polydata
+from vtkmuscle.io.surfaces import read_own_polydata, read_polydata
 from vtkmuscle.run.report_values import FIBRE_MEASURES
 
 #: Field arrays of a written frame: its scene, the unit of length and the version of the package.
@@ -25,38 +24,32 @@ STAMPS = ("Scene", "Units", "Version")
 #: Field array that VTK's writer adds to data that a pipeline made for a time.
 TIME = "TimeValue"
 #: What to do where files are missing or damaged.
-RUN_AGAIN = "run the scene again: what is whole is kept"
+RUN_AGAIN = "run the scene again: finished muscles are kept"
 
 
-@dataclass(eq=False)
+@dataclass(frozen=True, eq=False)
 class WrittenFile:
-    """A .vtp file in the folder of a run, and the digest of its content as the run wrote it.
+    """A .vtp file in the folder of a run: its state when it was written or found, and whether it is ``own``.
 
-    ``known`` is the state of the file of which that is known: what has it needs no other look.
+    An own file was written by this run. Any other one may be damaged, and is read in a process of its own.
     """
 
     path: Path
-    digest: str
-    known: tuple[int, ...] = ()
+    state: tuple[int, ...]
+    own: bool
 
     @classmethod
-    def of(cls, path: Path) -> Self:
-        """Return a file that the run has just written."""
-        return cls(path.absolute(), file_digest(path), _state(path))
-
-    def check(self) -> None:
-        """Raise an InputError where the file is missing or has another content."""
-        if not self.path.is_file():
-            raise InputError(self.path, "the file is missing", RUN_AGAIN)
-        now = _state(self.path)
-        if now != self.known and file_digest(self.path) != self.digest:
-            raise InputError(self.path, "the file is not what the run has written", RUN_AGAIN)
-        self.known = now
+    def of(cls, path: Path, *, own: bool) -> Self:
+        """Return a file in its present state."""
+        return cls(path.absolute(), _state(path), own)
 
     def read(self) -> vtkPolyData:
-        """Check the file, and return its data without the stamps of the run."""
-        self.check()
-        data = read_own_polydata(self.path)
+        """Return its data without the stamps of the run; raise an InputError where it was changed."""
+        if not self.path.is_file():
+            raise InputError(self.path, "the file is missing", RUN_AGAIN)
+        if _state(self.path) != self.state:
+            raise InputError(self.path, "the file is not what the run has written", RUN_AGAIN)
+        data = read_own_polydata(self.path) if self.own else read_polydata(self.path)
         for name in (*STAMPS, TIME):
             data.GetFieldData().RemoveArray(name)
         return data
@@ -150,14 +143,6 @@ class MuscleTrack:
     report: dict[str, Any] = field(default_factory=dict)
     failure: tuple[int, float, Exception] | None = None
     _numbers: list[FibreNumbers] = field(default_factory=list)
-
-    def take(self, other: MuscleTrack) -> None:
-        """Take over what another process has found of the same muscle, into the report that is there."""
-        self.report.clear()
-        self.report |= other.report
-        for one in fields(self):
-            if one.name != "report":
-                setattr(self, one.name, getattr(other, one.name))
 
     @property
     def numbers(self) -> Sequence[FibreNumbers]:

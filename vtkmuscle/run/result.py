@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from os import PathLike
 from pathlib import Path
-from typing import Any, Self, TypeVar
+from typing import TYPE_CHECKING, Any, Self, TypeVar
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.moment_arms.by_coordinate import JointArms
@@ -15,6 +15,9 @@ from vtkmuscle.run.limits import CHECKS
 from vtkmuscle.run.result_data import ResultData
 from vtkmuscle.run.store import ResultFolder
 from vtkmuscle.run.verdict import VERDICTS
+
+if TYPE_CHECKING:
+    from vtkmuscle.report import RunContent
 
 #: Muscles that are named one by one where a result is printed, at most.
 _MOST_LISTED = 8
@@ -264,7 +267,35 @@ class Result(ResultData):
 
         if Path(path).suffix.lower() not in (".html", ".htm"):
             raise InputError(str(path), "a report is a page of HTML", "give it a name that ends in .html")
-        return write_page(path, self.plain(), CHECKS)
+        return write_page(path, self._content())
+
+    def _content(self) -> RunContent:
+        """Return the content of the page."""
+        from vtkmuscle.report import MuscleContent, RunContent  # noqa: PLC0415
+
+        arms = self.moment_arms() if self.has_moment_arms else {}
+        muscles = {
+            name: MuscleContent(
+                rest=self.plain().rest_muscle(name),
+                surfaces=track.surfaces,
+                fibres=track.fibres,
+                lengths=self.lengths.get(name),
+                fibre_lengths=self.fibre_lengths.get(name),
+                arms=arms.get(name, {}),
+                literature=self.literature.get(name, ()),
+            )
+            for name, track in self._tracks.items()
+        }
+        return RunContent(
+            report=self.report,
+            motion=self.motion,
+            bones=self.drawn_bones,
+            frames=self.frames,
+            times=self.times,
+            time_label=self.time_label,
+            muscles=muscles,
+            limits={name: (check.look, check.failed) for name, check in CHECKS.items()},
+        )
 
 
 One = TypeVar("One")

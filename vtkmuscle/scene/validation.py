@@ -160,8 +160,8 @@ def _conflicts(scene: SceneTable) -> Iterator[_Fault]:
     if scene.quality not in (None, *RESOLUTIONS) and scene.deformer != "pbd":
         problem = f"{scene.quality!r} is a preset of deformer 'pbd', but deformer is {scene.deformer!r}"
         yield "quality", problem, "use 'preview', 'balanced' or 'accurate', or deformer 'pbd'"
-    kind = DEFORMERS[scene.deformer]
-    allowed = {} if kind is None else kind.parameter_declarations
+    deformer = DEFORMERS[scene.deformer]
+    allowed = {} if deformer is None else deformer.parameter_declarations
     for key, table in _solver_tables(scene):
         for setting in table.given():
             if setting not in allowed:

@@ -33,8 +33,8 @@ def known_coordinates(
 ) -> tuple[str, ...]:
     """Return the coordinates by which there may be moment arms.
 
-    They change, or their joint or levers are known. ``crossed`` names the coordinates that lengths depend on, by default all. Raises a ValueError if there is
-    none.
+    They change, or their joint or levers are known. ``crossed`` names the coordinates that lengths depend
+    on, by default all. Raises a ValueError if there is none.
     """
     known = motion.coordinates
     among = known if crossed is None else crossed

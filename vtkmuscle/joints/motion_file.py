@@ -15,7 +15,7 @@ from vtkmuscle.core.words import quoted
 from vtkmuscle.io.csv_table import finite_number
 from vtkmuscle.io.motion_table import MOST_FRAMES
 from vtkmuscle.io.xml_elements import decoded
-from vtkmuscle.opensim.tree import KinematicTree
+from vtkmuscle.joints.tree import KinematicTree
 
 #: Lines of a header, at most.
 _LONGEST_HEADER = 1000

@@ -5,7 +5,6 @@ from __future__ import annotations
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import product
 from math import pi
 
 import numpy as np
@@ -15,14 +14,15 @@ from vtkmuscle.core.motion.blending import screws
 from vtkmuscle.core.motion.coordinates import TRANSLATIONS, Coordinate
 from vtkmuscle.core.motion.rigid import RigidMotion, frame_at, inverses
 from vtkmuscle.core.types import Floats
-from vtkmuscle.opensim import read_motion_file, read_osim
-from vtkmuscle.opensim.functions import IDENTITY, CoordinateFunction, CubicSpline, PiecewiseLinear, Polynomial
-from vtkmuscle.opensim.tree import Coupling, Joint, JointAxis, JointCoordinate, KinematicTree
+from vtkmuscle.joints.functions import IDENTITY, CoordinateFunction, CubicSpline, PiecewiseLinear, Polynomial
+from vtkmuscle.joints.grid import grid_of, steps_of
+from vtkmuscle.joints.motion_file import read_motion_file
+from vtkmuscle.joints.osim import read_tree
+from vtkmuscle.joints.tree import Coupling, Joint, JointAxis, JointCoordinate, KinematicTree
 from vtkmuscle.scene.data import MILLIMETRES
 from vtkmuscle.scene.faults import SceneError, errors_at
 from vtkmuscle.scene.files import SceneFiles
 from vtkmuscle.scene.joint_schema import Axis, Function, JointTable, OpenSimTable
-from vtkmuscle.scene.motion import steps_of
 from vtkmuscle.scene.schema import MOST_FRAMES, SceneTable
 
 #: The body that all bones without a joint are fixed to.
@@ -181,29 +181,6 @@ def _unit(tree: KinematicTree, coordinate: str) -> float:
     return _DEGREE if tree.coordinate(coordinate).is_angle else 1.0
 
 
-def grid_of(axes: Mapping[str, Floats]) -> dict[str, Floats]:
-    """Return all poses (f,) of a grid of coordinates (k,) by name, each next to the one before it.
-
-    The last coordinate changes first, there and back in turn, so that no step is longer than one of the grid.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from vtkmuscle.opensim.scene_joints import grid_of
-    >>> found = grid_of({"hip": np.array([0.0, 1.0]), "knee": np.array([0.0, 1.0, 2.0])})
-    >>> found["knee"].tolist()
-    [0.0, 1.0, 2.0, 2.0, 1.0, 0.0]
-    """
-    sizes = [len(values) for values in axes.values()]
-    rows = np.array(list(product(*(range(size) for size in sizes))), dtype=np.int64)
-    for column in range(1, len(sizes)):
-        # Which way a coordinate goes depends on how many turns those before it have made.
-        block = int(np.prod(sizes[column:]))
-        back = (np.arange(len(rows)) // block) % 2 == 1
-        rows[back, column] = sizes[column] - 1 - rows[back, column]
-    return {name: values[rows[:, column]] for column, (name, values) in enumerate(axes.items())}
-
-
 def _warn_of_ranges(values: Mapping[str, Floats], tree: KinematicTree, key: str, files: SceneFiles) -> None:
     """Warn where a motion goes beyond the range of a coordinate."""
     for name, column in values.items():
@@ -220,7 +197,7 @@ def _warn_of_ranges(values: Mapping[str, Floats], tree: KinematicTree, key: str,
 
 
 def _of_opensim(table: OpenSimTable, scene: SceneTable, files: SceneFiles) -> SceneJoints:
-    tree = files.read("opensim.model", table.model, read_osim).tree
+    tree = files.read("opensim.model", table.model, read_tree)
     where = files.paths[""]
     given = table.bodies or {}
     bodies = {bone: given.get(bone, bone) for bone in scene.bones}

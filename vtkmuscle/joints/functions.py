@@ -26,7 +26,7 @@ class Polynomial:
     Examples
     --------
     >>> import numpy as np
-    >>> from vtkmuscle.opensim.functions import Polynomial
+    >>> from vtkmuscle.joints.functions import Polynomial
     >>> Polynomial([2.0, 0.5])(np.array([0.0, 1.0])).tolist()
     [0.5, 2.5]
     """
@@ -101,7 +101,7 @@ class CubicSpline(Knots):
     Examples
     --------
     >>> import numpy as np
-    >>> from vtkmuscle.opensim.functions import CubicSpline
+    >>> from vtkmuscle.joints.functions import CubicSpline
     >>> x = np.array([0.0, 1.0, 2.5, 3.0, 4.0])
     >>> CubicSpline(x, x**3)(np.array([2.0, 3.5])).round(9).tolist()
     [8.0, 42.875]

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from vtkmuscle.opensim.functions import IDENTITY, CubicSpline, PiecewiseLinear, Polynomial, Wave
-from vtkmuscle.opensim.tree import Coupling, Joint, JointAxis, JointCoordinate, KinematicTree
+from vtkmuscle.joints.functions import IDENTITY, CubicSpline, PiecewiseLinear, Polynomial, Wave
+from vtkmuscle.joints.tree import Coupling, Joint, JointAxis, JointCoordinate, KinematicTree
 
 X = np.array([0.0, 4.0, 9.0, 15.0])
 FUNCTIONS = [

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from vtkmuscle.joints.tree import JointCoordinate, KinematicTree
 from vtkmuscle.opensim import read_motion_file
-from vtkmuscle.opensim.tree import JointCoordinate, KinematicTree
 
 TREE = KinematicTree("g", [], [JointCoordinate("knee"), JointCoordinate("tx", "m")])
 NEW = "walk\nversion=1\nnRows=2\nnColumns=3\ninDegrees={}\n\nSome words: inDegrees\n\nendheader\n"

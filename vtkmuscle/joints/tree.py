@@ -14,7 +14,7 @@ from vtkmuscle.core.motion.coordinates import ANGLES, TRANSLATIONS
 from vtkmuscle.core.motion.rigid import inverses, turns
 from vtkmuscle.core.types import Floats
 from vtkmuscle.core.words import suggestion
-from vtkmuscle.opensim.functions import CoordinateFunction
+from vtkmuscle.joints.functions import CoordinateFunction
 
 
 @dataclass(frozen=True)
@@ -124,8 +124,8 @@ class KinematicTree:
 
     Examples
     --------
-    >>> from vtkmuscle.opensim.functions import IDENTITY
-    >>> from vtkmuscle.opensim.tree import Joint, JointAxis, JointCoordinate, KinematicTree
+    >>> from vtkmuscle.joints.functions import IDENTITY
+    >>> from vtkmuscle.joints.tree import Joint, JointAxis, JointCoordinate, KinematicTree
     >>> knee = Joint("knee", "femur", "tibia", [JointAxis((0, 0, 1), IDENTITY, "knee_angle")])
     >>> leg = KinematicTree("femur", [knee], [JointCoordinate("knee_angle")])
     >>> leg.poses({"knee_angle": [0.0, 0.5]})["tibia"].shape

@@ -1,18 +1,18 @@
-"""Joints, couplings and paths of OpenSim's files, of the forms before and since version 4."""
+"""Bodies, joints and couplings of OpenSim's files, of the forms before and since version 4."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from pathlib import Path
 
 import numpy as np
 
+from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.motion.rigid import frame_at
 from vtkmuscle.core.types import Floats
-from vtkmuscle.io.xml_elements import Element
-from vtkmuscle.opensim.functions import FUNCTIONS, IDENTITY, function_in, function_of
-from vtkmuscle.opensim.muscle_paths import FunctionPath, PathPoint, PointPath, powers
-from vtkmuscle.opensim.tree import Coupling, Joint, JointAxis, JointCoordinate
+from vtkmuscle.io.xml_elements import Element, read_xml
+from vtkmuscle.joints.functions import FUNCTIONS, IDENTITY, function_in, function_of
+from vtkmuscle.joints.tree import Coupling, Joint, JointAxis, JointCoordinate, KinematicTree
 
 #: Joints that are made of turns about, then slides along x, y and z of the joint's frame.
 _PLAIN = {
@@ -44,6 +44,21 @@ _FRAME_KEYS = (
     *("components",),
 )
 
+
+#: Parts of a model that do not decide where bodies are and muscles run; their contents are listed only.
+NOT_USED = ("ControllerSet", "ContactGeometrySet", "ProbeSet")
+_MODEL_KEYS = (
+    *("credits", "publications", "length_units", "force_units", "gravity", "assembly_accuracy", "defaults"),
+    *("Ground", "BodySet", "JointSet", "ConstraintSet", "ForceSet", "MarkerSet", "ComponentSet"),
+    *("ModelVisualPreferences", "components", "FrameGeometry", *NOT_USED),
+)
+_INERTIA = [f"inertia_{a}{b}" for a, b in ("xx", "yy", "zz", "xy", "xz", "yz")]
+_BODY_KEYS = (
+    *("mass", "mass_center", "inertia", *_INERTIA, "Joint", "VisibleObject", "WrapObjectSet"),
+    *("FrameGeometry", "attached_geometry", "components", "frames"),
+)
+#: Names of the unit of length, of which a file may give none.
+_METRES = ("meters", "metres", "m", "")
 
 #: The body of each frame of a model, and the frame (4, 4) on it.
 Frames = dict[str, tuple[str, Floats]]
@@ -184,93 +199,70 @@ def coupling_in(element: Element) -> Coupling | None:
     return Coupling(dependent, names[0], function.rescaled(1.0, element.number("scale_factor", 1.0)))
 
 
-#: Numbers of a muscle that are kept where they are given.
-PARAMETERS = (
-    "max_isometric_force",
-    "optimal_fiber_length",
-    "tendon_slack_length",
-    "pennation_angle_at_optimal",
-    "max_contraction_velocity",
-)
-
-
-@dataclass(frozen=True, eq=False)
-class OsimMuscle:
-    """A muscle, or another actuator along a path: its class in OpenSim, and the parameters that it gives."""
-
-    name: str
-    kind: str
-    path: PointPath | FunctionPath
-    parameters: dict[str, float] = field(default_factory=dict)
-
-
-def muscle_in(element: Element, frames: Frames) -> OsimMuscle | None:
-    """Return the muscle of a force; None where it has no path."""
-    geometry = (element.find("path") or element).find("GeometryPath", "FunctionBasedPath")
-    if geometry is None:
-        return None
-    path = _function_path(geometry) if geometry.tag == "FunctionBasedPath" else _point_path(geometry, frames)
-    given = {name: element.number(name, 0.0) for name in PARAMETERS if element.find(name) is not None}
-    return OsimMuscle(element.name, element.tag, path, given)
-
-
-def _point_path(element: Element, frames: Frames) -> PointPath:
-    element.only(("PathPointSet", "PathWrapSet", "Appearance", "default_color", "VisibleObject", "display"))
-    points = [_point(one, frames) for one in element.need("PathPointSet").objects()]
-    if len(points) < 2:
-        raise element.error(f"has {len(points)} points, but a path needs two or more")
-    return PointPath(points, [one.word("wrap_object") or one.name for one in element.within("PathWrapSet")])
-
-
-_POINT_KEYS = ("socket_parent_frame", "body", "location", "VisibleObject", "display")
-_CONDITIONAL = ("range", "coordinate", "socket_coordinate")
-_MOVING = [f"{axis}_{what}" for axis in "xyz" for what in ("location", "coordinate")]
-_MOVING += [f"socket_{axis}_coordinate" for axis in "xyz"]
-
-
-def _point(element: Element, frames: Frames) -> PathPoint:
-    if element.tag == "PathPoint":
-        element.only(_POINT_KEYS)
-        return PathPoint(*point_on(element, frames))
-    if element.tag == "ConditionalPathPoint":
-        element.only((*_POINT_KEYS, *_CONDITIONAL))
-        low, high = element.need("range").numbers(2)
-        name = last_part(element.need("coordinate", "socket_coordinate").text)
-        return PathPoint(*point_on(element, frames), only_in=(name, float(low), float(high)))
-    if element.tag == "MovingPathPoint":
-        element.only((*_POINT_KEYS, *_MOVING))
-        body, frame = frame_of(element.need("socket_parent_frame", "body"), frames)
-        if not np.array_equal(frame, np.eye(4)):
-            raise element.error("points that move on an offset frame are not understood", "give its body")
-        functions = [function_in(element.need(f"{axis}_location")) for axis in "xyz"]
-        named = [element.word(f"{axis}_coordinate", f"socket_{axis}_coordinate") for axis in "xyz"]
-        return PathPoint(body, np.zeros(3), functions, [last_part(one) or None for one in named])
-    raise element.error(
-        "this kind of path point is not understood",
-        "understood: PathPoint, ConditionalPathPoint, MovingPathPoint",
-    )
-
-
-def last_part(path: str) -> str:
-    """Return the name that a path of OpenSim ends with."""
-    return path.strip().rpartition("/")[2]
-
-
-def _function_path(element: Element) -> FunctionPath:
-    names = [last_part(path) for path in element.words("coordinate_paths")]
-    bare = [child for child in element.children if child.name == "length_function"]
-    candidates = element.within("length_function") or bare
-    if len(candidates) != 1 or candidates[0].tag != "MultivariatePolynomialFunction":
-        raise element.error(
-            "its length function is not understood", "understood: MultivariatePolynomialFunction"
+def model_element(path: Path) -> Element:
+    """Return the model in a file of OpenSim; raise an InputError where it is none, or not in metres."""
+    document = read_xml(path)
+    if document.tag != "OpenSimDocument":
+        raise InputError(
+            path, f"this is XML of {document.tag!r}, not a model of OpenSim", "give an .osim file"
         )
-    function = candidates[0]
-    function.only(("coefficients", "dimension", "order"))
-    dimension, order = function.number("dimension", 0.0), function.number("order", 0.0)
-    if dimension != len(names) or order != int(order) or not 0 <= order <= 20:
-        raise function.error(f"has dimension {dimension:g} and order {order:g} for {len(names)} coordinates")
-    coefficients = function.need("coefficients").numbers()
-    expected = len(powers(len(names), int(order)))
-    if len(coefficients) != expected:
-        raise function.error(f"has {len(coefficients)} coefficients, but needs {expected}")
-    return FunctionPath(tuple(names), int(order), coefficients)
+    model = document.need("Model")
+    model.only(_MODEL_KEYS)
+    units = model.word("length_units")
+    if units not in _METRES:
+        problem = f"there is no unit {units!r} here: lengths must be in metres"
+        raise model.need("length_units").error(problem, "convert the model to meters")
+    return model
+
+
+def read_tree(path: Path) -> KinematicTree:
+    """Return the bodies and joints of a model of OpenSim, lengths in metres, without its muscles.
+
+    Raises
+    ------
+    FileNotFoundError, ValueError
+        As of :func:`vtkmuscle.opensim.read_osim`.
+    """
+    model = model_element(path)
+    _, frames = bodies_in(model)
+    tree, _ = tree_in(model, frames, [])
+    return tree
+
+
+def bodies_in(model: Element) -> tuple[list[tuple[str, Element]], Frames]:
+    """Return bodies by name, and the frames of all that is on them."""
+    frames: Frames = {}
+    bodies = [(body.name, body) for body in of_kind("Body", model.within("BodySet"))]
+    for name, body in bodies:
+        if name in frames:
+            raise body.error("there is another body of this name")
+        body.only(_BODY_KEYS)
+        frames[name] = (name, np.eye(4))
+    ground = model.find("Ground")
+    if ground is not None:
+        bodies.append((ground.name or GROUND, ground))
+        frames[GROUND] = (GROUND, np.eye(4))
+    for _, body in bodies:
+        for holder in ("components", "frames"):
+            frames = offset_frames(body.within(holder), frames)
+    return bodies, frames
+
+
+def tree_in(model: Element, frames: Frames, not_used: list[str]) -> tuple[KinematicTree, dict[str, str]]:
+    """Return the tree of a model, and the joint of each coordinate; names of what is left out are added."""
+    found = [joint_in(one, frames) for one in model.within("JointSet")]
+    for body in model.within("BodySet"):
+        found += [joint_in(one, frames, body.name) for one in body.within("Joint")]
+    couplings = []
+    for one in model.within("ConstraintSet"):
+        coupling = coupling_in(one)
+        if coupling is None:
+            not_used.append(f"switched off: {one}")
+        else:
+            couplings.append(coupling)
+    coordinates = [coordinate for _, own in found for coordinate in own]
+    try:
+        tree = KinematicTree(GROUND, [joint for joint, _ in found], coordinates, couplings)
+    except ValueError as error:
+        raise model.placed(error) from error
+    return tree, {coordinate.name: joint.name for joint, own in found for coordinate in own}

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from vtkmuscle.core.motion.rigid import frame_at, rotation_about
-from vtkmuscle.opensim.functions import IDENTITY, Polynomial
+from vtkmuscle.joints.functions import IDENTITY, Polynomial
+from vtkmuscle.joints.tree import Coupling, Joint, JointAxis, JointCoordinate, KinematicTree
 from vtkmuscle.opensim.muscle_paths import FunctionPath, PathPoint, PointPath, moment_arm, powers, terms
-from vtkmuscle.opensim.tree import Coupling, Joint, JointAxis, JointCoordinate, KinematicTree
 
 
 def leg():

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from vtkmuscle.opensim.functions import CubicSpline, PiecewiseLinear, Polynomial
+from vtkmuscle.joints.functions import CubicSpline, PiecewiseLinear, Polynomial
 
 
 @pytest.mark.parametrize("knots", [4, 5, 9])

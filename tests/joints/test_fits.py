@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from vtkmuscle.core.mesh.normals import triangle_normals, vertex_normals
-from vtkmuscle.core.motion.joint_fits import fitted_ball, fitted_hinge
+from vtkmuscle.joints.fits import fitted_ball, fitted_hinge
 from vtkmuscle.phantoms.implicit import ball, thick_curve, union
 from vtkmuscle.phantoms.meshing import mesh_of
 
