@@ -228,7 +228,9 @@ class ResultData(WithHints):
         motion = self.motion.part(self.frames)
         among = coordinates or tuple(motion.coordinates)
         useful = {
-            name for name in among if (one := motion.coordinates.get(name)) and (one.changes or one.twists)
+            name
+            for name in among
+            if (one := self.motion.coordinates.get(name)) and (one.changes or one.twists)
         }
         arms: dict[str, dict[str, JointArms]] = {}
         refused: dict[str, str] = {}
