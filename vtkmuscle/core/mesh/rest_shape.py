@@ -248,8 +248,12 @@ class RestShape:
     def compare(self, positions: Floats) -> ShapeReport:
         """Return how far a deformed surface, of positions (n, 3) [mm], is from rest."""
         stretch, tangents = np.empty(len(self._long_edges)), np.empty(len(self._bent_quads))
-        _compare(positions, self._long_edges, self._long_lengths, self._bent_quads, self._turned, stretch, tangents)
+        _compare(
+            positions, self._long_edges, self._long_lengths, self._bent_quads, self._turned, stretch, tangents
+        )
         turns = tangents[tangents >= 0.0]
+        # Of half angles by their tangents, which grow with them.
+        half = float(_percentiles(turns, 95.0, np.arctan)[0]) if len(turns) else 0.0
         along, across = self._directed or (None, None)
         volume = volume_and_gradient(positions, self.topology.triangles, np.empty_like(positions))
         return ShapeReport(
@@ -257,7 +261,9 @@ class RestShape:
             edge_stretch_p95=float(_percentiles(stretch, 95.0)[0]),
             edge_stretch_max=float(stretch.max()),
             # A percentile of half angles, by their tangents: the one grows with the other.
-            dihedral_error_p95=math.degrees(2.0 * _percentiles(turns, 95.0, np.arctan)[0]) if len(turns) else 0.0,
+            dihedral_error_p95=math.degrees(2.0 * _percentiles(turns, 95.0, np.arctan)[0])
+            if len(turns)
+            else 0.0,
             degenerate_edges=len(tangents) - len(turns),
             along=_spread(stretch, along),
             across=_spread(stretch, across),
