@@ -260,10 +260,7 @@ class RestShape:
             volume_ratio=volume / self.volume,
             edge_stretch_p95=float(_percentiles(stretch, 95.0)[0]),
             edge_stretch_max=float(stretch.max()),
-            # A percentile of half angles, by their tangents: the one grows with the other.
-            dihedral_error_p95=math.degrees(2.0 * _percentiles(turns, 95.0, np.arctan)[0])
-            if len(turns)
-            else 0.0,
+            dihedral_error_p95=math.degrees(2.0 * half),
             degenerate_edges=len(tangents) - len(turns),
             along=_spread(stretch, along),
             across=_spread(stretch, across),
