@@ -36,12 +36,8 @@ phantom = spindle_over_hinge()
 fixed = FixedPointDetector()(muscle, phantom.bones, phantom.attachments[name])
 
 def deformer(**parameters):
-    moving = BoneMotion(motion=phantom.motion)
-    moving.connect(0, phantom.bones)
-    made = PBDDeformer(**parameters)
-    made.connect(0, fixed)
-    made.connect(1, moving)
-    return made
+    moving = BoneMotion(motion=phantom.motion, bones=phantom.bones)
+    return PBDDeformer(muscle=fixed, rest_bones=phantom.bones, bones=moving, **parameters)
 
 def frame(made):
     return points_of(made.update(4.0).output).tobytes()

@@ -206,15 +206,15 @@ class PBDDeformer(DeformerSettings, HistoryFilter[_Frame]):
 
     def _make_solver(self) -> None:
         """Make the solver for the present muscle, bones and parameters, where these are new."""
-        muscle, settings = self._known_muscle, solver_parameters(self.parameters())
+        muscle, settings = self._known_muscle, solver_parameters(self.parameters_that_count())
         bones = self._bones if self.collision != "off" else {}
         voxels = (self.n_voxels, self.n_voxels_per_axis) if self.collision == "voxel" else None
         one_level = self.start is not None or not 0 < self.solved_triangles < len(muscle.triangles)
         count = None if one_level else self.solved_triangles
-        made_from = muscle, bones, settings, self.bone_clearance, voxels, count
+        more = bones, self.bone_clearance if voxels is None else 0.0, voxels
+        made_from = muscle, settings, *more, count
         if self._solver is not None and made_from == self._made_from:
             return
-        more = bones, self.bone_clearance, voxels
         with errors_at("muscle"):
             self._coarse = None if count is None else _coarser(muscle, count)
             if self._coarse is None:
