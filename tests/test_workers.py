@@ -205,7 +205,7 @@ def test_a_process_ends_with_the_one_that_asks(part, scene):
 
 def test_where_no_process_can_be_started_this_one_solves_all(scene, monkeypatch):
     monkeypatch.setattr(
-        child_process, "isolated_python", lambda code: [sys.executable, "-c", "raise SystemExit(3)"]
+        child_process, "python_command", lambda code: [sys.executable, "-c", "raise SystemExit(3)"]
     )
     slow = threading.Event()
     with pytest.warns(

@@ -18,7 +18,7 @@ from typing import Any, BinaryIO
 
 from vtkmodules.vtkCommonDataModel import vtkDataObject
 
-from vtkmuscle.isolation import isolated_python
+from vtkmuscle.core.machine import python_command
 
 _LOG_PREFIX = re.compile(r"^.*\b(WARN|ERR)\|\s|\x1b\[[0-9;]*m")  # time, thread and level; colours
 #: How long a process that was told to end may take to [s].
@@ -62,7 +62,7 @@ class ChildProcess:
         )
         self._stderr = tempfile.TemporaryFile() if quiet else None  # noqa: SIM115 -- closed by close()
         pipes: dict[str, Any] = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "stderr": self._stderr}
-        self._process = subprocess.Popen(isolated_python(code), **pipes)
+        self._process = subprocess.Popen(python_command(code), **pipes)
         assert self._process.stdin is not None
         assert self._process.stdout is not None
         self._questions, self._answers = self._process.stdin, self._process.stdout

@@ -21,11 +21,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
 import vtkmuscle.plotting
+from vtkmuscle.core.machine import python_command
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import blocks_of, multiblock_from
 from vtkmuscle.data.drawn_bones import DrawnBone, DrawnBones
 from vtkmuscle.io.child_process import Asker, ChildEndedError, ChildProcess, last_words, pickled, sendable
-from vtkmuscle.isolation import isolated_python
 
 if TYPE_CHECKING:
     from vtkmuscle.plotting.studio import Studio
@@ -75,7 +75,7 @@ def can_render() -> str | None:
     """
     options: dict[str, Any] = {"capture_output": True, "text": True, "errors": "replace"}
     try:
-        done = subprocess.run(isolated_python(_PREFLIGHT), check=False, timeout=PREFLIGHT_TIMEOUT, **options)
+        done = subprocess.run(python_command(_PREFLIGHT), check=False, timeout=PREFLIGHT_TIMEOUT, **options)
     except subprocess.TimeoutExpired:
         return too_late()
     return None if done.returncode == 0 else no_picture(done.returncode, done.stderr)

@@ -14,12 +14,11 @@ from threading import Event, Thread
 from typing import Any, Self
 
 from vtkmuscle.core.jit import KernelCache
-from vtkmuscle.core.machine import processors
+from vtkmuscle.core.machine import is_python, processors
 from vtkmuscle.core.mesh.shared import held
 from vtkmuscle.data.arrays import points_of, with_points
 from vtkmuscle.filters.base.algorithm import AbortedError
 from vtkmuscle.io.child_process import Asker, ChildEndedError, ChildProcess, pickled, sendable
-from vtkmuscle.isolation import is_python
 from vtkmuscle.run.cost import estimated_seconds, most_processes
 from vtkmuscle.run.frames import Frames, MuscleTrack
 from vtkmuscle.run.muscles import MuscleRun, SceneRun

@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 import secrets
-import sys
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from importlib import import_module
-from pathlib import Path
 from typing import Any
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.machine import processors
 from vtkmuscle.io.parts import Parts
-from vtkmuscle.isolation import workers_leave_out_working_folder
 from vtkmuscle.run.store.keys import code_digest
 from vtkmuscle.studies.case import Case, UnwritableError, solve
 from vtkmuscle.studies.study import Cases, Ended, Workers, keep_failure
@@ -59,15 +56,12 @@ def _local_client(distributed: Any, workers: int, memory: str | float | None, re
     """Give a client of processes of this machine."""
     import dask as settings  # noqa: PLC0415 -- of the extra `cohort`
 
-    root = str(Path(__file__).parents[2])
-    if root not in sys.path:  # it may be the working folder, which is left out; workers need the package too
-        sys.path.append(root)
     limits = {
         "distributed.scheduler.allowed-failures": retries,
         "distributed.worker.memory.terminate": 0.95,
         "distributed.worker.profile.enabled": False,  # it grows by 0.3 MB for each subject of a worker
     }
-    with workers_leave_out_working_folder(), settings.config.set(limits):
+    with settings.config.set(limits):
         try:
             cluster = distributed.LocalCluster(
                 n_workers=workers,
