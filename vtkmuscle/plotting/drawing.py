@@ -17,10 +17,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 import vtkmuscle.plotting
+from vtkmuscle.core.machine import python_command
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.drawn_bones import DrawnBones
 from vtkmuscle.io.writing import replacing
-from vtkmuscle.isolation import isolated_python
 
 if TYPE_CHECKING:
     from vtkmuscle.plotting.studio import Studio
@@ -70,9 +70,7 @@ def can_render() -> str | None:
     """
     options: dict[str, Any] = {"capture_output": True, "text": True, "errors": "replace"}
     try:
-        done = subprocess.run(
-            isolated_python(TEST_PICTURE), check=False, timeout=PREFLIGHT_TIMEOUT, **options
-        )
+        done = subprocess.run(python_command(TEST_PICTURE), check=False, timeout=PREFLIGHT_TIMEOUT, **options)
     except subprocess.TimeoutExpired:
         return f"a test picture was not finished within {PREFLIGHT_TIMEOUT:.0f} s"
     if done.returncode == 0:

@@ -22,11 +22,10 @@ from tempfile import TemporaryDirectory
 from threading import Event, Thread
 from typing import TYPE_CHECKING, Any, Self
 
-from vtkmuscle.core.machine import processors
+from vtkmuscle.core.machine import is_python, processors
 from vtkmuscle.core.mesh.shared import held
 from vtkmuscle.data.arrays import points_of, shallow_copy, with_points
 from vtkmuscle.data.drawn_bones import DrawnBones
-from vtkmuscle.isolation import is_python, workers_leave_out_working_folder
 from vtkmuscle.plotting.drawing import FigureOrder
 from vtkmuscle.run.frames import Frames, MuscleTrack
 from vtkmuscle.run.muscles import MuscleRun, SceneRun
@@ -83,8 +82,7 @@ class Pool:
         import vtkmodules.util.pickle_support  # noqa: F401, PLC0415
 
         self._context = _Context()
-        with workers_leave_out_working_folder():  # a queue starts a process, too
-            self._messages = self._context.SimpleQueue()
+        self._messages = self._context.SimpleQueue()
         self._warned: dict[Any, Any] = {}
         # What is large goes through files: a pipe that nobody reads any more would be written to for ever.
         self._files = TemporaryDirectory()
@@ -136,14 +134,14 @@ def track_in(path: Path) -> MuscleTrack:
 
 
 class _Process(SpawnProcess):
-    """A process that receives no Ctrl-C, and loads no code from the working folder."""
+    """A process that receives no Ctrl-C."""
 
     def start(self) -> None:
         root = str(Path(__file__).parents[2])
         added = root not in sys.path  # the package may be in the working folder
         sys.path += [root] * added
         try:
-            with workers_leave_out_working_folder(), _interrupts_blocked():
+            with _interrupts_blocked():
                 super().start()
         finally:
             sys.path[:] = sys.path[:-1] if added else sys.path

@@ -23,7 +23,6 @@ from vtkmuscle.data.arrays import points_of, with_points
 from vtkmuscle.data.drawn_bones import DrawnBones
 from vtkmuscle.data.paths import Paths, paths_of
 from vtkmuscle.filters.bone_motion import BoneMotion
-from vtkmuscle.guesses import WithHints
 from vtkmuscle.io.literature import LiteratureCurve, curves_for, read_literature
 from vtkmuscle.run.frames import MuscleTrack
 from vtkmuscle.run.report_values import architecture_table, fibre_table
@@ -31,7 +30,7 @@ from vtkmuscle.run.table import MomentArmTable, Table, length_table
 from vtkmuscle.scene.data import MILLIMETRES
 
 
-class ResultData(WithHints):
+class ResultData:
     """The frames and tables of a run; see :class:`vtkmuscle.Result` for its parameters."""
 
     def __init__(
