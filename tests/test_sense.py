@@ -393,7 +393,7 @@ def test_a_setting_changes_a_run_or_is_said_to_change_nothing(tmp_path, model):
 PHANTOMS = [name for name in phantoms.__all__ if inspect.isfunction(getattr(phantoms, name))]
 
 
-@pytest.mark.parametrize("name", sorted(set(PHANTOMS) - {"fibre_block", "label_map"}))
+@pytest.mark.parametrize("name", sorted(set(PHANTOMS) - {"fibre_block"}))
 def test_of_what_can_be_meant_nothing_is_said(name):
     assert said(Scene.from_phantom(getattr(phantoms, name)())) == (None, [])
 
