@@ -18,9 +18,9 @@ def study_file(tmp_path):
     [
         ('subject = "subjects.csv"\n', "did you mean 'subjects'"),
         ('subjects = "none.csv"\n', "there is no such file"),
-        ("groups = 0\n", "groups: 0 is not allowed; it must be greater than or equal to 1"),
-        ("groups = 'two'\n", "groups: must be a whole number, not 'two'; write groups = 3"),
-        ("[sensitivity]\nsamples = 1\n", "sensitivity.samples: 1 is not allowed"),
+        ("groups = 0\n", "groups: must be greater than or equal to 1, not 0"),
+        ("groups = 'two'\n", "groups: must be a valid integer, not 'two'; write groups = 3"),
+        ("[sensitivity]\nsamples = 1\n", "sensitivity.samples: must be greater than or equal to 3, not 1"),
         ("subjects = \n", "not valid TOML"),
     ],
 )
