@@ -14,7 +14,6 @@ import warnings
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ProcessPoolExecutor
 from contextlib import contextmanager
-from dataclasses import fields, replace
 from multiprocessing import parent_process
 from multiprocessing.context import SpawnContext, SpawnProcess
 from pathlib import Path
@@ -24,7 +23,7 @@ from typing import TYPE_CHECKING, Any, Self
 
 from vtkmuscle.core.machine import is_python, processors
 from vtkmuscle.core.mesh.shared import held
-from vtkmuscle.data.arrays import points_of, shallow_copy, with_points
+from vtkmuscle.data.arrays import points_of, with_points
 from vtkmuscle.data.drawn_bones import DrawnBones
 from vtkmuscle.plotting.drawing import FigureOrder
 from vtkmuscle.run.frames import Frames, MuscleTrack
@@ -86,7 +85,7 @@ class Pool:
         self._warned: dict[Any, Any] = {}
         # What is large goes through files: a pipe that nobody reads any more would be written to for ever.
         self._files = TemporaryDirectory()
-        given = self._file("scene", (_plain(scene), numbers, clock, store))
+        given = self._file("scene", (scene, numbers, clock, store))
         self._executor = ProcessPoolExecutor(size, self._context, _begin, (given, self._messages))
 
     def __enter__(self) -> Self:
@@ -171,21 +170,6 @@ def _interrupts_blocked() -> Iterator[None]:
         yield
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
-
-
-def _plain(scene: SceneData) -> SceneData:
-    """Return a scene whose surfaces are VTK's, not PyVista's, which other processes need not load."""
-    muscles = {
-        name: replace(
-            muscle,
-            surface=shallow_copy(muscle.surface),
-            superficial_fibres=muscle.superficial_fibres and shallow_copy(muscle.superficial_fibres),
-        )
-        for name, muscle in scene.muscles.items()
-    }
-    bones = {name: shallow_copy(bone) for name, bone in scene.bones.items()}
-    kept = {field.name: getattr(scene, field.name) for field in fields(SceneData)}
-    return SceneData(**kept | {"bones": bones, "muscles": muscles})
 
 
 class _Worker:
