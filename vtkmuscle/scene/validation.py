@@ -19,6 +19,7 @@ from vtkmuscle.pipelines import DEFORMERS
 from vtkmuscle.scene.faults import Faults, SceneError
 from vtkmuscle.scene.joint_schema import JOINT_KINDS, Function, JointTable
 from vtkmuscle.scene.schema import ALONE, ESTIMATE, Estimate, Motion, MuscleTable, SceneTable
+from vtkmuscle.scene.schema_types import Settings
 from vtkmuscle.scene.writing import inline_toml
 
 #: Names that a run writes itself, beside those of the muscles.
