@@ -141,7 +141,9 @@ def test_a_muscle_pipeline_is_the_filters_connected_by_hand(scene, muscle, attac
 
 def test_a_muscle_pipeline_of_paths_pulls_the_fibres_taut(scene, muscle, attachments):
     bones, motion = scene.bones_data(), scene.motion
-    pipeline = MusclePipeline(muscle, bones, motion, attachments, model="paths", fixing={}, fibres=FEW_FIBRES)
+    pipeline = MusclePipeline(
+        muscle, bones, motion, attachments, deformer="none", fixing={}, fibres=FEW_FIBRES
+    )
     assert pipeline.deformer is None
     assert pipeline.transport is None
     taut = pull_taut(muscle, bones, motion, decompose(muscle, attachments, **FEW_FIBRES), attachments)

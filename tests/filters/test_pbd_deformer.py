@@ -9,8 +9,8 @@ from vtkmodules.vtkCommonExecutionModel import vtkStreamingDemandDrivenPipeline
 from vtkmodules.vtkFiltersCore import vtkPolyDataNormals, vtkTriangleFilter
 from vtkmodules.vtkFiltersSources import vtkCubeSource, vtkSphereSource
 from vtkmodules.vtkIOXML import vtkXMLPolyDataReader
-
 from vtkmuscle.core.deformation.muscle import PathDrivenMuscle
+
 from vtkmuscle.core.mesh.surface import edge_lengths, signed_volume, unique_edges
 from vtkmuscle.core.motion.rigid import RigidMotion, apply_transform, hinge, inverse, rotation_about
 from vtkmuscle.data.arrays import (

@@ -180,7 +180,7 @@ def test_scenes_without_surfaces_fibres_or_coordinates_have_a_page(model, two_mu
 
     scene = two_muscles
     if model == "paths":
-        scene = replace(scene, model="paths", solver={})
+        scene = replace(scene, deformer="none", solver={})
     if model == "no fibres":
         scene = replace(scene, muscles={n: replace(m, fibres=None) for n, m in scene.muscles.items()})
     if model == "no coordinate":

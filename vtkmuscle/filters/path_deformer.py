@@ -224,7 +224,13 @@ class PathDeformer(Filter):
                 return self._carried
         self._made_from = self._last = self._neighbours = self._embedded = None
         obstacles = [
-            DistanceObstacle(number, bone.points, bone.triangles, skin=self.bone_clearance)
+            DistanceObstacle(
+                number,
+                bone.points,
+                bone.triangles,
+                skin=self.bone_clearance,
+                name=f"PathDeformer: rest_bones, block {self._shapes.names[number]!r}",
+            )
             for number, bone in shapes.items()
         ]
         with errors_at("muscle"):
