@@ -36,8 +36,7 @@ class MuscleScene(Filter):
     >>> from vtkmuscle import Scene, phantoms
     >>> from vtkmuscle.paraview.shells import MuscleScene
     >>> source = MuscleScene(scene=Scene.from_phantom(phantoms.spindle_over_hinge()), muscle="spindle")
-    >>> muscle, bones, attachments = source.update().output
-    >>> bones.GetNumberOfBlocks(), attachments.GetNumberOfBlocks()
+    >>> source.bones.GetNumberOfBlocks(), source.attachments.GetNumberOfBlocks()
     (2, 2)
     """
 
