@@ -17,7 +17,7 @@ import numpy as np
 from real_hip import data_folder
 
 from vtkmuscle import Scene
-from vtkmuscle.core.deformation import settling
+from vtkmuscle.core.skinning import settling
 from vtkmuscle.data.arrays import point_array
 from vtkmuscle.data.moving_bones import MovingBones, RestBones, bones_of
 from vtkmuscle.run import muscle_pipeline

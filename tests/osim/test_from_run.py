@@ -21,7 +21,7 @@ def ran(tmp_path_factory):
     """A scene of a strap over two joints, run by its paths: its file and the result."""
     folder = tmp_path_factory.mktemp("strap")
     save_strap(folder, n_fibres=10)
-    path = scene_with(folder, tmp_path_factory.mktemp("joints"), motion=GRID, model="paths")
+    path = scene_with(folder, tmp_path_factory.mktemp("joints"), motion=GRID, deformer="none")
     return path, Scene.load(path).run(figures=False)
 
 

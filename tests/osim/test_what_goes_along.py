@@ -26,7 +26,7 @@ def ran(tmp_path_factory):
     """A scene of a strap over two joints, and the folder of its results."""
     folder = tmp_path_factory.mktemp("strap")
     save_strap(folder, n_fibres=10)
-    path = scene_with(folder, tmp_path_factory.mktemp("joints"), motion=GRID, model="paths")
+    path = scene_with(folder, tmp_path_factory.mktemp("joints"), motion=GRID, deformer="none")
     Scene.load(path).run(path.parent / "results", figures=False)
     return path, path.parent / "results"
 
@@ -114,7 +114,7 @@ def test_meshes_lie_on_their_bodies(ran, tmp_path):
 def test_a_coordinate_that_is_crossed_and_still_is_named_before_anything_is_run(ran, tmp_path, monkeypatch):
     path, _ = ran
     monkeypatch.setattr(Scene, "run", lambda *_args, **_options: pytest.fail("it was run"))
-    still = scene_with(path.parent, tmp_path, motion={"grid": {"upper": [-10, 30, 10]}}, model="paths")
+    still = scene_with(path.parent, tmp_path, motion={"grid": {"upper": [-10, 30, 10]}}, deformer="none")
     with pytest.raises(SceneError, match="does not move lower, which muscle 'strap' crosses"):
         write_opensim(still, tmp_path / "strap.osim")
 
