@@ -10,7 +10,7 @@ from urllib.parse import unquote
 import numpy as np
 from numpy.typing import NDArray
 from vtkmodules.util.numpy_support import numpy_to_vtk, numpy_to_vtkIdTypeArray, vtk_to_numpy
-from vtkmodules.vtkCommonCore import vtkPoints, vtkStringArray
+from vtkmodules.vtkCommonCore import vtkDoubleArray, vtkPoints, vtkStringArray
 from vtkmodules.vtkCommonDataModel import (
     vtkCellArray,
     vtkCompositeDataSet,
@@ -185,6 +185,11 @@ def set_field_array(data: Any, name: str, values: Any) -> None:
     """Add numbers (a copy) or a string to the field data."""
     if isinstance(values, str):
         set_field_strings(data, name, [values])
+    elif isinstance(values, float):  # five times as fast
+        array = vtkDoubleArray()
+        array.SetName(name)
+        array.InsertNextValue(values)
+        data.GetFieldData().AddArray(array)
     else:
         data.GetFieldData().AddArray(_named(name, np.atleast_1d(values)))
 
