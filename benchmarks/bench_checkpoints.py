@@ -9,8 +9,8 @@ from __future__ import annotations
 import time
 
 import numpy as np
-
 from vtkmuscle.core.deformation.muscle import PathDrivenMuscle
+
 from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.phantoms import hip
 from vtkmuscle.pipelines import deform

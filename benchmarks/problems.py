@@ -10,10 +10,10 @@ import numpy as np
 from calibration import torus
 
 from vtkmuscle import Scene, phantoms
-from vtkmuscle.core.skinning.settling import Settling
 from vtkmuscle.core.mesh.rest_shape import RestShape
 from vtkmuscle.core.mesh.surface import mesh_topology
 from vtkmuscle.core.motion.rigid import RigidMotion, rotation_about
+from vtkmuscle.core.skinning.settling import Settling
 from vtkmuscle.data.arrays import (
     blocks_of,
     multiblock_from,
