@@ -56,7 +56,7 @@ class Element:
         """Raise an InputError where there is a child of another tag."""
         for child in self.children:
             if child.tag not in allowed:
-                raise child.error(f"is not understood in {self.tag} {quoted(self.name)}")
+                raise child.error(f"is not supported in {self.tag} {quoted(self.name)}")
 
     def find(self, *tags: str) -> Element | None:
         """Return the child of one of the tags, None where there is none; raise an InputError for several."""

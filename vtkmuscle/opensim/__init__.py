@@ -1,8 +1,8 @@
-"""Joints and OpenSim: models read and written, scenes with joints, muscles for other programs.
+"""OpenSim and MuJoCo: models read and written, muscles of scenes for other programs.
 
-The rest of the package does not need it: only scenes with joints or a model use it, and the command. Models
-are written from a :class:`~vtkmuscle.opensim.tree.KinematicTree` with paths, so that a test can compare their
-lengths and moment arms with those of the other program.
+Only scenes with joints or a model, and the commands, use the package. Models are written from a
+:class:`~vtkmuscle.opensim.tree.KinematicTree` with paths; tests compare lengths and moment arms with
+OpenSim's.
 """
 
 import lazy_loader

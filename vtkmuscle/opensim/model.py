@@ -1,4 +1,4 @@
-"""Models of OpenSim: bodies, joints, couplings, markers, muscles' paths and names of meshes."""
+"""Models of OpenSim: bodies, joints, couplings, markers, muscle paths and mesh names."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from vtkmuscle.opensim.elements import (
 )
 from vtkmuscle.opensim.tree import KinematicTree
 
-#: Parts of a model that do not decide where bodies are and muscles run; their contents are listed only.
+#: Parts of a model that affect neither body poses nor paths; only their contents are listed.
 _NOT_USED = ("ControllerSet", "ContactGeometrySet", "ProbeSet")
 _MODEL_KEYS = (
     *("credits", "publications", "length_units", "force_units", "gravity", "assembly_accuracy", "defaults"),
@@ -39,22 +39,22 @@ _BODY_KEYS = (
     *("mass", "mass_center", "inertia", *_INERTIA, "Joint", "VisibleObject", "WrapObjectSet"),
     *("FrameGeometry", "attached_geometry", "components", "frames"),
 )
-#: Names of the unit of length, of which a file may give none.
+#: Accepted length units; a file may leave the unit empty.
 _METRES = ("meters", "metres", "m", "")
 
 
 @dataclass(frozen=True, eq=False)
 class Marker:
-    """A marker on a body: its name, the body's, and where on it (3,)."""
+    """A marker with its position (3,) on a body [m]."""
 
     name: str
     body: str
-    place: Floats
+    position: Floats
 
 
 @dataclass(frozen=True, eq=False)
 class BodyMesh:
-    """A mesh of a body: its file's name, its scale (3,), and its frame on the body (4, 4)."""
+    """A mesh file with its scale (3,) and frame (4, 4) on a body."""
 
     body: str
     file: str
@@ -64,25 +64,24 @@ class BodyMesh:
 
 @dataclass(frozen=True, eq=False)
 class OsimModel:
-    """A model of OpenSim as far as it is understood: lengths in metres, angles in radians.
+    """A model of OpenSim, in metres and radians.
 
     Attributes
     ----------
     name : str
         Name of the model.
     tree : KinematicTree
-        Its bodies and joints; the root is the ground.
+        Bodies and joints; the root is the ground.
     markers : tuple of Marker
         Points on bodies.
     muscles : dict of str to OsimMuscle
         Muscles and other actuators along a path, by name.
     meshes : tuple of BodyMesh
-        Names of files.
+        Names of mesh files.
     joint_of : dict of str to str
-        The joint of each coordinate.
+        Joint of each coordinate.
     not_used : tuple of str
-        Parts of the file that do not decide where bodies are and muscles run: forces without a path,
-        controllers, contact geometry and probes.
+        Parts of the file without effect here: forces without a path, controllers, contact geometry, probes.
     """
 
     name: str
@@ -94,35 +93,34 @@ class OsimModel:
     not_used: tuple[str, ...] = ()
 
     def muscle(self, name: str) -> OsimMuscle:
-        """Return a muscle by its name; ValueError if there is none."""
+        """Return a muscle by name; ValueError for an unknown name."""
         if name not in self.muscles:
             raise InputError("", f"the model has no muscle {name!r}; {suggestion(name, self.muscles)}")
         return self.muscles[name]
 
 
 def read_osim(path: str | PathLike[str]) -> OsimModel:
-    """Read a model of OpenSim, of version 3 or 4, without OpenSim.
+    """Read a model of OpenSim 3 or 4, without OpenSim.
 
     Parameters
     ----------
     path : path
-        An .osim file. Joints of the types Weld, Pin, Slider, Universal, Ball, Gimbal, Planar, Free and Custom
-        are understood; functions that are constant, linear, polynomial, piecewise linear, sines, SimmSplines
-        and multiples of these; CoordinateCouplerConstraints of one coordinate; path points that are fixed,
-        conditional or moving, and paths that are polynomials of coordinates.
+        An .osim file. Supported: joints Weld, Pin, Slider, Universal, Ball, Gimbal, Planar, Free and
+        Custom; constant, linear, polynomial, piecewise linear, sine and SimmSpline functions and
+        multiples of a function; CoordinateCouplerConstraints of 1 coordinate; fixed, conditional and
+        moving path points; paths as polynomials of coordinates.
 
     Returns
     -------
     OsimModel
-        With all lengths in metres.
+        All lengths in metres.
 
     Raises
     ------
     FileNotFoundError
-        If there is no such file.
+        If the file does not exist.
     ValueError
-        If it is no model, or a part that decides where bodies are is not understood; the message names the
-        part and its line.
+        If the file is no model, or an unsupported part affects body poses; the message names part and line.
 
     References
     ----------
@@ -132,9 +130,8 @@ def read_osim(path: str | PathLike[str]) -> OsimModel:
     path = Path(path)
     document = read_xml(path)
     if document.tag != "OpenSimDocument":
-        raise InputError(
-            path, f"this is XML of {document.tag!r}, not a model of OpenSim", "give an .osim file"
-        )
+        problem = f"this is XML of {document.tag!r}, not a model of OpenSim"
+        raise InputError(path, problem, "give an .osim file")
     model = document.need("Model")
     model.only(_MODEL_KEYS)
     units = model.word("length_units")
@@ -145,7 +142,7 @@ def read_osim(path: str | PathLike[str]) -> OsimModel:
 
 
 def checked_model(path: Path) -> OsimModel:
-    """Return a model of OpenSim that muscles can be put into; ValueError if it is not of version 4."""
+    """Return a model for further muscles; ValueError before version 4."""
     version = read_xml(path).attributes.get("Version", "0")
     if not version.isdecimal() or int(version) < 40000:
         raise InputError(path, f"the model is of version {version}", "save it again with OpenSim 4")
@@ -159,24 +156,22 @@ def _model_in(model: Element) -> OsimModel:
     tree, joint_of = _tree(model, frames, not_used)
     for name, (body, _) in frames.items():
         if name == body and name not in tree.bodies:
-            raise model.error(f"the body {name!r} hangs on no joint")
+            raise model.error(f"the body {name!r} has no joint")
     muscles = _muscles(model, frames, tree, not_used)
-    not_used += [f"{tag}: {one}" for tag in _NOT_USED for one in model.within(tag)]
-    for tag in ("ComponentSet", "components"):
-        for one in model.within(tag):
-            raise one.error("further components are not understood", "remove it")
-    return OsimModel(
-        model.name, tree, _markers(model, frames), muscles, tuple(meshes), joint_of, tuple(not_used)
-    )
+    not_used += [f"{tag}: {part}" for tag in _NOT_USED for part in model.within(tag)]
+    for component in [*model.within("ComponentSet"), *model.within("components")]:
+        raise component.error("further components are not supported", "remove it")
+    markers = _markers(model, frames)
+    return OsimModel(model.name, tree, markers, muscles, tuple(meshes), joint_of, tuple(not_used))
 
 
 def _bodies(model: Element) -> tuple[list[tuple[str, Element]], Frames]:
-    """Return bodies by name, and the frames of all that is on them."""
+    """Return bodies by name, and the frames on all bodies."""
     frames: Frames = {}
     bodies = [(body.name, body) for body in of_kind("Body", model.within("BodySet"))]
     for name, body in bodies:
         if name in frames:
-            raise body.error("there is another body of this name")
+            raise body.error("another body has this name")
         body.only(_BODY_KEYS)
         frames[name] = (name, np.eye(4))
     ground = model.find("Ground")
@@ -190,61 +185,61 @@ def _bodies(model: Element) -> tuple[list[tuple[str, Element]], Frames]:
 
 
 def _meshes(name: str, body: Element, not_used: list[str]) -> Iterator[BodyMesh]:
-    for one in body.within("attached_geometry"):
-        if one.tag == "Mesh":
-            scale = one.vector("scale_factors", default=[1, 1, 1])
-            yield BodyMesh(name, one.word("mesh_file"), scale, np.eye(4))
+    for mesh in body.within("attached_geometry"):
+        if mesh.tag == "Mesh":
+            scale = mesh.vector("scale_factors", default=[1, 1, 1])
+            yield BodyMesh(name, mesh.word("mesh_file"), scale, np.eye(4))
         else:
-            not_used.append(f"geometry of {name!r}: {one}")
+            not_used.append(f"geometry of {name!r}: {mesh}")
     visible = body.find("VisibleObject")
     if visible is not None:
         scale = visible.vector("scale_factors", default=[1, 1, 1])
-        for one in visible.within("GeometrySet"):
-            own = one.vector("scale_factors", default=[1, 1, 1])
-            turn = one.vector("transform", 6)
-            yield BodyMesh(name, one.word("geometry_file"), scale * own, frame_at(turn[3:], turn[:3]))
+        for mesh in visible.within("GeometrySet"):
+            own = mesh.vector("scale_factors", default=[1, 1, 1])
+            transform = mesh.vector("transform", 6)
+            frame = frame_at(transform[3:], transform[:3])
+            yield BodyMesh(name, mesh.word("geometry_file"), scale * own, frame)
 
 
 def _tree(model: Element, frames: Frames, not_used: list[str]) -> tuple[KinematicTree, dict[str, str]]:
     """Return the tree, and the joint of each coordinate."""
-    found = [joint_in(one, frames) for one in model.within("JointSet")]
+    joints = [joint_in(element, frames) for element in model.within("JointSet")]
     for body in model.within("BodySet"):
-        found += [joint_in(one, frames, body.name) for one in body.within("Joint")]
-    couplings = []
-    for one in model.within("ConstraintSet"):
-        coupling = coupling_in(one)
-        if coupling is None:
-            not_used.append(f"switched off: {one}")
-        else:
-            couplings.append(coupling)
-    coordinates = [coordinate for _, own in found for coordinate in own]
+        joints += [joint_in(element, frames, body.name) for element in body.within("Joint")]
+    couplings = [(element, coupling_in(element)) for element in model.within("ConstraintSet")]
+    not_used += [f"switched off: {element}" for element, coupling in couplings if coupling is None]
     try:
-        tree = KinematicTree(GROUND, [joint for joint, _ in found], coordinates, couplings)
+        tree = KinematicTree(
+            GROUND,
+            [joint for joint, _ in joints],
+            [coordinate for _, own in joints for coordinate in own],
+            [coupling for _, coupling in couplings if coupling is not None],
+        )
     except ValueError as error:
         raise model.placed(error) from error
-    return tree, {coordinate.name: joint.name for joint, own in found for coordinate in own}
+    return tree, {coordinate.name: joint.name for joint, own in joints for coordinate in own}
 
 
 def _markers(model: Element, frames: Frames) -> tuple[Marker, ...]:
     markers = of_kind("Marker", model.within("MarkerSet"))
-    for one in markers:
-        one.only(("socket_parent_frame", "body", "location", "fixed", "VisibleObject", "display"))
-    return tuple(Marker(one.name, *point_on(one, frames)) for one in markers)
+    for marker in markers:
+        marker.only(("socket_parent_frame", "body", "location", "fixed", "VisibleObject", "display"))
+    return tuple(Marker(marker.name, *point_on(marker, frames)) for marker in markers)
 
 
 def _muscles(
     model: Element, frames: Frames, tree: KinematicTree, not_used: list[str]
 ) -> dict[str, OsimMuscle]:
-    known = {one.name for one in tree.coordinates}
-    found: dict[str, OsimMuscle] = {}
-    for one in model.within("ForceSet"):
-        muscle = muscle_in(one, frames)
+    coordinates = {coordinate.name for coordinate in tree.coordinates}
+    muscles: dict[str, OsimMuscle] = {}
+    for force in model.within("ForceSet"):
+        muscle = muscle_in(force, frames)
         if muscle is None:
-            not_used.append(f"ForceSet: {one}")
+            not_used.append(f"ForceSet: {force}")
             continue
-        if one.name in found:
-            raise one.error("there is another muscle of this name")
-        for name in sorted(muscle.path.named - known):
-            raise one.error(f"there is no coordinate {name!r}", suggestion(name, sorted(known)))
-        found[one.name] = muscle
-    return found
+        if force.name in muscles:
+            raise force.error("another muscle has this name")
+        for name in sorted(muscle.path.named - coordinates):
+            raise force.error(f"there is no coordinate {name!r}", suggestion(name, sorted(coordinates)))
+        muscles[force.name] = muscle
+    return muscles
