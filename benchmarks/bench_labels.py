@@ -24,7 +24,9 @@ from vtkmuscle.data.estimated_areas import estimated_areas
 from vtkmuscle.data.label_images import label_image
 from vtkmuscle.filters import LabelSurfaces
 from vtkmuscle.labels import maps
-from vtkmuscle.phantoms import hip, label_map
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
+from phantoms import hip, label_map
 
 SIZES = {"1": 1.0, "1.5": 1.5, "1.5, rough": 1.5, "0.8, 0.8, 3": (0.8, 0.8, 3.0), "3": 3.0}
 

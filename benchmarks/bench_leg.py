@@ -23,7 +23,9 @@ from run_stages import print_table
 from sampling import Sampling
 
 from vtkmuscle import Scene
-from vtkmuscle.phantoms import leg
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "examples" / "joints"))
+from leg import leg
 
 COPIES = 3
 #: Amplitudes of flexion of the hip and of the knee, and of dorsiflexion, over a stride [degrees].

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from fuzz_target import WORDS
 from mutations import judged, mutated
+from phantoms import hip, label_map
 from tiny_scene import HINGE, TOML, write_tiny_scene
 from two_joint_scene import save_strap, scene_with
 
@@ -17,7 +18,6 @@ from vtkmuscle import Scene
 from vtkmuscle.data.arrays import blocks_of, points_of
 from vtkmuscle.io import write_polydata
 from vtkmuscle.opensim import write_opensim
-from vtkmuscle.phantoms import hip, label_map
 
 sys.path.insert(0, str(Path(__file__).parent / "io"))
 from test_damaged_texts import KINDS as TEXTS

@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
+from phantoms import leg
 
 from vtkmuscle import Scene
 from vtkmuscle.core.bones.bone import Bone
 from vtkmuscle.core.motion.rigid import RigidMotion, rotation_about
 from vtkmuscle.data.arrays import surface_from
 from vtkmuscle.data.attachments import VIA, AttachmentArea, attachments_from, attachments_of
-from vtkmuscle.phantoms import leg
 from vtkmuscle.phantoms.implicit import thick_curve
 from vtkmuscle.phantoms.meshing import mesh_of, solid_of_revolution
 from vtkmuscle.run.limits import CHECKS

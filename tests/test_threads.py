@@ -26,7 +26,7 @@ def run(phantom, **parameters):
     attachments = phantom.attachments[name]
     moving = connected(BoneMotion(motion=phantom.motion), phantom.bones)
     fixed = connected(FixedPointDetector(), muscle, phantom.bones, attachments)
-    deformed = connected(PBDDeformer(**parameters), fixed, moving)
+    deformed = connected(PBDDeformer(**parameters), fixed, phantom.bones, moving)
     fitted = connected(TemplateFitter(), FibreTemplateSource(n_fibres=8), muscle, attachments)
     trimmed = connected(FibreTrimmer(), connected(SliceMorpher(), fitted, muscle), muscle, attachments)
     carried = connected(FibreTransport(), trimmed, muscle, deformed)

@@ -12,10 +12,10 @@ same range, and :doc:`/validation/how_right` has five more muscles. Here the con
 import matplotlib.pyplot as plt
 import numpy as np
 import pyvista as pv
+from leg import leg
 
 from vtkmuscle import RigidMotion, Scene
 from vtkmuscle.core.motion.coordinates import Coordinate
-from vtkmuscle.phantoms import leg
 from vtkmuscle.phantoms.hip_bones import CONDYLE
 
 flexion = np.arange(0.0, 91.0, 7.5)

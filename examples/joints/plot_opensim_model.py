@@ -15,12 +15,11 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 import numpy as np
 import tomli_w
+from leg import leg, leg_tree
 
 from vtkmuscle import Scene
 from vtkmuscle.opensim import osim_of, read_osim, write_opensim
-from vtkmuscle.opensim.leg_tree import leg_tree
 from vtkmuscle.opensim.muscle_paths import moment_arm
-from vtkmuscle.phantoms.leg import leg
 
 folder = Path(tempfile.mkdtemp())
 scene_file = Scene.from_phantom(leg(coordinates=[(0, 0, 0)]), n_fibres=12).save(folder)

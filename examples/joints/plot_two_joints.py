@@ -15,11 +15,11 @@ from pathlib import Path
 
 import matplotlib.pyplot as plt
 import tomli_w
+from leg import leg
 
 from vtkmuscle import Scene
 from vtkmuscle.opensim import read_osim, write_opensim
 from vtkmuscle.opensim.muscle_paths import moment_arm
-from vtkmuscle.phantoms import leg
 
 phantom = leg()
 folder = Path(tempfile.mkdtemp())

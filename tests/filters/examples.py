@@ -1,6 +1,7 @@
 """A small example of everything that filters take, for the contract suite: found by a port's name."""
 
 import numpy as np
+from phantoms import label_map, spindle_over_hinge
 from vtkmodules.vtkFiltersSources import vtkSphereSource
 
 from vtkmuscle.core.motion.rigid import RigidMotion, apply_transform
@@ -16,7 +17,6 @@ from vtkmuscle.data.arrays import (
     with_points,
 )
 from vtkmuscle.data.attachments import Aponeurosis, aponeuroses_data
-from vtkmuscle.phantoms import label_map, spindle_over_hinge
 
 PHANTOM = spindle_over_hinge()
 #: Pipeline times that time-dependent examples announce.
@@ -177,6 +177,7 @@ EXAMPLES = {
     "muscle": fixed_muscle,
     "rest_muscle": fixed_muscle,
     "deformed_muscle": deformed_muscle,
+    "start": deformed_muscle,
     "attachments": attachments,
     "neighbours": neighbours,
     "template": template,

@@ -63,12 +63,10 @@ def deformed(bar, path, *, collision, more=(), **settings):
     """Return the muscle after the bone ``bar`` went along a path of transforms, and the bones with it."""
     blocks = {"anchor": surface_from(*ANCHOR), "bar": surface_from(*bar)}
     blocks.update({f"more {k}": surface_from(*bone) for k, bone in enumerate(more)})
-    moving = BoneMotion(motion=RigidMotion(np.arange(float(len(path))), {"bar": np.array(path)}))
-    moving.connect(0, multiblock_from(blocks))
+    motion, rest = RigidMotion(np.arange(float(len(path))), {"bar": np.array(path)}), multiblock_from(blocks)
     model = {"quality": "published", "iterations": 10} if collision == "voxel" else {}
-    deformer = PBDDeformer(**model, n_voxels=30**3, **settings)
-    deformer.connect(0, muscle())
-    deformer.connect(1, moving)
+    ports = {"muscle": muscle(), "rest_bones": rest, "bones": BoneMotion(motion=motion, bones=rest)}
+    deformer = PBDDeformer(**ports, **model, n_voxels=30**3, **settings)
     out = deformer.update(time=float(len(path) - 1)).output
     for name in ("VolumeRatio", "EdgeStretchMax"):
         assert np.isfinite(field_array(out, name)).all()
@@ -91,43 +89,22 @@ def depth_in_bar(points, transform=None):
     return float(np.minimum(at_rest - low, high - at_rest).min(axis=1).max())
 
 
-def test_a_bone_that_jumps_200_mm_through_the_published_muscle_in_one_step():
-    path = [moved(0, 0, 0), moved(0, -200.0, 0)]
-    with pytest.warns(UserWarning, match=r"block 'bar': it moved 2\d\d mm .* but is 10 mm thick") as told:
-        out = deformed(BAR, path, collision="voxel")
-    assert len([w for w in told if "it moved" in str(w.message)]) == 1
-    assert depth_in_bar(free_points(out), path[-1]) <= 0.1
-
-
 def test_a_bone_that_jumps_through_the_muscle_leaves_it_as_the_pose_has_it():
-    """What a bone did on its way is no matter of the pose."""
+    """Points are looked at where a bone is, not where it came through."""
     out = deformed(BAR, [moved(0, 0, 0), moved(0, -200.0, 0)], collision="sdf")
     assert np.abs(point_array(out, "Displacement", "")).max() < 1e-6
 
 
-@BOTH
-def test_a_muscle_that_a_bone_swallows_whole(collision):
-    """The bone drops over the muscle; with signed distances all of it comes out again."""
+def test_a_muscle_that_a_bone_drops_over_comes_out_again():
     block = box([-60, 100, -60], [60, 220, 60])
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always")
-        out = deformed(block, [moved(0, 0, 0), moved(0, -160, 0)], collision=collision)
-    *jumped, swallowed = sorted((str(w.message).split("'bar': ")[1] for w in caught), reverse=True)
-    assert re.match(r"\d+ of the muscle's \d+ free points were in it", swallowed)
-    if collision == "sdf":
-        assert not jumped
-        assert (np.abs(free_points(out)) >= 59.9).any(axis=1).mean() > 0.99
-    else:
-        assert re.match(r"it moved 160 mm .* is 120 mm thick", jumped[0])
+    out = deformed(block, [moved(0, 0, 0), moved(0, -160, 0)], collision="sdf")
+    assert (np.abs(free_points(out)) >= 59.9).any(axis=1).mean() > 0.99
 
 
-@BOTH
-def test_a_muscle_in_a_bone_at_rest_stays_and_that_is_told(collision):
+def test_a_muscle_in_a_bone_at_rest_stays_and_that_is_told():
     block = box([-60, -60, -60], [60, 60, 60])
-    with pytest.warns(
-        UserWarning, match=r"block 'bar': \d+ of the muscle's \d+ free points (are|were) in it"
-    ):
-        out = deformed(block, [moved(0, 0, 0)], collision=collision)
+    with pytest.warns(UserWarning, match=r"'bar': \d+ of the muscle's \d+ free points are in it"):
+        out = deformed(block, [moved(0, 0, 0)], collision="sdf")
     assert np.abs(point_array(out, "Displacement", "")).max() < 1e-6
 
 

@@ -75,8 +75,9 @@ def scene(n_slices, n_sides):
     moving = BoneMotion(motion=hinge("upper", (0.0, 25.0, 0.0), (1, 0, 0), ANGLES))
     moving.connect(0, bones())
     deformer = PBDDeformer(iterations=2, checkpoint_memory=0.0)
-    deformer.connect(0, muscle)
-    deformer.connect(1, moving)
+    deformer.connect("muscle", muscle)
+    deformer.connect("rest_bones", bones())
+    deformer.connect("bones", moving)
     along = np.linspace(-40.0, 40.0, 16)
     lines = [np.column_stack([0 * along + x, 0 * along, along]) for x in (-2.0, 0.0, 2.0)]
     transport = FibreTransport()

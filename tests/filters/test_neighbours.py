@@ -41,7 +41,7 @@ def chain(spindle, neighbours=None, **solver):
         spindle.muscles["spindle"], spindle.bones, motion, spindle.attachments["spindle"], **solver
     )
     if neighbours is not None:
-        deformer.connect(3, neighbours)
+        deformer.connect("neighbours", neighbours)
     return deformer
 
 
@@ -110,7 +110,7 @@ def test_frames_do_not_depend_on_the_order_of_requests():
         group.SetOutputTypeToMultiBlockDataSet()
         group.AddInputConnection(made[0].GetOutputPort())
         group.SetInputName(0, "front")
-        made[1].connect(3, group)
+        made[1].connect("neighbours", group)
         return made[1], made[0]
 
     forward, _front = deformer()

@@ -1,28 +1,9 @@
-"""Presets and the number of triangles of PBDDeformer."""
+"""Presets of PBDDeformer."""
 
 import pytest
 
-from vtkmuscle.filters import BoneMotion, FixedPointDetector, PBDDeformer
+from vtkmuscle.filters import PBDDeformer
 from vtkmuscle.filters.deformer.settings import PRESETS
-from vtkmuscle.phantoms import spindle_over_hinge
-
-
-@pytest.fixture(scope="module")
-def deformer_of():
-    phantom = spindle_over_hinge()
-    ((name, muscle),) = phantom.muscles.items()
-    fixed = FixedPointDetector()(muscle, phantom.bones, phantom.attachments[name])
-    moving = BoneMotion(motion=phantom.motion)
-    moving.connect(0, phantom.bones)
-
-    def make(**parameters):
-        deformer = PBDDeformer(**parameters)
-        deformer.connect(0, fixed)
-        deformer.connect(1, moving)
-        return deformer
-
-    make.times, make.fixed, make.motion = phantom.motion.times, fixed, phantom.motion
-    return make
 
 
 def test_a_preset_is_its_settings_and_explicit_ones_count_more():
@@ -46,3 +27,10 @@ def test_an_unknown_preset_is_refused_with_those_there_are():
         ValueError, match=r"quality is 'best', but must be one of 'preview', 'balanced', 'acc"
     ):
         PBDDeformer(quality="best")
+
+
+def test_a_preset_leaves_nothing_of_another():
+    assert len({frozenset(settings) for settings in PRESETS.values()}) == 1
+    deformer = PBDDeformer(quality="published")
+    deformer.quality = "balanced"
+    assert deformer.parameters() == PBDDeformer(quality="balanced").parameters()

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from phantoms import hip, label_map
 
 from vtkmuscle import Scene
 from vtkmuscle.core.mesh.normals import triangle_normals
@@ -16,7 +17,6 @@ from vtkmuscle.data.label_images import label_field, label_image, labels_in
 from vtkmuscle.io.writing import write_polydata
 from vtkmuscle.labels import maps
 from vtkmuscle.labels.maps import draft_of_labels, taut_line, with_tendon
-from vtkmuscle.phantoms import hip, label_map
 from vtkmuscle.phantoms.implicit import ball
 from vtkmuscle.phantoms.meshing import mesh_of
 

@@ -27,7 +27,7 @@ from vtkmodules.vtkCommonExecutionModel import vtkStreamingDemandDrivenPipeline
 from vtkmodules.vtkIOLegacy import vtkPolyDataReader, vtkPolyDataWriter
 
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.isolation import is_python, isolated_python
+from vtkmuscle.core.machine import is_python, python_command
 
 
 @contextmanager
@@ -205,10 +205,10 @@ class _Child:
         if self._process is None or self._owner != os.getpid() or self._process.poll() is not None:
             self.close()
             self._owner = os.getpid()
-            # The package may be in the working folder; no other code is loaded from there.
+            # The package may be in the working folder, which this Python leaves out.
             root = str(Path(__file__).parents[2])
             self._process = subprocess.Popen(
-                isolated_python(f"sys.path.append({root!r})\nfrom {read.__module__} import serve\nserve()"),
+                python_command(f"sys.path.append({root!r})\nfrom {read.__module__} import serve\nserve()"),
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 stderr=subprocess.DEVNULL,

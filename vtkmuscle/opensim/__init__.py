@@ -1,8 +1,7 @@
-"""OpenSim and MuJoCo: models read and written, muscles of scenes for other programs.
+"""Models of OpenSim and MuJoCo: read, checked, and written with the muscles of a run.
 
-Only scenes with joints or a model, and the commands, use the package. Models are written from a
-:class:`~vtkmuscle.opensim.tree.KinematicTree` with paths; tests compare lengths and moment arms with
-OpenSim's.
+Models are written from a :class:`~vtkmuscle.joints.tree.KinematicTree` with paths, so that tests can compare
+lengths and moment arms with OpenSim's.
 """
 
 import lazy_loader

@@ -12,8 +12,8 @@ from scipy.optimize import least_squares
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.types import Bools, Floats
+from vtkmuscle.joints.tree import KinematicTree
 from vtkmuscle.opensim.muscle_paths import STEP, Cylinder, FunctionPath, PathPoint, PointPath, powers, terms
-from vtkmuscle.opensim.tree import KinematicTree
 
 #: Largest number of held-out parts of each coordinate's values: the inner parts choose the polynomial's order
 #: by the errors of a fit to the remaining poses, so that the order holds between the levels of a grid.

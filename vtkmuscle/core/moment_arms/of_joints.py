@@ -31,10 +31,10 @@ def checked_coordinates(motion: RigidMotion, names: Sequence[str]) -> None:
 def known_coordinates(
     motion: RigidMotion, crossed: Sequence[str] | None = None, levers: Collection[str] = ()
 ) -> tuple[str, ...]:
-    """Return the coordinates that change, or whose joint or levers are known: there may be moment arms by them.
+    """Return the coordinates by which there may be moment arms.
 
-    ``crossed`` names the coordinates that lengths depend on, by default all. Raises a ValueError if there is
-    none.
+    They change, or their joint or levers are known. ``crossed`` names the coordinates that lengths depend
+    on, by default all. Raises a ValueError if there is none.
     """
     known = motion.coordinates
     among = known if crossed is None else crossed

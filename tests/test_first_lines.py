@@ -1,0 +1,137 @@
+"""What somebody who knows PyVista, VTK or pandas types first: it works, or says what to write."""
+
+import numpy as np
+import pytest
+import pyvista as pv
+
+import vtkmuscle
+from vtkmuscle import Muscle, Result, Scene, filters, phantoms, plotting
+from vtkmuscle.plotting import can_render
+
+#: Each line, and what it gives: "" where it works, else what the one error says.
+LINES = {
+    "vtkmuscle.Scenes": "did you mean 'Scene'",
+    "vtkmuscle.AttachmentArea('origin', 'fixed', np.eye(3), True)": "",
+    "Result.load('nowhere')": "nowhere",
+    "scene['spindle']": "",
+    "scene['distal'].plot(off_screen=True)": "",
+    "scene['spindel']": "did you mean 'spindle'",
+    "scene.plot(show=False, off_screen=True).close()": "",
+    "scene.plot(muscles='spindle', show=False, off_screen=True).close()": "",
+    "scene['spindle'].points[:2]": "",
+    "scene.run(muscles=['spindle'])": "no option 'muscles'",
+    "scene.run(outdir='out')": "no option 'outdir'",
+    "Muscle('spindle.stl')": "pyvista.read(path)",
+    "Muscle(mesh, [('origin', 'fixed', np.eye(3), True)]).attachments[0].role": "",
+    "vtkmuscle.hinge(centre=(0, 0, 0), axis=(1, 0, 0), angles=[0, 30])": "bone",
+    "result['spindle'].lengths": "",
+    "result['spindle'].moment_arms['distal_angle'].mean": "",
+    "result['spindle'].architecture['pcsa_mm2']": "",
+    "result['spindle'].surface(frame=1).points": "",
+    "result['spindel']": "did you mean 'spindle'",
+    "result.muscles['spindle'].verdict": "",
+    "result.muscle('spindel', time=0.0)": "did you mean 'spindle'",
+    "result.muscle('spindle', time=33.0)": "no frame of time 33",
+    "result.muscle('spindle', frame=99)": "frame 99 was not kept",
+    "result.muscle('spindle', frame=1).plot(off_screen=True)": "",
+    "result.lengths['spindle'].mean(axis=1)": "",
+    "result.to_csv(folder)": "",
+    "result.length_table().to_csv(folder / 'a.csv')": "",
+    "result.length_table().to_frame().groupby('fibre').length_mm.mean()": "",
+    "result.architecture()['pcsa_mm2']": "",
+    "result.to_frame()": "",
+    "result.moment_arms()['spindle']": "",
+    "result.moment_arms('spindle')": "no coordinate 'spindle'",
+    "result.plot(muscles='spindle', show=False, off_screen=True).close()": "",
+    "result.plot(muscles='spindel')": "did you mean 'spindle'",
+    "result.write_figures(folder, form='jpg')": "png, pdf and svg",
+    "result.write_report('page.pdf')": "ends in .html",
+    "smoother.SetSmoothingPasses(3)": "did you mean 'smoothing_passes'",
+    "smoother.GetPasses()": "allowed: smoothing_passes",
+    "smoother.smothing_passes = 3": "did you mean 'smoothing_passes'",
+    "filters.FibreSmoother(passes=3)": "smoothing_passes",
+    "filters.FibreSmoother(fibres)": "FibreSmoother()(data)",
+    "smoother(fibres)": "",
+    "smoother.SetInputData(fibres)": "",
+    "smoother.GetOutput()": "",
+    "plotting.plot_lengths(result.times, result.lengths['spindle'])": "",
+}
+
+
+@pytest.fixture(scope="module")
+def known(tmp_path_factory):
+    scene = Scene.from_phantom(phantoms.spindle_over_hinge(), n_fibres=8)
+    fibres = filters.FibreTemplateSource(n_fibres=4)()
+    return {
+        "scene": scene,
+        "result": scene.run(frames="0:3"),
+        "mesh": pv.Sphere(),
+        "fibres": fibres,
+        "np": np,
+        "folder": tmp_path_factory.mktemp("out"),
+        "vtkmuscle": vtkmuscle,
+        "Scene": Scene,
+        "Result": Result,
+        "Muscle": Muscle,
+        "filters": filters,
+        "plotting": plotting,
+        "smoother": filters.FibreSmoother(fibres=fibres),
+    }
+
+
+@pytest.mark.parametrize("line", LINES)
+def test_a_line_works_or_says_what_to_write(known, line):
+    if "off_screen" in line and (reason := can_render()):
+        pytest.skip(reason)
+    words = LINES[line]
+    if not words:
+        exec(line, dict(known))
+        return
+    with pytest.raises((AttributeError, TypeError, ValueError)) as raised:
+        exec(line, dict(known))
+    assert words in str(raised.value)
+    assert len(str(raised.value)) < 500
+
+
+@pytest.mark.parametrize(
+    "what",
+    [
+        *("scene", "scene.muscles", "result", "result.lengths", "result.fibre_lengths"),
+        *(
+            "result.muscles",
+            "result.moment_arms()",
+            "result.moment_arms()['spindle']",
+            "result.architecture()",
+        ),
+    ],
+)
+def test_what_a_prompt_shows_is_short(known, what):
+    assert 10 < len(repr(eval(what, dict(known)))) < 1500
+
+
+def test_what_is_asked_for_is_what_the_run_has(known):
+    result = known["result"]
+    one = result["spindle"]
+    np.testing.assert_array_equal(one.lengths, result.lengths["spindle"])
+    np.testing.assert_array_equal(one.surface(frame=2).points, result.muscle("spindle", frame=2).points)
+    assert one.architecture["pcsa_mm2"] == float(result.architecture()["pcsa_mm2"][0])
+    assert isinstance(known["scene"]["spindle"], pv.PolyData)
+
+
+def test_a_plot_keeps_the_users_backend(known, monkeypatch):
+    pytest.importorskip("IPython", reason="PyVista takes a backend for notebooks where there are notebooks")
+    monkeypatch.setattr(pv.global_theme, "jupyter_backend", "static")
+    plotter = known["scene"].plot(show=False, off_screen=True)
+    assert plotter.theme.jupyter_backend == "static"
+    plotter.close()
+
+
+def test_literature_is_laid_over_by_one_option(known, tmp_path):
+    table = tmp_path / "published.csv"
+    table.write_text("source,muscle,dof,angle_deg,moment_arm_mm\nA1999,spindle,distal_angle,5,30\n")
+    with_it = known["result"].with_literature(table)
+    assert [curve.source for curve in with_it.literature["spindle"]] == ["A1999"]
+    assert not known["result"].literature.get("spindle")
+    table.write_text("source,muscle,dof,angle_deg,moment_arm_mm\nA1999,psoas,hip,5,30\n")
+    with pytest.raises(ValueError, match="it has those of psoas"):
+        known["result"].with_literature(table)
