@@ -7,9 +7,9 @@ import scenes
 from hypothesis import given, seed, settings
 from hypothesis import strategies as st
 from scenes import bending, box, figure, fixed_ends, run, tube
+from vtkmuscle.core.deformation.settling import Settling
 
 from vtkmuscle import Scene
-from vtkmuscle.core.deformation.settling import Settling
 from vtkmuscle.core.mesh.rest_shape import RestShape
 from vtkmuscle.core.mesh.surface import edge_lengths, mesh_topology, signed_volume, unique_edges
 from vtkmuscle.core.motion.rigid import apply_transform, inverse, rotation_about
