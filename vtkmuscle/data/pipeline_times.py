@@ -30,8 +30,7 @@ def announce_times(info: Any, steps: Sequence[float]) -> None:
 
 def times_of(info: Any) -> tuple[float, ...]:
     """Return the time steps that a port's information announces, () where there are none."""
-    times: tuple[float, ...] = info.Get(_STEPS) if info is not None and info.Has(_STEPS) else ()
-    return times
+    return tuple(info.Get(_STEPS)) if info is not None and info.Has(_STEPS) else ()
 
 
 def time_asked(info: Any) -> float | None:
@@ -67,8 +66,7 @@ def input_at(algorithm: Any, port: int, time: float | None) -> Any:
 
     Data that is there already is not computed again.
     """
-    collector = vtk_collector()
-    if collector is not None:
+    if (collector := vtk_collector()) is not None:
         collector.Collect()  # what is left of the time before
     connection = algorithm.GetInputConnection(port, 0)
     producer, index = connection.GetProducer(), connection.GetIndex()

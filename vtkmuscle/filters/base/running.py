@@ -49,8 +49,7 @@ def update(algorithm: Any, time: float | None = None, port: int = 0) -> Output:
     """
     executive, outer = algorithm.GetExecutive(), getattr(_within, "update", False)
     _within.update = True
-    collector = vtk_collector()
-    if collector is not None:
+    if (collector := vtk_collector()) is not None:
         collector.DeferredCollectionPush()
     try:
         done = executive.UpdateInformation()
