@@ -20,8 +20,7 @@ from real_hip import data_folder
 from sampling import OTHER, Sampling, Stack, by_stage, collapsed
 
 from vtkmuscle import Scene
-from vtkmuscle.filters.fibre_transport import FibreTransport
-from vtkmuscle.filters.pbd_deformer import PBDDeformer
+from vtkmuscle.filters import FibreMetrics, PathDeformer, PBDDeformer
 from vtkmuscle.pipelines import MusclePipeline
 from vtkmuscle.run import muscle_pipeline
 
@@ -32,21 +31,28 @@ SETTINGS: dict[str, dict[str, Any]] = {
     "preview": {"quality": "preview"},
     "balanced": {},
     "accurate": {"quality": "accurate"},
-    "published": {"quality": "published", "iterations": 10},
+    "published": {"deformer": "pbd", "quality": "published", "solver": {"iterations": 10}},
 }
 STEP, FIBRES = "step", "fibres"
 #: The calls that a stage is, without those of other stages within them.
 STAGES = {
     "bone motion": ["filters/bone_motion:BoneMotion"],
-    "reading inputs": ["filters/pbd_deformer:PBDDeformer._prepare"],
+    "reading inputs": [
+        "filters/taut_paths:TautPaths._prepare",
+        "filters/path_deformer:PathDeformer._made",
+    ],
     "paths": ["core/paths/sheet:MusclePaths.follow"],
-    "skinning": ["core/paths/skinning:Skinning.at", "core/paths/skinning:SkinnedMuscle.points"],
-    "diffusion": ["core/deformation/diffusion:Diffusion.spread"],
+    "skinning": ["core/skinning/skinning:Skinning.at", "core/skinning/skinning:SkinnedMuscle.points"],
+    "diffusion": ["core/skinning/diffusion:Diffusion.spread"],
     "collision": ["core/collision/contact:Contact"],
-    "the rest of settling": ["core/deformation/settling:Settling.settle"],
+    "the rest of settling": ["core/skinning/settling:Settling.settle"],
     "report": ["core/mesh/rest_shape:RestShape.compare"],
-    "result": ["filters/pbd_deformer:PBDDeformer._result", "filters/base/algorithm:Algorithm._publish"],
-    FIBRES: ["filters/fibre_transport:FibreTransport", "filters/fibre_metrics:FibreMetrics"],
+    "result": [
+        "filters/taut_paths:TautPaths._result",
+        "filters/path_deformer:PathDeformer._surface",
+        "filters/base/algorithm:Algorithm._publish",
+    ],
+    FIBRES: ["filters/path_deformer:PathDeformer._fibres", "filters/fibre_metrics:FibreMetrics"],
 }
 
 
@@ -58,28 +64,29 @@ class Muscle:
         pipeline = muscle_pipeline(self.scene, name)
         self.fixed, self.fibres = pipeline.fixed, pipeline.fibres.update().output
 
-    def chain(self, **settings: Any) -> tuple[PBDDeformer, FibreTransport]:
-        """Return the deformer and what carries the fibres; the deformer keeps no frame to go back to."""
-        solver = {"checkpoint_memory": 0.0, **settings}
+    def chain(self, **settings: Any) -> tuple[PathDeformer | PBDDeformer, FibreMetrics]:
+        """Return the deformer and the measures of the fibres; no pose is kept to go back to."""
         bones, motion = self.scene.bones_data(), self.scene.motion
-        pipeline = MusclePipeline(self.fixed, bones, motion, fibres=self.fibres, solver=solver)
-        return pipeline.deformer, pipeline.transport
+        pipeline = MusclePipeline(self.fixed, bones, motion, fibres=self.fibres, **settings)
+        stage = pipeline.deformer if pipeline.taut_paths is None else pipeline.taut_paths
+        stage.checkpoint_memory = 0.0
+        return pipeline.deformer, pipeline.metrics
 
 
 def measure(muscle: Muscle, times: np.ndarray, rounds: int) -> tuple[dict[str, dict[str, float]], Stacks]:
     """Return the least time of each part, the median over the frames [ms], and all of it by stack [s]."""
     chains = {name: muscle.chain(**settings) for name, settings in SETTINGS.items()}
-    for _, transport in chains.values():
-        transport.update(time=times[0])
-        transport.update(time=times[1])
+    for _, metrics in chains.values():
+        metrics.update(time=times[0])
+        metrics.update(time=times[1])
     stacks: Stacks = {name: Counter() for name in chains}
     least = {name: np.full((len(times) - 1, 2), np.inf) for name in chains}
-    for name, (deformer, transport) in list(chains.items()) * rounds:
-        transport.update(time=times[0])
+    for name, (deformer, metrics) in list(chains.items()) * rounds:
+        metrics.update(time=times[0])
         with Sampling() as sampling:
             for best, now in zip(least[name], times[1:], strict=True):
                 clock = [time.thread_time()]
-                for part in (deformer, transport):
+                for part in (deformer, metrics):
                     part.update(time=now)
                     clock.append(time.thread_time())
                 np.minimum(best, 1e3 * np.diff(clock), out=best)
