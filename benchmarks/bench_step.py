@@ -42,7 +42,7 @@ STAGES = {
     "paths": ["core/paths/sheet:MusclePaths.follow"],
     "skinning": ["core/paths/skinning:Skinning.at", "core/paths/skinning:SkinnedMuscle.points"],
     "diffusion": ["core/deformation/diffusion:Diffusion.spread"],
-    "collision": ["core/collision/contact:Contact"],
+    "collision": ["core/bones/contact:PoseContact"],
     "the rest of settling": ["core/deformation/settling:Settling.settle"],
     "report": ["core/mesh/rest_shape:RestShape.compare"],
     "result": ["filters/pbd_deformer:PBDDeformer._result", "filters/base/algorithm:Algorithm._publish"],
