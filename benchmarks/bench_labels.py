@@ -59,7 +59,7 @@ def accuracy():
 def paths():
     """Print by how much path lengths and moment arms are off, areas being estimated in both."""
     phantom = hip(angles=range(0, 61, 5), detail=2.5)
-    scene = replace(Scene.from_phantom(phantom), model="paths")
+    scene = replace(Scene.from_phantom(phantom), deformer="none")
     muscles = {
         name: replace(one, attachments=estimated_areas(one.surface, dict(scene.bones)))
         for name, one in scene.muscles.items()
@@ -71,7 +71,7 @@ def paths():
         maps.read_labels = lambda *_, image=image, **__: [image]
         with tempfile.TemporaryDirectory() as folder:
             draft = maps.draft_of_labels("hip")
-            made = replace(Scene.load(draft.write(Path(folder))), model="paths").run()
+            made = replace(Scene.load(draft.write(Path(folder))), deformer="none").run()
         for name in true.lengths:
             lengths = made.lengths[name].mean(axis=1) / true.lengths[name].mean(axis=1) - 1.0
             arms = [

@@ -1,21 +1,23 @@
 """Measure PBDDeformer on the muscles of a hip: its kernels, its update, and whether it is stable.
 
-Run as ``python benchmarks/bench_pbd.py kernels``, ``update`` or ``stability``, or ``stability quick``. The scene
-is that of ``VTKMUSCLE_DATA``, else ``../shared/data``, and there ``lhdl_hip``; coarser muscles are in its folder
-``muscles_lite``. Times are of the thread, beside those of plain scalar kernels, which ``../shared/tools/naive.py``
-has: what counts is their ratio. ``stability`` prints the worst of a flexion by 90 degrees, and marks what is
-beyond the bounds: volume within 1e-6, longest edge 12 times its length, 12 folded edges, and, from 10 iterations
-on, 95 % of the angles within 30 degrees of those at rest.
+Run as ``python benchmarks/bench_pbd.py kernels``, ``update`` or ``stability``, this with ``--meshes two,one``
+and ``--iterations 1,10`` for less of it. The scene is that of ``VTKMUSCLE_DATA``, else ``../shared/data``, and
+there ``lhdl_hip``; coarser muscles are in its folder ``muscles_lite``. Times are of the thread, beside those of
+plain scalar kernels, ``tools/naive.py`` beside the data: what counts is their ratio. ``stability`` prints the
+worst of a flexion by 90 degrees, and marks what is beyond the bounds: volume within 1e-6, longest edge 12 times
+its length, 12 folded edges, and, from 10 iterations on, 95 % of the angles within 30 degrees of those at rest.
+Its meshes are 3000 and 1000 triangles, all on two levels, and all on one.
 """
 
 from __future__ import annotations
 
+import argparse
 import itertools
 import os
 import runpy
 import statistics
-import sys
 import time
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -24,6 +26,7 @@ import pyvista as pv
 from vtkmuscle import Scene
 from vtkmuscle.core.fixed_muscle import FixedMuscle
 from vtkmuscle.core.mesh.rest_shape import dihedral_angles
+from vtkmuscle.core.mesh.shared import held
 from vtkmuscle.core.mesh.surface import mesh_topology
 from vtkmuscle.core.pbd.solver import Parameters, PBDSolver
 from vtkmuscle.core.pbd.sweep import project_edges, project_volume
@@ -31,11 +34,11 @@ from vtkmuscle.data.arrays import checked_surface, field_array, points_of
 from vtkmuscle.filters import BoneMotion, FixedPointDetector, PBDDeformer
 from vtkmuscle.pipelines import decompose
 
-SHARED = Path(os.environ.get("VTKMUSCLE_DATA", Path(__file__).resolve().parents[2] / "shared" / "data")).parent
-HIP = SHARED / "data" / "lhdl_hip"
+DATA = Path(os.environ.get("VTKMUSCLE_DATA", Path(__file__).resolve().parents[2] / "shared" / "data"))
+HIP = DATA / "lhdl_hip"
 
-#: What stability is measured of: triangles (None: all, on two levels; 0: all, on one), steps, iterations.
-MESHES = ("3000", "1000", None, 0)
+#: What stability is measured of: meshes by their labels, steps [degrees], iterations.
+MESHES = {"3000": "3000", "1000": "1000", "two": None, "one": 0}
 STEPS = (2, 10, 45)
 ITERATIONS = (1, 3, 10, 100, 1000)
 
@@ -51,8 +54,8 @@ class Hip:
     def __init__(self) -> None:
         self.scene = Scene.load(HIP / "scene.toml")
         self.bones = self.scene.bones_data()
-        self._fibres = {}
 
+    @cache  # noqa: B019 -- there is one
     def muscle(self, name, mesh):
         """Return a muscle with fixed points: that of the scene, or one of fewer triangles."""
         surface = self.scene.muscles[name].surface
@@ -60,12 +63,11 @@ class Hip:
             surface = pv.read(HIP / "muscles_lite" / f"{name}_{mesh}.vtp")
         return FixedPointDetector().apply(surface, self.bones, self.scene.attachments_data(name))
 
+    @cache  # noqa: B019
     def fibres(self, name):
         """Return the fibres of a muscle."""
-        if name not in self._fibres:
-            areas = self.scene.attachments_data(name)
-            self._fibres[name] = decompose(self.scene.muscles[name].surface, areas, n_fibres=100).output
-        return self._fibres[name]
+        areas = self.scene.attachments_data(name)
+        return decompose(self.scene.muscles[name].surface, areas, n_fibres=100).output
 
     def deformer(self, name, mesh, *, step=2, fibres=True, **settings):
         """Return a deformer over flexion by steps [degrees], and its times."""
@@ -93,7 +95,7 @@ def milliseconds(work, repeats):
 
 def naive_of(points, triangles):
     """Return an iteration of the plain kernels on a mesh, as a function."""
-    naive = runpy.run_path(str(SHARED / "tools" / "naive.py"))
+    naive = runpy.run_path(str(DATA.parent / "tools" / "naive.py"))
     faces, x = triangles.astype(np.int32), points - points.mean(axis=0)
     quads, mass, gradient = naive["topology"](faces), np.ones(len(x)), np.zeros_like(x)
     lengths = np.linalg.norm(x[quads[:, 0]] - x[quads[:, 1]], axis=1)
@@ -123,12 +125,8 @@ def kernels(hip):
             project_volume(p, mass, *solver._volume)
 
         plain = naive_of(points, triangles)
-        ours, theirs = (
-            statistics.median(column)
-            for column in zip(
-                *((milliseconds(iterate, 5), milliseconds(plain, 5)) for _ in range(REPEATS // 5)), strict=True
-            )
-        )
+        turns = [(milliseconds(iterate, 5), milliseconds(plain, 5)) for _ in range(REPEATS // 5)]
+        ours, theirs = (statistics.median(column) for column in zip(*turns, strict=True))
         print(
             f"{name:16s} {len(triangles):6d} triangles: {ours:.3f} ms, plain {theirs:.3f} ms, "
             f"{theirs / ours:.2f} times as fast",
@@ -137,7 +135,7 @@ def kernels(hip):
 
 
 def updates(hip):
-    """Print what a frame takes, with pipeline and report, in iterations of the plain kernels on the full mesh."""
+    """Print what a frame takes, pipeline and all, in iterations of the plain kernels on the full mesh."""
     for name in hip.scene.muscles:
         plain = naive_of(*checked_surface(hip.scene.muscles[name].surface, name))
         for label, mesh, settings in (
@@ -164,7 +162,8 @@ def updates(hip):
 
 def worst_of(hip, name, mesh, step, iterations, *, fibres, bones):
     """Return the worst volume, stretch, turn, folds and depth of a motion."""
-    settings = {"iterations": iterations, "collision": "sdf" if bones else "off", "measure_penetration": bones}
+    settings = {"iterations": iterations, "measure_penetration": bones}
+    settings["collision"] = "sdf" if bones else "off"
     if mesh == 0:
         settings["solved_triangles"] = 0
     deformer, times = hip.deformer(name, mesh, step=step, fibres=fibres, **settings)
@@ -185,25 +184,17 @@ def worst_of(hip, name, mesh, step, iterations, *, fibres, bones):
     return worst, statistics.median(taken)
 
 
-def stability(hip, *, quick):
+def stability(hip, meshes, counts):
     """Print the worst of each motion, those that take longest last."""
-    few = (1, 3, 10, 100) if quick else ITERATIONS
-    cells = [
-        (iterations, mesh, step, name, fibres, bones)
-        for iterations in few
-        for mesh, step, name, fibres, bones in itertools.product(
-            MESHES, STEPS, hip.scene.muscles, (True, False), (True, False)
-        )
-        if not (mesh == 0 and iterations == 1000)
-    ]
+    both = (True, False)
+    cells = list(itertools.product(counts, meshes, STEPS, hip.scene.muscles, both, both))
     beyond = 0
     print("muscle           mesh  step  it. fibres bones |    V-1  edge  turn folds depth     ms")
-    for iterations, mesh, step, name, fibres, bones in cells:
-        worst, taken = worst_of(hip, name, mesh, step, iterations, fibres=fibres, bones=bones)
+    for iterations, label, step, name, fibres, bones in cells:
+        worst, taken = worst_of(hip, name, MESHES[label], step, iterations, fibres=fibres, bones=bones)
         volume, stretch, turn, folds, depth = worst
         sane = volume <= 1e-6 and stretch <= 12 and folds <= 12 and (iterations < 10 or turn <= 30)
         beyond += not sane
-        label = {None: "two", 0: "one"}.get(mesh, mesh)
         print(
             f"{name:16s} {label:>4s} {step:5d} {iterations:4d} {'yes' if fibres else 'no':>6s} "
             f"{'yes' if bones else 'no':>5s} | {volume:6.0e} {stretch:5.1f} {turn:5.1f} {folds:5.0f} "
@@ -214,8 +205,13 @@ def stability(hip, *, quick):
 
 
 if __name__ == "__main__":
-    what = sys.argv[1] if len(sys.argv) > 1 else "kernels"
-    if what == "stability":
-        stability(Hip(), quick="quick" in sys.argv)
-    else:
-        {"kernels": kernels, "update": updates}[what](Hip())
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("what", choices=("kernels", "update", "stability"))
+    parser.add_argument("--meshes", default=",".join(MESHES))
+    parser.add_argument("--iterations", default=",".join(map(str, ITERATIONS)))
+    given = parser.parse_args()
+    with held():  # the bones are the same for all
+        if given.what == "stability":
+            stability(Hip(), given.meshes.split(","), [int(count) for count in given.iterations.split(",")])
+        else:
+            {"kernels": kernels, "update": updates}[given.what](Hip())

@@ -31,6 +31,7 @@ STAGES: dict[str, tuple[str, ...]] = {
     "filling": ("run/muscles:MuscleRun.go",),
     "steps": ("run/muscles:MuscleRun._deform", "run/muscles:MuscleRun._pull"),
     "fibres": (
+        "filters/path_deformer:PathDeformer._fibres",
         "filters/fibre_transport:FibreTransport",
         "filters/fibre_metrics:FibreMetrics",
         "core/fibres/mean_value:weights_of",  # threads of their own, whose stacks begin with it

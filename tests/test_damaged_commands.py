@@ -88,12 +88,12 @@ def given(tmp_path_factory):
         Scene.load(scene).run(folder / name, frames="0:3", figures=False)
     save_strap(made / "strap", n_fibres=4)
     grid = {"grid": {"upper": [-10, 10, 10], "lower": [0, 20, 10]}}
-    strap = Scene.load(scene_with(made / "strap", made / "gridded", motion=grid, model="paths"))
+    strap = Scene.load(scene_with(made / "strap", made / "gridded", motion=grid, deformer="none"))
     strap.run(folder / "joints", figures=False)
     write_opensim(folder / "joints", folder / "into.osim")
     for path, content in TEXTS.items():
         (folder / path).write_bytes(content)
-    changes = {"joints": None, "opensim": LEG, "motion": {"file": "walk.mot"}, "model": "paths"}
+    changes = {"joints": None, "opensim": LEG, "motion": {"file": "walk.mot"}, "deformer": "none"}
     moved = scene_with(made / "strap", made / "moved", **changes).parent.rename(folder / "moved")
     shutil.copy(folder / "4.osim", moved), shutil.copy(folder / "walk.mot", moved)
     (folder / "published.csv").write_text(LITERATURE)

@@ -88,7 +88,7 @@ class FakeResult:
         self.lengths = {"with_fibres": np.array([[90.0, 90.0]]) * (1.0 + np.arange(4)[:, None] / 100.0)}
         self.fibre_lengths = self.lengths
         rows = [{"time": t, "volume_ratio": 1.001} for t in self.times]
-        self.report = {"model": "volume", "muscles": {name: {"frames": rows} for name in self.muscle_names}}
+        self.report = {"deformer": "paths", "muscles": {name: {"frames": rows} for name in self.muscle_names}}
         self.frames = list(range(len(self.times)))
         self.motion = SimpleNamespace(times=self.times, at=lambda time: {})
         self.drawn_bones = DrawnBones(two_bones())

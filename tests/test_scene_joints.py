@@ -182,7 +182,7 @@ def test_a_scene_with_joints_is_saved_as_tables_that_move_alike(strap_folder, tm
 
 def test_moment_arms_are_by_the_joints_coordinates(strap_folder, tmp_path):
     grid = {"upper": [0, 30, 10], "lower": [0, 30, 10]}
-    scene = Scene.load(scene_with(strap_folder, tmp_path, motion={"grid": grid}, model="paths"))
+    scene = Scene.load(scene_with(strap_folder, tmp_path, motion={"grid": grid}, deformer="none"))
     arms = scene.run(figures=False).moment_arms()["strap"]
     # How near the strings come is measured elsewhere; here: by which coordinate, in mm, with which sign.
     assert np.mean(arms["upper"].mean) == pytest.approx(26.0, rel=0.1)

@@ -84,7 +84,7 @@ def cord_over(motion, rings=()):
     cord = surface_from(*mesh_of(thick_curve(line, radii), 2.5, 1500))
     areas = attachments_from([*attachments_of(phantom.attachments["vastus"], "test"), *rings])
     muscle = Muscle(cord, areas, {"n_fibres": 12})
-    result = Scene("slides", one.bones, {"cord": muscle}, motion, model="paths").run(figures=False)
+    result = Scene("slides", one.bones, {"cord": muscle}, motion, deformer="none").run(figures=False)
     return result.report["muscles"]["cord"]["verdict"]
 
 

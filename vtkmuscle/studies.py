@@ -133,7 +133,7 @@ def vary(
 
 def _with_settings(scene: Scene, values: Mapping[str, Any]) -> Scene:
     """Return the scene with other values of its fields, of its solver, or of the fibres of all muscles."""
-    own = {one.name for one in fields(SceneData)} - {"name", "bones", "muscles", "motion", "files"}
+    own = {field.name for field in fields(SceneData)} - {"name", "bones", "muscles", "motion", "files"}
     changed = {name: value for name, value in values.items() if name in own}
     solver = {name: value for name, value in values.items() if name in PBDDeformer.parameter_declarations}
     fibres = {name: value for name, value in values.items() if name not in changed and name not in solver}
@@ -253,7 +253,9 @@ def _row(result: Result, name: str, out: Path | None) -> Row:
         if name in lengths
     }
     arms = result.moment_arms().get(name, {}) if result.has_moment_arms else {}
-    for quantity, mean in (means | {f"moment_arm_{axis}": one.mean for axis, one in arms.items()}).items():
+    for quantity, mean in (
+        means | {f"moment_arm_{axis}": joint.mean for axis, joint in arms.items()}
+    ).items():
         row[f"{quantity}_mm"] = float(mean.mean())
         row |= {f"{quantity}_least_mm": float(mean.min()), f"{quantity}_largest_mm": float(mean.max())}
     return row

@@ -18,9 +18,9 @@ from unittest import mock
 import numpy as np
 from common import AS_PUBLISHED, STEP, Case, Floats, Table, angles_up_to, main, value
 from published_loop import run
-
 from vtkmuscle.core.algorithm_2 import solver
 from vtkmuscle.core.algorithm_2.constraints import edge_stiffness
+
 from vtkmuscle.core.mesh.polylines import fibre_directions_at
 from vtkmuscle.core.mesh.surface import edge_lengths, mesh_topology
 from vtkmuscle.data.arrays import checked_surface, point_array, points_of, polylines_of

@@ -34,7 +34,7 @@ walk = np.vstack([cycle, np.array([hip, knee, ankle]) @ waves]).T
 columns = "inDegrees=yes\nendheader\ntime " + " ".join(JOINTS)
 np.savetxt(folder / "walk.mot", walk, header=columns, comments="")
 model = {"model": "leg.osim", "bodies": {"pelvis": "ground"}}
-tables = {"opensim": model, "motion": {"file": "walk.mot"}, "model": "paths"}
+tables = {"opensim": model, "motion": {"file": "walk.mot"}, "deformer": "none"}
 scene_file.write_text(tomli_w.dumps(tomllib.loads(scene_file.read_text()) | tables))
 result = Scene.load(scene_file).run()
 

@@ -28,7 +28,7 @@ knee = RigidMotion(
 )
 crossing = ("rectus_femoris", "vastus", "biceps_femoris", "semitendinosus", "gastrocnemius")
 whole = Scene.from_phantom(phantom, n_fibres=12)
-scene = Scene("knee", whole.bones, {name: whole.muscles[name] for name in crossing}, knee, model="paths")
+scene = Scene("knee", whole.bones, {name: whole.muscles[name] for name in crossing}, knee, deformer="none")
 result = scene.run()
 
 # %%

@@ -24,7 +24,7 @@ def ctrl_c_counts():
 
 SETTING = """
 import os, signal, threading
-from vtkmuscle.filters import BoneMotion, FixedPointDetector, PBDDeformer
+from vtkmuscle.filters import BoneMotion, FixedPointDetector, PathDeformer, TautPaths
 from vtkmuscle.data.arrays import points_of
 from vtkmuscle.phantoms import spindle_over_hinge
 
@@ -36,8 +36,9 @@ phantom = spindle_over_hinge()
 fixed = FixedPointDetector()(muscle, phantom.bones, phantom.attachments[name])
 
 def deformer(**parameters):
-    moving = BoneMotion(motion=phantom.motion, bones=phantom.bones)
-    return PBDDeformer(muscle=fixed, rest_bones=phantom.bones, bones=moving, **parameters)
+    posed = {"rest_bones": phantom.bones, "bones": BoneMotion(bones=phantom.bones, motion=phantom.motion)}
+    paths = TautPaths(rest_muscle=fixed, **posed)
+    return PathDeformer(muscle=fixed, paths=paths, **posed, **parameters)
 
 def frame(made):
     return points_of(made.update(4.0).output).tobytes()

@@ -8,8 +8,8 @@ import osim_texts as texts
 import pytest
 
 from vtkmuscle.core.motion.rigid import frame_at
+from vtkmuscle.joints import grid_of
 from vtkmuscle.joints.functions import IDENTITY, CubicSpline, PiecewiseLinear, Polynomial
-from vtkmuscle.joints.grid import grid_of
 from vtkmuscle.joints.tree import Coupling, Joint, JointAxis, JointCoordinate, KinematicTree
 from vtkmuscle.opensim import MuscleOut, enriched, osim_of, read_osim
 from vtkmuscle.opensim.fitted_paths import fit_length

@@ -28,9 +28,8 @@ class RunOptions:
         to frame.
     workers : int or None
         Number of processes that solve muscles side by side and draw figures; None for one per processor.
-        Muscles that may meet, and a single muscle, are solved in this process, and so are all by default. A
-        script needs the line ``if __name__ == "__main__":`` above a run with several processes. The result
-        does not depend on their number.
+        Muscles that may meet, and a single muscle, are solved in this process, and so are all by default. The
+        result does not depend on their number.
     figures : bool
         Draw figures; where there is no OpenGL, a warning says so and all else is written.
     report : bool

@@ -19,6 +19,7 @@ from multiprocessing.context import SpawnContext, SpawnProcess
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from threading import Event, Thread
+from types import ModuleType
 from typing import TYPE_CHECKING, Any, Self
 
 from vtkmuscle.core.machine import is_python, processors
@@ -36,10 +37,7 @@ if TYPE_CHECKING:
     from vtkmuscle.plotting.studio import Studio
 
 #: Said where a process of the pool ended before its work was done.
-ENDED = (
-    "a process that solves muscles ended early: it was killed, or memory ran out; use fewer workers. In a "
-    'script, several workers need the line `if __name__ == "__main__":` above the run'
-)
+ENDED = "a process that solves muscles ended early: it was killed, or memory ran out; use fewer workers"
 
 
 def pool_size(scene: SceneData, workers: int | None) -> int:
@@ -133,16 +131,18 @@ def track_in(path: Path) -> MuscleTrack:
 
 
 class _Process(SpawnProcess):
-    """A process that receives no Ctrl-C."""
+    """A process that receives no Ctrl-C and does not load the main script."""
 
     def start(self) -> None:
-        root = str(Path(__file__).parents[2])
+        main, root = sys.modules["__main__"], str(Path(__file__).parents[2])
         added = root not in sys.path  # the package may be in the working folder
         sys.path += [root] * added
+        sys.modules["__main__"] = ModuleType("__main__")  # a script would be run again
         try:
             with _interrupts_blocked():
                 super().start()
         finally:
+            sys.modules["__main__"] = main
             sys.path[:] = sys.path[:-1] if added else sys.path
 
 

@@ -111,14 +111,14 @@ class ResultData:
         ------
         ValueError
             If there is no such muscle or kept frame, the file of the frame is gone or changed, or the scene's
-            model is ``"paths"``, which deforms no muscle.
+            deformer is ``"none"``.
         """
         i, track = self._position(frame, time), self._track(name)
         if self.report["deformer"] == "none":
             raise InputError(
                 "",
-                f"the scene's model is 'paths', so that {name!r} was not deformed",
-                f"fibres({name!r}, frame={self.frames[i]}) has its fibres, and model 'volume' deforms it",
+                f"the scene's deformer is 'none', so that {name!r} was not deformed",
+                f"fibres({name!r}, frame={self.frames[i]}) has its fibres, and deformer 'paths' deforms it",
             )
         self._check_finished(name, i)
         return self._wrap(with_points(track.rest, points_of(track.surfaces[i])))
