@@ -157,7 +157,7 @@ REFUSED = {
     "enciphered": (tree(node("a", "mafVMESurface", files(item("a.vtk", crypting="true")))), "encrypted"),
     "one archive": (
         tree(node("a", "mafVMESurface", files(attributes='SingleFileMode="true"'))),
-        "in one archive",
+        "in an archive",
     ),
     "flat": (tree(node("a", "mafVMESurface", matrices((0.0, UNSEEN)))), "is no pose"),
     "projective": (tree(node("a", "mafVMEGroup", matrices((0.0, np.ones((4, 4)))))), "is no pose"),

@@ -12,7 +12,7 @@ import numpy as np
 from vtkmuscle.core.errors import MOST_TEXT, InputError, check_is_file
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.attachments import Aponeurosis, aponeurosis_from, landmarks_of, ring_aponeurosis
-from vtkmuscle.io.csv_table import csv_rows, number_in
+from vtkmuscle.io.csv_table import csv_rows
 from vtkmuscle.io.slicer import NamedPoints, markups_of, read_fcsv, read_nrrd_points
 from vtkmuscle.io.surfaces import SURFACE_SUFFIXES, read_polydata
 
@@ -108,7 +108,7 @@ def _from_csv(path: Path) -> NamedPoints:
     lines = list(csv_rows(path))
     header = [cell.casefold() for cell in lines[0][1]] if lines else []
     columns = tuple(map(header.index, "xyz")) if all(header.count(name) == 1 for name in "xyz") else None
-    if columns or (lines and np.isnan([number_in(header[i]) for i in _columns(header)]).any()):
+    if columns or not all(_is_number(header[i]) for i in _columns(header) if i < len(header)):
         del lines[0]
     decimal = "if numbers have a decimal comma, write a point instead"
     for number, cells in lines:
@@ -134,7 +134,15 @@ def _from_csv(path: Path) -> NamedPoints:
 
 def _columns(cells: list[str]) -> tuple[int, ...]:
     """Return the columns of x, y and z: the first three, or the next three after a name."""
-    return (1, 2, 3) if len(cells) > 3 and np.isnan(number_in(cells[0])) else (0, 1, 2)
+    return (1, 2, 3) if len(cells) > 3 and not _is_number(cells[0]) else (0, 1, 2)
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        float(cell)
+    except ValueError:
+        return False
+    return True
 
 
 def _from_json(path: Path) -> NamedPoints:
