@@ -40,7 +40,7 @@ def inner_points(offsets: Ints) -> Ints:
     return np.flatnonzero(inner)
 
 
-def places_along(points: Floats, offsets: Ints, arcs: Floats) -> Floats:
+def points_at_arcs(points: Floats, offsets: Ints, arcs: Floats) -> Floats:
     """Return the points (m, k, 3) of polylines at arc lengths (m, k) from the first point of each line.
 
     A line has at least one point; arc lengths beyond a line give its ends.
@@ -69,7 +69,7 @@ def evenly_spaced(points: Floats, offsets: Ints, count: int) -> Floats:
     """Return `count` >= 2 points at equal distances along each polyline (m, count, 3), its ends kept."""
     along = segment_lengths(points, offsets)[1]
     lengths = along[offsets[1:] - 1] - along[offsets[:-1]]
-    spaced = places_along(points, offsets, np.linspace(0.0, lengths, count, axis=1))
+    spaced = points_at_arcs(points, offsets, np.linspace(0.0, lengths, count, axis=1))
     spaced[:, 0], spaced[:, -1] = points[offsets[:-1]], points[offsets[1:] - 1]
     return spaced
 
@@ -99,6 +99,13 @@ def end_directions(points: Floats, offsets: Ints) -> tuple[Floats, Floats]:
         smooth *= lengths[one] / (lengths[one] + lengths[two])
         tangent[own] = ways[one] + smooth[:, None] * (ways[one] - ways[two])
     return unit_vectors(tangents[0]), unit_vectors(tangents[1])
+
+
+def curve_segments(curves: Floats) -> tuple[Floats, Floats, Floats]:
+    """Return start arcs, lengths and unit directions of the segments of curves (..., n, 3)."""
+    steps = np.diff(curves, axis=-2)
+    lengths = np.linalg.norm(steps, axis=-1)
+    return np.cumsum(lengths, axis=-1) - lengths, lengths, unit_vectors(steps)
 
 
 #: Distances that differ by less than this part of half the longest segment count as equal.
