@@ -5,7 +5,7 @@
 ``courses``: 100 fibres through planes, through isolines and straight, in phantoms and the muscles of scenes.
 ``tracts``: 400 fibres of each kind in a muscle whose fibres were measured; the folder has ``muscle.vtp``,
 ``tracts.vtp``, and the aponeuroses' rings ``origin.vtp`` and ``insertion.vtp``. ``dissection``: fascicles,
-pennation and areas of the scenes' muscles with their stated errors, and of that one, beside Ward et al. 2009,
+pennation and areas of the scenes' muscles, and of that one, beside Ward et al. 2009,
 doi:10.1007/s11999-008-0594-8.
 """
 
@@ -176,10 +176,9 @@ def dissection(paths: list[Path], folder: Path | None) -> Table:
     header += ("pennation [deg]", "Ward: pennation [deg]", "PCSA [cm²]", "Ward: PCSA [cm²]")
     table = Table("dissection", header, [])
 
-    def row(name: str, found: Any, errors: Any, ward: tuple[str, str, str]) -> None:
+    def row(name: str, found: Any, ward: tuple[str, str, str]) -> None:
         fascicle, area = found["fascicle_length_mm"], found["pcsa_without_tendon_mm2"] / 100.0
         ends = [found[f"fascicle_pennation_{end}_deg"] for end in ("origin", "insertion")]
-        stated = "" if errors is None else f" ± {errors['pcsa_without_tendon']['total'] / 100.0:.0f}"
         table.rows.append(
             (
                 name.replace("_", " "),
@@ -189,7 +188,7 @@ def dissection(paths: list[Path], folder: Path | None) -> Table:
                 ward[0],
                 " and ".join(f"{end['mean']:.0f}" for end in ends),
                 ward[1],
-                f"{area:.1f}{stated}",
+                f"{area:.1f}",
                 ward[2],
             )
         )
@@ -199,7 +198,7 @@ def dissection(paths: list[Path], folder: Path | None) -> Table:
         fibres = FibreSource(muscle=muscle, aponeuroses=sheets, n_fibres=400).update().output
         ward = tuple(map(str, WARD_GASTROCNEMIUS))
         found = architecture_of(fibres, muscle, areas, 1.0, aponeuroses=sheets)
-        row("gastrocnemius medialis", found, None, (ward[0], ward[1], ward[2]))
+        row("gastrocnemius medialis", found, (ward[0], ward[1], ward[2]))
     for scene in map(Scene.load, paths):
         report = scene.run(None, frames="0:1", figures=False).report
         for name, muscle in report["muscles"].items():
@@ -207,7 +206,7 @@ def dissection(paths: list[Path], folder: Path | None) -> Table:
                 length, angle, area = WARD[name]
                 words = [f"{mean:.0f}, sd {sd:.0f}" for mean, sd in (length, angle)]
                 known = (words[0], words[1], "" if area is None else str(area))
-                row(name, muscle["architecture"], muscle["errors"], known)
+                row(name, muscle["architecture"], known)
     return table
 
 

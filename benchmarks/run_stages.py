@@ -43,7 +43,6 @@ STAGES: dict[str, tuple[str, ...]] = {
         "run/report_values:fibres_at_rest",
         "run/report_values:measures_of_fibres",
     ),
-    "errors": ("accuracy/stated:StatedErrors",),
     "tables": ("run/steps:_measure", "run/steps:_write_tables", "run/table:Table"),
     "frames": ("run/muscles:MuscleRun._keep", "run/store/writing:ResultWriter"),
     "figures": (_DRAWING, "run/figures:Drawing", "plotting/drawing:DrawingProcess"),

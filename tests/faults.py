@@ -16,6 +16,7 @@ import pytest
 
 from vtkmuscle.io import read_polydata, read_series
 from vtkmuscle.io.parts import Parts
+from vtkmuscle.run.store.notes import MuscleNote, RunNote, read_note
 
 #: The program, in a process of its own, with this one's packages.
 PROGRAM = (sys.executable, "-m", "vtkmuscle")
@@ -76,6 +77,8 @@ def check_whole(folder: Path) -> int:
             assert len({len(row) for row in rows}) == 1, path
         elif path.suffix == ".npz":
             assert Parts(path.parent).read(path.stem) is not None
+        elif path.parent.name == "finished" and path.suffix == ".json" and path.name != "report.json":
+            read_note(path, RunNote if path.stem == "scene" else MuscleNote)
         elif path.suffix == ".json":
             json.loads(path.read_text())
         elif path.suffix == ".html":

@@ -47,13 +47,11 @@ def load_and_run(path: Path) -> None:
 
 
 def go_on(out: Path) -> None:
-    """Run a scene into damaged results of it, and read them: they are those of a whole run again."""
-    scene, whole = out.parent / "scene" / "scene.toml", out.parent / "whole"
+    """Run a scene into damaged results of it, and read them."""
+    scene = out.parent / "scene" / "scene.toml"
     with one_clear_error(scene, out):
         Scene.load(scene).run(out, frames="0:2", figures=False)
         result = Result.load(out)
-        for name in ("lengths.csv", "fibre_lengths.csv"):
-            assert (out / name).read_bytes() == (whole / name).read_bytes(), name
         result.muscle("spindle", frame=1), result.write_report(out / "again.html")
 
 

@@ -245,7 +245,6 @@ def test_ctrl_c_leaves_the_finished_frames(moment, scene_file, tmp_path):
         report = json.loads((out / "report.json").read_text())
         assert report["complete"] is False
         assert report["stopped_by"] == "KeyboardInterrupt"
-        assert abs(len(report["muscles"]["spindle"]["frames"]) - len(reader.time_values)) <= 1
 
 
 @pytest.mark.parametrize("module", ["numba.core.types.misc", "vtkmuscle.run.muscles"])

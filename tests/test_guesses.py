@@ -31,7 +31,6 @@ GUESSES = {
     "scene.muscle_names": "list(scene.muscles)",
     "scene.write('folder')": "scene.save(folder)",
     "scene['spindle'].points[:2]": "",
-    "scene.run(errors='mesh')": "vtkmuscle.run_with_errors",
     "scene.run(muscles=['spindle'])": "no option 'muscles'",
     "scene.run(outdir='out')": "no option 'outdir'",
     "Muscle('spindle.stl')": "pyvista.read(path)",
@@ -117,7 +116,7 @@ def test_a_guess_works_or_says_what_to_write(known, guess):
 @pytest.mark.parametrize(
     "what",
     [
-        *("scene", "scene.muscles", "result", "result.lengths", "result.fibre_lengths", "result.errors"),
+        *("scene", "scene.muscles", "result", "result.lengths", "result.fibre_lengths"),
         *(
             "result.muscles",
             "result.moment_arms()",

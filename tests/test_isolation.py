@@ -29,7 +29,7 @@ commands = {
     "demo --out demo --frames 0:1 --no-figures": (0,),
     "paraview-path --folder links": (0,),
 }
-for command, statuses in commands.items():
+for command, statuses in commands.items() if __name__ == "__main__" else ():
     sys.argv = ["vtkmuscle", *command.split()]
     try:
         main()

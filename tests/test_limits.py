@@ -1,24 +1,21 @@
 """Limits and types: what is too much, or no file, is one clear error and no traceback."""
 
-import dataclasses
 import json
 import os
 import subprocess
 import sys
 import threading
-import warnings
 from pathlib import Path
 
 import pytest
-from tiny_scene import HINGE, TOML, ellipsoid, write_tiny_scene
+from tiny_scene import HINGE, TOML, write_tiny_scene
 from typer.testing import CliRunner
 
-from vtkmuscle import Scene, SceneError
+from vtkmuscle import Scene
 from vtkmuscle.cli import BAD_INPUT, app
 from vtkmuscle.core.template.kinds import read_template
 from vtkmuscle.filters import FibreTemplateSource, FibreTubes, PBDDeformer
 from vtkmuscle.io import read_landmarks, read_motion_table, read_polydata
-from vtkmuscle.run.cost import VARIABLE, check_duration
 
 MOTION = TOML[TOML.index("[motion]") : TOML.index("[muscles")]
 DEEP = "a = " + 500 * "[" + 500 * "]" + "\n"
@@ -160,83 +157,12 @@ def test_maxima_are_stated():
             setattr(kind(), name, 10**400)
 
 
-def test_what_takes_more_than_half_of_the_memory_is_refused_before_it_starts(
-    scene_file, tmp_path, monkeypatch
-):
-    scene = Scene.load(scene_file)
-    monkeypatch.setenv(VARIABLE, "0.001")
-    with pytest.raises(SceneError, match=r"would take about .* GB of memory, .* may take 0\.001 GB"):
-        scene.run(tmp_path / "out", figures=False)
-    assert not (tmp_path / "out").exists()
-    monkeypatch.setenv(VARIABLE, "much")
-    with pytest.raises(ValueError, match="number of gigabytes"):
-        scene.run(tmp_path / "out", figures=False)
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "key"),
-    [
-        ("n_fibres = 6, resolution = 5", "n_fibres = 100000, resolution = 1000", "muscles.spindle.fibres"),
-    ],
-)
-def test_memory_is_estimated_for_what_takes_it(scene_file, tmp_path, monkeypatch, old, new, key):
-    monkeypatch.setenv(VARIABLE, "8")
-    change(scene_file, old, new)
-    with pytest.raises(SceneError, match="would take") as failure:
-        Scene.load(scene_file).run(tmp_path / "out", figures=False)
-    assert failure.value.key.startswith(key)
-
-
-@pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="no /proc to read the peak of memory from")
-def test_the_estimate_is_no_less_than_what_is_taken(scene_file):
-    code = """
-import pathlib, sys
-def peak():  # not ru_maxrss, which begins with that of the process it was forked from
-    lines = pathlib.Path("/proc/self/status").read_text().splitlines()
-    return next(1024 * int(line.split()[1]) for line in lines if line.startswith("VmHWM"))
-from vtkmuscle.run.cost import estimated_memory
-from vtkmuscle import Scene
-scene = Scene.load(sys.argv[1])
-before = peak()
-scene.run(None, figures=False, workers=1)
-taken = peak() - before
-print(taken, sum(dict(estimated_memory(scene, range(5))).values()))
-"""
-    change(scene_file, "n_fibres = 6, resolution = 5", "n_fibres = 500, resolution = 40")
-    done = subprocess.run(
-        [sys.executable, "-c", code, str(scene_file)], capture_output=True, text=True, check=True
-    )
-    taken, estimated = map(float, done.stdout.split())
-    assert taken < estimated + 300e6  # compiled code and libraries that are loaded on the way
-    assert estimated < 20 * taken
-
-
 def test_not_enough_memory_is_one_line(scene_file, monkeypatch):
     def fail(path):
         raise MemoryError
 
     monkeypatch.setattr(Scene, "load", fail)
     assert "not enough memory" in run(scene_file)
-
-
-def test_a_run_that_takes_hours_is_announced_and_one_without_an_end_is_refused(scene_file, monkeypatch):
-    change(scene_file, MOTION, HINGE.replace("[0, 20, 5]", "[0, 20, 0.002]") + "\n")
-    change(scene_file, "iterations = 3", "iterations = 10_000")
-    scene = Scene.load(scene_file)
-    fine = dataclasses.replace(scene.muscles["spindle"], surface=ellipsoid((8, 8, 40), (0, 0, 0), 40))
-    with pytest.warns(
-        UserWarning, match=r"the run takes about 5\.\d hours .* for 'spindle'; if that is too long"
-    ):
-        check_duration(dataclasses.replace(scene, muscles={"spindle": fine}), range(10_000))
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        check_duration(scene, range(100))
-    monkeypatch.setattr("vtkmuscle.run.cost.MOST", 0.5)
-    out = scene_file.parent / "out"
-    with pytest.raises(SceneError, match=r"takes about 0\.8\d hours .* give fewer iterations") as failure:
-        scene.run(out, figures=False)
-    assert failure.value.key == "muscles.spindle"
-    assert not list(out.rglob("*"))
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no device that is full")

@@ -44,11 +44,6 @@ def test_types_are_for_others_too():
     assert (Path(vtkmuscle.__file__).parent / "py.typed").is_file()
 
 
-def test_readers_are_for_names_of_ours_alone():
-    readers = PROJECT["entry-points"]["pyvista.readers"]
-    assert set(readers) == {".scene.toml", ".msf", ".nms"}
-
-
 def test_the_supported_versions_are_those_of_the_documentation():
     page = (ROOT / "docs" / "start" / "install.rst").read_text(encoding="utf-8")
     numpy = next(one for one in PROJECT["dependencies"] if one.startswith("numpy"))

@@ -129,7 +129,7 @@ def blue_pixels(image, by=60):
 
 def test_a_crash_while_rendering_is_told_in_words_and_does_not_reach_us(monkeypatch):
     script = "import os, sys; print('no libOSMesa', file=sys.stderr, flush=True); os.abort()"
-    monkeypatch.setattr(drawing, "_PREFLIGHT", script)
+    monkeypatch.setattr(drawing, "TEST_PICTURE", script)
     can_render.cache_clear()
     reason = can_render()
     can_render.cache_clear()
@@ -138,7 +138,7 @@ def test_a_crash_while_rendering_is_told_in_words_and_does_not_reach_us(monkeypa
 
 
 def test_a_render_that_hangs_is_given_up(monkeypatch):
-    monkeypatch.setattr(drawing, "_PREFLIGHT", "import time; time.sleep(60)")
+    monkeypatch.setattr(drawing, "TEST_PICTURE", "import time; time.sleep(60)")
     monkeypatch.setattr(drawing, "PREFLIGHT_TIMEOUT", 0.2)
     can_render.cache_clear()
     reason = can_render()
@@ -147,7 +147,7 @@ def test_a_render_that_hangs_is_given_up(monkeypatch):
 
 
 def test_a_window_that_renders_nothing_is_not_taken_for_success(renders, monkeypatch):
-    monkeypatch.setattr(drawing, "_PREFLIGHT", drawing._PREFLIGHT.replace("(1, 0, 0)", "(0, 0, 0)"))
+    monkeypatch.setattr(drawing, "TEST_PICTURE", drawing.TEST_PICTURE.replace("(1, 0, 0)", "(0, 0, 0)"))
     can_render.cache_clear()
     reason = can_render()
     can_render.cache_clear()

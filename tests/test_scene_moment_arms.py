@@ -105,12 +105,12 @@ def test_tables_and_report_hold_them(result, out):
         assert float(row["moment_arm_mm"]) == pytest.approx(found.arms[frame, fibre], rel=1e-9)
         assert float(row["slope_mm"]) == pytest.approx(found.slopes[frame, fibre], rel=1e-9, abs=1e-12)
         assert float(row["quartic_mm"]) == pytest.approx(found.quartic[frame, fibre], rel=1e-9)
-    total = result.errors["spindle"]["moment_arm_knee"].total
     summary = table(out / "moment_arms_summary.csv")
     assert [float(row["value"]) for row in summary] == result.times
     for frame, row in enumerate(summary):
         assert float(row["mean_mm"]) == pytest.approx(found.mean[frame])
-        assert float(row["mean_err_mm"]) == pytest.approx(total[frame])
+        spread = found.arms[frame].std(ddof=1)
+        assert float(row["sampling_error_mm"]) == pytest.approx(spread / np.sqrt(found.arms.shape[1]))
         assert float(row["min_mm"]) == pytest.approx(found.arms[frame].min())
         assert float(row["max_mm"]) == pytest.approx(found.arms[frame].max())
     report = json.loads((out / "report.json").read_text())
@@ -165,19 +165,6 @@ def test_a_single_frame_of_a_table_is_told_in_the_report(scene, tmp_path):
     few = plain.run(tmp_path, frames="0:1", figures=False)
     assert "no coordinate of the motion changes" in few.report["moment_arms"]["reason"]
     assert not (tmp_path / "moment_arms.csv").exists()
-
-
-def test_figure_table_and_page_have_one_error(result):
-    """All that is known of it, with 95 % confidence: the difference from -dl/dq is a part of it."""
-    error = result.errors["spindle"]["moment_arm_knee"]
-    found = result.moment_arms()["spindle"]["knee"]
-    np.testing.assert_allclose(error.parts["slopes"], 2 / np.sqrt(3) * np.abs(found.mean - found.mean_slope))
-    figure = plot_moment_arms({"knee": found}, errors={"knee": error.total})
-    (band,) = (one for one in figure.axes[0].collections if "error" in one.get_label())
-    low, high = band.get_paths()[0].get_extents().intervaly
-    assert low == pytest.approx((found.mean - error.total).min())
-    assert high == pytest.approx((found.mean + error.total).max())
-    np.testing.assert_array_equal(result.moment_arms().summary()["mean_err_mm"], error.total)
 
 
 def test_a_saved_scene_has_the_same_coordinates_and_literature(scene, tmp_path):

@@ -31,14 +31,6 @@ def test_an_unknown_preset_is_refused_with_the_nearest(scene_file):
         Scene.load(scene_file)
 
 
-def test_a_setting_that_is_gone_says_what_to_use(scene_file):
-    scene_file.write_text(scene_file.read_text().replace("iterations = 3", "iterations = 3\ntolerance = 0.1"))
-    with pytest.raises(
-        SceneError, match=r"there is no setting 'tolerance' any more; .*use quality or iterations"
-    ):
-        Scene.load(scene_file)
-
-
 def test_voxels_without_the_published_quality_are_refused(scene_file):
     text = scene_file.read_text()
     scene_file.write_text(text.replace("iterations = 3", 'iterations = 3\ncollision = "voxel"'))

@@ -77,7 +77,7 @@ def test_each_quantity_has_its_table_and_is_read_back(spindle, tmp_path):
     ):
         np.testing.assert_array_equal(read["spindle"], known["spindle"])
         rows = list(csv.DictReader((tmp_path / file).read_text().splitlines()))
-        assert list(rows[0]) == ["muscle", "fibre", "frame", "time", "length_mm", "length_err_mm"]
+        assert list(rows[0]) == ["muscle", "fibre", "frame", "time", "length_mm", "segment_error_mm"]
         written = np.array([float(row["length_mm"]) for row in rows])
         np.testing.assert_array_equal(written.reshape(6, -1).T, known["spindle"])
         np.testing.assert_array_equal(table["length_mm"], written)

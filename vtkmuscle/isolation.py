@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 
@@ -19,6 +21,25 @@ def leave_out_working_folder() -> None:
     if here not in map(os.path.realpath, _asked_for()):
         sys.path[:] = [part for part in sys.path if os.path.realpath(part or ".") != here]
     os.environ.setdefault("NUMBA_CACHE_DIR", "")
+
+
+@contextmanager
+def workers_leave_out_working_folder() -> Iterator[None]:
+    """Let processes started meanwhile by :mod:`multiprocessing` load nothing from it either.
+
+    Each begins as ``python -c``, which looks there for ``multiprocessing`` itself.
+    """
+    changed = {"PYTHONSAFEPATH": "1", "PYTHONPATH": os.pathsep.join(_asked_for())}
+    before = {name: os.environ.get(name) for name in changed}
+    os.environ.update(changed)
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                del os.environ[name]
+            else:
+                os.environ[name] = value
 
 
 def _asked_for() -> list[str]:

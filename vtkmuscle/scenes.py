@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any, Self
 
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet
 
-from vtkmuscle.accuracy import StatedErrors
 from vtkmuscle.core.words import names as as_names
 from vtkmuscle.core.words import suggestion
 from vtkmuscle.data.arrays import blocks_of
@@ -59,8 +58,8 @@ class Scene(SceneData, WithHints):
         report how deep it is in them.
     deformer : str
         ``"paths"``, each muscle carried by its taut paths (PathDeformer); ``"pbd"``, position based dynamics
-        (PBDDeformer), without paths unless ``paths`` is given; or ``"none"``, the paths alone: lengths, moment
-        arms and pictures of fibres, and no volume.
+        (PBDDeformer), without paths unless ``paths`` is given; or ``"none"``, the paths alone: lengths,
+        moment arms and pictures of fibres, and no volume.
     paths : mapping or None
         Parameters of TautPaths for all muscles.
     quality : str or None
@@ -170,12 +169,12 @@ class Scene(SceneData, WithHints):
         OSError
             If the folder cannot be written to, or another run writes to it.
         KeyboardInterrupt
-            On Ctrl-C; the finished frames are written, and the report lists them.
+            On Ctrl-C; finished muscles are kept, and the report lists them.
         """
         if out is not None and not str(out):
             raise ValueError("out is empty; give the name of a folder")
         target = None if out is None else Path(out)
-        return run_scene(self, target, RunOptions.of(options), errors=StatedErrors(self))
+        return run_scene(self, target, RunOptions.of(options))
 
     def __getitem__(self, name: str) -> Any:
         """Return a muscle or a bone at rest as PyVista's data: ``scene["iliacus"].plot()``."""

@@ -8,7 +8,7 @@ import numpy as np
 import pyvista as pv
 from common import EQUAL, FINE, Case, Table, main, picture
 
-from vtkmuscle.core.algorithm_2.voxels import VoxelGrid, build_voxel_grid
+from vtkmuscle.core.pbd.voxels import VoxelGrid, build_voxel_grid
 from vtkmuscle.data.arrays import checked_surface, multiblock_from
 from vtkmuscle.plotting import choose_view
 

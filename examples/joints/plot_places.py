@@ -23,7 +23,6 @@ with plotting.Studio() as studio:
         rest=plotting.MuscleFrame(
             result.rest_muscle("gluteus_medius"), {}, result.rest_fibres("gluteus_medius")
         ),
-        errors={name: one.errors[f"moment_arm_{name}"].total for name in one.moment_arms},
     )
 figure.canvas.draw()
 shown = plt.figure(figsize=figure.get_size_inches(), dpi=figure.dpi)

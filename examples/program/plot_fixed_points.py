@@ -10,7 +10,7 @@ import numpy as np
 import pyvista as pv
 
 from vtkmuscle import phantoms
-from vtkmuscle.core.algorithm_2.voxels import build_voxel_grid
+from vtkmuscle.core.pbd.voxels import build_voxel_grid
 from vtkmuscle.data.arrays import blocks_of, checked_surface
 from vtkmuscle.filters import FixedPointDetector
 

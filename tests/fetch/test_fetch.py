@@ -12,43 +12,45 @@ from file_server import serving
 from typer.testing import CliRunner
 
 from vtkmuscle import InputError, Scene, cli
-from vtkmuscle.fetch import DATA_SETS, DataSet, RemoteFile, fetch
+from vtkmuscle import fetch as public
+from vtkmuscle.fetch import fetch
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 from tiny_scene import write_tiny_scene
 
-COMMIT = 40 * "a"
+PATH = f"owner/tiny/{40 * 'a'}"
 
 
 @pytest.fixture(scope="module")
 def published(tmp_path_factory):
-    """The files of a small data set, by their path on the server, and its entry."""
+    """The files of a small scene by their names in it."""
     folder = tmp_path_factory.mktemp("published")
     write_tiny_scene(folder)
-    names = sorted(str(path.relative_to(folder)) for path in folder.rglob("*") if path.is_file())
-    content = {name: (folder / name).read_bytes() for name in names}
-    files = tuple(
-        RemoteFile(name.replace("/", "_"), "owner/tiny", COMMIT, name, hashlib.sha256(data).hexdigest())
-        for name, data in content.items()
-    )
-
-    def build(given, to):
-        for one in files:
-            (to / one.path).parent.mkdir(parents=True, exist_ok=True)
-            shutil.copyfile(given[one.name], to / one.path)
-        return to / "scene.toml"
-
-    served = {f"owner/tiny/{COMMIT}/{name}": data for name, data in content.items()}
-    return served, DataSet(title="tiny", licence="You may.\n", files=files, build=build)
+    return {str(path.relative_to(folder)): path for path in folder.rglob("*") if path.is_file()}
 
 
 @pytest.fixture
 def tiny(published, monkeypatch):
-    """The small data set, registered; the files that a server has."""
-    served, data = published
-    monkeypatch.setitem(DATA_SETS, "tiny", data)
-    monkeypatch.setattr("vtkmuscle.fetch.datasets.RETRIES", 0)
-    return dict(served)
+    """The small scene in place of the data set; the files that a server has."""
+    content = {name: path.read_bytes() for name, path in published.items()}
+
+    def write_scene(downloads, folder):
+        for name in content:
+            (folder / name).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(downloads / name.replace("/", "_"), folder / name)
+
+    files = {
+        name.replace("/", "_"): (f"{PATH}/{name}", hashlib.sha256(data).hexdigest())
+        for name, data in content.items()
+    }
+    for name, value in {
+        "FILES": files,
+        "LICENCE": "You may.\n",
+        "RETRIES": 0,
+        "write_scene": write_scene,
+    }.items():
+        monkeypatch.setattr(public, name, value)
+    return {f"{PATH}/{name}": data for name, data in content.items()}
 
 
 def nothing_left(folder):
@@ -58,7 +60,7 @@ def nothing_left(folder):
 
 def test_what_is_published_becomes_a_scene(tiny, tmp_path):
     with serving(tiny) as (host, asked):
-        path = fetch("tiny", tmp_path / "here", accept_licence=True, host=host)
+        path = fetch("lhdl-hip", tmp_path / "here", accept_licence=True, host=host)
     assert path == tmp_path / "here" / "scene.toml"
     assert Scene.load(path).name == "tiny"
     assert sorted(asked) == sorted(tiny)
@@ -73,7 +75,7 @@ def test_what_is_published_becomes_a_scene(tiny, tmp_path):
 
 def test_without_the_licence_nothing_is_asked_for(tiny, tmp_path):
     with serving(tiny) as (host, asked), pytest.raises(InputError, match="licence is not accepted"):
-        fetch("tiny", tmp_path / "here", host=host)
+        fetch("lhdl-hip", tmp_path / "here", host=host)
     assert asked == []
     assert nothing_left(tmp_path)
 
@@ -85,7 +87,7 @@ def test_a_wrong_checksum_is_refused(tiny, tmp_path):
         serving(tiny) as (host, _),
         pytest.raises(InputError, match=r"motion\.csv: this is not the published file: SHA256 .*expected"),
     ):
-        fetch("tiny", tmp_path / "here", accept_licence=True, host=host)
+        fetch("lhdl-hip", tmp_path / "here", accept_licence=True, host=host)
     assert nothing_left(tmp_path)
 
 
@@ -97,17 +99,17 @@ def test_a_wrong_checksum_is_refused(tiny, tmp_path):
 def test_what_is_cut_or_missing_is_refused(tiny, tmp_path, fault, words):
     name = next(name for name in tiny if name.endswith("spindle.vtp"))
     with serving(tiny, **{fault: {name}}) as (host, _), pytest.raises(InputError, match=words) as caught:
-        fetch("tiny", tmp_path / "here", accept_licence=True, host=host)
+        fetch("lhdl-hip", tmp_path / "here", accept_licence=True, host=host)
     assert caught.value.where == f"{host}/{name}"
     assert nothing_left(tmp_path)
 
 
 @pytest.mark.parametrize("fault", ["cut", "missing"])
 def test_what_fails_once_is_tried_again(tiny, tmp_path, monkeypatch, fault):
-    monkeypatch.setattr("vtkmuscle.fetch.datasets.RETRIES", 1)
+    monkeypatch.setattr(public, "RETRIES", 1)
     name = next(name for name in tiny if name.endswith("spindle.vtp"))
     with serving(tiny, **{fault: {name}}, once=True) as (host, asked):
-        path = fetch("tiny", tmp_path / "here", accept_licence=True, host=host)
+        path = fetch("lhdl-hip", tmp_path / "here", accept_licence=True, host=host)
     assert Scene.load(path).name == "tiny"
     assert asked.count(name) == 2
 
@@ -117,7 +119,7 @@ def test_without_a_network_there_is_one_clear_error(tiny, tmp_path):
         closed.bind(("127.0.0.1", 0))
         host = f"http://127.0.0.1:{closed.getsockname()[1]}"
         with pytest.raises(InputError, match=r"the download failed: .*Connection refused"):
-            fetch("tiny", tmp_path / "here", accept_licence=True, host=host)
+            fetch("lhdl-hip", tmp_path / "here", accept_licence=True, host=host)
     assert nothing_left(tmp_path)
 
 
@@ -125,34 +127,34 @@ def test_a_folder_in_the_way_is_left_alone(tiny, tmp_path):
     (tmp_path / "here").mkdir()
     (tmp_path / "here" / "mine.txt").write_text("mine")
     with serving(tiny) as (host, asked), pytest.raises(InputError, match="in the way"):
-        fetch("tiny", tmp_path / "here", accept_licence=True, host=host)
+        fetch("lhdl-hip", tmp_path / "here", accept_licence=True, host=host)
     assert asked == []
     assert [one.name for one in (tmp_path / "here").iterdir()] == ["mine.txt"]
 
 
 def test_a_scene_that_cannot_be_read_is_not_left_behind(tiny, tmp_path, monkeypatch):
-    data = DATA_SETS["tiny"]
+    write = public.write_scene
 
-    def spoilt(files, folder):
-        path = data.build(files, folder)
+    def spoilt(downloads, folder):
+        write(downloads, folder)
+        path = folder / "scene.toml"
         path.write_text(path.read_text().replace("upper.vtp", "gone.vtp"))
-        return path
 
-    monkeypatch.setitem(DATA_SETS, "tiny", DataSet(data.title, data.licence, data.files, spoilt))
+    monkeypatch.setattr(public, "write_scene", spoilt)
     with serving(tiny) as (host, _), pytest.raises(ValueError, match=r"gone\.vtp"):
-        fetch("tiny", tmp_path / "here", accept_licence=True, host=host)
+        fetch("lhdl-hip", tmp_path / "here", accept_licence=True, host=host)
     assert nothing_left(tmp_path)
 
 
 def test_the_command_shows_the_licence_and_wants_it_accepted(tiny, tmp_path):
     to = ["--out", str(tmp_path / "here")]
     with serving(tiny) as (host, _):
-        refused = CliRunner().invoke(cli.app, ["fetch", "tiny", *to, "--host", host])
+        refused = CliRunner().invoke(cli.app, ["fetch", "lhdl-hip", *to, "--host", host])
         assert refused.exit_code == cli.BAD_INPUT
         assert "You may." in refused.output
         assert "--accept-licence" in refused.output
         assert nothing_left(tmp_path)
-        taken = CliRunner().invoke(cli.app, ["fetch", "tiny", *to, "--host", host, "--accept-licence"])
+        taken = CliRunner().invoke(cli.app, ["fetch", "lhdl-hip", *to, "--host", host, "--accept-licence"])
     assert taken.exit_code == 0
     assert (tmp_path / "here" / "scene.toml").is_file()
 

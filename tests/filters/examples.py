@@ -177,6 +177,7 @@ EXAMPLES = {
     "muscle": fixed_muscle,
     "rest_muscle": fixed_muscle,
     "deformed_muscle": deformed_muscle,
+    "start": deformed_muscle,
     "attachments": attachments,
     "neighbours": neighbours,
     "template": template,

@@ -2,10 +2,13 @@
 
 import inspect
 import pickle
+import subprocess
+import sys
 
 import numpy as np
 import pytest
 import pyvista as pv
+from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonCore import vtkObject
 from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkMultiBlockDataSet, vtkPolyData, vtkTable
 from vtkmodules.vtkCommonExecutionModel import vtkStreamingDemandDrivenPipeline
@@ -244,14 +247,12 @@ def test_results_are_copies_that_later_updates_do_not_change():
     assert isinstance(first, pv.PolyData)
 
 
-def test_several_outputs_are_a_tuple():
-    same, blocks = Split().apply(line())
-    assert isinstance(same, pv.PolyData)
-    assert isinstance(blocks, pv.MultiBlock)
-    assert blocks.keys() == ["shape"]
+def test_each_of_several_outputs_is_asked_for_by_its_port():
+    assert isinstance(Split().apply(line()), pv.PolyData)
     algorithm = Split()
     algorithm.connect(0, line())
-    assert [type(data) for data in algorithm.update().output] == [vtkPolyData, vtkMultiBlockDataSet]
+    outputs = [algorithm.update(port=number).output for number in range(2)]
+    assert [type(data) for data in outputs] == [vtkPolyData, vtkMultiBlockDataSet]
 
 
 def test_filters_and_vtks_own_chain():
@@ -259,9 +260,73 @@ def test_filters_and_vtks_own_chain():
     assert chain.update().output.GetNumberOfPoints() > 2
 
 
-def test_pyvista_data_can_be_chained():
-    assert x_of((pv.Line((3, 0, 0), (3, 0, 1)) >> Shift()).update().output) == 4.0
+def test_data_can_be_chained_and_pyvistas_can_be_given():
     assert x_of((line(3.0) >> Shift()).update().output) == 4.0
+    assert x_of(Shift()(pv.Line((3, 0, 0), (3, 0, 1)))) == 4.0
+
+
+def test_imports_and_updates_leave_vtk_and_pyvista_as_they_are():
+    script = """
+import signal, sys
+import pyvista
+from vtkmodules.util import execution_model
+from vtkmodules.util.numpy_support import vtk_to_numpy
+from vtkmodules.vtkCommonCore import vtkObject
+pipeline, finders, kept = execution_model.Pipeline, list(sys.meta_path), {
+    kind: set(vars(kind)) for kind in (pyvista.DataSet, pyvista.MultiBlock, pyvista.DataObject)}
+signal.signal(signal.SIGINT, signal.default_int_handler)
+from vtkmuscle.filters import FibreTemplateSource
+def state():
+    return signal.getsignal(signal.SIGINT), vtkObject.GetGlobalWarningDisplay()
+before, within = state(), []
+class Failing(FibreTemplateSource):
+    def execute(self):
+        within.append(state())
+        raise ValueError
+for source in (FibreTemplateSource(n_fibres=3), Failing()):
+    source.AddObserver("ProgressEvent", lambda *_: within.append(state()))
+    try:
+        source.update()
+    except ValueError:
+        within.append(state())
+assert len(within) > 3 and set(within) == {before}
+assert execution_model.Pipeline is pipeline
+assert all(set(vars(kind)) == names for kind, names in kept.items())
+assert set(sys.meta_path) == set(finders)
+"""
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+
+
+def test_an_input_is_converted_once_for_the_same_content():
+    converted = []
+
+    def taken(data, where):
+        converted.append(where)
+        return points_of(data)
+
+    class Scale(Filter):
+        """Scale points."""
+
+        factor = Parameter(float, default=1.0, doc="Factor.")
+        shape = InputPort(vtkPolyData, taken, doc="Points.")
+        output = OutputPort(vtkPolyData, doc="The points, scaled.")
+
+        def execute(self, shape):
+            return with_points(line(), self.factor * shape)
+
+    data = line(1.0)
+    scale = Scale(shape=data)
+    scale.update()
+    scale.factor = 2.0
+    assert x_of(scale.update().output) == 2.0
+    assert converted == ["shape"]
+    vtk_to_numpy(data.GetPoints().GetData())[:] = 5.0
+    data.GetPoints().Modified()
+    assert x_of(scale.update().output) == 10.0
+    scale.shape = line(3.0)
+    assert x_of(scale.update().output) == 6.0
+    assert len(converted) == 3
 
 
 # -------------------------------------------------------------------- errors
@@ -320,13 +385,16 @@ def test_failed_filter_keeps_no_earlier_output():
     assert shift.GetOutputDataObject(0).GetNumberOfPoints() == 0
 
 
-def test_vtks_messages_are_on_again_after_a_failure():
+def test_a_failure_is_raised_by_update_and_shown_by_vtks_own(caplog, capfd):
     shift = Shift(limit=2.0)
     shift.connect(0, line())
-    assert vtkObject.GetGlobalWarningDisplay()
     with pytest.raises(ValueError, match="farther"):
         shift.update()
-    assert vtkObject.GetGlobalWarningDisplay()
+    with pytest.raises(ValueError, match="is not connected"):
+        (Shift() >> vtkCleanPolyData()).update()
+    assert (caplog.text, capfd.readouterr().err) == ("", "")
+    assert not shift.Update()
+    assert "returned failure for request" in caplog.text  # PyVista has VTK's output logged
 
 
 def test_keyboard_interrupt_is_passed_on():

@@ -104,8 +104,8 @@ class DropsArrays(Sound):
 class ForgetsWhereItComesFrom(Sound):
     """Says only that it ran."""
 
-    def _publish(self, results, inputs, out_info):
-        super()._publish(results, [], out_info)
+    def _provenance_array(self, inputs):
+        return super()._provenance_array([])
 
 
 class SwallowsErrors(Sound):

@@ -8,11 +8,11 @@ from filter_case import digest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from test_pbd_deformer import bones, fixed_to, spindle
-
-from vtkmuscle.core import fixed_muscle
 from vtkmuscle.core.algorithm_2 import solver
 from vtkmuscle.core.collision import obstacles
 from vtkmuscle.core.deformation import muscle
+
+from vtkmuscle.core import fixed_muscle
 from vtkmuscle.core.motion.rigid import hinge
 from vtkmuscle.data.arrays import points_of
 from vtkmuscle.filters.base.history import Checkpoints

@@ -9,10 +9,10 @@ from typer.testing import CliRunner
 
 from vtkmuscle import Scene
 from vtkmuscle.cli import app
+from vtkmuscle.joints.functions import IDENTITY, PiecewiseLinear, Polynomial
+from vtkmuscle.joints.tree import Joint, JointAxis, JointCoordinate, KinematicTree
 from vtkmuscle.opensim import MuscleOut, check_model, osim_of, read_osim, write_opensim
-from vtkmuscle.opensim.functions import IDENTITY, PiecewiseLinear, Polynomial
 from vtkmuscle.opensim.muscle_paths import PathPoint, PointPath, moment_arm
-from vtkmuscle.opensim.tree import Joint, JointAxis, JointCoordinate, KinematicTree
 
 TREE = KinematicTree(
     "thigh",

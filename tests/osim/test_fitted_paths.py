@@ -5,11 +5,11 @@ import pytest
 
 from vtkmuscle.core.fibres.measures import group_errors, group_fibres
 from vtkmuscle.core.motion.rigid import frame_at
+from vtkmuscle.joints.functions import IDENTITY
+from vtkmuscle.joints.grid import grid_of
+from vtkmuscle.joints.tree import Joint, JointAxis, JointCoordinate, KinematicTree
 from vtkmuscle.opensim.fitted_paths import fit_length, fit_points
-from vtkmuscle.opensim.functions import IDENTITY
 from vtkmuscle.opensim.muscle_paths import Cylinder, PathPoint, PointPath, moment_arm, powers, terms
-from vtkmuscle.opensim.scene_joints import grid_of
-from vtkmuscle.opensim.tree import Joint, JointAxis, JointCoordinate, KinematicTree
 
 
 def leg():

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from vtkmuscle.core.motion.rigid import frame_at
+from vtkmuscle.joints.functions import IDENTITY, CubicSpline, Polynomial
+from vtkmuscle.joints.tree import Coupling, Joint, JointAxis, JointCoordinate, KinematicTree
 from vtkmuscle.opensim import MuscleOut, mjcf_of
-from vtkmuscle.opensim.functions import IDENTITY, CubicSpline, Polynomial
 from vtkmuscle.opensim.muscle_paths import FunctionPath, PathPoint, PointPath, moment_arm
-from vtkmuscle.opensim.tree import Coupling, Joint, JointAxis, JointCoordinate, KinematicTree
 
 
 def leg():

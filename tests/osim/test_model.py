@@ -5,8 +5,8 @@ import osim_texts as texts
 import pytest
 
 from vtkmuscle.core.motion.rigid import frame_at, turns
+from vtkmuscle.joints.functions import CubicSpline, PiecewiseLinear
 from vtkmuscle.opensim import read_osim
-from vtkmuscle.opensim.functions import CubicSpline, PiecewiseLinear
 
 
 def read(tmp_path, text, encoding="utf-8"):

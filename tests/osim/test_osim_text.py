@@ -8,12 +8,12 @@ import osim_texts as texts
 import pytest
 
 from vtkmuscle.core.motion.rigid import frame_at
+from vtkmuscle.joints.functions import IDENTITY, CubicSpline, PiecewiseLinear, Polynomial
+from vtkmuscle.joints.grid import grid_of
+from vtkmuscle.joints.tree import Coupling, Joint, JointAxis, JointCoordinate, KinematicTree
 from vtkmuscle.opensim import MuscleOut, enriched, osim_of, read_osim
 from vtkmuscle.opensim.fitted_paths import fit_length
-from vtkmuscle.opensim.functions import IDENTITY, CubicSpline, PiecewiseLinear, Polynomial
 from vtkmuscle.opensim.muscle_paths import PathPoint, PointPath, moment_arm
-from vtkmuscle.opensim.scene_joints import grid_of
-from vtkmuscle.opensim.tree import Coupling, Joint, JointAxis, JointCoordinate, KinematicTree
 
 needs_opensim = pytest.mark.skipif(
     importlib.util.find_spec("opensim") is None, reason="the extra opensim is not installed"

@@ -9,9 +9,17 @@ from xml.etree.ElementTree import fromstring
 import pytest
 
 from vtkmuscle.core.motion.rigid import RigidMotion
-from vtkmuscle.filters import Filter, InputPort, OutputPort, Parameter, PBDDeformer
-from vtkmuscle.paraview.proxies import FILES, camel_case, plain, properties_of, proxy_parts, spaced
-from vtkmuscle.paraview.shells import all_kinds
+from vtkmuscle.filters import Filter, InputPort, OutputPort, Parameter, PathDeformer, PBDDeformer
+from vtkmuscle.paraview.proxies import (
+    FILES,
+    camel_case,
+    informations_of,
+    plain,
+    properties_of,
+    proxy_parts,
+    spaced,
+)
+from vtkmuscle.paraview.shells import all_kinds, shell_of
 
 KINDS = all_kinds()
 every_filter = pytest.mark.parametrize("kind", KINDS, ids=lambda kind: kind.__name__)
@@ -74,6 +82,7 @@ def check_property(kind, parameter):
 def test_nothing_else_is_in_the_proxy(kind):
     names = [part.get("name") for part in parts(kind)]
     expected = [None, *(camel_case(port.name) for port in kind.input_ports)]
+    expected += [information.get("name") for information in informations_of(kind).values()]
     for parameter in kind.parameter_declarations.values():
         optional = parameter.kind in (int, float) and parameter.default is None
         expected += [f"Automatic{camel_case(parameter.name)}"] * optional + [camel_case(parameter.name)]
@@ -83,6 +92,13 @@ def test_nothing_else_is_in_the_proxy(kind):
         expected += [camel_case(port.name) for port in kind.output_ports]
     assert names == expected
     assert len(set(names)) == len(names)
+
+
+def test_a_preset_shows_in_the_values_that_count():
+    shown = parts(PathDeformer)
+    assert named(shown, "IterationsInEffect").attrib["information_only"] == "1"
+    deformer = shell_of(PathDeformer, __name__)(quality="preview")
+    assert deformer.GetIterationsInEffect() == deformer.iterations == 2
 
 
 def test_what_does_not_count_is_hidden():

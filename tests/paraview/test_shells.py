@@ -110,7 +110,8 @@ def test_a_scene_gives_a_muscle_by_name(messages, hip, tmp_path):
     first, *_, last = hip.muscles
     for name, asked in ((first, ""), (last, last), (first, None)):
         source.SetMuscle(asked)
-        surface, bones, attachments = source.update().output
+        surface, bones, attachments = (source.update(port=number).output for number in range(3))
+        assert source.GetMuscleNames() == list(hip.muscles)
         assert np.array_equal(points_of(surface), points_of(hip.muscles[name]))
         assert list(dict(blocks_of(bones))) == list(dict(blocks_of(hip.bones)))
         assert attachments.GetNumberOfBlocks() == hip.attachments[name].GetNumberOfBlocks()

@@ -196,21 +196,19 @@ def fetch(
     It shows the licence and asks whether you accept it. Without --out it writes to a folder
     of the name of the data set.
     """
-    from vtkmuscle.fetch import DATA_SETS, HOST, data_set
-    from vtkmuscle.fetch import fetch as fetched
+    from vtkmuscle import fetch as public
 
     if name is None:
-        for one, data in DATA_SETS.items():
-            typer.echo(f"{one}: {data.title}")
+        typer.echo(f"{public.NAME}: {public.TITLE}")
         return
-    typer.echo(data_set(name).licence)
-    if not accept_licence:
-        accept_licence = sys.stdin.isatty() and typer.confirm("Do you accept this licence?")
-    if not accept_licence:
-        raise InputError(name, "its licence is not accepted", "say --accept-licence if you accept it")
-    path = fetched(
-        name, out, accept_licence=True, host=host or HOST, announce=lambda words: say(quiet, words)
-    )
+    if name == public.NAME:
+        typer.echo(public.LICENCE)
+        if not accept_licence:
+            accept_licence = sys.stdin.isatty() and typer.confirm("Do you accept this licence?")
+        if not accept_licence:
+            raise InputError(name, "its licence is not accepted", "say --accept-licence if you accept it")
+    announce = partial(say, quiet)
+    path = public.fetch(name, out, accept_licence=True, host=host or public.HOST, announce=announce)
     say(quiet, f"The scene is {path}: run it with")
     say(quiet, f"  vtkmuscle run {path}")
 

@@ -20,10 +20,10 @@ from vtkmuscle.io import (
     read_named_points,
     read_polydata,
 )
+from vtkmuscle.joints.motion_file import read_motion_file
 from vtkmuscle.labels.guesses import LOOK
 from vtkmuscle.labels.meshes import likely_unit
 from vtkmuscle.opensim.model import OsimModel, read_osim
-from vtkmuscle.opensim.motion_file import read_motion_file
 from vtkmuscle.run.store import ResultFolder
 
 #: Suffixes of landmarks and of motions.

@@ -57,8 +57,8 @@ class RunOptions:
         typer.Option(
             metavar="N",
             min=1,
-            help="Number of muscles to deform at the same time, each but one in a process of its own; it "
-            "does not change the results. Default: one per processor, fewer for a run of seconds.",
+            help="Number of processes that deform muscles at the same time; it does not change the results. "
+            "Default: one per processor.",
         ),
     ] = None
     verbose: Annotated[
@@ -84,8 +84,8 @@ class RunOptions:
         str | None,
         typer.Option(
             metavar="paths|pbd|none",
-            help="How muscles are deformed, in place of the scene's: carried by taut paths, by position based "
-            "dynamics, or not at all (paths alone).",
+            help="How muscles are deformed, in place of the scene's: carried by taut paths, by position "
+            "based dynamics, or not at all (paths alone).",
         ),
     ] = None
     quality: Annotated[

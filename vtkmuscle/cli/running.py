@@ -27,10 +27,9 @@ def run_and_report(scene: Scene, out: Path, options: RunOptions) -> None:
 
     if options.muscle:
         scene = scene.with_muscles(*options.muscle)
-    chosen = {"deformer": options.deformer, "quality": options.quality}
-    chosen = {name: value for name, value in chosen.items() if value is not None}
-    if chosen:
-        scene = replace(scene, **chosen)
+    if options.deformer is not None or options.quality is not None:
+        deformer, quality = options.deformer or scene.deformer, options.quality or scene.quality
+        scene = replace(scene, deformer=deformer, quality=quality)
     tell = partial(say, options.quiet)
     with one_clear_error(out):
         left = ResultFolder(out).unfinished()

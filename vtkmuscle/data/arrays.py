@@ -9,8 +9,8 @@ from urllib.parse import unquote
 
 import numpy as np
 from numpy.typing import NDArray
-from vtkmodules.util.numpy_support import numpy_to_vtk, numpy_to_vtkIdTypeArray, vtk_to_numpy
-from vtkmodules.vtkCommonCore import vtkPoints, vtkStringArray
+from vtkmodules.util.numpy_support import get_numpy_array_type, get_vtk_array_type, vtk_to_numpy
+from vtkmodules.vtkCommonCore import VTK_ID_TYPE, vtkDataArray, vtkPoints, vtkStringArray
 from vtkmodules.vtkCommonDataModel import (
     vtkCellArray,
     vtkCompositeDataSet,
@@ -58,8 +58,16 @@ def checked_surface(surface: vtkPolyData, where: str) -> tuple[Floats, Ints]:
 def vtk_points(points: Floats) -> vtkPoints:
     """Return vtkPoints of doubles that hold a copy of an (n, 3) array."""
     result = vtkPoints()
-    result.SetData(numpy_to_vtk(np.ascontiguousarray(points, dtype=np.float64), deep=True))
+    result.SetData(vtk_array(np.asarray(points, dtype=np.float64)))
     return result
+
+
+def state_of(data: vtkDataObject) -> object:
+    """Return what ``Modified()`` changes, of a data object or of a block in it."""
+    if not isinstance(data, vtkMultiBlockDataSet):
+        return data.GetMTime()
+    blocks = [data.GetBlock(i) for i in range(data.GetNumberOfBlocks())]
+    return data.GetMTime(), [None if block is None else state_of(block) for block in blocks]
 
 
 def shallow_copy(data: Data) -> Data:
@@ -158,12 +166,12 @@ def polylines_from(lines: Polylines) -> vtkPolyData:
 
 def set_point_array(data: Any, name: str, values: NDArray[Any]) -> None:
     """Add a copy of an array, (n,) or (n, c), to the point data."""
-    data.GetPointData().AddArray(vtk_array(name, values))
+    data.GetPointData().AddArray(vtk_array(np.asarray(values), name))
 
 
 def set_cell_array(data: Any, name: str, values: NDArray[Any]) -> None:
     """Add a copy of an array to the cell data."""
-    data.GetCellData().AddArray(vtk_array(name, values))
+    data.GetCellData().AddArray(vtk_array(np.asarray(values), name))
 
 
 def add_arrays(
@@ -186,16 +194,21 @@ def set_field_array(data: Any, name: str, values: Any) -> None:
     if isinstance(values, str):
         set_field_strings(data, name, [values])
     else:
-        data.GetFieldData().AddArray(vtk_array(name, np.atleast_1d(values)))
+        data.GetFieldData().AddArray(vtk_array(np.atleast_1d(values), name))
 
 
 def set_field_strings(data: Any, name: str, values: Iterable[str]) -> None:
     """Add strings to the field data."""
+    data.GetFieldData().AddArray(string_array(name, values))
+
+
+def string_array(name: str, values: Iterable[str]) -> vtkStringArray:
+    """Return a named array of strings."""
     array = vtkStringArray()
     array.SetName(name)
     for value in values:
         array.InsertNextValue(value)
-    data.GetFieldData().AddArray(array)
+    return array
 
 
 def point_array(data: Any, name: str, where: str) -> NDArray[Any]:
@@ -264,10 +277,23 @@ def names_of(kind: str, attributes: Any) -> dict[str, str]:
     return {unquote(one.removeprefix(kind)): one for one in array_names(attributes) if one.startswith(kind)}
 
 
-def vtk_array(name: str, values: NDArray[Any]) -> Any:
-    """Return a named VTK array that holds a copy of values, (n,) or (n, c)."""
-    array = numpy_to_vtk(np.ascontiguousarray(values), deep=True)
-    array.SetName(name)
+def empty_array(kind: int, shape: tuple[int, ...], name: str | None = None) -> tuple[Any, NDArray[Any]]:
+    """Return an array of a type of VTK's, (n,) or (n, c), and a view to write its values to."""
+    array = vtkDataArray.CreateDataArray(kind)
+    if name is not None:
+        array.SetName(name)
+    array.SetNumberOfComponents(shape[1] if len(shape) > 1 else 1)
+    array.SetNumberOfTuples(shape[0])
+    # Not vtk_to_numpy, which takes ten times as long; NumPy refuses an empty buffer.
+    buffer: Any = array if array.GetNumberOfValues() else bytearray()
+    values = np.frombuffer(buffer, get_numpy_array_type(kind))
+    return array, values.reshape(shape)
+
+
+def vtk_array(values: NDArray[Any], name: str | None = None, kind: int | None = None) -> Any:
+    """Return a VTK array that holds a copy of values, (n,) or (n, c)."""
+    array, view = empty_array(get_vtk_array_type(values.dtype) if kind is None else kind, values.shape, name)
+    view[...] = values
     return array
 
 
@@ -286,8 +312,5 @@ def _view(array: Any) -> NDArray[Any]:
 
 def _cells(offsets: NDArray[Any], connectivity: NDArray[Any]) -> vtkCellArray:
     cells = vtkCellArray()
-    cells.SetData(
-        numpy_to_vtkIdTypeArray(np.ascontiguousarray(offsets, dtype=np.int64), deep=True),
-        numpy_to_vtkIdTypeArray(np.ascontiguousarray(connectivity, dtype=np.int64), deep=True),
-    )
+    cells.SetData(*(vtk_array(ids, kind=VTK_ID_TYPE) for ids in (offsets, connectivity)))
     return cells

@@ -28,6 +28,14 @@ def bones_of(data: vtkMultiBlockDataSet, where: str) -> dict[str, vtkPolyData]:
 
     Raises a ValueError if a block is not a vtkPolyData, two have the same name, or a point is not finite.
     """
+    bones = _named_bones(data, where)
+    for name, bone in bones.items():
+        if bone.GetPoints() is not None and not np.isfinite(vtk_to_numpy(bone.GetPoints().GetData())).all():
+            raise InputError(where, f"block {name!r} has points that are not finite", "correct its file")
+    return bones
+
+
+def _named_bones(data: vtkMultiBlockDataSet, where: str) -> dict[str, vtkPolyData]:
     bones: dict[str, vtkPolyData] = {}
     for name, block in blocks_of(data):
         if not isinstance(block, vtkPolyData):
@@ -35,8 +43,6 @@ def bones_of(data: vtkMultiBlockDataSet, where: str) -> dict[str, vtkPolyData]:
             raise InputError(where, f"block {name!r} is {kind}, but a bone is a vtkPolyData")
         if name in bones:
             raise InputError(where, f"two blocks are named {name!r}", "give each bone a name of its own")
-        if block.GetPoints() is not None and not np.isfinite(vtk_to_numpy(block.GetPoints().GetData())).all():
-            raise InputError(where, f"block {name!r} has points that are not finite", "correct its file")
         bones[name] = block
     return bones
 
@@ -67,31 +73,30 @@ class MovingBones(NamedTuple):
 def moving_bones_of(data: vtkMultiBlockDataSet, where: str) -> MovingBones:
     """Return bones with their field arrays ``Transform`` and, where they have some, ``Twist_COORDINATE``.
 
-    Raises a ValueError if a transform is missing or not rigid, or a twist is not six finite numbers.
+    The points are not read. Raises a ValueError if a transform is missing or not rigid, or a twist is not six
+    finite numbers.
     """
-    bones = bones_of(data, where)
+    bones = _named_bones(data, where)
     transforms = np.tile(np.eye(4), (len(bones), 1, 1))
-    for index, (name, bone) in enumerate(bones.items()):
-        values = field_array(bone, "Transform")
-        if values is None:
-            problem = "the field array 'Transform' is missing"
-            raise InputError(f"{where}, block {name!r}", problem, "BoneMotion adds it")
-        if values.tobytes() == _AT_REST:  # as most bones are, most of the time
-            continue
-        if values.size != 16 or not is_rigid(values.reshape(4, 4)):
-            raise InputError(
-                f"{where}, block {name!r}",
-                "the field array 'Transform' must be 16 numbers, a rotation and a translation, row by row, "
-                "with last row 0 0 0 1",
-            )
-        transforms[index] = values.reshape(4, 4)
     twists: dict[str, Floats] = {}
     for index, (name, bone) in enumerate(bones.items()):
-        for coordinate, array in names_of(TWIST, bone.GetFieldData()).items():
+        fields, here = bone.GetFieldData(), f"{where}, block {name!r}"
+        values = field_array(bone, "Transform")
+        if values is None:
+            raise InputError(here, "the field array 'Transform' is missing", "BoneMotion adds it")
+        if values.tobytes() != _AT_REST:  # as most bones are, most of the time
+            if values.size != 16 or not is_rigid(values.reshape(4, 4)):
+                raise InputError(
+                    here,
+                    "the field array 'Transform' must be 16 numbers, a rotation and a translation, row by "
+                    "row, with last row 0 0 0 1",
+                )
+            transforms[index] = values.reshape(4, 4)
+        for coordinate, array in names_of(TWIST, fields).items():
             twist = field_array(bone, array)
             if twist is None or twist.shape != (6,) or not np.isfinite(twist).all():
                 problem = f"the field array {array!r} must be six finite numbers, linear and angular velocity"
-                raise InputError(f"{where}, block {name!r}", problem, "BoneMotion adds it")
+                raise InputError(here, problem, "BoneMotion adds it")
             twists.setdefault(coordinate, np.zeros((len(bones), 6)))[index] = twist
     return MovingBones(bones, transforms, twists)
 

@@ -1,9 +1,9 @@
 """A muscle's paths as polylines, and as cell arrays of its fibres.
 
-Paths have the point array ``RestPosition`` (3) and the cell arrays ``Lever_COORDINATE``, the lever of the pull
-(minus the change of length by the coordinate), and ``Squeezed``, the room that a path lacks between two bones.
-Fibres with the numbers of their paths have these cell arrays and ``PathLength`` (k,), musculotendon length,
-and ``PathPoints`` (k, 3 n). Superficial fibres are lines seen on a muscle's surface.
+Paths have the point array ``RestPosition`` (3) and the cell arrays ``Lever_COORDINATE``, the lever of the
+pull (minus the change of length by the coordinate), and ``Squeezed``, the room that a path lacks between two
+bones. Fibres with the numbers of their paths have these cell arrays and ``PathLength`` (k,), musculotendon
+length, and ``PathPoints`` (k, 3 n). Superficial fibres are lines seen on a muscle's surface.
 """
 
 from __future__ import annotations

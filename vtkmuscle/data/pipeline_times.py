@@ -6,11 +6,12 @@ import json
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
+from vtkmodules.vtkCommonCore import vtkStringArray
 from vtkmodules.vtkCommonDataModel import vtkDataObject
 from vtkmodules.vtkCommonExecutionModel import vtkStreamingDemandDrivenPipeline
 
 from vtkmuscle._version import __version__
-from vtkmuscle.data.arrays import field_strings, set_field_strings
+from vtkmuscle.data.arrays import field_strings, string_array
 
 _STEPS = vtkStreamingDemandDrivenPipeline.TIME_STEPS()
 _RANGE = vtkStreamingDemandDrivenPipeline.TIME_RANGE()
@@ -113,7 +114,7 @@ def provenance_entry(name: str, parameters: Mapping[str, Any]) -> str:
     return json.dumps(step, default=lambda value: type(value).__name__)
 
 
-def add_provenance(result: Any, inputs: Sequence[Any], entry: str) -> None:
-    """Write into the field data of a result which filters made it: those of all inputs, then this one."""
-    earlier = [each for data in inputs if data is not None for each in field_strings(data, PROVENANCE)]
-    set_field_strings(result, PROVENANCE, dict.fromkeys([*earlier, entry]))
+def joined_provenance(earlier: Iterable[vtkStringArray], entry: str) -> vtkStringArray:
+    """Return the array of which filters made a result: those of its inputs' arrays, then this one."""
+    entries = [array.GetValue(i) for array in earlier for i in range(array.GetNumberOfValues())]
+    return string_array(PROVENANCE, dict.fromkeys([*entries, entry]))

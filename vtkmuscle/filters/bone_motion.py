@@ -6,24 +6,61 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from vtkmodules.util.numpy_support import vtk_to_numpy
+from vtkmodules.vtkCommonCore import VTK_DOUBLE, vtkPoints
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
-from vtkmodules.vtkCommonTransforms import vtkTransform
-from vtkmodules.vtkFiltersGeneral import vtkTransformFilter
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.moment_arms.levers import MotionTwists
-from vtkmuscle.core.motion.rigid import RigidMotion
+from vtkmuscle.core.motion.rigid import RigidMotion, transform_points
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import (
     add_arrays,
     array_of,
-    blocks_of,
+    empty_array,
     multiblock_from,
     set_field_array,
     shallow_copy,
 )
 from vtkmuscle.data.moving_bones import TWIST, bones_of
 from vtkmuscle.filters.base import Filter, InputPort, OutputPort, Parameter
+
+
+class _RestPose:
+    """The bones at rest: blocks by name, and the data set of all, each with the identity as ``Transform``."""
+
+    def __init__(self, data: vtkMultiBlockDataSet, where: str) -> None:
+        self.blocks = {
+            name: add_arrays(shallow_copy(bone), fields={"Transform": np.eye(4).reshape(-1)})
+            for name, bone in bones_of(data, where).items()
+        }
+        self.still = multiblock_from(self.blocks)
+        self._vectors: dict[tuple[str, str], Floats] = {}
+
+    def moved(self, name: str, transform: Floats) -> vtkPolyData:
+        """Return a bone moved rigidly, its normals and vectors with it."""
+        bone = shallow_copy(self.blocks[name])
+        turn = transform.copy()
+        turn[:3, 3] = 0.0
+        points = vtkPoints()
+        points.SetData(self._moved(name, "points", self.blocks[name].GetPoints().GetData(), transform))
+        bone.SetPoints(points)
+        for kind, attributes in (("point", bone.GetPointData()), ("cell", bone.GetCellData())):
+            for get, put in (
+                (attributes.GetNormals, attributes.SetNormals),
+                (attributes.GetVectors, attributes.SetVectors),
+            ):
+                if (vectors := get()) is not None:
+                    put(self._moved(name, f"{kind} {vectors.GetName()}", vectors, turn))
+        return add_arrays(bone, fields={"Transform": transform.reshape(-1)})
+
+    def _moved(self, bone: str, kind: str, vectors: Any, transform: Floats) -> Any:
+        if (bone, kind) not in self._vectors:
+            self._vectors[bone, kind] = np.array(vtk_to_numpy(vectors), dtype=np.float64)
+        rest = self._vectors[bone, kind]
+        array, values = empty_array(VTK_DOUBLE, rest.shape, vectors.GetName())
+        transform_points(transform, rest, values)
+        return array
 
 
 class BoneMotion(Filter):
@@ -65,12 +102,10 @@ class BoneMotion(Filter):
 
     motion: Parameter[RigidMotion | None] = Parameter(RigidMotion, default=None)
 
-    bones = InputPort(vtkMultiBlockDataSet)
+    bones = InputPort(vtkMultiBlockDataSet, _RestPose)
     output = OutputPort(vtkMultiBlockDataSet)
 
     def __init__(self, **parameters: Any) -> None:
-        #: The state of the input's blocks, the bones by name, and the output with all bones at rest.
-        self._at_rest: tuple[list[Any], dict[str, vtkPolyData], vtkMultiBlockDataSet] | None = None
         #: A motion, and how its coordinates move the bones.
         self._twists: tuple[RigidMotion, MotionTwists] | None = None
         super().__init__(**parameters)
@@ -79,16 +114,8 @@ class BoneMotion(Filter):
         """Return the times of the motion."""
         return None if self.motion is None else [float(time) for time in self.motion.times]
 
-    def execute(self, bones: vtkMultiBlockDataSet) -> vtkMultiBlockDataSet:
+    def execute(self, bones: _RestPose) -> vtkMultiBlockDataSet:
         """Return the moved bones."""
-        state = [(name, block, block and block.GetMTime()) for name, block in blocks_of(bones)]
-        if self._at_rest is None or self._at_rest[0] != state:
-            self._at_rest = None
-            blocks = bones_of(bones, "bones")
-            # VTK modifies a block when it moves it: it moves these copies.
-            blocks = {name: _moved(bone, None) for name, bone in blocks.items()}
-            self._at_rest = state, blocks, multiblock_from(blocks)
-        _, blocks, still = self._at_rest
         transforms: dict[str, Floats] = {}
         twists: dict[str, dict[str, Floats]] = {}
         if self.motion is not None:
@@ -97,37 +124,21 @@ class BoneMotion(Filter):
                 self._twists = self.motion, MotionTwists(self.motion)
             transforms = self.motion.at(self.request_time)
             twists = self._twists[1].at(self.request_time)
-        unknown = sorted(set(transforms) - set(blocks))
+        unknown = sorted(set(transforms) - set(bones.blocks))
         if unknown:
             raise InputError(
                 "",
                 f"the motion moves {', '.join(map(repr, unknown))}, but the bones are "
-                f"{', '.join(map(repr, blocks))}",
+                f"{', '.join(map(repr, bones.blocks))}",
                 "rename the block or the motion's bone",
             )
         # Bones that stay cost nothing, however many there are.
         result = vtkMultiBlockDataSet()
-        result.CompositeShallowCopy(still)
-        for number, (name, bone) in enumerate(blocks.items()):
+        result.CompositeShallowCopy(bones.still)
+        for number, name in enumerate(bones.blocks):
             if name in transforms:
-                moved = _moved(bone, transforms[name])
+                moved = bones.moved(name, transforms[name])
                 for coordinate, by_bone in twists.items():
                     set_field_array(moved, array_of(TWIST, coordinate), by_bone.get(name, np.zeros(6)))
                 result.SetBlock(number, moved)
         return result
-
-
-def _moved(bone: vtkPolyData, transform: Floats | None) -> vtkPolyData:
-    """Return the bone moved rigidly, its normals with it, or sharing its geometry where it stays."""
-    moved = bone
-    if transform is not None:
-        move = vtkTransform()
-        move.SetMatrix(transform.reshape(-1))
-        mover = vtkTransformFilter()
-        mover.SetInputDataObject(bone)
-        mover.SetTransform(move)
-        mover.SetOutputPointsPrecision(vtkTransformFilter.DOUBLE_PRECISION)
-        mover.Update()
-        moved = mover.GetOutput()
-    matrix = np.eye(4) if transform is None else transform
-    return add_arrays(shallow_copy(moved), fields={"Transform": matrix.reshape(-1)})

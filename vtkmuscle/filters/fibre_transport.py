@@ -15,14 +15,14 @@ from vtkmuscle.filters.base import Filter, OutputPort, Parameter, ports
 class FibreTransport(Filter):
     """Move fibres from a muscle at rest into the deformed muscle.
 
-    A fibre point is a weighted mean of the vertices of the muscle at rest (mean value coordinates); it moves to
-    the same mean of the deformed vertices. The weights are kept while the rest fibres and the rest muscle have
-    the same content, so that a frame costs one matrix product. Fibre points outside of the muscle are moved as
-    well, and counted.
+    A fibre point is a weighted mean of the vertices of the muscle at rest (mean value coordinates); it moves
+    to the same mean of the deformed vertices. The weights are kept while the rest fibres and the rest muscle
+    have the same content, so that a frame costs one matrix product. Fibre points outside of the muscle are
+    moved as well, and counted.
 
     All weights of 1600 points on 9878 vertices take 126 MB. With ``weight_tolerance`` groups of vertices with
-    similar weights share one weight, and affine motions stay exact; 0.3 keeps one weight in ten. The cost is in
-    ``WeightError``.
+    similar weights share one weight, and affine motions stay exact; 0.3 keeps one weight in ten. The cost is
+    in ``WeightError``.
 
     Parameters
     ----------
@@ -40,8 +40,9 @@ class FibreTransport(Filter):
     ----------
     output
         The moved polylines, with the arrays of the rest fibres and the cell array ``RestLength`` (n_fibres,)
-        [mm], and the field arrays ``PointsOutside``, the number of rest fibre points outside of the muscle, and
-        ``WeightError`` [mm], the largest error of a fibre point if the muscle is bent by about one radian.
+        [mm], and the field arrays ``PointsOutside``, the number of rest fibre points outside of the muscle,
+        and ``WeightError`` [mm], the largest error of a fibre point if the muscle is bent by about one
+        radian.
 
     Raises
     ------
@@ -56,8 +57,8 @@ class FibreTransport(Filter):
 
     Limitations
     -----------
-    Mean value coordinates know nothing of fibres: a fibre's length follows the surface alone. A fibre may leave
-    a strongly bent muscle. Weights may be negative in concave muscles.
+    Mean value coordinates know nothing of fibres: a fibre's length follows the surface alone. A fibre may
+    leave a strongly bent muscle. Weights may be negative in concave muscles.
 
     Examples
     --------
@@ -83,20 +84,19 @@ class FibreTransport(Filter):
 
     def execute(self, rest_fibres: Polylines, rest_muscle: Surface, deformed_muscle: Surface) -> vtkPolyData:
         """Return the fibres in the deformed muscle."""
-        points, vertices = rest_fibres.points, rest_muscle.points
-        if len(deformed_muscle.points) != len(vertices):
+        points, vertices, moved = rest_fibres.points, rest_muscle.points, deformed_muscle.points
+        if len(moved) != len(vertices):
             raise InputError(
                 "",
-                f"deformed_muscle has {len(deformed_muscle.points)} points, but rest_muscle has {len(vertices)}",
+                f"deformed_muscle has {len(moved)} points, but rest_muscle has {len(vertices)}",
                 "both must be the same mesh, before and after the deformation",
             )
         rest_muscle.closed("but mean value coordinates need a closed muscle")
         given = points, vertices, rest_muscle.triangles, self.weight_tolerance
         if self._embedded is None or not self._embedded.same_as(*given):
             self._embedded = EmbeddedPoints(*given)
-        moved = self._embedded.moved(deformed_muscle.points, self.report_progress)
         return add_arrays(
-            rest_fibres.moved(moved),
+            rest_fibres.moved(self._embedded.moved(moved, self.report_progress)),
             cells={"RestLength": polyline_lengths(points, rest_fibres.offsets)},
             fields={"PointsOutside": self._embedded.n_outside, "WeightError": self._embedded.error},
         )

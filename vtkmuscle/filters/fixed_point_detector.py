@@ -8,11 +8,11 @@ import numpy as np
 from scipy.spatial import cKDTree
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
-from vtkmuscle.core.algorithm_2.voxels import DEFAULT_N_MAX, MOST_N_EQUAL, build_voxel_grid
 from vtkmuscle.core.attachments.patches import attachment_patch
 from vtkmuscle.core.errors import InputError, errors_at
 from vtkmuscle.core.mesh.solids import Solids, solids_of
 from vtkmuscle.core.mesh.surface import edge_lengths, points_in_box, unique_edges
+from vtkmuscle.core.pbd.voxels import DEFAULT_N_MAX, MOST_N_EQUAL, build_voxel_grid
 from vtkmuscle.core.types import Floats, Ints
 from vtkmuscle.data.arrays import add_arrays, checked_surface, shallow_copy
 from vtkmuscle.data.attachments import VIA, AttachmentArea, attachments_of

@@ -37,14 +37,14 @@ class PathDeformer(Filter):
     """Deform a muscle with the taut paths that carry it.
 
     Points with a ``FixedTo`` follow their bone. The paths carry the other points by skinning. Then the muscle
-    *settles*: it gets its volume back and leaves the bones, and the correction is diffused over the surface in
-    a number of rounds, so that the surface stays smooth. A frame depends on its pose alone.
+    *settles*: it gets its volume back and leaves the bones, and the correction is diffused over the surface
+    in a number of rounds, so that the surface stays smooth. A frame depends on its pose alone.
 
     Without ``paths``, or where there are none (a muscle that is fixed to one bone), the motions of the bones
     carry the muscle, blended by harmonic weights.
 
-    Muscles connected as ``neighbours`` stay as they are; this one is kept out of them, except as deep as it is
-    in them at rest: ``neighbours={"psoas": psoas, "iliacus": iliacus}``, with their deformers.
+    Muscles connected as ``neighbours`` stay as they are; this one is kept out of them, except as deep as it
+    is in them at rest: ``neighbours={"psoas": psoas, "iliacus": iliacus}``, with their deformers.
 
     The second output, ``GetOutputPort(1)``, is the fibres of the paths, carried by the same skinning. It is
     computed only when asked for.
@@ -82,12 +82,13 @@ class PathDeformer(Filter):
     ----------
     output
         The muscle at the time asked for, with the arrays of the input; the point array ``Displacement`` (3)
-        from rest [mm]. With ``measure_shape`` the field arrays ``VolumeRatio`` (V / V0), ``EdgeStretchP95`` and
-        ``EdgeStretchMax`` (l / l0), ``AlongFibresP5``, ``AlongFibresP50`` and ``AlongFibresP95`` (of the edges
-        within 18 degrees of the fibres), ``AcrossFibresP5``, ``AcrossFibresP50`` and ``AcrossFibresP95`` (over
-        72 degrees), ``DihedralErrorP95`` [degrees], ``DegenerateEdges`` (whose angle was lost as a triangle
-        collapsed) and ``CollidingPoints``. With ``measure_penetration`` ``PenetrationMax`` and
-        ``PenetrationP95`` [mm], how deep the free points are in the closed bones, and ``PenetratingPoints``.
+        from rest [mm]. With ``measure_shape`` the field arrays ``VolumeRatio`` (V / V0), ``EdgeStretchP95``
+        and ``EdgeStretchMax`` (l / l0), ``AlongFibresP5``, ``AlongFibresP50`` and ``AlongFibresP95`` (of the
+        edges within 18 degrees of the fibres), ``AcrossFibresP5``, ``AcrossFibresP50`` and
+        ``AcrossFibresP95`` (over 72 degrees), ``DihedralErrorP95`` [degrees], ``DegenerateEdges`` (whose
+        angle was lost as a triangle collapsed) and ``CollidingPoints``. With ``measure_penetration``
+        ``PenetrationMax`` and ``PenetrationP95`` [mm], how deep the free points are in the closed bones, and
+        ``PenetratingPoints``.
     carried_fibres
         The fibres in the deformed muscle, with the arrays of ``fibres``, the cell array ``RestLength`` [mm]
         and the field array ``PointsOutside``, the number of points outside of the muscle at rest.
@@ -96,9 +97,9 @@ class PathDeformer(Filter):
     ------
     ValueError
         If the surface is open, is not made of triangles or encloses no volume; if ``FixedTo`` is missing or
-        names a block that does not exist; if no point is fixed; if ``rest_bones`` and ``bones`` have different
-        blocks; if a bone has no ``Transform``; if fibres are asked for without ``fibres`` or ``paths``, or there
-        is not one path for each fibre.
+        names a block that does not exist; if no point is fixed; if ``rest_bones`` and ``bones`` have
+        different blocks; if a bone has no ``Transform``; if fibres are asked for without ``fibres`` or
+        ``paths``, or there is not one path for each fibre.
 
     References
     ----------
@@ -218,7 +219,7 @@ class PathDeformer(Filter):
                 clearance == self.bone_clearance
                 and shapes_before is shapes
                 and given.same_as(before)
-                and np.array_equal(rest, rest_before)
+                and (rest is rest_before or np.array_equal(rest, rest_before))  # type: ignore[arg-type]
             ):
                 assert self._carried is not None
                 return self._carried

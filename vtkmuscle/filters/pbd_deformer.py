@@ -1,47 +1,36 @@
-"""PBDDeformer: a muscle that follows its bones."""
+"""PBDDeformer: position based dynamics of a muscle's surface."""
 
 from __future__ import annotations
 
-import time
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+import warnings
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
+import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
-from vtkmuscle.core.algorithm_2.solver import Algorithm2, State
-PathDrivenMuscle = Pose = Any
+from vtkmuscle.core.bones.bone import Bone, depth_in
 from vtkmuscle.core.errors import InputError, errors_at
 from vtkmuscle.core.fixed_muscle import FixedMuscle
-from vtkmuscle.core.mesh.neighbours import Neighbour
 from vtkmuscle.core.mesh.rest_shape import ShapeReport
-from vtkmuscle.core.types import Floats
-from vtkmuscle.data.arrays import Polylines, set_field_array, set_point_array, with_points
-from vtkmuscle.data.attachments import rings_by_bone
-from vtkmuscle.data.moving_bones import MovingBones, RestBones, fixed_points_of
+from vtkmuscle.core.pbd.levels import FINE_ITERATIONS, TwoLevels, coarse_fixed_points
+from vtkmuscle.core.pbd.solver import PBDSolver, State
+from vtkmuscle.data.arrays import Polylines, add_arrays, set_point_array, with_points
+from vtkmuscle.data.decimation import decimated
+from vtkmuscle.data.moving_bones import MovingBones, RestBones, check_same_bones, fixed_points_of
 from vtkmuscle.data.muscle_geometry import Surface
 from vtkmuscle.filters.base import HistoryFilter, InputPort, OutputPort, ports
 from vtkmuscle.filters.deformer.neighbours import Neighbours
-from vtkmuscle.filters.deformer.settings import (
-    GONE,
-    PUBLISHED,
-    DeformerSettings,
-    algorithm_2_parameters,
-    check_together,
-)
-from vtkmuscle.filters.deformer.shape_report import shape_fields
+from vtkmuscle.filters.deformer.settings import DeformerSettings, solver_parameters
+from vtkmuscle.filters.deformer.shape_report import penetration_fields, shape_fields
 
 
 @dataclass(eq=False)
 class _Frame:
-    """A state that was computed, the twists of the bones there, and how long that took [ms].
+    """A state that was computed; its report is there once it was asked for."""
 
-    Its report is there once it was asked for.
-    """
-
-    state: Pose | State
-    twists: Mapping[str, Floats]
-    milliseconds: float
+    state: State
     report: ShapeReport | None = None
 
     @property
@@ -51,29 +40,23 @@ class _Frame:
 
 
 class PBDDeformer(DeformerSettings, HistoryFilter[_Frame]):
-    """Deform a muscle with the bones it is fixed to.
+    """Deform a muscle with its bones by position based dynamics.
 
-    Points with a ``FixedTo`` follow their bone. The others are carried by the muscle's paths: each fibre is
-    pulled taut from bone to bone, round the bones, from which it keeps away by what of the muscle lies
-    between at rest. Then the muscle *settles*: it gets its volume back and leaves the bones, and what that
-    moves its points by diffuses over the surface in a number of rounds, so that the surface stays smooth. A
-    frame depends on its pose, and on the frames before by its paths only.
+    Lengths of edges, angles between triangles and the volume are constraints that each iteration projects one
+    after another; edges are the softer the more they run along the fibres, and points are kept out of the
+    bones (Kohout and Cervenka 2021). Points with a ``FixedTo`` follow their bone. By default a frame begins
+    where the bones' motions since the last one, blended by harmonic weights, take its points, and ends with
+    the exact volume. ``quality="published"`` sets all as the paper prints it; the muscles of the paper do not
+    all survive that.
 
-    The fibres are those connected as ``fibres``; where there are none, lines over the surface stand in for
-    them, along the harmonic function between the points fixed to different bones. Where those are fixed to
-    one bone only, that bone takes the muscle with it.
-
-    ``quality="published"`` is another model: Algorithm 2 of Kohout and Cervenka 2021 as printed, by position
-    based dynamics, with no paths. A frame goes on from the one before with its velocities. The parameters
-    that are said to count only with it are those of the paper.
-
-    ``quality`` sets ``collision``, ``iterations`` and ``taut_resolution``. Those that are given to the
-    constructor beside it count more, and one that is set afterwards is kept until ``quality`` is set again.
+    A surface of more than ``solved_triangles`` is solved on two levels: a decimated one is solved and takes
+    the fine one along, which is then solved with a few iterations.
 
     The frame at time t is computed from rest through all time steps that the bones announce up to t, and t
     itself, whatever was asked for before. Frames are kept to go back to, in memory of ``checkpoint_memory``;
-    one takes 48 bytes per point, and 48 per point of a path and per path, and 128 per bone. Where it is used
-    up, every second frame is dropped, then every second of those.
+    one takes 24 to 96 bytes per point, and 128 per bone. Where it is used up, every second frame is dropped,
+    then every second of those. With a ``start`` connected a frame begins there, its edges keep the lengths
+    that they have there, and it depends on its pose alone.
 
     ``collision="sdf"`` moves points that are in a bone to its surface, along which they slide. Points that
     are in a bone at rest stay as deep as they are. ``"voxel"`` takes them back the way they came, as
@@ -87,50 +70,52 @@ class PBDDeformer(DeformerSettings, HistoryFilter[_Frame]):
     muscle
         Closed triangles in the rest pose, with the point array ``FixedTo``: -1 for a free point, else the
         index of a bone's block.
+    rest_bones
+        Bones in the rest pose.
     bones
-        Bones at the pipeline's time, each with the field array ``Transform`` (16, row major): rest to now.
-        For moment arms they have ``Twist_COORDINATE`` as well, as BoneMotion gives them.
+        The same bones at the pipeline's time, each with the field array ``Transform`` (16, row major): rest
+        to now.
     fibres
-        Polylines in the rest pose, for the paths; which edges run along them in the report, and are soft in
-        the published model.
+        Polylines in the rest pose; edges along them are soft, and are reported apart.
+    start
+        The muscle's points at the pipeline's time, to begin each frame from: that of PathDeformer, say.
     neighbours
-        Other muscles at the pipeline's time, out of which this one is kept: outputs of PBDDeformer, with the
+        Other muscles at the pipeline's time, out of which this one is kept: outputs of deformers, with the
         point array ``Displacement``.
-    attachments
-        For the via rings among them, which the fibres pass through.
 
     Attributes
     ----------
     output
         The muscle at the time asked for, with the arrays of the input; the point array ``Displacement`` (3)
-        from rest [mm]; the field arrays ``VolumeRatio`` (V / V0), ``EdgeStretchP95`` and ``EdgeStretchMax``
-        (l / l0), ``AlongFibresP5``, ``AlongFibresP50`` and ``AlongFibresP95`` (of the edges within 18 degrees
-        of the fibres), ``AcrossFibresP5``, ``AcrossFibresP50`` and ``AcrossFibresP95`` (over 72 degrees),
-        ``DihedralErrorP95`` [degrees], ``DegenerateEdges`` (whose angle was lost as a triangle collapsed),
-        ``CollidingPoints``, and ``Milliseconds`` that the frame took. With ``measure_penetration`` also
+        from rest [mm]; with velocities, of a muscle that is solved on one level, the point array ``Velocity``
+        (3) [mm/s]. With ``measure_shape`` the field arrays ``VolumeRatio`` (V / V0), ``EdgeStretchP95`` and
+        ``EdgeStretchMax`` (l / l0), ``AlongFibresP5``, ``AlongFibresP50`` and ``AlongFibresP95`` (of the
+        edges within 18 degrees of the fibres), ``AcrossFibresP5``, ``AcrossFibresP50`` and
+        ``AcrossFibresP95`` (over 72 degrees), ``DihedralErrorP95`` [degrees], ``DegenerateEdges`` (whose
+        angle was lost as a triangle collapsed), and ``CollidingPoints``. With ``measure_penetration``
         ``PenetrationMax`` and ``PenetrationP95`` [mm], how deep the free points are in the closed bones, and
-        ``PenetratingPoints``, how many. Where paths carry it also the point array ``Carried`` (3), where they
-        do so before it settles [mm], and the field arrays ``FibrePoints`` (p, 3), where they carry the points
-        of ``fibres`` [mm], and ``Unsettled``, 1 where the paths did not come to rest; and of the paths, where
-        each stands for one of ``fibres``, ``PathLength`` (k,) [mm], ``PathPoints`` (k, 3 n) [mm] and
-        ``PathLever_COORDINATE`` (k,), the moment arm by each coordinate of which the bones have the twists.
-        With quality 'published' also the point array ``Velocity`` (3) [mm/s].
+        ``PenetratingPoints``, how many.
 
     Raises
     ------
     ValueError
         If the surface is open, is not made of triangles or encloses no volume; if a coordinate is not
         finite; if ``FixedTo`` is missing or names a block that does not exist; if no point is fixed (nothing
-        would hold or move the muscle, but the external force of the published model); if a bone has no
-        ``Transform``, one that is not rigid, or points that did not move with it; if ``collision`` is
-        "voxel" and ``quality`` not "published".
+        would hold or move the muscle, but an external force); if a bone has no ``Transform``, or one that is
+        not rigid; if the bones at rest have other names; if ``start`` has another number of points.
 
     References
     ----------
     Kohout, Cervenka 2021, *Muscle Deformation Using Position Based Dynamics*,
     doi:10.1007/978-3-030-72379-8_24.
 
-    Botsch, Sorkine 2008, *On linear variational surface deformation methods*, doi:10.1109/TVCG.2007.1054.
+    Müller, Heidelberger, Hennix, Ratcliff 2007, *Position based dynamics*, doi:10.1016/j.jvcir.2007.01.005.
+
+    Limitations
+    -----------
+    An iteration does not converge: the shape, and moment arms measured on it, depend on the number of
+    iterations and triangles, by up to 20 mm. A muscle wholly between two frames of a bone's motion is not
+    swept by it. Nothing keeps a muscle out of itself.
 
     Examples
     --------
@@ -140,62 +125,66 @@ class PBDDeformer(DeformerSettings, HistoryFilter[_Frame]):
     >>> (name, muscle), = phantom.muscles.items()
     >>> fixed = FixedPointDetector()(muscle, phantom.bones, phantom.attachments[name])
     >>> moving = BoneMotion(bones=phantom.bones, motion=phantom.motion)
-    >>> deformed = PBDDeformer(muscle=fixed, bones=moving).apply(time=10.0)
-    >>> bool(abs(deformed.field_data["VolumeRatio"][0] - 1.0) < 1e-9)
+    >>> deformer = PBDDeformer(muscle=fixed, rest_bones=phantom.bones, bones=moving, measure_shape=True)
+    >>> bool(abs(deformer.apply(time=10.0).field_data["VolumeRatio"][0] - 1.0) < 1e-9)
     True
     """
 
     muscle = ports.Surface()
+    rest_bones = ports.RestBones()
     bones = ports.MovingBones()
     fibres = ports.Lines(optional=True)
+    start = ports.Surface(optional=True)
     neighbours = InputPort(vtkMultiBlockDataSet, optional=True)
-    attachments = InputPort(vtkMultiBlockDataSet, optional=True)
     output = OutputPort(vtkPolyData)
 
-    moving = ("bones", "neighbours")
-    gone = GONE
+    moving = ("bones", "start", "neighbours")
 
     def __init__(self, **settings: Any) -> None:
         self._muscle: FixedMuscle | None = None
-        self._solver: PathDrivenMuscle | Algorithm2 | None = None
+        self._coarse: FixedMuscle | None = None
+        self._solver: PBDSolver | TwoLevels | None = None
         self._made_from: tuple[object, ...] = ()
-        self._rest_bones = RestBones(type(self).__name__)
-        self._neighbours: Neighbours | None = None
-        self._rest_from: float | None = None
+        self._rest_bones = RestBones()
+        self._bones: dict[int, Bone] = {}
+        self._neighbours: list[Neighbours] = []
         super().__init__(**settings)
 
     def settings_of_frames(self) -> dict[str, Any]:
         """Return the parameters that a frame depends on."""
         settings = super().settings_of_frames()
-        if self.collision != "off":  # the bones at rest are known then
-            del settings["measure_penetration"]
+        del settings["measure_shape"], settings["measure_penetration"]
         return settings
 
     def forget(self) -> None:
         """Drop all frames, and what is known of the neighbours."""
         super().forget()
-        self._neighbours = None
+        self._neighbours = []
+
+    @property
+    def path(self) -> list[float | None]:
+        """The times whose frames lead to the one asked for; with a start it needs no others."""
+        return [self.request_time] if self.start is not None else super().path
 
     # ---------------------------------------------------------------- one frame
 
     def execute(
         self,
         muscle: Surface,
+        rest_bones: dict[str, vtkPolyData],
         bones: MovingBones,
         fibres: Polylines | None,
+        start: Surface | None,
         neighbours: vtkMultiBlockDataSet | None,
-        attachments: vtkMultiBlockDataSet | None,
     ) -> vtkPolyData:
         """Compute the frames on the way to the time asked for that are not known, and return the last."""
-        check_together(self.parameters())
         given = FixedMuscle(
             muscle.points,
             muscle.triangles,
             fixed_points_of(muscle, bones.names),
             None if fibres is None else (fibres.points, fibres.offsets),
-            rings_by_bone(attachments, bones.names, "attachments"),
         )
-        driven = self.quality == PUBLISHED and any(self.external_force)
+        driven = self.prediction == "velocity" and any(self.external_force)
         if (given.fixed_to < 0).all() and not driven:
             raise InputError(
                 "muscle",
@@ -203,65 +192,70 @@ class PBDDeformer(DeformerSettings, HistoryFilter[_Frame]):
                 "detect fixed points by another method or distance",
             )
         if not given.same_as(self._muscle):
-            self._muscle, self._solver = given, None
+            self._muscle = given
             self.forget()
-        first = self.path[0]
-        if self._frames.done(self.path) and self._rest_from != first:
-            self._take_rest(self.data_at("bones", bones, first))
-        return self._result(muscle.data, self.frame((bones, neighbours), self._advance))
-
-    def _take_rest(self, bones: MovingBones) -> None:
-        """Take the bones at rest from the first frame of the path, on which their last digits depend."""
-        self._rest_from = self.path[0]
+        check_same_bones(rest_bones, bones, "rest_bones")
+        taken: dict[int, Bone] = {}
         if self.collision != "off" or self.measure_penetration:
-            self._rest_bones.take(bones)
+            taken = self._rest_bones.shapes(rest_bones, "rest_bones")
+        if taken is not self._bones:
+            self._bones = taken
+            self.forget()
+        self._make_solver()
+        return self._result(muscle.data, self.frame((bones, start, neighbours), self._advance))
+
+    def _make_solver(self) -> None:
+        """Make the solver for the present muscle, bones and parameters, where these are new."""
+        muscle, settings = self._known_muscle, solver_parameters(self.parameters())
+        bones = self._bones if self.collision != "off" else {}
+        voxels = (self.n_voxels, self.n_voxels_per_axis) if self.collision == "voxel" else None
+        one_level = self.start is not None or not 0 < self.solved_triangles < len(muscle.triangles)
+        count = None if one_level else self.solved_triangles
+        made_from = muscle, bones, settings, self.bone_clearance, voxels, count
+        if self._solver is not None and made_from == self._made_from:
+            return
+        more = bones, self.bone_clearance, voxels
+        with errors_at("muscle"):
+            self._coarse = None if count is None else _coarser(muscle, count)
+            if self._coarse is None:
+                self._solver = PBDSolver(muscle, settings, *more)
+            else:
+                fine = PBDSolver(muscle, replace(settings, iterations=FINE_ITERATIONS), *more)
+                self._solver = TwoLevels(PBDSolver(self._coarse, settings, *more), fine, muscle.fixed_to)
+        self._made_from = made_from
 
     def _advance(
-        self, before: _Frame | None, bones: MovingBones, neighbours: vtkMultiBlockDataSet | None
+        self,
+        before: _Frame | None,
+        bones: MovingBones,
+        start: Surface | None,
+        neighbours: vtkMultiBlockDataSet | None,
     ) -> _Frame:
         """Return the frame after another one."""
-        started = time.perf_counter()
-        if before is None:
-            self._take_rest(bones)
-        if self.collision != "off" or self.measure_penetration:
-            self._rest_bones.check(bones)
-        solver = self._made_solver()
-        muscle = self._known_muscle
-        beside: Sequence[Neighbour] = ()
-        if neighbours is not None:
-            if self._neighbours is None:
-                self._neighbours = Neighbours(muscle.points)
-            beside = self._neighbours.at(neighbours)
-        last = None if before is None else before.state
-        state: Pose | State
-        if isinstance(solver, Algorithm2):
-            assert not isinstance(last, Pose)
-            start = solver.at_rest(len(bones.surfaces)) if last is None else last
-            state = solver.step(start, bones.transforms, neighbours=beside, progress=self.report_part)
+        solver, beside = self._solver, self._neighbours_at(neighbours)
+        assert solver is not None
+        how: dict[str, Any] = {"neighbours": beside, "progress": self.report_part}
+        if start is not None:
+            assert isinstance(solver, PBDSolver)
+            expected = len(self._known_muscle.points)
+            if len(start.points) != expected:
+                problem = f"it has {len(start.points)} points, but the muscle {expected}"
+                raise InputError("start", problem, "connect a filter that moves this muscle")
+            state = solver.pose(start.points, bones.transforms, **how)
         else:
-            assert not isinstance(last, State)
-            state = solver.pose(
-                last, bones.transforms, rounds=self.iterations, neighbours=beside, progress=self.report_part
-            )
-        return _Frame(state, bones.twists, 1e3 * (time.perf_counter() - started))
+            last = solver.at_rest(len(bones.surfaces)) if before is None else before.state
+            state = solver.step(last, bones.transforms, **how)
+        return _Frame(state)
 
-    def _made_solver(self) -> PathDrivenMuscle | Algorithm2:
-        """Return the solver for the present muscle, bones and parameters; it is made where these are new."""
-        rest_bones = self._rest_bones.bones if self.collision != "off" else {}
-        muscle, published = self._known_muscle, self.quality == PUBLISHED
-        settings = algorithm_2_parameters(self.parameters())
-        voxels = (self.n_voxels, self.n_voxels_per_axis) if self.collision == "voxel" else None
-        own = (settings, voxels) if published else (self.taut_resolution, self.bone_clearance)
-        made_from = muscle, rest_bones, own
-        if self._solver is None or made_from != self._made_from:
-            with errors_at("muscle"):
-                self._solver = (
-                    Algorithm2(muscle, settings, rest_bones, voxels)
-                    if published
-                    else PathDrivenMuscle(muscle, rest_bones, self.taut_resolution, self.bone_clearance)
-                )
-            self._made_from = made_from
-        return self._solver
+    def _neighbours_at(self, muscles: vtkMultiBlockDataSet | None) -> Sequence[Any]:
+        """Return the neighbours for the solver: for each level those of its points."""
+        if muscles is None:
+            return ()
+        if not self._neighbours:
+            levels = [self._known_muscle] if self._coarse is None else [self._coarse, self._known_muscle]
+            self._neighbours = [Neighbours(level.points) for level in levels]
+        found = [neighbours.at(muscles) for neighbours in self._neighbours]
+        return found[0] if len(found) == 1 else list(zip(*found, strict=True))
 
     @property
     def _known_muscle(self) -> FixedMuscle:
@@ -271,34 +265,30 @@ class PBDDeformer(DeformerSettings, HistoryFilter[_Frame]):
     # ---------------------------------------------------------------- the result
 
     def _result(self, muscle: vtkPolyData, frame: _Frame) -> vtkPolyData:
-        state = frame.state
+        state, rest = frame.state, self._known_muscle.points
         result: vtkPolyData = with_points(muscle, state.surface)
-        set_point_array(result, "Displacement", state.surface - self._known_muscle.points)
-        if isinstance(state, State):
+        set_point_array(result, "Displacement", state.surface - rest)
+        if state.velocities is not None and len(state.velocities) == len(rest):
             set_point_array(result, "Velocity", state.velocities)
-        elif state.carried is not None and state.paths is not None:
-            set_point_array(result, "Carried", state.carried)
-            set_field_array(result, "Unsettled", int(not state.paths.settled))
-            if state.fibre_points is not None:
-                set_field_array(result, "FibrePoints", state.fibre_points)
-                paths = state.paths
-                arrays = path_arrays(paths.points, paths.levers(frame.twists), paths.squeezed)
-                for name, values in arrays.items():
-                    set_field_array(result, name, values)
-        for name, value in self._figures(frame).items():
-            set_field_array(result, name, value)
-        return result
-
-    def _figures(self, frame: _Frame) -> dict[str, float]:
-        """Return the field arrays of a frame's report."""
-        state = frame.state
-        if frame.report is None:
-            assert self._solver is not None
-            frame.report = self._solver.shape.compare(state.surface)
-        depths: Floats | None = None
+        fields: dict[str, Any] = {}
+        if self.measure_shape:
+            if frame.report is None:
+                assert self._solver is not None
+                frame.report = self._solver.shape.compare(state.surface)
+            fields = shape_fields(frame.report) | {"CollidingPoints": state.colliding}
         if self.measure_penetration:
-            free = self._known_muscle.fixed_to < 0
-            depths = self._rest_bones.depths(state.surface[free], state.transforms)
-        return shape_fields(
-            frame.report, colliding=state.colliding, depths=depths, milliseconds=frame.milliseconds
-        )
+            free = state.surface[self._known_muscle.fixed_to < 0]
+            bones = ((bone, state.transforms[number]) for number, bone in self._bones.items())
+            fields |= penetration_fields(depth_in(bones, free))
+        return add_arrays(result, fields=fields)
+
+
+def _coarser(muscle: FixedMuscle, count: int) -> FixedMuscle | None:
+    """Return a muscle with fewer triangles; None, and a warning, where its surface does not allow it."""
+    try:
+        points, triangles = decimated(muscle.points, muscle.triangles, count)
+    except InputError as error:
+        warnings.warn(f"PBDDeformer: muscle: {error}; all are solved", stacklevel=2)
+        return None
+    fixed_to = coarse_fixed_points(muscle.points, muscle.fixed_to, points)
+    return FixedMuscle(points, triangles, np.asarray(fixed_to), muscle.fibres)

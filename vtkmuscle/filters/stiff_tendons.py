@@ -22,10 +22,11 @@ _ON_TRIANGLE = 0.1
 class StiffTendons(Filter):
     """Hold fibre ends at a constant distance from their bones, for tendon is stiff.
 
-    A tendon is 3.3 % longer at its muscle's largest force (Zajac 1989, *Muscle and tendon*, Critical Reviews in
-    Biomedical Engineering 17, 359-411), where fibres may shorten by half. The distance is measured along the muscle's paths, between an end of a fibre and the bone. Ends on a part of
-    the muscle that is fixed to a bone stay with the part. Fibres that are straight at rest stay straight. Points
-    farther outside of the deformed muscle than at rest are moved back towards the muscle.
+    A tendon is 3.3 % longer at its muscle's largest force (Zajac 1989, *Muscle and tendon*, Critical Reviews
+    in Biomedical Engineering 17, 359-411), where fibres may shorten by half. The distance is measured along
+    the muscle's paths, between an end of a fibre and the bone. Ends on a part of the muscle that is fixed to
+    a bone stay with the part. Fibres that are straight at rest stay straight. Points farther outside of the
+    deformed muscle than at rest are moved back towards the muscle.
 
     Parameters
     ----------

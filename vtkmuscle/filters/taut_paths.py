@@ -45,9 +45,9 @@ class TautPaths(Filter):
     Without ``rest_fibres``, lines over the surface stand in for fibres, along the harmonic function between
     the points fixed to different bones. A muscle that is fixed to one bone then has no paths.
 
-    A pose is reached from the nearest pose computed before, or from rest, along the screws of the bones. Lengths
-    and levers do not depend on the start, but within the solver's tolerance; the side of a bone on which
-    a path lies does, where both sides are possible.
+    A pose is reached from the nearest pose computed before, or from rest, along the screws of the bones.
+    Lengths and levers do not depend on the start, but within the solver's tolerance; the side of a bone on
+    which a path lies does, where both sides are possible.
 
     Parameters
     ----------
@@ -108,9 +108,9 @@ class TautPaths(Filter):
     >>> (name, muscle), = phantom.muscles.items()
     >>> attachments = phantom.attachments[name]
     >>> fixed = FixedPointDetector()(muscle, phantom.bones, attachments)
-    >>> moving = BoneMotion(bones=phantom.bones, motion=phantom.motion)
+    >>> bones = {"rest_bones": phantom.bones, "bones": BoneMotion(bones=phantom.bones, motion=phantom.motion)}
     >>> fibres = decompose(muscle, attachments, n_fibres=8)
-    >>> paths = TautPaths(rest_fibres=fibres, rest_muscle=fixed, rest_bones=phantom.bones, bones=moving).apply()
+    >>> paths = TautPaths(rest_fibres=fibres, rest_muscle=fixed, **bones).apply()
     >>> paths.n_cells, bool((paths["Length"] > 0).all())
     (8, True)
     """
@@ -196,8 +196,8 @@ class TautPaths(Filter):
                 )
             self._poses = KeptPoses(made)
             self._rest_arrays = {
-                REST_POSITION: vtk_array(REST_POSITION, made.rest.points.reshape(-1, 3)),
-                "RestLength": vtk_array("RestLength", made.rest.lengths),
+                REST_POSITION: vtk_array(made.rest.points.reshape(-1, 3), REST_POSITION),
+                "RestLength": vtk_array(made.rest.lengths, "RestLength"),
             }
         self._rest = given, shapes, self.resolution
 

@@ -11,8 +11,8 @@ from vtkmodules.vtkCommonDataModel import vtkPolyData
 from vtkmuscle.core.errors import fault_of
 from vtkmuscle.core.mesh.normals import triangle_normals, vertex_normals
 from vtkmuscle.core.mesh.solids import solids_of
-from vtkmuscle.core.motion.joint_fits import JointFit, fitted_ball, fitted_hinge
 from vtkmuscle.data.arrays import checked_surface
+from vtkmuscle.joints.fits import JointFit, fitted_ball, fitted_hinge
 from vtkmuscle.labels.guesses import Guess
 from vtkmuscle.labels.names import JOINTS, JointKind, side_of, stem_of
 

@@ -1,8 +1,7 @@
-"""Joints and OpenSim: models read and written, scenes with joints, muscles for other programs.
+"""Models of OpenSim and MuJoCo: read, checked, and written with the muscles of a run.
 
-The rest of the package does not need it: only scenes with joints or a model use it, and the command. Models
-are written from a :class:`~vtkmuscle.opensim.tree.KinematicTree` with paths, so that a test can compare their
-lengths and moment arms with those of the other program.
+Models are written from a :class:`~vtkmuscle.joints.tree.KinematicTree` with paths, so that a test can compare
+their lengths and moment arms with those of the other program.
 """
 
 import lazy_loader

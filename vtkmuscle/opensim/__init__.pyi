@@ -7,6 +7,10 @@ from .from_run import (
     write_opensim as write_opensim,
 )
 from .mjcf import mjcf_of as mjcf_of
-from .model import OsimModel as OsimModel, read_osim as read_osim
-from .motion_file import MotionFile as MotionFile, read_motion_file as read_motion_file
+from .model import (
+    MotionFile as MotionFile,
+    OsimModel as OsimModel,
+    read_motion_file as read_motion_file,
+    read_osim as read_osim,
+)
 from .osim_text import MuscleOut as MuscleOut, enriched as enriched, osim_of as osim_of

@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 
 from vtkmuscle.core.types import Floats, Ints
+from vtkmuscle.joints.tree import JointCoordinate
 from vtkmuscle.opensim.model import OsimModel, read_osim
 from vtkmuscle.opensim.muscle_paths import STEP, PointPath
-from vtkmuscle.opensim.tree import JointCoordinate
 from vtkmuscle.report.sections import Section, shown_rows, write_page
 from vtkmuscle.run.table import Table
 

@@ -15,7 +15,7 @@ from vtkmuscle.core.motion.rigid import apply_transform, inverses
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import points_of, triangles_of
 from vtkmuscle.io.writing import replacing
-from vtkmuscle.opensim.tree import KinematicTree
+from vtkmuscle.joints.tree import KinematicTree
 
 #: Force per physiological cross-section [N/cm^2], where none is given: Rajagopal et al. 2016,
 #: doi:10.1109/TBME.2016.2586891.

@@ -12,8 +12,8 @@ from scipy.optimize import least_squares
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.types import Bools, Floats
+from vtkmuscle.joints.tree import KinematicTree
 from vtkmuscle.opensim.muscle_paths import STEP, Cylinder, FunctionPath, PathPoint, PointPath, powers, terms
-from vtkmuscle.opensim.tree import KinematicTree
 
 #: Parts of the values of each coordinate, at most. Poses of each but the outer two are held back, and the
 #: order is chosen by the errors of a fit of the others there: between the levels of a grid as well.

@@ -16,6 +16,7 @@ from vtkmuscle.core.motion.rigid import inverses
 from vtkmuscle.core.types import Bools, Floats
 from vtkmuscle.io import write_text
 from vtkmuscle.io.parts import file_digest
+from vtkmuscle.joints.tree import KinematicTree
 from vtkmuscle.opensim.export_parts import (
     SPECIFIC_TENSION,
     completed_properties,
@@ -27,13 +28,12 @@ from vtkmuscle.opensim.mjcf import mjcf_of
 from vtkmuscle.opensim.model import checked_model
 from vtkmuscle.opensim.muscle_paths import FunctionPath, PointPath, moment_arm
 from vtkmuscle.opensim.osim_text import MuscleOut, enriched, osim_of
-from vtkmuscle.opensim.scene_joints import SceneJoints, coordinate_values
-from vtkmuscle.opensim.tree import KinematicTree
 from vtkmuscle.run.result import Result
 from vtkmuscle.run.table import Table
 from vtkmuscle.scene.data import MILLIMETRES
 from vtkmuscle.scene.faults import SceneError
 from vtkmuscle.scene.files import SceneFiles, parsed
+from vtkmuscle.scene.joints import SceneJoints, coordinate_values
 from vtkmuscle.scene.motion import joints_of
 from vtkmuscle.scene.validation import validated
 from vtkmuscle.scenes import Scene

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from vtkmuscle.core.motion.rigid import frame_at
-from vtkmuscle.opensim.functions import IDENTITY
-from vtkmuscle.opensim.tree import Joint, JointAxis, JointCoordinate, KinematicTree
+from vtkmuscle.joints.functions import IDENTITY
+from vtkmuscle.joints.tree import Joint, JointAxis, JointCoordinate, KinematicTree
 from vtkmuscle.phantoms.leg import JOINTS, LIMITS
 
 

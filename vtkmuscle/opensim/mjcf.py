@@ -14,11 +14,11 @@ from vtkmuscle.core.motion.rigid import inverses
 from vtkmuscle.core.types import Floats
 from vtkmuscle.io.xml_elements import made, xml_text
 from vtkmuscle.io.xml_elements import numbers_text as _numbers
+from vtkmuscle.joints.functions import CoordinateFunction, Polynomial
+from vtkmuscle.joints.tree import Joint, JointAxis, KinematicTree
 from vtkmuscle.opensim.export_parts import FOLDER, NEEDED
-from vtkmuscle.opensim.functions import CoordinateFunction, Polynomial
 from vtkmuscle.opensim.muscle_paths import PointPath
 from vtkmuscle.opensim.osim_text import CYLINDER, GYRATION, MuscleOut
-from vtkmuscle.opensim.tree import Joint, JointAxis, KinematicTree
 
 #: Highest power of a coupling in MuJoCo.
 _HIGHEST = 4

@@ -14,33 +14,12 @@ from vtkmuscle.core.motion.rigid import frame_at
 from vtkmuscle.core.types import Floats
 from vtkmuscle.core.words import suggestion
 from vtkmuscle.io.xml_elements import Element, read_xml
-from vtkmuscle.opensim.elements import (
-    GROUND,
-    Frames,
-    OsimMuscle,
-    coupling_in,
-    joint_in,
-    muscle_in,
-    of_kind,
-    offset_frames,
-    point_on,
-)
-from vtkmuscle.opensim.tree import KinematicTree
+from vtkmuscle.joints.motion_file import MotionFile, read_motion_file
+from vtkmuscle.joints.osim import NOT_USED, Frames, bodies_in, model_element, of_kind, point_on, tree_in
+from vtkmuscle.joints.tree import KinematicTree
+from vtkmuscle.opensim.muscle_elements import OsimMuscle, muscle_in
 
-#: Parts of a model that do not decide where bodies are and muscles run; their contents are listed only.
-_NOT_USED = ("ControllerSet", "ContactGeometrySet", "ProbeSet")
-_MODEL_KEYS = (
-    *("credits", "publications", "length_units", "force_units", "gravity", "assembly_accuracy", "defaults"),
-    *("Ground", "BodySet", "JointSet", "ConstraintSet", "ForceSet", "MarkerSet", "ComponentSet"),
-    *("ModelVisualPreferences", "components", "FrameGeometry", *_NOT_USED),
-)
-_INERTIA = [f"inertia_{a}{b}" for a, b in ("xx", "yy", "zz", "xy", "xz", "yz")]
-_BODY_KEYS = (
-    *("mass", "mass_center", "inertia", *_INERTIA, "Joint", "VisibleObject", "WrapObjectSet"),
-    *("FrameGeometry", "attached_geometry", "components", "frames"),
-)
-#: Names of the unit of length, of which a file may give none.
-_METRES = ("meters", "metres", "m", "")
+__all__ = ["BodyMesh", "Marker", "MotionFile", "OsimModel", "checked_model", "read_motion_file", "read_osim"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,19 +108,7 @@ def read_osim(path: str | PathLike[str]) -> OsimModel:
     Seth et al. 2018, *OpenSim: Simulating musculoskeletal dynamics and neuromuscular control to study human
     and animal movement*, doi:10.1371/journal.pcbi.1006223.
     """
-    path = Path(path)
-    document = read_xml(path)
-    if document.tag != "OpenSimDocument":
-        raise InputError(
-            path, f"this is XML of {document.tag!r}, not a model of OpenSim", "give an .osim file"
-        )
-    model = document.need("Model")
-    model.only(_MODEL_KEYS)
-    units = model.word("length_units")
-    if units not in _METRES:
-        problem = f"there is no unit {units!r} here: lengths must be in metres"
-        raise model.need("length_units").error(problem, "convert the model to meters")
-    return _model_in(model)
+    return _model_in(model_element(Path(path)))
 
 
 def checked_model(path: Path) -> OsimModel:
@@ -154,39 +121,20 @@ def checked_model(path: Path) -> OsimModel:
 
 def _model_in(model: Element) -> OsimModel:
     not_used: list[str] = []
-    bodies, frames = _bodies(model)
+    bodies, frames = bodies_in(model)
     meshes = [mesh for name, body in bodies for mesh in _meshes(name, body, not_used)]
-    tree, joint_of = _tree(model, frames, not_used)
+    tree, joint_of = tree_in(model, frames, not_used)
     for name, (body, _) in frames.items():
         if name == body and name not in tree.bodies:
             raise model.error(f"the body {name!r} hangs on no joint")
     muscles = _muscles(model, frames, tree, not_used)
-    not_used += [f"{tag}: {one}" for tag in _NOT_USED for one in model.within(tag)]
+    not_used += [f"{tag}: {one}" for tag in NOT_USED for one in model.within(tag)]
     for tag in ("ComponentSet", "components"):
         for one in model.within(tag):
             raise one.error("further components are not understood", "remove it")
     return OsimModel(
         model.name, tree, _markers(model, frames), muscles, tuple(meshes), joint_of, tuple(not_used)
     )
-
-
-def _bodies(model: Element) -> tuple[list[tuple[str, Element]], Frames]:
-    """Return bodies by name, and the frames of all that is on them."""
-    frames: Frames = {}
-    bodies = [(body.name, body) for body in of_kind("Body", model.within("BodySet"))]
-    for name, body in bodies:
-        if name in frames:
-            raise body.error("there is another body of this name")
-        body.only(_BODY_KEYS)
-        frames[name] = (name, np.eye(4))
-    ground = model.find("Ground")
-    if ground is not None:
-        bodies.append((ground.name or GROUND, ground))
-        frames[GROUND] = (GROUND, np.eye(4))
-    for _, body in bodies:
-        for holder in ("components", "frames"):
-            frames = offset_frames(body.within(holder), frames)
-    return bodies, frames
 
 
 def _meshes(name: str, body: Element, not_used: list[str]) -> Iterator[BodyMesh]:
@@ -203,26 +151,6 @@ def _meshes(name: str, body: Element, not_used: list[str]) -> Iterator[BodyMesh]
             own = one.vector("scale_factors", default=[1, 1, 1])
             turn = one.vector("transform", 6)
             yield BodyMesh(name, one.word("geometry_file"), scale * own, frame_at(turn[3:], turn[:3]))
-
-
-def _tree(model: Element, frames: Frames, not_used: list[str]) -> tuple[KinematicTree, dict[str, str]]:
-    """Return the tree, and the joint of each coordinate."""
-    found = [joint_in(one, frames) for one in model.within("JointSet")]
-    for body in model.within("BodySet"):
-        found += [joint_in(one, frames, body.name) for one in body.within("Joint")]
-    couplings = []
-    for one in model.within("ConstraintSet"):
-        coupling = coupling_in(one)
-        if coupling is None:
-            not_used.append(f"switched off: {one}")
-        else:
-            couplings.append(coupling)
-    coordinates = [coordinate for _, own in found for coordinate in own]
-    try:
-        tree = KinematicTree(GROUND, [joint for joint, _ in found], coordinates, couplings)
-    except ValueError as error:
-        raise model.placed(error) from error
-    return tree, {coordinate.name: joint.name for joint, own in found for coordinate in own}
 
 
 def _markers(model: Element, frames: Frames) -> tuple[Marker, ...]:

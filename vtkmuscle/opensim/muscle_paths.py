@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.types import Bools, Floats, Ints
-from vtkmuscle.opensim.functions import CoordinateFunction
-from vtkmuscle.opensim.tree import KinematicTree
+from vtkmuscle.joints.functions import CoordinateFunction
+from vtkmuscle.joints.tree import KinematicTree
 
 #: How far beyond its range a conditional point still counts [radians, or units of length], as in OpenSim.
 RANGE_MARGIN = 1e-5

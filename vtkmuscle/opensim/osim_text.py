@@ -14,11 +14,11 @@ from scipy.spatial.transform import Rotation
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.types import Floats
 from vtkmuscle.io.xml_elements import decoded, made, xml_text
-from vtkmuscle.opensim.elements import AXES
-from vtkmuscle.opensim.functions import Polynomial, function_element
+from vtkmuscle.joints.functions import Polynomial, function_element
+from vtkmuscle.joints.osim import AXES
+from vtkmuscle.joints.tree import Coupling, Joint, JointAxis, JointCoordinate, KinematicTree
 from vtkmuscle.opensim.model import checked_model
 from vtkmuscle.opensim.muscle_paths import FunctionPath, PathPoint, PointPath
-from vtkmuscle.opensim.tree import Coupling, Joint, JointAxis, JointCoordinate, KinematicTree
 
 #: The version of the format that is written: that of OpenSim 4.6.
 VERSION = 40600

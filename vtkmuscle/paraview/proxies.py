@@ -78,6 +78,9 @@ def properties_of(parameter: Parameter[Any], among: Iterable[Parameter[Any]] = (
     """
     properties = _properties_of(parameter)
     for shown in properties:
+        if parameter.listed is not None:
+            listed = SubElement(SubElement(shown.xml, "StringListDomain", name="list"), "RequiredProperties")
+            SubElement(listed, "Property", name=camel_case(parameter.listed), function="StringInfo")
         if parameter.only_with is not None:
             name, *values = parameter.only_with
             _show_only_with(shown.xml, camel_case(name), values)
@@ -86,6 +89,29 @@ def properties_of(parameter: Parameter[Any], among: Iterable[Parameter[Any]] = (
             if setting:
                 _show_only_with(shown.xml, camel_case(other.name), setting, inverse="1")
     return properties
+
+
+def informations_of(kind: type[Filter]) -> dict[str, Element]:
+    """Return the properties of a filter that ParaView only reads, by the attribute that each of them shows.
+
+    They are the lists of allowed texts, and the values that a preset has set: ``Iterations`` keeps the number
+    that was set, ``IterationsInEffect`` is the number that counts.
+    """
+    declared = kind.parameter_declarations
+    preset = {name for each in declared.values() for group in each.sets.values() for name in group}
+    elements: dict[str, Element] = {}
+    for name, parameter in declared.items():
+        if name in preset:
+            shown = f"{camel_case(name)}InEffect"
+            elements[name] = _information(shown, _VECTORS[parameter.kind])
+        if parameter.listed is not None:
+            elements[parameter.listed] = _information(camel_case(parameter.listed), "String")
+    return elements
+
+
+def _information(name: str, kind: str) -> Element:
+    names = {"name": name, "label": spaced(name), "command": f"Get{name}", "information_only": "1"}
+    return Element(f"{kind}VectorProperty", names)
 
 
 def _properties_of(parameter: Parameter[Any]) -> list[Property]:
@@ -199,6 +225,7 @@ def proxy_parts(kind: type[Filter]) -> list[str]:
     parts = [_documentation(kind)]
     parts += [_input(number, port) for number, port in enumerate(kind.input_ports)]
     declared = kind.parameter_declarations.values()
+    parts += informations_of(kind).values()
     parts += [shown.xml for parameter in declared for shown in properties_of(parameter, declared)]
     if kind.times_from is not None or kind.time_steps is not Filter.time_steps:
         # By this ParaView's animation learns the time steps.

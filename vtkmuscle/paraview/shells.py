@@ -16,7 +16,7 @@ from vtkmuscle.filters.base.algorithm import AbortedError
 from vtkmuscle.filters.base.filter import Filter
 from vtkmuscle.filters.base.parameters import Parameter
 from vtkmuscle.filters.base.ports import OutputPort
-from vtkmuscle.paraview.proxies import Property, properties_of
+from vtkmuscle.paraview.proxies import Property, informations_of, properties_of
 from vtkmuscle.scenes import Scene
 
 
@@ -36,17 +36,25 @@ class MuscleScene(Filter):
     >>> from vtkmuscle import Scene, phantoms
     >>> from vtkmuscle.paraview.shells import MuscleScene
     >>> source = MuscleScene(scene=Scene.from_phantom(phantoms.spindle_over_hinge()), muscle="spindle")
-    >>> muscle, bones, attachments = source.update().output
-    >>> bones.GetNumberOfBlocks(), attachments.GetNumberOfBlocks()
+    >>> source.muscle_names
+    ['spindle']
+    >>> source.bones.GetNumberOfBlocks(), source.attachments.GetNumberOfBlocks()
     (2, 2)
     """
 
     scene: Parameter[Scene | None] = Parameter(Scene, default=None, doc="The scene.")
-    muscle = Parameter(str, default="", doc="Name of the muscle; empty for the scene's first.")
+    muscle = Parameter(
+        str, default="", listed="muscle_names", doc="Name of the muscle; empty for the scene's first."
+    )
 
     surface = OutputPort(vtkPolyData, doc="The muscle, in the rest pose.")
     bones = OutputPort(vtkMultiBlockDataSet, doc="The bones by name, in the rest pose.")
     attachments = OutputPort(vtkMultiBlockDataSet, doc="The muscle's attachment areas, a block for each.")
+
+    @property
+    def muscle_names(self) -> list[str]:
+        """Names of the scene's muscles."""
+        return [] if self.scene is None else list(self.scene.muscles)
 
     def execute(self) -> tuple[vtkPolyData, vtkMultiBlockDataSet, vtkMultiBlockDataSet]:
         """Return surface, bones and attachments."""
@@ -132,6 +140,8 @@ def shell_of(kind: type[Filter], module: str) -> type[Shell]:
     for name, parameter in kind.parameter_declarations.items():
         for shown in properties_of(parameter):
             members[shown.command] = _setter(name, shown)
+    for name, information in informations_of(kind).items():
+        members[information.attrib["command"]] = _getter(name)
     return type(kind.__name__, (Shell, kind), members)
 
 
@@ -141,6 +151,13 @@ def _setter(name: str, shown: Property) -> Callable[..., None]:
 
     set_property.__name__ = shown.command
     return set_property
+
+
+def _getter(name: str) -> Callable[..., Any]:
+    def get_information(self: Shell) -> Any:
+        return getattr(self, name)
+
+    return get_information
 
 
 def _words(failure: BaseException) -> str:

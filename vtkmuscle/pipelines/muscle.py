@@ -9,7 +9,7 @@ from typing import Any
 from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.filters.base import Parameter
 from vtkmuscle.filters.bone_motion import BoneMotion
-from vtkmuscle.filters.deformer.settings import PUBLISHED
+from vtkmuscle.filters.deformer.settings import PRESETS
 from vtkmuscle.filters.fibre_metrics import FibreMetrics
 from vtkmuscle.filters.fibre_transport import FibreTransport
 from vtkmuscle.filters.fixed_point_detector import FixedPointDetector
@@ -33,8 +33,8 @@ WEIGHT_TOLERANCE = 0.3
 DEFORMERS: Mapping[str, type[PathDeformer] | type[PBDDeformer] | None] = MappingProxyType(
     {"paths": PathDeformer, "pbd": PBDDeformer, "none": None}
 )
-#: Presets of numbers; the last one is of PBDDeformer alone.
-QUALITIES = (*RESOLUTIONS, PUBLISHED)
+#: Presets of numbers: those of TautPaths and PathDeformer, and further ones of PBDDeformer alone.
+QUALITIES = tuple(dict.fromkeys([*RESOLUTIONS, *PRESETS]))
 
 
 class MusclePipeline:
@@ -58,8 +58,8 @@ class MusclePipeline:
     neighbours : mapping of str to algorithm, optional
         Deformers of other muscles, out of which this one is kept.
     deformer : str, optional
-        ``"paths"``, the muscle carried by its taut paths (PathDeformer); ``"pbd"``, position based dynamics of
-        its surface (PBDDeformer), which needs no paths; ``"none"``, the paths alone.
+        ``"paths"``, the muscle carried by its taut paths (PathDeformer); ``"pbd"``, position based dynamics
+        of its surface (PBDDeformer), which needs no paths; ``"none"``, the paths alone.
     quality : str, optional
         Preset of the numbers of TautPaths and of the deformer.
     fixing : mapping or None, optional
@@ -149,6 +149,10 @@ class MusclePipeline:
                 counts = {name: shaping[name] for name in ("n_fibres", "resolution") if name in shaping}
                 self.fibres = decompose(self.fixed, attachments, aponeuroses=aponeuroses, **counts)
         self.moving = BoneMotion(bones=bones, motion=motion)
+        qualities = PRESETS if deformer == "pbd" else RESOLUTIONS
+        if quality not in (None, *qualities):
+            allowed = f"with deformer={deformer!r} must be one of {', '.join(map(repr, qualities))}"
+            raise ValueError(f"MusclePipeline: quality is {quality!r}, but {allowed}")
         preset = {} if quality is None else {"quality": quality}
         posed = {"rest_bones": bones, "bones": self.moving}
         self.taut_paths: TautPaths | None = None

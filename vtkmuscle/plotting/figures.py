@@ -217,7 +217,6 @@ def plot_moment_arms(
     studio: Studio | None = None,
     *,
     rest: MuscleFrame | None = None,
-    errors: Mapping[str, Floats] | None = None,
     literature: Sequence[LiteratureCurve] = (),
     units: str = "mm",
 ) -> Figure:
@@ -236,9 +235,6 @@ def plot_moment_arms(
         Where the picture is taken, likewise.
     rest : MuscleFrame, optional
         The muscle at rest, its fibres, one for each path, and words that stand above the panels.
-    errors : mapping of str to (m,) array, optional
-        Per coordinate what is known of the error of the mean in all, with 95 % confidence, as
-        ``result.errors[NAME]["moment_arm_COORDINATE"].total``.
     literature : sequence of LiteratureCurve, optional
         Published ones of the muscle; those of a coordinate of this name are drawn.
     units : str, optional
@@ -266,7 +262,7 @@ def plot_moment_arms(
         panel.add_to(figure, (0.25, 0.3), units)
     for number, (name, found) in enumerate(arms.items()):
         axes = figure.add_axes(((beside + 9.0 * number) / width, 0.12, 9.0 / width, 0.79))
-        _draw_arms(axes, found, None if errors is None else errors.get(name), places)
+        _draw_arms(axes, found, places)
         unit = ANGLES.get(found.unit)
         if unit is not None:
             draw_literature(axes, curves_for(literature, coordinate=name), math.pi / 180.0 / unit)
@@ -301,7 +297,7 @@ def places_across(fibres: vtkPolyData) -> Floats:
     return found
 
 
-def _draw_arms(axes: Axes, found: JointArms, errors: Floats | None, places: Floats | None) -> None:
+def _draw_arms(axes: Axes, found: JointArms, places: Floats | None) -> None:
     # A sweep up and down has values twice: curves are drawn by ascending value.
     order = np.argsort(found.values, kind="stable")
     values, mean, arms = found.values[order], found.mean[order], found.arms[order]
@@ -309,9 +305,6 @@ def _draw_arms(axes: Axes, found: JointArms, errors: Floats | None, places: Floa
     lines = axes.add_collection(_lines(values, arms, alpha=0.6, **look))
     colour = lines.get_edgecolor()[0] if places is None else "#2a788e"
     axes.plot([], [], color=colour, linewidth=0.9, label=f"{arms.shape[1]} paths")
-    if errors is not None:
-        low, high, words = mean - errors[order], mean + errors[order], "error of the mean (95 %)"
-        axes.fill_between(values, low, high, color="black", alpha=0.3, linewidth=0, label=words)
     axes.plot(values, mean, color="black", linewidth=2.0, label="mean")
     if found.quartic is not None:
         quartic = found.quartic.mean(axis=1)[order]

@@ -114,23 +114,24 @@ def blank_figure(width: float, height: float) -> Figure:
     return figure
 
 
-def save_figure(figure: Figure, path: Path, dpi: float = DOTS_PER_INCH) -> None:
-    """Write a figure whose canvas is Agg's as a .png, .pdf or .svg: what is no picture in lines and letters.
+def save_figure(figure: Figure, path: Path, form: str = "png", dpi: float = DOTS_PER_INCH) -> None:
+    """Write a figure whose canvas is Agg's as png, pdf or svg: what is no picture in lines and letters.
 
     A PNG as ``savefig`` does, in a third of its time.
     """
     figure.set_dpi(dpi)
-    if path.suffix != ".png":
+    if form != "png":
         with rc_context({"pdf.fonttype": 42, "svg.fonttype": "none"}):  # letters stay letters
-            date = {".pdf": "CreationDate", ".svg": "Date"}[path.suffix]
-            figure.savefig(path, dpi=dpi, metadata={date: None})
+            date = {"pdf": "CreationDate", "svg": "Date"}[form]
+            figure.savefig(path, format=form, dpi=dpi, metadata={date: None})
         return
     canvas = figure.canvas
     assert isinstance(canvas, FigureCanvasAgg)
     canvas.draw()
     image = Image.frombuffer("RGBA", canvas.get_width_height(physical=True), canvas.buffer_rgba())
     # White and flat colours are runs of one value.
-    image.convert("RGB").save(path, compress_level=1, compress_type=zlib.Z_RLE, dpi=(figure.dpi,) * 2)
+    options: dict[str, Any] = {"compress_level": 1, "compress_type": zlib.Z_RLE}
+    image.convert("RGB").save(path, format="PNG", dpi=(figure.dpi,) * 2, **options)
 
 
 def curves(title: str, time_label: str, value_label: str) -> tuple[Figure, Axes]:

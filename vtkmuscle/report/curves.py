@@ -4,21 +4,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from vtkmuscle.core.estimate import Estimate
 from vtkmuscle.core.moment_arms.by_coordinate import JointArms
 from vtkmuscle.core.motion.coordinates import ANGLES
 from vtkmuscle.core.types import Floats
 from vtkmuscle.io.literature import LiteratureCurve, curves_for, drawn
 from vtkmuscle.plotting.colours import PALETTE
+from vtkmuscle.report.contents import MuscleContent, RunContent
 from vtkmuscle.report.scene3d import Pack
-
-if TYPE_CHECKING:
-    from vtkmuscle.run.limits import Check
-    from vtkmuscle.run.result import Result
 
 #: Fibres of a muscle that are drawn one by one, at most.
 MOST_FIBRES = 100
@@ -86,26 +82,22 @@ MEASURES = (
 )
 
 
-def curves_of(
-    result: Result, arms: Mapping[str, Mapping[str, JointArms]], limits: Mapping[str, Check], pack: Pack
-) -> dict[str, Any]:
-    """Return the curves of a page over the motion, ready for JSON; single fibres are added to the pack.
-
-    ``arms`` are the moment arms per muscle and coordinate, ``limits`` those of each check.
-    """
-    name, _, unit = result.time_label.partition(" [")
+def curves_of(run: RunContent, pack: Pack) -> dict[str, Any]:
+    """Return the curves of a page over the motion, ready for JSON; single fibres are added to the pack."""
+    name, _, unit = run.time_label.partition(" [")
     muscles = [
-        _muscle(result, number, arms.get(one, {}), pack) for number, one in enumerate(result.muscle_names)
+        _muscle(one, muscle, run.report["muscles"][one]["frames"], colour_of(number), pack)
+        for number, (one, muscle) in enumerate(run.muscles.items())
     ]
     return {
-        "times": rounded(result.times),
-        "timeLabel": result.time_label,
+        "times": rounded(run.times),
+        "timeLabel": run.time_label,
         "timeName": name,
         "timeUnit": f" {unit.removesuffix(']')}".rstrip(),
         "muscles": muscles,
-        "coordinates": _coordinates(result, arms),
+        "coordinates": _coordinates(run),
         "checks": [
-            _check(result, one, limits.get(one.check))
+            _check(run, one, run.limits.get(one.check))
             for one in MEASURES
             if any(one.key in muscle["checks"] for muscle in muscles)
         ],
@@ -132,40 +124,36 @@ def colour_of(number: int) -> str:
     return PALETTE[number % len(PALETTE)]
 
 
-def _muscle(result: Result, number: int, arms: Mapping[str, JointArms], pack: Pack) -> dict[str, Any]:
-    name = result.muscle_names[number]
-    frames = result.report["muscles"][name]["frames"]
+def _muscle(
+    name: str, muscle: MuscleContent, frames: Sequence[Mapping[str, Any]], colour: str, pack: Pack
+) -> dict[str, Any]:
     checks = {}
     for one in MEASURES:
         values = [row.get(one.key) for row in frames]
         if one.curve and any(value is not None for value in values):
             found = one(np.array(values, dtype=np.float64))  # None is NaN
             checks[one.key] = rounded(np.where(np.abs(found) < 1e-9, 0.0, found))
-    errors = result.errors.get(name, {})
-    published = result.literature.get(name, ())
+    lengths, fibres = muscle.lengths, muscle.fibre_lengths
     found_arms = {
-        axis: _arms(one, errors.get(f"moment_arm_{axis}"), curves_for(published, coordinate=axis))
-        for axis, one in arms.items()
+        axis: _arms(one, curves_for(muscle.literature, coordinate=axis)) for axis, one in muscle.arms.items()
     }
-    lengths, fibres = result.lengths.get(name), result.fibre_lengths.get(name)
     return {
         "name": name,
         "label": label_of(name),
-        "colour": colour_of(number),
-        "lengths": None if lengths is None else _lengths(lengths, errors.get("length"), pack),
-        "fibreLengths": None if fibres is None else _lengths(fibres, errors.get("fibre_length"), pack),
+        "colour": colour,
+        "lengths": None if lengths is None else _lengths(lengths, pack),
+        "fibreLengths": None if fibres is None else _lengths(fibres, pack),
         "arms": found_arms,
         "checks": checks,
     }
 
 
-def _lengths(lengths: Floats, error: Estimate | None, pack: Pack) -> dict[str, Any]:
+def _lengths(lengths: Floats, pack: Pack) -> dict[str, Any]:
     lower, upper = np.percentile(lengths, (25.0, 75.0), axis=1)
     count = lengths.shape[1]
     drawn = np.unique(np.linspace(0, count - 1, min(count, MOST_FIBRES)).round().astype(int))
     return {
         "mean": rounded(lengths.mean(axis=1)),
-        "error": None if error is None else rounded(error.total),
         "low": rounded(lengths.min(axis=1)),
         "high": rounded(lengths.max(axis=1)),
         "lower": rounded(lower),
@@ -175,7 +163,7 @@ def _lengths(lengths: Floats, error: Estimate | None, pack: Pack) -> dict[str, A
     }
 
 
-def _arms(found: JointArms, error: Estimate | None, published: Sequence[LiteratureCurve]) -> dict[str, Any]:
+def _arms(found: JointArms, published: Sequence[LiteratureCurve]) -> dict[str, Any]:
     # A sweep up and down has values twice: curves are drawn by ascending value.
     order = np.argsort(found.values, kind="stable")
     quartic = None if found.quartic is None else rounded(found.quartic.mean(axis=1)[order])
@@ -185,7 +173,6 @@ def _arms(found: JointArms, error: Estimate | None, published: Sequence[Literatu
         "mean": rounded(found.mean[order]),
         "low": rounded(found.arms.min(axis=1)[order]),
         "high": rounded(found.arms.max(axis=1)[order]),
-        "error": None if error is None else rounded(error.total[order]),
         "quartic": quartic,
         "literature": [] if unit is None else published_curves(published, math.pi / 180.0 / unit),
     }
@@ -203,9 +190,11 @@ def published_curves(curves: Sequence[LiteratureCurve], per_degree: float = 1.0)
     return found
 
 
-def _coordinates(result: Result, arms: Mapping[str, Mapping[str, JointArms]]) -> list[dict[str, Any]]:
+def _coordinates(run: RunContent) -> list[dict[str, Any]]:
     """Return the coordinates that there are moment arms by, and their values in the kept frames."""
-    coordinates = {name: result.motion.coordinates[name] for found in arms.values() for name in found}
+    coordinates = {
+        name: run.motion.coordinates[name] for muscle in run.muscles.values() for name in muscle.arms
+    }
     return [
         {
             "name": name,
@@ -213,23 +202,24 @@ def _coordinates(result: Result, arms: Mapping[str, Mapping[str, JointArms]]) ->
             "unit": one.unit,
             "positive": one.positive,
             "of": "mm" if one.unit in ANGLES else "1",
-            "values": rounded(np.asarray(one.values)[list(result.frames)]),
+            "values": rounded(np.asarray(one.values)[list(run.frames)]),
         }
         for name, one in coordinates.items()
     ]
 
 
-def _check(result: Result, measure: Measure, limit: Check | None) -> dict[str, Any]:
+def _check(run: RunContent, measure: Measure, limit: tuple[float, float] | None) -> dict[str, Any]:
     """Return a measure's title and limits, and a sentence in place of its curve where it hardly changes."""
-    muscles = (result.report["muscles"][name]["frames"] for name in result.muscle_names)
+    muscles = (run.report["muscles"][name]["frames"] for name in run.muscles)
     found = (row.get(measure.key) for frames in muscles for row in frames)
     values = measure(np.array([value for value in found if value is not None], dtype=np.float64))
     check = {"key": measure.key, "label": measure.curve, "flat": None, "look": None, "failed": None}
     if limit is None:
         return check | {"floor": None}
-    if len(values) and np.ptp(values) <= _FLAT * abs(limit.look):
+    look, failed = limit
+    if len(values) and np.ptp(values) <= _FLAT * abs(look):
         ends = dict.fromkeys(f"{value:.2g}".replace("-", MINUS) for value in (values.min(), values.max()))
-        words = f"{' to '.join(ends)} in all frames of all muscles; looked at from {limit.look:g} on."
+        words = f"{' to '.join(ends)} in all frames of all muscles; looked at from {look:g} on."
         check["flat"] = words
-    floor = [-limit.look, limit.look] if measure.check == "volume" else [limit.look]
-    return check | {"look": limit.look, "failed": limit.failed, "floor": floor}
+    floor = [-look, look] if measure.check == "volume" else [look]
+    return check | {"look": look, "failed": failed, "floor": floor}

@@ -3,25 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from concurrent.futures import Future, ThreadPoolExecutor
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from markupsafe import Markup
 
-from vtkmuscle.core.moment_arms.by_coordinate import JointArms
 from vtkmuscle.core.motion.coordinates import ANGLES
 from vtkmuscle.io.writing import write_text
+from vtkmuscle.report.contents import RunContent
 from vtkmuscle.report.curves import colour_of, curves_of, label_of
 from vtkmuscle.report.scene3d import Pack, scene_of
-from vtkmuscle.report.sections import part, plotly_text, rendered
-from vtkmuscle.report.tables import errors_of, not_known_of, number, run_tables_of, settings_of, tables_of
-
-if TYPE_CHECKING:
-    from vtkmuscle.run.limits import Check
-    from vtkmuscle.run.result import Result
+from vtkmuscle.report.sections import part, rendered
+from vtkmuscle.report.tables import errors_of, number, run_tables_of, settings_of, tables_of
 
 #: Of more muscles than this the cards show a line, and the rest when it is asked for.
 MANY = 6
@@ -33,42 +28,41 @@ RESTS_ON = {
     "scene": "fibres bone to bone, less the scene's tendon",
     "estimate": "fibres bone to bone, less an estimated tendon",
 }
+#: What the page's numbers can be trusted for.
+TRUST = (
+    "The checks say whether a shape is sound: whether it keeps its volume, does not crumple, stays out "
+    "of the bones and follows its attachments. They do not say whether it is the shape of this person's "
+    "muscle: that depends on the segmentation, the attachments and the motion that were given.",
+    "Lengths and moment arms are those of the muscle's paths, from bone to bone; a moment arm is the "
+    "lever of a path's pull. Strain, pennation and cross-sectional area are those of its fibres.",
+)
 #: The parts of the page's program, in the order in which they are read.
 _SCRIPTS = (
     *("arrays.js", "webgl.js", "shaders.js", "colours.js", "shapes.js", "camera.js", "viewer.js"),
-    *("saving.js", "curves.js", "page.js"),
+    *("saving.js", "charts.js", "curves.js", "page.js"),
 )
 
 
-def write_page(path: str | PathLike[str], result: Result, limits: Mapping[str, Check]) -> Path:
-    """Write the page of a run to an .html file that loads nothing from anywhere, and return the file.
-
-    ``limits`` are those of each check of the verdicts; they are drawn beside the curves.
-    """
-    write_text(Path(path), page_of(result, limits))
+def write_page(path: str | PathLike[str], run: RunContent) -> Path:
+    """Write the page of a run to an .html file that loads nothing from anywhere, and return the file."""
+    write_text(Path(path), page_of(run))
     return Path(path)
 
 
-def page_of(result: Result, limits: Mapping[str, Check]) -> str:
+def page_of(run: RunContent) -> str:
     """Return the page of a run as text, see :func:`write_page`."""
-    with ThreadPoolExecutor(1) as pool:  # compresses Plotly while the arrays are gathered
-        return _page_of(result, limits, pool.submit(plotly_text))
-
-
-def _page_of(result: Result, limits: Mapping[str, Check], plotly: Future[str]) -> str:
-    report = result.report
-    arms = result.moment_arms() if result.has_moment_arms else {}
-    pack = Pack()
-    scene = scene_of(result, pack)
-    curves = curves_of(result, arms, limits, pack)
-    muscles = [_card(result, k, name, arms.get(name, {})) for k, name in enumerate(result.muscle_names)]
-    errors = errors_of(report)
+    report, pack = run.report, Pack()
+    scene = scene_of(run, pack)
+    curves = curves_of(run, pack)
+    muscles = [_card(run, number, name) for number, name in enumerate(run.muscles)]
+    lengths = any(muscle.lengths is not None for muscle in run.muscles.values())
+    fibre_lengths = any(muscle.fibre_lengths is not None for muscle in run.muscles.values())
     return rendered(
         "report.html",
-        name=result.name,
+        name=report["scene"],
         script=Markup("\n").join(map(part, _SCRIPTS)),
-        lead=_lead(result),
-        summary=_summary(result),
+        lead=_lead(run),
+        summary=_summary(run),
         stopped=report.get("stopped_by") if not report["complete"] else None,
         warnings=report.get("sense", ()),
         badge=BADGES,
@@ -78,47 +72,43 @@ def _page_of(result: Result, limits: Mapping[str, Check], plotly: Future[str]) -
         alt=f"The scene in three dimensions: {', '.join(one['label'] for one in muscles)}, "
         f"and the bones {', '.join(bone['name'] for bone in scene['bones'])}.",
         surfaces=report["deformer"] != "none",
-        fibres=bool(result.fibre_lengths),
-        curves=bool(result.lengths or result.fibre_lengths or curves["checks"]),
-        lengths=bool(result.lengths),
-        fibre_lengths=bool(result.fibre_lengths),
-        arms=bool(arms),
+        fibres=fibre_lengths,
+        curves=bool(lengths or fibre_lengths or curves["checks"]),
+        lengths=lengths,
+        fibre_lengths=fibre_lengths,
+        arms=any(muscle.arms for muscle in run.muscles.values()),
         checks=curves["checks"],
         coordinates=curves["coordinates"],
-        time_label=result.time_label,
+        time_label=run.time_label,
         last=len(scene["shown"]) - 1,
         tables=tables_of(report),
-        trust={
-            "words": _trust(errors is not None),
-            "tables": [*([] if errors is None else [errors]), *not_known_of(report)],
-        },
+        trust={"words": TRUST, "tables": errors_of(report)},
         run_tables=run_tables_of(report),
         settings=settings_of(report),
         definitions=list(report["definitions"].items()),
-        data={"scene": scene, "curves": curves, "frames": list(result.frames)},
+        data={"scene": scene, "curves": curves, "frames": list(run.frames)},
         arrays=Markup(pack.text()),
-        plotly=Markup(plotly.result()),
     )
 
 
-def _lead(result: Result) -> str:
-    count, frames = len(result.muscle_names), len(result.frames)
-    name, _, unit = result.time_label.partition(" [")
+def _lead(run: RunContent) -> str:
+    count, frames = len(run.muscles), len(run.frames)
+    name, _, unit = run.time_label.partition(" [")
     unit = unit.removesuffix("]")
-    over = f"{name} {number(result.times[0])} to {number(result.times[-1])} {unit}".strip()
-    paths = result.report["deformer"] == "none"
+    over = f"{name} {number(run.times[0])} to {number(run.times[-1])} {unit}".strip()
+    paths = run.report["deformer"] == "none"
     model = "Fibres as taut paths round the bones, no volumes" if paths else "Muscles as volumes"
     return f"{count} muscle{'s' * (count > 1)}, {frames} frame{'s' * (frames > 1)}, {over}. {model}."
 
 
-def _summary(result: Result) -> str:
+def _summary(run: RunContent) -> str:
     """Return in plain words which muscles can be used."""
     groups = {
-        verdict: [label_of(name) for name in result.muscle_names if result.verdicts[name] == verdict]
+        verdict: [label_of(name) for name in run.muscles if run.verdict(name) == verdict]
         for verdict in BADGES
     }
     words = []
-    if len(groups["ok"]) == len(result.muscle_names):
+    if len(groups["ok"]) == len(run.muscles):
         words.append("All checks passed." if len(groups["ok"]) > 1 else "It passed all checks.")
     elif groups["ok"]:
         words.append(f"Passed all checks: {_listed(groups['ok'])}.")
@@ -133,15 +123,18 @@ def _listed(names: list[str]) -> str:
     return ", ".join(names[:-1]) + (" and " if len(names) > 1 else "") + names[-1]
 
 
-def _card(result: Result, place: int, name: str, arms: Mapping[str, JointArms]) -> dict[str, Any]:
-    muscle = result.report["muscles"][name]
+def _card(run: RunContent, position: int, name: str) -> dict[str, Any]:
+    muscle, content = run.report["muscles"][name], run.muscles[name]
     facts: list[tuple[str, str, list[str] | None]] = []
-    known = {"mean length, bone to bone": result.lengths, "mean fibre length": result.fibre_lengths}
-    for title, lengths in known.items():
-        if len(lengths.get(name, ())):
-            mean = lengths[name].mean(axis=1)
+    by_title = {
+        "mean length, bone to bone": content.lengths,
+        "mean fibre length": content.fibre_lengths,
+    }
+    for title, lengths in by_title.items():
+        if lengths is not None:
+            mean = lengths.mean(axis=1)
             facts.append((title, f"{number(mean.min())} to {number(mean.max())} mm", None))
-    for coordinate, found in arms.items():
+    for coordinate, found in content.arms.items():
         some = np.unique([0, len(found.values) // 2, len(found.values) - 1])
         means = " / ".join(number(found.mean[i]) for i in some)
         values = " / ".join(number(found.values[i]) for i in some)
@@ -150,35 +143,23 @@ def _card(result: Result, place: int, name: str, arms: Mapping[str, JointArms]) 
         facts.append((f"moment arm, {label_of(coordinate)}", words, [name, coordinate]))
     architecture = muscle.get("architecture") or {}
     if "tendon_from" in architecture:
-        area = _with_error(muscle, "pcsa_without_tendon", architecture["pcsa_without_tendon_mm2"], 100.0)
+        area = number(architecture["pcsa_without_tendon_mm2"] / 100.0)
         facts.append((f"PCSA, {RESTS_ON[architecture['tendon_from']]}", f"{area} cm²", None))
     if muscle.get("volume_mm3"):
-        facts.append(("volume", f"{_with_error(muscle, 'volume', muscle['volume_mm3'], 1000.0)} cm³", None))
+        facts.append(("volume", f"{number(muscle['volume_mm3'] / 1000.0)} cm³", None))
     reasons = muscle["verdict"]["reasons"]
-    finished = result.finished(name)
-    if finished < len(result.frames):
-        facts.append(("frames", f"{finished} of {len(result.frames)}", None))
+    finished = run.finished(name)
+    if finished < len(run.frames):
+        facts.append(("frames", f"{finished} of {len(run.frames)}", None))
     return {
         "name": name,
         "label": label_of(name),
-        "colour": colour_of(place),
-        "verdict": result.verdicts[name],
+        "colour": colour_of(position),
+        "verdict": run.verdict(name),
         "facts": facts,
         "reasons": [{"says": _sentence(one["says"]), "frame": one["frame"]} for one in reasons],
         "remedies": list(dict.fromkeys(_sentence(one["do"]) for one in reasons)),
     }
-
-
-def _with_error(muscle: Mapping[str, Any], quantity: str, value: float, per: float) -> str:
-    """Return a number in another unit, with its error where that is known.
-
-    Without aponeuroses the error is one-sided: fibres that end on some are shorter, and areas larger.
-    """
-    known = muscle.get("errors", {}).get(quantity)
-    if known and known["parts"].get("aponeuroses"):
-        return f"{number(value / per)} to {number((value + known['total']) / per)}"
-    error = f" ± {number(known['total'] / per, 2)}" if known else ""
-    return f"{number(value / per)}{error}"
 
 
 def _sentence(words: Any) -> str:
@@ -196,16 +177,3 @@ def _thinned(scene: Mapping[str, Any]) -> str:
     if any(one["count"] < one["all"] for one in fibres):
         words.append("Of many fibres some are drawn.")
     return " ".join(words)
-
-
-def _trust(errors: bool) -> list[str]:
-    words = [
-        "The checks say whether a shape is sound: whether it keeps its volume, does not crumple, stays out "
-        "of the bones and follows its attachments. They do not say whether it is the shape of this person's "
-        "muscle: that depends on the segmentation, the attachments and the motion that were given.",
-        "Lengths and moment arms are those of the muscle's paths, from bone to bone; a moment arm is the "
-        "lever of a path's pull. Strain, pennation and cross-sectional area are those of its fibres.",
-    ]
-    if not errors:
-        words.append("The errors of the single numbers were not determined in this run.")
-    return words

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import base64
 import gzip
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -15,10 +15,8 @@ from vtkmuscle.core.types import Floats, Ints
 from vtkmuscle.data.arrays import points_of, polylines_of, triangles_of
 from vtkmuscle.plotting.colours import PALETTE
 from vtkmuscle.plotting.views import clearest_view, merged
+from vtkmuscle.report.contents import MuscleContent, RunContent
 from vtkmuscle.scene.data import MILLIMETRES
-
-if TYPE_CHECKING:
-    from vtkmuscle.run.result import Result
 
 #: Steps that the longest side of moving points is cut into: 0.03 mm of half a metre.
 STEPS = 20_000
@@ -100,35 +98,34 @@ LEAST, MOST = 600, 12_000
 _POSE_DIGITS = 7
 
 
-def scene_of(result: Result, pack: Pack) -> dict[str, Any]:
+def scene_of(run: RunContent, pack: Pack) -> dict[str, Any]:
     """Return the scene of a page, ready for JSON; its arrays are added to the pack.
 
     It has each bone's surface at rest and its transforms, each muscle's points at rest and per frame, and
     each fibre's points, length, strain and depth in bone per frame.
     """
-    shown = shown_frames(len(result.frames))
-    frames = [result.frames[i] for i in shown]
-    scale = MILLIMETRES[result.units]
-    names = list(result.muscle_names)
-    surfaces = result.report["deformer"] != "none"
-    budget = MUSCLE_POINTS // max(len(names) * (len(shown) + 1), 1)
+    shown = shown_frames(len(run.frames))
+    scale = MILLIMETRES[run.report["units"]]
+    surfaces = run.report["deformer"] != "none"
+    count = len(run.muscles)
+    budget = MUSCLE_POINTS // max(count * (len(shown) + 1), 1)
     muscles = []
-    for number, name in enumerate(names):
-        done = [frame for i, frame in zip(shown, frames, strict=True) if i < result.finished(name)]
+    for number, (name, muscle) in enumerate(run.muscles.items()):
+        done = [i for i in shown if i < run.finished(name)]
         muscles.append(
             {
                 "name": name,
                 "colour": PALETTE[number % len(PALETTE)],
-                "surface": _muscle(result, name, done, 2 * budget, pack) if surfaces else None,
-                "fibres": _fibres(result, name, done, shown, FIBRE_POINTS // len(names), pack),
+                "surface": _muscle(name, muscle, done, 2 * budget, pack) if surfaces else None,
+                "fibres": _fibres(name, muscle, done, FIBRE_POINTS // count, scale, pack),
             }
         )
     return {
         "shown": shown,
         "mm": scale,
-        "bones": _bones(result, shown, pack),
+        "bones": _bones(run, shown, pack),
         "muscles": muscles,
-        "view": _view(result),
+        "view": _view(run),
     }
 
 
@@ -138,17 +135,17 @@ def shown_frames(count: int) -> list[int]:
     return [int(position) for position in np.unique(positions)]
 
 
-def _bones(result: Result, shown: list[int], pack: Pack) -> list[dict[str, Any]]:
-    frames = [result.frames[i] for i in shown]
+def _bones(run: RunContent, shown: list[int], pack: Pack) -> list[dict[str, Any]]:
+    frames = [run.frames[i] for i in shown]
     return [
         {
             "name": name,
             "points": pack.add_moving(bone.points[None]),
             "normals": pack.add(np.rint(127.0 * bone.normals), "i8"),
             "triangles": _indices(bone.triangles, len(bone.points), pack),
-            "transforms": _rows(result.motion.transforms.get(name), frames),
+            "transforms": _rows(run.motion.transforms.get(name), frames),
         }
-        for name, bone in result.drawn_bones.by_name.items()
+        for name, bone in run.bones.by_name.items()
     ]
 
 
@@ -159,14 +156,16 @@ def _rows(transforms: Floats | None, frames: list[int]) -> list[float] | None:
     return [round(float(value), _POSE_DIGITS) for value in transforms[frames][:, :3].ravel()]
 
 
-def _muscle(result: Result, name: str, frames: list[int], wanted: int, pack: Pack) -> dict[str, Any] | None:
-    rest = result.rest_muscle(name)
+def _muscle(
+    name: str, muscle: MuscleContent, done: list[int], wanted: int, pack: Pack
+) -> dict[str, Any] | None:
+    rest = muscle.rest
     points, triangles = points_of(rest), triangles_of(rest, name)
     kept = np.arange(len(points))
     wanted = min(max(wanted, LEAST), MOST)
     if len(triangles) > wanted:
         kept, triangles = _decimated(rest, points, wanted)
-    moved = [points[kept], *(points_of(result.muscle(name, frame=frame))[kept] for frame in frames)]
+    moved = [points[kept], *(points_of(muscle.surfaces[i])[kept] for i in done)]
     return {
         "points": pack.add_moving(np.array(moved)),
         "triangles": _indices(triangles, len(kept), pack),
@@ -189,27 +188,26 @@ def _decimated(surface: vtkPolyData, points: Floats, wanted: int) -> tuple[Ints,
 
 
 def _fibres(
-    result: Result, name: str, frames: list[int], shown: list[int], budget: int, pack: Pack
+    name: str, muscle: MuscleContent, done: list[int], budget: int, scale: float, pack: Pack
 ) -> dict[str, Any] | None:
-    if name not in result.fibre_lengths or not frames:
+    if muscle.fibre_lengths is None or not done:
         return None
-    first = polylines_of(result.fibres(name, frame=frames[0]), name)
+    first = polylines_of(muscle.fibres[done[0]], name)
     count = len(first.offsets) - 1
-    every = max(1, -(-len(first.points) * len(frames) // max(budget, 1)))
+    every = max(1, -(-len(first.points) * len(done) // max(budget, 1)))
     chosen = np.arange(0, count, every)
     ids = np.concatenate([np.arange(first.offsets[k], first.offsets[k + 1]) for k in chosen])
     sizes = np.diff(first.offsets)[chosen]
     points: list[Floats] = []
     measures: dict[str, list[Floats]] = {"strain": [], "depth": []}
-    scale = MILLIMETRES[result.units]
-    for frame in frames:
-        lines = result.fibres(name, frame=frame)
+    for i in done:
+        lines = muscle.fibres[i]
         points.append(points_of(lines)[ids])
         for word, array, factor in (("strain", "Strain", 100.0), ("depth", "Penetration", scale)):
             values = lines.GetCellData().GetArray(array)
             if values is not None:
                 measures[word].append(factor * np.asarray(values)[chosen])
-    lengths = result.fibre_lengths[name][shown[: len(frames)]]
+    lengths = muscle.fibre_lengths[done]
     return {
         "points": pack.add_moving(np.array(points)),
         "sizes": pack.add(sizes, "u16"),
@@ -217,17 +215,15 @@ def _fibres(
         "all": count,
         "length": pack.add(lengths[:, chosen], "f32"),
         **{
-            word: pack.add(np.array(rows), "f32")
-            for word, rows in measures.items()
-            if len(rows) == len(frames)
+            word: pack.add(np.array(rows), "f32") for word, rows in measures.items() if len(rows) == len(done)
         },
     }
 
 
-def _view(result: Result) -> dict[str, Any]:
+def _view(run: RunContent) -> dict[str, Any]:
     """Return from where most of the muscles is seen, at rest."""
-    muscles = merged(result.rest_muscle(name) for name in result.muscle_names)
-    view = clearest_view([muscles], [result.drawn_bones.spread()])
+    muscles = merged(muscle.rest for muscle in run.muscles.values())
+    view = clearest_view([muscles], [run.bones.spread()])
     return {"towards": [float(value) for value in view.direction]}
 
 

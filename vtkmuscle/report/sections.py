@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from html import escape
 from importlib.resources import files
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import jinja2
 from markupsafe import Markup
@@ -16,11 +14,7 @@ from numpy.typing import NDArray
 
 from vtkmuscle._version import __version__
 from vtkmuscle.io.writing import write_text
-from vtkmuscle.report.scene3d import packed
 from vtkmuscle.report.tables import Cell
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 
 @dataclass(frozen=True)
@@ -61,18 +55,10 @@ def part(name: str) -> Markup:
     return Markup((files("vtkmuscle.report") / "page" / name).read_text(encoding="utf-8"))
 
 
-def plotly_text() -> str:
-    """Return Plotly's program, compressed and written as text: two fifths of its size."""
-    from plotly.offline import get_plotlyjs  # noqa: PLC0415 -- a page alone needs it
-
-    return packed(get_plotlyjs().encode("utf-8"))
-
-
-def rendered(template: str, *places: tuple[str, str], **values: Any) -> str:
-    """Return a page's text; its parts are in folders of packages, or among those of a run's page."""
-    loaders = [jinja2.PackageLoader(*place) for place in (*places, ("vtkmuscle.report", "page"))]
+def rendered(template: str, **values: Any) -> str:
+    """Return the text of a page, from one of the templates in ``page``."""
     environment = jinja2.Environment(
-        loader=jinja2.ChoiceLoader(loaders),
+        loader=jinja2.PackageLoader("vtkmuscle.report", "page"),
         autoescape=True,
         trim_blocks=True,
         lstrip_blocks=True,
@@ -92,16 +78,3 @@ def _shown(value: Any) -> str:
     if value is None or value != value:  # noqa: PLR0124
         return ""
     return f"{value:.4g}" if isinstance(value, float) else str(value)
-
-
-def svg_of(figure: Figure, salt: str, names: Mapping[str, str] | None = None) -> str:
-    """Return a drawing as SVG, the same each time; what has an id is named where the pointer is on it."""
-    import matplotlib as mpl  # noqa: PLC0415 -- slow to import
-
-    file = io.StringIO()
-    with mpl.rc_context({"svg.hashsalt": salt, "svg.fonttype": "none"}):
-        figure.savefig(file, format="svg", metadata={"Date": None})
-    text = file.getvalue()
-    for id_, name in (names or {}).items():
-        text = text.replace(f'<g id="{id_}">', f'<g id="{id_}"><title>{escape(name)}</title>')
-    return text[text.index("<svg") :]

@@ -80,36 +80,21 @@ def tables_of(report: Mapping[str, Any]) -> list[Sheet]:
     return [sheet for sheet in sheets if len(sheet.rows) > 1]
 
 
-def errors_of(report: Mapping[str, Any]) -> Sheet | None:
-    """Return the errors of the numbers, where the report has some."""
-    rows = [("muscle", "number", "value ± error", "parts")]
-    for name, muscle in report["muscles"].items():
-        for quantity, found in muscle.get("errors", {}).items():
-            if not isinstance(found, Mapping) or "total" not in found:
-                continue
-            unit = str(found.get("unit", "")).replace("^2", "²").replace("^3", "³")
-            value = next((one for key, one in found.items() if key.startswith("value")), None)
-            with_error = f"{number(value)} ± {number(found['total'], 2)} {unit}".strip()
-            parts = [f"{label_of(cause)} {number(part, 2)}" for cause, part in found.get("parts", {}).items()]
-            rows.append((label_of(name), label_of(quantity), with_error, "; ".join(parts) or DASH))
-    if len(rows) == 1:
-        return None
-    note = (
-        "Each number with its error: half the width of an interval that holds the true value with about 95 % "
-        "confidence, as far as the named causes go. Means over all frames; parts in the same unit."
-    )
-    return Sheet("Errors of the numbers", rows, note, words=True)
-
-
-def not_known_of(report: Mapping[str, Any]) -> list[Sheet]:
-    """Return what is in no error, and what could not be judged, where there is anything."""
+def errors_of(report: Mapping[str, Any]) -> list[Sheet]:
+    """Return the errors of mean lengths, and the checks that were not made, where there are some."""
     muscles = report["muscles"]
-    causes = {name: muscle.get("errors_not_known", {}) for name, muscle in muscles.items()}
-    checks = {name: muscle.get("verdict", {}).get("not_checked", {}) for name, muscle in muscles.items()}
-    sheets = (
-        _reasons("What is not in these errors", "cause", causes),
-        _reasons("What was not checked", "check", checks),
+    rows: list[tuple[str, ...]] = [("muscle", "mean of", "segment error [mm]", "sampling error [mm]")]
+    rows += [
+        (label_of(name), label_of(quantity), *(number(error, 2) for error in errors.values()))
+        for name, muscle in muscles.items()
+        for quantity, errors in muscle.get("errors", {}).items()
+    ]
+    note = (
+        "Segment error: bound on the length that straight segments miss of a curve. Sampling error: standard "
+        "deviation over the fibres / sqrt(number of fibres). Root mean squares over the frames."
     )
+    checks = {name: muscle.get("verdict", {}).get("not_checked", {}) for name, muscle in muscles.items()}
+    sheets = (Sheet("Errors of mean lengths", rows, note), _reasons("What was not checked", "check", checks))
     return [sheet for sheet in sheets if len(sheet.rows) > 1]
 
 
@@ -188,7 +173,7 @@ def _mean(value: Any) -> float:
 
 
 def _moment_arms(muscles: Mapping[str, Any]) -> Sheet:
-    ends = ("mean", "least", "largest", "difference from -dl/dq", "left by a quartic")
+    ends = ("mean", "least", "largest", "sampling error", "difference from -dl/dq", "left by a quartic")
     rows: list[tuple[str, ...]] = [("muscle", "coordinate", "range", *ends)]
     for name, muscle in muscles.items():
         for coordinate, found in (muscle.get("moment_arms") or {}).items():
@@ -199,6 +184,7 @@ def _moment_arms(muscles: Mapping[str, Any]) -> Sheet:
                     f"{label_of(coordinate)} [{found['unit']}]",
                     f"{low} to {high}",
                     *(number(found[key]) for key in ("mean_mm", "min_mm", "max_mm")),
+                    number(found["sampling_error_mm"], 2),
                     number(found["slope_difference_mm"], 2),
                     number(found.get("quartic_residual_mean_mm"), 2),
                 )

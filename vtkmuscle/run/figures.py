@@ -1,111 +1,60 @@
-"""The figures of a run, each a file: drawn while muscles are still being solved, or afterwards."""
+"""The figures of a run, each a file."""
 
 from __future__ import annotations
 
 import math
-import shutil
+import time
 import warnings
-from collections.abc import Mapping
-from concurrent.futures import Future
+from collections.abc import Callable, Mapping
+from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.data.drawn_bones import DrawnBone
-from vtkmuscle.io.writing import beside
-from vtkmuscle.plotting.drawing import DrawingEndedError, DrawingProcess, FigureOrder, MuscleFrame, can_render
+from vtkmuscle.data.drawn_bones import DrawnBones
+from vtkmuscle.plotting.drawing import FigureOrder, MuscleFrame, can_render
 from vtkmuscle.plotting.views import fibre_surface
-from vtkmuscle.run.frames import MuscleTrack
-from vtkmuscle.scene.data import SceneData
 
 if TYPE_CHECKING:
+    from vtkmuscle.run.pool import Pool
     from vtkmuscle.run.result import Result
-
 
 #: Formats of figures.
 FORMS = ("png", "pdf", "svg")
 
 
-class Drawing:
-    """The ``figures/`` of a run: pictures of each muscle as soon as it is done, and the others at the end.
+def draw_run(
+    result: Result, folder: Path, pool: Pool | None, meanwhile: Callable[[], None]
+) -> tuple[dict[str, Any], float]:
+    """Draw the figures of a run into a folder; return their entry in the report, and their time [s].
 
-    A process of its own draws them into a folder beside ``results``. Use it as a context, which ends that
-    process and removes that folder. ``seconds`` is the time that the figures have taken.
+    The processes of a pool draw while this one does something else, ``meanwhile``. A UserWarning says why
+    figures are missing; an OSError is raised if a file cannot be written.
     """
-
-    def __init__(self, results: Path, scene: SceneData) -> None:
-        self._folder = results / "figures"
-        self._beside = beside(self._folder)
-        self._scene = scene
-        self._process = DrawingProcess(scene.bones_data())
-        self._figures: dict[str, Future[tuple[Path, float]]] = {}
-        self.seconds = 0.0
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._process.close()
-        shutil.rmtree(self._beside, ignore_errors=True)
-
-    def rest(self, tracks: Mapping[str, MuscleTrack]) -> None:
-        """Draw the muscles at rest, once: as soon as it is known where all of them are fixed."""
-        muscles = {name: track.rest for name, track in tracks.items() if track.rest is not None}
-        if "rest_pose" not in self._figures and len(muscles) == len(tracks):
-            self._draw(rest_pose(self._scene.name, self._scene.units, muscles))
-
-    def muscle(self, result: Result, name: str) -> None:
-        """Draw the pictures of a muscle that is done, of a result of it alone."""
-        for figure in figures_of_muscle(result.plain(), name):
-            self._draw(figure)
-
-    def others(self, result: Result) -> None:
-        """Draw what is not drawn yet, of the result of all muscles."""
-        for figure in figures_of(result.plain()):
-            if figure.name not in self._figures:
-                self._draw(figure)
-
-    def bones(self) -> Mapping[str, DrawnBone] | None:
-        """Return the bones as they are drawn, None where no picture can be rendered."""
-        try:
-            return self._process.bones()
-        except DrawingEndedError:
-            return None
-
-    def finish(self) -> dict[str, Any]:
-        """Wait until all is drawn, move it to ``figures/``, and return the entry of the report.
-
-        An OSError is raised if a file cannot be written. A UserWarning says why figures are missing: no
-        picture can be rendered here, or the process that draws has ended before its time.
-        """
-        drawn: list[Path] = []
-        reason = None
-        try:
-            self._process.bones()
-            for figure in self._figures.values():
-                path, seconds = figure.result()
-                drawn.append(path)
-                self.seconds += seconds
-        except DrawingEndedError as error:
-            reason = str(error)
-            what = "no figures were drawn" if not drawn else "not all figures were drawn"
-            warnings.warn(f"{what}, all else was written: {reason}", stacklevel=5)
-        except OSError as error:
-            if error.errno is None or not str(error.filename or self._beside).startswith(str(self._beside)):
-                raise
-            raise OSError(error.errno, error.strerror, str(self._folder)) from error
-        if drawn:
-            self._folder.mkdir(exist_ok=True)
-        for path in drawn:
-            path.replace(self._folder / path.name)
-        found: dict[str, Any] = {"written": sorted(path.name for path in drawn)}
-        return found if reason is None else found | {"reason": reason}
-
-    def _draw(self, figure: FigureOrder) -> None:
-        self._figures[figure.name] = self._process.draw(figure, self._beside)
+    reason = can_render()
+    orders = figures_of(result.plain()) if reason is None else []
+    jobs = [] if pool is None else [pool.draw(order, folder) for order in orders]
+    meanwhile()
+    written, seconds = [], 0.0
+    try:
+        for job, order in zip(jobs, orders, strict=pool is not None):
+            seconds += job.result()
+            written.append(f"{order.name}.png")
+    except BrokenProcessPool:
+        reason = "the process that drew them ended early"
+    if pool is None and orders:
+        before = time.perf_counter()
+        written = [path.name for path in _drawn(orders, folder, result.drawn_bones)]
+        seconds = time.perf_counter() - before
+    entry: dict[str, Any] = {"written": sorted(written)}
+    if reason is None:
+        return entry, seconds
+    what = "no figures were drawn" if not written else "not all figures were drawn"
+    warnings.warn(f"{what}, all else was written: {reason}", stacklevel=5)
+    return entry | {"reason": reason}, seconds
 
 
 def write_figures(folder: str | Path, result: Result, *, form: str = "png", dpi: float = 150.0) -> list[Path]:
@@ -117,12 +66,21 @@ def write_figures(folder: str | Path, result: Result, *, form: str = "png", dpi:
     reason = can_render()
     if reason is not None:
         raise RuntimeError(f"no figures can be made: {reason}")
-    from vtkmuscle.plotting.sheets import DOTS_PER_INCH  # noqa: PLC0415 -- only figures need it
+    return _drawn(figures_of(result), Path(folder), result.drawn_bones, form, dpi)
+
+
+def _drawn(
+    orders: list[FigureOrder], folder: Path, bones: DrawnBones, form: str = "png", dpi: float = 150.0
+) -> list[Path]:
+    """Draw figures one after the other, and return their files."""
+    import matplotlib as mpl  # noqa: PLC0415 -- only figures need it
+
+    from vtkmuscle.plotting.sheets import DOTS_PER_INCH  # noqa: PLC0415
     from vtkmuscle.plotting.studio import Studio  # noqa: PLC0415
 
-    with Studio(dpi / DOTS_PER_INCH) as studio:
-        figures = figures_of(result)
-        return [one.write(Path(folder), result.drawn_bones, studio, form, dpi) for one in figures]
+    with mpl.rc_context(), Studio(dpi / DOTS_PER_INCH) as studio:
+        mpl.rcdefaults()  # a matplotlibrc in the working folder may be from elsewhere
+        return [order.write(folder, bones, studio, form, dpi) for order in orders]
 
 
 def figures_of(result: Result) -> list[FigureOrder]:
@@ -162,11 +120,9 @@ def _moment_arms(result: Result) -> list[FigureOrder]:
     figures = []
     for name, arms in (result.moment_arms() if result.has_moment_arms else {}).items():
         if result.finished(name):
-            known = result.errors[name]
             given = {
                 "arms": dict(arms),
                 "rest": MuscleFrame(result.rest_muscle(name), {}, result.rest_fibres(name), _title(name)),
-                "errors": {one: known[key].total for one in arms if (key := f"moment_arm_{one}") in known},
                 "literature": tuple(result.literature.get(name, ())),
                 "units": result.units,
             }

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple, Self, overload
 
@@ -11,13 +11,12 @@ import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.core.estimate import Estimate, segment_errors
+from vtkmuscle.core.estimate import root_mean_square, sampling_errors, segment_errors
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import polylines_of
 from vtkmuscle.data.paths import PATH_LENGTH, levers_over_time, paths_of
 from vtkmuscle.io.fibre_table import fibre_columns
-from vtkmuscle.io.parts import file_digest
-from vtkmuscle.io.surfaces import read_own_polydata
+from vtkmuscle.io.surfaces import read_own_polydata, read_polydata
 from vtkmuscle.run.report_values import FIBRE_MEASURES
 
 #: Field arrays of a written frame: its scene, the unit of length and the version of the package.
@@ -25,38 +24,32 @@ STAMPS = ("Scene", "Units", "Version")
 #: Field array that VTK's writer adds to data that a pipeline made for a time.
 TIME = "TimeValue"
 #: What to do where files are missing or damaged.
-RUN_AGAIN = "run the scene again: what is whole is kept"
+RUN_AGAIN = "run the scene again: finished muscles are kept"
 
 
-@dataclass(eq=False)
+@dataclass(frozen=True, eq=False)
 class WrittenFile:
-    """A .vtp file in the folder of a run, and the digest of its content as the run wrote it.
+    """A .vtp file in the folder of a run: its state when it was written or found, and whether it is ``own``.
 
-    ``known`` is the state of the file of which that is known: what has it needs no other look.
+    An own file was written by this run. Any other one may be damaged, and is read in a process of its own.
     """
 
     path: Path
-    digest: str
-    known: tuple[int, ...] = ()
+    state: tuple[int, ...]
+    own: bool
 
     @classmethod
-    def of(cls, path: Path) -> Self:
-        """Return a file that the run has just written."""
-        return cls(path.absolute(), file_digest(path), _state(path))
-
-    def check(self) -> None:
-        """Raise an InputError where the file is missing or has another content."""
-        if not self.path.is_file():
-            raise InputError(self.path, "the file is missing", RUN_AGAIN)
-        now = _state(self.path)
-        if now != self.known and file_digest(self.path) != self.digest:
-            raise InputError(self.path, "the file is not what the run has written", RUN_AGAIN)
-        self.known = now
+    def of(cls, path: Path, *, own: bool) -> Self:
+        """Return a file in its present state."""
+        return cls(path.absolute(), _state(path), own)
 
     def read(self) -> vtkPolyData:
-        """Check the file, and return its data without the stamps of the run."""
-        self.check()
-        data = read_own_polydata(self.path)
+        """Return its data without the stamps of the run; raise an InputError where it was changed."""
+        if not self.path.is_file():
+            raise InputError(self.path, "the file is missing", RUN_AGAIN)
+        if _state(self.path) != self.state:
+            raise InputError(self.path, "the file is not what the run has written", RUN_AGAIN)
+        data = read_own_polydata(self.path) if self.own else read_polydata(self.path)
         for name in (*STAMPS, TIME):
             data.GetFieldData().RemoveArray(name)
         return data
@@ -101,28 +94,20 @@ _COLUMNS = {*FIBRE_MEASURES, PATH_LENGTH}
 
 
 class FibreNumbers(NamedTuple):
-    """What tables and errors need of the fibres in a frame: ``columns``, their measures (k,) by name.
+    """Numbers of the fibres in a frame: ``columns``, their measures (k,) by name, and ``levers`` of paths.
 
-    ``chords`` (k,) is by how much arcs of fibres are longer than their chords, in the scene's unit, and
-    ``path_chords`` arcs of paths; ``levers`` are those of paths by coordinate. Both are None without paths.
+    ``levers`` are by coordinate, None without paths.
     """
 
     columns: dict[str, Floats]
-    chords: Floats
-    path_chords: Floats | None = None
     levers: dict[str, Floats] | None = None
 
     @classmethod
     def of(cls, fibres: vtkPolyData) -> Self:
         """Return those of the fibres of a frame."""
-        lines, paths = polylines_of(fibres, "fibres"), paths_of(fibres, "fibres")
+        paths = paths_of(fibres, "fibres")
         columns = {name: one for name, one in fibre_columns(fibres).items() if name in _COLUMNS}
-        known = columns, segment_errors(lines.points, lines.offsets)
-        if paths is None:
-            return cls(*known)
-        k, n, _ = paths.points.shape
-        of_paths = segment_errors(paths.points.reshape(-1, 3), n * np.arange(k + 1))
-        return cls(*known, of_paths, paths.levers)
+        return cls(columns, None if paths is None else paths.levers)
 
 
 @dataclass(eq=False)
@@ -139,12 +124,12 @@ class MuscleTrack:
         The deformed muscle and its fibres; empty without a deformer and for a muscle without fibres.
     lengths, fibre_lengths : list of (k,) array
         Per frame the lengths of the paths, which a muscle on one bone does not have, and of the fibres [mm].
+    length_errors, fibre_length_errors : list of (k,) array
+        Their segment errors [mm], see :func:`~vtkmuscle.core.estimate.segment_errors`.
     report : dict
         The muscle's part of the report, JSON-able.
     failure : (int, float, Exception) or None
         Frame and time that could not be computed, and why; the frames before are there.
-    errors : dict of str to Estimate
-        Quantities with the parts of their errors.
     """
 
     rest: vtkPolyData | None = None
@@ -153,18 +138,11 @@ class MuscleTrack:
     fibres: Frames = field(default_factory=Frames)
     lengths: list[Floats] = field(default_factory=list)
     fibre_lengths: list[Floats] = field(default_factory=list)
+    length_errors: list[Floats] = field(default_factory=list)
+    fibre_length_errors: list[Floats] = field(default_factory=list)
     report: dict[str, Any] = field(default_factory=dict)
     failure: tuple[int, float, Exception] | None = None
-    errors: Mapping[str, Estimate] = field(default_factory=dict)
     _numbers: list[FibreNumbers] = field(default_factory=list)
-
-    def take(self, other: MuscleTrack) -> None:
-        """Take over what another process has found of the same muscle, into the report that is there."""
-        self.report.clear()
-        self.report |= other.report
-        for one in fields(self):
-            if one.name != "report":
-                setattr(self, one.name, getattr(other, one.name))
 
     @property
     def numbers(self) -> Sequence[FibreNumbers]:
@@ -182,10 +160,30 @@ class MuscleTrack:
         """Return the levers (f, k) of the paths by coordinate, NaN in frames in which they are not known."""
         return levers_over_time([one.levers for one in self.numbers if one.levers is not None])
 
+    def errors(self) -> dict[str, dict[str, float | None]]:
+        """Return the segment and sampling errors of the mean lengths, root mean squares over the frames."""
+        known = {
+            "length": (self.lengths, self.length_errors),
+            "fibre_length": (self.fibre_lengths, self.fibre_length_errors),
+        }
+        return {
+            quantity: {
+                "segment_error_mm": root_mean_square(np.mean(errors, axis=1)),
+                "sampling_error_mm": root_mean_square(sampling_errors(np.array(lengths))),
+            }
+            for quantity, (lengths, errors) in known.items()
+            if lengths
+        }
+
     def add_lengths(self, fibres: vtkPolyData, millimetres: float) -> None:
         """Add the lengths of the fibres of a frame and of their paths, and their numbers."""
         numbers = FibreNumbers.of(fibres)
         self._numbers.append(numbers)
+        lines, paths = polylines_of(fibres, "fibres"), paths_of(fibres, "fibres")
         self.fibre_lengths.append(numbers.columns["Length"] * millimetres)
-        if PATH_LENGTH in numbers.columns:
+        self.fibre_length_errors.append(segment_errors(lines.points, lines.offsets) * millimetres)
+        if paths is not None:
+            k, n, _ = paths.points.shape
+            offsets = n * np.arange(k + 1)
             self.lengths.append(numbers.columns[PATH_LENGTH] * millimetres)
+            self.length_errors.append(segment_errors(paths.points.reshape(-1, 3), offsets) * millimetres)

@@ -6,7 +6,7 @@ import threading
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -49,7 +49,7 @@ class SceneRun:
     """The data that the muscles of a run share.
 
     ``numbers`` are the frames that are kept, ``bones`` those bones that have an inside, at rest. ``stop`` is
-    set to end the run early, and ``begun`` once a muscle has passed its first frame.
+    set to end the run early.
     """
 
     scene: SceneData
@@ -58,14 +58,11 @@ class SceneRun:
     store: ResultWriter | None
     options: RunOptions
     stop: threading.Event
-    begun: threading.Event
-    _lock: threading.Lock = field(default_factory=threading.Lock)
 
     def report_progress(self, muscle: str, stage: str, fraction: float) -> None:
-        """Call the observer of the progress, one thread at a time."""
+        """Call the observer of the progress."""
         if self.options.progress is not None:
-            with self._lock:
-                self.options.progress(muscle, stage, fraction)
+            self.options.progress(muscle, stage, fraction)
 
 
 class MuscleRun:
@@ -115,7 +112,6 @@ class MuscleRun:
                 self._deform(number, pipeline, measure)
             else:
                 self._pull(number, pipeline, measure)
-            self.run.begun.set()
             if track.failure is not None:
                 break
         self._judge(measure)

@@ -5,14 +5,10 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
-from typing import Any, Protocol, Self
+from typing import Any, Self
 
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.core.estimate import Estimate
-from vtkmuscle.core.moment_arms.by_coordinate import JointArms
-from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.core.words import suggestion
-from vtkmuscle.run.frames import MuscleTrack
 
 Progress = Callable[[str, str, float], None]
 Observe = Callable[[str, Mapping[str, Any]], None]
@@ -28,9 +24,10 @@ class RunOptions:
         Frames to keep and write, e.g. ``"0:10"`` for the first ten (the end is not included, as in Python);
         default all. Frames before them are computed where the deformation depends on its past.
     workers : int or None
-        Muscles that run at the same time: one in this process, each other in a process of its own, but for
-        muscles that may meet. Default: one per processor, fewer for a run of seconds or where memory is
-        short. The result does not depend on it.
+        Number of processes that solve muscles side by side and draw figures; None for one per processor.
+        Muscles that may meet, and a single muscle, are solved in this process, and so are all by default. A
+        script needs the line ``if __name__ == "__main__":`` above a run with several processes. The result
+        does not depend on their number.
     figures : bool
         Draw figures; where there is no OpenGL, a warning says so and all else is written.
     report : bool
@@ -43,10 +40,10 @@ class RunOptions:
     sense : bool
         Check before the run whether the scene is plausible.
     progress : callable or None
-        Called with the muscle's name, the stage, and the part that is done, 0 to 1; from several threads.
+        Called with the muscle's name, the stage, and the part that is done, 0 to 1; from any thread.
     observe : callable or None
         Called with the muscle's name and the numbers of each frame that is done, as they are in the report;
-        from several threads.
+        from any thread.
     clock : callable
         The clock for the stages of muscles [s]; a function of a module, for other processes use it too.
 
@@ -57,7 +54,7 @@ class RunOptions:
     """
 
     frames: str | slice | range | int | None = None
-    workers: int | None = None
+    workers: int | None = 1
     figures: bool = True
     report: bool = True
     overwrite: bool = False
@@ -79,16 +76,6 @@ class RunOptions:
             if name not in names:
                 raise TypeError(f"a run has no option {name!r}; {suggestion(name, names)}")
         return cls(**given)
-
-
-class Errors(Protocol):
-    """A statement of the errors of a run's numbers, as :class:`vtkmuscle.accuracy.StatedErrors`."""
-
-    def estimates(
-        self, name: str, track: MuscleTrack, motion: RigidMotion, arms: Mapping[str, JointArms]
-    ) -> Mapping[str, Estimate]:
-        """Return a muscle's quantities with their errors, and put them into its report."""
-        ...
 
 
 def frame_numbers(frames: str | slice | range | int | None, count: int) -> range:

@@ -140,10 +140,8 @@ def _pennations(
 
 
 def architecture_table(muscles: Mapping[str, Mapping[str, Any]]) -> Table:
-    """Return the architecture of the muscles of a report that have fibres, a row each, with known errors."""
-    columns = ["muscle", "tendon_from"]
-    for quantity, unit, _ in _COLUMNS:
-        columns += [f"{quantity}_{unit}", *([f"{quantity}_err_{unit}"] if quantity in _WITH_ERRORS else [])]
+    """Return the architecture of the muscles of a report that have fibres, a row each."""
+    columns = ["muscle", "tendon_from", *(f"{quantity}_{unit}" for quantity, unit, _ in _COLUMNS)]
     known = {name: muscle for name, muscle in muscles.items() if "architecture" in muscle}
     return Table(columns, (_row(name, muscle) for name, muscle in known.items()))
 
@@ -160,17 +158,13 @@ _COLUMNS = (
     ("volume_without_tendon", "mm3", "volume_without_tendon_mm3"),
     ("pcsa_without_tendon", "mm2", "pcsa_without_tendon_mm2"),
 )
-#: Those whose error is known.
-_WITH_ERRORS = ("volume", "pcsa", "fascicle_length", "pcsa_without_tendon")
 
 
 def _row(name: str, muscle: Mapping[str, Any]) -> list[Any]:
     row: list[Any] = [name, muscle["architecture"]["tendon_from"]]
-    for quantity, _, key in _COLUMNS:
+    for _, _, key in _COLUMNS:
         found = muscle["architecture"][key]
         row.append(found["mean"] if isinstance(found, Mapping) else found)
-        if quantity in _WITH_ERRORS:
-            row.append(muscle.get("errors", {}).get(quantity, {}).get("total", np.nan))
     return row
 
 

@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from os import PathLike
 from pathlib import Path
-from typing import Any, Self, TypeVar
+from typing import TYPE_CHECKING, Any, Self, TypeVar
 
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.core.estimate import Estimate
 from vtkmuscle.core.moment_arms.by_coordinate import JointArms
 from vtkmuscle.core.types import Floats
 from vtkmuscle.core.words import suggestion
@@ -16,6 +15,9 @@ from vtkmuscle.run.limits import CHECKS
 from vtkmuscle.run.result_data import ResultData
 from vtkmuscle.run.store import ResultFolder
 from vtkmuscle.run.verdict import VERDICTS
+
+if TYPE_CHECKING:
+    from vtkmuscle.report import RunContent
 
 #: Muscles that are named one by one where a result is printed, at most.
 _MOST_LISTED = 8
@@ -83,7 +85,7 @@ class Result(ResultData):
 
     >>> table = result.length_table()
     >>> table
-    Table: 24 rows of muscle, fibre, frame, time, length_mm, length_err_mm
+    Table: 24 rows of muscle, fibre, frame, time, length_mm, segment_error_mm
     >>> table.where(frame=2)["length_mm"].shape
     (8,)
     >>> result.frame_table().where(muscle="spindle")["volume_ratio"].round(6)
@@ -265,7 +267,35 @@ class Result(ResultData):
 
         if Path(path).suffix.lower() not in (".html", ".htm"):
             raise InputError(str(path), "a report is a page of HTML", "give it a name that ends in .html")
-        return write_page(path, self.plain(), CHECKS)
+        return write_page(path, self._content())
+
+    def _content(self) -> RunContent:
+        """Return the content of the page."""
+        from vtkmuscle.report import MuscleContent, RunContent  # noqa: PLC0415
+
+        arms = self.moment_arms() if self.has_moment_arms else {}
+        muscles = {
+            name: MuscleContent(
+                rest=self.plain().rest_muscle(name),
+                surfaces=track.surfaces,
+                fibres=track.fibres,
+                lengths=self.lengths.get(name),
+                fibre_lengths=self.fibre_lengths.get(name),
+                arms=arms.get(name, {}),
+                literature=self.literature.get(name, ()),
+            )
+            for name, track in self._tracks.items()
+        }
+        return RunContent(
+            report=self.report,
+            motion=self.motion,
+            bones=self.drawn_bones,
+            frames=self.frames,
+            times=self.times,
+            time_label=self.time_label,
+            muscles=muscles,
+            limits={name: (check.look, check.failed) for name, check in CHECKS.items()},
+        )
 
 
 One = TypeVar("One")
@@ -291,8 +321,6 @@ class MuscleResult:
         Of its paths and of its fibres [mm].
     moment_arms : mapping of str to JointArms
         By coordinate.
-    errors : mapping of str to Estimate
-        Its quantities with their errors.
     architecture : mapping of str to object
         At rest, by the names of ``report["definitions"]``.
 
@@ -333,11 +361,6 @@ class MuscleResult:
     def moment_arms(self) -> Mapping[str, JointArms]:
         """By coordinate."""
         return self._result.moment_arms()[self.name]
-
-    @property
-    def errors(self) -> Mapping[str, Estimate]:
-        """Its quantities with their errors."""
-        return self._result.errors[self.name]
 
     @property
     def architecture(self) -> Mapping[str, Any]:

@@ -13,7 +13,6 @@ import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkMultiBlockDataSet
 
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.core.estimate import Estimate
 from vtkmuscle.core.fibres.measures import smoothed_curve
 from vtkmuscle.core.moment_arms.by_coordinate import JointArms
 from vtkmuscle.core.moment_arms.of_joints import joint_arms
@@ -89,16 +88,6 @@ class ResultData(WithHints):
     def has_moment_arms(self) -> bool:
         """Whether the run has found moment arms of any muscle."""
         return any(one.get("moment_arms") for one in self.report["muscles"].values())
-
-    @property
-    def errors(self) -> dict[str, Mapping[str, Estimate]]:
-        """Per muscle the quantities with their errors, see :mod:`vtkmuscle.accuracy.estimates`.
-
-        ``errors["iliacus"]["length"].total`` is the error of the paths' mean length in each frame,
-        ``fibre_length`` has that of the fibres, ``each_length`` and ``each_fibre_length`` that of every one;
-        ``errors["iliacus"]["moment_arm_hip_flexion_r"].parts["model"]`` is one part of a moment arm's error.
-        """
-        return {name: track.errors for name, track in self._tracks.items()}
 
     def finished(self, name: str) -> int:
         """Return how many of the kept frames a muscle has: all, or those before the one that failed."""
@@ -230,7 +219,7 @@ class ResultData(WithHints):
         if coordinates not in self._known_arms:
             self._known_arms[coordinates] = self._joint_arms(coordinates)
         arms, refused = self._known_arms[coordinates]
-        return MomentArmTable(arms, refused, self.errors)
+        return MomentArmTable(arms, refused)
 
     def _joint_arms(
         self, coordinates: tuple[str, ...]
@@ -268,11 +257,13 @@ class ResultData(WithHints):
 
     def length_table(self) -> Table:
         """Return the lengths of the paths, a row per muscle, fibre and frame, as lengths.csv."""
-        return length_table(self.lengths, self.errors, "each_length", self.frames, self.times)
+        errors = {name: np.array(self._tracks[name].length_errors) for name in self.lengths}
+        return length_table(self.lengths, errors, self.frames, self.times)
 
     def fibre_length_table(self) -> Table:
         """Return the lengths of the fibres, a row per muscle, fibre and frame, as fibre_lengths.csv."""
-        return length_table(self.fibre_lengths, self.errors, "each_fibre_length", self.frames, self.times)
+        errors = {name: np.array(self._tracks[name].fibre_length_errors) for name in self.fibre_lengths}
+        return length_table(self.fibre_lengths, errors, self.frames, self.times)
 
     def frame_table(self) -> Table:
         """Return the numbers of the report, a row per muscle and frame; NaN where a muscle has none.

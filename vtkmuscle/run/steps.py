@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from concurrent.futures import FIRST_COMPLETED, Future, wait
+from collections.abc import Callable, Iterator
+from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import ExitStack, contextmanager, suppress
 from functools import partial
 from pathlib import Path
@@ -13,122 +14,136 @@ from typing import Any
 
 from vtkmuscle.core.errors import InputError, check_name, fault_of
 from vtkmuscle.core.mesh.shared import held
-from vtkmuscle.core.moment_arms.by_coordinate import JointArms
 from vtkmuscle.data.drawn_bones import DrawnBones
-from vtkmuscle.filters.base.algorithm import AbortedError
 from vtkmuscle.io.parts import file_digest
-from vtkmuscle.run.cost import check_duration, check_memory
-from vtkmuscle.run.figures import Drawing
+from vtkmuscle.run.figures import draw_run
 from vtkmuscle.run.frames import MuscleTrack
 from vtkmuscle.run.muscles import MuscleRun, SceneRun
-from vtkmuscle.run.options import Errors, RunOptions, frame_numbers
+from vtkmuscle.run.options import RunOptions, frame_numbers
+from vtkmuscle.run.pool import ENDED, Pool, pool_size, track_in
 from vtkmuscle.run.report_values import DEFINITIONS, versions
 from vtkmuscle.run.result import Result
 from vtkmuscle.run.store import PAGE
-from vtkmuscle.run.store.writing import ResultWriter, claimed, scene_file
-from vtkmuscle.run.workers import Workers
+from vtkmuscle.run.store.writing import ResultWriter, claimed, remove_results, scene_file
 from vtkmuscle.scene.data import Anatomy, SceneData
 from vtkmuscle.scene.faults import SceneError
 from vtkmuscle.scene.sense import check_sense
 
 #: Longest wait of the main thread [s]: on some systems Ctrl-C arrives only after it.
-_LOOK_UP = 0.2
+_LOOK_UP = 0.1
 
 Tracks = dict[str, MuscleTrack]
 
 
 @held()
-def run_scene(
-    scene: SceneData, out: Path | None, options: RunOptions, *, errors: Errors | None = None
-) -> Result:
-    """Run a scene: check it, solve and measure its muscles, and write the results; see ``Scene.run``.
-
-    ``out`` is the folder to write to, and ``errors`` states the errors of the numbers.
-    """
+def run_scene(scene: SceneData, out: Path | None, options: RunOptions) -> Result:
+    """Run a scene: check it, solve and measure its muscles, and write the results; see ``Scene.run``."""
     began = time.perf_counter()
+    if out is not None:
+        check_name(out)
+    numbers = frame_numbers(options.frames, len(scene.motion.times))
+    anatomy = Anatomy.of(scene)
+    odd = check_sense(scene, anatomy) if options.sense else []
     with ExitStack() as stack:
-        drawing = None
-        if out is not None:
-            check_name(out)
-        # Processes are started first: they have much to load.
-        if out is not None and options.figures:
-            drawing = stack.enter_context(Drawing(out, scene))
-        numbers = frame_numbers(options.frames, len(scene.motion.times))
-        workers = stack.enter_context(Workers(scene, numbers, options, on_disk=out is not None))
-        anatomy = Anatomy.of(scene)
-        odd = check_sense(scene, anatomy) if options.sense else []
-        check_memory(scene, numbers, on_disk=out is not None)
-        check_duration(scene, numbers)
-        store = None
+        store, tracks = None, Tracks()
         if out is not None:
             stack.enter_context(claimed(out, scene, overwrite=options.overwrite))
             store = ResultWriter(out, scene, numbers)
-        kept = {} if store is None or options.fresh else store.kept()
-        run = SceneRun(scene, numbers, anatomy.solid_bones, store, options, workers.stopped, workers.begun)
-        tracks = {name: kept.get(name) or MuscleTrack() for name in scene.muscles}
-        report = _first_report(run, tracks) | {"taken_over": list(kept), "sense": odd}
+            tracks = {} if options.fresh else store.kept()
+        if scene.muscle_contact != "off" and len(tracks) < len(scene.muscles):
+            tracks = {}  # the other muscles ask these ones' filters
+        size, pool = pool_size(scene, options.workers), None
+        if size > 1:
+            pool = stack.enter_context(Pool(size, scene, numbers, options.clock, store))
+        run = SceneRun(scene, numbers, anatomy.solid_bones, store, options, threading.Event())
+        report = _first_report(run, tracks) | {"taken_over": list(tracks), "sense": odd}
         result_of = partial(_result, run, report, DrawnBones(scene.bones_data()))
-        with _reported(store, report, partial(result_of, tracks)):
-            _solve(run, workers, tracks, list(kept), report, partial(_draw, drawing, tracks, result_of))
+        with _reported(store, report, tracks, result_of):
+            if store is not None:
+                remove_results(store.path, scene, list(tracks))
+                store.write_report(report)
+            _solve(run, tracks, report, pool)
             result = result_of(tracks)
-            _measure(result, tracks, report, errors)
+            _measure(result, tracks, report)
             if store is not None:
                 _write_tables(store, result)
-                _write(store, result, drawing, options, report)
+                _write(store, result, pool, options, report)
             report["complete"] = True
             report["seconds"]["total"] = time.perf_counter() - began
             if store is not None:
-                store.complete(report, tracks)
+                store.complete(report, scene, tracks)
     return result
 
 
-def _solve(
-    run: SceneRun,
-    workers: Workers,
-    tracks: Tracks,
-    kept: Iterable[str],
-    report: dict[str, Any],
-    draw: Callable[[Iterable[str]], None],
-) -> None:
-    """Solve the muscles that are not kept, side by side."""
+def _solve(run: SceneRun, tracks: Tracks, report: dict[str, Any], pool: Pool | None) -> None:
+    """Solve the muscles that have no track yet, and add their tracks and reports."""
     began = time.perf_counter()
-    asked = [name for name in tracks if name not in kept]
-    jobs: dict[str, Future[None]] = {}
-    with workers:
+    for name in tracks:
+        run.report_progress(name, "done", 1.0)
+    names = [name for name in run.scene.muscles if name not in tracks]
+    here = ThreadPoolExecutor(1, "muscles")  # VTK loses a Ctrl-C in the main thread
+    jobs: dict[Future[Any], str]
+    try:
+        if pool is None:
+            others: list[MuscleRun] = []
+            jobs = {here.submit(_solve_here, run, name, others): name for name in names}
+        else:
+            jobs = {pool.solve(name): name for name in names}
         if run.store is not None:
-            run.store.begin(report, list(kept))
-        for name in kept:
-            run.report_progress(name, "done", 1.0)
-        muscles: list[MuscleRun] = []
-        for name in workers.order(asked):
-            met = () if run.scene.muscle_contact == "off" else tuple(muscles)
-            muscles.append(MuscleRun(run, name, tracks[name], met))
-            jobs[name] = workers.submit(muscles[-1])
-        if run.store is not None:
-            run.store.write_bones(run.stop.is_set)
-        _wait_for(jobs, run.stop, draw)
-    _raise_first_failure({name: jobs[name] for name in asked}, run.scene.files.get(""))
+            run.store.write_bones(run.scene)
+        waiting = set(jobs)
+        while waiting:
+            done, waiting = wait(waiting, timeout=_LOOK_UP, return_when=FIRST_COMPLETED)
+            if pool is not None:
+                pool.pass_on(run.options)
+            for job in sorted(done, key=lambda job: names.index(jobs[job])):
+                found = _outcome(job, jobs[job], run.scene)
+                track = tracks[jobs[job]] = track_in(found) if isinstance(found, Path) else found
+                report["muscles"][jobs[job]] = track.report
+    finally:
+        run.stop.set()
+        here.shutdown(cancel_futures=True)
+    for name in run.scene.muscles:  # in the order of the scene
+        tracks[name] = tracks.pop(name)
     report["seconds"] = {"muscles": time.perf_counter() - began}
 
 
-def _measure(result: Result, tracks: Tracks, report: dict[str, Any], errors: Errors | None) -> None:
-    """Report the moment arms, or why there are none, and the errors of all muscles."""
-    arms: Mapping[str, Mapping[str, JointArms]] = {}
+def _solve_here(run: SceneRun, name: str, others: list[MuscleRun]) -> MuscleTrack:
+    """Solve a muscle in this process, and add it to ``others`` if later muscles may meet it."""
+    met = () if run.scene.muscle_contact == "off" else tuple(others)
+    muscle = MuscleRun(run, name, MuscleTrack(), met)
+    muscle.go()
+    others.append(muscle)
+    return muscle.track
+
+
+def _outcome(job: Future[MuscleTrack] | Future[Path], name: str, scene: SceneData) -> MuscleTrack | Path:
+    """Return the result of a muscle's job; where the input is at fault, raise a SceneError that names it."""
+    try:
+        result: MuscleTrack | Path = job.result()
+        return result
+    except BrokenProcessPool as error:
+        raise ChildProcessError(ENDED) from error
+    except SceneError:
+        raise
+    except (ValueError, TypeError) as error:
+        problem, remedy = fault_of(error, placed=True)
+        raise SceneError(problem, f"muscles.{name}", remedy, scene.files.get("")) from error
+
+
+def _measure(result: Result, tracks: Tracks, report: dict[str, Any]) -> None:
+    """Report the errors of lengths, and the moment arms, or why there are none."""
+    for track in tracks.values():
+        track.report["errors"] = track.errors()
     if result.lengths and result.motion.coordinates:
         try:
-            arms = table = result.moment_arms()
+            table = result.moment_arms()
         except ValueError as error:
             report["moment_arms"] = {"reason": str(error)}
         else:
             report["moment_arms"] = {"refused": table.refused}
             for name in table:
                 tracks[name].report["moment_arms"] = table.report(name)
-    if errors is not None:
-        before = time.perf_counter()
-        motion = result.motion.part(result.frames)
-        for name, track in tracks.items():
-            track.errors = errors.estimates(name, track, motion, arms.get(name, {}))
-        report["seconds"]["errors"] = time.perf_counter() - before
 
 
 def _write_tables(store: ResultWriter, result: Result) -> None:
@@ -141,31 +156,21 @@ def _write_tables(store: ResultWriter, result: Result) -> None:
 
 
 def _write(
-    store: ResultWriter, result: Result, drawing: Drawing | None, options: RunOptions, report: dict[str, Any]
+    store: ResultWriter, result: Result, pool: Pool | None, options: RunOptions, report: dict[str, Any]
 ) -> None:
     """Write the page and the figures."""
-    if drawing is not None:
-        drawing.others(result)
-    if options.report:
-        bones = None if drawing is None else drawing.bones()
-        if bones is not None:
-            result.drawn_bones.by_name = dict(bones)
-        before = time.perf_counter()
-        result.write_report(store.path / PAGE)
-        report["seconds"]["page"] = time.perf_counter() - before
-    if drawing is not None:
-        report["figures"] = drawing.finish()
-        report["seconds"]["figures"] = drawing.seconds
 
+    def write_page() -> None:
+        if options.report:
+            before = time.perf_counter()
+            result.write_report(store.path / PAGE)
+            report["seconds"]["page"] = time.perf_counter() - before
 
-def _draw(
-    drawing: Drawing | None, tracks: Tracks, result_of: Callable[[Tracks], Result], done: Iterable[str]
-) -> None:
-    """Draw the figures of muscles that are done, and of the rest pose once it is known."""
-    if drawing is not None:
-        drawing.rest(tracks)
-        for name in done:
-            drawing.muscle(result_of({name: tracks[name]}), name)
+    if not options.figures:
+        write_page()
+        return
+    report["figures"], seconds = draw_run(result, store.path / "figures", pool, write_page)
+    report["seconds"]["figures"] = seconds
 
 
 def _result(run: SceneRun, report: dict[str, Any], drawn_bones: DrawnBones, tracks: Tracks) -> Result:
@@ -195,15 +200,18 @@ def _first_report(run: SceneRun, tracks: Tracks) -> dict[str, Any]:
         "frames": list(run.numbers),
         "times": [float(scene.motion.times[number]) for number in run.numbers],
         "definitions": dict(DEFINITIONS),
-        "muscles": {name: track.report for name, track in tracks.items()},
+        "muscles": {name: tracks[name].report if name in tracks else {} for name in scene.muscles},
     }
 
 
 @contextmanager
 def _reported(
-    store: ResultWriter | None, report: dict[str, Any], result: Callable[[], Result]
+    store: ResultWriter | None,
+    report: dict[str, Any],
+    tracks: Tracks,
+    result_of: Callable[[Tracks], Result],
 ) -> Iterator[None]:
-    """Where a run fails or is stopped, write the finished frames' tables, and the reason in the report."""
+    """Where a run fails or is stopped, write the reason in the report, and finished muscles' tables."""
     try:
         yield
     except BaseException as error:
@@ -211,30 +219,7 @@ def _reported(
         report["stopped_by"] = f"{type(error).__name__}: {error}".rstrip(": ")
         if store is not None:
             with suppress(OSError, InputError):  # the disk may have failed; the first error says more
-                _write_tables(store, result())
-                store.write_report(report)
+                store.write_report(report)  # first: tables without a report would be a user's files
+                if tracks:
+                    _write_tables(store, result_of(tracks))
         raise
-
-
-def _wait_for(
-    jobs: Mapping[str, Future[None]], stop: threading.Event, look: Callable[[Iterable[str]], None]
-) -> None:
-    """Wait until all jobs have ended, and give those that have to ``look``."""
-    names = {job: name for name, job in jobs.items()}
-    waiting = set(names)
-    while waiting:
-        done, waiting = wait(waiting, timeout=_LOOK_UP, return_when=FIRST_COMPLETED)
-        if not stop.is_set():
-            look(sorted(names[job] for job in done))
-
-
-def _raise_first_failure(jobs: dict[str, Future[None]], file: Path | None) -> None:
-    """Raise the first failure in the order of the scene; muscles that it stopped are no failures."""
-    failures = {name: job.exception() for name, job in jobs.items()}
-    for name, error in failures.items():
-        if error is None or isinstance(error, AbortedError):
-            continue
-        if isinstance(error, ValueError | TypeError) and not isinstance(error, SceneError):
-            problem, remedy = fault_of(error, placed=True)
-            raise SceneError(problem, f"muscles.{name}", remedy, file) from error
-        raise error

@@ -12,28 +12,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.core.estimate import Estimate
+from vtkmuscle.core.estimate import root_mean_square, sampling_errors
 from vtkmuscle.core.moment_arms.by_coordinate import JointArms
 from vtkmuscle.core.types import Floats
 from vtkmuscle.core.words import suggestion
 from vtkmuscle.guesses import no_attribute
 from vtkmuscle.io.writing import plain_cell, replacing
 
-#: Per muscle and quantity, what is known of its error.
-Errors = Mapping[str, Mapping[str, Estimate]]
-
 #: Columns of the tables of lengths: a row per muscle, fibre and frame. A path has the number of its fibre.
-LENGTHS = ("muscle", "fibre", "frame", "time", "length_mm", "length_err_mm")
+LENGTHS = ("muscle", "fibre", "frame", "time", "length_mm", "segment_error_mm")
 #: Columns of the table of moment arms: a row per muscle, coordinate, fibre and value of the coordinate.
-#: ``slope_mm`` is -dl/dq by differences, ``moment_arm_err_mm`` the total error with 95 % confidence.
-ARMS = (
-    *("muscle", "coordinate", "unit", "fibre", "value"),
-    *("moment_arm_mm", "slope_mm", "quartic_mm", "moment_arm_err_mm"),
-)
+#: ``slope_mm`` is -dl/dq by differences.
+ARMS = (*("muscle", "coordinate", "unit", "fibre", "value", "moment_arm_mm", "slope_mm", "quartic_mm"),)
 #: Columns of its summary: a row per muscle, coordinate and value.
 SUMMARY = (
     *("muscle", "coordinate", "unit", "value"),
-    *("mean_mm", "slope_mean_mm", "min_mm", "max_mm", "quartic_mean_mm", "mean_err_mm"),
+    *("mean_mm", "slope_mean_mm", "min_mm", "max_mm", "quartic_mean_mm", "sampling_error_mm"),
 )
 
 
@@ -169,8 +163,6 @@ class MomentArmTable(Mapping[str, Mapping[str, JointArms]]):
         Per muscle, per coordinate.
     refused : mapping of str to str, optional
         Coordinates by which there are none, and why.
-    errors : mapping of str to mapping of str to Estimate, optional
-        Per muscle ``moment_arm_NAME`` of the paths' mean and ``each_moment_arm_NAME``, by coordinates.
 
     Attributes
     ----------
@@ -182,9 +174,7 @@ class MomentArmTable(Mapping[str, Mapping[str, JointArms]]):
         self,
         arms: Mapping[str, Mapping[str, JointArms]],
         refused: Mapping[str, str] | None = None,
-        errors: Mapping[str, Mapping[str, Estimate]] | None = None,
     ) -> None:
-        self._errors = dict(errors or {})
         self._arms = {muscle: dict(found) for muscle, found in arms.items()}
         self.refused = dict(refused or {})
 
@@ -225,14 +215,13 @@ class MomentArmTable(Mapping[str, Mapping[str, JointArms]]):
                     "moment_arm_mm": one.arms.T,
                     "slope_mm": one.slopes.T,
                     "quartic_mm": np.nan if one.quartic is None else one.quartic.T,
-                    "moment_arm_err_mm": self._total(muscle, f"each_moment_arm_{name}", one.arms).T,
                 }
                 for muscle, name, one in self._each()
             ),
         )
 
     def summary(self) -> Table:
-        """Return per muscle, coordinate and value the mean of the paths, its error and their range."""
+        """Return per muscle, coordinate and value the mean of the paths, its sampling error and the range."""
         return Table.stacked(
             SUMMARY,
             (
@@ -246,7 +235,7 @@ class MomentArmTable(Mapping[str, Mapping[str, JointArms]]):
                     "min_mm": one.arms.min(axis=1),
                     "max_mm": one.arms.max(axis=1),
                     "quartic_mean_mm": np.nan if one.quartic is None else one.quartic.mean(axis=1),
-                    "mean_err_mm": self._total(muscle, f"moment_arm_{name}", one.mean),
+                    "sampling_error_mm": sampling_errors(one.arms),
                 }
                 for muscle, name, one in self._each()
             ),
@@ -262,7 +251,8 @@ class MomentArmTable(Mapping[str, Mapping[str, JointArms]]):
                 "mean_mm": float(found.arms.mean()),
                 "min_mm": float(found.arms.min()),
                 "max_mm": float(found.arms.max()),
-                "slope_difference_mm": _root_mean_square(found.arms - found.slopes),
+                "sampling_error_mm": root_mean_square(sampling_errors(found.arms)),
+                "slope_difference_mm": root_mean_square(found.arms - found.slopes),
                 "quartic_residual_mean_mm": (
                     None if found.quartic_residuals is None else float(found.quartic_residuals.mean())
                 ),
@@ -270,24 +260,17 @@ class MomentArmTable(Mapping[str, Mapping[str, JointArms]]):
             for name, found in self._arms.get(muscle, {}).items()
         }
 
-    def _total(self, muscle: str, quantity: str, like: Floats) -> Floats:
-        return total_of(self._errors.get(muscle, {}).get(quantity), like)
-
     def _each(self) -> Iterator[tuple[str, str, JointArms]]:
         return ((muscle, name, one) for muscle, found in self._arms.items() for name, one in found.items())
 
 
 def length_table(
     lengths: Mapping[str, Floats],
-    errors: Errors,
-    quantity: str,
+    errors: Mapping[str, Floats],
     frames: Sequence[int],
     times: Sequence[float],
 ) -> Table:
-    """Return the table of lengths (f, k) per muscle in the first f frames [mm].
-
-    Their errors are those of ``quantity``, ``"each_length"`` or ``"each_fibre_length"``.
-    """
+    """Return the table of lengths (f, k) and their segment errors per muscle in the first f frames [mm]."""
     return Table.stacked(
         LENGTHS,
         (
@@ -297,24 +280,11 @@ def length_table(
                 "frame": frames[: len(one)],
                 "time": times[: len(one)],
                 "length_mm": one.T,
-                "length_err_mm": total_of(errors.get(name, {}).get(quantity), one).T,
+                "segment_error_mm": errors[name].T,
             }
             for name, one in lengths.items()
         ),
     )
-
-
-def total_of(known: Estimate | None, like: Floats) -> Floats:
-    """Return the total errors of a quantity; NaN where they are unknown or belong to other frames."""
-    if known is None or known.total.shape != like.shape:
-        return np.full(like.shape, np.nan)
-    return np.asarray(known.total)
-
-
-def _root_mean_square(values: Floats) -> float | None:
-    """Return the root mean square of the values that are not NaN, None where all are."""
-    known = values[~np.isnan(values)]
-    return float(np.sqrt((known**2).mean())) if len(known) else None
 
 
 def _cells(column: NDArray[Any], digits: int | None) -> Iterable[Any]:

@@ -11,22 +11,22 @@ import numpy as np
 
 from vtkmuscle.core.motion.coordinates import Coordinate
 from vtkmuscle.core.motion.rigid import RigidMotion, hinge
-from vtkmuscle.core.types import Floats
 from vtkmuscle.core.words import suggestion
 from vtkmuscle.io import motion_columns, read_motion_table
+from vtkmuscle.joints.grid import steps_of
 from vtkmuscle.scene.faults import Faults, SceneError
 from vtkmuscle.scene.files import SceneFiles
 from vtkmuscle.scene.schema import ALONE, Motion, SceneTable
 
 if TYPE_CHECKING:
-    from vtkmuscle.opensim.scene_joints import SceneJoints
+    from vtkmuscle.scene.joints import SceneJoints
 
 
 def joints_of(scene: SceneTable, files: SceneFiles) -> SceneJoints | None:
     """Return the joints of a scene, None where it has none; raise a SceneError for a fault in them."""
     if scene.opensim is None and not scene.joints:
         return None
-    from vtkmuscle.opensim.scene_joints import joints_in  # noqa: PLC0415 -- only scenes with joints need it
+    from vtkmuscle.scene.joints import joints_in  # noqa: PLC0415 -- only scenes with joints need it
 
     return joints_in(scene, files)
 
@@ -85,18 +85,3 @@ def _of_several(
     moving = {bone: one for motion in motions for bone, one in motion.transforms.items()}
     centre = {bone: motion.centre_of(bone) for motion in motions for bone in motion.transforms}
     return RigidMotion(motions[0].times, moving, centre if centres else None, coordinates)
-
-
-def steps_of(start: float, stop: float, step: float) -> Floats:
-    """Return values from start to stop, which is always the last one.
-
-    Examples
-    --------
-    >>> from vtkmuscle.scene.motion import steps_of
-    >>> steps_of(0.0, 5.0, 2.0).tolist()
-    [0.0, 2.0, 4.0, 5.0]
-    """
-    before = int(
-        np.ceil((stop - start) / step - 1e-9)
-    )  # a whole number of steps, up to rounding, ends at stop
-    return np.append(start + step * np.arange(before), stop)

@@ -221,7 +221,8 @@ class SceneTable(Table):
     fibres; then every muscle needs fibres, and muscle_contact must be off. On the command line --deformer
     replaces it."""
     quality: Annotated[str, OneOf(QUALITIES)] | None = key("balanced")
-    """A preset of the numbers of [paths] and [solver], whose settings override it; published needs the deformer
+    """A preset of the numbers of [paths] and [solver], whose settings override it; published needs the
+    deformer
     pbd. On the command line --quality replaces it."""
     muscle_contact: Annotated[str, OneOf(("off", "on", "measure"))] = key("on", "off")
     """on keeps each muscle out of those before it in the file, measure reports how deep it is in

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Mapping
 from functools import partial
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar
+from typing import TYPE_CHECKING, Annotated, Any
 
 from pydantic import (
     AfterValidator,
@@ -45,8 +45,6 @@ class Settings(BaseModel):
     """A table of settings of filters; only those that are given count."""
 
     model_config = ConfigDict(extra="forbid")
-    #: Settings of earlier versions, and what to do without each.
-    gone: ClassVar[Mapping[str, str]] = {}
 
     def given(self) -> dict[str, Any]:
         """Return the settings that the table has."""

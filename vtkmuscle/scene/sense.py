@@ -7,24 +7,23 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Iterator
-from typing import Any
+from itertools import pairwise
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from vtkmuscle.core.attachments.rings import ring_area, ring_length, short_ring
 from vtkmuscle.core.mesh.solids import solids_of
 from vtkmuscle.core.mesh.surface import signed_volume
+from vtkmuscle.core.motion.rigid import apply_transform, inverse
+from vtkmuscle.core.types import Floats
 from vtkmuscle.data.attachments import ROLES, AttachmentArea
 from vtkmuscle.scene.data import MILLIMETRES, Anatomy, Muscle, SceneData, Surface
 from vtkmuscle.scene.faults import SceneError
-from vtkmuscle.scene.sense_motion import Finding, motion_findings
 
-#: Largest plausible distance between a muscle and its bones [mm].
-CLEARANCE = 10.0
-#: Why settings of the solver change nothing in a scene of paths.
-UNSOLVED = "model is 'paths', in which no muscle is solved"
-#: Plausible longest sides of all bones and muscles [mm]. The tallest person was 2720 mm.
-SHORTEST, LONGEST = 10.0, 3000.0
+#: Plausible longest sides of all bones and muscles [mm]. The tallest person was 2720 mm. Ten times that
+#: length is certainly in another unit.
+SHORTEST, LONGEST, SURE_LONGEST = 10.0, 3000.0, 30_000.0
 #: Largest plausible muscle [mm^3]: six times the largest ones of adults, gluteus maximus and vastus lateralis
 #: (Handsfield et al. 2014, doi:10.1016/j.jbiomech.2013.12.002).
 LARGEST = 5e6
@@ -50,10 +49,25 @@ SURE_ESTIMATE = 0.05
 #: overlap by up to 2.3 mm (LHDL hip). Also the least extent of a part of a bone within a muscle: a spur of
 #: that pelvis is 1.9 mm long.
 DEEP = 3.0
+#: Rotation of a bone from one frame to the next that is a jump rather than a step [degrees].
+JUMP = 60.0
+#: Displacement of a bone from one frame to the next, in its own diagonals, that is certainly a mistake.
+FAR = 20.0
+#: Distance of a muscle's areas, relative to rest or to half its length: probably, and certainly torn.
+TORN, SURE_TORN = 2.0, 5.0
 #: Most points of a bone that are checked: 2 mm apart, on the largest.
 _MOST_POINTS = 20_000
 #: Most landmarks of a ring that are checked.
 _MOST_LANDMARKS = 150
+
+
+class Finding(NamedTuple):
+    """An implausible part of a scene; ``certain`` where no useful result is possible."""
+
+    key: str
+    problem: str
+    remedy: str
+    certain: bool = False
 
 
 def check_sense(scene: SceneData, anatomy: Anatomy | None = None) -> list[str]:
@@ -65,9 +79,8 @@ def check_sense(scene: SceneData, anatomy: Anatomy | None = None) -> list[str]:
         For the first certain mistake.
     """
     messages = []
-    for key, problem, remedy, certain in sorted(
-        findings(scene, anatomy or Anatomy.of(scene)), key=lambda one: not one.certain
-    ):
+    found = findings(scene, anatomy or Anatomy.of(scene))
+    for key, problem, remedy, certain in sorted(found, key=lambda finding: not finding.certain):
         error = SceneError(problem, key, remedy, scene.files.get(key, scene.files.get("")))
         if certain:
             raise error
@@ -77,13 +90,12 @@ def check_sense(scene: SceneData, anatomy: Anatomy | None = None) -> list[str]:
 
 
 def findings(scene: SceneData, anatomy: Anatomy) -> Iterator[Finding]:
-    """Give a finding for each implausible thing."""
+    """Give the implausible parts of a scene."""
     strayed = list(_strays(scene.units, anatomy))
     yield from strayed
     if any(finding.certain for finding in strayed):
         return  # all other measures would be meaningless
     yield from _sizes(scene.units, anatomy)
-    yield from _duplicates(anatomy)
     yield from _bones_without_inside(anatomy)
     for name, muscle in scene.muscles.items():
         surface = anatomy.muscles[name]
@@ -92,20 +104,10 @@ def findings(scene: SceneData, anatomy: Anatomy) -> Iterator[Finding]:
         yield from _on_bones(scene.millimetres, name, muscle, anatomy)
         yield from _estimates(name, muscle)
         yield from _in_bones(scene.millimetres, name, anatomy)
-    yield from motion_findings(scene, anatomy)
-    yield from _clearances(scene, anatomy)
-
-
-def _clearances(scene: SceneData, anatomy: Anatomy) -> Iterator[Finding]:
+    for bone in scene.motion.transforms:
+        yield from _jumps(scene, bone, anatomy.bones[bone].points)
     for name, muscle in scene.muscles.items():
-        clearance = scene.millimetres * scene.solver_of(name).get("bone_clearance", 0.0)
-        if clearance > CLEARANCE:
-            key = f"muscles.{name}.solver" if "bone_clearance" in muscle.solver else "solver"
-            size = scene.millimetres * float(np.ptp(anatomy.muscles[name].points, axis=0).max())
-            problem = f"{name!r} is kept {clearance:.3g} mm away from the bones"
-            yield Finding(
-                f"{key}.bone_clearance", problem, f"give at most {CLEARANCE:g} mm", clearance > size
-            )
+        yield from _torn(scene, name, muscle, anatomy.muscles[name])
 
 
 def _strays(units: str, anatomy: Anatomy) -> Iterator[Finding]:
@@ -134,7 +136,7 @@ def _place(point: Any) -> str:
 
 
 def _sizes(units: str, anatomy: Anatomy) -> Iterator[Finding]:
-    longest = max(float(np.ptp(one.points, axis=0).max()) for one in anatomy.surfaces.values())
+    longest = max(float(np.ptp(surface.points, axis=0).max()) for surface in anatomy.surfaces.values())
     volumes = {name: abs(signed_volume(*surface)) for name, surface in anatomy.muscles.items()}
     largest = max(volumes, key=lambda name: volumes[name])
 
@@ -152,16 +154,7 @@ def _sizes(units: str, anatomy: Anatomy) -> Iterator[Finding]:
     remedy = "check the unit of the files"
     if fitting is not None:
         remedy = f'if the files are in {fitting}, write units = "{fitting}"'
-    yield Finding("units", f"{problem} in this unit", remedy)
-
-
-def _duplicates(anatomy: Anatomy) -> Iterator[Finding]:
-    """Give surfaces with the points of a bone; two muscles may share theirs, to be solved in two ways."""
-    seen: dict[bytes, str] = {}
-    for key, surface in anatomy.surfaces.items():
-        other = seen.setdefault(np.ascontiguousarray(surface.points).tobytes(), key)
-        if other != key and other.startswith("bones."):
-            yield Finding(key, f"it is the same surface as {other}", "name the file that belongs to it")
+    yield Finding("units", f"{problem} in this unit", remedy, longest * size > SURE_LONGEST)
 
 
 def _bones_without_inside(anatomy: Anatomy) -> Iterator[Finding]:
@@ -267,3 +260,56 @@ def _on_bones(millimetres: float, name: str, muscle: Muscle, anatomy: Anatomy) -
     if len(areas) > 1 and len(bones) == 1:
         problem = f"all areas are on the bone {bones.pop()!r}: the muscle will move with it as it is"
         yield Finding(key, problem, "check the bones of its areas")
+
+
+def _jumps(scene: SceneData, bone: str, points: Floats) -> Iterator[Finding]:
+    """Give the largest jump of a bone, from rest to the first frame or from a frame to the next."""
+    ends = np.array([points.min(axis=0), points.max(axis=0)])
+    size = float(np.linalg.norm(ends[1] - ends[0]))
+    poses = np.concatenate([np.eye(4)[None], scene.motion.transforms[bone]])
+    with np.errstate(over="ignore"):
+        moved = np.array([apply_transform(pose, ends) for pose in poses])
+        distances = np.linalg.norm(np.diff(moved, axis=0), axis=2).max(axis=1)
+    angles = np.array([_angle(before, after) for before, after in pairwise(poses)])
+    farthest, widest = int(np.argmax(distances)), int(np.argmax(angles))
+    if distances[farthest] > FAR * size:
+        problem = f"{bone!r} moves {distances[farthest]:.3g} {scene.units} {_step(farthest)}, "
+        problem += f"and is {size:.3g} long"
+        yield Finding("motion", problem, "check the unit of its translations", certain=True)
+    elif angles[widest] > JUMP:
+        problem = f"{bone!r} turns by {angles[widest]:.3g} degrees {_step(widest)}"
+        yield Finding("motion", problem, "give more frames: muscles follow in small steps")
+
+
+def _angle(before: Floats, after: Floats) -> float:
+    """Return the angle between two poses [degrees]."""
+    cosine = 0.5 * (np.trace((after @ inverse(before))[:3, :3]) - 1.0)
+    return float(np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))))
+
+
+def _step(number: int) -> str:
+    return "from rest to the first frame" if number == 0 else f"from frame {number - 1} to frame {number}"
+
+
+def _torn(scene: SceneData, name: str, muscle: Muscle, surface: Surface) -> Iterator[Finding]:
+    """Give a muscle whose areas come too far apart."""
+    middles = [(area.bone, np.asarray(area.landmarks).mean(axis=0)) for area in muscle.attachments]
+    if len({bone for bone, _ in middles}) < 2:
+        return
+    length = float(np.linalg.norm(np.ptp(surface.points, axis=0)))
+    spans = np.array([_span(middles, scene.motion.at(float(time))) for time in scene.motion.times])
+    longest = int(np.argmax(spans))
+    ratio = spans[longest] / max(_span(middles, {}), 0.5 * length)
+    if ratio > TORN:
+        problem = (
+            f"its areas come {spans[longest]:.3g} {scene.units} apart in frame {longest}, {ratio:.3g} "
+            "times as far as at rest: a muscle would tear"
+        )
+        remedy = "check the motion, and that its transforms are from rest to the pose"
+        yield Finding(f"muscles.{name}.attachments", problem, remedy, ratio > SURE_TORN)
+
+
+def _span(middles: list[tuple[str, Floats]], pose: dict[str, Floats]) -> float:
+    """Return the largest distance between the middles of two areas in a pose."""
+    moved = [apply_transform(pose.get(bone, np.eye(4)), middle[None])[0] for bone, middle in middles]
+    return max(float(np.linalg.norm(a - b)) for a in moved for b in moved)

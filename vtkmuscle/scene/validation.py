@@ -13,8 +13,8 @@ from pydantic_core import ErrorDetails
 from vtkmuscle.core.errors import fault_of
 from vtkmuscle.core.words import quoted, suggestion
 from vtkmuscle.data.attachments import ROLES, VIA
-from vtkmuscle.filters.deformer.settings import PUBLISHED
 from vtkmuscle.filters.fixed_point_detector import FixedPointDetector
+from vtkmuscle.filters.taut_paths import RESOLUTIONS
 from vtkmuscle.pipelines import DEFORMERS
 from vtkmuscle.scene.faults import Faults, SceneError
 from vtkmuscle.scene.joint_schema import JOINT_KINDS, Function, JointTable
@@ -93,9 +93,7 @@ def _problem_and_remedy(error: ErrorDetails, table: type[BaseModel], name: str) 
     elif kind == "missing":
         problem, remedy = "the key is missing", f"add {_TABLES.get(name) or example}"
     elif kind == "extra_forbidden" and issubclass(table, Settings):
-        gone = table.gone.get(name, "")
-        problem = f"there is no setting {name!r}" + (" any more" if gone else "")
-        remedy = gone or suggestion(name, table.model_fields)
+        problem, remedy = f"there is no setting {name!r}", suggestion(name, table.model_fields)
     elif kind == "extra_forbidden":
         problem, remedy = "there is no such key", suggestion(name, table.model_fields)
     elif kind == "literal_error":
@@ -159,11 +157,11 @@ def _conflicts(scene: SceneTable) -> Iterator[_Fault]:
     if scene.deformer == "none" and scene.muscle_contact != "off":
         problem = f"deformer is 'none', so that no muscle has a surface, but this is {scene.muscle_contact!r}"
         yield "muscle_contact", problem, "leave it out, or use deformer 'paths'"
-    if scene.quality == PUBLISHED and scene.deformer != "pbd":
-        problem = f"{PUBLISHED!r} is a preset of deformer 'pbd', but deformer is {scene.deformer!r}"
+    if scene.quality not in (None, *RESOLUTIONS) and scene.deformer != "pbd":
+        problem = f"{scene.quality!r} is a preset of deformer 'pbd', but deformer is {scene.deformer!r}"
         yield "quality", problem, "use 'preview', 'balanced' or 'accurate', or deformer 'pbd'"
-    kind = DEFORMERS[scene.deformer]
-    allowed = {} if kind is None else kind.parameter_declarations
+    deformer = DEFORMERS[scene.deformer]
+    allowed = {} if deformer is None else deformer.parameter_declarations
     for key, table in _solver_tables(scene):
         for setting in table.given():
             if setting not in allowed:

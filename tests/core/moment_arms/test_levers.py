@@ -12,9 +12,10 @@ from vtkmuscle.core.moment_arms.of_joints import joint_arms
 from vtkmuscle.core.motion.coordinates import Coordinate
 from vtkmuscle.core.motion.rigid import RigidMotion, apply_transform, hinge, rotation_about
 from vtkmuscle.core.paths.levers import path_levers
-from vtkmuscle.opensim.functions import IDENTITY
-from vtkmuscle.opensim.scene_joints import SceneJoints, grid_of
-from vtkmuscle.opensim.tree import Joint, JointAxis, JointCoordinate, KinematicTree
+from vtkmuscle.joints.functions import IDENTITY
+from vtkmuscle.joints.grid import grid_of
+from vtkmuscle.joints.tree import Joint, JointAxis, JointCoordinate, KinematicTree
+from vtkmuscle.scene.joints import SceneJoints
 
 CENTRE, AXIS = np.array([5.0, -20.0, 300.0]), np.array([1.0, 0.0, 0.0])
 #: Where straight paths leave the bone that stays, and the one that moves, at rest [mm].

@@ -9,13 +9,10 @@ from typing import Any
 import numpy as np
 
 from vtkmuscle.core.jit import lane, vector_kernel
-from vtkmuscle.core.mesh.normals import vertex_normals
 from vtkmuscle.core.mesh.surface import (
     MeshTopology,
     check_volume,
     edge_lengths,
-    numbered_edges,
-    signed_volume,
 )
 from vtkmuscle.core.types import Bools, Floats, Ints
 
@@ -83,37 +80,6 @@ def project_volume(
             p[i, 1] -= s * w[i] * gradient[i, 1]
             p[i, 2] -= s * w[i] * gradient[i, 2]
     return volume
-
-
-def halved(points: Floats, triangles: Ints) -> tuple[Floats, Ints, Ints]:
-    """Return a mesh of the same surface with a point more in the middle of each edge.
-
-    The points (n + e, 3) are the given ones, then the middles of the e edges; four triangles (4 m, 3) for
-    each, facing as before; the ends (e, 2) of the edges in the order of their middles.
-    """
-    edges, number = numbered_edges(triangles)
-    a, b, c = triangles.T
-    ab, bc, ca = (len(points) + number.reshape(-1, 3)).T
-    parts = [(a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca)]
-    finer = np.stack([np.column_stack(part) for part in parts], axis=1).reshape(-1, 3)
-    middles = points[edges].mean(axis=1)
-    return np.vstack([points, middles]), finer, edges
-
-
-def rounded_volume(points: Floats, triangles: Ints) -> float:
-    """Return the volume of a closed mesh whose edges are halved and bulge as the normals at their ends say.
-
-    The middle of an edge is that of the cubic whose ends are at right angles to the normals (Vlachos et al.
-    2001, *Curved PN triangles*, doi:10.1145/364338.364387): it is off the chord's by an eighth of the
-    difference of the end tangents. It approximates the volume of a smooth surface's finer mesh.
-    """
-    normals = vertex_normals(points, triangles)
-    finer, parts, edges = halved(points, triangles)
-    ends = normals[edges]
-    chords = points[edges[:, 1]] - points[edges[:, 0]]
-    along = (chords[:, None] * ends).sum(axis=2)  # (e, 2): how far the chord leaves each tangent plane
-    finer[len(points) :] += (along[:, 1:] * ends[:, 1] - along[:, :1] * ends[:, 0]) / 8.0
-    return float(signed_volume(finer, parts))
 
 
 @lane

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 from numpy.polynomial.polynomial import polyder, polyfit, polyval
@@ -28,15 +28,19 @@ def checked_coordinates(motion: RigidMotion, names: Sequence[str]) -> None:
             raise InputError("", f"the motion has no coordinate {name!r}", f"it has: {known}")
 
 
-def known_coordinates(motion: RigidMotion, crossed: Sequence[str] | None = None) -> tuple[str, ...]:
-    """Return the coordinates by which there may be moment arms: those that change, or whose joint is known.
+def known_coordinates(
+    motion: RigidMotion, crossed: Sequence[str] | None = None, levers: Collection[str] = ()
+) -> tuple[str, ...]:
+    """Return the coordinates by which there may be moment arms.
 
-    ``crossed`` names the coordinates that lengths depend on, by default all. Where there is none it raises a
-    ValueError.
+    They change, or their joint or levers are known. ``crossed`` names the coordinates that lengths depend
+    on, by default all. Raises a ValueError if there is none.
     """
     known = motion.coordinates
     among = known if crossed is None else crossed
-    found = tuple(name for name, one in known.items() if name in among and (one.changes or one.twists))
+    found = tuple(
+        name for name, one in known.items() if name in among and (one.changes or one.twists or name in levers)
+    )
     if not found:
         listed = ", ".join(map(repr, known)) or "none"
         raise InputError(
@@ -87,7 +91,7 @@ def joint_arms(
         If the motion has no such coordinate, or none by which there are moment arms.
     """
     checked_coordinates(motion, names or ())
-    found = known_coordinates(motion, crossed)
+    found = known_coordinates(motion, crossed, levers)
     curves = np.asarray(lengths, dtype=np.float64)
     arms: dict[str, JointArms] = {}
     refused: dict[str, str] = {}

@@ -33,14 +33,47 @@ def blend_motions(transforms: Floats, weights: Floats, points: Floats) -> Floats
     dual[:, :3] = 0.5 * (real[:, 3:] * shift + np.cross(shift, real[:, :3]))
     dual[:, 3] = -0.5 * np.einsum("ij,ij->i", shift, real[:, :3])
 
-    real, dual = weights @ real, weights @ dual
-    norms = np.maximum(np.linalg.norm(real, axis=1, keepdims=True), EPSILON)
-    v, w = np.split(real / norms, [3], axis=1)
-    d, e = np.split(dual / norms, [3], axis=1)
-    # v x p + w p, then v x that: the turn; w d - e v + v x d: the shift.
-    across = np.cross(v, points) + w * points
-    moved: Floats = points + 2.0 * (np.cross(v, across + d) + w * d - e * v)
+    moved = np.empty_like(points)
+    _blend(real, dual, weights, points, moved)
     return moved
+
+
+@kernel
+def _blend(real: Floats, dual: Floats, weights: Floats, points: Floats, moved: Floats) -> None:
+    """Move points (n, 3) by means of dual quaternions (b, 4), (b, 4) with weights (n, b)."""
+    for i in range(len(points)):
+        x = y = z = w = a = b = c = e = 0.0
+        for k in range(len(real)):
+            part = weights[i, k]
+            x, y, z, w = (
+                x + part * real[k, 0],
+                y + part * real[k, 1],
+                z + part * real[k, 2],
+                w + part * real[k, 3],
+            )
+            a, b, c, e = (
+                a + part * dual[k, 0],
+                b + part * dual[k, 1],
+                c + part * dual[k, 2],
+                e + part * dual[k, 3],
+            )
+        scale = 1.0 / max(np.sqrt(x * x + y * y + z * z + w * w), EPSILON)
+        x, y, z, w, a, b, c, e = (
+            x * scale,
+            y * scale,
+            z * scale,
+            w * scale,
+            a * scale,
+            b * scale,
+            c * scale,
+            e * scale,
+        )
+        px, py, pz = points[i, 0], points[i, 1], points[i, 2]
+        # v x p + w p + d, then v x that: the turn, and of the shift w d - e v + v x d the last.
+        u, v, t = y * pz - z * py + w * px + a, z * px - x * pz + w * py + b, x * py - y * px + w * pz + c
+        moved[i, 0] = px + 2.0 * (y * t - z * v + w * a - e * x)
+        moved[i, 1] = py + 2.0 * (z * u - x * t + w * b - e * y)
+        moved[i, 2] = pz + 2.0 * (x * v - y * u + w * c - e * z)
 
 
 def screw_between(start: Floats, end: Floats, fraction: float) -> Floats:

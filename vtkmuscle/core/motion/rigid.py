@@ -61,12 +61,9 @@ def is_rigid(transform: Floats) -> bool:
 
 def apply_transform(transform: Floats, points: Floats) -> Floats:
     """Return points (n, 3) moved by a 4 x 4 transform."""
-    points = np.asarray(points, dtype=np.float64)
-    moved: Floats = np.empty_like(points)
-    x, y, z = points[..., 0], points[..., 1], points[..., 2]
-    # Not a matrix product, which rounds differently from machine to machine; in columns, which are long.
-    for k in range(3):
-        moved[..., k] = transform[k, 0] * x + transform[k, 1] * y + transform[k, 2] * z + transform[k, 3]
+    points = np.ascontiguousarray(points, dtype=np.float64)
+    moved = np.empty_like(points)
+    transform_points(np.array(transform, dtype=np.float64), points.reshape(-1, 3), moved.reshape(-1, 3))
     return moved
 
 
@@ -76,6 +73,13 @@ def transform_point(transform: Floats, points: Floats, i: int, moved: Floats) ->
     x, y, z = points[i, 0], points[i, 1], points[i, 2]
     for k in range(3):
         moved[k] = transform[k, 0] * x + transform[k, 1] * y + transform[k, 2] * z + transform[k, 3]
+
+
+@kernel
+def transform_points(transform: Floats, points: Floats, moved: Floats) -> None:
+    """Write where a 4 x 4 transform takes points (n, 3);  moved : (n, 3), may be the points."""
+    for i in range(len(points)):
+        transform_point(transform, points, i, moved[i])
 
 
 def inverse(transform: Floats) -> Floats:

@@ -34,6 +34,42 @@ TOGETHER, MOST_STEPS = 1.6, 6
 LAST_PASSES, VOLUME_TOLERANCE = 30, 1e-10
 
 
+class Volume:
+    """The volume of a muscle, which is given back to it.
+
+    Parameters
+    ----------
+    shape : RestShape
+        The muscle at rest.
+    free : (n,) bool array
+        Points that may be moved.
+    """
+
+    def __init__(self, shape: RestShape, free: Bools) -> None:
+        self._triangles, self._rest = shape.topology.triangles, shape.volume
+        self._mass: Floats = free.astype(np.float64)
+        areas = np.linalg.norm(shape.volume_gradient, axis=1)
+        self._floor = VOLUME_FLOOR * float(self._mass @ areas**2)
+        self._gradient: Floats = np.empty_like(shape.points)
+
+    def restore(self, points: Floats, held: Bools | None = None) -> float:
+        """Move points (n, 3), but those held, towards the rest volume; return its relative error before."""
+        mass = self._mass if held is None else np.where(held, 0.0, self._mass)
+        volume = project_volume(points, mass, self._triangles, self._rest, self._floor, self._gradient)
+        return abs(volume / self._rest - 1.0)
+
+    def finish(self, points: Floats, keep_out: Callable[[Floats], Bools]) -> Bools:
+        """Take points out of the bones, and the volume that costs from the others; return those held."""
+        held = np.zeros(len(points), dtype=np.bool_)
+        for _ in range(LAST_PASSES):
+            new = keep_out(points) & ~held
+            held |= new
+            off = self.restore(points, held)
+            if not (new.any() or off > VOLUME_TOLERANCE):
+                break
+        return held
+
+
 @dataclass(frozen=True, eq=False)
 class SettlingResult:
     """The points (n, 3) of a settled muscle [mm], and how many of them bones or other muscles hold off."""
@@ -73,18 +109,14 @@ class Settling:
         bones: Mapping[int, Bone] = MappingProxyType({}),
         clearance: float = 0.0,
     ) -> None:
-        self._rest, self._triangles = shape.points, shape.topology.triangles
+        self._rest = shape.points
         self._free = free = fixed_to < 0
         self._fixed = [(int(bone), np.flatnonzero(fixed_to == bone)) for bone in np.unique(fixed_to[~free])]
         self._contact = BoneContact(bones, self._rest, free, clearance)
-        self._diffusion = Diffusion(self._rest, self._triangles)
+        self._diffusion = Diffusion(self._rest, shape.topology.triangles)
         self._edges = shape.topology.edges
-        self._volume = shape.volume
-        self._mass = free.astype(np.float64)
-        areas = np.linalg.norm(shape.volume_gradient, axis=1)
-        self._floor = VOLUME_FLOOR * float(self._mass @ areas**2)
-        self._gradient: Floats = np.empty_like(self._rest)
-        thickness = mean_thickness(self._rest, self._triangles)
+        self._volume = Volume(shape, free)
+        thickness = mean_thickness(self._rest, shape.topology.triangles)
         self._time = 0.5 * (SPREAD * thickness) ** 2 / self._diffusion.time_unit
 
     def settle(
@@ -121,13 +153,13 @@ class Settling:
         for number in range(rounds):
             if number:
                 touching.keep_out(points)
-            self._restore_volume(points, self._mass)
+            self._volume.restore(points)
             np.subtract(points, carried, out=displacement)
             self._diffusion.spread(displacement, self._time / rounds, self._free)
             np.add(carried, displacement, out=points)
             if progress is not None:
                 progress((number + 1) / rounds)
-        held = self._finish(points, touching)
+        held = self._volume.finish(points, touching.keep_out)
         return SettlingResult(points, int(held.sum()))
 
     def _leave_bones(self, points: Floats, touching: PoseContact) -> None:
@@ -150,22 +182,6 @@ class Settling:
                 if not inside.any():
                     break
         points[:] = out
-
-    def _restore_volume(self, points: Floats, mass: Floats) -> float:
-        """Move points, in place, so that the volume is that at rest; return its relative error before."""
-        volume = project_volume(points, mass, self._triangles, self._volume, self._floor, self._gradient)
-        return abs(volume / self._volume - 1.0)
-
-    def _finish(self, points: Floats, touching: PoseContact) -> Bools:
-        """Take points out of the bones, and the volume that costs from the others; return those held."""
-        held = np.zeros(len(points), dtype=np.bool_)
-        for _ in range(LAST_PASSES):
-            new = touching.keep_out(points) & ~held
-            held |= new
-            off = self._restore_volume(points, np.where(held, 0.0, self._mass))
-            if not (new.any() or off > VOLUME_TOLERANCE):
-                break
-        return held
 
 
 @kernel

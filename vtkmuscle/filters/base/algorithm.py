@@ -7,23 +7,35 @@ from collections.abc import Sequence
 from typing import Any, ClassVar
 
 from vtkmodules.util.vtkAlgorithm import VTKPythonAlgorithmBase
+from vtkmodules.vtkCommonCore import vtkStringArray
 from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkDataSet
-from vtkmodules.vtkCommonExecutionModel import vtkAlgorithm, vtkDemandDrivenPipeline, vtkExecutive
+from vtkmodules.vtkCommonExecutionModel import (
+    vtkAlgorithm,
+    vtkDemandDrivenPipeline,
+    vtkExecutive,
+    vtkStreamingDemandDrivenPipeline,
+)
 
 from vtkmuscle.core.errors import InputError
+from vtkmuscle.data.arrays import state_of
 from vtkmuscle.data.pipeline_times import (
-    add_provenance,
+    PROVENANCE,
     announce_times,
+    joined_provenance,
     provenance_entry,
     requested_time,
     times_of,
 )
 from vtkmuscle.filters.base.ports import InputPort, OutputPort
-from vtkmuscle.filters.base.running import (
-    interrupts_deferred,
-    interrupts_let_through,
-    silence_after_failure,
-)
+from vtkmuscle.filters.base.running import show_error
+
+#: The executive's requests that filters answer, by the name of the method; the most frequent first.
+_REQUESTS = {
+    "RequestUpdateExtent": vtkStreamingDemandDrivenPipeline.REQUEST_UPDATE_EXTENT(),
+    "RequestData": vtkDemandDrivenPipeline.REQUEST_DATA(),
+    "RequestInformation": vtkDemandDrivenPipeline.REQUEST_INFORMATION(),
+    "RequestDataObject": vtkDemandDrivenPipeline.REQUEST_DATA_OBJECT(),
+}
 
 
 class AbortedError(Exception):
@@ -46,7 +58,12 @@ class Algorithm(VTKPythonAlgorithmBase):
     def __init__(self) -> None:
         self._failure: BaseException | None = None
         self._progress_reached = 0.0
+        #: By port: data, their state, and the argument of ``execute`` that was made of them.
+        self._arguments: dict[int, tuple[Any, Any, Any]] = {}
+        #: What the array was made from, and the array.
+        self._provenance: tuple[Any, Any] = (None, None)
         super().__init__(nInputPorts=len(self.input_ports), nOutputPorts=len(self.output_ports))
+        self.GetExecutive().AddObserver("ErrorEvent", show_error)
 
     # ---------------------------------------------------------------- to be defined by subclasses
 
@@ -86,11 +103,7 @@ class Algorithm(VTKPythonAlgorithmBase):
             If ``AbortExecute`` was set; the base class turns it into an empty output.
         """
         self._progress_reached = max(self._progress_reached, min(float(fraction), 1.0))
-        if self.HasObserver("ProgressEvent"):
-            with interrupts_deferred():
-                self.UpdateProgress(self._progress_reached)
-        else:
-            self.UpdateProgress(self._progress_reached)
+        self.UpdateProgress(self._progress_reached)
         if self.GetAbortExecute():
             raise AbortedError(f"{type(self).__name__} was aborted at {self._progress_reached:.0%}")
 
@@ -131,7 +144,10 @@ class Algorithm(VTKPythonAlgorithmBase):
     def ProcessRequest(self, request: Any, inInfo: Any, outInfo: Any) -> int:
         """Answer a request of the executive; an exception is kept for :meth:`update`."""
         try:
-            return int(super().ProcessRequest(request, inInfo, outInfo))
+            for name, key in _REQUESTS.items():
+                if request.Has(key):
+                    return int(getattr(self, name)(request, inInfo, outInfo))
+            return 1
         except BaseException as error:  # VTK would print and lose it; update() raises it again
             self._failure = error
             if isinstance(error, AbortedError):
@@ -144,7 +160,6 @@ class Algorithm(VTKPythonAlgorithmBase):
                 data = info.Get(vtkDataObject.DATA_OBJECT())
                 if data is not None:
                     data.ReleaseData()
-            silence_after_failure()
             return 0
 
     def RequestDataObject(self, request: Any, inInfo: Any, outInfo: Any) -> int:
@@ -178,8 +193,7 @@ class Algorithm(VTKPythonAlgorithmBase):
             for info in _first_of_each(inInfo)
         ]
         try:
-            with interrupts_let_through():
-                result = self.execute(*map(_taken, self.input_ports, inputs))
+            result = self.execute(*map(self._argument, range(len(inputs)), inputs))
         except InputError as error:
             self._name(error)
             raise
@@ -193,16 +207,38 @@ class Algorithm(VTKPythonAlgorithmBase):
             where = ": ".join(filter(None, (type(self).__name__, error.where)))
             error.__init__(where, error.problem, error.remedy)  # type: ignore[misc]
 
+    def _argument(self, number: int, data: Any) -> Any:
+        """Return the argument of ``execute`` for the data on a port; it is made once for the same state."""
+        port = self.input_ports[number]
+        if data is None:
+            return port.take(None)
+        state = state_of(data)
+        if (kept := self._arguments.get(number)) is None or kept[0] is not data or kept[1] != state:
+            if not port.may_be_empty and data.GetNumberOfElements(vtkDataObject.POINT) == 0:
+                raise InputError(port.name, "the input has no points")
+            kept = self._arguments[number] = data, state, port.take(data)
+        return kept[2]
+
     def _publish(self, results: Any, inputs: Sequence[Any], outInfo: Any) -> None:
-        entry = provenance_entry(type(self).__name__, self.parameters())
+        provenance = self._provenance_array(inputs)
         for port, result in enumerate(results if isinstance(results, tuple) else (results,)):
             if result is None:  # nobody asked for this output
                 continue
             output = outInfo.GetInformationObject(port).Get(vtkDataObject.DATA_OBJECT())
             output.ShallowCopy(result)
-            add_provenance(output, inputs, entry)
+            output.GetFieldData().AddArray(provenance)
             if self.request_time is not None:
                 output.GetInformation().Set(vtkDataObject.DATA_TIME_STEP(), self.request_time)
+
+    def _provenance_array(self, inputs: Sequence[Any]) -> Any:
+        """Return the array that says which filters made the output; the same one while it says the same."""
+        arrays = (data.GetFieldData().GetAbstractArray(PROVENANCE) for data in inputs if data is not None)
+        earlier = [array for array in arrays if isinstance(array, vtkStringArray)]
+        state = self.GetMTime(), earlier, [array.GetMTime() for array in earlier]
+        if self._provenance[0] != state:
+            entry = provenance_entry(type(self).__name__, self.parameters())
+            self._provenance = state, joined_provenance(earlier, entry)
+        return self._provenance[1]
 
 
 def _port_asked(request: Any) -> int:
@@ -216,10 +252,3 @@ def _first_of_each(inInfo: Any) -> list[Any]:
         port.GetInformationObject(0) if port.GetNumberOfInformationObjects() else None
         for port in inInfo or ()
     ]
-
-
-def _taken(port: InputPort, data: Any) -> Any:
-    """Return the argument of ``execute`` for the data on a port."""
-    if data is not None and not port.may_be_empty and data.GetNumberOfElements(vtkDataObject.POINT) == 0:
-        raise InputError(port.name, "the input has no points")
-    return port.take(data)

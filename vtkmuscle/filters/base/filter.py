@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from functools import partial
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -12,7 +12,7 @@ from vtkmodules.vtkCommonExecutionModel import vtkAlgorithm
 
 from vtkmuscle.core.words import suggestion
 from vtkmuscle.filters.base.algorithm import Algorithm
-from vtkmuscle.filters.base.chain import chain_everywhere
+from vtkmuscle.filters.base.chain import Chain
 from vtkmuscle.filters.base.docstrings import documented
 from vtkmuscle.filters.base.parameters import Parameter
 from vtkmuscle.filters.base.ports import InputPort, OutputPort
@@ -22,8 +22,6 @@ from vtkmuscle.filters.base.running import Runnable
 _RESERVED = {
     *dir(vtkAlgorithm), "apply", "connect", "execute", "parameters", "request_time", "time", "time_steps",
 }  # fmt: skip
-
-chain_everywhere()
 
 
 class Filter(Runnable, Algorithm):
@@ -50,8 +48,6 @@ class Filter(Runnable, Algorithm):
     """
 
     parameter_declarations: ClassVar[dict[str, Parameter[Any]]] = {}
-    #: Parameters that a filter had once, and what to do without each.
-    gone: ClassVar[Mapping[str, str]] = {}
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)
@@ -107,8 +103,6 @@ class Filter(Runnable, Algorithm):
         for name in names:
             if name not in known:
                 what = f"{type(self).__name__} has no parameter or input port {name!r}"
-                if name in self.gone:
-                    raise error(f"{what} any more; {self.gone[name]}")
                 raise error(f"{what}; {suggestion(name, known)}")
 
     # ---------------------------------------------------------------- parameters
@@ -141,6 +135,9 @@ class Filter(Runnable, Algorithm):
     __str__ = __repr__
 
     # ---------------------------------------------------------------- connections
+
+    def __rshift__(self, right: Any) -> Chain:
+        return Chain(self, right)
 
     def connect(self, port: str | int, value: Any) -> None:
         """Connect an input port; ``filter.connect("muscle", mesh)`` is ``filter.muscle = mesh``.
@@ -214,3 +211,4 @@ class Filter(Runnable, Algorithm):
             for port in range(self.GetNumberOfInputPorts())
             for index in range(self.GetNumberOfInputConnections(port))
         ]
+        self._arguments.clear()

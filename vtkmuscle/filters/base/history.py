@@ -92,6 +92,8 @@ class HistoryFilter(Filter, Generic[Frame]):
 
     def __init__(self, **settings: Any) -> None:
         self._frames: Checkpoints[Frame] = Checkpoints()
+        #: The settings, the filter's modification time when they were read, and the state of moving inputs.
+        self._settings: tuple[int, dict[str, Any]] = 0, {}
         self._made_with: object = None
         self._steps: tuple[float, ...] = ()
         #: How many frames of the path are done, and how many there are.
@@ -153,7 +155,9 @@ class HistoryFilter(Filter, Generic[Frame]):
         """
         numbers = [self._number_of(name) for name in self.moving]
         connected = [number for number in numbers if self.GetNumberOfInputConnections(number)]
-        made_with = self.settings_of_frames(), state_of_inputs(self, connected)
+        if self._settings[0] != self.GetMTime():
+            self._settings = self.GetMTime(), self.settings_of_frames()
+        made_with = self._settings[1], state_of_inputs(self, connected)
         if made_with != self._made_with:
             self.forget()
             self._made_with = made_with

@@ -46,6 +46,8 @@ class Parameter(Declaration, Generic[T]):
     sets : mapping, optional
         For each choice the values of other parameters that it stands for. Setting the choice sets them; a
         constructor's keywords win. One that is set later is kept until the choice is set again.
+    listed : str, optional
+        Attribute of the filter that lists the strings to choose from, once its inputs are set.
     doc : str, optional
         Description, where the class's docstring has no entry of this name.
 
@@ -69,6 +71,7 @@ class Parameter(Declaration, Generic[T]):
     units: str = ""
     only_with: tuple[str, *tuple[str, ...]] | None = None
     sets: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    listed: str | None = None
 
     @overload
     def __get__(self, instance: None, owner: type) -> Parameter[T]: ...

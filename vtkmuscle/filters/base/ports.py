@@ -7,6 +7,7 @@ from dataclasses import KW_ONLY, dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any, TypeVar, overload
 
+from vtkmodules.vtkCommonCore import vtkObject
 from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkDataObjectTypes, vtkMultiBlockDataSet, vtkPolyData
 from vtkmodules.vtkCommonExecutionModel import vtkAlgorithmOutput, vtkTrivialProducer
 from vtkmodules.vtkFiltersGeneral import vtkGroupDataSetsFilter
@@ -194,11 +195,16 @@ def source_of(value: Any) -> tuple[Any, int] | None:
         return producer, 0
     if isinstance(value, vtkAlgorithmOutput):
         return value.GetProducer(), value.GetIndex()
-    last = getattr(value, "last", value)  # of a chain
+    last = end_of(value, "last")
     if isinstance(last, type) or not hasattr(last, "GetOutputPort"):
         return None
     port = last.GetOutputPort()
     return port.GetProducer(), port.GetIndex()
+
+
+def end_of(value: Any, name: str) -> Any:
+    """Return the ``first`` or ``last`` algorithm of a chain, ours or VTK's; or the value itself."""
+    return value if isinstance(value, vtkObject) else getattr(value, name, value)
 
 
 def _grouped(blocks: Mapping[str, Any]) -> vtkGroupDataSetsFilter | None:

@@ -1,100 +1,33 @@
 """Running any algorithm: bring it up to date at a time, on data, and raise what a filter upstream raised.
 
-VTK prints a message of its own beside the exception, and loses Ctrl-C while it calls Python. Both are held
-back.
+Python has the signal of Ctrl-C: pressed while a filter executes, it comes out of ``update()``. VTK itself
+prints and drops it in Python code of its other callbacks, and ends the process in an observer of an event.
 """
 
 from __future__ import annotations
 
-import signal
 import threading
 import warnings
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
-from types import FrameType
-from typing import Any
+from collections.abc import Iterator, Sequence
+from typing import Any, NoReturn
 
-from vtkmodules.vtkCommonCore import vtkObject
+from vtkmodules.vtkCommonCore import vtkGarbageCollector, vtkOutputWindow
 
 from vtkmuscle.data.arrays import shallow_copy
 from vtkmuscle.data.pipeline_times import request_time, time_asked, times_of
 from vtkmuscle.filters.base.ports import source_of
 
-#: Handlers of Ctrl-C that blocks of :func:`interrupts_deferred` have put aside, outermost first.
-_deferred: list[Callable[[int, FrameType | None], Any]] = []
+#: Whether this thread is within :func:`update`, which raises what a filter's executive would print.
+_within = threading.local()
 
 
-@contextmanager
-def interrupts_deferred() -> Iterator[None]:
-    """Hold Ctrl-C back until the block has been left.
-
-    VTK loses a KeyboardInterrupt that comes out of Python that it calls, and ends the process when it comes
-    out of an observer. Elsewhere than in Python's main thread, and where Ctrl-C is not handled in Python,
-    this does nothing.
-    """
-    handler = signal.getsignal(signal.SIGINT)
-    if threading.current_thread() is not threading.main_thread() or not callable(handler):
-        yield
-        return
-    caught: list[int] = []
-    _deferred.append(handler)
-    signal.signal(signal.SIGINT, lambda number, _frame: caught.append(number))
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGINT, _deferred.pop())
-        if caught:
-            handler(caught[0], None)
+def show_error(_executive: Any, _event: str, message: str) -> None:
+    """Show what a filter's executive says of a failure, unless :func:`update` raises the failure."""
+    if not getattr(_within, "update", False):
+        vtkOutputWindow.GetInstance().DisplayErrorText(message)
 
 
-@contextmanager
-def interrupts_let_through() -> Iterator[None]:
-    """Let Ctrl-C through at once, in a part of a block of :func:`interrupts_deferred` that keeps errors."""
-    if threading.current_thread() is not threading.main_thread() or not _deferred:
-        yield
-        return
-    before = signal.signal(signal.SIGINT, _deferred[-1])
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGINT, before)
-
-
-class _Messages:
-    """VTK's switch for messages is one for the whole process: the last thread that needs it restores it."""
-
-    def __init__(self) -> None:
-        self.lock = threading.Lock()
-        self.users = 0
-        self.displayed = 1
-        self.thread = threading.local()
-
-
-_messages = _Messages()
-
-
-@contextmanager
-def failure_messages_off() -> Iterator[None]:
-    """Silence VTK from the moment at which a filter fails in this block; before, its warnings are shown."""
-    with _messages.lock:
-        if not _messages.users:
-            _messages.displayed = vtkObject.GetGlobalWarningDisplay()
-        _messages.users += 1
-    outer = getattr(_messages.thread, "off", False)
-    _messages.thread.off = True
-    try:
-        yield
-    finally:
-        _messages.thread.off = outer
-        with _messages.lock:
-            _messages.users -= 1
-            vtkObject.SetGlobalWarningDisplay(_messages.displayed)
-
-
-def silence_after_failure() -> None:
-    """Switch VTK's messages off, in a filter that has failed within :func:`failure_messages_off`."""
-    if getattr(_messages.thread, "off", False):
-        vtkObject.GlobalWarningDisplayOff()
+show_error.CallDataType = "string0"  # type: ignore[attr-defined]
 
 
 class Output:
@@ -114,11 +47,16 @@ def update(algorithm: Any, time: float | None = None, port: int = 0) -> Output:
 
     By default the time is the one that was asked for last, else the last time step.
     """
-    filters = [each for each in reversed(list(upstream(algorithm))) if hasattr(each, "take_failure")]
-    for each in filters:
-        each.check_connections()
-    with failure_messages_off(), interrupts_deferred():
-        algorithm.UpdateInformation()
+    executive, outer = algorithm.GetExecutive(), getattr(_within, "update", False)
+    _within.update = True
+    # VTK looks for reference cycles in the whole pipeline each time that Python lets go of an object of it,
+    # which takes half of the time beside the kernels (bench_step.py --stages). One look at the end will do;
+    # VTK can defer it in the main thread only.
+    deferred = threading.current_thread() is threading.main_thread()
+    if deferred:
+        vtkGarbageCollector.DeferredCollectionPush()
+    try:
+        done = executive.UpdateInformation()
         info = algorithm.GetOutputInformation(port)
         asked = time_asked(info) if time is None else float(time)
         # Nobody asked: an algorithm upstream may still stand where another branch asked for it.
@@ -130,17 +68,28 @@ def update(algorithm: Any, time: float | None = None, port: int = 0) -> Output:
                 f"{steps[-1]:g}: the pose at its end is taken; ask for a time within",
                 stacklevel=3,
             )
-        done = algorithm.GetExecutive().Update(port)  # vtkAlgorithm.Update() returns None before VTK 9.7
+        done = done and executive.Update(port)
         request_time(info, asked)
-    for each in filters:
-        failure = each.take_failure()
-        if failure is not None:
-            raise failure
+    finally:
+        _within.update = outer
+        if deferred:
+            vtkGarbageCollector.DeferredCollectionPop()
     if not done:
-        raise RuntimeError(
-            f"{type(algorithm).__name__}: an algorithm upstream failed; VTK's message above says which"
-        )
+        _raise_failure(algorithm)
     return Output(algorithm, port)
+
+
+def _raise_failure(algorithm: Any) -> NoReturn:
+    """Raise why an algorithm could not be brought up to date: the failure farthest upstream."""
+    filters = [each for each in reversed(list(upstream(algorithm))) if hasattr(each, "take_failure")]
+    for each in filters:
+        each.check_connections()
+    failures = [failure for each in filters if (failure := each.take_failure()) is not None]
+    if failures:
+        raise failures[0]
+    raise RuntimeError(
+        f"{type(algorithm).__name__}: an algorithm upstream failed; VTK's message above says which"
+    )
 
 
 def run_on(first: Any, last: Any, inputs: Sequence[Any], time: float | None) -> Any:

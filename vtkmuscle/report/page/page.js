@@ -47,11 +47,8 @@ async function begin() {
   if (!goToLink()) go(0);
   window.addEventListener("hashchange", goToLink);
 
-  const script = document.createElement("script");
-  script.textContent = new TextDecoder().decode(await inflated("plotly"));
-  document.head.append(script);
   choices(curves);
-  await curves.draw();
+  curves.draw();
   forPaper(curves, viewer);
   window.report = { viewer, curves, data, go };
   document.documentElement.dataset.ready = "yes";
@@ -171,9 +168,8 @@ function tellArms(curves, position) {
     const found = curves.muscles.find((one) => one.name === muscle).arms[coordinate];
     const axis = curves.coordinates.find((one) => one.name === coordinate);
     const k = nearest(found.values, axis.values[position]);
-    const error = found.error ? ` \u00b1 ${found.error[k].toPrecision(2)}` : "";
     const mean = found.mean[k].toFixed(1).replace("-", "\u2212");
-    place.textContent = `${mean}${error} ${axis.of === "1" ? "" : "mm "}at ${found.values[k].toFixed(1)} ${axis.unit}`;
+    place.textContent = `${mean} ${axis.of === "1" ? "" : "mm "}at ${found.values[k].toFixed(1)} ${axis.unit}`;
   }
 }
 

@@ -10,18 +10,22 @@ function save(address, name) {
 /* What a chart shows, as numbers: a row for each point of a curve, and for each place of a band. */
 function csvOf(chart) {
   const cell = (text) => (/[",\n]/.test(text) ? `"${text.replaceAll('"', '""')}"` : text);
-  const label = (axis) => cell(chart.layout[axis].title.text.replace(/<br><sup>.*/, "").replaceAll("<br>", " "));
-  const rows = [["series", label("xaxis"), label("yaxis"), "low", "high"].join(",")];
-  for (const trace of chart.data.filter((one) => one.visible !== "legendonly")) {
+  const labels = [chart.labels.x, chart.labels.y].map((words) => cell(words.replaceAll("\n", " ")));
+  const rows = [["series", ...labels, "low", "high"].join(",")];
+  for (const trace of chart.data.filter((one) => one.visible !== false)) {
     const { x, low, high } = trace.meta ?? { x: trace.x };
     x.forEach((at, i) => rows.push([cell(trace.name), at, low ? "" : trace.y[i], low?.[i] ?? "", high?.[i] ?? ""].join(",")));
   }
   return `${rows.join("\n")}\n`;
 }
 
-function csvButtons() {
-  for (const button of document.querySelectorAll("[data-csv]")) {
-    const chart = document.getElementById(button.dataset.csv);
-    button.addEventListener("click", () => save(URL.createObjectURL(new Blob([csvOf(chart)], { type: "text/csv" })), `${chart.id}.csv`));
+function saveButtons() {
+  const saved = (type, of) => (event) => {
+    const chart = document.getElementById(event.target.dataset.chart);
+    save(URL.createObjectURL(new Blob([of(chart)], { type })), `${chart.id}.${event.target.textContent.toLowerCase()}`);
+  };
+  const drawing = (chart) => new XMLSerializer().serializeToString(chart.querySelector("svg"));
+  for (const button of document.querySelectorAll("[data-chart]")) {
+    button.addEventListener("click", button.textContent === "CSV" ? saved("text/csv", csvOf) : saved("image/svg+xml", drawing));
   }
 }

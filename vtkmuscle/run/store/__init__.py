@@ -3,26 +3,26 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.errors import InputError, check_is_file
-from vtkmuscle.core.estimate import Estimate
 from vtkmuscle.core.motion.coordinates import Coordinate
 from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.data.arrays import multiblock_from
 from vtkmuscle.io.literature import LiteratureCurve
-from vtkmuscle.io.parts import Part, Parts, file_digest
+from vtkmuscle.io.parts import file_digest
 from vtkmuscle.io.surfaces import read_polydata
-from vtkmuscle.io.temporal import TimeSeries, read_series
+from vtkmuscle.io.temporal import read_series
 from vtkmuscle.run.frames import RUN_AGAIN, TIME, Frames, MuscleTrack, WrittenFile
+from vtkmuscle.run.store.notes import MuscleNote, RunNote, Sizes, read_note
 
 #: The report of a run, and its page.
 REPORT, PAGE = "report.json", "report.html"
-#: The folder of notes, one of each finished muscle, and the name of that of the whole run.
+#: The folder of notes, one of each finished muscle, and the name of the note of the whole run.
 FINISHED, SCENE = "finished", "scene"
 #: What to do where a folder is another one.
 _GIVE = "give the folder of a run's results, its --out"
@@ -33,7 +33,10 @@ class ResultFolder:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self.notes = Parts(path / FINISHED)
+
+    def note_file(self, name: str) -> Path:
+        """Return the file of the note of a muscle, or of the run."""
+        return self.path / FINISHED / f"{name}.json"
 
     def report(self) -> dict[str, Any] | None:
         """Return the report, None where there is none or it is damaged."""
@@ -45,20 +48,14 @@ class ResultFolder:
         good = isinstance(report, dict) and isinstance(report.get("muscles"), dict) and "complete" in report
         return report if good else None
 
-    def series(self, name: str) -> TimeSeries | None:
-        """Return a series of frames, None where there is none."""
-        file = self.path / f"{name}.pvd"
-        return read_series(file) if file.is_file() else None
-
     def frames_there(self) -> dict[str, int]:
         """Return how many frames of each muscle are listed, whatever the report says."""
 
         def count(name: str) -> int:
             try:
-                series = self.series(name)
-            except ValueError:  # damaged
+                return len(read_series(self.path / f"{name}.pvd").times)
+            except (ValueError, FileNotFoundError):  # damaged, or not begun
                 return 0
-            return 0 if series is None else len(series.times)
 
         return {name: count(name) for name in (self.report() or {}).get("muscles", {})}
 
@@ -76,47 +73,39 @@ class ResultFolder:
     def result(self) -> dict[str, Any]:
         """Return the arguments of a :class:`~vtkmuscle.Result`; see :meth:`vtkmuscle.Result.load`."""
         report = self._finished_report()
-        noted = self._note(SCENE).values
-        notes = {name: self._note(name) for name in report["muscles"]}
-        if "motion" not in noted or not all("lengths" in note.arrays for note in notes.values()):
-            raise InputError(
-                self.notes.path(SCENE), "an earlier version of vtkmuscle has written it", RUN_AGAIN
-            )
-        bones = {name: self._at_rest(f"bones/{name}") for name in noted["bones"]}
-        coordinates = {name: Coordinate(**one) for name, one in noted["motion"]["coordinates"].items()}
-
-        tracks = {name: self._track(name, note) for name, note in notes.items()}
-        for name, track in tracks.items():
-            track.report = report["muscles"][name]
-            track.errors = {what: Estimate(**one) for what, one in noted["errors"][name].items()}
+        noted = read_note(self.note_file(SCENE), RunNote)
+        self._check_sizes(noted.files)
+        if file_digest(self.path / REPORT) != noted.report:
+            raise InputError(self.path / REPORT, "the file is not what the run has written", RUN_AGAIN)
+        tracks = {}
+        for name in report["muscles"]:
+            tracks[name] = self._track(name, read_note(self.note_file(name), MuscleNote))
+            tracks[name].report = report["muscles"][name]
+        motion = dict(noted.motion)
+        motion["coordinates"] = {n: Coordinate(**dict(one)) for n, one in noted.motion.coordinates.items()}
         return {
-            "bones": multiblock_from(bones),
-            "motion": RigidMotion(**noted["motion"] | {"coordinates": coordinates}),
+            "bones": multiblock_from({name: self._at_rest(f"bones/{name}") for name in noted.bones}),
+            "motion": RigidMotion(**motion),
             "tracks": tracks,
             "report": report,
             "literature": {
-                name: tuple(LiteratureCurve(**curve) for curve in curves)
-                for name, curves in noted["literature"].items()
+                name: tuple(LiteratureCurve(**dict(curve)) for curve in curves)
+                for name, curves in noted.literature.items()
             },
-            "crosses": {name: tuple(one) for name, one in noted["crosses"].items()},
+            "crosses": {name: tuple(one) for name, one in noted.crosses.items()},
         }
 
     def finished(self, keys: Mapping[str, str]) -> dict[str, MuscleTrack]:
-        """Return the muscles that are finished under these keys and whose files are whole."""
+        """Return the muscles that are finished under these keys and whose files are there."""
         tracks = {}
         for name, key in keys.items():
-            note = self.notes.read(name, key)
-            if note is not None:
-                try:
-                    self._check_files(note)
+            try:
+                note = read_note(self.note_file(name), MuscleNote)
+                if note.key == key:
                     tracks[name] = self._track(name, note)
-                except (ValueError, OSError):  # damaged: it is computed again
-                    continue
+            except (ValueError, OSError):  # it is computed again
+                continue
         return tracks
-
-    def digests(self, files: Iterable[Path]) -> dict[str, str]:
-        """Return the digests of files by their paths in the folder."""
-        return {file.relative_to(self.path).as_posix(): file_digest(file) for file in dict.fromkeys(files)}
 
     def _finished_report(self) -> dict[str, Any]:
         """Return the report of a run that has ended."""
@@ -131,39 +120,32 @@ class ResultFolder:
             raise InputError(self.path, f"it {self.unfinished()}", RUN_AGAIN)
         return report
 
-    def _note(self, name: str) -> Part:
-        """Return a note whose files are as they were written."""
-        note = self.notes.read(name)
-        if note is None:
-            there = self.notes.path(name).exists()
-            problem = "the file is damaged" if there else "the file is missing"
-            raise InputError(self.notes.path(name), problem, RUN_AGAIN)
-        self._check_files(note)
-        return note
+    def _check_sizes(self, files: Sizes) -> None:
+        """Raise an InputError where a file of a note is missing or has another size."""
+        for name, size in files.items():
+            if not (self.path / name).is_file():
+                raise InputError(self.path / name, "the file is missing", RUN_AGAIN)
+            if (self.path / name).stat().st_size != size:
+                raise InputError(self.path / name, "the file is not what the run has written", RUN_AGAIN)
 
-    def _check_files(self, note: Part) -> None:
-        for file in self._files_of(note):
-            file.check()
-
-    def _files_of(self, note: Part, folder: str = "") -> list[WrittenFile]:
-        """Return the files of a note, all of them or those in one folder."""
-        files = note.facts["files"].items()
-        return [
-            WrittenFile((self.path / name).absolute(), digest)
-            for name, digest in files
-            if name.startswith(folder)
-        ]
-
-    def _track(self, name: str, note: Part) -> MuscleTrack:
+    def _track(self, name: str, note: MuscleNote) -> MuscleTrack:
         """Return a finished muscle from its note and its files."""
+        self._check_sizes(note.files)
+
+        def frames(folder: str) -> Frames:
+            inside = (file for file in note.files if file.startswith(f"{folder}/"))
+            return Frames(WrittenFile.of(self.path / file, own=False) for file in inside)
+
         return MuscleTrack(
             rest=self._at_rest(name),
-            rest_fibres=self._at_rest(f"{name}_fibres") if note.facts["fibres"] else None,
-            surfaces=Frames(self._files_of(note, f"{name}/")),
-            fibres=Frames(self._files_of(note, f"{name}_fibres/")),
-            lengths=list(note.arrays["lengths"]),
-            fibre_lengths=list(note.arrays["fibre_lengths"]),
-            report=dict(note.facts["report"]),
+            rest_fibres=self._at_rest(f"{name}_fibres") if note.has_fibres else None,
+            surfaces=frames(name),
+            fibres=frames(f"{name}_fibres"),
+            lengths=list(note.lengths),
+            fibre_lengths=list(note.fibre_lengths),
+            length_errors=list(note.length_errors),
+            fibre_length_errors=list(note.fibre_length_errors),
+            report=note.report,
         )
 
     def _at_rest(self, name: str) -> vtkPolyData:

@@ -6,7 +6,7 @@ import json
 import os
 import re
 import shutil
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from itertools import chain
 from pathlib import Path
@@ -18,15 +18,16 @@ from vtkmodules.vtkFiltersCore import vtkAppendPolyData
 
 from vtkmuscle._version import __version__
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.data.arrays import blocks_of, set_cell_array, set_field_array
+from vtkmuscle.data.arrays import blocks_of, set_cell_array, set_field_array, shallow_copy
 from vtkmuscle.filters.bone_motion import BoneMotion
-from vtkmuscle.io.parts import Part, plain
+from vtkmuscle.io.parts import file_digest, plain
 from vtkmuscle.io.temporal import Collection as Pvd
 from vtkmuscle.io.temporal import Series
 from vtkmuscle.io.writing import check_no_links, left_behind, locked, write_polydata, write_text
-from vtkmuscle.run.frames import STAMPS, Frames, MuscleTrack, WrittenFile
+from vtkmuscle.run.frames import STAMPS, MuscleTrack, WrittenFile
 from vtkmuscle.run.store import FINISHED, PAGE, REPORT, SCENE, ResultFolder
 from vtkmuscle.run.store.keys import muscle_keys
+from vtkmuscle.run.store.notes import MuscleNote, RunNote, write_note
 from vtkmuscle.run.table import Table
 from vtkmuscle.scene.data import SceneData
 from vtkmuscle.scene.schema_types import checked_name
@@ -68,12 +69,20 @@ def claimed(folder: Path, scene: SceneData, *, overwrite: bool) -> Iterator[None
         for path in map(folder.joinpath, _files(scene.muscles)):
             if path.is_dir() and not path.is_symlink():
                 raise IsADirectoryError(f"{path} is a folder, where a file of results goes; move it")
-        inside = (left_behind(folder / name, deep=True) for name in _folders(scene.muscles))
-        for left in chain(left_behind(folder), *inside):
-            shutil.rmtree(left) if left.is_dir() else left.unlink(missing_ok=True)
+        _tidy(folder, scene)
         if not overwrite:
             _check_results(folder, scene, report)
-        yield
+        try:
+            yield
+        finally:
+            _tidy(folder, scene)
+
+
+def _tidy(folder: Path, scene: SceneData) -> None:
+    """Remove the half-written files of processes that were killed."""
+    inside = (left_behind(folder / name, deep=True) for name in _folders(scene.muscles))
+    for left in chain(left_behind(folder), *inside):
+        shutil.rmtree(left) if left.is_dir() else left.unlink(missing_ok=True)
 
 
 def remove_results(folder: Path, scene: SceneData, kept: Collection[str] = ()) -> None:
@@ -88,7 +97,7 @@ def remove_results(folder: Path, scene: SceneData, kept: Collection[str] = ()) -
     gone = sorted(muscles - {*kept})
     bones = sorted({*scene.bones, *(note.stem for note in (notes / "bones").glob("*.vtp"))})
     # Notes first: what is noted is there.
-    files = [notes / f"{name}{end}" for name in (SCENE, *gone) for end in (".npz", ".vtp", "_fibres.vtp")]
+    files = [notes / f"{name}{end}" for name in (SCENE, *gone) for end in (".json", ".vtp", "_fibres.vtp")]
     files += [*(notes / "bones").glob("*.vtp"), *(folder / name for name in _LISTS)]
     files += [folder / f"{name}_fibres.csv" for name in muscles]
     folders = [folder / "bones" / name for name in bones]
@@ -179,31 +188,23 @@ class ResultWriter(ResultFolder):
     """The results of a run that is under way, in a claimed folder.
 
     ``NAME.pvd`` and ``NAME_fibres.pvd`` per muscle with their frames in folders of these names,
-    ``bones.pvd`` with ``bones/``, tables, ``report.json`` and ``figures/``; and ``finished/`` with what
-    :meth:`vtkmuscle.Result.load` and a later run need: a note of each finished muscle with its key and the
-    digests of its files, the muscles and bones at rest, and a note of the whole run.
+    ``bones.pvd`` with ``bones/``, tables, ``report.json`` and ``figures/``; and ``finished/`` with a note of
+    each finished muscle and of the run, and the muscles and bones at rest.
 
-    Results of an earlier run are replaced, but for muscles that are finished under the same key; other files
+    Results of an earlier run are replaced, but for muscles that are finished with the same input; other files
     are left alone.
     """
 
     def __init__(self, path: Path, scene: SceneData, numbers: range) -> None:
-        super().__init__(path)
-        self._scene, self._numbers = scene, numbers
+        super().__init__(path.absolute())
+        self._times, self._numbers = scene.motion.times, numbers
+        self._stamp = scene.name, scene.units, __version__
         self._keys = muscle_keys(scene, numbers)
         self._series: dict[str, Series] = {}
 
     def kept(self) -> dict[str, MuscleTrack]:
-        """Return the muscles that an earlier run has finished, and that are the same now."""
-        kept = self.finished(self._keys)
-        if self._scene.muscle_contact != "off" and len(kept) < len(self._scene.muscles):
-            return {}  # the others are kept out of these, and ask their filters for it
-        return kept
-
-    def begin(self, report: Mapping[str, Any], kept: Collection[str]) -> None:
-        """Remove the results of an earlier run, but for muscles that are ``kept``, and write the report."""
-        remove_results(self.path, self._scene, kept)
-        self.write_report(report)
+        """Return the muscles that an earlier run has finished with the same input."""
+        return self.finished(self._keys)
 
     def write_frame(
         self, muscle: str, number: int, surface: vtkPolyData | None, fibres: vtkPolyData | None
@@ -214,38 +215,36 @@ class ResultWriter(ResultFolder):
             if data is None:
                 return None
             series = self._series.setdefault(name, Series(self.path, name))
-            time = float(self._scene.motion.times[number])
-            return WrittenFile.of(series.add(number, time, self._stamped(data)))
+            path = series.add(number, float(self._times[number]), self._stamped(data))
+            return WrittenFile.of(path, own=True)
 
         lines = written(f"{muscle}_fibres", fibres)
         return written(muscle, surface), lines
 
     def finish(self, name: str, track: MuscleTrack) -> None:
         """Note that a muscle is finished: all its frames are written."""
-        files = []
+        files = [frame.path for frames in (track.surfaces, track.fibres) for frame in frames.files]
         for series, rest in ((name, track.rest), (f"{name}_fibres", track.rest_fibres)):
             if rest is not None:
                 files.append(self.path / FINISHED / f"{series}.vtp")
                 write_polydata(files[-1], rest)
             if series in self._series:
                 files.append(self._series[series].collection.path)
-        facts = {
-            "report": track.report,
-            "fibres": track.rest_fibres is not None,
-            "files": self.digests(files) | self._digests_of(track.surfaces) | self._digests_of(track.fibres),
-        }
-        numbers = {"lengths": track.lengths, "fibre_lengths": track.fibre_lengths}
-        arrays = {quantity: np.array(rows) for quantity, rows in numbers.items()}
-        self.notes.write(name, self._keys[name], Part(facts, arrays))
+        note = MuscleNote(
+            key=self._keys[name],
+            report=track.report,
+            has_fibres=track.rest_fibres is not None,
+            lengths=track.lengths,
+            fibre_lengths=track.fibre_lengths,
+            length_errors=track.length_errors,
+            fibre_length_errors=track.fibre_length_errors,
+            files=self._sizes(files),
+        )
+        write_note(self.note_file(name), note)
 
-    def _digests_of(self, frames: Frames) -> dict[str, str]:
-        folder = self.path.absolute()
-        return {file.path.relative_to(folder).as_posix(): file.digest for file in frames.files}
-
-    def write_bones(self, stopped: Callable[[], bool]) -> None:
-        """Write the bones over time, until it is stopped; those that stay where they are only once."""
-        scene, folder = self._scene, self.path / "bones"
-        mover = BoneMotion(motion=scene.motion)
+    def write_bones(self, scene: SceneData) -> None:
+        """Write the bones over time; those that stay where they are only once."""
+        folder, mover = self.path / "bones", BoneMotion(motion=scene.motion)
         mover.connect(0, scene.bones_data())
         collection = Pvd(self.path / "bones.pvd")
         still = {name: folder / f"{name}.vtp" for name in scene.bones if name not in scene.motion.transforms}
@@ -254,8 +253,6 @@ class ResultWriter(ResultFolder):
             if name in still:
                 write_polydata(still[name], self._stamped(bone))
         for number in self._numbers:
-            if stopped():
-                return
             time = float(scene.motion.times[number])
             parts = {}
             for name, bone in blocks_of(mover.update(time=time).output):
@@ -273,27 +270,33 @@ class ResultWriter(ResultFolder):
         text = json.dumps(report, indent=1, allow_nan=False, default=plain)
         write_text(self.path / REPORT, text + "\n")
 
-    def complete(self, report: Mapping[str, Any], tracks: Mapping[str, MuscleTrack]) -> None:
-        """Write the last report, and note what a result needs beside its muscles and the report."""
+    def complete(
+        self, report: Mapping[str, Any], scene: SceneData, tracks: Mapping[str, MuscleTrack]
+    ) -> None:
+        """Write the last report, and the note of the run."""
         self.write_report(report)
-        scene, muscles = self._scene, self._scene.muscles.items()
         bones = [self.path / FINISHED / "bones" / f"{name}.vtp" for name in scene.bones]
-        noted = {
-            "bones": list(scene.bones),
-            "motion": scene.motion,
-            "literature": {name: muscle.literature for name, muscle in muscles},
-            "crosses": {name: muscle.crosses for name, muscle in muscles if muscle.crosses is not None},
-            "errors": {name: track.errors for name, track in tracks.items()},
-            "files": self.digests([*bones, self.path / REPORT]),
-        }
-        self.notes.write(SCENE, "", Part.of(noted))
+        muscles = scene.muscles.items()
+        note = RunNote.model_validate(
+            {
+                "report": file_digest(self.path / REPORT),
+                "bones": list(scene.bones),
+                "motion": scene.motion,
+                "literature": {name: list(muscle.literature) for name, muscle in muscles},
+                "crosses": {name: list(one.crosses) for name, one in muscles if one.crosses is not None},
+                "files": self._sizes([*bones, self.path / REPORT]),
+            }
+        )
+        write_note(self.note_file(SCENE), note)
+
+    def _sizes(self, files: Iterable[Path]) -> dict[str, int]:
+        """Return the sizes of files by their paths in the folder."""
+        return {file.relative_to(self.path).as_posix(): file.stat().st_size for file in files}
 
     def _stamped(self, data: vtkPolyData) -> vtkPolyData:
         """Return a shallow copy whose field data say what it is part of."""
-        copy = vtkPolyData()
-        copy.ShallowCopy(data)
-        values = (self._scene.name, self._scene.units, __version__)
-        for name, value in zip(STAMPS, values, strict=True):
+        copy = shallow_copy(data)
+        for name, value in zip(STAMPS, self._stamp, strict=True):
             set_field_array(copy, name, value)
         return copy
 

@@ -1,0 +1,85 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from spindle import spindle
+
+from vtkmuscle.core.mesh.polylines import fibre_directions_at, nearest_segments
+from vtkmuscle.core.mesh.surface import mesh_topology
+from vtkmuscle.core.pbd.anisotropy import edge_stiffness, harmonic_directions
+
+
+def test_stiffness_is_zero_along_and_one_across_whatever_the_sign():
+    points = np.array([[0.0, 0, 0], [2, 0, 0], [0, 3, 0], [1, 1, 0], [0, 0, 0]])
+    edges = np.array([[0, 1], [1, 0], [0, 2], [0, 3], [0, 4]])
+    stiffness = edge_stiffness(points, edges, np.tile([-1.0, 0, 0], (5, 1)))
+    assert np.allclose(stiffness, [0, 0, 1, 1 - np.sqrt(0.5), 1])
+
+
+def test_no_direction_means_isotropic():
+    points = np.random.default_rng(0).normal(size=(4, 3))
+    assert (edge_stiffness(points, np.array([[0, 1], [2, 3]]), np.zeros((2, 3))) == 1).all()
+
+
+@settings(deadline=None, max_examples=25)
+@given(seed=st.integers(0, 10**6), segments=st.integers(1, 60), spread=st.floats(0.01, 10.0))
+def test_nearest_segment_is_the_nearest_of_all(seed, segments, spread):
+    rng = np.random.default_rng(seed)
+    a = rng.normal(size=(segments, 3))
+    b = a + rng.normal(scale=spread, size=(segments, 3)) * rng.random((segments, 1)) ** 4
+    queries = rng.normal(scale=2.0, size=(40, 3))
+    along = b - a
+    t = ((queries[:, None] - a) * along).sum(axis=2) / np.maximum(
+        (along**2).sum(axis=1), np.finfo(float).tiny
+    )
+    distances = np.linalg.norm(queries[:, None] - a - np.clip(t, 0, 1)[..., None] * along, axis=2)
+    found = nearest_segments(queries, a, b)
+    assert np.allclose(distances[np.arange(40), found], distances.min(axis=1), rtol=1e-12)
+
+
+def test_of_equally_near_segments_the_first_counts_wherever_the_muscle_is(rng):
+    # Two crossing fibres at the same distance from the query, and two segments that share the nearest point.
+    a = np.array([[-5.0, 0, 3], [0, -5, -3], [-5, 0, 40], [0, 0, 40]])
+    b = np.array([[5.0, 0, 3], [0, 5, -3], [0, 0, 40], [5, 0, 40]])
+    queries = np.array([[0.0, 0, 0], [0, 0, 50]])
+    for _ in range(50):
+        turned = np.linalg.qr(rng.normal(size=(3, 3)))[0].T
+        shift = rng.uniform(-500, 500, 3)
+        moved = [x @ turned + shift for x in (queries, a, b)]
+        assert nearest_segments(*moved).tolist() == [0, 2]
+
+
+def test_fibre_direction_is_that_of_the_segment_not_of_the_nearest_vertex():
+    # The query is nearest to the long segment, though a vertex of the short one is nearer than its ends.
+    fibres = np.array([[-50.0, 0, 0], [50, 0, 0], [0, 0, 3], [0, 1, 3]])
+    direction = fibre_directions_at(np.array([[0.0, 0, 1]]), fibres, np.array([0, 2, 4]))
+    assert np.allclose(np.abs(direction), [[1, 0, 0]])
+
+
+def test_steps_from_one_fibre_to_the_next_are_no_segments():
+    fibres = np.array([[0.0, 0, 0], [1, 0, 0], [1, 5, 0], [2, 5, 0]])
+    direction = fibre_directions_at(np.array([[1.0, 2.5, 0]]), fibres, np.array([0, 2, 4]))
+    assert np.allclose(direction, [[1, 0, 0]])
+
+
+def test_fibres_without_length_are_an_error():
+    with pytest.raises(ValueError, match="no fibre has a length"):
+        fibre_directions_at(np.zeros((1, 3)), np.zeros((3, 3)), np.array([0, 3]))
+
+
+def test_harmonic_directions_run_along_the_muscle():
+    points, triangles, fixed_to = spindle(rings=20, around=12)
+    topology = mesh_topology(len(points), triangles)
+    directions = harmonic_directions(points, topology, fixed_to)
+    free = (fixed_to[topology.edges] < 0).all(axis=1)
+    assert np.allclose(np.linalg.norm(directions[free], axis=1), 1.0)
+    assert np.abs(directions[free, 2]).min() > 0.8
+    stiffness = edge_stiffness(points, topology.edges, directions)
+    around = np.ptp(points[topology.edges][:, :, 2], axis=1) == 0
+    assert stiffness[free & around].min() > 0.9
+
+
+def test_one_bone_has_no_direction():
+    points, triangles, fixed_to = spindle()
+    topology = mesh_topology(len(points), triangles)
+    assert harmonic_directions(points, topology, np.where(fixed_to == 1, -1, fixed_to)) is None

@@ -1,0 +1,245 @@
+from __future__ import annotations
+
+import igl
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.ndimage import binary_dilation, label
+from shapes import ball, box, ring
+from vtkmodules.vtkIOXML import vtkXMLPolyDataReader
+
+from vtkmuscle.core.mesh.solids import closed_shells
+from vtkmuscle.core.mesh.surface import signed_volume
+from vtkmuscle.core.pbd.voxels import (
+    BOUNDARY,
+    DEFAULT_N_MAX,
+    INSIDE,
+    OUTSIDE,
+    build_voxel_grid,
+)
+from vtkmuscle.data.arrays import checked_surface
+
+
+def clipped_to_box(corners, low, high):
+    """Return True where a triangle meets a box: cut the polygon by the six half spaces in turn."""
+    polygon = list(corners)
+    for axis in range(3):
+        for sign, bound in ((1.0, low[axis]), (-1.0, -high[axis])):
+            inside = [sign * point[axis] - bound for point in polygon]
+            cut = []
+            for i, point in enumerate(polygon):
+                j = (i + 1) % len(polygon)
+                if inside[i] >= 0:
+                    cut.append(point)
+                if (inside[i] >= 0) != (inside[j] >= 0):
+                    t = inside[i] / (inside[i] - inside[j])
+                    cut.append(point + t * (polygon[j] - point))
+            polygon = cut
+            if not polygon:
+                return False
+    return True
+
+
+def test_boundary_cells_are_exactly_those_that_a_triangle_meets():
+    rng = np.random.default_rng(11)
+    slack = 1e-6
+    met = missed = 0
+    for _ in range(60):
+        corners = rng.uniform(-5.0, 5.0, (3, 3)) * rng.choice([1.0, 0.01], 3)
+        with pytest.warns(UserWarning, match="the surface is open"):
+            grid = build_voxel_grid(corners, np.array([[0, 1, 2]]), n_equal=6)
+        for cell in np.ndindex(*grid.cells.shape):
+            low = grid.origin + grid.spacing * cell
+            high = low + grid.spacing
+            hair = slack * grid.spacing
+            if clipped_to_box(corners, low + hair, high - hair):
+                assert grid.cells[cell] == BOUNDARY
+                met += 1
+            elif not clipped_to_box(corners, low - hair, high + hair):
+                assert grid.cells[cell] != BOUNDARY
+                missed += 1
+    assert met > 500
+    assert missed > 5000
+
+
+@pytest.mark.parametrize(
+    "shape", [ball(centre=(100.0, -50.0, 3.0)), box(), ring()], ids=["ball", "box", "ring"]
+)
+def test_cells_agree_with_winding_numbers_but_for_the_boundary(shape):
+    grid = build_voxel_grid(*shape, n_max=20_000)
+    index = np.array(list(np.ndindex(*grid.cells.shape)))
+    centres = grid.origin + grid.spacing * (index + 0.5)
+    inside = igl.winding_number(shape[0], shape[1], centres) > 0.5
+    codes = grid.cells[tuple(index.T)]
+    assert (codes[inside] != OUTSIDE).all()
+    np.testing.assert_array_equal(inside[codes == INSIDE], True)
+    np.testing.assert_array_equal(inside[codes == OUTSIDE], False)
+
+
+@pytest.mark.parametrize("shape", [ball(), box(), ring()], ids=["ball", "box", "ring"])
+def test_the_volume_lies_between_the_inside_and_the_inside_with_the_boundary(shape):
+    grid = build_voxel_grid(*shape, n_max=100_000)
+    cell = grid.spacing.prod()
+    filled = cell * (grid.cells != OUTSIDE).sum() * (1.0 + 1e-12)  # of a box it is all
+    assert cell * (grid.cells == INSIDE).sum() < signed_volume(*shape) <= filled
+
+
+def test_the_hole_of_a_ring_is_outside():
+    grid = build_voxel_grid(*ring(), n_max=50_000)
+    assert not grid.contains(np.array([[0.0, 0.0, 0.0], [5.0, 0.0, 0.0]])).any()
+    assert grid.contains(np.array([[10.0, 0.0, 0.0]])).all()
+
+
+def joined(*shapes):
+    offsets = np.cumsum([0] + [len(points) for points, _ in shapes])
+    triangles = [shape[1] + offset for shape, offset in zip(shapes, offsets, strict=False)]
+    return np.vstack([points for points, _ in shapes]), np.vstack(triangles)
+
+
+def test_a_room_between_shells_counts_as_bone():
+    """Six walls that overlap: a flood from without does not come into the room."""
+    walls = []
+    for axis in range(3):
+        for low, high in ((-10.0, -8.0), (8.0, 10.0)):
+            corners = np.full((2, 3), [[-10.0], [10.0]])
+            corners[:, axis] = low, high
+            walls.append(box(*corners))
+    grid = build_voxel_grid(*joined(*walls), n_max=30**3)
+    assert grid.contains(np.array([[0.0, 0.0, 0.0], [5.0, -6.0, 6.0], [9.0, 0.0, 0.0]])).all()
+
+
+def test_a_hollow_in_a_bone_counts_as_bone_whichever_way_it_faces():
+    hollow = ball(radius=5.0)
+    for inner in (hollow, (hollow[0], hollow[1][:, ::-1])):
+        grid = build_voxel_grid(*joined(ball(radius=10.0), inner), n_max=30_000)
+        assert grid.contains(np.zeros((1, 3))).all()
+        assert grid.cells[tuple(np.array(grid.cells.shape) // 2)] == INSIDE
+
+
+@pytest.mark.parametrize("settings", [{}, {"n_equal": 64}], ids=["default", "equal"])
+@pytest.mark.parametrize("shape", [ball(), box(), ring()], ids=["ball", "box", "ring"])
+def test_the_volume_is_that_of_the_bone_and_half_a_boundary_layer_within_5_percent(shape, settings):
+    assert_volume(build_voxel_grid(*shape, **settings), signed_volume(*shape))
+
+
+def assert_volume(grid, volume):
+    """All that counts as bone is too large by half the boundary; a byte holds a cell."""
+    cell = grid.spacing.prod()
+    half_a_layer = 0.5 * cell * (grid.cells == BOUNDARY).sum()
+    assert cell * (grid.cells != OUTSIDE).sum() == pytest.approx(volume + half_a_layer, abs=0.05 * volume)
+    assert grid.cells.nbytes == grid.cells.size
+
+
+def read_bone(folder, bone):
+    reader = vtkXMLPolyDataReader()
+    reader.SetFileName(str(folder / "bones" / f"{bone}.vtp"))
+    reader.Update()
+    return checked_surface(reader.GetOutput(), bone)
+
+
+@pytest.mark.realdata
+@pytest.mark.parametrize("bone", ["pelvis", "femur_r"])
+def test_voxels_of_real_bones_miss_nothing_and_fill_nothing_but_pockets(lhdl_hip, bone):
+    """The pelvis has 21 tunnels, of which a few are as narrow as a cell: what is left of them is cut off."""
+    points, triangles = read_bone(lhdl_hip, bone)
+    grid = build_voxel_grid(points, triangles)
+    surface = closed_shells(points, triangles)
+    assert_volume(grid, sum(signed_volume(surface.points, shell) for shell in surface.shells))
+    index = np.argwhere(grid.cells != BOUNDARY)
+    # Those next to the boundary, where mistakes are made, and a sample of the others.
+    near = binary_dilation(grid.cells == BOUNDARY, iterations=2)[tuple(index.T)]
+    chosen = index[near | (np.arange(len(index)) % 50 == 0)]
+    centres = grid.origin + grid.spacing * (chosen + 0.5)
+    winding = [igl.fast_winding_number(surface.points, shell, centres) for shell in surface.shells]
+    codes = grid.cells[tuple(chosen.T)]
+    solid = np.max(winding, axis=0) > 0.5
+    assert (codes[solid] == INSIDE).all()
+    # What else is inside are cells of which no way leads out, but round the boundary through faces.
+    rooms, _ = label(grid.cells != BOUNDARY)
+    assert np.array_equal(grid.cells == OUTSIDE, rooms == rooms[0, 0, 0])
+    assert (codes[~solid] == INSIDE).sum() <= 3e-4 * (grid.cells != OUTSIDE).sum()
+
+
+def test_every_point_of_the_surface_is_contained_and_nothing_far_from_it_on_the_outside():
+    points, triangles = ball()
+    grid = build_voxel_grid(points, triangles, n_max=30_000)
+    weights = np.random.default_rng(0).dirichlet([1, 1, 1], (5, len(triangles)))
+    on_surface = np.einsum("kmc,mcd->kmd", weights, points[triangles]).reshape(-1, 3)
+    assert grid.contains(on_surface).all()
+    assert not grid.contains(points / 10.0 * (10.0 + 1.01 * np.linalg.norm(grid.spacing))).any()
+    assert not grid.contains(np.array([[1e30, 0.0, 0.0], [-1e30, 0.0, 0.0]])).any()
+
+
+@given(
+    st.lists(st.floats(0.01, 1000.0), min_size=3, max_size=3),
+    st.sampled_from([1, 2, 1000, 64**3]),
+)
+@settings(deadline=None, max_examples=30)
+@pytest.mark.filterwarnings("ignore:.*enclose no volume")
+def test_n_max_is_shared_out_by_the_sides_in_nearly_cubic_cells(sides, n_max):
+    points, triangles = box(high=sides)
+    grid = build_voxel_grid(points, triangles, n_max=n_max)
+    counts = np.array(grid.cells.shape) - 2
+    assert counts.prod() <= n_max
+    several = counts > 1
+    if several.any():
+        # A side of n cells may be up to 1 / n short of the next one.
+        assert (
+            grid.spacing[several].max() <= grid.spacing[several].min() * (1 + 1 / counts[several].min()) ** 2
+        )
+        np.testing.assert_array_less(grid.spacing[~several], 1.01 * grid.spacing[several].max() * 2)
+
+
+def test_n_equal_gives_as_many_cells_along_each_axis():
+    grid = build_voxel_grid(*box(), n_equal=12)
+    assert grid.cells.shape == (14, 14, 14)
+    np.testing.assert_allclose(grid.spacing, np.array([4.0, 2.0, 1.0]) / 12, rtol=1e-4)
+
+
+def test_the_outermost_layer_is_outside_even_along_flat_sides():
+    grid = build_voxel_grid(*box(), n_equal=8)
+    inner = grid.cells[1:-1, 1:-1, 1:-1]
+    assert (grid.cells != OUTSIDE).sum() == (inner != OUTSIDE).sum()
+    assert (inner != OUTSIDE).all()
+
+
+@pytest.mark.parametrize("flat", [(4.0, 2.0, 0.0), (4.0, 0.0, 0.0)])
+def test_a_surface_without_volume_is_all_boundary(flat):
+    points = np.array([[0.0, 0, 0], [1.0, 0, 0], [1.0, 1.0, 0], [0.3, 0.2, 0]]) * flat
+    with pytest.warns(UserWarning, match=r"^bone 7: the surface is open: .* enclose no volume"):
+        grid = build_voxel_grid(points, np.array([[0, 1, 2], [0, 2, 3]]), n_max=1000, what="bone 7")
+    assert np.isfinite(grid.spacing).all()
+    assert (grid.spacing > 0).all()
+    assert grid.contains(points + 1e-6 * (points.mean(axis=0) - points)).all()
+    assert not (grid.cells == INSIDE).any()
+
+
+def test_a_surface_that_is_one_point_is_refused():
+    with pytest.raises(ValueError, match="no triangles of three different points"):
+        build_voxel_grid(np.zeros((4, 3)), np.array([[0, 1, 2], [0, 2, 3]]))
+
+
+def test_the_order_of_the_triangles_does_not_matter():
+    points, triangles = ring()
+    shuffled = np.random.default_rng(2).permutation(triangles)[:, [1, 2, 0]]
+    a, b = build_voxel_grid(points, triangles, n_max=5000), build_voxel_grid(points, shuffled, n_max=5000)
+    np.testing.assert_array_equal(a.cells, b.cells)
+
+
+@pytest.mark.parametrize("wrong", [{"n_max": 0}, {"n_equal": 0}])
+def test_a_grid_of_no_cells_is_refused(wrong):
+    with pytest.raises(ValueError, match="n_max >= 1"):
+        build_voxel_grid(*box(), **wrong)
+
+
+# ------------------------------------------------------------------------------------- real bones
+
+
+@pytest.mark.realdata
+@pytest.mark.parametrize(("bone", "published"), [("pelvis", 2_079_360), ("femur_r", 2_064_480)])
+def test_real_bones_have_about_as_many_cells_as_published(lhdl_hip, bone, published):
+    points, triangles = read_bone(lhdl_hip, bone)
+    grid = build_voxel_grid(points, triangles, n_max=DEFAULT_N_MAX)
+    counts = np.array(grid.cells.shape) - 2
+    assert 0.97 * published < counts.prod() < 1.03 * published

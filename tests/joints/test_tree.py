@@ -1,0 +1,147 @@
+"""Kinematic trees: poses, couplings, and what is no tree."""
+
+import numpy as np
+import pytest
+
+from vtkmuscle.core.motion.rigid import frame_at, rotation_about
+from vtkmuscle.joints.functions import IDENTITY, Polynomial
+from vtkmuscle.joints.tree import Coupling, Joint, JointAxis, JointCoordinate, KinematicTree
+from vtkmuscle.opensim.muscle_paths import FunctionPath, PathPoint, PointPath, moment_arm, powers, terms
+
+
+def leg():
+    hip = Joint(
+        "hip",
+        "pelvis",
+        "femur",
+        [JointAxis((0, 0, 1), IDENTITY, "flexion"), JointAxis((1, 0, 0), IDENTITY, "adduction")],
+        parent_frame=frame_at((10.0, -20.0, 30.0)),
+        child_frame=frame_at((0.0, 5.0, 0.0)),
+    )
+    knee = Joint(
+        "knee",
+        "femur",
+        "tibia",
+        [JointAxis((0, 0, 1), IDENTITY, "knee")],
+        parent_frame=frame_at((0.0, -400.0, 0.0)),
+    )
+    patella = Joint(
+        "patella",
+        "femur",
+        "patella",
+        [JointAxis((0, 0, 1), IDENTITY, "slide")],
+        [JointAxis((1, 0, 0), Polynomial([40.0]))],
+        parent_frame=frame_at((0.0, -400.0, 0.0)),
+    )
+    names = [JointCoordinate(name) for name in ("flexion", "adduction", "knee", "slide")]
+    return KinematicTree(
+        "pelvis", [knee, patella, hip], names, [Coupling("slide", "knee", Polynomial([0.6, 0.1]))]
+    )
+
+
+def test_poses_are_products_of_turns_about_moved_axes():
+    flexion, adduction = np.array([0.3, -0.8]), np.array([0.1, 0.4])
+    poses = leg().poses({"flexion": flexion, "adduction": adduction})
+    for i in range(2):
+        first = rotation_about((0, 0, 0), (0, 0, 1), np.degrees(flexion[i]))
+        second = rotation_about((0, 0, 0), (1, 0, 0), np.degrees(adduction[i]))
+        expected = frame_at((10, -20, 30)) @ first @ second @ frame_at((0, -5, 0))
+        np.testing.assert_allclose(poses["femur"][i], expected, atol=1e-12)
+
+
+def test_a_coupled_coordinate_follows_whatever_it_is_given():
+    full = leg().completed({"knee": [0.0, 1.0], "slide": [5.0, 5.0]})
+    np.testing.assert_allclose(full["slide"], [0.1, 0.7])
+    assert leg().free == ("flexion", "adduction", "knee")
+
+
+def test_poses_of_many_frames_are_those_of_each(rng):
+    values = {name: rng.uniform(-1, 1, 7) for name in leg().free}
+    poses = leg().poses(values)
+    for i in range(7):
+        one = leg().poses({name: [value[i]] for name, value in values.items()})
+        for body in poses:
+            np.testing.assert_array_equal(poses[body][i], one[body][0])
+
+
+def test_a_tree_in_another_unit_has_its_lengths_in_it():
+    values = {"knee": [0.5], "flexion": [0.2]}
+    small, large = leg().poses(values), leg().scaled(1000.0).poses(values)
+    for body in small:
+        np.testing.assert_allclose(
+            large[body][0, :3, 3], 1000.0 * small[body][0, :3, 3], rtol=1e-12, atol=1e-9
+        )
+
+
+def test_crossed_coordinates_are_those_between_bodies():
+    tree = leg()
+    assert tree.crossed(["pelvis", "tibia"]) == ("flexion", "adduction", "knee")
+    assert tree.crossed(["femur", "tibia"]) == ("knee",)
+    assert tree.crossed(["femur", "patella"]) == ("knee",)
+    assert tree.crossed(["femur"]) == ()
+
+
+def test_moment_arm_about_a_pin_is_the_distance_of_the_line():
+    path = PointPath([PathPoint("femur", (30.0, -300.0, 0.0)), PathPoint("tibia", (30.0, -100.0, 0.0))])
+    arm = moment_arm(path, leg(), {"knee": [0.0]}, "knee")
+    np.testing.assert_allclose(arm, [30.0], atol=1e-6)
+
+
+def test_a_conditional_point_counts_in_its_range_alone():
+    ends = [PathPoint("femur", (0.0, -300.0, 0.0)), PathPoint("tibia", (0.0, -100.0, 0.0))]
+    via = PathPoint("femur", (-50.0, -400.0, 0.0), only_in=("knee", 0.5, 2.0))
+    values = {"knee": [0.0, 1.0]}
+    plain = PointPath(ends).lengths(leg(), values)
+    led = PointPath([ends[0], via, ends[1]]).lengths(leg(), values)
+    assert led[0] == plain[0]
+    assert led[1] > plain[1] + 1.0
+    # At the edge the arm is that of the points that count, not that of the jump.
+    assert abs(moment_arm(PointPath([ends[0], via, ends[1]]), leg(), {"knee": [0.5]}, "knee")[0]) < 100.0
+
+
+def test_a_path_that_winds_round_surfaces_has_no_length_here():
+    path = PointPath([PathPoint("femur"), PathPoint("tibia")], wraps=["condyles"])
+    with pytest.raises(ValueError, match="condyles"):
+        path.lengths(leg(), {})
+
+
+def test_polynomial_terms_are_all_of_the_order_once():
+    found = powers(3, 4)
+    assert len(found) == len({tuple(row) for row in found}) == 35
+    assert found.sum(axis=1).max() == 4
+    np.testing.assert_allclose(terms(np.array([[2.0, 3.0]]), 1), [[1.0, 3.0, 2.0]])
+    path = FunctionPath(("knee",), 2, np.array([0.3, 0.1, 0.5]))
+    np.testing.assert_allclose(moment_arm(path, leg(), {"knee": [0.2]}, "knee"), [-0.3], atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("joints", "words"),
+    [
+        ([("a", "g", "x"), ("b", "g", "x")], "hangs on joint 'a' as well"),
+        ([("a", "nobody", "x")], "there is no such body"),
+        ([("a", "y", "x"), ("b", "x", "y")], "a ring of joints"),
+        ([("a", "x", "g")], "is the root"),
+    ],
+)
+def test_what_is_no_tree_is_told(joints, words):
+    with pytest.raises(ValueError, match=words):
+        KinematicTree("g", [Joint(*names) for names in joints], [])
+
+
+def test_couplings_in_a_ring_are_refused():
+    with pytest.raises(ValueError, match="ring"):
+        KinematicTree(
+            "g",
+            [],
+            [JointCoordinate("a"), JointCoordinate("b")],
+            [Coupling("a", "b", IDENTITY), Coupling("b", "a", IDENTITY)],
+        )
+
+
+def test_unknown_coordinates_and_values_that_are_not_finite_are_refused():
+    with pytest.raises(ValueError, match="did you mean 'knee'"):
+        leg().completed({"kne": [0.0]})
+    with pytest.raises(ValueError, match="not finite"):
+        leg().completed({"knee": [np.nan]})
+    with pytest.raises(ValueError, match="shapes"):
+        leg().completed({"knee": [0.0, 1.0], "flexion": [0.0]})

@@ -1,0 +1,43 @@
+"""How stiff edges are along the fibres of a muscle: Kohout and Cervenka 2021, eq. 9.
+
+doi:10.1007/978-3-030-72379-8_24.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from vtkmuscle.core.mesh.harmonic import harmonic_field, triangle_gradients
+from vtkmuscle.core.mesh.normals import unit_vectors
+from vtkmuscle.core.mesh.surface import MeshTopology
+from vtkmuscle.core.types import Floats, Ints
+
+
+def edge_stiffness(points: Floats, edges: Ints, directions: Floats) -> Floats:
+    """Return k = 1 - |u . v| for each edge (k, 2), (k,): 1 across the fibres, 0 along them.
+
+    Kohout and Cervenka 2021, eq. 9, reads k = 1 - u . v. An edge has no sign, so that gives 0 or 2 by the
+    order in which its ends are named; "if both vectors are collinear, the result will be zero" calls for the
+    absolute value. The directions v (k, 3) of the fibres are unit vectors, 0 where there is none.
+    """
+    difference = points[edges[:, 1]] - points[edges[:, 0]]
+    lengths = np.linalg.norm(difference, axis=1)
+    along = np.abs(np.einsum("ij,ij->i", difference, directions))
+    cosines = np.divide(along, lengths, out=np.zeros(len(edges)), where=lengths > 0)
+    stiffness: Floats = 1.0 - np.clip(cosines, 0.0, 1.0)
+    return stiffness
+
+
+def harmonic_directions(points: Floats, topology: MeshTopology, fixed_to: Ints) -> Floats | None:
+    """Return the unit direction (k, 3) from one end of a muscle to the other at each edge, without fibres.
+
+    It is the mean of the unit gradients, in the edge's two triangles, of
+    :func:`~vtkmuscle.core.mesh.harmonic.harmonic_field`; 0 where that is constant (inside an attachment).
+    None where fewer than two bones have fixed points.
+    """
+    field = harmonic_field(points, topology.triangles, fixed_to)
+    if field is None:
+        return None
+    gradients = unit_vectors(triangle_gradients(points, topology.triangles, field))
+    gradients = np.vstack([gradients, np.zeros(3)])  # row -1: no triangle
+    return unit_vectors(gradients[topology.edge_triangles].sum(axis=1))

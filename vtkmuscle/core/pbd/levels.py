@@ -1,0 +1,155 @@
+"""A fine surface that follows a coarse one: position based dynamics on two levels."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+from scipy.sparse import csr_array
+from scipy.spatial import cKDTree
+
+from vtkmuscle.core.jit import kernel
+from vtkmuscle.core.mesh.harmonic import cotangent_laplacian
+from vtkmuscle.core.mesh.neighbours import Neighbour
+from vtkmuscle.core.motion.blending import nearest_rotations
+from vtkmuscle.core.motion.rigid import apply_transform
+from vtkmuscle.core.pbd.solver import PBDSolver, State
+from vtkmuscle.core.types import Floats, Ints
+
+#: Coarse points that take a fine point along.
+CARRIERS = 8
+
+#: Iterations of the fine surface, with its edges as they are carried. Four muscles of a real hip, solved with
+#: 3 000 triangles, have 0 to 6 folded edges after two, 0 to 10 after one; five take 2 ms more.
+FINE_ITERATIONS = 2
+
+
+def coarse_fixed_points(fine: Floats, fixed_to: Ints, coarse: Floats) -> Ints:
+    """Return the bone (c,) of each point of a coarse surface, -1 for free points.
+
+    A coarse point (c, 3) goes with the bone of the fine point (n, 3) nearest to it. Where that leaves a bone
+    without points, it gets the coarse point nearest to the middle of its fine ones.
+    """
+    result: Ints = fixed_to[cKDTree(fine).query(coarse)[1]]
+    for bone in np.unique(fixed_to[fixed_to >= 0]):
+        if bone not in result:
+            middle = fine[fixed_to == bone].mean(axis=0)
+            result[np.linalg.norm(coarse - middle, axis=1).argmin()] = bone
+    return result
+
+
+class TwoLevels:
+    """Solves a coarse surface, which takes a fine one along.
+
+    Each fine point goes with the coarse points nearest to it. These turn as the points of their two rings
+    have turned together (shape matching; Müller, Heidelberger, Teschner, Gross 2005,
+    doi:10.1145/1073204.1073216). Fixed points are then where their bones are, and their neighbourhood with
+    them. From there the fine surface is solved, with its edges as long as they are carried.
+
+    Parameters
+    ----------
+    solver : PBDSolver
+        Of the coarse surface.
+    fine : PBDSolver
+        Of the fine surface, with :data:`FINE_ITERATIONS`.
+    fixed_to : (n,) int array
+        Bone that each point of the fine surface is fixed to, -1 for free points.
+    """
+
+    def __init__(self, solver: PBDSolver, fine: PBDSolver, fixed_to: Ints) -> None:
+        self._solver, self._fine = solver, fine
+        #: The fine surface at rest.
+        self.shape = fine.shape
+        rest, coarse, topology = fine.shape.points, solver.shape.points, solver.shape.topology
+        self._coarse = coarse
+        apart, self._carriers = cKDTree(coarse).query(rest, k=range(1, min(CARRIERS, len(coarse)) + 1))
+        # Gaussian, and 0 at the last, so that nothing jumps where another comes to be the last.
+        falls = np.exp(-0.5 * (2.0 * apart / np.maximum(apart[:, -1:], np.finfo(float).tiny)) ** 2)
+        falls -= falls[:, -1:] * (1.0 - 1e-9)
+        self._parts = falls / falls.sum(axis=1, keepdims=True)
+        ring = csr_array(abs(cotangent_laplacian(coarse, topology.triangles)) > 0.0)
+        rings = csr_array((ring @ ring).astype(np.bool_))
+        self._starts, self._ring = rings.indptr.astype(np.int64), rings.indices.astype(np.int64)
+        sizes = np.diff(self._starts)
+        means = np.add.reduceat(coarse[self._ring], self._starts[:-1]) / sizes[:, None]
+        self._arms = coarse[self._ring] - np.repeat(means, sizes, axis=0)
+        self._fixed = np.flatnonzero(fixed_to >= 0)
+        self._fixed_to = fixed_to[self._fixed]
+        edge = float(solver.shape.lengths.mean())
+        self._nearest, self._near = np.zeros(len(rest), dtype=np.int64), np.zeros(len(rest))
+        if len(self._fixed):
+            away, self._nearest = cKDTree(rest[self._fixed]).query(rest)
+            self._near = np.exp(-0.5 * (away / edge) ** 2)
+
+    def at_rest(self, n_bones: int) -> State:
+        """Return the muscle at rest, with all bones in their rest pose."""
+        return replace(self._solver.at_rest(n_bones), surface=self.shape.points)
+
+    def step(
+        self,
+        state: State,
+        transforms: Floats,
+        *,
+        neighbours: Sequence[tuple[Neighbour, Neighbour]] = (),
+        progress: Callable[[float], None] | None = None,
+    ) -> State:
+        """Return the state after the bones have moved on, as :meth:`PBDSolver.step` does.
+
+        A neighbour comes with the depths of the points of the coarse, and of the fine surface in it.
+        """
+        coarse, fine = ([pair[level] for pair in neighbours] for level in (0, 1))
+        state = self._solver.step(state, transforms, neighbours=coarse, progress=progress)
+        carried = self.prolonged(state.positions + self._solver.centre, transforms)
+        solved = self._fine.pose(carried, transforms, neighbours=fine)
+        return replace(state, surface=solved.surface, colliding=solved.colliding)
+
+    def prolonged(self, coarse: Floats, transforms: Floats) -> Floats:
+        """Return where the points (c, 3) of the coarse surface take those of the fine, (n, 3)."""
+        turns = np.empty((len(coarse), 3, 3))
+        _covariances(coarse, self._starts, self._ring, self._arms, turns)
+        turns, rest = nearest_rotations(turns), self.shape.points
+        carried = np.empty_like(rest)
+        _carry(coarse, turns, self._coarse, self._carriers, self._parts, rest, carried)
+        residual = np.zeros((max(len(self._fixed), 1), 3))
+        for bone in np.unique(self._fixed_to):
+            mine = self._fixed_to == bone
+            ids = self._fixed[mine]
+            residual[mine] = apply_transform(transforms[bone], rest[ids]) - carried[ids]
+        carried += self._near[:, None] * residual[self._nearest]
+        return carried
+
+
+@kernel
+def _covariances(points: Floats, starts: Ints, ring: Ints, arms: Floats, covariances: Floats) -> None:
+    """Write the covariance (c, 3, 3) of the points about each and their arms at rest (r, 3).
+
+    The points about point i are ring[starts[i] : starts[i + 1]].
+    """
+    for i in range(len(points)):
+        covariances[i] = 0.0
+        for r in range(starts[i], starts[i + 1]):
+            j = ring[r]
+            for a in range(3):
+                apart = points[j, a] - points[i, a]
+                for b in range(3):
+                    covariances[i, a, b] += apart * arms[r, b]
+
+
+@kernel
+def _carry(
+    nodes: Floats, turns: Floats, rest_nodes: Floats, carriers: Ints, parts: Floats, rest: Floats, out: Floats
+) -> None:
+    """Write where nodes (c, 3), which turn (c, 3, 3) and shift, take points (n, 3), by their parts (n, k)."""
+    for i in range(len(rest)):
+        out[i] = 0.0
+        for k in range(carriers.shape[1]):
+            j, part = carriers[i, k], parts[i, k]
+            x, y, z = (
+                rest[i, 0] - rest_nodes[j, 0],
+                rest[i, 1] - rest_nodes[j, 1],
+                rest[i, 2] - rest_nodes[j, 2],
+            )
+            for a in range(3):
+                turned = turns[j, a, 0] * x + turns[j, a, 1] * y + turns[j, a, 2] * z
+                out[i, a] += part * (nodes[j, a] + turned)

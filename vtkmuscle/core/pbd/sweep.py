@@ -1,0 +1,248 @@
+"""The constraints of Kohout and Cervenka 2021, eq. 1 to 7, projected row by row of edges.
+
+doi:10.1007/978-3-030-72379-8_24. A projection moves points p against a constraint C(p) = 0 of stiffness k by
+
+    p_i -= k C g_i / sum_j |g_j|^2,    g_i = dC / dp_i    (eq. 1).
+
+As the paper has it:
+
+* Eq. 1 divides by the squares of the gradients of *all* points, "assuming that every point has the same
+  mass", also of the fixed ones, which Algorithm 1 gives a mass of 1 and does not move. So an iteration meets
+  a constraint beside a fixed point by half, and no denominator can vanish there.
+* A stiffness multiplies the correction of each iteration.
+
+Its angle (eq. 6) is an arccosine, pi - abs(phi) of the signed angle phi of
+:func:`~vtkmuscle.core.mesh.rest_shape.hinge`, which does not tell a ridge from a groove: an edge folded to
+the other side stays there. The signed angle is ours.
+
+Where the paper cannot be run as it reads:
+
+* Section 3.1, "we multiply the distance constraint (see Eq. 2) with the result": eq. 1 gives the same for k C
+  as for C. The correction is multiplied.
+* Eq. 4 without a sixth is six times the volume, so its V0, "its original volume", must be six times that,
+  too. A sixth in value and gradient alike changes nothing.
+* Eq. 7 divides by sqrt(1 - d^2), which is 0 where two triangles are in one plane: such an edge has no
+  direction to turn to, and stays as it is. The signed angle has one.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vtkmuscle.core.jit import lane, vector_kernel
+from vtkmuscle.core.mesh.rest_shape import hinge, volume_and_gradient
+from vtkmuscle.core.pbd.batches import WIDTH, rows_of_edges
+from vtkmuscle.core.types import Floats, Ints
+
+#: Numbers of an edge that do not change: inverse masses of its four points, stiffness and rest length,
+#: stiffness of its angle, and the cosine and sine of its rest angle.
+N_CONSTANTS = 9
+
+#: Coefficients of atan(x) / x in x^2, from the greatest power on, for x from 0 to 1; its error is 2e-15.
+_A: tuple[float, ...] = tuple(
+    np.polynomial.Chebyshev.interpolate(lambda u: np.arctan(np.sqrt(u)) / np.sqrt(u), 18, domain=[0.0, 1.0])
+    .convert(kind=np.polynomial.Polynomial)
+    .coef[::-1]
+    .tolist()
+)
+
+
+class EdgeRows(NamedTuple):
+    """The edges of a surface, in the order in which their constraints are solved.
+
+    Attributes
+    ----------
+    points : (r, 4, WIDTH) uint32 array
+        Ends of each edge and third points of its triangles; n, a point more, where there is none.
+    constants : (r, N_CONSTANTS, WIDTH) array
+        Of each edge.
+    order : (k,) int array
+        Numbers of the edges in this order.
+    """
+
+    points: NDArray[np.uint32]
+    constants: Floats
+    order: Ints
+
+
+def edge_rows(
+    quads: Ints,
+    mass: Floats,
+    lengths: Floats,
+    stiffness: Floats,
+    angles: Floats,
+    angle_stiffness: Floats,
+) -> EdgeRows:
+    """Return the edges of a surface of n points in rows.
+
+    Parameters
+    ----------
+    quads : (k, 4) int array
+        Ends of each edge and third points of its two triangles, -1 where there is none.
+    mass : (n,) array
+        1 for moveable points, 0 for fixed ones; edges of fixed points are left out.
+    lengths, stiffness : (k,) arrays
+        Rest length [mm], and stiffness per iteration.
+    angles, angle_stiffness : (k,) arrays
+        Rest angle [radians], and stiffness per iteration, 0 where there is no angle.
+    """
+    n = len(mass)
+    masses = np.append(mass, 0.0)[np.where(quads < 0, n, quads)]
+    used = np.flatnonzero((masses > 0.0).any(axis=1))
+    if not len(used):
+        nothing = np.empty((0, 4, WIDTH), dtype=np.uint32), np.empty((0, N_CONSTANTS, WIDTH))
+        return EdgeRows(*nothing, used)
+    rows = rows_of_edges(quads[used], n)
+    points = np.where(quads < 0, n, quads)[used]
+    constants = np.column_stack(
+        [masses, stiffness, lengths, angle_stiffness, np.cos(angles), np.sin(angles)]
+    )[used]
+    # Row -1 stands for no edge.
+    points = np.vstack([points, np.full(4, n)])[rows].swapaxes(1, 2)
+    constants = np.vstack([constants, np.zeros(N_CONSTANTS)])[rows].swapaxes(1, 2)
+    order = used[rows[rows >= 0]]
+    return EdgeRows(np.ascontiguousarray(points, dtype=np.uint32), np.ascontiguousarray(constants), order)
+
+
+@vector_kernel
+def project_edges(
+    p: Floats,
+    points: NDArray[np.uint32],
+    constants: Floats,
+    with_lengths: bool,
+    with_angles: bool,
+    signed: bool,
+    buffer: Floats,
+) -> None:
+    """Project the length (eq. 2, 3) and then the angle (eq. 6, 7) of all edges, row by row, in place.
+
+    p : (n + 1, 3) positions [mm], of which the last is that of no point, and finite;  points, constants : see
+    :class:`EdgeRows`;  buffer : (12 WIDTH,), memory.
+    """
+    for row in range(len(points)):
+        ids, c = points[row], constants[row].reshape(-1)
+        for corner in range(4):
+            for k in range(WIDTH):
+                i = ids[corner, k]
+                for axis in range(3):
+                    buffer[(3 * corner + axis) * WIDTH + k] = p[i, axis]
+        if with_lengths:
+            for k in range(WIDTH):
+                _project_length(buffer, c, k)
+        if with_angles:
+            for k in range(WIDTH):
+                _project_angle(buffer, c, k, signed)
+        for corner in range(4):
+            for k in range(WIDTH):
+                i = ids[corner, k]
+                for axis in range(3):
+                    p[i, axis] = buffer[(3 * corner + axis) * WIDTH + k]
+
+
+@lane
+def _project_length(b: Floats, c: Floats, k: int) -> None:
+    x, y, z = b[k] - b[3 * WIDTH + k], b[WIDTH + k] - b[4 * WIDTH + k], b[2 * WIDTH + k] - b[5 * WIDTH + k]
+    length = math.sqrt(x * x + y * y + z * z)
+    s = c[4 * WIDTH + k] * (length - c[5 * WIDTH + k]) / (2.0 * length)
+    s = s if length > 0.0 else 0.0
+    si, sj = c[k] * s, c[WIDTH + k] * s
+    b[k] -= si * x
+    b[WIDTH + k] -= si * y
+    b[2 * WIDTH + k] -= si * z
+    b[3 * WIDTH + k] += sj * x
+    b[4 * WIDTH + k] += sj * y
+    b[5 * WIDTH + k] += sj * z
+
+
+@lane
+def _project_angle(b: Floats, c: Floats, k: int, signed: bool) -> None:
+    """Project the angle of an edge.
+
+    Its gradients are those of Tamstorf, Grinspun 2013, *Discrete bending forces and their Jacobians*,
+    doi:10.1016/j.gmod.2013.07.001, which are finite at flat and at concave edges.
+    """
+    proper, sine, cosine, ee, a2, b2, n11, n22, n1x, n1y, n1z, n2x, n2y, n2z = hinge(
+        b[k], b[WIDTH + k], b[2 * WIDTH + k],
+        b[3 * WIDTH + k], b[4 * WIDTH + k], b[5 * WIDTH + k],
+        b[6 * WIDTH + k], b[7 * WIDTH + k], b[8 * WIDTH + k],
+        b[9 * WIDTH + k], b[10 * WIDTH + k], b[11 * WIDTH + k],
+    )  # fmt: skip
+    # The unsigned angle is that of a ridge, and turns the other way in a groove.
+    side = 1.0 if (sine > 0.0) | signed else (-1.0 if sine < 0.0 else 0.0)
+    off = side * turn_from(
+        sine * side if side != 0.0 else 0.0, cosine, n11 * n22, c[7 * WIDTH + k], c[8 * WIDTH + k]
+    )
+    a1, b1 = ee - a2, ee - b2
+    cross = 2.0 * cosine
+    # |dphi/dp_i|^2 |e|^2 |n1|^2 |n2|^2 of the four points.
+    g1 = a1 * (a1 * n22 + b1 * cross) + b1 * (b1 * n11)
+    g2 = a2 * (a2 * n22 + b2 * cross) + b2 * (b2 * n11)
+    squares = g1 + g2 + ee * ee * n22 + ee * ee * n11
+    s = c[6 * WIDTH + k] * off * math.sqrt(ee) / squares
+    s = s if proper & (squares > 0.0) else 0.0
+    s1, s2 = s * n22, s * n11
+    t1, t2 = -c[k] * s1 * a1, -c[k] * s2 * b1
+    b[k] += t1 * n1x + t2 * n2x
+    b[WIDTH + k] += t1 * n1y + t2 * n2y
+    b[2 * WIDTH + k] += t1 * n1z + t2 * n2z
+    t1, t2 = -c[WIDTH + k] * s1 * a2, -c[WIDTH + k] * s2 * b2
+    b[3 * WIDTH + k] += t1 * n1x + t2 * n2x
+    b[4 * WIDTH + k] += t1 * n1y + t2 * n2y
+    b[5 * WIDTH + k] += t1 * n1z + t2 * n2z
+    t1, t2 = c[2 * WIDTH + k] * s1 * ee, c[3 * WIDTH + k] * s2 * ee
+    b[6 * WIDTH + k] += t1 * n1x
+    b[7 * WIDTH + k] += t1 * n1y
+    b[8 * WIDTH + k] += t1 * n1z
+    b[9 * WIDTH + k] += t2 * n2x
+    b[10 * WIDTH + k] += t2 * n2y
+    b[11 * WIDTH + k] += t2 * n2z
+
+
+@lane
+def turn_from(sine: float, cosine: float, square: float, cosine0: float, sine0: float) -> float:
+    """Return phi - phi0 in [-pi, pi], of an angle phi whose sine and cosine are scaled, and of phi0.
+
+    ``square`` is the sum of the squares of that sine and cosine. With the sine and cosine of the turn it is
+    twice an arctangent of at most 45 degrees.
+    """
+    across = sine * cosine0 - cosine * sine0
+    along = cosine * cosine0 + sine * sine0
+    x = across / (math.sqrt(square) + abs(along))
+    u = x * x
+    u2 = u * u
+    u4 = u2 * u2
+    low = (_A[18] + _A[17] * u) + (_A[16] + _A[15] * u) * u2
+    second = (_A[14] + _A[13] * u) + (_A[12] + _A[11] * u) * u2
+    third = (_A[10] + _A[9] * u) + (_A[8] + _A[7] * u) * u2
+    fourth = (_A[6] + _A[5] * u) + (_A[4] + _A[3] * u) * u2
+    last = _A[2] + _A[1] * u + _A[0] * u2
+    value = low + u4 * (second + u4 * (third + u4 * (fourth + u4 * last)))
+    turn = 2.0 * x * value
+    beyond = (math.pi if across >= 0.0 else -math.pi) - turn
+    return turn if along >= 0.0 else beyond
+
+
+@vector_kernel
+def project_volume(
+    p: Floats, w: Floats, triangles: Ints, rest: float, stiffness: float, gradient: Floats
+) -> None:
+    """Project the volume constraint, eq. 4 and 5, in place.
+
+    p : (n + 1, 3) positions [mm], of which the last is that of no point;  w : (n,) 1 for moveable points, 0
+    for fixed ones;  triangles : (m, 3) of a closed surface;  rest : its volume at rest [mm^3];  gradient :
+    (n, 3), memory.
+    """
+    volume = volume_and_gradient(p[: len(w)], triangles, gradient)
+    squares = 0.0
+    for i in range(len(w)):
+        for axis in range(3):
+            squares += gradient[i, axis] * gradient[i, axis]
+    if squares > 0.0:
+        s = stiffness * (volume - rest) / squares
+        for i in range(len(w)):
+            for axis in range(3):
+                p[i, axis] -= s * w[i] * gradient[i, axis]

@@ -1,0 +1,1 @@
+"""Joints: trees of bodies, functions of coordinates, fits to bones, and joints in files of OpenSim."""

@@ -1,0 +1,183 @@
+"""Motions and other tables of OpenSim: .mot and .sto files, with all their headers."""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import dataclass
+from os import PathLike
+from pathlib import Path
+
+import numpy as np
+
+from vtkmuscle.core.errors import InputError
+from vtkmuscle.core.types import Floats
+from vtkmuscle.core.words import quoted
+from vtkmuscle.io.csv_table import finite_number
+from vtkmuscle.io.motion_table import MOST_FRAMES
+from vtkmuscle.io.xml_elements import decoded
+from vtkmuscle.joints.tree import KinematicTree
+
+#: Lines of a header, at most.
+_LONGEST_HEADER = 1000
+#: Keys of headers that are read; both programs count rows and columns by names of their own.
+_KEYS = ("nrows", "datarows", "ncolumns", "datacolumns", "indegrees", "version", "datatype")
+
+
+@dataclass(frozen=True, eq=False)
+class MotionFile:
+    """The table of a .mot or .sto file.
+
+    Attributes
+    ----------
+    path : Path
+        The file.
+    times : (f,) array
+        Ascending [s].
+    labels : tuple of str
+        Of the other columns, as in the file: a label may appear several times.
+    table : (f, k) array
+        The other columns.
+    degrees : bool or None
+        Whether angles are in degrees; None where the file does not say.
+    """
+
+    path: Path
+    times: Floats
+    labels: tuple[str, ...]
+    table: Floats
+    degrees: bool | None
+
+    def values(self, tree: KinematicTree, *, degrees: bool | None = None) -> dict[str, Floats]:
+        """Return the values (f,) of a tree's coordinates in the file.
+
+        Angles are in radians, translations as in the file. Columns are found by the coordinate's name, or by
+        its path in the model (``/jointset/knee_r/knee_angle_r/value``); other columns are left out.
+        ``degrees`` is whether the file's angles are in degrees; by default its header tells.
+
+        Raises
+        ------
+        ValueError
+            If no column is a coordinate, two are the same, or the unit of angles is unknown.
+        """
+        kinds = {one.name: one for one in tree.coordinates}
+        found: dict[str, Floats] = {}
+        in_degrees = self.degrees if degrees is None else degrees
+        for label, column in zip(self.labels, self.table.T, strict=True):
+            parts = label.split("/")
+            name = parts[-2] if len(parts) > 2 and parts[-1] == "value" else parts[-1]
+            if name not in kinds or (len(parts) > 1 and parts[-1] not in ("value", name)):
+                continue
+            if name in found:
+                raise InputError(self.path, f"two columns are the coordinate {name!r}", "remove one")
+            if kinds[name].is_angle and in_degrees is None:
+                problem = "the header does not say whether angles are in degrees"
+                raise InputError(self.path, problem, "add a line inDegrees=yes, or inDegrees=no")
+            found[name] = np.radians(column) if kinds[name].is_angle and in_degrees else column
+        if not found:
+            problem = f"no column is a coordinate; the columns are {', '.join(self.labels[:8])}"
+            raise InputError(self.path, problem, f"the coordinates are {', '.join(kinds) or 'none'}")
+        return found
+
+
+def read_motion_file(path: str | PathLike[str]) -> MotionFile:
+    r"""Read a .mot or .sto file of OpenSim or SIMM.
+
+    The header may have the lines of either program; the labels follow ``endheader``, and the rows follow
+    these. Where the header counts other rows there is a warning. A file without a version is old, and has its
+    angles in degrees, as in OpenSim.
+
+    Parameters
+    ----------
+    path : path
+        The file.
+
+    Returns
+    -------
+    MotionFile
+        Its table.
+
+    Raises
+    ------
+    FileNotFoundError
+        If there is no such file.
+    ValueError
+        If it is no such table, a number is not finite, or times do not ascend; the message names the line.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tempfile import mkdtemp
+    >>> from vtkmuscle.opensim import read_motion_file
+    >>> file = Path(mkdtemp()) / "knee.mot"
+    >>> _ = file.write_text("knee\ninDegrees=yes\nendheader\ntime knee_angle\n0 10\n0.1 20\n")
+    >>> read_motion_file(file).table.tolist()
+    [[10.0], [20.0]]
+    """
+    path = Path(path)
+    lines = decoded(path).splitlines()
+    header, start = _header(lines, path)
+    labels = _labels(lines, start, path)
+    shown = list(map(quoted, labels))
+    rows: list[list[float]] = []
+    for number, line in enumerate(lines[start + 1 :], start=start + 2):
+        cells = line.replace(",", " ").split()
+        if not cells:
+            continue
+        where = f"line {number}"
+        if len(cells) != len(labels):
+            problem = f"{where} has {len(cells)} numbers, but there are {len(labels)} labels"
+            raise InputError(path, problem, "correct it")
+        if len(rows) == MOST_FRAMES:
+            raise InputError(path, f"the table has more than {MOST_FRAMES} rows", "leave some out")
+        row = [finite_number(cell, label, path, where) for cell, label in zip(cells, shown, strict=True)]
+        if rows and row[0] <= rows[-1][0]:
+            problem = f"{where}: time {row[0]:g} comes after {rows[-1][0]:g}"
+            raise InputError(path, problem, "sort the rows, each time once")
+        rows.append(row)
+    if not rows:
+        raise InputError(path, "the table has no rows", "export it again")
+    counts = {"nrows": len(rows), "datarows": len(rows), "ncolumns": len(labels), "datacolumns": len(labels)}
+    for key, count in counts.items():
+        if header.get(key, str(count)) != str(count):
+            what = "rows" if "rows" in key else "columns"
+            words = f"the header says {key}={header[key]}, but there are {count} {what}; these were read"
+            warnings.warn(f"{path}: {words}", stacklevel=2)
+    table = np.array(rows)
+    return MotionFile(path, table[:, 0], tuple(labels[1:]), table[:, 1:], _in_degrees(header, path))
+
+
+def _header(lines: list[str], path: Path) -> tuple[dict[str, str], int]:
+    """Return the header's keys, lower case, and the number of lines up to its end."""
+    found: dict[str, str] = {}
+    for number, line in enumerate(lines[:_LONGEST_HEADER]):
+        plain = line.strip()
+        if plain.lower() == "endheader":
+            return found, number + 1
+        key, _, value = plain.partition("=" if "=" in plain else " ")
+        if key.strip().lower() in _KEYS:
+            found[key.strip().lower()] = value.strip()
+    raise InputError(path, "there is no line 'endheader'", "export it again as a .mot or .sto file")
+
+
+def _labels(lines: list[str], start: int, path: Path) -> list[str]:
+    line = lines[start].strip() if start < len(lines) else ""
+    labels = [label.strip() for label in (line.split("\t") if "\t" in line else line.split())]
+    where = f"line {start + 1}"
+    if len(labels) < 2 or labels[0].lower() != "time":
+        problem = f"{where}: the labels begin with {quoted(line[:40])}, but must be time and others"
+        raise InputError(path, problem, "export it again, without empty lines after the header")
+    if "" in labels:
+        raise InputError(path, f"{where}: a label is empty", "correct it")
+    return labels
+
+
+def _in_degrees(header: dict[str, str], path: Path) -> bool | None:
+    kind = header.get("datatype", "double")
+    if kind.lower() != "double":
+        raise InputError(path, f"the file holds {quoted(kind)}, but numbers are read", "export joint angles")
+    word = header.get("indegrees")
+    if word is None:
+        return None if "version" in header else True
+    if word.lower() not in ("yes", "no", "true", "false"):
+        raise InputError(path, f"inDegrees is {quoted(word)}, but must be yes or no")
+    return word.lower() in ("yes", "true")

@@ -1,0 +1,327 @@
+"""A kinematic tree: bodies that joints hang on each other, and where they are for given coordinates."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from graphlib import CycleError, TopologicalSorter
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from vtkmuscle.core.errors import InputError
+from vtkmuscle.core.motion.coordinates import ANGLES, TRANSLATIONS
+from vtkmuscle.core.motion.rigid import inverses, turns
+from vtkmuscle.core.types import Floats
+from vtkmuscle.core.words import suggestion
+from vtkmuscle.joints.functions import CoordinateFunction
+
+
+@dataclass(frozen=True)
+class JointCoordinate:
+    """A coordinate of a joint, in radians, or in mm, cm or m for a translation.
+
+    ``rest`` is its value where no other is given, ``range`` its least and largest value, ``positive`` its
+    positive direction in words.
+    """
+
+    name: str
+    unit: str = "rad"
+    rest: float = 0.0
+    range: tuple[float, float] | None = None
+    positive: str = ""
+
+    @property
+    def is_angle(self) -> bool:
+        """Whether it is an angle."""
+        return self.unit in ANGLES
+
+    def scaled(self, factor: float) -> JointCoordinate:
+        """Return the coordinate with its rest and range times a factor."""
+        limits = None if self.range is None else (factor * self.range[0], factor * self.range[1])
+        return replace(self, rest=factor * self.rest, range=limits)
+
+
+@dataclass(frozen=True, eq=False)
+class JointAxis:
+    """One turn or slide of a joint about or along an axis (3,), of any length.
+
+    How far [radians, or the tree's unit of length] is a function of a coordinate; None for a constant.
+    """
+
+    axis: Floats
+    function: CoordinateFunction
+    coordinate: str | None = None
+
+    def __post_init__(self) -> None:
+        axis = np.array(self.axis, dtype=np.float64)
+        with np.errstate(over="ignore"):
+            length = float(np.linalg.norm(axis)) if axis.shape == (3,) else np.nan
+        if not (np.isfinite(length) and length > 0.0):
+            raise InputError(
+                "", f"the axis of a joint must be 3 finite numbers and have a length, but is {axis}"
+            )
+        object.__setattr__(self, "axis", axis / length)
+
+    def at(self, values: Mapping[str, Floats], frames: int) -> Floats:
+        """Return how far (f,) for values (f,) of the coordinates."""
+        return self.function(np.zeros(frames) if self.coordinate is None else values[self.coordinate])
+
+
+@dataclass(frozen=True, eq=False)
+class Joint:
+    """How a body moves against its parent.
+
+    The child's joint frame is turned against the parent's about each axis in turn, the later axes going along
+    with the earlier turns, and is shifted along axes of the parent's joint frame. ``parent_frame`` and
+    ``child_frame`` (4, 4) are the joint's frames in either body, ``kind`` is its type in a file.
+    """
+
+    name: str
+    parent: str
+    child: str
+    rotations: Sequence[JointAxis] = ()
+    translations: Sequence[JointAxis] = ()
+    parent_frame: Floats = field(default_factory=lambda: np.eye(4))
+    child_frame: Floats = field(default_factory=lambda: np.eye(4))
+    kind: str = "custom"
+
+    @property
+    def axes(self) -> tuple[JointAxis, ...]:
+        """Turns, then slides."""
+        return (*self.rotations, *self.translations)
+
+    def transforms(self, values: Mapping[str, Floats], frames: int) -> Floats:
+        """Return the child's frame in its parent's (f, 4, 4) for values (f,) of the coordinates."""
+        result = np.tile(np.eye(4), (frames, 1, 1))
+        for axis in self.rotations:
+            result[:, :3, :3] = result[:, :3, :3] @ turns(axis.axis, axis.at(values, frames))
+        for axis in self.translations:
+            result[:, :3, 3] += axis.at(values, frames)[:, None] * axis.axis
+        placed: Floats = self.parent_frame @ result @ inverses(self.child_frame[None])[0]
+        return placed
+
+
+@dataclass(frozen=True, eq=False)
+class Coupling:
+    """A coordinate that follows another one by a function, as a patella's angle follows that of the knee."""
+
+    dependent: str
+    independent: str
+    function: CoordinateFunction
+
+
+@dataclass(frozen=True, eq=False)
+class KinematicTree:
+    """Bodies on joints, and their poses for given coordinates.
+
+    All bodies hang on the root; each other body is the child of one joint. Joints are given in any order.
+
+    Raises
+    ------
+    ValueError
+        If the joints are no tree, or joints or couplings name an unknown coordinate.
+
+    Examples
+    --------
+    >>> from vtkmuscle.joints.functions import IDENTITY
+    >>> from vtkmuscle.joints.tree import Joint, JointAxis, JointCoordinate, KinematicTree
+    >>> knee = Joint("knee", "femur", "tibia", [JointAxis((0, 0, 1), IDENTITY, "knee_angle")])
+    >>> leg = KinematicTree("femur", [knee], [JointCoordinate("knee_angle")])
+    >>> leg.poses({"knee_angle": [0.0, 0.5]})["tibia"].shape
+    (2, 4, 4)
+    """
+
+    root: str
+    joints: Sequence[Joint]
+    coordinates: Sequence[JointCoordinate]
+    couplings: Sequence[Coupling] = ()
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "joints", tuple(_joints_in_order(self.root, self.joints)))
+        for what, names in (
+            ("coordinate", [one.name for one in self.coordinates]),
+            ("joint", [one.name for one in self.joints]),
+            ("coupled coordinate", [one.dependent for one in self.couplings]),
+        ):
+            twice = next((name for name in names if names.count(name) > 1), None)
+            if twice is not None:
+                raise InputError("", f"there are two of the {what} {twice!r}")
+        for joint in self.joints:
+            for axis in joint.axes:
+                if axis.coordinate is not None:
+                    self.coordinate(axis.coordinate, f"joint {joint.name!r}: ")
+        for one in self.couplings:
+            for name in (one.dependent, one.independent):
+                self.coordinate(name, "a coupling: ")
+        object.__setattr__(self, "couplings", tuple(_couplings_in_order(self.couplings)))
+
+    @property
+    def bodies(self) -> tuple[str, ...]:
+        """The root, then each body after its parent."""
+        return (self.root, *(joint.child for joint in self.joints))
+
+    @property
+    def free(self) -> tuple[str, ...]:
+        """Coordinates that follow no other."""
+        dependent = {one.dependent for one in self.couplings}
+        return tuple(one.name for one in self.coordinates if one.name not in dependent)
+
+    def coordinate(self, name: str, where: str = "") -> JointCoordinate:
+        """Return a coordinate by its name; ValueError, with ``where`` before it, if there is none."""
+        for one in self.coordinates:
+            if one.name == name:
+                return one
+        known = sorted(one.name for one in self.coordinates)
+        raise InputError("", f"{where}there is no coordinate {name!r}; {suggestion(name, known)}")
+
+    def completed(self, values: Mapping[str, ArrayLike]) -> dict[str, Floats]:
+        """Return the values (f,) of all coordinates: the given, the coupled ones, the others at rest.
+
+        They are given (f,) by coordinate, in its unit; numbers hold for all frames. ValueError if there is no
+        such coordinate, lengths differ, or a value is not finite.
+        """
+        given = {name: np.asarray(value, dtype=np.float64) for name, value in values.items()}
+        lengths = {value.shape for value in given.values() if value.ndim}
+        if len(lengths) > 1 or any(len(shape) != 1 for shape in lengths):
+            raise InputError(
+                "", f"coordinates have values of the shapes {sorted(lengths)}, but must be alike"
+            )
+        frames = lengths.pop()[0] if lengths else 1
+        for name, value in given.items():
+            self.coordinate(name)
+            if not np.isfinite(value).all():
+                raise InputError("", f"coordinate {name!r} has a value that is not finite")
+        result = {one.name: np.full(frames, one.rest) for one in self.coordinates}
+        result |= {name: np.broadcast_to(value, (frames,)) for name, value in given.items()}
+        for one in self.couplings:
+            with np.errstate(over="ignore", invalid="ignore"):
+                result[one.dependent] = one.function(result[one.independent])
+            if not np.isfinite(result[one.dependent]).all():
+                raise InputError(
+                    "", f"coordinate {one.dependent!r} follows {one.independent!r} beyond all numbers"
+                )
+        return result
+
+    def poses(
+        self, values: Mapping[str, ArrayLike], bodies: Iterable[str] | None = None
+    ) -> dict[str, Floats]:
+        """Return each body's frame in the root's (f, 4, 4) for values of the coordinates.
+
+        They are given as to :meth:`completed`; a value of a coupled coordinate does not count. Where bodies
+        are named, only these and the bodies that they hang on are placed.
+        """
+        wanted = self.bodies if bodies is None else {one.child for on in bodies for one in self.way_up(on)}
+        full = self.completed(values)
+        frames = len(next(iter(full.values()))) if full else 1
+        result = {self.root: np.tile(np.eye(4), (frames, 1, 1))}
+        for joint in (one for one in self.joints if one.child in wanted):
+            with np.errstate(over="ignore", invalid="ignore"):
+                result[joint.child] = result[joint.parent] @ joint.transforms(full, frames)
+            if not np.isfinite(result[joint.child]).all():
+                raise InputError(
+                    "",
+                    f"joint {joint.name!r} puts {joint.child!r} beyond all numbers; check its frames, "
+                    "functions and coordinates",
+                )
+        return result
+
+    def scaled(self, length: float, coordinates: Mapping[str, float] | None = None) -> KinematicTree:
+        """Return a tree that moves as this one, lengths times a factor, and coordinates times one by name."""
+        factors = {one.name: 1.0 for one in self.coordinates} | dict(coordinates or {})
+
+        def scaled_axis(axis: JointAxis, result: float) -> JointAxis:
+            own = 1.0 if axis.coordinate is None else factors[axis.coordinate]
+            return replace(axis, function=axis.function.rescaled(own, result))
+
+        joints = [
+            replace(
+                joint,
+                rotations=[scaled_axis(axis, 1.0) for axis in joint.rotations],
+                translations=[scaled_axis(axis, length) for axis in joint.translations],
+                parent_frame=_scaled(joint.parent_frame, length),
+                child_frame=_scaled(joint.child_frame, length),
+            )
+            for joint in self.joints
+        ]
+        couplings = [
+            replace(one, function=one.function.rescaled(factors[one.independent], factors[one.dependent]))
+            for one in self.couplings
+        ]
+        return KinematicTree(
+            self.root, joints, [one.scaled(factors[one.name]) for one in self.coordinates], couplings
+        )
+
+    def in_metres(self, metres: float) -> tuple[KinematicTree, dict[str, float]]:
+        """Return the tree in metres, for metres per unit of length, with its sliding coordinates in metres.
+
+        The second result has the factors by which values of coordinates are multiplied; 1 for angles.
+        """
+        factors = {
+            one.name: 1.0 if one.is_angle else TRANSLATIONS[one.unit] / 1000.0 for one in self.coordinates
+        }
+        tree = self.scaled(metres, factors)
+        coordinates = [one if one.is_angle else replace(one, unit="m") for one in tree.coordinates]
+        return replace(tree, coordinates=coordinates), factors
+
+    def crossed(self, bodies: Sequence[str]) -> tuple[str, ...]:
+        """Return the free coordinates that move some bodies against each other."""
+        ways = [{joint.name: joint for joint in self.way_up(body)} for body in bodies]
+        common = set.intersection(*map(set, ways)) if ways else set()
+        moving = [joint for way in ways for name, joint in way.items() if name not in common]
+        return self.freed(axis.coordinate for joint in moving for axis in joint.axes)
+
+    def way_up(self, body: str) -> list[Joint]:
+        """Return the joints from a body to the root."""
+        parents = {joint.child: joint for joint in self.joints}
+        found = []
+        while body in parents:
+            found.append(parents[body])
+            body = parents[body].parent
+        return found
+
+    def freed(self, coordinates: Iterable[str | None]) -> tuple[str, ...]:
+        """Return the free coordinates among some, and those that others among them follow."""
+        found = set(coordinates)
+        for one in reversed(self.couplings):
+            if one.dependent in found:
+                found.add(one.independent)
+        return tuple(name for name in self.free if name in found)
+
+
+def _scaled(frame: Floats, factor: float) -> Floats:
+    result = np.array(frame)
+    result[:3, 3] *= factor
+    return result
+
+
+def _joints_in_order(root: str, joints: Sequence[Joint]) -> Iterator[Joint]:
+    """Give each joint after that of its parent."""
+    waiting: dict[str, list[Joint]] = {}
+    seen: dict[str, str] = {root: ""}
+    for joint in joints:
+        if joint.child in seen:
+            other = f"hangs on joint {seen[joint.child]!r} as well" if seen[joint.child] else "is the root"
+            raise InputError("", f"joint {joint.name!r}: its child {joint.child!r} {other}")
+        seen[joint.child] = joint.name
+        waiting.setdefault(joint.parent, []).append(joint)
+    todo = [root]
+    while todo:
+        for joint in waiting.pop(todo.pop(0), []):
+            todo.append(joint.child)
+            yield joint
+    for parent, left in waiting.items():
+        ring = f"it does not hang on {root!r}: a ring of joints"
+        why = ring if parent in seen else "there is no such body"
+        raise InputError("", f"joint {left[0].name!r}: its parent is {parent!r}, but {why}")
+
+
+def _couplings_in_order(couplings: Sequence[Coupling]) -> Iterator[Coupling]:
+    """Give each coupling after that which its independent coordinate depends on."""
+    found = {one.dependent: one for one in couplings}
+    sorter = TopologicalSorter({one.dependent: (one.independent,) for one in couplings})
+    try:
+        order = list(sorter.static_order())
+    except CycleError as error:
+        raise InputError("", f"couplings go round in a ring: {', '.join(error.args[1][1:])}") from None
+    return (found[name] for name in order if name in found)

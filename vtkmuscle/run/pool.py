@@ -1,0 +1,246 @@
+"""Processes that solve the muscles of a run side by side, and draw its figures.
+
+Python's lock is held for 0.72 of the time of a frame, so threads gain little: each worker is a process.
+"""
+
+from __future__ import annotations
+
+import os
+import pickle
+import signal
+import sys
+import time
+import warnings
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future, ProcessPoolExecutor
+from contextlib import contextmanager
+from dataclasses import fields, replace
+from multiprocessing import parent_process
+from multiprocessing.context import SpawnContext, SpawnProcess
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from threading import Event, Thread
+from typing import TYPE_CHECKING, Any, Self
+
+from vtkmuscle.core.machine import processors
+from vtkmuscle.core.mesh.shared import held
+from vtkmuscle.data.arrays import points_of, shallow_copy, with_points
+from vtkmuscle.data.drawn_bones import DrawnBones
+from vtkmuscle.isolation import is_python, workers_leave_out_working_folder
+from vtkmuscle.plotting.drawing import FigureOrder
+from vtkmuscle.run.frames import Frames, MuscleTrack
+from vtkmuscle.run.muscles import MuscleRun, SceneRun
+from vtkmuscle.run.options import RunOptions
+from vtkmuscle.run.store.writing import ResultWriter
+from vtkmuscle.scene.data import Anatomy, SceneData
+
+if TYPE_CHECKING:
+    from vtkmuscle.plotting.studio import Studio
+
+#: Said where a process of the pool ended before its work was done.
+ENDED = (
+    "a process that solves muscles ended early: it was killed, or memory ran out; use fewer workers. In a "
+    'script, several workers need the line `if __name__ == "__main__":` above the run'
+)
+
+
+def pool_size(scene: SceneData, workers: int | None) -> int:
+    """Return the number of processes for a scene: at most ``workers``, by default the processors.
+
+    Muscles that may meet use each other's filters, so they stay in one process; and so does ParaView.
+    """
+    if scene.muscle_contact != "off" or not is_python():
+        return 1
+    return min(processors() if workers is None else workers, len(scene.muscles))
+
+
+class Pool:
+    """Processes that solve the muscles of a run and draw its figures; as a context, they end with it.
+
+    Parameters
+    ----------
+    size : int
+        Number of processes, each of which starts when there is work for it.
+    scene : SceneData
+        The scene of the run.
+    numbers : range
+        Frames to keep.
+    clock : callable
+        The clock of the stages, a function of a module [s].
+    store : ResultWriter or None
+        Where frames are written; None keeps them in memory.
+    """
+
+    def __init__(
+        self,
+        size: int,
+        scene: SceneData,
+        numbers: range,
+        clock: Callable[[], float],
+        store: ResultWriter | None,
+    ) -> None:
+        # VTK's data sets are pickled by this module of VTK. ParaView's VTK lacks it, and uses no pool.
+        import vtkmodules.util.pickle_support  # noqa: F401, PLC0415
+
+        self._context = _Context()
+        with workers_leave_out_working_folder():  # a queue starts a process, too
+            self._messages = self._context.SimpleQueue()
+        self._warned: dict[Any, Any] = {}
+        # What is large goes through files: a pipe that nobody reads any more would be written to for ever.
+        self._files = TemporaryDirectory()
+        given = self._file("scene", (_plain(scene), numbers, clock, store))
+        self._executor = ProcessPoolExecutor(size, self._context, _begin, (given, self._messages))
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        for process in self._context.started:
+            process.kill()
+        self._executor.shutdown(cancel_futures=True)
+        self._files.cleanup()
+
+    def solve(self, muscle: str) -> Future[Path]:
+        """Solve a muscle as soon as a process is free; the result is for :func:`track_in`."""
+        return self._executor.submit(_solve, muscle, Path(self._files.name, f"muscle {muscle}"))
+
+    def draw(self, order: FigureOrder, folder: Path) -> Future[float]:
+        """Draw a figure as soon as a process is free; the result is the time it took [s]."""
+        return self._executor.submit(_draw, self._file(f"figure {order.name}", order), folder)
+
+    def pass_on(self, options: RunOptions) -> None:
+        """Pass on the progress, frames and warnings that the processes have reported."""
+        while not self._messages.empty():
+            kind, *content = self._messages.get()
+            if kind == "warning":
+                text, category, file, line = content
+                warnings.warn_explicit(text, category, file, line, registry=self._warned)
+            elif kind == "progress" and options.progress is not None:
+                options.progress(*content)
+            elif kind == "frame" and options.observe is not None:
+                options.observe(*content)
+
+    def _file(self, name: str, content: object) -> Path:
+        path = Path(self._files.name, name)
+        path.write_bytes(pickle.dumps(content))
+        return path
+
+
+def track_in(path: Path) -> MuscleTrack:
+    """Return the track that a process of a pool has found; its frames in memory share their triangles."""
+    track: MuscleTrack = pickle.loads(path.read_bytes())
+    path.unlink()
+    if track.rest is not None and not track.surfaces.files:
+        track.surfaces = Frames(with_points(track.rest, points_of(frame)) for frame in track.surfaces)
+    return track
+
+
+class _Process(SpawnProcess):
+    """A process that receives no Ctrl-C, and loads no code from the working folder."""
+
+    def start(self) -> None:
+        root = str(Path(__file__).parents[2])
+        added = root not in sys.path  # the package may be in the working folder
+        sys.path += [root] * added
+        try:
+            with workers_leave_out_working_folder(), _interrupts_blocked():
+                super().start()
+        finally:
+            sys.path[:] = sys.path[:-1] if added else sys.path
+
+
+class _Context(SpawnContext):
+    """Starts the processes of a pool, and lists them."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.started: list[_Process] = []
+
+    def Process(self, *arguments: Any, **named: Any) -> _Process:  # type: ignore[override]  # noqa: N802
+        process = _Process(*arguments, **named)
+        self.started.append(process)
+        return process
+
+
+@contextmanager
+def _interrupts_blocked() -> Iterator[None]:
+    """Block Ctrl-C in this thread, and for good in processes that it starts; Windows has no such block."""
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def _plain(scene: SceneData) -> SceneData:
+    """Return a scene whose surfaces are VTK's, not PyVista's, which other processes need not load."""
+    muscles = {
+        name: replace(
+            muscle,
+            surface=shallow_copy(muscle.surface),
+            superficial_fibres=muscle.superficial_fibres and shallow_copy(muscle.superficial_fibres),
+        )
+        for name, muscle in scene.muscles.items()
+    }
+    bones = {name: shallow_copy(bone) for name, bone in scene.bones.items()}
+    kept = {field.name: getattr(scene, field.name) for field in fields(SceneData)}
+    return SceneData(**kept | {"bones": bones, "muscles": muscles})
+
+
+class _Worker:
+    """The state of a process of the pool."""
+
+    run: SceneRun
+    bones: DrawnBones
+    studio: Studio | None = None
+
+
+def _begin(given: Path, messages: Any) -> None:
+    """Prepare a process of the pool; it ends with the process that started it."""
+    scene, numbers, clock, store = pickle.loads(given.read_bytes())
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    Thread(target=_end_with_parent, daemon=True).start()
+    held().__enter__()  # bones are shared by all muscles of this process
+
+    def send(kind: str) -> Callable[..., None]:
+        return lambda *content: messages.put((kind, *content))
+
+    def warn(message: Warning | str, category: type[Warning], filename: str, lineno: int, *_: Any) -> None:
+        messages.put(("warning", str(message), category, filename, lineno))
+
+    warnings.simplefilter("always")  # the process that started this one filters them
+    warnings.showwarning = warn  # type: ignore[assignment]
+    options = RunOptions(progress=send("progress"), observe=send("frame"), clock=clock)
+    _Worker.run = SceneRun(scene, numbers, Anatomy.of(scene).solid_bones, store, options, Event())
+    _Worker.bones = DrawnBones(scene.bones_data())
+
+
+def _end_with_parent() -> None:
+    parent = parent_process()
+    assert parent is not None
+    parent.join()
+    os._exit(1)
+
+
+def _solve(name: str, path: Path) -> Path:
+    track = MuscleTrack()
+    MuscleRun(_Worker.run, name, track).go()
+    path.write_bytes(pickle.dumps(track))
+    return path
+
+
+def _draw(given: Path, folder: Path) -> float:
+    order: FigureOrder = pickle.loads(given.read_bytes())
+    before = time.perf_counter()
+    if _Worker.studio is None:
+        import matplotlib as mpl  # noqa: PLC0415 -- only figures need it
+
+        from vtkmuscle.plotting.studio import Studio  # noqa: PLC0415
+
+        mpl.rcdefaults()  # a matplotlibrc in the working folder may be from elsewhere
+        _Worker.studio = Studio()
+    order.write(folder, _Worker.bones, _Worker.studio)
+    return time.perf_counter() - before

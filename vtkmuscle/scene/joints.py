@@ -1,0 +1,271 @@
+"""The joints of a scene as a kinematic tree, and the motion that coordinates give its bones."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from math import pi
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from vtkmuscle.core.motion.blending import screws
+from vtkmuscle.core.motion.coordinates import TRANSLATIONS, Coordinate
+from vtkmuscle.core.motion.rigid import RigidMotion, frame_at, inverses
+from vtkmuscle.core.types import Floats
+from vtkmuscle.joints.functions import IDENTITY, CoordinateFunction, CubicSpline, PiecewiseLinear, Polynomial
+from vtkmuscle.joints.grid import grid_of, steps_of
+from vtkmuscle.joints.motion_file import read_motion_file
+from vtkmuscle.joints.osim import read_tree
+from vtkmuscle.joints.tree import Coupling, Joint, JointAxis, JointCoordinate, KinematicTree
+from vtkmuscle.scene.data import MILLIMETRES
+from vtkmuscle.scene.faults import SceneError, errors_at
+from vtkmuscle.scene.files import SceneFiles
+from vtkmuscle.scene.joint_schema import Axis, Function, JointTable, OpenSimTable
+from vtkmuscle.scene.schema import MOST_FRAMES, SceneTable
+
+#: The body that all bones without a joint are fixed to.
+GROUND = "ground"
+_DEGREE = pi / 180.0
+#: Half of the step by which it is found how a coordinate moves bones [rad, or its unit]: central differences
+#: of sines err by a sixth of its square, and rounding of positions by a millionth of that of lengths.
+_STEP = 1e-4
+
+
+@dataclass(frozen=True, eq=False)
+class SceneJoints:
+    """The joints of a scene: a tree in its unit of length, at rest where the bones are, and each bone's body.
+
+    ``frame`` is the body whose frame at rest is the scene's, ``fixed`` the one that stays where it is.
+    """
+
+    tree: KinematicTree
+    bodies: dict[str, str]
+    frame: str
+    fixed: str
+
+    def crossed(self, bones: Iterable[str]) -> tuple[str, ...]:
+        """Return the free coordinates that move some bones against each other."""
+        return self.tree.crossed([self.bodies[bone] for bone in bones])
+
+    def motion(self, table: SceneTable, files: SceneFiles) -> RigidMotion:
+        """Return the motion that a scene's file or grid of coordinates gives its bones."""
+        times, values = coordinate_values(table, self.tree, files)
+        key = _key(table)
+        _warn_of_ranges(values, self.tree, key, files)
+        with errors_at("motion", files.paths[""], "correct it"):
+            moved = self.motion_of(times, values, list(table.motion.coordinates or ()) or None)
+        if not moved.transforms:
+            raise SceneError(
+                "no bone moves", key, "name coordinates of joints between bones", files.paths[""]
+            )
+        return moved
+
+    def motion_of(
+        self, times: Floats, values: Mapping[str, Floats], coordinates: Sequence[str] | None = None
+    ) -> RigidMotion:
+        """Return how the bones that move do so, from rest to values (f,) of coordinates at times (f,).
+
+        Moment arms are by the coordinates given here; by default by all those among the values that move a
+        bone against another one, or against the fixed body. The motion's angles are in degrees.
+        """
+        tree = self.tree
+        free = tree.crossed([*self.bodies.values(), self.fixed])
+        chosen = [name for name in free if name in values] if coordinates is None else coordinates
+        full = tree.completed(values)
+        kinds = {name: tree.coordinate(name) for name in chosen}
+        rest = tree.poses({})
+        placed = rest[self.frame][0]
+        back = inverses(placed[None])[0]
+
+        def moved(at: Mapping[str, ArrayLike]) -> dict[str, Floats]:
+            """Return the motion of each bone from rest, (f, 4, 4)."""
+            now = tree.poses(at)
+            hold = rest[self.fixed] @ inverses(now[self.fixed])
+            return {
+                bone: back @ hold @ now[body] @ inverses(rest[body]) @ placed
+                for bone, body in self.bodies.items()
+            }
+
+        joints = {joint.child: joint for joint in tree.joints}
+        negligible = 1e-12 * max(1.0, float(np.abs(placed[:3, 3]).max()))
+        transforms = {
+            bone: motion
+            for bone, motion in moved(full).items()
+            if np.abs(motion - np.eye(4)).max() > negligible
+        }
+        centres = {
+            bone: (back @ rest[body][0] @ joints[body].child_frame)[:3, 3]
+            for bone, body in self.bodies.items()
+            if bone in transforms and body in joints
+        }
+        own = {name: full[name] for name in tree.free}
+
+        def twists(name: str, factor: float) -> dict[str, Floats] | None:
+            """Return how a coordinate moves each bone, per radian or millimetre, of which it has `factor`."""
+            if name not in own:
+                return None
+            low, high = (moved({**own, name: own[name] + step}) for step in (-_STEP, _STEP))
+            step = 2.0 * _STEP * factor
+            return {bone: screws(high[bone] @ inverses(low[bone])) / step for bone in self.bodies}
+
+        found = {
+            name: Coordinate(np.degrees(full[name]), "deg", one.positive, twists(name, 1.0))
+            if one.is_angle
+            else Coordinate(full[name], one.unit, one.positive, twists(name, TRANSLATIONS[one.unit]))
+            for name, one in kinds.items()
+        }
+        return RigidMotion(times, transforms, centres, found)
+
+
+def joints_in(table: SceneTable, files: SceneFiles) -> SceneJoints:
+    """Return the joints of a scene that has some; SceneError if they are no tree."""
+    if table.opensim is not None:
+        return _of_opensim(table.opensim, table, files)
+    hung = {joint.child for joint in table.joints.values()}
+    bodies = dict.fromkeys([*table.bones, *(joint.parent for joint in table.joints.values())])
+    joints = [Joint(f"{GROUND}_{name}", GROUND, name, kind="weld") for name in bodies if name not in hung]
+    coordinates: list[JointCoordinate] = []
+    couplings: list[Coupling] = []
+    factors = _factors(table.joints)
+    for name, joint in table.joints.items():
+        with errors_at(f"joints.{name}", files.paths[""], "correct it"):
+            for own, one in (joint.coordinates or {}).items():
+                unit = table.units if factors[own] == 1.0 else "rad"
+                limits = None if one.range is None else (one.range[0], one.range[1])
+                coordinate = JointCoordinate(own, unit, one.rest, limits, one.positive or "")
+                coordinates.append(coordinate.scaled(factors[own]))
+                if one.follows is not None:
+                    function = _function(one).rescaled(factors[one.follows], factors[own])
+                    couplings.append(Coupling(own, one.follows, function))
+            joints.append(_joint(name, joint, factors))
+    with errors_at("joints", files.paths[""], "correct it"):
+        tree = KinematicTree(GROUND, joints, coordinates, couplings)
+    return SceneJoints(_at_rest(tree), {bone: bone for bone in table.bones}, GROUND, GROUND)
+
+
+def coordinate_values(
+    table: SceneTable, tree: KinematicTree, files: SceneFiles
+) -> tuple[Floats, dict[str, Floats]]:
+    """Return the times (f,) of a scene's motion, and the values (f,) of the coordinates that it gives."""
+    motion, key = table.motion, _key(table)
+    if motion.file is not None:
+        found = files.read(key, motion.file, read_motion_file)
+        rows = slice(None, None, motion.every)
+        given = files.read(key, motion.file, lambda _: found.values(tree))
+        return found.times[rows], {name: column[rows] for name, column in given.items()}
+    where = files.paths[""]
+    grid = {name: steps_of(*three) for name, three in (motion.grid or {}).items()}
+    for name in grid:
+        with errors_at(f"{key}.{name}", where):
+            tree.coordinate(name)
+        if name not in tree.free:
+            raise SceneError(
+                f"the coordinate {name!r} follows another one", f"{key}.{name}", "leave it out", where
+            )
+    count = int(np.prod([len(one) for one in grid.values()]))
+    if count > MOST_FRAMES:
+        raise SceneError(f"the grid has {count} poses", key, "choose larger steps", where)
+    values = grid_of({name: column * _unit(tree, name) for name, column in grid.items()})
+    times = next(iter(grid.values())) if len(grid) == 1 else np.arange(float(count))
+    return times, values
+
+
+def _key(table: SceneTable) -> str:
+    return "motion.file" if table.motion.file is not None else "motion.grid"
+
+
+def _unit(tree: KinematicTree, coordinate: str) -> float:
+    """Return the unit of a coordinate in a scene, a degree or 1, in that of the tree."""
+    return _DEGREE if tree.coordinate(coordinate).is_angle else 1.0
+
+
+def _warn_of_ranges(values: Mapping[str, Floats], tree: KinematicTree, key: str, files: SceneFiles) -> None:
+    """Warn where a motion goes beyond the range of a coordinate."""
+    for name, column in values.items():
+        limits = tree.coordinate(name).range
+        if limits is None or name not in tree.free:
+            continue
+        (low, high), unit = limits, _unit(tree, name)
+        if column.min() < low - 1e-6 or column.max() > high + 1e-6:
+            words = (
+                f"{files.paths['']}: {key}: {name!r} goes from {column.min() / unit:.4g} to "
+                f"{column.max() / unit:.4g}, but its range is {low / unit:.4g} to {high / unit:.4g}"
+            )
+            warnings.warn(words, stacklevel=4)
+
+
+def _of_opensim(table: OpenSimTable, scene: SceneTable, files: SceneFiles) -> SceneJoints:
+    tree = files.read("opensim.model", table.model, read_tree)
+    where = files.paths[""]
+    given = table.bodies or {}
+    bodies = {bone: given.get(bone, bone) for bone in scene.bones}
+    frame, fixed = table.frame or tree.root, table.fixed or tree.root
+    for bone in given:
+        if bone not in scene.bones:
+            raise SceneError(f"there is no bone {bone!r}", f"opensim.bodies.{bone}", "", where)
+    with errors_at("opensim.rest", where):
+        rest = {name: value * _unit(tree, name) for name, value in (table.rest or {}).items()}
+    coordinates = [replace(one, rest=rest.get(one.name, one.rest)) for one in tree.coordinates]
+    named = {f"bodies.{bone}": body for bone, body in bodies.items()} | {"frame": frame, "fixed": fixed}
+    for key, body in named.items():
+        if body not in tree.bodies:
+            problem = f"the model has no body {body!r}"
+            raise SceneError(problem, f"opensim.{key}", f"its bodies are {', '.join(tree.bodies)}", where)
+    tree = replace(tree, coordinates=coordinates).scaled(1000.0 / MILLIMETRES[scene.units])
+    return SceneJoints(tree, bodies, frame, fixed)
+
+
+def _factors(joints: Mapping[str, JointTable]) -> dict[str, float]:
+    """Return radians per degree for each coordinate that is an angle, 1 for one that slides alone."""
+    factors: dict[str, float] = {}
+    for joint in joints.values():
+        turns = {axis.coordinate for axis in joint.rotations or []}
+        slides = {axis.coordinate for axis in joint.translations or []} - turns
+        factors |= {name: 1.0 if name in slides else _DEGREE for name in joint.coordinates or {}}
+    return factors
+
+
+def _joint(name: str, joint: JointTable, factors: Mapping[str, float]) -> Joint:
+    frame = frame_at(joint.centre or (0.0, 0.0, 0.0))
+    names = list(joint.coordinates or {})
+    rotations: list[JointAxis] = []
+    if joint.type in ("pin", "ball"):
+        axes = [joint.axis] if joint.type == "pin" else joint.axes or np.eye(3)
+        rotations = [JointAxis(np.array(axis), IDENTITY, one) for axis, one in zip(axes, names, strict=True)]
+    rotations += [_axis(axis, factors, _DEGREE) for axis in joint.rotations or []]
+    translations = [_axis(axis, factors, 1.0) for axis in joint.translations or []]
+    return Joint(name, joint.parent, joint.child, rotations, translations, frame, frame, joint.type)
+
+
+def _axis(axis: Axis, factors: Mapping[str, float], result: float) -> JointAxis:
+    direction = np.array(axis.axis)
+    if axis.coordinate is None:
+        return JointAxis(direction, Polynomial(np.array([result * (axis.constant or 0.0)])))
+    return JointAxis(direction, _function(axis).rescaled(factors[axis.coordinate], result), axis.coordinate)
+
+
+def _function(table: Function) -> CoordinateFunction:
+    """Return a function of a scene, in the scene's units."""
+    for knots, kind in ((table.spline, CubicSpline), (table.piecewise, PiecewiseLinear)):
+        if knots is not None:
+            return kind(np.array(knots.x), np.array(knots.y))
+    return Polynomial(np.array(table.polynomial or [1.0, 0.0]))
+
+
+def _at_rest(tree: KinematicTree) -> KinematicTree:
+    """Return a tree whose bodies' frames are all the scene's frame where its coordinates are at rest.
+
+    The axes of a joint go through its centre there, so what it slides is counted from rest.
+    """
+    full = tree.completed({})
+    joints = []
+    for joint in tree.joints:
+        moved = replace(joint, child_frame=np.eye(4)).transforms(full, 1)[0]
+        shift = moved[:3, 3] - joint.parent_frame[:3, 3]
+        parent, child = np.array(joint.parent_frame), np.array(moved)
+        parent[:3, 3] -= shift
+        child[:3, 3] -= shift
+        joints.append(replace(joint, parent_frame=parent, child_frame=child))
+    return replace(tree, joints=joints)
