@@ -40,7 +40,9 @@ def test_a_rigid_motion_is_followed_and_at_rest_nothing_moves(fibres):
     c, s = np.cos(0.7), np.sin(0.7)
     turn, shift = np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]]), np.array([9.0, -4.0, 30.0])
     # The offset turns with its path, about the axis across the sheet.
-    assert np.allclose(tendons.placed(fibres @ turn.T + shift, rest @ turn.T + shift), fibres @ turn.T + shift)
+    assert np.allclose(
+        tendons.placed(fibres @ turn.T + shift, rest @ turn.T + shift), fibres @ turn.T + shift
+    )
 
 
 def test_ends_on_a_fixed_part_go_with_that(fibres):

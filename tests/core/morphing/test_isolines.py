@@ -4,7 +4,7 @@ import pytest
 from bent_muscle import bent_tube, half_circle, letter_s
 from shapes import closed_surface
 
-from vtkmuscle.core.morphing.isolines import attachment_field, morph_by_isolines, isoline_distances
+from vtkmuscle.core.morphing.isolines import attachment_field, isoline_distances, morph_by_isolines
 from vtkmuscle.core.morphing.planes import morph_by_planes
 from vtkmuscle.core.morphing.slices import Slicing
 from vtkmuscle.core.motion.rigid import apply_transform

@@ -33,7 +33,7 @@ def starting_points(
     corner: Floats,
     start_costs: Callable[[Floats], Floats] | None = None,
 ) -> Floats:
-    """Return a start (l, k) for each loop: near Q0, without twist between loops.
+    """Return a start (l, k) for each loop. It is near Q0, without twist between loops.
 
     The paper takes the vertex nearest to Q0, slice by slice: if a section turns past Q0 the vertex jumps, and
     all fibres turn with the section. Here the starts p_j minimise, over all slices at once,
@@ -75,7 +75,7 @@ def starting_points(
 
 
 class LoopStack(NamedTuple):
-    """Loops of a muscle, with ascending levels (l,) [mm] and costs of starts."""
+    """Loops of a muscle, with levels and costs. Levels (l,) ascend [mm]."""
 
     loops: Sequence[Floats]
     levels: Floats
@@ -83,7 +83,7 @@ class LoopStack(NamedTuple):
 
 
 def followed_starts(stack: LoopStack, guides: LoopStack, continuity: float, corner: Floats) -> Floats:
-    """Return a start (l, k) for each loop, interpolated between guiding loops.
+    """Return starts (l, k) interpolated between guiding loops.
 
     Starts are chosen among samples of a loop. If each set of loops chose anew, a slightly different cut of
     the muscle could move a start by a sample, and the fibres with it. So starts are interpolated about the
@@ -101,7 +101,7 @@ def followed_starts(stack: LoopStack, guides: LoopStack, continuity: float, corn
 
 
 def cyclic_products(first: Floats, second: Floats) -> Floats:
-    """Return mean dot products for every cyclic shift p, (j, n).
+    """Return mean dot products for every cyclic shift. Result (j, n).
 
     The mean over i of first[j, i] . second[j, i + p].
     """
@@ -130,7 +130,7 @@ def _cheapest_chain(costs: Floats, twists: Floats) -> Ints:
 
 
 def loop_lengths(loop: Floats) -> Floats:
-    """Return arc lengths (n + 1,) up to each vertex of a loop (n, k).
+    """Return arc lengths up to each vertex, and the perimeter. Loop (n, k), lengths (n + 1,).
 
     The last is the perimeter.
     """
@@ -158,13 +158,13 @@ def sampled_loop(loop: Floats, corner: Floats, count: int) -> Floats:
 
 
 def points_at(loop: Floats, lengths: Floats, arcs: Floats) -> Floats:
-    """Return points (m, k) of a loop (n, k) at arc lengths (m,)."""
+    """Return points (m, k) at arc lengths (m,). Loop (n, k)."""
     along, closed = arcs % lengths[-1], np.vstack([loop, loop[:1]])
     return np.column_stack([np.interp(along, lengths, column) for column in closed.T])
 
 
 def nearest_arc(loop: Floats, lengths: Floats, target: Floats) -> float:
-    """Return the arc length at which a loop (n, k) is nearest to a point (k,)."""
+    """Return the arc length nearest to a point (k,). Loop (n, k)."""
     steps = np.roll(loop, -1, axis=0) - loop
     squares = np.maximum((steps**2).sum(axis=1), np.finfo(float).tiny)
     shares = (((target - loop) * steps).sum(axis=1) / squares).clip(0.0, 1.0)
@@ -173,7 +173,7 @@ def nearest_arc(loop: Floats, lengths: Floats, target: Floats) -> float:
 
 
 def refined_loop(loop: Floats, count: int) -> Floats:
-    """Return a loop without segments longer than the perimeter / `count`.
+    """Return a loop with segments up to perimeter / `count`.
 
     Matching of parts and sides is as exact as vertices allow. Vertices apart by rounding merge.
     """
@@ -203,7 +203,7 @@ def cornered_loop(loop: Floats, target: Floats, width: float, depth: float) -> F
 
 
 def split_chain(lengths: Floats, width: float, depth: float) -> tuple[Ints, float]:
-    """Split a chain of vertices into four parts, for the rectangle's sides.
+    """Split a chain into four parts for the rectangle's sides.
 
     The least error is the sum over the parts of (side - k (length of the part))^2, where k scales the chain
     to the rectangle's perimeter. For a vertex i_2 at the far corner, the error is a parabola in the scaled
@@ -236,14 +236,14 @@ def split_chain(lengths: Floats, width: float, depth: float) -> tuple[Ints, floa
 
 
 def _nearest(ascending: Floats, values: Floats, first: Ints | int, last: Ints | int) -> Ints:
-    """Return indices from `first` to `last` of the nearest ascending values."""
+    """Return indices of the nearest ascending values. From `first` to `last`."""
     after = np.searchsorted(ascending, values).clip(first, last)
     before = np.maximum(after - 1, first)
     return np.where(values - ascending[before] <= np.abs(ascending[after] - values), before, after)
 
 
 def subdivided_rectangle(lengths: Floats, splits: Ints, width: float, depth: float) -> Floats:
-    """Return a boundary point (n, 2) of the rectangle for every chain vertex.
+    """Return the rectangle's boundary point (n, 2) per chain vertex.
 
     Sides are subdivided in the ratios of the segments in their parts (:func:`split_chain`).
     """
@@ -252,7 +252,7 @@ def subdivided_rectangle(lengths: Floats, splits: Ints, width: float, depth: flo
 
 
 def mean_value_weights(polygon: Floats, points: Floats) -> Floats:
-    """Return the mean value coordinates (m, n) of points in a polygon.
+    """Return mean value coordinates (m, n) in a polygon.
 
     w_i = (tan(a_{i-1} / 2) + tan(a_i / 2)) / r_i, divided by their sum, where r_i is the distance from the
     point to vertex i and a_i the signed visual angle of the edge from vertex i to the next. tan(a / 2) is sin
@@ -295,7 +295,7 @@ def mean_value_weights(polygon: Floats, points: Floats) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class SectionMap:
-    """Map of the template's rectangle to a section of the muscle.
+    """Map of the template's rectangle to a section.
 
     `ring` (n, k) is the section's boundary, `rectangle` (n, 2) its counterpart [mm]; `split_error` is the
     root of the four parts' squared errors, as a part of the rectangle's perimeter.
@@ -306,7 +306,7 @@ class SectionMap:
     split_error: float
 
     def positions(self, points: Floats) -> Floats:
-        """Return points (m, 2) of the rectangle in the section, (m, k) [mm].
+        """Return rectangle points in the section [mm]. Points (m, 2), result (m, k).
 
         f' = sum_i w_i(f) p_i, with the mean value coordinates w_i of f in the subdivided rectangle and the
         section's vertices p_i. The result may lie outside of a concave section.
@@ -334,7 +334,7 @@ def section_map(loop: Floats, target: Floats, sides: Floats, *, as_printed: bool
 
 
 def count_outside(loop: Floats, points: Floats) -> int:
-    """Return the number of points (m, 2) outside a loop (n, 2).
+    """Return the number of points outside a loop. Points (m, 2), loop (n, 2), by the even-odd rule.
 
     By the even-odd rule.
     """

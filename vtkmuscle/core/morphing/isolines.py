@@ -1,4 +1,4 @@
-"""Template fibres into the muscle, along isolines of a harmonic function.
+"""Template fibres into the muscle, along isolines.
 
 Kohout, Kukacka 2014, *Real-time modelling of fibrous muscle*, doi:10.1111/cgf.12354: isolines cut the muscle,
 of a function that is 0 on the origin area, 1 on the insertion area, and harmonic on the surface between.
@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cached_property
-from hashlib import blake2b
 
 import numpy as np
 
@@ -51,7 +50,7 @@ OTHER_BRANCH = 0.05
 
 
 def attachment_field(points: Floats, triangles: Ints, origin: Ints, insertion: Ints) -> Floats:
-    """Return the harmonic function from 0 on the origin to 1 on the insertion.
+    """Return the harmonic function from origin (0) to insertion (1).
 
     Points (n, 3), triangles (m, 3), areas as point ids (k,); values (n,) in [0, 1]. Raises a ValueError if a
     role has no points, the areas overlap, or no connected part of the muscle has both areas.
@@ -98,18 +97,14 @@ def morph_by_isolines(
     """
     box = Box(transform)
     inside = box.coordinates(fibre_points)
-    of_field = blake2b(np.ascontiguousarray(field).data, digest_size=16).digest()
-    course = slicing.once(
-        ("isolines", of_field, slicing.key(transform)), lambda: _IsolineCourse(box.surface(muscle), field)
-    )
+    course = _IsolineCourse(box.surface(muscle), field)
     slicing.report_progress(0.3)
     fractions = np.clip(inside[:, 2] / box.length, 0.0, 1.0)
     tolerance = max(slicing.slice_tolerance / box.length, SAME_HEIGHT)
     levels, slice_of = shared_levels(fractions, tolerance, GRAIN)
     levels = course.begin + levels * course.span
     slicing.report_progress(0.4)
-    key = "mapped", of_field, slicing.key(transform, levels)
-    mapped = slicing.once(key, lambda: _mapped(box, course, levels, slicing))
+    mapped = _mapped(box, course, levels, slicing)
     heights = course.begin + fractions * course.span
     result, _, split_error = mapped.positions(inside, heights, levels, slice_of)
     slicing.report_progress(1.0)
@@ -122,7 +117,7 @@ def morph_by_isolines(
 
 
 class _IsolineCourse:
-    """Muscle in its box, with a function whose isolines follow the muscle.
+    """Muscle in its box, with a function's isolines.
 
     The isolines at `values` of the function are at `distances` along the muscle, see
     :func:`isoline_distances`. The main branch, with the part `share` of the muscle, is single from `begin`
@@ -152,7 +147,7 @@ class _IsolineCourse:
         return triangle_tree(self.surface.points, self.surface.triangles)
 
     def onto_area(self, value: float, ends: Floats) -> Floats:
-        """Return nearest points (j, 3) on the area of a function value [mm]."""
+        """Return nearest points on an area [mm]. Ends (j, 3); the area has a function value."""
         area = np.flatnonzero(self.field == value)
         faces = faces_between(self.surface.triangles, area)
         if not len(faces):
@@ -166,7 +161,7 @@ def _mapped(box: Box, course: _IsolineCourse, levels: Floats, slicing: Slicing) 
     branch = course.branch(np.union1d(levels, guides))
 
     def stack(at: Floats) -> tuple[LoopStack, Floats, Ints]:
-        """Return the main branch's loops, their vector areas, and the numbers of hit levels."""
+        """Return loops, vector areas, and numbers of hit levels."""
         loops, hits = branch.loops_at(at)
         areas = branch.areas[branch.at(at[hits])]
         rings = [np.ascontiguousarray(loop) for loop in loops]
@@ -179,7 +174,7 @@ def _mapped(box: Box, course: _IsolineCourse, levels: Floats, slicing: Slicing) 
 
 
 def isoline_distances(points: Floats, triangles: Ints, field: Floats) -> tuple[Floats, Floats]:
-    """Return the mean distances of isolines from the least value along the surface.
+    """Return mean distances of isolines along the surface. From the least value.
 
     ds/df is the length-weighted mean of 1 / |grad f| along an isoline: by the coarea formula, the ratio of
     the area to the integral of |grad f| between neighbouring isolines. The function (n,) in [0, 1] is linear
@@ -208,7 +203,7 @@ def _per_class(points: Floats, triangles: Ints, field: Floats) -> tuple[Floats, 
 
 
 def _single_branch(branch: Branch) -> tuple[int, int]:
-    """Return the first and last level of the single main branch.
+    """Return the first and last level of the single branch.
 
     An origin of several areas has an isoline around each; the isolines join towards the insertion.
     """

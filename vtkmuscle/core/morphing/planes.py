@@ -60,22 +60,18 @@ def morph_by_planes(
     inside = box.coordinates(fibre_points)
     tolerance = max(slicing.slice_tolerance, SAME_HEIGHT * box.length)
     grain = GRAIN * box.length
-    boxed = slicing.once(("raised", slicing.key(transform)), lambda: _BoxedMuscle(box, muscle))
+    boxed = _BoxedMuscle(box, muscle)
     slicing.report_progress(0.1)
     heights = np.clip(inside[:, 2], boxed.bottom + boxed.margin, boxed.top - boxed.margin)
     levels, slice_of = shared_levels(heights, tolerance, grain)
-    course = slicing.once(("course", slicing.key(transform, levels)), lambda: _PlaneCourse(boxed, levels))
+    course = _PlaneCourse(boxed, levels)
     branch = course.branch
     if course.ends is not None:
         heights = _squeezed(heights, *course.ends)
         levels, slice_of = shared_levels(heights, tolerance, grain)
+        branch = boxed.branch(np.union1d(levels, boxed.guides))
     slicing.report_progress(0.35)
-
-    def slices() -> SliceMaps:
-        at_levels = branch if course.ends is None else boxed.branch(np.union1d(levels, boxed.guides))
-        return _mapped(box, at_levels, levels, boxed.guides, slicing)
-
-    mapped = slicing.once(("planes", slicing.key(transform, levels)), slices)
+    mapped = _mapped(box, branch, levels, boxed.guides, slicing)
     result = np.column_stack([inside[:, :2], heights])
     result[:, :2], n_outside, split_error = mapped.positions(inside, heights, levels, slice_of)
     slicing.report_progress(1.0)
@@ -99,7 +95,7 @@ class _BoxedMuscle:
 
 
 class _PlaneCourse:
-    """Main branch at levels and guides, and the suitability of planes.
+    """Main branch at levels, and suitability of planes.
 
     For a branch that ends within the levels, `ends` are the heights of its first and last loop, and the
     muscle's lowest and highest height beyond the loops.

@@ -1,4 +1,4 @@
-"""Sections of a closed surface at many levels, and their main branch.
+"""Sections of a closed surface, and their main branch.
 
 Levels of the height give parallel plane sections, levels of any other function its isolines. A point with a
 value equal to a level counts as above: so levels through points or along edges give closed loops, too.
@@ -51,7 +51,7 @@ class Sections:
 
 @dataclass(frozen=True, eq=False)
 class ClosedSurface:
-    """Surface without holes: points (n, 3) [mm] and triangles (m, 3).
+    """Surface without holes. Points (n, 3) [mm] and triangles (m, 3).
 
     `opposite` (3 m,) are the opposite half-edges.
     """
@@ -71,7 +71,7 @@ class ClosedSurface:
 
 
 def cut_surface(surface: ClosedSurface, values: Floats, levels: Floats) -> Sections:
-    """Cut a closed surface along ascending levels (l,) of a scalar.
+    """Cut a closed surface along levels of a scalar. Levels (l,) ascend.
 
     The scalar (n,) is at the surface's points; triangles face outward. A triangle is visited once per
     crossing level, whatever the number of levels. Loops of fewer than three different points, at isolated
@@ -122,7 +122,7 @@ def _traced(
     crossed: Ints,
     starts: Ints,
 ) -> tuple[Floats, Ints, Ints, Ints]:
-    """Return the points of loops, loop and level offsets, and each crossing's loop.
+    """Return loops' points, offsets, and each crossing's loop.
 
     In each triangle that a level crosses, a loop enters by the falling half-edge and leaves by the rising
     half-edge, opposite to the entry of the next triangle. Crossings of loops left out get -2: there the
@@ -172,7 +172,7 @@ def _onward(half_edges: Ints, steps: int) -> Ints:
 def _parts(
     triangles: Ints, slabs: Ints, crossings: Ints, rising: Ints, loop_of: Ints, n_points: int, n_loops: int
 ) -> Ints:
-    """Return the connected part of vertices and loop sides (v + 2 k,).
+    """Return connected parts (v + 2 k,). Of vertices first, then of lower and upper loop sides.
 
     Vertices first, then lower and upper sides of loops.
     """
@@ -206,7 +206,7 @@ def loop_areas(points: Floats, loop_offsets: Ints) -> Floats:
 
 
 def main_loops(sections: Sections, levels: Floats, sizes: Floats) -> Ints:
-    """Return each level's loop (l,) of the main branch, -1 beyond its ends.
+    """Return the main branch's loop per level (l,). -1 beyond its ends.
 
     A loop continues a loop of the level below if the surface between both levels joins them. The main branch
     is the chain of continued loops that encloses most volume, by area times distance of levels, so it never
@@ -238,7 +238,7 @@ def main_loops(sections: Sections, levels: Floats, sizes: Floats) -> Ints:
 
 
 class Branch:
-    """Sections of a muscle at ascending heights (h,) [mm], with the main branch.
+    """Sections of a muscle, with the main branch. Heights (h,) ascend [mm].
 
     The surface is cut at as many levels of the values at its points; `size` gives loop areas from vector
     areas (k, 3).
@@ -258,11 +258,11 @@ class Branch:
         self.numbers = main_loops(self.sections, heights, self.sizes)
 
     def at(self, heights: Floats) -> Ints:
-        """Return the branch's loop numbers at some heights, -1 for none."""
+        """Return loop numbers at some heights, -1 for none."""
         return self.numbers[np.searchsorted(self.heights, heights)]
 
     def loops_at(self, heights: Floats) -> tuple[list[Floats], Ints]:
-        """Return loops (n, 3) at some heights, and the numbers of hit heights."""
+        """Return loops (n, 3) and the numbers of hit heights."""
         numbers = self.at(heights)
         hits = np.flatnonzero(numbers >= 0)
         return [self.sections.loop(int(number)) for number in numbers[hits]], hits

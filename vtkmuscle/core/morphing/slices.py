@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -26,7 +25,7 @@ N_GUIDES, GUIDE_MARGIN = 33, 0.02
 
 @dataclass(frozen=True, eq=False)
 class Morph:
-    """Fibre points (n, 3) in a muscle [mm], and measures of the method.
+    """Fibre points (n, 3) in a muscle [mm], with measures.
 
     `n_outside` counts points outside of their section (planes), or outside of the muscle except ends on
     attachment areas (isolines, not flat). `split_error` is the largest of a section, `volume_share` the part
@@ -42,7 +41,7 @@ class Morph:
 
     @property
     def suits(self) -> bool:
-        """False for a muscle whose course parallel planes do not follow."""
+        """False if parallel planes do not follow the course."""
         return self.volume_share >= LEAST_SHARE and self.steep_share <= LARGEST_STEEP_SHARE
 
 
@@ -52,19 +51,12 @@ class Slicing:
 
     Fibre points within `slice_tolerance` [mm] of height share a slice. `continuity` is the part of the
     muscle's length over which neighbouring slices resist twisting; 0 is the paper's rule, with sections
-    started and split at their vertices. `report_progress` receives the fraction of work done. `once` takes a
-    key and a function, and returns the function's first result for the key: sections and maps do not depend
-    on the number of fibres.
+    started and split at their vertices. `report_progress` receives the fraction of work done.
     """
 
     slice_tolerance: float
     continuity: float
     report_progress: Callable[[float], None] = lambda fraction: None
-    once: Callable[[Hashable, Callable[[], Any]], Any] = lambda key, find: find()
-
-    def key(self, transform: Floats, *levels: Floats) -> Hashable:
-        """Return the settings on which sections at some levels depend."""
-        return self.continuity, *(np.ascontiguousarray(array).tobytes() for array in (transform, *levels))
 
 
 class SliceMaps:
@@ -158,7 +150,7 @@ class Box:
         return float(self.sides[2])
 
     def coordinates(self, points: Floats) -> Floats:
-        """Return points (n, 3) along the sides, from corner Q0 [mm]."""
+        """Return points (n, 3) along the sides [mm]. From corner Q0."""
         return (points - self._corner) @ self._frame
 
     def surface(self, muscle: ClosedSurface) -> ClosedSurface:
@@ -176,7 +168,7 @@ def guide_levels(length: float) -> Floats:
 
 
 def shared_levels(heights: Floats, tolerance: float, grain: float = 0.0) -> tuple[Floats, Ints]:
-    """Return ascending slice levels (k,) [mm], and each height's slice (n,).
+    """Return slice levels (k,) [mm] and each height's slice (n,).
 
     From the lowest height on, a slice takes all heights within the tolerance [mm] of its lowest. Its level is
     half way between its lowest and highest height, rounded to a multiple of the grain, far below the

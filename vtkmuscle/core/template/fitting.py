@@ -56,7 +56,7 @@ def areas_are_opposite(origin_area: Floats, insertion_area: Floats) -> bool:
 
 
 def centroid_axis(origin: Floats, insertion: Floats) -> Floats:
-    """Return the unit vector from the origin's to the insertion's centroid.
+    """Return the unit vector between the centroids, origin to insertion.
 
     Raises a ValueError if the centroids coincide.
     """
@@ -91,7 +91,7 @@ def fit_box(
     angle_step: float,
     guide: Callable[[Floats], float] | None = None,
 ) -> BoxFit:
-    """Return the box whose areas lie nearest to the muscle's attachments.
+    """Return the box with areas nearest to the attachments.
 
     Boxes around an axis are turned about it by a full turn, step by step; each is the least box of its
     direction around all points. The first box with the least sum of distances is returned, from each point of
@@ -201,7 +201,7 @@ def _has_area(seen: Floats) -> bool:
 
 
 def _least_rectangle_angle(outline: Floats, marker: Floats) -> float:
-    """Return the side angle of the least rectangle around a polygon [rad].
+    """Return a side angle [rad] of the least rectangle around a polygon.
 
     A side of the least rectangle lies along an edge of the convex polygon (Freeman, Shapira 1975,
     doi:10.1145/360881.360919). Among equal rectangles, as always for a rectangle, the side nearest to the

@@ -1,4 +1,4 @@
-"""Fibre templates: Bezier curves in the unit cube, by parameters (r, s) in [0, 1]^2.
+"""Fibre templates: Bezier curves in the unit cube. A fibre has parameters (r, s) in [0, 1]^2.
 
 The k-th control point of the fibre (r, s) lies on the k-th *sheet* of a template, a bilinear patch with
 corners at (r, s) = (0, 0), (1, 0), (1, 1) and (0, 1). The first sheet is the origin area, the last sheet the
@@ -85,7 +85,7 @@ class FibreTemplate:
         return np.array([sheets[-1] for sheets in self.parts])
 
     def control_polygons(self, r: ArrayLike, s: ArrayLike) -> Floats:
-        """Return the control points (n, degree + 1, 3) of fibres r, s (n,)."""
+        """Return the control points of fibres. Points (n, degree + 1, 3), parameters r, s (n,)."""
         n_parts = len(self.parts)
         along = np.asarray(r, dtype=np.float64) * n_parts
         part = np.minimum(along.astype(np.int64), n_parts - 1)
@@ -95,7 +95,7 @@ class FibreTemplate:
         return polygons
 
     def fibres(self, r: ArrayLike, s: ArrayLike, t: ArrayLike) -> Floats:
-        """Return points (n, m, 3) of fibres, from origin to insertion.
+        """Return points (n, m, 3) of fibres. They run from origin to insertion.
 
         Parameters r, s (n,) of the fibres and t (m,) of the points in [0, 1]; points are in the unit cube.
         """
