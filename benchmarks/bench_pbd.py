@@ -26,7 +26,7 @@ import pyvista as pv
 from vtkmuscle import Scene
 from vtkmuscle.core.fixed_muscle import FixedMuscle
 from vtkmuscle.core.mesh.rest_shape import dihedral_angles
-from vtkmuscle.core.mesh.shared import held
+from vtkmuscle.core.mesh.shared import keep_shared
 from vtkmuscle.core.mesh.surface import mesh_topology
 from vtkmuscle.core.pbd.solver import Parameters, PBDSolver
 from vtkmuscle.core.pbd.sweep import project_edges, project_volume
@@ -210,7 +210,7 @@ if __name__ == "__main__":
     parser.add_argument("--meshes", default=",".join(MESHES))
     parser.add_argument("--iterations", default=",".join(map(str, ITERATIONS)))
     given = parser.parse_args()
-    with held():  # the bones are the same for all
+    with keep_shared():  # the bones are the same for all
         if given.what == "stability":
             stability(Hip(), given.meshes.split(","), [int(count) for count in given.iterations.split(",")])
         else:

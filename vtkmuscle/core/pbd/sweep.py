@@ -12,8 +12,8 @@ As the paper has it:
 * A stiffness multiplies the correction of each iteration.
 
 Its angle (eq. 6) is an arccosine, pi - abs(phi) of the signed angle phi of
-:func:`~vtkmuscle.core.mesh.rest_shape.hinge`, which does not tell a ridge from a groove: an edge folded to
-the other side stays there. The signed angle is ours.
+:func:`~vtkmuscle.core.mesh.rest_shape.edge_geometry`, which does not tell a ridge from a groove: an edge
+folded to the other side stays there. The signed angle is ours.
 
 Where the paper cannot be run as it reads:
 
@@ -34,7 +34,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vtkmuscle.core.jit import kernel, lane, vector_kernel
-from vtkmuscle.core.mesh.rest_shape import hinge, volume_and_gradient
+from vtkmuscle.core.mesh.rest_shape import edge_geometry, volume_and_gradient
 from vtkmuscle.core.types import Bools, Floats, Ints
 
 #: Edges of a row: two vectors of eight numbers, or four of four.
@@ -224,7 +224,7 @@ def _project_angle(b: Floats, c: Floats, k: int, signed: bool) -> None:
     Its gradients are those of Tamstorf, Grinspun 2013, *Discrete bending forces and their Jacobians*,
     doi:10.1016/j.gmod.2013.07.001, which are finite at flat and at concave edges.
     """
-    proper, sine, cosine, ee, a2, b2, n11, n22, n1x, n1y, n1z, n2x, n2y, n2z = hinge(
+    proper, sine, cosine, ee, a2, b2, n11, n22, n1x, n1y, n1z, n2x, n2y, n2z = edge_geometry(
         b[k], b[WIDTH + k], b[2 * WIDTH + k],
         b[3 * WIDTH + k], b[4 * WIDTH + k], b[5 * WIDTH + k],
         b[6 * WIDTH + k], b[7 * WIDTH + k], b[8 * WIDTH + k],
