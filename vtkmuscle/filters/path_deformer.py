@@ -156,8 +156,10 @@ class PathDeformer(Filter):
         self._made_from: tuple[FixedMuscle, Floats | None, dict[int, Bone], float] | None = None
         self._neighbours: Neighbours | None = None
         self._embedded: EmbeddedPoints | None = None
-        #: State of the inputs of the last pose, the pose, and its surface: VTK asks for each output by itself.
-        self._last: tuple[Any, CarriedPose, vtkPolyData] | None = None
+        #: State of the inputs of the last pose, and the pose; its measures and its surface. VTK asks for each
+        #: output by itself.
+        self._last: tuple[Any, CarriedPose] | None = None
+        self._surface: tuple[tuple[bool, bool], vtkPolyData] | None = None
         self._fibres_asked = False
         super().__init__(**settings)
 
@@ -182,8 +184,7 @@ class PathDeformer(Filter):
         check_same_bones(rest_bones, bones, "rest_bones")
         shapes = self._shapes.shapes(rest_bones, "rest_bones")
         carried = self._made(muscle, paths, shapes, fibres)
-        settings = self.iterations, self.measure_shape, self.measure_penetration
-        state = settings, bones.transforms.tobytes(), _state_of(muscle, paths, neighbours)
+        state = self.iterations, bones.transforms.tobytes(), _state_of(muscle, paths, neighbours)
         if self._last is None or self._last[0] != state:
             pose = carried.pose(
                 None if paths is None else paths.points,
@@ -192,9 +193,12 @@ class PathDeformer(Filter):
                 neighbours=self._beside(muscle, neighbours),
                 progress=self.report_progress,
             )
-            self._last = state, pose, self._surface(muscle, pose, shapes, bones.transforms)
-        _, pose, surface = self._last
+            self._last, self._surface = (state, pose), None
+        pose, measures = self._last[1], (self.measure_shape, self.measure_penetration)
         self.report_progress(1.0)
+        if self._surface is None or self._surface[0] != measures:
+            self._surface = measures, self._surface_of(muscle, pose, shapes, bones.transforms)
+        surface = self._surface[1]
         return surface, self._fibres(muscle, paths, fibres, pose) if self._fibres_asked else None
 
     def _made(
@@ -238,7 +242,7 @@ class PathDeformer(Filter):
             self._neighbours = Neighbours(muscle.points)
         return self._neighbours.at(neighbours)
 
-    def _surface(
+    def _surface_of(
         self, muscle: Surface, pose: CarriedPose, shapes: dict[int, Bone], transforms: Floats
     ) -> vtkPolyData:
         """Return the muscle in a pose, with its report."""
