@@ -234,31 +234,6 @@ def test_slopes_are_levers_about_both_joints():
 # -------------------------------------------------------------------- what does not matter
 
 
-#: Where nothing slides over a brim, or is held by a ring.
-STEADY = (0, 1, 5)
-
-
-@pytest.mark.parametrize(
-    ("number", "bound"),
-    [
-        *((number, 0.05) for number in (*STEADY, 2)),
-        (3, 0.3),
-        (4, 2.0),
-        worse((4, 0.3), "1.15 mm: nine fibres have rolled over in the ring or have not"),
-    ],
-)
-def test_neither_the_way_up_or_down_nor_the_steps_matter(number, bound):
-    """The length of each fibre, in steps of 2 degrees, 10, and all at once."""
-    make, settings, bone, low, high = HINGES[number]
-    paths, poses = known_paths(make, **settings), turned(make, settings, bone, angles(low, high))
-    _, there = up(number)
-    back = swept(paths, poses[::-1], start=there[-1])[::-1]
-    for others, those in ((back, there), (swept(paths, poses[::5]), there[::5])):
-        assert np.abs(lengths(others) - lengths(those)).max() < bound
-    at_once = paths.follow(paths.rest, poses[-1])
-    assert np.abs(at_once.lengths - there[-1].lengths).max() < bound
-
-
 @pytest.mark.parametrize("number", range(len(HINGES)))
 def test_the_sheet_comes_to_rest_in_every_pose(number):
     assert all(state.settled for state in up(number)[1])

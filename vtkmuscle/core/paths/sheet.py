@@ -204,6 +204,10 @@ class MusclePaths:
     def follow(self, before: PathState, transforms: Floats) -> PathState:
         """Return the paths in another pose of the bones, which these reach along their screws.
 
+        Where a sheet has one equilibrium the pose alone decides. Where it has several, as where fibres snap,
+        the result is the one that the paths come to on the way from ``before``; another result of
+        ``follow(rest, transforms)`` tells so.
+
         Parameters
         ----------
         before : PathState
