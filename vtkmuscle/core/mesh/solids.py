@@ -284,9 +284,11 @@ class Solids:
         for tree in self._all:
             beyond = np.maximum(tree.boxes[0, :3] - positions, positions - tree.boxes[0, 3:])
             to_box = np.linalg.norm(np.maximum(beyond, 0.0), axis=1)
-            near = np.flatnonzero(to_box <= np.maximum(least, 0.0))
-            distances = tree.signed(positions[near])[0]
-            least[near] = np.minimum(least[near], np.abs(distances) if tree is self.sheets else distances)
+            in_reach = np.flatnonzero(to_box <= np.maximum(least, 0.0))
+            distances = tree.signed(positions[in_reach])[0]
+            least[in_reach] = np.minimum(
+                least[in_reach], np.abs(distances) if tree is self.sheets else distances
+            )
         return least
 
     def exact(self, points: ArrayLike) -> tuple[Floats, Floats]:

@@ -133,9 +133,9 @@ def slopes_by(motion: RigidMotion, name: str, among: Sequence[str], lengths: Flo
     NaN in frames without poses that differ in the coordinate alone. Parameters as for
     :func:`~vtkmuscle.core.moment_arms.levers.differences_by`.
     """
-    near = differences_by(motion, name, among)
+    differences = differences_by(motion, name, among)
     slopes = np.full(lengths.shape, np.nan)
-    slopes[near.frames] = -near.slopes(lengths)
+    slopes[differences.frames] = -differences.slopes(lengths)
     return slopes
 
 
