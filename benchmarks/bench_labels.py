@@ -24,7 +24,9 @@ from vtkmuscle.data.estimated_areas import estimated_areas
 from vtkmuscle.data.label_images import label_image
 from vtkmuscle.filters import LabelSurfaces
 from vtkmuscle.labels import maps
-from vtkmuscle.phantoms import hip, label_map
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
+from phantoms import hip, label_map
 
 SIZES = {"1": 1.0, "1.5": 1.5, "1.5, rough": 1.5, "0.8, 0.8, 3": (0.8, 0.8, 3.0), "3": 3.0}
 
@@ -57,7 +59,7 @@ def accuracy():
 def paths():
     """Print by how much path lengths and moment arms are off, areas being estimated in both."""
     phantom = hip(angles=range(0, 61, 5), detail=2.5)
-    scene = replace(Scene.from_phantom(phantom), model="paths")
+    scene = replace(Scene.from_phantom(phantom), deformer="none")
     muscles = {
         name: replace(one, attachments=estimated_areas(one.surface, dict(scene.bones)))
         for name, one in scene.muscles.items()
@@ -69,7 +71,7 @@ def paths():
         maps.read_labels = lambda *_, image=image, **__: [image]
         with tempfile.TemporaryDirectory() as folder:
             draft = maps.draft_of_labels("hip")
-            made = replace(Scene.load(draft.write(Path(folder))), model="paths").run()
+            made = replace(Scene.load(draft.write(Path(folder))), deformer="none").run()
         for name in true.lengths:
             lengths = made.lengths[name].mean(axis=1) / true.lengths[name].mean(axis=1) - 1.0
             arms = [

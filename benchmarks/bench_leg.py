@@ -2,7 +2,7 @@
 
     python benchmarks/bench_leg.py
     python benchmarks/bench_leg.py --workers 1     # processor time by stage as well
-    python benchmarks/bench_leg.py --model paths --frames 25
+    python benchmarks/bench_leg.py --deformer none --frames 25
 
 The muscles are those of the phantom leg, three of each, with 100 fibres. The first run compiles what is not
 compiled yet: run it twice. Processor time is of all threads and processes.
@@ -23,21 +23,24 @@ from run_stages import print_table
 from sampling import Sampling
 
 from vtkmuscle import Scene
-from vtkmuscle.phantoms import leg
+from vtkmuscle.pipelines import DEFORMERS
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "examples" / "joints"))
+from leg import leg
 
 COPIES = 3
 #: Amplitudes of flexion of the hip and of the knee, and of dorsiflexion, over a stride [degrees].
 STRIDE = (40.0, 60.0, 12.0)
 
 
-def scene_of(frames: int, model: str) -> Scene:
+def scene_of(frames: int, deformer: str) -> Scene:
     """Return the leg over a stride."""
     cycle = 0.5 - 0.5 * np.cos(np.linspace(0.0, 2.0 * np.pi, frames))
     one = Scene.from_phantom(leg(coordinates=np.outer(cycle, STRIDE)))
     muscles = {
         f"{name}_{copy}": muscle for copy in range(1, COPIES + 1) for name, muscle in one.muscles.items()
     }
-    return replace(one, muscles=muscles, model=model)
+    return replace(one, muscles=muscles, deformer=deformer)
 
 
 def memory(whose: int = resource.RUSAGE_SELF) -> float:
@@ -50,10 +53,10 @@ def main() -> None:
     """Run it and print."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("--frames", type=int, default=100)
-    parser.add_argument("--model", choices=("volume", "paths"), default="volume")
+    parser.add_argument("--deformer", choices=tuple(DEFORMERS), default="paths")
     parser.add_argument("--workers", type=int, default=2)
     given = parser.parse_args()
-    scene = scene_of(given.frames, given.model)
+    scene = scene_of(given.frames, given.deformer)
     at: dict[int, float] = {}
 
     def observe(muscle: str, row: object) -> None:
@@ -71,7 +74,8 @@ def main() -> None:
     others = resource.getrusage(resource.RUSAGE_CHILDREN)
     processor = time.process_time() - used + others.ru_utime + others.ru_stime
     print(
-        f"{len(scene.muscles)} muscles, {given.frames} frames, model {given.model}, {given.workers} workers: "
+        f"{len(scene.muscles)} muscles, {given.frames} frames, deformer {given.deformer}, "
+        f"{given.workers} workers: "
         f"{wall:.0f} s by the clock, {processor:.0f} s of processor time"
     )
     if given.workers == 1:

@@ -16,6 +16,7 @@ import argparse
 import os
 from dataclasses import replace
 from pathlib import Path
+from time import perf_counter
 
 import numpy as np
 from scipy.spatial import ConvexHull
@@ -23,17 +24,20 @@ from scipy.spatial import ConvexHull
 from vtkmuscle import Scene
 from vtkmuscle.core.mesh.solids import solids_of
 from vtkmuscle.core.motion.rigid import apply_transform, inverse
-from vtkmuscle.data.arrays import checked_surface, field_array, point_array, points_of
+from vtkmuscle.data.arrays import checked_surface, point_array, points_of
 from vtkmuscle.run import muscle_pipeline
 
-#: Settings of the deformer beside those of the scene.
+#: What of a scene is replaced; settings of the deformer are added to the scene's.
 MODES = {
     "default": {},
     "preview": {"quality": "preview"},
     "accurate": {"quality": "accurate"},
-    "published": {"quality": "published"},
-    "published, bone_push off": {"quality": "published", "bone_push": "off"},
-    "off": {"collision": "off"},
+    "published": {"deformer": "pbd", "quality": "published"},
+    "published, bone_push off": {
+        "deformer": "pbd",
+        "quality": "published",
+        "solver": {"bone_push": "off"},
+    },
 }
 
 #: Beyond the femoral head, up to this far from it, pelvis is acetabulum [mm].
@@ -67,20 +71,22 @@ class Acetabulum:
 
 def measured(scene, name, distances, settings, acetabulum):
     """Yield, frame by frame, the depths of points, and how deep they are in the joint."""
-    own = replace(scene.muscles[name], solver={**scene.solver_of(name), **settings})
-    pipeline = muscle_pipeline(replace(scene, muscles={name: own}), name)
+    changed = {**settings, "solver": {**scene.solver, **settings.get("solver", {})}}
+    pipeline = muscle_pipeline(replace(scene, **changed), name)
     rest = pipeline.fixed.update().output
     free = point_array(rest, "FixedTo", "") < 0
     counted = free & (np.max([d.depth(points_of(rest)) for d in distances.values()], axis=0) == 0.0)
     for time in scene.motion.times:
+        began = perf_counter()
         out = pipeline.deformer.update(time=float(time)).output
+        took = 1e3 * (perf_counter() - began)
         points, now = points_of(out), scene.motion.at(float(time))
         depths = [
             d.depth(apply_transform(inverse(now.get(bone, np.eye(4))), points[counted]))
             for bone, d in distances.items()
         ]
         joint = acetabulum.depth(apply_transform(inverse(now.get("pelvis", np.eye(4))), points[free]))
-        yield np.max(depths, axis=0), joint, float(field_array(out, "Milliseconds")[0])
+        yield np.max(depths, axis=0), joint, took
 
 
 def main():

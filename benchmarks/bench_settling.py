@@ -15,11 +15,16 @@ import time
 
 import numpy as np
 from real_hip import data_folder
+from vtkmuscle.core.collision.obstacles import DistanceObstacle
 
 from vtkmuscle import Scene
-from vtkmuscle.core.deformation import settling
-from vtkmuscle.data.arrays import point_array
-from vtkmuscle.data.moving_bones import MovingBones, RestBones, bones_of
+from vtkmuscle.core.bones.bone import depth_in
+from vtkmuscle.core.fixed_muscle import FixedMuscle
+from vtkmuscle.core.skinning import settling
+from vtkmuscle.core.skinning.carried_muscle import CarriedMuscle
+from vtkmuscle.data.moving_bones import RestBones, bones_of, fixed_points_of
+from vtkmuscle.data.muscle_geometry import surface_of
+from vtkmuscle.data.paths import path_lines_of
 from vtkmuscle.run import muscle_pipeline
 
 ROUNDS = (1, 2, 3, 5, 10, 20, 40)
@@ -39,24 +44,31 @@ def main() -> None:
 
 def front(scene: Scene, name: str, every: int) -> None:
     """Print the front of a muscle."""
-    deformer = muscle_pipeline(scene, name).deformer
+    pipeline = muscle_pipeline(scene, name)
+    fixed = pipeline.fixed.update().output
+    muscle = surface_of(fixed, name)
+    fixed_to = fixed_points_of(muscle, list(scene.bones))
+    bones = RestBones().shapes(bones_of(scene.bones_data(), name), name)
+    obstacles = [DistanceObstacle(number, bone.points, bone.triangles) for number, bone in bones.items()]
+    rest = path_lines_of(pipeline.taut_paths.update(time=scene.motion.times[0]).output, name).rest
+    model = CarriedMuscle(FixedMuscle(muscle.points, muscle.triangles, fixed_to), rest, obstacles)
     poses = []
     for number, at in enumerate(scene.motion.times):
-        muscle = deformer.update(time=at).output
+        paths = path_lines_of(pipeline.taut_paths.update(time=at).output, name)
         if number % every == 0:
-            transforms = [scene.motion.at(at).get(bone, np.eye(4)) for bone in scene.bones]
-            poses.append((np.array(point_array(muscle, "Carried", name)), np.array(transforms)))
-    fixed_to = np.array(point_array(muscle, "FixedTo", name))
-    shape, bones = deformer._solver.shape, RestBones(name)
-    still = np.array([np.eye(4)] * len(scene.bones))
-    bones.take(MovingBones(bones_of(scene.bones_data(), name), still, {}), collision="sdf")
-    free = fixed_to < 0
-    rest_depths = bones.depths(shape.points[free], still)
+            transforms = np.array([scene.motion.at(at).get(bone, np.eye(4)) for bone in scene.bones])
+            poses.append((model.pose(paths.points, transforms, rounds=1).carried, transforms))
+    shape, free = model.shape, fixed_to < 0
+
+    def depths(points, transforms):
+        return depth_in(((bone, transforms[number]) for number, bone in bones.items()), points)
+
+    rest_depths = depths(shape.points[free], np.array([np.eye(4)] * len(scene.bones)))
     print(name)
     print("  rounds spread  angles   edge    way  depth   volume     ms")
     for spread in SPREADS:
         settling.SPREAD = spread
-        one = settling.Settling(shape, fixed_to.astype(np.int64), bones.obstacles)
+        one = settling.Settling(shape, fixed_to, obstacles)
         for rounds in ROUNDS:
             figures, took = [], []
             for carried, transforms in poses:
@@ -68,7 +80,7 @@ def front(scene: Scene, name: str, every: int) -> None:
                 took.append(min(times))
                 report = shape.compare(surface)
                 way = np.linalg.norm(surface - carried, axis=1)[free]
-                depth = bones.depths(surface[free], transforms) - rest_depths
+                depth = depths(surface[free], transforms) - rest_depths
                 figures.append(
                     [
                         report.dihedral_error_p95,

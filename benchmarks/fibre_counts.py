@@ -12,10 +12,10 @@ from contextlib import contextmanager
 from typing import Any
 
 from vtkmuscle import phantoms
-from vtkmuscle.core.fibres import mean_value, spreading
+from vtkmuscle.core.fibres import embedding, mean_value, spreading
 from vtkmuscle.core.mesh.triangle_tree import TriangleTree
 from vtkmuscle.core.morphing import slices
-from vtkmuscle.filters import FibreTransport, FixedPointDetector, fibre_transport
+from vtkmuscle.filters import FibreTransport, FixedPointDetector
 from vtkmuscle.pipelines import decompose
 
 #: What the names of counts end with.
@@ -30,7 +30,7 @@ def given(counts: Counter[str], suffix: str) -> Iterator[None]:
         ("positions", spreading, "_pulls", lambda _, __, within, *___: len(within.samples)),
         ("sections mapped", slices, "section_map", lambda *_, **__: 1),
         ("triangles seen", mean_value, "weights_of_lanes", lambda mesh, q, *_: len(q) * len(mesh.triangles)),
-        ("weights", fibre_transport, "sparse_transport", lambda weights, _: weights.matrix.nnz),
+        ("weights", embedding, "sparse_transport", lambda weights, _: weights.matrix.nnz),
     )
 
     def counting(original: Any, what: str, size: Callable[..., int]) -> Any:

@@ -6,7 +6,7 @@
     python benchmarks/how_right.py --knee FOLDER --rst docs/validation/how_right_tables
 
 Each figure is given twice: of the muscle's *paths*, bone to bone, whose moment arms are levers, and of the
-*fibres* that PBDDeformer and FibreTransport carry, whose moment arms are -dl/dq; both with their defaults.
+*fibres* that PathDeformer carries, whose moment arms are -dl/dq; both with their defaults.
 ``--hip`` names a folder of the LHDL hip, with ``scene.toml``,
 ``motions`` and ``reference``, ``--knee`` one of a knee with a hinge in its ``scene.toml``. The page
 docs/validation/how_right.rst says what is measured.
@@ -118,14 +118,14 @@ def measured(
     muscle: Any, bones: Any, attachments: Any, motion: RigidMotion, **fibre_settings: Any
 ) -> Measured:
     """Return what is measured of a muscle's paths and fibres over a motion."""
-    chain = MusclePipeline(muscle, bones, motion, attachments, fixing={}, fibres=fibre_settings).transport
+    chain = MusclePipeline(muscle, bones, motion, attachments, fixing={}, fibres=fibre_settings).metrics
     assert chain is not None  # it has fibres
     lengths: dict[str, list[Floats]] = {of: [] for of in OF}
     found = []
     for time in motion.times:
         fibres = chain.update(time=float(time)).output
         lines, paths = polylines_of(fibres, "fibres"), paths_of(fibres, "fibres")
-        assert paths is not None  # the deformer follows them
+        assert paths is not None  # they carry the muscle
         lengths["fibres"].append(polyline_lengths(lines.points, lines.offsets))
         lengths["paths"].append(paths.lengths)
         found.append(paths.levers)

@@ -10,10 +10,10 @@ import numpy as np
 from calibration import torus
 
 from vtkmuscle import Scene, phantoms
-from vtkmuscle.core.deformation.settling import Settling
 from vtkmuscle.core.mesh.rest_shape import RestShape
 from vtkmuscle.core.mesh.surface import mesh_topology
 from vtkmuscle.core.motion.rigid import RigidMotion, rotation_about
+from vtkmuscle.core.skinning.settling import Settling
 from vtkmuscle.data.arrays import (
     blocks_of,
     multiblock_from,
@@ -22,7 +22,7 @@ from vtkmuscle.data.arrays import (
     surface_from,
     with_points,
 )
-from vtkmuscle.filters import BoneMotion, FixedPointDetector, PBDDeformer
+from vtkmuscle.filters import BoneMotion, FixedPointDetector, PathDeformer, TautPaths
 from vtkmuscle.pipelines import decompose, deform
 
 #: Part of a torus's points that are fixed.
@@ -54,14 +54,15 @@ def steps_of(n_triangles: int) -> Callable[[], object]:
     held[:part], held[len(points) // 2 : len(points) // 2 + part] = 0, 1
     set_point_array(muscle, "FixedTo", held)
     turned = [rotation_about((0, 0, 0), (0, 0, 1), angle) for angle in (0.0, 1.0, 2.0)]
-    bones = multiblock_from({"still": muscle, "turning": muscle})
-    motion = BoneMotion(motion=RigidMotion(np.arange(3.0), {"turning": np.array(turned)}))
-    motion.connect(0, bones)
+    far = with_points(muscle, points + np.array([0.0, 0.0, 100.0 * np.ptp(points)]))
+    bones = multiblock_from({"still": far, "turning": far})
+    motion = RigidMotion(np.arange(3.0), {"turning": np.array(turned)})
+    posed = {"rest_bones": bones, "bones": BoneMotion(bones=bones, motion=motion)}
 
     def run() -> object:
-        deformer = PBDDeformer(collision="off")
-        deformer.connect(0, muscle)
-        deformer.connect(1, motion)
+        paths = TautPaths(rest_muscle=muscle, **posed)
+        deformer = PathDeformer(muscle=muscle, paths=paths, **posed)
+        deformer.update(time=1.0)
         return deformer.update(time=2.0).output
 
     return run

@@ -20,8 +20,8 @@ from real_hip import data_folder
 from sampling import Sampling, Stack, by_stage, collapsed
 
 TABLE = Path(__file__).resolve().parents[1] / "docs/explanation/cost_tables/run.csv"
-#: What is in no stack: Python before it samples, and the process that draws.
-_START, _DRAWING = "start of Python", "process that draws"
+#: What is in no stack: Python before it samples, and processes that it has started.
+_START, _CHILDREN = "start of Python", "other processes"
 
 #: The calls that a stage is. What they call belongs to it, but for calls of another stage.
 STAGES: dict[str, tuple[str, ...]] = {
@@ -31,6 +31,7 @@ STAGES: dict[str, tuple[str, ...]] = {
     "filling": ("run/muscles:MuscleRun.go",),
     "steps": ("run/muscles:MuscleRun._deform", "run/muscles:MuscleRun._pull"),
     "fibres": (
+        "filters/path_deformer:PathDeformer._fibres",
         "filters/fibre_transport:FibreTransport",
         "filters/fibre_metrics:FibreMetrics",
         "core/fibres/mean_value:weights_of",  # threads of their own, whose stacks begin with it
@@ -45,7 +46,7 @@ STAGES: dict[str, tuple[str, ...]] = {
     ),
     "tables": ("run/steps:_measure", "run/steps:_write_tables", "run/table:Table"),
     "frames": ("run/muscles:MuscleRun._keep", "run/store/writing:ResultWriter"),
-    "figures": (_DRAWING, "run/figures:Drawing", "plotting/drawing:DrawingProcess"),
+    "figures": (_CHILDREN, "run/figures:draw_run"),
     "page": ("report/page:write_page",),
 }
 
@@ -57,7 +58,7 @@ def run_seconds(scene: Path, out: Path, *, figures: bool = True) -> Counter[Stac
         from vtkmuscle import Scene  # importing is a stage
 
         Scene.load(scene).run(out, figures=figures, workers=1)
-    return sampling.seconds + Counter({(_START,): start, (_DRAWING,): _of_children() - children})
+    return sampling.seconds + Counter({(_START,): start, (_CHILDREN,): _of_children() - children})
 
 
 def _of_children() -> float:

@@ -22,18 +22,16 @@ import numpy as np
 
 from vtkmuscle import InputError, Result, Scene, Table, phantoms
 from vtkmuscle.data.arrays import points_of
-from vtkmuscle.filters.deformer.settings import PRESETS, PUBLISHED
+from vtkmuscle.filters.deformer.settings import PUBLISHED
+from vtkmuscle.pipelines import QUALITIES
 from vtkmuscle.run import frame_numbers
 from vtkmuscle.scene.data import MILLIMETRES
 
-#: Parameters of PBDDeformer that trade speed for accuracy: a setting takes the place of them all.
-TRADED = ("quality", "collision", "iterations", "taut_resolution")
-#: Values of the parameters of the solver, and of the fibres, that are tried, one at a time, for ``balanced``.
-SOLVER: dict[str, tuple[Any, ...]] = {
-    "iterations": (1, 2, 3, 10, 20, 40),
-    "taut_resolution": (8, 16, 24, 64),
-    "collision": ("off",),
-}
+#: Parameters of stages that trade speed for accuracy: a setting takes the place of them all.
+TRADED = ("quality", "iterations", "resolution")
+#: Values of the parameters of PathDeformer, TautPaths and the fibres, tried one at a time for ``balanced``.
+SOLVER: dict[str, tuple[Any, ...]] = {"iterations": (1, 2, 3, 10, 20, 40)}
+PATHS: dict[str, tuple[Any, ...]] = {"resolution": (8, 16, 24, 64)}
 FIBRES: dict[str, tuple[Any, ...]] = {
     "n_fibres": (25, 400),
     "resolution": (5, 45),
@@ -76,12 +74,16 @@ Figures = Mapping[str, float | None]
 
 @dataclass(frozen=True)
 class Setting:
-    """Parameters of PBDDeformer, None for the scene's own, and settings of the fibres."""
+    """A quality and parameters of the deformer and the paths, and settings of the fibres.
+
+    ``solver`` is None for all of the scene's own.
+    """
 
     name: str
     group: str
     solver: Mapping[str, Any] | None = None
     fibres: Mapping[str, Any] = field(default_factory=dict)
+    paths: Mapping[str, Any] = field(default_factory=dict)
 
     def of(self, scene: Scene) -> Scene:
         """Return the scene with this setting."""
@@ -96,7 +98,11 @@ class Setting:
         quality = scene.quality if self.solver is None else self.solver.get("quality")
         solver = {**self._traded(scene.solver), **(self.solver or {})}
         solver.pop("quality", None)
-        return replace(scene, muscles=muscles, quality=quality, solver=solver)
+        changed = {"muscles": muscles, "quality": quality, "solver": solver}
+        if quality == PUBLISHED:
+            changed["deformer"] = "pbd"
+        paths = {**self._traded(scene.paths or {}), **self.paths}
+        return replace(scene, paths=paths or None, **changed)
 
     def _traded(self, own: Mapping[str, Any]) -> dict[str, Any]:
         return {name: one for name, one in own.items() if self.solver is None or name not in TRADED}
@@ -105,12 +111,15 @@ class Setting:
 def grid() -> list[Setting]:
     """Return all settings: the presets, the scene as it is, and one change at a time of ``balanced``."""
     # What was published is another model, and no point on the way to this one's end.
-    groups = {name: name if name == PUBLISHED else "presets" for name in PRESETS}
-    settings = [Setting(name, groups[name], {"quality": name}) for name in PRESETS]
+    groups = {name: name if name == PUBLISHED else "presets" for name in QUALITIES}
+    settings = [Setting(name, groups[name], {"quality": name}) for name in QUALITIES]
     settings.append(Setting("scene", "scene"))
     centre = {"quality": "balanced"}
     for name, values in SOLVER.items():
         settings += [Setting(f"{name}={value}", name, {**centre, name: value}) for value in values]
+    for name, values in PATHS.items():
+        group = f"paths.{name}"
+        settings += [Setting(f"{group}={value}", group, centre, paths={name: value}) for value in values]
     for name, values in FIBRES.items():
         settings += [Setting(f"{name}={value}", name, centre, {name: value}) for value in values]
     return settings

@@ -18,8 +18,8 @@ from vtkmodules.vtkFiltersModeling import vtkLinearSubdivisionFilter
 
 from vtkmuscle import Scene, phantoms
 from vtkmuscle.core.bones import contact
-from vtkmuscle.core.deformation import diffusion
 from vtkmuscle.core.paths import pose
+from vtkmuscle.core.skinning import diffusion
 from vtkmuscle.data import drawn_bones
 from vtkmuscle.data.arrays import blocks_of, multiblock_from
 from vtkmuscle.filters import FixedPointDetector

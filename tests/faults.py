@@ -118,3 +118,15 @@ def small_disk(folder: Path, kilobytes: int):
         yield folder
     finally:
         subprocess.run(["umount", "-l", str(folder)], check=True)
+        subprocess.run(["umount", "-l", str(folder)], check=True)
+
+
+def children(pid):
+    """Return the processes that a process has started, and those that they have."""
+    try:
+        command = ["ps", "-o", "pid=", "--ppid", str(pid)]
+        text = subprocess.run(command, capture_output=True, text=True, check=False)
+    except FileNotFoundError:
+        pytest.skip("there is no ps")
+    found = [int(word) for word in text.stdout.split()]
+    return [*found, *(one for child in found for one in children(child))]

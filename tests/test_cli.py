@@ -83,9 +83,7 @@ def test_each_fault_of_a_scene_is_a_line(scene_file):
     assert done.exit_code == 2
     unit, iteration = done.stderr.splitlines()
     assert unit.startswith(f"error: {scene_file}: unit: there is no such key; did you mean 'units'?")
-    assert iteration.startswith(
-        f"error: {scene_file}: solver.iteration: there is no setting 'iteration'; did"
-    )
+    assert iteration.startswith(f"error: {scene_file}: solver.iteration: there is no such key; did")
 
 
 def test_workers_change_no_result_and_cannot_be_none(scene_file, tmp_path):
@@ -122,7 +120,7 @@ def test_without_out_the_folder_is_called_after_the_scene(scene_file, tmp_path, 
     [
         ('bone = "upper"', 'bone = "uper"', "muscles.spindle.attachments[0].bone: there is no bone 'uper'"),
         ("muscles/spindle.vtp", "muscles/no.vtp", "muscles.spindle.surface: there is no such file"),
-        ("iterations", "iteration", "solver.iteration: there is no setting"),
+        ("iterations", "iteration", "solver.iteration: there is no such key"),
     ],
 )
 def test_bad_input_is_one_line_and_status_2(old, new, message, scene_file, tmp_path):
@@ -256,7 +254,7 @@ def test_ctrl_c_while_libraries_are_loaded_is_one_line(module, scene_file, tmp_p
 
 
 def test_the_demo_writes_a_scene_that_can_be_run_again(tmp_path, monkeypatch):
-    # A smaller phantom than the hip, which tests/test_isolation.py has.
+    # A smaller phantom than the hip.
     monkeypatch.setattr(vtkmuscle.phantoms, "hip", lambda **_: vtkmuscle.phantoms.spindle_over_hinge())
     done = vtkmuscle_("demo", "--out", tmp_path / "demo", "--frames", "0:2", "--no-figures")
     assert done.exit_code == 0

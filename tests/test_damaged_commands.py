@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from fuzz_target import WORDS
 from mutations import judged, mutated
+from phantoms import hip, label_map
 from tiny_scene import HINGE, TOML, write_tiny_scene
 from two_joint_scene import save_strap, scene_with
 
@@ -17,7 +18,6 @@ from vtkmuscle import Scene
 from vtkmuscle.data.arrays import blocks_of, points_of
 from vtkmuscle.io import write_polydata
 from vtkmuscle.opensim import write_opensim
-from vtkmuscle.phantoms import hip, label_map
 
 sys.path.insert(0, str(Path(__file__).parent / "io"))
 from test_damaged_texts import KINDS as TEXTS
@@ -88,12 +88,12 @@ def given(tmp_path_factory):
         Scene.load(scene).run(folder / name, frames="0:3", figures=False)
     save_strap(made / "strap", n_fibres=4)
     grid = {"grid": {"upper": [-10, 10, 10], "lower": [0, 20, 10]}}
-    strap = Scene.load(scene_with(made / "strap", made / "gridded", motion=grid, model="paths"))
+    strap = Scene.load(scene_with(made / "strap", made / "gridded", motion=grid, deformer="none"))
     strap.run(folder / "joints", figures=False)
     write_opensim(folder / "joints", folder / "into.osim")
     for path, content in TEXTS.items():
         (folder / path).write_bytes(content)
-    changes = {"joints": None, "opensim": LEG, "motion": {"file": "walk.mot"}, "model": "paths"}
+    changes = {"joints": None, "opensim": LEG, "motion": {"file": "walk.mot"}, "deformer": "none"}
     moved = scene_with(made / "strap", made / "moved", **changes).parent.rename(folder / "moved")
     shutil.copy(folder / "4.osim", moved), shutil.copy(folder / "walk.mot", moved)
     (folder / "published.csv").write_text(LITERATURE)

@@ -36,8 +36,8 @@ def test_files_say_what_they_are(results):
         assert field_string(frame, "Version") == vtkmuscle.__version__
     muscle = read_series(results / "spindle.pvd").frame(1)
     steps = {step["filter"]: step["parameters"] for step in provenance_of(muscle)}
-    assert {"FixedPointDetector", "BoneMotion", "SliceMorpher", "PBDDeformer"} <= set(steps)
-    assert steps["PBDDeformer"]["iterations"] == 3
+    assert {"FixedPointDetector", "BoneMotion", "SliceMorpher", "TautPaths", "PathDeformer"} <= set(steps)
+    assert steps["PathDeformer"]["iterations"] == 3
     assert field_array(muscle, "VolumeRatio")[0] == pytest.approx(1.0, abs=1e-9)
 
 

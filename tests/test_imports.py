@@ -101,10 +101,3 @@ def test_public_names_exist_and_all_are_listed(package):
 def test_unknown_name_is_an_attribute_error():
     with pytest.raises(AttributeError, match="no_such_name"):
         vtkmuscle.no_such_name  # noqa: B018
-
-
-def test_a_path_in_the_wrong_place_is_told_where_it_goes():
-    with pytest.raises(TypeError, match=r"Scene\.load\('scene\.toml'\) reads a file or folder"):
-        vtkmuscle.Scene("scene.toml")
-    with pytest.raises(AttributeError, match=r"Scene\.load\(path\) reads a scene"):
-        vtkmuscle.load("scene.toml")

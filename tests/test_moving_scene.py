@@ -14,7 +14,7 @@ from vtkmuscle import InputError, Scene, phantoms
 from vtkmuscle.cli import app
 from vtkmuscle.core.motion.rigid import apply_transform
 from vtkmuscle.data.arrays import points_of, triangles_of
-from vtkmuscle.plotting import MovingScene, Pose, can_render
+from vtkmuscle.plotting import MovingScene, ScenePose, can_render
 from vtkmuscle.run.display import ResultDisplay
 from vtkmuscle.scene.faults import SceneError
 
@@ -71,7 +71,7 @@ def test_a_muscle_without_a_frame_is_hidden():
     phantom = phantoms.spindle_over_hinge()
     scene = MovingScene({}, phantom.muscles, {}, off_screen=True, size=(200, 160))
     before = drawn(scene.plotter.screenshot(return_img=True))
-    scene.show(Pose())
+    scene.show(ScenePose())
     scene.plotter.render()
     assert before > 0.02
     assert drawn(scene.plotter.screenshot(return_img=True)) == 0.0

@@ -17,7 +17,7 @@ from vtkmuscle import Scene, SceneError, phantoms
 from vtkmuscle.cli import BAD_INPUT, app
 from vtkmuscle.io import read_series
 from vtkmuscle.io.writing import LOCK, left_behind, replacing, write_text
-from vtkmuscle.run.store.writing import claimed, remove_results
+from vtkmuscle.run.store.writing import ResultWriter, claimed, remove_results
 from vtkmuscle.scene.writing import save_unless_changed
 
 QUICK = ("--frames", "0:1", "--no-figures", "--quiet")
@@ -117,6 +117,18 @@ def test_a_run_that_fails_leaves_no_old_table_beside_new_frames(scene, tmp_path)
     assert not (tmp_path / "spindle/spindle_0002.vtp").exists()
     assert not (tmp_path / "lengths.csv").exists()
     assert json.loads((tmp_path / "report.json").read_text())["complete"] is False
+
+
+def test_where_no_report_can_be_written_nothing_is_that_would_stop_the_next_run(scene, tmp_path, monkeypatch):
+    def full(*_):
+        raise OSError(28, "No space left on device", "report.json")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(ResultWriter, "write_report", full)
+        with pytest.raises(OSError, match="No space left"):
+            scene.run(tmp_path / "out", frames="0:1", figures=False)
+    assert not list((tmp_path / "out").rglob("*"))
+    scene.run(tmp_path / "out", frames="0:1", figures=False)
 
 
 def test_a_frames_slip_leaves_the_earlier_results(scene, tmp_path):

@@ -34,9 +34,9 @@ from vtkmuscle.plotting import (
     plot_muscle,
     plot_rest_pose,
 )
-from vtkmuscle.plotting.actors import actors_of, place_colours, strain_colours
+from vtkmuscle.plotting.actors import actors_of, position_colours, strain_colours
 from vtkmuscle.plotting.drawing import MuscleFrame
-from vtkmuscle.plotting.figures import places_across, shown_range
+from vtkmuscle.plotting.figures import positions_across, shown_range
 from vtkmuscle.plotting.sheets import Pixels
 from vtkmuscle.run import figures as run_figures
 from vtkmuscle.run.figures import write_figures
@@ -88,7 +88,7 @@ class FakeResult:
         self.lengths = {"with_fibres": np.array([[90.0, 90.0]]) * (1.0 + np.arange(4)[:, None] / 100.0)}
         self.fibre_lengths = self.lengths
         rows = [{"time": t, "volume_ratio": 1.001} for t in self.times]
-        self.report = {"model": "volume", "muscles": {name: {"frames": rows} for name in self.muscle_names}}
+        self.report = {"deformer": "paths", "muscles": {name: {"frames": rows} for name in self.muscle_names}}
         self.frames = list(range(len(self.times)))
         self.motion = SimpleNamespace(times=self.times, at=lambda time: {})
         self.drawn_bones = DrawnBones(two_bones())
@@ -403,11 +403,11 @@ def test_places_are_in_the_order_across_the_fibres(seed):
     starts = rng.uniform(-200.0, 200.0, 12)
     points = [[[x, 0.2 * x, s + t] for t in (0.0, 40.0, 80.0)] for x, s in zip(across, starts, strict=True)]
     lines = polylines_from(Polylines(np.reshape(points, (-1, 3)), 3 * np.arange(13)))
-    np.testing.assert_allclose(places_across(lines), (across + 30.0) / 60.0, atol=1e-9)
+    np.testing.assert_allclose(positions_across(lines), (across + 30.0) / 60.0, atol=1e-9)
 
 
 def test_colours_of_places_differ():
-    assert len(np.unique(place_colours(np.linspace(0.0, 1.0, 20)), axis=0)) == 20
+    assert len(np.unique(position_colours(np.linspace(0.0, 1.0, 20)), axis=0)) == 20
 
 
 def test_one_spike_does_not_flatten_an_axis():

@@ -25,8 +25,8 @@ def blocks(text, language):
     return re.findall(rf"^```{language}\n(.*?)^```", text, flags=re.MULTILINE | re.DOTALL)
 
 
-def test_the_python_of_the_readme_runs(tmp_path):
-    (script,) = blocks(README, "python")
+@pytest.mark.parametrize("script", blocks(README, "python"), ids=lambda script: script.split()[1])
+def test_the_python_of_the_readme_runs(script, tmp_path):
     (tmp_path / "readme.py").write_text(script, encoding="utf-8")
     done = subprocess.run(
         [sys.executable, "-W", "error", "readme.py"],

@@ -57,13 +57,15 @@ def test_what_is_pulled_along_goes_from_bone_to_bone():
     scene, _ = scene_of("bipennate")
     pipeline = muscle_pipeline(scene, "block")
     assert isinstance(pipeline.fibres, FibreSource)
-    assert pipeline.deformer.fibres is pipeline.paths
-    assert pipeline.paths is not pipeline.fibres
+    assert pipeline.deformer.fibres is pipeline.rest_paths
+    assert pipeline.rest_paths is not pipeline.fibres
     plain = muscle_pipeline(
         replace(scene, muscles={"block": replace(scene.muscles["block"], aponeuroses=())}), "block"
     )
-    assert plain.paths is plain.fibres
-    assert np.array_equal(points_of(plain.paths.update().output), points_of(pipeline.paths.update().output))
+    assert plain.rest_paths is plain.fibres
+    assert np.array_equal(
+        points_of(plain.rest_paths.update().output), points_of(pipeline.rest_paths.update().output)
+    )
 
 
 @pytest.fixture
@@ -98,7 +100,7 @@ def test_a_scene_keeps_its_aponeuroses_and_mirrors_them(saved):
             lambda muscle, scene: muscle.pop("fibres"),
             "fibres end on aponeuroses, but this muscle has no fibres",
         ),
-        (lambda muscle, scene: scene.update(model="paths"), "aponeuroses move with the muscle"),
+        (lambda muscle, scene: scene.update(deformer="none"), "aponeuroses move with the muscle"),
     ],
 )
 def test_what_is_wrong_in_the_file_is_named(saved, change, says):
@@ -112,14 +114,14 @@ def test_what_is_wrong_in_the_file_is_named(saved, change, says):
 def test_paths_alone_carry_no_aponeuroses():
     scene, _ = scene_of("pennate")
     muscle = scene.muscles["block"]
-    with pytest.raises(ValueError, match="which model='paths' does not deform"):
+    with pytest.raises(ValueError, match="which deformer='none' does not deform"):
         MusclePipeline(
             muscle.surface,
             scene.bones_data(),
             scene.motion,
             scene.attachments_data("block"),
             aponeuroses=aponeuroses_data(muscle.aponeuroses),
-            model="paths",
+            deformer="none",
             fibres={},
         )
 

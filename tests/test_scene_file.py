@@ -24,12 +24,12 @@ from vtkmuscle.data.arrays import (
     triangles_of,
     with_points,
 )
-from vtkmuscle.filters import PBDDeformer
+from vtkmuscle.filters import PathDeformer, PBDDeformer, TautPaths
 from vtkmuscle.filters.fibre_template_source import FibreTemplateSource
 from vtkmuscle.io import read_surface, write_polydata
 from vtkmuscle.scene.joint_schema import Axis, Hill, JointTable, OpenSimTable
 from vtkmuscle.scene.schema import Area, Hinge, Motion, MuscleTable, SceneTable
-from vtkmuscle.scene.schema_types import Solver
+from vtkmuscle.scene.schema_types import Paths, Solver
 from vtkmuscle.scene.writing import to_toml
 
 MOTION = TOML[TOML.index("[motion]") : TOML.index("[muscles")]
@@ -114,10 +114,11 @@ def test_settings_of_a_muscle_go_before_those_of_the_scene(scene_file):
     edit(
         scene_file,
         "[solver]",
-        "solver = { iterations = 7, dt = 1 }\nfixing = { distance = 2.5 }\n[solver]\nvelocity_kept = 1",
+        "solver = { iterations = 7, bone_clearance = 1 }\nfixing = { distance = 2.5 }\n"
+        "[solver]\nmeasure_penetration = true",
     )
     scene = Scene.load(scene_file)
-    assert scene.solver_of("spindle") == {"iterations": 7, "dt": 1, "velocity_kept": 1}
+    assert scene.solver_of("spindle") == {"iterations": 7, "bone_clearance": 1, "measure_penetration": True}
     assert scene.fixing_of("spindle") == {"distance": 2.5}
 
 
@@ -143,8 +144,7 @@ def test_an_open_bone_will_do_and_the_run_says_what_was_made_of_it(scene_file):
     path = scene_file.parent / "bones/upper.vtp"
     points, triangles = surface_parts(path)
     write_polydata(path, surface_from(points, triangles[1:]))
-    # Voxels that reach as far as the muscle, which is not near enough to the bone otherwise.
-    edit(scene_file, "iterations = 3", 'iterations = 3\nquality = "published"\nn_voxels_per_axis = 1')
+    edit(scene_file, "iterations = 3", "iterations = 3\nbone_clearance = 6.0")  # else no point comes near it
     scene = Scene.load(scene_file)
     assert scene.bones["upper"].GetNumberOfCells() == len(triangles) - 1
     with pytest.warns(UserWarning, match=r"block 'upper': the surface is open: 1 hole\(s\), 3 edges"):
@@ -340,12 +340,12 @@ FIBRES = 'fibres = { template = "parallel", n_fibres = 6, resolution = 5 }'
 FAULTS = [
     # old text, new text, key, part of the problem, part of the mend
     ('name = "tiny"', 'nmae = "tiny"', "nmae", "no such key", "did you mean 'name'"),
-    ('name = "tiny"', "name = 3", "name", "must be a text, not 3", "name = "),
+    ('name = "tiny"', "name = 3", "name", "must be a valid string, not 3", "name = "),
     ('name = "tiny"', 'name = "a/b"', "name", "'a/b' cannot be part of a file name", "letters"),
-    ('units = "mm"', 'units = "inch"', "units", "'inch' is not allowed", "mm, cm, m"),
+    ('units = "mm"', 'units = "inch"', "units", "'m', not 'inch'", "mm, cm, m"),
     ("[bones.upper]", "[bone.upper]", "bone", "no such key", "did you mean 'bones'"),
     ('surface = "bones/upper.vtp"', "", "bones.upper.surface", "is missing", "add surface"),
-    ('surface = "bones/upper.vtp"', "surface = 1", "bones.upper.surface", "must be a text", "surface = "),
+    ('surface = "bones/upper.vtp"', "surface = 1", "bones.upper.surface", "a valid string", "surface = "),
     (
         "bones/upper.vtp",
         "bones/uper.vtp",
@@ -363,7 +363,7 @@ FAULTS = [
     ('bone = "lower"\n', 'bone = "lwoer"\n', "motion.bone", "no bone 'lwoer'", "did you mean 'lower'"),
     ('time = "time"', 'time = "angle"', "motion.transforms", "no column 'angle'", "other columns are: time"),
     ('time = "time"', "tmie = 1", "motion.tmie", "no such key", "did you mean 'time'"),
-    ("[0.0, -15.0, 0.0]", "[0.0, -15.0]", "motion.centre", "at least 3 item(s), not 2", "centre = "),
+    ("[0.0, -15.0, 0.0]", "[0.0, -15.0]", "motion.centre", "at least 3 items, not 2", "centre = "),
     ("[0.0, -15.0, 0.0]", "[0.0, nan, 0.0]", "motion.centre[1]", "must be a finite number", "centre = "),
     (MOTION, MOTION + HINGE, "motion.bone", "cannot be combined with motion.hinge", "leave out one"),
     (MOTION, HINGE.replace("axis", "axes"), "motion.hinge.axes", "no such key", "did you mean 'axis'"),
@@ -373,7 +373,7 @@ FAULTS = [
         MOTION,
         HINGE.replace("[0, 20, 5]", "[0, 20]"),
         "motion.hinge.angles",
-        "at least 3 item(s)",
+        "at least 3 items",
         "[0, 90, 2]",
     ),
     (MOTION, HINGE.replace("[0, 20, 5]", "[0, 20, 0]"), "motion.hinge.angles", "not ascend", "step > 0"),
@@ -397,7 +397,7 @@ FAULTS = [
         MOTION,
         MOTION.replace('"motion.csv"', "{}").replace('bone = "lower"', ""),
         "motion.transforms",
-        "at least 1 item(s), not 0",
+        "at least 1 item, not 0",
         "FILE.csv",
     ),
     ("[muscles.spindle]", '[muscles."a/b"]', "muscles.a/b", "cannot be part of a file name", "letters"),
@@ -430,7 +430,7 @@ FAULTS = [
         ORIGIN,
         ORIGIN.replace("origin", "orgin", 1),
         "muscles.spindle.attachments[0].role",
-        "'orgin' is not allowed",
+        "not 'orgin'",
         "did you mean 'origin'",
     ),
     (
@@ -458,14 +458,14 @@ FAULTS = [
         ORIGIN,
         ORIGIN.replace(" }", ", closed = 1 }"),
         "muscles.spindle.attachments[0].closed",
-        "must be true or false",
-        "ring",
+        "must be a valid boolean, not 1",
+        "closed = true",
     ),
     (
         FIBRES,
         FIBRES.replace("template", "templte"),
         "muscles.spindle.fibres.templte",
-        "no setting 'templte'",
+        "no such key",
         "did you mean 'template'",
     ),
     (
@@ -487,17 +487,23 @@ FAULTS = [
         "iterations = 3",
         "iteration = 3",
         "solver.iteration",
-        "no setting 'iteration'",
+        "no such key",
         "did you mean 'iterations'",
     ),
     ("iterations = 3", "iterations = 0", "solver.iterations", "0 is not allowed", "an integer >= 1"),
-    ("iterations = 3", "stiffness = nan", "solver.stiffness", "nan is not allowed", "a finite number"),
+    (
+        "iterations = 3",
+        "bone_clearance = nan",
+        "solver.bone_clearance",
+        "nan is not allowed",
+        "a finite number",
+    ),
     (
         "[solver]",
-        "solver = { velocity_kept = 2 }\n[solver]",
-        "muscles.spindle.solver.velocity_kept",
-        "2 is not allowed",
-        "<= 1",
+        "solver = { iterations = 0 }\n[solver]",
+        "muscles.spindle.solver.iterations",
+        "0 is not allowed",
+        "an integer >= 1",
     ),
     (
         "[solver]",
@@ -510,7 +516,7 @@ FAULTS = [
         "[solver]",
         "fixing = { dist = 1 }\n[solver]",
         "muscles.spindle.fixing.dist",
-        "no setting 'dist'",
+        "no such key",
         "'distance'",
     ),
     ("[solver]\niterations = 3", "solver = 3", "muscles.spindle.solver", "must be a table", "format"),
@@ -576,7 +582,9 @@ def test_all_surfaces_that_cannot_be_used_are_said_at_once(scene_file):
 
 
 def test_every_key_says_what_it_is():
-    assert Solver.model_fields.keys() == PBDDeformer.parameter_declarations.keys()
+    of_deformers = PathDeformer.parameter_declarations | PBDDeformer.parameter_declarations
+    assert Solver.model_fields.keys() == of_deformers.keys()
+    assert Paths.model_fields.keys() == TautPaths.parameter_declarations.keys()
     for table in (SceneTable, MuscleTable, Motion, Hinge, Area, JointTable, Axis, OpenSimTable, Hill):
         assert all(field.description for field in table.model_fields.values())
 
@@ -737,7 +745,7 @@ def test_a_saved_scene_is_the_same_scene(scene_file, tmp_path):
     edit(
         scene_file,
         "[solver]",
-        "solver = { external_force = [0, 0.1, 1e-9], anisotropy = false }\nfixing = { distance = 0.1 }\n"
+        "solver = { bone_clearance = 1e-9, measure_penetration = false }\nfixing = { distance = 0.1 }\n"
         '[fixing]\nmethod = "attachment"\n[solver]',
     )
     first = Scene.load(scene_file)

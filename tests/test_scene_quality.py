@@ -1,15 +1,18 @@
-"""The preset of a scene: its key, its place below explicit settings, and the command line's option."""
+"""The deformer and the preset of a scene: keys, explicit settings, and options of the command line."""
 
 import json
 from dataclasses import replace
 
+import numpy as np
 import pytest
 from tiny_scene import write_tiny_scene
 from typer.testing import CliRunner
 
-from vtkmuscle import Scene, SceneError
+from vtkmuscle import Result, Scene, SceneError
 from vtkmuscle.cli import app
-from vtkmuscle.filters.deformer.settings import PRESETS
+from vtkmuscle.data.arrays import cell_array
+from vtkmuscle.filters.taut_paths import RESOLUTIONS
+from vtkmuscle.run import muscle_pipeline
 
 
 @pytest.fixture
@@ -18,38 +21,100 @@ def scene_file(tmp_path):
 
 
 def test_a_preset_is_below_the_scenes_own_settings_and_survives_a_round_trip(scene_file, tmp_path):
-    scene_file.write_text('quality = "accurate"\n' + scene_file.read_text())
+    scene_file.write_text('quality = "accurate"\n' + scene_file.read_text() + "[paths]\nlevers = false\n")
     scene = Scene.load(scene_file)
-    assert scene.solver_of("spindle") == {"quality": "accurate", "iterations": 3}
-    assert Scene.load(scene.save(tmp_path / "again")).quality == "accurate"
+    pipeline = muscle_pipeline(scene, "spindle")
+    assert (pipeline.deformer.iterations, pipeline.taut_paths.levers) == (3, False)
+    assert pipeline.taut_paths.resolution == RESOLUTIONS["accurate"]
+    again = Scene.load(scene.save(tmp_path / "again"))
+    assert (again.quality, again.paths) == ("accurate", {"levers": False})
     assert Scene.load(replace(scene, quality=None).save(tmp_path / "none")).quality is None
 
 
 def test_an_unknown_preset_is_refused_with_the_nearest(scene_file):
     scene_file.write_text('quality = "balance"\n' + scene_file.read_text())
-    with pytest.raises(SceneError, match=r"quality: 'balance' is not allowed; did you mean 'balanced'\?"):
+    with pytest.raises(SceneError, match=r"quality: must be .*, not 'balance'; did you mean 'balanced'\?"):
         Scene.load(scene_file)
 
 
-def test_voxels_without_the_published_quality_are_refused(scene_file):
-    text = scene_file.read_text()
-    scene_file.write_text(text.replace("iterations = 3", 'iterations = 3\ncollision = "voxel"'))
-    with pytest.raises(SceneError, match="solver: collision is 'voxel', which goes with quality 'published'"):
+def with_deformer(scene_file, deformer, setting="iterations = 3", more=""):
+    text = scene_file.read_text().replace("iterations = 3", setting)
+    scene_file.write_text(f'deformer = "{deformer}"\n{more}{text}')
+    return scene_file
+
+
+def test_the_deformer_survives_a_round_trip(scene_file, tmp_path):
+    scene = Scene.load(with_deformer(scene_file, "none", setting=""))
+    assert scene.deformer == "none"
+    assert Scene.load(scene.save(tmp_path / "again")).deformer == "none"
+
+
+@pytest.mark.parametrize(
+    ("deformer", "setting", "more", "told"),
+    [
+        ("volume", "", "", r"deformer: must be .*, not 'volume'; .*paths, pbd, none"),
+        ("paths", "velocity_kept = 1.0", "", r"solver.velocity_kept: deformer 'paths' has no such setting"),
+        (
+            "none",
+            "iterations = 3",
+            "",
+            r"solver.iterations: deformer 'none' has no such setting; leave it out",
+        ),
+        ("paths", "", 'quality = "published"\n', r"quality: 'published' is a preset of deformer 'pbd'"),
+        ("none", "", 'muscle_contact = "on"\n', r"muscle_contact: deformer is 'none', so that no muscle has"),
+    ],
+)
+def test_settings_of_another_deformer_are_refused(scene_file, deformer, setting, more, told):
+    with pytest.raises(SceneError, match=told):
+        Scene.load(with_deformer(scene_file, deformer, setting, more))
+
+
+def test_a_muscles_own_setting_of_another_deformer_is_refused(scene_file):
+    text = scene_file.read_text().replace(
+        "[solver]", "[muscles.spindle.solver]\nvelocity_kept = 1.0\n[solver]"
+    )
+    scene_file.write_text(text)
+    with pytest.raises(SceneError, match=r"muscles.spindle.solver.velocity_kept: deformer 'paths'"):
         Scene.load(scene_file)
-    scene_file.write_text('quality = "published"\n' + scene_file.read_text())
-    assert Scene.load(scene_file).solver_of("spindle")["collision"] == "voxel"
 
 
-def test_the_option_takes_the_keys_place_and_tells_what_stays(scene_file, tmp_path):
-    arguments = ["run", scene_file, "--out", tmp_path / "out", "--frames", "0:2", "--no-figures"]
-    arguments = [*map(str, arguments), "--quality", "accurate"]
-    run = CliRunner().invoke(app, arguments, catch_exceptions=False)
+def ran(scene_file, out, *options):
+    """Return the output and the report of a run of two frames."""
+    arguments = ["run", scene_file, "--out", out, "--frames", "0:2", "--no-figures", *options]
+    run = CliRunner().invoke(app, list(map(str, arguments)), catch_exceptions=False)
+    return run, json.loads((out / "report.json").read_text()) if run.exit_code == 0 else {}
+
+
+def test_the_option_of_the_quality_takes_the_keys_place(scene_file, tmp_path):
+    run, report = ran(scene_file, tmp_path / "out", "--quality", "accurate")
     assert run.exit_code == 0
-    assert "solver.iterations = 3" in run.output
-    report = json.loads((tmp_path / "out/report.json").read_text())
-    settings = report["muscles"]["spindle"]["parameters"]["solver"]
-    assert settings["iterations"] == 3
-    assert settings["taut_resolution"] == PRESETS["accurate"]["taut_resolution"]
-    refused = CliRunner().invoke(app, [*arguments[:-1], "best"], catch_exceptions=False)
+    settings = report["muscles"]["spindle"]["parameters"]
+    assert settings["solver"]["iterations"] == 3
+    assert settings["paths"]["resolution"] == RESOLUTIONS["accurate"]
+    refused, _ = ran(scene_file, tmp_path / "other", "--quality", "best")
     assert refused.exit_code == 2
-    assert "'best' is not allowed" in refused.output
+    assert "not 'best'" in refused.output
+
+
+def test_the_option_of_the_deformer_takes_the_keys_place_and_gives_the_same_paths(scene_file, tmp_path):
+    with_deformer(scene_file, "paths", setting="")
+    outs = tmp_path / "paths", tmp_path / "none"
+    for out in outs:
+        run, report = ran(scene_file, out, "--deformer", out.name)
+        assert run.exit_code == 0, run.output
+        assert report["deformer"] == out.name
+    deformed, pulled = (Result.load(out).lengths["spindle"] for out in outs)
+    np.testing.assert_array_equal(pulled, deformed)
+    assert not (outs[1] / "spindle.pvd").exists()
+    refused, _ = ran(scene_file, tmp_path / "other", "--deformer", "pbx")
+    assert refused.exit_code == 2
+    assert "did you mean 'pbd'" in refused.output
+
+
+def test_lengths_of_a_scene_without_a_deformer_are_those_of_taut_paths(scene_file):
+    scene = Scene.load(with_deformer(scene_file, "none", setting=""))
+    result = scene.run(figures=False)
+    paths = muscle_pipeline(scene, "spindle").taut_paths
+    for lengths, time in zip(result.lengths["spindle"], result.times, strict=True):
+        known = cell_array(paths.update(time=time).output, "Length", "paths")
+        np.testing.assert_array_equal(lengths, known)

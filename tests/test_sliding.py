@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
+from phantoms import leg
 
 from vtkmuscle import Scene
 from vtkmuscle.core.bones.bone import Bone
 from vtkmuscle.core.motion.rigid import RigidMotion, rotation_about
 from vtkmuscle.data.arrays import surface_from
 from vtkmuscle.data.attachments import VIA, AttachmentArea, attachments_from, attachments_of
-from vtkmuscle.phantoms import leg
 from vtkmuscle.phantoms.implicit import thick_curve
 from vtkmuscle.phantoms.meshing import mesh_of, solid_of_revolution
 from vtkmuscle.run.limits import CHECKS
@@ -84,7 +84,7 @@ def cord_over(motion, rings=()):
     cord = surface_from(*mesh_of(thick_curve(line, radii), 2.5, 1500))
     areas = attachments_from([*attachments_of(phantom.attachments["vastus"], "test"), *rings])
     muscle = Muscle(cord, areas, {"n_fibres": 12})
-    result = Scene("slides", one.bones, {"cord": muscle}, motion, model="paths").run(figures=False)
+    result = Scene("slides", one.bones, {"cord": muscle}, motion, deformer="none").run(figures=False)
     return result.report["muscles"]["cord"]["verdict"]
 
 

@@ -11,7 +11,7 @@ SCRIPT = """
 import hashlib, threading
 from vtkmuscle.filters import (
     BoneMotion, FibreMetrics, FibreTemplateSource, FibreTransport, FibreTrimmer, FixedPointDetector,
-    PBDDeformer, SliceMorpher, TemplateFitter,
+    PathDeformer, SliceMorpher, TautPaths, TemplateFitter,
 )
 from vtkmuscle.data.arrays import points_of
 from vtkmuscle.phantoms import spindle_over_hinge, wrapping_cylinder
@@ -24,9 +24,10 @@ def connected(made, *inputs):
 def run(phantom, **parameters):
     (name, muscle), = phantom.muscles.items()
     attachments = phantom.attachments[name]
-    moving = connected(BoneMotion(motion=phantom.motion), phantom.bones)
+    posed = dict(rest_bones=phantom.bones, bones=BoneMotion(bones=phantom.bones, motion=phantom.motion))
     fixed = connected(FixedPointDetector(), muscle, phantom.bones, attachments)
-    deformed = connected(PBDDeformer(**parameters), fixed, moving)
+    paths = TautPaths(rest_muscle=fixed, **posed)
+    deformed = PathDeformer(muscle=fixed, paths=paths, **posed, **parameters)
     fitted = connected(TemplateFitter(), FibreTemplateSource(n_fibres=8), muscle, attachments)
     trimmed = connected(FibreTrimmer(), connected(SliceMorpher(), fitted, muscle), muscle, attachments)
     carried = connected(FibreTransport(), trimmed, muscle, deformed)

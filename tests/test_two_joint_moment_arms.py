@@ -18,7 +18,7 @@ def result(tmp_path_factory):
     tables = tomllib.loads(path.read_text())
     # The rest pose is in the middle of the upper joint's range: its 90 degrees are those from -40 on.
     grid = {"upper": [-40, 50, 10], "lower": [0, 90, 10]}
-    tables |= {"joints": JOINTS, "motion": {"grid": grid}, "model": "paths"}
+    tables |= {"joints": JOINTS, "motion": {"grid": grid}, "deformer": "none"}
     path.write_text(tomli_w.dumps(tables))
     with pytest.warns(UserWarning, match="from rest to the first frame"):
         return Scene.load(path).run()

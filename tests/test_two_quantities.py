@@ -49,7 +49,7 @@ def spindle():
 )
 def test_every_model_gives_the_same_paths(spindle, solver):
     """Those that the muscle is deformed with are the ones that are pulled alone."""
-    paths = replace(spindle, model="paths").run(figures=False)
+    paths = replace(spindle, deformer="none").run(figures=False)
     volume = replace(spindle, solver=solver).run(figures=False)
     np.testing.assert_allclose(volume.lengths["spindle"], paths.lengths["spindle"], atol=1e-6)
     mine, theirs = (one.moment_arms()["spindle"]["distal_angle"].arms for one in (volume, paths))
@@ -108,7 +108,7 @@ def test_lengths_and_arms_are_millimetres_whatever_the_scene_is_in(spindle):
     in_metres = replace(
         spindle,
         units="m",
-        model="paths",
+        deformer="none",
         bones={name: smaller(bone) for name, bone in spindle.bones.items()},
         muscles={"spindle": replace(muscle, surface=smaller(muscle.surface), attachments=areas)},
         motion=replace(
@@ -118,7 +118,7 @@ def test_lengths_and_arms_are_millimetres_whatever_the_scene_is_in(spindle):
             coordinates={"distal_angle": replace(coordinate, twists=twists)},
         ),
     )
-    result, known = (one.run(figures=False) for one in (in_metres, replace(spindle, model="paths")))
+    result, known = (one.run(figures=False) for one in (in_metres, replace(spindle, deformer="none")))
     np.testing.assert_allclose(result.lengths["spindle"], known.lengths["spindle"], rtol=1e-4)
     mine, theirs = (one.moment_arms()["spindle"]["distal_angle"].arms for one in (result, known))
     np.testing.assert_allclose(mine, theirs, atol=0.05)

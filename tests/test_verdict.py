@@ -24,7 +24,7 @@ from vtkmuscle.data.arrays import (
     triangles_of,
     with_points,
 )
-from vtkmuscle.filters import PBDDeformer
+from vtkmuscle.filters import PathDeformer
 from vtkmuscle.plotting import can_render
 from vtkmuscle.run.limits import BEYOND, CHECKS, FULL_SIZE, LONGEST, SHORTEST
 from vtkmuscle.run.measure import MuscleMeasure
@@ -386,7 +386,7 @@ def scene_file(tmp_path):
 
 def going_astray(monkeypatch, *, at, quiet=False):
     """Let the first muscle's solve fail at a time, or give a point that is not finite."""
-    whole, chosen = PBDDeformer.execute, []
+    whole, chosen = PathDeformer.execute, []
 
     def execute(self, *inputs):
         chosen.append(self) if not chosen else None
@@ -394,7 +394,7 @@ def going_astray(monkeypatch, *, at, quiet=False):
             raise ValueError("the muscle left the range of numbers; use a smaller force")
         return whole(self, *inputs)
 
-    monkeypatch.setattr(PBDDeformer, "execute", execute)
+    monkeypatch.setattr(PathDeformer, "execute", execute)
 
 
 def run(path, out, *options):

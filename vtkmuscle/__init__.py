@@ -15,7 +15,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from vtkmuscle._version import __version__
-from vtkmuscle.guesses import no_attribute
+from vtkmuscle.core.words import suggestion
 
 if TYPE_CHECKING:
     from vtkmuscle import filters, phantoms, pipelines, plotting
@@ -78,7 +78,7 @@ def __getattr__(name: str) -> Any:
         return import_module(f"vtkmuscle.{name}")
     if name in _SOURCES:
         return getattr(import_module(_SOURCES[name]), name)
-    raise no_attribute("vtkmuscle", name)
+    raise AttributeError(f"module 'vtkmuscle' has no attribute {name!r}; {suggestion(name, __all__)}")
 
 
 def __dir__() -> list[str]:

@@ -196,9 +196,9 @@ def compare(
             compared.literature.setdefault(side_apart(muscle), curves_for(curves, muscle=muscle))
     if opensim is not None:
         _add_model(compared, Path(opensim), next(iter(named.values())))
-    shared = any(len(runs) > 1 for known in compared.curves.values() for runs in known.values())
+    shared = any(len(runs) > 1 for curves in compared.curves.values() for runs in curves.values())
     if not shared and not any(compared.literature.values()):
-        listed = "; ".join(f"{name}: {', '.join(one.muscle_names)}" for name, one in named.items())
+        listed = "; ".join(f"{name}: {', '.join(result.muscle_names)}" for name, result in named.items())
         raise InputError("", f"no muscle is in two of the runs ({listed})", "muscles match by name")
     return compared
 
@@ -207,9 +207,9 @@ def _named(results: Sequence[Result | str | PathLike[str]]) -> dict[str, Result]
     if isinstance(results, str | PathLike):
         results = [results]
     named: dict[str, Result] = {}
-    for one in results:
-        result = Result.load(one) if isinstance(one, str | PathLike) else one
-        name = Path(one).name if isinstance(one, str | PathLike) else one.name
+    for run in results:
+        result = Result.load(run) if isinstance(run, str | PathLike) else run
+        name = Path(run).name if isinstance(run, str | PathLike) else run.name
         number = sum(other == name or other.startswith(f"{name} (") for other in named)
         named[f"{name} ({number + 1})" if number else name] = result
     return named
@@ -235,8 +235,8 @@ def curves_of(result: Result, muscle: str) -> list[Curve]:
             times = np.asarray(result.times[: len(lengths[muscle])], dtype=np.float64)
             curves.append(_curve((quantity, _without_side(result.time_label), "mm"), times, lengths[muscle]))
     arms = result.moment_arms() if result.has_moment_arms else {}
-    for name, one in arms[muscle].items() if muscle in arms else ():
-        curves.append(_curve(_arm_labels(name, one.unit), one.values, one.arms))
+    for name, joint in arms[muscle].items() if muscle in arms else ():
+        curves.append(_curve(_arm_labels(name, joint.unit), joint.values, joint.arms))
     return curves
 
 
@@ -248,8 +248,8 @@ def curves_of_model(model: OsimModel, muscle: str, result: Result) -> list[Curve
     path, tree = model.muscle(muscle).path, model.tree
     frames, coordinates = list(result.frames), result.motion.coordinates
     values = {
-        name: np.asarray(one.values)[frames] * (ANGLES.get(one.unit) or 1.0 / _MILLIMETRES)
-        for name, one in coordinates.items()
+        name: np.asarray(coordinate.values)[frames] * (ANGLES.get(coordinate.unit) or 1.0 / _MILLIMETRES)
+        for name, coordinate in coordinates.items()
         if name in tree.free
     }
     if not values:
@@ -258,10 +258,12 @@ def curves_of_model(model: OsimModel, muscle: str, result: Result) -> list[Curve
     times = np.asarray(result.times, dtype=np.float64)
     curves = [_curve((_LENGTH, _without_side(result.time_label), "mm"), times, lengths)]
     for name in values:
-        one = coordinates[name]
-        if one.changes and one.unit in ANGLES:
+        coordinate = coordinates[name]
+        if coordinate.changes and coordinate.unit in ANGLES:
             arms = _MILLIMETRES * moment_arm(path, tree, values, name)[:, None]
-            curves.append(_curve(_arm_labels(name, one.unit), np.asarray(one.values)[frames], arms))
+            curves.append(
+                _curve(_arm_labels(name, coordinate.unit), np.asarray(coordinate.values)[frames], arms)
+            )
     return curves
 
 

@@ -13,7 +13,6 @@ from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet
 from vtkmuscle.core.words import names as as_names
 from vtkmuscle.core.words import suggestion
 from vtkmuscle.data.arrays import blocks_of
-from vtkmuscle.guesses import WithHints
 from vtkmuscle.run.options import RunOptions
 from vtkmuscle.run.result import Result
 from vtkmuscle.run.steps import run_scene
@@ -31,7 +30,7 @@ _MOST_LISTED = 8
 
 
 @dataclass(frozen=True, eq=False)
-class Scene(SceneData, WithHints):
+class Scene(SceneData):
     """Bones, muscles and a motion, checked and ready to run.
 
     All lengths are in the scene's unit: coordinates, translations, and settings such as a tolerance.

@@ -10,9 +10,9 @@ strokes are coloured by their angle to the aponeuroses. For FEBio see
 
 import numpy as np
 import pyvista as pv
+from belly import pennate_belly
 
 from vtkmuscle.filters import FibreField, FibreSource
-from vtkmuscle.phantoms import pennate_belly
 
 phantom = pennate_belly()
 muscle = phantom.muscles["belly"]

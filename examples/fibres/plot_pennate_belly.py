@@ -10,10 +10,10 @@ lengths and angles are known.
 
 import numpy as np
 import pyvista as pv
+from belly import pennate_belly
 from matplotlib.colors import hsv_to_rgb
 
 from vtkmuscle.filters import FibreMetrics, FibreSource
-from vtkmuscle.phantoms import pennate_belly
 
 phantom = pennate_belly()
 muscle, attachments = phantom.muscles["belly"], phantom.attachments["belly"]

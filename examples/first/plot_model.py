@@ -10,8 +10,10 @@ the paths stay where they are (:doc:`/explanation/model`).
 import numpy as np
 import pyvista as pv
 
-from vtkmuscle.core.mesh.surface import signed_volume
-from vtkmuscle.filters import BoneMotion, FixedPointDetector, PBDDeformer, TautFibres
+from vtkmuscle.core.mesh.surface import mean_thickness, signed_volume
+from vtkmuscle.core.paths.lines import bones_at_ends
+from vtkmuscle.core.skinning.skinning import Skinning
+from vtkmuscle.filters import BoneMotion, FixedPointDetector, PathDeformer, TautPaths
 from vtkmuscle.phantoms import wrapping_cylinder
 from vtkmuscle.pipelines import decompose
 
@@ -21,13 +23,21 @@ areas = phantom.attachments[name]
 fixed = FixedPointDetector()(muscle, phantom.bones, areas)
 bones = BoneMotion(bones=phantom.bones, motion=phantom.motion)
 fibres = decompose(fixed, areas, n_fibres=60)
-settled = PBDDeformer(muscle=fixed, bones=bones, fibres=fibres).apply(time=60.0)
-paths = TautFibres(rest_fibres=fibres, rest_muscle=fixed, bones=bones).apply(time=60.0)
-carried = settled.copy()
-carried.points = settled.point_data["Carried"]
+posed = {"rest_bones": phantom.bones, "bones": bones}
+taut = TautPaths(rest_fibres=fibres, rest_muscle=fixed, **posed)
+settled = PathDeformer(muscle=fixed, paths=taut, **posed).apply(time=60.0)
+paths = taut.apply(time=60.0)
 
-triangles = settled.regular_faces
-rest = signed_volume(pv.wrap(muscle).points, triangles)
+# PathDeformer skins and settles; the surface in between comes from its mathematics.
+points, triangles, fixed_to = pv.wrap(fixed).points, settled.regular_faces, settled["FixedTo"].astype(int)
+at_rest, now = (each.reshape(paths.n_cells, -1, 3) for each in (paths["RestPosition"], paths.points))
+ends = bones_at_ends(at_rest, points, fixed_to)
+transforms = np.array([bone.field_data["Transform"].reshape(4, 4) for bone in bones.apply(time=60.0)])
+skinning = Skinning(at_rest, ends, points, fixed_to, mean_thickness(points, triangles))
+carried = settled.copy()
+carried.points = skinning.at(now, transforms).surface
+
+rest = signed_volume(points, triangles)
 for what, surface in (("taken along", carried), ("settled", settled)):
     print(f"{what}: volume {100.0 * (signed_volume(surface.points, triangles) / rest - 1.0):+.2g} %")
 

@@ -3,7 +3,7 @@ A gait cycle on a whole leg
 ===========================
 
 A model of OpenSim has the joints of a leg, a ``.mot`` file its walk, and the scene names both: it needs no
-OpenSim to be run. Bones and muscles are those of :func:`vtkmuscle.phantoms.leg`; the walk is two harmonics
+OpenSim to be run. Bones and muscles are those of ``leg.py`` beside this script; the walk is two harmonics
 per joint, made to look like walking and measured on nobody. With your own files, begin at the scene.
 """
 
@@ -15,11 +15,10 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pyvista as pv
 import tomli_w
+from leg import JOINTS, leg, leg_tree
 
 from vtkmuscle import Scene
 from vtkmuscle.opensim import osim_of
-from vtkmuscle.opensim.leg_tree import leg_tree
-from vtkmuscle.phantoms.leg import JOINTS, leg
 
 folder = Path(tempfile.mkdtemp())
 scene_file = Scene.from_phantom(leg(coordinates=[(0, 0, 0)]), n_fibres=4).save(folder)
@@ -35,7 +34,7 @@ walk = np.vstack([cycle, np.array([hip, knee, ankle]) @ waves]).T
 columns = "inDegrees=yes\nendheader\ntime " + " ".join(JOINTS)
 np.savetxt(folder / "walk.mot", walk, header=columns, comments="")
 model = {"model": "leg.osim", "bodies": {"pelvis": "ground"}}
-tables = {"opensim": model, "motion": {"file": "walk.mot"}, "model": "paths"}
+tables = {"opensim": model, "motion": {"file": "walk.mot"}, "deformer": "none"}
 scene_file.write_text(tomli_w.dumps(tomllib.loads(scene_file.read_text()) | tables))
 result = Scene.load(scene_file).run()
 

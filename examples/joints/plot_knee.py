@@ -12,10 +12,10 @@ same range, and :doc:`/validation/how_right` has five more muscles. Here the con
 import matplotlib.pyplot as plt
 import numpy as np
 import pyvista as pv
+from leg import leg
 
 from vtkmuscle import RigidMotion, Scene
 from vtkmuscle.core.motion.coordinates import Coordinate
-from vtkmuscle.phantoms import leg
 from vtkmuscle.phantoms.hip_bones import CONDYLE
 
 flexion = np.arange(0.0, 91.0, 7.5)
@@ -28,7 +28,7 @@ knee = RigidMotion(
 )
 crossing = ("rectus_femoris", "vastus", "biceps_femoris", "semitendinosus", "gastrocnemius")
 whole = Scene.from_phantom(phantom, n_fibres=12)
-scene = Scene("knee", whole.bones, {name: whole.muscles[name] for name in crossing}, knee, model="paths")
+scene = Scene("knee", whole.bones, {name: whole.muscles[name] for name in crossing}, knee, deformer="none")
 result = scene.run()
 
 # %%

@@ -15,17 +15,16 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 import numpy as np
 import tomli_w
+from leg import leg, leg_tree
 
 from vtkmuscle import Scene
 from vtkmuscle.opensim import osim_of, read_osim, write_opensim
-from vtkmuscle.opensim.leg_tree import leg_tree
 from vtkmuscle.opensim.muscle_paths import moment_arm
-from vtkmuscle.phantoms.leg import leg
 
 folder = Path(tempfile.mkdtemp())
 scene_file = Scene.from_phantom(leg(coordinates=[(0, 0, 0)]), n_fibres=12).save(folder)
 (folder / "leg.osim").write_text(osim_of(leg_tree()))
-tables = tomllib.loads(scene_file.read_text()) | {"model": "paths"}
+tables = tomllib.loads(scene_file.read_text()) | {"deformer": "none"}
 tables["opensim"] = {"model": "leg.osim", "bodies": {"pelvis": "ground"}}
 tables["motion"] = {"grid": {"hip_flexion": [0, 60, 10], "knee_flexion": [0, 60, 10]}}
 hill = {"optimal_fibre_length": 80, "tendon_slack_length": 415, "pcsa": 14, "specific_tension": 61}

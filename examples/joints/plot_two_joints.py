@@ -15,11 +15,11 @@ from pathlib import Path
 
 import matplotlib.pyplot as plt
 import tomli_w
+from leg import leg
 
 from vtkmuscle import Scene
 from vtkmuscle.opensim import read_osim, write_opensim
 from vtkmuscle.opensim.muscle_paths import moment_arm
-from vtkmuscle.phantoms import leg
 
 phantom = leg()
 folder = Path(tempfile.mkdtemp())
@@ -37,7 +37,7 @@ hip |= {"type": "pin", "coordinates": {"hip_flexion": {"positive": "flexion", "r
 knee |= {"type": "pin", "coordinates": {"knee_angle": {"positive": "flexion", "range": [0, 90]}}}
 tables["joints"] = {"hip": hip, "knee": knee}
 tables["motion"] = {"grid": {"hip_flexion": [0, 50, 10], "knee_angle": [0, 60, 10]}}
-tables["model"] = "paths"
+tables["deformer"] = "none"
 scene_file.write_text(tomli_w.dumps(tables))
 result = Scene.load(scene_file).run()
 arms = result.moment_arms()["rectus_femoris"]

@@ -7,7 +7,7 @@ The pipelines of the guide "Write a pipeline": from three lines to one that bran
 
 import pyvista as pv
 
-from vtkmuscle.filters import BoneMotion, FibreMetrics, FibreTransport, FixedPointDetector, PBDDeformer
+from vtkmuscle.filters import BoneMotion, FibreMetrics, FixedPointDetector, PathDeformer, TautPaths
 from vtkmuscle.phantoms import hip, spindle_over_hinge
 from vtkmuscle.pipelines import decompose, deform
 from vtkmuscle.plotting import choose_view, make_plotter
@@ -28,7 +28,7 @@ plotter.view_vector((1.0, -0.6, 0.1), viewup=(0, 0, 1))
 plotter.show()
 
 # %%
-# One BoneMotion moves the bones for two muscles; each muscle's fixed points go to two filters:
+# One BoneMotion moves the bones for two muscles; each muscle's fixed points go to three filters:
 
 phantom = hip()
 bones = phantom.bones
@@ -38,9 +38,10 @@ for name in ("gluteus_medius", "iliacus"):
     attachments = phantom.attachments[name]
     fixed = FixedPointDetector(muscle=phantom.muscles[name], bones=bones, attachments=attachments)
     fibres = decompose(fixed, attachments, template=phantom.templates[name], n_fibres=40)
-    deformed[name] = PBDDeformer(muscle=fixed, bones=moving, fibres=fibres)
-    carried = FibreTransport(rest_fibres=fibres, rest_muscle=fixed, deformed_muscle=deformed[name])
-    measured[name] = carried >> FibreMetrics()
+    posed = {"rest_bones": bones, "bones": moving}
+    paths = TautPaths(rest_fibres=fibres, rest_muscle=fixed, attachments=attachments, **posed)
+    deformed[name] = PathDeformer(muscle=fixed, paths=paths, fibres=fibres, **posed)
+    measured[name] = FibreMetrics(fibres=deformed[name].GetOutputPort(1))
 
 for name, chain in measured.items():
     lengths = [f"{chain.apply(time=angle)['Length'].mean():.1f}" for angle in (0.0, 30.0)]

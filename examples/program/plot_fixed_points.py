@@ -2,8 +2,8 @@
 Bones as voxels, and points that are fixed to bones
 ====================================================
 
-Figures 3 to 5 of Kohout and Cervenka 2021, on the phantom hip. A bone can be cut into voxels for collisions
-(:class:`~vtkmuscle.filters.PBDDeformer` with ``collision="voxel"``): here as many as in the paper.
+Figures 3 to 5 of Kohout and Cervenka 2021, on the phantom hip. A bone can be cut into voxels
+(:class:`~vtkmuscle.filters.FixedPointDetector` with ``method="collision"``): here as many as in the paper.
 """
 
 import numpy as np

@@ -156,7 +156,7 @@ def test_one_more_settling_per_frame_is_counted(guard, work, monkeypatch):
     """Plant what the guard is there for: a step that does its work twice."""
     import work_counts
 
-    from vtkmuscle.core.deformation.settling import Settling
+    from vtkmuscle.core.skinning.settling import Settling
 
     settle = Settling.settle
 

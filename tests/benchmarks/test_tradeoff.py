@@ -13,7 +13,7 @@ from tiny_scene import write_tiny_scene
 
 from vtkmuscle import Scene
 from vtkmuscle.data.arrays import surface_from
-from vtkmuscle.filters.deformer.settings import PRESETS
+from vtkmuscle.pipelines import QUALITIES
 
 FOLDER = Path(__file__).parents[2] / "benchmarks"
 
@@ -61,19 +61,22 @@ def test_every_setting_of_the_grid_can_be_made_and_has_a_name_of_its_own(tradeof
     settings = tradeoff.grid()
     names = [setting.name for setting in settings]
     assert len(set(names)) == len(names)
-    assert names[: len(PRESETS)] == list(PRESETS)
+    assert names[: len(QUALITIES)] == list(QUALITIES)
     for setting in settings:
         changed = setting.of(scene)  # raises for what is wrong
         if "=" in setting.name:
             name, value = setting.name.split("=")
             given = {**changed.solver_of("spindle"), **changed.muscles["spindle"].fibres}
+            given |= {f"paths.{key}": one for key, one in (changed.paths or {}).items()}
             assert str(given[name]) == value
 
 
 def test_settings_take_the_place_of_those_that_trade_speed_and_no_others(tradeoff, scene):
-    own = replace(scene, solver={"iterations": 7, "stiffness": 0.5}, quality="preview")
-    changed = tradeoff.Setting("a", "a", {"taut_resolution": 8}).of(own)
-    assert changed.solver == {"stiffness": 0.5, "taut_resolution": 8}
+    solver, paths = {"iterations": 7, "bone_clearance": 0.5}, {"resolution": 20, "levers": False}
+    own = replace(scene, solver=solver, paths=paths, quality="preview")
+    changed = tradeoff.Setting("a", "a", {"iterations": 9}, paths={"resolution": 8}).of(own)
+    assert changed.solver == {"bone_clearance": 0.5, "iterations": 9}
+    assert changed.paths == {"levers": False, "resolution": 8}
     assert changed.quality is None
 
 

@@ -9,7 +9,9 @@ Extremes
 ========
 
 Input that no real muscle has, and how the filters handled it. Each case ended with finite numbers
-and a report that agrees with the geometry, or with an error that says what to change. "Worst" is the largest
+and a report that agrees with the geometry, or with an error that says what to change. The stable modes of the
+deformer also keep the volume within 1e-6, each edge within 12 times its length, at most 12 edges folded, and,
+from 10 iterations on, 95 % of the angles within 30 degrees. "Worst" is the largest
 value of what is named beside it over all cases of a row: an error where two results must be equal, else a
 figure that says how far the shape is from rest. {modes}
 
@@ -21,15 +23,15 @@ docs/validation/extremes.rst``; {other}.
 LONG = {
     "form": "long",
     "option": " --long",
-    "modes": "Where nothing else is said, the default with and without bones, and the published model\n"
-    "with and without bones and anisotropy were tried.",
+    "modes": "Where nothing else is said, the stable modes with and without bones and anisotropy were\n"
+    "tried, and the published one with and without bones.",
     "other": "the normal run of the tests has a short form of it",
 }
 SHORT = {
     "form": "short",
     "option": "",
-    "modes": "Where nothing else is said, the default with and without bones, and the published model\n"
-    "with and without bones and anisotropy were tried.",
+    "modes": "Where nothing else is said, the stable modes with and without bones and anisotropy were\n"
+    "tried, and the published one with and without bones.",
     "other": "with ``--long`` it tries more examples, and meshes of up to a million triangles",
 }
 

@@ -2,15 +2,19 @@
 
 import numpy as np
 import pytest
+import pyvista as pv
 import scenes
 from hypothesis import given, seed, settings
 from hypothesis import strategies as st
 from scenes import bending, box, figure, fixed_ends, run, tube
-
 from vtkmuscle.core.deformation.settling import Settling
+
+from vtkmuscle import Scene
 from vtkmuscle.core.mesh.rest_shape import RestShape
 from vtkmuscle.core.mesh.surface import edge_lengths, mesh_topology, signed_volume, unique_edges
 from vtkmuscle.core.motion.rigid import apply_transform, inverse, rotation_about
+from vtkmuscle.data.arrays import points_of
+from vtkmuscle.filters import BoneMotion, FixedPointDetector, PBDDeformer
 
 VOLUME = "V/V0 - 1"
 STRETCH = "longest edge, l/l0"
@@ -24,6 +28,8 @@ def volume_error(out):
 def test_a_step_at_once(angle, ledger):
     for mode in scenes.MODES:
         _, out = run(tube(), bending(angle), **mode)
+        if mode in scenes.STABLE:
+            scenes.check_shape(tube()[0], out, 0 if angle > 90 else scenes.ITERATIONS)
         ledger.passed("Steps at once", f"{angle} degrees", VOLUME, volume_error(out))
 
 
@@ -32,6 +38,8 @@ def test_a_mesh(what, ledger):
     mesh = scenes.MESHES[what]()
     for mode in scenes.MODES:
         _, out = run(mesh, bending(10, 20), **mode)
+        if mode in scenes.STABLE and what not in scenes.NO_MUSCLES:
+            scenes.check_shape(mesh[0], out)
         ledger.passed("Meshes", what, STRETCH, figure(out, "EdgeStretchMax"))
 
 
@@ -113,7 +121,9 @@ def test_a_force_beyond_all_numbers(ledger):
 @pytest.mark.parametrize("iterations", [1, 100, 1000, 10_000])
 def test_iterations(iterations, long, ledger):
     for mode in scenes.MODES[:: 1 if long or iterations <= 100 else 4]:
-        _, out = run(tube(), bending(20), iterations=iterations, **mode)
+        _, out = run(tube(), bending(20), **{**mode, "iterations": iterations})
+        if mode in scenes.STABLE:
+            scenes.check_shape(tube()[0], out, iterations)
         ledger.passed("Settings", f"iterations: {iterations}", VOLUME, volume_error(out))
 
 
@@ -187,6 +197,47 @@ def test_another_place(what, ledger):
             ledger.passed("Units and places", what, "largest difference [mm]", error)
         # Rounding decides which face of a voxel stops a point that comes to an edge of it.
         assert error <= (0.05 * VOXEL if turned else 1e-6), mode
+
+
+# ---------------------------------------------------------------- muscles, and spindles of their size
+
+
+@pytest.mark.parametrize("iterations", [1, 3, 10, 100])
+@pytest.mark.parametrize("step", [10, 45])
+@pytest.mark.parametrize("triangles", [1000, 3000, 8000])
+def test_a_spindle_of_a_muscle_s_size(triangles, step, iterations, ledger):
+    """8000 triangles are solved on two levels."""
+    around = round((triangles / 4) ** 0.5)
+    mesh = tube(rings=triangles // (2 * around), around=around)
+    angles = range(step, 91, step)
+    _, out = run(mesh, bending(*angles), iterations=iterations)
+    scenes.check_shape(mesh[0], out, iterations)
+    ledger.passed(
+        "Muscles", f"a spindle of {triangles} triangles, 90 degrees", STRETCH, figure(out, "EdgeStretchMax")
+    )
+
+
+@pytest.mark.realdata
+@pytest.mark.parametrize("iterations", [1, 10])
+@pytest.mark.parametrize("step", [10, 45])
+@pytest.mark.parametrize("triangles", [1000, 3000])
+@pytest.mark.parametrize("name", ["gluteus_maximus", "gluteus_medius", "iliacus", "adductor_brevis"])
+def test_a_muscle_of_the_hip(lhdl_hip, name, triangles, step, iterations, ledger):
+    scene = Scene.load(lhdl_hip / "scene_lite.toml")
+    bones, areas = scene.bones_data(), scene.attachments_data(name)
+    surface = pv.read(lhdl_hip / "muscles_lite" / f"{name}_{triangles}.vtp")
+    motion = scene.motion.part(np.unique(np.append(np.arange(0, 45, step // 2), 45)))
+    deformer = PBDDeformer(
+        muscle=FixedPointDetector().apply(surface, bones, areas),
+        rest_bones=bones,
+        bones=BoneMotion(bones=bones, motion=motion),
+        iterations=iterations,
+        measure_penetration=True,
+    )
+    for time in motion.times[1:]:
+        out = deformer.update(float(time)).output
+        scenes.check_shape(points_of(surface), out, iterations)
+        ledger.passed("Muscles", f"{name}, {triangles} triangles", STRETCH, figure(out, "EdgeStretchMax"))
 
 
 # ---------------------------------------------------------------- states that no motion leads to

@@ -1,6 +1,7 @@
 """A small example of everything that filters take, for the contract suite: found by a port's name."""
 
 import numpy as np
+from phantoms import label_map, spindle_over_hinge
 from vtkmodules.vtkFiltersSources import vtkSphereSource
 
 from vtkmuscle.core.motion.rigid import RigidMotion, apply_transform
@@ -16,7 +17,6 @@ from vtkmuscle.data.arrays import (
     with_points,
 )
 from vtkmuscle.data.attachments import Aponeurosis, aponeuroses_data
-from vtkmuscle.phantoms import label_map, spindle_over_hinge
 
 PHANTOM = spindle_over_hinge()
 #: Pipeline times that time-dependent examples announce.
@@ -57,6 +57,14 @@ def deformed_muscle():
     points = points_of(PHANTOM.muscles["spindle"])
     points[:, 1] -= 0.002 * (points[:, 2] - 80) ** 2
     return with_points(muscle(), points)
+
+
+def carried_muscle(time=4.0):
+    """Return the fixed muscle where the lower bone takes it, more and more from above to below."""
+    points = points_of(PHANTOM.muscles["spindle"])
+    (transform,) = PHANTOM.motion.at(time).values()
+    part = np.clip((80.0 - points[:, 2:]) / 140.0, 0.0, 1.0)
+    return with_points(fixed_muscle(), points + part * (apply_transform(transform, points) - points))
 
 
 def neighbours(time=4.0):
@@ -175,9 +183,9 @@ EXAMPLES = {
     "rest_bones": rest_bones,
     "FixedPointDetector.bones": rest_bones,
     "muscle": fixed_muscle,
+    "start": carried_muscle,
     "rest_muscle": fixed_muscle,
     "deformed_muscle": deformed_muscle,
-    "start": deformed_muscle,
     "attachments": attachments,
     "neighbours": neighbours,
     "template": template,
@@ -193,7 +201,7 @@ EXAMPLES = {
 }
 
 #: What changes with the pipeline's time.
-MOVING = {moving_bones, neighbours, paths}
+MOVING = {moving_bones, carried_muscle, neighbours, paths}
 
 #: Values of parameters that are objects, by their class.
 OBJECTS = {RigidMotion: PHANTOM.motion}

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from phantoms import leg
 
 from vtkmuscle import Scene
 from vtkmuscle.core.mesh.normals import triangle_normals
@@ -19,7 +20,6 @@ from vtkmuscle.data.attachments import attachments_from, attachments_of
 from vtkmuscle.filters.attachment_estimator import AttachmentEstimator
 from vtkmuscle.filters.fixed_point_detector import FixedPointDetector
 from vtkmuscle.io import read_surface
-from vtkmuscle.phantoms import leg
 
 
 def estimate(muscle, bones, **parameters):

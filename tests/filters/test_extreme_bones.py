@@ -19,9 +19,8 @@ from vtkmuscle.data.arrays import (
     with_points,
 )
 from vtkmuscle.filters.bone_motion import BoneMotion
-from vtkmuscle.filters.pbd_deformer import PBDDeformer
-
-BOTH = pytest.mark.parametrize("collision", ["sdf", "voxel"])
+from vtkmuscle.filters.path_deformer import PathDeformer
+from vtkmuscle.filters.taut_paths import TautPaths
 
 
 def muscle():
@@ -59,16 +58,15 @@ BAR = box([-40, 14, 0], [40, 24, 10])  # beside the muscle, along x
 ANCHOR = box([-5, -5, -80], [5, 5, -60])
 
 
-def deformed(bar, path, *, collision, more=(), **settings):
+def deformed(bar, path, *, more=(), **settings):
     """Return the muscle after the bone ``bar`` went along a path of transforms, and the bones with it."""
     blocks = {"anchor": surface_from(*ANCHOR), "bar": surface_from(*bar)}
     blocks.update({f"more {k}": surface_from(*bone) for k, bone in enumerate(more)})
-    moving = BoneMotion(motion=RigidMotion(np.arange(float(len(path))), {"bar": np.array(path)}))
-    moving.connect(0, multiblock_from(blocks))
-    model = {"quality": "published", "iterations": 10} if collision == "voxel" else {}
-    deformer = PBDDeformer(**model, n_voxels=30**3, **settings)
-    deformer.connect(0, muscle())
-    deformer.connect(1, moving)
+    bones = multiblock_from(blocks)
+    motion = RigidMotion(np.arange(float(len(path))), {"bar": np.array(path)})
+    posed = {"rest_bones": bones, "bones": BoneMotion(bones=bones, motion=motion)}
+    paths = TautPaths(rest_muscle=muscle(), **posed)
+    deformer = PathDeformer(muscle=muscle(), paths=paths, measure_shape=True, **posed, **settings)
     out = deformer.update(time=float(len(path) - 1)).output
     for name in ("VolumeRatio", "EdgeStretchMax"):
         assert np.isfinite(field_array(out, name)).all()
@@ -91,43 +89,22 @@ def depth_in_bar(points, transform=None):
     return float(np.minimum(at_rest - low, high - at_rest).min(axis=1).max())
 
 
-def test_a_bone_that_jumps_200_mm_through_the_published_muscle_in_one_step():
-    path = [moved(0, 0, 0), moved(0, -200.0, 0)]
-    with pytest.warns(UserWarning, match=r"block 'bar': it moved 2\d\d mm .* but is 10 mm thick") as told:
-        out = deformed(BAR, path, collision="voxel")
-    assert len([w for w in told if "it moved" in str(w.message)]) == 1
-    assert depth_in_bar(free_points(out), path[-1]) <= 0.1
-
-
 def test_a_bone_that_jumps_through_the_muscle_leaves_it_as_the_pose_has_it():
     """What a bone did on its way is no matter of the pose."""
-    out = deformed(BAR, [moved(0, 0, 0), moved(0, -200.0, 0)], collision="sdf")
+    out = deformed(BAR, [moved(0, 0, 0), moved(0, -200.0, 0)])
     assert np.abs(point_array(out, "Displacement", "")).max() < 1e-6
 
 
-@BOTH
-def test_a_muscle_that_a_bone_swallows_whole(collision):
-    """The bone drops over the muscle; with signed distances all of it comes out again."""
+def test_a_muscle_that_a_bone_drops_over_comes_out_again():
     block = box([-60, 100, -60], [60, 220, 60])
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always")
-        out = deformed(block, [moved(0, 0, 0), moved(0, -160, 0)], collision=collision)
-    *jumped, swallowed = sorted((str(w.message).split("'bar': ")[1] for w in caught), reverse=True)
-    assert re.match(r"\d+ of the muscle's \d+ free points were in it", swallowed)
-    if collision == "sdf":
-        assert not jumped
-        assert (np.abs(free_points(out)) >= 59.9).any(axis=1).mean() > 0.99
-    else:
-        assert re.match(r"it moved 160 mm .* is 120 mm thick", jumped[0])
+    out = deformed(block, [moved(0, 0, 0), moved(0, -160, 0)])
+    assert (np.abs(free_points(out)) >= 59.9).any(axis=1).mean() > 0.99
 
 
-@BOTH
-def test_a_muscle_in_a_bone_at_rest_stays_and_that_is_told(collision):
+def test_a_muscle_in_a_bone_at_rest_stays_and_that_is_told():
     block = box([-60, -60, -60], [60, 60, 60])
-    with pytest.warns(
-        UserWarning, match=r"block 'bar': \d+ of the muscle's \d+ free points (are|were) in it"
-    ):
-        out = deformed(block, [moved(0, 0, 0)], collision=collision)
+    with pytest.warns(UserWarning, match=r"'bar': \d+ of the muscle's \d+ free points are in it"):
+        out = deformed(block, [moved(0, 0, 0)])
     assert np.abs(point_array(out, "Displacement", "")).max() < 1e-6
 
 
@@ -158,25 +135,22 @@ FAULTS = {
 }
 
 
-@BOTH
 @pytest.mark.parametrize("fault", FAULTS)
-def test_a_bone_that_is_not_as_it_should_be(fault, collision):
+def test_a_bone_that_is_not_as_it_should_be(fault):
     bone, told = FAULTS[fault]
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
-        out = deformed(bone, press(), collision=collision, bone_push="transform")
+        out = deformed(bone, press())
     messages = [str(w.message) for w in caught]
     assert (messages == []) == (told is None)
     assert all(re.search(told, message) for message in messages)
     if fault != "a sheet":  # nothing is in it
         assert field_array(out, "CollidingPoints")[0] > 0
     if fault in ("open", "inside out", "one turned", "two overlapping", "zero area"):
-        # As from the bone in good order. Voxels keep points out of all that they touch.
-        assert depth_in_bar(free_points(out), press()[-1]) <= (0.1 if collision == "sdf" else 0.0)
+        assert depth_in_bar(free_points(out), press()[-1]) <= 0.1  # as from the bone in good order
 
 
-@BOTH
-def test_fifty_bones(collision):
+def test_fifty_bones():
     more = [box([30 * k - 750, -300, -5], [30 * k - 730, -13.5, 5]) for k in range(48)]
-    out = deformed(BAR, press(), collision=collision, more=more, bone_push="transform")
+    out = deformed(BAR, press(), more=more)
     assert field_array(out, "CollidingPoints")[0] > 0

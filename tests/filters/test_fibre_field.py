@@ -1,14 +1,14 @@
 import numpy as np
 import pytest
 import pyvista as pv
-from phantoms import fibre_block
+from belly import ADVANCE, GAIN, THICKNESS
+from phantoms import fibre_block, pennate_belly
 from phantoms.winding_spindle import LENGTH, winding_fibre, winding_fibres, winding_surface
 from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 
 from vtkmuscle.data.arrays import Polylines, points_of, polylines_from, with_points
 from vtkmuscle.filters import FibreField, FibreSource, FibreTransport
-from vtkmuscle.phantoms import pennate_belly, spindle_over_hinge
-from vtkmuscle.phantoms.fibre_bodies import ADVANCE, GAIN, THICKNESS
+from vtkmuscle.phantoms import spindle_over_hinge
 
 #: The block's sides [mm].
 SIDES = np.array([20.0, 40.0, 120.0])

@@ -4,9 +4,19 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
-from vtkmodules.vtkCommonDataModel import vtkPolyData
+from vtkmodules.vtkCommonCore import vtkWeakReference
+from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
-from vtkmuscle.data.arrays import field_array, points_of, set_field_array, surface_from, with_points
+from vtkmuscle.data.arrays import (
+    add_arrays,
+    field_array,
+    points_of,
+    set_field_array,
+    shallow_copy,
+    surface_from,
+    with_points,
+)
+from vtkmuscle.filters import BoneMotion
 from vtkmuscle.filters.base.filter import Filter
 from vtkmuscle.filters.base.history import HistoryFilter
 from vtkmuscle.filters.base.parameters import Parameter
@@ -112,3 +122,36 @@ def test_the_times_are_those_of_the_moving_input(total):
     total.UpdateInformation()
     info = total.GetOutputInformation(0)
     assert info.Get(total.GetExecutive().TIME_STEPS()) == (0.0, 1.0, 2.0, 3.0)
+
+
+class Turn(HistoryFilter[Total]):
+    """Count the poses of bones."""
+
+    checkpoint_memory = Parameter(float, default=100.0, minimum=0.0, units="MB", doc="Memory for frames.")
+    bones = InputPort(vtkMultiBlockDataSet, doc="The bones.")
+    output = OutputPort(vtkPolyData, doc="A bone, with the field array ``Sum``.")
+    moving = ("bones",)
+
+    def execute(self, bones):
+        frame = self.frame((bones,), lambda before, _: Total(1.0 + (before.value if before else 0.0)))
+        return add_arrays(shallow_copy(bones.GetBlock(0)), fields={"Sum": frame.value})
+
+
+def test_data_on_the_way_are_freed_before_the_update_ends(spindle):
+    moved, alive = [], []
+
+    class Observed(BoneMotion):
+        """Keep weak references to its results."""
+
+        def execute(self, bones):
+            alive.append(sum(result.Get() is not None for result in moved))
+            result = super().execute(bones)
+            for data in (result, result.GetBlock(1)):
+                moved.append(vtkWeakReference())
+                moved[-1].Set(data)
+            return result
+
+    turn = Turn(bones=Observed(bones=spindle.bones, motion=spindle.motion))
+    count = len(spindle.motion.times)
+    assert sum_at(turn, spindle.motion.times[-1]) == len(alive) == count > 10
+    assert max(alive) <= 2

@@ -12,7 +12,7 @@ BENCHMARK = Path(__file__).resolve().parents[2] / "benchmarks" / "bench_penetrat
 
 
 #: P21's own way: Algorithm 2 with voxels.
-P21 = {"quality": "published"}
+P21 = {"deformer": "pbd", "quality": "published"}
 
 
 @pytest.fixture

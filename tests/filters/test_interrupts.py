@@ -24,7 +24,7 @@ def ctrl_c_counts():
 
 SETTING = """
 import os, signal, threading
-from vtkmuscle.filters import BoneMotion, FixedPointDetector, PBDDeformer
+from vtkmuscle.filters import BoneMotion, FixedPointDetector, PathDeformer, TautPaths
 from vtkmuscle.data.arrays import points_of
 from vtkmuscle.phantoms import spindle_over_hinge
 
@@ -36,12 +36,9 @@ phantom = spindle_over_hinge()
 fixed = FixedPointDetector()(muscle, phantom.bones, phantom.attachments[name])
 
 def deformer(**parameters):
-    moving = BoneMotion(motion=phantom.motion)
-    moving.connect(0, phantom.bones)
-    made = PBDDeformer(**parameters)
-    made.connect(0, fixed)
-    made.connect(1, moving)
-    return made
+    posed = {"rest_bones": phantom.bones, "bones": BoneMotion(bones=phantom.bones, motion=phantom.motion)}
+    paths = TautPaths(rest_muscle=fixed, **posed)
+    return PathDeformer(muscle=fixed, paths=paths, **posed, **parameters)
 
 def frame(made):
     return points_of(made.update(4.0).output).tobytes()

@@ -6,13 +6,14 @@ import tracemalloc
 
 import numpy as np
 import pytest
-from test_pbd_deformer import bones, fixed_to
 from vtkmodules.vtkCommonDataModel import vtkPolyData
-from vtkmodules.vtkFiltersSources import vtkSphereSource
+from vtkmodules.vtkFiltersCore import vtkTriangleFilter
+from vtkmodules.vtkFiltersSources import vtkCubeSource, vtkSphereSource
 
 from vtkmuscle.core.motion.rigid import hinge
 from vtkmuscle.data.arrays import (
     Polylines,
+    multiblock_from,
     points_of,
     polylines_from,
     set_point_array,
@@ -20,7 +21,7 @@ from vtkmuscle.data.arrays import (
     triangles_of,
     with_points,
 )
-from vtkmuscle.filters import BoneMotion, FibreMetrics, FibreTransport, FibreTubes, PBDDeformer
+from vtkmuscle.filters import BoneMotion, FibreMetrics, FibreTransport, FibreTubes, PathDeformer, TautPaths
 from vtkmuscle.filters.base.filter import Filter
 from vtkmuscle.filters.base.ports import InputPort, OutputPort
 
@@ -63,6 +64,16 @@ def in_use():
     return info.uordblks + info.hblkhd
 
 
+def bones():
+    """Return two bars behind the muscle."""
+    blocks = {}
+    for name, z in (("lower", -30.0), ("upper", 30.0)):
+        cube = vtkCubeSource(x_length=10, y_length=10, z_length=40, center=(0, 25.0, z))
+        triangles = (cube >> vtkTriangleFilter()).update().output
+        blocks[name] = surface_from(points_of(triangles), triangles_of(triangles, "cube"))
+    return multiblock_from(blocks)
+
+
 def scene(n_slices, n_sides):
     """Return the end of a chain over a spindle between two bars, and its number of triangles."""
     source = vtkSphereSource(radius=0.5, theta_resolution=n_sides, phi_resolution=n_slices)
@@ -71,12 +82,12 @@ def scene(n_slices, n_sides):
     points = points_of(source.GetOutput()) * [24.0, 24.0, 100.0]
     triangles = triangles_of(source.GetOutput(), "sphere")
     muscle = surface_from(points, triangles)
-    set_point_array(muscle, "FixedTo", fixed_to(points))
-    moving = BoneMotion(motion=hinge("upper", (0.0, 25.0, 0.0), (1, 0, 0), ANGLES))
-    moving.connect(0, bones())
-    deformer = PBDDeformer(iterations=2, checkpoint_memory=0.0)
-    deformer.connect(0, muscle)
-    deformer.connect(1, moving)
+    fixed_to = np.where(points[:, 2] < -40, 0, np.where(points[:, 2] > 40, 1, -1))
+    set_point_array(muscle, "FixedTo", fixed_to.astype(np.int32))
+    motion = hinge("upper", (0.0, 25.0, 0.0), (1, 0, 0), ANGLES)
+    posed = {"rest_bones": bones(), "bones": BoneMotion(bones=bones(), motion=motion)}
+    paths = TautPaths(rest_muscle=muscle, checkpoint_memory=0.0, **posed)
+    deformer = PathDeformer(muscle=muscle, paths=paths, iterations=2, **posed)
     along = np.linspace(-40.0, 40.0, 16)
     lines = [np.column_stack([0 * along + x, 0 * along, along]) for x in (-2.0, 0.0, 2.0)]
     transport = FibreTransport()

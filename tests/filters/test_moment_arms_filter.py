@@ -15,6 +15,7 @@ from vtkmuscle.data.arrays import (
     polylines_from,
     set_cell_array,
     set_field_array,
+    set_point_array,
 )
 from vtkmuscle.data.pipeline_times import announce_times
 from vtkmuscle.filters import MomentArms
@@ -211,9 +212,9 @@ class Paths(Fibres):
         data = lines_at(angle)
         points = np.array(data.GetPoints().GetData()).reshape(-1, 2, 3)
         pull = points[:, 0] - points[:, 1]
-        set_cell_array(data, "PathLength", np.linalg.norm(pull, axis=1))
+        set_point_array(data, "RestPosition", np.array(lines_at(0.0).GetPoints().GetData()))
         pull /= np.linalg.norm(pull, axis=1)[:, None]
-        set_cell_array(data, "PathLever_knee", np.cross(points[:, 1], pull)[:, 0])
+        set_cell_array(data, "Lever_knee", np.cross(points[:, 1], pull)[:, 0])
         return data
 
 
@@ -241,7 +242,7 @@ def test_of_paths_there_are_none_in_a_pose_that_has_no_levers():
 
 def without_levers(time):
     data = Paths.lines_at(time)
-    data.GetCellData().RemoveArray("PathLever_knee")
+    data.GetCellData().RemoveArray("Lever_knee")
     return data
 
 

@@ -22,7 +22,8 @@ from vtkmuscle.filters import (
     InputPort,
     OutputPort,
     Parameter,
-    PBDDeformer,
+    PathDeformer,
+    TautPaths,
     attachments_of,
 )
 from vtkmuscle.filters.base.chain import Chain
@@ -345,11 +346,17 @@ def test_the_whole_chain_by_names_is_that_by_numbers(spindle):
     fixed = FixedPointDetector(muscle=muscle, bones=spindle.bones, attachments=attachments)
     moving = BoneMotion(bones=dict(blocks_of(spindle.bones)), motion=spindle.motion)
     fibres = FibreSmoother(fibres=FibreTemplateSource(n_fibres=3))
-    deformer = PBDDeformer(muscle=fixed, bones=moving, collision="off", iterations=2)
+    bones = spindle.bones
+    paths = TautPaths(rest_muscle=fixed, rest_bones=bones, bones=moving)
+    deformer = PathDeformer(muscle=fixed, paths=paths, rest_bones=bones, bones=moving, iterations=2)
     carried = FibreTransport(rest_fibres=fibres, rest_muscle=muscle, deformed_muscle=deformer)
     found = carried.apply(time=20.0)
-    numbered = PBDDeformer(collision="off", iterations=2)
-    for port, value in enumerate((fixed, moving)):
-        numbered.SetInputConnection(port, value.GetOutputPort())
-    expected = FibreTransport()(fibres, muscle, numbered(time=20.0))
+    by_number = TautPaths(), PathDeformer(iterations=2)
+    for port, value in ((1, fixed), (3, moving)):
+        by_number[0].SetInputConnection(port, value.GetOutputPort())
+    by_number[0].SetInputData(2, bones)
+    for port, value in ((0, fixed), (1, by_number[0]), (3, moving)):
+        by_number[1].SetInputConnection(port, value.GetOutputPort())
+    by_number[1].SetInputData(2, bones)
+    expected = FibreTransport()(fibres, muscle, by_number[1](time=20.0))
     assert np.array_equal(found.points, points_of(expected))

@@ -1,4 +1,4 @@
-"""A frame is the same whatever was asked for, and changed, before; and nothing is done twice without need."""
+"""Paths and the muscle that they carry depend on the pose, and nothing is done without need."""
 
 import functools
 
@@ -7,105 +7,108 @@ import pytest
 from filter_case import digest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from test_pbd_deformer import bones, fixed_to, spindle
-from vtkmuscle.core.algorithm_2 import solver
-from vtkmuscle.core.collision import obstacles
-from vtkmuscle.core.deformation import muscle
 
-from vtkmuscle.core import fixed_muscle
 from vtkmuscle.core.motion.rigid import hinge
-from vtkmuscle.data.arrays import points_of
-from vtkmuscle.filters.base.history import Checkpoints
-from vtkmuscle.filters.bone_motion import BoneMotion
-from vtkmuscle.filters.pbd_deformer import PBDDeformer
+from vtkmuscle.core.paths.poses import KeptPoses
+from vtkmuscle.core.paths.sheet import MusclePaths
+from vtkmuscle.core.skinning import carried_muscle
+from vtkmuscle.data.arrays import (
+    blocks_of,
+    cell_array,
+    points_of,
+    set_point_array,
+    surface_from,
+    triangles_of,
+)
+from vtkmuscle.filters import (
+    BoneMotion,
+    FixedPointDetector,
+    PathDeformer,
+    TautPaths,
+    path_deformer,
+    taut_paths,
+)
+from vtkmuscle.phantoms import spindle_over_hinge
 
-STEPS = (0.0, 4.0, 8.0, 12.0, 16.0, 20.0)
+STEPS = (0.0, 10.0, 20.0, 30.0, 40.0)
+PHANTOM = spindle_over_hinge()
 MOTIONS = {
-    "near": hinge("upper", (0.0, 25.0, 0.0), (1, 0, 0), STEPS),
-    "far": hinge("upper", (0.0, 30.0, 5.0), (1, 0.2, 0), STEPS),
+    "flexion": hinge("distal", (0.0, 0.0, 0.0), (1, 0, 0), STEPS),
+    "oblique": hinge("distal", (0.0, -5.0, 5.0), (1, 0.2, 0), STEPS),
 }
-MUSCLES = {"thin": spindle(9.0), "thick": spindle(12.0)}
-#: What may change from one request to the next, with the values it may have, the default first where that is
-#: not too slow.
+
+
+def spindle(width):
+    """Return the phantom's muscle with its fixed points, narrower."""
+    muscle = PHANTOM.muscles["spindle"]
+    fixed = FixedPointDetector()(muscle, PHANTOM.bones, PHANTOM.attachments["spindle"])
+    surface = surface_from(points_of(muscle) * [width, 1.0, 1.0], triangles_of(muscle, "spindle"))
+    set_point_array(surface, "FixedTo", np.array(fixed.GetPointData().GetArray("FixedTo")))
+    return surface
+
+
+MUSCLES = {"round": spindle(1.0), "flat": spindle(0.7)}
+#: What may change from one request to the next, with its values, the value of the first request first.
 CHOICES = {
-    "quality": ("balanced", "published"),
     "iterations": (2, 3),
-    "collides": (True, False),
-    "taut_resolution": (32, 16),
-    "stiffness": (1.0, 0.7),
-    "anisotropy": (True, False),
-    "bone_clearance": (0.0, 0.5),
-    "contact_velocity": ("keep", "zero"),
-    "n_voxels": (200, 400),
-    "n_voxels_per_axis": (None, 8),
-    "bone_push": ("transform", "off"),
-    "checkpoint_memory": (256.0, 0.06, 0.015, 0.0),
+    "resolution": (20, 24),
+    "bone_clearance": (0.0, 1.0),
+    "checkpoint_memory": (64.0, 0.1, 0.0),
+    "levers": (True, False),
     "motion": tuple(MOTIONS),
     "muscle": tuple(MUSCLES),
 }
 FIRST = {name: values[0] for name, values in CHOICES.items()}
+#: Largest difference of lengths, and of points of the surface, by what was asked before [mm].
+LENGTHS, POINTS = 0.02, 0.1
 
 changes = st.sampled_from([(name, value) for name, values in CHOICES.items() for value in values])
-times = st.sampled_from([*STEPS, -1.0, 6.0, 10.0, 19.0, 25.0])
-sequences = st.lists(st.one_of(times, times, changes), min_size=2, max_size=12).filter(
+times = st.sampled_from([*STEPS, -5.0, 15.0, 37.0, 50.0])
+sequences = st.lists(st.one_of(times, times, changes), min_size=2, max_size=10).filter(
     lambda sequence: any(isinstance(entry, float) for entry in sequence)
 )
 
 
-pytestmark = pytest.mark.filterwarnings("ignore:.*by its own velocity, but it is")
-
-
 def made(state):
-    deformer = PBDDeformer()
-    deformer.connect(0, MUSCLES[state["muscle"]])
-    moving = BoneMotion()
-    moving.connect(0, bones())
-    deformer.connect(1, moving)
-    put_all(deformer, state)
+    """Return the deformer of a new chain."""
+    posed = {"rest_bones": PHANTOM.bones, "bones": BoneMotion(bones=PHANTOM.bones)}
+    deformer = PathDeformer(paths=TautPaths(**posed), **posed)
+    for name, value in state.items():
+        put(deformer, name, value)
     return deformer
 
 
-def put_all(deformer, state):
-    for name, value in state.items():
-        put(deformer, name, value)
-
-
 def put(deformer, name, value):
-    """Set a parameter of a deformer, or what it is fed with."""
+    """Set a parameter of the deformer or its paths, or an input of both."""
     if name == "motion":
-        deformer.GetInputAlgorithm(1, 0).motion = MOTIONS[value]
+        deformer.bones.motion = MOTIONS[value]
     elif name == "muscle":
-        deformer.connect(0, MUSCLES[value])
-    elif name == "collides":
-        deformer.collision = ("voxel" if deformer.quality == "published" else "sdf") if value else "off"
-    else:
+        deformer.muscle = deformer.paths.rest_muscle = MUSCLES[value]
+    elif name in PathDeformer.parameter_declarations:
         setattr(deformer, name, value)
+    else:
+        setattr(deformer.paths, name, value)
 
 
 def frame(deformer, time):
-    return digest(deformer.update(time).output)
+    """Return the lengths of the paths and the points of the muscle."""
+    points = points_of(deformer.update(time=time).output)
+    return np.array(cell_array(deformer.paths.update(time=time).output, "Length", "paths")), points
+
+
+def digests(deformer, time):
+    return digest(deformer.update(time=time).output), digest(deformer.paths.update(time=time).output)
 
 
 @functools.cache
 def fresh_frame(state, time):
-    """Return the frame that a new deformer gives that is asked for nothing else."""
+    """Return the frame of a new chain that is asked for nothing else."""
     return frame(made(dict(state)), time)
 
 
-def of_a_straight_run(state, time):
-    settings_of_frame = {**state, "checkpoint_memory": FIRST["checkpoint_memory"]}
-    return fresh_frame(tuple(settings_of_frame.items()), time)
-
-
-def test_requests_begin_with_the_defaults():
-    default = PBDDeformer().parameters()
-    for name in ("taut_resolution", "anisotropy", "contact_velocity", "bone_push"):
-        assert FIRST[name] == default[name]
-
-
 @pytest.mark.filterwarnings("ignore:.* is outside of the motion")
-def test_any_sequence_of_times_and_changes_gives_the_frames_of_a_fresh_run(request):
-    examples = 200 if request.config.getoption("long") else 40
+def test_any_sequence_of_times_and_changes_gives_the_frames_of_a_fresh_chain(request):
+    examples = 100 if request.config.getoption("long") else 25
 
     @settings(max_examples=examples, deadline=None, suppress_health_check=[HealthCheck.too_slow])
     @given(sequences)
@@ -120,38 +123,33 @@ def check_sequence(sequence):
     deformer = made(state)
     for entry in sequence:
         if isinstance(entry, float):
-            assert frame(deformer, entry) == of_a_straight_run(state, entry)
+            lengths, points = frame(deformer, entry)
+            expected = fresh_frame(tuple(state.items()), entry)
+            np.testing.assert_allclose(lengths, expected[0], rtol=0.0, atol=LENGTHS)
+            np.testing.assert_allclose(points, expected[1], rtol=0.0, atol=POINTS)
+            assert digests(deformer, entry) == digests(deformer, entry)
         else:
             state[entry[0]] = entry[1]
             put(deformer, *entry)
-            if entry[0] == "quality":  # it sets others, too
-                put_all(deformer, state)
 
 
-@pytest.mark.parametrize("memory", CHOICES["checkpoint_memory"])
-def test_backwards_skipping_and_repeating_give_the_straight_run(memory):
-    straight = made(FIRST)
-    expected = {time: frame(straight, time) for time in STEPS}
-    deformer = made({**FIRST, "checkpoint_memory": memory})
+def test_frames_that_were_asked_for_are_the_same_bit_for_bit_in_any_order():
+    deformer = made(FIRST)
+    first = {time: digests(deformer, time) for time in STEPS}
     for time in (*STEPS[::-1], STEPS[1], STEPS[4], STEPS[4], *STEPS[::2], *STEPS):
-        assert frame(deformer, time) == expected[time]
+        assert digests(deformer, time) == first[time]
 
 
 # ---------------------------------------------------------------- what a change invalidates
 
 
-#: What is made for a muscle, by the quality.
-OF_A_MUSCLE = {
-    "balanced": {"topology", "rest shape", "paths", "settling"},
-    "published": {"topology", "rest shape", "fibre directions"},
-}
-#: Made where the muscle comes near the bones, as it does with momentum only.
-GRIDS = {"balanced": set(), "published": {"voxels"}}
+OF_PATHS, OF_MUSCLE = {"paths at rest"}, {"rest shape", "skinning", "settling"}
+EVERY_FRAME = {"surface"}
 
 
 @pytest.fixture
 def work(monkeypatch):
-    """Count what is done: frames, and the things that are made for them."""
+    """Count what is made, and the frames."""
     done = []
 
     def count(owner, name, label):
@@ -164,124 +162,87 @@ def work(monkeypatch):
 
         monkeypatch.setattr(owner, name, counted)
 
-    count(fixed_muscle, "mesh_topology", "topology")
-    count(muscle, "RestShape", "rest shape")
-    count(muscle, "MusclePaths", "paths")
-    count(muscle, "Settling", "settling")
-    count(solver, "RestShape", "rest shape")
-    count(solver, "harmonic_directions", "fibre directions")
-    count(obstacles, "build_voxel_grid", "voxels")
-    count(muscle.PathDrivenMuscle, "pose", "frames")
-    count(solver.Algorithm2, "step", "frames")
+    count(taut_paths, "MusclePaths", "paths at rest")
+    count(carried_muscle, "RestShape", "rest shape")
+    count(carried_muscle, "Skinning", "skinning")
+    count(carried_muscle, "Settling", "settling")
+    count(MusclePaths, "follow", "paths")
+    count(path_deformer.CarriedMuscle, "pose", "surface")
+    count(KeptPoses, "levers", "levers")
     return done
 
 
 @pytest.mark.parametrize(
-    ("quality", "name", "value", "redone"),
+    ("name", "value", "redone"),
     [
-        ("balanced", "iterations", 3, {"frames"}),
-        ("balanced", "taut_resolution", 16, {"frames", "of muscle"}),
-        ("balanced", "collides", False, {"frames", "of muscle"}),
-        ("balanced", "bone_clearance", 0.5, {"frames", "of muscle"}),
-        ("balanced", "motion", "far", {"frames"}),
-        ("balanced", "muscle", "thin", {"frames", "of muscle"}),
-        ("balanced", "checkpoint_memory", 0.0, set()),
-        ("balanced", "stiffness", 0.7, set()),
-        ("balanced", "anisotropy", False, set()),
-        ("balanced", "external_force", (0.01, 0.0, 0.0), set()),
-        ("balanced", "bone_push", "off", set()),
-        ("balanced", "n_voxels", 400, set()),
-        ("published", "iterations", 3, {"frames", "of muscle"}),
-        ("published", "velocity_kept", 0.5, {"frames", "of muscle"}),
-        ("published", "motion", "far", {"frames"}),
-        ("published", "muscle", "thin", {"frames", "of muscle"}),
-        ("published", "n_voxels", 400, {"frames", "of muscle", "voxels"}),
-        ("published", "taut_resolution", 16, {"frames"}),
-        ("published", "bone_clearance", 0.5, set()),
-        ("published", "checkpoint_memory", 0.0, set()),
+        ("iterations", 3, EVERY_FRAME),
+        ("bone_clearance", 0.5, OF_MUSCLE | EVERY_FRAME),
+        ("resolution", 16, OF_PATHS | OF_MUSCLE | EVERY_FRAME | {"paths", "levers"}),
+        ("motion", "oblique", EVERY_FRAME | {"paths", "levers"}),
+        ("muscle", "flat", OF_PATHS | OF_MUSCLE | EVERY_FRAME | {"paths", "levers"}),
+        ("measure_shape", True, set()),
+        ("measure_penetration", True, set()),
     ],
 )
-def test_a_change_redoes_what_depends_on_it_and_nothing_else(work, quality, name, value, redone):
-    deformer = made({**FIRST, "quality": quality, "muscle": "thick"})
-    frame(deformer, 8.0)
-    assert set(work) == {*OF_A_MUSCLE[quality], *GRIDS[quality], "frames"}
-    before = len(work)
-    put(deformer, name, value)
-    frame(deformer, 8.0)
-    if "of muscle" in redone:
-        redone = (redone - {"of muscle"}) | OF_A_MUSCLE[quality]
-    assert set(work[before:]) == redone
-
-
-def test_the_fibres_of_an_isotropic_muscle_are_not_looked_at(work):
-    frame(made({**FIRST, "quality": "published", "anisotropy": False}), 8.0)
-    assert not {"fibre directions", "paths"} & set(work)
-
-
-# ---------------------------------------------------------------- checkpoints
-
-
-def kept_after_a_straight_run(n_steps, room):
-    checkpoints, steps = Checkpoints(), [float(i) for i in range(n_steps)]
-    for i in range(n_steps):
-        checkpoints.keep(steps[i], i)
-        checkpoints.thin(steps, steps[max(i - 1, 0) : i + 1], nbytes=10, memory=10.0 * room)
-    return checkpoints, [step for step in steps if step in checkpoints]
-
-
-@pytest.mark.parametrize("n_steps", [1, 2, 9, 64, 100])
-@pytest.mark.parametrize("room", [0, 1, 4, 7, 100])
-def test_checkpoints_keep_to_their_memory_and_bound_the_way_back(n_steps, room):
-    checkpoints, kept = kept_after_a_straight_run(n_steps, room)
-    last = {float(n_steps - 1), float(max(n_steps - 2, 0))}
-    assert last <= set(kept)
-    assert len(set(kept) - last) <= room
-    assert len(checkpoints) == len(kept)
-    if room:
-        assert 0.0 in kept
-        assert np.diff(kept, append=n_steps).max() <= max(1.0, 2.0 * n_steps / room)
-
-
-def test_times_between_steps_are_dropped_first():
-    checkpoints = Checkpoints()
-    for time in (0.0, 0.5, 1.0, 1.5, 2.0):
-        checkpoints.keep(time, time)
-    checkpoints.thin([0.0, 1.0, 2.0, 3.0], [2.0], nbytes=1, memory=2.0)
-    assert [time for time in (0.0, 0.5, 1.0, 1.5, 2.0) if time in checkpoints] == [0.0, 1.0, 2.0]
-
-
-def test_less_memory_means_more_steps_and_less_of_it_held(work):
-    steps, kept = {}, {}  # a frame takes 18 kB
-    for memory in (256.0, 0.06, 0.0):
-        deformer = made({**FIRST, "checkpoint_memory": memory})
-        frame(deformer, STEPS[-1])
-        work.clear()
-        for time in STEPS[::-1]:
-            frame(deformer, time)
-        steps[memory], kept[memory] = work.count("frames"), len(deformer._frames)
-    assert steps[256.0] == 0
-    assert 0 < steps[0.06] < steps[0.0]
-    assert kept[256.0] == len(STEPS)
-    assert kept[0.0] <= 2 < kept[0.06] < kept[256.0]
-
-
-def test_setting_less_memory_frees_frames_at_once():
+def test_a_change_redoes_what_depends_on_it_and_nothing_else(work, name, value, redone):
     deformer = made(FIRST)
-    frame(deformer, STEPS[-1])
-    deformer.checkpoint_memory = 0.0
-    frame(deformer, STEPS[-1])
-    assert len(deformer._frames) == 2
-
-
-def test_playing_on_after_a_time_between_steps_goes_on_from_the_step_before(work):
-    deformer = made({**FIRST, "checkpoint_memory": 0.0})
-    frame(deformer, 12.0)
-    frame(deformer, 13.0)
+    frame(deformer, 20.0)
+    assert set(work) == OF_PATHS | OF_MUSCLE | EVERY_FRAME | {"paths", "levers"}
     work.clear()
-    frame(deformer, 16.0)
-    assert work.count("frames") == 1
+    put(deformer, name, value)
+    frame(deformer, 20.0)
+    assert set(work) == redone
+    assert len(work) == len(redone), "nothing is done twice"
 
 
-def test_example_muscles_are_fixed_at_both_ends():
-    for made_ in MUSCLES.values():
-        assert set(np.unique(fixed_to(points_of(made_)))) == {-1, 0, 1}
+def test_no_levers_are_computed_where_none_are_asked_for(work):
+    frame(made({**FIRST, "levers": False}), 20.0)
+    assert "levers" not in work
+
+
+def test_a_pose_far_from_rest_is_one_pose(work):
+    """The frames of the motion on the way are not computed."""
+    deformer = made(FIRST)
+    deformer.update(time=40.0)
+    assert work.count("paths") == work.count("surface") == 1
+    assert "levers" in work
+
+
+# ---------------------------------------------------------------- kept poses
+
+
+@pytest.mark.parametrize(("memory", "kept"), [(64.0, True), (0.0, False)])
+def test_poses_are_kept_within_their_memory(work, memory, kept):
+    paths = made({**FIRST, "checkpoint_memory": memory}).paths
+    for time in STEPS:
+        paths.update(time=time)
+    work.clear()
+    for time in STEPS[:-1]:
+        paths.update(time=time)
+    assert work.count("paths") == (0 if kept else len(STEPS) - 1)
+
+
+def test_the_last_pose_is_always_kept(work):
+    paths = made({**FIRST, "checkpoint_memory": 0.0}).paths
+    paths.update(time=20.0)
+    work.clear()
+    paths.levers = False
+    paths.update(time=20.0)
+    assert "paths" not in work
+
+
+def test_a_pose_begins_at_the_nearest_that_is_kept(monkeypatch):
+    starts, follow = [], MusclePaths.follow
+
+    def following(self, before, transforms):
+        starts.append(before.transforms)
+        return follow(self, before, transforms)
+
+    monkeypatch.setattr(MusclePaths, "follow", following)
+    paths = made(FIRST).paths
+    for time in (10.0, 40.0, 37.0, 1.0):
+        paths.update(time=time)
+    distal = [name for name, _ in blocks_of(PHANTOM.bones)].index("distal")
+    cosines = [0.5 * (np.trace(transforms[distal, :3, :3]) - 1.0) for transforms in starts]
+    began = np.degrees(np.arccos(np.clip(cosines, -1.0, 1.0)))
+    np.testing.assert_allclose(began, [0.0, 10.0, 40.0, 0.0], atol=1e-3)

@@ -43,7 +43,7 @@ def test_further_columns_of_a_table_are_passed_over(tmp_path):
         ("a.csv", "x,y,z\n1,2,3\n1,two,3\n", "a.csv: line 3 does not begin with three numbers"),
         ("a.csv", "x,y,z\nu,v,w\n1,2,3\n", "line 2 does not begin"),
         ("a.csv", "1,2\n", "line 1 has fewer than three numbers"),
-        ("a.csv", "x,y,z\n", "holds no landmarks"),
+        ("a.csv", "x,y,z\n", "has no landmarks"),
         ("a.csv", "1,2,nan\n", "landmark 0 has a coordinate that is not finite"),
         ("a.json", "{", "not a JSON list"),
         ("a.json", "[1, 2, 3]", "must hold a list of"),

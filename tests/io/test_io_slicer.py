@@ -103,7 +103,7 @@ def test_plain_tables_may_have_names(tmp_path, text):
     [
         ("a.mrk.json", {"markups": []}, "0 lists of markups"),
         ("a.mrk.json", {"markups": markups()["markups"] * 2}, "2 lists of markups"),
-        ("a.mrk.json", markups("Plane"), "'Plane' are not understood"),
+        ("a.mrk.json", markups("Plane"), "'Plane' are not supported"),
         ("a.mrk.json", markups(frame="IJK"), "frame 'IJK'"),
         ("a.mrk.json", markups(coordinateUnits="um"), "'um', but must be in mm"),
         ("a.mrk.json", markups(controlPoints=[]), "no control points"),

@@ -114,7 +114,7 @@ def test_a_folder_is_not_a_file(tmp_path):
 
 
 def test_an_unknown_suffix_is_answered_with_the_known_ones(tmp_path):
-    with pytest.raises(ValueError, match=r"'\.3mf' is not one of \.vtp, \.vtk"):
+    with pytest.raises(ValueError, match=r"'\.3mf' is not in \.vtp, \.vtk"):
         read_surface(tmp_path / "x.3mf")
 
 
@@ -125,7 +125,7 @@ def test_a_volume_mesh_is_refused_with_the_mend(tmp_path):
     writer.SetInputData(grid)
     writer.SetFileName(str(tmp_path / "grid.vtk"))
     writer.Write()
-    with pytest.raises(ValueError, match=r"vtkUnstructuredGrid, not a surface; extract its surface"):
+    with pytest.raises(ValueError, match=r"vtkUnstructuredGrid, not a surface; save its surface"):
         read_polydata(tmp_path / "grid.vtk")
 
 

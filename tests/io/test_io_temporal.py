@@ -132,7 +132,7 @@ def test_a_fault_while_writing_leaves_the_old_file(tmp_path):
         ("m.pvd", "<VTKFile/>", "has no Collection"),
         ("m.pvd", "<VTKFile><Collection><DataSet/></Collection></VTKFile>", "no ParaView collection"),
         ("m.vtkhdf", "no hdf", "no VTKHDF file"),
-        ("m.vtp", "", "read from .pvd or .vtkhdf"),
+        ("m.vtp", "", "must be a .pvd or .vtkhdf"),
     ],
 )
 def test_files_that_are_no_series_are_named(tmp_path, name, content, words):

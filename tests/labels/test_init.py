@@ -60,7 +60,7 @@ def test_a_scene_is_drawn_up_that_runs(files, tmp_path):
     assert scene.motion.centre_of("femur_right") == pytest.approx([0, 0, 0], abs=1.0 * METRES)
     forward = scene.motion.at(60.0)["femur_right"] @ [0, 0, -1, 0]
     assert forward[:3] == pytest.approx([0, -np.sin(np.radians(60)), -0.5], abs=0.01)
-    result = replace(scene, model="paths").run(frames="0:2")
+    result = replace(scene, deformer="none").run(frames="0:2")
     assert set(result.verdicts.values()) <= {"ok", "look"}
     assert set(result.moment_arms()["iliacus_right"]) >= {"hip_flexion_r"}
 
@@ -69,13 +69,13 @@ def test_each_guess_says_how_sure_it_is(files, tmp_path):
     init(*files, "--out", tmp_path)
     with (tmp_path / "guesses.csv").open() as lines:
         rows = list(csv.DictReader(lines))
-    sure = {(row["what"], row["guess"]): float(row["sureness"]) for row in rows}
+    sure = {(row["what"], row["guess"]): float(row["confidence"]) for row in rows}
     assert list(sure.values()) == sorted(sure.values())
     assert sure["units", "m"] == 0.9
     assert sure["muscles.iliacus_right.attachments", "insertion: femur_right"] == 0.64
     text = (tmp_path / "scene.toml").read_text()
-    assert "# sureness 0.90: the longest of all surfaces is" in text.split('units = "m"')[0]
-    assert text.count("# sureness") == len(rows)
+    assert "# confidence 0.90: the longest side of all surfaces is" in text.split('units = "m"')[0]
+    assert text.count("# confidence") == len(rows)
 
 
 def test_what_is_there_is_not_written_over(files, tmp_path):

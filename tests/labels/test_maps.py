@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from phantoms import hip, label_map
 
 from vtkmuscle import Scene
 from vtkmuscle.core.mesh.normals import triangle_normals
@@ -16,7 +17,6 @@ from vtkmuscle.data.label_images import label_field, label_image, labels_in
 from vtkmuscle.io.writing import write_polydata
 from vtkmuscle.labels import maps
 from vtkmuscle.labels.maps import draft_of_labels, taut_line, with_tendon
-from vtkmuscle.phantoms import hip, label_map
 from vtkmuscle.phantoms.implicit import ball
 from vtkmuscle.phantoms.meshing import mesh_of
 
@@ -76,8 +76,8 @@ def test_paths_are_those_of_the_phantom(drawn):
         for name in names
     }
     made = {name: replace(scene.muscles[name], fibres=phantom.muscles[name].fibres) for name in names}
-    found = replace(scene, muscles=made, model="paths", motion=scene.motion.part(range(0, 13, 6))).run()
-    known = replace(phantom, muscles=true, model="paths").run()
+    found = replace(scene, muscles=made, deformer="none", motion=scene.motion.part(range(0, 13, 6))).run()
+    known = replace(phantom, muscles=true, deformer="none").run()
     for name in names:
         assert found.verdicts[name] == known.verdicts[name] == "ok"
         lengths, expected = (run.lengths[name].mean(axis=1) for run in (found, known))
@@ -117,7 +117,7 @@ def test_a_tendon_reaches_landmarks_that_the_belly_does_not(tmp_path, monkeypatc
     insertion = next(area for area in draft.areas["iliacus"] if area.role == "insertion")
     assert (insertion.bone, insertion.closed, insertion.estimated) == ("femur", True, True)
     scene = Scene.load(draft.write(tmp_path / "scene"))
-    assert replace(scene, model="paths").run(frames="0:3").verdicts["iliacus"] in ("ok", "look")
+    assert replace(scene, deformer="none").run(frames="0:3").verdicts["iliacus"] in ("ok", "look")
 
 
 def test_a_tendon_is_as_short_as_it_can_be_round_a_bone():

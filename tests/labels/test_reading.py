@@ -156,7 +156,7 @@ def test_what_is_no_label_map_is_refused(write, tmp_path):
     with pytest.raises(ValueError, match="did you mean 'total'"):
         read_labels(tmp_path / "map.nrrd", names="totall")
     (tmp_path / "empty").mkdir()
-    with pytest.raises(ValueError, match="holds no label map"):
+    with pytest.raises(ValueError, match="there is no label map"):
         read_labels(tmp_path / "empty")
     (tmp_path / "broken.nrrd").write_text("NRRD")
     with pytest.raises(ValueError, match="cannot be read as an image"):

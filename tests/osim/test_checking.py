@@ -68,7 +68,7 @@ def test_a_moment_arm_that_changes_sign_is_found_there(tmp_path):
 def test_a_model_is_repaired_with_the_paths_of_a_scene(tmp_path):
     save_strap(tmp_path / "strap", n_fibres=10)
     motion = {"grid": {"upper": [-10, 30, 10], "lower": [0, 40, 10]}}
-    scene = scene_with(tmp_path / "strap", tmp_path, motion=motion, model="paths")
+    scene = scene_with(tmp_path / "strap", tmp_path, motion=motion, deformer="none")
     result = Scene.load(scene).run(tmp_path / "results", figures=False)
     write_opensim(scene, tmp_path / "good.osim", result=result)
     tree = read_osim(tmp_path / "good.osim").tree

@@ -5,8 +5,8 @@ import pytest
 
 from vtkmuscle.core.fibres.measures import group_errors, group_fibres
 from vtkmuscle.core.motion.rigid import frame_at
+from vtkmuscle.joints import grid_of
 from vtkmuscle.joints.functions import IDENTITY
-from vtkmuscle.joints.grid import grid_of
 from vtkmuscle.joints.tree import Joint, JointAxis, JointCoordinate, KinematicTree
 from vtkmuscle.opensim.fitted_paths import fit_length, fit_points
 from vtkmuscle.opensim.muscle_paths import Cylinder, PathPoint, PointPath, moment_arm, powers, terms
@@ -81,7 +81,7 @@ def fibre_of(path, n_between=5):
     """Return points (f, n, 3) along a path over fixed points."""
     poses = leg().poses(GRID)
     corners = np.stack(
-        [poses[p.body][:, :3, :3] @ np.asarray(p.place) + poses[p.body][:, :3, 3] for p in path.points],
+        [poses[p.body][:, :3, :3] @ np.asarray(p.position) + poses[p.body][:, :3, 3] for p in path.points],
         axis=1,
     )
     parts = [corners[:, :1]]
@@ -113,8 +113,8 @@ def test_points_that_were_fixed_are_found_again():
     found, errors = fitted(path, fibre_of(path), ("femur", "tibia"), tolerance=2e-4)
     assert max(errors) < 1e-3
     assert not found.cylinders
-    np.testing.assert_allclose(found.points[0].place, path.points[0].place, atol=1e-12)
-    np.testing.assert_allclose(found.points[-1].place, path.points[-1].place, atol=1e-12)
+    np.testing.assert_allclose(found.points[0].position, path.points[0].position, atol=1e-12)
+    np.testing.assert_allclose(found.points[-1].position, path.points[-1].position, atol=1e-12)
 
 
 def test_a_roller_is_found_again():
@@ -127,7 +127,7 @@ def test_a_roller_is_found_again():
     assert arms[-1] > 0.045
     poses = leg().poses(values)
     way = np.linspace(0.0, 1.0, 21)[:, None]
-    tips = [poses[one.body][:, :3, :3] @ np.array(one.place) + poses[one.body][:, :3, 3] for one in ends]
+    tips = [poses[one.body][:, :3, :3] @ np.array(one.position) + poses[one.body][:, :3, 3] for one in ends]
     line = tips[0][:, None] * (1 - way) + tips[1][:, None] * way
     line = line + [0.03, 0.0, 0.0] * np.sin(np.pi * way)
     found, errors = fitted(path, line, ("femur", "tibia"), values, tolerance=1e-5)
@@ -141,18 +141,18 @@ def test_the_way_round_a_cylinder_is_tangents_and_an_arc():
     pose = np.tile(np.eye(4), (4, 1, 1))
     first = np.array([[-1.0, 1.0, 0.0], [1.0, 2.0, 0.0], [1.0, 2.0, 0.0], [1.0, 0.5, 0.0]])
     second = np.array([[3.0, 1.0, 3.0], [2.0, -np.sqrt(3.0), 0.0], [1.0, -2.0, 0.0], [1.0, -5.0, 0.0]])
-    ways, _ = roller.ways(pose, first, second)
-    assert ways[0] == pytest.approx(5.0)  # touches: straight, 4 along and 3 up
-    assert ways[1] == pytest.approx(2.0 * np.sqrt(3.0) + np.radians(150.0 - 120.0))
-    assert ways[2] == pytest.approx(2.0 * np.sqrt(3.0) + np.pi - 2.0 * np.pi / 3.0)
-    assert ways[3] == pytest.approx(5.5)  # from within: straight
+    lengths, _ = roller.segments(pose, first, second)
+    assert lengths[0] == pytest.approx(5.0)  # touches: straight, 4 along and 3 up
+    assert lengths[1] == pytest.approx(2.0 * np.sqrt(3.0) + np.radians(150.0 - 120.0))
+    assert lengths[2] == pytest.approx(2.0 * np.sqrt(3.0) + np.pi - 2.0 * np.pi / 3.0)
+    assert lengths[3] == pytest.approx(5.5)  # from within: straight
 
 
 def test_a_path_says_which_way_round_it_goes():
     roller = Cylinder("b", np.zeros(3), np.array([0.0, 0.0, 1.0]), 1.0, 0)
     first = np.array([[-2.0, 0.5, 0.0], [-2.0, -0.5, 0.0], [-2.0, 1.5, 0.0]])
     second = first * [-1.0, 1.0, 1.0]
-    turns = roller.ways(np.tile(np.eye(4), (3, 1, 1)), first, second)[1]
+    turns = roller.segments(np.tile(np.eye(4), (3, 1, 1)), first, second)[1]
     assert turns.tolist() == [-1.0, 1.0, 0.0]
 
 
@@ -162,15 +162,15 @@ def test_a_cylinder_that_is_passed_on_both_sides_is_not_taken():
     ends = [PathPoint("femur", (0.03, -0.1, 0.0)), PathPoint("tibia", (0.05, -0.1, 0.0))]
     path = PointPath(ends, (), [roller])
     poses = leg().poses(values)
-    tips = [poses[one.body][:, :3, :3] @ np.array(one.place) + poses[one.body][:, :3, 3] for one in ends]
-    assert set(roller.ways(poses["femur"], *tips)[1]) == {-1.0, 0.0, 1.0}
+    tips = [poses[one.body][:, :3, :3] @ np.array(one.position) + poses[one.body][:, :3, 3] for one in ends]
+    assert set(roller.segments(poses["femur"], *tips)[1]) == {-1.0, 0.0, 1.0}
     way = np.linspace(0.0, 1.0, 21)[:, None]
     line = tips[0][:, None] * (1 - way) + tips[1][:, None] * way + [0.03, 0.0, 0.0] * np.sin(np.pi * way)
     found, _ = fitted(path, line, ("femur", "tibia"), values, tolerance=1e-5)
     for one in found.cylinders:
         near = [
-            poses[point.body][:, :3, :3] @ np.array(point.place) + poses[point.body][:, :3, 3]
+            poses[point.body][:, :3, :3] @ np.array(point.position) + poses[point.body][:, :3, 3]
             for point in found.points[one.after : one.after + 2]
         ]
-        turns = one.ways(poses[one.body], *near)[1]
+        turns = one.segments(poses[one.body], *near)[1]
         assert not turns.min() < 0.0 < turns.max()

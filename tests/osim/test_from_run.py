@@ -21,7 +21,7 @@ def ran(tmp_path_factory):
     """A scene of a strap over two joints, run by its paths: its file and the result."""
     folder = tmp_path_factory.mktemp("strap")
     save_strap(folder, n_fibres=10)
-    path = scene_with(folder, tmp_path_factory.mktemp("joints"), motion=GRID, model="paths")
+    path = scene_with(folder, tmp_path_factory.mktemp("joints"), motion=GRID, deformer="none")
     return path, Scene.load(path).run(figures=False)
 
 
@@ -70,8 +70,8 @@ def test_more_groups_stand_for_the_fibres_better(ran, tmp_path):
 @pytest.mark.parametrize(
     ("given", "words"),
     [
-        ({"parameters": {"srap": {}}}, "no muscle 'srap'; it has strap"),
-        ({"replace": {"strap": "theirs"}}, "no model whose muscles are replaced"),
+        ({"parameters": {"srap": {}}}, "no muscle 'srap'; its muscles are strap"),
+        ({"replace": {"strap": "theirs"}}, "no model to replace muscles in"),
     ],
 )
 def test_what_would_change_nothing_in_a_model_is_refused(ran, tmp_path, given, words):

@@ -28,7 +28,7 @@ def sliding(tmp_path, **muscle):
     """Write a spindle that is drawn out along its axis by a slide, 0 to 12 mm; return the scene's file."""
     path = write_tiny_scene(tmp_path / "scene")
     tables = tomllib.loads(path.read_text())
-    tables |= {"joints": {"pull": SLIDE}, "motion": {"grid": {"slide": [0, 12, 2]}}, "model": "paths"}
+    tables |= {"joints": {"pull": SLIDE}, "motion": {"grid": {"slide": [0, 12, 2]}}, "deformer": "none"}
     del tables["solver"]  # no muscle is solved
     tables["muscles"]["spindle"] |= muscle
     path.write_text(tomli_w.dumps(tables))
@@ -132,7 +132,7 @@ def walked(strap_folder, tmp_path_factory):
     for crosses in (None, ["lower"]):
         muscles["strap"] |= {} if crosses is None else {"crosses": crosses}
         folder = tmp_path_factory.mktemp("walk")
-        path = scene_with(strap_folder, folder, motion={"file": "walk.mot"}, model="paths", muscles=muscles)
+        path = scene_with(strap_folder, folder, motion={"file": "walk.mot"}, deformer="none", muscles=muscles)
         (path.parent / "walk.mot").write_text(walk)
         scene = Scene.load(path)
         assert scene.muscles["strap"].crosses == tuple(crosses or ("upper", "lower"))
@@ -155,7 +155,7 @@ def test_a_coordinate_that_is_crossed_and_not_there_is_told(strap_folder, tmp_pa
     muscles = tomllib.loads((strap_folder / "scene.toml").read_text())["muscles"]
     muscles["strap"]["crosses"] = ["lowr"]
     path = scene_with(
-        strap_folder, tmp_path, motion={"grid": {"lower": [0, 20, 10]}}, model="paths", muscles=muscles
+        strap_folder, tmp_path, motion={"grid": {"lower": [0, 20, 10]}}, deformer="none", muscles=muscles
     )
     with pytest.raises(SceneError, match="did you mean 'lower'"):
         Scene.load(path)

@@ -88,7 +88,7 @@ def test_mujoco_has_the_same_lengths_and_moment_arms(rng):
         (FunctionPath(("bend",), 1, np.array([0.3, 0.1])), "a function of coordinates"),
         (
             PointPath([PathPoint("femur"), PathPoint("tibia", (0, 0, 0), only_in=("bend", 0.0, 1.0))]),
-            "points that move, or come and go",
+            "no moving or conditional points",
         ),
     ],
 )

@@ -73,11 +73,11 @@ def test_a_coupler_leads_its_coordinate(tmp_path):
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        (texts.model_4(more="<WaterSet/>"), "WaterSet: is not understood in Model 'leg'"),
-        (texts.model_4(joint_extra="<gears>2</gears>"), "gears: is not understood in CustomJoint 'knee'"),
+        (texts.model_4(more="<WaterSet/>"), "WaterSet: is not supported in Model 'leg'"),
+        (texts.model_4(joint_extra="<gears>2</gears>"), "gears: is not supported in CustomJoint 'knee'"),
         (texts.model_4().replace("BallJoint", "ScapulothoracicJoint"), "this kind of joint is not"),
         (texts.model_4().replace("SimmSpline", "GCVSpline"),
-         "GCVSpline 'function': is not understood in TransformAxis"),
+         "GCVSpline 'function': is not supported in TransformAxis"),
         (texts.model_4(constraints='<WeldConstraint name="w"/>'), "WeldConstraint 'w': this constr"),
         (texts.model_4().replace("femur</socket_parent>", "femut</socket_parent>"), "'femut'"),
         (texts.model_4().replace("<Coordinate name=\"hip_z\"/>", ""), "has 2 coordinates, but must have 3"),
@@ -87,7 +87,7 @@ def test_a_coupler_leads_its_coordinate(tmp_path):
         (texts.model_4().replace("-2 -1 0 1 2</x>", "-2 -1 -1 1 2</x>"), "must ascend"),
         (texts.model_4().replace("meters", "furlongs"), "there is no unit 'furlongs'"),
         (texts.model_4(forces=texts.muscle(texts.MOVING.replace("MovingPath", "FlyingPath"))),
-         "this kind of path point is not understood"),
+         "this kind of path point is not supported"),
         (texts.model_4(forces=texts.muscle(texts.CONDITIONAL.replace("e_a", "ea"))),
          "did you mean 'knee_angle'"),
         (texts.model_3(reverse="true"), "reverse"),

@@ -8,8 +8,8 @@ import osim_texts as texts
 import pytest
 
 from vtkmuscle.core.motion.rigid import frame_at
+from vtkmuscle.joints import grid_of
 from vtkmuscle.joints.functions import IDENTITY, CubicSpline, PiecewiseLinear, Polynomial
-from vtkmuscle.joints.grid import grid_of
 from vtkmuscle.joints.tree import Coupling, Joint, JointAxis, JointCoordinate, KinematicTree
 from vtkmuscle.opensim import MuscleOut, enriched, osim_of, read_osim
 from vtkmuscle.opensim.fitted_paths import fit_length
@@ -154,7 +154,7 @@ def test_what_opensim_cannot_take_is_told(tmp_path):
     path = PointPath([PathPoint("femur"), PathPoint("nobody")])
     with pytest.raises(ValueError, match="no body 'nobody'"):
         osim_of(leg(), [MuscleOut("m", path)])
-    with pytest.raises(ValueError, match="cannot be called 'a muscle'"):
+    with pytest.raises(ValueError, match="'a muscle' is no name for a muscle"):
         MuscleOut("a muscle", path)
     with pytest.raises(ValueError, match="no kind of muscle"):
         MuscleOut("m", path, kind="Hill")

@@ -26,7 +26,7 @@ def ran(tmp_path_factory):
     """A scene of a strap over two joints, and the folder of its results."""
     folder = tmp_path_factory.mktemp("strap")
     save_strap(folder, n_fibres=10)
-    path = scene_with(folder, tmp_path_factory.mktemp("joints"), motion=GRID, model="paths")
+    path = scene_with(folder, tmp_path_factory.mktemp("joints"), motion=GRID, deformer="none")
     Scene.load(path).run(path.parent / "results", figures=False)
     return path, path.parent / "results"
 
@@ -57,7 +57,7 @@ def test_what_is_given_stays_and_the_tendon_fits_it():
     found = completed_properties(given, ARCHITECTURE, "m", length=0.3)
     assert found == pytest.approx(given | {"tendon_slack_length": 0.2})
     with pytest.raises(
-        ValueError, match=r"'m' has a path of 70 mm at rest and fibres of 80 mm.*geometry only"
+        ValueError, match=r"'m' has a path of 70 mm and fibres of 80 mm at rest.*geometry only"
     ):
         completed_properties({}, ARCHITECTURE, "m", length=0.07)
 
@@ -114,8 +114,8 @@ def test_meshes_lie_on_their_bodies(ran, tmp_path):
 def test_a_coordinate_that_is_crossed_and_still_is_named_before_anything_is_run(ran, tmp_path, monkeypatch):
     path, _ = ran
     monkeypatch.setattr(Scene, "run", lambda *_args, **_options: pytest.fail("it was run"))
-    still = scene_with(path.parent, tmp_path, motion={"grid": {"upper": [-10, 30, 10]}}, model="paths")
-    with pytest.raises(SceneError, match="does not move lower, which muscle 'strap' crosses"):
+    still = scene_with(path.parent, tmp_path, motion={"grid": {"upper": [-10, 30, 10]}}, deformer="none")
+    with pytest.raises(SceneError, match="does not move lower, crossed by muscle 'strap'"):
         write_opensim(still, tmp_path / "strap.osim")
 
 
@@ -130,7 +130,7 @@ def test_an_old_model_is_refused_before_anything_is_run(ran, tmp_path, monkeypat
 def test_a_model_of_another_leg_is_refused_in_words(ran, tmp_path):
     _, results = ran
     (tmp_path / "leg.osim").write_text(texts.model_4(forces=texts.muscle("")))
-    with pytest.raises(InputError, match=r"has no coordinate 'upper'; it has hip_x, .*; give the scene's"):
+    with pytest.raises(InputError, match=r"has no coordinate 'upper'; use the model's names .* hip_x, "):
         write_opensim(results, tmp_path / "new.osim", into=tmp_path / "leg.osim")
 
 

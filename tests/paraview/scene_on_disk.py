@@ -35,17 +35,21 @@ def pipeline(made, muscle, bones, attachments, motion):
     """Return a chain of filters by the names of its results; they are made by name, with inputs by port."""
     moving = made("BoneMotion", bones=bones, motion=motion)
     fixed = made("FixedPointDetector", muscle=muscle, bones=bones, attachments=attachments)
-    deformed = made("PBDDeformer", muscle=fixed, bones=moving)
     template = made("FibreTemplateSource", n_fibres=N_FIBRES)
     fitted = made("TemplateFitter", template=template, muscle=muscle, attachments=attachments)
     morphed = made("SliceMorpher", template=fitted, muscle=muscle)
     trimmed = made("FibreTrimmer", fibres=morphed, muscle=muscle, attachments=attachments)
     smoothed = made("FibreSmoother", fibres=trimmed)
+    posed = {"rest_bones": bones, "bones": moving}
+    paths = made("TautPaths", rest_fibres=smoothed, rest_muscle=fixed, **posed)
+    deformed = made("PathDeformer", muscle=fixed, paths=paths, **posed)
     carried = made("FibreTransport", rest_fibres=smoothed, rest_muscle=muscle, deformed_muscle=deformed)
     measured = made("FibreMetrics", fibres=carried)
     return {
         "moving": moving,
         "fixed": fixed,
+        "smoothed": smoothed,
+        "paths": paths,
         "deformed": deformed,
         "template": template,
         "fitted": fitted,

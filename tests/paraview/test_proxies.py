@@ -9,7 +9,15 @@ from xml.etree.ElementTree import fromstring
 import pytest
 
 from vtkmuscle.core.motion.rigid import RigidMotion
-from vtkmuscle.filters import Filter, InputPort, OutputPort, Parameter, PathDeformer, PBDDeformer
+from vtkmuscle.filters import (
+    Filter,
+    FixedPointDetector,
+    InputPort,
+    OutputPort,
+    Parameter,
+    PathDeformer,
+    TautPaths,
+)
 from vtkmuscle.paraview.proxies import (
     FILES,
     camel_case,
@@ -36,7 +44,9 @@ def named(elements, name):
 
 
 def test_all_kinds_are_in_the_plugin():
-    assert {"BoneMotion", "PBDDeformer", "FibreTubes", "MuscleScene"} <= {kind.__name__ for kind in KINDS}
+    assert {"BoneMotion", "TautPaths", "PathDeformer", "PBDDeformer", "FibreTubes", "MuscleScene"} <= {
+        kind.__name__ for kind in KINDS
+    }
     assert Filter not in KINDS
 
 
@@ -102,18 +112,14 @@ def test_a_preset_shows_in_the_values_that_count():
 
 
 def test_what_does_not_count_is_hidden():
-    shown = parts(PBDDeformer)
+    shown = parts(FixedPointDetector)
     voxels = named(shown, "NVoxels").find("Hints/PropertyWidgetDecorator").attrib
-    assert (voxels["property"], voxels["values"], voxels["mode"]) == ("Collision", "voxel", "visibility")
-    for name, ruling in (
-        ("Iterations", "preview balanced accurate published"),
-        ("TautResolution", "preview balanced accurate"),
-    ):
-        (ruled,) = named(shown, name).iter("PropertyWidgetDecorator")
-        assert (ruled.get("property"), ruled.get("values"), ruled.get("inverse")) == ("Quality", ruling, "1")
-    (ruled,) = named(shown, "Dt").iter("PropertyWidgetDecorator")
-    assert (ruled.get("property"), ruled.get("values")) == ("Quality", "published")
-    assert named(shown, "MeasurePenetration").find("Hints") is None
+    assert (voxels["property"], voxels["values"], voxels["mode"]) == ("Method", "collision", "visibility")
+    for kind, name in ((TautPaths, "Resolution"), (PathDeformer, "Iterations")):
+        (ruled,) = named(parts(kind), name).iter("PropertyWidgetDecorator")
+        decoration = ruled.get("property"), ruled.get("values"), ruled.get("inverse")
+        assert decoration == ("Quality", "preview balanced accurate", "1")
+    assert named(parts(PathDeformer), "MeasurePenetration").find("Hints") is None
 
 
 @every_filter

@@ -5,12 +5,22 @@ import gc
 import numpy as np
 import pytest
 from vtkmodules.vtkCommonCore import vtkOutputWindow, vtkStringOutputWindow
+from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle import Scene
 from vtkmuscle.data.arrays import blocks_of, points_of
-from vtkmuscle.filters import BoneMotion, FibreTemplateSource, FixedPointDetector, PBDDeformer
+from vtkmuscle.filters import BoneMotion, FibreTemplateSource, FixedPointDetector, PathDeformer
+from vtkmuscle.filters.base import Filter, OutputPort, Parameter
 from vtkmuscle.paraview.proxies import properties_of
 from vtkmuscle.paraview.shells import MuscleScene, all_kinds, shell_of
+
+
+class Pushed(Filter):
+    """Parameters of kinds that few filters have."""
+
+    force = Parameter(tuple, default=(0.0, 0.0, 0.0), length=3, doc="A vector.")
+    method = Parameter(str, default="on", choices=("on", "off"), doc="A choice.")
+    output = OutputPort(vtkPolyData, doc="Nothing.")
 
 
 def shell(kind):
@@ -42,17 +52,17 @@ def test_defaults_from_paraview_change_nothing(kind):
 
 
 def test_setters_set():
-    deformer = shell(PBDDeformer)
+    deformer, pushed = shell(PathDeformer), shell(Pushed)
     deformer.SetIterations(7)
-    deformer.SetExternalForce(0.0, 1.0, 2.0)
     deformer.SetMeasurePenetration(1)
-    deformer.SetAnisotropy(0)
-    deformer.SetCollision("off")
+    deformer.SetBoneClearance(2.0)
+    pushed.SetForce(0.0, 1.0, 2.0)
+    pushed.SetMethod("off")
     assert deformer.iterations == 7
-    assert deformer.external_force == (0.0, 1.0, 2.0)
     assert deformer.measure_penetration is True
-    assert deformer.anisotropy is False
-    assert deformer.collision == "off"
+    assert deformer.bone_clearance == 2.0
+    assert pushed.force == (0.0, 1.0, 2.0)
+    assert pushed.method == "off"
 
 
 def test_a_number_counts_when_it_is_not_automatic():
@@ -68,16 +78,16 @@ def test_a_number_counts_when_it_is_not_automatic():
 
 
 def test_quality_rules_over_what_paraview_sets_beside_it():
-    deformer = shell(PBDDeformer)
+    deformer = shell(PathDeformer)
     defaults = deformer.parameters()
     deformer.SetIterations(7)
     deformer.SetQuality("preview")
-    deformer.SetTautResolution(12)  # hidden then, but a state file sets it
-    assert deformer.parameters() == PBDDeformer(quality="preview").parameters()
+    deformer.SetIterations(12)  # hidden then, but a state file sets it
+    assert deformer.parameters() == PathDeformer(quality="preview").parameters()
     deformer.SetQuality("accurate")
-    assert deformer.parameters() == PBDDeformer(quality="accurate").parameters()
+    assert deformer.parameters() == PathDeformer(quality="accurate").parameters()
     deformer.SetQuality("")
-    assert deformer.parameters() == {**defaults, "iterations": 7, "taut_resolution": 12}
+    assert deformer.parameters() == {**defaults, "iterations": 12}
 
 
 def test_a_motion_is_read_from_its_scene(spindle, tmp_path):
@@ -110,7 +120,7 @@ def test_a_scene_gives_a_muscle_by_name(messages, hip, tmp_path):
     first, *_, last = hip.muscles
     for name, asked in ((first, ""), (last, last), (first, None)):
         source.SetMuscle(asked)
-        surface, bones, attachments = (source.update(port=number).output for number in range(3))
+        surface, bones, attachments = source.surface, source.bones, source.attachments
         assert source.GetMuscleNames() == list(hip.muscles)
         assert np.array_equal(points_of(surface), points_of(hip.muscles[name]))
         assert list(dict(blocks_of(bones))) == list(dict(blocks_of(hip.bones)))

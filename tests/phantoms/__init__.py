@@ -1,8 +1,17 @@
-"""Phantoms with known answers: those of the package, and those that only tests and benchmarks need."""
+"""Phantoms with known answers: those of the package, of the examples, and of tests and benchmarks."""
+
+import sys
+from pathlib import Path
+
+sys.path += [str(Path(__file__).parents[2] / "examples" / group) for group in ("joints", "fibres")]
+
+from belly import pennate_belly
+from leg import leg
 
 from phantoms.ball_spindle import spindle_over_ball
 from phantoms.brim_flexor import flexor_over_brim
 from phantoms.fibre_blocks import fibre_block
+from phantoms.label_maps import label_map
 from phantoms.lifting_strap import lifting_strap
 from phantoms.ring_tendon import tendon_through_ring
 from phantoms.slivered_tendon import slivered_tendon
@@ -10,8 +19,6 @@ from phantoms.two_joint_strap import strap_over_two_joints
 from vtkmuscle.phantoms import (
     Phantom,
     hip,
-    leg,
-    pennate_belly,
     pennate_block,
     spindle_over_hinge,
     wrapping_cylinder,
@@ -22,6 +29,7 @@ __all__ = [
     "fibre_block",
     "flexor_over_brim",
     "hip",
+    "label_map",
     "leg",
     "lifting_strap",
     "pennate_belly",

@@ -155,21 +155,21 @@ def test_a_muscle_without_any_frame_has_a_page_too(run_folder):
     assert "spindle" in words_of(page_of(other._content()))
 
 
-@pytest.mark.parametrize("model", ["paths", "no fibres", "no coordinate"])
-def test_scenes_without_surfaces_fibres_or_coordinates_have_a_page(model, two_muscles):
+@pytest.mark.parametrize("case", ["no deformer", "no fibres", "no coordinate"])
+def test_scenes_without_surfaces_fibres_or_coordinates_have_a_page(case, two_muscles):
     from dataclasses import replace
 
     scene = two_muscles
-    if model == "paths":
-        scene = replace(scene, model="paths", solver={})
-    if model == "no fibres":
+    if case == "no deformer":
+        scene = replace(scene, deformer="none", solver={})
+    if case == "no fibres":
         scene = replace(scene, muscles={n: replace(m, fibres=None) for n, m in scene.muscles.items()})
-    if model == "no coordinate":
+    if case == "no coordinate":
         scene = replace(scene, motion=replace(scene.motion, coordinates={}))
     page = page_of(scene.run(frames="0:4")._content())
-    assert ('id="show-surfaces"' in page) == (model != "paths")
-    assert ('id="lengths"' in page) == (model != "no fibres")
-    assert ('id="arms"' in page) == (model == "paths")
+    assert ('id="show-surfaces"' in page) == (case != "no deformer")
+    assert ('id="lengths"' in page) == (case != "no fibres")
+    assert ('id="arms"' in page) == (case == "no deformer")
 
 
 def test_one_frame_has_a_page(two_muscles):

@@ -23,7 +23,6 @@ from vtkmuscle.cli.options import OutOption, QuietOption, RunOptions, named, wit
 from vtkmuscle.cli.results import ExportOptions, check, compare, export_muscles, figures, report
 from vtkmuscle.cli.running import cohort, run_and_report
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.isolation import leave_out_working_folder
 
 #: Flexion in the frames of the demo [degrees]: the range of the phantom, in fewer steps.
 DEMO_ANGLES = tuple(range(0, 91, 5))
@@ -42,7 +41,6 @@ command = partial(app.command, cls=Command)
 
 def main() -> None:
     """Run the command line; the console entry point."""
-    leave_out_working_folder()
     for name in ("SIGTERM", "SIGHUP"):  # the latter is not known to Windows
         number = getattr(signal, name, None)
         if number is not None and signal.getsignal(number) is signal.SIG_DFL:

@@ -166,8 +166,8 @@ def _of_mesh(file: Path) -> dict[str, str]:
         bad = int((~np.isfinite(points).all(axis=1)).sum())
         return {"points": str(len(points)), "not finite": f"{bad} points; correct them"}
     longest = float(np.ptp(points, axis=0).max())
-    unit, sureness = likely_unit(longest)
-    surely = "probably" if sureness > LOOK else "perhaps"
+    unit, confidence = likely_unit(longest)
+    surely = "probably" if confidence > LOOK else "perhaps"
     size = {"bounds": _bounds(points), "unit": f"{surely} {unit} (the longest side is {longest:.4g})"}
     if data.GetNumberOfPolys() == 0:
         return {"points": str(len(points)), "polylines": str(data.GetNumberOfLines()), **size}

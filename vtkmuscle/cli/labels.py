@@ -116,11 +116,11 @@ def _write(draft: Draft, out: Path, quiet: bool) -> None:
     from vtkmuscle.labels.page import write_page
 
     path, page = draft.write(out), write_page(draft, out)
-    unsure = [one for one in draft.guesses if one.sureness < LOOK and one.value != LEFT_OUT]
-    say(quiet, f"{len(draft.guesses)} guesses are in {page}" + ("; to be looked at:" if unsure else ""))
-    for sureness, what, guess, why in table_of(unsure)[1:]:
-        say(quiet, f"  {sureness}  {what}: {guess}; {why}")
+    unsure = [guess for guess in draft.guesses if guess.confidence < LOOK and guess.value != LEFT_OUT]
+    say(quiet, f"{len(draft.guesses)} guesses are in {page}" + ("; check these:" if unsure else ""))
+    for confidence, what, guess, why in table_of(unsure)[1:]:
+        say(quiet, f"  {confidence}  {what}: {guess}; {why}")
     for name, why in draft.left_out.items():
         typer.echo(f"left out: {name}: {why}", err=True)
-    say(quiet, f"wrote {path}, with {', '.join(draft.muscles)}: look at the guesses, then run it with")
+    say(quiet, f"wrote {path}, with {', '.join(draft.muscles)}: check the guesses, then run")
     say(quiet, f"  vtkmuscle run {path}")

@@ -76,6 +76,13 @@ class RunOptions:
         ),
     ] = False
     fresh: FreshOption = False
+    only: Annotated[
+        str | None,
+        typer.Option(
+            metavar="lengths|moment_arms|surfaces",
+            help="Compute and write this alone: lengths.csv, moment_arms.csv, or the deformed muscles.",
+        ),
+    ] = None
     muscle: Annotated[
         list[str] | None,
         typer.Option(metavar="NAME", help="Run this muscle of the scene alone; may be repeated."),

@@ -31,6 +31,10 @@ def run_and_report(scene: Scene, out: Path, options: RunOptions) -> None:
         deformer, quality = options.deformer or scene.deformer, options.quality or scene.quality
         scene = replace(scene, deformer=deformer, quality=quality)
     tell = partial(say, options.quiet)
+    if options.only is not None:
+        _run_only(scene, options.only, out, options)
+        tell(f"The {options.only.replace('_', ' ')} are in {out}")
+        return
     with one_clear_error(out):
         left = ResultFolder(out).unfinished()
         if left is not None:
@@ -55,6 +59,15 @@ def run_and_report(scene: Scene, out: Path, options: RunOptions) -> None:
         tell(f"Look at {out / PAGE} in a browser: the scene, curves, tables and what to make of them")
     if "failed" in result.verdicts.values():
         raise typer.Exit(FAILED)
+
+
+def _run_only(scene: Scene, what: str, out: Path, options: RunOptions) -> None:
+    """Compute and write one output of a scene, with progress bars."""
+    from vtkmuscle.run import run_only
+
+    bars = _progress_bars(list(scene.muscles), Console(stderr=True), quiet=options.quiet)
+    with one_clear_error(out), bars as progress:
+        run_only(scene, what, out, frames=options.frames, overwrite=options.overwrite, progress=progress)
 
 
 def _run(scene: Scene, out: Path, options: RunOptions) -> Result:

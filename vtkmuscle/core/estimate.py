@@ -31,5 +31,5 @@ def sampling_errors(values: Floats) -> Floats:
 
 def root_mean_square(values: Floats) -> float | None:
     """Return the root mean square of the values that are not NaN, None where all are."""
-    known = values[~np.isnan(values)]
-    return float(np.sqrt((known**2).mean())) if len(known) else None
+    numbers = values[~np.isnan(values)]
+    return float(np.sqrt((numbers**2).mean())) if len(numbers) else None

@@ -1,10 +1,11 @@
-"""The machine: number of processors, and the cache folder."""
+"""The machine: its processors, its Python, and the cache folder."""
 
 from __future__ import annotations
 
 import errno
 import os
 import stat
+import sys
 import warnings
 from pathlib import Path
 
@@ -54,6 +55,17 @@ def warn_of_folder(folder: Path, error: OSError) -> None:
             "or to nothing",
             stacklevel=4,
         )
+
+
+def is_python() -> bool:
+    """Return whether this program is a Python to be started again; ParaView names itself, or no file."""
+    program = Path(sys.executable or "-")
+    return program.name.startswith("python") and program.is_file()
+
+
+def python_command(code: str) -> list[str]:
+    """Return the command that runs code in another Python, which does not look into the working folder."""
+    return [sys.executable, "-P", "-c", f"import sys\n{code}"]
 
 
 def processors() -> int:

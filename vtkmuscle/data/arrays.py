@@ -27,9 +27,8 @@ Data = TypeVar("Data", bound=vtkDataObject)
 
 def points_of(data: Any) -> Floats:
     """Return the points of a data set as an (n, 3) float64 array that may be changed (a copy)."""
-    if data.GetPoints() is None:
-        return np.zeros((0, 3))
-    return np.array(vtk_to_numpy(data.GetPoints().GetData()), dtype=np.float64)
+    points = data.GetPoints()
+    return np.array(np.zeros((0, 3)) if points is None else vtk_to_numpy(points.GetData()), dtype=np.float64)
 
 
 def triangles_of(surface: vtkPolyData, where: str) -> Ints:
@@ -182,8 +181,7 @@ def add_arrays(
     fields: Mapping[str, Any] | None = None,
 ) -> Data:
     """Add copies of arrays, by name, to the point, cell and field data; return the data."""
-    adders = (set_point_array, points), (set_cell_array, cells), (set_field_array, fields)
-    for add, arrays in adders:
+    for add, arrays in ((set_point_array, points), (set_cell_array, cells), (set_field_array, fields)):
         for name, values in (arrays or {}).items():
             add(data, name, values)
     return data
@@ -279,14 +277,12 @@ def names_of(kind: str, attributes: Any) -> dict[str, str]:
 
 def empty_array(kind: int, shape: tuple[int, ...], name: str | None = None) -> tuple[Any, NDArray[Any]]:
     """Return an array of a type of VTK's, (n,) or (n, c), and a view to write its values to."""
-    array = vtkDataArray.CreateDataArray(kind)
-    if name is not None:
-        array.SetName(name)
+    array: Any = vtkDataArray.CreateDataArray(kind)
+    array.SetName(name)
     array.SetNumberOfComponents(shape[1] if len(shape) > 1 else 1)
     array.SetNumberOfTuples(shape[0])
     # Not vtk_to_numpy, which takes ten times as long; NumPy refuses an empty buffer.
-    buffer: Any = array if array.GetNumberOfValues() else bytearray()
-    values = np.frombuffer(buffer, get_numpy_array_type(kind))
+    values = np.frombuffer(array if array.GetNumberOfValues() else bytearray(), get_numpy_array_type(kind))
     return array, values.reshape(shape)
 
 

@@ -19,6 +19,8 @@ from vtkmuscle.data.muscle_geometry import Surface
 #: What the field array of a bone's twist by a coordinate is called, before the coordinate's name.
 TWIST = "Twist_"
 
+#: The remedy where one of these arrays is missing.
+_MADE_BY = "BoneMotion adds it"
 #: The identity, as an array of the pipeline holds it.
 _AT_REST = np.eye(4).tobytes()
 
@@ -80,10 +82,9 @@ def moving_bones_of(data: vtkMultiBlockDataSet, where: str) -> MovingBones:
     transforms = np.tile(np.eye(4), (len(bones), 1, 1))
     twists: dict[str, Floats] = {}
     for index, (name, bone) in enumerate(bones.items()):
-        fields, here = bone.GetFieldData(), f"{where}, block {name!r}"
-        values = field_array(bone, "Transform")
-        if values is None:
-            raise InputError(here, "the field array 'Transform' is missing", "BoneMotion adds it")
+        here = f"{where}, block {name!r}"
+        if (values := field_array(bone, "Transform")) is None:
+            raise InputError(here, "the field array 'Transform' is missing", _MADE_BY)
         if values.tobytes() != _AT_REST:  # as most bones are, most of the time
             if values.size != 16 or not is_rigid(values.reshape(4, 4)):
                 raise InputError(
@@ -92,11 +93,10 @@ def moving_bones_of(data: vtkMultiBlockDataSet, where: str) -> MovingBones:
                     "row, with last row 0 0 0 1",
                 )
             transforms[index] = values.reshape(4, 4)
-        for coordinate, array in names_of(TWIST, fields).items():
+        for coordinate, array in names_of(TWIST, bone.GetFieldData()).items():
             twist = field_array(bone, array)
             if twist is None or twist.shape != (6,) or not np.isfinite(twist).all():
-                problem = f"the field array {array!r} must be six finite numbers, linear and angular velocity"
-                raise InputError(here, problem, "BoneMotion adds it")
+                raise InputError(here, f"the field array {array!r} must be six finite numbers", _MADE_BY)
             twists.setdefault(coordinate, np.zeros((len(bones), 6)))[index] = twist
     return MovingBones(bones, transforms, twists)
 

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import json
+import threading
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-from vtkmodules.vtkCommonCore import vtkStringArray
+from vtkmodules.vtkCommonCore import vtkGarbageCollector, vtkStringArray
 from vtkmodules.vtkCommonDataModel import vtkDataObject
 from vtkmodules.vtkCommonExecutionModel import vtkStreamingDemandDrivenPipeline
 
@@ -29,8 +30,7 @@ def announce_times(info: Any, steps: Sequence[float]) -> None:
 
 def times_of(info: Any) -> tuple[float, ...]:
     """Return the time steps that a port's information announces, () where there are none."""
-    times: tuple[float, ...] = info.Get(_STEPS) if info is not None and info.Has(_STEPS) else ()
-    return times
+    return tuple(info.Get(_STEPS)) if info is not None and info.Has(_STEPS) else ()
 
 
 def time_asked(info: Any) -> float | None:
@@ -52,11 +52,22 @@ def request_time(info: Any, time: float | None) -> None:
         info.Set(_TIME, float(time))
 
 
+def vtk_collector() -> type[vtkGarbageCollector] | None:
+    """Return VTK's collector of reference cycles, which can be deferred; None out of the main thread.
+
+    It looks through the whole pipeline each time that Python lets go of an object of it, which takes half of
+    the time beside the kernels (``benchmarks/bench_step.py --stages``). Once in an update will do.
+    """
+    return vtkGarbageCollector if threading.current_thread() is threading.main_thread() else None
+
+
 def input_at(algorithm: Any, port: int, time: float | None) -> Any:
     """Return the data on an algorithm's input port (of one connection) at a time; None where that failed.
 
     Data that is there already is not computed again.
     """
+    if (collector := vtk_collector()) is not None:
+        collector.Collect()  # what is left of the time before
     connection = algorithm.GetInputConnection(port, 0)
     producer, index = connection.GetProducer(), connection.GetIndex()
     request_time(producer.GetOutputInformation(index), time)

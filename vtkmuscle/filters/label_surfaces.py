@@ -63,11 +63,13 @@ class LabelSurfaces(Filter):
 
     Examples
     --------
+    >>> import numpy as np
+    >>> from vtkmuscle.data.label_images import label_image
     >>> from vtkmuscle.filters import LabelSurfaces
-    >>> from vtkmuscle.phantoms import label_map, spindle_over_hinge
-    >>> surfaces = LabelSurfaces()(label_map(spindle_over_hinge(), spacing=4.0))
-    >>> [surfaces.GetMetaData(i).Get(surfaces.NAME()) for i in range(3)]
-    ['proximal', 'distal', 'spindle']
+    >>> voxels = np.pad(np.ones((6, 6, 6), dtype=np.uint8), 3)
+    >>> surfaces = LabelSurfaces()(label_image(voxels, np.eye(4), {1: "cube"}))
+    >>> surfaces.GetMetaData(0).Get(surfaces.NAME())
+    'cube'
     """
 
     labels: Parameter[str | None] = Parameter(str, default=None)

@@ -34,9 +34,9 @@ LENGTHS, TIMES = "Lengths", "Times"
 class MomentArms(Filter):
     """Add moment arms of a muscle's paths about a joint; of other fibres those by their lengths over time.
 
-    Where the fibres have paths with them (the output of TautFibres, or of FibreTransport behind PBDDeformer)
+    Where the fibres have paths with them (the output of TautPaths, or of FibreMetrics with paths)
     and there is a ``motion``, a moment arm is the lever of the path's pull about the axis of the coordinate,
-    ``PathLever_COORDINATE`` (:mod:`vtkmuscle.core.paths.levers`). That takes the one pose alone, also where
+    ``Lever_COORDINATE`` (:mod:`vtkmuscle.core.paths.levers`). That takes the one pose alone, also where
     several coordinates change at once, as long as the joint is known or poses differ in the one coordinate
     only.
 

@@ -91,15 +91,16 @@ class PathDeformer(Filter):
         ``PenetratingPoints``.
     carried_fibres
         The fibres in the deformed muscle, with the arrays of ``fibres``, the cell array ``RestLength`` [mm]
-        and the field array ``PointsOutside``, the number of points outside of the muscle at rest.
+        and the field array ``PointsOutside``, the number of points outside of the muscle at rest. Empty
+        without ``fibres``.
 
     Raises
     ------
     ValueError
         If the surface is open, is not made of triangles or encloses no volume; if ``FixedTo`` is missing or
         names a block that does not exist; if no point is fixed; if ``rest_bones`` and ``bones`` have
-        different blocks; if a bone has no ``Transform``; if fibres are asked for without ``fibres`` or
-        ``paths``, or there is not one path for each fibre.
+        different blocks; if a bone has no ``Transform``; if the second output is asked for and there is not
+        one path for each fibre.
 
     References
     ----------
@@ -259,9 +260,11 @@ class PathDeformer(Filter):
         self, muscle: Surface, paths: PathLines | None, fibres: Polylines | None, pose: CarriedPose
     ) -> vtkPolyData:
         """Return the fibres in a pose: carried by their paths, then displaced as the surface settles."""
-        if fibres is None or paths is None or len(fibres) != len(paths.rest):
+        if fibres is None:
+            return vtkPolyData()
+        if paths is None or len(fibres) != len(paths.rest):
             count = "no" if paths is None else str(len(paths.rest))
-            problem = f"there are {0 if fibres is None else len(fibres)} for {count} paths"
+            problem = f"there are {len(fibres)} for {count} paths"
             raise InputError("fibres", problem, "connect the fibres that TautPaths has as rest_fibres")
         assert self._carried is not None
         if self._embedded is None:

@@ -157,7 +157,8 @@ class TautPaths(Filter):
             return vtkPolyData()
         state = self._poses.at(bones.transforms, memory=self.checkpoint_memory * 1e6)
         self.report_progress(1.0)
-        return self._result(rest_fibres, state, state.levers(bones.twists) if self.levers else {})
+        levers = self._poses.levers(bones.transforms, bones.twists) if self.levers else {}
+        return self._result(rest_fibres, state, levers)
 
     def _prepare(
         self,

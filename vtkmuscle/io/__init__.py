@@ -1,7 +1,7 @@
-"""Readers and writers of the field's formats: surfaces, landmarks, motion tables, time series.
+"""Readers and writers: surfaces, landmarks, motion tables and time series.
 
-Every reader raises a ``FileNotFoundError`` or a ``ValueError`` that names the file and the remedy, and
-keeps VTK's own messages off the terminal.
+A reader raises a ``FileNotFoundError`` or a ``ValueError`` with the file and the remedy, and keeps VTK's
+messages off the terminal.
 """
 
 import lazy_loader

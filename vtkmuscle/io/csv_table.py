@@ -1,4 +1,4 @@
-"""CSV tables: those of users, with comments, empty lines and checked numbers; and those written here."""
+"""CSV tables, read with checks and written."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from vtkmuscle.io.writing import write_text
 
 
 def csv_rows(path: Path) -> Iterator[tuple[int, list[str]]]:
-    """Give the number of each line and its cells, without empty lines and those that begin with #."""
+    """Yield the number and cells of each line except comments (#) and empty lines."""
     check_is_file(path)
     try:
         with path.open(newline="", encoding="utf-8-sig") as lines:
@@ -30,10 +30,15 @@ def csv_rows(path: Path) -> Iterator[tuple[int, list[str]]]:
 def table_rows(
     path: Path, *, needed: Sequence[str] = (), most: int | None = None, remedy: str = ""
 ) -> list[tuple[int, dict[str, str]]]:
-    """Return the number of each line below the header and its cells by column.
+    """Return the line number and the cells by column for each row.
 
-    An InputError is raised where there are no rows or more than ``most``, where a column is missing, unnamed
-    or double, and where a line has another number of cells. ``remedy`` describes the table.
+    ``remedy`` describes the table.
+
+    Raises
+    ------
+    InputError
+        Without rows, with more than ``most`` rows, for a missing, unnamed or repeated column, or a line
+        of another length.
     """
     rows = list(islice(csv_rows(path), None if most is None else most + 2))
     header = rows[0][1] if rows else []
@@ -50,19 +55,19 @@ def table_rows(
     for line, cells in rows[1:]:
         if len(cells) != len(header):
             problem = f"line {line} has {len(cells)} cells, but the header has {len(header)}"
-            raise InputError(path, problem, "correct that line")
+            raise InputError(path, problem, "correct the line")
     return [(line, dict(zip(header, cells, strict=True))) for line, cells in rows[1:]]
 
 
 def write_rows(path: Path, rows: Iterable[Iterable[object]]) -> None:
-    """Write a table, header first, numbers with all their digits, all or nothing."""
+    """Write a table, header first, with all digits, all or nothing."""
     text = io.StringIO()
     csv.writer(text, lineterminator="\n").writerows(rows)
     write_text(path, text.getvalue())
 
 
 def number_in(cell: object) -> float:
-    """Return the number in a cell, NaN where there is none."""
+    """Return the number in a cell, or NaN."""
     try:
         return float(cell)  # type: ignore[arg-type]
     except (TypeError, ValueError, OverflowError):
@@ -70,7 +75,7 @@ def number_in(cell: object) -> float:
 
 
 def finite_number(cell: str, column: str, path: Path, where: str) -> float:
-    """Return the number in a cell of a file's table; raise an InputError where there is no finite number."""
+    """Return the finite number in a cell; otherwise raise an InputError."""
     value = number_in(cell)
     if not math.isfinite(value):
         raise InputError(path, f"{where}: {column} is {cell!r}, but must be a finite number", "correct it")

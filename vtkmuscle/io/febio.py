@@ -1,4 +1,4 @@
-"""Directions of fibres as FEBio reads them."""
+"""Fibre directions for FEBio."""
 
 from __future__ import annotations
 
@@ -12,28 +12,29 @@ from vtkmuscle.data.arrays import cell_array
 
 
 def febio_axes(mesh: vtkDataSet, element_set: str) -> Element:
-    """Return the directions of a mesh's cells as material axes, for the section MeshData of a FEBio model.
+    """Return the fibre directions of cells as material axes of a FEBio model.
 
-    ``a`` is the fibre's direction. ``d`` is an arbitrary direction across it: FEBio makes the axes a, (a x d)
-    x a and a x d of them, of which transversely isotropic materials use the first.
+    The element belongs in the section MeshData. ``a`` is the fibre direction, ``d`` an arbitrary direction
+    across. FEBio derives the axes a, (a x d) x a and a x d; transversely isotropic materials use the first.
 
     Parameters
     ----------
     mesh : vtkDataSet
-        With the cell array ``FibreDirection`` (3) of :class:`~vtkmuscle.filters.FibreField`; its cells are
-        the elements of the set, in order.
+        With the cell array ``FibreDirection`` (3) of :class:`~vtkmuscle.filters.FibreField`; the cells
+        are the elements of the set, in order.
     element_set : str
-        The set's name in the model, in FEBio 4 that of a domain (``<Elements name="...">``).
+        Name of the set in the model; in FEBio 4 the name of a domain (``<Elements name="...">``).
 
     Returns
     -------
     xml.etree.ElementTree.Element
-        ``<ElementData type="mat_axis">``, as of ``febio_spec`` 4.0; 2.5 and 3.0 say ``var`` for ``type``.
+        ``<ElementData type="mat_axis">`` of ``febio_spec`` 4.0; versions 2.5 and 3.0 use ``var`` for
+        ``type``.
 
     Raises
     ------
     ValueError
-        If the mesh has no such array, or a cell has no direction.
+        If the array is missing, or a cell has no direction.
 
     References
     ----------

@@ -1,4 +1,4 @@
-"""Measures of fibres, as a table and as a summary."""
+"""Measures of fibres as tables and summaries."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from vtkmuscle.core.errors import InputError
 from vtkmuscle.data.arrays import field_array
 from vtkmuscle.io.csv_table import write_rows
 
-#: Field arrays of a muscle with one value, and with a value per section.
+#: Field arrays with a value per muscle, then with a value per section.
 _WHOLE = ("MuscleVolume", "PCSA", "PCSALine")
 _SECTIONS = ("SectionArea", "SectionFibres", "SectionDensity")
 
 
 def fibre_columns(fibres: vtkPolyData) -> dict[str, NDArray[np.float64]]:
-    """Return every cell array of numbers (n_fibres,), by its name, in alphabetical order."""
+    """Return the scalar cell arrays (n_fibres,) by name, sorted."""
     data = fibres.GetCellData()
     arrays = [data.GetArray(i) for i in range(data.GetNumberOfArrays())]
     columns = {
@@ -32,7 +32,9 @@ def fibre_columns(fibres: vtkPolyData) -> dict[str, NDArray[np.float64]]:
 
 
 def fibre_summary(fibres: vtkPolyData) -> dict[str, dict[str, float]]:
-    """Return ``mean``, ``sd`` (of the population), ``min`` and ``max`` of each cell array, in its unit.
+    """Return ``mean``, ``sd``, ``min`` and ``max`` of each cell array.
+
+    ``sd`` is the standard deviation of the population; units are the array's.
 
     Parameters
     ----------
@@ -66,9 +68,9 @@ def muscle_summary(fibres: vtkPolyData) -> dict[str, float | list[float] | dict[
     Returns
     -------
     dict
-        The measured ones of ``MuscleVolume``, ``PCSA``, ``PCSALine``, ``LineOfAction`` (three numbers),
-        ``CentroidPathLength``, and ``SectionArea``, ``SectionFibres`` and ``SectionDensity``, each with
-        ``mean``, ``sd`` (of the population), ``min`` and ``max`` over the sections.
+        The available measures of ``MuscleVolume``, ``PCSA``, ``PCSALine``, ``LineOfAction`` (3 numbers),
+        ``CentroidPathLength``, and ``SectionArea``, ``SectionFibres`` and ``SectionDensity`` as in
+        :func:`fibre_summary`, over the sections.
 
     Examples
     --------
@@ -84,40 +86,38 @@ def muscle_summary(fibres: vtkPolyData) -> dict[str, float | list[float] | dict[
     (96000, 800)
     """
     arrays = {
-        name: np.asarray(field_array(fibres, name), dtype=np.float64)
+        name: np.asarray(values, dtype=np.float64)
         for name in (*_WHOLE, *_SECTIONS, "LineOfAction", "CentroidPath")
-        if field_array(fibres, name) is not None
+        if (values := field_array(fibres, name)) is not None
     }
-    found: dict[str, float | list[float] | dict[str, float]] = {
+    summary: dict[str, float | list[float] | dict[str, float]] = {
         name: float(arrays[name][0]) for name in _WHOLE if name in arrays
     }
     if "LineOfAction" in arrays:
-        found["LineOfAction"] = arrays["LineOfAction"].ravel().tolist()
+        summary["LineOfAction"] = arrays["LineOfAction"].ravel().tolist()
     if "CentroidPath" in arrays:
         steps = np.diff(arrays["CentroidPath"].reshape(-1, 3), axis=0)
-        found["CentroidPathLength"] = float(np.linalg.norm(steps, axis=1).sum())
-    return found | {name: spread(arrays[name]) for name in _SECTIONS if name in arrays}
+        summary["CentroidPathLength"] = float(np.linalg.norm(steps, axis=1).sum())
+    return summary | {name: spread(arrays[name]) for name in _SECTIONS if name in arrays}
 
 
 def spread(values: NDArray[np.float64]) -> dict[str, float]:
     """Return ``mean``, ``sd`` (of the population), ``min`` and ``max`` of values."""
-    return {
-        "mean": float(values.mean()),
-        "sd": float(values.std()),
-        "min": float(values.min()),
-        "max": float(values.max()),
-    }
+    measures = {"mean": values.mean(), "sd": values.std(), "min": values.min(), "max": values.max()}
+    return {name: float(value) for name, value in measures.items()}
 
 
 def write_fibre_table(fibres: vtkPolyData, path: str | PathLike[str]) -> Path:
-    """Write the measures of fibres as comma-separated values, a row per fibre and a column per cell array.
+    """Write the measures of fibres as CSV, a row per fibre.
+
+    Columns are the cell arrays.
 
     Parameters
     ----------
     fibres : vtkPolyData
         From :class:`~vtkmuscle.filters.FibreMetrics`.
     path : path
-        A file, replaced where it exists.
+        Replaced if existing.
 
     Returns
     -------
@@ -132,7 +132,7 @@ def write_fibre_table(fibres: vtkPolyData, path: str | PathLike[str]) -> Path:
     columns = fibre_columns(fibres)
     if not columns:
         problem = "the fibres have no cell arrays"
-        raise InputError("write_fibre_table", problem, "run FibreMetrics on them first")
+        raise InputError("write_fibre_table", problem, "run FibreMetrics on the fibres first")
     rows = zip(*(map("%.10g".__mod__, column) for column in columns.values()), strict=True)
     write_rows(Path(path), [list(columns), *rows])
     return Path(path)

@@ -1,7 +1,7 @@
-"""Read files by VTK in a process of its own, for a damaged file can crash VTK's readers.
+"""Read files by VTK in a child process: damaged files can crash VTK's readers.
 
-One process reads all files of a run. It starts with the first file and ends with this process; after a crash
-the next file gets a new one. In programs that are not Python, such as ParaView, files are read directly.
+The process starts with the first file and reads all files of a run; after a crash the next file gets a new
+process. In programs other than Python, such as ParaView, files are read directly.
 """
 
 from __future__ import annotations
@@ -27,19 +27,19 @@ from vtkmodules.vtkCommonExecutionModel import vtkStreamingDemandDrivenPipeline
 from vtkmodules.vtkIOLegacy import vtkPolyDataReader, vtkPolyDataWriter
 
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.isolation import is_python, isolated_python
+from vtkmuscle.core.machine import is_python, python_command
 
 
 @contextmanager
 def vtk_messages() -> Iterator[Callable[[], str]]:
-    """Collect what VTK would print, and give a function that returns it."""
+    """Collect VTK's messages, and yield a function that returns the text."""
     window, before = vtkStringOutputWindow(), vtkOutputWindow.GetInstance()
     verbosity = vtkLogger.GetCurrentVerbosityCutoff()
     vtkLogger.SetStderrVerbosity(vtkLogger.VERBOSITY_OFF)
     vtkOutputWindow.SetInstance(window)
 
     def messages() -> str:
-        text: str | bytes = window.GetOutput()  # bytes, where those of a damaged file are in it
+        text: str | bytes = window.GetOutput()  # bytes for text of a damaged file
         return text.decode("utf-8", "replace") if isinstance(text, bytes) else text
 
     try:
@@ -57,23 +57,23 @@ def first_line(messages: str) -> str:
     return ""
 
 
-#: Memory that any file may take [bytes], and further in sizes of the file: a number of two bytes of text
-#: becomes eight bytes, which are read, held, and written.
+#: Memory limit of the child [bytes]: a constant, plus a multiple of the file's size. A number of 2 bytes in
+#: text becomes 8 bytes, which are read, kept and written.
 _LEAST_MEMORY, _MEMORY_SIZES = 2 * 1024**3, 40
 
 _TIMES = vtkStreamingDemandDrivenPipeline.TIME_STEPS()
 
 
 def serve() -> None:
-    """Read what the lines of the standard input ask for, until it ends.
+    """Answer the requests on standard input, until the end of input.
 
-    Each line is a JSON list: the file, its reader's module and class, the time limit [s], and whether the
-    data are wanted or only a check of all time steps. The answer is a line of JSON, ``[class of the data,
-    VTK's complaint, length]``, and that many bytes: poly data as a .vtk file.
+    A request is a line with a JSON list: file, module and class of the reader, time limit [s], and whether
+    data are needed or only a check of all time steps. The answer is a line of JSON, ``[class of the data,
+    VTK's complaint, length]``, followed by poly data as a .vtk file of that length.
     """
     answers = os.fdopen(os.dup(1), "wb")
-    os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # where VTK's readers print
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # for the process that asks
+    os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # VTK's readers print to standard output
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent handles an interrupt
     for line in sys.stdin.buffer:
         path, module, name, longest, wanted = json.loads(line)
         _limit_memory(os.path.getsize(path))
@@ -88,7 +88,7 @@ def serve() -> None:
 
 
 def _limit_memory(size: int) -> None:
-    """Limit the memory of the process to what a file of a size can need, and to what there is."""
+    """Limit the memory of the process, by the file's size and the machine's memory."""
     try:
         import resource  # noqa: PLC0415 -- not there in Windows
     except ImportError:
@@ -102,7 +102,7 @@ def _limit_memory(size: int) -> None:
 
 
 def read(path: str, module: str, name: str, *, wanted: bool) -> tuple[str, str, bytes]:
-    """Return the class of a file's data, VTK's complaint, and the data where they are wanted."""
+    """Return the class of a file's data, VTK's complaint, and the data if wanted."""
     reader: Any = getattr(import_module(module), name)()
     with vtk_messages() as messages:
         reader.SetFileName(os.fsencode(path))
@@ -119,7 +119,7 @@ def read(path: str, module: str, name: str, *, wanted: bool) -> tuple[str, str, 
     cells = (data.GetVerts(), data.GetLines(), data.GetPolys(), data.GetStrips())
     if not all(each.IsValid() for each in cells):
         return kind, "its cells refer to points that do not exist", b""
-    writer = vtkPolyDataWriter()  # not of .vtp: that one does not escape a "<" in names
+    writer = vtkPolyDataWriter()  # VTK's .vtp writer does not escape a "<" in names
     writer.SetInputData(data)
     writer.SetFileTypeToBinary()
     writer.WriteToOutputStringOn()
@@ -128,26 +128,26 @@ def read(path: str, module: str, name: str, *, wanted: bool) -> tuple[str, str, 
     return kind, "", content.encode() if isinstance(content, str) else content
 
 
-#: Time that the reading of any file may take [s], and the least speed for a large one [bytes/s].
+#: Time limit for a file [s], and the least speed for large files [bytes/s].
 LONGEST, _SPEED = 20.0, 1e7
 
 _REMEDY = "export it again, and check that its suffix is that of its format"
 
 
 def read_in_child(path: Path, module: str, reader: str) -> vtkPolyData:
-    """Read poly data by one of VTK's readers, given by its module and class.
+    """Read poly data by a VTK reader, given by module and class.
 
-    An InputError is raised if VTK complained, crashed or took too long, or the file holds something else.
+    Raises
+    ------
+    InputError
+        If VTK complains, crashes or takes too long, or the file is no poly data.
     """
     kind, complaint, content = _child.ask(path, module, reader, wanted=True)
     if complaint:
         raise InputError(path, f"the file cannot be read as {path.suffix}: {complaint}", _REMEDY)
     if kind != "vtkPolyData":
-        raise InputError(
-            path,
-            f"the file holds a {kind or 'nothing'}, not a surface",
-            "extract its surface (pyvista: mesh.extract_surface()) and save that",
-        )
+        problem = f"the file contains {kind or 'no data'}, not a surface"
+        raise InputError(path, problem, "save its surface (pyvista: mesh.extract_surface())")
     again = vtkPolyDataReader()
     again.ReadFromInputStringOn()
     again.SetBinaryInputString(content, len(content))  # type: ignore[arg-type]
@@ -157,14 +157,14 @@ def read_in_child(path: Path, module: str, reader: str) -> vtkPolyData:
 
 
 def check_in_child(path: Path, module: str, reader: str) -> None:
-    """Raise an InputError if one of VTK's readers cannot read all time steps of a file."""
+    """Raise an InputError if a VTK reader cannot read all time steps of a file."""
     _, complaint, _ = _child.ask(path, module, reader, wanted=False)
     if complaint:
         raise InputError(path, "the file is damaged", "write it again")
 
 
 class _Child:
-    """The reading process, started when it is needed."""
+    """The reading process, started on demand."""
 
     def __init__(self) -> None:
         self._lock = Lock()
@@ -201,14 +201,14 @@ class _Child:
         raise InputError(path, problem, _REMEDY)
 
     def _running(self) -> subprocess.Popen[bytes]:
-        """Return the process; start one where there is none, it has ended, or it is that of a parent."""
+        """Return a running process of this process; start one if necessary."""
         if self._process is None or self._owner != os.getpid() or self._process.poll() is not None:
             self.close()
             self._owner = os.getpid()
-            # The package may be in the working folder, from which no other code is loaded.
+            # The package may be in the working folder, which this Python leaves out.
             root = str(Path(__file__).parents[2])
             self._process = subprocess.Popen(
-                isolated_python(f"sys.path.append({root!r})\nfrom {read.__module__} import serve\nserve()"),
+                python_command(f"sys.path.append({root!r})\nfrom {read.__module__} import serve\nserve()"),
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 stderr=subprocess.DEVNULL,
@@ -216,7 +216,7 @@ class _Child:
         return self._process
 
     def close(self) -> None:
-        """End the process, if this process started it."""
+        """End the process, if started by this process."""
         process, self._process = self._process, None
         if process is not None and self._owner == os.getpid():
             process.communicate()

@@ -1,4 +1,4 @@
-"""Read the landmarks of an attachment, or of an aponeurosis."""
+"""Read the landmarks of an attachment or an aponeurosis."""
 
 from __future__ import annotations
 
@@ -18,59 +18,57 @@ from vtkmuscle.io.surfaces import SURFACE_SUFFIXES, read_polydata
 
 
 def read_landmarks(path: str | PathLike[str], *, frame: str = "LPS") -> tuple[Floats, bool]:
-    """Read landmarks in boundary order, and whether they form a ring.
+    """Read landmarks in boundary order.
 
     Parameters
     ----------
     path : path
-        A .vtp or .vtk file with one polyline (a ring where it ends at its first point, else an open curve) or
-        with points alone; a .csv file of x, y, z, or of a name, x, y, z (a header may name the columns;
-        further columns are ignored); a .json file with a list of [x, y, z]; a .mrk.json or .fcsv file of 3D
-        Slicer; or a .nrrd file of 3 x n numbers. A ring repeats its first point at the end, or is a closed
-        curve of Slicer.
+        A .vtp or .vtk file with 1 polyline or only points; a .csv file of x, y, z or name, x, y, z (a
+        header may name the columns; further columns are ignored); a .json file with a list of [x, y, z];
+        a .mrk.json or .fcsv file of 3D Slicer; or a .nrrd file of 3 x n numbers. In a ring, the last
+        point repeats the first, or the file is a closed curve of Slicer.
     frame : str, optional
-        ``"LPS"`` or ``"RAS"``: the frame of the scene. Files that state their frame, as those of Slicer, are
-        converted to it. Slicer saves surfaces in LPS.
+        ``"LPS"`` or ``"RAS"``: the frame of the scene. Files with a frame, such as Slicer's, are
+        converted. Slicer saves surfaces in LPS.
 
     Returns
     -------
     landmarks : (k, 3) array
-        Each once, in the unit of the file.
+        Without repetition, in the unit of the file.
     closed : bool
-        True for a ring.
+        Whether the landmarks form a ring.
 
     Raises
     ------
     FileNotFoundError, ValueError
-        If there is no such file, it cannot be read, has no landmarks, more than one polyline, or a coordinate
-        that is not finite.
+        If the file does not exist, cannot be read, has no landmarks, more than one polyline, or a
+        coordinate that is not finite.
     """
     path = Path(path)
     if path.suffix.lower() in (".vtp", ".vtk"):
         return landmarks_of(read_polydata(path), str(path))
-    found = read_named_points(path)
-    points = found.within(frame)
-    repeated = not found.closed and len(points) > 3 and np.array_equal(points[0], points[-1])
-    return (points[:-1] if repeated else points), found.closed or repeated
+    named = read_named_points(path)
+    points = named.within(frame)
+    repeated = not named.closed and len(points) > 3 and np.array_equal(points[0], points[-1])
+    return (points[:-1] if repeated else points), named.closed or repeated
 
 
 def read_aponeurosis(path: str | PathLike[str], side: str, *, frame: str = "LPS") -> Aponeurosis:
-    """Read an aponeurosis: the landmarks of a ring on a muscle, or a surface of triangles within it.
+    """Read an aponeurosis: a ring of landmarks on a muscle, or a surface inside.
 
     Parameters
     ----------
     path : path
-        A file of landmarks as for :func:`read_landmarks`, or a .vtp, .vtk, .stl, .obj or .ply file with
-        triangles.
+        A file for :func:`read_landmarks`, or a .vtp, .vtk, .stl, .obj or .ply file with triangles.
     side : str
         ``"proximal"`` or ``"distal"``.
     frame : str, optional
-        As of :func:`read_landmarks`.
+        As in :func:`read_landmarks`.
 
     Raises
     ------
     FileNotFoundError, ValueError
-        If there is no such file, it cannot be read, or holds neither triangles nor three landmarks or more.
+        If the file does not exist, cannot be read, or has neither triangles nor 3 landmarks.
     """
     path = Path(path)
     if path.suffix.lower() in SURFACE_SUFFIXES:
@@ -87,7 +85,7 @@ def read_named_points(path: str | PathLike[str]) -> NamedPoints:
     Raises
     ------
     FileNotFoundError, ValueError
-        If there is no such file, it cannot be read, or has no points.
+        If the file does not exist, cannot be read, or has no points.
     """
     path = Path(path)
     suffix = path.suffix.lower()
@@ -96,62 +94,55 @@ def read_named_points(path: str | PathLike[str]) -> NamedPoints:
         allowed = ", ".join([".vtp", ".vtk", *readers])
         raise InputError(path, f"landmarks are read from {allowed} files, not from {path.suffix!r}")
     check_is_file(path, most=MOST_TEXT)
-    found = readers[suffix](path)
-    points = found.points
-    if not np.isfinite(points).all():
-        row = int(np.flatnonzero(~np.isfinite(points).all(axis=1))[0])
-        raise InputError(path, f"landmark {row} has a coordinate that is not finite", "correct it")
-    return found
+    named = readers[suffix](path)
+    finite = np.isfinite(named.points).all(axis=1)
+    if not finite.all():
+        problem = f"landmark {finite.argmin()} has a coordinate that is not finite"
+        raise InputError(path, problem, "correct it")
+    return named
 
 
 def _from_csv(path: Path) -> NamedPoints:
     rows: list[list[float]] = []
     names: list[str] = []
-    widths: dict[int, int] = {}
-    header_passed = False
-    places: tuple[int, ...] | None = None
-    for number, cells in csv_rows(path):
-        at = places or _numbers_in(cells)
+    lines = list(csv_rows(path))
+    header = [cell.casefold() for cell in lines[0][1]] if lines else []
+    columns = tuple(map(header.index, "xyz")) if all(header.count(name) == 1 for name in "xyz") else None
+    if columns or not all(_is_number(header[i]) for i in _columns(header) if i < len(header)):
+        del lines[0]
+    decimal = "if numbers have a decimal comma, write a point instead"
+    for number, cells in lines:
+        at = columns or _columns(cells)
         try:
             rows.append([float(cells[i]) for i in at if i < len(cells)])
         except ValueError:
-            if rows or header_passed:
-                problem = f"line {number} does not begin with three numbers x, y, z"
-                raise InputError(path, problem, "correct it") from None
-            header_passed = True
-            lower = [cell.casefold() for cell in cells]
-            if all(lower.count(name) == 1 for name in "xyz"):
-                places = tuple(lower.index(name) for name in "xyz")
-            continue
-        names.append(cells[0] if 0 not in at else "")
+            problem = f"line {number} does not begin with three numbers x, y, z"
+            raise InputError(path, problem, "correct it") from None
         if len(rows[-1]) < 3:
             raise InputError(path, f"line {number} has fewer than three numbers", "give x, y, z")
-        widths.setdefault(len(cells), number)
-    if len(widths) > 1:
-        (usual, _), (other, line) = sorted(widths.items(), key=lambda item: item[1])[:2]
-        raise InputError(
-            path,
-            f"line {line} has {other} cells, but those before it have {usual}",
-            "if numbers have a decimal comma, write a point instead",
-        )
-    if next(iter(widths), 3) >= 6 and all(value == int(value) for row in rows for value in row):
-        warnings.warn(
-            f"{path}: each line has {next(iter(widths))} cells, the first of them whole numbers; if numbers "
-            "have a decimal comma, write a point instead",
-            stacklevel=4,
-        )
+        if len(cells) != len(lines[0][1]):
+            problem = f"line {number} has {len(cells)} cells, but earlier lines have {len(lines[0][1])}"
+            raise InputError(path, problem, decimal)
+        names.append(cells[0] if 0 not in at else "")
     if not rows:
-        raise InputError(path, "the file holds no landmarks", "give a line x, y, z for each")
+        raise InputError(path, "the file has no landmarks", "give a line x, y, z for each landmark")
+    if len(lines[0][1]) >= 6 and all(value == int(value) for row in rows for value in row):
+        problem = f"each line has {len(lines[0][1])} cells, beginning with whole numbers"
+        warnings.warn(f"{path}: {problem}; {decimal}", stacklevel=4)
     return NamedPoints(tuple(names), np.array(rows, dtype=np.float64))
 
 
-def _numbers_in(cells: list[str]) -> tuple[int, ...]:
-    """Return the columns of x, y and z in a line without a header: the first three, or those after a name."""
+def _columns(cells: list[str]) -> tuple[int, ...]:
+    """Return the columns of x, y and z: the first three, or the next three after a name."""
+    return (1, 2, 3) if len(cells) > 3 and not _is_number(cells[0]) else (0, 1, 2)
+
+
+def _is_number(cell: str) -> bool:
     try:
-        float(cells[0])
+        float(cell)
     except ValueError:
-        return (1, 2, 3) if len(cells) > 3 else (0, 1, 2)
-    return (0, 1, 2)
+        return False
+    return True
 
 
 def _from_json(path: Path) -> NamedPoints:

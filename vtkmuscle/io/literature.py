@@ -1,4 +1,4 @@
-"""Read and write published moment arms, to draw beside those of a run."""
+"""Published moment arms, for comparison with a run."""
 
 from __future__ import annotations
 
@@ -13,23 +13,22 @@ from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.types import Floats
 from vtkmuscle.io.csv_table import finite_number, table_rows, write_rows
 
-#: Columns that a table must have; ``part`` is optional, others are ignored.
+#: Required columns of a table; ``part`` is optional, further columns are ignored.
 LITERATURE_COLUMNS = ("source", "muscle", "dof", "angle_deg", "moment_arm_mm")
-#: Endings of parts that are the two sides of a band.
+#: Endings of parts for the two sides of a band.
 LOWER, UPPER = "lower_bound", "upper_bound"
 
 
 @dataclass(frozen=True, eq=False)
 class LiteratureCurve:
-    """Moment arms of a muscle by a coordinate, from one source.
+    """Moment arms of a muscle by a coordinate, from a publication.
 
     Attributes
     ----------
     source, muscle, dof, part : str
-        The publication, the muscle, the coordinate, and the part of the muscle or the kind of value; ``part``
-        may be "".
+        Publication, muscle, coordinate, and part of the muscle or kind of value; ``part`` may be "".
     angles, arms : (n,) arrays
-        Angles, ascending [degrees], and moment arms there [mm], -dl/dq.
+        Ascending angles [degrees], and moment arms -dl/dq [mm].
     """
 
     source: str
@@ -41,25 +40,25 @@ class LiteratureCurve:
 
 
 def read_literature(path: str | PathLike[str]) -> tuple[LiteratureCurve, ...]:
-    """Read published moment arms from a CSV table, one row per point of a curve.
+    """Read published moment arms from a CSV table, a row per point.
 
     Parameters
     ----------
     path : path
         With the columns ``source``, ``muscle``, ``dof`` (the coordinate, e.g. ``hip_flexion``),
-        ``angle_deg``, ``moment_arm_mm`` (-dl/dq: positive where the muscle drives the coordinate up), and
-        optionally ``part``. Parts that end in ``lower_bound`` and ``upper_bound`` are the sides of a band.
-        Other columns, empty lines and lines that begin with # are ignored.
+        ``angle_deg``, ``moment_arm_mm`` (-dl/dq, positive for a muscle that increases the coordinate),
+        and optionally ``part``. Parts that end in ``lower_bound`` and ``upper_bound`` are the sides of a
+        band. Further columns, empty lines and comments (#) are ignored.
 
     Returns
     -------
     tuple of LiteratureCurve
-        One for each source, muscle, coordinate and part, in the order of the table.
+        A curve per source, muscle, coordinate and part, in the order of the table.
 
     Raises
     ------
     FileNotFoundError, ValueError
-        If there is no such file, a column is missing, a cell is no finite number or a name is empty; the
+        If the file does not exist, a column is missing, a number is not finite or a name is empty; the
         message names the line.
 
     Examples
@@ -76,24 +75,21 @@ def read_literature(path: str | PathLike[str]) -> tuple[LiteratureCurve, ...]:
     array([30., 31.])
     """
     path = Path(path)
-    remedy = f"published moment arms have the columns {', '.join(LITERATURE_COLUMNS)}, and part where "
-    remedy += "there are several curves of one source"
+    columns = ", ".join(LITERATURE_COLUMNS)
+    remedy = f"published moment arms have the columns {columns}, and part for several curves of a source"
     curves: dict[tuple[str, str, str, str], list[tuple[float, float]]] = {}
     for line, row in table_rows(path, needed=LITERATURE_COLUMNS, remedy=remedy):
         empty = [name for name in LITERATURE_COLUMNS if not row[name]]
         if empty:
-            raise InputError(path, f"line {line}: {empty[0]} is empty", "fill it in, or leave the line out")
+            raise InputError(path, f"line {line}: {empty[0]} is empty", "fill it in, or remove the line")
         key = (row["source"], row["muscle"], row["dof"], row.get("part", ""))
-        point = (
-            finite_number(row["angle_deg"], "angle_deg", path, f"line {line}"),
-            finite_number(row["moment_arm_mm"], "moment_arm_mm", path, f"line {line}"),
-        )
-        curves.setdefault(key, []).append(point)
+        angle, arm = (finite_number(row[name], name, path, f"line {line}") for name in LITERATURE_COLUMNS[3:])
+        curves.setdefault(key, []).append((angle, arm))
     return tuple(LiteratureCurve(*key, *np.array(sorted(points)).T) for key, points in curves.items())
 
 
 def write_literature(path: str | PathLike[str], curves: Sequence[LiteratureCurve]) -> None:
-    """Write published moment arms to a CSV file, so that :func:`read_literature` gives the same back."""
+    """Write published moment arms as CSV for :func:`read_literature`."""
     rows = (
         (curve.source, curve.muscle, curve.dof, curve.part, *point)
         for curve in curves
@@ -105,9 +101,9 @@ def write_literature(path: str | PathLike[str], curves: Sequence[LiteratureCurve
 def curves_for(
     curves: Sequence[LiteratureCurve], *, muscle: str = "", coordinate: str = ""
 ) -> tuple[LiteratureCurve, ...]:
-    """Return the curves of a muscle, by a coordinate, or both.
+    """Return the curves of a muscle, a coordinate, or both.
 
-    Names are those in the scene, "" for any; a side, ``_r`` or ``_l``, is ignored where the curve has none.
+    Names are as in the scene, "" for any; a side, ``_r`` or ``_l``, is optional in the curve's names.
     """
     return tuple(
         curve
@@ -119,9 +115,10 @@ def curves_for(
 
 @dataclass(frozen=True, eq=False)
 class DrawnCurve:
-    """A line or a band in a figure: ``upper`` (n,) is the upper side of a band, None of a line.
+    """A line or a band in a figure.
 
-    ``angles`` (n,) [degrees] and ``arms`` (n,) [mm] are those of the line, or of the lower side of the band.
+    ``angles`` (n,) [degrees] and ``arms`` (n,) [mm] are the line, or the lower side of the band; ``upper``
+    (n,) is the upper side of a band, None for a line.
     """
 
     source: str
@@ -132,29 +129,29 @@ class DrawnCurve:
 
 
 def drawn(curves: Sequence[LiteratureCurve]) -> list[DrawnCurve]:
-    """Return curves for a figure: bands where a source has two sides, else lines or single values."""
-    uppers = {_sides(curve): curve for curve in curves if curve.part.endswith(UPPER)}
-    lowers = {_sides(curve) for curve in curves if curve.part.endswith(LOWER)}
-    found = []
-    for one in curves:
-        other = uppers.get(_sides(one))
-        if one.part.endswith(LOWER) and other is not None:
-            first, last = max(one.angles[0], other.angles[0]), min(one.angles[-1], other.angles[-1])
-            grid = np.unique(np.concatenate([one.angles, other.angles]))
+    """Return curves for a figure: bands for pairs of sides, else lines or points."""
+    uppers = {_band(curve): curve for curve in curves if curve.part.endswith(UPPER)}
+    lowers = {_band(curve) for curve in curves if curve.part.endswith(LOWER)}
+    result = []
+    for curve in curves:
+        upper = uppers.get(_band(curve))
+        if curve.part.endswith(LOWER) and upper is not None:
+            first, last = max(curve.angles[0], upper.angles[0]), min(curve.angles[-1], upper.angles[-1])
+            grid = np.unique(np.concatenate([curve.angles, upper.angles]))
             grid = grid[(grid >= first) & (grid <= last)]
-            low, high = (np.interp(grid, side.angles, side.arms) for side in (one, other))
-            found.append(DrawnCurve(one.source, f"{one.source}, fibres", grid, low, high))
-        elif not (one.part.endswith(UPPER) and _sides(one) in lowers):  # that is drawn with the other side
-            label = ", ".join(word.replace("_", " ") for word in (one.source, one.part) if word)
-            found.append(DrawnCurve(one.source, label, one.angles, one.arms))
-    return found
+            low, high = (np.interp(grid, side.angles, side.arms) for side in (curve, upper))
+            result.append(DrawnCurve(curve.source, f"{curve.source}, fibres", grid, low, high))
+        elif not (curve.part.endswith(UPPER) and _band(curve) in lowers):  # drawn with the lower side
+            label = ", ".join(word.replace("_", " ") for word in (curve.source, curve.part) if word)
+            result.append(DrawnCurve(curve.source, label, curve.angles, curve.arms))
+    return result
 
 
-def _sides(curve: LiteratureCurve) -> tuple[str, str]:
-    """Return what the two sides of a band have in common."""
+def _band(curve: LiteratureCurve) -> tuple[str, str]:
+    """Return the source and part that the sides of a band share."""
     return curve.source, curve.part.removesuffix(LOWER).removesuffix(UPPER)
 
 
 def side_apart(name: str) -> str:
-    """Return a name without its side: ``iliacus`` of ``iliacus_r``."""
+    """Return a name without its side: ``iliacus`` for ``iliacus_r``."""
     return name[:-2] if name[-2:].casefold() in ("_r", "_l") else name

@@ -1,4 +1,4 @@
-"""Read and write tables of rigid transforms."""
+"""Tables of rigid transforms."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ from vtkmuscle.core.motion.rigid import RigidMotion, is_rigid
 from vtkmuscle.core.types import Floats
 from vtkmuscle.io.csv_table import finite_number, table_rows, write_rows
 
-#: Column names, row major. The last four may be missing: a rigid transform ends with 0 0 0 1.
+#: Column names, row major. The last four, the row 0 0 0 1, are optional.
 TRANSFORM_COLUMNS = tuple(f"T{row}{column}" for row in range(4) for column in range(4))
 
-#: Most rows of a table: a hundred seconds of motion capture.
+#: Rows of a table, at most: 100 s of motion capture at 200 Hz.
 MOST_FRAMES = 20_000
 
-#: The remedy for a table without these columns or without rows.
+#: Remedy for a table with missing columns or without rows.
 _FORM = "give the columns T00, T01, T02, T03, T10 ... T23, row major, rest to pose, and a line per time"
 _LAST_ROW = {"T30": 0.0, "T31": 0.0, "T32": 0.0, "T33": 1.0}
 
-#: Names of times and counts; a column of another name that is the pipeline's time is a coordinate as well.
+#: Names of time and count columns; a time column with another name is also a coordinate.
 _TIMES = ("time", "times", "t", "s", "ms", "sec", "seconds", "percent", "cycle", "gait", "gait_cycle")
 _COUNTS = ("frame", "frames", "row", "rows", "step", "steps", "index", "number", "n")
 
@@ -38,35 +38,34 @@ def read_motion_table(
     centre: ArrayLike | None = None,
     coordinates: Sequence[str] | Mapping[str, Mapping[str, str]] | None = None,
 ) -> RigidMotion:
-    """Read how a bone moves from a CSV table, one row per time.
+    """Read a bone's motion from a CSV table, a row per time.
 
     Parameters
     ----------
     path : path
-        A CSV file with a header line; the columns ``T00`` to ``T23`` (and optionally ``T30`` to ``T33``, 0 0
-        0 1) are the transform from rest to the pose, row major. Other columns, empty lines and lines that
-        begin with # are ignored.
+        A CSV file with a header line. Columns ``T00`` to ``T23`` (optionally ``T30`` to ``T33``, 0 0 0 1)
+        are the transform from rest to the pose, row major. Further columns, empty lines and comments (#)
+        are ignored.
     bone : str
-        Name of the bone that moves.
+        Name of the bone.
     time : str, optional
-        The column that is the pipeline's time; by default rows are numbered from 0.
+        Column of pipeline times; by default rows are numbered from 0.
     centre : (3,) array_like, optional
         Joint centre in the rest pose, in the unit of the table.
     coordinates : sequence of str, or mapping of str to mapping, optional
-        Columns that are joint coordinates, in degrees; or, per column, ``unit`` and ``positive`` of a
-        :class:`~vtkmuscle.core.motion.coordinates.Coordinate`. By default the column of the time, unless it
-        is called ``time``, ``frame`` or the like, or counts the rows. Columns that do not change are left
-        out.
+        Columns of joint coordinates in degrees; or, by column, ``unit`` and ``positive`` of a
+        :class:`~vtkmuscle.core.motion.coordinates.Coordinate`. By default the time column, unless called
+        ``time``, ``frame`` or similar, or counting rows. Constant columns are omitted.
 
     Returns
     -------
     RigidMotion
-        Of this one bone, with its coordinates.
+        Motion of the bone, with its coordinates.
 
     Raises
     ------
     FileNotFoundError, ValueError
-        If there is no such file, a column is missing, a cell is no finite number, times do not ascend or a
+        If the file does not exist, a column is missing, a number is not finite, times do not ascend or a
         transform is not rigid; the message names the file and the line.
 
     Examples
@@ -85,91 +84,80 @@ def read_motion_table(
     rows = table_rows(path, needed=needed, most=MOST_FRAMES, remedy=_FORM)
     header = list(rows[0][1])
     if time is not None and time not in header:
-        raise InputError(path, f"there is no column {time!r} for the time", _others(header))
+        raise InputError(path, f"there is no column {time!r} for the time", _further(header))
     kinds = _kinds(coordinates, time)
     for name in kinds:
         if name not in header or name in TRANSFORM_COLUMNS:
-            raise InputError(path, f"there is no column {name!r} for a coordinate", _others(header))
+            raise InputError(path, f"there is no column {name!r} for a coordinate", _further(header))
     times, transforms = [], []
     values: dict[str, list[float]] = {name: [] for name in kinds}
-    for row, (line, given) in enumerate(rows):
+    for row, (line, cells) in enumerate(rows):
+
+        def number(name: str) -> float:
+            return finite_number(cells[name], name, path, where)  # noqa: B023 -- used in this round
+
         where = f"line {line} (row {row})"
-        times.append(float(row) if time is None else finite_number(given[time], time, path, where))
+        times.append(float(row) if time is None else number(time))
         if row and times[-1] <= times[-2]:
-            raise InputError(
-                path,
-                f"{where}: the times ({time}) must ascend, but {times[-1]:g} comes after {times[-2]:g}",
-                "sort the rows, or leave out the time column so that rows are numbered",
-            )
-        transform = np.array(
-            [
-                finite_number(given[name], name, path, where) if name in given else _LAST_ROW[name]
-                for name in TRANSFORM_COLUMNS
-            ]
-        ).reshape(4, 4)
+            problem = f"{where}: the times ({time}) must ascend, but {times[-1]:g} comes after {times[-2]:g}"
+            raise InputError(path, problem, "sort the rows, or omit the time column to number the rows")
+        numbers = [number(name) if name in cells else _LAST_ROW[name] for name in TRANSFORM_COLUMNS]
+        transform = np.reshape(numbers, (4, 4))
         if not is_rigid(transform):
             raise InputError(path, f"{where}: the transform is not rigid: {_why_not_rigid(transform)}")
         transforms.append(transform)
         for name in kinds:
-            values[name].append(finite_number(given[name], name, path, where))
-    found = {
-        name: Coordinate(np.array(values[name]), kind["unit"], kind["positive"])
+            values[name].append(number(name))
+    changing = {
+        name: coordinate
         for name, kind in kinds.items()
         if coordinates is not None or not _counts_rows(values[name])
+        if (coordinate := Coordinate(np.array(values[name]), kind["unit"], kind["positive"])).changes
     }
-    return RigidMotion(
-        np.array(times),
-        {bone: np.array(transforms)},
-        None if centre is None else np.asarray(centre, dtype=np.float64),
-        {name: one for name, one in found.items() if one.changes},
-    )
+    position = None if centre is None else np.asarray(centre, dtype=np.float64)
+    return RigidMotion(np.array(times), {bone: np.array(transforms)}, position, changing)
 
 
 def motion_columns(path: str | PathLike[str]) -> list[str]:
-    """Return the columns of a table of transforms that are not part of a transform."""
+    """Return the columns of a motion table outside the transform."""
     rows = table_rows(Path(path), most=MOST_FRAMES, remedy=_FORM)
     return [name for name in rows[0][1] if name not in TRANSFORM_COLUMNS]
 
 
 def write_motion_table(path: str | PathLike[str], motion: RigidMotion, bone: str) -> None:
-    """Write the motion of one bone so that :func:`read_motion_table` gives the same numbers back.
+    """Write a bone's motion for :func:`read_motion_table`, with all digits.
 
     Raises
     ------
     ValueError
-        If a coordinate of the motion has the name of another column.
+        If a coordinate has the name of another column.
     """
-    columns = {name: one.values for name, one in motion.coordinates.items()}
+    columns = {name: coordinate.values for name, coordinate in motion.coordinates.items()}
     if "time" in columns and np.array_equal(columns["time"], motion.times):
         del columns["time"]
     for name in columns:
         if name in ("time", *TRANSFORM_COLUMNS) or set(name) & set(',"\r\n') or name != name.strip():
             raise InputError(Path(path), f"a coordinate cannot be a column {name!r}", "rename it")
-    rows = [
-        (time, *transform.ravel(), *values)
-        for time, transform, *values in zip(
-            motion.times, motion.transforms[bone], *columns.values(), strict=True
-        )
-    ]
-    head = ("time", *TRANSFORM_COLUMNS, *columns)
-    write_rows(Path(path), [head, *([float(value) for value in row] for row in rows)])
+    transforms = motion.transforms[bone].reshape(-1, 16)
+    table = np.column_stack([motion.times, transforms, *columns.values()])
+    write_rows(Path(path), [("time", *TRANSFORM_COLUMNS, *columns), *table.tolist()])
 
 
 def _kinds(
     coordinates: Sequence[str] | Mapping[str, Mapping[str, str]] | None, time: str | None
 ) -> dict[str, dict[str, str]]:
-    """Return the unit and positive direction of each coordinate, by its column."""
+    """Return unit and positive direction by coordinate column."""
     if coordinates is None:
         coordinates = [] if time is None or time.casefold() in _TIMES + _COUNTS else [time]
-    given = coordinates if isinstance(coordinates, Mapping) else {}
-    return {name: {"unit": "deg", "positive": "", **given.get(name, {})} for name in coordinates}
+    details = coordinates if isinstance(coordinates, Mapping) else {}
+    return {name: {"unit": "deg", "positive": "", **details.get(name, {})} for name in coordinates}
 
 
 def _counts_rows(values: Sequence[float]) -> bool:
     return any(np.array_equal(values, np.arange(first, first + len(values))) for first in (0, 1))
 
 
-def _others(header: Sequence[str]) -> str:
+def _further(header: Sequence[str]) -> str:
     return "the other columns are: " + (", ".join(c for c in header if c not in TRANSFORM_COLUMNS) or "none")
 
 

@@ -1,20 +1,20 @@
-"""Trees of the Multimod Application Framework (MAF 2) and of ALBA: surfaces, landmarks and their poses.
+"""Trees of the Multimod Application Framework (MAF 2) and of ALBA: surfaces, landmarks and poses.
 
-A tree (.msf) is XML, ``<MSF Version="2.0">`` or ``"2.2"``: a ``<Root>`` with ``<Node>`` in ``<Children>``,
-each with a ``Name`` and a ``Type`` such as ``mafVMESurface`` or ``albaVMELandmarkCloud``. By files and
-sources of both (https://github.com/FusionBox2/MAF2, https://github.com/IOR-BIC/ALBA):
+A tree (.msf) is XML, ``<MSF Version="2.0">`` or ``"2.2"``: a ``<Root>`` with ``<Node>`` in ``<Children>``. A
+node has a ``Name`` and a ``Type`` such as ``mafVMESurface`` or ``albaVMELandmarkCloud``. Derived from files
+and sources of both programs (https://github.com/FusionBox2/MAF2, https://github.com/IOR-BIC/ALBA):
 
-* ``<DataVector>`` names a VTK file for each time, beside the tree: ``<VItem>`` with ``<URL>``,
-  ``<DataType>``, ``<TimeStamp>`` and ``<Crypting>``; a ``.zvtk`` is such a file in a ZIP archive of its own.
-* ``<MatrixVector>`` has the pose in the frame of the parent for each time: ``<Matrix TimeStamp="0">`` with 16
-  numbers, row by row. Computed nodes have one ``<Transform>`` instead.
-* The landmarks of a cloud are nodes in it, their positions the last columns of their poses; the matrix of an
-  invisible landmark is zero.
+* ``<DataVector>`` names a VTK file for each time, in the tree's folder: ``<VItem>`` with ``<URL>``,
+``<DataType>``, ``<TimeStamp>`` and ``<Crypting>``; a ``.zvtk`` is a VTK file in a ZIP archive.
+* ``<MatrixVector>`` has the pose in the parent's frame for each time: ``<Matrix TimeStamp="0">`` with 16
+numbers, row by row. Computed nodes have 1 ``<Transform>`` instead.
+* The landmarks of a cloud are child nodes; positions are the last columns of their poses. The matrix of an
+invisible landmark is zero.
 * In older trees a cloud can be closed (the tag ``MFL_VME_LANDMARK_CLOUD_STATE`` is 1): its landmarks are the
-  points of its VTK file. Which tags name them is not known: they are numbered.
+points of its VTK file, numbered here, because the tags with their names are undocumented.
 
-``.nms`` is read as the same format. Encrypted files, and files that share one archive (``SingleFileMode``),
-are refused. A pose holds until the next; before the first the first holds.
+``.nms`` files have the same format. Encrypted files, and files in a shared archive (``SingleFileMode``), are
+refused. A pose holds until the next pose, and the first pose also before.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ from vtkmuscle.io.xml_elements import Element, read_xml
 #: Suffixes of trees.
 TREE_SUFFIXES = (".msf", ".nms")
 
-#: What a component of an axis may be, and a place: scales are of units.
+#: Largest component of an axis, a scale of units, and largest coordinate of a position.
 _LARGEST, _FARTHEST = 1e4, 1e9
 
 _CLOSED = "MFL_VME_LANDMARK_CLOUD_STATE"
@@ -50,7 +50,7 @@ _CLOSED = "MFL_VME_LANDMARK_CLOUD_STATE"
 
 @dataclass(frozen=True, eq=False)
 class MsfFile:
-    """A file of a node: its time [s], its path, and its kind of VTK data."""
+    """A file of a node: time [s], path, and kind of VTK data."""
 
     time: float
     path: Path
@@ -64,17 +64,17 @@ class MsfNode:
     Attributes
     ----------
     name, kind : str
-        The kind is the node's type without ``mafVME``, ``albaVME`` or ``mflVME``, such as ``"Surface"``.
+        Name, and type without ``mafVME``, ``albaVME`` or ``mflVME``, such as ``"Surface"``.
     times : (t,) array
-        Of the poses [s]; empty for a node that stays in its parent's frame.
+        Times of poses [s]; empty for a node fixed to its parent.
     poses : (t, 4, 4) array
-        In the frame of the parent, lengths in the unit of the tree.
+        In the parent's frame, in the tree's unit of length.
     files : tuple of MsfFile
         By time.
     children : tuple of MsfNode
         In the order of the file.
     closed : bool
-        Whether it is a cloud of landmarks that are the points of its file.
+        Whether the node is a closed cloud, with its landmarks in a file.
     """
 
     name: str
@@ -86,15 +86,15 @@ class MsfNode:
     closed: bool = False
 
     def pose(self, time: float | None = None) -> Floats:
-        """Return the pose (4, 4) in the frame of the parent at a time, by default the first."""
+        """Return the pose (4, 4) in the parent's frame at a time, by default the first."""
         if not len(self.times):
             return np.eye(4)
         last = 0 if time is None else int(np.searchsorted(self.times, time, side="right")) - 1
-        found: Floats = self.poses[max(last, 0)]
-        return found
+        pose: Floats = self.poses[max(last, 0)]
+        return pose
 
     def file(self, time: float | None = None) -> MsfFile | None:
-        """Return the file at a time, by default the first; None where there is none."""
+        """Return the file at a time, by default the first, or None."""
         if not self.files:
             return None
         before = [file for file in self.files if time is not None and file.time <= time]
@@ -103,7 +103,7 @@ class MsfNode:
     def walk(
         self, time: float | None = None, frame: Floats | None = None
     ) -> Iterator[tuple[MsfNode, Floats]]:
-        """Give this node and all below it, each with its pose (4, 4) in the frame of the tree."""
+        """Yield the node and all descendants, with poses (4, 4) in the tree's frame."""
         here = self.pose(time) if frame is None else frame @ self.pose(time)
         yield self, here
         for child in self.children:
@@ -111,13 +111,15 @@ class MsfNode:
 
 
 def read_msf(path: str | PathLike[str]) -> MsfNode:
-    """Return the root of a tree in a .msf or .nms file; the files that it names are not opened.
+    """Return the root of a tree in a .msf or .nms file.
+
+    Files named in the tree are not opened.
 
     Raises
     ------
     FileNotFoundError, InputError
-        If there is no such file, it is no tree of version 2, has a document type, names a file outside its
-        folder, or has an invalid pose; the message names the line.
+        If the file does not exist, is no tree of version 2, has a document type, an invalid pose, or the
+        name of a file outside its folder; the message names the line.
     """
     path = Path(path)
     tree = read_xml(path)
@@ -129,51 +131,51 @@ def read_msf(path: str | PathLike[str]) -> MsfNode:
 
 
 def surfaces_of(root: MsfNode, time: float | None = None) -> dict[str, vtkPolyData]:
-    """Return the surfaces and polylines of a tree at a time, by default the first, in the tree's frame.
+    """Return the surfaces and polylines of a tree at a time, in the tree's frame.
 
-    Repeated names get a number. Other data, such as volumes, and clouds are left out.
+    The default is the first time. Repeated names get a number. Clouds, volumes and other data are omitted.
 
     Raises
     ------
     FileNotFoundError, ValueError
         If a file does not exist or cannot be read.
     """
-    found: dict[str, vtkPolyData] = {}
+    surfaces: dict[str, vtkPolyData] = {}
     for node, pose in root.walk(time):
         file = node.file(time)
         if file is not None and file.kind == "vtkPolyData" and node.kind != "LandmarkCloud":
             data = _polydata(file.path)
-            found[_unused(node.name, found)] = with_points(data, apply_transform(pose, points_of(data)))
-    return found
+            surfaces[_unused(node.name, surfaces)] = with_points(data, apply_transform(pose, points_of(data)))
+    return surfaces
 
 
 def landmarks_of(root: MsfNode, time: float | None = None) -> dict[str, dict[str, Floats]]:
-    """Return the visible landmarks (3,) at a time, by cloud and by name, in the tree's frame."""
-    found: dict[str, dict[str, Floats]] = {}
+    """Return the visible landmarks (3,) at a time, by cloud and name, in the tree's frame."""
+    clouds: dict[str, dict[str, Floats]] = {}
     for cloud, pose in root.walk(time):
         if cloud.kind != "LandmarkCloud":
             continue
         points: dict[str, Floats] = {}
         file = cloud.file(time)
         if cloud.closed and file is not None:
-            places = apply_transform(pose, points_of(_polydata(file.path)))
-            points = {str(number): place for number, place in enumerate(places)}
+            positions = apply_transform(pose, points_of(_polydata(file.path)))
+            points = {str(number): position for number, position in enumerate(positions)}
         for node in cloud.children:
             if node.kind == "Landmark" and node.pose(time)[:3, :3].any():
                 points[_unused(node.name, points)] = (pose @ node.pose(time))[:3, 3]
-        found[_unused(cloud.name, found)] = points
-    return found
+        clouds[_unused(cloud.name, clouds)] = points
+    return clouds
 
 
 def _node(element: Element, folder: Path) -> MsfNode:
     kind = re.sub(r"^(maf|alba|mfl)VME", "", element.attributes.get("Type", ""))
-    timed = [(_time(one), _pose(one, kind)) for one in _children(element, "MatrixVector", "Matrix")]
+    timed = [(_time(matrix), _pose(matrix, kind)) for matrix in _children(element, "MatrixVector", "Matrix")]
     if not timed and (single := element.find("Transform")) is not None:
         timed = [(0.0, _pose(single, kind))]
     timed.sort(key=lambda pair: pair[0])
     vector = element.find("DataVector")
     if vector is not None and vector.attributes.get("SingleFileMode", "").lower() in ("true", "1"):
-        raise vector.error("all its files are in one archive", "save the tree with files of their own")
+        raise vector.error("all its files are in an archive", "save the tree with separate files")
     files = [_file(item, folder) for item in _children(element, "DataVector", "VItem")]
     children = _children(element, "Children", "Node")
     return MsfNode(
@@ -204,9 +206,10 @@ def _pose(element: Element, kind: str) -> Floats:
     large = np.abs(pose[:3, :3]).max() > _LARGEST or np.abs(pose).max() > _FARTHEST
     singular = not large and abs(np.linalg.det(pose[:3, :3])) < 1e-12
     if (pose[3] != (0.0, 0.0, 0.0, 1.0)).any() or large or (singular and kind != "Landmark"):
-        problem = "is no pose: its last row must be 0 0 0 1, its axes must not lie in a plane, nor be longer "
-        problem += f"than {_LARGEST:g}, and its position must not be farther than {_FARTHEST:g}"
-        raise element.error(problem, "correct it")
+        problem = "is no pose: the last row must be 0 0 0 1, the axes independent and no longer than "
+        raise element.error(
+            f"{problem}{_LARGEST:g}, and the position no farther than {_FARTHEST:g}", "correct it"
+        )
     return pose
 
 
@@ -219,12 +222,12 @@ def _file(item: Element, folder: Path) -> MsfFile:
     path = folder / name
     if not name or outside or "\0" in name or not path.resolve().is_relative_to(folder.resolve()):
         problem = f"its file {quoted(name)} lies outside the folder of the tree"
-        raise item.error(problem, "put it there, and name it without its folder")
+        raise item.error(problem, "move the file to the folder, and name the file without a folder")
     return MsfFile(time, path, item.word("DataType"))
 
 
 def _tag(element: Element, name: str) -> str:
-    """Return the value of a node's tag, "" where it has none of that name."""
+    """Return the value of a node's tag, or ""."""
     for array in _children(element, "Attributes", "Item"):
         for tag in array.children:
             if tag.tag == "TItem" and tag.attributes.get("Name") == name:
@@ -234,12 +237,12 @@ def _tag(element: Element, name: str) -> str:
 
 
 def _unused(name: str, taken: Container[str]) -> str:
-    """Return a name that is not taken, with a number if need be."""
-    number, free = 1, name
-    while free in taken:
+    """Return a name that is not taken, with a number if necessary."""
+    number, candidate = 1, name
+    while candidate in taken:
         number += 1
-        free = f"{name} ({number})"
-    return free
+        candidate = f"{name} ({number})"
+    return candidate
 
 
 def _polydata(path: Path) -> vtkPolyData:
@@ -250,7 +253,9 @@ def _polydata(path: Path) -> vtkPolyData:
         with zipfile.ZipFile(path) as archive, tempfile.TemporaryDirectory() as folder:
             members = archive.infolist()
             if len(members) != 1 or members[0].file_size > MOST_BYTES:
-                problem = f"the archive holds {len(members)} files, or too large a one, and not one .vtk file"
+                problem = (
+                    f"the archive has {len(members)} files, or is too large; it must contain 1 .vtk file"
+                )
                 raise InputError(path, problem, "save the tree again")
             unzipped = Path(folder) / "data.vtk"
             unzipped.write_bytes(archive.read(members[0]))

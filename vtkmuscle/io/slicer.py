@@ -1,4 +1,4 @@
-"""Landmarks and curves of 3D Slicer: .mrk.json, .fcsv and .nrrd files, in LPS or RAS."""
+"""Landmarks and curves of 3D Slicer: .mrk.json, .fcsv and .nrrd files."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ from vtkmuscle.core.types import Floats
 from vtkmuscle.core.words import quoted
 from vtkmuscle.io.csv_table import number_in
 
-#: Frames of the body: x to the left and y to the back, or x to the right and y to the front; z up.
+#: Frames of the body with z up: x left and y back, or x right and y front.
 FRAMES = ("LPS", "RAS")
-#: What files call them; Slicer's old ones by numbers.
+#: Names of frames in files; numbers in old files of Slicer.
 _FRAME_WORDS = {"LPS": "LPS", "1": "LPS", "RAS": "RAS", "0": "RAS", "IJK": "IJK", "2": "IJK"}
-#: Kinds of markups that are points in order, and whether they close.
+#: Kinds of markups with ordered points, and whether the curve is closed.
 _KINDS = {"Fiducial": False, "Line": False, "Curve": False, "ClosedCurve": True}
 _FCSV_COLUMNS = ["id", "x", "y", "z", "ow", "ox", "oy", "oz", "vis", "sel", "lock", "label"]
 _AS_SLICER = "save it again with 3D Slicer"
-#: Kinds of numbers, and of frames, in .nrrd files.
+#: Names of number types, and of frames, in .nrrd files.
 _TYPES = {"float": "f4", "double": "f8", "int": "i4", "int32": "i4", "short": "i2", "int16": "i2"}
 _TYPES |= {"signed char": "i1", "int8": "i1", "uchar": "u1", "unsigned char": "u1", "uint8": "u1"}
 _SPACES = {"left-posterior-superior": "LPS", "lps": "LPS", "right-anterior-superior": "RAS", "ras": "RAS"}
@@ -32,9 +32,10 @@ _SPACES = {"left-posterior-superior": "LPS", "lps": "LPS", "right-anterior-super
 
 @dataclass(frozen=True, eq=False)
 class NamedPoints:
-    """Points (n, 3) of a file with their names, "" for none; a ring if ``closed``.
+    """Points (n, 3) with names, "" for no name.
 
-    The frame is ``"LPS"`` or ``"RAS"``; None where the file does not state it.
+    ``closed`` tells whether the points form a ring. The frame is ``"LPS"``, ``"RAS"``, or None if
+    unspecified.
     """
 
     names: tuple[str, ...]
@@ -43,29 +44,31 @@ class NamedPoints:
     frame: str | None = None
 
     def within(self, frame: str) -> Floats:
-        """Return the points (n, 3) in a frame; unchanged where the file does not state its own."""
+        """Return the points (n, 3) in a frame; unchanged without a frame of their own."""
         if frame not in FRAMES:
             raise InputError("", f"there is no frame {frame!r}; allowed: {', '.join(FRAMES)}")
-        turned = self.frame is not None and self.frame != frame
-        return self.points * np.array([-1.0, -1.0, 1.0]) if turned else self.points
+        converted = self.frame is not None and self.frame != frame
+        return self.points * np.array([-1.0, -1.0, 1.0]) if converted else self.points
 
 
 def markups_of(content: dict[str, Any], path: Path) -> NamedPoints:
     """Return the control points in the content of a .mrk.json file.
 
-    An InputError is raised if it has more or fewer than one list of points, a point has no position, or its
-    frame or unit is unknown.
+    Raises
+    ------
+    InputError
+        Unless there is exactly 1 list of points, all with a position, in a supported frame and unit.
     """
     lists = content.get("markups")
     if not isinstance(lists, list) or len(lists) != 1 or not isinstance(lists[0], dict):
         count = len(lists) if isinstance(lists, list) else 0
-        problem = f"the file has {count} lists of markups, but must have one"
-        raise InputError(path, problem, "save each of them in a file of its own")
+        problem = f"the file has {count} lists of markups, but must have 1"
+        raise InputError(path, problem, "save each list in a separate file")
     markup = lists[0]
     kind = markup.get("type", "Fiducial")
     if not isinstance(kind, str) or kind not in _KINDS:
-        problem = f"markups of type {quoted(kind)} are not understood"
-        raise InputError(path, problem, f"understood: {', '.join(_KINDS)}")
+        problem = f"markups of type {quoted(kind)} are not supported"
+        raise InputError(path, problem, f"supported: {', '.join(_KINDS)}")
     unit = markup.get("coordinateUnits", "mm")
     if unit not in ("mm", ["mm", "mm", "mm"]):
         raise InputError(path, f"coordinates are in {quoted(unit)}, but must be in mm", _AS_SLICER)
@@ -75,19 +78,19 @@ def markups_of(content: dict[str, Any], path: Path) -> NamedPoints:
         raise InputError(path, "the file holds no control points", _AS_SLICER)
     names, points = [], []
     for number, control in enumerate(controls):
-        found = control if isinstance(control, dict) else {}
-        names.append(str(found.get("label", "") or found.get("id", "") or ""))
+        keys = control if isinstance(control, dict) else {}
+        names.append(str(keys.get("label", "") or keys.get("id", "") or ""))
         where = f"control point {number} ({quoted(names[-1])})"
-        status = found.get("positionStatus", "defined")
+        status = keys.get("positionStatus", "defined")
         if status != "defined":
             problem = f"{where} has no position: its status is {quoted(status)}"
-            raise InputError(path, problem, "place it, or remove it")
-        points.append(_position(found.get("position"), where, path))
+            raise InputError(path, problem, "place the point, or remove it")
+        points.append(_position(keys.get("position"), where, path))
     return NamedPoints(tuple(names), np.array(points), _KINDS[kind], frame)
 
 
 def read_fcsv(path: Path) -> NamedPoints:
-    """Return the points of a .fcsv file, of any version of 3D Slicer, which must state its frame."""
+    """Return the points of a .fcsv file with a frame, of any version of 3D Slicer."""
     try:
         lines = path.read_text(encoding="utf-8-sig").splitlines()
     except UnicodeDecodeError as error:
@@ -108,14 +111,13 @@ def read_fcsv(path: Path) -> NamedPoints:
                 cells = next(csv.reader([line]))
             except csv.Error as error:
                 raise InputError(path, f"line {number}: {error}", _AS_SLICER) from error
-            given = dict(zip(columns, cells, strict=False))
-            place = [number_in(given.get(name, "")) for name in "xyz"]
-            points.append(_position(place, f"line {number}", path))
-            names.append(given.get("label", "") or given.get("id", ""))
+            row = dict(zip(columns, cells, strict=False))
+            points.append(_position([number_in(row.get(name, "")) for name in "xyz"], f"line {number}", path))
+            names.append(row.get("label", "") or row.get("id", ""))
     if not points:
         raise InputError(path, "the file holds no landmarks", _AS_SLICER)
     if frame is None:
-        problem = "the file does not say whether it is in LPS or RAS"
+        problem = "the file does not state its frame, LPS or RAS"
         raise InputError(path, problem, "add a line # CoordinateSystem = LPS, or RAS")
     return NamedPoints(tuple(names), np.array(points), frame=frame)
 
@@ -123,20 +125,20 @@ def read_fcsv(path: Path) -> NamedPoints:
 def _frame(word: Any, path: Path) -> str:
     frame = _FRAME_WORDS.get(str(word).strip().upper())
     if frame not in FRAMES:
-        raise InputError(path, f"the frame {quoted(word)} is not understood", "save it in LPS or RAS")
+        raise InputError(path, f"the frame {quoted(word)} is not supported", "save it in LPS or RAS")
     return frame
 
 
 def _position(values: Any, where: str, path: Path) -> list[float]:
     numbers = isinstance(values, list) and all(type(value) in (int, float) for value in values)
-    place = [number_in(value) for value in values] if numbers else []
-    if len(place) != 3 or not np.isfinite(place).all():
+    position = [number_in(value) for value in values] if numbers else []
+    if len(position) != 3 or not np.isfinite(position).all():
         raise InputError(path, f"{where}: {quoted(values)} is not a finite position x, y, z", "correct it")
-    return place
+    return position
 
 
 def read_nrrd_points(path: Path) -> NamedPoints:
-    """Return the points of a .nrrd file of 3 x n numbers, with its data in the same file."""
+    """Return the points of a .nrrd file of 3 x n numbers with attached data."""
     head, *rest = re.split(rb"\r?\n\r?\n", path.read_bytes(), maxsplit=1)
     lines = head.decode("latin-1").splitlines()
     if not head.startswith(b"NRRD") or not rest:
@@ -149,13 +151,14 @@ def read_nrrd_points(path: Path) -> NamedPoints:
         raise InputError(path, "its data do not begin after its header", "save it without skips")
     sizes = fields.get("sizes", "").split()
     if sizes[:1] != ["3"] or not re.fullmatch(r"[1-9][0-9]{,6}", " ".join(sizes[1:])):
-        problem = f"the sizes are {quoted(' '.join(sizes))}, but a list of points has 3 and their number"
+        problem = f"the sizes are {quoted(' '.join(sizes))}, but a list of n points has the sizes 3 n"
         raise InputError(path, problem, "export landmarks, not an image")
     points = _values(fields, rest[0], 3 * int(sizes[1]), path).reshape(-1, 3)
     frame = _SPACES.get(fields.get("space", "").lower())
     if "space" in fields and frame is None:
-        problem = f"the space {quoted(fields['space'])} is not understood"
-        raise InputError(path, problem, "save it in LPS or RAS")
+        raise InputError(
+            path, f"the space {quoted(fields['space'])} is not supported", "save it in LPS or RAS"
+        )
     return NamedPoints(("",) * len(points), points, frame=frame)
 
 
@@ -163,9 +166,9 @@ def _values(fields: dict[str, str], body: bytes, count: int, path: Path) -> Floa
     """Return the numbers of an array."""
     kind, encoding = fields.get("type", ""), fields.get("encoding", "").lower()
     if kind not in _TYPES:
-        raise InputError(path, f"numbers of type {quoted(kind)} are not understood", "save it as double")
+        raise InputError(path, f"numbers of type {quoted(kind)} are not supported", "save it as double")
     if encoding not in ("raw", "gzip", "gz", "ascii", "text", "txt"):
-        raise InputError(path, f"the encoding {quoted(encoding)} is not understood", "save it as raw or gzip")
+        raise InputError(path, f"the encoding {quoted(encoding)} is not supported", "save it as raw or gzip")
     order = ">" if fields.get("endian", "little").lower() == "big" else "<"
     number = np.dtype(order + _TYPES[kind])
     try:

@@ -1,4 +1,4 @@
-"""Read surfaces and polylines through VTK's readers, with one clear error instead of VTK's noise."""
+"""Read surfaces and polylines through VTK's readers, with clear errors."""
 
 from __future__ import annotations
 
@@ -24,15 +24,15 @@ _READERS = {
     ".ply": ("vtkmodules.vtkIOPLY", "vtkPLYReader"),
 }
 
-#: The remedy for a damaged file.
+#: Remedy for a damaged file.
 _DAMAGED = "the file is damaged, export it again"
 
-#: Suffixes of the files that :func:`read_surface` reads.
+#: Suffixes of files for :func:`read_surface`.
 SURFACE_SUFFIXES = tuple(_READERS)
 
 
 def read_polydata(path: str | PathLike[str]) -> vtkPolyData:
-    """Read points with their triangles, polylines and arrays.
+    """Read points with triangles, polylines and arrays.
 
     Parameters
     ----------
@@ -47,17 +47,15 @@ def read_polydata(path: str | PathLike[str]) -> vtkPolyData:
     Raises
     ------
     FileNotFoundError, ValueError
-        If there is no such file, it cannot be read as its suffix says, has no points, or its cells name
-        points that it does not have.
+        If the file does not exist, cannot be read in the format of its suffix, has no points, or has
+        cells with missing points.
     """
     path = Path(path)
     suffix = path.suffix.lower()
     if suffix not in SURFACE_SUFFIXES:
-        raise InputError(
-            path,
-            f"the suffix {path.suffix!r} is not one of {', '.join(SURFACE_SUFFIXES)}",
-            "convert the file, e.g. with ParaView or pyvista.read(...).save(...)",
-        )
+        problem = f"the suffix {path.suffix!r} is not in {', '.join(SURFACE_SUFFIXES)}"
+        remedy = "convert the file, e.g. with ParaView or pyvista.read(...).save(...)"
+        raise InputError(path, problem, remedy)
     check_is_file(path)
     data = read_in_child(path, *_READERS[suffix])
     if data.GetNumberOfPoints() == 0:
@@ -75,9 +73,9 @@ def read_polydata(path: str | PathLike[str]) -> vtkPolyData:
 
 
 def read_own_polydata(path: Path) -> vtkPolyData:
-    """Read a .vtp that :func:`vtkmuscle.io.writing.write_polydata` has written and that is known to be whole.
+    """Read a complete .vtp of :func:`vtkmuscle.io.writing.write_polydata`, unchecked.
 
-    It is read in this process and not checked, which takes a tenth of the time of :func:`read_polydata`.
+    Reading in this process takes a tenth of the time of :func:`read_polydata`.
     """
     reader = vtkXMLPolyDataReader()
     reader.SetFileName(str(path))
@@ -87,12 +85,14 @@ def read_own_polydata(path: Path) -> vtkPolyData:
 
 
 def read_surface(path: str | PathLike[str]) -> vtkPolyData:
-    """Read a surface: its polygons, point and field arrays; loose points and lines are left out.
+    """Read a surface: polygons, point and field arrays.
+
+    Loose points and lines are omitted.
 
     Parameters
     ----------
     path : path
-        As of :func:`read_polydata`.
+        As in :func:`read_polydata`.
 
     Returns
     -------
@@ -102,7 +102,7 @@ def read_surface(path: str | PathLike[str]) -> vtkPolyData:
     Raises
     ------
     FileNotFoundError, ValueError
-        If there is no such file, it cannot be read, or holds no polygon.
+        If the file does not exist, cannot be read, or has no polygons.
     """
     data = read_polydata(path)
     if data.GetNumberOfPolys() == 0:
@@ -119,7 +119,7 @@ def read_surface(path: str | PathLike[str]) -> vtkPolyData:
 
 
 def _check_cells(data: vtkPolyData, path: Path) -> None:
-    """Raise an InputError where a cell names a missing point, or a polygon has fewer than three corners."""
+    """Raise an InputError for a cell with a missing point, or a polygon with fewer than 3 corners."""
     for cells in (data.GetVerts(), data.GetLines(), data.GetPolys(), data.GetStrips()):
         ids = vtk_to_numpy(cells.GetConnectivityArray())
         if len(ids) and (ids.min() < 0 or ids.max() >= data.GetNumberOfPoints()):
@@ -132,9 +132,9 @@ def _check_cells(data: vtkPolyData, path: Path) -> None:
 
 
 def _check_words(data: vtkPolyData, path: Path) -> None:
-    """Raise an InputError for a .ply file of text with fewer numbers than it says, or a word among them.
+    """Raise an InputError for missing numbers or words in a text .ply file.
 
-    VTK replaces what is missing by zeros, or by what it has read last.
+    VTK replaces missing numbers by zeros, or by earlier numbers.
     """
     head, _, body = path.read_bytes().partition(b"end_header")
     if b"format ascii" not in head:
@@ -142,8 +142,8 @@ def _check_words(data: vtkPolyData, path: Path) -> None:
     faces = data.GetPolys()
     needed = 3 * data.GetNumberOfPoints() + faces.GetNumberOfConnectivityIds() + faces.GetNumberOfCells()
     try:
-        held = np.isfinite(np.array(body.split(), dtype=np.float64)).sum()
+        count = np.isfinite(np.array(body.split(), dtype=np.float64)).sum()
     except ValueError:
-        raise InputError(path, "the file has a word where a number belongs", _DAMAGED) from None
-    if held < needed:
-        raise InputError(path, f"the file says that it has {needed} numbers, but has {held}", _DAMAGED)
+        raise InputError(path, "the file has a word in place of a number", _DAMAGED) from None
+    if count < needed:
+        raise InputError(path, f"the header requires {needed} numbers, but the file has {count}", _DAMAGED)

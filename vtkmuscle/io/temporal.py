@@ -1,4 +1,4 @@
-"""Time series on disk: a .pvd that lists .vtp files and is valid after every frame, or a .vtkhdf file."""
+"""Time series on disk: a .pvd with .vtp files, or a .vtkhdf file."""
 
 from __future__ import annotations
 
@@ -27,15 +27,14 @@ from vtkmuscle.io.xml_elements import read_xml
 
 
 class Collection:
-    """A ParaView collection (.pvd) that grows by one time step at a time.
+    """A ParaView collection (.pvd) that grows step by step.
 
-    It is rewritten after each step, so that an interrupted run leaves a file that lists exactly the finished
-    steps.
+    Each step rewrites the file, so that an interrupted run leaves a list of exactly the finished steps.
 
     Parameters
     ----------
     path : Path
-        The .pvd file; replaced by the first step where it exists.
+        The .pvd file; the first step replaces an existing file.
     """
 
     def __init__(self, path: Path) -> None:
@@ -50,7 +49,7 @@ class Collection:
         time : float
             Pipeline time.
         parts : mapping of str to Path
-            Existing files that make up the step, by name, in or below the folder of the .pvd.
+            Existing files of the step, by name, in or below the folder of the .pvd.
         """
         for number, (name, file) in enumerate(parts.items()):
             relative = file.relative_to(self.path.parent).as_posix()
@@ -64,7 +63,7 @@ class Collection:
 
 
 class Series:
-    """Poly data over time: ``NAME.pvd`` and ``NAME/NAME_0000.vtp`` and so on, in a folder."""
+    """Poly data over time in a folder: ``NAME.pvd``, ``NAME/NAME_0000.vtp`` and so on."""
 
     def __init__(self, folder: Path, name: str) -> None:
         self.name = name
@@ -72,40 +71,40 @@ class Series:
         self.collection = Collection(folder / f"{name}.pvd")
 
     def add(self, frame: int, time: float, data: vtkPolyData) -> Path:
-        """Write the data of a frame, which has a number for the file's name, list it, and return its file."""
+        """Write and list the data of a numbered frame; return the file."""
         path = self.frames / f"{self.name}_{frame:04d}.vtp"
         write_polydata(path, data)
         self.collection.add(time, {self.name: path})
         return path
 
 
-#: Suffixes of the files that :func:`read_series` reads.
+#: Suffixes of files for :func:`read_series`.
 SERIES_SUFFIXES = (".pvd", ".vtkhdf")
 
-#: The first bytes of an HDF5 file.
+#: First bytes of an HDF5 file.
 _HDF = b"\x89HDF\r\n\x1a\n"
 
-#: Values per chunk, for VTK's 25 000 would make a file of many small arrays huge; and degree of compression.
+#: Values per chunk, since VTK's 25 000 inflate a file of many small arrays; and compression level.
 _CHUNK, _COMPRESSION = 1000, 4
 
-#: Room on the disk for a file: in sizes of its uncompressed content, and in addition [bytes].
+#: Disk space reserved for a file, relative to its uncompressed content, plus a constant [bytes].
 _ROOM = 1.2
 _LEAST_ROOM = 2_000_000
 
-#: HDF5 is not safe with several threads.
+#: HDF5 is not thread-safe.
 _one_writer = Lock()
 
 
 @dataclass(frozen=True)
 class TimeSeries:
-    """Frames in a file, read when they are needed.
+    """Frames in a file, read on demand.
 
     Attributes
     ----------
     times : tuple of float
         Pipeline times, ascending.
     frame : callable
-        Given the number of a frame, returns its vtkPolyData, or a vtkMultiBlockDataSet of its named parts.
+        Returns the vtkPolyData of a frame number, or a vtkMultiBlockDataSet of named parts.
     files : tuple of Path
         The files of the frames.
     """
@@ -126,11 +125,11 @@ def read_series(path: str | PathLike[str]) -> TimeSeries:
     Raises
     ------
     FileNotFoundError, ValueError
-        If there is no such file, it is no time series, or cannot be read.
+        If the file does not exist, is no time series, or cannot be read.
     """
     path = Path(path)
     if path.suffix.lower() not in SERIES_SUFFIXES:
-        raise InputError(path, f"a time series is read from {' or '.join(SERIES_SUFFIXES)}")
+        raise InputError(path, f"a time series must be a {' or '.join(SERIES_SUFFIXES)} file")
     check_is_file(path)
     return _from_pvd(path) if path.suffix.lower() == ".pvd" else _from_vtkhdf(path)
 
@@ -138,17 +137,17 @@ def read_series(path: str | PathLike[str]) -> TimeSeries:
 def write_vtkhdf(
     path: str | PathLike[str], times: Sequence[float], frame: Callable[[int], vtkPolyData]
 ) -> None:
-    """Write poly data over time as one temporal VTKHDF file, all or nothing.
+    """Write poly data over time as a temporal VTKHDF file, all or nothing.
 
     Parameters
     ----------
     path : path
-        The .vtkhdf file; replaced where it exists.
+        The .vtkhdf file; replaced if existing.
     times : sequence of float
         Ascending.
     frame : callable
-        Given the number of a frame, returns its vtkPolyData. An array that a frame lacks is left out of all
-        frames: VTK's reader gives all frames the same arrays.
+        Returns the vtkPolyData of a frame number. Only arrays of all frames are written, because VTK's
+        reader gives all frames the same arrays.
 
     Raises
     ------
@@ -165,9 +164,9 @@ def write_vtkhdf(
     writer.SetWriteAllTimeSteps(True)
     writer.SetChunkSize(_CHUNK)
     writer.SetCompressionLevel(_COMPRESSION)
-    with _one_writer, replacing(path) as beside:
-        _check_room(path, beside, source.nbytes)
-        writer.SetFileName(str(beside))
+    with _one_writer, replacing(path) as partial:
+        _check_room(path, partial, source.nbytes)
+        writer.SetFileName(str(partial))
         with vtk_messages():
             written = writer.Write()
         if source.error is not None:
@@ -176,15 +175,15 @@ def write_vtkhdf(
             raise OSError(f"{path}: the file could not be written; is the disk full?")
 
 
-def _check_room(path: Path, beside: Path, nbytes: int) -> None:
-    """Raise an OSError where a disk has no room: HDF5 would try for ever, or crash.
+def _check_room(path: Path, partial: Path, nbytes: int) -> None:
+    """Raise an OSError on a full disk, before HDF5 would hang or crash.
 
-    The room is reserved and released, so that quotas and limits count as well as the disk.
+    The space is reserved and released, so that quotas and limits count, too.
     """
     needed = int(_ROOM * nbytes) + _LEAST_ROOM
     try:
         if hasattr(os, "posix_fallocate"):
-            with beside.open("r+b") as file:
+            with partial.open("r+b") as file:
                 os.posix_fallocate(file.fileno(), 0, needed)
                 file.truncate(0)
         elif needed > shutil.disk_usage(path.parent).free:
@@ -195,19 +194,16 @@ def _check_room(path: Path, beside: Path, nbytes: int) -> None:
 
 
 class _Frames(VTKPythonAlgorithmBase):
-    """A source that announces times, and gives the frame of the requested time."""
+    """A source of frames that announces times."""
 
     def __init__(self, times: tuple[float, ...], frame: Callable[[int], vtkPolyData]) -> None:
         super().__init__(nInputPorts=0, nOutputPorts=1, outputType="vtkPolyData")
         self._times, self._frame = times, frame
         self.error: Exception | None = None
-        found, sizes = [], []
-        for data in map(frame, range(len(times))):
-            found.append(_arrays(data))
-            sizes.append(int(data.GetActualMemorySize()))
-        self._common = set.intersection(*found)
+        parts = [(_arrays(data), int(data.GetActualMemorySize())) for data in map(frame, range(len(times)))]
+        self._common = set.intersection(*(arrays for arrays, _ in parts))
         #: Memory of all frames [bytes].
-        self.nbytes = 1024 * sum(sizes)
+        self.nbytes = 1024 * sum(size for _, size in parts)
 
     def RequestInformation(self, request: Any, inInfo: Any, outInfo: Any) -> int:  # noqa: N802, N803
         announce_times(outInfo.GetInformationObject(0), self._times)
@@ -219,7 +215,7 @@ class _Frames(VTKPythonAlgorithmBase):
         time = info.Get(key) if info.Has(key) else self._times[0]
         try:
             frame = self._frame(self._times.index(time))
-        except Exception as error:  # VTK would print and lose it; write_vtkhdf raises it again
+        except Exception as error:  # write_vtkhdf raises the error again; VTK would only print the error
             self.error = error
             return 0
         output = vtkPolyData.GetData(outInfo)
@@ -264,7 +260,7 @@ def _from_vtkhdf(path: Path) -> TimeSeries:
         if file.read(len(_HDF)) != _HDF:
             raise InputError(path, "the file is no VTKHDF file", "write it again")
     check_in_child(path, "vtkmodules.vtkIOHDF", "vtkHDFReader")
-    from vtkmodules.vtkIOHDF import vtkHDFReader  # noqa: PLC0415 -- what only writes .pvd does without
+    from vtkmodules.vtkIOHDF import vtkHDFReader  # noqa: PLC0415 -- not needed to write .pvd
 
     reader = vtkHDFReader()
     reader.SetFileName(str(path))

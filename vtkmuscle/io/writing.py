@@ -1,4 +1,4 @@
-"""Write files under temporary names and rename them when they are complete; lock a folder meanwhile."""
+"""Write files atomically; lock a folder during a run."""
 
 from __future__ import annotations
 
@@ -17,28 +17,28 @@ from vtkmodules.vtkIOXML import vtkXMLPolyDataWriter
 
 from vtkmuscle.io.in_child import vtk_messages
 
-#: The file that is held while a folder is written to.
+#: Lock file of a folder.
 LOCK = ".vtkmuscle.lock"
 
-#: Names of incomplete files and folders; the number is that of the writing process.
+#: Names of incomplete files and folders, with the number of the writing process.
 _PARTIAL = re.compile(r"\..+\.(?P<process>\d+)(-[0-9a-f]+)?\.partial")
 
-#: Where the system cannot tell whether a process still runs, its files are left alone for this long [s].
+#: Age [s] at which incomplete files are abandoned, if the system cannot tell whether a process runs.
 _A_DAY = 86400.0
 
 
 def beside(path: Path) -> Path:
-    """Return an unused temporary name beside a path."""
+    """Return an unused temporary path in a path's folder."""
     return path.with_name(f".{path.name}.{os.getpid()}-{secrets.token_hex(4)}.partial")
 
 
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
-    """Give a new, empty file beside a path, and move it there when it is complete.
+    """Yield a new, empty file, and move it to a path once complete.
 
-    Readers of the path see the old content or the new one, never a part. Where writing fails the old file
-    stays, and no other is left. The file is created exclusively: it is never an existing one, or a link to
-    one. The folder is made. An OSError names the path.
+    Readers of the path see the old or the new content, never a part. After a failure the old file stays, and
+    the new file is removed. The new file is created exclusively, never through a link. The folder is made. An
+    OSError names the path.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
     partial = beside(path)
@@ -55,38 +55,37 @@ def replacing(path: Path) -> Iterator[Path]:
 
 
 def check_no_links(folder: Path) -> None:
-    """Raise a NotADirectoryError where a folder of results, or one within it at any depth, is a link.
+    """Raise a NotADirectoryError if a folder of results is or contains a link to a folder.
 
-    Files that are links do no harm: they are replaced or removed themselves, never their targets.
+    Links to files are harmless: they are replaced or removed, not their targets.
     """
     inside = (Path(parent, name) for parent, names, _ in os.walk(folder) for name in sorted(names))
     for path in (folder, *inside):
         if path.is_symlink():
             target = os.readlink(path)
-            raise NotADirectoryError(
-                f"{path} is a link to {target}; results are not written through links, move it away"
-            )
+            words = f"{path} is a link to {target}; results are not written through links"
+            raise NotADirectoryError(f"{words}, remove the link")
 
 
 def left_behind(folder: Path, *, deep: bool = False) -> list[Path]:
-    """Return the incomplete files that killed processes have left in a folder.
+    """Return the incomplete files of killed processes in a folder.
 
-    With ``deep`` the folders within are searched as well; links are not followed.
+    With ``deep``, subfolders are searched as well; links are not followed.
     """
-    found = []
+    left = []
     for parent, folders, files in os.walk(folder):
         for name in (*folders, *files):
             path, match = Path(parent, name), _PARTIAL.fullmatch(name)
             if match and not path.is_symlink() and not _alive(int(match["process"]), path):
-                found.append(path)
-        folders[:] = [name for name in folders if deep and Path(parent, name) not in found]
-    return found
+                left.append(path)
+        folders[:] = [name for name in folders if deep and Path(parent, name) not in left]
+    return left
 
 
 def _alive(process: int, path: Path) -> bool:
     if process == os.getpid():
         return True
-    if os.name != "posix":  # no signal tests for a process there
+    if os.name != "posix":  # no signal tests for a process
         return time.time() - path.stat().st_mtime < _A_DAY
     try:
         os.kill(process, 0)
@@ -98,7 +97,7 @@ def _alive(process: int, path: Path) -> bool:
 
 
 def plain_cell(value: Any) -> Any:
-    """Return the value of a cell: a text that a spreadsheet would run as a formula gets an apostrophe."""
+    """Return a cell's value, with an apostrophe before text that is a spreadsheet formula."""
     formula = isinstance(value, str) and value.startswith(("=", "+", "-", "@", "\t", "\r"))
     return f"'{value}" if formula else value
 
@@ -110,15 +109,14 @@ def write_text(path: Path, text: str) -> None:
 
 
 def write_polydata(path: Path, data: vtkPolyData) -> None:
-    """Write a .vtp file, all or nothing: binary, doubles kept exact.
+    """Write a .vtp file, all or nothing: binary, with exact doubles.
 
-    Cells name their points by 32-bit numbers and nothing is compressed, which takes as much room as 64-bit
-    numbers that LZ4 compresses, and half its time.
+    Point numbers have 32 bits, without compression: as small as 64 bits with LZ4, in half the time.
 
     Raises
     ------
     OSError
-        If VTK could not write the file (disk full, no permission).
+        If VTK could not write the file (full disk, no permission).
     """
     narrow = vtkPolyData()
     narrow.ShallowCopy(data)
@@ -143,7 +141,7 @@ def write_polydata(path: Path, data: vtkPolyData) -> None:
 
 @contextmanager
 def locked(folder: Path) -> Iterator[None]:
-    """Hold the lock of a folder; the system releases it where the process is killed."""
+    """Hold the lock of a folder; the system releases the lock of a killed process."""
     path = folder / LOCK
     if os.name != "posix":
         yield
@@ -157,17 +155,15 @@ def locked(folder: Path) -> Iterator[None]:
         except BlockingIOError:
             holder = os.read(descriptor, 20).decode("ascii", "replace").strip() or "unknown"
             os.close(descriptor)
-            raise BlockingIOError(
-                f"{folder}: another run is writing to it (process {holder}); wait for it to end, or give "
-                "another folder with --out"
-            ) from None
+            words = f"{folder}: another run is writing here (process {holder})"
+            raise BlockingIOError(f"{words}; wait for its end, or give another folder with --out") from None
         except OSError as error:  # a file system without locks
             warnings.warn(f"{folder} cannot be locked ({error.strerror}); start no second run", stacklevel=6)
             break
         try:
             if os.stat(path).st_ino == os.fstat(descriptor).st_ino:
                 break
-        except FileNotFoundError:  # the run before has just ended and removed it
+        except FileNotFoundError:  # the previous run has just removed the file
             pass
         os.close(descriptor)
     try:

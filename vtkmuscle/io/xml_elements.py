@@ -1,4 +1,4 @@
-"""XML of other programs, read into elements with line numbers, without entities; and XML to be written."""
+"""XML of other programs: elements with line numbers, without entities."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ from vtkmuscle.io.csv_table import number_in
 #: Deepest nesting of elements.
 DEEPEST = 100
 
-#: Most elements in a file: the largest models have tens of thousands.
+#: Elements in a file, at most: the largest models have tens of thousands.
 MOST_ELEMENTS = 1_000_000
 
 
 @dataclass(slots=True)
 class Element:
-    """An element of a file: its tag, attributes, children, text ("" where there is none), and line."""
+    """An element of a file: tag, line, attributes, children and text."""
 
     tag: str
     path: Path
@@ -36,54 +36,54 @@ class Element:
 
     @property
     def name(self) -> str:
-        """Its attribute ``name``."""
+        """The attribute ``name``."""
         return self.attributes.get("name", "")
 
     def __str__(self) -> str:
         return f"line {self.line}: {self.tag}" + (f" {quoted(self.name)}" if self.name else "")
 
     def error(self, problem: str, remedy: str = "") -> InputError:
-        """Return an error that names the file, the line and the element."""
+        """Return an error with the file, the line and the element."""
         return InputError(self.path, f"{self}: {problem}", remedy)
 
     def placed(self, error: ValueError) -> ValueError:
-        """Return an error at this element, unless the error has a place of its own."""
+        """Return an error at this element, unless the error has a location."""
         if isinstance(error, InputError) and error.where:
             return error
         return self.error(*fault_of(error))
 
     def only(self, allowed: Sequence[str] | set[str] | frozenset[str]) -> None:
-        """Raise an InputError where there is a child of another tag."""
+        """Raise an InputError for a child of another tag."""
         for child in self.children:
             if child.tag not in allowed:
-                raise child.error(f"is not understood in {self.tag} {quoted(self.name)}")
+                raise child.error(f"is not supported in {self.tag} {quoted(self.name)}")
 
     def find(self, *tags: str) -> Element | None:
-        """Return the child of one of the tags, None where there is none; raise an InputError for several."""
-        found = [child for child in self.children if child.tag in tags]
-        if len(found) > 1:
-            raise found[1].error(f"{self.tag} {quoted(self.name)} has it twice", "remove one")
-        return found[0] if found else None
+        """Return the child with a tag, or None; raise an InputError for several."""
+        matches = [child for child in self.children if child.tag in tags]
+        if len(matches) > 1:
+            raise matches[1].error(f"{self.tag} {quoted(self.name)} has it twice", "remove one")
+        return matches[0] if matches else None
 
     def need(self, *tags: str) -> Element:
-        """Return the child of one of the tags; raise an InputError where there is none."""
-        found = self.find(*tags)
-        if found is None:
+        """Return the child with a tag; raise an InputError if missing."""
+        child = self.find(*tags)
+        if child is None:
             raise self.error(f"has no {' or '.join(tags)}")
-        return found
+        return child
 
     def words(self, tag: str) -> list[str]:
-        """Return the words in a child, none where there is no such child."""
-        found = self.find(tag)
-        return [] if found is None else found.text.split()
+        """Return the words in a child, if any."""
+        child = self.find(tag)
+        return [] if child is None else child.text.split()
 
     def word(self, *tags: str) -> str:
-        """Return the text of a child; "" where there is none."""
-        found = self.find(*tags)
-        return "" if found is None else found.text.strip()
+        """Return the text of a child, or ""."""
+        child = self.find(*tags)
+        return "" if child is None else child.text.strip()
 
     def numbers(self, count: int | None = None) -> Floats:
-        """Return the finite numbers in the text; raise an InputError for anything else, or another count."""
+        """Return the finite numbers in the text; otherwise, or for another count, raise an InputError."""
         values = np.array([number_in(cell) for cell in self.text.replace(",", " ").split()])
         if not np.isfinite(values).all() or (count is not None and len(values) != count):
             what = "finite numbers" if count is None else f"{count} finite number{'s' * (count > 1)}"
@@ -91,36 +91,36 @@ class Element:
         return values
 
     def number(self, tag: str, default: float) -> float:
-        """Return the number in a child; the default where there is none."""
-        found = self.find(tag)
-        return default if found is None else float(found.numbers(1)[0])
+        """Return the number in a child, or the default."""
+        child = self.find(tag)
+        return default if child is None else float(child.numbers(1)[0])
 
     def vector(self, tag: str, count: int = 3, default: Sequence[float] | None = None) -> Floats:
-        """Return the numbers in a child; the default (zeros) where there is none."""
-        found = self.find(tag)
-        if found is None:
+        """Return the numbers in a child, or the default (zeros)."""
+        child = self.find(tag)
+        if child is None:
             return np.zeros(count) if default is None else np.array(default, dtype=np.float64)
-        return found.numbers(count)
+        return child.numbers(count)
 
     def flag(self, tag: str, *, default: bool = False) -> bool:
-        """Return the true or false in a child; the default where there is none."""
-        found = self.find(tag)
-        if found is None or not found.text.strip():
+        """Return the boolean in a child, or the default."""
+        child = self.find(tag)
+        if child is None or not child.text.strip():
             return default
-        word = found.text.strip().lower()
+        word = child.text.strip().lower()
         if word not in ("true", "false"):
-            raise found.error(f"holds {quoted(word)}, but must hold true or false")
+            raise child.error(f"holds {quoted(word)}, but must hold true or false")
         return word == "true"
 
     def within(self, tag: str) -> list[Element]:
-        """Return the elements in a child, none where there is no such child; of a set, its objects."""
-        found = self.find(tag)
-        if found is None:
+        """Return the elements in a child; for a set, its objects."""
+        child = self.find(tag)
+        if child is None:
             return []
-        return list(found.objects()) if tag.endswith("Set") else found.children
+        return list(child.objects()) if tag.endswith("Set") else child.children
 
     def objects(self) -> Iterator[Element]:
-        """Give the elements in a set's ``objects``."""
+        """Yield the elements in a set's ``objects``."""
         self.only(("objects", "groups"))
         holder = self.find("objects")
         if holder is not None:
@@ -128,7 +128,7 @@ class Element:
 
 
 def decoded(path: Path) -> str:
-    """Return the text of a file, in UTF-8 or Latin-1; raise an InputError if it is too large for text."""
+    """Return the text of a file, in UTF-8 or Latin-1, limited in size."""
     check_is_file(path, most=MOST_TEXT)
     data = path.read_bytes()
     try:
@@ -140,14 +140,14 @@ def decoded(path: Path) -> str:
 def read_xml(path: Path) -> Element:
     """Return the outermost element of an XML file, in UTF-8 or Latin-1.
 
-    Document types, and with them entities, are refused. An InputError names the line of a fault.
+    Document types, and thereby entities, are refused. An InputError names the line of a fault.
     """
     text = decoded(path)
     parser = expat.ParserCreate("utf-8")
     parser.buffer_text = True
     outermost = Element("", path, 0)
     stack = [outermost]
-    words: list[list[str]] = [[]]  # of the elements that are not yet closed
+    words: list[list[str]] = [[]]  # by open element
     count = 0
 
     def start(tag: str, attributes: dict[str, str]) -> None:
@@ -186,14 +186,14 @@ def read_xml(path: Path) -> Element:
 
 
 def made(tag: str, *parts: ElementTree.Element | str | ArrayLike, **attributes: str) -> ElementTree.Element:
-    """Return an element to be written, with further elements, or a text, or numbers in it.
+    """Return an element to be written, with elements, a text or numbers inside.
 
     Examples
     --------
     >>> from xml.etree.ElementTree import tostring
     >>> from vtkmuscle.io.xml_elements import made
-    >>> tostring(made("Point", made("place", [0.5, 1, 2]), made("on", "a < b"), name="p"), encoding="unicode")
-    '<Point name="p"><place>0.5 1.0 2.0</place><on>a &lt; b</on></Point>'
+    >>> tostring(made("Point", made("at", [0.5, 1, 2]), made("on", "a < b"), name="p"), encoding="unicode")
+    '<Point name="p"><at>0.5 1.0 2.0</at><on>a &lt; b</on></Point>'
     """
     element = ElementTree.Element(tag, attributes)
     for part in parts:
@@ -205,12 +205,12 @@ def made(tag: str, *parts: ElementTree.Element | str | ArrayLike, **attributes: 
 
 
 def numbers_text(values: ArrayLike) -> str:
-    """Return numbers with all their digits, in one line."""
+    """Return numbers with all digits, in a line."""
     return " ".join(map(repr, np.ravel(values).astype(np.float64).tolist()))
 
 
 def xml_text(root: ElementTree.Element, *, indented: bool = True) -> str:
-    """Return the text of a file with an element; indented, each element in it has a line."""
+    """Return the text of a file with an element, indented by default."""
     if indented:
         ElementTree.indent(root, "\t")
     return '<?xml version="1.0" encoding="UTF-8" ?>\n' + ElementTree.tostring(root, encoding="unicode") + "\n"

@@ -1,1 +1,47 @@
-"""Joints: trees of bodies, functions of coordinates, fits to bones, and joints in files of OpenSim."""
+"""Joints: trees of bodies, fits to bones, files of OpenSim with joints, and grids of coordinates."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from itertools import product
+
+import numpy as np
+
+from vtkmuscle.core.types import Floats
+
+
+def steps_of(start: float, stop: float, step: float) -> Floats:
+    """Return values from start to stop, which is always the last one.
+
+    Examples
+    --------
+    >>> from vtkmuscle.joints import steps_of
+    >>> steps_of(0.0, 5.0, 2.0).tolist()
+    [0.0, 2.0, 4.0, 5.0]
+    """
+    # A whole number of steps, up to rounding, ends at stop.
+    before = int(np.ceil((stop - start) / step - 1e-9))
+    return np.append(start + step * np.arange(before), stop)
+
+
+def grid_of(axes: Mapping[str, Floats]) -> dict[str, Floats]:
+    """Return all poses (f,) of a grid of coordinates (k,) by name, each next to the one before it.
+
+    The last coordinate changes first, there and back in turn, so that no step is longer than one of the grid.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from vtkmuscle.joints import grid_of
+    >>> found = grid_of({"hip": np.array([0.0, 1.0]), "knee": np.array([0.0, 1.0, 2.0])})
+    >>> found["knee"].tolist()
+    [0.0, 1.0, 2.0, 2.0, 1.0, 0.0]
+    """
+    sizes = [len(values) for values in axes.values()]
+    rows = np.array(list(product(*(range(size) for size in sizes))), dtype=np.int64)
+    for column in range(1, len(sizes)):
+        # Which way a coordinate goes depends on how many turns those before it have made.
+        block = int(np.prod(sizes[column:]))
+        back = (np.arange(len(rows)) // block) % 2 == 1
+        rows[back, column] = sizes[column] - 1 - rows[back, column]
+    return {name: values[rows[:, column]] for column, (name, values) in enumerate(axes.items())}

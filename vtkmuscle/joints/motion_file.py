@@ -1,4 +1,4 @@
-"""Motions and other tables of OpenSim: .mot and .sto files, with all their headers."""
+"""Motion tables of OpenSim and SIMM: .mot and .sto files."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from vtkmuscle.joints.tree import KinematicTree
 
 #: Lines of a header, at most.
 _LONGEST_HEADER = 1000
-#: Keys of headers that are read; both programs count rows and columns by names of their own.
+#: Header keys that are read; OpenSim and SIMM use different keys for rows and columns.
 _KEYS = ("nrows", "datarows", "ncolumns", "datacolumns", "indegrees", "version", "datatype")
 
 
@@ -34,11 +34,11 @@ class MotionFile:
     times : (f,) array
         Ascending [s].
     labels : tuple of str
-        Of the other columns, as in the file: a label may appear several times.
+        Labels of the further columns, possibly repeated.
     table : (f, k) array
-        The other columns.
+        The further columns.
     degrees : bool or None
-        Whether angles are in degrees; None where the file does not say.
+        Whether angles are in degrees; None if unspecified.
     """
 
     path: Path
@@ -48,43 +48,44 @@ class MotionFile:
     degrees: bool | None
 
     def values(self, tree: KinematicTree, *, degrees: bool | None = None) -> dict[str, Floats]:
-        """Return the values (f,) of a tree's coordinates in the file.
+        """Return the values (f,) of a tree's coordinates.
 
-        Angles are in radians, translations as in the file. Columns are found by the coordinate's name, or by
-        its path in the model (``/jointset/knee_r/knee_angle_r/value``); other columns are left out.
-        ``degrees`` is whether the file's angles are in degrees; by default its header tells.
+        Angles are in radians, translations as in the file. A column's label is the coordinate's name, or its
+        path in the model (``/jointset/knee_r/knee_angle_r/value``); further columns are ignored. ``degrees``
+        tells whether the file's angles are in degrees; by default the header decides.
 
         Raises
         ------
         ValueError
-            If no column is a coordinate, two are the same, or the unit of angles is unknown.
+            If no column is a coordinate, two columns are the same coordinate, or the unit of angles is
+            unknown.
         """
-        kinds = {one.name: one for one in tree.coordinates}
-        found: dict[str, Floats] = {}
+        kinds = {coordinate.name: coordinate for coordinate in tree.coordinates}
+        result: dict[str, Floats] = {}
         in_degrees = self.degrees if degrees is None else degrees
         for label, column in zip(self.labels, self.table.T, strict=True):
             parts = label.split("/")
             name = parts[-2] if len(parts) > 2 and parts[-1] == "value" else parts[-1]
             if name not in kinds or (len(parts) > 1 and parts[-1] not in ("value", name)):
                 continue
-            if name in found:
+            if name in result:
                 raise InputError(self.path, f"two columns are the coordinate {name!r}", "remove one")
             if kinds[name].is_angle and in_degrees is None:
-                problem = "the header does not say whether angles are in degrees"
+                problem = "the header lacks the unit of angles"
                 raise InputError(self.path, problem, "add a line inDegrees=yes, or inDegrees=no")
-            found[name] = np.radians(column) if kinds[name].is_angle and in_degrees else column
-        if not found:
+            result[name] = np.radians(column) if kinds[name].is_angle and in_degrees else column
+        if not result:
             problem = f"no column is a coordinate; the columns are {', '.join(self.labels[:8])}"
             raise InputError(self.path, problem, f"the coordinates are {', '.join(kinds) or 'none'}")
-        return found
+        return result
 
 
 def read_motion_file(path: str | PathLike[str]) -> MotionFile:
     r"""Read a .mot or .sto file of OpenSim or SIMM.
 
-    The header may have the lines of either program; the labels follow ``endheader``, and the rows follow
-    these. Where the header counts other rows there is a warning. A file without a version is old, and has its
-    angles in degrees, as in OpenSim.
+    The header may have the lines of either program; labels follow ``endheader``, rows follow the labels. A
+    warning reports a wrong count of rows or columns. As in OpenSim, a file without a version has angles in
+    degrees.
 
     Parameters
     ----------
@@ -94,14 +95,15 @@ def read_motion_file(path: str | PathLike[str]) -> MotionFile:
     Returns
     -------
     MotionFile
-        Its table.
+        The table.
 
     Raises
     ------
     FileNotFoundError
-        If there is no such file.
+        If the file does not exist.
     ValueError
-        If it is no such table, a number is not finite, or times do not ascend; the message names the line.
+        If the file is no such table, a number is not finite, or times do not ascend; the message names
+        the line.
 
     Examples
     --------
@@ -136,26 +138,25 @@ def read_motion_file(path: str | PathLike[str]) -> MotionFile:
         rows.append(row)
     if not rows:
         raise InputError(path, "the table has no rows", "export it again")
-    counts = {"nrows": len(rows), "datarows": len(rows), "ncolumns": len(labels), "datacolumns": len(labels)}
-    for key, count in counts.items():
-        if header.get(key, str(count)) != str(count):
-            what = "rows" if "rows" in key else "columns"
-            words = f"the header says {key}={header[key]}, but there are {count} {what}; these were read"
-            warnings.warn(f"{path}: {words}", stacklevel=2)
+    for what, count in (("rows", len(rows)), ("columns", len(labels))):
+        for key in (f"n{what}", f"data{what}"):
+            if header.get(key, str(count)) != str(count):
+                words = f"the header says {key}={header[key]}, but there are {count} {what}; these were read"
+                warnings.warn(f"{path}: {words}", stacklevel=2)
     table = np.array(rows)
     return MotionFile(path, table[:, 0], tuple(labels[1:]), table[:, 1:], _in_degrees(header, path))
 
 
 def _header(lines: list[str], path: Path) -> tuple[dict[str, str], int]:
-    """Return the header's keys, lower case, and the number of lines up to its end."""
-    found: dict[str, str] = {}
+    """Return header values by lower-case key, and the number of lines."""
+    header: dict[str, str] = {}
     for number, line in enumerate(lines[:_LONGEST_HEADER]):
         plain = line.strip()
         if plain.lower() == "endheader":
-            return found, number + 1
+            return header, number + 1
         key, _, value = plain.partition("=" if "=" in plain else " ")
         if key.strip().lower() in _KEYS:
-            found[key.strip().lower()] = value.strip()
+            header[key.strip().lower()] = value.strip()
     raise InputError(path, "there is no line 'endheader'", "export it again as a .mot or .sto file")
 
 
@@ -164,7 +165,7 @@ def _labels(lines: list[str], start: int, path: Path) -> list[str]:
     labels = [label.strip() for label in (line.split("\t") if "\t" in line else line.split())]
     where = f"line {start + 1}"
     if len(labels) < 2 or labels[0].lower() != "time":
-        problem = f"{where}: the labels begin with {quoted(line[:40])}, but must be time and others"
+        problem = f"{where}: the labels begin with {quoted(line[:40])}, but must be time and further labels"
         raise InputError(path, problem, "export it again, without empty lines after the header")
     if "" in labels:
         raise InputError(path, f"{where}: a label is empty", "correct it")

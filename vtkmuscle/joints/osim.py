@@ -1,4 +1,4 @@
-"""Bodies, joints and couplings of OpenSim's files, of the forms before and since version 4."""
+"""Bodies, joints and couplings in files of OpenSim 3 and 4."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from vtkmuscle.io.xml_elements import Element, read_xml
 from vtkmuscle.joints.functions import FUNCTIONS, IDENTITY, function_in, function_of
 from vtkmuscle.joints.tree import Coupling, Joint, JointAxis, JointCoordinate, KinematicTree
 
-#: Joints that are made of turns about, then slides along x, y and z of the joint's frame.
+#: Axes of each joint type in the joint frame: letters of its rotations, then of its translations.
 _PLAIN = {
     "WeldJoint": ("", ""),
     "PinJoint": ("z", ""),
@@ -27,7 +27,7 @@ _PLAIN = {
 }
 _AXES = dict(zip("xyz", np.eye(3), strict=True))
 JOINTS = ("CustomJoint", *_PLAIN)
-#: Names of the axes of a CustomJoint, in their order.
+#: Names of a CustomJoint's axes, in the order of the transform.
 AXES = tuple(kind + number for kind in ("rotation", "translation") for number in "123")
 
 _JOINT_KEYS = (
@@ -45,7 +45,7 @@ _FRAME_KEYS = (
 )
 
 
-#: Parts of a model that do not decide where bodies are and muscles run; their contents are listed only.
+#: Parts of a model that affect neither body poses nor paths; only their contents are listed.
 NOT_USED = ("ControllerSet", "ContactGeometrySet", "ProbeSet")
 _MODEL_KEYS = (
     *("credits", "publications", "length_units", "force_units", "gravity", "assembly_accuracy", "defaults"),
@@ -57,25 +57,25 @@ _BODY_KEYS = (
     *("mass", "mass_center", "inertia", *_INERTIA, "Joint", "VisibleObject", "WrapObjectSet"),
     *("FrameGeometry", "attached_geometry", "components", "frames"),
 )
-#: Names of the unit of length, of which a file may give none.
+#: Accepted length units; a file may leave the unit empty.
 _METRES = ("meters", "metres", "m", "")
 
-#: The body of each frame of a model, and the frame (4, 4) on it.
+#: Body and frame (4, 4) in the body, by the name of the frame.
 Frames = dict[str, tuple[str, Floats]]
 GROUND = "ground"
 
 
 def of_kind(tag: str, elements: Sequence[Element]) -> Sequence[Element]:
-    """Return elements, which must all have a tag."""
+    """Return elements; raise an InputError unless all have the tag."""
     for element in elements:
         if element.tag != tag:
-            raise element.error(f"is not understood: only {tag} may be here")
+            raise element.error(f"is not supported: only {tag} may be here")
     return elements
 
 
 def frame_of(element: Element, frames: Frames) -> tuple[str, Floats]:
-    """Return the body, and the frame (4, 4) on it, that the path of OpenSim in an element ends with."""
-    name = element.text.strip().rstrip("/").rpartition("/")[2]
+    """Return the body and frame (4, 4) at an element's path."""
+    name = last_part(element.text.strip().rstrip("/"))
     if name in frames:
         return frames[name]
     if name == GROUND:
@@ -84,47 +84,49 @@ def frame_of(element: Element, frames: Frames) -> tuple[str, Floats]:
 
 
 def point_on(element: Element, frames: Frames) -> tuple[str, Floats]:
-    """Return the body of a point, and where it is on it (3,)."""
+    """Return the body and body-fixed position (3,) of a point."""
     body, frame = frame_of(element.need("socket_parent_frame", "body"), frames)
     return body, frame[:3, :3] @ element.need("location").numbers(3) + frame[:3, 3]
 
 
 def offset_frames(elements: Sequence[Element], frames: Frames) -> Frames:
-    """Return frames, and the PhysicalOffsetFrames among elements that hold nothing else."""
-    found = dict(frames)
+    """Return frames, extended by the PhysicalOffsetFrames among elements."""
+    extended = dict(frames)
     for element in of_kind("PhysicalOffsetFrame", elements):
         element.only(_FRAME_KEYS)
-        body, place = frame_of(element.need("socket_parent"), found)
+        body, frame = frame_of(element.need("socket_parent"), extended)
         offset = frame_at(element.vector("translation"), element.vector("orientation"))
-        found[element.name] = (body, place @ offset)
-    return found
+        extended[element.name] = (body, frame @ offset)
+    return extended
 
 
 def joint_in(
     element: Element, frames: Frames, child: str | None = None
 ) -> tuple[Joint, list[JointCoordinate]]:
-    """Return a joint and its coordinates; before version 4 joints stand in their bodies, the children.
+    """Return a joint and its coordinates.
+
+    Before version 4 the child body contains the joint; ``child`` is the body's name.
 
     Raises
     ------
     InputError
-        If there is something in it that is not understood; the message names it.
+        For an unsupported element; the message names the element.
     """
     if element.tag not in JOINTS:
-        raise element.error("this kind of joint is not understood", f"understood: {', '.join(JOINTS)}")
+        raise element.error("this kind of joint is not supported", f"supported: {', '.join(JOINTS)}")
     element.only(_JOINT_KEYS)
     if element.flag("reverse"):
-        raise element.error("joints with reverse = true are not understood", "exchange parent and child")
+        raise element.error("joints with reverse = true are not supported", "exchange parent and child")
     holder = "coordinates" if element.find("coordinates") else "CoordinateSet"
-    named = of_kind("Coordinate", element.within(holder))
+    elements = of_kind("Coordinate", element.within(holder))
     if element.tag == "CustomJoint":
         rotations, translations = _spatial_transform(element)
     else:
         turns, slides = _PLAIN[element.tag]
-        if len(named) != len(turns + slides):
-            raise element.error(f"has {len(named)} coordinates, but must have {len(turns + slides)}")
-        letters = zip(turns + slides, named, strict=True)
-        axes = [JointAxis(_AXES[letter], IDENTITY, one.name) for letter, one in letters]
+        if len(elements) != len(turns + slides):
+            raise element.error(f"has {len(elements)} coordinates, but must have {len(turns + slides)}")
+        letters = zip(turns + slides, elements, strict=True)
+        axes = [JointAxis(_AXES[letter], IDENTITY, coordinate.name) for letter, coordinate in letters]
         rotations, translations = axes[: len(turns)], axes[len(turns) :]
     if child is None:
         own = offset_frames(element.within("frames"), frames)
@@ -136,76 +138,79 @@ def joint_in(
         parent, _ = frame_of(element.need("parent_body"), frames)
         parent_frame = frame_at(element.vector("location_in_parent"), element.vector("orientation_in_parent"))
         child_frame = frame_at(element.vector("location"), element.vector("orientation"))
-    turned = {axis.coordinate for axis in rotations}
-    coordinates = [_coordinate(one, "rad" if one.name in turned else "m") for one in named]
-    joint = Joint(
-        element.name, parent, child, rotations, translations, parent_frame, child_frame, element.tag
-    )
-    return joint, coordinates
+    angles = {axis.coordinate for axis in rotations}
+    coordinates = [_coordinate(each, "rad" if each.name in angles else "m") for each in elements]
+    ends = (parent, child, rotations, translations, parent_frame, child_frame)
+    return Joint(element.name, *ends, element.tag), coordinates
 
 
 def _coordinate(element: Element, unit: str) -> JointCoordinate:
     element.only(_COORDINATE_KEYS)
     if element.flag("prescribed"):
-        raise element.error("coordinates that are prescribed by a function of time are not understood")
+        raise element.error("coordinates prescribed by a function of time are not supported")
     rest = element.number("default_value" if element.find("default_value") else "initial_value", 0.0)
-    limits = None
-    if element.find("range") is not None:
-        low, high = element.vector("range", 2)
-        limits = float(low), float(high)
-    return JointCoordinate(element.name, unit, rest, limits)
+    limits = element.find("range")
+    span = None if limits is None else tuple(limits.numbers(2).tolist())
+    return JointCoordinate(element.name, unit, rest, span)
 
 
 def _spatial_transform(element: Element) -> tuple[list[JointAxis], list[JointAxis]]:
     transform = element.need("SpatialTransform")
     transform.only(("TransformAxis", "objects", "groups"))
     holder = transform if transform.find("objects") is None else transform.need("objects")
-    found = {axis.name: _transform_axis(axis) for axis in of_kind("TransformAxis", holder.children)}
-    for name in found:
+    axes = {axis.name: _transform_axis(axis) for axis in of_kind("TransformAxis", holder.children)}
+    for name in axes:
         if name not in AXES:
             raise transform.error(f"there is no axis {name!r}", f"the axes are {', '.join(AXES)}")
-    rotations = [found[name] for name in AXES[:3] if name in found]
-    translations = [found[name] for name in AXES[3:] if name in found]
+    rotations, translations = ([axes[name] for name in part if name in axes] for part in (AXES[:3], AXES[3:]))
     return rotations, translations
+
+
+def _only_coordinate(element: Element, tag: str) -> str | None:
+    """Return the name in a child, or None; raise an InputError for several."""
+    names = element.words(tag)
+    if len(names) > 1:
+        raise element.error(f"depends on {len(names)} coordinates, but only functions of 1 are supported")
+    return names[0] if names else None
 
 
 def _transform_axis(element: Element) -> JointAxis:
     element.only(("coordinates", "axis", "function", *FUNCTIONS))
-    names = element.words("coordinates")
-    if len(names) > 1:
-        raise element.error(f"depends on {len(names)} coordinates; functions of one are understood")
-    function = function_of(element)
+    function, coordinate = function_of(element), _only_coordinate(element, "coordinates")
     try:
-        return JointAxis(element.need("axis").numbers(3), function, names[0] if names else None)
+        return JointAxis(element.need("axis").numbers(3), function, coordinate)
     except ValueError as error:
         raise element.placed(error) from error
 
 
 def coupling_in(element: Element) -> Coupling | None:
-    """Return the coupling of a CoordinateCouplerConstraint; None where it is switched off."""
+    """Return the coupling of a CoordinateCouplerConstraint; None if switched off."""
     if not element.flag("isEnforced", default=True) or element.flag("isDisabled"):
         return None
     if element.tag != "CoordinateCouplerConstraint":
-        raise element.error(
-            "this constraint is not understood", "understood: CoordinateCouplerConstraint; or switch it off"
-        )
+        remedy = "supported: CoordinateCouplerConstraint; or switch it off"
+        raise element.error("this constraint is not supported", remedy)
     keys = ("isEnforced", "isDisabled", "coupled_coordinates_function", "independent_coordinate_names")
     element.only((*keys, "dependent_coordinate_name", "scale_factor"))
-    names = element.words("independent_coordinate_names")
-    if len(names) != 1:
-        raise element.error(f"depends on {len(names)} coordinates; functions of one are understood")
+    independent = _only_coordinate(element, "independent_coordinate_names")
+    if independent is None:
+        raise element.error("depends on no coordinate", "name the independent coordinate")
     function = function_in(element.need("coupled_coordinates_function"))
     dependent = element.need("dependent_coordinate_name").text.strip()
-    return Coupling(dependent, names[0], function.rescaled(1.0, element.number("scale_factor", 1.0)))
+    return Coupling(dependent, independent, function.rescaled(1.0, element.number("scale_factor", 1.0)))
+
+
+def last_part(path: str) -> str:
+    """Return the last name of an OpenSim component path."""
+    return path.strip().rpartition("/")[2]
 
 
 def model_element(path: Path) -> Element:
-    """Return the model in a file of OpenSim; raise an InputError where it is none, or not in metres."""
+    """Return the model in a file of OpenSim; raise an InputError unless in metres."""
     document = read_xml(path)
     if document.tag != "OpenSimDocument":
-        raise InputError(
-            path, f"this is XML of {document.tag!r}, not a model of OpenSim", "give an .osim file"
-        )
+        problem = f"this is XML of {document.tag!r}, not a model of OpenSim"
+        raise InputError(path, problem, "give an .osim file")
     model = document.need("Model")
     model.only(_MODEL_KEYS)
     units = model.word("length_units")
@@ -216,7 +221,7 @@ def model_element(path: Path) -> Element:
 
 
 def read_tree(path: Path) -> KinematicTree:
-    """Return the bodies and joints of a model of OpenSim, lengths in metres, without its muscles.
+    """Return the bodies and joints of a model of OpenSim in metres, without muscles.
 
     Raises
     ------
@@ -224,18 +229,16 @@ def read_tree(path: Path) -> KinematicTree:
         As of :func:`vtkmuscle.opensim.read_osim`.
     """
     model = model_element(path)
-    _, frames = bodies_in(model)
-    tree, _ = tree_in(model, frames, [])
-    return tree
+    return tree_in(model, bodies_in(model)[1], [])[0]
 
 
 def bodies_in(model: Element) -> tuple[list[tuple[str, Element]], Frames]:
-    """Return bodies by name, and the frames of all that is on them."""
+    """Return bodies by name, and the frames on all bodies."""
     frames: Frames = {}
     bodies = [(body.name, body) for body in of_kind("Body", model.within("BodySet"))]
     for name, body in bodies:
         if name in frames:
-            raise body.error("there is another body of this name")
+            raise body.error("another body has this name")
         body.only(_BODY_KEYS)
         frames[name] = (name, np.eye(4))
     ground = model.find("Ground")
@@ -249,20 +252,19 @@ def bodies_in(model: Element) -> tuple[list[tuple[str, Element]], Frames]:
 
 
 def tree_in(model: Element, frames: Frames, not_used: list[str]) -> tuple[KinematicTree, dict[str, str]]:
-    """Return the tree of a model, and the joint of each coordinate; names of what is left out are added."""
-    found = [joint_in(one, frames) for one in model.within("JointSet")]
+    """Return the tree of a model, and the joint of each coordinate; extend the unused parts."""
+    joints = [joint_in(element, frames) for element in model.within("JointSet")]
     for body in model.within("BodySet"):
-        found += [joint_in(one, frames, body.name) for one in body.within("Joint")]
-    couplings = []
-    for one in model.within("ConstraintSet"):
-        coupling = coupling_in(one)
-        if coupling is None:
-            not_used.append(f"switched off: {one}")
-        else:
-            couplings.append(coupling)
-    coordinates = [coordinate for _, own in found for coordinate in own]
+        joints += [joint_in(element, frames, body.name) for element in body.within("Joint")]
+    couplings = [(element, coupling_in(element)) for element in model.within("ConstraintSet")]
+    not_used += [f"switched off: {element}" for element, coupling in couplings if coupling is None]
     try:
-        tree = KinematicTree(GROUND, [joint for joint, _ in found], coordinates, couplings)
+        tree = KinematicTree(
+            GROUND,
+            [joint for joint, _ in joints],
+            [coordinate for _, own in joints for coordinate in own],
+            [coupling for _, coupling in couplings if coupling is not None],
+        )
     except ValueError as error:
         raise model.placed(error) from error
-    return tree, {coordinate.name: joint.name for joint, own in found for coordinate in own}
+    return tree, {coordinate.name: joint.name for joint, own in joints for coordinate in own}

@@ -1,12 +1,13 @@
-"""Scenes from what there is: label maps, or meshes and landmarks, by guesses that say how sure they are.
+"""Scenes drafted from label maps, or from meshes and landmarks.
 
-``vtkmuscle from-labels`` and ``vtkmuscle init`` on the command line.
+Missing information is guessed; each guess has a confidence. The commands are ``vtkmuscle from-labels`` and
+``vtkmuscle init``.
 
 Examples
 --------
 >>> from vtkmuscle.labels import Guess
->>> print(Guess("units", "mm", 0.9, "the longest of all surfaces is 445"))
-sureness 0.90: the longest of all surfaces is 445
+>>> print(Guess("units", "mm", 0.9, "the longest side of all surfaces is 445"))
+confidence 0.90: the longest side of all surfaces is 445
 """
 
 from vtkmuscle.labels.draft import Draft

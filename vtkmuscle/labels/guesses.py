@@ -1,36 +1,44 @@
-"""What was guessed of a scene, and how sure each guess is."""
+"""Guesses in a drafted scene, each with a confidence."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-#: A less sure guess should be checked before the results are used.
+#: Confidence below which a guess should be checked before the results are used.
 LOOK = 0.5
-#: The value of a guess about something that is not in the scene.
+#: Value of a guess about a structure that is missing in the scene.
 LEFT_OUT = "left out"
 
 
 @dataclass(frozen=True)
 class Guess:
-    """A guess: the key of the scene, such as ``joints.hip_right.centre``, its value, and how sure it is.
+    """A guess for a key of a scene.
 
-    ``value`` is "" where there is none. ``sureness`` is from 0 to 1. ``why`` gives the reason, or what is
-    needed for a value.
+    Attributes
+    ----------
+    what : str
+        The key, such as ``joints.hip_right.centre``.
+    value : str
+        The value, or "".
+    confidence : float
+        From 0 to 1.
+    why : str
+        The reason, or the missing information.
     """
 
     what: str
     value: str
-    sureness: float
+    confidence: float
     why: str
 
     def __str__(self) -> str:
-        mark = "  LOOK AT IT" if self.sureness < LOOK else ""
-        return f"sureness {self.sureness:.2f}: {self.why}{mark}"
+        mark = "  CHECK THIS" if self.confidence < LOOK else ""
+        return f"confidence {self.confidence:.2f}: {self.why}{mark}"
 
 
 def table_of(guesses: Sequence[Guess]) -> list[list[str]]:
-    """Return the rows of a table of guesses, the least sure first, with a header."""
-    rows = sorted(guesses, key=lambda one: one.sureness)
-    header = ["sureness", "what", "guess", "why"]
-    return [header, *([f"{one.sureness:.2f}", one.what, one.value, one.why] for one in rows)]
+    """Return a table of guesses with a header, the lowest confidence first."""
+    rows = sorted(guesses, key=lambda guess: guess.confidence)
+    cells = [[f"{guess.confidence:.2f}", guess.what, guess.value, guess.why] for guess in rows]
+    return [["confidence", "what", "guess", "why"], *cells]

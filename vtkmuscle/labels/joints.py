@@ -1,4 +1,4 @@
-"""Guesses of a scene's joints: which bones they join by names, their centres and axes by fits."""
+"""Guessed joints: bones by name, centres and axes by fits."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ from vtkmuscle.joints.fits import JointFit, fitted_ball, fitted_hinge
 from vtkmuscle.labels.guesses import Guess
 from vtkmuscle.labels.names import JOINTS, JointKind, side_of, stem_of
 
-#: The points of a bone that face the other one are at most this much farther from it than the nearest [mm].
-#: From 3 to 15 the centres of five hips and of a shoulder change by 0.5 mm at most.
+#: Points of a bone face the other bone within this distance beyond the closest point [mm]. From 3 to 15 mm,
+#: the centres of five hips and of a shoulder change by at most 0.5 mm.
 FACING = 10.0
 
 
 def guessed_joints(
     bones: Mapping[str, vtkPolyData], *, frame: str = "LPS"
 ) -> tuple[dict[str, dict[str, Any]], dict[str, float], list[Guess]]:
-    """Return the tables of the joints between bones, as a scene has them, in mm.
+    """Return the joint tables of a scene, in mm.
 
     Parameters
     ----------
@@ -36,11 +36,11 @@ def guessed_joints(
     Returns
     -------
     joints : dict
-        By name, the tables of ``[joints.NAME]``.
+        Tables of ``[joints.NAME]``, by name.
     sweep : dict of str to float
-        The coordinates to move, and the largest angle of each [degrees].
+        Largest angle [degrees], by coordinate to move.
     guesses : list of Guess
-        Of parents, centres and axes; and of joints that could not be fitted.
+        For parents, centres, axes, and joints without a fit.
     """
     joints: dict[str, dict[str, Any]] = {}
     sweep: dict[str, float] = {}
@@ -55,14 +55,14 @@ def guessed_joints(
             table: dict[str, Any] = {"parent": parent, "child": child, "type": kind.form}
             key = f"joints.{name}"
             if kind.form == "weld":
-                why = f"by its name {child!r} goes with {parent!r}"
+                why = f"{child!r} moves with {parent!r}, by its name"
                 guesses.append(Guess(f"{key}.parent", parent, 0.5, why))
             else:
                 try:
                     fit = _fit(kind, bones[child], bones[parent])
                 except ValueError as error:
                     problem, remedy = fault_of(error)
-                    guesses.append(Guess(key, "", 0.0, f"{problem}: {child} stays where it is; {remedy}"))
+                    guesses.append(Guess(key, "", 0.0, f"{problem}: {child} does not move; {remedy}"))
                     break
                 table |= _axes(kind, fit, side, frame)
                 sweep[next(iter(table["coordinates"]))] = kind.most
@@ -73,7 +73,7 @@ def guessed_joints(
 
 
 def _parent(kind: JointKind, child: str, bones: Mapping[str, vtkPolyData]) -> str | None:
-    """Return the bone that a child hangs on by a kind of joint, None where there is none."""
+    """Return the parent of a bone for a kind of joint, or None."""
     if not set(kind.children) & set(stem_of(child).split("_")):
         return None
     sides = {side_of(child), None}
@@ -86,66 +86,58 @@ def _parent(kind: JointKind, child: str, bones: Mapping[str, vtkPolyData]) -> st
 
 
 def _fit(kind: JointKind, child: vtkPolyData, parent: vtkPolyData) -> JointFit:
-    own, other = (child, parent) if kind.round_end == "child" else (parent, child)
-    points, triangles = checked_surface(own, "bone")
+    rounded, facing = (child, parent) if kind.round_end == "child" else (parent, child)
+    points, triangles = checked_surface(rounded, "bone")
     areas = np.linalg.norm(triangle_normals(points, triangles), axis=1) / 6.0
     areas = np.bincount(triangles.ravel(), np.repeat(areas, 3), len(points)).astype(np.float64)
-    away = solids_of(*checked_surface(other, "bone")).distances(points)
+    distances = solids_of(*checked_surface(facing, "bone")).distances(points)
     fitted = fitted_ball if kind.form == "ball" else fitted_hinge
-    return fitted(points, vertex_normals(points, triangles), areas, away < away.min() + FACING)
+    near = distances < distances.min() + FACING
+    return fitted(points, vertex_normals(points, triangles), areas, near)
 
 
 def _axes(kind: JointKind, fit: JointFit, side: str | None, frame: str) -> dict[str, Any]:
-    """Return the keys of a joint: its centre, its axes, and its coordinates."""
-    turn = np.array([-1.0, -1.0, 1.0]) if frame == "RAS" else np.ones(3)
-    ends = f"_{side[0]}" if side else ""
+    """Return the keys of a joint: centre, axes and coordinates."""
+    flip = np.array([-1.0, -1.0, 1.0]) if frame == "RAS" else np.ones(3)
+    suffix = f"_{side[0]}" if side else ""
     signs = [1.0, -1.0, -1.0] if side == "left" else [1.0, 1.0, 1.0]
-    axes = [sign * turn * np.array(axis) for sign, axis in zip(signs, kind.axes.values(), strict=False)]
+    axes = [sign * flip * np.array(axis) for sign, axis in zip(signs, kind.axes.values(), strict=False)]
     if fit.axis is not None:
         axes = [fit.axis * (1.0 if fit.axis @ axes[0] >= 0.0 else -1.0)]
-    words = {f"{name}{ends}": {"positive": name.split("_")[1]} for name in kind.axes}
+    coordinates = {f"{name}{suffix}": {"positive": name.split("_")[1]} for name in kind.axes}
     listed = [[round(float(value), 6) for value in axis] for axis in axes]
     return {
         "centre": [round(float(value), 3) for value in fit.centre],
         **({"axes": listed} if kind.form == "ball" else {"axis": listed[0]}),
-        "coordinates": words,
+        "coordinates": coordinates,
     }
 
 
 def _guesses_of(key: str, kind: JointKind, fit: JointFit, child: vtkPolyData, frame: str) -> list[Guess]:
-    shape = "a ball" if kind.form == "ball" else "two balls, side by side,"
-    why = (
-        f"{shape} of radius {fit.radius:.1f} mm, {fit.rms:.2f} mm off, {100 * fit.covered:.0f} % of it there"
-    )
+    shape = "a ball" if kind.form == "ball" else "two balls side by side"
+    sizes = f"radius {fit.radius:.1f} mm, error {fit.rms:.2f} mm, {100 * fit.covered:.0f} % covered"
     centre = ", ".join(f"{value:.1f}" for value in fit.centre)
     hanging = checked_surface(child, "bone")[0].mean(axis=0) - fit.centre
     down = max(0.0, -float(hanging[2]) / float(np.linalg.norm(hanging)))
-    sure = down if fit.axis is None else down * fit.sureness
-    stands = f"signs for a standing person, in {frame}; the bone hangs down by {down:.2f} of its length"
+    confidence = down if fit.axis is None else down * fit.sureness
+    why = f"signs for a standing person in {frame}; the bone hangs down by {down:.2f} of its length"
+    axes = f"{key}.{'axes' if fit.axis is None else 'axis'}"
     return [
-        Guess(f"{key}.centre", centre, fit.sureness, why),
-        Guess(f"{key}.{'axes' if fit.axis is None else 'axis'}", ", ".join(kind.axes), sure, stands),
+        Guess(f"{key}.centre", centre, fit.sureness, f"{shape}: {sizes}"),
+        Guess(axes, ", ".join(kind.axes), confidence, why),
     ]
 
 
+def moving_chain(bone: str, joints: Mapping[str, Mapping[str, Any]]) -> list[str]:
+    """Return the bones with moving joints from a bone to the bones at rest, the nearest first."""
+    above = {table["child"]: table for table in joints.values()}
+    chain = []
+    while bone in above:
+        chain += [bone] if above[bone]["type"] != "weld" else []
+        bone = above[bone]["parent"]
+    return chain
+
+
 def bodies_of(bones: Mapping[str, vtkPolyData], joints: Mapping[str, Mapping[str, Any]]) -> dict[str, str]:
-    """Return the bone that each bone moves with: itself, or the one it is welded to; "" if it is at rest."""
-    hung = {table["child"]: table for table in joints.values()}
-
-    def body(bone: str) -> str:
-        table = hung.get(bone)
-        if table is None:
-            return ""
-        return body(table["parent"]) if table["type"] == "weld" else bone
-
-    return {bone: body(bone) for bone in bones}
-
-
-def depth_of(bone: str, joints: Mapping[str, Mapping[str, Any]]) -> int:
-    """Return the number of moving joints between a bone and the bones at rest."""
-    hung = {table["child"]: table for table in joints.values()}
-    depth = 0
-    while bone in hung:
-        depth += hung[bone]["type"] != "weld"
-        bone = hung[bone]["parent"]
-    return depth
+    """Return the bone with which each bone moves rigidly; "" at rest."""
+    return {bone: (moving_chain(bone, joints) or [""])[0] for bone in bones}

@@ -1,4 +1,4 @@
-"""A scene from a label map; tendons are added to muscles that were segmented without."""
+"""A scene from a label map, with tendons for muscles segmented without tendons."""
 
 from __future__ import annotations
 
@@ -29,19 +29,19 @@ from vtkmuscle.labels.reading import read_labels
 from vtkmuscle.phantoms.implicit import Solid, thick_curve
 from vtkmuscle.phantoms.meshing import mesh_of
 
-#: A tendon is as thick as the belly at this distance from its end [mm].
+#: Distance from the belly's end at which the belly's thickness gives the tendon's [mm].
 INSIDE = 5.0
-#: Largest radius of a tendon [mm]: that of an Achilles tendon of 80 mm^2.
+#: Largest tendon radius [mm], of an Achilles tendon of 80 mm^2.
 THICKEST = 5.0
-#: Points of a tendon's line, and most rounds of smoothing, enough for a bend to spread over all points.
+#: Points of a tendon's line, and smoothing rounds, enough to spread a bend over all points.
 _POINTS, _ROUNDS = 24, 600
 
 
 @dataclass(frozen=True, eq=False)
 class Tendon:
-    """A muscle with a tendon: its closed surface, the tendon's middle line (k, 3) and radius [mm].
+    """A belly's closed surface with tendon, and the tendon's line (k, 3) and radius [mm].
 
-    The line goes from the belly to the bone.
+    The line runs from the belly to the bone.
     """
 
     surface: vtkPolyData
@@ -50,30 +50,30 @@ class Tendon:
 
     @property
     def length(self) -> float:
-        """From the belly's end to the bone [mm]."""
+        """Length from the belly to the bone [mm]."""
         return float(np.linalg.norm(np.diff(self.line, axis=0), axis=1).sum())
 
 
 def with_tendon(
     belly: LabelField, surface: vtkPolyData, target: Floats, bones: Sequence[Solids], edge: float
 ) -> Tendon:
-    """Return a belly with a tendon to a place on a bone.
+    """Return a belly with a tendon to a point on a bone.
 
-    The tendon is a tube as thick as the belly's end. It begins where the belly is nearest to the place, and
-    takes the shortest way that enters no bone.
+    The tendon is a tube as thick as the belly's end. It starts at the point of the belly closest to the bone
+    point, and follows the shortest line outside the bones.
 
     Parameters
     ----------
     belly : LabelField
         Of the label.
     surface : vtkPolyData
-        Of the belly [mm].
+        Surface of the belly [mm].
     target : (3,) array
-        The middle of the area on the bone [mm].
+        Middle of the area on the bone [mm].
     bones : sequence of Solids
-        The bones to go round.
+        Bones to avoid.
     edge : float
-        Length of the triangles' edges [mm].
+        Edge length of triangles [mm].
     """
     points, triangles = checked_surface(surface, "belly")
     tip = points[np.argmin(np.linalg.norm(points - target, axis=1))]
@@ -93,30 +93,30 @@ def with_tendon(
 
 
 def taut_line(start: Floats, end: Floats, bones: Sequence[Solids], radius: float) -> Floats:
-    """Return the shortest line (24, 3) between two places that keeps a distance from the bones [mm].
+    """Return the shortest line (24, 3) between two points at a distance from bones [mm].
 
-    Each point goes half way to the middle of its neighbours, and out of a bone that it is too near to; near
-    the ends, which lie on the bones, the tube may touch them.
+    Each round moves a point half way to the mean of its neighbours, then out of bones. Near the ends, on the
+    bones, the distance falls to 0.
     """
-    share = np.linspace(0.0, 1.0, _POINTS)[:, None]
-    line: Floats = (1.0 - share) * start + share * end
-    room = np.minimum(radius, np.linalg.norm(line - end, axis=1))
+    fraction = np.linspace(0.0, 1.0, _POINTS)[:, None]
+    line: Floats = (1.0 - fraction) * start + fraction * end
+    clearance = np.minimum(radius, np.linalg.norm(line - end, axis=1))
     for _ in range(_ROUNDS):
         before = line.copy()
         line[1:-1] = 0.5 * line[1:-1] + 0.25 * (line[:-2] + line[2:])
         for bone in bones:
             low, high = bone.box
             within = np.all((line > low - radius) & (line < high + radius), axis=1)
-            near = np.flatnonzero(np.asarray(within)[1:-1]) + 1
-            if len(near):
-                distance, outward = bone.exact(line[near])
-                line[near] += np.maximum(room[near] - distance, 0.0)[:, None] * outward
+            close = np.flatnonzero(np.asarray(within)[1:-1]) + 1
+            if len(close):
+                distance, outward = bone.exact(line[close])
+                line[close] += np.maximum(clearance[close] - distance, 0.0)[:, None] * outward
         if np.abs(line - before).max() < 1e-3 * radius:
             break
     return line
 
 
-#: A label whose smaller pieces exceed this part of it may be two structures, such as both sides.
+#: Fraction of a label in smaller pieces above which the label may hold two structures, such as both sides.
 MOST_LEFT_OUT = 0.05
 #: Landmarks around a tendon's end.
 RING = 12
@@ -131,42 +131,42 @@ def draft_of_labels(
     edge: float = 3.0,
     announce: Callable[[str], None] = lambda _: None,
 ) -> Draft:
-    """Return a scene of the bones and muscles of a segmentation.
+    """Return a scene of the bones and muscles in a segmentation.
 
     Parameters
     ----------
     path, names, frame
         As of :func:`~vtkmuscle.labels.reading.read_labels`.
     landmarks : sequence of Path, optional
-        Files called MUSCLE_origin or MUSCLE_insertion, in the map's frame; a tendon is added where a muscle
-        does not reach them.
+        Files called MUSCLE_origin or MUSCLE_insertion, in the map's frame. A muscle that ends before its
+        landmarks gets a tendon.
     edge : float, optional
-        Length of the triangles' edges [mm].
+        Edge length of triangles [mm].
     announce : callable, optional
         Called with a line on each structure.
 
     Raises
     ------
     FileNotFoundError, ValueError
-        If a file cannot be read, no joint can be found, or no muscle can be made.
+        If a file cannot be read, there are no joints, or no muscle can be made.
     """
     draft = Draft(Path(path).name.partition(".")[0], frame=frame)
     labels: dict[str, Label] = {}
     for image in read_labels(path, names=names, frame=frame):
-        found = labels_in(image, str(path))
-        for name in (name for name in found if kind_of(name) is None):
-            announce(f"{name}: ignored, its name is that of no known bone or muscle")
-        wanted = [name for name in found if kind_of(name) is not None]
-        if not wanted:
+        by_name = labels_in(image, str(path))
+        for name in (name for name in by_name if kind_of(name) is None):
+            announce(f"{name}: ignored, no bone or muscle has this name")
+        used = [name for name in by_name if kind_of(name) is not None]
+        if not used:
             continue
-        for name, surface in blocks_of(LabelSurfaces(labels=",".join(wanted), edge=edge)(image)):
+        for name, surface in blocks_of(LabelSurfaces(labels=",".join(used), edge=edge)(image)):
             plain, kind = plain_name(name), kind_of(name)
-            labels[plain] = found[name]
+            labels[plain] = by_name[name]
             refused = _faults(draft, plain, f"{kind}s", surface)
             if not refused:
                 (draft.bones if kind == "bone" else draft.muscles)[plain] = surface
             announce(f"{plain}: {kind}, {refused or _figures(surface)}")
-    spacings = [np.linalg.norm(one.frame[:3, :3], axis=0).max() for one in labels.values()]
+    spacings = [np.linalg.norm(label.frame[:3, :3], axis=0).max() for label in labels.values()]
     draft.within = max(NEAR, float(max(spacings, default=0.0)))
     add_landmarks(draft, landmarks)
     for muscle in list(draft.muscles):
@@ -177,13 +177,13 @@ def draft_of_labels(
 
 def _figures(surface: vtkPolyData) -> str:
     """Return a surface's accuracy in words."""
-    error, away = _values(surface, "VolumeError")[0], _values(surface, "BoundaryDistance")[1]
-    count = surface.GetNumberOfCells()
-    return f"{count} triangles, volume {100.0 * error:+.2f} %, 95 % of it within {away:.2f} mm of the label"
+    error, distance = _values(surface, "VolumeError")[0], _values(surface, "BoundaryDistance")[1]
+    sizes = f"{surface.GetNumberOfCells()} triangles, volume {100.0 * error:+.2f} %"
+    return f"{sizes}, 95 % of the surface within {distance:.2f} mm of the label"
 
 
 def _faults(draft: Draft, name: str, kind: str, surface: vtkPolyData) -> str:
-    """Note the faults of a label; return the reason where it has no surface."""
+    """Note the faults of a label; return the reason for a missing surface."""
     reason = field_string(surface, "Refused")
     if reason is not None:
         draft.guesses.append(Guess(f"{kind}.{name}", LEFT_OUT, 0.0, reason))
@@ -193,45 +193,43 @@ def _faults(draft: Draft, name: str, kind: str, surface: vtkPolyData) -> str:
     left_out, cut, pieces = (_values(surface, key)[0] for key in ("LeftOut", "Cut", "Pieces"))
     if left_out > MOST_LEFT_OUT:
         why = (
-            f"of the {pieces:.0f} pieces of the label the largest lacks {100 * left_out:.0f} %; where it "
-            "holds both sides, give each a label of its own"
+            f"the largest of {pieces:.0f} pieces lacks {100 * left_out:.0f} % of the label; a label of both "
         )
+        why += "sides must be split"
         draft.guesses.append(Guess(f"{kind}.{name}.surface", "the largest piece", 0.5 - 0.5 * left_out, why))
     if cut:
-        why = f"the image's border cuts the label in {cut:.0f} voxels: what is beyond is missing"
+        why = f"the image's border cuts the label in {cut:.0f} voxels; the part beyond is missing"
         draft.guesses.append(Guess(f"{kind}.{name}.surface", "closed at the border", 0.3, why))
     return ""
 
 
 def _values(surface: vtkPolyData, name: str) -> NDArray[Any]:
-    """Return the values of a field array that LabelSurfaces gives every label."""
+    """Return a field array of a label's surface."""
     values = field_array(surface, name)
     assert values is not None
     return values
 
 
 def _draw_tendons(draft: Draft, muscle: str, label: Label, edge: float) -> None:
-    """Add tendons to landmarks that a muscle does not reach; they end on its areas."""
+    """Add tendons from a muscle to landmarks out of reach, with areas at the ends."""
     for number, area in enumerate(draft.areas.get(muscle, [])):
         surface = draft.muscles[muscle]
         gap = float(solids_of(*checked_surface(surface, muscle)).distances(area.landmarks).min())
         if area.role not in ROLES or gap <= draft.within:
             continue
-        beside = draft.bones_beside(muscle)
-        bones = {name: solids_of(*checked_surface(bone, name)) for name, bone in beside.items()}
+        candidates = draft.candidate_bones(muscle)
+        bones = {name: solids_of(*checked_surface(bone, name)) for name, bone in candidates.items()}
         middle = area.landmarks.mean(axis=0)
         distance, outward = bones[area.bone].exact(middle[None])
         target = middle - distance[0] * outward[0]
         tendon = with_tendon(label.field(SMOOTHING), surface, target, [*bones.values()], edge)
         draft.muscles[muscle] = tendon.surface
-        # Where the tube stands on the bone.
-        one, other = np.linalg.svd(outward)[2][1:]
-        turns = np.linspace(0.0, 2.0 * np.pi, RING, endpoint=False)[:, None]
-        ring = target + tendon.radius * (np.cos(turns) * one + np.sin(turns) * other)
+        # The area is the foot of the tube on the bone.
+        axes = np.linalg.svd(outward)[2][1:]
+        angles = np.linspace(0.0, 2.0 * np.pi, RING, endpoint=False)
+        ring = target + tendon.radius * (np.column_stack([np.cos(angles), np.sin(angles)]) @ axes)
         draft.areas[muscle][number] = replace(area, landmarks=ring, closed=True, estimated=True)
-        why = (
-            f"the label ends {gap:.0f} mm from the landmarks of its {area.role}: a tube of radius "
-            f"{tendon.radius:.1f} mm is drawn there, and is no part of the fibres"
-        )
+        why = f"the label ends {gap:.0f} mm from the landmarks of its {area.role}: a tube of radius "
+        why += f"{tendon.radius:.1f} mm is added, without fibres"
         value = f"tendon of {tendon.length:.0f} mm"
         draft.guesses.append(Guess(f"muscles.{muscle}.surface", value, 0.3, why))

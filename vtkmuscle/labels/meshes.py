@@ -1,4 +1,4 @@
-"""A scene from files of meshes and landmarks, recognised by their names."""
+"""A scene from mesh and landmark files, recognised by name."""
 
 from __future__ import annotations
 
@@ -22,16 +22,16 @@ from vtkmuscle.labels.guesses import Guess
 from vtkmuscle.labels.names import kind_of, plain_name, side_of
 from vtkmuscle.scene.data import MILLIMETRES
 
-#: The longest side of all bones of a scene is 20 mm to 2 m: a smaller number in a file is not in mm.
+#: The longest side of a scene's bones is 20 mm to 2 m, so a smaller number is not in mm.
 SHORTEST_IN_MILLIMETRES = 10.0
 LONGEST_IN_METRES = 2.5
-#: Landmarks are a ring where the last is no farther from the first than this many usual steps.
+#: Largest gap between last and first landmark of a ring, in median steps.
 RING_GAP = 2.0
 _AREA = re.compile(rf"^(.+)_({'|'.join((*ROLES, VIA))})(?:_(.*))?$")
 
 
 def likely_unit(longest: float) -> tuple[str, float]:
-    """Return the unit in which the longest side of a body part has that length, and how sure that is.
+    """Return the likely unit of a body part's longest side, and the confidence.
 
     Examples
     --------
@@ -52,17 +52,17 @@ def draft_of_files(
     muscles: Sequence[str] = (),
     frame: str = "LPS",
 ) -> Draft:
-    """Return a scene of meshes and landmarks, not yet complete.
+    """Return an incomplete scene of meshes and landmarks.
 
     Parameters
     ----------
     files : sequence of Path
-        Surfaces, recognised by their names, and landmarks called MUSCLE_origin, MUSCLE_insertion or
-        MUSCLE_via, with a suffix after an underscore where there are several.
+        Surfaces, recognised by name, and landmarks called MUSCLE_origin, MUSCLE_insertion or MUSCLE_via,
+        optionally with _SUFFIX for several.
     out : Path
-        The folder of the scene.
+        Folder of the scene.
     bones, muscles : sequence of str
-        Names of files, without their endings, that are bones or muscles whatever their names.
+        File names, without endings, of bones and muscles with unrecognised names.
     frame : str, optional
         ``"LPS"`` or ``"RAS"``.
 
@@ -73,32 +73,33 @@ def draft_of_files(
     """
     draft = Draft(out.resolve().name or "scene", frame=frame)
     landmarks, meshes = [], {}
+    stated = dict.fromkeys(map(plain_name, bones), "bone") | dict.fromkeys(map(plain_name, muscles), "muscle")
     for file in files:
         name = plain_name(file.name.partition(".")[0])
-        stated = {plain_name(one): "bone" for one in bones} | {plain_name(one): "muscle" for one in muscles}
         if _AREA.match(_roles_name(file)):
             landmarks.append(file)
             continue
         kind = stated.get(name) or kind_of(name)
         if kind is None or file.suffix.lower() not in SURFACE_SUFFIXES:
             remedy = "name it in --bone or --muscle, or call landmarks MUSCLE_origin or MUSCLE_insertion"
-            raise InputError(file, "its name says neither bone nor muscle, and no area of a muscle", remedy)
+            problem = "its name is not that of a bone, a muscle, or an area of a muscle"
+            raise InputError(file, problem, remedy)
         if name in meshes:
-            raise InputError(file, f"there is another file of {name!r}", "leave one out, or rename it")
+            raise InputError(file, f"another file has the name {name!r}", "remove or rename a file")
         meshes[name] = kind, read_surface(file)
-        sure = 1.0 if name in stated else 0.8
-        draft.guesses.append(Guess(f"{kind}s.{name}", kind, sure, f"it is a {kind} by its name, {file.name}"))
+        confidence = 1.0 if name in stated else 0.8
+        why = f"a {kind} by its name, {file.name}"
+        draft.guesses.append(Guess(f"{kind}s.{name}", kind, confidence, why))
         draft.surfaces[f"{kind}s/{name}.vtp"] = Path(relpath(file, out)).as_posix()
     if not meshes:
-        raise InputError("", "there is no surface of a bone or a muscle", "name files of meshes")
-    boxes = [np.ptp(points_of(mesh), axis=0).max() for _, mesh in meshes.values()]
-    draft.units, sure = likely_unit(float(max(boxes)))
-    why = f"the longest of all surfaces is {max(boxes):.4g}"
-    draft.guesses.append(Guess("units", draft.units, sure, why))
+        raise InputError("", "there is no surface of a bone or a muscle", "give mesh files")
+    longest = float(max(np.ptp(points_of(mesh), axis=0).max() for _, mesh in meshes.values()))
+    draft.units, confidence = likely_unit(longest)
+    why = f"the longest side of all surfaces is {longest:.4g}"
+    draft.guesses.append(Guess("units", draft.units, confidence, why))
     scale = MILLIMETRES[draft.units]
     for name, (kind, mesh) in meshes.items():
-        scaled = with_points(mesh, scale * points_of(mesh))
-        getattr(draft, f"{kind}s")[name] = scaled
+        getattr(draft, f"{kind}s")[name] = with_points(mesh, scale * points_of(mesh))
     add_landmarks(draft, landmarks, scale=scale)
     return draft
 
@@ -108,15 +109,15 @@ def _roles_name(file: Path) -> str:
 
 
 def add_landmarks(draft: Draft, files: Sequence[Path], *, scale: float = 1.0) -> None:
-    """Add landmarks to a draft: each file's to the muscle and the role in its name.
+    """Add landmarks to a draft, by the muscle and role in each file's name.
 
-    The bone is the one that the name has after the role, else the nearest. Landmarks that end near where they
-    began are a ring. ``scale`` converts the files' coordinates to mm.
+    The bone is in the file's name after the role, or is the closest bone. Landmarks that end near their start
+    are a ring. ``scale`` converts coordinates to mm.
 
     Raises
     ------
     FileNotFoundError, ValueError
-        If a file cannot be read, or its name is not that of a muscle and a role.
+        If a file cannot be read, or its name lacks a muscle or a role.
     """
     for file in files:
         match = _AREA.match(_roles_name(file))
@@ -124,27 +125,28 @@ def add_landmarks(draft: Draft, files: Sequence[Path], *, scale: float = 1.0) ->
         side = side_of(match[3]) if match and match[3] else None
         muscle = next((name for name in (muscle, f"{muscle}_{side}") if name in draft.muscles), "")
         if match is None or not muscle:
-            known = ", ".join(draft.muscles) or "none"
-            remedy = f"call it MUSCLE_origin or MUSCLE_insertion; muscles: {known}"
+            remedy = (
+                f"rename it MUSCLE_origin or MUSCLE_insertion; muscles: {', '.join(draft.muscles) or 'none'}"
+            )
             raise InputError(file, "its name is not that of a muscle and a role", remedy)
+        key, role = f"muscles.{muscle}.attachments", match[2]
         points, closed = read_landmarks(file, frame=draft.frame)
         points = scale * points
-        rests = [bone for bone in draft.bones if match[3] and bone in plain_name(match[3])]
-        gaps = _gaps(points, draft.bones_beside(muscle))
-        bone = rests[0] if rests else min(gaps, key=gaps.__getitem__)
-        if not rests:
-            others = [gap for name, gap in gaps.items() if name != bone]
-            sure = 1.0 - min(1.0, gaps[bone] / min(others)) if others else 1.0
-            why = f"{match[2]} on {bone!r}, {gaps[bone]:.1f} mm from the landmarks in {file.name}"
-            draft.guesses.append(Guess(f"muscles.{muscle}.attachments", f"{match[2]}: {bone}", sure, why))
+        named = [bone for bone in draft.bones if match[3] and bone in plain_name(match[3])]
+        gaps = _gaps(points, draft.candidate_bones(muscle))
+        bone, *further = named or sorted(gaps, key=gaps.__getitem__)
+        if not named:
+            confidence = 1.0 - min(1.0, gaps[bone] / gaps[further[0]]) if further else 1.0
+            why = f"{role} on {bone!r}, {gaps[bone]:.1f} mm from the landmarks in {file.name}"
+            draft.guesses.append(Guess(key, f"{role}: {bone}", confidence, why))
         if not closed and len(points) > 3:
             steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
             gap = float(np.linalg.norm(points[-1] - points[0]) / max(float(np.median(steps)), 1e-9))
-            closed = gap <= RING_GAP or match[2] == VIA
-            why = f"{match[2]}: the last landmark is {gap:.1f} usual steps from the first"
+            closed = gap <= RING_GAP or role == VIA
+            why = f"{role}: the last landmark is {gap:.1f} median steps from the first"
             value = "a ring" if closed else "an open curve"
-            draft.guesses.append(Guess(f"muscles.{muscle}.attachments", value, min(1.0, abs(gap - 2.0)), why))
-        draft.areas.setdefault(muscle, []).append(AttachmentArea(match[2], bone, points, closed))
+            draft.guesses.append(Guess(key, value, min(1.0, abs(gap - RING_GAP)), why))
+        draft.areas.setdefault(muscle, []).append(AttachmentArea(role, bone, points, closed))
 
 
 def _gaps(points: Floats, bones: Mapping[str, vtkPolyData]) -> dict[str, float]:

@@ -1,4 +1,4 @@
-"""The structure behind a name: a bone or a muscle, its side, and the bones that joints connect."""
+"""Structures by name: bones and muscles, sides, and bones joined by joints."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.words import suggestion
 from vtkmuscle.io.csv_table import csv_rows
 
-#: Words in names of bones; a name with a muscle's word as well is a muscle's.
+#: Words in bone names; a name with a muscle word is a muscle's.
 BONES = re.compile(
     r"(?:^|_)(?:femur|tibia|fibula|patella|pelvis|hip|coxae?|innominate|ili(?:um|a)|ischium|pubis|sacrum|coccyx|"
     r"vertebrae?|ribs?|sternum|scapula|clavi(?:cle|cula)|humerus|ulna|radius|(?:meta)?(?:carp|tars)als?|"
     r"phalan(?:x|ges)|talus|calcaneus|navicular|cuboid|cuneiform|skull|cranium|mandible|bone|shank|forearm|foot|"
     r"hand)(?:_|$)"
 )
-#: Beginnings of words in names of muscles; and words in names of neither.
+#: Starts of words in muscle names, then words in names of other structures.
 _MUSCLES = re.compile(
     r"(?:^|_)(?:muscle|glut|iliac|psoas|iliopsoas|adduct|abduct|flexor|extensor|vast|rectus|sartor|gracil|bicep|"
     r"tricep|quadricep|semi|soleus|gastroc|tibial|peron|fibulari|plantar|poplit|pectin|piriform|obturator|gemell|"
@@ -36,21 +36,20 @@ _SIDES = {"left": "left", "l": "left", "right": "right", "r": "right"}
 
 @dataclass(frozen=True)
 class JointKind:
-    """A joint that bones of some names have.
+    """A kind of joint between bones with certain names.
 
     Attributes
     ----------
     name : str
-        Its name.
+        Name of the joint.
     children, parents : tuple of str
-        Words in the names of the bones; the first that exists counts.
+        Words in bone names; the first existing bone counts.
     form : str
         ``"ball"``, ``"pin"`` or ``"weld"``.
     round_end : str
-        ``"child"`` or ``"parent"``: whose surface is round there.
+        ``"child"`` or ``"parent"``: the bone with the round surface.
     axes : dict of str to (3,) tuple
-        The coordinates, and the axes of a right limb that hangs down, in LPS; for a left one all but the
-        first are reversed.
+        Axes in LPS by coordinate, for a hanging right limb. A left limb reverses all axes but the first.
     most : float
         Largest angle of the first coordinate [degrees].
     """
@@ -74,7 +73,7 @@ def _three(joint: str) -> dict[str, tuple[float, float, float]]:
     return {f"{joint}_flexion": _FORWARD, f"{joint}_adduction": _INWARD, f"{joint}_rotation": _ABOUT}
 
 
-#: The joints of limbs; a patella goes with the shank, as its tendon has it.
+#: Joints of the limbs; a patella follows the shank, as by its tendon.
 JOINTS = (
     JointKind("hip", ("femur",), _PELVIS, "ball", axes=_three("hip"), most=60.0),
     JointKind("knee", ("tibia", "shank"), ("femur",), "pin", "parent", {"knee_flexion": (1.0, 0, 0)}, 60.0),
@@ -89,7 +88,7 @@ JOINTS = (
 
 
 def plain_name(name: str) -> str:
-    """Return a name in small letters and underscores, its side at the end.
+    """Return a lower-case name with underscores, the side at the end.
 
     Examples
     --------
@@ -99,22 +98,22 @@ def plain_name(name: str) -> str:
     """
     words = re.findall(r"[a-z0-9]+", name.casefold())
     side = next((_SIDES[word] for word in words if word in _SIDES), None)
-    kept = [word for word in words if word not in _SIDES]
-    return "_".join([*kept, *([side] if side else [])]) or "unnamed"
+    rest = [word for word in words if word not in _SIDES]
+    return "_".join([*rest, *([side] if side else [])]) or "unnamed"
 
 
 def side_of(name: str) -> str | None:
-    """Return ``"left"`` or ``"right"``, None of a name without a side."""
+    """Return ``"left"``, ``"right"``, or None for a name without side."""
     return next((side for side in ("left", "right") if plain_name(name).endswith(f"_{side}")), None)
 
 
 def stem_of(name: str) -> str:
-    """Return a plain name without its side."""
+    """Return a plain name without side."""
     return re.sub(r"_(left|right)$", "", plain_name(name))
 
 
 def kind_of(name: str) -> str | None:
-    """Return ``"bone"`` or ``"muscle"``, None for anything else.
+    """Return ``"bone"``, ``"muscle"``, or None for other names.
 
     Examples
     --------
@@ -132,20 +131,22 @@ def kind_of(name: str) -> str | None:
 
 @cache
 def _tables() -> dict[str, dict[int, str]]:
-    found: dict[str, dict[int, str]] = {}
+    tables: dict[str, dict[int, str]] = {}
     for line in files("vtkmuscle.labels").joinpath("names.csv").read_text(encoding="utf-8").splitlines()[3:]:
         table, label, name = line.split(",")
-        found.setdefault(table, {})[int(label)] = name
-    return found
+        tables.setdefault(table, {})[int(label)] = name
+    return tables
 
 
 def name_table(source: str) -> dict[int, str]:
-    """Return names by label, from a table of the package or a .csv file with lines of label, name.
+    """Return names by label, from a table of the package or a .csv file.
+
+    Lines of a file are label, name.
 
     Raises
     ------
     FileNotFoundError, ValueError
-        If there is no such table or file, or a line of it is not a label and a name.
+        If there is no such table or file, or a line is not a label and a name.
     """
     if source in _tables():
         return _tables()[source]

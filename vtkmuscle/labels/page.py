@@ -1,4 +1,4 @@
-"""The page of a drafted scene: a picture, its surfaces, and each guess with its sureness."""
+"""The page of a drafted scene: picture, surfaces and guesses."""
 
 from __future__ import annotations
 
@@ -22,35 +22,29 @@ from vtkmuscle.report.tables import Cell
 
 
 def write_page(draft: Draft, out: Path) -> Path:
-    """Write guesses.html, with a picture where pictures can be made, and return the page."""
+    """Write guesses.html, with a picture if rendering works; return the page."""
     sections = []
     if can_render() is None:
         with x_server_warning_off():
             picture = b64encode(draw(draft)).decode()
-        words = (
-            "Seen from the front, and from the right. Rings are areas of attachment: blue where they are "
-            "landmarks, orange where they are estimated."
-        )
+        words = "Front and right view. Rings are attachment areas: blue from landmarks, orange estimated."
         sections.append(Section("The scene at rest", pictures=[(words, picture)]))
     rows = [("structure", "kind", "triangles", "volume [cm³]", "against the label", "95 % within")]
     for kind, surfaces in (("bone", draft.bones), ("muscle", draft.muscles)):
         rows += [(name, kind, *_figures(surface)) for name, surface in surfaces.items()]
     head, *guesses = table_of(draft.guesses)
-    marks = ["look" if float(sure) < LOOK else "" for sure, *_ in guesses]
-    rows_of_guesses: list[list[str | Cell]] = [
-        [row[0], Cell(row[1], mark), *row[2:]] for row, mark in zip(guesses, marks, strict=True)
+    marked: list[list[str | Cell]] = [
+        [confidence, Cell(what, "look" if float(confidence) < LOOK else ""), *rest]
+        for confidence, what, *rest in guesses
     ]
-    note = f"The least sure first; those below {LOOK} are marked: check them"
-    sections += [
-        Section("Surfaces", rows=rows),
-        Section("Guesses", note, [head, *rows_of_guesses], words=True),
-    ]
-    lead = "What was made, and what was guessed."
+    note = f"Lowest confidence first. Check the marked guesses, with a confidence below {LOOK}."
+    sections += [Section("Surfaces", rows=rows), Section("Guesses", note, [head, *marked], words=True)]
+    lead = "Surfaces and guesses of the drafted scene."
     return page_of_sections(out / "guesses.html", draft.name, "draft", lead, sections)
 
 
 def draw(draft: Draft) -> bytes:
-    """Return a PNG picture of a scene: bones, transparent muscles, and rings around the areas."""
+    """Return a PNG picture: bones, transparent muscles, and rings around areas."""
     plotter = pyvista.Plotter(off_screen=True, shape=(1, 2), window_size=(1600, 1000), border=False)
     sign = 1.0 if draft.frame == "LPS" else -1.0
     for number, towards in enumerate(((0.0, -sign, 0.0), (-sign, 0.0, 0.0))):
@@ -71,9 +65,9 @@ def draw(draft: Draft) -> bytes:
 
 
 def _figures(surface: vtkPolyData) -> tuple[str, str, str, str]:
-    """Return the triangles and the volume of a surface, and its accuracy, if it comes from a label."""
+    """Return a surface's triangles and volume, and its accuracy against a label."""
     points, triangles = checked_surface(surface, "surface")
-    error, away = field_array(surface, "VolumeError"), field_array(surface, "BoundaryDistance")
+    error, distances = field_array(surface, "VolumeError"), field_array(surface, "BoundaryDistance")
     against = "" if error is None else f"{100.0 * error[0]:+.2f} %"
-    within = "" if away is None else f"{away[1]:.2f} mm"
+    within = "" if distances is None else f"{distances[1]:.2f} mm"
     return str(len(triangles)), f"{signed_volume(points, triangles) / 1000.0:.1f}", against, within

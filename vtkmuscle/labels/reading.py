@@ -1,4 +1,4 @@
-"""Segmentations as files: NIfTI, NRRD, MetaImage and DICOM, with the names of their labels."""
+"""Segmentation files: NIfTI, NRRD, MetaImage and DICOM, with label names."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ from vtkmuscle.data.label_images import label_image
 from vtkmuscle.io.slicer import FRAMES
 from vtkmuscle.labels.names import name_table
 
-#: Ends of the names of readable files.
+#: Endings of supported files.
 SUFFIXES = (".nii", ".nii.gz", ".nrrd", ".nhdr", ".mha", ".mhd", ".dcm")
-#: Bytes of the header of a NIfTI file; extensions come after four more.
+#: Size of a NIfTI header [bytes]; extensions follow 4 bytes later.
 _NIFTI_HEADER = 348
 _NIFTI_LABEL = re.compile(rb'<Label\s[^>]*?Key="(\d+)"[^>]*>\s*(?:<!\[CDATA\[)?([^<\]]+)')
 
@@ -35,25 +35,25 @@ def read_labels(
     Parameters
     ----------
     path : path
-        A .nii, .nii.gz, .nrrd, .nhdr, .mha or .mhd file of labels; a .seg.nrrd file of 3D Slicer; a .dcm file
-        of DICOM's kind Segmentation; or a folder of such files, each one structure with the file's name.
+        A .nii, .nii.gz, .nrrd, .nhdr, .mha or .mhd file of labels; a .seg.nrrd file of 3D Slicer; a DICOM
+        Segmentation (.dcm); or a folder of such files, each for the structure in the file's name.
     names : str, optional
-        The names of the labels: ``"musclemap"``, a task of TotalSegmentator such as ``"total"``, or a .csv
-        file with lines of label, name. By default those in the file: TotalSegmentator, 3D Slicer and DICOM
-        write them.
+        Label names: ``"musclemap"``, a task of TotalSegmentator such as ``"total"``, or a .csv file with
+        lines of label, name. By default the names in the file, as written by TotalSegmentator, 3D Slicer
+        and DICOM.
     frame : str, optional
         ``"LPS"`` or ``"RAS"``: the frame of the images' world.
 
     Returns
     -------
     list of vtkImageData
-        As :class:`~vtkmuscle.filters.LabelSurfaces` takes them, in mm; several where labels may overlap.
+        Input of :class:`~vtkmuscle.filters.LabelSurfaces`, in mm; several images for overlapping labels.
 
     Raises
     ------
     FileNotFoundError, ValueError
-        If there is no such file, it cannot be read, or holds no labels; if SimpleITK is not installed, or for
-        DICOM highdicom.
+        If the file does not exist, cannot be read or has no labels; without SimpleITK, or for DICOM
+        without highdicom.
     """
     source = Path(path)
     if frame not in FRAMES:
@@ -64,16 +64,18 @@ def read_labels(
     if source.is_dir():
         files = sorted(file for file in source.iterdir() if file.name.lower().endswith(SUFFIXES))
     if not files or not files[0].name.lower().endswith(SUFFIXES):
-        raise InputError(source, "this holds no label map", f"files end in {', '.join(SUFFIXES)}")
+        raise InputError(source, "there is no label map", f"files end in {', '.join(SUFFIXES)}")
     table = None if names is None else name_table(names)
-    turn = np.diag([-1.0, -1.0, 1.0, 1.0]) if frame == "RAS" else np.eye(4)
+    to_frame = np.diag([-1.0, -1.0, 1.0, 1.0]) if frame == "RAS" else np.eye(4)
     images = []
     for file in files:
-        for voxels, place, own in _read(file):
+        for voxels, transform, own in _read(file):
             if source.is_dir() and file.suffix.lower() != ".dcm":
-                images.append(label_image((voxels > 0).astype(np.uint8), turn @ place, {1: _stem(file)}))
+                images.append(
+                    label_image((voxels > 0).astype(np.uint8), to_frame @ transform, {1: _stem(file)})
+                )
             else:
-                images.append(label_image(voxels, turn @ place, own if table is None else table))
+                images.append(label_image(voxels, to_frame @ transform, own if table is None else table))
     return images
 
 
@@ -85,7 +87,7 @@ Layer = tuple[NDArray[np.integer], Floats, Mapping[int, str]]
 
 
 def _read(file: Path) -> Iterator[Layer]:
-    """Give the layers of a file: voxels (nk, nj, ni), the transform to the world, and names of labels."""
+    """Yield a file's layers: voxels (nk, nj, ni), transform to the world, label names."""
     if file.suffix.lower() == ".dcm":
         yield _dicom(file)
         return
@@ -98,9 +100,9 @@ def _read(file: Path) -> Iterator[Layer]:
     if image.GetDimension() != 3:
         problem = f"the image has {image.GetDimension()} dimensions, but must have 3"
         raise InputError(file, problem, "save one volume of labels")
-    place = np.eye(4)
-    place[:3, :3] = np.array(image.GetDirection()).reshape(3, 3) * image.GetSpacing()
-    place[:3, 3] = image.GetOrigin()
+    transform = np.eye(4)
+    transform[:3, :3] = np.array(image.GetDirection()).reshape(3, 3) * image.GetSpacing()
+    transform[:3, 3] = image.GetOrigin()
     voxels = itk.GetArrayFromImage(image)
     if not np.issubdtype(voxels.dtype, np.integer):
         whole = voxels.astype(np.int32)
@@ -110,30 +112,30 @@ def _read(file: Path) -> Iterator[Layer]:
     layers = voxels[..., None] if voxels.ndim == 3 else voxels
     names = _names(file, image)
     for number in range(layers.shape[-1]):
-        yield np.ascontiguousarray(layers[..., number]), place, names.get(number, {})
+        yield np.ascontiguousarray(layers[..., number]), transform, names.get(number, {})
 
 
 def _names(file: Path, image: Any) -> dict[int, dict[int, str]]:
-    """Return the names of labels in a file's header, by layer."""
-    found: dict[int, dict[int, str]] = {}
+    """Return the label names in a file's header, by layer."""
+    names: dict[int, dict[int, str]] = {}
     if file.name.lower().endswith((".nii", ".nii.gz")):
         opened = gzip.open if file.suffix.lower() == ".gz" else open
         with opened(file, "rb") as stream:
             header = stream.read(max(_NIFTI_HEADER, int(float(image.GetMetaData("vox_offset")))))
         labels = _NIFTI_LABEL.findall(header[_NIFTI_HEADER:])
-        found[0] = {int(value): name.decode("utf-8", "replace").strip() for value, name in labels}
+        names[0] = {int(value): name.decode("utf-8", "replace").strip() for value, name in labels}
     for key in image.GetMetaDataKeys():
         segment = re.fullmatch(r"(Segment\d+)_LabelValue", key)
         if segment and image.HasMetaDataKey(f"{segment[1]}_Name"):
             layer_key = f"{segment[1]}_Layer"
             layer = int(image.GetMetaData(layer_key)) if image.HasMetaDataKey(layer_key) else 0
             name = image.GetMetaData(f"{segment[1]}_Name")
-            found.setdefault(layer, {})[int(image.GetMetaData(key))] = name
-    return found
+            names.setdefault(layer, {})[int(image.GetMetaData(key))] = name
+    return names
 
 
 def _dicom(file: Path) -> Layer:
-    """Return the segments of a DICOM Segmentation; where they overlap the later ones count."""
+    """Return the segments of a DICOM Segmentation; later segments overwrite earlier."""
     highdicom = _needed("highdicom", file)
     try:
         segmentation = highdicom.seg.segread(file)
@@ -143,13 +145,13 @@ def _dicom(file: Path) -> Layer:
     numbers = segmentation.segment_numbers
     names = {n: str(segmentation.get_segment_description(n).segment_label) for n in numbers}
     # highdicom's axes are planes, rows and columns, from voxel numbers in that order to LPS.
-    place = np.array(volume.affine, dtype=np.float64)[:, [2, 1, 0, 3]]
-    return np.ascontiguousarray(volume.array), place, names
+    transform = np.array(volume.affine, dtype=np.float64)[:, [2, 1, 0, 3]]
+    return np.ascontiguousarray(volume.array), transform, names
 
 
 def _needed(package: str, file: Path) -> Any:
     try:
         return import_module(package)
     except ImportError as error:
-        remedy = "install what reads them, in the folder of vtkmuscle: python -m pip install '.[labels]'"
+        remedy = "install the readers, in the folder of vtkmuscle: python -m pip install '.[labels]'"
         raise InputError(file, f"label maps need {package}, which is not installed", remedy) from error

@@ -1,7 +1,7 @@
 """Models of OpenSim and MuJoCo: read, checked, and written with the muscles of a run.
 
-Models are written from a :class:`~vtkmuscle.joints.tree.KinematicTree` with paths, so that a test can compare
-their lengths and moment arms with those of the other program.
+Models are written from a :class:`~vtkmuscle.joints.tree.KinematicTree` with paths, so that tests can compare
+lengths and moment arms with OpenSim's.
 """
 
 import lazy_loader

@@ -1,4 +1,4 @@
-"""Where muscles of a model of OpenSim jump, and where their moment arms change sign."""
+"""Jumps and sign changes of a model's muscle lengths and moment arms."""
 
 from __future__ import annotations
 
@@ -17,19 +17,19 @@ from vtkmuscle.opensim.muscle_paths import STEP, PointPath
 from vtkmuscle.report.sections import Section, shown_rows, write_page
 from vtkmuscle.run.table import Table
 
-#: Poses of a sweep, and sweeps of each coordinate: with the others at their defaults, and elsewhere in their
-#: ranges, angles and slides at most so far away [rad, m].
+#: Poses per sweep, and sweeps per coordinate: the first with the other coordinates at their defaults, further
+#: sweeps with random values in their ranges, within AWAY of the default [rad, m].
 POSES, SWEEPS = 91, 8
 AWAY = {True: float(np.radians(30.0)), False: 0.02}
-#: The least findings: jumps of a length and of a moment arm, and moment arms on both sides of zero [m].
+#: Smallest reported jump of a length, jump of a moment arm, and moment arm on both sides of zero [m].
 JUMP, ARM_JUMP, ARM = 0.5e-3, 5e-3, 2e-3
-#: How often an interval is halved: a change of a length that is left then is a jump.
+#: Halvings of an interval; a change that remains is a jump.
 HALVINGS = 16
-#: Distance from a jump at which its two moment arms are taken [rad or m].
-BESIDE = 1e-3
+#: Distance of the two moment arms from a jump [rad or m].
+ARM_DISTANCE = 1e-3
 #: Width and height of a curve [pixels].
 _SIZE = (220, 50)
-#: Columns of a table of findings.
+#: Columns of the table of findings.
 COLUMNS = ("muscle", "coordinate", "what", "size_mm", "at", "unit", "sweeps", "pose")
 #: Kinds of findings, the worst first.
 KINDS = ("length jumps", "moment arm jumps", "moment arm changes sign")
@@ -39,12 +39,23 @@ Lengths = Callable[[Sequence[str], Mapping[str, Floats]], dict[str, Floats]]
 
 
 @dataclass(frozen=True, eq=False)
-class Finding:
-    """The largest fault of one kind of a muscle by a coordinate.
+class PathFault:
+    """Largest fault of a kind, for a muscle and a coordinate.
 
-    ``what`` is one of :data:`KINDS`; ``size`` is the jump [m], or where the sign changes, the smaller of the
-    greatest moment arms on either side; ``pose`` has the coordinates that the muscle crosses [rad or m];
-    ``sweeps`` is the part of the sweeps with such a fault, ``arms`` (n,) the moment arms [m] over the worst.
+    Attributes
+    ----------
+    muscle, coordinate : str
+        Names in the model.
+    what : str
+        A kind in :data:`KINDS`.
+    size : float
+        Jump [m]; for a change of sign, the smaller of the largest positive and negative moment arms.
+    pose : dict of str to float
+        The muscle's coordinates at the fault [rad or m].
+    sweeps : float
+        Fraction of sweeps with a fault of the kind.
+    values, arms : (n,) array
+        Coordinate and moment arms [m] in the worst sweep.
     """
 
     muscle: str
@@ -65,62 +76,63 @@ class ModelCheck:
     ----------
     model : OsimModel
         As it was read.
-    findings : tuple of Finding
+    findings : tuple of PathFault
         The largest jumps first.
     by_opensim, not_checked : tuple of str
-        Muscles that wind round surfaces: evaluated by OpenSim, or not at all where that is not installed.
+        Muscles that wind round surfaces: evaluated by OpenSim, or not at all without OpenSim.
     """
 
     model: OsimModel
-    findings: tuple[Finding, ...]
+    findings: tuple[PathFault, ...]
     by_opensim: tuple[str, ...]
     not_checked: tuple[str, ...]
 
     def __str__(self) -> str:
-        """Which muscles were evaluated, and by what."""
+        """Return the number of muscles evaluated here and by OpenSim."""
         count = len(self.model.muscles)
         own = count - len(self.by_opensim) - len(self.not_checked)
         words = f"{own} of {count} muscles evaluated here"
         if self.by_opensim:
-            words += f", {len(self.by_opensim)} that wind round surfaces by OpenSim"
+            words += f", {len(self.by_opensim)} with wrapping surfaces by OpenSim"
         if self.not_checked:
-            names = ", ".join(self.not_checked)
-            words += f"; not evaluated, for they wind round surfaces and OpenSim is not installed: {names}"
+            words += f"; not evaluated (wrapping needs OpenSim): {', '.join(self.not_checked)}"
         return words + "."
 
     def table(self) -> Table:
-        """Return the findings, a row each; angles in degrees, sizes in millimetres."""
+        """Return the findings by row; angles in degrees, sizes in millimetres."""
         return Table(COLUMNS, map(self._row, self.findings))
 
     def write(self, page: Path) -> Path:
-        """Write the findings as one file of HTML, and as a table beside it; return the table."""
-        drawings = [(f"{one.muscle}, {one.coordinate}: {one.what}", _curve(one)) for one in self.findings]
+        """Write the findings as a page and a table; return the table's path."""
+        drawings = [
+            (f"{each.muscle}, {each.coordinate}: {each.what}", _curve(each)) for each in self.findings
+        ]
         sections = [
             Section("Findings", str(self), shown_rows(self.table()), words=True),
-            Section("Moment arms", "Over the sweep in which it is largest.", drawings=drawings),
+            Section("Moment arms", "Each over the sweep with its largest fault.", drawings=drawings),
         ]
-        lead = "Where muscles jump, and where their moment arms change sign."
+        lead = "Jumps of muscle lengths and moment arms, and sign changes of moment arms."
         write_page(page, self.model.name, "check", lead, sections)
         return self.table().to_csv(page.with_suffix(".csv"), digits=6)
 
-    def shown(self, one: Finding) -> dict[str, float]:
+    def shown(self, finding: PathFault) -> dict[str, float]:
         """Return the pose of a finding, angles in degrees."""
-        kinds = {name: self.model.tree.coordinate(name).is_angle for name in one.pose}
-        return {name: float(np.degrees(at)) if kinds[name] else at for name, at in one.pose.items()}
+        angles = {name: self.model.tree.coordinate(name).is_angle for name in finding.pose}
+        return {name: float(np.degrees(at)) if angles[name] else at for name, at in finding.pose.items()}
 
-    def _row(self, one: Finding) -> list[Any]:
-        unit = "deg" if self.model.tree.coordinate(one.coordinate).is_angle else "m"
-        shown = self.shown(one)
-        pose = " ".join(f"{name}={at:.5g}" for name, at in shown.items())
-        size = 1000.0 * one.size
-        return [one.muscle, one.coordinate, one.what, size, shown[one.coordinate], unit, one.sweeps, pose]
+    def _row(self, finding: PathFault) -> list[Any]:
+        coordinate, pose = finding.coordinate, self.shown(finding)
+        unit = "deg" if self.model.tree.coordinate(coordinate).is_angle else "m"
+        words = " ".join(f"{name}={at:.5g}" for name, at in pose.items())
+        size = 1000.0 * finding.size
+        return [finding.muscle, coordinate, finding.what, size, pose[coordinate], unit, finding.sweeps, words]
 
 
 def check_model(path: str | PathLike[str]) -> ModelCheck:
-    """Sweep every muscle of a model over the ranges of the coordinates that it crosses.
+    """Sweep each muscle of a model over the coordinates that it crosses.
 
-    Lengths of paths over points and of polynomials are computed here, those that wind round surfaces by
-    OpenSim where it is installed.
+    Lengths of point paths and polynomials are computed here, lengths with wrapping surfaces by OpenSim if
+    installed.
 
     Parameters
     ----------
@@ -130,8 +142,8 @@ def check_model(path: str | PathLike[str]) -> ModelCheck:
     Returns
     -------
     ModelCheck
-        Jumps of lengths and moment arms, and changes of their sign. A coordinate without a range is not
-        swept.
+        Jumps of lengths and moment arms, and sign changes of moment arms. A coordinate without a range is
+        not swept.
 
     Raises
     ------
@@ -139,101 +151,101 @@ def check_model(path: str | PathLike[str]) -> ModelCheck:
         As :func:`~vtkmuscle.opensim.read_osim`.
     """
     model = read_osim(path)
-    winding = tuple(name for name, one in model.muscles.items() if getattr(one.path, "wraps", ()))
-    theirs = _opensim_lengths(Path(path)) if winding else None
+    winding = tuple(name for name, muscle in model.muscles.items() if getattr(muscle.path, "wraps", ()))
+    by_opensim = _opensim_lengths(Path(path)) if winding else None
     findings = list(_findings(model, [name for name in model.muscles if name not in winding], _own(model)))
-    if theirs is not None:
-        findings += _findings(model, winding, theirs)
-    findings.sort(key=lambda one: (KINDS.index(one.what), -one.size))
-    checked = () if theirs is None else winding
-    return ModelCheck(model, tuple(findings), checked, winding if theirs is None else ())
+    if by_opensim is not None:
+        findings += _findings(model, winding, by_opensim)
+    findings.sort(key=lambda finding: (KINDS.index(finding.what), -finding.size))
+    return ModelCheck(model, tuple(findings), *((), winding) if by_opensim is None else (winding, ()))
 
 
-def _findings(model: OsimModel, muscles: Sequence[str], lengths: Lengths) -> Iterator[Finding]:
+def _findings(model: OsimModel, muscles: Sequence[str], lengths: Lengths) -> Iterator[PathFault]:
     tree = model.tree
     crossed = {name: model.muscles[name].path.coordinates(tree) for name in muscles}
-    free = [one for one in tree.coordinates if one.name in tree.free]
+    free = [coordinate for coordinate in tree.coordinates if coordinate.name in tree.free]
     random = np.random.default_rng(0)
     for swept in free:
-        mine = [muscle for muscle in muscles if swept.name in crossed[muscle]]
-        if swept.range is None or swept.range[0] >= swept.range[1] or not mine:
+        crossing = [muscle for muscle in muscles if swept.name in crossed[muscle]]
+        if swept.range is None or swept.range[0] >= swept.range[1] or not crossing:
             continue
         sweep = np.linspace(*swept.range, POSES)
-        others = {one.name: _others(one, random) for one in free}
-        values = {one: np.repeat(column, POSES) for one, column in others.items()}
+        fixed = {coordinate.name: _fixed_values(coordinate, random) for coordinate in free}
+        values = {name: np.repeat(column, POSES) for name, column in fixed.items()}
         values[swept.name] = np.tile(sweep, SWEEPS)
-        found = lengths(mine, values)
-        for muscle in mine:
-            sweeps = _Sweeps(muscle, swept.name, lengths, others, crossed[muscle], sweep)
-            yield from sweeps.findings(found[muscle].reshape(SWEEPS, POSES))
+        swept_lengths = lengths(crossing, values)
+        for muscle in crossing:
+            sweeps = _Sweeps(muscle, swept.name, lengths, fixed, crossed[muscle], sweep)
+            yield from sweeps.findings(swept_lengths[muscle].reshape(SWEEPS, POSES))
 
 
-def _others(one: JointCoordinate, random: np.random.Generator) -> Floats:
-    """Return the values (s,) of a coordinate that is not swept: its default, and others about it."""
-    away = AWAY[one.is_angle]
-    low, high = np.clip(one.range or (one.rest, one.rest), one.rest - away, one.rest + away)
-    return np.append(one.rest, random.uniform(low, high, SWEEPS - 1))
+def _fixed_values(coordinate: JointCoordinate, random: np.random.Generator) -> Floats:
+    """Return a fixed coordinate's values (s,): the default, then random values."""
+    away, rest = AWAY[coordinate.is_angle], coordinate.rest
+    low, high = np.clip(coordinate.range or (rest, rest), rest - away, rest + away)
+    return np.append(rest, random.uniform(low, high, SWEEPS - 1))
 
 
 @dataclass(frozen=True)
 class _Sweeps:
-    """A muscle in sweeps (s,) of a coordinate over values (n,), each with its values of the others (s,)."""
+    """Sweeps (s,) of a muscle over coordinate values (n,).
+
+    ``fixed`` are the further coordinates (s,).
+    """
 
     muscle: str
     coordinate: str
     lengths: Lengths
-    others: Mapping[str, Floats]
+    fixed: Mapping[str, Floats]
     crossed: Sequence[str]
     values: Floats
 
     def length(self, sweeps: Ints, at: Floats) -> Floats:
-        """Return the lengths (k,) in sweeps (k,) at values (k,) of the coordinate."""
-        values = {name: column[sweeps] for name, column in self.others.items()} | {self.coordinate: at}
+        """Return the lengths (k,) in sweeps (k,) at coordinate values (k,)."""
+        values = {name: column[sweeps] for name, column in self.fixed.items()} | {self.coordinate: at}
         return self.lengths([self.muscle], values)[self.muscle]
 
     def arm(self, sweeps: Ints, at: Floats) -> Floats:
-        """Return the moment arms, likewise."""
+        """Return the moment arms (k,) in sweeps (k,) at coordinate values (k,)."""
         ends = self.length(np.tile(sweeps, 2), np.concatenate([at - STEP, at + STEP])).reshape(2, -1)
         result: Floats = (ends[0] - ends[1]) / (2.0 * STEP)
         return result
 
-    def findings(self, lengths: Floats) -> Iterator[Finding]:
-        """Give the worst finding of each kind, for the lengths (s, n) in the sweeps."""
+    def findings(self, lengths: Floats) -> Iterator[PathFault]:
+        """Yield the worst fault of each kind, for lengths (s, n)."""
         step = self.values[1] - self.values[0]
         steps = np.diff(lengths, axis=1)
         arms, middles = -steps / step, (self.values[1:] + self.values[:-1]) / 2.0
 
-        def worst(what: str, sizes: Floats, least: float, sweeps: Ints, at: Floats) -> Iterator[Finding]:
+        def worst(what: str, sizes: Floats, least: float, sweeps: Ints, at: Floats) -> Iterator[PathFault]:
             real = sizes > least
             if not real.any():
                 return
             sizes, sweeps, at = sizes[real], sweeps[real], at[real]
             i = int(sizes.argmax())
-            pose = {name: float(self.others[name][sweeps[i]]) for name in self.crossed}
+            pose = {name: float(self.fixed[name][sweeps[i]]) for name in self.crossed}
             pose[self.coordinate] = float(at[i])
-            part = len(np.unique(sweeps)) / SWEEPS
-            yield Finding(
-                self.muscle, self.coordinate, what, float(sizes[i]), pose, part, middles, arms[sweeps[i]]
-            )
+            curve = len(np.unique(sweeps)) / SWEEPS, middles, arms[sweeps[i]]
+            yield PathFault(self.muscle, self.coordinate, what, float(sizes[i]), pose, *curve)
 
-        # A step that is larger than both beside it may hold a jump, and so may a change of the slope.
+        # A step larger than both neighbouring steps may contain a jump, and so may a change of slope.
         bends = np.abs(np.diff(steps, axis=1))
         nearby = np.pad(bends, ((0, 0), (1, 1)))
         jumped = np.zeros(steps.shape, dtype=np.bool_)
-        sweeps, places = np.nonzero(np.maximum(nearby[:, 1:], nearby[:, :-1]) > JUMP / 2.0)
+        sweeps, columns = np.nonzero(np.maximum(nearby[:, 1:], nearby[:, :-1]) > JUMP / 2.0)
         if len(sweeps):
-            ends = self.values[places], self.values[places + 1]
-            sizes, at = _halved(self.length, sweeps, ends, _beside(steps)[sweeps, places] / step)
-            jumped[sweeps, places] = sizes > JUMP
+            ends = self.values[columns], self.values[columns + 1]
+            sizes, at = _halved(self.length, sweeps, ends, _neighbour_mean(steps)[sweeps, columns] / step)
+            jumped[sweeps, columns] = sizes > JUMP
             yield from worst(KINDS[0], sizes, JUMP, sweeps, at)
-        sweeps, places = np.nonzero((bends / step > ARM_JUMP) & ~(jumped[:, 1:] | jumped[:, :-1]))
+        sweeps, columns = np.nonzero((bends / step > ARM_JUMP) & ~(jumped[:, 1:] | jumped[:, :-1]))
         if len(sweeps):
-            ends = middles[places], middles[places + 1]
-            slopes = _beside(np.diff(arms, axis=1))[sweeps, places] / step
+            ends = middles[columns], middles[columns + 1]
+            slopes = _neighbour_mean(np.diff(arms, axis=1))[sweeps, columns] / step
             _, at = _halved(self.arm, sweeps, ends, slopes)
-            low, high = (self.arm(sweeps, at + side) for side in (-BESIDE, BESIDE))
-            # A jump of the slope is twice in the steps beside it at most; more is noise of the length.
-            sizes = np.minimum(np.abs(high - low), 2.0 * bends[sweeps, places] / step)
+            low, high = (self.arm(sweeps, at + side) for side in (-ARM_DISTANCE, ARM_DISTANCE))
+            # A jump of the slope appears at most twice in neighbouring steps; an excess is noise.
+            sizes = np.minimum(np.abs(high - low), 2.0 * bends[sweeps, columns] / step)
             yield from worst(KINDS[1], sizes, ARM_JUMP, sweeps, at)
         calm = np.where(jumped, 0.0, arms)
         sizes = np.minimum(calm.max(axis=1), -calm.min(axis=1))
@@ -244,8 +256,8 @@ class _Sweeps:
             yield from worst(KINDS[2], sizes[sweeps], ARM, sweeps, at)
 
 
-def _beside(steps: Floats) -> Floats:
-    """Return the mean (s, n) of the steps before and after each."""
+def _neighbour_mean(steps: Floats) -> Floats:
+    """Return the mean (s, n) of the previous and the next step."""
     padded = np.pad(steps, ((0, 0), (1, 1)), mode="edge")
     return (padded[:, :-2] + padded[:, 2:]) / 2.0
 
@@ -253,9 +265,9 @@ def _beside(steps: Floats) -> Floats:
 def _halved(
     quantity: Callable[[Ints, Floats], Floats], sweeps: Ints, ends: tuple[Floats, Floats], slopes: Floats
 ) -> tuple[Floats, Floats]:
-    """Return the change of a quantity that is left in intervals (k,) when they are halved, and where it is.
+    """Return the change (k,) that remains in halved intervals, and its position.
 
-    Of each interval that half is kept in which the quantity changes by more than by its slope beside it.
+    Each halving keeps the half with the larger excess over the neighbouring slope.
     """
     low, high = (end.copy() for end in ends)
     first, last = quantity(sweeps, low), quantity(sweeps, high)
@@ -272,26 +284,30 @@ def _halved(
 def _own(model: OsimModel) -> Lengths:
     """Return the function that computes lengths here."""
     tree = model.tree
-    ranges = {one.name: one.range for one in tree.coordinates}
+    ranges = {coordinate.name: coordinate.range for coordinate in tree.coordinates}
 
     def lengths(muscles: Sequence[str], values: Mapping[str, Floats]) -> dict[str, Floats]:
         full = tree.completed(values)
         paths = {name: model.muscles[name].path for name in muscles}
-        over_points = {name: path for name, path in paths.items() if isinstance(path, PointPath)}
-        poses = tree.poses(full, {point.body for path in over_points.values() for point in path.points})
-        found = {name: path.lengths_at(poses, full, full, ranges) for name, path in over_points.items()}
-        return {name: path.lengths(tree, full) for name, path in paths.items() if name not in found} | found
+        points = [point for path in paths.values() for point in getattr(path, "points", ())]
+        poses = tree.poses(full, {point.body for point in points})
+        return {
+            name: path.lengths_at(poses, full, full, ranges)
+            if isinstance(path, PointPath)
+            else path.lengths(tree, full)
+            for name, path in paths.items()
+        }
 
     return lengths
 
 
 def _opensim_lengths(path: Path) -> Lengths | None:
-    """Return the function that asks OpenSim for lengths, None where it is not installed."""
+    """Return the function that gets lengths from OpenSim, None without OpenSim."""
     try:
         import opensim  # noqa: PLC0415 -- an extra
     except ImportError:
         return None
-    opensim.Logger.removeFileSink()  # it would leave a log in the working folder
+    opensim.Logger.removeFileSink()  # no log in the working folder
     opensim.Logger.setLevelString("error")
     model = opensim.Model(str(path))
     state = model.initSystem()
@@ -301,26 +317,25 @@ def _opensim_lengths(path: Path) -> Lengths | None:
         forces = [opensim.PathActuator.safeDownCast(model.getForceSet().get(name)) for name in muscles]
         paths = [force.getPath() for force in forces]
         columns = [(coordinates.get(name), column) for name, column in values.items()]
-        found = np.empty((len(next(iter(values.values()))), len(muscles)))
-        for row in range(len(found)):
+        table = np.empty((len(next(iter(values.values()))), len(muscles)))
+        for row in range(len(table)):
             for coordinate, column in columns:
                 if not coordinate.getLocked(state):
                     coordinate.setValue(state, float(column[row]), False)
             model.assemble(state)
             model.realizePosition(state)
-            found[row] = [one.getLength(state) for one in paths]
-        return dict(zip(muscles, found.T, strict=True))
+            table[row] = [path.getLength(state) for path in paths]
+        return dict(zip(muscles, table.T, strict=True))
 
     return lengths
 
 
-def _curve(one: Finding) -> str:
-    """Return the moment arms over the sweep as a drawing, those of a jump left out."""
-    low, high = np.percentile(one.arms, [2.0, 98.0])
-    low, high = min(low, 0.0), max(high, 0.0)
+def _curve(finding: PathFault) -> str:
+    """Return a sweep's moment arms as SVG, without outliers at jumps."""
+    low, high = np.clip(np.percentile(finding.arms, [2.0, 98.0]), [-np.inf, 0.0], [0.0, np.inf])
     width, height = _SIZE
-    x = width * (one.values - one.values[0]) / (one.values[-1] - one.values[0])
-    y = height * (high - np.clip(one.arms, low, high)) / ((high - low) or 1.0)
+    x = width * (finding.values - finding.values[0]) / np.ptp(finding.values)
+    y = height * (high - np.clip(finding.arms, low, high)) / ((high - low) or 1.0)
     zero = height * high / ((high - low) or 1.0)
     points = " ".join(f"{a:.1f},{b:.1f}" for a, b in zip(x, y, strict=True))
     return (

@@ -1,4 +1,4 @@
-"""Parts of models of other programs beside the paths: muscles' properties and meshes."""
+"""Muscle properties and meshes in models of other programs."""
 
 from __future__ import annotations
 
@@ -17,15 +17,17 @@ from vtkmuscle.data.arrays import points_of, triangles_of
 from vtkmuscle.io.writing import replacing
 from vtkmuscle.joints.tree import KinematicTree
 
-#: Force per physiological cross-section [N/cm^2], where none is given: Rajagopal et al. 2016,
+#: Default force per physiological cross-section [N/cm^2]: Rajagopal et al. 2016,
 #: doi:10.1109/TBME.2016.2586891.
 SPECIFIC_TENSION = 60.0
-#: Properties without which a muscle has no force.
+#: Properties that a muscle with force requires.
 NEEDED = ("max_isometric_force", "optimal_fiber_length", "tendon_slack_length")
 
 
 def opensim_properties(hill: Mapping[str, float], metres: float) -> dict[str, float]:
-    """Return the properties of a muscle of OpenSim for Hill's parameters in a scene, in metres per its unit.
+    """Return OpenSim properties for a scene's Hill parameters.
+
+    ``metres`` is the scene's unit of length.
 
     Examples
     --------
@@ -33,18 +35,14 @@ def opensim_properties(hill: Mapping[str, float], metres: float) -> dict[str, fl
     >>> opensim_properties({"optimal_fibre_length": 110.0, "pcsa": 20.0, "specific_tension": 61.0}, 0.001)
     {'optimal_fiber_length': 0.11, 'max_isometric_force': 1220.0}
     """
-    found: dict[str, float] = {}
-    if "optimal_fibre_length" in hill:
-        found["optimal_fiber_length"] = metres * hill["optimal_fibre_length"]
-    if "tendon_slack_length" in hill:
-        found["tendon_slack_length"] = metres * hill["tendon_slack_length"]
-    if "pennation" in hill:
-        found["pennation_angle_at_optimal"] = float(np.radians(hill["pennation"]))
-    if "pcsa" in hill:
-        found["max_isometric_force"] = hill["pcsa"] * hill["specific_tension"]
-    elif "max_isometric_force" in hill:
-        found["max_isometric_force"] = hill["max_isometric_force"]
-    return found
+    units = {
+        "optimal_fibre_length": ("optimal_fiber_length", metres),
+        "tendon_slack_length": ("tendon_slack_length", metres),
+        "pennation": ("pennation_angle_at_optimal", np.pi / 180.0),
+        "max_isometric_force": ("max_isometric_force", 1.0),
+        "pcsa": ("max_isometric_force", hill["specific_tension"] if "pcsa" in hill else 0.0),
+    }
+    return {name: unit * hill[key] for key, (name, unit) in units.items() if key in hill}
 
 
 def completed_properties(
@@ -56,46 +54,60 @@ def completed_properties(
     share: float = 1.0,
     specific_tension: float = SPECIFIC_TENSION,
 ) -> dict[str, float]:
-    """Return the properties of a muscle of OpenSim: those given, the others from its architecture.
+    """Return OpenSim properties of a muscle, completed from its architecture.
 
-    Fibres have the length and pennation that were measured at rest, which are optimal unless the length of
-    the sarcomeres is known; the tendon is slack there, so that fibres and tendon make up the path, whose
-    ``length`` at rest is in m. ``architecture`` is that of a run's report, ``share`` the length of a group of
-    fibres in parts of that of all, the specific tension in N/cm^2. InputError if no length is left for a
-    tendon.
+    Fibre length and pennation at rest are taken as optimal, unless the sarcomere length is in the
+    architecture. The tendon is slack at rest: fibres and tendon make up the path.
+
+    Parameters
+    ----------
+    given : mapping of str to float
+        Properties that stay as they are.
+    architecture : mapping of str to object
+        From the report of a run.
+    name : str
+        The muscle, for errors.
+    length : float
+        Path length at rest [m].
+    share : float
+        Mean fibre length of the group relative to all fibres.
+    specific_tension : float
+        [N/cm^2].
+
+    Raises
+    ------
+    InputError
+        If no length remains for a tendon.
     """
     area = architecture["pcsa_without_tendon_mm2"] / 100.0
-    found = {**given, "max_isometric_force": given.get("max_isometric_force", specific_tension * area)}
+    properties = {**given, "max_isometric_force": given.get("max_isometric_force", specific_tension * area)}
     mean = architecture["fascicle_length_mm"]["mean"]
     fibre = share * mean / 1000.0
     ends = [architecture[f"fascicle_pennation_{end}_deg"]["mean"] for end in ("origin", "insertion")]
     pennation = float(np.radians(np.mean(ends)))
-    if "optimal_fiber_length" in found:
-        fibre = found["optimal_fiber_length"]
-        pennation = found.get("pennation_angle_at_optimal", pennation)
+    if "optimal_fiber_length" in properties:
+        fibre = properties["optimal_fiber_length"]
+        pennation = properties.get("pennation_angle_at_optimal", pennation)
     else:
         optimal = share * architecture.get("fascicle_length_normalised_mm", mean) / 1000.0
-        found["optimal_fiber_length"] = optimal
+        properties["optimal_fiber_length"] = optimal
         inward = min(fibre * np.sin(pennation) / optimal, 0.99)
-        found.setdefault("pennation_angle_at_optimal", float(np.arcsin(inward)))
-    if "tendon_slack_length" not in found:
+        properties.setdefault("pennation_angle_at_optimal", float(np.arcsin(inward)))
+    if "tendon_slack_length" not in properties:
         tendon = length - fibre * float(np.cos(pennation))
         if tendon <= 0.0:
-            raise InputError(
-                "",
-                f"muscle {name!r} has a path of {1000 * length:.4g} mm at rest and fibres of "
-                f"{1000 * fibre:.4g} mm, which leaves no tendon",
-                "give hill.optimal_fibre_length or hill.tendon_slack_length, or export its geometry only",
-            )
-        found["tendon_slack_length"] = tendon
-    return found
+            sizes = f"a path of {1000 * length:.4g} mm and fibres of {1000 * fibre:.4g} mm at rest"
+            remedy = "give hill.optimal_fibre_length or hill.tendon_slack_length, or export geometry only"
+            raise InputError("", f"muscle {name!r} has {sizes}, which leaves no tendon", remedy)
+        properties["tendon_slack_length"] = tendon
+    return properties
 
 
-#: The folder beside a model in which OpenSim looks for its meshes.
+#: Folder next to a model where OpenSim looks for meshes.
 FOLDER = "Geometry"
-#: Triangles of a mesh, at most: MuJoCo reads 200 000, and to be looked at fewer do.
+#: Triangles per mesh, at most; MuJoCo reads up to 200 000.
 MOST_TRIANGLES = 100_000
-#: A triangle of a binary .stl.
+#: Record of a triangle in a binary .stl file.
 _TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 
 
@@ -106,30 +118,41 @@ def write_meshes(
     frame: str,
     metres: float,
 ) -> dict[str, list[str]]:
-    """Write surfaces as .stl files in ``Geometry``, in metres and in frames of bodies; return names by body.
+    """Write surfaces as .stl files in ``Geometry``; return file names by body.
 
-    Each surface has a body, and is given in the scene, of so many metres per unit, by the name of its file
-    without suffix. The tree is in metres, at rest where the scene is, whose frame is that of a body at rest.
+    Files are in metres and in the frames of bodies.
+
+    Parameters
+    ----------
+    folder : Path
+        Folder of the model.
+    surfaces : mapping of str to (str, vtkPolyData)
+        By file name without suffix: body, and surface in the scene.
+    tree : KinematicTree
+        In metres, at rest as the scene.
+    frame : str
+        Body whose frame at rest is the scene's frame.
+    metres : float
+        Metres per unit of the scene.
     """
     rest = tree.poses({})
-    found: dict[str, list[str]] = {}
+    names: dict[str, list[str]] = {}
     for name, (body, surface) in surfaces.items():
         placed = (inverses(rest[body]) @ rest[frame])[0]
-        shown = _with_fewer_triangles(surface)
-        points = apply_transform(placed, metres * points_of(shown))
-        corners: Floats = points[triangles_of(shown, name)]
+        reduced = _with_fewer_triangles(surface)
+        points = apply_transform(placed, metres * points_of(reduced))
+        corners: Floats = points[triangles_of(reduced, name)]
         records = np.zeros(len(corners), dtype=_TRIANGLE)
         records["corners"] = corners
         records["normal"] = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         with replacing(folder / FOLDER / f"{name}.stl") as partial:
             head = b"vtkmuscle, metres".ljust(80) + np.uint32(len(records)).tobytes()
             partial.write_bytes(head + records.tobytes())
-        found.setdefault(body, []).append(name)
-    return found
+        names.setdefault(body, []).append(name)
+    return names
 
 
 def _with_fewer_triangles(surface: vtkPolyData) -> vtkPolyData:
-    """Return a surface, decimated where it has more than MOST_TRIANGLES triangles."""
     count = surface.GetNumberOfCells()
     if count <= MOST_TRIANGLES:
         return surface
@@ -137,5 +160,5 @@ def _with_fewer_triangles(surface: vtkPolyData) -> vtkPolyData:
     decimation.SetInputData(surface)
     decimation.SetTargetReduction(1.0 - MOST_TRIANGLES / count)
     decimation.Update()
-    found: vtkPolyData = decimation.GetOutput()
-    return found
+    reduced: vtkPolyData = decimation.GetOutput()
+    return reduced

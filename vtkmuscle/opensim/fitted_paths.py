@@ -1,4 +1,4 @@
-"""Paths fitted to lengths and moment arms: polynomials of coordinates, and points with cylinders."""
+"""Paths fitted to lengths and moment arms: polynomials, and points with cylinders."""
 
 from __future__ import annotations
 
@@ -15,31 +15,31 @@ from vtkmuscle.core.types import Bools, Floats
 from vtkmuscle.joints.tree import KinematicTree
 from vtkmuscle.opensim.muscle_paths import STEP, Cylinder, FunctionPath, PathPoint, PointPath, powers, terms
 
-#: Parts of the values of each coordinate, at most. Poses of each but the outer two are held back, and the
-#: order is chosen by the errors of a fit of the others there: between the levels of a grid as well.
+#: Largest number of held-out parts of each coordinate's values: the inner parts choose the polynomial's order
+#: by the errors of a fit to the remaining poses, so that the order holds between the levels of a grid.
 PARTS = 5
-#: The part by which a higher order must lessen the error at held-back poses.
+#: Relative decrease of the held-out error that justifies a higher order.
 WORTH = 0.05
-#: Terms of a polynomial, at most, for each number that is fitted.
+#: Largest ratio of polynomial terms to fitted numbers.
 FILLED = 0.7
-#: The highest sum of powers that is tried.
+#: Largest sum of powers.
 HIGHEST_ORDER = 6
 
 
 def fit_length(
     lengths: Floats, values: Mapping[str, Floats], arms: Mapping[str, Floats] | None = None
 ) -> FunctionPath:
-    """Return the polynomial of coordinates that gives lengths (f,) best in poses that it was not fitted to.
+    """Fit a polynomial of coordinates to lengths (f,) and moment arms.
 
-    ``values`` (f,) are of the coordinates that it depends on [radians, or their unit of length]; those that
-    do not change are left out. Where moment arms -dl/dq (f,) are known, its derivatives are fitted to them
-    too, each coordinate counted in half its range: few poses of a grid do then for several coordinates. Its
-    order is the least whose error at poses that were held back is within 5 % of the best.
+    ``values`` (f,) are the coordinates [rad, or units of length]; constant coordinates are omitted. Moment
+    arms -dl/dq (f,) are fitted by the polynomial's derivatives, weighted by half the coordinate's range; with
+    moment arms, few poses of a grid suffice for several coordinates. The order is the lowest whose held-out
+    error is within 5 % of the best.
 
     Raises
     ------
     ValueError
-        If no coordinate changes, or there are fewer poses than a straight line needs.
+        If no coordinate changes, or there are too few poses for order 1.
 
     Examples
     --------
@@ -51,52 +51,54 @@ def fit_length(
     """
     moving = {name: column for name, column in values.items() if np.ptp(column) > 1e-9}
     if not moving:
-        raise InputError("", "no coordinate changes over the poses, so a length is no function of one")
+        raise InputError("", "no coordinate changes over the poses")
     samples = np.column_stack(list(moving.values()))
-    # Powers are taken about the middle, in half ranges: high ones of plain radians are nearly the same.
+    # Powers about the middle, in half ranges: high powers of plain radians are nearly dependent.
     middle, half = samples.mean(axis=0), np.ptp(samples, axis=0) / 2.0
     scaled = (samples - middle) / half
     slopes = {i: -half[i] * arms[name] for i, name in enumerate(moving) if arms and name in arms}
-    known = np.concatenate([lengths, *slopes.values()])
-    held_back = [np.tile(held, 1 + len(slopes)) for held in _held_back(samples)]
-    # A coordinate of k values has a polynomial of order k - 1 through them, 2 k - 1 with its slopes there.
+    targets = np.concatenate([lengths, *slopes.values()])
+    masks = [np.tile(mask, 1 + len(slopes)) for mask in _held_back(samples)]
+    # k values of a coordinate determine a polynomial of order k - 1, with slopes of order 2 k - 1.
     levels = min(
         (2 if i in slopes else 1) * len(np.unique(column.round(9))) for i, column in enumerate(samples.T)
     )
+
+    def rows_of(order: int) -> Floats:
+        return np.vstack([terms(scaled, order), *(_slopes(scaled, order, i) for i in slopes)])
+
     errors: dict[int, float] = {}
     for order in range(1, HIGHEST_ORDER + 1):
         count = len(powers(samples.shape[1], order))
-        if count > FILLED * min((~held).sum() for held in held_back) or order >= levels:
+        if count > FILLED * min((~mask).sum() for mask in masks) or order >= levels:
             break
-        rows = np.vstack([terms(scaled, order), *(_slopes(scaled, order, i) for i in slopes)])
-        off = [rows[held] @ _solved(rows[~held], known[~held]) - known[held] for held in held_back]
-        errors[order] = float(np.sqrt((np.concatenate(off) ** 2).mean()))
+        rows = rows_of(order)
+        off = [rows[mask] @ _solved(rows[~mask], targets[~mask]) - targets[mask] for mask in masks]
+        errors[order] = _rms(np.concatenate(off))
     if not errors:
-        raise InputError(
-            "", f"{len(lengths)} poses are too few for a polynomial of {samples.shape[1]} coordinates"
-        )
-    least = min(errors.values())
-    tiny = 1e-12 * float(np.abs(lengths).max())
-    order = next(one for one, error in errors.items() if error <= (1.0 + WORTH) * least + tiny)
-    rows = np.vstack([terms(scaled, order), *(_slopes(scaled, order, i) for i in slopes)])
-    return FunctionPath(tuple(moving), order, _unscaled(_solved(rows, known), middle, half, order))
+        problem = f"{len(lengths)} poses are too few for a polynomial of {samples.shape[1]} coordinates"
+        raise InputError("", problem)
+    bound = (1.0 + WORTH) * min(errors.values()) + 1e-12 * float(np.abs(lengths).max())
+    order = next(order for order, error in errors.items() if error <= bound)
+    coefficients = _solved(rows_of(order), targets)
+    return FunctionPath(tuple(moving), order, _unscaled(coefficients, middle, half, order))
 
 
 def _held_back(samples: Floats) -> list[Bools]:
-    """Return the poses (f,) that are held back together, of samples (f, d)."""
-    found = []
+    """Return the masks (f,) of held-out poses, for samples (f, d)."""
+    masks = []
     for column in samples.T.round(9):
         levels = np.unique(column)
         parts = np.array_split(levels, min(PARTS, len(levels)))
-        found += [np.isin(column, part) for part in parts[1:-1]]
-    if found:
-        return found
+        masks += [np.isin(column, part) for part in parts[1:-1]]
+    if masks:
+        return masks
     numbers = np.random.default_rng(0).permutation(len(samples)) % PARTS
     return [numbers == number for number in range(PARTS) if number in numbers]
 
 
 def _slopes(samples: Floats, order: int, variable: int) -> Floats:
-    """Return the derivatives (f, m) of a polynomial's terms by one of its variables."""
+    """Return the derivatives (f, m) of a polynomial's terms by a variable."""
     table = powers(samples.shape[1], order)
     factors = table[:, variable].astype(np.float64)
     table[:, variable] = np.maximum(table[:, variable] - 1, 0)
@@ -104,17 +106,21 @@ def _slopes(samples: Floats, order: int, variable: int) -> Floats:
     return result
 
 
-def _solved(rows: Floats, known: Floats) -> Floats:
-    return np.asarray(np.linalg.lstsq(rows, known, rcond=None)[0], dtype=np.float64)
+def _solved(rows: Floats, targets: Floats) -> Floats:
+    return np.asarray(np.linalg.lstsq(rows, targets, rcond=None)[0], dtype=np.float64)
+
+
+def _rms(errors: Floats) -> float:
+    return float(np.sqrt((errors**2).mean()))
 
 
 def _unscaled(coefficients: Floats, middle: Sequence[float] | Floats, half: Floats, order: int) -> Floats:
-    """Return the coefficients for plain coordinates of a polynomial of scaled ones."""
+    """Return coefficients for plain coordinates from coefficients for scaled coordinates."""
     table = powers(len(half), order)
-    place = {tuple(row): number for number, row in enumerate(table)}
+    row_of = {tuple(row): number for number, row in enumerate(table)}
     result = np.zeros(len(table))
     for coefficient, row in zip(coefficients, table, strict=True):
-        # (q - m)^p / h^p, multiplied out one coordinate after the other.
+        # (q - m)^p / h^p, multiplied out coordinate by coordinate.
         parts: dict[tuple[int, ...], float] = {(): float(coefficient)}
         for power, centre, width in zip(row, middle, half, strict=True):
             parts = {
@@ -123,18 +129,18 @@ def _unscaled(coefficients: Floats, middle: Sequence[float] | Floats, half: Floa
                 for low in range(int(power) + 1)
             }
         for powers_of, value in parts.items():
-            result[place[powers_of]] += value
+            result[row_of[powers_of]] += value
     return result
 
 
-#: A cylinder must leave less than this part of the error.
+#: Error ratio below which a cylinder is kept.
 WORTH_A_CYLINDER = 0.9
-#: Where on its part of the line a cylinder is placed first, and with which radii [m]: a bone's, a joint's.
+#: Initial positions of a cylinder along its part of the line; initial radii [m] of a bone and of a joint.
 PLACES = (0.25, 0.5, 0.75)
 RADII = (0.015, 0.04)
-#: Steps of a length [m] and of a direction that the search takes for equal.
+#: Steps of lengths [m] and of directions that the search treats as equal.
 SCALES = (0.01, 0.3)
-#: Steps of the search, at most; it is begun anew from each place of a cylinder.
+#: Function evaluations per search, at most; a search starts at each initial cylinder.
 STEPS = 40
 
 
@@ -148,17 +154,29 @@ def fit_points(
     *,
     tolerance: float,
 ) -> PointPath:
-    """Return a path over points and round cylinders that has lengths and moment arms.
+    """Fit a path over points and round cylinders to lengths and moment arms.
 
-    Between the fibres' mean ends, which stay, the path has a via point on either side of each joint, and may
-    wind round a cylinder there, on either body. Points and cylinders are placed by least squares of the
-    lengths and of the moment arms, these times half the range of their coordinate. Until the error is within
-    the tolerance, a cylinder is added where it helps most, if the path goes round it one way in all poses.
+    The path joins the fibres' mean ends, with a via point on either side of each joint, and may wind round a
+    cylinder on either body of a joint. Points and cylinders minimise the squared errors of lengths and of
+    moment arms, these times half the coordinate's range. Until the error is within tolerance, the best
+    cylinder is added, provided that the path stays on one side in all poses.
 
-    ``line`` (f, n, 3) is the mean of the fibres in each pose, in the frame of the tree's root [m], ``values``
-    (f,) are the coordinates there. ``ends`` are the bodies of origin and insertion, ``lengths`` and ``arms``
-    (f,) the mean length of the fibres [m] and their moment arms by coordinates [m, 1 by a slide]. The
-    tolerance is for the root mean square error [m].
+    Parameters
+    ----------
+    line : (f, n, 3) array
+        Mean fibre in each pose, in the frame of the tree's root [m].
+    tree : KinematicTree
+        In metres.
+    values : mapping of str to (f,) array
+        Coordinates in the poses.
+    ends : (str, str)
+        Bodies of origin and insertion.
+    lengths : (f,) array
+        Mean fibre lengths [m].
+    arms : mapping of str to (f,) array
+        Moment arms by coordinate [m, or 1 for a translation].
+    tolerance : float
+        Root mean square error [m].
     """
     search = _Search(tree, values, lengths, arms)
     poses = tree.poses(tree.completed(values))
@@ -168,18 +186,18 @@ def fit_points(
     }
     bodies, last = list(shapes), line.shape[1] - 1
     on = [bodies[0], *(body for joint in pairwise(bodies) for body in joint), bodies[-1]]
-    # Where a part of the line moves least on its body is a place of a via point to begin with.
+    # A via point starts at the point of the line that moves least on the body.
     edges = np.linspace(0, last, 2 * len(on) - 1).round().astype(int)[1::2]
     spreads = {body: shape.var(axis=0).sum(axis=1) for body, shape in shapes.items()}
     inner = zip(on[1:-1], pairwise(edges), strict=True)
     at = [0, *(low + int(spreads[body][low : high + 1].argmin()) for body, (low, high) in inner), last]
     points = [PathPoint(body, shapes[body][:, i].mean(axis=0)) for body, i in zip(on, at, strict=True)]
-    begun = PointPath(points)
-    best = search.refined(begun)
+    initial = PointPath(points)
+    best = search.refined(initial)
     while search.error(best) > tolerance:
-        taken = {one.after for one in best.cylinders}
+        taken = {cylinder.after for cylinder in best.cylinders}
         tried = [
-            search.refined(replace(begun, cylinders=[*best.cylinders, cylinder]))
+            search.refined(replace(initial, cylinders=[*best.cylinders, cylinder]))
             for after in range(1, len(points) - 2, 2)
             if after not in taken
             for body in on[after : after + 2]
@@ -194,7 +212,7 @@ def fit_points(
 
 
 class _Search:
-    """The lengths and moment arms that a path is fitted to, and the poses of the bodies there."""
+    """Target lengths and moment arms, and the poses of bodies there."""
 
     def __init__(
         self, tree: KinematicTree, values: Mapping[str, Floats], lengths: Floats, arms: Mapping[str, Floats]
@@ -203,7 +221,7 @@ class _Search:
         self.frames = len(lengths)
         halves = {name: np.ptp(full[name]) / 2.0 for name in arms}
         self.halves = np.array([halves[name] for name in arms])
-        self.wanted = np.concatenate([lengths, *(halves[name] * arm for name, arm in arms.items())])
+        self.targets = np.concatenate([lengths, *(halves[name] * arm for name, arm in arms.items())])
         moves = [{}, *({name: sign * STEP} for name in arms for sign in (-1.0, 1.0))]
         columns = {
             name: np.concatenate([full[name] + move.get(name, 0.0) for move in moves]) for name in tree.free
@@ -212,67 +230,62 @@ class _Search:
         self.poses = tree.poses(self.full)
 
     def off(self, path: PointPath) -> Floats:
-        """Return the errors of a path's lengths, and of its moment arms times half ranges [m]."""
-        found = path.lengths_at(self.poses, self.full, self.full, {}).reshape(-1, self.frames)
-        slopes = (found[1::2] - found[2::2]) / (2.0 * STEP)
-        result: Floats = np.concatenate([found[0], (self.halves[:, None] * slopes).ravel()]) - self.wanted
+        """Return the errors of lengths and scaled moment arms [m]."""
+        lengths = path.lengths_at(self.poses, self.full, self.full, {}).reshape(-1, self.frames)
+        slopes = (lengths[1::2] - lengths[2::2]) / (2.0 * STEP)
+        result: Floats = np.concatenate([lengths[0], (self.halves[:, None] * slopes).ravel()]) - self.targets
         return result
 
     def error(self, path: PointPath) -> float:
-        """Return their root mean square."""
-        return float(np.sqrt((self.off(path) ** 2).mean()))
+        """Return the root mean square error."""
+        return _rms(self.off(path))
 
     def flips(self, path: PointPath) -> bool:
-        """Return whether a path goes round a cylinder both ways: its moment arm jumps in between."""
-        places = path.places(self.poses, self.full, {})
-        for one in path.cylinders:
-            first, second = places[one.after : one.after + 2]
-            turns = one.ways(self.poses[one.body], first, second)[1]
-            if turns.min() < 0.0 < turns.max():
+        """Return whether a path takes both sides of a cylinder, so that moment arms jump."""
+        points = path.positions(self.poses, self.full, {})
+        for cylinder in path.cylinders:
+            ends = points[cylinder.after : cylinder.after + 2]
+            sides = cylinder.segments(self.poses[cylinder.body], *ends)[1]
+            if sides.min() < 0.0 < sides.max():
                 return True
         return False
 
     def refined(self, path: PointPath) -> PointPath:
-        """Return the path with the via points and cylinders that have the least error."""
+        """Return the path with optimal via points and cylinders."""
         bodies = [point.body for point in path.points]
         first, last = path.points[0], path.points[-1]
-        kept = path.cylinders
         middle = len(bodies) - 2
 
-        def made(numbers: Floats) -> PointPath:
-            places = SCALES[0] * numbers[: 3 * middle].reshape(-1, 3)
-            points = [PathPoint(body, place) for body, place in zip(bodies[1:-1], places, strict=True)]
-            rows = numbers[3 * middle :].reshape(-1, 7)
+        def path_of(numbers: Floats) -> PointPath:
+            rows = SCALES[0] * numbers[: 3 * middle].reshape(-1, 3)
+            points = [PathPoint(body, row) for body, row in zip(bodies[1:-1], rows, strict=True)]
             cylinders = [
                 replace(
-                    one,
+                    cylinder,
                     centre=SCALES[0] * row[:3],
                     axis=row[3:6] / np.linalg.norm(row[3:6]),
                     radius=SCALES[0] * abs(row[6]),
                 )
-                for one, row in zip(kept, rows, strict=True)
+                for cylinder, row in zip(path.cylinders, numbers[3 * middle :].reshape(-1, 7), strict=True)
             ]
             return PointPath([first, *points, last], (), cylinders)
 
-        begun = np.concatenate(
-            [
-                *(np.asarray(point.place) / SCALES[0] for point in path.points[1:-1]),
-                *(
-                    np.array([*one.centre / SCALES[0], *one.axis / SCALES[1], one.radius / SCALES[0]])
-                    for one in kept
-                ),
-            ]
-        )
-        found = least_squares(lambda numbers: self.off(made(numbers)) / SCALES[0], begun, max_nfev=STEPS)
-        return made(found.x)
+        parts = [np.asarray(point.position) / SCALES[0] for point in path.points[1:-1]]
+        parts += [
+            np.array([*each.centre / SCALES[0], *each.axis / SCALES[1], each.radius / SCALES[0]])
+            for each in path.cylinders
+        ]
+        initial = np.concatenate(parts)
+        solution = least_squares(lambda x: self.off(path_of(x)) / SCALES[0], initial, max_nfev=STEPS)
+        return path_of(solution.x)
 
 
 def _beginnings(line: Floats, body: str, after: int) -> Iterator[Cylinder]:
-    """Give cylinders on the inner side of a line (n, 3), on a body."""
+    """Yield initial cylinders on the inner side of a line (n, 3)."""
     chord = line[-1] - line[0]
     chord = chord / np.linalg.norm(chord)
-    for place in PLACES:
-        top = line[round(place * (len(line) - 1))]
+    for part in PLACES:
+        top = line[round(part * (len(line) - 1))]
         bow = top - line[0] - ((top - line[0]) @ chord) * chord
         height = np.linalg.norm(bow)
         if height > 0.0:
@@ -282,8 +295,8 @@ def _beginnings(line: Floats, body: str, after: int) -> Iterator[Cylinder]:
 
 
 def _between(tree: KinematicTree, ends: Sequence[str]) -> list[str]:
-    """Return the bodies on the way from one to another."""
+    """Return the bodies between two bodies, ends included."""
     first, second = ([body, *(joint.parent for joint in tree.way_up(body))] for body in ends)
     common = next(body for body in first if body in second)
-    way = [*first[: first.index(common) + 1], *reversed(second[: second.index(common)])]
-    return list(dict.fromkeys(way))
+    bodies = [*first[: first.index(common) + 1], *reversed(second[: second.index(common)])]
+    return list(dict.fromkeys(bodies))

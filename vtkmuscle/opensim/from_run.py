@@ -1,4 +1,4 @@
-"""Muscles of a run in models of OpenSim and MuJoCo: paths with the run's lengths and moment arms."""
+"""Muscles of a run in OpenSim and MuJoCo models."""
 
 from __future__ import annotations
 
@@ -38,32 +38,32 @@ from vtkmuscle.scene.motion import joints_of
 from vtkmuscle.scene.validation import validated
 from vtkmuscle.scenes import Scene
 
-#: Error of a path over points in lengths and moment arms [m], root mean square, above which a cylinder is
-#: added: less than that of meshes and landmarks.
+#: Root mean square error of a point path in lengths and moment arms [m] above which a cylinder is added,
+#: below the accuracy of meshes and landmarks.
 TOLERANCE = 0.5e-3
 _FORMS = ("functions", "points")
-#: A path without a muscle in OpenSim.
+#: Class of a path without muscle properties in OpenSim.
 GEOMETRY_ONLY = "PathActuator"
 
 
 @dataclass(frozen=True, eq=False)
 class ExportedMuscle:
-    """A group of fibres as it was written, and its errors against the run.
+    """A group of fibres as written, and its errors against the run.
 
     Attributes
     ----------
     muscle : str
-        Of the scene.
+        Name in the scene.
     out : MuscleOut
         The muscle as written [m].
     fibres : tuple of int
-        The group: the muscle stands for their mean.
+        Fibres of the group; the muscle is fitted to their mean.
     group_error : float
-        RMS of the changes of their paths' lengths against the group's mean [mm].
+        RMS of the fibres' length changes against the group's mean [mm].
     length_errors : (f,) array
-        Of the path's length against the group's mean, in the poses of the run [mm].
+        Errors of the path's length in the poses of the run [mm].
     arm_errors : dict of str to (f,) array
-        Of its moment arms against the group's mean, by coordinate [mm, 1 by a slide].
+        Errors of moment arms by coordinate [mm, 1 for a translation].
     """
 
     muscle: str
@@ -75,7 +75,7 @@ class ExportedMuscle:
 
     @property
     def errors(self) -> dict[str, Floats]:
-        """Errors (f,) of the length and of the moment arms by coordinate."""
+        """Errors (f,) of the length and of moment arms by coordinate."""
         return {"length": self.length_errors} | self.arm_errors
 
     def __str__(self) -> str:
@@ -84,21 +84,19 @@ class ExportedMuscle:
             what = f"a polynomial of {', '.join(path.names)}, order {path.order}"
         else:
             what = f"{len(path.points)} points and {len(path.cylinders)} cylinders"
-        listed = [
-            f"{name} {_rms(off):.2g} (at most {np.abs(off).max():.2g})" for name, off in self.errors.items()
+        errors = [
+            f"{name} {_rms(off):.2g} (max {np.abs(off).max():.2g})" for name, off in self.errors.items()
         ]
-        return (
-            f"{len(self.fibres)} fibres as {what}; errors in mm: {', '.join(listed)}; of the group "
-            f"{self.group_error:.2g}"
-        )
+        listed = ", ".join([*errors, f"group {self.group_error:.2g}"])
+        return f"{len(self.fibres)} fibres as {what}; errors in mm: {listed}"
 
 
-def errors_table(found: Sequence[ExportedMuscle]) -> Table:
-    """Return the errors of paths in the poses of the run, a row per muscle and length or coordinate."""
+def errors_table(muscles: Sequence[ExportedMuscle]) -> Table:
+    """Return path errors, a row per muscle and length or coordinate."""
     rows = (
-        (one.out.name, name, _rms(off), float(np.abs(off).max()), float(off.mean()))
-        for one in found
-        for name, off in one.errors.items()
+        (muscle.out.name, name, _rms(off), float(np.abs(off).max()), float(off.mean()))
+        for muscle in muscles
+        for name, off in muscle.errors.items()
     )
     return Table(("muscle", "of", "rms_mm", "largest_mm", "mean_mm"), rows)
 
@@ -110,20 +108,20 @@ class Export:
     Attributes
     ----------
     form : str
-        ``"functions"``, lengths as polynomials of the coordinates that a muscle crosses (FunctionBasedPath);
-        or ``"points"``, points on bones and cylinders to wind round, which MuJoCo has alone.
+        ``"functions"``: lengths as polynomials of the crossed coordinates (FunctionBasedPath).
+        ``"points"``: points on bones and cylinders, the only form for MuJoCo.
     groups : int
-        Groups of fibres per muscle, at most.
+        Largest number of fibre groups per muscle.
     parameters : mapping of str to mapping
-        Properties of each muscle in OpenSim. The others are those of the scene's ``hill``, or of the muscle
-        that it replaces, or follow from its architecture (fibres and pennation as measured at rest, where the
-        tendon is slack). Each group has its fibres' share of ``max_isometric_force``.
+        OpenSim properties by muscle. Missing properties come from the scene's ``hill``, from the replaced
+        muscle, or from the architecture: fibre length and pennation at rest, with a slack tendon. Each
+        group gets its fibres' share of ``max_isometric_force``.
     specific_tension : float
-        Force per cross-section [N/cm^2], for the muscles whose force is that of their architecture.
+        Force per cross-section [N/cm^2], for forces from the architecture.
     kind : str
-        Class of the muscles in OpenSim; ``"PathActuator"`` for paths without muscles' properties.
+        Muscle class in OpenSim; ``"PathActuator"`` for paths without muscle properties.
     masses : mapping of str to float
-        Of the bodies of a new model [kg]; the others have none.
+        Masses of bodies in a new model [kg], by default 0.
     """
 
     form: str = "functions"
@@ -147,25 +145,26 @@ def write_opensim(
     replace: Mapping[str, str] | None = None,
     **options: Any,
 ) -> list[ExportedMuscle]:
-    """Write the muscles of a scene with joints as a model of OpenSim.
+    """Write the muscles of a scene with joints as an OpenSim model.
 
-    Beside it are ``NAME_errors.csv``, and for a new model the meshes of bones and muscles in ``Geometry``.
+    Next to the model are ``NAME_errors.csv`` and, for a new model, meshes of bones and muscles in
+    ``Geometry``.
 
     Parameters
     ----------
     source : path
-        A scene.toml with ``[joints.NAME]`` or ``[opensim]``, which is run; or the folder of its results.
+        A scene.toml with ``[joints.NAME]`` or ``[opensim]``, which is run; or a folder of results.
     out : path
         The .osim file.
     result : Result, optional
-        Of a run of the scene, in place of another one.
+        Result of the scene, instead of a new run.
     into : path, optional
-        A model that the muscles are put into, all else staying as it is: that of ``[opensim]``, or one of
-        the same bodies and coordinates. By default none: a new model with the scene's joints.
+        A model that gets the muscles and stays otherwise unchanged: the model of ``[opensim]``, or a
+        model of the same bodies and coordinates. By default a new model with the scene's joints.
     replace : mapping of str to str, optional
-        By muscle of the scene, that of the model whose name and properties it takes.
+        By muscle of the scene: the model's muscle whose name and properties are reused.
     **options
-        Of :class:`~vtkmuscle.opensim.Export`.
+        Attributes of :class:`~vtkmuscle.opensim.Export`.
 
     Returns
     -------
@@ -175,85 +174,83 @@ def write_opensim(
     Raises
     ------
     SceneError, ValueError
-        If the scene has no joints, is mirrored, or a muscle failed, has no fibres, crosses a coordinate that
-        does not move or has no length left for a tendon; or if the model is not of version 4.
+        If the scene has no joints or is mirrored; if a muscle failed, has no fibres, crosses a constant
+        coordinate or leaves no tendon; or if the model is not of version 4.
     """
-    asked, names, theirs = Export(**options), dict(replace or {}), {}
+    export, names, reused = Export(**options), dict(replace or {}), {}
     if into is not None:
         model = checked_model(Path(into))
-        theirs = {name: model.muscle(one).parameters for name, one in names.items()}
+        reused = {name: model.muscle(replaced).parameters for name, replaced in names.items()}
     elif names:
-        raise InputError("replace", "there is no model whose muscles are replaced", "give it as into")
+        raise InputError("replace", "there is no model to replace muscles in", "give the model as into")
     run = _run_of(Path(source), result)
-    found = _exported(run, asked, theirs, names)
-    outs = [one.out for one in found]
+    muscles = _exported(run, export, reused, names)
+    outs = [muscle.out for muscle in muscles]
     if into is None:
         meshes = _meshes(run, Path(out))
-        text = osim_of(run.tree, outs, name=run.result.name, masses=asked.masses, meshes=meshes)
+        text = osim_of(run.tree, outs, name=run.result.name, masses=export.masses, meshes=meshes)
     else:
         text = enriched(Path(into), outs, replace=list(names.values()))
-    return _written(Path(out), text, found)
+    return _written(Path(out), text, muscles)
 
 
 def write_mujoco(
     source: str | PathLike[str], out: str | PathLike[str], *, result: Result | None = None, **options: Any
 ) -> list[ExportedMuscle]:
-    """Write the muscles of a scene with joints as a model of MuJoCo: tendons, and muscles that pull them.
+    """Write the muscles of a scene with joints as a MuJoCo model.
+
+    Muscles become tendons with actuators.
 
     Parameters
     ----------
     source, result : path, Result
-        As of :func:`write_opensim`.
+        As in :func:`write_opensim`.
     out : path
         The .xml file (MJCF).
     **options
-        Of :class:`~vtkmuscle.opensim.Export` but ``form``. A ``kind`` of ``"PathActuator"`` leaves tendons
-        without muscles.
+        Attributes of :class:`~vtkmuscle.opensim.Export` except ``form``. With the ``kind``
+        ``"PathActuator"``, tendons have no actuators.
 
     Returns
     -------
     list of ExportedMuscle
-        The muscles as written, and their errors.
+        The muscles as written, with errors.
 
     Raises
     ------
     SceneError, ValueError
-        As :func:`write_opensim`; and if MuJoCo has no such joints, see :func:`~vtkmuscle.opensim.mjcf_of`.
+        As :func:`write_opensim`; and for joints that MuJoCo lacks, see :func:`~vtkmuscle.opensim.mjcf_of`.
     """
-    asked = Export(form="points", **options)
+    export = Export(form="points", **options)
     run = _run_of(Path(source), result)
-    found = _exported(run, asked, {}, {})
-    text = mjcf_of(
-        run.tree,
-        [one.out for one in found],
-        name=run.result.name,
-        masses=asked.masses,
-        meshes=_meshes(run, Path(out)),
-        lengths={one.out.name: one.out.path.lengths(run.tree, run.values) for one in found},
-    )
-    return _written(Path(out), text, found)
+    muscles = _exported(run, export, {}, {})
+    outs = [muscle.out for muscle in muscles]
+    meshes = _meshes(run, Path(out))
+    lengths = {muscle.name: muscle.path.lengths(run.tree, run.values) for muscle in outs}
+    name, masses = run.result.name, export.masses
+    text = mjcf_of(run.tree, outs, name=name, masses=masses, meshes=meshes, lengths=lengths)
+    return _written(Path(out), text, muscles)
 
 
 def _meshes(run: _Run, out: Path) -> dict[str, list[str]]:
-    """Write the meshes of bones, and of muscles at rest on the bodies of their origins."""
+    """Write meshes of bones and, at rest, of muscles on origin bodies."""
     surfaces = {name: (run.joints.bodies[name], surface) for name, surface in run.scene.bones.items()}
     muscles = run.scene.muscles.items()
     surfaces |= {f"{name}_at_rest": (run.ends[name][0], muscle.surface) for name, muscle in muscles}
     return write_meshes(out.parent, surfaces, run.tree, run.joints.frame, run.metres)
 
 
-def _written(out: Path, text: str, found: list[ExportedMuscle]) -> list[ExportedMuscle]:
+def _written(out: Path, text: str, muscles: list[ExportedMuscle]) -> list[ExportedMuscle]:
     write_text(out, text)
-    errors_table(found).to_csv(out.with_name(f"{out.stem}_errors.csv"), digits=6)
-    return found
+    errors_table(muscles).to_csv(out.with_name(f"{out.stem}_errors.csv"), digits=6)
+    return muscles
 
 
 class _Run(NamedTuple):
     """A run of a scene with joints.
 
-    ``tree`` has its lengths and slides in metres, ``values`` (f,) are those of its coordinates, ``metres`` is
-    the length of the unit of the scene. By muscle, ``ends`` are the bodies of origin and insertion, and
-    ``crossed`` the coordinates that it crosses.
+    ``tree`` is in metres, ``values`` (f,) are its coordinates, ``metres`` is the scene's unit of length. By
+    muscle, ``ends`` are the bodies of origin and insertion, ``crossed`` the crossed coordinates.
     """
 
     scene: Scene
@@ -267,14 +264,14 @@ class _Run(NamedTuple):
 
 
 def _run_of(source: Path, result: Result | None) -> _Run:
-    """Return a run of a scene: its results where they are there, else it is run."""
+    """Return a scene and the results, from a new run if necessary."""
     path = source
     if source.is_dir():
         result = result or Result.load(source)
         path = Path(result.report["scene_file"])
         if not path.is_file() or file_digest(path) != result.report["sha256"]["scene"]:
-            what = f"the scene that was run, {path}, has changed or is no longer there"
-            raise InputError(source, what, "export its scene.toml, which runs it again")
+            problem = f"the scene of these results, {path}, has changed or is missing"
+            raise InputError(source, problem, "export the scene.toml, which runs the scene again")
     table = validated(parsed(path), path)
     files = SceneFiles(path)
     joints = joints_of(table, files)
@@ -290,75 +287,74 @@ def _run_of(source: Path, result: Result | None) -> _Run:
     for name, muscle in scene.muscles.items():
         bones = {area.role: area.bone for area in reversed(muscle.attachments)}
         ends[name] = (joints.bodies[bones["origin"]], joints.bodies[bones["insertion"]])
-        crossed[name] = tuple(one for one in tree.crossed(ends[name]) if one in (muscle.crosses or ()))
-        still = [one for one in crossed[name] if one not in values or np.ptp(values[one]) < 1e-9]
-        if still:
-            grid = ", ".join(f"{one} = [FIRST, LAST, STEP]" for one in crossed[name])
-            raise SceneError(
-                f"the motion does not move {', '.join(still)}, which muscle {name!r} crosses: the model "
-                "would have no moment arms by that",
-                "motion",
-                f"move it too, e.g. grid = {{ {grid} }}, or leave it out of muscles.{name}.crosses",
-                path,
-            )
+        crossed[name] = tuple(each for each in tree.crossed(ends[name]) if each in (muscle.crosses or ()))
+        constant = [each for each in crossed[name] if each not in values or np.ptp(values[each]) < 1e-9]
+        if constant:
+            grid = ", ".join(f"{each} = [FIRST, LAST, STEP]" for each in crossed[name])
+            problem = f"the motion does not move {', '.join(constant)}, crossed by muscle {name!r}: the "
+            problem += "model would lack moment arms"
+            remedy = f"extend the motion, e.g. grid = {{ {grid} }}, or shorten muscles.{name}.crosses"
+            raise SceneError(problem, "motion", remedy, path)
     result = result or scene.run(figures=False)
     now = {name: factors[name] * column[list(result.frames)] for name, column in values.items()}
     return _Run(scene, result, joints, tree, now, metres, ends, crossed)
 
 
 def _exported(
-    run: _Run, asked: Export, theirs: Mapping[str, Mapping[str, float]], names: Mapping[str, str]
+    run: _Run, export: Export, reused: Mapping[str, Mapping[str, float]], names: Mapping[str, str]
 ) -> list[ExportedMuscle]:
     """Return the muscles of a run as paths.
 
-    Muscles in ``names`` have the names of the muscles that they replace, whose properties are ``theirs``.
+    ``names`` are the replaced muscles by muscle of the scene, ``reused`` their properties.
     """
     result, muscles = run.result, run.scene.muscles
-    if unknown := sorted({*theirs, *asked.parameters} - {*muscles}):
-        raise InputError("", f"the scene has no muscle {unknown[0]!r}", f"it has {', '.join(muscles)}")
-    found: list[ExportedMuscle] = []
+    if unknown := sorted({*reused, *export.parameters} - {*muscles}):
+        raise InputError(
+            "", f"the scene has no muscle {unknown[0]!r}", f"its muscles are {', '.join(muscles)}"
+        )
+    exported: list[ExportedMuscle] = []
     for name, lengths in result.lengths.items():
         if len(lengths) < len(result.frames):
-            raise InputError(
-                "", f"muscle {name!r} failed after {len(lengths)} of {len(result.frames)} frames"
-            )
+            problem = f"muscle {name!r} failed after {len(lengths)} of {len(result.frames)} frames"
+            raise InputError("", problem)
         own = opensim_properties(muscles[name].hill, run.metres)
-        given = {**theirs.get(name, {}), **own, **asked.parameters.get(name, {})}
-        labels = group_fibres(lengths, asked.groups)
-        lines = _lines(run, name) if asked.form == "points" else None
+        properties = {**reused.get(name, {}), **own, **export.parameters.get(name, {})}
+        labels = group_fibres(lengths, export.groups)
+        lines = _lines(run, name) if export.form == "points" else None
         for group in range(int(labels.max()) + 1):
             label = names.get(name, name) + ("" if labels.max() == 0 else f"_{group + 1}")
-            found.append(_exported_group(run, asked, name, label, labels == group, lines, given))
-    return found
+            parts = (labels == group, lines, properties)
+            exported.append(_exported_group(run, export, name, label, *parts))
+    return exported
 
 
 def _exported_group(
     run: _Run,
-    asked: Export,
+    export: Export,
     name: str,
     label: str,
     members: Bools,
     lines: Floats | None,
     given: Mapping[str, float],
 ) -> ExportedMuscle:
-    """Return some fibres (n,) of a muscle as one muscle, over points where their lines are given."""
+    """Return a muscle's fibres (n,) as a path; with ``lines``, over points."""
     tree, values, lengths = run.tree, run.values, run.result.lengths[name]
     count = int(members.sum())
     arms = run.result.moment_arms()[name]
-    units = {one: 1000.0 if tree.coordinate(one).is_angle else 1.0 for one in run.crossed[name]}
+    units = {each: 1000.0 if tree.coordinate(each).is_angle else 1.0 for each in run.crossed[name]}
     mean = lengths[:, members].mean(axis=1) / 1000.0
-    by = {one: arms[one].arms[:, members].mean(axis=1) / unit for one, unit in units.items()}
+    mean_arms = {each: arms[each].arms[:, members].mean(axis=1) / unit for each, unit in units.items()}
     path: FunctionPath | PointPath
     if lines is None:
-        path = fit_length(mean, {one: values[one] for one in by}, by)
+        path = fit_length(mean, {each: values[each] for each in mean_arms}, mean_arms)
     else:
         line = lines[:, members].mean(axis=1)
-        path = fit_points(line, tree, values, run.ends[name], mean, by, tolerance=TOLERANCE)
+        path = fit_points(line, tree, values, run.ends[name], mean, mean_arms, tolerance=TOLERANCE)
     properties: dict[str, float] = {}
-    if asked.kind != GEOMETRY_ONLY:
+    if export.kind != GEOMETRY_ONLY:
         rest = {
-            one: np.clip([tree.coordinate(one).rest], column.min(), column.max())
-            for one, column in values.items()
+            each: np.clip([tree.coordinate(each).rest], column.min(), column.max())
+            for each, column in values.items()
         }
         properties = completed_properties(
             given,
@@ -366,21 +362,21 @@ def _exported_group(
             name,
             length=float(path.lengths(tree, rest)[0]),
             share=float(mean.mean() / lengths.mean() * 1000.0),
-            specific_tension=asked.specific_tension,
+            specific_tension=export.specific_tension,
         )
         properties["max_isometric_force"] *= count / len(members)
     return ExportedMuscle(
         name,
-        MuscleOut(label, path, properties, asked.kind),
+        MuscleOut(label, path, properties, export.kind),
         tuple(int(i) for i in np.flatnonzero(members)),
         _rms(group_errors(lengths[:, members], np.zeros(count, dtype=np.int64))),
         1000.0 * (path.lengths(tree, values) - mean),
-        {one: (moment_arm(path, tree, values, one) - arm) * units[one] for one, arm in by.items()},
+        {each: (moment_arm(path, tree, values, each) - arm) * units[each] for each, arm in mean_arms.items()},
     )
 
 
 def _lines(run: _Run, name: str) -> Floats:
-    """Return the points of the paths (f, n, p, 3) in the frame of the tree's root [m]."""
+    """Return the fibre paths (f, n, p, 3) in the root's frame [m]."""
     tree, joints = run.tree, run.joints
     rest, now = tree.poses({}), tree.poses(run.values)
     hold = rest[joints.fixed] @ inverses(now[joints.fixed])

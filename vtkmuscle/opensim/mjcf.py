@@ -1,4 +1,4 @@
-"""Models of MuJoCo (MJCF): a kinematic tree with spatial tendons over sites."""
+"""Text of MuJoCo models (MJCF): a kinematic tree with spatial tendons."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ from vtkmuscle.opensim.osim_text import CYLINDER, GYRATION, MuscleOut
 
 #: Highest power of a coupling in MuJoCo.
 _HIGHEST = 4
-#: Mass of a body for which none is given [kg].
+#: Default mass of a body [kg].
 LEAST_MASS = 0.001
-#: Attributes of geometry that is seen, and neither touches nor weighs anything.
+#: Attributes of visible geometry without contact and mass.
 _PASSIVE = {"contype": "0", "conaffinity": "0", "mass": "0", "rgba": "0.8 0.75 0.7 0.5"}
 
 
@@ -39,25 +39,25 @@ def mjcf_of(
 ) -> str:
     """Return a model of MuJoCo as text.
 
-    A turn or slide that is its coordinate itself is a joint of the coordinate's name. Where it is a
-    polynomial of a coordinate up to the fourth power, it is a joint of its own, ``JOINT_hinge2`` for a
-    second turn, that an equality couples.
+    A rotation or translation equal to its coordinate becomes a joint of the coordinate's name. A polynomial
+    up to the fourth power becomes a separate joint, e.g. ``JOINT_hinge2`` for a second rotation, coupled by
+    an equality.
 
     Parameters
     ----------
     tree : KinematicTree
         In metres.
     muscles : sequence of MuscleOut, optional
-        With paths over points that are fixed to bodies, and round cylinders.
+        With paths over fixed points and round cylinders.
     name : str, optional
-        Of the model.
+        Name of the model.
     masses : mapping of str to float, optional
-        Of the bodies [kg]; the others have 0.001 kg, for MuJoCo moves nothing without mass.
+        Masses of bodies [kg], by default 0.001 kg: MuJoCo moves no body without mass.
     meshes : mapping of str to sequence of str, optional
-        Of the bodies: names of .stl files, without suffix, in the folder ``Geometry`` beside the model.
+        By body: names of .stl files, without suffix, in the folder ``Geometry`` next to the model.
     lengths : mapping of str to array, optional
-        Of tendons in the poses of a run [m], by muscle: with them, and Hill's parameters, a tendon gets a
-        muscle.
+        Tendon lengths in the poses of a run [m], by muscle. A tendon with lengths and Hill parameters
+        gets a muscle.
 
     Returns
     -------
@@ -67,38 +67,37 @@ def mjcf_of(
     Raises
     ------
     ValueError
-        For what MuJoCo does not have: splines, paths that are functions, points that move or come and go.
+        For features that MuJoCo lacks: splines, paths as functions, moving and conditional points.
     """
     paths = {muscle.name: _path_of(muscle) for muscle in muscles}
     joints = _Joints(set(), [])
     sites = [site for muscle, path in paths.items() for site in _sites(muscle, path)]
 
     def inside(name: str) -> Iterator[Element]:
-        """Give the elements in a body: its meshes and sites, and the bodies that hang on it."""
+        """Yield a body's meshes, sites and child bodies."""
         for mesh in (meshes or {}).get(name, ()):
             yield made("geom", type="mesh", mesh=mesh, **_PASSIVE)
-        yield from (element for on, element in sites if on == name)
+        yield from (element for body, element in sites if body == name)
         for joint in tree.joints:
             if joint.parent == name:
                 mass = (masses or {}).get(joint.child, LEAST_MASS)
                 yield _body(joint, inside(joint.child), joints, mass)
 
     world = list(inside(tree.root))
-    for one in tree.couplings:
-        joints.couple(one.dependent, one.independent, one.function)
-    missing = sorted({one.name for one in tree.coordinates} - joints.names)
-    if missing:
-        raise InputError("", f"no joint is the coordinate {missing[0]!r} itself, as MuJoCo needs it")
-    files = [mesh for of_body in (meshes or {}).values() for mesh in of_body]
-    pulled = [one for one in muscles if lengths is not None and set(NEEDED) <= set(one.parameters)]
+    for coupling in tree.couplings:
+        joints.couple(coupling.dependent, coupling.independent, coupling.function)
+    for missing in sorted({coordinate.name for coordinate in tree.coordinates} - joints.names):
+        raise InputError("", f"no joint equals the coordinate {missing!r}, as MuJoCo requires")
+    files = [mesh for names in (meshes or {}).values() for mesh in names]
+    actuated = [muscle for muscle in muscles if lengths and set(NEEDED) <= set(muscle.parameters)]
     return xml_text(
         made(
             "mujoco",
             made("compiler", angle="radian", autolimits="true", meshdir=FOLDER),
             made("asset", *(made("mesh", name=mesh, file=f"{mesh}.stl") for mesh in files)),
             made("worldbody", *world),
-            made("tendon", *(made("spatial", *_tendon(*one), name=one[0]) for one in paths.items())),
-            made("actuator", *(_actuator(one, (lengths or {})[one.name]) for one in pulled)),
+            made("tendon", *(made("spatial", *_tendon(*item), name=item[0]) for item in paths.items())),
+            made("actuator", *(_actuator(muscle, (lengths or {})[muscle.name]) for muscle in actuated)),
             made("equality", *joints.equalities),
             model=name,
         )
@@ -106,7 +105,7 @@ def mjcf_of(
 
 
 class _Joints(NamedTuple):
-    """Names of the joints that have been written, and equalities between them."""
+    """Names of the joints written so far, and equalities between joints."""
 
     names: set[str]
     equalities: list[Element]
@@ -120,7 +119,7 @@ class _Joints(NamedTuple):
 
 
 def _body(joint: Joint, inner: Iterable[Element], joints: _Joints, mass: float) -> Element:
-    """Return a child's body: a frame at the joint, which moves, with the child's own frame in it."""
+    """Return a child's body inside a moving frame at the joint."""
     back = inverses(joint.child_frame[None])[0]
     parts = []
     shift = np.zeros(3)
@@ -129,18 +128,16 @@ def _body(joint: Joint, inner: Iterable[Element], joints: _Joints, mass: float) 
             if axis.coordinate is not None:
                 parts.append(_axis(joint, f"{kind}{number}", axis, axis.coordinate, joints))
                 continue
-            far = float(axis.at({}, 1)[0])
+            constant = float(axis.at({}, 1)[0])
             if kind == "slide":
-                shift = shift + far * axis.axis
-            elif far:
-                raise InputError(
-                    "", f"joint {joint.name!r} has a constant turn, which is not written for MuJoCo"
-                )
-    place = joint.parent_frame[:3, 3] + joint.parent_frame[:3, :3] @ shift
+                shift = shift + constant * axis.axis
+            elif constant:
+                raise InputError("", f"joint {joint.name!r}: constant rotations are not supported for MuJoCo")
+    position = joint.parent_frame[:3, 3] + joint.parent_frame[:3, :3] @ shift
     turn, own = (_quaternion(frame[:3, :3]) for frame in (joint.parent_frame, back))
     child = made("body", _inertial(mass), *inner, name=joint.child, pos=_numbers(back[:3, 3]), quat=own)
     name = f"{joint.name}_frame"
-    return made("body", *parts, _inertial(LEAST_MASS), child, name=name, pos=_numbers(place), quat=turn)
+    return made("body", *parts, _inertial(LEAST_MASS), child, name=name, pos=_numbers(position), quat=turn)
 
 
 def _axis(joint: Joint, label: str, axis: JointAxis, coordinate: str, joints: _Joints) -> Element:
@@ -157,41 +154,40 @@ def _polynomial(function: CoordinateFunction, what: str) -> Floats:
     if isinstance(function, Polynomial) and len(function.coefficients) <= _HIGHEST + 1:
         return function.coefficients
     kind = type(function).__name__
-    raise InputError("", f"{what}: MuJoCo has polynomials up to power {_HIGHEST} only, not {kind}")
+    raise InputError("", f"{what}: MuJoCo supports polynomials up to power {_HIGHEST}, not {kind}")
 
 
 def _path_of(muscle: MuscleOut) -> PointPath:
     path = muscle.path
     if not isinstance(path, PointPath):
-        raise InputError(
-            "", f"muscle {muscle.name!r} is a function of coordinates, which MuJoCo has not; give points"
-        )
+        problem = f"muscle {muscle.name!r} is a function of coordinates, which MuJoCo does not support"
+        raise InputError("", problem, "give points")
     if any(point.moves or point.only_in is not None for point in path.points):
-        raise InputError("", f"muscle {muscle.name!r}: MuJoCo has no points that move, or come and go")
+        raise InputError("", f"muscle {muscle.name!r}: MuJoCo has no moving or conditional points")
     return path
 
 
 def _sites(muscle: str, path: PointPath) -> Iterator[tuple[str, Element]]:
-    """Give the points and cylinders of a path: bodies, and elements on them."""
+    """Yield the body and the element of each point and cylinder."""
     for i, point in enumerate(path.points, start=1):
-        yield point.body, made("site", name=f"{muscle}-P{i}", pos=_numbers(point.place))
-    for i, one in enumerate(path.cylinders, start=1):
-        turn, size = _quaternion(one.frame), _numbers([one.radius, CYLINDER / 2.0])
-        where = {"pos": _numbers(one.centre), "quat": turn, "size": size, "group": "3"}
-        yield one.body, made("geom", name=f"{muscle}-C{i}", type="cylinder", **where, **_PASSIVE)
+        yield point.body, made("site", name=f"{muscle}-P{i}", pos=_numbers(point.position))
+    for i, cylinder in enumerate(path.cylinders, start=1):
+        turn, size = _quaternion(cylinder.frame), _numbers([cylinder.radius, CYLINDER / 2.0])
+        where = {"pos": _numbers(cylinder.centre), "quat": turn, "size": size, "group": "3"}
+        yield cylinder.body, made("geom", name=f"{muscle}-C{i}", type="cylinder", **where, **_PASSIVE)
 
 
 def _tendon(muscle: str, path: PointPath) -> Iterator[Element]:
-    """Give the points and cylinders of a path in the order in which it goes over them."""
-    round_it = {one.after: i for i, one in enumerate(path.cylinders, start=1)}
+    """Yield a path's points and cylinders in path order."""
+    cylinders = {cylinder.after: i for i, cylinder in enumerate(path.cylinders, start=1)}
     for i in range(len(path.points)):
         yield made("site", site=f"{muscle}-P{i + 1}")
-        if i in round_it:
-            yield made("geom", geom=f"{muscle}-C{round_it[i]}")
+        if i in cylinders:
+            yield made("geom", geom=f"{muscle}-C{cylinders[i]}")
 
 
 def _actuator(muscle: MuscleOut, lengths: Floats) -> Element:
-    """Return a muscle of MuJoCo: its lengths are in parts of the optimal one, along the tendon."""
+    """Return a MuJoCo muscle with lengths in optimal fibre lengths."""
     force, fibre, tendon = (muscle.parameters[name] for name in NEEDED)
     cosine = float(np.cos(muscle.parameters.get("pennation_angle_at_optimal", 0.0)))
     ends = np.array([lengths.min(), lengths.max()])

@@ -1,4 +1,4 @@
-"""Models of OpenSim: bodies, joints, couplings, markers, muscles' paths and names of meshes."""
+"""Models of OpenSim: bodies, joints, couplings, markers, muscle paths and mesh names."""
 
 from __future__ import annotations
 
@@ -24,16 +24,16 @@ __all__ = ["BodyMesh", "Marker", "MotionFile", "OsimModel", "checked_model", "re
 
 @dataclass(frozen=True, eq=False)
 class Marker:
-    """A marker on a body: its name, the body's, and where on it (3,)."""
+    """A marker with its position (3,) on a body [m]."""
 
     name: str
     body: str
-    place: Floats
+    position: Floats
 
 
 @dataclass(frozen=True, eq=False)
 class BodyMesh:
-    """A mesh of a body: its file's name, its scale (3,), and its frame on the body (4, 4)."""
+    """A mesh file with its scale (3,) and frame (4, 4) on a body."""
 
     body: str
     file: str
@@ -43,25 +43,24 @@ class BodyMesh:
 
 @dataclass(frozen=True, eq=False)
 class OsimModel:
-    """A model of OpenSim as far as it is understood: lengths in metres, angles in radians.
+    """A model of OpenSim, in metres and radians.
 
     Attributes
     ----------
     name : str
         Name of the model.
     tree : KinematicTree
-        Its bodies and joints; the root is the ground.
+        Bodies and joints; the root is the ground.
     markers : tuple of Marker
         Points on bodies.
     muscles : dict of str to OsimMuscle
         Muscles and other actuators along a path, by name.
     meshes : tuple of BodyMesh
-        Names of files.
+        Names of mesh files.
     joint_of : dict of str to str
-        The joint of each coordinate.
+        Joint of each coordinate.
     not_used : tuple of str
-        Parts of the file that do not decide where bodies are and muscles run: forces without a path,
-        controllers, contact geometry and probes.
+        Parts of the file without effect here: forces without a path, controllers, contact geometry, probes.
     """
 
     name: str
@@ -73,35 +72,34 @@ class OsimModel:
     not_used: tuple[str, ...] = ()
 
     def muscle(self, name: str) -> OsimMuscle:
-        """Return a muscle by its name; ValueError if there is none."""
+        """Return a muscle by name; ValueError for an unknown name."""
         if name not in self.muscles:
             raise InputError("", f"the model has no muscle {name!r}; {suggestion(name, self.muscles)}")
         return self.muscles[name]
 
 
 def read_osim(path: str | PathLike[str]) -> OsimModel:
-    """Read a model of OpenSim, of version 3 or 4, without OpenSim.
+    """Read a model of OpenSim 3 or 4, without OpenSim.
 
     Parameters
     ----------
     path : path
-        An .osim file. Joints of the types Weld, Pin, Slider, Universal, Ball, Gimbal, Planar, Free and Custom
-        are understood; functions that are constant, linear, polynomial, piecewise linear, sines, SimmSplines
-        and multiples of these; CoordinateCouplerConstraints of one coordinate; path points that are fixed,
-        conditional or moving, and paths that are polynomials of coordinates.
+        An .osim file. Supported: joints Weld, Pin, Slider, Universal, Ball, Gimbal, Planar, Free and
+        Custom; constant, linear, polynomial, piecewise linear, sine and SimmSpline functions and
+        multiples of a function; CoordinateCouplerConstraints of 1 coordinate; fixed, conditional and
+        moving path points; paths as polynomials of coordinates.
 
     Returns
     -------
     OsimModel
-        With all lengths in metres.
+        All lengths in metres.
 
     Raises
     ------
     FileNotFoundError
-        If there is no such file.
+        If the file does not exist.
     ValueError
-        If it is no model, or a part that decides where bodies are is not understood; the message names the
-        part and its line.
+        If the file is no model, or an unsupported part affects body poses; the message names part and line.
 
     References
     ----------
@@ -112,7 +110,7 @@ def read_osim(path: str | PathLike[str]) -> OsimModel:
 
 
 def checked_model(path: Path) -> OsimModel:
-    """Return a model of OpenSim that muscles can be put into; ValueError if it is not of version 4."""
+    """Return a model for further muscles; ValueError before version 4."""
     version = read_xml(path).attributes.get("Version", "0")
     if not version.isdecimal() or int(version) < 40000:
         raise InputError(path, f"the model is of version {version}", "save it again with OpenSim 4")
@@ -126,53 +124,52 @@ def _model_in(model: Element) -> OsimModel:
     tree, joint_of = tree_in(model, frames, not_used)
     for name, (body, _) in frames.items():
         if name == body and name not in tree.bodies:
-            raise model.error(f"the body {name!r} hangs on no joint")
+            raise model.error(f"the body {name!r} has no joint")
     muscles = _muscles(model, frames, tree, not_used)
-    not_used += [f"{tag}: {one}" for tag in NOT_USED for one in model.within(tag)]
-    for tag in ("ComponentSet", "components"):
-        for one in model.within(tag):
-            raise one.error("further components are not understood", "remove it")
-    return OsimModel(
-        model.name, tree, _markers(model, frames), muscles, tuple(meshes), joint_of, tuple(not_used)
-    )
+    not_used += [f"{tag}: {part}" for tag in NOT_USED for part in model.within(tag)]
+    for component in [*model.within("ComponentSet"), *model.within("components")]:
+        raise component.error("further components are not supported", "remove it")
+    markers = _markers(model, frames)
+    return OsimModel(model.name, tree, markers, muscles, tuple(meshes), joint_of, tuple(not_used))
 
 
 def _meshes(name: str, body: Element, not_used: list[str]) -> Iterator[BodyMesh]:
-    for one in body.within("attached_geometry"):
-        if one.tag == "Mesh":
-            scale = one.vector("scale_factors", default=[1, 1, 1])
-            yield BodyMesh(name, one.word("mesh_file"), scale, np.eye(4))
+    for mesh in body.within("attached_geometry"):
+        if mesh.tag == "Mesh":
+            scale = mesh.vector("scale_factors", default=[1, 1, 1])
+            yield BodyMesh(name, mesh.word("mesh_file"), scale, np.eye(4))
         else:
-            not_used.append(f"geometry of {name!r}: {one}")
+            not_used.append(f"geometry of {name!r}: {mesh}")
     visible = body.find("VisibleObject")
     if visible is not None:
         scale = visible.vector("scale_factors", default=[1, 1, 1])
-        for one in visible.within("GeometrySet"):
-            own = one.vector("scale_factors", default=[1, 1, 1])
-            turn = one.vector("transform", 6)
-            yield BodyMesh(name, one.word("geometry_file"), scale * own, frame_at(turn[3:], turn[:3]))
+        for mesh in visible.within("GeometrySet"):
+            own = mesh.vector("scale_factors", default=[1, 1, 1])
+            transform = mesh.vector("transform", 6)
+            frame = frame_at(transform[3:], transform[:3])
+            yield BodyMesh(name, mesh.word("geometry_file"), scale * own, frame)
 
 
 def _markers(model: Element, frames: Frames) -> tuple[Marker, ...]:
     markers = of_kind("Marker", model.within("MarkerSet"))
-    for one in markers:
-        one.only(("socket_parent_frame", "body", "location", "fixed", "VisibleObject", "display"))
-    return tuple(Marker(one.name, *point_on(one, frames)) for one in markers)
+    for marker in markers:
+        marker.only(("socket_parent_frame", "body", "location", "fixed", "VisibleObject", "display"))
+    return tuple(Marker(marker.name, *point_on(marker, frames)) for marker in markers)
 
 
 def _muscles(
     model: Element, frames: Frames, tree: KinematicTree, not_used: list[str]
 ) -> dict[str, OsimMuscle]:
-    known = {one.name for one in tree.coordinates}
-    found: dict[str, OsimMuscle] = {}
-    for one in model.within("ForceSet"):
-        muscle = muscle_in(one, frames)
+    coordinates = {coordinate.name for coordinate in tree.coordinates}
+    muscles: dict[str, OsimMuscle] = {}
+    for force in model.within("ForceSet"):
+        muscle = muscle_in(force, frames)
         if muscle is None:
-            not_used.append(f"ForceSet: {one}")
+            not_used.append(f"ForceSet: {force}")
             continue
-        if one.name in found:
-            raise one.error("there is another muscle of this name")
-        for name in sorted(muscle.path.named - known):
-            raise one.error(f"there is no coordinate {name!r}", suggestion(name, sorted(known)))
-        found[one.name] = muscle
-    return found
+        if force.name in muscles:
+            raise force.error("another muscle has this name")
+        for name in sorted(muscle.path.named - coordinates):
+            raise force.error(f"there is no coordinate {name!r}", suggestion(name, sorted(coordinates)))
+        muscles[force.name] = muscle
+    return muscles

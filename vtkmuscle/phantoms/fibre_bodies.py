@@ -1,4 +1,4 @@
-"""Muscles whose fibres are known: straight blocks, and an oblique belly."""
+"""Muscles whose fibres are known: straight blocks."""
 
 from __future__ import annotations
 
@@ -11,9 +11,8 @@ from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.attachments import AttachmentArea
-from vtkmuscle.phantoms.implicit import Solid
-from vtkmuscle.phantoms.meshing import box, mesh_of
-from vtkmuscle.phantoms.phantom import Answer, Phantom, Surface, circle, ends, phantom_from
+from vtkmuscle.phantoms.meshing import box
+from vtkmuscle.phantoms.phantom import Answer, Phantom, Surface, phantom_from
 
 #: Width (x, between the aponeuroses), depth (y) and length (z) of the block [mm].
 WIDTH, DEPTH, LENGTH = 20.0, 40.0, 120.0
@@ -141,77 +140,3 @@ def _ring(corners: Floats) -> Floats:
         count = int(np.ceil(np.linalg.norm(b - a) / LANDMARKS - 1e-9))
         sides.append(a + np.arange(count)[:, None] / count * (b - a))
     return np.vstack(sides)
-
-
-#: Half axes of the belly's proximal aponeurosis, along x and y, and its thickness along z [mm]. Fibres are
-#: nearly as long as those of a dissected medial gastrocnemius (51 mm; Ward et al. 2009,
-#: doi:10.1007/s11999-008-0594-8).
-HALF_LENGTH, HALF_WIDTH, THICKNESS = 75.0, 28.0, 15.0
-#: How far along x a fibre of the middle goes [mm], and by how much more for each mm of its start along x.
-ADVANCE, GAIN = 40.0, 0.12
-#: Width over which the belly's edges are round [mm]; the aponeuroses reach so far of the way to them.
-RIM, REACH = 3.0, 0.92
-
-
-def pennate_belly() -> Phantom:
-    """Return a muscle between two flat aponeuroses, elliptic and parallel, shifted against each other.
-
-    The fibre from the place (x, y, 0) of the proximal aponeurosis goes straight to (x + 40 + 0.12 x, y, 15)
-    on the distal one [mm]: of all maps that keep shares of the areas, this one has the least sum of squared
-    distances. The areas of attachment are these aponeuroses. The plate ``distal_plate`` slides along x, away,
-    by the pipeline's time in mm.
-
-    Returns
-    -------
-    Phantom
-        Known answers: ``known["fibre_length"](x)`` [mm] and ``known["pennation"](x)`` [degrees], against both
-        aponeuroses, of the fibre that begins at x, and ``known["volume"]`` [mm^3], of the belly with sharp
-        edges.
-
-    Examples
-    --------
-    >>> from vtkmuscle.phantoms import pennate_belly
-    >>> known = pennate_belly().known
-    >>> [round(known["fibre_length"](x), 1) for x in (-60.0, 0.0, 60.0)], round(known["pennation"](0.0), 1)
-    ([36.1, 42.7, 49.5], 20.6)
-    """
-    wide = np.array([1.0 + GAIN, 1.0, 1.0])
-    up = np.array([ADVANCE, 0.0, THICKNESS])
-    high = np.array([HALF_LENGTH + RIM, HALF_WIDTH + RIM, 0.0])
-    low = np.append(-high[:2], -PLATE)
-    above = np.array([ADVANCE, 0.0, THICKNESS + PLATE])
-    ring = circle(1.0, int(2.0 * np.pi * HALF_LENGTH / 6.0)) * [HALF_LENGTH, HALF_WIDTH, 0.0] * REACH
-    return phantom_from(
-        "pennate_belly",
-        bones={
-            "proximal_plate": box(low, high, 5.0),
-            "distal_plate": box(wide * low + above, wide * high + above, 5.0),
-        },
-        muscles={"belly": mesh_of(_belly(), 1.5, 4000)},
-        areas={"belly": ends("proximal_plate", ring, "distal_plate", wide * ring + up)},
-        motion=sliding("distal_plate", (1, 0, 0)),
-        template="pennate",
-        known={
-            "volume": np.pi * HALF_LENGTH * HALF_WIDTH * THICKNESS * (1.0 + GAIN / 2.0),
-            "fibre_length": lambda x: float(np.hypot(ADVANCE + GAIN * x, THICKNESS)),
-            "pennation": lambda x: float(np.degrees(np.arctan2(THICKNESS, ADVANCE + GAIN * x))),
-        },
-    )
-
-
-def _belly() -> Solid:
-    """Return the solid that the fibres from the proximal aponeurosis fill."""
-
-    def field(points: Floats) -> tuple[Floats, Floats]:
-        t = points[:, 2] / THICKNESS
-        widening = 1.0 + GAIN * t
-        x, y = (points[:, 0] - ADVANCE * t) / widening / HALF_LENGTH, points[:, 1] / HALF_WIDTH
-        radius = np.maximum(np.hypot(x, y), 1e-12)
-        along_z = -(ADVANCE / HALF_LENGTH + GAIN * x) / (THICKNESS * widening)
-        slope = np.column_stack([x / (widening * HALF_LENGTH), y / HALF_WIDTH, x * along_z]) / radius[:, None]
-        return HALF_WIDTH * (radius - 1.0), HALF_WIDTH * slope
-
-    size = np.array([HALF_LENGTH, HALF_WIDTH, 0.0])
-    far = np.array([ADVANCE + (1.0 + GAIN) * HALF_LENGTH, HALF_WIDTH, THICKNESS])
-    up = np.array([0.0, 0.0, 1.0])
-    return Solid(field, -size, far).beside((0.0, 0.0, 0.0), -up, RIM).beside(THICKNESS * up, up, RIM)

@@ -1,9 +1,8 @@
-"""Off-screen pictures of a run: muscles, fibres and bones, fibre lengths and moment arms over time.
+"""Pictures and figures of a run: muscles, bones, fibre lengths and moment arms.
 
-Surfaces are rendered in parallel projection on white, by VTK into figures and by PyVista where they are to be
-moved; panels, titles, legends and curves are set with matplotlib's objects, so that no library's global state
-is touched. Nothing here opens
-a window unless asked to.
+Surfaces are rendered in parallel projection on white, by VTK for figures and by PyVista for windows. Panels,
+titles, legends and curves are objects of matplotlib, without changes to the global state of a library.
+Windows open on request only.
 """
 
 import lazy_loader

@@ -1,4 +1,4 @@
-"""Bones, muscles, fibres and fixed points as VTK draws them."""
+"""Bones, muscles, fibres and fixed points as VTK actors."""
 
 from __future__ import annotations
 
@@ -44,10 +44,10 @@ def actors_of(
     fixed_points: bool = False,
     finer: float = 1.0,
 ) -> list[vtkActor]:
-    """Return muscles, fibres and fixed points, as of :func:`~vtkmuscle.plotting.make_plotter`.
+    """Return muscles, fibres and fixed points, as in :func:`~vtkmuscle.plotting.make_plotter`.
 
-    Only the far wall of a muscle with fibres is drawn, in grey, so that it does not tint their colours.
-    ``finer`` is the number of pixels rendered for one of the picture, along each side.
+    A muscle with fibres shows its far wall only, in grey, without tinting the fibres' colours. ``finer`` is
+    the number of rendered pixels per picture pixel, along each side.
     """
     actors = []
     if fibres is not None and fibres.GetNumberOfLines():
@@ -65,21 +65,21 @@ def actors_of(
 
 
 def bone_actor(bone: DrawnBone) -> vtkActor:
-    """Return a bone at rest in ivory; the triangles of a closed bone are not drawn from behind."""
+    """Return a bone at rest in ivory; closed bones hide back faces."""
     surface = _with_normals(surface_from(bone.points, bone.triangles), bone.normals)
     return _actor(surface, IVORY, backface_culling=bone.solid)
 
 
 def surface_actor(surface: vtkPolyData, colour: str = IVORY, *, opacity: float = 1.0) -> vtkActor:
-    """Return a surface of triangles, translucent where its opacity is below 1."""
+    """Return a surface of triangles, translucent for an opacity below 1."""
     points, triangles = points_of(surface), triangles_of(surface, "plotting")
     own = _with_normals(surface_from(points, triangles), vertex_normals(points, triangles))
-    # Back faces of a translucent surface would be blended in no particular order.
+    # Back faces of a translucent surface would be blended in arbitrary order.
     return _actor(own, colour, opacity=opacity, backface_culling=opacity < 1.0)
 
 
 def move_points(actor: vtkActor, points: Floats) -> None:
-    """Move the points of a surface, whose normals follow, or of lines."""
+    """Move the points of a surface, with its normals, or of lines."""
     data = actor.GetMapper().GetInput()
     data.SetPoints(vtk_points(points))
     if data.GetNumberOfPolys():
@@ -87,14 +87,14 @@ def move_points(actor: vtkActor, points: Floats) -> None:
 
 
 def fixed_point_actors(muscle: vtkPolyData, diameter: float) -> list[vtkActor]:
-    """Return the fixed points of a muscle as balls [pixels], for each bone in its colour."""
+    """Return the fixed points of a muscle as balls [pixels], coloured by bone."""
     points, fixed_to = points_of(muscle), fixed_bones(muscle)
     actors = []
     for bone in np.unique(fixed_to[fixed_to >= 0]):
-        held = points[fixed_to == bone]
+        fixed = points[fixed_to == bone]
         vertices = vtkCellArray()
-        vertices.SetData(1, numpy_to_vtk(np.arange(len(held)), deep=True))
-        balls = vtkPolyData(points=vtk_points(held), verts=vertices)
+        vertices.SetData(1, numpy_to_vtk(np.arange(len(fixed)), deep=True))
+        balls = vtkPolyData(points=vtk_points(fixed), verts=vertices)
         colour = PALETTE[bone % len(PALETTE)]
         look = {"ambient": 0.3, "render_points_as_spheres": True, "point_size": diameter}
         actors.append(_actor(balls, colour, **look))
@@ -102,7 +102,7 @@ def fixed_point_actors(muscle: vtkPolyData, diameter: float) -> list[vtkActor]:
 
 
 def line_actor(lines: vtkPolyData, colour: str) -> vtkActor:
-    """Return polylines in a pale tint of a colour, as wide as 2.5 pixels."""
+    """Return polylines in a pale tint, 2.5 pixels wide."""
     look = {"line_width": 2.5, "render_lines_as_tubes": True, "ambient": 0.0, "specular": 0.0}
     actor = _actor(polylines_from(polylines_of(lines, "plotting: fibres")), colour, **look)
     actor.GetProperty().SetColor(*(0.5 + 0.5 * part for part in to_rgb(colour)))
@@ -110,7 +110,7 @@ def line_actor(lines: vtkPolyData, colour: str) -> vtkActor:
 
 
 def strain_colours(strain: Floats, limit: float) -> NDArray[np.uint8]:
-    """Return the colours (n, 3) of strains (n,) [%], full at a limit in either direction.
+    """Return the colours (n, 3) of strains (n,) [%], saturated at a limit.
 
     Examples
     --------
@@ -122,22 +122,22 @@ def strain_colours(strain: Floats, limit: float) -> NDArray[np.uint8]:
     return _colours(FIBRE_MAP, 0.5 + 0.5 * strain / limit)
 
 
-def place_colours(places: Floats) -> NDArray[np.uint8]:
-    """Return the colours (n, 3) of places (n,) across a muscle, 0 to 1."""
-    return _colours(PLACE_MAP, places)
+def position_colours(positions: Floats) -> NDArray[np.uint8]:
+    """Return the colours (n, 3) of positions (n,) across a muscle, 0 to 1."""
+    return _colours(PLACE_MAP, positions)
 
 
 def fibre_actor(fibres: vtkPolyData, width: float, colours: NDArray[np.uint8] | None = None) -> vtkActor:
-    """Return the splines through the points of fibres, as wide as ``width`` [pixels] and shaded as tubes.
+    """Return splines through fibre points, ``width`` [pixels] wide and shaded as tubes.
 
-    ``colours`` are (n_fibres, 3). A picture of tubes of triangles takes a third longer.
+    ``colours`` are (n_fibres, 3). Rendering tubes of triangles takes a third longer.
     """
     lines = polylines_from(polylines_of(fibres, "plotting: fibres"))
     if colours is not None:
         set_cell_array(lines, _COLOURS, colours)
-    # Bent at its ends as at the points beside them, which keeps arcs round.
+    # The end curvature equals the neighbouring point's, so that arcs stay round.
     cubic = vtkCardinalSpline(left_constraint=3, right_constraint=3, left_value=1.0, right_value=1.0)
-    # Lines have gaps where they bend: of as many pieces as this, none that is seen.
+    # Thick lines have gaps at bends; with this many pieces, gaps are invisible.
     pieces = max(24, round(5.0 * width))
     splines = vtkSplineFilter(spline=cubic, input_data=lines, number_of_subdivisions=pieces)
     splines.SetSubdivideToSpecified()
@@ -154,7 +154,7 @@ def fibre_actor(fibres: vtkPolyData, width: float, colours: NDArray[np.uint8] | 
 
 
 def fixed_bones(muscle: vtkPolyData) -> Ints:
-    """Return the index of the bone that each point is fixed to, -1 for a free one, from ``FixedTo``."""
+    """Return the bone index of each point from ``FixedTo``, -1 for free points."""
     if muscle.GetPointData().GetArray("FixedTo") is None:
         return np.full(muscle.GetNumberOfPoints(), -1)
     return point_array(muscle, "FixedTo", "plotting: muscle").astype(np.int64)
@@ -171,7 +171,7 @@ def _with_normals(surface: vtkPolyData, normals: Floats) -> vtkPolyData:
 
 
 def _actor(data: vtkPolyData, colour: str, **look: Any) -> vtkActor:
-    """Return data in one colour; ``look`` are properties of a vtkProperty."""
+    """Return data in a colour; ``look`` are properties of a vtkProperty."""
     shine = {"ambient": 0.15, "specular": 0.1, "specular_power": 100.0, "interpolation": VTK_PHONG}
     return vtkActor(
         mapper=vtkPolyDataMapper(input_data=data, scalar_visibility=False),

@@ -1,6 +1,6 @@
-"""Figures to be drawn, and the test whether pictures can be rendered here.
+"""Figures to be drawn, and the test of off-screen rendering.
 
-VTK may end the process that renders, where a driver is at fault. So a child process tries it first.
+A faulty driver may end the process in VTK, so a child process renders first.
 """
 
 from __future__ import annotations
@@ -17,17 +17,17 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 import vtkmuscle.plotting
+from vtkmuscle.core.machine import python_command
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.drawn_bones import DrawnBones
 from vtkmuscle.io.writing import replacing
-from vtkmuscle.isolation import isolated_python
 
 if TYPE_CHECKING:
     from vtkmuscle.plotting.studio import Studio
 
 
 PREFLIGHT_TIMEOUT = 120.0  # seconds; a first import from a cold disk is slow
-#: Renders a tiny picture, and ends with status 3 where that comes to nothing.
+#: Renders a tiny picture; ends with status 3 if the picture is empty.
 TEST_PICTURE = """
 sys.modules["numpy"] = None  # VTK would load it, which takes longer than all else here
 import vtkmodules.vtkRenderingOpenGL2
@@ -45,21 +45,21 @@ if not pixel.GetNumberOfTuples() or pixel.GetTuple(0)[0] != 255:
     raise SystemExit(3)
 window.Finalize()
 """
-#: What VTK's log puts before a message: time, thread and level; colours.
+#: Prefix of messages in VTK's log: time, thread and level; colours.
 _LOG_PREFIX = re.compile(r"^.*\b(WARN|ERR)\|\s|\x1b\[[0-9;]*m")
 
 
 @cache
 def can_render() -> str | None:
-    """Return None if pictures can be rendered off-screen here, or else the reason why not.
+    """Return None if pictures can be rendered off-screen, or else the reason.
 
-    A tiny picture is rendered in a child process, once per process: without an OpenGL library VTK does
-    not raise an error but may end the process.
+    A child process renders a tiny picture, once per process: without an OpenGL library, VTK may end the
+    process instead of raising an error.
 
     Returns
     -------
     str or None
-        The reason in words, for the user.
+        The reason in words.
 
     Examples
     --------
@@ -70,9 +70,7 @@ def can_render() -> str | None:
     """
     options: dict[str, Any] = {"capture_output": True, "text": True, "errors": "replace"}
     try:
-        done = subprocess.run(
-            isolated_python(TEST_PICTURE), check=False, timeout=PREFLIGHT_TIMEOUT, **options
-        )
+        done = subprocess.run(python_command(TEST_PICTURE), check=False, timeout=PREFLIGHT_TIMEOUT, **options)
     except subprocess.TimeoutExpired:
         return f"a test picture was not finished within {PREFLIGHT_TIMEOUT:.0f} s"
     if done.returncode == 0:
@@ -87,7 +85,7 @@ def can_render() -> str | None:
 
 
 class MuscleFrame(NamedTuple):
-    """A muscle in a frame: its surface, the bones' transforms from rest, its fibres, and words above it."""
+    """A muscle in a frame: surface, transforms of bones from rest, fibres, and title."""
 
     muscle: vtkPolyData
     transforms: Mapping[str, Floats]
@@ -97,9 +95,9 @@ class MuscleFrame(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class FigureOrder:
-    """A figure to be drawn: its file's name, and a function of :mod:`vtkmuscle.plotting` with its arguments.
+    """A figure to be drawn: file name, function of :mod:`vtkmuscle.plotting`, and arguments.
 
-    The bones and the studio are arguments of those that are ``rendered``.
+    ``rendered`` figures also take the bones and the studio.
     """
 
     name: str
@@ -110,7 +108,7 @@ class FigureOrder:
     def write(
         self, folder: Path, bones: DrawnBones, studio: Studio, form: str = "png", dpi: float = 150.0
     ) -> Path:
-        """Draw it, and return the file in a folder, which is made where it does not exist."""
+        """Draw the figure into a folder, made if missing, and return the file."""
         from vtkmuscle.plotting.sheets import save_figure  # noqa: PLC0415 -- loads matplotlib
 
         scene = {"bones": bones, "studio": studio} if self.rendered else {}

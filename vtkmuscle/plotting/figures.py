@@ -1,4 +1,4 @@
-"""The figures of a run, as matplotlib has them: ``figure.savefig(path)`` writes one."""
+"""The figures of a run as matplotlib figures."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import polylines_of
 from vtkmuscle.data.drawn_bones import DrawnBones
 from vtkmuscle.io.literature import LiteratureCurve, curves_for, drawn
-from vtkmuscle.plotting.actors import actors_of, fixed_bones, place_colours, strain_colours
+from vtkmuscle.plotting.actors import actors_of, fixed_bones, position_colours, strain_colours
 from vtkmuscle.plotting.colours import FIBRE_MAP, MUSCLE_RED, PALETTE, PLACE_MAP
 from vtkmuscle.plotting.drawing import MuscleFrame
 from vtkmuscle.plotting.sheets import (
@@ -50,23 +50,23 @@ def plot_rest_pose(
     title: str = "",
     units: str = "mm",
 ) -> Figure:
-    """Return a picture of the muscles at rest, their fixed points marked by bone.
+    """Return a picture of the muscles at rest, fixed points coloured by bone.
 
     Parameters
     ----------
     muscles : mapping of str to vtkPolyData
         With the point array ``FixedTo``.
     bones : DrawnBones
-        At rest, too.
+        At rest.
     studio : Studio
-        Where the pictures are taken.
+        Renders the pictures.
     title, units : str, optional
-        What to write above the panels, and at the scale bars.
+        Title, and unit of the scale bars.
 
     Returns
     -------
     matplotlib.figure.Figure
-        To be saved by ``savefig``.
+        For ``savefig``.
     """
     hiding = bones.spread()
     panels = []
@@ -99,40 +99,41 @@ def plot_muscle(
     title: str = "",
     units: str = "mm",
 ) -> Figure:
-    """Return a picture of one muscle in several frames, side by side, seen from the same place.
+    """Return a picture of a muscle in several frames, from the same direction.
 
     Parameters
     ----------
     frames : sequence of MuscleFrame
-        The muscle and its fibres, where the bones are, and the words above it.
+        The muscle, fibres, bones and title of each frame.
     bones : DrawnBones
         At rest.
     studio : Studio
-        Where the pictures are taken.
+        Renders the pictures.
     rest_fibres : vtkPolyData, optional
-        The same fibres at rest: colour then shows the change of length since rest.
+        Fibres at rest; colour then shows the change of length since rest.
     title, units : str, optional
-        As of :func:`plot_rest_pose`.
+        As in :func:`plot_rest_pose`.
 
     Returns
     -------
     matplotlib.figure.Figure
-        To be saved by ``savefig``.
+        For ``savefig``.
     """
-    view = clearest_view([one.muscle for one in frames], [bones.spread(one.transforms) for one in frames])
+    hiding = [bones.spread(frame.transforms) for frame in frames]
+    view = clearest_view([frame.muscle for frame in frames], hiding)
     strains: list[Floats] = []
     limit = 1.0
     if rest_fibres is not None:
         rest_lengths = np.maximum(_lengths(rest_fibres), 1e-12)
-        fibres = [one.fibres for one in frames if one.fibres is not None]
+        fibres = [frame.fibres for frame in frames if frame.fibres is not None]
         strains = [100.0 * (_lengths(lines) / rest_lengths - 1.0) for lines in fibres]
         limit = max(limit, float(np.percentile(np.abs(strains), 98))) if strains else limit
     panels = []
-    for one, strain in zip_longest(frames, strains):
+    for frame, strain in zip_longest(frames, strains):
         colours = None if strain is None else strain_colours(strain, limit)
-        actors = actors_of([one.muscle], view, fibres=one.fibres, colours=colours, finer=studio.finer)
-        image = studio.picture(actors, view, bones=bones, transforms=one.transforms)
-        panels.append(Panel(image, one.label, view))
+        actors = actors_of([frame.muscle], view, fibres=frame.fibres, colours=colours, finer=studio.finer)
+        image = studio.picture(actors, view, bones=bones, transforms=frame.transforms)
+        panels.append(Panel(image, frame.label, view))
     figure = sheet(panels, title, units)
     if strains:
         bar = figure.add_axes((0.35, 0.45 / figure.get_figheight(), 0.3, 0.12 / figure.get_figheight()))
@@ -151,7 +152,7 @@ def plot_lengths(
     time_label: str = "time",
     units: str = "mm",
 ) -> Figure:
-    """Return the lengths of the paths or fibres of a muscle over time: a thin line each, and their mean.
+    """Return the lengths of a muscle's paths or fibres over time, with the mean.
 
     Parameters
     ----------
@@ -160,14 +161,14 @@ def plot_lengths(
     lengths : (k, n) array_like
         Lengths of n paths or fibres.
     of : str, optional
-        Whose they are, ``"path"`` or ``"fibre"``.
+        ``"path"`` or ``"fibre"``.
     title, time_label, units : str, optional
-        What to write on the figure.
+        Title, and labels of the axes.
 
     Returns
     -------
     matplotlib.figure.Figure
-        To be saved by ``savefig``.
+        For ``savefig``.
     """
     values = np.asarray(lengths, dtype=np.float64)
     figure, axes = curves(title, time_label, f"{of} length [{units}]")
@@ -185,19 +186,19 @@ def plot_lengths(
 def _with_fixed_points(
     bones: DrawnBones, muscle: vtkPolyData, view: View, studio: Studio
 ) -> NDArray[np.uint8]:
-    """Return a picture with the fixed points; those behind a bone shine through it."""
+    """Return a picture with the fixed points, also through bones."""
     actors = actors_of([muscle], view, fixed_points=True, finer=studio.finer)
     image = studio.picture(actors, view, bones=bones)
     points = studio.picture(actors[:-1], view)
-    channels = np.moveaxis(points, 2, 0)  # the least along the last axis would take thirty times as long
+    channels = np.moveaxis(points, 2, 0)  # a reduction along the last axis would take 30 times longer
     low, high = reduce(np.minimum, channels), reduce(np.maximum, channels)
-    seen = high > low.astype(int) + 60  # the white behind the points is grey at their rims
+    seen = high > low.astype(int) + 60  # the white background is grey at the rims of points
     mixed: NDArray[np.uint8] = np.where(seen[..., None], image // 2 + points // 2, image)
     return mixed
 
 
 def _lines(x: Floats, values: Floats, **look: Any) -> LineCollection:
-    """Return thin lines (n, k) over x (n,), drawn much faster than k single ones."""
+    """Return thin lines (n, k) over x (n,), drawn much faster than single lines."""
     points = np.stack([np.broadcast_to(x[:, None], values.shape), values], axis=2)
     return LineCollection(list(points.swapaxes(0, 1)), linewidths=0.7, **look)
 
@@ -207,7 +208,7 @@ def _lengths(fibres: vtkPolyData) -> Floats:
     return polyline_lengths(lines.points, lines.offsets)
 
 
-#: Height of the panels, and of the picture beside them [inches].
+#: Height of the panels, and of the picture next to the panels [inches].
 _HEIGHT, _PICTURE = 4.8, 4.0
 
 
@@ -220,70 +221,70 @@ def plot_moment_arms(
     literature: Sequence[LiteratureCurve] = (),
     units: str = "mm",
 ) -> Figure:
-    """Return a figure of the moment arms of a muscle by each coordinate, side by side.
+    """Return the moment arms of a muscle by each coordinate, side by side.
 
-    Where the fibres are given, every path has the colour of its fibre's place across the muscle, and a
-    picture of the muscle shows which that is.
+    With fibres, a path has the colour of its fibre's position across the muscle, explained by a picture of
+    the muscle.
 
     Parameters
     ----------
     arms : mapping of str to JointArms
-        Per coordinate, at least one.
+        By coordinate, at least 1.
     bones : DrawnBones, optional
-        At rest; not needed where there is no muscle.
+        At rest; for the picture of the muscle.
     studio : Studio, optional
-        Where the picture is taken, likewise.
+        Renders the picture of the muscle.
     rest : MuscleFrame, optional
-        The muscle at rest, its fibres, one for each path, and words that stand above the panels.
+        The muscle at rest, with a fibre per path, and a title.
     literature : sequence of LiteratureCurve, optional
-        Published ones of the muscle; those of a coordinate of this name are drawn.
+        Published moment arms of the muscle, by coordinates of the same names.
     units : str, optional
-        At the scale bar of the picture.
+        Unit of the scale bar.
 
     Returns
     -------
     matplotlib.figure.Figure
-        To be saved by ``savefig``.
+        For ``savefig``.
     """
     panel = None
-    places = None if rest is None or rest.fibres is None else places_across(rest.fibres)
-    if rest is not None and places is not None and bones is not None and studio is not None:
+    positions = None if rest is None or rest.fibres is None else positions_across(rest.fibres)
+    if rest is not None and positions is not None and bones is not None and studio is not None:
         view = clearest_view([rest.muscle], [bones.spread()])
         view = replace(view, area=view.aspect * (_PICTURE * DOTS_PER_INCH) ** 2)  # pixel for pixel
-        colours = place_colours(places)
+        colours = position_colours(positions)
         actors = actors_of([rest.muscle], view, fibres=rest.fibres, colours=colours, finer=studio.finer)
         panel = Panel(studio.picture(actors, view, bones=bones), "fibres at rest", view)
-    beside = 0.0 if panel is None else _PICTURE * panel.view.aspect + 0.5
-    width = 9.0 * len(arms) + beside
+    left = 0.0 if panel is None else _PICTURE * panel.view.aspect + 0.5
+    width = 9.0 * len(arms) + left
     figure = blank_figure(width, _HEIGHT)
     if rest is not None and rest.label:
         figure.suptitle(rest.label)
     if panel is not None:
         panel.add_to(figure, (0.25, 0.3), units)
-    for number, (name, found) in enumerate(arms.items()):
-        axes = figure.add_axes(((beside + 9.0 * number) / width, 0.12, 9.0 / width, 0.79))
-        _draw_arms(axes, found, places)
-        unit = ANGLES.get(found.unit)
+    for number, (name, joint_arms) in enumerate(arms.items()):
+        axes = figure.add_axes(((left + 9.0 * number) / width, 0.12, 9.0 / width, 0.79))
+        _draw_arms(axes, joint_arms, positions)
+        unit = ANGLES.get(joint_arms.unit)
         if unit is not None:
             draw_literature(axes, curves_for(literature, coordinate=name), math.pi / 180.0 / unit)
         axes.axhline(0.0, color="0.7", linewidth=0.8, zorder=0)
         axes.spines[["top", "right"]].set_visible(False)
-        positive = f", positive: {found.positive}" if found.positive else ""
-        axes.set_xlabel(f"{name.replace('_', ' ')} [{found.unit}]{positive}")
+        positive = f", positive: {joint_arms.positive}" if joint_arms.positive else ""
+        axes.set_xlabel(f"{name.replace('_', ' ')} [{joint_arms.unit}]{positive}")
         axes.set_ylabel("moment arm [mm]" if unit is not None else "moment arm [1]")
         legend = axes.legend(frameon=False, fontsize=8, loc="upper left", bbox_to_anchor=(1.0, 1.0))
-        # The legend stands beside the curves, and they have what it leaves of the panel.
-        place = axes.get_position()
-        taken = min(legend.get_window_extent().width / figure.bbox.width + 0.01, 0.6 * place.width)
-        place.x0, place.x1 = place.x0 + 0.08 * place.width, place.x1 - taken
-        axes.set_position(place)
+        # The legend is next to the curves, which get the rest of the panel.
+        box = axes.get_position()
+        taken = min(legend.get_window_extent().width / figure.bbox.width + 0.01, 0.6 * box.width)
+        box.x0, box.x1 = box.x0 + 0.08 * box.width, box.x1 - taken
+        axes.set_position(box)
     return figure
 
 
-def places_across(fibres: vtkPolyData) -> Floats:
-    """Return the position of each fibre across its muscle, (n,), 0 to 1.
+def positions_across(fibres: vtkPolyData) -> Floats:
+    """Return the positions (n,) of fibres across their muscle, 0 to 1.
 
-    It is taken along the first principal axis of the fibres' middles at right angles to their mean direction.
+    The axis is the first principal axis of the fibres' midpoints, perpendicular to the mean fibre direction.
     """
     lines = polylines_of(fibres, "plotting: fibres")
     first, last = lines.offsets[:-1], lines.offsets[1:] - 1
@@ -292,30 +293,32 @@ def places_across(fibres: vtkPolyData) -> Floats:
     along /= max(float(np.linalg.norm(along)), 1e-12)
     spread = middles - middles.mean(axis=0)
     across = np.linalg.svd(spread - np.outer(spread @ along, along), full_matrices=False)[2][0]
-    place = spread @ (across * np.sign(across[np.abs(across).argmax()]))
-    found: Floats = (place - place.min()) / max(float(np.ptp(place)), 1e-12)
-    return found
+    offsets = spread @ (across * np.sign(across[np.abs(across).argmax()]))
+    positions: Floats = (offsets - offsets.min()) / max(float(np.ptp(offsets)), 1e-12)
+    return positions
 
 
-def _draw_arms(axes: Axes, found: JointArms, places: Floats | None) -> None:
-    # A sweep up and down has values twice: curves are drawn by ascending value.
-    order = np.argsort(found.values, kind="stable")
-    values, mean, arms = found.values[order], found.mean[order], found.arms[order]
-    look: dict[str, Any] = {"colors": MUSCLE_RED} if places is None else {"array": places, "cmap": PLACE_MAP}
+def _draw_arms(axes: Axes, joint_arms: JointArms, positions: Floats | None) -> None:
+    # A sweep up and down repeats values: curves are drawn by ascending value.
+    order = np.argsort(joint_arms.values, kind="stable")
+    values, mean, arms = joint_arms.values[order], joint_arms.mean[order], joint_arms.arms[order]
+    plain = positions is None
+    look: dict[str, Any] = {"colors": MUSCLE_RED} if plain else {"array": positions, "cmap": PLACE_MAP}
     lines = axes.add_collection(_lines(values, arms, alpha=0.6, **look))
-    colour = lines.get_edgecolor()[0] if places is None else "#2a788e"
+    colour = lines.get_edgecolor()[0] if plain else "#2a788e"
     axes.plot([], [], color=colour, linewidth=0.9, label=f"{arms.shape[1]} paths")
     axes.plot(values, mean, color="black", linewidth=2.0, label="mean")
-    if found.quartic is not None:
-        quartic = found.quartic.mean(axis=1)[order]
+    if joint_arms.quartic is not None:
+        quartic = joint_arms.quartic.mean(axis=1)[order]
         axes.plot(values, quartic, color="black", linewidth=1.2, linestyle="--", label="mean of quartic fits")
-    axes.set_ylim(*shown_range(found.arms, mean))
+    axes.set_ylim(*shown_range(joint_arms.arms, mean))
 
 
 def shown_range(arms: Floats, mean: Floats) -> tuple[float, float]:
-    """Return the ends of an axis: the mean, and paths from their 1st to 99th percentile, and a tenth more.
+    """Return the limits of an axis for the mean and most paths.
 
-    A spike of a few paths so does not flatten the axis.
+    Paths count from their 1st to 99th percentile, plus a margin of a tenth, so that a spike of a few paths
+    does not flatten the axis.
     """
     low, high = np.percentile(arms, (1.0, 99.0))
     low, high = min(float(low), float(mean.min()), 0.0), max(float(high), float(mean.max()), 0.0)
@@ -324,16 +327,18 @@ def shown_range(arms: Floats, mean: Floats) -> tuple[float, float]:
 
 
 def draw_literature(axes: Axes, curves: Sequence[LiteratureCurve], per_degree: float) -> None:
-    """Draw published curves: bands where a source has two sides, markers where it has single values."""
+    """Draw published curves: bands, lines, or markers for single values."""
     of_source: dict[str, str] = {}
     low, high = axes.get_ylim()
-    for one in drawn(curves):
-        colour = of_source.setdefault(one.source, PALETTE[len(of_source) % len(PALETTE)])
-        angles, top = one.angles * per_degree, one.arms if one.upper is None else one.upper
-        if one.upper is not None:
-            axes.fill_between(angles, one.arms, top, color=colour, alpha=0.2, linewidth=0, label=one.label)
+    for curve in drawn(curves):
+        colour = of_source.setdefault(curve.source, PALETTE[len(of_source) % len(PALETTE)])
+        angles, top = curve.angles * per_degree, curve.arms if curve.upper is None else curve.upper
+        look: dict[str, Any] = {"color": colour, "label": curve.label}
+        if curve.upper is not None:
+            axes.fill_between(angles, curve.arms, top, alpha=0.2, linewidth=0, **look)
+        elif len(angles) == 1:
+            axes.plot(angles, curve.arms, linestyle="", marker="D", **look)
         else:
-            look = {"linestyle": "", "marker": "D"} if len(angles) == 1 else {"linewidth": 1.5}
-            axes.plot(angles, one.arms, color=colour, label=one.label, **look)
-        low, high = min(low, float(one.arms.min())), max(high, float(top.max()))
+            axes.plot(angles, curve.arms, linewidth=1.5, **look)
+        low, high = min(low, float(curve.arms.min())), max(high, float(top.max()))
     axes.set_ylim(low, high)

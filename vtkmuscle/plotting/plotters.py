@@ -1,4 +1,4 @@
-"""Bones, muscles and fibres on a PyVista plotter: as they are, moved from pose to pose, or at a time."""
+"""PyVista plotters of bones, muscles and fibres: still, in poses, or over time."""
 
 from __future__ import annotations
 
@@ -23,16 +23,16 @@ if TYPE_CHECKING:
     import pyvista
 
 
-#: Pixels that PyVista's smoothing of edges renders for one of a picture, along each side.
+#: Rendered pixels per picture pixel along each side, of PyVista's anti-aliasing.
 _FINER = 4
 
 
 def plain_plotter(size: tuple[int, int], off_screen: bool | None) -> pyvista.Plotter:
-    """Return a white plotter whatever the user's theme, in the user's backend for notebooks."""
+    """Return a white plotter without the user's theme, but with the user's notebook backend."""
     import pyvista  # noqa: PLC0415 -- figures need none
 
     theme, own = pyvista.themes.DocumentTheme(), pyvista.global_theme
-    if own.jupyter_backend != theme.jupyter_backend:  # PyVista checks a backend where it is set, not before
+    if own.jupyter_backend != theme.jupyter_backend:  # PyVista checks a backend when set
         theme.jupyter_backend = own.jupyter_backend
     theme.trame = own.trame
     with x_server_warning_off():
@@ -52,7 +52,7 @@ def make_plotter(
     fixed_points: bool = False,
     off_screen: bool | None = True,
 ) -> pyvista.Plotter:
-    """Return a plotter with ivory bones, translucent muscles and fibres as tubes before them.
+    """Return a plotter with ivory bones, translucent muscles and fibres in front.
 
     Parameters
     ----------
@@ -65,16 +65,16 @@ def make_plotter(
     fibres : vtkPolyData, optional
         Polylines.
     colours : (n_fibres, 3) array of uint8, optional
-        Of the fibres, as :func:`strain_colours` gives them.
+        Fibre colours, as of :func:`strain_colours`.
     fixed_points : bool, optional
-        Mark the muscles' fixed points (point array ``FixedTo``) by spheres in the colour of their bone.
+        Mark fixed points (point array ``FixedTo``) by spheres, coloured by bone.
     off_screen : bool or None, optional
-        None for a window that :meth:`pyvista.Plotter.show` opens, unless PyVista is set to draw off-screen.
+        None for a window on :meth:`pyvista.Plotter.show`, unless PyVista draws off-screen.
 
     Returns
     -------
     pyvista.Plotter
-        To be shown, or captured by ``screenshot``; close it afterwards.
+        For ``show`` or ``screenshot``; to be closed afterwards.
     """
     plotter = plain_plotter(view.size, off_screen)
     actors = actors_of(muscles, view, fibres=fibres, colours=colours, fixed_points=fixed_points, finer=_FINER)
@@ -90,15 +90,15 @@ SIZE = (1024, 768)
 
 
 @dataclass(frozen=True)
-class Pose:
-    """Where everything is at a time.
+class ScenePose:
+    """Positions of bones, muscles and fibres at a time.
 
     Attributes
     ----------
     bones : mapping of str to (4, 4) array
-        Rigid transforms from rest, of the bones that have moved.
+        Rigid transforms of moved bones from rest.
     muscles, fibres : mapping of str to (n, 3) array
-        Points, by the name of the muscle; what is not there is hidden.
+        Points by muscle; missing muscles are hidden.
     """
 
     bones: Mapping[str, Floats] = field(default_factory=dict)
@@ -107,38 +107,38 @@ class Pose:
 
 
 class MovingScene:
-    """Bones, translucent muscles and their fibres on a plotter, moved by :meth:`show`.
+    """Bones, translucent muscles and fibres on a plotter, moved by :meth:`show`.
 
     Parameters
     ----------
     bones : mapping of str to vtkPolyData, or vtkMultiBlockDataSet
         Surfaces at rest, by name.
     muscles : mapping of str to vtkPolyData
-        Surfaces at rest, of triangles; none where fibres alone are shown.
+        Surfaces of triangles at rest; empty to show only fibres.
     fibres : mapping of str to vtkPolyData
-        Polylines, by the name of their muscle.
+        Polylines by muscle.
     off_screen : bool or None, optional
-        None for a window that ``plotter.show()`` opens, unless PyVista is set to draw off-screen.
+        None for a window on ``plotter.show()``, unless PyVista draws off-screen.
     size : (int, int), optional
         Width and height [pixels].
     opacity : float, optional
-        Of muscles without fibres, 0 to 1.
+        Opacity of muscles without fibres, 0 to 1.
 
     Attributes
     ----------
     plotter : pyvista.Plotter
-        To be shown, or captured by ``screenshot``; close it afterwards.
+        For ``show`` or ``screenshot``; to be closed afterwards.
     view : View
-        From where most of the muscles is seen at rest.
+        The view of the muscles at rest with the least hidden area.
 
     Examples
     --------
     >>> from vtkmuscle import phantoms
-    >>> from vtkmuscle.plotting import MovingScene, Pose
+    >>> from vtkmuscle.plotting import MovingScene, ScenePose
     >>> phantom = phantoms.spindle_over_hinge()
     >>> scene = MovingScene(phantom.bones, phantom.muscles, {}, off_screen=True)
     >>> transforms = {bone: table[-1] for bone, table in phantom.motion.transforms.items()}
-    >>> scene.show(Pose(bones=transforms))
+    >>> scene.show(ScenePose(bones=transforms))
     >>> scene.plotter.close()
     """
 
@@ -153,34 +153,34 @@ class MovingScene:
         opacity: float = 0.9,
     ) -> None:
         named = dict(blocks_of(bones)) if isinstance(bones, vtkMultiBlockDataSet) else bones
-        seen = [*muscles.values()] or [fibre_surface(one) for one in fibres.values()] or [*named.values()]
+        seen = [*muscles.values()] or [*map(fibre_surface, fibres.values())] or [*named.values()]
         self.view = choose_view([merged(seen)], [multiblock_from(dict(named))])
         self.plotter = plain_plotter(size, off_screen)
         colours = {name: PALETTE[i % len(PALETTE)] for i, name in enumerate(muscles or fibres)}
-        opacities = {name: 0.55 if name in fibres else opacity for name in muscles}
         self._bones = {name: surface_actor(surface) for name, surface in named.items()}
-        self._muscles = {
-            name: surface_actor(surface, colours[name], opacity=opacities[name])
-            for name, surface in muscles.items()
+        looks: dict[str, Any] = {
+            name: {"colour": colours[name], "opacity": 0.55 if name in fibres else opacity}
+            for name in muscles
         }
+        self._muscles = {name: surface_actor(surface, **looks[name]) for name, surface in muscles.items()}
         self._fibres = {name: line_actor(lines, colours[name]) for name, lines in fibres.items()}
         for actor in chain(self._bones.values(), self._muscles.values(), self._fibres.values()):
             self.plotter.add_actor(actor, reset_camera=False, render=False)
         self.look(self.view)
 
-    def show(self, pose: Pose) -> None:
-        """Move everything to a pose; the plotter is drawn when it is shown, captured or rendered next."""
+    def show(self, pose: ScenePose) -> None:
+        """Move all actors to a pose, for the next rendering."""
         for name, actor in self._bones.items():
             actor.SetUserMatrix(matrix_of(pose.bones.get(name)))
-        for actors, places in ((self._muscles, pose.muscles), (self._fibres, pose.fibres)):
+        for actors, positions in ((self._muscles, pose.muscles), (self._fibres, pose.fibres)):
             for name, actor in actors.items():
-                actor.SetVisibility(name in places)
-                if name in places:
-                    move_points(actor, places[name])
+                actor.SetVisibility(name in positions)
+                if name in positions:
+                    move_points(actor, positions[name])
         self.plotter.renderer.ResetCameraClippingRange()
 
     def look(self, view: View) -> None:
-        """Look from somewhere, in parallel projection."""
+        """Set the view, in parallel projection."""
         width, height = self.plotter.window_size
         look_from(self.plotter.camera, view)
         self.plotter.camera.parallel_scale *= 1.2 * max(1.0, view.aspect * height / width)
@@ -188,28 +188,28 @@ class MovingScene:
 
 
 def show_time(plotter: pyvista.Plotter, time: float) -> None:
-    """Update all filters on a plotter to a pipeline time, and render it; data sets stay as they are.
+    """Update all filters on a plotter to a pipeline time, and render.
 
     Parameters
     ----------
     plotter : pyvista.Plotter
-        With algorithms on it.
+        With algorithms; data sets stay unchanged.
     time : float
         Pipeline time.
 
     Raises
     ------
     Exception
-        Whatever a filter raised.
+        As raised by a filter.
     """
     for renderer in plotter.renderers:
-        # PyVista's renderer.actors names actors by addresses that are used again: it can lack some.
+        # PyVista's renderer.actors uses reusable addresses as names, and can lack actors.
         for actor in renderer.GetViewProps():
             mapper = actor.GetMapper() if hasattr(actor, "GetMapper") else None
             if mapper is None or not mapper.GetNumberOfInputConnections(0):
                 continue
             last = mapper.GetInputAlgorithm(0, 0)
-            # VTK's own update cannot raise; a filter's can.
+            # VTK's update cannot raise; a filter's update can.
             for algorithm in _filters_behind(last):
                 algorithm.update(time=time)
             last.UpdateTimeStep(float(time))
@@ -222,29 +222,29 @@ def add_time_slider(plotter: pyvista.Plotter, times: Sequence[float], **appearan
     Parameters
     ----------
     plotter : pyvista.Plotter
-        With algorithms on it.
+        With algorithms.
     times : sequence of float
-        From the first to the last of them the slider goes; it may stop between two.
+        The slider covers their range, continuously.
     **appearance
-        Of :meth:`pyvista.Plotter.add_slider_widget`: ``title``, ``pointa``, ``pointb``, ``value`` and so on.
+        Arguments of :meth:`pyvista.Plotter.add_slider_widget`: ``title``, ``pointa``, ``pointb``,
+        ``value`` and so on.
 
     Returns
     -------
     vtkSliderWidget
         The slider.
     """
-    return plotter.add_slider_widget(
-        lambda time: show_time(plotter, time), (float(min(times)), float(max(times))), **appearance
-    )
+    span = (float(min(times)), float(max(times)))
+    return plotter.add_slider_widget(lambda time: show_time(plotter, time), span, **appearance)
 
 
 def _filters_behind(algorithm: Any) -> list[Filter]:
-    """Return the nearest of our filters upstream of an algorithm, or itself."""
+    """Return the nearest filters of the package upstream of an algorithm, or itself."""
     if isinstance(algorithm, Filter):
         return [algorithm]
     return [
-        found
+        nearest
         for port in range(algorithm.GetNumberOfInputPorts())
         for index in range(algorithm.GetNumberOfInputConnections(port))
-        for found in _filters_behind(algorithm.GetInputAlgorithm(port, index))
+        for nearest in _filters_behind(algorithm.GetInputAlgorithm(port, index))
     ]

@@ -1,4 +1,4 @@
-"""Sheets of rendered panels and sheets of curves, set with matplotlib's objects (no pyplot)."""
+"""Sheets of rendered panels and of curves, without pyplot."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from PIL import Image
 from vtkmuscle.plotting.views import View
 
 DOTS_PER_INCH = 150
-#: Size of a legend's letters [points], their mean width and the height of a row of them [inches].
+#: Font size of a legend [points], mean width of a letter and height of a row [inches].
 LEGEND_FONT = 11
 LETTER = 0.095
 LEGEND_ROW = 0.28
@@ -30,7 +30,7 @@ LEGEND_ROW = 0.28
 
 @dataclass(frozen=True, eq=False)
 class Panel:
-    """One rendered picture of a sheet: its pixels (height, width, 3), its title and its view."""
+    """A rendered picture on a sheet: pixels (height, width, 3), title and view."""
 
     image: NDArray[np.uint8]
     title: str
@@ -38,12 +38,12 @@ class Panel:
 
     @property
     def inches(self) -> tuple[float, float]:
-        """Its width and height on paper, whatever its detail."""
+        """Width and height on paper, independent of resolution."""
         width, height = self.view.size
         return width / DOTS_PER_INCH, height / DOTS_PER_INCH
 
     def add_to(self, figure: Figure, corner: tuple[float, float], units: str) -> None:
-        """Put it on a figure, its lower left corner there [inches], with its title and a scale bar."""
+        """Add the panel to a figure at its lower left corner [inches], with title and scale bar."""
         (x, y), (width, height), inches = corner, self.inches, figure.dpi_scale_trans
         figure.add_artist(Pixels(self.image, corner))
         words: dict[str, Any] = {"transform": inches, "va": "bottom"}
@@ -60,14 +60,17 @@ class Panel:
 
 
 class Pixels(Artist):
-    """An image (height, width, 3) on a figure, pixel for pixel, its lower left ``corner`` there [inches]."""
+    """An image (height, width, 3) on a figure, pixel for pixel.
+
+    ``corner`` is the lower left corner [inches].
+    """
 
     def __init__(self, image: NDArray[np.uint8], corner: tuple[float, float]) -> None:
         super().__init__()
         self.image, self.corner = image, corner
 
     def draw(self, renderer: Any) -> None:
-        """Draw it, on paper as well as in pixels."""
+        """Draw the image."""
         opaque = np.full((*self.image.shape[:2], 4), 255, dtype=np.uint8)
         opaque[..., :3] = self.image[::-1]
         figure = self.get_figure()
@@ -79,18 +82,18 @@ class Pixels(Artist):
 
 
 def legend_columns(width: float, labels: Sequence[str]) -> int:
-    """Return in how many columns a legend fits into a figure of some width [inches]."""
+    """Return the number of legend columns in a figure of some width [inches]."""
     letters = max((len(label) for label in labels), default=1)
     return max(1, int(width / (0.5 + LETTER * letters)))
 
 
 def sheet(panels: Sequence[Panel], title: str, units: str, *, legend: Sequence[str] = ()) -> Figure:
-    """Return a figure of panels in rows, with room below for a legend of some labels."""
+    """Return a figure of panels in rows, with room for a legend below."""
     columns = len(panels) if len(panels) <= 4 else math.ceil(len(panels) / 2)
     rows = [panels[i : i + columns] for i in range(0, len(panels), columns)]
-    gap, head, top, bottom = 0.12, 0.34, 0.45 if title else 0.0, 0.85  # inches
+    gap, header, top, bottom = 0.12, 0.34, 0.45 if title else 0.0, 0.85  # inches
     widths = [sum(p.inches[0] + gap for p in row) + gap for row in rows]
-    heights = [max(p.inches[1] for p in row) + head for row in rows]
+    heights = [max(p.inches[1] for p in row) + header for row in rows]
     width = max(5.0, *widths)
     bottom += LEGEND_ROW * (math.ceil(len(legend) / legend_columns(width, legend)) - 1 if legend else 0)
     height = top + bottom + sum(heights)
@@ -101,7 +104,7 @@ def sheet(panels: Sequence[Panel], title: str, units: str, *, legend: Sequence[s
     for row, row_width, row_height in zip(rows, widths, heights, strict=True):
         x = (width - row_width) / 2.0 + gap
         for panel in row:
-            panel.add_to(figure, (x, y - head - panel.inches[1]), units)
+            panel.add_to(figure, (x, y - header - panel.inches[1]), units)
             x += panel.inches[0] + gap
         y -= row_height
     return figure
@@ -115,13 +118,13 @@ def blank_figure(width: float, height: float) -> Figure:
 
 
 def save_figure(figure: Figure, path: Path, form: str = "png", dpi: float = DOTS_PER_INCH) -> None:
-    """Write a figure whose canvas is Agg's as png, pdf or svg: what is no picture in lines and letters.
+    """Write a figure on an Agg canvas as png, pdf or svg.
 
-    A PNG as ``savefig`` does, in a third of its time.
+    Text and lines stay vectors in pdf and svg. A PNG takes a third of the time of ``savefig``.
     """
     figure.set_dpi(dpi)
     if form != "png":
-        with rc_context({"pdf.fonttype": 42, "svg.fonttype": "none"}):  # letters stay letters
+        with rc_context({"pdf.fonttype": 42, "svg.fonttype": "none"}):  # text stays text
             date = {"pdf": "CreationDate", "svg": "Date"}[form]
             figure.savefig(path, format=form, dpi=dpi, metadata={date: None})
         return
@@ -129,13 +132,13 @@ def save_figure(figure: Figure, path: Path, form: str = "png", dpi: float = DOTS
     assert isinstance(canvas, FigureCanvasAgg)
     canvas.draw()
     image = Image.frombuffer("RGBA", canvas.get_width_height(physical=True), canvas.buffer_rgba())
-    # White and flat colours are runs of one value.
+    # White and flat colours are runs of equal values.
     options: dict[str, Any] = {"compress_level": 1, "compress_type": zlib.Z_RLE}
     image.convert("RGB").save(path, format="PNG", dpi=(figure.dpi,) * 2, **options)
 
 
 def curves(title: str, time_label: str, value_label: str) -> tuple[Figure, Axes]:
-    """Return a figure with one pair of axes for curves over time."""
+    """Return a figure and axes for curves over time."""
     figure = blank_figure(7.0, 4.6)
     axes = figure.add_axes((0.12, 0.115, 0.86, 0.805))
     axes.set_title(title, y=1.0)

@@ -1,4 +1,4 @@
-"""From where to look at a muscle: the direction in which the bones hide least of it."""
+"""View directions on muscles with the least hidden area."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ from vtkmuscle.data.drawn_bones import spread_over
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """Where a picture is taken from, in parallel projection with z up.
+    """The view of a picture, in parallel projection with z up.
 
     Attributes
     ----------
     direction : (3,) float array
-        Unit vector from what is seen to the eye.
+        Unit vector to the eye.
     focus : (3,) float array
         Centre of the picture [mm].
     half_height : float
@@ -31,7 +31,7 @@ class View:
     aspect : float
         Width over height of the picture.
     area : float
-        Its size [pixels].
+        Size of the picture [pixels].
     """
 
     direction: Floats
@@ -49,25 +49,24 @@ class View:
 def choose_view(
     muscles: Sequence[vtkPolyData], bones: Sequence[vtkMultiBlockDataSet], *, margin: float = 0.12
 ) -> View:
-    """Return the view that shows most of the muscles, over all given frames.
+    """Return the view with the largest visible muscle area over all frames.
 
-    Directions around the vertical axis are tried, and the one wins in which the part of the muscles that no
-    bone hides covers the largest area; then whether it shows more from a little above or below. The frame is
-    drawn tightly around the muscles.
+    Directions around the vertical axis are compared by the muscle area that bones do not hide, then from
+    slightly above and below. The frame encloses the muscles tightly.
 
     Parameters
     ----------
     muscles : sequence of vtkPolyData
-        A muscle in one or more frames.
+        A muscle in 1 or more frames.
     bones : sequence of vtkMultiBlockDataSet
-        The bones of the same frames.
+        The bones of the frames.
     margin : float, optional
-        Space around the muscles, as a part of their size.
+        Space around the muscles, relative to their size.
 
     Returns
     -------
     View
-        To be shared by all frames, so that they can be compared.
+        Shared by all frames for comparison.
     """
     hiding = [
         np.vstack([np.zeros((0, 3)), *(_spread(block) for _, block in blocks_of(frame))]) for frame in bones
@@ -76,7 +75,7 @@ def choose_view(
 
 
 def clearest_view(muscles: Sequence[vtkPolyData], hiding: Sequence[Floats], *, margin: float = 0.12) -> View:
-    """Return the view of :func:`choose_view`, from points (k, 3) spread over the bones of each frame."""
+    """Return the view of :func:`choose_view`, from bone points (k, 3) in each frame."""
     everything = np.vstack([points_of(muscle) for muscle in muscles])
     cell = float(np.linalg.norm(np.ptp(everything, axis=0))) / 30.0
     pairs = [(_spread(muscle), points) for muscle, points in zip(muscles, hiding, strict=True)]
@@ -87,10 +86,10 @@ def clearest_view(muscles: Sequence[vtkPolyData], hiding: Sequence[Floats], *, m
 
     azimuths = np.radians(np.arange(0.0, 360.0, 15.0))
     areas = np.array([area(_direction(azimuth, 0.0)) for azimuth in azimuths])
-    # Of views that show nearly the same, take the one amid them.
+    # Among nearly equal views, the middle view wins.
     around = sum(np.roll(areas, shift) for shift in range(-3, 4))
     azimuth = azimuths[np.argmax(areas * around)]
-    # A view from above or below must show more, for it is harder to read.
+    # A view from above or below must show more, because it is harder to read.
     candidates = [_direction(azimuth, elevation) for elevation in np.radians([0.0, 20.0, -20.0])]
     best = max(
         candidates, key=lambda direction: area(direction) * float(np.hypot(direction[0], direction[1]))
@@ -99,16 +98,16 @@ def clearest_view(muscles: Sequence[vtkPolyData], hiding: Sequence[Floats], *, m
 
 
 def framed(direction: ArrayLike, points: Floats, *, margin: float = 0.12) -> View:
-    """Return the view along a direction whose frame encloses points tightly.
+    """Return the view along a direction with a tight frame around points.
 
     Parameters
     ----------
     direction : (3,) array_like
-        From what is seen to the eye; not vertical.
+        Towards the eye; not vertical.
     points : (n, 3) array
-        What must be inside the frame [mm].
+        Points inside the frame [mm].
     margin : float, optional
-        Space around it, as a part of its size.
+        Space around the points, relative to their size.
 
     Returns
     -------
@@ -124,7 +123,7 @@ def framed(direction: ArrayLike, points: Floats, *, margin: float = 0.12) -> Vie
 
 
 def fibre_surface(fibres: vtkPolyData) -> vtkPolyData:
-    """Return fibres as tubes of triangles, which stand for a muscle where none was deformed."""
+    """Return fibres as tubes of triangles, in place of a muscle surface."""
     lines = polylines_from(polylines_of(fibres, "plotting: fibres"))
     tubes = vtkTubeFilter(radius=0.004 * lines.GetLength(), number_of_sides=6, capping=True, input_data=lines)
     triangles = vtkTriangleFilter()
@@ -163,12 +162,12 @@ def _spread(surface: vtkPolyData) -> Floats:
     return spread_over(points_of(surface), triangles_of(surface, "plotting"))
 
 
-def _visible_cells(ours: Floats, theirs: Floats, cell: float) -> int:
-    """Count the cells of the picture plane in which some points (3, n) are in front of others (3, k)."""
-    low = ours[:2].min(axis=1)
-    columns, rows = (np.floor((ours[:2].max(axis=1) - low) / cell).astype(int) + 1).tolist()
+def _visible_cells(muscle: Floats, bones: Floats, cell: float) -> int:
+    """Count the cells of the picture plane with muscle points (3, n) in front of bone points (3, k)."""
+    low = muscle[:2].min(axis=1)
+    columns, rows = (np.floor((muscle[:2].max(axis=1) - low) / cell).astype(int) + 1).tolist()
     depth = np.full((2, columns * rows), -np.inf)
-    for layer, (x, y, z) in zip(depth, (ours, theirs), strict=True):
+    for layer, (x, y, z) in zip(depth, (muscle, bones), strict=True):
         column, row = np.floor((x - low[0]) / cell), np.floor((y - low[1]) / cell)
         inside = np.flatnonzero((column >= 0) & (column < columns) & (row >= 0) & (row < rows))
         np.maximum.at(layer, (column[inside] * rows + row[inside]).astype(int), z[inside])

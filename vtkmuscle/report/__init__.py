@@ -1,4 +1,4 @@
-"""The page of a run: one file with the scene to be turned, curves, tables and what to make of them."""
+"""The page of a run: one HTML file with scene, curves and tables."""
 
 from vtkmuscle.report.contents import MuscleContent, RunContent
 from vtkmuscle.report.page import page_of, write_page

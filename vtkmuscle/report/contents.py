@@ -1,4 +1,4 @@
-"""The content of a run's page: its report, its curves, and its data sets per frame."""
+"""The content of a run's page: report, curves and data sets per frame."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ from vtkmuscle.io.literature import LiteratureCurve
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class MuscleContent:
-    """One muscle on a page.
+    """A muscle on a page.
 
     Attributes
     ----------
     rest : vtkPolyData
-        Its surface at rest.
+        Surface at rest.
     surfaces, fibres : sequence of vtkPolyData
-        Its surface and its fibres in each finished frame; empty where it has none.
+        Surface and fibres in each finished frame; possibly empty.
     lengths, fibre_lengths : (f, k) array or None
-        Of its paths and fibres in each finished frame [mm].
+        Lengths of paths and of fibres in each finished frame [mm].
     arms : mapping of str to JointArms
         By coordinate.
     literature : sequence of LiteratureCurve
@@ -49,11 +49,11 @@ class RunContent:
     Attributes
     ----------
     report : mapping
-        The report of the run.
+        Report of the run.
     motion : RigidMotion
-        How the bones move.
+        Motion of the bones.
     bones : DrawnBones
-        The bones at rest.
+        Bones at rest.
     frames, times : sequence of int, sequence of float
         Numbers and pipeline times of the kept frames.
     time_label : str
@@ -61,7 +61,7 @@ class RunContent:
     muscles : mapping of str to MuscleContent
         In the order of the scene.
     limits : mapping of str to (float, float)
-        By check: the values from which a muscle needs a look, and from which it has failed.
+        By check: the limits of the verdicts ``"look"`` and ``"failed"``.
     """
 
     report: Mapping[str, Any]

@@ -1,4 +1,4 @@
-"""The curves of a page: lengths, moment arms and measures of the shape over the motion, as numbers."""
+"""Curves of a page: lengths, moment arms and shape measures over the motion."""
 
 from __future__ import annotations
 
@@ -16,21 +16,21 @@ from vtkmuscle.plotting.colours import PALETTE
 from vtkmuscle.report.contents import MuscleContent, RunContent
 from vtkmuscle.report.scene3d import Pack
 
-#: Fibres of a muscle that are drawn one by one, at most.
+#: Single fibres drawn per muscle, at most.
 MOST_FIBRES = 100
-#: A measure is given in words where it changes by less than this part of its limit.
+#: Change of a measure, relative to its limit, below which words replace the curve.
 _FLAT = 1e-3
 #: Digits of numbers in the data of a page.
 _DIGITS = 5
-#: Stands before a number that is negative.
+#: Minus sign of negative numbers.
 MINUS = "\u2212"
 
-#: Titles of measures that are long.
+#: Long titles of measures.
 _SHARE = "surface out of shape, largest share [%]"
 _BENT = "change of angles between triangles, 95th percentile [deg]"
-_DEEPER = "depth in a bone that was not there at rest [mm]"
-_OUTSIDE = "fibres out of their muscle [mm]"
-_IN_BONE = "fibres in bone that were not there at rest [mm]"
+_DEEPER = "depth in a bone beyond the depth at rest [mm]"
+_OUTSIDE = "fibres outside the muscle [mm]"
+_IN_BONE = "depth of fibres in bone beyond the depth at rest [mm]"
 
 
 def _largest(values: Floats) -> float:
@@ -38,18 +38,18 @@ def _largest(values: Floats) -> float:
 
 
 class Measure(NamedTuple):
-    """A measure of the shape, and how a page shows it.
+    """A shape measure on a page.
 
     Attributes
     ----------
     key, check : str
-        Key in the rows of frames, and the check whose limits apply, if any.
+        Key in the rows of frames, and the check with the limits, or "".
     curve, head : str
-        Title of its curve and of its column; "" for none.
+        Titles of the curve and of the column; "" for none.
     factor, offset : float
-        ``factor`` times the value plus ``offset`` is in the limits' unit.
+        ``factor`` times the value plus ``offset`` has the unit of the limits.
     of_all : callable
-        Takes the values of all frames, and returns that of the table.
+        Returns the value in the table from the values of all frames.
     """
 
     key: str
@@ -65,15 +65,13 @@ class Measure(NamedTuple):
         return self.factor * values + self.offset
 
 
-#: The measures of a page.
+#: Measures on a page.
 MEASURES = (
-    Measure(
-        "volume_ratio", "volume", "change of the volume [%]", "volume, largest change [%]", 100.0, -100.0
-    ),
+    Measure("volume_ratio", "volume", "change of volume [%]", "volume, largest change [%]", 100.0, -100.0),
     Measure("misshapen_area", "misshapen", "surface out of shape, share of its area [%]", _SHARE, 100.0),
     Measure("dihedral_error_p95_deg", "crumpled", _BENT, "angles changed, 95th percentile [deg]"),
     Measure("penetration_new_max_mm", "penetration", _DEEPER, "deeper in a bone than at rest [mm]"),
-    Measure("fibres_outside_max_mm", "fibres outside", _OUTSIDE, "fibres out of the muscle [mm]"),
+    Measure("fibres_outside_max_mm", "fibres outside", _OUTSIDE, _OUTSIDE),
     Measure("fibres_penetration_new_max_mm", "fibres in bone", _IN_BONE, ""),
     Measure("fixed_error_max_mm", "fixed points", "", "fixed points off their bone [mm]"),
     Measure("overlap_max_mm", "", "", "in another muscle [mm]"),
@@ -83,29 +81,29 @@ MEASURES = (
 
 
 def curves_of(run: RunContent, pack: Pack) -> dict[str, Any]:
-    """Return the curves of a page over the motion, ready for JSON; single fibres are added to the pack."""
-    name, _, unit = run.time_label.partition(" [")
+    """Return the curves of a page, ready for JSON.
+
+    Single fibres are added to the pack.
+    """
+    time_name, _, unit = run.time_label.partition(" [")
     muscles = [
-        _muscle(one, muscle, run.report["muscles"][one]["frames"], colour_of(number), pack)
-        for number, (one, muscle) in enumerate(run.muscles.items())
+        _muscle(name, muscle, run.report["muscles"][name]["frames"], colour_of(index), pack)
+        for index, (name, muscle) in enumerate(run.muscles.items())
     ]
+    shown = [each for each in MEASURES if any(each.key in muscle["checks"] for muscle in muscles)]
     return {
         "times": rounded(run.times),
         "timeLabel": run.time_label,
-        "timeName": name,
+        "timeName": time_name,
         "timeUnit": f" {unit.removesuffix(']')}".rstrip(),
         "muscles": muscles,
         "coordinates": _coordinates(run),
-        "checks": [
-            _check(run, one, run.limits.get(one.check))
-            for one in MEASURES
-            if any(one.key in muscle["checks"] for muscle in muscles)
-        ],
+        "checks": [_check(run, measure, run.limits.get(measure.check)) for measure in shown],
     }
 
 
 def rounded(values: Any) -> Any:
-    """Return numbers to five digits, as lists; None for those that are not finite."""
+    """Return numbers to five digits, as lists; None for non-finite numbers."""
     array = np.asarray(values, dtype=np.float64)
     return [_short(value) for value in array.tolist()] if array.ndim == 1 else [rounded(row) for row in array]
 
@@ -119,31 +117,29 @@ def label_of(name: str) -> str:
     return name.replace("_", " ")
 
 
-def colour_of(number: int) -> str:
-    """Return the colour of a muscle by its place in the scene."""
-    return PALETTE[number % len(PALETTE)]
+def colour_of(index: int) -> str:
+    """Return the colour of a muscle by its index in the scene."""
+    return PALETTE[index % len(PALETTE)]
 
 
 def _muscle(
     name: str, muscle: MuscleContent, frames: Sequence[Mapping[str, Any]], colour: str, pack: Pack
 ) -> dict[str, Any]:
     checks = {}
-    for one in MEASURES:
-        values = [row.get(one.key) for row in frames]
-        if one.curve and any(value is not None for value in values):
-            found = one(np.array(values, dtype=np.float64))  # None is NaN
-            checks[one.key] = rounded(np.where(np.abs(found) < 1e-9, 0.0, found))
+    for measure in MEASURES:
+        column = np.array([row.get(measure.key) for row in frames], dtype=np.float64)  # None is NaN
+        if measure.curve and not np.isnan(column).all():
+            values = measure(column)
+            checks[measure.key] = rounded(np.where(np.abs(values) < 1e-9, 0.0, values))
     lengths, fibres = muscle.lengths, muscle.fibre_lengths
-    found_arms = {
-        axis: _arms(one, curves_for(muscle.literature, coordinate=axis)) for axis, one in muscle.arms.items()
-    }
+    published = {axis: curves_for(muscle.literature, coordinate=axis) for axis in muscle.arms}
     return {
         "name": name,
         "label": label_of(name),
         "colour": colour,
         "lengths": None if lengths is None else _lengths(lengths, pack),
         "fibreLengths": None if fibres is None else _lengths(fibres, pack),
-        "arms": found_arms,
+        "arms": {axis: _arms(arms, published[axis]) for axis, arms in muscle.arms.items()},
         "checks": checks,
     }
 
@@ -163,35 +159,35 @@ def _lengths(lengths: Floats, pack: Pack) -> dict[str, Any]:
     }
 
 
-def _arms(found: JointArms, published: Sequence[LiteratureCurve]) -> dict[str, Any]:
-    # A sweep up and down has values twice: curves are drawn by ascending value.
-    order = np.argsort(found.values, kind="stable")
-    quartic = None if found.quartic is None else rounded(found.quartic.mean(axis=1)[order])
-    unit = ANGLES.get(found.unit)
+def _arms(arms: JointArms, published: Sequence[LiteratureCurve]) -> dict[str, Any]:
+    # A sweep up and down repeats values: curves are drawn by ascending value.
+    order = np.argsort(arms.values, kind="stable")
+    unit = ANGLES.get(arms.unit)
     return {
-        "values": rounded(found.values[order]),
-        "mean": rounded(found.mean[order]),
-        "low": rounded(found.arms.min(axis=1)[order]),
-        "high": rounded(found.arms.max(axis=1)[order]),
-        "quartic": quartic,
+        "values": rounded(arms.values[order]),
+        "mean": rounded(arms.mean[order]),
+        "low": rounded(arms.arms.min(axis=1)[order]),
+        "high": rounded(arms.arms.max(axis=1)[order]),
+        "quartic": None if arms.quartic is None else rounded(arms.quartic.mean(axis=1)[order]),
         "literature": [] if unit is None else published_curves(published, math.pi / 180.0 / unit),
     }
 
 
 def published_curves(curves: Sequence[LiteratureCurve], per_degree: float = 1.0) -> list[dict[str, Any]]:
-    """Return published curves: bands where a source has two sides, else lines or single values."""
+    """Return published curves: bands, lines or single values."""
     colours: dict[str, str] = {}
-    found = []
-    for one in drawn(curves):
-        colour = colours.setdefault(one.source, PALETTE[-1 - len(colours) % len(PALETTE)])
-        sides = {"y": one.arms} if one.upper is None else {"low": one.arms, "high": one.upper}
-        sides = {"x": one.angles * per_degree, **sides}
-        found.append({"colour": colour, "label": one.label} | {k: rounded(side) for k, side in sides.items()})
-    return found
+    published = []
+    for curve in drawn(curves):
+        colour = colours.setdefault(curve.source, PALETTE[-1 - len(colours) % len(PALETTE)])
+        sides = {"y": curve.arms} if curve.upper is None else {"low": curve.arms, "high": curve.upper}
+        columns = {"x": curve.angles * per_degree, **sides}
+        rows = {key: rounded(column) for key, column in columns.items()}
+        published.append({"colour": colour, "label": curve.label} | rows)
+    return published
 
 
 def _coordinates(run: RunContent) -> list[dict[str, Any]]:
-    """Return the coordinates that there are moment arms by, and their values in the kept frames."""
+    """Return the coordinates of moment arms, with values in the kept frames."""
     coordinates = {
         name: run.motion.coordinates[name] for muscle in run.muscles.values() for name in muscle.arms
     }
@@ -199,27 +195,26 @@ def _coordinates(run: RunContent) -> list[dict[str, Any]]:
         {
             "name": name,
             "label": label_of(name),
-            "unit": one.unit,
-            "positive": one.positive,
-            "of": "mm" if one.unit in ANGLES else "1",
-            "values": rounded(np.asarray(one.values)[list(run.frames)]),
+            "unit": coordinate.unit,
+            "positive": coordinate.positive,
+            "of": "mm" if coordinate.unit in ANGLES else "1",
+            "values": rounded(np.asarray(coordinate.values)[list(run.frames)]),
         }
-        for name, one in coordinates.items()
+        for name, coordinate in coordinates.items()
     ]
 
 
 def _check(run: RunContent, measure: Measure, limit: tuple[float, float] | None) -> dict[str, Any]:
-    """Return a measure's title and limits, and a sentence in place of its curve where it hardly changes."""
+    """Return a measure's title and limits, and words for a constant measure."""
     muscles = (run.report["muscles"][name]["frames"] for name in run.muscles)
-    found = (row.get(measure.key) for frames in muscles for row in frames)
-    values = measure(np.array([value for value in found if value is not None], dtype=np.float64))
+    column = (row.get(measure.key) for frames in muscles for row in frames)
+    values = measure(np.array([value for value in column if value is not None], dtype=np.float64))
     check = {"key": measure.key, "label": measure.curve, "flat": None, "look": None, "failed": None}
     if limit is None:
         return check | {"floor": None}
     look, failed = limit
     if len(values) and np.ptp(values) <= _FLAT * abs(look):
         ends = dict.fromkeys(f"{value:.2g}".replace("-", MINUS) for value in (values.min(), values.max()))
-        words = f"{' to '.join(ends)} in all frames of all muscles; looked at from {look:g} on."
-        check["flat"] = words
+        check["flat"] = f"{' to '.join(ends)} in all frames of all muscles; to be checked from {look:g} on."
     floor = [-look, look] if measure.check == "volume" else [look]
     return check | {"look": look, "failed": failed, "floor": floor}

@@ -1,4 +1,4 @@
-"""A run's report as one page that needs nothing else: the scene, curves, tables, and what to make of them."""
+"""The report of a run as a self-contained page: scene, curves, tables and advice."""
 
 from __future__ import annotations
 
@@ -18,25 +18,25 @@ from vtkmuscle.report.scene3d import Pack, scene_of
 from vtkmuscle.report.sections import part, rendered
 from vtkmuscle.report.tables import errors_of, number, run_tables_of, settings_of, tables_of
 
-#: Of more muscles than this the cards show a line, and the rest when it is asked for.
+#: Number of muscles above which the cards are collapsed.
 MANY = 6
 #: Verdicts in words.
-BADGES = {"ok": "✓ ok", "look": "! look at it", "failed": "✗ failed"}
-#: What a muscle's cross-section rests on, in words.
+BADGES = {"ok": "✓ ok", "look": "! check this", "failed": "✗ failed"}
+#: Basis of a muscle's cross-sectional area, in words.
 RESTS_ON = {
     "aponeuroses": "fibres between aponeuroses",
     "scene": "fibres bone to bone, less the scene's tendon",
     "estimate": "fibres bone to bone, less an estimated tendon",
 }
-#: What the page's numbers can be trusted for.
+#: Meaning of the page's numbers.
 TRUST = (
-    "The checks say whether a shape is sound: whether it keeps its volume, does not crumple, stays out "
-    "of the bones and follows its attachments. They do not say whether it is the shape of this person's "
-    "muscle: that depends on the segmentation, the attachments and the motion that were given.",
-    "Lengths and moment arms are those of the muscle's paths, from bone to bone; a moment arm is the "
-    "lever of a path's pull. Strain, pennation and cross-sectional area are those of its fibres.",
+    "The checks test whether a shape is sound: its volume stays constant, its surface stays smooth and "
+    "outside the bones, and its attachments follow the bones. Agreement with this person's muscle depends "
+    "on the segmentation, the attachments and the motion of the scene, and is not tested.",
+    "Lengths and moment arms are measured on the muscle's paths, from bone to bone; a moment arm is the "
+    "lever of a path's pull. Strain, pennation and cross-sectional area are measured on the fibres.",
 )
-#: The parts of the page's program, in the order in which they are read.
+#: Parts of the page's program, in loading order.
 _SCRIPTS = (
     *("arrays.js", "webgl.js", "shaders.js", "colours.js", "shapes.js", "camera.js", "viewer.js"),
     *("saving.js", "charts.js", "curves.js", "page.js"),
@@ -44,7 +44,7 @@ _SCRIPTS = (
 
 
 def write_page(path: str | PathLike[str], run: RunContent) -> Path:
-    """Write the page of a run to an .html file that loads nothing from anywhere, and return the file."""
+    """Write the page of a run as an .html file without external resources."""
     write_text(Path(path), page_of(run))
     return Path(path)
 
@@ -69,7 +69,7 @@ def page_of(run: RunContent) -> str:
         compact=len(muscles) > MANY,
         muscles=muscles,
         thinned=_thinned(scene),
-        alt=f"The scene in three dimensions: {', '.join(one['label'] for one in muscles)}, "
+        alt=f"The scene in three dimensions: {', '.join(muscle['label'] for muscle in muscles)}, "
         f"and the bones {', '.join(bone['name'] for bone in scene['bones'])}.",
         surfaces=report["deformer"] != "none",
         fibres=fibre_lengths,
@@ -102,18 +102,18 @@ def _lead(run: RunContent) -> str:
 
 
 def _summary(run: RunContent) -> str:
-    """Return in plain words which muscles can be used."""
+    """Return which muscles can be used."""
     groups = {
         verdict: [label_of(name) for name in run.muscles if run.verdict(name) == verdict]
         for verdict in BADGES
     }
     words = []
     if len(groups["ok"]) == len(run.muscles):
-        words.append("All checks passed." if len(groups["ok"]) > 1 else "It passed all checks.")
+        words.append("All checks passed.")
     elif groups["ok"]:
         words.append(f"Passed all checks: {_listed(groups['ok'])}.")
     if groups["look"]:
-        words.append(f"Use with care, and look at what is named below first: {_listed(groups['look'])}.")
+        words.append(f"Check the findings below before use: {_listed(groups['look'])}.")
     if groups["failed"]:
         words.append(f"Do not use: {_listed(groups['failed'])}.")
     return " ".join(words)
@@ -126,20 +126,15 @@ def _listed(names: list[str]) -> str:
 def _card(run: RunContent, position: int, name: str) -> dict[str, Any]:
     muscle, content = run.report["muscles"][name], run.muscles[name]
     facts: list[tuple[str, str, list[str] | None]] = []
-    by_title = {
-        "mean length, bone to bone": content.lengths,
-        "mean fibre length": content.fibre_lengths,
-    }
-    for title, lengths in by_title.items():
+    titles = ("mean length, bone to bone", "mean fibre length")
+    for title, lengths in zip(titles, (content.lengths, content.fibre_lengths), strict=True):
         if lengths is not None:
             mean = lengths.mean(axis=1)
             facts.append((title, f"{number(mean.min())} to {number(mean.max())} mm", None))
-    for coordinate, found in content.arms.items():
-        some = np.unique([0, len(found.values) // 2, len(found.values) - 1])
-        means = " / ".join(number(found.mean[i]) for i in some)
-        values = " / ".join(number(found.values[i]) for i in some)
-        unit = "mm" if found.unit in ANGLES else ""
-        words = f"{means} {unit} at {values} {found.unit}"
+    for coordinate, arms in content.arms.items():
+        chosen = np.unique([0, len(arms.values) // 2, len(arms.values) - 1])
+        means, values = (" / ".join(number(column[i]) for i in chosen) for column in (arms.mean, arms.values))
+        words = f"{means} {'mm' if arms.unit in ANGLES else ''} at {values} {arms.unit}"
         facts.append((f"moment arm, {label_of(coordinate)}", words, [name, coordinate]))
     architecture = muscle.get("architecture") or {}
     if "tendon_from" in architecture:
@@ -157,8 +152,8 @@ def _card(run: RunContent, position: int, name: str) -> dict[str, Any]:
         "colour": colour_of(position),
         "verdict": run.verdict(name),
         "facts": facts,
-        "reasons": [{"says": _sentence(one["says"]), "frame": one["frame"]} for one in reasons],
-        "remedies": list(dict.fromkeys(_sentence(one["do"]) for one in reasons)),
+        "reasons": [{"says": _sentence(reason["says"]), "frame": reason["frame"]} for reason in reasons],
+        "remedies": list(dict.fromkeys(_sentence(reason["do"]) for reason in reasons)),
     }
 
 
@@ -168,12 +163,12 @@ def _sentence(words: Any) -> str:
 
 
 def _thinned(scene: Mapping[str, Any]) -> str:
-    """Return a sentence for each kind of detail that the scene leaves out to stay small."""
+    """Return a sentence for each kind of detail that the scene omits."""
     words = []
-    drawn = [one for one in scene["muscles"] if one["surface"] is not None]
-    if any(one["surface"]["points"]["points"] < one["surface"]["whole"] for one in drawn):
-        words.append("Surfaces are drawn with fewer triangles than were computed.")
-    fibres = [one["fibres"] for one in scene["muscles"] if one["fibres"] is not None]
-    if any(one["count"] < one["all"] for one in fibres):
-        words.append("Of many fibres some are drawn.")
+    surfaces = [muscle["surface"] for muscle in scene["muscles"] if muscle["surface"] is not None]
+    if any(surface["points"]["points"] < surface["whole"] for surface in surfaces):
+        words.append("Surfaces are drawn with fewer triangles than computed.")
+    fibres = [muscle["fibres"] for muscle in scene["muscles"] if muscle["fibres"] is not None]
+    if any(lines["count"] < lines["all"] for lines in fibres):
+        words.append("A part of the fibres is drawn.")
     return " ".join(words)

@@ -1,4 +1,4 @@
-"""The scene of a page: bones, muscles and fibres in the frames that it shows, packed to be sent."""
+"""The scene of a page: bones, muscles and fibres per frame, packed."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ from vtkmuscle.plotting.views import clearest_view, merged
 from vtkmuscle.report.contents import MuscleContent, RunContent
 from vtkmuscle.scene.data import MILLIMETRES
 
-#: Steps that the longest side of moving points is cut into: 0.03 mm of half a metre.
+#: Steps along the longest side of moving points: 0.03 mm for 0.5 m.
 STEPS = 20_000
 
-#: Types of arrays by their names in a page.
+#: Types of arrays by name in a page.
 TYPES = {"u8": np.uint8, "i8": np.int8, "u16": np.uint16, "u32": np.uint32, "f32": np.float32}
 
 
 class Pack:
-    """Arrays one behind the other; a small dict says where each is, and its type.
+    """Arrays in sequence; a dict gives the position and type of each array.
 
     Examples
     --------
@@ -46,7 +46,7 @@ class Pack:
         self._size = 0
 
     def add(self, values: Any, kind: str) -> dict[str, Any]:
-        """Append an array as one of :data:`TYPES`, and return its position."""
+        """Append an array of a type in :data:`TYPES`, and return its position."""
         array = np.ascontiguousarray(np.asarray(values), dtype=TYPES[kind])
         at, padding = self._size, -array.nbytes % 4
         self._parts += [array.tobytes(), bytes(padding)]
@@ -56,13 +56,13 @@ class Pack:
     def add_moving(self, frames: Floats) -> dict[str, Any]:
         """Append moving points (f, n, 3), rounded to half a step.
 
-        Coordinates are whole numbers of steps from ``origin``. Each frame is stored as its difference from
-        the linear extrapolation of the two before it, low and high bytes apart: most high bytes are zero.
+        Coordinates are integers in steps from ``origin``. A frame is stored as its difference from the linear
+        extrapolation of the previous two frames, low and high bytes apart, because most high bytes are zero.
         """
-        # The least of numbers one behind the other is found in a tenth of the time.
-        each = frames.reshape(-1, 3).T.copy() if frames.size else np.zeros((3, 1))
-        low = each.min(axis=1)
-        step = max(float((each.max(axis=1) - low).max()), 1e-9) / STEPS
+        # The minimum of contiguous numbers takes a tenth of the time.
+        columns = frames.reshape(-1, 3).T.copy() if frames.size else np.zeros((3, 1))
+        low = columns.min(axis=1)
+        step = max(float((columns.max(axis=1) - low).max()), 1e-9) / STEPS
         whole = np.rint((frames - low) / step).astype(np.int32)
         differences = whole.copy()
         differences[1:] -= whole[:-1]
@@ -84,25 +84,28 @@ class Pack:
 
 
 def packed(data: bytes) -> str:
-    """Return bytes compressed by gzip, in base64; higher levels save 1 to 4 % and take twice the time."""
+    """Return bytes compressed by gzip, in base64.
+
+    Higher levels save 1 to 4 % and take twice the time.
+    """
     return base64.b64encode(gzip.compress(data, 4, mtime=0)).decode("ascii")
 
 
-#: Frames that a page shows, at most.
+#: Frames on a page, at most.
 MOST_FRAMES = 120
-#: Points of all muscles, and of all fibres, over all frames that are shown, at most.
+#: Points of all muscles, and of all fibres, in all frames of a page, at most.
 MUSCLE_POINTS, FIBRE_POINTS = 1_000_000, 600_000
-#: Triangles that a muscle has at least, and at most.
+#: Least and largest number of triangles per muscle.
 LEAST, MOST = 600, 12_000
 #: Decimals of a bone's transform.
 _POSE_DIGITS = 7
 
 
 def scene_of(run: RunContent, pack: Pack) -> dict[str, Any]:
-    """Return the scene of a page, ready for JSON; its arrays are added to the pack.
+    """Return the scene of a page, ready for JSON; add its arrays to the pack.
 
-    It has each bone's surface at rest and its transforms, each muscle's points at rest and per frame, and
-    each fibre's points, length, strain and depth in bone per frame.
+    The scene has bone surfaces at rest and their transforms; muscle points at rest and per frame; and points,
+    length, strain and depth in bone of fibres per frame.
     """
     shown = shown_frames(len(run.frames))
     scale = MILLIMETRES[run.report["units"]]
@@ -130,7 +133,7 @@ def scene_of(run: RunContent, pack: Pack) -> dict[str, Any]:
 
 
 def shown_frames(count: int) -> list[int]:
-    """Return the positions of the kept frames that a page shows: all, or evenly spread ones."""
+    """Return the indices of the kept frames on a page, evenly spread."""
     positions = np.linspace(0, count - 1, min(count, MOST_FRAMES)).round()
     return [int(position) for position in np.unique(positions)]
 
@@ -150,41 +153,41 @@ def _bones(run: RunContent, shown: list[int], pack: Pack) -> list[dict[str, Any]
 
 
 def _rows(transforms: Floats | None, frames: list[int]) -> list[float] | None:
-    """Return the first three rows of a bone's transforms in some frames, None where it stays at rest."""
+    """Return the first three rows of a bone's transforms, None at rest."""
     if transforms is None or np.allclose(transforms[frames], np.eye(4)):
         return None
     return [round(float(value), _POSE_DIGITS) for value in transforms[frames][:, :3].ravel()]
 
 
 def _muscle(
-    name: str, muscle: MuscleContent, done: list[int], wanted: int, pack: Pack
+    name: str, muscle: MuscleContent, done: list[int], target: int, pack: Pack
 ) -> dict[str, Any] | None:
     rest = muscle.rest
     points, triangles = points_of(rest), triangles_of(rest, name)
-    kept = np.arange(len(points))
-    wanted = min(max(wanted, LEAST), MOST)
-    if len(triangles) > wanted:
-        kept, triangles = _decimated(rest, points, wanted)
-    moved = [points[kept], *(points_of(muscle.surfaces[i])[kept] for i in done)]
+    chosen = np.arange(len(points))
+    target = min(max(target, LEAST), MOST)
+    if len(triangles) > target:
+        chosen, triangles = _decimated(rest, points, target)
+    moved = [points[chosen], *(points_of(muscle.surfaces[i])[chosen] for i in done)]
     return {
         "points": pack.add_moving(np.array(moved)),
-        "triangles": _indices(triangles, len(kept), pack),
+        "triangles": _indices(triangles, len(chosen), pack),
         "whole": len(points_of(rest)),
     }
 
 
-def _decimated(surface: vtkPolyData, points: Floats, wanted: int) -> tuple[Ints, Ints]:
-    """Return which points of a surface are kept, and triangles of these."""
+def _decimated(surface: vtkPolyData, points: Floats, target: int) -> tuple[Ints, Ints]:
+    """Return the kept points of a surface, and triangles on these points."""
     decimation = vtkQuadricDecimation()
     decimation.SetInputData(surface)
-    decimation.SetTargetReduction(1.0 - wanted / surface.GetNumberOfCells())
+    decimation.SetTargetReduction(1.0 - target / surface.GetNumberOfCells())
     decimation.Update()
     coarse = decimation.GetOutput()
     _, nearest = cKDTree(points).query(points_of(coarse))
-    kept, place = np.unique(nearest, return_inverse=True)
-    triangles = place.reshape(-1)[triangles_of(coarse, "muscle")]
+    chosen, index = np.unique(nearest, return_inverse=True)
+    triangles = index.reshape(-1)[triangles_of(coarse, "muscle")]
     a, b, c = triangles.T
-    return kept, triangles[(a != b) & (b != c) & (c != a)]
+    return chosen, triangles[(a != b) & (b != c) & (c != a)]
 
 
 def _fibres(
@@ -200,28 +203,23 @@ def _fibres(
     sizes = np.diff(first.offsets)[chosen]
     points: list[Floats] = []
     measures: dict[str, list[Floats]] = {"strain": [], "depth": []}
-    for i in done:
-        lines = muscle.fibres[i]
+    for lines in (muscle.fibres[i] for i in done):
         points.append(points_of(lines)[ids])
-        for word, array, factor in (("strain", "Strain", 100.0), ("depth", "Penetration", scale)):
+        for key, array, factor in (("strain", "Strain", 100.0), ("depth", "Penetration", scale)):
             values = lines.GetCellData().GetArray(array)
-            if values is not None:
-                measures[word].append(factor * np.asarray(values)[chosen])
-    lengths = muscle.fibre_lengths[done]
+            measures[key] += [] if values is None else [factor * np.asarray(values)[chosen]]
     return {
         "points": pack.add_moving(np.array(points)),
         "sizes": pack.add(sizes, "u16"),
         "count": len(chosen),
         "all": count,
-        "length": pack.add(lengths[:, chosen], "f32"),
-        **{
-            word: pack.add(np.array(rows), "f32") for word, rows in measures.items() if len(rows) == len(done)
-        },
+        "length": pack.add(muscle.fibre_lengths[done][:, chosen], "f32"),
+        **{key: pack.add(rows, "f32") for key, rows in measures.items() if len(rows) == len(done)},
     }
 
 
 def _view(run: RunContent) -> dict[str, Any]:
-    """Return from where most of the muscles is seen, at rest."""
+    """Return the viewing direction with the least hidden muscle area at rest."""
     muscles = merged(muscle.rest for muscle in run.muscles.values())
     view = clearest_view([muscles], [run.bones.spread()])
     return {"towards": [float(value) for value in view.direction]}

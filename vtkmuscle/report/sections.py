@@ -1,4 +1,4 @@
-"""Pages of sections: one HTML file that needs nothing else, in the look of a run's."""
+"""Self-contained HTML pages of sections, in the style of a run's page."""
 
 from __future__ import annotations
 
@@ -19,20 +19,20 @@ from vtkmuscle.report.tables import Cell
 
 @dataclass(frozen=True)
 class Section:
-    """A part of the page.
+    """A section of a page.
 
     Attributes
     ----------
     title, note : str
-        Above it, and what it shows.
+        Heading, and explanation.
     rows : sequence of sequence of (str or Cell)
-        A table, its head first, in which verdicts are marked.
+        A table with a header, in which verdicts are marked.
     words : bool
-        Whether its cells are words rather than numbers.
+        Whether the cells are words rather than numbers.
     drawings : sequence of (str, str)
         Titles and SVG.
     pictures : sequence of (str, str)
-        Words, and a PNG in base 64.
+        Captions, and PNG in base 64.
     """
 
     title: str
@@ -51,12 +51,12 @@ def write_page(path: Path, name: str, kind: str, lead: str, sections: Sequence[S
 
 
 def part(name: str) -> Markup:
-    """Return a part of a page as it is; it is ours, and holds no end of a script."""
+    """Return a file of the page unescaped; the package's files have no end of a script."""
     return Markup((files("vtkmuscle.report") / "page" / name).read_text(encoding="utf-8"))
 
 
 def rendered(template: str, **values: Any) -> str:
-    """Return the text of a page, from one of the templates in ``page``."""
+    """Return the text of a page from a template in ``page``."""
     environment = jinja2.Environment(
         loader=jinja2.PackageLoader("vtkmuscle.report", "page"),
         autoescape=True,
@@ -70,7 +70,10 @@ def rendered(template: str, **values: Any) -> str:
 
 
 def shown_rows(table: Mapping[str, NDArray[Any]]) -> list[Sequence[str]]:
-    """Return a table's head and rows as a page has them: numbers to four digits, nothing for no number."""
+    """Return a table's header and rows as text, with four digits.
+
+    A missing number is "".
+    """
     return [tuple(table), *zip(*(map(_shown, column.tolist()) for column in table.values()), strict=True)]
 
 

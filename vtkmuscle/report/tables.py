@@ -1,4 +1,4 @@
-"""The tables of a page: architecture, moment arms, quality, errors, and what was run."""
+"""Tables of a page: architecture, moment arms, quality, errors and inputs."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import numpy as np
 
 from vtkmuscle.report.curves import MEASURES, MINUS, label_of
 
-#: Architecture: the key in a report, what stands above the column, and the factor to its unit.
+#: Architecture: key in a report, title of the column, and factor to its unit.
 ARCHITECTURE = (
     ("muscle_volume_mm3", "volume [cm³]", 1e-3),
     ("pcsa_mm2", "PCSA [cm²]", 1e-2),
@@ -27,7 +27,7 @@ ARCHITECTURE = (
     ("tendon_volume_share", "part of the volume that is tendon", 1.0),
     ("fascicle_length_normalised_mm", "fascicle length, normalised [mm]", 1.0),
 )
-#: Measures of fibres in the first frame, likewise.
+#: Measures of fibres in the first frame, in the same form.
 FIBRES = (
     ("length_mm", "fibre length [mm]", 1.0),
     ("pennation_origin_deg", "pennation, origin [deg]", 1.0),
@@ -35,22 +35,22 @@ FIBRES = (
     ("tortuosity", "length / distance of ends", 1.0),
 )
 
-#: Stands where there is no number.
+#: Placeholder for a missing number.
 DASH = "\u2013"
 
 
 class Cell(NamedTuple):
-    """A cell that is marked: its text, and ``"look"`` or ``"failed"``, or "" for no mark."""
+    """A cell with a mark, ``"look"``, ``"failed"`` or ""."""
 
     text: str
     mark: str
 
 
 @dataclass(frozen=True)
-class Sheet:
-    """A table of a page, its head first; ``words`` where its cells are words rather than numbers.
+class PageTable:
+    """A table of a page with a header; ``words`` for cells of words, not numbers.
 
-    A cell that is one of the words look and failed is marked by itself.
+    Cells with the words look and failed are marked.
     """
 
     title: str
@@ -60,7 +60,7 @@ class Sheet:
 
 
 def number(value: Any, digits: int = 3) -> str:
-    """Return a number as a table has it, with a sign that aligns; a dash where there is none."""
+    """Return a number as text, with an aligned minus sign, or a dash."""
     if value is None or (isinstance(value, float) and not np.isfinite(value)):
         return DASH
     size = abs(float(value))
@@ -68,20 +68,20 @@ def number(value: Any, digits: int = 3) -> str:
         return "0"
     if size >= 10.0 ** (digits - 1):
         return f"{value:,.0f}".replace(",", "\u202f").replace("-", MINUS)
-    places = max(0, digits - 1 - int(np.floor(np.log10(size))))
-    text = f"{value:.{places}f}" if size >= 1e-3 else f"{value:.1e}"
+    decimals = max(0, digits - 1 - int(np.floor(np.log10(size))))
+    text = f"{value:.{decimals}f}" if size >= 1e-3 else f"{value:.1e}"
     return text.replace("-", MINUS)
 
 
-def tables_of(report: Mapping[str, Any]) -> list[Sheet]:
-    """Return the tables of results of a run, from its report: those that there is something for."""
+def tables_of(report: Mapping[str, Any]) -> list[PageTable]:
+    """Return the non-empty tables of results, from a run's report."""
     muscles = report["muscles"]
     sheets = (_architecture(muscles), _moment_arms(muscles), _quality(muscles))
     return [sheet for sheet in sheets if len(sheet.rows) > 1]
 
 
-def errors_of(report: Mapping[str, Any]) -> list[Sheet]:
-    """Return the errors of mean lengths, and the checks that were not made, where there are some."""
+def errors_of(report: Mapping[str, Any]) -> list[PageTable]:
+    """Return the non-empty tables of errors of mean lengths, and of omitted checks."""
     muscles = report["muscles"]
     rows: list[tuple[str, ...]] = [("muscle", "mean of", "segment error [mm]", "sampling error [mm]")]
     rows += [
@@ -90,44 +90,47 @@ def errors_of(report: Mapping[str, Any]) -> list[Sheet]:
         for quantity, errors in muscle.get("errors", {}).items()
     ]
     note = (
-        "Segment error: bound on the length that straight segments miss of a curve. Sampling error: standard "
-        "deviation over the fibres / sqrt(number of fibres). Root mean squares over the frames."
+        "Segment error: bound on the length lost by straight segments. Sampling error: standard deviation "
+        "over the fibres / sqrt(number of fibres). Root mean squares over the frames."
     )
     checks = {name: muscle.get("verdict", {}).get("not_checked", {}) for name, muscle in muscles.items()}
-    sheets = (Sheet("Errors of mean lengths", rows, note), _reasons("What was not checked", "check", checks))
+    sheets = (
+        PageTable("Errors of mean lengths", rows, note),
+        _reasons("What was not checked", "check", checks),
+    )
     return [sheet for sheet in sheets if len(sheet.rows) > 1]
 
 
-def _reasons(title: str, what: str, of_muscles: Mapping[str, Mapping[str, str]]) -> Sheet:
+def _reasons(title: str, what: str, of_muscles: Mapping[str, Mapping[str, str]]) -> PageTable:
     muscles: dict[tuple[str, str], list[str]] = {}
     for name, reasons in of_muscles.items():
-        for one, why in reasons.items():
-            muscles.setdefault((one, str(why)), []).append(label_of(name))
+        for check, why in reasons.items():
+            muscles.setdefault((check, str(why)), []).append(label_of(name))
     rows = [
-        (label_of(one), why, "all muscles" if len(names) == len(of_muscles) else ", ".join(names))
-        for (one, why), names in muscles.items()
+        (label_of(check), why, "all muscles" if len(names) == len(of_muscles) else ", ".join(names))
+        for (check, why), names in muscles.items()
     ]
-    return Sheet(title, [(what, "why", "of"), *rows], words=True)
+    return PageTable(title, [(what, "why", "muscles"), *rows], words=True)
 
 
-def run_tables_of(report: Mapping[str, Any]) -> list[Sheet]:
-    """Return the versions that a run was made with, and its files with their hashes."""
+def run_tables_of(report: Mapping[str, Any]) -> list[PageTable]:
+    """Return the tables of versions, times and input files with hashes."""
     versions = [(name, str(version)) for name, version in report["versions"].items()]
-    sheets = [Sheet("Versions", [("of", "version"), *versions], words=True)]
+    sheets = [PageTable("Versions", [("of", "version"), *versions], words=True)]
     if report.get("seconds"):
         seconds = [(name, f"{number(value)} s") for name, value in report["seconds"].items()]
-        sheets.append(Sheet("Time", [("for", "by the clock"), *seconds], words=True))
+        sheets.append(PageTable("Time", [("for", "by the clock"), *seconds], words=True))
     if report["files"]:
         hashes = report.get("sha256", {})
         files = [(key, Path(path).name, hashes.get(key, DASH)) for key, path in report["files"].items()]
         rows = [("key of the scene", "file", "SHA-256"), *files]
         note = f"Read from {report['scene_file']}." if report.get("scene_file") else ""
-        sheets.append(Sheet("Inputs", rows, note, words=True))
+        sheets.append(PageTable("Inputs", rows, note, words=True))
     return sheets
 
 
 def settings_of(report: Mapping[str, Any]) -> list[tuple[str, list[tuple[str, str]]]]:
-    """Return all parameters of muscles, those that several share once."""
+    """Return the parameters of muscles, grouped by equal parameters."""
     groups: dict[str, list[str]] = {}
     for name, muscle in report["muscles"].items():
         parameters = json.dumps(muscle.get("parameters", {}), sort_keys=True, default=str)
@@ -143,79 +146,67 @@ def _flat(values: Mapping[str, Any], before: str = "") -> Iterable[tuple[str, st
             yield f"{before}{key}", "none" if value is None else str(value)
 
 
-def _architecture(muscles: Mapping[str, Any]) -> Sheet:
-    known = {name: muscle.get("architecture") or {} for name, muscle in muscles.items()}
+def _architecture(muscles: Mapping[str, Any]) -> PageTable:
+    wholes = {name: muscle.get("architecture") or {} for name, muscle in muscles.items()}
     measures = {name: (muscle.get("fibre_measures") or [{}])[0] for name, muscle in muscles.items()}
-    columns = [column for column in ARCHITECTURE if any(column[0] in one for one in known.values())]
-    of_fibres = [column for column in FIBRES if any(column[0] in one for one in measures.values())]
+    columns = [column for column in ARCHITECTURE if any(column[0] in keys for keys in wholes.values())]
+    of_fibres = [column for column in FIBRES if any(column[0] in keys for keys in measures.values())]
     rows: list[tuple[str, ...]] = [("muscle", "fibres", *(head for _, head, _ in (*columns, *of_fibres)))]
     for name, muscle in muscles.items():
         count = (muscle.get("fibres") or {}).get("fibres")
-        if not (known[name] or count):
+        whole, spreads = wholes[name], measures[name]
+        if not (whole or count):
             continue
-        cells = [
-            number(_mean(known[name][key]) * scale) if key in known[name] else DASH
-            for key, _, scale in columns
-        ]
+        cells = [number(_mean(whole[key]) * scale) if key in whole else DASH for key, _, scale in columns]
         for key, _, scale in of_fibres:
-            one = measures[name].get(key)
-            cells.append(f"{number(one['mean'] * scale)} ± {number(one['sd'] * scale, 2)}" if one else DASH)
+            row = spreads.get(key)
+            cells.append(f"{number(row['mean'] * scale)} ± {number(row['sd'] * scale, 2)}" if row else DASH)
         rows.append((label_of(name), str(count or DASH), *cells))
-    note = (
-        "Of the muscle at rest; lengths, pennation and tortuosity in the first frame, mean ± standard "
-        "deviation over the fibres."
-    )
-    return Sheet("Architecture", rows, note)
+    note = "The muscle at rest; fibre lengths, pennation and tortuosity in the first frame, mean ± standard "
+    return PageTable("Architecture", rows, f"{note}deviation over the fibres.")
 
 
 def _mean(value: Any) -> float:
     return float(value["mean"]) if isinstance(value, Mapping) else float(value)
 
 
-def _moment_arms(muscles: Mapping[str, Any]) -> Sheet:
-    ends = ("mean", "least", "largest", "sampling error", "difference from -dl/dq", "left by a quartic")
+def _moment_arms(muscles: Mapping[str, Any]) -> PageTable:
+    ends = ("mean", "least", "largest", "sampling error", "difference from -dl/dq", "residual of a quartic")
     rows: list[tuple[str, ...]] = [("muscle", "coordinate", "range", *ends)]
     for name, muscle in muscles.items():
-        for coordinate, found in (muscle.get("moment_arms") or {}).items():
-            low, high = map(number, found["values"])
-            rows.append(
-                (
-                    label_of(name),
-                    f"{label_of(coordinate)} [{found['unit']}]",
-                    f"{low} to {high}",
-                    *(number(found[key]) for key in ("mean_mm", "min_mm", "max_mm")),
-                    number(found["sampling_error_mm"], 2),
-                    number(found["slope_difference_mm"], 2),
-                    number(found.get("quartic_residual_mean_mm"), 2),
-                )
-            )
+        for coordinate, arms in (muscle.get("moment_arms") or {}).items():
+            low, high = map(number, arms["values"])
+            errors = ("sampling_error_mm", "slope_difference_mm", "quartic_residual_mean_mm")
+            sizes = [number(arms[key]) for key in ("mean_mm", "min_mm", "max_mm")]
+            sizes += [number(arms.get(key), 2) for key in errors]
+            names = (label_of(name), f"{label_of(coordinate)} [{arms['unit']}]", f"{low} to {high}")
+            rows.append((*names, *sizes))
     note = (
-        "Levers of the pulls of all paths in all frames; positive where the muscle drives the coordinate up. "
+        "Levers of all paths in all frames; positive for a muscle that increases the coordinate. "
         "-dl/dq is taken between frames; the difference is a root mean square."
     )
-    return Sheet("Moment arms [mm]", rows, note)
+    return PageTable("Moment arms [mm]", rows, note)
 
 
-def _quality(muscles: Mapping[str, Any]) -> Sheet:
-    listed = [one for one in MEASURES if one.head]
+def _quality(muscles: Mapping[str, Any]) -> PageTable:
+    listed = [measure for measure in MEASURES if measure.head]
     series = {
-        name: {one: one(_column(muscle["frames"], one.key)) for one in listed}
+        name: {measure: measure(_column(muscle["frames"], measure.key)) for measure in listed}
         for name, muscle in muscles.items()
     }
-    columns = [one for one in listed if any(len(found[one]) for found in series.values())]
-    rows: list[tuple[str | Cell, ...]] = [("muscle", "frames", *(one.head for one in columns))]
+    columns = [measure for measure in listed if any(len(values[measure]) for values in series.values())]
+    rows: list[tuple[str | Cell, ...]] = [("muscle", "frames", *(measure.head for measure in columns))]
     for name, muscle in muscles.items():
         reasons = muscle.get("verdict", {}).get("reasons", ())
         marks = {reason["check"]: reason["verdict"] for reason in reasons}
         cells = [
-            Cell(number(float(one.of_all(values))), marks.get(one.check, ""))
-            if len(values := series[name][one])
+            Cell(number(float(measure.of_all(values))), marks.get(measure.check, ""))
+            if len(values := series[name][measure])
             else DASH
-            for one in columns
+            for measure in columns
         ]
         rows.append((label_of(name), str(len(muscle["frames"])), *cells))
-    note = "The worst of all frames where nothing else is said; coloured where it is a reason to look."
-    return Sheet("Quality", rows, note)
+    return PageTable("Quality", rows, "Worst frame unless stated otherwise; a coloured value needs a check.")
 
 
 def _column(frames: Iterable[Mapping[str, Any]], key: str) -> Any:

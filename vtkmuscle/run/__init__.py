@@ -1,9 +1,20 @@
 """Running a scene: every muscle over the motion, measured, written to a folder."""
 
 from vtkmuscle.run.muscles import muscle_pipeline
+from vtkmuscle.run.only import ONLY, run_only
 from vtkmuscle.run.options import RunOptions, frame_numbers
 from vtkmuscle.run.result import Result
 from vtkmuscle.run.steps import run_scene
 from vtkmuscle.run.table import MomentArmTable, Table
 
-__all__ = ["MomentArmTable", "Result", "RunOptions", "Table", "frame_numbers", "muscle_pipeline", "run_scene"]
+__all__ = [
+    "ONLY",
+    "MomentArmTable",
+    "Result",
+    "RunOptions",
+    "Table",
+    "frame_numbers",
+    "muscle_pipeline",
+    "run_only",
+    "run_scene",
+]

@@ -15,7 +15,7 @@ from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.words import names, suggestion
 from vtkmuscle.data.arrays import blocks_of, points_of
 from vtkmuscle.io.writing import replacing
-from vtkmuscle.plotting import MovingScene, Pose, can_render
+from vtkmuscle.plotting import MovingScene, ScenePose, can_render
 from vtkmuscle.scene.data import SceneData
 
 if TYPE_CHECKING:
@@ -129,7 +129,7 @@ class ResultDisplay:
         there = [name for name in self._names if position < result.finished(name)]
         moving = result.motion.transforms
         self.scene.show(
-            Pose(
+            ScenePose(
                 {bone: table[frame] for bone, table in moving.items()},
                 {n: points_of(result.muscle(n, frame=frame)) for n in there} if self._volumes else {},
                 {n: points_of(result.fibres(n, frame=frame)) for n in there if n in self._fibres},

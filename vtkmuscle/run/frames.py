@@ -162,7 +162,7 @@ class MuscleTrack:
 
     def errors(self) -> dict[str, dict[str, float | None]]:
         """Return the segment and sampling errors of the mean lengths, root mean squares over the frames."""
-        known = {
+        measured = {
             "length": (self.lengths, self.length_errors),
             "fibre_length": (self.fibre_lengths, self.fibre_length_errors),
         }
@@ -171,7 +171,7 @@ class MuscleTrack:
                 "segment_error_mm": root_mean_square(np.mean(errors, axis=1)),
                 "sampling_error_mm": root_mean_square(sampling_errors(np.array(lengths))),
             }
-            for quantity, (lengths, errors) in known.items()
+            for quantity, (lengths, errors) in measured.items()
             if lengths
         }
 

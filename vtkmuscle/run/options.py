@@ -11,6 +11,8 @@ from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.words import suggestion
 
 Progress = Callable[[str, str, float], None]
+#: Frames to keep, in the words of a user.
+Frames = str | slice | range | int | None
 Observe = Callable[[str, Mapping[str, Any]], None]
 
 
@@ -22,12 +24,12 @@ class RunOptions:
     ----------
     frames : str, slice, range, int or None
         Frames to keep and write, e.g. ``"0:10"`` for the first ten (the end is not included, as in Python);
-        default all. Frames before them are computed where the deformation depends on its past.
+        default all. Frames before them are computed where the deformer is ``"pbd"``, which goes on from frame
+        to frame.
     workers : int or None
         Number of processes that solve muscles side by side and draw figures; None for one per processor.
-        Muscles that may meet, and a single muscle, are solved in this process, and so are all by default. A
-        script needs the line ``if __name__ == "__main__":`` above a run with several processes. The result
-        does not depend on their number.
+        Muscles that may meet, and a single muscle, are solved in this process, and so are all by default. The
+        result does not depend on their number.
     figures : bool
         Draw figures; where there is no OpenGL, a warning says so and all else is written.
     report : bool
@@ -53,7 +55,7 @@ class RunOptions:
         If an option is not allowed; the message says what is.
     """
 
-    frames: str | slice | range | int | None = None
+    frames: Frames = None
     workers: int | None = 1
     figures: bool = True
     report: bool = True

@@ -14,19 +14,18 @@ import warnings
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ProcessPoolExecutor
 from contextlib import ExitStack, contextmanager
-from dataclasses import fields, replace
 from multiprocessing import parent_process
 from multiprocessing.context import SpawnContext, SpawnProcess
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from threading import Event, Thread
+from types import ModuleType
 from typing import TYPE_CHECKING, Any, Self
 
-from vtkmuscle.core.machine import processors
+from vtkmuscle.core.machine import is_python, processors
 from vtkmuscle.core.mesh.shared import keep_shared
-from vtkmuscle.data.arrays import points_of, shallow_copy, with_points
+from vtkmuscle.data.arrays import points_of, with_points
 from vtkmuscle.data.drawn_bones import DrawnBones
-from vtkmuscle.isolation import is_python, workers_leave_out_working_folder
 from vtkmuscle.plotting.drawing import FigureOrder
 from vtkmuscle.run.frames import Frames, MuscleTrack
 from vtkmuscle.run.muscles import MuscleRun, SceneRun
@@ -38,10 +37,7 @@ if TYPE_CHECKING:
     from vtkmuscle.plotting.studio import Studio
 
 #: Said where a process of the pool ended before its work was done.
-ENDED = (
-    "a process that solves muscles ended early: it was killed, or memory ran out; use fewer workers. In a "
-    'script, several workers need the line `if __name__ == "__main__":` above the run'
-)
+ENDED = "a process that solves muscles ended early: it was killed, or memory ran out; use fewer workers"
 
 
 def pool_size(scene: SceneData, workers: int | None) -> int:
@@ -83,12 +79,11 @@ class Pool:
         import vtkmodules.util.pickle_support  # noqa: F401, PLC0415
 
         self._context = _Context()
-        with workers_leave_out_working_folder():  # a queue starts a process, too
-            self._messages = self._context.SimpleQueue()
+        self._messages = self._context.SimpleQueue()
         self._warned: dict[Any, Any] = {}
         # What is large goes through files: a pipe that nobody reads any more would be written to for ever.
         self._files = TemporaryDirectory()
-        given = self._file("scene", (_plain(scene), numbers, clock, store))
+        given = self._file("scene", (scene, numbers, clock, store))
         self._executor = ProcessPoolExecutor(size, self._context, _begin, (given, self._messages))
 
     def __enter__(self) -> Self:
@@ -136,16 +131,18 @@ def track_in(path: Path) -> MuscleTrack:
 
 
 class _Process(SpawnProcess):
-    """A process that receives no Ctrl-C, and loads no code from the working folder."""
+    """A process that receives no Ctrl-C and does not load the main script."""
 
     def start(self) -> None:
-        root = str(Path(__file__).parents[2])
+        main, root = sys.modules["__main__"], str(Path(__file__).parents[2])
         added = root not in sys.path  # the package may be in the working folder
         sys.path += [root] * added
+        sys.modules["__main__"] = ModuleType("__main__")  # a script would be run again
         try:
-            with workers_leave_out_working_folder(), _interrupts_blocked():
+            with _interrupts_blocked():
                 super().start()
         finally:
+            sys.modules["__main__"] = main
             sys.path[:] = sys.path[:-1] if added else sys.path
 
 
@@ -173,21 +170,6 @@ def _interrupts_blocked() -> Iterator[None]:
         yield
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
-
-
-def _plain(scene: SceneData) -> SceneData:
-    """Return a scene whose surfaces are VTK's, not PyVista's, which other processes need not load."""
-    muscles = {
-        name: replace(
-            muscle,
-            surface=shallow_copy(muscle.surface),
-            superficial_fibres=muscle.superficial_fibres and shallow_copy(muscle.superficial_fibres),
-        )
-        for name, muscle in scene.muscles.items()
-    }
-    bones = {name: shallow_copy(bone) for name, bone in scene.bones.items()}
-    kept = {field.name: getattr(scene, field.name) for field in fields(SceneData)}
-    return SceneData(**kept | {"bones": bones, "muscles": muscles})
 
 
 class _Worker:

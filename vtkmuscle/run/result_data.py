@@ -23,7 +23,6 @@ from vtkmuscle.data.arrays import points_of, with_points
 from vtkmuscle.data.drawn_bones import DrawnBones
 from vtkmuscle.data.paths import Paths, paths_of
 from vtkmuscle.filters.bone_motion import BoneMotion
-from vtkmuscle.guesses import WithHints
 from vtkmuscle.io.literature import LiteratureCurve, curves_for, read_literature
 from vtkmuscle.run.frames import MuscleTrack
 from vtkmuscle.run.report_values import architecture_table, fibre_table
@@ -31,7 +30,7 @@ from vtkmuscle.run.table import MomentArmTable, Table, length_table
 from vtkmuscle.scene.data import MILLIMETRES
 
 
-class ResultData(WithHints):
+class ResultData:
     """The frames and tables of a run; see :class:`vtkmuscle.Result` for its parameters."""
 
     def __init__(
@@ -112,14 +111,14 @@ class ResultData(WithHints):
         ------
         ValueError
             If there is no such muscle or kept frame, the file of the frame is gone or changed, or the scene's
-            model is ``"paths"``, which deforms no muscle.
+            deformer is ``"none"``.
         """
         i, track = self._position(frame, time), self._track(name)
         if self.report["deformer"] == "none":
             raise InputError(
                 "",
-                f"the scene's model is 'paths', so that {name!r} was not deformed",
-                f"fibres({name!r}, frame={self.frames[i]}) has its fibres, and model 'volume' deforms it",
+                f"the scene's deformer is 'none', so that {name!r} was not deformed",
+                f"fibres({name!r}, frame={self.frames[i]}) has its fibres, and deformer 'paths' deforms it",
             )
         self._check_finished(name, i)
         return self._wrap(with_points(track.rest, points_of(track.surfaces[i])))
@@ -228,7 +227,9 @@ class ResultData(WithHints):
         motion = self.motion.part(self.frames)
         among = coordinates or tuple(motion.coordinates)
         useful = {
-            name for name in among if (one := motion.coordinates.get(name)) and (one.changes or one.twists)
+            name
+            for name in among
+            if (one := self.motion.coordinates.get(name)) and (one.changes or one.twists)
         }
         arms: dict[str, dict[str, JointArms]] = {}
         refused: dict[str, str] = {}

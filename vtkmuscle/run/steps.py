@@ -110,18 +110,17 @@ def _solve(run: SceneRun, tracks: Tracks, report: dict[str, Any], pool: Pool | N
 
 def _solve_here(run: SceneRun, name: str, others: list[MuscleRun]) -> MuscleTrack:
     """Solve a muscle in this process, and add it to ``others`` if later muscles may meet it."""
-    met = () if run.scene.muscle_contact == "off" else tuple(others)
-    muscle = MuscleRun(run, name, MuscleTrack(), met)
+    muscle = MuscleRun(run, name, MuscleTrack(), tuple(others))
     muscle.go()
-    others.append(muscle)
+    if run.scene.muscle_contact != "off":
+        others.append(muscle)
     return muscle.track
 
 
-def _outcome(job: Future[MuscleTrack] | Future[Path], name: str, scene: SceneData) -> MuscleTrack | Path:
+def _outcome(job: Future[Any], name: str, scene: SceneData) -> Any:
     """Return the result of a muscle's job; where the input is at fault, raise a SceneError that names it."""
     try:
-        result: MuscleTrack | Path = job.result()
-        return result
+        return job.result()
     except BrokenProcessPool as error:
         raise ChildProcessError(ENDED) from error
     except SceneError:

@@ -6,7 +6,7 @@ import csv
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Self
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +16,6 @@ from vtkmuscle.core.estimate import root_mean_square, sampling_errors
 from vtkmuscle.core.moment_arms.by_coordinate import JointArms
 from vtkmuscle.core.types import Floats
 from vtkmuscle.core.words import suggestion
-from vtkmuscle.guesses import no_attribute
 from vtkmuscle.io.writing import plain_cell, replacing
 
 #: Columns of the tables of lengths: a row per muscle, fibre and frame. A path has the number of its fibre.
@@ -94,11 +93,6 @@ class Table(Mapping[str, NDArray[Any]]):
 
     def __repr__(self) -> str:
         return f"Table: {self._count()} rows of {', '.join(self)}"
-
-    if not TYPE_CHECKING:  # which knows the names
-
-        def __getattr__(self, name: str) -> Any:
-            raise no_attribute("Table", name)
 
     def where(self, **wanted: Any) -> Self:
         """Return the rows in which columns have these values: ``table.where(muscle="iliacus", frame=10)``.

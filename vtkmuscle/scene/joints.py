@@ -14,8 +14,8 @@ from vtkmuscle.core.motion.blending import screws
 from vtkmuscle.core.motion.coordinates import TRANSLATIONS, Coordinate
 from vtkmuscle.core.motion.rigid import RigidMotion, frame_at, inverses
 from vtkmuscle.core.types import Floats
+from vtkmuscle.joints import grid_of, steps_of
 from vtkmuscle.joints.functions import IDENTITY, CoordinateFunction, CubicSpline, PiecewiseLinear, Polynomial
-from vtkmuscle.joints.grid import grid_of, steps_of
 from vtkmuscle.joints.motion_file import read_motion_file
 from vtkmuscle.joints.osim import read_tree
 from vtkmuscle.joints.tree import Coupling, Joint, JointAxis, JointCoordinate, KinematicTree

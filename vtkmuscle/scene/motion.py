@@ -13,7 +13,7 @@ from vtkmuscle.core.motion.coordinates import Coordinate
 from vtkmuscle.core.motion.rigid import RigidMotion, hinge
 from vtkmuscle.core.words import suggestion
 from vtkmuscle.io import motion_columns, read_motion_table
-from vtkmuscle.joints.grid import steps_of
+from vtkmuscle.joints import steps_of
 from vtkmuscle.scene.faults import Faults, SceneError
 from vtkmuscle.scene.files import SceneFiles
 from vtkmuscle.scene.schema import ALONE, Motion, SceneTable

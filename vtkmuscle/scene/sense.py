@@ -51,8 +51,6 @@ SURE_ESTIMATE = 0.05
 DEEP = 3.0
 #: Rotation of a bone from one frame to the next that is a jump rather than a step [degrees].
 JUMP = 60.0
-#: Displacement of a bone from one frame to the next, in its own diagonals, that is certainly a mistake.
-FAR = 20.0
 #: Distance of a muscle's areas, relative to rest or to half its length: probably, and certainly torn.
 TORN, SURE_TORN = 2.0, 5.0
 #: Most points of a bone that are checked: 2 mm apart, on the largest.
@@ -105,7 +103,7 @@ def findings(scene: SceneData, anatomy: Anatomy) -> Iterator[Finding]:
         yield from _estimates(name, muscle)
         yield from _in_bones(scene.millimetres, name, anatomy)
     for bone in scene.motion.transforms:
-        yield from _jumps(scene, bone, anatomy.bones[bone].points)
+        yield from _jumps(scene, bone)
     for name, muscle in scene.muscles.items():
         yield from _torn(scene, name, muscle, anatomy.muscles[name])
 
@@ -262,22 +260,14 @@ def _on_bones(millimetres: float, name: str, muscle: Muscle, anatomy: Anatomy) -
         yield Finding(key, problem, "check the bones of its areas")
 
 
-def _jumps(scene: SceneData, bone: str, points: Floats) -> Iterator[Finding]:
-    """Give the largest jump of a bone, from rest to the first frame or from a frame to the next."""
-    ends = np.array([points.min(axis=0), points.max(axis=0)])
-    size = float(np.linalg.norm(ends[1] - ends[0]))
+def _jumps(scene: SceneData, bone: str) -> Iterator[Finding]:
+    """Give the largest turn of a bone, from rest to the first frame or from a frame to the next."""
     poses = np.concatenate([np.eye(4)[None], scene.motion.transforms[bone]])
-    with np.errstate(over="ignore"):
-        moved = np.array([apply_transform(pose, ends) for pose in poses])
-        distances = np.linalg.norm(np.diff(moved, axis=0), axis=2).max(axis=1)
     angles = np.array([_angle(before, after) for before, after in pairwise(poses)])
-    farthest, widest = int(np.argmax(distances)), int(np.argmax(angles))
-    if distances[farthest] > FAR * size:
-        problem = f"{bone!r} moves {distances[farthest]:.3g} {scene.units} {_step(farthest)}, "
-        problem += f"and is {size:.3g} long"
-        yield Finding("motion", problem, "check the unit of its translations", certain=True)
-    elif angles[widest] > JUMP:
-        problem = f"{bone!r} turns by {angles[widest]:.3g} degrees {_step(widest)}"
+    step = int(np.argmax(angles))
+    if angles[step] > JUMP:
+        where = "from rest to the first frame" if step == 0 else f"from frame {step - 1} to frame {step}"
+        problem = f"{bone!r} turns by {angles[step]:.3g} degrees {where}"
         yield Finding("motion", problem, "give more frames: muscles follow in small steps")
 
 
@@ -285,10 +275,6 @@ def _angle(before: Floats, after: Floats) -> float:
     """Return the angle between two poses [degrees]."""
     cosine = 0.5 * (np.trace((after @ inverse(before))[:3, :3]) - 1.0)
     return float(np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))))
-
-
-def _step(number: int) -> str:
-    return "from rest to the first frame" if number == 0 else f"from frame {number - 1} to frame {number}"
 
 
 def _torn(scene: SceneData, name: str, muscle: Muscle, surface: Surface) -> Iterator[Finding]:
@@ -305,7 +291,7 @@ def _torn(scene: SceneData, name: str, muscle: Muscle, surface: Surface) -> Iter
             f"its areas come {spans[longest]:.3g} {scene.units} apart in frame {longest}, {ratio:.3g} "
             "times as far as at rest: a muscle would tear"
         )
-        remedy = "check the motion, and that its transforms are from rest to the pose"
+        remedy = "check the unit of its translations, and that its transforms are from rest to the pose"
         yield Finding(f"muscles.{name}.attachments", problem, remedy, ratio > SURE_TORN)
 
 

@@ -32,15 +32,6 @@ _TABLES = {
     "motion": "a table [motion] with bone and transforms, or with file or grid and [joints.NAME], or "
     "[motion.hinge]",
 }
-_KINDS = {
-    "string_type": "a text",
-    "string_too_short": "a text",
-    "bool_type": "true or false",
-    "int_type": "a whole number",
-    "float_type": "a finite number",
-    "finite_number": "a finite number",
-    "list_type": "a list",
-}
 
 #: Key, problem and remedy.
 _Fault = tuple[str, str, str]
@@ -70,7 +61,7 @@ def faults_in_words(errors: list[ErrorDetails], root: type[BaseModel] = SceneTab
     A missing key is not reported where an unknown one looks like a misspelling of it.
     """
     unknown = {error["loc"] for error in errors if error["type"] == "extra_forbidden"}
-    for error in sorted(errors, key=lambda one: len(one["loc"]) if one["loc"] in unknown else 99):
+    for error in sorted(errors, key=lambda error: len(error["loc"]) if error["loc"] in unknown else 99):
         path = [part for part in error["loc"] if part not in ("[key]", ALONE)]
         table, name = _table_and_key(path, root)
         misspelt = (str(loc[-1]) for loc in unknown if list(loc[:-1]) == path[:-1])
@@ -82,36 +73,24 @@ def faults_in_words(errors: list[ErrorDetails], root: type[BaseModel] = SceneTab
 
 
 def _problem_and_remedy(error: ErrorDetails, table: type[BaseModel], name: str) -> tuple[str, str]:
-    kind, value, context = error["type"], error["input"], error.get("ctx", {})
+    kind, context = error["type"], error.get("ctx", {})
     field = table.model_fields.get(name)
     example = f"{name} = {inline_toml(field.examples[0])}" if field and field.examples else ""
-    problem = f"{quoted(value)} is not allowed"
     remedy = f"write {example}" if example else "see the format of a scene.toml"
     if kind == "value_error":
         problem, own = fault_of(context["error"])
-        remedy = own or remedy
-    elif kind == "missing":
-        problem, remedy = "the key is missing", f"add {_TABLES.get(name) or example}"
-    elif kind == "extra_forbidden" and issubclass(table, Settings):
-        problem, remedy = f"there is no setting {name!r}", suggestion(name, table.model_fields)
-    elif kind == "extra_forbidden":
-        problem, remedy = "there is no such key", suggestion(name, table.model_fields)
-    elif kind == "literal_error":
-        remedy = suggestion(str(value), re.findall("'(.*?)'", context["expected"]))
-    elif kind == "too_short":
-        problem = f"must have at least {context['min_length']} item(s), not {context['actual_length']}"
-    elif kind == "too_long":
-        problem = f"must have at most {context['max_length']} item(s), not {context['actual_length']}"
-    elif kind == "bool_type" and field and field.description:
-        problem = f"must be true or false, not {quoted(value)}"
-        remedy = " ".join(field.description.partition(". ")[0].split()).rstrip(".")
-        remedy = remedy[0].lower() + remedy[1:]
-    elif kind in _KINDS:
-        problem = f"must be {_KINDS[kind]}, not {quoted(value)}"
-    elif kind in ("dict_type", "model_type", "model_attributes_type"):
-        problem, remedy = f"must be a table, not {quoted(value)}", "see the format of a scene.toml"
-    else:
-        remedy = error["msg"].replace("Input should be", "it must be")
+        return problem, own or remedy
+    if kind == "missing":
+        return "the key is missing", f"add {_TABLES.get(name) or example}"
+    if kind == "extra_forbidden":
+        return "there is no such key", suggestion(name, table.model_fields)
+    problem = error["msg"].replace("Input should be", "must be").replace(" after validation", "")
+    if "must be" in problem:
+        problem += f", not {quoted(error['input'])}"
+    if kind == "literal_error":
+        remedy = suggestion(str(error["input"]), re.findall("'(.*?)'", context["expected"]))
+    elif kind == "model_type":
+        problem = f"must be a table, not {quoted(error['input'])}"
     return problem, remedy
 
 

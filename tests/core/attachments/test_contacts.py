@@ -135,7 +135,10 @@ def test_neither_order_of_bones_nor_numbers_of_points_matter(rng):
     ("distances", "words"),
     [
         ({"upper": along(0, 5)}, r"comes near to fewer; .* 'upper' \(0\); join a separate tendon"),
-        (dict.fromkeys(["upper", "lower"], AWAY), "no connected part of the muscle is near 'upper' and 'lower'; join a separate tendon"),
+        (
+            dict.fromkeys(["upper", "lower"], AWAY),
+            "no connected part of the muscle is near 'upper' and 'lower'; join a separate tendon",
+        ),
         ({"upper": along(0, 5), "foot": 90 - X}, r"comes near to fewer; .* 'upper' \(0\), 'foot' \(30\)"),
         (
             {"upper": along(0, 5), "shank": along(20, 30)},

@@ -12,8 +12,8 @@ from vtkmuscle.core.moment_arms.of_joints import joint_arms
 from vtkmuscle.core.motion.coordinates import Coordinate
 from vtkmuscle.core.motion.rigid import RigidMotion, apply_transform, hinge, rotation_about
 from vtkmuscle.core.paths.levers import path_levers
+from vtkmuscle.joints import grid_of
 from vtkmuscle.joints.functions import IDENTITY
-from vtkmuscle.joints.grid import grid_of
 from vtkmuscle.joints.tree import Joint, JointAxis, JointCoordinate, KinematicTree
 from vtkmuscle.scene.joints import SceneJoints
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -197,7 +198,8 @@ class RestShape:
         #: Signed dihedral angles of the quadruples, (q,) [radians], and False beside degenerate triangles.
         self.angles, self.angle_defined = dihedral_angles(points, topology.quads)
         bent = self.angle_defined & ~beside_slivers(points, topology.quads)
-        self._bent_quads, self._bent_angles = np.ascontiguousarray(topology.quads[bent]), self.angles[bent]
+        self._bent_quads = np.ascontiguousarray(topology.quads[bent])
+        self._turned = np.column_stack([np.cos(self.angles[bent]), np.sin(self.angles[bent])])
         #: Volume [mm^3], and dV / dp, (n, 3) [mm^2].
         self.volume_gradient: Floats = np.empty_like(points)
         self.volume: float = volume_and_gradient(points, topology.triangles, self.volume_gradient)
@@ -213,26 +215,69 @@ class RestShape:
         return np.flatnonzero(directed & (cosines > ALONG)), np.flatnonzero(directed & (cosines < ACROSS))
 
     def compare(self, positions: Floats) -> ShapeReport:
-        """Return the deviations of positions (n, 3) [mm] from rest."""
-        stretch = edge_lengths(positions, self._long_edges) / self._long_lengths
-        angles, defined = dihedral_angles(positions, self._bent_quads)
-        turns = np.abs(angles - self._bent_angles)[defined]
-        turns = np.minimum(turns, 2.0 * np.pi - turns)
+        """Return how far a deformed surface, of positions (n, 3) [mm], is from rest."""
+        stretch, tangents = np.empty(len(self._long_edges)), np.empty(len(self._bent_quads))
+        _compare(
+            positions, self._long_edges, self._long_lengths, self._bent_quads, self._turned, stretch, tangents
+        )
+        turns = tangents[tangents >= 0.0]
+        # Of half angles by their tangents, which grow with them.
+        half = float(_percentiles(turns, 95.0, np.arctan)[0]) if len(turns) else 0.0
         along, across = self._directed or (None, None)
         volume = volume_and_gradient(positions, self.topology.triangles, np.empty_like(positions))
         return ShapeReport(
             volume_ratio=volume / self.volume,
-            edge_stretch_p95=float(np.percentile(stretch, 95.0)),
+            edge_stretch_p95=float(_percentiles(stretch, 95.0)[0]),
             edge_stretch_max=float(stretch.max()),
-            dihedral_error_p95=math.degrees(np.percentile(turns, 95.0)) if len(turns) else 0.0,
-            degenerate_edges=len(defined) - len(turns),
+            dihedral_error_p95=math.degrees(2.0 * half),
+            degenerate_edges=len(tangents) - len(turns),
             along=_spread(stretch, along),
             across=_spread(stretch, across),
         )
 
 
+@vector_kernel
+def _compare(
+    p: Floats, edges: Ints, lengths: Floats, quads: Ints, turned: Floats, stretch: Floats, tangents: Floats
+) -> None:
+    """Write the stretch of edges (k, 2), and the tangents of half the turns at quadruples (q, 4), absolute.
+
+    lengths : (k,) at rest;  turned : (q, 2), cosine and sine of the angles at rest.  A tangent is -1 where
+    there is no angle.
+    """
+    for e in range(len(edges)):
+        i, j = edges[e, 0], edges[e, 1]
+        x, y, z = p[i, 0] - p[j, 0], p[i, 1] - p[j, 1], p[i, 2] - p[j, 2]
+        stretch[e] = math.sqrt(x * x + y * y + z * z) / lengths[e]
+    for q in range(len(quads)):
+        i, j, k, m = quads[q, 0], quads[q, 1], quads[q, 2], quads[q, 3]
+        geometry = edge_geometry(
+            p[i, 0], p[i, 1], p[i, 2], p[j, 0], p[j, 1], p[j, 2],
+            p[k, 0], p[k, 1], p[k, 2], p[m, 0], p[m, 1], p[m, 2],
+        )  # fmt: skip
+        sine, cosine, size = geometry[1], geometry[2], math.sqrt(geometry[6] * geometry[7])
+        across = abs(sine * turned[q, 0] - cosine * turned[q, 1])
+        along = cosine * turned[q, 0] + sine * turned[q, 1]
+        tangents[q] = -1.0
+        if geometry[0]:
+            tangents[q] = across / (size + along) if along >= 0.0 else (size - along) / across
+
+
+def _percentiles(
+    values: Floats, percents: float | tuple[float, ...], of: Callable[[Floats], Floats] = np.asarray
+) -> Floats:
+    """Return percentiles, between two of the sorted values linearly, of a function that grows with them."""
+    at = np.atleast_1d(percents) / 100.0 * (len(values) - 1)
+    low = at.astype(np.int64)
+    high = np.minimum(low + 1, len(values) - 1)
+    sorted_there = np.partition(values, np.unique(np.concatenate([low, high])))
+    ends = of(sorted_there[low]), of(sorted_there[high])
+    result: Floats = ends[0] + (at - low) * (ends[1] - ends[0])
+    return result
+
+
 def _spread(stretch: Floats, edges: Ints | None) -> tuple[float, float, float] | None:
     if edges is None or not len(edges):
         return None
-    low, median, high = np.percentile(stretch[edges], (5.0, 50.0, 95.0)).tolist()
+    low, median, high = _percentiles(stretch[edges], (5.0, 50.0, 95.0)).tolist()
     return low, median, high

@@ -33,30 +33,26 @@ def blend_motions(transforms: Floats, weights: Floats, points: Floats) -> Floats
     dual[:, :3] = 0.5 * (real[:, 3:] * shift + np.cross(shift, real[:, :3]))
     dual[:, 3] = -0.5 * np.einsum("ij,ij->i", shift, real[:, :3])
     moved = np.empty_like(points)
-    _blend(real, dual, weights, points, moved)
+    _blend(np.hstack([real, dual]), weights, points, np.empty(8), moved)
     return moved
 
 
 @kernel
-def _blend(real: Floats, dual: Floats, weights: Floats, points: Floats, moved: Floats) -> None:
-    """Move points by mean dual quaternions. Points (n, 3), quaternions (b, 4) twice, weights (n, b)."""
+def _blend(motions: Floats, weights: Floats, points: Floats, mean: Floats, moved: Floats) -> None:
+    """Move points (n, 3) by means of dual quaternions (b, 8), weights (n, b);  mean : (8,), memory."""
     for i in range(len(points)):
-        x = y = z = w = a = b = c = e = 0.0
-        for k in range(len(real)):
-            part = weights[i, k]
-            x, y = x + part * real[k, 0], y + part * real[k, 1]
-            z, w = z + part * real[k, 2], w + part * real[k, 3]
-            a, b = a + part * dual[k, 0], b + part * dual[k, 1]
-            c, e = c + part * dual[k, 2], e + part * dual[k, 3]
-        scale = 1.0 / max(np.sqrt(x * x + y * y + z * z + w * w), EPSILON)
-        x, y, z, w = x * scale, y * scale, z * scale, w * scale
-        a, b, c, e = a * scale, b * scale, c * scale, e * scale
-        px, py, pz = points[i, 0], points[i, 1], points[i, 2]
-        # With u = v x p + w p + d, p moves by 2 (v x u + w d - e v).
-        u, v, t = y * pz - z * py + w * px + a, z * px - x * pz + w * py + b, x * py - y * px + w * pz + c
-        moved[i, 0] = px + 2.0 * (y * t - z * v + w * a - e * x)
-        moved[i, 1] = py + 2.0 * (z * u - x * t + w * b - e * y)
-        moved[i, 2] = pz + 2.0 * (x * v - y * u + w * c - e * z)
+        mean[:] = 0.0
+        for k in range(len(motions)):
+            for part in range(8):
+                mean[part] += weights[i, k] * motions[k, part]
+        x, y, z, w, a, b, c, e = mean[0], mean[1], mean[2], mean[3], mean[4], mean[5], mean[6], mean[7]
+        square = max(x * x + y * y + z * z + w * w, EPSILON * EPSILON)
+        p, q, r = points[i, 0], points[i, 1], points[i, 2]
+        # v x p + w p + d, then v x that: the turn; the shift is w d - e v + v x d.
+        u, v, t = y * r - z * q + w * p + a, z * p - x * r + w * q + b, x * q - y * p + w * r + c
+        moved[i, 0] = p + 2.0 * (y * t - z * v + w * a - e * x) / square
+        moved[i, 1] = q + 2.0 * (z * u - x * t + w * b - e * y) / square
+        moved[i, 2] = r + 2.0 * (x * v - y * u + w * c - e * z) / square
 
 
 def screw_between(start: Floats, end: Floats, fraction: float) -> Floats:

@@ -6,6 +6,7 @@ lengths of a muscle's edges, which says nothing of the way that a muscle under t
 :mod:`~vtkmuscle.core.paths.surroundings` says what lies round the paths at rest and holds them,
 :mod:`~vtkmuscle.core.paths.equilibrium` has the forces and Newton's method,
 :mod:`~vtkmuscle.core.paths.bone_contact` and :mod:`~vtkmuscle.core.paths.ring_contact` keep paths off bones
-and in via rings, :mod:`~vtkmuscle.core.paths.levers` has their moment arms, and
-:mod:`~vtkmuscle.core.paths.skinning` takes a muscle's surface along.
+and in via rings, :mod:`~vtkmuscle.core.paths.levers` has their moment arms,
+:mod:`~vtkmuscle.core.paths.poses` goes from pose to pose, and :mod:`vtkmuscle.core.skinning` takes a muscle's
+surface along.
 """

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from vtkmuscle.core.motion.rigid import apply_transform, inverse
@@ -36,6 +38,8 @@ class KeptPoses:
         #: Corners of the box of the ends on each bone, (b, 8, 3) [mm].
         self._corners: Floats = np.array(boxes)
         self._states: dict[bytes, tuple[PathState, Floats]] = {}
+        #: Levers in each of these poses, by coordinate and its twists.
+        self._levers: dict[bytes, dict[tuple[str, bytes], Floats]] = {}
 
     @property
     def rest(self) -> PathState:
@@ -62,10 +66,31 @@ class KeptPoses:
                     start, nearest = state, apart
             state = self._paths.follow(start, transforms)
             self._states[key] = state, corners
+            self._levers[key] = {}
             most = max(int(memory // max(state.nbytes, 1)), 1)
             for old in list(self._states)[:-most]:
-                del self._states[old]
+                del self._states[old], self._levers[old]
         return self._states[key][0]
+
+    def levers(self, transforms: Floats, twists: Mapping[str, Floats]) -> dict[str, Floats]:
+        """Return the lever of each path by each coordinate, (f,), in a pose that is kept.
+
+        They are computed once: computed again, they would differ in their last digits.
+
+        Parameters
+        ----------
+        transforms : (b, 4, 4) array
+            Of the bones, rest to now, as last given to :meth:`at`.
+        twists : mapping of str to (b, 6) array
+            See :meth:`~vtkmuscle.core.paths.sheet.PathState.levers`.
+        """
+        key = transforms.tobytes()
+        names = {name: (name, twist.tobytes()) for name, twist in twists.items()}
+        kept = self._levers[key]
+        if any(name not in kept for name in names.values()):
+            computed = self._states[key][0].levers(twists)
+            kept.update({names[name]: levers for name, levers in computed.items()})
+        return {name: kept[known] for name, known in names.items()}
 
     def _rest_transforms(self, transforms: Floats) -> Floats:
         return np.broadcast_to(np.eye(4), transforms.shape)

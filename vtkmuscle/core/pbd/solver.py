@@ -25,8 +25,7 @@ from vtkmuscle.core.mesh.rest_shape import RestShape
 from vtkmuscle.core.motion.blending import blend_motions, screw_between
 from vtkmuscle.core.motion.rigid import apply_transform, centred, inverses
 from vtkmuscle.core.pbd.anisotropy import edge_stiffness, harmonic_directions
-from vtkmuscle.core.pbd.batches import WIDTH
-from vtkmuscle.core.pbd.sweep import edge_rows, project_edges, project_volume
+from vtkmuscle.core.pbd.sweep import WIDTH, edge_rows, measure_lengths, project_edges, project_volume
 from vtkmuscle.core.pbd.voxels import VoxelContact
 from vtkmuscle.core.skinning.settling import Volume
 from vtkmuscle.core.types import Bools, Floats
@@ -215,6 +214,7 @@ class PBDSolver:
         self._volume = topology.triangles, shape.volume, parameters.volume_stiffness, np.empty_like(self.rest)
         self._exact = Volume(shape, free)
         self._buffer = np.empty(12 * WIDTH)
+        self._as_carried: Floats | None = None  # constants of the edges, with their lengths in a pose
 
     def at_rest(self, n_bones: int) -> State:
         """Return the muscle at rest, with all bones in their rest pose."""
@@ -275,11 +275,11 @@ class PBDSolver:
         """
         transforms = np.array(transforms, dtype=np.float64)
         p = self._with_fixed_points(start - self.centre, transforms)
-        ends = p[self.rows.points[:, :2]]
-        constants = self.rows.constants.copy()
-        constants[:, 5] = np.linalg.norm(ends[:, 0] - ends[:, 1], axis=2)
+        if self._as_carried is None:
+            self._as_carried = self.rows.constants.copy()
+        measure_lengths(p, self.rows.points, self._as_carried)
         keep_out = self._keep_out(transforms, transforms, p[:-1].copy(), neighbours)
-        held = self._iterate(p, constants, keep_out, progress)
+        held = self._iterate(p, self._as_carried, keep_out, progress)
         if self.parameters.finish:
             held = self._exact.finish(p[:-1], keep_out)
         return self._state(p[:-1], transforms, held)

@@ -33,10 +33,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from vtkmuscle.core.jit import lane, vector_kernel
+from vtkmuscle.core.jit import kernel, lane, vector_kernel
 from vtkmuscle.core.mesh.rest_shape import edge_geometry, volume_and_gradient
-from vtkmuscle.core.pbd.batches import WIDTH, rows_of_edges
-from vtkmuscle.core.types import Floats, Ints
+from vtkmuscle.core.types import Bools, Floats, Ints
+
+#: Edges of a row: two vectors of eight numbers, or four of four.
+WIDTH = 16
 
 #: Numbers of an edge that do not change: inverse masses of its four points, stiffness and rest length,
 #: stiffness of its angle, and the cosine and sine of its rest angle.
@@ -108,6 +110,53 @@ def edge_rows(
     return EdgeRows(np.ascontiguousarray(points, dtype=np.uint32), np.ascontiguousarray(constants), order)
 
 
+def rows_of_edges(points_of_edges: Ints, n_points: int) -> NDArray[np.int64]:
+    """Return the numbers of edges in rows (r, WIDTH), -1 where a row has a place left.
+
+    Edges of a row share none of their points (k, 4), the ends of each and the third points of its triangles;
+    a negative number is no point. Each edge gets the first colour that none of its points has; colours are
+    cut into rows. To solve the constraints of a row at once is to solve them one after another.
+    """
+    colours = np.empty(len(points_of_edges), dtype=np.int64)
+    size = 64
+    while True:
+        taken = np.zeros((n_points, size), dtype=np.bool_)
+        if _first_fit(points_of_edges, taken, colours):
+            break
+        size *= 2
+    order = np.argsort(colours, kind="stable")
+    rows = []
+    for colour in np.split(order, np.flatnonzero(np.diff(colours[order])) + 1):
+        room = np.full(-len(colour) % WIDTH, -1)
+        rows.append(np.concatenate([colour, room]).reshape(-1, WIDTH))
+    return np.concatenate(rows)
+
+
+@kernel
+def _first_fit(points_of_edges: Ints, taken: Bools, colours: Ints) -> bool:
+    """Write the colour of each edge; return False where there are too few colours.
+
+    taken : (n, c), changed in place: whether an edge of a point has a colour.
+    """
+    for e in range(len(points_of_edges)):
+        colour, most = 0, taken.shape[1]
+        while colour < most:
+            clear = True
+            for k in range(4):
+                i = points_of_edges[e, k]
+                clear = clear and (i < 0 or not taken[i, colour])
+            if clear:
+                break
+            colour += 1
+        if colour == most:
+            return False
+        colours[e] = colour
+        for k in range(4):
+            if points_of_edges[e, k] >= 0:
+                taken[points_of_edges[e, k], colour] = True
+    return True
+
+
 @vector_kernel
 def project_edges(
     p: Floats,
@@ -141,6 +190,16 @@ def project_edges(
                 i = ids[corner, k]
                 for axis in range(3):
                     p[i, axis] = buffer[(3 * corner + axis) * WIDTH + k]
+
+
+@vector_kernel
+def measure_lengths(p: Floats, points: NDArray[np.uint32], constants: Floats) -> None:
+    """Write the lengths that edges have now as their rest lengths; see :func:`project_edges`."""
+    for row in range(len(points)):
+        for k in range(WIDTH):
+            i, j = points[row, 0, k], points[row, 1, k]
+            x, y, z = p[i, 0] - p[j, 0], p[i, 1] - p[j, 1], p[i, 2] - p[j, 2]
+            constants[row, 5, k] = math.sqrt(x * x + y * y + z * z)
 
 
 @lane

@@ -9,6 +9,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,6 +42,10 @@ _OVERLAP_SLACK = 1e-9
 
 #: Thinnest side of the grid as a part of the box's diagonal: the box of a flat surface has no volume.
 _THINNEST = 1e-6
+
+
+#: Voxels of bones, by how these are divided, for all muscles that meet them.
+_GRIDS: WeakKeyDictionary[Bone, dict[tuple[int, int | None], VoxelGrid]] = WeakKeyDictionary()
 
 
 @dataclass(frozen=True, eq=False)
@@ -225,18 +230,17 @@ class VoxelContact:
         per_side = n_equal or max(n_max, 1) ** (1.0 / 3.0)
         self._boxes = BoneBoxes(bones, [2.0 * diagonal / per_side for diagonal in diagonals])
         self._n_max, self._n_equal = n_max, n_equal
-        self._grids: dict[int, VoxelGrid] = {}
 
     def grid(self, number: int) -> VoxelGrid:
         """Return the voxels of a bone."""
-        if number not in self._grids:
-            bone = self._bones[number]
+        bone, divided = self._bones[number], (self._n_max, self._n_equal)
+        grids = _GRIDS.setdefault(bone, {})
+        if divided not in grids:
             with errors_at(bone.name):
-                grid = build_voxel_grid(
+                grids[divided] = build_voxel_grid(
                     bone.points, bone.triangles, n_max=self._n_max, n_equal=self._n_equal, what=bone.name
                 )
-            self._grids[number] = grid
-        return self._grids[number]
+        return grids[divided]
 
     def at(
         self, now: Floats, neighbours: Sequence[Neighbour], centre: Floats, before: Floats, x: Floats
@@ -274,7 +278,7 @@ def resolve_collisions(
     """Move the predicted positions p that are in a bone out of it, in place; return which were moved, (n,).
 
     Kohout and Cervenka 2021, section 3.2. A point whose predicted position is in a boundary or inside cell
-    collides (but see :data:`~vtkmuscle.core.collision.voxels.ON_A_FACE`). If its previous position x is
+    collides (but see :data:`~vtkmuscle.core.pbd.voxels.ON_A_FACE`). If its previous position x is
     outside the bone as the bone is now (scenario one, the muscle hits the bone), the segment from p to x is
     followed to the first outside cell: if x is in that cell p becomes x, else p becomes the point where the
     segment enters the cell. If not (scenario two, the bone hits the muscle), p becomes x moved by the bone's

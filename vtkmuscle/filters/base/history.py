@@ -140,7 +140,7 @@ class HistoryFilter(Filter, Generic[Frame]):
         data = input_at(self, number, time)
         if data is None:
             raise RuntimeError(f"{type(self).__name__}: the {port} at time {time:g} could not be computed")
-        return self.input_ports[number].take(data)
+        return self._argument(number, data)
 
     def report_part(self, part: float) -> None:
         """Report which part (0 to 1) of the frame that is being computed is done."""

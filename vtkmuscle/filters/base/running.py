@@ -11,10 +11,10 @@ import warnings
 from collections.abc import Iterator, Sequence
 from typing import Any, NoReturn
 
-from vtkmodules.vtkCommonCore import vtkGarbageCollector, vtkOutputWindow
+from vtkmodules.vtkCommonCore import vtkOutputWindow
 
 from vtkmuscle.data.arrays import shallow_copy
-from vtkmuscle.data.pipeline_times import request_time, time_asked, times_of
+from vtkmuscle.data.pipeline_times import request_time, time_asked, times_of, vtk_collector
 from vtkmuscle.filters.base.ports import source_of
 
 #: Whether this thread is within :func:`update`, which raises what a filter's executive would print.
@@ -49,12 +49,8 @@ def update(algorithm: Any, time: float | None = None, port: int = 0) -> Output:
     """
     executive, outer = algorithm.GetExecutive(), getattr(_within, "update", False)
     _within.update = True
-    # VTK looks for reference cycles in the whole pipeline each time that Python lets go of an object of it,
-    # which takes half of the time beside the kernels (bench_step.py --stages). One look at the end will do;
-    # VTK can defer it in the main thread only.
-    deferred = threading.current_thread() is threading.main_thread()
-    if deferred:
-        vtkGarbageCollector.DeferredCollectionPush()
+    if (collector := vtk_collector()) is not None:
+        collector.DeferredCollectionPush()
     try:
         done = executive.UpdateInformation()
         info = algorithm.GetOutputInformation(port)
@@ -72,8 +68,8 @@ def update(algorithm: Any, time: float | None = None, port: int = 0) -> Output:
         request_time(info, asked)
     finally:
         _within.update = outer
-        if deferred:
-            vtkGarbageCollector.DeferredCollectionPop()
+        if collector is not None:
+            collector.DeferredCollectionPop()
     if not done:
         _raise_failure(algorithm)
     return Output(algorithm, port)

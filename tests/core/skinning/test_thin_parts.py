@@ -6,11 +6,13 @@ import numpy as np
 import pytest
 
 from vtkmuscle.core.bones.bone import bone_of
-from vtkmuscle.core.deformation.muscle import PathDrivenMuscle
 from vtkmuscle.core.fixed_muscle import FixedMuscle
 from vtkmuscle.core.mesh.rest_shape import RestShape
 from vtkmuscle.core.mesh.surface import signed_volume
 from vtkmuscle.core.motion.rigid import rotation_about
+from vtkmuscle.core.paths.lines import bones_at_ends, evenly_spread
+from vtkmuscle.core.paths.sheet import MusclePaths
+from vtkmuscle.core.skinning.carried_muscle import CarriedMuscle
 from vtkmuscle.phantoms.meshing import solid_of_revolution
 
 #: Length of a tendon along z, and radius of the edge that it is bent over, about x at half its length [mm].
@@ -61,15 +63,20 @@ def tendon(section, mesh):
 
 
 def moved(muscle, poses, rounds, segments, bones=None):
-    """Return the muscle after poses (k, 4, 4) of bone 0, beside which bone 1 stays."""
-    model, pose = PathDrivenMuscle(muscle, bones or {}, segments), None
+    """Return the muscle after poses (k, 4, 4) of bone 0, beside which bone 1 stays; bones by their number."""
+    bones = bones or {}
+    fibres = evenly_spread(*muscle.fibres, segments + 1)
+    ends = bones_at_ends(fibres, muscle.points, muscle.fixed_to)
+    paths = MusclePaths(fibres, *ends, muscle.points, muscle.triangles, bones)
+    carried, state = CarriedMuscle(muscle, paths.rest.points, bones), paths.rest
     for transform in poses:
-        pose = model.pose(pose, np.array([transform, np.eye(4)]), rounds=rounds)
-        assert pose.paths.settled
-    assert signed_volume(pose.surface, muscle.triangles) == pytest.approx(
+        state = paths.follow(state, np.array([transform, np.eye(4)]))
+        assert state.settled
+    surface = carried.pose(state.points, state.transforms, rounds=rounds).surface
+    assert signed_volume(surface, muscle.triangles) == pytest.approx(
         signed_volume(muscle.points, muscle.triangles), rel=1e-6
     )
-    return pose.surface
+    return surface
 
 
 def inside(muscle, section):
@@ -124,12 +131,12 @@ def bent(points, thickness, turn):
 def test_a_tendon_bends_over_an_edge(section, mesh):
     """By 90 degrees; 24 segments are each 4 to 5 mm long, so that the polyline is up to 0.2 mm inside."""
     muscle, (_, thickness) = tendon(section, mesh), SECTIONS[section]
-    bone = bone_of(*edge(thickness))
+    bones = {1: bone_of(*edge(thickness))}
     centre = 0.0, EDGE + thickness, LENGTH / 2.0
     poses = [rotation_about(centre, (1.0, 0.0, 0.0), angle) for angle in np.linspace(0.0, 90.0, 10)[1:]]
     known = bent(muscle.points, thickness, np.pi / 2.0)
     for rounds, segments in QUALITIES:
-        off = np.linalg.norm(moved(muscle, poses, rounds, segments, {1: bone}) - known, axis=1)
+        off = np.linalg.norm(moved(muscle, poses, rounds, segments, bones) - known, axis=1)
         assert np.percentile(off[inside(muscle, section)], 95) < 1.3
 
 

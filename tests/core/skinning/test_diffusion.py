@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from vtkmuscle.core.deformation.diffusion import Diffusion
+from vtkmuscle.core.skinning.diffusion import Diffusion
 
 
 def plane(n=41, *, jitter=0.0):

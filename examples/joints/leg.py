@@ -6,25 +6,22 @@ from functools import cache
 
 import numpy as np
 from numpy.typing import ArrayLike
+from vtkmuscle.opensim.functions import IDENTITY
+from vtkmuscle.opensim.tree import Joint, JointAxis, JointCoordinate, KinematicTree
 
-from vtkmuscle.core.motion.rigid import RigidMotion, rotation_about
+from vtkmuscle.core.motion.rigid import RigidMotion, frame_at, rotation_about
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.attachments import AttachmentArea
-from vtkmuscle.phantoms.hip_bones import (
-    ANKLE,
-    HEAD_RADIUS,
-    KNEE,
-    NECK_ANGLE,
-    foot,
-    pelvis,
-    tibia,
-    whole_femur,
-)
+from vtkmuscle.phantoms.hip_bones import HEAD_RADIUS, NECK_ANGLE, pelvis, upper_femur
 from vtkmuscle.phantoms.hip_joint import beside_bones, hip_parts
-from vtkmuscle.phantoms.implicit import Solid, thick_curve
+from vtkmuscle.phantoms.implicit import Solid, ball, rod, thick_curve, union
 from vtkmuscle.phantoms.meshing import mesh_of
 from vtkmuscle.phantoms.phantom import Phantom, Surface, checked_poses, circle, ends, phantom_from
 
+#: A point on the axis of each joint; all of them run across the leg.
+KNEE, ANKLE = (-14.0, 8.0, -412.0), (-14.0, 12.0, -806.0)
+#: Radii of the rollers that condyles and talus are.
+CONDYLE, TALUS = 21.0, 12.0
 #: The joints: parent, child, a point on the axis [mm], and the axis that the coordinate turns about.
 JOINTS = {
     "hip_flexion": ("pelvis", "femur", (0.0, 0.0, 0.0), (-1.0, 0.0, 0.0)),
@@ -119,7 +116,7 @@ def leg(*, coordinates: ArrayLike | None = None) -> Phantom:
 
     Examples
     --------
-    >>> from vtkmuscle.phantoms import leg
+    >>> from leg import leg
     >>> walking = leg(coordinates=[(0, 0, 0), (30, 10, 0)])
     >>> len(walking.muscles), walking.known["coordinates"]["hip_flexion"].tolist()
     (10, [0.0, 30.0])
@@ -175,3 +172,48 @@ def _end_on(bone: Solid, knot: Floats, radius: float) -> tuple[Floats, Floats]:
     side /= np.linalg.norm(side)
     ring = ground + circle(0.8 * radius) @ np.array([side, np.cross(normal, side), normal])
     return ground[0] + SUNK * radius * normal, bone.projected(ring, steps=6)
+
+
+def whole_femur() -> Solid:
+    """Return a femur that ends in a roller about the axis of the knee."""
+    shaft = thick_curve([(-32, 5, -235), (-24, 2, -300), (-16, 4, -370), (-14, 8, -398)], [14.5, 14, 17, 19])
+    x, y, z = KNEE
+    condyles = rod((x - 27, y, z), (x + 27, y, z), CONDYLE, rim=4.0)
+    return union([upper_femur(), shaft, condyles], 10.0)
+
+
+def tibia() -> Solid:
+    """Return a tibia, flat above and below, with the tuberosity in front."""
+    x, _, top = KNEE
+    shaft = thick_curve([(x, 10, -452), (x, 6, -500), (x, 4, -600), (x, 10, -785)], [28, 19, 14, 15])
+    whole = union([shaft, ball((x, -14, -476), 9.0)], 8.0)
+    plateau = whole.beside((0, 0, top - CONDYLE - 2.0), (0, 0, 1), 3.0)
+    return plateau.beside((0, 0, ANKLE[2] + TALUS + 2.0), (0, 0, -1), 2.0)
+
+
+def foot() -> Solid:
+    """Return a foot: the talus, a roller about the axis of the ankle; the heel; and the forefoot."""
+    x, y, z = ANKLE
+    talus = rod((x - 18, y, z), (x + 18, y, z), TALUS, rim=3.0)
+    heel = thick_curve([(x, 14, -822), (x, 48, -836)], [13, 12])
+    front = thick_curve([(x, 8, -826), (x, -50, -842), (x, -110, -852)], [13, 11, 8])
+    return union([talus, heel, front], 8.0)
+
+
+def leg_tree() -> KinematicTree:
+    """Return the joints of :func:`leg` in metres, as other programs take them.
+
+    Examples
+    --------
+    >>> from leg import leg_tree
+    >>> leg_tree().bodies
+    ('pelvis', 'femur', 'tibia', 'foot')
+    """
+    joints = []
+    for name, (parent, child, centre, axis) in JOINTS.items():
+        place = frame_at(np.array(centre) / 1000.0)
+        turn = JointAxis(np.array(axis), IDENTITY, name)
+        joints.append(Joint(f"{child}_joint", parent, child, [turn], (), place, place))
+    limits = {name: (float(np.radians(low)), float(np.radians(high))) for name, (low, high) in LIMITS.items()}
+    coordinates = [JointCoordinate(name, range=limits[name]) for name in JOINTS]
+    return KinematicTree("pelvis", joints, coordinates)

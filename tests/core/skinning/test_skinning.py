@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from phantom_paths import known_paths, off_lines, paths_of, strung_phantom, swept, worse
 
-from vtkmuscle.core.mesh.surface import mesh_topology, signed_volume
+from vtkmuscle.core.mesh.surface import mean_thickness, mesh_topology, signed_volume
 from vtkmuscle.core.motion.rigid import apply_transform, hinge, rotation_about
 from vtkmuscle.core.paths.lines import bones_at_ends, evenly_spread, lines_on_surface
 from vtkmuscle.core.paths.neighbours import GREATEST_STRETCH
 from vtkmuscle.core.paths.sheet import POINTS, MusclePaths
-from vtkmuscle.core.paths.skinning import Skinning
+from vtkmuscle.core.skinning.skinning import Skinning
 
 TURN = rotation_about((10.0, -20.0, 30.0), np.array([1.0, 2.0, 2.0]) / 3.0, 65.0)
 #: A straight tendon: its radius, and its length at rest [mm].
@@ -23,7 +23,16 @@ ROUND = 8
 
 def skinning_of(make, paths, **settings):
     made = strung_phantom(make, **settings)
-    return Skinning(paths, made.points, made.fixed_to)
+    return skinned_by(paths, made.points, made.triangles, made.fixed_to)
+
+
+def skinned_by(paths, points, triangles, fixed_to):
+    ends = paths.start_bones, paths.end_bones
+    return Skinning(paths.rest.points, ends, points, fixed_to, mean_thickness(points, triangles))
+
+
+def carried(skinning, state):
+    return skinning.at(state.points, state.transforms)
 
 
 def flexed(make, bone, *angles, **settings):
@@ -47,7 +56,7 @@ def test_at_rest_nothing_moves(make):
     paths, made = paths_of(make), strung_phantom(make)
     assert np.abs(paths.rest.points - made.fibres).max() > 0.1
     skinning = skinning_of(make, paths)
-    muscle = skinning.at(paths.follow(paths.rest, paths.rest.transforms))
+    muscle = carried(skinning, paths.follow(paths.rest, paths.rest.transforms))
     np.testing.assert_allclose(muscle.surface, made.points, rtol=0.0, atol=1e-9)
     lines = as_lines(made.fibres)
     moved = muscle.points(skinning.weights_of_fibres(*lines))
@@ -60,12 +69,12 @@ def test_a_muscle_goes_rigidly_with_bones_that_move_together(make):
     paths, made = paths_of(make), strung_phantom(make)
     skinning = skinning_of(make, paths)
     together = np.array([TURN] * len(paths.rest.transforms))
-    moved = skinning.at(paths.follow(paths.rest, together))
+    moved = carried(skinning, paths.follow(paths.rest, together))
     np.testing.assert_allclose(moved.surface, apply_transform(TURN, made.points), atol=1e-9)
     (pose,) = flexed(make, "distal", 40.0)
     here = paths.follow(paths.rest, pose)
-    there = skinning.at(paths.follow(here, TURN @ pose)).surface
-    np.testing.assert_allclose(there, apply_transform(TURN, skinning.at(here).surface), atol=1e-9)
+    there = carried(skinning, paths.follow(here, TURN @ pose)).surface
+    np.testing.assert_allclose(there, apply_transform(TURN, carried(skinning, here).surface), atol=1e-9)
 
 
 def test_weights_are_parts_of_one():
@@ -103,7 +112,7 @@ def test_fibres_inside_are_where_their_paths_are(make, settings, bone, bound):
     fibres = paths.fibres[:, ::2]
     weights = skinning.weights_of_fibres(*as_lines(fibres))
     for state in swept(paths, flexed(make, bone, 20.0, 40.0, 60.0, **settings)):
-        moved = skinning.at(state).points(weights).reshape(fibres.shape)
+        moved = carried(skinning, state).points(weights).reshape(fibres.shape)
         assert off_lines(moved, state.points).max() < bound
         for end, bones in ((0, paths.start_bones), (-1, paths.end_bones)):
             turns = state.transforms[bones]
@@ -116,7 +125,7 @@ def test_a_wound_strap_keeps_its_distance_from_the_cylinder():
     made, paths = strung_phantom("wrapping_cylinder"), paths_of("wrapping_cylinder")
     skinning = skinning_of("wrapping_cylinder", paths)
     for state in swept(paths, flexed("wrapping_cylinder", "pulley", 20.0, 40.0, 60.0, 80.0)):
-        radius = np.linalg.norm(skinning.at(state).surface[made.fixed_to < 0, 1:], axis=1)
+        radius = np.linalg.norm(carried(skinning, state).surface[made.fixed_to < 0, 1:], axis=1)
         assert radius.min() > 24.0
 
 
@@ -161,7 +170,7 @@ def test_a_thin_tendon_that_is_stretched_is_a_thinner_cylinder(segments):
     pulled[1, 2, 3] = (STRETCH - 1.0) * LENGTH
     state = paths.follow(paths.rest, pulled)
     np.testing.assert_allclose(state.lengths, STRETCH * LENGTH, rtol=1e-3)
-    surface = Skinning(paths, points, fixed_to).at(state).surface
+    surface = carried(skinned_by(paths, points, triangles, fixed_to), state).surface
     np.testing.assert_allclose(surface[fixed_to >= 0, 2], STRETCH * points[fixed_to >= 0, 2], atol=1e-9)
     # But for the ends, which keep their width.
     inner = np.abs(points[:, 2] - LENGTH / 2.0) < LENGTH / 2.0 - 5.0 * RADIUS
@@ -177,10 +186,11 @@ def test_a_thin_tendon_that_is_stretched_is_a_thinner_cylinder(segments):
 
 def test_the_stretch_has_bounds():
     """Ten times as long is no muscle any more; what is made of it is finite."""
-    paths, points, _, fixed_to = tendon(32)
+    paths, points, triangles, fixed_to = tendon(32)
     pulled = np.array([np.eye(4)] * 2)
     pulled[1, 2, 3] = 9.0 * LENGTH
-    surface = Skinning(paths, points, fixed_to).at(paths.follow(paths.rest, pulled)).surface
+    skinning = skinned_by(paths, points, triangles, fixed_to)
+    surface = carried(skinning, paths.follow(paths.rest, pulled)).surface
     middle = np.abs(points[:, 2] - LENGTH / 2.0) < 0.2 * LENGTH
     assert np.isfinite(surface).all()
     radius = np.hypot(*surface[middle, :2].T)
@@ -199,8 +209,8 @@ def test_paths_all_in_one_place_do_not_turn_the_muscle():
     start, end = bones_at_ends(fibres, made.points, made.fixed_to)
     paths = made.pulled(fibres=fibres, start_bones=start, end_bones=end)
     skinning = skinning_of("spindle_over_ball", paths)
-    np.testing.assert_allclose(skinning.at(paths.rest).surface, made.points, rtol=0.0, atol=1e-9)
+    np.testing.assert_allclose(carried(skinning, paths.rest).surface, made.points, rtol=0.0, atol=1e-9)
     for state in swept(paths, flexed("spindle_over_ball", "distal", 20.0, 40.0, 60.0)):
-        moved = skinning.at(state).surface
+        moved = carried(skinning, state).surface
         volume = signed_volume(moved, made.triangles) / signed_volume(made.points, made.triangles)
         assert 0.5 < volume < 1.5

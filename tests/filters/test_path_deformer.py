@@ -1,0 +1,398 @@
+"""PathDeformer: what a muscle keeps that its paths carry, and its two outputs."""
+
+import json
+
+import numpy as np
+import pytest
+from filter_case import digest
+from vtkmodules.vtkFiltersCore import vtkPolyDataNormals
+
+from vtkmuscle.core.fibres.embedding import EmbeddedPoints
+from vtkmuscle.core.mesh.surface import signed_volume
+from vtkmuscle.core.motion.rigid import RigidMotion, apply_transform, inverse, rotation_about
+from vtkmuscle.core.skinning.carried_muscle import CarriedMuscle
+from vtkmuscle.data.arrays import (
+    array_names,
+    blocks_of,
+    cell_array,
+    field_array,
+    multiblock_from,
+    point_array,
+    points_of,
+    polylines_of,
+    set_cell_array,
+    set_point_array,
+    shallow_copy,
+    surface_from,
+    triangles_of,
+    with_points,
+)
+from vtkmuscle.filters import BoneMotion, FixedPointDetector, PathDeformer, TautPaths
+from vtkmuscle.filters.deformer.shape_report import read_shape
+from vtkmuscle.filters.path_deformer import ROUNDS
+from vtkmuscle.phantoms import spindle_over_hinge, wrapping_cylinder
+from vtkmuscle.pipelines import decompose
+
+SPINDLE = spindle_over_hinge()
+LAST = float(SPINDLE.motion.times[-1])
+
+
+@pytest.fixture(scope="module")
+def parts():
+    """Return the muscle with its fixed points, and its fibres."""
+    return fixed_and_fibres(SPINDLE, "spindle")
+
+
+def fixed_and_fibres(phantom, name):
+    areas = phantom.attachments[name]
+    fixed = FixedPointDetector()(phantom.muscles[name], phantom.bones, areas)
+    return fixed, decompose(fixed, areas, n_fibres=8).update().output
+
+
+def chain(fixed, fibres=None, *, bones=SPINDLE.bones, motion=SPINDLE.motion, paths=True, **settings):
+    """Return the deformer of a muscle whose paths are the fibres', or lines over its surface."""
+    posed = {"rest_bones": bones, "bones": BoneMotion(bones=bones, motion=motion)}
+    taut = TautPaths(rest_fibres=fibres, rest_muscle=fixed, **posed) if paths else None
+    return PathDeformer(muscle=fixed, paths=taut, fibres=fibres, **posed, **settings)
+
+
+def frame(deformer, time=LAST):
+    return points_of(deformer.update(time=time).output)
+
+
+def fibres_of(deformer, time=LAST):
+    return shallow_copy(deformer.update(time=time, port=1).output)
+
+
+# -------------------------------------------------------------------- the muscle
+
+
+@pytest.mark.parametrize("quality", ROUNDS)
+@pytest.mark.parametrize("paths", [True, False])
+def test_fixed_points_follow_their_bone_and_the_volume_is_kept(parts, quality, paths):
+    fixed, fibres = parts
+    rest, marks, triangles = points_of(fixed), point_array(fixed, "FixedTo", ""), triangles_of(fixed, "")
+    deformer = chain(fixed, fibres, quality=quality, paths=paths, measure_shape=True)
+    for time in (0.0, 0.5 * LAST, LAST):
+        out = deformer.update(time=time).output
+        for bone, (name, _) in enumerate(blocks_of(SPINDLE.bones)):
+            transform = SPINDLE.motion.at(time).get(name, np.eye(4))
+            expected = apply_transform(transform, rest[marks == bone])
+            np.testing.assert_allclose(points_of(out)[marks == bone], expected, rtol=0.0, atol=1e-9)
+        volume = signed_volume(points_of(out), triangles) / signed_volume(rest, triangles)
+        assert volume == pytest.approx(1.0, abs=1e-9)
+        assert field_array(out, "VolumeRatio")[0] == pytest.approx(volume, rel=1e-9)
+
+
+def test_no_motion_leaves_the_muscle_where_it_is(parts):
+    still = RigidMotion(np.array([0.0, 1.0]), {"distal": np.array([np.eye(4)] * 2)})
+    moved = frame(chain(*parts, motion=still), 1.0)
+    np.testing.assert_allclose(moved, points_of(parts[0]), rtol=0.0, atol=1e-9)
+
+
+@pytest.mark.parametrize("paths", [True, False])
+def test_bones_that_move_together_take_the_muscle_along(parts, paths):
+    move = rotation_about((3, 4, 5), (1, -1, 2), 77.0)
+    move[:3, 3] += [1e3, -500.0, 20.0]
+    names = [name for name, _ in blocks_of(SPINDLE.bones)]
+    motion = RigidMotion(np.array([0.0, 1.0]), dict.fromkeys(names, np.array([np.eye(4), move])))
+    moved = frame(chain(*parts, motion=motion, paths=paths), 1.0)
+    np.testing.assert_allclose(moved, apply_transform(move, points_of(parts[0])), rtol=0.0, atol=1e-6)
+
+
+def test_everything_moved_rigidly_gives_the_same_moved(parts):
+    move = rotation_about((3, 4, 5), (1, -1, 2), 77.0)
+    move[:3, 3] += [100.0, -500.0, 20.0]
+
+    def there(data):
+        return with_points(data, apply_transform(move, points_of(data)))
+
+    bones = multiblock_from({name: there(bone) for name, bone in blocks_of(SPINDLE.bones)})
+    motion = RigidMotion(
+        SPINDLE.motion.times, {k: move @ t @ inverse(move) for k, t in SPINDLE.motion.transforms.items()}
+    )
+    fixed, fibres = parts
+    moved = frame(chain(there(fixed), there(fibres), bones=bones, motion=motion))
+    expected = apply_transform(move, frame(chain(fixed, fibres)))
+    np.testing.assert_allclose(moved, expected, rtol=0.0, atol=0.02)
+
+
+def test_without_paths_the_blended_motion_of_the_bones_carries_the_muscle(parts):
+    """And with them the paths do: the surface is another."""
+    fixed, fibres = parts
+    rest, marks = points_of(fixed), point_array(fixed, "FixedTo", "")
+    with_bones, with_paths = (frame(chain(fixed, fibres, paths=paths)) for paths in (False, True))
+    assert np.abs(with_bones - with_paths).max() > 0.5
+    turned = {
+        bone: apply_transform(SPINDLE.motion.at(LAST).get(name, np.eye(4)), rest)
+        for bone, (name, _) in enumerate(blocks_of(SPINDLE.bones))
+    }
+    # Half way from one bone to the other the muscle is half way between where both would take it.
+    ends = [rest[marks == bone, 2].mean() for bone in turned]
+    middle = np.abs(rest[:, 2] - np.mean(ends)) < 2.0
+    halfway = 0.5 * (turned[0] + turned[1])[middle].mean(axis=0)
+    apart = np.linalg.norm((turned[0] - turned[1])[middle].mean(axis=0))
+    assert np.linalg.norm(with_bones[middle].mean(axis=0) - halfway) < 0.2 * apart
+
+
+def test_the_frame_depends_on_the_pose_alone(parts):
+    times = [0.0, 0.3 * LAST, 0.5 * LAST, LAST]
+    alone = {time: frame(chain(*parts), time) for time in times}
+    deformer = chain(*parts)
+    first = {}
+    for index in (3, 0, 2, 1, 1, 3, 2, 0):
+        time = times[index]
+        now = frame(deformer, time)
+        np.testing.assert_allclose(now, alone[time], rtol=0.0, atol=0.05)
+        assert np.array_equal(now, first.setdefault(time, now))
+
+
+def test_arrays_of_the_input_pass_and_the_input_stays_as_it_is(parts):
+    fixed = shallow_copy(parts[0])
+    set_point_array(fixed, "Colour", np.arange(fixed.GetNumberOfPoints()))
+    before, modified = points_of(fixed), fixed.GetMTime()
+    out = chain(fixed).update(time=LAST).output
+    for name in ("Colour", "FixedTo"):
+        assert np.array_equal(point_array(out, name, ""), point_array(fixed, name, ""))
+    assert np.array_equal(points_of(fixed), before)
+    assert fixed.GetMTime() == modified
+    assert not fixed.GetPointData().HasArray("Displacement")
+
+
+def test_displacement_and_report_are_those_of_the_frame(parts):
+    deformer = chain(*parts)
+    out = deformer.update(time=LAST).output
+    np.testing.assert_allclose(
+        point_array(out, "Displacement", ""), points_of(out) - points_of(parts[0]), atol=1e-9
+    )
+    assert field_array(out, "VolumeRatio") is None, "nobody asked for the report"
+    assert field_array(out, "PenetrationMax") is None
+    before = points_of(out)
+    deformer.measure_shape = deformer.measure_penetration = True
+    out = deformer.update(time=LAST).output
+    assert np.array_equal(points_of(out), before)
+    report = read_shape(out, 1.0)
+    assert json.dumps(report)
+    stretch = [field_array(out, f"EdgeStretch{name}")[0] for name in ("P95", "Max")]
+    assert 0.5 < stretch[0] < stretch[1] < 5.0
+    assert 0.0 < field_array(out, "DihedralErrorP95")[0] < 90.0
+    assert field_array(out, "DegenerateEdges")[0] == 0
+    assert field_array(out, "PenetrationMax")[0] < 0.05
+
+
+def test_a_report_asks_for_no_new_pose(parts, monkeypatch):
+    poses = counted(monkeypatch, CarriedMuscle, "pose")
+    deformer = chain(*parts)
+    frame(deformer)
+    deformer.measure_shape = deformer.measure_penetration = True
+    frame(deformer)
+    fibres_of(deformer)
+    assert len(poses) == 1
+    frame(deformer, 0.5 * LAST)
+    deformer.iterations = 3
+    frame(deformer, 0.5 * LAST)
+    assert len(poses) == 3
+
+
+def test_the_muscle_is_made_again_where_what_it_is_made_from_changes(parts, monkeypatch):
+    made = counted(monkeypatch, CarriedMuscle, "__init__")
+    deformer = chain(*parts)
+    frame(deformer)
+    frame(deformer, 0.5 * LAST)
+    deformer.iterations = 3
+    frame(deformer)
+    deformer.muscle = shallow_copy(parts[0])
+    frame(deformer)
+    assert len(made) == 1
+    deformer.bone_clearance = 1.0
+    frame(deformer)
+    assert len(made) == 2
+    deformer.paths.resolution = 16
+    frame(deformer)
+    assert len(made) == 3
+
+
+def test_points_changed_in_place_are_seen(parts):
+    fixed = shallow_copy(parts[0])
+    deformer = chain(fixed, parts[1])
+    frame(deformer)
+    thinner = with_points(fixed, points_of(fixed) * [0.9, 1.0, 1.0])
+    fixed.SetPoints(thinner.GetPoints())
+    np.testing.assert_allclose(frame(deformer), frame(chain(thinner, parts[1])), rtol=0.0, atol=0.05)
+
+
+def test_more_rounds_leave_a_smoother_muscle():
+    fixed, fibres = fixed_and_fibres(wrapping_cylinder(), "strap")
+    phantom = wrapping_cylinder()
+    time = float(phantom.motion.times[-1])
+    posed = {"bones": phantom.bones, "motion": phantom.motion, "measure_shape": True}
+    rough, smooth = (
+        field_array(chain(fixed, fibres, **posed, iterations=n).update(time=time).output, "DihedralErrorP95")
+        for n in (1, 20)
+    )
+    assert smooth[0] <= rough[0]
+
+
+def test_the_clearance_keeps_free_points_off_the_bones():
+    """The strap lies on the cylinder at rest and may stay as near there; elsewhere it keeps off."""
+    phantom = wrapping_cylinder()
+    fixed, fibres = fixed_and_fibres(phantom, "strap")
+    free = point_array(fixed, "FixedTo", "") < 0
+    time = float(phantom.motion.times[-1])
+    posed = {"bones": phantom.bones, "motion": phantom.motion}
+    radii = [
+        np.linalg.norm(frame(chain(fixed, fibres, **posed, bone_clearance=gap), time)[free, 1:], axis=1)
+        for gap in (0.0, 8.0)
+    ]
+    at_rest = np.linalg.norm(points_of(fixed)[free, 1:], axis=1)
+    assert (radii[1] > np.minimum(at_rest, 33.0) - 0.3).all()
+    assert not (radii[0] > np.minimum(at_rest, 33.0) - 0.3).all()
+
+
+def test_a_filter_downstream_gets_the_frame_asked_for(parts):
+    deformer, expected = chain(*parts), frame(chain(*parts), 0.5 * LAST)
+    normals = vtkPolyDataNormals(splitting=False)
+    normals.SetInputConnection(deformer.GetOutputPort())
+    for time in (0.5 * LAST, LAST, 0.5 * LAST):
+        normals.UpdateTimeStep(time)
+    np.testing.assert_allclose(points_of(normals.GetOutput()), expected, rtol=0.0, atol=1e-4)
+
+
+# -------------------------------------------------------------------- the fibres
+
+
+def counted(monkeypatch, owner, name):
+    calls, original = [], getattr(owner, name)
+
+    def counting(*arguments, **keywords):
+        calls.append(name)
+        return original(*arguments, **keywords)
+
+    monkeypatch.setattr(owner, name, counting)
+    return calls
+
+
+def test_fibres_are_computed_only_when_asked_for(parts, monkeypatch):
+    carried = counted(monkeypatch, CarriedMuscle, "fibre_points")
+    embedded = counted(monkeypatch, EmbeddedPoints, "__init__")
+    deformer = chain(*parts)
+    for time in (0.0, LAST):
+        frame(deformer, time)
+    assert (carried, embedded) == ([], [])
+    for time in (0.0, LAST):
+        fibres_of(deformer, time)
+    assert (len(carried), len(embedded)) == (2, 1)
+    frame(deformer, 0.5 * LAST)
+    assert len(carried) == 2
+
+
+def test_at_rest_fibres_are_the_own_fibres_with_their_arrays(parts):
+    fixed, fibres = parts[0], shallow_copy(parts[1])
+    set_cell_array(fibres, "Own", np.arange(float(fibres.GetNumberOfCells())))
+    out = fibres_of(chain(fixed, fibres), 0.0)
+    np.testing.assert_allclose(points_of(out), polylines_of(fibres, "").points, rtol=0.0, atol=1e-6)
+    assert np.array_equal(cell_array(out, "Own", ""), cell_array(fibres, "Own", ""))
+    lines = polylines_of(fibres, "")
+    rest = [np.linalg.norm(np.diff(lines.line(i), axis=0), axis=1).sum() for i in range(len(lines))]
+    np.testing.assert_allclose(cell_array(out, "RestLength", ""), rest, rtol=1e-9)
+    assert "PointsOutside" in array_names(out.GetFieldData())
+
+
+def test_asking_for_fibres_changes_nothing_of_the_muscle(parts):
+    alone, both = chain(*parts), chain(*parts)
+    for time in (0.0, LAST, 0.5 * LAST):
+        fibres = digest(fibres_of(both, time))
+        assert digest(both.update(time=time).output) == digest(alone.update(time=time).output)
+        assert digest(fibres_of(both, time)) == fibres
+
+
+def test_fibres_go_with_their_paths_and_stay_in_the_muscle(parts):
+    deformer = chain(*parts)
+    fibres = polylines_of(fibres_of(deformer), "")
+    paths = polylines_of(deformer.paths.update(time=LAST).output, "")
+    for i in range(len(fibres)):
+        for end in (0, -1):
+            np.testing.assert_allclose(fibres.line(i)[end], paths.line(i)[end], rtol=0.0, atol=0.5)
+        apart = np.linalg.norm(fibres.line(i)[:, None] - paths.line(i)[None], axis=2).min(axis=1)
+        assert apart.max() < 4.0
+    moved = points_of(fibres_of(deformer, LAST)) - points_of(fibres_of(deformer, 0.0))
+    assert np.linalg.norm(moved, axis=1).max() > 10.0
+
+
+def test_fibres_that_are_not_the_paths_own_are_refused_where_asked_for(parts):
+    fixed, own = parts
+    deformer = chain(fixed, own)
+    deformer.fibres = decompose(fixed, SPINDLE.attachments["spindle"], n_fibres=5)
+    with pytest.raises(ValueError, match=r"PathDeformer: fibres: there are 5 for 8 paths"):
+        deformer.update(time=LAST, port=1)
+    assert frame(deformer).shape == points_of(fixed).shape, "the muscle does not need them"
+
+
+def test_without_fibres_the_second_output_is_empty(parts):
+    """ParaView asks for all outputs."""
+    assert fibres_of(chain(parts[0])).GetNumberOfPoints() == 0
+
+
+def test_fibres_without_paths_are_refused_where_asked_for(parts):
+    deformer = chain(*parts, paths=False)
+    with pytest.raises(ValueError, match=r"PathDeformer: fibres: there are 8 for no paths; connect"):
+        deformer.update(time=LAST, port=1)
+
+
+def test_the_second_output_reads_by_its_name(parts):
+    deformer = chain(*parts)
+    deformer.time = LAST
+    assert digest(deformer.carried_fibres) == digest(fibres_of(chain(*parts)))
+    assert digest(deformer.output) == digest(chain(*parts).update(time=LAST).output)
+
+
+# -------------------------------------------------------------------- what is refused
+
+
+@pytest.mark.parametrize("kind", ["names", "order"])
+def test_bones_at_rest_of_other_names_or_order_are_refused(parts, kind):
+    blocks = dict(blocks_of(SPINDLE.bones))
+    if kind == "names":
+        blocks = {f"{name}_r": block for name, block in blocks.items()}
+    else:
+        blocks = dict(reversed(blocks.items()))
+    deformer = chain(*parts)
+    deformer.rest_bones = multiblock_from(blocks)
+    with pytest.raises(ValueError, match=r"PathDeformer: rest_bones: the blocks are .*, but the moving"):
+        frame(deformer)
+
+
+@pytest.mark.parametrize("paths", [True, False])
+def test_a_muscle_without_fixed_points_is_refused(parts, paths):
+    fixed = shallow_copy(parts[0])
+    deformer = chain(fixed, parts[1], paths=paths)
+    set_point_array(fixed, "FixedTo", np.full(fixed.GetNumberOfPoints(), -1, dtype=np.int32))
+    with pytest.raises(ValueError, match="no point is fixed to a bone"):
+        frame(deformer)
+
+
+def test_an_open_muscle_is_refused(parts):
+    fixed = surface_from(points_of(parts[0]), triangles_of(parts[0], "")[3:])
+    set_point_array(fixed, "FixedTo", point_array(parts[0], "FixedTo", ""))
+    with pytest.raises(ValueError, match=r"(?i)closed|open"):
+        frame(chain(fixed, paths=False))
+
+
+def test_paths_without_their_points_at_rest_are_refused(parts):
+    deformer = chain(*parts)
+    deformer.paths = parts[1]
+    with pytest.raises(ValueError, match=r"PathDeformer: paths: the point array 'RestPosition' is missing"):
+        frame(deformer)
+
+
+def test_a_preset_is_its_rounds_and_an_explicit_number_counts_more():
+    for name, rounds in ROUNDS.items():
+        made = PathDeformer(quality=name)
+        assert made.parameters() == {**PathDeformer().parameters(), "quality": name, "iterations": rounds}
+        assert PathDeformer(**made.parameters()).parameters() == made.parameters()
+        later = PathDeformer()
+        later.quality = name
+        assert later.parameters() == made.parameters()
+    assert PathDeformer(quality="accurate", iterations=10).iterations == 10
+    with pytest.raises(ValueError, match=r"quality is 'best', but must be one of 'preview', 'balanced'"):
+        PathDeformer(quality="best")

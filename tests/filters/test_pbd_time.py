@@ -1,0 +1,272 @@
+"""A frame is the same whatever was asked for, and changed, before; and nothing is done twice without need."""
+
+import functools
+
+import numpy as np
+import pytest
+from filter_case import digest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from test_pbd_deformer import bones, fixed_to, spindle
+
+from vtkmuscle.core import fixed_muscle
+from vtkmuscle.core.motion.rigid import hinge
+from vtkmuscle.core.pbd import solver, voxels
+from vtkmuscle.data.arrays import points_of
+from vtkmuscle.filters.base.history import Checkpoints
+from vtkmuscle.filters.bone_motion import BoneMotion
+from vtkmuscle.filters.pbd_deformer import PBDDeformer
+
+STEPS = (0.0, 4.0, 8.0, 12.0, 16.0, 20.0)
+MOTIONS = {
+    "near": hinge("upper", (0.0, 25.0, 0.0), (1, 0, 0), STEPS),
+    "far": hinge("upper", (0.0, 30.0, 5.0), (1, 0.2, 0), STEPS),
+}
+MUSCLES = {"thin": spindle(9.0), "thick": spindle(12.0)}
+#: What may change from one request to the next, with the values it may have, the default first where that is
+#: not too slow.
+CHOICES = {
+    "quality": ("balanced", "published"),
+    "iterations": (2, 3),
+    "collides": (True, False),
+    "solved_triangles": (0, 200),
+    "signed_angles": (True, False),
+    "stiffness": (1.0, 0.7),
+    "anisotropy": ("always", "off"),
+    "bone_clearance": (0.0, 0.5),
+    "contact_velocity": ("keep", "zero"),
+    "n_voxels": (200, 400),
+    "n_voxels_per_axis": (None, 8),
+    "bone_push": ("transform", "off"),
+    "checkpoint_memory": (256.0, 0.025, 0.01, 0.0),
+    "motion": tuple(MOTIONS),
+    "muscle": tuple(MUSCLES),
+}
+FIRST = {name: values[0] for name, values in CHOICES.items()}
+
+changes = st.sampled_from([(name, value) for name, values in CHOICES.items() for value in values])
+times = st.sampled_from([*STEPS, -1.0, 6.0, 10.0, 19.0, 25.0])
+sequences = st.lists(st.one_of(times, times, changes), min_size=2, max_size=12).filter(
+    lambda sequence: any(isinstance(entry, float) for entry in sequence)
+)
+
+
+def made(state):
+    moving = BoneMotion(bones=bones())
+    deformer = PBDDeformer(muscle=MUSCLES[state["muscle"]], rest_bones=bones(), bones=moving)
+    put_all(deformer, state)
+    return deformer
+
+
+def put_all(deformer, state):
+    for name, value in state.items():
+        put(deformer, name, value)
+
+
+def put(deformer, name, value):
+    """Set a parameter of a deformer, or what it is fed with."""
+    if name == "motion":
+        deformer.GetInputAlgorithm(2, 0).motion = MOTIONS[value]
+    elif name == "muscle":
+        deformer.connect(0, MUSCLES[value])
+    elif name == "collides":
+        deformer.collision = ("voxel" if deformer.quality == "published" else "sdf") if value else "off"
+    else:
+        setattr(deformer, name, value)
+
+
+def frame(deformer, time):
+    return digest(deformer.update(time).output)
+
+
+@functools.cache
+def fresh_frame(state, time):
+    """Return the frame that a new deformer gives that is asked for nothing else."""
+    return frame(made(dict(state)), time)
+
+
+def of_a_straight_run(state, time):
+    settings_of_frame = {**state, "checkpoint_memory": FIRST["checkpoint_memory"]}
+    return fresh_frame(tuple(settings_of_frame.items()), time)
+
+
+def test_requests_begin_with_the_defaults():
+    default = PBDDeformer().parameters()
+    for name in ("signed_angles", "anisotropy", "contact_velocity", "bone_push"):
+        assert FIRST[name] == default[name]
+
+
+@pytest.mark.filterwarnings("ignore:.* is outside of the motion")
+def test_any_sequence_of_times_and_changes_gives_the_frames_of_a_fresh_run(request):
+    examples = 200 if request.config.getoption("long") else 40
+
+    @settings(max_examples=examples, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+    @given(sequences)
+    def property_(sequence):
+        check_sequence(sequence)
+
+    property_()
+
+
+def check_sequence(sequence):
+    state = dict(FIRST)
+    deformer = made(state)
+    for entry in sequence:
+        if isinstance(entry, float):
+            assert frame(deformer, entry) == of_a_straight_run(state, entry)
+        else:
+            state[entry[0]] = entry[1]
+            put(deformer, *entry)
+            if entry[0] == "quality":  # it sets others, too
+                put_all(deformer, state)
+
+
+@pytest.mark.parametrize("memory", CHOICES["checkpoint_memory"])
+def test_backwards_skipping_and_repeating_give_the_straight_run(memory):
+    straight = made(FIRST)
+    expected = {time: frame(straight, time) for time in STEPS}
+    deformer = made({**FIRST, "checkpoint_memory": memory})
+    for time in (*STEPS[::-1], STEPS[1], STEPS[4], STEPS[4], *STEPS[::2], *STEPS):
+        assert frame(deformer, time) == expected[time]
+
+
+# ---------------------------------------------------------------- what a change invalidates
+
+
+#: What is made for a muscle: of one level, and without fibres.
+OF_A_MUSCLE = {"topology", "rest shape", "fibre directions"}
+#: Made where the muscle comes near the bones, as it does with momentum only.
+GRIDS = {"balanced": set(), "published": {"voxels"}}
+
+
+@pytest.fixture
+def work(monkeypatch):
+    """Count what is done: frames, and the things that are made for them."""
+    voxels._GRIDS.clear()  # those of equal bones are shared
+    done = []
+
+    def count(owner, name, label):
+        original = getattr(owner, name)
+
+        @functools.wraps(original)
+        def counted(*arguments, **keywords):
+            done.append(label)
+            return original(*arguments, **keywords)
+
+        monkeypatch.setattr(owner, name, counted)
+
+    count(fixed_muscle, "mesh_topology", "topology")
+    count(solver, "RestShape", "rest shape")
+    count(solver, "harmonic_directions", "fibre directions")
+    count(voxels, "build_voxel_grid", "voxels")
+    count(solver.PBDSolver, "step", "frames")
+    return done
+
+
+@pytest.mark.parametrize(
+    ("quality", "name", "value", "redone"),
+    [
+        ("balanced", "iterations", 3, {"frames", "of muscle"}),
+        ("balanced", "solved_triangles", 200, {"frames", "of muscle"}),
+        ("balanced", "collides", False, {"frames", "of muscle"}),
+        ("balanced", "bone_clearance", 0.5, {"frames", "of muscle"}),
+        ("balanced", "motion", "far", {"frames"}),
+        ("balanced", "muscle", "thin", {"frames", "of muscle"}),
+        ("balanced", "checkpoint_memory", 0.0, set()),
+        ("balanced", "stiffness", 0.7, {"frames", "of muscle"}),
+        ("balanced", "external_force", (0.01, 0.0, 0.0), set()),
+        ("balanced", "bone_push", "off", set()),
+        ("balanced", "n_voxels", 400, set()),
+        ("published", "iterations", 3, {"frames", "of muscle"}),
+        ("published", "velocity_kept", 0.5, {"frames", "of muscle"}),
+        ("published", "motion", "far", {"frames"}),
+        ("published", "muscle", "thin", {"frames", "of muscle"}),
+        ("published", "n_voxels", 400, {"frames", "of muscle", "voxels"}),
+        ("published", "bone_clearance", 0.5, set()),
+        ("published", "checkpoint_memory", 0.0, set()),
+    ],
+)
+def test_a_change_redoes_what_depends_on_it_and_nothing_else(work, quality, name, value, redone):
+    deformer = made({**FIRST, "quality": quality, "muscle": "thick"})
+    frame(deformer, 8.0)
+    assert set(work) == {*OF_A_MUSCLE, *GRIDS[quality], "frames"}
+    before = len(work)
+    put(deformer, name, value)
+    frame(deformer, 8.0)
+    if "of muscle" in redone:
+        redone = (redone - {"of muscle"}) | OF_A_MUSCLE
+    assert set(work[before:]) == redone
+
+
+def test_the_fibres_of_an_isotropic_muscle_are_not_looked_at(work):
+    frame(made({**FIRST, "anisotropy": "off"}), 8.0)
+    assert "fibre directions" not in work
+
+
+# ---------------------------------------------------------------- checkpoints
+
+
+def kept_after_a_straight_run(n_steps, room):
+    checkpoints, steps = Checkpoints(), [float(i) for i in range(n_steps)]
+    for i in range(n_steps):
+        checkpoints.keep(steps[i], i)
+        checkpoints.thin(steps, steps[max(i - 1, 0) : i + 1], nbytes=10, memory=10.0 * room)
+    return checkpoints, [step for step in steps if step in checkpoints]
+
+
+@pytest.mark.parametrize("n_steps", [1, 2, 9, 64, 100])
+@pytest.mark.parametrize("room", [0, 1, 4, 7, 100])
+def test_checkpoints_keep_to_their_memory_and_bound_the_way_back(n_steps, room):
+    checkpoints, kept = kept_after_a_straight_run(n_steps, room)
+    last = {float(n_steps - 1), float(max(n_steps - 2, 0))}
+    assert last <= set(kept)
+    assert len(set(kept) - last) <= room
+    assert len(checkpoints) == len(kept)
+    if room:
+        assert 0.0 in kept
+        assert np.diff(kept, append=n_steps).max() <= max(1.0, 2.0 * n_steps / room)
+
+
+def test_times_between_steps_are_dropped_first():
+    checkpoints = Checkpoints()
+    for time in (0.0, 0.5, 1.0, 1.5, 2.0):
+        checkpoints.keep(time, time)
+    checkpoints.thin([0.0, 1.0, 2.0, 3.0], [2.0], nbytes=1, memory=2.0)
+    assert [time for time in (0.0, 0.5, 1.0, 1.5, 2.0) if time in checkpoints] == [0.0, 1.0, 2.0]
+
+
+def test_less_memory_means_more_steps_and_less_of_it_held(work):
+    steps, kept = {}, {}  # a frame takes 8 kB
+    for memory in (256.0, 0.025, 0.0):
+        deformer = made({**FIRST, "checkpoint_memory": memory})
+        frame(deformer, STEPS[-1])
+        work.clear()
+        for time in STEPS[::-1]:
+            frame(deformer, time)
+        steps[memory], kept[memory] = work.count("frames"), len(deformer._frames)
+    assert steps[256.0] == 0
+    assert 0 < steps[0.025] < steps[0.0]
+    assert kept[256.0] == len(STEPS)
+    assert kept[0.0] <= 2 < kept[0.025] < kept[256.0]
+
+
+def test_setting_less_memory_frees_frames_at_once():
+    deformer = made(FIRST)
+    frame(deformer, STEPS[-1])
+    deformer.checkpoint_memory = 0.0
+    frame(deformer, STEPS[-1])
+    assert len(deformer._frames) == 2
+
+
+def test_playing_on_after_a_time_between_steps_goes_on_from_the_step_before(work):
+    deformer = made({**FIRST, "checkpoint_memory": 0.0})
+    frame(deformer, 12.0)
+    frame(deformer, 13.0)
+    work.clear()
+    frame(deformer, 16.0)
+    assert work.count("frames") == 1
+
+
+def test_example_muscles_are_fixed_at_both_ends():
+    for made_ in MUSCLES.values():
+        assert set(np.unique(fixed_to(points_of(made_)))) == {-1, 0, 1}

@@ -1,0 +1,169 @@
+"""One output of a scene, by the shortest chain of filters that gives it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import fields, replace
+from os import PathLike
+from pathlib import Path
+
+import numpy as np
+from vtkmodules.vtkCommonDataModel import vtkPolyData
+
+from vtkmuscle.core.errors import InputError
+from vtkmuscle.core.estimate import segment_errors
+from vtkmuscle.core.mesh.shared import keep_shared
+from vtkmuscle.core.moment_arms.by_coordinate import JointArms
+from vtkmuscle.core.moment_arms.of_joints import joint_arms
+from vtkmuscle.core.types import Floats
+from vtkmuscle.data.arrays import shallow_copy
+from vtkmuscle.data.paths import levers_over_time, path_lines_of, paths_of
+from vtkmuscle.io.temporal import Series
+from vtkmuscle.run.muscles import muscle_pipeline
+from vtkmuscle.run.options import Frames, frame_numbers
+from vtkmuscle.run.table import MomentArmTable, Table, length_table
+from vtkmuscle.scene.data import SceneData
+
+#: The outputs that can be asked for alone.
+ONLY = ("lengths", "moment_arms", "surfaces")
+
+Surfaces = dict[str, list[vtkPolyData]]
+
+
+def run_only(
+    scene: SceneData,
+    what: str,
+    out: str | PathLike[str] | None = None,
+    *,
+    frames: Frames = None,
+    overwrite: bool = False,
+    progress: Callable[[str, str, float], None] | None = None,
+) -> Table | Surfaces:
+    """Compute one output of a scene, and write nothing else.
+
+    Lengths and moment arms take the paths alone; no muscle is deformed, no fibre is moved and no frame is
+    measured. Moment arms need levers, lengths do not. Surfaces take the deformer without fibres.
+
+    Parameters
+    ----------
+    scene : Scene
+        The scene; every muscle needs a deformer, or fibres, for what is asked.
+    what : str
+        ``"lengths"``, ``"moment_arms"`` or ``"surfaces"``.
+    out : path, optional
+        Folder for ``lengths.csv``, ``moment_arms.csv`` or a ``NAME.pvd`` per muscle.
+    frames : str, slice, range, int or None, optional
+        Frames to compute, as of :class:`~vtkmuscle.run.RunOptions`; default all.
+    overwrite : bool, optional
+        Whether files of these names may be replaced.
+    progress : callable, optional
+        Called with the muscle's name, the stage, and the part that is done, 0 to 1.
+
+    Returns
+    -------
+    Table
+        A row per muscle, path and frame; lengths and moment arms in mm.
+    dict of str to list of vtkPolyData
+        For surfaces: the muscles in the frames.
+
+    Raises
+    ------
+    ValueError
+        If there is no such output, a file would be replaced, or a stage cannot be done.
+
+    Examples
+    --------
+    >>> from vtkmuscle import Scene, phantoms
+    >>> from vtkmuscle.run import run_only
+    >>> scene = Scene.from_phantom(phantoms.spindle_over_hinge(), n_fibres=8)
+    >>> len(run_only(scene, "lengths", frames="0:2")["length_mm"])
+    16
+    """
+    if what not in ONLY:
+        raise InputError("", f"only is {what!r}, but must be one of {', '.join(map(repr, ONLY))}")
+    if what == "surfaces" and scene.deformer == "none":
+        raise InputError("deformer", "it is 'none', so there are no surfaces", "use 'paths' or 'pbd'")
+    numbers = frame_numbers(frames, len(scene.motion.times))
+    folder = None if out is None else Path(out)
+    if folder is not None and not overwrite:
+        _check_free(folder, scene, what)
+    tell = progress or (lambda _muscle, _stage, _part: None)
+    with keep_shared():
+        if what == "surfaces":
+            return {name: list(_surfaces(scene, name, numbers, folder, tell)) for name in scene.muscles}
+        table = _tables(scene, what, numbers, tell)
+    if folder is not None:
+        table.to_csv(folder / f"{what}.csv", digits=None if what == "lengths" else 10)
+    return table
+
+
+def _check_free(folder: Path, scene: SceneData, what: str) -> None:
+    """Raise an InputError where a file is in the place of a result."""
+    files = [f"{name}.pvd" for name in scene.muscles] if what == "surfaces" else [f"{what}.csv"]
+    for file in map(folder.joinpath, files):
+        if file.exists():
+            raise InputError(file, "the file is there", "give another folder with --out, or --overwrite")
+
+
+def _surfaces(
+    scene: SceneData, name: str, numbers: range, folder: Path | None, tell: Callable[[str, str, float], None]
+) -> Iterator[vtkPolyData]:
+    """Give the surfaces of a muscle, each written as soon as it is computed."""
+    deformer = muscle_pipeline(scene, name).deformer
+    assert deformer is not None
+    series = None if folder is None else Series(folder, name)
+    for done, number in enumerate(numbers):
+        tell(name, "deforming", done / len(numbers))
+        time = float(scene.motion.times[number])
+        surface = shallow_copy(deformer.update(time=time).output)
+        if series is not None:
+            series.add(number, time, surface)
+        yield surface
+    tell(name, "done", 1.0)
+
+
+def _tables(scene: SceneData, what: str, numbers: range, tell: Callable[[str, str, float], None]) -> Table:
+    """Return the table of lengths or of moment arms."""
+    paths_alone = SceneData(**{field.name: getattr(scene, field.name) for field in fields(SceneData)})
+    paths_alone = replace(
+        paths_alone,
+        deformer="none",
+        quality=None if scene.quality == "published" else scene.quality,
+        muscles={name: replace(muscle, aponeuroses=()) for name, muscle in scene.muscles.items()},
+    )
+    motion, times = scene.motion.part(numbers), [float(scene.motion.times[number]) for number in numbers]
+    lengths: dict[str, Floats] = {}
+    errors: dict[str, Floats] = {}
+    arms: dict[str, dict[str, JointArms]] = {}
+    refused: dict[str, str] = {}
+    for name, muscle in scene.muscles.items():
+        taut = muscle_pipeline(paths_alone, name).taut_paths
+        assert taut is not None
+        taut.levers = what == "moment_arms"
+        rows, row_errors, levers = [], [], []
+        for done, time in enumerate(times):
+            tell(name, "pulling paths", done / len(times))
+            lines = path_lines_of(taut.update(time=time).output, name)
+            if lines is None:
+                problem = "it is fixed to one bone and has no fibres, so it has no paths"
+                raise InputError(f"muscles.{name}", problem, "leave it out with --muscle, or give it fibres")
+            found = paths_of(lines.data, name)
+            assert found is not None
+            offsets = lines.points.shape[1] * np.arange(len(lines.points) + 1)
+            rows.append(found.lengths * scene.millimetres)
+            row_errors.append(segment_errors(lines.points.reshape(-1, 3), offsets) * scene.millimetres)
+            levers.append(found.levers)
+        lengths[name], errors[name] = np.array(rows), np.array(row_errors)
+        if what == "moment_arms":
+            arms[name], without = joint_arms(
+                lengths[name],
+                levers_over_time(levers),
+                motion,
+                crossed=muscle.crosses,
+                millimetres=scene.millimetres,
+            )
+            refused |= without
+        tell(name, "done", 1.0)
+    if what == "moment_arms":
+        return MomentArmTable(arms, refused).table()
+    return length_table(lengths, errors, numbers, times)
