@@ -52,12 +52,9 @@ def geodesic_curve(points: Floats, edges: Ints, vertices: Ints, *, closed: bool)
             if len(path):
                 break
         else:
-            raise InputError(
-                "",
-                f"no edges connect muscle points {start} and {end}, nearest to neighbouring landmarks: "
-                "the muscle is in several pieces",
-                "split the attachment, or join the pieces",
-            )
+            problem = f"no edges connect muscle points {start} and {end}, nearest to neighbouring landmarks: "
+            problem += "the muscle is in several pieces"
+            raise InputError("", problem, "split the attachment, or join the pieces")
         curve.append(path[1:])
     return np.concatenate(curve)
 
@@ -174,12 +171,9 @@ def _nearest_vertices(
     limit = max(FARTHEST_LANDMARK * diagonal, lengths[0])
     worst = int(np.argmax(offsets))
     if offsets[worst] > limit:
-        raise InputError(
-            "",
-            f"landmark {worst} is {offsets[worst]:.4g} from the muscle, of size {diagonal:.4g}; at most "
-            f"{limit:.4g} is accepted",
-            "check the units, leave out an attachment of another muscle, or give a larger distance",
-        )
+        problem = f"landmark {worst} is {offsets[worst]:.4g} from the muscle, of size {diagonal:.4g}"
+        remedy = "check the units, leave out an attachment of another muscle, or give a larger distance"
+        raise InputError("", f"{problem}; at most {limit:.4g} is accepted", remedy)
     if bone_distance is not None and offsets[worst] > ON_POINTS * diagonal:
         _prefer_facing(points, triangles, landmarks, nearest, (tree, used, limit, lengths[1]), bone_distance)
     vertices: Ints = used[nearest].astype(np.int64)

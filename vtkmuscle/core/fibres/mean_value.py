@@ -144,11 +144,9 @@ def weights_of(mesh: CoordinateMesh, queries: Floats, threads: int, *, first: in
         list(pool.map(work, range(0, len(queries), LANES)))
     bad = np.flatnonzero(~(residuals <= LARGEST_RESIDUAL * mesh.diagonal))
     if len(bad):
-        raise InputError(
-            "mean value coordinates",
-            f"the weights of {len(bad)} point(s), first point {first + bad[0]}, do not reproduce them",
-            "close the surface, orient its triangles alike, and keep points within a few times its size",
-        )
+        problem = f"the weights of {len(bad)} point(s), first point {first + bad[0]}, do not reproduce them"
+        remedy = "close the surface, orient its triangles alike, and keep points within a few times its size"
+        raise InputError("mean value coordinates", problem, remedy)
     return weights
 
 

@@ -73,27 +73,28 @@ def physiological_cross_section(volume: float, lengths: Floats, angles: Floats) 
 def section_areas(points: Floats, triangles: Ints, centres: Floats, normals: Floats) -> Floats:
     """Return areas (s,) of plane sections [mm^2]. The surface is closed and faces outward.
 
-    The planes have points (s, 3) and unit normals (s, 3).
+    Half the sum of n . (a x b) over the section's segments from a to b; planes have points (s, 3) and unit
+    normals (s, 3).
     """
-    planes = zip(centres, normals, strict=True)
-    return np.array([_section_area(points, triangles, *plane) for plane in planes])
-
-
-def _section_area(points: Floats, triangles: Ints, centre: Floats, normal: Floats) -> float:
-    """Return half the sum of n . (a x b) over the section's segments from a to b."""
-    about = points - centre
-    heights = about @ normal
-    below = heights < 0.0
-    a, b, c = below.take(triangles.T)
-    met = triangles[(a != b) | (b != c)]
-    ends = []
-    for upward in (False, True):  # the edge on which the triangle's boundary goes up: so all loops run alike
-        leaves = (below[met] == upward) & (below[np.roll(met, -1, axis=1)] != upward)
-        side, row = leaves.argmax(axis=1), np.arange(len(met))
-        i, j = met[row, side], met[row, (side + 1) % 3]
-        share = heights[i] / (heights[i] - heights[j])
-        ends.append(about[i] + share[:, None] * (about[j] - about[i]))
-    return abs(float((np.cross(*ends) @ normal).sum())) / 2.0
+    areas = []
+    for centre, normal in zip(centres, normals, strict=True):
+        about = points - centre
+        heights = about @ normal
+        below = heights < 0.0
+        a, b, c = below.take(triangles.T)
+        met = triangles[(a != b) | (b != c)]
+        ends, row = [], np.arange(len(met))
+        for upward in (
+            False,
+            True,
+        ):  # the edge on which the triangle's boundary goes up: so all loops run alike
+            leaves = (below[met] == upward) & (below[np.roll(met, -1, axis=1)] != upward)
+            side = leaves.argmax(axis=1)
+            i, j = met[row, side], met[row, (side + 1) % 3]
+            share = heights[i] / (heights[i] - heights[j])
+            ends.append(about[i] + share[:, None] * (about[j] - about[i]))
+        areas.append(abs(float((np.cross(*ends) @ normal).sum())) / 2.0)
+    return np.array(areas)
 
 
 def plane_crossings(points: Floats, offsets: Ints, centre: Floats, normal: Floats) -> int:

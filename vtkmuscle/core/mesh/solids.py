@@ -74,16 +74,9 @@ def _is_below(query: Floats, a: Floats, b: Floats, c: Floats, along: int) -> boo
 
     An edge belongs to one side.
     """
-    first_axis, second_axis = (along + 1) % 3, (along + 2) % 3
-    x, y = query[first_axis], query[second_axis]
-    ax, ay, bx, by, cx, cy = (
-        a[first_axis],
-        a[second_axis],
-        b[first_axis],
-        b[second_axis],
-        c[first_axis],
-        c[second_axis],
-    )
+    u, v = (along + 1) % 3, (along + 2) % 3
+    x, y = query[u], query[v]
+    ax, ay, bx, by, cx, cy = a[u], a[v], b[u], b[v], c[u], c[v]
     within = _crosses(x, y, ax, ay, bx, by) != _crosses(x, y, bx, by, cx, cy)
     if within == _crosses(x, y, cx, cy, ax, ay):
         return False

@@ -100,10 +100,8 @@ def triangle_tree(points: Floats, triangles: Ints) -> TriangleTree:
         first, parted = starts[::width], centres[order]
         low = np.minimum.reduceat(parted, first)
         extents = np.maximum.reduceat(parted, first) - low
-        box, axis = (
-            np.repeat(np.arange(len(first)), np.diff(first, append=len(order))),
-            extents.argmax(axis=1),
-        )
+        box = np.repeat(np.arange(len(first)), np.diff(first, append=len(order)))
+        axis = extents.argmax(axis=1)
         scale = 0.5 / np.maximum(extents.max(axis=1), np.finfo(np.float64).tiny)
         heights = np.take_along_axis(parted - low[box], axis[box, None], axis=1)[:, 0]
         order = order[np.argsort(box + heights * scale[box])]
