@@ -33,7 +33,7 @@ FLAT = 0.01
 
 
 def even_positions(areas: Sequence[Floats], count: int) -> list[Floats]:
-    """Return positions of equal shares of areas, (count, 3) on each of one or two areas.
+    """Return positions of equal shares of areas. Positions (count, 3) on each of one or two areas.
 
     An area is given by positions (m, 3) of even density, m >= count, from which results are taken. Two areas
     are halved across their longest common axis, each half again, down to `count` parts, which a few passes of
