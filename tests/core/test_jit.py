@@ -1,18 +1,8 @@
 """What kernels are compiled with."""
 
-import numba
-import numba.core.options
 import numpy as np
 
 from vtkmuscle.core import jit
-
-
-def test_kernels_are_compiled_where_numba_counts_all_references(monkeypatch):
-    """The option is numba's own affair: without it kernels are slower, and no less right."""
-    monkeypatch.delattr(numba.core.options.DefaultOptions, "_nrt")
-    assert jit.uncounted() == {}
-    plain = numba.njit(**jit.uncounted())(lambda values: values.sum())
-    assert plain(np.ones(3)) == 3.0
 
 
 def test_a_kernel_of_views_gives_what_python_gives():

@@ -113,8 +113,5 @@ def check_is_file(path: Path, *, most: int = MOST_BYTES) -> None:
         raise MissingFileError(path, "this is a pipe or a device, not a file", "copy its content to a file")
     size = path.stat().st_size
     if size > most:
-        raise InputError(
-            path,
-            f"the file takes {size / 1024**2:.0f} MB, but at most {most // 1024**2} MB are read",
-            "check that it is what its name says",
-        )
+        problem = f"the file takes {size / 1024**2:.0f} MB, but at most {most // 1024**2} MB are read"
+        raise InputError(path, problem, "check the file's content")

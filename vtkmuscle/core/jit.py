@@ -53,13 +53,8 @@ _OF_NUMBA = (
 _IMPORT = re.compile(r"^[ \t]*(?:from|import)[ \t]+([\w.]+)(?:[ \t]+import[ \t]+(\([^)]*\)|[^\n]*))?", re.M)
 
 
-def uncounted() -> dict[str, bool]:
-    """Return the option without reference counting, empty if unknown to numba."""
-    return {"_nrt": False} if hasattr(numba.core.options.DefaultOptions, "_nrt") else {}
-
-
-#: See :func:`uncounted`.
-UNCOUNTED = uncounted()
+#: Option without reference counting, empty if unknown to numba.
+UNCOUNTED = {"_nrt": False} if hasattr(numba.core.options.DefaultOptions, "_nrt") else {}
 
 
 def kernel(function: F) -> F:

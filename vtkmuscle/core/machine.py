@@ -58,13 +58,13 @@ def warn_of_folder(folder: Path, error: OSError) -> None:
 
 
 def is_python() -> bool:
-    """Return whether this program is a Python to be started again; ParaView names itself, or no file."""
+    """Return whether this program is a Python interpreter. ParaView names itself, or no file."""
     program = Path(sys.executable or "-")
     return program.name.startswith("python") and program.is_file()
 
 
 def python_command(code: str) -> list[str]:
-    """Return the command that runs code in another Python, which does not look into the working folder."""
+    """Return the command that runs code in a new Python. It ignores the working folder."""
     return [sys.executable, "-P", "-c", f"import sys\n{code}"]
 
 

@@ -4,7 +4,7 @@ import igl
 import numpy as np
 from shapes import box
 
-from vtkmuscle.core.mesh.tree_search import (
+from vtkmuscle.core.mesh.triangle_tree import (
     CORNER,
     EDGE,
     FACE,

@@ -112,21 +112,21 @@ def attached_ends(
         raise InputError("", f"no connected part of the muscle is near {tips}", REMEDY)
     weights = np.linalg.norm(triangle_normals(points, triangles), axis=1) / 6.0
     weights = np.bincount(triangles.ravel(), np.repeat(weights, 3), len(points))
-    reach, near = max(within, 0.5 * float(lengths.mean())), {}
+    reach, attached = max(within, 0.5 * float(lengths.mean())), {}
     for bone, opposite in permutations(best.tips):
         _check_end(points, best, bone, opposite, gaps, FAR_END * within)
         touched = gaps[bone] <= gaps[bone][best.tips[bone]] + reach
-        near[bone] = touched & (best.distances[bone] <= best.distances[opposite])
-    broad, narrow = sorted(near, key=lambda bone: -float(weights[near[bone]].sum()))
-    near[narrow] &= _outer(_surface_distances(graph, np.flatnonzero(near[broad])), near[narrow])
+        attached[bone] = touched & (best.distances[bone] <= best.distances[opposite])
+    broad, narrow = sorted(attached, key=lambda bone: -float(weights[attached[bone]].sum()))
+    attached[narrow] &= _outer(_surface_distances(graph, np.flatnonzero(attached[broad])), attached[narrow])
     ends = []
     for own, opposite in ((broad, narrow), (narrow, broad)):
         rivals = {bone: span for span in spans if opposite in span.tips for bone in {*span.tips} - {opposite}}
         group = next((body for body in bodies if own in body), (own,))
         body = [bone for bone in group if bone in rivals and gaps[bone][rivals[bone].tips[bone]] <= reach]
         body = [own, *(bone for bone in body if bone != own)]
-        outer = _outer(best.distances[opposite], near[own])
-        claims = [near[own], *(outer & (gaps[bone] <= reach) for bone in body[1:])]
+        outer = _outer(best.distances[opposite], attached[own])
+        claims = [attached[own], *(outer & (gaps[bone] <= reach) for bone in body[1:])]
         gap = [np.where(claim, gaps[bone], np.inf) for claim, bone in zip(claims, body, strict=True)]
         nearest = np.where(np.any(claims, axis=0), np.argmin(gap, axis=0), -1)
         far = best.tips[opposite]
@@ -145,8 +145,8 @@ def _spans(graph: csr_array, gaps: Mapping[str, Floats], far: float, between: Se
     for bone in between:
         if least[bone] > far:
             raise InputError("", f"the muscle comes no nearer to {bone!r} than {least[bone]:.3g}", REMEDY)
-    near = [bone for bone in least if least[bone] <= far]
-    pairs = [pair for pair in combinations(near, 2) if set(between) <= set(pair)]
+    in_reach = [bone for bone in least if least[bone] <= far]
+    pairs = [pair for pair in combinations(in_reach, 2) if set(between) <= set(pair)]
     if not pairs:
         listed = ", ".join(f"{bone!r} ({least[bone]:.3g})" for bone in sorted(least, key=least.__getitem__))
         problem = f"a muscle is attached to two bones, but comes near to fewer; its distances are {listed}"
@@ -193,9 +193,9 @@ def _surface_distances(graph: csr_array, start: int | Ints) -> Floats:
     return np.where(np.isfinite(distances), distances, -np.inf)
 
 
-def _outer(distances: Floats, near: Bools) -> Bools:
+def _outer(distances: Floats, attached: Bools) -> Bools:
     """Return the points in the last part of the distance."""
-    outer: Bools = distances >= (1.0 - TENDON_END) * distances[near].max()
+    outer: Bools = distances >= (1.0 - TENDON_END) * distances[attached].max()
     return outer
 
 

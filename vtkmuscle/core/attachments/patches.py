@@ -52,12 +52,9 @@ def geodesic_curve(points: Floats, edges: Ints, vertices: Ints, *, closed: bool)
             if len(path):
                 break
         else:
-            raise InputError(
-                "",
-                f"no edges connect muscle points {start} and {end}, nearest to neighbouring landmarks: "
-                "the muscle is in several pieces",
-                "split the attachment, or join the pieces",
-            )
+            problem = f"no edges connect muscle points {start} and {end}, nearest to neighbouring landmarks: "
+            problem += "the muscle is in several pieces"
+            raise InputError("", problem, "split the attachment, or join the pieces")
         curve.append(path[1:])
     return np.concatenate(curve)
 
@@ -70,11 +67,11 @@ def _shortest_path(points: Floats, edges: Ints, middles: Floats, start: int, end
     """
     chord = points[end] - points[start]
     square = max(float(chord @ chord), 1e-300)
-    near = np.ones(len(edges), dtype=np.bool_)
+    in_reach = np.ones(len(edges), dtype=np.bool_)
     if np.isfinite(reach):
         for along, middle in zip(middles, points[start] + 0.5 * chord, strict=True):
-            near &= np.abs(along - middle) <= reach * np.sqrt(square)
-    edges, offsets = edges[near], middles.T[near] - points[start]
+            in_reach &= np.abs(along - middle) <= reach * np.sqrt(square)
+    edges, offsets = edges[in_reach], middles.T[in_reach] - points[start]
     aside = (np.cross(offsets, chord) ** 2).sum(axis=1) / square**2  # squared, in chords
     weights = edge_lengths(points, edges) * (1.0 + _STRAIGHTNESS * aside)
     graph = coo_array((weights, (edges[:, 0], edges[:, 1])), shape=(len(points), len(points))).tocsr()
@@ -174,12 +171,9 @@ def _nearest_vertices(
     limit = max(FARTHEST_LANDMARK * diagonal, lengths[0])
     worst = int(np.argmax(offsets))
     if offsets[worst] > limit:
-        raise InputError(
-            "",
-            f"landmark {worst} is {offsets[worst]:.4g} from the muscle, of size {diagonal:.4g}; at most "
-            f"{limit:.4g} is accepted",
-            "check the units, leave out an attachment of another muscle, or give a larger distance",
-        )
+        problem = f"landmark {worst} is {offsets[worst]:.4g} from the muscle, of size {diagonal:.4g}"
+        remedy = "check the units, leave out an attachment of another muscle, or give a larger distance"
+        raise InputError("", f"{problem}; at most {limit:.4g} is accepted", remedy)
     if bone_distance is not None and offsets[worst] > ON_POINTS * diagonal:
         _prefer_facing(points, triangles, landmarks, nearest, (tree, used, limit, lengths[1]), bone_distance)
     vertices: Ints = used[nearest].astype(np.int64)
@@ -274,12 +268,12 @@ def _near_curve(points: Floats, edges: Ints, curve: Ints, tolerance: float) -> I
 
     The opposite face of a thin muscle may be as near, but is not connected within the tolerance.
     """
-    near = np.zeros(len(points), dtype=np.bool_)
+    on_patch = np.zeros(len(points), dtype=np.bool_)
     low, high = points[curve].min(axis=0) - tolerance, points[curve].max(axis=0) + tolerance
     candidates = points_in_box(points, low, high)
-    near[candidates] = np.linalg.norm(points[candidates] - points[curve[0]], axis=1) <= tolerance
+    on_patch[candidates] = np.linalg.norm(points[candidates] - points[curve[0]], axis=1) <= tolerance
     for start, end in pairwise(points[curve]):
-        near[candidates] |= segment_distances(points[candidates], start, end) <= tolerance
-    near[curve] = True
-    labels = point_components(len(points), edges[near[edges].all(axis=1)])
-    return np.flatnonzero(near & np.isin(labels, labels[curve])).astype(np.int64)
+        on_patch[candidates] |= segment_distances(points[candidates], start, end) <= tolerance
+    on_patch[curve] = True
+    labels = point_components(len(points), edges[on_patch[edges].all(axis=1)])
+    return np.flatnonzero(on_patch & np.isin(labels, labels[curve])).astype(np.int64)

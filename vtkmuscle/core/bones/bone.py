@@ -27,7 +27,7 @@ from vtkmuscle.core.mesh.sampling import space_order, uneven_weights
 from vtkmuscle.core.mesh.shared import shared
 from vtkmuscle.core.mesh.solids import FAR, Solids, solids_of
 from vtkmuscle.core.mesh.surface import points_in_box
-from vtkmuscle.core.mesh.tree_search import distance2_to_box
+from vtkmuscle.core.mesh.triangle_tree import distance2_to_box
 from vtkmuscle.core.motion.rigid import apply_transform, inverse, transform_point
 from vtkmuscle.core.types import Bools, Floats, Ints
 

@@ -100,7 +100,7 @@ def straight_fibres(origin: EndSurface, insertion: EndSurface, count: int, resol
 
 
 def _taken(origin: EndSurface, insertion: EndSurface, candidates: Sequence[Floats]) -> Sequence[Floats]:
-    """Return the candidates (m, 3) on which fibres end, with equal cross-sections on both areas."""
+    """Return the candidates (m, 3) on which fibres end. Both areas then have equal cross-sections."""
     areas = origin, insertion
     if not all(area.takes[0] > 0.0 and len(area.faces) for area in areas):
         return candidates

@@ -114,7 +114,9 @@ class DirectionField:
         return np.where(along < 0.0, -1.0, 1.0)[:, None] * axes, distances[:, 0]
 
     def _neighbours(self, positions: Floats, count: int) -> tuple[Ints, Floats, Floats]:
-        """Return segments of the nearest fibres (q, count), nearest shares (0 to 1) and distances [mm].
+        """Return segments of the nearest fibres.
+
+        Segments (q, count), nearest shares (0 to 1) and distances [mm].
 
         Each fibre has one segment, and fibres ascend by distance. Candidates ascend by midpoint distance d,
         and a segment of length s is no nearer than d - s / 2. So a position whose last candidate may hide a

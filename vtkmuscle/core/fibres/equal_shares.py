@@ -33,7 +33,7 @@ FLAT = 0.01
 
 
 def even_positions(areas: Sequence[Floats], count: int) -> list[Floats]:
-    """Return positions of equal shares of areas, (count, 3) on each of one or two areas.
+    """Return positions of equal shares of areas. Positions (count, 3) on each of one or two areas.
 
     An area is given by positions (m, 3) of even density, m >= count, from which results are taken. Two areas
     are halved across their longest common axis, each half again, down to `count` parts, which a few passes of
@@ -158,8 +158,8 @@ def _power(matrix: Floats, exponent: float) -> Floats:
 
 def _uncross(starts: Floats, ends: Floats, end_of: Ints) -> None:
     """Exchange ends of crossing neighbours, in place, until none cross."""
-    near = cKDTree(starts).query(starts, NEIGHBOURS + 1)[1][:, 1:]
-    pairs = np.column_stack([np.repeat(np.arange(len(starts)), NEIGHBOURS), near.reshape(-1)])
+    neighbours = cKDTree(starts).query(starts, NEIGHBOURS + 1)[1][:, 1:]
+    pairs = np.column_stack([np.repeat(np.arange(len(starts)), NEIGHBOURS), neighbours.reshape(-1)])
     pairs = pairs[pairs[:, 0] != pairs[:, 1]]
     apart = starts[pairs[:, 0]] - starts[pairs[:, 1]]
     slack = np.finfo(float).eps * np.abs(starts).max() * np.abs(ends).max()

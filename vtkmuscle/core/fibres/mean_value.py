@@ -144,11 +144,9 @@ def weights_of(mesh: CoordinateMesh, queries: Floats, threads: int, *, first: in
         list(pool.map(work, range(0, len(queries), LANES)))
     bad = np.flatnonzero(~(residuals <= LARGEST_RESIDUAL * mesh.diagonal))
     if len(bad):
-        raise InputError(
-            "mean value coordinates",
-            f"the weights of {len(bad)} point(s), first point {first + bad[0]}, do not reproduce them",
-            "close the surface, orient its triangles alike, and keep points within a few times its size",
-        )
+        problem = f"the weights of {len(bad)} point(s), first point {first + bad[0]}, do not reproduce them"
+        remedy = "close the surface, orient its triangles alike, and keep points within a few times its size"
+        raise InputError("mean value coordinates", problem, remedy)
     return weights
 
 
@@ -202,10 +200,10 @@ def weights_of_lanes(mesh: CoordinateMesh, queries: Floats, tolerance: float) ->
 
 
 @lane
-def _move(source: Floats, at: int, to: Floats, place: int) -> None:
+def _move(source: Floats, at: int, to: Floats, target: int) -> None:
     """Copy a row. All loads come first, as the compiler cannot exclude an overlap."""
     for k in range(0, LANES, 8):
-        i, j = at + k, place + k
+        i, j = at + k, target + k
         a, b, c, d = source[i], source[i + 1], source[i + 2], source[i + 3]
         e, f, g, h = source[i + 4], source[i + 5], source[i + 6], source[i + 7]
         to[j], to[j + 1], to[j + 2], to[j + 3] = a, b, c, d
@@ -259,12 +257,12 @@ def _see_far(
             g0, g1, g2 = r12 * _half_f(u0), r20 * _half_f(u1), r01 * _half_f(u2)
             s = (g0 * b0 + g1 * b1 + g2 * b2) / (h * area)
             a, b, c = l01 * (g1 - g0), l02 * (g2 - g0), l12 * (g2 - g1)
-            near = (max(u0, u1, u2) > SMALL_ANGLE) | (h * h <= LEVEL * d0)
-            n_close += 1 if near else 0
-            buffer[_CLOSE + k] = 1.0 if near else 0.0
-            buffer[_W0 + k] = buffer[_V0 + k] + (0.0 if near else b0 * s + h * (a + b))
-            buffer[_W1 + k] = buffer[_V1 + k] + (0.0 if near else b1 * s + h * (c - a))
-            buffer[_W2 + k] = buffer[_V2 + k] + (0.0 if near else b2 * s - h * (b + c))
+            is_close = (max(u0, u1, u2) > SMALL_ANGLE) | (h * h <= LEVEL * d0)
+            n_close += 1 if is_close else 0
+            buffer[_CLOSE + k] = 1.0 if is_close else 0.0
+            buffer[_W0 + k] = buffer[_V0 + k] + (0.0 if is_close else b0 * s + h * (a + b))
+            buffer[_W1 + k] = buffer[_V1 + k] + (0.0 if is_close else b1 * s + h * (c - a))
+            buffer[_W2 + k] = buffer[_V2 + k] + (0.0 if is_close else b2 * s - h * (b + c))
         for corner in range(3):
             _move(buffer, _W0 + corner * LANES, sums, mesh.triangles[t, corner] * LANES)
         if n_close > 0:

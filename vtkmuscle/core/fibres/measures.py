@@ -73,27 +73,28 @@ def physiological_cross_section(volume: float, lengths: Floats, angles: Floats) 
 def section_areas(points: Floats, triangles: Ints, centres: Floats, normals: Floats) -> Floats:
     """Return areas (s,) of plane sections [mm^2]. The surface is closed and faces outward.
 
-    The planes have points (s, 3) and unit normals (s, 3).
+    Half the sum of n . (a x b) over the section's segments from a to b; planes have points (s, 3) and unit
+    normals (s, 3).
     """
-    planes = zip(centres, normals, strict=True)
-    return np.array([_section_area(points, triangles, *plane) for plane in planes])
-
-
-def _section_area(points: Floats, triangles: Ints, centre: Floats, normal: Floats) -> float:
-    """Return half the sum of n . (a x b) over the section's segments from a to b."""
-    about = points - centre
-    heights = about @ normal
-    below = heights < 0.0
-    a, b, c = below.take(triangles.T)
-    met = triangles[(a != b) | (b != c)]
-    ends = []
-    for upward in (False, True):  # the edge on which the triangle's boundary goes up: so all loops run alike
-        leaves = (below[met] == upward) & (below[np.roll(met, -1, axis=1)] != upward)
-        side, row = leaves.argmax(axis=1), np.arange(len(met))
-        i, j = met[row, side], met[row, (side + 1) % 3]
-        share = heights[i] / (heights[i] - heights[j])
-        ends.append(about[i] + share[:, None] * (about[j] - about[i]))
-    return abs(float((np.cross(*ends) @ normal).sum())) / 2.0
+    areas = []
+    for centre, normal in zip(centres, normals, strict=True):
+        about = points - centre
+        heights = about @ normal
+        below = heights < 0.0
+        a, b, c = below.take(triangles.T)
+        met = triangles[(a != b) | (b != c)]
+        ends, row = [], np.arange(len(met))
+        for upward in (
+            False,
+            True,
+        ):  # the edge on which the triangle's boundary goes up: so all loops run alike
+            leaves = (below[met] == upward) & (below[np.roll(met, -1, axis=1)] != upward)
+            side = leaves.argmax(axis=1)
+            i, j = met[row, side], met[row, (side + 1) % 3]
+            share = heights[i] / (heights[i] - heights[j])
+            ends.append(about[i] + share[:, None] * (about[j] - about[i]))
+        areas.append(abs(float((np.cross(*ends) @ normal).sum())) / 2.0)
+    return np.array(areas)
 
 
 def plane_crossings(points: Floats, offsets: Ints, centre: Floats, normal: Floats) -> int:
@@ -223,13 +224,13 @@ def arrangement(points: Floats, offsets: Ints, samples: Floats) -> Arrangement:
     fibres = [points[a:b] for a, b in pairwise(offsets)]
     lines = evenly_spaced(points, offsets, STATIONS)
     turns = [_turns(np.diff(fibre, axis=0)) for fibre in fibres]
-    near = _neighbours(lines[:, STATIONS // 2])
+    neighbours = _neighbours(lines[:, STATIONS // 2])
     distances = cKDTree(lines.reshape(-1, 3)).query(samples)[0]
     return Arrangement(
-        crossing=max(_crossing(lines, near), _crossing(lines[:, ::-1], near)),
+        crossing=max(_crossing(lines, neighbours), _crossing(lines[:, ::-1], neighbours)),
         hooked=float(np.mean([turn.max(initial=0.0) > HOOKED for turn in turns])),
         turning=float(np.percentile([turn.sum() for turn in turns], 95.0)),
-        bare=float((distances > _spacing(lines, near)).mean()) if len(samples) else 0.0,
+        bare=float((distances > _spacing(lines, neighbours)).mean()) if len(samples) else 0.0,
     )
 
 
@@ -246,24 +247,24 @@ def _neighbours(middle: Floats) -> Ints:
     count = min(NEIGHBOURS, len(middle) - 1)
     if count < 1:
         return np.empty((len(middle), 0), dtype=np.int64)
-    near = cKDTree(middle).query(middle, count + 1)[1]
+    nearest = cKDTree(middle).query(middle, count + 1)[1]
     # The fibre itself is among the nearest, though not always first among coincident fibres.
-    return np.array([row[row != number][:count] for number, row in enumerate(near)])
+    return np.array([row[row != number][:count] for number, row in enumerate(nearest)])
 
 
-def _spacing(lines: Floats, near: Ints) -> float:
+def _spacing(lines: Floats, neighbours: Ints) -> float:
     """Return the largest median distance between neighbours. Infinite for too few."""
-    if near.shape[1] < NEIGHBOURS:
+    if neighbours.shape[1] < NEIGHBOURS:
         return float("inf")
-    apart = np.linalg.norm(lines[near] - lines[:, None], axis=-1)
+    apart = np.linalg.norm(lines[neighbours] - lines[:, None], axis=-1)
     return float(np.median(apart.mean(axis=1), axis=0).max())
 
 
-def _crossing(lines: Floats, near: Ints) -> float:
+def _crossing(lines: Floats, neighbours: Ints) -> float:
     """Return the part of neighbours that change sides. Between the first station and `INWARD`."""
     ahead = unit_vectors((lines[:, [1, INWARD + 1]] - lines[:, [0, INWARD]]).reshape(-1, 3)).reshape(-1, 2, 3)
     stations = lines[:, [0, INWARD]]
-    sides = stations[near] - stations[:, None]
+    sides = stations[neighbours] - stations[:, None]
     sides -= (sides * ahead[:, None]).sum(axis=-1, keepdims=True) * ahead[:, None]
     apart = np.linalg.norm(sides, axis=-1)
     if not apart.size:

@@ -198,12 +198,15 @@ def _pull(
     samples: Floats,
     grid: tuple[Floats, Ints, Ints, Floats, Floats, Ints],
     band: float,
-    near: Ints,
+    candidates: Ints,
     squares: Floats,
     pulls: Floats,
     weights: Floats,
 ) -> None:
-    """Add to the results of :func:`_pulls`. The station before a node counts; near, squares are memory."""
+    """Add to the results of :func:`_pulls`.
+
+    The station before a node counts. candidates, squares : memory.
+    """
     nodes, station_of, offsets, low, scales, shape = grid
     lx, ly, lz = low[0], low[1], low[2]
     nx, ny, nz = shape[0], shape[1], shape[2]
@@ -223,12 +226,12 @@ def _pull(
                 row = (i * ny + j) * nz  # cells of a row are consecutive
                 for node in range(offsets[row + first], offsets[row + last + 1]):
                     square = _square_to(nodes, node, x, y, z)
-                    near[count], squares[count] = node, square
+                    candidates[count], squares[count] = node, square
                     count += 1 if square < farthest else 0
-        least, nearest = squares[0], near[0]
+        least, nearest = squares[0], candidates[0]
         for k in range(1, count):
             if squares[k] < least:
-                least, nearest = squares[k], near[k]
+                least, nearest = squares[k], candidates[k]
         farthest = least * (1.0 + 1e-9) + band
         total = 0.0
         for k in range(count):
@@ -237,7 +240,7 @@ def _pull(
             share = (farthest - squares[k]) / total
             if share <= 0.0:
                 continue
-            node = station_of[near[k]]
+            node = station_of[candidates[k]]
             ax, ay, az = stations[node, 0], stations[node, 1], stations[node, 2]
             bx, by, bz = stations[node + 1, 0] - ax, stations[node + 1, 1] - ay, stations[node + 1, 2] - az
             squared = bx * bx + by * by + bz * bz

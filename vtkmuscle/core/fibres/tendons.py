@@ -64,8 +64,8 @@ class _EndNeighbours:
 
     def __init__(self, ends: Floats, paths: Floats) -> None:
         nodes, n = paths.reshape(-1, 3), paths.shape[1]
-        apart, near = cKDTree(nodes).query(ends, range(1, min(N_NEIGHBOURS, len(nodes)) + 1))
-        self._paths, self._weights = near // n, falling_weights(apart, np.finfo(float).tiny)
+        apart, nearest_nodes = cKDTree(nodes).query(ends, range(1, min(N_NEIGHBOURS, len(nodes)) + 1))
+        self._paths, self._weights = nearest_nodes // n, falling_weights(apart, np.finfo(float).tiny)
         starts, lengths, ahead = curve_segments(paths[self._paths])
         since = ends[:, None, None] - paths[self._paths][:, :, :-1]
         low, high = np.zeros(n - 1), lengths.copy()

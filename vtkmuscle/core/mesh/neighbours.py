@@ -63,17 +63,17 @@ class _Planes:
     def keep_out(self, p: Floats, free: Bools, centre: Floats) -> Bools:
         neighbour, hit = self._neighbour, np.zeros(len(p), dtype=np.bool_)
         low, high = neighbour.tree.boxes[0, :3] - centre, neighbour.tree.boxes[0, 3:] - centre
-        near = np.flatnonzero(free & ((p >= low) & (p <= high)).all(axis=1))
-        moved = p[near] - self._seen_from[near]
-        stale = near[np.einsum("ij,ij->i", moved, moved) > self._valid_for[near]]
+        boxed = np.flatnonzero(free & ((p >= low) & (p <= high)).all(axis=1))
+        moved = p[boxed] - self._seen_from[boxed]
+        stale = boxed[np.einsum("ij,ij->i", moved, moved) > self._valid_for[boxed]]
         if len(stale):
             distance, nearest, normal = neighbour.tree.tangent_planes(p[stale] + centre)
             self._seen_from[stale] = p[stale]
             self._valid_for[stale] = np.maximum(_SURELY_CLEAR * distance, self._detail) ** 2
             self._nearest[stale], self._normal[stale] = nearest - centre, normal
-        height = np.einsum("ij,ij->i", p[near] - self._nearest[near], self._normal[near])
-        push = -neighbour.allowance[near] - height
-        deep = near[push > 0.0]
+        height = np.einsum("ij,ij->i", p[boxed] - self._nearest[boxed], self._normal[boxed])
+        push = -neighbour.allowance[boxed] - height
+        deep = boxed[push > 0.0]
         p[deep] += push[push > 0.0, None] * self._normal[deep]
         hit[deep] = True
         return hit

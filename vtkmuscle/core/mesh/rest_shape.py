@@ -130,20 +130,22 @@ def dihedral_angles(points: Floats, quads: Ints) -> tuple[Floats, Bools]:
     return angles, defined
 
 
+@lane
+def _geometry_at(p: Floats, quads: Ints, q: int) -> tuple[Any, ...]:
+    """Return :func:`edge_geometry` of quadruple q."""
+    i, j, k, m = quads[q, 0], quads[q, 1], quads[q, 2], quads[q, 3]
+    return edge_geometry(
+        p[i, 0], p[i, 1], p[i, 2], p[j, 0], p[j, 1], p[j, 2],
+        p[k, 0], p[k, 1], p[k, 2], p[m, 0], p[m, 1], p[m, 2],
+    )  # fmt: skip
+
+
 @vector_kernel
 def _hinges(p: Floats, quads: Ints, sines: Floats, cosines: Floats, defined: Bools) -> None:
     for q in range(len(quads)):
-        i, j, k, m = quads[q, 0], quads[q, 1], quads[q, 2], quads[q, 3]
-        geometry = edge_geometry(
-            p[i, 0], p[i, 1], p[i, 2], p[j, 0], p[j, 1], p[j, 2],
-            p[k, 0], p[k, 1], p[k, 2], p[m, 0], p[m, 1], p[m, 2],
-        )  # fmt: skip
-        proper = geometry[0]
-        sines[q], cosines[q], defined[q] = (
-            geometry[1] if proper else 0.0,
-            geometry[2] if proper else 1.0,
-            proper,
-        )
+        geometry = _geometry_at(p, quads, q)
+        defined[q] = geometry[0]
+        sines[q], cosines[q] = (geometry[1], geometry[2]) if geometry[0] else (0.0, 1.0)
 
 
 def beside_slivers(points: Floats, quads: Ints) -> Bools:
@@ -215,7 +217,7 @@ class RestShape:
         return np.flatnonzero(directed & (cosines > ALONG)), np.flatnonzero(directed & (cosines < ACROSS))
 
     def compare(self, positions: Floats) -> ShapeReport:
-        """Return how far a deformed surface, of positions (n, 3) [mm], is from rest."""
+        """Return the deviations of positions from rest. Positions (n, 3) [mm]."""
         stretch, tangents = np.empty(len(self._long_edges)), np.empty(len(self._bent_quads))
         _compare(
             positions, self._long_edges, self._long_lengths, self._bent_quads, self._turned, stretch, tangents
@@ -240,21 +242,18 @@ class RestShape:
 def _compare(
     p: Floats, edges: Ints, lengths: Floats, quads: Ints, turned: Floats, stretch: Floats, tangents: Floats
 ) -> None:
-    """Write the stretch of edges (k, 2), and the tangents of half the turns at quadruples (q, 4), absolute.
+    """Write stretches of edges, and tangents of half turns. Edges (k, 2), quadruples (q, 4).
 
-    lengths : (k,) at rest;  turned : (q, 2), cosine and sine of the angles at rest.  A tangent is -1 where
-    there is no angle.
+    lengths : (k,) at rest;  turned : (q, 2), cosine and sine of the angles at rest.  A tangent is absolute,
+    -1
+    for an undefined angle.
     """
     for e in range(len(edges)):
         i, j = edges[e, 0], edges[e, 1]
         x, y, z = p[i, 0] - p[j, 0], p[i, 1] - p[j, 1], p[i, 2] - p[j, 2]
         stretch[e] = math.sqrt(x * x + y * y + z * z) / lengths[e]
     for q in range(len(quads)):
-        i, j, k, m = quads[q, 0], quads[q, 1], quads[q, 2], quads[q, 3]
-        geometry = edge_geometry(
-            p[i, 0], p[i, 1], p[i, 2], p[j, 0], p[j, 1], p[j, 2],
-            p[k, 0], p[k, 1], p[k, 2], p[m, 0], p[m, 1], p[m, 2],
-        )  # fmt: skip
+        geometry = _geometry_at(p, quads, q)
         sine, cosine, size = geometry[1], geometry[2], math.sqrt(geometry[6] * geometry[7])
         across = abs(sine * turned[q, 0] - cosine * turned[q, 1])
         along = cosine * turned[q, 0] + sine * turned[q, 1]
@@ -266,7 +265,7 @@ def _compare(
 def _percentiles(
     values: Floats, percents: float | tuple[float, ...], of: Callable[[Floats], Floats] = np.asarray
 ) -> Floats:
-    """Return percentiles, between two of the sorted values linearly, of a function that grows with them."""
+    """Return percentiles of a monotonic function of values. Linear between two sorted values."""
     at = np.atleast_1d(percents) / 100.0 * (len(values) - 1)
     low = at.astype(np.int64)
     high = np.minimum(low + 1, len(values) - 1)

@@ -227,11 +227,9 @@ def _direction_numbers() -> Ints:
     numbers = np.ones((3, _DIGITS), dtype=np.int64)
     numbers[2, 1] = 3
     for k in range(1, _DIGITS):
-        last = numbers[1, k - 1]
-        numbers[1, k] = last ^ (last << 1)
+        numbers[1, k] = numbers[1, k - 1] ^ (numbers[1, k - 1] << 1)
     for k in range(2, _DIGITS):
-        before, last = numbers[2, k - 2 : k]
-        numbers[2, k] = before ^ (before << 2) ^ (last << 1)
+        numbers[2, k] = numbers[2, k - 2] ^ (numbers[2, k - 2] << 2) ^ (numbers[2, k - 1] << 1)
     return numbers
 
 

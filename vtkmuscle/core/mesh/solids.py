@@ -74,16 +74,9 @@ def _is_below(query: Floats, a: Floats, b: Floats, c: Floats, along: int) -> boo
 
     An edge belongs to one side.
     """
-    first_axis, second_axis = (along + 1) % 3, (along + 2) % 3
-    x, y = query[first_axis], query[second_axis]
-    ax, ay, bx, by, cx, cy = (
-        a[first_axis],
-        a[second_axis],
-        b[first_axis],
-        b[second_axis],
-        c[first_axis],
-        c[second_axis],
-    )
+    u, v = (along + 1) % 3, (along + 2) % 3
+    x, y = query[u], query[v]
+    ax, ay, bx, by, cx, cy = a[u], a[v], b[u], b[v], c[u], c[v]
     within = _crosses(x, y, ax, ay, bx, by) != _crosses(x, y, bx, by, cx, cy)
     if within == _crosses(x, y, cx, cy, ax, ay):
         return False
@@ -284,9 +277,11 @@ class Solids:
         for tree in self._all:
             beyond = np.maximum(tree.boxes[0, :3] - positions, positions - tree.boxes[0, 3:])
             to_box = np.linalg.norm(np.maximum(beyond, 0.0), axis=1)
-            near = np.flatnonzero(to_box <= np.maximum(least, 0.0))
-            distances = tree.signed(positions[near])[0]
-            least[near] = np.minimum(least[near], np.abs(distances) if tree is self.sheets else distances)
+            in_reach = np.flatnonzero(to_box <= np.maximum(least, 0.0))
+            distances = tree.signed(positions[in_reach])[0]
+            least[in_reach] = np.minimum(
+                least[in_reach], np.abs(distances) if tree is self.sheets else distances
+            )
         return least
 
     def exact(self, points: ArrayLike) -> tuple[Floats, Floats]:

@@ -201,11 +201,8 @@ def check_volume(points: Floats, volume: float) -> None:
     """Raise a ValueError for a surface without volume. Points (n, 3) [mm], volume [mm^3]."""
     diagonal = float(np.linalg.norm(np.ptp(points, axis=0)))
     if abs(volume) <= LEAST_VOLUME * diagonal**3:
-        raise InputError(
-            "",
-            f"the surface encloses no volume ({volume:.3g} within a box of diagonal {diagonal:.3g})",
-            "it must be a closed surface with all triangles facing outward",
-        )
+        problem = f"the surface encloses no volume ({volume:.3g} within a box of diagonal {diagonal:.3g})"
+        raise InputError("", problem, "it must be a closed surface with all triangles facing outward")
 
 
 @dataclass(frozen=True, eq=False)
@@ -273,10 +270,7 @@ def opposite_half_edges(triangles: Ints) -> Ints:
     opposite[forth[i]], opposite[back[j]] = back[j], forth[i]
     alone = int((opposite < 0).sum())
     if alone:
-        raise InputError(
-            "",
-            f"the surface must be closed and its triangles must agree on the outside, but {alone} triangle "
-            "edge(s) have no counterpart",
-            "fill its holes and run vtkPolyDataNormals with ConsistencyOn",
-        )
+        problem = "the surface must be closed and its triangles must agree on the outside, but"
+        remedy = "fill its holes and run vtkPolyDataNormals with ConsistencyOn"
+        raise InputError("", f"{problem} {alone} triangle edge(s) have no counterpart", remedy)
     return opposite

@@ -59,12 +59,12 @@ def differences_by(motion: RigidMotion, name: str, among: Sequence[str] = ()) ->
     changes, and the joint is unknown, the poses are of :func:`frames_of_sweep`.
     """
     coordinates = motion.coordinates
-    others = [other for other in (among or coordinates) if other != name and coordinates[other].changes]
+    constant = [other for other in (among or coordinates) if other != name and coordinates[other].changes]
     used = np.arange(len(motion.times))
-    if not others and coordinates[name].twists is None:
+    if not constant and coordinates[name].twists is None:
         used = np.flatnonzero(frames_of_sweep(motion, name))
     own, q = _numbered(coordinates[name].values), coordinates[name].natural
-    groups = np.array([own * 0, *(_numbered(coordinates[other].values) for other in others)]).T
+    groups = np.array([own * 0, *(_numbered(coordinates[other].values) for other in constant)]).T
     rows: list[tuple[int, list[int], list[float]]] = []
     group = np.unique(groups, axis=0, return_inverse=True)[1].reshape(-1)
     order = used[np.lexsort((own[used], group[used]))]
@@ -73,10 +73,12 @@ def differences_by(motion: RigidMotion, name: str, among: Sequence[str] = ()) ->
         poses = np.split(members, first[1:])
         for index, frames in enumerate(poses):
             for frame in frames:
-                near = [poses[i][np.abs(poses[i] - frame).argmin()] for i in _adjacent(index, len(values))]
-                if near:
-                    weights = _weights([float(q[other] - q[frame]) for other in near])
-                    rows.append((int(frame), [int(near[0]), int(near[-1])], weights))
+                adjacent = [
+                    poses[i][np.abs(poses[i] - frame).argmin()] for i in _adjacent(index, len(values))
+                ]
+                if adjacent:
+                    weights = _weights([float(q[other] - q[frame]) for other in adjacent])
+                    rows.append((int(frame), [int(adjacent[0]), int(adjacent[-1])], weights))
     rows.sort(key=lambda row: row[0])
     return Differences(
         np.array([row[0] for row in rows], dtype=np.int64),
@@ -119,8 +121,10 @@ def twists_by(motion: RigidMotion, name: str, among: Sequence[str] = ()) -> tupl
     twists = motion.coordinates[name].twists
     if twists is not None:
         return np.arange(len(motion.times)), dict(twists)
-    near = differences_by(motion, name, among)
-    return near.frames, {bone: _by_screws(table, near) for bone, table in motion.transforms.items()}
+    differences = differences_by(motion, name, among)
+    return differences.frames, {
+        bone: _by_screws(table, differences) for bone, table in motion.transforms.items()
+    }
 
 
 class MotionTwists:
@@ -161,10 +165,12 @@ def interval_among(frames: Ints, times: Floats, time: float) -> tuple[int, int, 
     return a, b, float((time - times[before]) / (times[after] - times[before])) if before < after else 0.0
 
 
-def _by_screws(table: Floats, near: Differences) -> Floats:
+def _by_screws(table: Floats, differences: Differences) -> Floats:
     """Return a bone's twists (m, 6) from transforms (f, 4, 4)."""
-    back = inverses(table[near.frames])
-    return near.of(np.stack([screws(table[near.neighbours[:, side]] @ back) for side in range(2)], axis=1))
+    back = inverses(table[differences.frames])
+    return differences.of(
+        np.stack([screws(table[differences.neighbours[:, side]] @ back) for side in range(2)], axis=1)
+    )
 
 
 #: Largest rotation of a bone between equal poses [degrees], plus a part of the rotation between frames, as

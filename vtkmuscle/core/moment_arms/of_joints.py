@@ -44,11 +44,8 @@ def known_coordinates(
     )
     if not names:
         listed = ", ".join(map(repr, coordinates)) or "none"
-        raise InputError(
-            "",
-            f"no coordinate of the motion changes (it has: {listed}), so there are no moment arms",
-            "name a coordinate that changes, or use more frames of the motion",
-        )
+        problem = f"no coordinate of the motion changes (it has: {listed}), so there are no moment arms"
+        raise InputError("", problem, "name a coordinate that changes, or use more frames of the motion")
     return names
 
 
@@ -99,7 +96,6 @@ def joint_arms(
     for name in candidates:
         if names is not None and name not in names:
             continue
-        coordinate = motion.coordinates[name]
         lever = levers.get(name, np.full(curves.shape, np.nan))
         frames = np.flatnonzero(np.isfinite(lever).all(axis=1))
         if not len(frames):
@@ -107,23 +103,14 @@ def joint_arms(
             refused[name] = f"it changes only together with {rivals}, so its effect alone is unknown"
             continue
         quartic, residuals = _quartic(curves[frames], motion, candidates, name, frames)
-        arms[name] = JointArms(
-            name,
-            coordinate.unit,
-            coordinate.positive,
-            frames,
-            coordinate.values[frames],
-            millimetres * lever[frames],
-            slopes_by(motion, name, candidates, curves)[frames],
-            quartic,
-            residuals,
-        )
+        q = motion.coordinates[name]
+        slopes = slopes_by(motion, name, candidates, curves)[frames]
+        by_frame = frames, q.values[frames], millimetres * lever[frames], slopes
+        arms[name] = JointArms(name, q.unit, q.positive, *by_frame, quartic, residuals)
     if not arms and refused:
-        raise InputError(
-            "",
-            "the coordinates change only together, so the effect of each alone is unknown",
-            "use a motion that changes them in turn, or a grid, or give the scene its joints",
-        )
+        problem = "the coordinates change only together, so the effect of each alone is unknown"
+        remedy = "use a motion that changes them in turn, or a grid, or give the scene its joints"
+        raise InputError("", problem, remedy)
     return arms, refused
 
 
@@ -133,9 +120,9 @@ def slopes_by(motion: RigidMotion, name: str, among: Sequence[str], lengths: Flo
     NaN in frames without poses that differ in the coordinate alone. Parameters as for
     :func:`~vtkmuscle.core.moment_arms.levers.differences_by`.
     """
-    near = differences_by(motion, name, among)
+    differences = differences_by(motion, name, among)
     slopes = np.full(lengths.shape, np.nan)
-    slopes[near.frames] = -near.slopes(lengths)
+    slopes[differences.frames] = -differences.slopes(lengths)
     return slopes
 
 

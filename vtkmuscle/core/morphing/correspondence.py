@@ -178,8 +178,10 @@ def refined_loop(loop: Floats, count: int) -> Floats:
     Matching of parts and sides is as exact as vertices allow. Vertices apart by rounding merge.
     """
     lengths = loop_lengths(loop)
-    own = np.diff(lengths)
-    pieces = np.where(own > SHORTEST * lengths[-1], np.ceil(own * count / lengths[-1]), 0.0).astype(np.int64)
+    segments = np.diff(lengths)
+    pieces = np.where(segments > SHORTEST * lengths[-1], np.ceil(segments * count / lengths[-1]), 0.0).astype(
+        np.int64
+    )
     segment = np.repeat(np.arange(len(loop)), pieces)
     number = np.arange(len(segment)) - np.repeat(np.cumsum(pieces) - pieces, pieces)
     share = (number / pieces[segment])[:, None]

@@ -85,14 +85,8 @@ def cut_surface(surface: ClosedSurface, values: Floats, levels: Floats) -> Secti
     )
     n_points, n_loops = len(points), len(loop_offsets) - 1
     parts = _parts(triangles, slabs, crossings, rising, loop_of, n_points, n_loops)
-    return Sections(
-        points=cut,
-        loop_offsets=loop_offsets,
-        level_offsets=level_offsets,
-        parts_below=parts[n_points : n_points + n_loops],
-        parts_above=parts[n_points + n_loops :],
-        vertex_parts=parts[:n_points],
-    )
+    vertex_parts, below, above = np.split(parts, [n_points, n_points + n_loops])
+    return Sections(cut, loop_offsets, level_offsets, below, above, vertex_parts)
 
 
 def _rising(triangles: Ints, slabs: Ints, n_levels: int) -> tuple[Ints, Ints, Ints, Ints]:
@@ -226,9 +220,8 @@ def main_loops(sections: Sections, levels: Floats, sizes: Floats) -> Ints:
                     best[loop], previous[loop] = best[lower], lower
             best[loop] += sizes[loop] * thickness[level]
     if not best.any():
-        raise InputError(
-            "", "no section of the muscle through the template has an inside", "fit the template first"
-        )
+        problem = "no section of the muscle through the template has an inside"
+        raise InputError("", problem, "fit the template first")
     end = int(best.argmax())
     level = next(number for number, loops in enumerate(by_level) if end in loops)
     while end >= 0:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 
 from vtkmuscle.core.jit import kernel
@@ -39,7 +40,10 @@ def blend_motions(transforms: Floats, weights: Floats, points: Floats) -> Floats
 
 @kernel
 def _blend(motions: Floats, weights: Floats, points: Floats, mean: Floats, moved: Floats) -> None:
-    """Move points (n, 3) by means of dual quaternions (b, 8), weights (n, b);  mean : (8,), memory."""
+    """Move points by mean dual quaternions.
+
+    Points (n, 3), quaternions (b, 8), weights (n, b); mean : (8,), memory.
+    """
     for i in range(len(points)):
         mean[:] = 0.0
         for k in range(len(motions)):
@@ -63,11 +67,12 @@ def screw_between(start: Floats, end: Floats, fraction: float) -> Floats:
     """
     if fraction >= 1.0:
         return end
-    slide, turn = np.split(screws((end @ inverse(start))[None])[0], 2)
-    part = np.eye(4)
-    part[:3, :3] = Rotation.from_rotvec(fraction * turn).as_matrix()
-    part[:3, 3] = fraction * _left_jacobian(fraction * turn) @ slide
-    return part @ start
+    twist = np.zeros((4, 4))
+    a, b, c, x, y, z = screws((end @ inverse(start))[None])[0]
+    twist[:3] = [[0.0, -z, y, a], [z, 0.0, -x, b], [-y, x, 0.0, c]]
+    between: Floats = expm(fraction * twist) @ start
+    between[3] = start[3]  # free of rounding
+    return between
 
 
 def screws(motions: Floats) -> Floats:
@@ -86,21 +91,6 @@ def screws(motions: Floats) -> Floats:
     across = np.cross(turns, shifts)
     slides = shifts - 0.5 * across + second[:, None] * np.cross(turns, across)
     return np.hstack([slides, turns])
-
-
-def _left_jacobian(turn: Floats) -> Floats:
-    """Return the left Jacobian V of SE(3). exp(turn, slide) has the translation V slide.
-
-    Murray, Li, Sastry 1994, 2.36.
-    """
-    angle = float(np.linalg.norm(turn))
-    x, y, z = turn
-    skew = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    # sinc(t / pi) is sin(t) / t, without a hole at 0.
-    first = 0.5 * np.sinc(angle / (2.0 * np.pi)) ** 2
-    second = (1.0 - np.sinc(angle / np.pi)) / angle**2 if angle > 1e-4 else 1.0 / 6.0
-    jacobian: Floats = np.eye(3) + first * skew + second * skew @ skew
-    return jacobian
 
 
 #: Least determinant for Newton's method, as a part of the determinant of an equally large rotation.

@@ -20,11 +20,8 @@ def turns(axis: Floats, angles: Floats) -> Floats:
 
     Angles (f,) [radians].
     """
-    x, y, z = axis
-    skew = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    sine, cosine = np.sin(angles)[:, None, None], np.cos(angles)[:, None, None]
-    result: Floats = np.eye(3) * cosine + skew * sine + np.outer(axis, axis) * (1.0 - cosine)
-    return result
+    matrices: Floats = Rotation.from_rotvec(np.multiply.outer(angles, axis)).as_matrix()
+    return matrices
 
 
 def inverses(transforms: Floats) -> Floats:
@@ -60,11 +57,8 @@ def is_rigid(transform: Floats) -> bool:
         return False
     rotation = transform[:3, :3]
     error = np.abs(rotation.T @ rotation - np.eye(3)).max()
-    return bool(
-        error <= ORTHOGONALITY_TOLERANCE
-        and np.linalg.det(rotation) > 0
-        and np.array_equal(transform[3], [0.0, 0.0, 0.0, 1.0])
-    )
+    proper = error <= ORTHOGONALITY_TOLERANCE and np.linalg.det(rotation) > 0
+    return bool(proper and np.array_equal(transform[3], [0.0, 0.0, 0.0, 1.0]))
 
 
 def apply_transform(transform: Floats, points: Floats) -> Floats:
@@ -92,10 +86,7 @@ def transform_points(transform: Floats, points: Floats, moved: Floats) -> None:
 
 def inverse(transform: Floats) -> Floats:
     """Return the inverse of a rigid transform (4, 4)."""
-    result = np.eye(4)
-    result[:3, :3] = transform[:3, :3].T
-    result[:3, 3] = -transform[:3, :3].T @ transform[:3, 3]
-    return result
+    return inverses(transform[None])[0]
 
 
 def rotation_about(centre: ArrayLike, axis: ArrayLike, angle: float) -> Floats:
@@ -194,12 +185,9 @@ class RigidMotion:
     def part(self, frames: ArrayLike) -> RigidMotion:
         """Return the motion at some times, by ascending numbers."""
         kept = np.asarray(frames, dtype=np.int64)
-        return RigidMotion(
-            self.times[kept],
-            {bone: table[kept] for bone, table in self.transforms.items()},
-            self.centre,
-            {name: coordinate.part(kept) for name, coordinate in self.coordinates.items()},
-        )
+        transforms = {bone: table[kept] for bone, table in self.transforms.items()}
+        coordinates = {name: coordinate.part(kept) for name, coordinate in self.coordinates.items()}
+        return RigidMotion(self.times[kept], transforms, self.centre, coordinates)
 
     def by(self, names: Sequence[str]) -> RigidMotion:
         """Return the motion with only the named coordinates."""

@@ -63,11 +63,8 @@ def centroid_axis(origin: Floats, insertion: Floats) -> Floats:
     difference: Floats = insertion.mean(axis=0) - origin.mean(axis=0)
     length = float(np.linalg.norm(difference))
     if not length > 1e-9 * float(np.ptp(np.vstack([origin, insertion]), axis=0).max()):
-        raise InputError(
-            "",
-            "the centroids of the origin and insertion landmarks coincide and give no axis",
-            "set axis='principal'",
-        )
+        problem = "the centroids of the origin and insertion landmarks coincide and give no axis"
+        raise InputError("", problem, "set axis='principal'")
     return difference / length
 
 
