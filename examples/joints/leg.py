@@ -6,8 +6,8 @@ from functools import cache
 
 import numpy as np
 from numpy.typing import ArrayLike
-from vtkmuscle.opensim.functions import IDENTITY
-from vtkmuscle.opensim.tree import Joint, JointAxis, JointCoordinate, KinematicTree
+from vtkmuscle.joints.functions import IDENTITY
+from vtkmuscle.joints.tree import Joint, JointAxis, JointCoordinate, KinematicTree
 
 from vtkmuscle.core.motion.rigid import RigidMotion, frame_at, rotation_about
 from vtkmuscle.core.types import Floats
