@@ -1,6 +1,6 @@
-"""The plugin: ParaView loads this file, by PV_PLUGIN_PATH or by Tools, Manage Plugins, Load New.
+"""The plugin that ParaView loads by PV_PLUGIN_PATH, or by Tools, Manage Plugins, Load New.
 
-ParaView looks for proxies in this module only, so all of them are made here.
+ParaView searches proxies only in the plugin's module.
 """
 
 import sys
