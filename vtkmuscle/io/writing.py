@@ -34,7 +34,7 @@ def beside(path: Path) -> Path:
 
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
-    """Yield a new, empty file, and move it to a path once complete.
+    """Yield a new file, moved to a path once complete.
 
     Readers of the path see the old or the new content, never a part. After a failure the old file stays, and
     the new file is removed. The new file is created exclusively, never through a link. The folder is made. An
@@ -55,7 +55,7 @@ def replacing(path: Path) -> Iterator[Path]:
 
 
 def check_no_links(folder: Path) -> None:
-    """Raise a NotADirectoryError if a folder of results is or contains a link to a folder.
+    """Raise a NotADirectoryError for a link among result folders.
 
     Links to files are harmless: they are replaced or removed, not their targets.
     """
@@ -97,7 +97,7 @@ def _alive(process: int, path: Path) -> bool:
 
 
 def plain_cell(value: Any) -> Any:
-    """Return a cell's value, with an apostrophe before text that is a spreadsheet formula."""
+    """Return a cell, with an apostrophe before spreadsheet formulas."""
     formula = isinstance(value, str) and value.startswith(("=", "+", "-", "@", "\t", "\r"))
     return f"'{value}" if formula else value
 
@@ -141,7 +141,10 @@ def write_polydata(path: Path, data: vtkPolyData) -> None:
 
 @contextmanager
 def locked(folder: Path) -> Iterator[None]:
-    """Hold the lock of a folder; the system releases the lock of a killed process."""
+    """Hold the lock of a folder.
+
+    The system releases the lock of a killed process.
+    """
     path = folder / LOCK
     if os.name != "posix":
         yield

@@ -1,4 +1,4 @@
-"""A scene from a label map, with tendons for muscles segmented without tendons."""
+"""Scene from a label map, with tendons for bare bellies."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ _POINTS, _ROUNDS = 24, 600
 
 @dataclass(frozen=True, eq=False)
 class Tendon:
-    """A belly's closed surface with tendon, and the tendon's line (k, 3) and radius [mm].
+    """A belly with tendon: surface, line (k, 3), radius [mm].
 
     The line runs from the belly to the bone.
     """
@@ -57,7 +57,7 @@ class Tendon:
 def with_tendon(
     belly: LabelField, surface: vtkPolyData, target: Floats, bones: Sequence[Solids], edge: float
 ) -> Tendon:
-    """Return a belly with a tendon to a point on a bone.
+    """Return a belly with a tendon to a bone.
 
     The tendon is a tube as thick as the belly's end. It starts at the point of the belly closest to the bone
     point, and follows the shortest line outside the bones.
@@ -93,7 +93,7 @@ def with_tendon(
 
 
 def taut_line(start: Floats, end: Floats, bones: Sequence[Solids], radius: float) -> Floats:
-    """Return the shortest line (24, 3) between two points at a distance from bones [mm].
+    """Return the shortest line (24, 3) outside bones [mm].
 
     Each round moves a point half way to the mean of its neighbours, then out of bones. Near the ends, on the
     bones, the distance falls to 0.
@@ -183,7 +183,7 @@ def _figures(surface: vtkPolyData) -> str:
 
 
 def _faults(draft: Draft, name: str, kind: str, surface: vtkPolyData) -> str:
-    """Note the faults of a label; return the reason for a missing surface."""
+    """Note the faults of a label; return a refusal's reason."""
     reason = field_string(surface, "Refused")
     if reason is not None:
         draft.guesses.append(Guess(f"{kind}.{name}", LEFT_OUT, 0.0, reason))
@@ -211,7 +211,7 @@ def _values(surface: vtkPolyData, name: str) -> NDArray[Any]:
 
 
 def _draw_tendons(draft: Draft, muscle: str, label: Label, edge: float) -> None:
-    """Add tendons from a muscle to landmarks out of reach, with areas at the ends."""
+    """Add tendons to landmarks out of reach."""
     for number, area in enumerate(draft.areas.get(muscle, [])):
         surface = draft.muscles[muscle]
         gap = float(solids_of(*checked_surface(surface, muscle)).distances(area.landmarks).min())

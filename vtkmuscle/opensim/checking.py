@@ -1,4 +1,4 @@
-"""Jumps and sign changes of a model's muscle lengths and moment arms."""
+"""Jumps and sign changes of muscle lengths and moment arms."""
 
 from __future__ import annotations
 
@@ -103,7 +103,7 @@ class ModelCheck:
         return Table(COLUMNS, map(self._row, self.findings))
 
     def write(self, page: Path) -> Path:
-        """Write the findings as a page and a table; return the table's path."""
+        """Write a page and a table; return the table's path."""
         drawings = [
             (f"{each.muscle}, {each.coordinate}: {each.what}", _curve(each)) for each in self.findings
         ]
@@ -129,7 +129,7 @@ class ModelCheck:
 
 
 def check_model(path: str | PathLike[str]) -> ModelCheck:
-    """Sweep each muscle of a model over the coordinates that it crosses.
+    """Check the muscles of a model over the crossed coordinates.
 
     Lengths of point paths and polynomials are computed here, lengths with wrapping surfaces by OpenSim if
     installed.
@@ -206,7 +206,7 @@ class _Sweeps:
         return self.lengths([self.muscle], values)[self.muscle]
 
     def arm(self, sweeps: Ints, at: Floats) -> Floats:
-        """Return the moment arms (k,) in sweeps (k,) at coordinate values (k,)."""
+        """Return the moment arms (k,) as in :meth:`length`."""
         ends = self.length(np.tile(sweeps, 2), np.concatenate([at - STEP, at + STEP])).reshape(2, -1)
         result: Floats = (ends[0] - ends[1]) / (2.0 * STEP)
         return result
@@ -257,7 +257,7 @@ class _Sweeps:
 
 
 def _neighbour_mean(steps: Floats) -> Floats:
-    """Return the mean (s, n) of the previous and the next step."""
+    """Return the mean (s, n) of neighbouring steps."""
     padded = np.pad(steps, ((0, 0), (1, 1)), mode="edge")
     return (padded[:, :-2] + padded[:, 2:]) / 2.0
 
@@ -265,7 +265,7 @@ def _neighbour_mean(steps: Floats) -> Floats:
 def _halved(
     quantity: Callable[[Ints, Floats], Floats], sweeps: Ints, ends: tuple[Floats, Floats], slopes: Floats
 ) -> tuple[Floats, Floats]:
-    """Return the change (k,) that remains in halved intervals, and its position.
+    """Return the remaining change (k,) in halved intervals, with its position.
 
     Each halving keeps the half with the larger excess over the neighbouring slope.
     """

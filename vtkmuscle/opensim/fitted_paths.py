@@ -1,4 +1,4 @@
-"""Paths fitted to lengths and moment arms: polynomials, and points with cylinders."""
+"""Polynomial and point paths fitted to lengths and moment arms."""
 
 from __future__ import annotations
 
@@ -98,7 +98,7 @@ def _held_back(samples: Floats) -> list[Bools]:
 
 
 def _slopes(samples: Floats, order: int, variable: int) -> Floats:
-    """Return the derivatives (f, m) of a polynomial's terms by a variable."""
+    """Return the derivatives (f, m) of polynomial terms by a variable."""
     table = powers(samples.shape[1], order)
     factors = table[:, variable].astype(np.float64)
     table[:, variable] = np.maximum(table[:, variable] - 1, 0)
@@ -154,7 +154,7 @@ def fit_points(
     *,
     tolerance: float,
 ) -> PointPath:
-    """Fit a path over points and round cylinders to lengths and moment arms.
+    """Fit a point path with cylinders to lengths and moment arms.
 
     The path joins the fibres' mean ends, with a via point on either side of each joint, and may wind round a
     cylinder on either body of a joint. Points and cylinders minimise the squared errors of lengths and of
@@ -241,7 +241,10 @@ class _Search:
         return _rms(self.off(path))
 
     def flips(self, path: PointPath) -> bool:
-        """Return whether a path takes both sides of a cylinder, so that moment arms jump."""
+        """Return whether a path takes both sides of a cylinder.
+
+        The moment arm jumps between the sides.
+        """
         points = path.positions(self.poses, self.full, {})
         for cylinder in path.cylinders:
             ends = points[cylinder.after : cylinder.after + 2]
@@ -281,7 +284,7 @@ class _Search:
 
 
 def _beginnings(line: Floats, body: str, after: int) -> Iterator[Cylinder]:
-    """Yield initial cylinders on the inner side of a line (n, 3)."""
+    """Yield initial cylinders inside the bend of a line (n, 3)."""
     chord = line[-1] - line[0]
     chord = chord / np.linalg.norm(chord)
     for part in PLACES:

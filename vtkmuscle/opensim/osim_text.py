@@ -1,4 +1,4 @@
-"""Text of OpenSim models, and further muscles for models of a file."""
+"""Text of new and of extended OpenSim models."""
 
 from __future__ import annotations
 
@@ -181,7 +181,7 @@ def enriched(model: Path, muscles: Sequence[MuscleOut], *, replace: Sequence[str
 
 
 def _component_paths(tree: KinematicTree, joint_of: Mapping[str, str]) -> _Paths:
-    """Return component paths for a tree and the joint of each coordinate."""
+    """Return component paths of bodies and coordinates."""
     bodies = {("body", body): f"/bodyset/{body}" for body in tree.bodies} | {("body", tree.root): "/ground"}
     return bodies | {("coordinate", name): f"/jointset/{joint}/{name}" for name, joint in joint_of.items()}
 
@@ -272,7 +272,7 @@ def _coordinate(coordinate: JointCoordinate) -> Element:
 
 
 def _transform_axes(joint: Joint) -> Iterator[Element]:
-    """Yield the elements of 3 rotations and 3 translations, 0 if missing."""
+    """Yield 3 rotations and 3 translations, 0 if missing."""
     zero = Polynomial(np.array([0.0]))
     axes: list[JointAxis] = []
     for part in (joint.rotations, joint.translations):

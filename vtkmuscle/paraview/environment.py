@@ -28,7 +28,7 @@ _RECORD = ".made_by_vtkmuscle.json"
 
 
 def default_folder() -> Path:
-    """Return the folder for links, in the user's cache, by Python environment."""
+    """Return the cache folder for links of this environment."""
     cache = cache_folder()
     if cache is None:
         raise ValueError(f"there is no cache folder ({FOLDER_VARIABLE} is empty); give one with --folder")
@@ -37,7 +37,7 @@ def default_folder() -> Path:
 
 
 def link_packages(folder: Path) -> None:
-    """Fill a folder with links to vtkmuscle and required packages for ParaView.
+    """Fill a folder with links to packages for ParaView.
 
     The environment's site-packages would replace ParaView's VTK. A file lists the links made here; only
     listed links are ever removed.
@@ -89,12 +89,15 @@ def _top_level(name: str) -> set[Path]:
 
 
 def settings(folder: Path) -> dict[str, list[Path]]:
-    """Return ParaView's environment variables as lists of folders; ``folder`` has the packages."""
+    """Return ParaView's environment variables as lists of folders."""
     return {"PV_PLUGIN_PATH": [PLUGINS], "PYTHONPATH": [COMPATIBILITY, folder]}
 
 
 def shell_commands(folder: Path) -> list[str]:
-    """Return the commands to set the variables, for a POSIX shell or cmd.exe."""
+    """Return shell commands that set the variables.
+
+    The shell is POSIX, or cmd.exe on Windows.
+    """
     version = f"{sys.version_info.major}.{sys.version_info.minor}"
     lines = [f"{'rem' if os.name == 'nt' else '#'} for a ParaView whose Python is {version}"]
     for name, folders in settings(folder).items():

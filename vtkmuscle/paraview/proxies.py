@@ -23,7 +23,7 @@ _RANGES = {int: "IntRangeDomain", float: "DoubleRangeDomain"}
 
 
 class _File(NamedTuple):
-    """A file in place of a value without a property in ParaView."""
+    """A file for a value without a property."""
 
     read: Callable[[Path], Any]
     extensions: str
@@ -39,7 +39,7 @@ FILES: dict[type, _File] = {
 
 @dataclass(frozen=True)
 class Property:
-    """A property of a proxy: name (``AngleStep``), and description for the server manager.
+    """A property of a proxy, such as ``AngleStep``, with XML.
 
     ``take(state, *values)`` returns the parameter's value for ParaView's values; ``state``, a dict of the
     shell, is shared by a parameter's properties.
@@ -71,7 +71,9 @@ def plain(text: str) -> str:
 
 
 def properties_of(parameter: Parameter[Any], among: Iterable[Parameter[Any]] = ()) -> list[Property]:
-    """Return the properties of a parameter in order: 1, or 2 for an optional number.
+    """Return the properties of a parameter in order.
+
+    An optional number has 2 properties, other parameters 1.
 
     A property is visible if effective; ``among`` are all parameters of the filter.
 
@@ -184,7 +186,10 @@ def _optional_number(name: str, parameter: Parameter[Any]) -> list[Property]:
 
 
 def _show_only_with(xml: Element, other: str, values: Sequence[str], **more: str) -> None:
-    """Show a property only for some values of another, or with inverse="1" for all other values."""
+    """Show a property only for values of another.
+
+    With inverse="1", the property is hidden for these values.
+    """
     hints = xml.find("Hints")
     if hints is None:
         hints = SubElement(xml, "Hints")
@@ -244,7 +249,7 @@ def proxy_parts(kind: type[Filter]) -> list[str]:
 
 
 def proxy_hints(kind: type[Filter]) -> list[str]:
-    """Return XML hints of a proxy: its menu, and for a source its file type."""
+    """Return XML hints of a proxy: menu and file type."""
     hints = [Element("ShowInMenu", category=CATEGORY)]
     for parameter in kind.parameter_declarations.values():
         if parameter.kind in FILES and not kind.input_ports:

@@ -21,7 +21,7 @@ from vtkmuscle.scenes import Scene
 
 
 class MuscleScene(Filter):
-    """Give a muscle of a scene.toml, with its attachments and the bones.
+    """Give a muscle of a scene with attachments and bones.
 
     BoneMotion reads the bones' motion from the same file. Settings of the scene's solver are not passed on:
     set the filters' properties.
@@ -73,7 +73,7 @@ class MuscleScene(Filter):
 
 
 def all_kinds() -> list[type[Filter]]:
-    """Return the filters in the plugin, in alphabetical order, and the scene source."""
+    """Return the filters and the source in the plugin."""
     return [*filters.filter_classes(), MuscleScene]
 
 

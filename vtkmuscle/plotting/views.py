@@ -49,7 +49,7 @@ class View:
 def choose_view(
     muscles: Sequence[vtkPolyData], bones: Sequence[vtkMultiBlockDataSet], *, margin: float = 0.12
 ) -> View:
-    """Return the view with the largest visible muscle area over all frames.
+    """Return the view with the largest visible muscle area.
 
     Directions around the vertical axis are compared by the muscle area that bones do not hide, then from
     slightly above and below. The frame encloses the muscles tightly.
@@ -75,7 +75,10 @@ def choose_view(
 
 
 def clearest_view(muscles: Sequence[vtkPolyData], hiding: Sequence[Floats], *, margin: float = 0.12) -> View:
-    """Return the view of :func:`choose_view`, from bone points (k, 3) in each frame."""
+    """Return the view of :func:`choose_view` from bone points.
+
+    ``hiding`` are points (k, 3) on the bones of each frame.
+    """
     everything = np.vstack([points_of(muscle) for muscle in muscles])
     cell = float(np.linalg.norm(np.ptp(everything, axis=0))) / 30.0
     pairs = [(_spread(muscle), points) for muscle, points in zip(muscles, hiding, strict=True)]
@@ -98,7 +101,7 @@ def clearest_view(muscles: Sequence[vtkPolyData], hiding: Sequence[Floats], *, m
 
 
 def framed(direction: ArrayLike, points: Floats, *, margin: float = 0.12) -> View:
-    """Return the view along a direction with a tight frame around points.
+    """Return a view with a tight frame around points.
 
     Parameters
     ----------
@@ -123,7 +126,7 @@ def framed(direction: ArrayLike, points: Floats, *, margin: float = 0.12) -> Vie
 
 
 def fibre_surface(fibres: vtkPolyData) -> vtkPolyData:
-    """Return fibres as tubes of triangles, in place of a muscle surface."""
+    """Return fibres as tubes, in place of a muscle surface."""
     lines = polylines_from(polylines_of(fibres, "plotting: fibres"))
     tubes = vtkTubeFilter(radius=0.004 * lines.GetLength(), number_of_sides=6, capping=True, input_data=lines)
     triangles = vtkTriangleFilter()
@@ -150,7 +153,7 @@ def _direction(azimuth: float, elevation: float) -> Floats:
 
 
 def axes_of(direction: Floats) -> Floats:
-    """Return right, up and towards the eye as the rows of a (3, 3) rotation."""
+    """Return right, up and eye directions as a rotation (3, 3)."""
     x, y, z = direction / np.linalg.norm(direction)
     right = np.array([-y, x, 0.0])
     right /= np.linalg.norm(right)
@@ -163,7 +166,10 @@ def _spread(surface: vtkPolyData) -> Floats:
 
 
 def _visible_cells(muscle: Floats, bones: Floats, cell: float) -> int:
-    """Count the cells of the picture plane with muscle points (3, n) in front of bone points (3, k)."""
+    """Count the picture's cells with visible muscle.
+
+    A cell counts if a muscle point (3, n) is in front of all bone points (3, k).
+    """
     low = muscle[:2].min(axis=1)
     columns, rows = (np.floor((muscle[:2].max(axis=1) - low) / cell).astype(int) + 1).tolist()
     depth = np.full((2, columns * rows), -np.inf)

@@ -1,4 +1,4 @@
-"""Compatibility of ParaView 5.11 with Python 3.11: a function for the plugin loader.
+"""Compatibility of ParaView 5.11 with Python 3.11.
 
 Python runs a file with the name sitecustomize at start-up if the folder is in PYTHONPATH.
 """

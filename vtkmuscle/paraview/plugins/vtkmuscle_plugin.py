@@ -1,4 +1,6 @@
-"""The plugin that ParaView loads by PV_PLUGIN_PATH, or by Tools, Manage Plugins, Load New.
+"""The plugin file of ParaView.
+
+ParaView loads the file by PV_PLUGIN_PATH, or by Tools, Manage Plugins, Load New.
 
 ParaView searches proxies only in the plugin's module.
 """
