@@ -23,9 +23,6 @@ LOCK = ".vtkmuscle.lock"
 #: Names of incomplete files and folders, with the number of the writing process.
 _PARTIAL = re.compile(r"\..+\.(?P<process>\d+)(-[0-9a-f]+)?\.partial")
 
-#: Age [s] at which incomplete files are abandoned, if the system cannot tell whether a process runs.
-_A_DAY = 86400.0
-
 
 def beside(path: Path) -> Path:
     """Return an unused temporary path in a path's folder."""
@@ -86,7 +83,7 @@ def _alive(process: int, path: Path) -> bool:
     if process == os.getpid():
         return True
     if os.name != "posix":  # no signal tests for a process
-        return time.time() - path.stat().st_mtime < _A_DAY
+        return time.time() - path.stat().st_mtime < 86400.0  # a day
     try:
         os.kill(process, 0)
     except (ProcessLookupError, OverflowError):

@@ -22,8 +22,6 @@ from vtkmuscle.labels.names import side_of
 from vtkmuscle.scene.data import MILLIMETRES
 from vtkmuscle.scene.writing import inline_toml, write_areas
 
-#: Steps of the sweep.
-STEPS = 12
 #: Fibres of each muscle.
 FIBRES = {"template": "parallel", "n_fibres": 100, "resolution": 15}
 _HEADER = """# Drafted by vtkmuscle. Missing information was guessed: the comment above a guess has the reason
@@ -179,7 +177,7 @@ class Draft:
 
 def _sweep(limits: Mapping[str, float]) -> str:
     """Return a motion from rest to the largest angles [degrees]."""
-    part = np.linspace(0.0, 1.0, STEPS + 1)
+    part = np.linspace(0.0, 1.0, 13)
     longest = max(limits.values())
     columns = [longest * part, *(angle * part for angle in limits.values())]
     rows = ["\t".join(f"{value:g}" for value in row) for row in np.transpose(columns)]

@@ -31,8 +31,6 @@ from vtkmuscle.phantoms.meshing import mesh_of
 
 #: Distance from the belly's end at which the belly's thickness gives the tendon's [mm].
 INSIDE = 5.0
-#: Largest tendon radius [mm], of an Achilles tendon of 80 mm^2.
-THICKEST = 5.0
 #: Points of a tendon's line, and smoothing rounds, enough to spread a bend over all points.
 _POINTS, _ROUNDS = 24, 600
 
@@ -81,7 +79,7 @@ def with_tendon(
     inward /= np.linalg.norm(inward)
     thinnest = float(belly.spacing.max())
     depth = -float(belly.at(tip[None] + INSIDE * inward)[0][0])
-    radius = float(np.clip(depth, thinnest, max(thinnest, THICKEST)))
+    radius = float(np.clip(depth, thinnest, max(thinnest, 5.0)))  # 5 mm: an Achilles tendon of 80 mm^2
     line = taut_line(tip, target, bones, radius)
     tube = np.vstack([tip + radius * inward, line])
     solid = Solid(belly.at, points.min(axis=0), points.max(axis=0))
@@ -118,8 +116,6 @@ def taut_line(start: Floats, end: Floats, bones: Sequence[Solids], radius: float
 
 #: Fraction of a label in smaller pieces above which the label may hold two structures, such as both sides.
 MOST_LEFT_OUT = 0.05
-#: Landmarks around a tendon's end.
-RING = 12
 
 
 def draft_of_labels(
@@ -226,7 +222,7 @@ def _draw_tendons(draft: Draft, muscle: str, label: Label, edge: float) -> None:
         draft.muscles[muscle] = tendon.surface
         # The area is the foot of the tube on the bone.
         axes = np.linalg.svd(outward)[2][1:]
-        angles = np.linspace(0.0, 2.0 * np.pi, RING, endpoint=False)
+        angles = np.linspace(0.0, 2.0 * np.pi, 12, endpoint=False)
         ring = target + tendon.radius * (np.column_stack([np.cos(angles), np.sin(angles)]) @ axes)
         draft.areas[muscle][number] = replace(area, landmarks=ring, closed=True, estimated=True)
         why = f"the label ends {gap:.0f} mm from the landmarks of its {area.role}: a tube of radius "

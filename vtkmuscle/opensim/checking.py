@@ -23,8 +23,6 @@ POSES, SWEEPS = 91, 8
 AWAY = {True: float(np.radians(30.0)), False: 0.02}
 #: Smallest reported jump of a length, jump of a moment arm, and moment arm on both sides of zero [m].
 JUMP, ARM_JUMP, ARM = 0.5e-3, 5e-3, 2e-3
-#: Halvings of an interval; a change that remains is a jump.
-HALVINGS = 16
 #: Distance of the two moment arms from a jump [rad or m].
 ARM_DISTANCE = 1e-3
 #: Width and height of a curve [pixels].
@@ -271,7 +269,7 @@ def _halved(
     """
     low, high = (end.copy() for end in ends)
     first, last = quantity(sweeps, low), quantity(sweeps, high)
-    for _ in range(HALVINGS):
+    for _ in range(16):  # a change that remains is a jump
         middle = (low + high) / 2.0
         now = quantity(sweeps, middle)
         smooth = slopes * (high - low) / 2.0

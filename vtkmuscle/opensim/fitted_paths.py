@@ -22,8 +22,6 @@ PARTS = 5
 WORTH = 0.05
 #: Largest ratio of polynomial terms to fitted numbers.
 FILLED = 0.7
-#: Largest sum of powers.
-HIGHEST_ORDER = 6
 
 
 def fit_length(
@@ -68,7 +66,7 @@ def fit_length(
         return np.vstack([terms(scaled, order), *(_slopes(scaled, order, i) for i in slopes)])
 
     errors: dict[int, float] = {}
-    for order in range(1, HIGHEST_ORDER + 1):
+    for order in range(1, 7):
         count = len(powers(samples.shape[1], order))
         if count > FILLED * min((~mask).sum() for mask in masks) or order >= levels:
             break
@@ -140,8 +138,6 @@ PLACES = (0.25, 0.5, 0.75)
 RADII = (0.015, 0.04)
 #: Steps of lengths [m] and of directions that the search treats as equal.
 SCALES = (0.01, 0.3)
-#: Function evaluations per search, at most; a search starts at each initial cylinder.
-STEPS = 40
 
 
 def fit_points(
@@ -279,7 +275,7 @@ class _Search:
             for each in path.cylinders
         ]
         initial = np.concatenate(parts)
-        solution = least_squares(lambda x: self.off(path_of(x)) / SCALES[0], initial, max_nfev=STEPS)
+        solution = least_squares(lambda x: self.off(path_of(x)) / SCALES[0], initial, max_nfev=40)
         return path_of(solution.x)
 
 

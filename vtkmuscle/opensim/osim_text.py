@@ -28,8 +28,6 @@ MUSCLES = ("Millard2012EquilibriumMuscle", "Thelen2003Muscle", "DeGrooteFregly20
 GYRATION = 0.1
 #: Drawn length of a cylinder [m]; paths ignore the length.
 CYLINDER = 0.5
-#: Opacity of a muscle mesh, which stays at rest while the model moves.
-OPACITY = 0.3
 #: Component paths in a model, by kind ("body" or "coordinate") and name.
 _Paths = dict[tuple[str, str], str]
 
@@ -208,7 +206,8 @@ def _objects_in(body: Element) -> Element:
 
 
 def _mesh(name: str) -> Element:
-    opacity = made("Appearance", made("opacity", OPACITY if name.endswith("_at_rest") else 1.0))
+    # A muscle mesh stays at rest while the model moves.
+    opacity = made("Appearance", made("opacity", 0.3 if name.endswith("_at_rest") else 1.0))
     return made("Mesh", made("mesh_file", f"{name}.stl"), opacity, name=f"{name}_mesh")
 
 

@@ -23,10 +23,6 @@ if TYPE_CHECKING:
     import pyvista
 
 
-#: Rendered pixels per picture pixel along each side, of PyVista's anti-aliasing.
-_FINER = 4
-
-
 def plain_plotter(size: tuple[int, int], off_screen: bool | None) -> pyvista.Plotter:
     """Return a white plotter in the user's notebook backend."""
     import pyvista  # noqa: PLC0415 -- figures need none
@@ -77,7 +73,10 @@ def make_plotter(
         For ``show`` or ``screenshot``; to be closed afterwards.
     """
     plotter = plain_plotter(view.size, off_screen)
-    actors = actors_of(muscles, view, fibres=fibres, colours=colours, fixed_points=fixed_points, finer=_FINER)
+    looks: dict[str, Any] = {"colours": colours, "fixed_points": fixed_points}
+    actors = actors_of(
+        muscles, view, fibres=fibres, finer=4, **looks
+    )  # PyVista's anti-aliasing renders 4 x 4
     for actor in (*(surface_actor(bone) for _, bone in blocks_of(bones)), *actors):
         plotter.add_actor(actor, reset_camera=False, render=False)
     look_from(plotter.camera, view)

@@ -22,10 +22,8 @@ from PIL import Image
 from vtkmuscle.plotting.views import View
 
 DOTS_PER_INCH = 150
-#: Font size of a legend [points], mean width of a letter and height of a row [inches].
+#: Font size of a legend [points].
 LEGEND_FONT = 11
-LETTER = 0.095
-LEGEND_ROW = 0.28
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,7 +85,7 @@ class Pixels(Artist):
 def legend_columns(width: float, labels: Sequence[str]) -> int:
     """Return the number of legend columns in a width [inches]."""
     letters = max((len(label) for label in labels), default=1)
-    return max(1, int(width / (0.5 + LETTER * letters)))
+    return max(1, int(width / (0.5 + 0.095 * letters))  # mean width of a letter [inches])
 
 
 def sheet(panels: Sequence[Panel], title: str, units: str, *, legend: Sequence[str] = ()) -> Figure:
@@ -98,7 +96,8 @@ def sheet(panels: Sequence[Panel], title: str, units: str, *, legend: Sequence[s
     widths = [sum(p.inches[0] + gap for p in row) + gap for row in rows]
     heights = [max(p.inches[1] for p in row) + header for row in rows]
     width = max(5.0, *widths)
-    bottom += LEGEND_ROW * (math.ceil(len(legend) / legend_columns(width, legend)) - 1 if legend else 0)
+    # A row of the legend is 0.28 inches high.
+    bottom += 0.28 * (math.ceil(len(legend) / legend_columns(width, legend)) - 1 if legend else 0)
     height = top + bottom + sum(heights)
     figure = blank_figure(width, height)
     if title:

@@ -46,9 +46,7 @@ class View:
         return round(math.sqrt(self.area * self.aspect)), round(math.sqrt(self.area / self.aspect))
 
 
-def choose_view(
-    muscles: Sequence[vtkPolyData], bones: Sequence[vtkMultiBlockDataSet], *, margin: float = 0.12
-) -> View:
+def choose_view(muscles: Sequence[vtkPolyData], bones: Sequence[vtkMultiBlockDataSet]) -> View:
     """Return the view with the largest visible muscle area.
 
     Directions around the vertical axis are compared by the muscle area that bones do not hide, then from
@@ -60,8 +58,6 @@ def choose_view(
         A muscle in 1 or more frames.
     bones : sequence of vtkMultiBlockDataSet
         The bones of the frames.
-    margin : float, optional
-        Space around the muscles, relative to their size.
 
     Returns
     -------
@@ -71,10 +67,10 @@ def choose_view(
     hiding = [
         np.vstack([np.zeros((0, 3)), *(_spread(block) for _, block in blocks_of(frame))]) for frame in bones
     ]
-    return clearest_view(muscles, hiding, margin=margin)
+    return clearest_view(muscles, hiding)
 
 
-def clearest_view(muscles: Sequence[vtkPolyData], hiding: Sequence[Floats], *, margin: float = 0.12) -> View:
+def clearest_view(muscles: Sequence[vtkPolyData], hiding: Sequence[Floats]) -> View:
     """Return the view of :func:`choose_view` from bone points.
 
     ``hiding`` are points (k, 3) on the bones of each frame.
@@ -97,7 +93,7 @@ def clearest_view(muscles: Sequence[vtkPolyData], hiding: Sequence[Floats], *, m
     best = max(
         candidates, key=lambda direction: area(direction) * float(np.hypot(direction[0], direction[1]))
     )
-    return framed(best, everything, margin=margin)
+    return framed(best, everything)
 
 
 def framed(direction: ArrayLike, points: Floats, *, margin: float = 0.12) -> View:

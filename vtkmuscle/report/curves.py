@@ -20,8 +20,6 @@ from vtkmuscle.report.scene3d import Pack
 MOST_FIBRES = 100
 #: Change of a measure, relative to its limit, below which words replace the curve.
 _FLAT = 1e-3
-#: Digits of numbers in the data of a page.
-_DIGITS = 5
 #: Minus sign of negative numbers.
 MINUS = "\u2212"
 
@@ -109,7 +107,7 @@ def rounded(values: Any) -> Any:
 
 
 def _short(value: float) -> float | None:
-    return float(f"{value:.{_DIGITS}g}") if math.isfinite(value) else None
+    return float(f"{value:.5g}") if math.isfinite(value) else None
 
 
 def label_of(name: str) -> str:

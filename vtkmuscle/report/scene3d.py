@@ -100,8 +100,6 @@ MOST_FRAMES = 120
 MUSCLE_POINTS, FIBRE_POINTS = 1_000_000, 600_000
 #: Least and largest number of triangles per muscle.
 LEAST, MOST = 600, 12_000
-#: Decimals of a bone's transform.
-_POSE_DIGITS = 7
 
 
 def scene_of(run: RunContent, pack: Pack) -> dict[str, Any]:
@@ -161,7 +159,7 @@ def _rows(transforms: Floats | None, frames: list[int]) -> list[float] | None:
     """Return 3 rows of each bone transform, None at rest."""
     if transforms is None or np.allclose(transforms[frames], np.eye(4)):
         return None
-    return [round(float(value), _POSE_DIGITS) for value in transforms[frames][:, :3].ravel()]
+    return [round(float(value), 7) for value in transforms[frames][:, :3].ravel()]
 
 
 def _muscle(
