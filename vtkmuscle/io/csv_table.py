@@ -14,7 +14,7 @@ from vtkmuscle.io.writing import write_text
 
 
 def csv_rows(path: Path) -> Iterator[tuple[int, list[str]]]:
-    """Yield the number and cells of each line except comments (#) and empty lines."""
+    """Yield number and cells of lines, without comments (#)."""
     check_is_file(path)
     try:
         with path.open(newline="", encoding="utf-8-sig") as lines:
@@ -30,7 +30,7 @@ def csv_rows(path: Path) -> Iterator[tuple[int, list[str]]]:
 def table_rows(
     path: Path, *, needed: Sequence[str] = (), most: int | None = None, remedy: str = ""
 ) -> list[tuple[int, dict[str, str]]]:
-    """Return the line number and the cells by column for each row.
+    """Return line number and cells by column for each row.
 
     ``remedy`` describes the table.
 

@@ -12,7 +12,7 @@ from vtkmuscle.data.arrays import cell_array
 
 
 def febio_axes(mesh: vtkDataSet, element_set: str) -> Element:
-    """Return the fibre directions of cells as material axes of a FEBio model.
+    """Return fibre directions as material axes of a FEBio model.
 
     The element belongs in the section MeshData. ``a`` is the fibre direction, ``d`` an arbitrary direction
     across. FEBio derives the axes a, (a x d) x a and a x d; transversely isotropic materials use the first.

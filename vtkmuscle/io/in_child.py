@@ -1,4 +1,6 @@
-"""Read files by VTK in a child process: damaged files can crash VTK's readers.
+"""Read files by VTK in a child process.
+
+Damaged files can crash VTK's readers.
 
 The process starts with the first file and reads all files of a run; after a crash the next file gets a new
 process. In programs other than Python, such as ParaView, files are read directly.
@@ -88,7 +90,7 @@ def serve() -> None:
 
 
 def _limit_memory(size: int) -> None:
-    """Limit the memory of the process, by the file's size and the machine's memory."""
+    """Limit the process's memory by the file's size."""
     try:
         import resource  # noqa: PLC0415 -- not there in Windows
     except ImportError:
@@ -102,7 +104,7 @@ def _limit_memory(size: int) -> None:
 
 
 def read(path: str, module: str, name: str, *, wanted: bool) -> tuple[str, str, bytes]:
-    """Return the class of a file's data, VTK's complaint, and the data if wanted."""
+    """Return class, VTK's complaint and data of a file."""
     reader: Any = getattr(import_module(module), name)()
     with vtk_messages() as messages:
         reader.SetFileName(os.fsencode(path))
@@ -135,7 +137,7 @@ _REMEDY = "export it again, and check that its suffix is that of its format"
 
 
 def read_in_child(path: Path, module: str, reader: str) -> vtkPolyData:
-    """Read poly data by a VTK reader, given by module and class.
+    """Read poly data by the module and class of a reader.
 
     Raises
     ------
@@ -157,7 +159,7 @@ def read_in_child(path: Path, module: str, reader: str) -> vtkPolyData:
 
 
 def check_in_child(path: Path, module: str, reader: str) -> None:
-    """Raise an InputError if a VTK reader cannot read all time steps of a file."""
+    """Raise an InputError for an unreadable time step."""
     _, complaint, _ = _child.ask(path, module, reader, wanted=False)
     if complaint:
         raise InputError(path, "the file is damaged", "write it again")
@@ -172,7 +174,7 @@ class _Child:
         self._owner = 0
 
     def ask(self, path: Path, module: str, reader: str, *, wanted: bool) -> tuple[str, str, bytes]:
-        """Return the class of a file's data, VTK's complaint, and the data."""
+        """Return class, VTK's complaint and data of a file."""
         if not is_python():
             return read(os.path.abspath(path), module, reader, wanted=wanted)
         longest = LONGEST + path.stat().st_size / _SPEED

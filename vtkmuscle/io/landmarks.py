@@ -54,7 +54,7 @@ def read_landmarks(path: str | PathLike[str], *, frame: str = "LPS") -> tuple[Fl
 
 
 def read_aponeurosis(path: str | PathLike[str], side: str, *, frame: str = "LPS") -> Aponeurosis:
-    """Read an aponeurosis: a ring of landmarks on a muscle, or a surface inside.
+    """Read an aponeurosis as a ring of landmarks or a surface.
 
     Parameters
     ----------
@@ -78,7 +78,9 @@ def read_aponeurosis(path: str | PathLike[str], side: str, *, frame: str = "LPS"
 
 
 def read_named_points(path: str | PathLike[str]) -> NamedPoints:
-    """Read points with names and a frame from a .csv, .json, .mrk.json, .fcsv or .nrrd file.
+    """Read points with names and a frame.
+
+    Files are .csv, .json, .mrk.json, .fcsv or .nrrd.
 
     See :func:`read_landmarks`.
 
@@ -133,7 +135,7 @@ def _from_csv(path: Path) -> NamedPoints:
 
 
 def _columns(cells: list[str]) -> tuple[int, ...]:
-    """Return the columns of x, y and z: the first three, or the next three after a name."""
+    """Return the columns of x, y and z, possibly after a name."""
     return (1, 2, 3) if len(cells) > 3 and not _is_number(cells[0]) else (0, 1, 2)
 
 

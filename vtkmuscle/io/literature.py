@@ -40,7 +40,7 @@ class LiteratureCurve:
 
 
 def read_literature(path: str | PathLike[str]) -> tuple[LiteratureCurve, ...]:
-    """Read published moment arms from a CSV table, a row per point.
+    """Read published moment arms from a CSV table.
 
     Parameters
     ----------
@@ -129,7 +129,7 @@ class DrawnCurve:
 
 
 def drawn(curves: Sequence[LiteratureCurve]) -> list[DrawnCurve]:
-    """Return curves for a figure: bands for pairs of sides, else lines or points."""
+    """Return curves for a figure: bands, lines or points."""
     uppers = {_band(curve): curve for curve in curves if curve.part.endswith(UPPER)}
     lowers = {_band(curve) for curve in curves if curve.part.endswith(LOWER)}
     result = []
@@ -148,7 +148,7 @@ def drawn(curves: Sequence[LiteratureCurve]) -> list[DrawnCurve]:
 
 
 def _band(curve: LiteratureCurve) -> tuple[str, str]:
-    """Return the source and part that the sides of a band share."""
+    """Return the source and part shared by both sides."""
     return curve.source, curve.part.removesuffix(LOWER).removesuffix(UPPER)
 
 

@@ -38,7 +38,7 @@ def read_motion_table(
     centre: ArrayLike | None = None,
     coordinates: Sequence[str] | Mapping[str, Mapping[str, str]] | None = None,
 ) -> RigidMotion:
-    """Read a bone's motion from a CSV table, a row per time.
+    """Read a bone's motion from a CSV table.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Trees of the Multimod Application Framework (MAF 2) and of ALBA: surfaces, landmarks and poses.
+"""Trees (.msf) of the Multimod Application Framework and ALBA.
 
 A tree (.msf) is XML, ``<MSF Version="2.0">`` or ``"2.2"``: a ``<Root>`` with ``<Node>`` in ``<Children>``. A
 node has a ``Name`` and a ``Type`` such as ``mafVMESurface`` or ``albaVMELandmarkCloud``. Derived from files
@@ -50,7 +50,7 @@ _CLOSED = "MFL_VME_LANDMARK_CLOUD_STATE"
 
 @dataclass(frozen=True, eq=False)
 class MsfFile:
-    """A file of a node: time [s], path, and kind of VTK data."""
+    """A node's file: time [s], path, kind of VTK data."""
 
     time: float
     path: Path
@@ -86,7 +86,10 @@ class MsfNode:
     closed: bool = False
 
     def pose(self, time: float | None = None) -> Floats:
-        """Return the pose (4, 4) in the parent's frame at a time, by default the first."""
+        """Return the pose (4, 4) in the parent's frame.
+
+        The default is the first time.
+        """
         if not len(self.times):
             return np.eye(4)
         last = 0 if time is None else int(np.searchsorted(self.times, time, side="right")) - 1
@@ -94,7 +97,10 @@ class MsfNode:
         return pose
 
     def file(self, time: float | None = None) -> MsfFile | None:
-        """Return the file at a time, by default the first, or None."""
+        """Return the file at a time, or None.
+
+        The default is the first time.
+        """
         if not self.files:
             return None
         before = [file for file in self.files if time is not None and file.time <= time]
@@ -103,7 +109,7 @@ class MsfNode:
     def walk(
         self, time: float | None = None, frame: Floats | None = None
     ) -> Iterator[tuple[MsfNode, Floats]]:
-        """Yield the node and all descendants, with poses (4, 4) in the tree's frame."""
+        """Yield all nodes with poses (4, 4) in the tree's frame."""
         here = self.pose(time) if frame is None else frame @ self.pose(time)
         yield self, here
         for child in self.children:
@@ -111,7 +117,7 @@ class MsfNode:
 
 
 def read_msf(path: str | PathLike[str]) -> MsfNode:
-    """Return the root of a tree in a .msf or .nms file.
+    """Return the root of a .msf or .nms tree.
 
     Files named in the tree are not opened.
 
@@ -131,7 +137,7 @@ def read_msf(path: str | PathLike[str]) -> MsfNode:
 
 
 def surfaces_of(root: MsfNode, time: float | None = None) -> dict[str, vtkPolyData]:
-    """Return the surfaces and polylines of a tree at a time, in the tree's frame.
+    """Return surfaces and polylines in the tree's frame.
 
     The default is the first time. Repeated names get a number. Clouds, volumes and other data are omitted.
 
@@ -150,7 +156,10 @@ def surfaces_of(root: MsfNode, time: float | None = None) -> dict[str, vtkPolyDa
 
 
 def landmarks_of(root: MsfNode, time: float | None = None) -> dict[str, dict[str, Floats]]:
-    """Return the visible landmarks (3,) at a time, by cloud and name, in the tree's frame."""
+    """Return visible landmarks (3,) by cloud and name.
+
+    Positions are in the tree's frame, at the first time by default.
+    """
     clouds: dict[str, dict[str, Floats]] = {}
     for cloud, pose in root.walk(time):
         if cloud.kind != "LandmarkCloud":
@@ -237,7 +246,7 @@ def _tag(element: Element, name: str) -> str:
 
 
 def _unused(name: str, taken: Container[str]) -> str:
-    """Return a name that is not taken, with a number if necessary."""
+    """Return a free name, with a number if necessary."""
     number, candidate = 1, name
     while candidate in taken:
         number += 1

@@ -44,7 +44,10 @@ class NamedPoints:
     frame: str | None = None
 
     def within(self, frame: str) -> Floats:
-        """Return the points (n, 3) in a frame; unchanged without a frame of their own."""
+        """Return the points (n, 3) in a frame.
+
+        Points without a frame stay unchanged.
+        """
         if frame not in FRAMES:
             raise InputError("", f"there is no frame {frame!r}; allowed: {', '.join(FRAMES)}")
         converted = self.frame is not None and self.frame != frame
@@ -90,7 +93,7 @@ def markups_of(content: dict[str, Any], path: Path) -> NamedPoints:
 
 
 def read_fcsv(path: Path) -> NamedPoints:
-    """Return the points of a .fcsv file with a frame, of any version of 3D Slicer."""
+    """Return the points of a .fcsv file of 3D Slicer."""
     try:
         lines = path.read_text(encoding="utf-8-sig").splitlines()
     except UnicodeDecodeError as error:
@@ -138,7 +141,10 @@ def _position(values: Any, where: str, path: Path) -> list[float]:
 
 
 def read_nrrd_points(path: Path) -> NamedPoints:
-    """Return the points of a .nrrd file of 3 x n numbers with attached data."""
+    """Return the points of a .nrrd file of 3 x n numbers.
+
+    The data must be attached.
+    """
     head, *rest = re.split(rb"\r?\n\r?\n", path.read_bytes(), maxsplit=1)
     lines = head.decode("latin-1").splitlines()
     if not head.startswith(b"NRRD") or not rest:

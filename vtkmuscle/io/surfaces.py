@@ -119,7 +119,10 @@ def read_surface(path: str | PathLike[str]) -> vtkPolyData:
 
 
 def _check_cells(data: vtkPolyData, path: Path) -> None:
-    """Raise an InputError for a cell with a missing point, or a polygon with fewer than 3 corners."""
+    """Raise an InputError for invalid cells.
+
+    A cell may lack a point, or a polygon have fewer than 3 corners.
+    """
     for cells in (data.GetVerts(), data.GetLines(), data.GetPolys(), data.GetStrips()):
         ids = vtk_to_numpy(cells.GetConnectivityArray())
         if len(ids) and (ids.min() < 0 or ids.max() >= data.GetNumberOfPoints()):
@@ -132,7 +135,7 @@ def _check_cells(data: vtkPolyData, path: Path) -> None:
 
 
 def _check_words(data: vtkPolyData, path: Path) -> None:
-    """Raise an InputError for missing numbers or words in a text .ply file.
+    """Raise an InputError for missing numbers in a text .ply file.
 
     VTK replaces missing numbers by zeros, or by earlier numbers.
     """

@@ -1,4 +1,4 @@
-"""Time series on disk: a .pvd with .vtp files, or a .vtkhdf file."""
+"""Time series on disk: .pvd with .vtp files, or .vtkhdf."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ class Collection:
 
 
 class Series:
-    """Poly data over time in a folder: ``NAME.pvd``, ``NAME/NAME_0000.vtp`` and so on."""
+    """Poly data over time: ``NAME.pvd`` and ``NAME/NAME_0000.vtp``."""
 
     def __init__(self, folder: Path, name: str) -> None:
         self.name = name
@@ -71,7 +71,7 @@ class Series:
         self.collection = Collection(folder / f"{name}.pvd")
 
     def add(self, frame: int, time: float, data: vtkPolyData) -> Path:
-        """Write and list the data of a numbered frame; return the file."""
+        """Write and list the data of a frame; return the file."""
         path = self.frames / f"{self.name}_{frame:04d}.vtp"
         write_polydata(path, data)
         self.collection.add(time, {self.name: path})
@@ -120,7 +120,7 @@ class TimeSeries:
 
 
 def read_series(path: str | PathLike[str]) -> TimeSeries:
-    """Open a time series: a .pvd file, or a temporal .vtkhdf file of poly data.
+    """Open a time series from a .pvd or .vtkhdf file.
 
     Raises
     ------
@@ -137,7 +137,9 @@ def read_series(path: str | PathLike[str]) -> TimeSeries:
 def write_vtkhdf(
     path: str | PathLike[str], times: Sequence[float], frame: Callable[[int], vtkPolyData]
 ) -> None:
-    """Write poly data over time as a temporal VTKHDF file, all or nothing.
+    """Write poly data over time as a temporal VTKHDF file.
+
+    A failed write leaves no file.
 
     Parameters
     ----------
@@ -176,7 +178,7 @@ def write_vtkhdf(
 
 
 def _check_room(path: Path, partial: Path, nbytes: int) -> None:
-    """Raise an OSError on a full disk, before HDF5 would hang or crash.
+    """Raise an OSError if HDF5 would exceed the disk.
 
     The space is reserved and released, so that quotas and limits count, too.
     """

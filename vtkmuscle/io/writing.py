@@ -23,9 +23,6 @@ LOCK = ".vtkmuscle.lock"
 #: Names of incomplete files and folders, with the number of the writing process.
 _PARTIAL = re.compile(r"\..+\.(?P<process>\d+)(-[0-9a-f]+)?\.partial")
 
-#: Age [s] at which incomplete files are abandoned, if the system cannot tell whether a process runs.
-_A_DAY = 86400.0
-
 
 def beside(path: Path) -> Path:
     """Return an unused temporary path in a path's folder."""
@@ -34,7 +31,7 @@ def beside(path: Path) -> Path:
 
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
-    """Yield a new, empty file, and move it to a path once complete.
+    """Yield a new file, moved to a path once complete.
 
     Readers of the path see the old or the new content, never a part. After a failure the old file stays, and
     the new file is removed. The new file is created exclusively, never through a link. The folder is made. An
@@ -55,7 +52,7 @@ def replacing(path: Path) -> Iterator[Path]:
 
 
 def check_no_links(folder: Path) -> None:
-    """Raise a NotADirectoryError if a folder of results is or contains a link to a folder.
+    """Raise a NotADirectoryError for a link among result folders.
 
     Links to files are harmless: they are replaced or removed, not their targets.
     """
@@ -86,7 +83,7 @@ def _alive(process: int, path: Path) -> bool:
     if process == os.getpid():
         return True
     if os.name != "posix":  # no signal tests for a process
-        return time.time() - path.stat().st_mtime < _A_DAY
+        return time.time() - path.stat().st_mtime < 86400.0  # a day
     try:
         os.kill(process, 0)
     except (ProcessLookupError, OverflowError):
@@ -97,7 +94,7 @@ def _alive(process: int, path: Path) -> bool:
 
 
 def plain_cell(value: Any) -> Any:
-    """Return a cell's value, with an apostrophe before text that is a spreadsheet formula."""
+    """Return a cell, with an apostrophe before spreadsheet formulas."""
     formula = isinstance(value, str) and value.startswith(("=", "+", "-", "@", "\t", "\r"))
     return f"'{value}" if formula else value
 
@@ -141,7 +138,10 @@ def write_polydata(path: Path, data: vtkPolyData) -> None:
 
 @contextmanager
 def locked(folder: Path) -> Iterator[None]:
-    """Hold the lock of a folder; the system releases the lock of a killed process."""
+    """Hold the lock of a folder.
+
+    The system releases the lock of a killed process.
+    """
     path = folder / LOCK
     if os.name != "posix":
         yield

@@ -47,7 +47,7 @@ class Element:
         return InputError(self.path, f"{self}: {problem}", remedy)
 
     def placed(self, error: ValueError) -> ValueError:
-        """Return an error at this element, unless the error has a location."""
+        """Return an error located here, unless already located."""
         if isinstance(error, InputError) and error.where:
             return error
         return self.error(*fault_of(error))
@@ -59,7 +59,7 @@ class Element:
                 raise child.error(f"is not supported in {self.tag} {quoted(self.name)}")
 
     def find(self, *tags: str) -> Element | None:
-        """Return the child with a tag, or None; raise an InputError for several."""
+        """Return the only child with a tag, or None."""
         matches = [child for child in self.children if child.tag in tags]
         if len(matches) > 1:
             raise matches[1].error(f"{self.tag} {quoted(self.name)} has it twice", "remove one")
@@ -83,7 +83,10 @@ class Element:
         return "" if child is None else child.text.strip()
 
     def numbers(self, count: int | None = None) -> Floats:
-        """Return the finite numbers in the text; otherwise, or for another count, raise an InputError."""
+        """Return the finite numbers in the text.
+
+        Other text, or another count, raises an InputError.
+        """
         values = np.array([number_in(cell) for cell in self.text.replace(",", " ").split()])
         if not np.isfinite(values).all() or (count is not None and len(values) != count):
             what = "finite numbers" if count is None else f"{count} finite number{'s' * (count > 1)}"
@@ -128,7 +131,10 @@ class Element:
 
 
 def decoded(path: Path) -> str:
-    """Return the text of a file, in UTF-8 or Latin-1, limited in size."""
+    """Return the text of a file in UTF-8 or Latin-1.
+
+    The size is limited.
+    """
     check_is_file(path, most=MOST_TEXT)
     data = path.read_bytes()
     try:
@@ -138,7 +144,7 @@ def decoded(path: Path) -> str:
 
 
 def read_xml(path: Path) -> Element:
-    """Return the outermost element of an XML file, in UTF-8 or Latin-1.
+    """Return the outermost element of an XML file.
 
     Document types, and thereby entities, are refused. An InputError names the line of a fault.
     """
@@ -186,7 +192,7 @@ def read_xml(path: Path) -> Element:
 
 
 def made(tag: str, *parts: ElementTree.Element | str | ArrayLike, **attributes: str) -> ElementTree.Element:
-    """Return an element to be written, with elements, a text or numbers inside.
+    """Return an element with elements, text or numbers inside.
 
     Examples
     --------
@@ -210,7 +216,7 @@ def numbers_text(values: ArrayLike) -> str:
 
 
 def xml_text(root: ElementTree.Element, *, indented: bool = True) -> str:
-    """Return the text of a file with an element, indented by default."""
+    """Return the text of an XML file."""
     if indented:
         ElementTree.indent(root, "\t")
     return '<?xml version="1.0" encoding="UTF-8" ?>\n' + ElementTree.tostring(root, encoding="unicode") + "\n"

@@ -1,4 +1,4 @@
-"""A draft of a scene from surfaces and landmarks, written as a scene.toml."""
+"""Draft of a scene from surfaces and landmarks."""
 
 from __future__ import annotations
 
@@ -22,8 +22,6 @@ from vtkmuscle.labels.names import side_of
 from vtkmuscle.scene.data import MILLIMETRES
 from vtkmuscle.scene.writing import inline_toml, write_areas
 
-#: Steps of the sweep.
-STEPS = 12
 #: Fibres of each muscle.
 FIBRES = {"template": "parallel", "n_fibres": 100, "resolution": 15}
 _HEADER = """# Drafted by vtkmuscle. Missing information was guessed: the comment above a guess has the reason
@@ -137,7 +135,10 @@ class Draft:
         self.areas[muscle] = used
 
     def write(self, out: Path) -> Path:
-        """Write the scene, its files and the guesses to a folder; return the scene.toml."""
+        """Write the scene to a folder; return the scene.toml.
+
+        The folder also gets surfaces, landmarks, the motion and guesses.csv.
+        """
         scale = 1.0 / MILLIMETRES[self.units]
 
         def written(file: str, surface: vtkPolyData) -> str:
@@ -175,8 +176,8 @@ class Draft:
 
 
 def _sweep(limits: Mapping[str, float]) -> str:
-    """Return a motion of all coordinates from rest to their largest angles [degrees]."""
-    part = np.linspace(0.0, 1.0, STEPS + 1)
+    """Return a motion from rest to the largest angles [degrees]."""
+    part = np.linspace(0.0, 1.0, 13)
     longest = max(limits.values())
     columns = [longest * part, *(angle * part for angle in limits.values())]
     rows = ["\t".join(f"{value:g}" for value in row) for row in np.transpose(columns)]

@@ -38,7 +38,7 @@ class Guess:
 
 
 def table_of(guesses: Sequence[Guess]) -> list[list[str]]:
-    """Return a table of guesses with a header, the lowest confidence first."""
+    """Return a table of guesses by ascending confidence."""
     rows = sorted(guesses, key=lambda guess: guess.confidence)
     cells = [[f"{guess.confidence:.2f}", guess.what, guess.value, guess.why] for guess in rows]
     return [["confidence", "what", "guess", "why"], *cells]

@@ -73,7 +73,7 @@ def guessed_joints(
 
 
 def _parent(kind: JointKind, child: str, bones: Mapping[str, vtkPolyData]) -> str | None:
-    """Return the parent of a bone for a kind of joint, or None."""
+    """Return a bone's parent for a kind of joint, or None."""
     if not set(kind.children) & set(stem_of(child).split("_")):
         return None
     sides = {side_of(child), None}
@@ -129,7 +129,7 @@ def _guesses_of(key: str, kind: JointKind, fit: JointFit, child: vtkPolyData, fr
 
 
 def moving_chain(bone: str, joints: Mapping[str, Mapping[str, Any]]) -> list[str]:
-    """Return the bones with moving joints from a bone to the bones at rest, the nearest first."""
+    """Return the bones with moving joints from a bone upwards."""
     above = {table["child"]: table for table in joints.values()}
     chain = []
     while bone in above:
@@ -139,5 +139,5 @@ def moving_chain(bone: str, joints: Mapping[str, Mapping[str, Any]]) -> list[str
 
 
 def bodies_of(bones: Mapping[str, vtkPolyData], joints: Mapping[str, Mapping[str, Any]]) -> dict[str, str]:
-    """Return the bone with which each bone moves rigidly; "" at rest."""
+    """Return the rigid body of each bone; "" at rest."""
     return {bone: (moving_chain(bone, joints) or [""])[0] for bone in bones}

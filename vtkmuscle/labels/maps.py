@@ -1,4 +1,4 @@
-"""A scene from a label map, with tendons for muscles segmented without tendons."""
+"""Scene from a label map, with tendons for bare bellies."""
 
 from __future__ import annotations
 
@@ -31,15 +31,13 @@ from vtkmuscle.phantoms.meshing import mesh_of
 
 #: Distance from the belly's end at which the belly's thickness gives the tendon's [mm].
 INSIDE = 5.0
-#: Largest tendon radius [mm], of an Achilles tendon of 80 mm^2.
-THICKEST = 5.0
 #: Points of a tendon's line, and smoothing rounds, enough to spread a bend over all points.
 _POINTS, _ROUNDS = 24, 600
 
 
 @dataclass(frozen=True, eq=False)
 class Tendon:
-    """A belly's closed surface with tendon, and the tendon's line (k, 3) and radius [mm].
+    """A belly with tendon: surface, line (k, 3), radius [mm].
 
     The line runs from the belly to the bone.
     """
@@ -57,7 +55,7 @@ class Tendon:
 def with_tendon(
     belly: LabelField, surface: vtkPolyData, target: Floats, bones: Sequence[Solids], edge: float
 ) -> Tendon:
-    """Return a belly with a tendon to a point on a bone.
+    """Return a belly with a tendon to a bone.
 
     The tendon is a tube as thick as the belly's end. It starts at the point of the belly closest to the bone
     point, and follows the shortest line outside the bones.
@@ -81,7 +79,7 @@ def with_tendon(
     inward /= np.linalg.norm(inward)
     thinnest = float(belly.spacing.max())
     depth = -float(belly.at(tip[None] + INSIDE * inward)[0][0])
-    radius = float(np.clip(depth, thinnest, max(thinnest, THICKEST)))
+    radius = float(np.clip(depth, thinnest, max(thinnest, 5.0)))  # 5 mm: an Achilles tendon of 80 mm^2
     line = taut_line(tip, target, bones, radius)
     tube = np.vstack([tip + radius * inward, line])
     solid = Solid(belly.at, points.min(axis=0), points.max(axis=0))
@@ -93,7 +91,7 @@ def with_tendon(
 
 
 def taut_line(start: Floats, end: Floats, bones: Sequence[Solids], radius: float) -> Floats:
-    """Return the shortest line (24, 3) between two points at a distance from bones [mm].
+    """Return the shortest line (24, 3) outside bones [mm].
 
     Each round moves a point half way to the mean of its neighbours, then out of bones. Near the ends, on the
     bones, the distance falls to 0.
@@ -118,8 +116,6 @@ def taut_line(start: Floats, end: Floats, bones: Sequence[Solids], radius: float
 
 #: Fraction of a label in smaller pieces above which the label may hold two structures, such as both sides.
 MOST_LEFT_OUT = 0.05
-#: Landmarks around a tendon's end.
-RING = 12
 
 
 def draft_of_labels(
@@ -183,7 +179,7 @@ def _figures(surface: vtkPolyData) -> str:
 
 
 def _faults(draft: Draft, name: str, kind: str, surface: vtkPolyData) -> str:
-    """Note the faults of a label; return the reason for a missing surface."""
+    """Note the faults of a label; return a refusal's reason."""
     reason = field_string(surface, "Refused")
     if reason is not None:
         draft.guesses.append(Guess(f"{kind}.{name}", LEFT_OUT, 0.0, reason))
@@ -211,7 +207,7 @@ def _values(surface: vtkPolyData, name: str) -> NDArray[Any]:
 
 
 def _draw_tendons(draft: Draft, muscle: str, label: Label, edge: float) -> None:
-    """Add tendons from a muscle to landmarks out of reach, with areas at the ends."""
+    """Add tendons to landmarks out of reach."""
     for number, area in enumerate(draft.areas.get(muscle, [])):
         surface = draft.muscles[muscle]
         gap = float(solids_of(*checked_surface(surface, muscle)).distances(area.landmarks).min())
@@ -226,7 +222,7 @@ def _draw_tendons(draft: Draft, muscle: str, label: Label, edge: float) -> None:
         draft.muscles[muscle] = tendon.surface
         # The area is the foot of the tube on the bone.
         axes = np.linalg.svd(outward)[2][1:]
-        angles = np.linspace(0.0, 2.0 * np.pi, RING, endpoint=False)
+        angles = np.linspace(0.0, 2.0 * np.pi, 12, endpoint=False)
         ring = target + tendon.radius * (np.column_stack([np.cos(angles), np.sin(angles)]) @ axes)
         draft.areas[muscle][number] = replace(area, landmarks=ring, closed=True, estimated=True)
         why = f"the label ends {gap:.0f} mm from the landmarks of its {area.role}: a tube of radius "

@@ -31,7 +31,7 @@ _AREA = re.compile(rf"^(.+)_({'|'.join((*ROLES, VIA))})(?:_(.*))?$")
 
 
 def likely_unit(longest: float) -> tuple[str, float]:
-    """Return the likely unit of a body part's longest side, and the confidence.
+    """Return the likely unit of a longest side, and the confidence.
 
     Examples
     --------
@@ -109,7 +109,9 @@ def _roles_name(file: Path) -> str:
 
 
 def add_landmarks(draft: Draft, files: Sequence[Path], *, scale: float = 1.0) -> None:
-    """Add landmarks to a draft, by the muscle and role in each file's name.
+    """Add landmarks to a draft by their file names.
+
+    A file's name has the muscle and the role.
 
     The bone is in the file's name after the role, or is the closest bone. Landmarks that end near their start
     are a ring. ``scale`` converts coordinates to mm.

@@ -1,4 +1,4 @@
-"""Structures by name: bones and muscles, sides, and bones joined by joints."""
+"""Structures by name: kind, side, and joints."""
 
 from __future__ import annotations
 
@@ -139,7 +139,7 @@ def _tables() -> dict[str, dict[int, str]]:
 
 
 def name_table(source: str) -> dict[int, str]:
-    """Return names by label, from a table of the package or a .csv file.
+    """Return names by label from a built-in or .csv table.
 
     Lines of a file are label, name.
 

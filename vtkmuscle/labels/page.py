@@ -65,7 +65,7 @@ def draw(draft: Draft) -> bytes:
 
 
 def _figures(surface: vtkPolyData) -> tuple[str, str, str, str]:
-    """Return a surface's triangles and volume, and its accuracy against a label."""
+    """Return a surface's triangles, volume and accuracy as text."""
     points, triangles = checked_surface(surface, "surface")
     error, distances = field_array(surface, "VolumeError"), field_array(surface, "BoundaryDistance")
     against = "" if error is None else f"{100.0 * error[0]:+.2f} %"

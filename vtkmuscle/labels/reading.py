@@ -87,7 +87,7 @@ Layer = tuple[NDArray[np.integer], Floats, Mapping[int, str]]
 
 
 def _read(file: Path) -> Iterator[Layer]:
-    """Yield a file's layers: voxels (nk, nj, ni), transform to the world, label names."""
+    """Yield voxels (nk, nj, ni), world transform and names by layer."""
     if file.suffix.lower() == ".dcm":
         yield _dicom(file)
         return

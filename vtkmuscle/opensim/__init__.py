@@ -1,4 +1,4 @@
-"""Models of OpenSim and MuJoCo: read, checked, and written with the muscles of a run.
+"""Models of OpenSim and MuJoCo, read, checked and written.
 
 Models are written from a :class:`~vtkmuscle.joints.tree.KinematicTree` with paths, so that tests can compare
 lengths and moment arms with OpenSim's.

@@ -1,4 +1,4 @@
-"""Jumps and sign changes of a model's muscle lengths and moment arms."""
+"""Jumps and sign changes of muscle lengths and moment arms."""
 
 from __future__ import annotations
 
@@ -23,8 +23,6 @@ POSES, SWEEPS = 91, 8
 AWAY = {True: float(np.radians(30.0)), False: 0.02}
 #: Smallest reported jump of a length, jump of a moment arm, and moment arm on both sides of zero [m].
 JUMP, ARM_JUMP, ARM = 0.5e-3, 5e-3, 2e-3
-#: Halvings of an interval; a change that remains is a jump.
-HALVINGS = 16
 #: Distance of the two moment arms from a jump [rad or m].
 ARM_DISTANCE = 1e-3
 #: Width and height of a curve [pixels].
@@ -103,7 +101,7 @@ class ModelCheck:
         return Table(COLUMNS, map(self._row, self.findings))
 
     def write(self, page: Path) -> Path:
-        """Write the findings as a page and a table; return the table's path."""
+        """Write a page and a table; return the table's path."""
         drawings = [
             (f"{each.muscle}, {each.coordinate}: {each.what}", _curve(each)) for each in self.findings
         ]
@@ -129,7 +127,7 @@ class ModelCheck:
 
 
 def check_model(path: str | PathLike[str]) -> ModelCheck:
-    """Sweep each muscle of a model over the coordinates that it crosses.
+    """Check the muscles of a model over the crossed coordinates.
 
     Lengths of point paths and polynomials are computed here, lengths with wrapping surfaces by OpenSim if
     installed.
@@ -206,7 +204,7 @@ class _Sweeps:
         return self.lengths([self.muscle], values)[self.muscle]
 
     def arm(self, sweeps: Ints, at: Floats) -> Floats:
-        """Return the moment arms (k,) in sweeps (k,) at coordinate values (k,)."""
+        """Return the moment arms (k,) as in :meth:`length`."""
         ends = self.length(np.tile(sweeps, 2), np.concatenate([at - STEP, at + STEP])).reshape(2, -1)
         result: Floats = (ends[0] - ends[1]) / (2.0 * STEP)
         return result
@@ -257,7 +255,7 @@ class _Sweeps:
 
 
 def _neighbour_mean(steps: Floats) -> Floats:
-    """Return the mean (s, n) of the previous and the next step."""
+    """Return the mean (s, n) of neighbouring steps."""
     padded = np.pad(steps, ((0, 0), (1, 1)), mode="edge")
     return (padded[:, :-2] + padded[:, 2:]) / 2.0
 
@@ -265,13 +263,13 @@ def _neighbour_mean(steps: Floats) -> Floats:
 def _halved(
     quantity: Callable[[Ints, Floats], Floats], sweeps: Ints, ends: tuple[Floats, Floats], slopes: Floats
 ) -> tuple[Floats, Floats]:
-    """Return the change (k,) that remains in halved intervals, and its position.
+    """Return the remaining change (k,) in halved intervals, with its position.
 
     Each halving keeps the half with the larger excess over the neighbouring slope.
     """
     low, high = (end.copy() for end in ends)
     first, last = quantity(sweeps, low), quantity(sweeps, high)
-    for _ in range(HALVINGS):
+    for _ in range(16):  # a change that remains is a jump
         middle = (low + high) / 2.0
         now = quantity(sweeps, middle)
         smooth = slopes * (high - low) / 2.0

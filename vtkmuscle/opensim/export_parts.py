@@ -118,7 +118,7 @@ def write_meshes(
     frame: str,
     metres: float,
 ) -> dict[str, list[str]]:
-    """Write surfaces as .stl files in ``Geometry``; return file names by body.
+    """Write surfaces in ``Geometry``; return file names by body.
 
     Files are in metres and in the frames of bodies.
 

@@ -1,4 +1,4 @@
-"""Paths fitted to lengths and moment arms: polynomials, and points with cylinders."""
+"""Polynomial and point paths fitted to lengths and moment arms."""
 
 from __future__ import annotations
 
@@ -22,8 +22,6 @@ PARTS = 5
 WORTH = 0.05
 #: Largest ratio of polynomial terms to fitted numbers.
 FILLED = 0.7
-#: Largest sum of powers.
-HIGHEST_ORDER = 6
 
 
 def fit_length(
@@ -68,7 +66,7 @@ def fit_length(
         return np.vstack([terms(scaled, order), *(_slopes(scaled, order, i) for i in slopes)])
 
     errors: dict[int, float] = {}
-    for order in range(1, HIGHEST_ORDER + 1):
+    for order in range(1, 7):
         count = len(powers(samples.shape[1], order))
         if count > FILLED * min((~mask).sum() for mask in masks) or order >= levels:
             break
@@ -98,7 +96,7 @@ def _held_back(samples: Floats) -> list[Bools]:
 
 
 def _slopes(samples: Floats, order: int, variable: int) -> Floats:
-    """Return the derivatives (f, m) of a polynomial's terms by a variable."""
+    """Return the derivatives (f, m) of polynomial terms by a variable."""
     table = powers(samples.shape[1], order)
     factors = table[:, variable].astype(np.float64)
     table[:, variable] = np.maximum(table[:, variable] - 1, 0)
@@ -140,8 +138,6 @@ PLACES = (0.25, 0.5, 0.75)
 RADII = (0.015, 0.04)
 #: Steps of lengths [m] and of directions that the search treats as equal.
 SCALES = (0.01, 0.3)
-#: Function evaluations per search, at most; a search starts at each initial cylinder.
-STEPS = 40
 
 
 def fit_points(
@@ -154,7 +150,7 @@ def fit_points(
     *,
     tolerance: float,
 ) -> PointPath:
-    """Fit a path over points and round cylinders to lengths and moment arms.
+    """Fit a point path with cylinders to lengths and moment arms.
 
     The path joins the fibres' mean ends, with a via point on either side of each joint, and may wind round a
     cylinder on either body of a joint. Points and cylinders minimise the squared errors of lengths and of
@@ -241,7 +237,10 @@ class _Search:
         return _rms(self.off(path))
 
     def flips(self, path: PointPath) -> bool:
-        """Return whether a path takes both sides of a cylinder, so that moment arms jump."""
+        """Return whether a path takes both sides of a cylinder.
+
+        The moment arm jumps between the sides.
+        """
         points = path.positions(self.poses, self.full, {})
         for cylinder in path.cylinders:
             ends = points[cylinder.after : cylinder.after + 2]
@@ -276,12 +275,12 @@ class _Search:
             for each in path.cylinders
         ]
         initial = np.concatenate(parts)
-        solution = least_squares(lambda x: self.off(path_of(x)) / SCALES[0], initial, max_nfev=STEPS)
+        solution = least_squares(lambda x: self.off(path_of(x)) / SCALES[0], initial, max_nfev=40)
         return path_of(solution.x)
 
 
 def _beginnings(line: Floats, body: str, after: int) -> Iterator[Cylinder]:
-    """Yield initial cylinders on the inner side of a line (n, 3)."""
+    """Yield initial cylinders inside the bend of a line (n, 3)."""
     chord = line[-1] - line[0]
     chord = chord / np.linalg.norm(chord)
     for part in PLACES:

@@ -48,7 +48,7 @@ GEOMETRY_ONLY = "PathActuator"
 
 @dataclass(frozen=True, eq=False)
 class ExportedMuscle:
-    """A group of fibres as written, and its errors against the run.
+    """A group of fibres as written, with errors.
 
     Attributes
     ----------
@@ -145,7 +145,7 @@ def write_opensim(
     replace: Mapping[str, str] | None = None,
     **options: Any,
 ) -> list[ExportedMuscle]:
-    """Write the muscles of a scene with joints as an OpenSim model.
+    """Write the muscles of a scene as an OpenSim model.
 
     Next to the model are ``NAME_errors.csv`` and, for a new model, meshes of bones and muscles in
     ``Geometry``.
@@ -197,7 +197,7 @@ def write_opensim(
 def write_mujoco(
     source: str | PathLike[str], out: str | PathLike[str], *, result: Result | None = None, **options: Any
 ) -> list[ExportedMuscle]:
-    """Write the muscles of a scene with joints as a MuJoCo model.
+    """Write the muscles of a scene as a MuJoCo model.
 
     Muscles become tendons with actuators.
 
@@ -233,7 +233,7 @@ def write_mujoco(
 
 
 def _meshes(run: _Run, out: Path) -> dict[str, list[str]]:
-    """Write meshes of bones and, at rest, of muscles on origin bodies."""
+    """Write meshes of bones, and of muscles at rest."""
     surfaces = {name: (run.joints.bodies[name], surface) for name, surface in run.scene.bones.items()}
     muscles = run.scene.muscles.items()
     surfaces |= {f"{name}_at_rest": (run.ends[name][0], muscle.surface) for name, muscle in muscles}
@@ -264,7 +264,7 @@ class _Run(NamedTuple):
 
 
 def _run_of(source: Path, result: Result | None) -> _Run:
-    """Return a scene and the results, from a new run if necessary."""
+    """Return a scene and its results, run if necessary."""
     path = source
     if source.is_dir():
         result = result or Result.load(source)
@@ -337,7 +337,7 @@ def _exported_group(
     lines: Floats | None,
     given: Mapping[str, float],
 ) -> ExportedMuscle:
-    """Return a muscle's fibres (n,) as a path; with ``lines``, over points."""
+    """Return fibres (n,) of a muscle as a path."""
     tree, values, lengths = run.tree, run.values, run.result.lengths[name]
     count = int(members.sum())
     arms = run.result.moment_arms()[name]
@@ -376,7 +376,10 @@ def _exported_group(
 
 
 def _lines(run: _Run, name: str) -> Floats:
-    """Return the fibre paths (f, n, p, 3) in the root's frame [m]."""
+    """Return the fibre paths (f, n, p, 3) in the root's frame.
+
+    Positions are in metres.
+    """
     tree, joints = run.tree, run.joints
     rest, now = tree.poses({}), tree.poses(run.values)
     hold = rest[joints.fixed] @ inverses(now[joints.fixed])

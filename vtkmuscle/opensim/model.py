@@ -1,4 +1,4 @@
-"""Models of OpenSim: bodies, joints, couplings, markers, muscle paths and mesh names."""
+"""Models of OpenSim."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class Marker:
 
 @dataclass(frozen=True, eq=False)
 class BodyMesh:
-    """A mesh file with its scale (3,) and frame (4, 4) on a body."""
+    """A mesh file on a body: scale (3,), frame (4, 4)."""
 
     body: str
     file: str

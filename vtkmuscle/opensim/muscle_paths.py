@@ -24,7 +24,7 @@ STEP = 1e-4
 
 @dataclass(frozen=True, eq=False)
 class PathPoint:
-    """A point of a path, fixed to a body or moving on it.
+    """A fixed or moving point of a path.
 
     Attributes
     ----------
@@ -53,7 +53,10 @@ class PathPoint:
     def positions(
         self, values: Mapping[str, Floats], frames: int, ranges: Mapping[str, tuple[float, float] | None]
     ) -> Floats:
-        """Return positions (f, 3) on the body, constant beyond the coordinate's range."""
+        """Return positions (f, 3) in the body's frame.
+
+        Beyond the coordinate's range the position is constant.
+        """
         result = np.tile(np.asarray(self.position, dtype=np.float64), (frames, 1))
         for number, (function, name) in enumerate(zip(self.functions, self.coordinates, strict=True)):
             if function is not None:
@@ -186,7 +189,10 @@ class PointPath:
         full: Mapping[str, Floats],
         ranges: Mapping[str, tuple[float, float] | None],
     ) -> Floats:
-        """Return the points (n, f, 3) in the root's frame, for poses (f, 4, 4)."""
+        """Return the points (n, f, 3) in the root's frame.
+
+        ``poses`` are the bodies' (f, 4, 4).
+        """
         frames = len(next(iter(poses.values())))
         positions = [
             np.einsum("fij,fj->fi", poses[point.body][:, :3, :3], point.positions(full, frames, ranges))
@@ -202,7 +208,7 @@ class PointPath:
         held: Mapping[str, Floats],
         ranges: Mapping[str, tuple[float, float] | None],
     ) -> Floats:
-        """Return the lengths (f,) for poses of the bodies (f, 4, 4).
+        """Return the lengths (f,) for body poses (f, 4, 4).
 
         Coordinate values (f,) in ``full`` move points; values in ``held`` decide on conditional points.
         """
@@ -230,7 +236,7 @@ class PointPath:
 
 @dataclass(frozen=True, eq=False)
 class FunctionPath:
-    """A path given by a polynomial of d coordinates for its length.
+    """A path with a polynomial of d coordinates as length.
 
     Coordinates are in rad or units of length. ``order`` is the highest sum of powers; the coefficients (m,)
     are in the order of :func:`powers`.
@@ -265,7 +271,7 @@ class FunctionPath:
 
 
 def powers(dimension: int, order: int) -> Ints:
-    """Return the powers (m, d) of a polynomial's terms, in OpenSim's order.
+    """Return the powers (m, d) of polynomial terms in OpenSim's order.
 
     Examples
     --------

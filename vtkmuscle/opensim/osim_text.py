@@ -1,4 +1,4 @@
-"""Text of OpenSim models, and further muscles for models of a file."""
+"""Text of new and of extended OpenSim models."""
 
 from __future__ import annotations
 
@@ -28,8 +28,6 @@ MUSCLES = ("Millard2012EquilibriumMuscle", "Thelen2003Muscle", "DeGrooteFregly20
 GYRATION = 0.1
 #: Drawn length of a cylinder [m]; paths ignore the length.
 CYLINDER = 0.5
-#: Opacity of a muscle mesh, which stays at rest while the model moves.
-OPACITY = 0.3
 #: Component paths in a model, by kind ("body" or "coordinate") and name.
 _Paths = dict[tuple[str, str], str]
 
@@ -181,7 +179,7 @@ def enriched(model: Path, muscles: Sequence[MuscleOut], *, replace: Sequence[str
 
 
 def _component_paths(tree: KinematicTree, joint_of: Mapping[str, str]) -> _Paths:
-    """Return component paths for a tree and the joint of each coordinate."""
+    """Return component paths of bodies and coordinates."""
     bodies = {("body", body): f"/bodyset/{body}" for body in tree.bodies} | {("body", tree.root): "/ground"}
     return bodies | {("coordinate", name): f"/jointset/{joint}/{name}" for name, joint in joint_of.items()}
 
@@ -208,7 +206,8 @@ def _objects_in(body: Element) -> Element:
 
 
 def _mesh(name: str) -> Element:
-    opacity = made("Appearance", made("opacity", OPACITY if name.endswith("_at_rest") else 1.0))
+    # A muscle mesh stays at rest while the model moves.
+    opacity = made("Appearance", made("opacity", 0.3 if name.endswith("_at_rest") else 1.0))
     return made("Mesh", made("mesh_file", f"{name}.stl"), opacity, name=f"{name}_mesh")
 
 
@@ -272,7 +271,7 @@ def _coordinate(coordinate: JointCoordinate) -> Element:
 
 
 def _transform_axes(joint: Joint) -> Iterator[Element]:
-    """Yield the elements of 3 rotations and 3 translations, 0 if missing."""
+    """Yield 3 rotations and 3 translations, 0 if missing."""
     zero = Polynomial(np.array([0.0]))
     axes: list[JointAxis] = []
     for part in (joint.rotations, joint.translations):

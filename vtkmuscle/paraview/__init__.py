@@ -1,7 +1,6 @@
-"""The filters in ParaView: a plugin whose proxies are made from what the filters declare.
+"""The filters as a ParaView plugin.
 
-``proxies`` says how a declared parameter is shown and writes a filter's XML, ``shells`` gives a filter the
-setters that ParaView calls, and a source of scenes, ``plugins`` is the folder that ParaView loads, and
-``environment`` finds what has to be set for that. Nothing here imports PyVista, and nothing but the plugin
-file itself imports ParaView.
+``proxies`` writes a filter's XML, ``shells`` has the setters that ParaView calls and a source of scenes,
+``plugins`` is the folder that ParaView loads, and ``environment`` finds the necessary variables. No module
+imports PyVista, and only the plugin file imports ParaView.
 """

@@ -1,4 +1,4 @@
-"""What has to be set for ParaView to find the plugin and the packages that it needs."""
+"""Environment variables with which ParaView finds the plugin and its packages."""
 
 from __future__ import annotations
 
@@ -14,21 +14,21 @@ from vtkmuscle.core.machine import FOLDER_VARIABLE, cache_folder
 from vtkmuscle.io.writing import write_text
 
 _HERE = Path(__file__).resolve().parent
-#: What ParaView loads at start-up.
+#: Folder that ParaView loads at start-up.
 PLUGINS = _HERE / "plugins"
-#: What lets ParaView 5.11 load Python plugins at all where its Python is 3.11.
+#: Folder that enables Python plugins in ParaView 5.11 with Python 3.11.
 COMPATIBILITY = _HERE / "compatibility_5_11"
-#: Packages that filters and scenes need beside vtkmuscle; where one is not installed they say so.
+#: Packages for filters and scenes besides vtkmuscle; a missing package is reported on use.
 DISTRIBUTIONS = (
     *("numpy", "scipy", "numba", "llvmlite", "lazy-loader", "tomli-w"),
     *("pydantic", "pydantic-core", "annotated-types", "typing-extensions", "typing-inspection"),
 )
-#: The file that says which links in a folder are ours.
+#: File with the links made in a folder.
 _RECORD = ".made_by_vtkmuscle.json"
 
 
 def default_folder() -> Path:
-    """Return the folder for the links: one for each Python environment, in the user's cache."""
+    """Return the cache folder for links of this environment."""
     cache = cache_folder()
     if cache is None:
         raise ValueError(f"there is no cache folder ({FOLDER_VARIABLE} is empty); give one with --folder")
@@ -37,11 +37,15 @@ def default_folder() -> Path:
 
 
 def link_packages(folder: Path) -> None:
-    """Fill a folder with links to vtkmuscle and to the packages it needs in ParaView, and to no others.
+    """Fill a folder with links to packages for ParaView.
 
-    The environment's own site-packages would put its VTK in the place of ParaView's. A file in the folder
-    lists our links: only those are ever removed. Raises ValueError, and changes nothing, if the folder holds
-    anything else.
+    The environment's site-packages would replace ParaView's VTK. A file lists the links made here; only
+    listed links are ever removed.
+
+    Raises
+    ------
+    ValueError
+        If the folder contains other files; the folder is unchanged.
     """
     package = Path(vtkmuscle.__file__).resolve().parent
     targets = {package, *(target for name in DISTRIBUTIONS for target in _top_level(name))}
@@ -51,10 +55,10 @@ def link_packages(folder: Path) -> None:
     for old in sorted(folder.iterdir()):
         if old.name == _RECORD:
             continue
-        what = "is not a link" if not old.is_symlink() else "is a link that was not made here"
+        what = "is not a link" if not old.is_symlink() else "is a link of another program"
         if not old.is_symlink() or os.readlink(old) not in (ours.get(old.name), wanted.get(old.name)):
-            raise ValueError(f"{folder}: {old.name} {what}; give a folder of its own with --folder")
-    # The record comes first: what is not finished is ours all the same.
+            raise ValueError(f"{folder}: {old.name} {what}; give a separate folder with --folder")
+    # The record comes first, so that it also lists the links of an interrupted call.
     write_text(folder / _RECORD, json.dumps(ours | wanted, indent=1) + "\n")
     for name in {*ours, *wanted}:
         if (folder / name).is_symlink() and os.readlink(folder / name) != wanted.get(name):
@@ -66,7 +70,7 @@ def link_packages(folder: Path) -> None:
 
 
 def _our_links(folder: Path) -> dict[str, str]:
-    """Return the links that were made in a folder, and where each leads."""
+    """Return the target of each link made in a folder."""
     try:
         record = json.loads((folder / _RECORD).read_text(encoding="utf-8"))
     except (OSError, ValueError):
@@ -75,7 +79,7 @@ def _our_links(folder: Path) -> dict[str, str]:
 
 
 def _top_level(name: str) -> set[Path]:
-    """Return the files and folders in site-packages that a distribution consists of."""
+    """Return a distribution's files and folders in site-packages."""
     try:
         distribution = metadata.distribution(name)
     except metadata.PackageNotFoundError:
@@ -85,12 +89,15 @@ def _top_level(name: str) -> set[Path]:
 
 
 def settings(folder: Path) -> dict[str, list[Path]]:
-    """Return the environment variables for ParaView, each a list of folders; ``folder`` has the packages."""
+    """Return ParaView's environment variables as lists of folders."""
     return {"PV_PLUGIN_PATH": [PLUGINS], "PYTHONPATH": [COMPATIBILITY, folder]}
 
 
 def shell_commands(folder: Path) -> list[str]:
-    """Return the commands that set these variables, for a POSIX shell, or for cmd.exe on Windows."""
+    """Return shell commands that set the variables.
+
+    The shell is POSIX, or cmd.exe on Windows.
+    """
     version = f"{sys.version_info.major}.{sys.version_info.minor}"
     lines = [f"{'rem' if os.name == 'nt' else '#'} for a ParaView whose Python is {version}"]
     for name, folders in settings(folder).items():

@@ -1,4 +1,4 @@
-"""A filter's description for ParaView's server manager: its properties, from what the filter declares."""
+"""Descriptions of filters for ParaView's server manager."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ _RANGES = {int: "IntRangeDomain", float: "DoubleRangeDomain"}
 
 
 class _File(NamedTuple):
-    """A file that stands for a value which ParaView has no property for."""
+    """A file for a value without a property."""
 
     read: Callable[[Path], Any]
     extensions: str
     description: str
 
 
-#: Kinds of parameters that are given by a file.
+#: Kinds of parameters given by a file.
 FILES: dict[type, _File] = {
     RigidMotion: _File(read_motion, "toml", "the motion of a scene.toml"),
     Scene: _File(Scene.load, "toml", "a scene.toml"),
@@ -39,10 +39,10 @@ FILES: dict[type, _File] = {
 
 @dataclass(frozen=True)
 class Property:
-    """A property of a proxy: its name (``AngleStep``), and the server manager's description of it.
+    """A property of a proxy, such as ``AngleStep``, with XML.
 
-    ``take(state, *values)`` returns the parameter's value for what ParaView sets; ``state``, a dict of the
-    shell, is shared with the parameter's other property.
+    ``take(state, *values)`` returns the parameter's value for ParaView's values; ``state``, a dict of the
+    shell, is shared by a parameter's properties.
     """
 
     name: str
@@ -51,7 +51,7 @@ class Property:
 
     @property
     def command(self) -> str:
-        """The method that ParaView calls."""
+        """Name of the method for ParaView's values."""
         return f"Set{self.name}"
 
 
@@ -66,15 +66,21 @@ def spaced(name: str) -> str:
 
 
 def plain(text: str) -> str:
-    """Return help text without the marks of reStructuredText."""
+    """Return help text without markup of reStructuredText."""
     return re.sub(r":\w+:`~?([^`]*)`", r"\1", text).replace("``", "")
 
 
 def properties_of(parameter: Parameter[Any], among: Iterable[Parameter[Any]] = ()) -> list[Property]:
-    """Return the properties of a parameter in the order shown: one, or two for a number that may be None.
+    """Return the properties of a parameter in order.
 
-    They are visible where they have an effect; ``among`` are all parameters of the filter. Raises TypeError
-    for a kind that has neither a property in ParaView nor a file to stand for it.
+    An optional number has 2 properties, other parameters 1.
+
+    A property is visible if effective; ``among`` are all parameters of the filter.
+
+    Raises
+    ------
+    TypeError
+        For a kind with neither a property in ParaView nor a file.
     """
     properties = _properties_of(parameter)
     for shown in properties:
@@ -92,10 +98,10 @@ def properties_of(parameter: Parameter[Any], among: Iterable[Parameter[Any]] = (
 
 
 def informations_of(kind: type[Filter]) -> dict[str, Element]:
-    """Return the properties of a filter that ParaView only reads, by the attribute that each of them shows.
+    """Return the read-only properties of a filter, by attribute.
 
-    They are the lists of allowed texts, and the values that a preset has set: ``Iterations`` keeps the number
-    that was set, ``IterationsInEffect`` is the number that counts.
+    Read-only are lists of allowed texts, and values set by a preset: ``Iterations`` keeps the user's number,
+    ``IterationsInEffect`` is the effective number.
     """
     declared = kind.parameter_declarations
     preset = {name for each in declared.values() for group in each.sets.values() for name in group}
@@ -119,10 +125,9 @@ def _properties_of(parameter: Parameter[Any]) -> list[Property]:
     if parameter.kind in FILES:
         return [_file_property(name, parameter, FILES[parameter.kind])]
     if parameter.kind not in _VECTORS:
-        raise TypeError(
-            f"parameter {parameter.name!r} is a {parameter.kind.__name__}, for which ParaView has no "
-            "property; say in vtkmuscle.paraview.proxies.FILES which file stands for it"
-        )
+        kind = f"a {parameter.kind.__name__}, for which ParaView has no property"
+        remedy = "add a kind of file to vtkmuscle.paraview.proxies.FILES"
+        raise TypeError(f"parameter {parameter.name!r} is {kind}; {remedy}")
     if parameter.default is None and parameter.kind in _RANGES:
         return _optional_number(name, parameter)
     default = "" if parameter.default is None else parameter.default
@@ -161,9 +166,9 @@ def _vector(name: str, parameter: Parameter[Any], default: Any, count: int) -> E
 
 
 def _optional_number(name: str, parameter: Parameter[Any]) -> list[Property]:
-    """Return a check box for None and the number that counts without it.
+    """Return a check box for None, and the number without None.
 
-    ParaView's numbers are never None, and no number stands for it: 0 is a tolerance like any other.
+    ParaView's numbers are never None, and no number can represent None: 0 is a valid tolerance.
     """
     box = f"Automatic{name}"
     number = _vector(name, parameter, _first_number(parameter), 1)
@@ -181,7 +186,10 @@ def _optional_number(name: str, parameter: Parameter[Any]) -> list[Property]:
 
 
 def _show_only_with(xml: Element, other: str, values: Sequence[str], **more: str) -> None:
-    """Let a property be shown only where another one has one of some values, or none with inverse="1"."""
+    """Show a property only for values of another.
+
+    With inverse="1", the property is hidden for these values.
+    """
     hints = xml.find("Hints")
     if hints is None:
         hints = SubElement(xml, "Hints")
@@ -190,7 +198,7 @@ def _show_only_with(xml: Element, other: str, values: Sequence[str], **more: str
 
 
 def _first_number(parameter: Parameter[Any]) -> Any:
-    """Return the number that is shown first, within the parameter's bounds."""
+    """Return the initial number, within the parameter's bounds."""
     number = max(1.0, parameter.minimum or 0.0, 2.0 * (parameter.above or 0.0))
     return parameter.kind(number if parameter.maximum is None else min(number, parameter.maximum))
 
@@ -198,7 +206,7 @@ def _first_number(parameter: Parameter[Any]) -> Any:
 def _file_property(name: str, parameter: Parameter[Any], file: _File) -> Property:
     xml = _element(name, "String", "", 1)
     SubElement(xml, "FileListDomain", name="files")
-    _document(xml, parameter, f" Given by {file.description}; none where no file is named.")
+    _document(xml, parameter, f" Given by {file.description}; empty for none.")
     hints = SubElement(xml, "Hints")
     SubElement(hints, "FileChooser", extensions=file.extensions, file_description=file.description)
     return Property(name, xml, lambda state, path: file.read(Path(path)) if path else None)
@@ -216,19 +224,19 @@ def _document(xml: Element, parameter: Parameter[Any], more: str = "") -> None:
     SubElement(xml, "Documentation").text = f"{plain(described(parameter))}{more}"
 
 
-#: The menu in which all filters are found.
+#: Menu of all filters.
 CATEGORY = "Muscle"
 
 
 def proxy_parts(kind: type[Filter]) -> list[str]:
-    """Return the XML elements of a filter's proxy, in order: documentation, inputs, properties, outputs."""
+    """Return the XML elements of a proxy: documentation, inputs, properties, outputs."""
     parts = [_documentation(kind)]
     parts += [_input(number, port) for number, port in enumerate(kind.input_ports)]
     declared = kind.parameter_declarations.values()
     parts += informations_of(kind).values()
     parts += [shown.xml for parameter in declared for shown in properties_of(parameter, declared)]
     if kind.times_from is not None or kind.time_steps is not Filter.time_steps:
-        # By this ParaView's animation learns the time steps.
+        # ParaView's animation gets the time steps by this property.
         times = Element("DoubleVectorProperty", name="TimestepValues", repeatable="1", information_only="1")
         SubElement(times, "TimeStepsInformationHelper")
         parts.append(times)
@@ -241,7 +249,7 @@ def proxy_parts(kind: type[Filter]) -> list[str]:
 
 
 def proxy_hints(kind: type[Filter]) -> list[str]:
-    """Return XML hints of a filter's proxy: its menu; and of a source that reads a file, that it does."""
+    """Return XML hints of a proxy: menu and file type."""
     hints = [Element("ShowInMenu", category=CATEGORY)]
     for parameter in kind.parameter_declarations.values():
         if parameter.kind in FILES and not kind.input_ports:

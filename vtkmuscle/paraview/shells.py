@@ -1,4 +1,4 @@
-"""What ParaView is given: filters with the setters that it calls, and a source that reads a scene."""
+"""Filters with ParaView's setters, and a source of scenes."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ from vtkmuscle.scenes import Scene
 
 
 class MuscleScene(Filter):
-    """Give a muscle of a scene.toml, with the scene's bones and the muscle's attachments.
+    """Give a muscle of a scene with attachments and bones.
 
-    The motion of the bones is read by BoneMotion, from the same file. Settings of the scene's solver are not
-    passed on: they are properties of the filters here.
+    BoneMotion reads the bones' motion from the same file. Settings of the scene's solver are not passed on:
+    set the filters' properties.
 
     Raises
     ------
@@ -63,9 +63,8 @@ class MuscleScene(Filter):
         muscles = self.scene.muscles
         name = self.muscle or next(iter(muscles))
         if name not in muscles:
-            raise ValueError(
-                f"MuscleScene.muscle: there is no muscle {name!r} in the scene; {suggestion(name, muscles)}"
-            )
+            problem = f"there is no muscle {name!r} in the scene"
+            raise ValueError(f"MuscleScene.muscle: {problem}; {suggestion(name, muscles)}")
         return (
             muscles[name].surface,
             multiblock_from(dict(self.scene.bones)),
@@ -74,16 +73,16 @@ class MuscleScene(Filter):
 
 
 def all_kinds() -> list[type[Filter]]:
-    """Return what is in the plugin: all public filters, in alphabetical order, and the reader of scenes."""
+    """Return the filters and the source in the plugin."""
     return [*filters.filter_classes(), MuscleScene]
 
 
 class Shell(Filter):
-    """A filter in ParaView: its errors are shown there.
+    """A filter in ParaView that shows errors there.
 
-    ParaView drops the error of a setter, and goes on with the value before. So a refused value is remembered,
-    and the filter fails with the reason until the value is replaced. ParaView also sets all properties,
-    hidden ones as well, in any order: a parameter that a preset sets waits until the preset allows its own
+    ParaView drops the error of a setter and keeps the previous value. A refused value is therefore stored,
+    and the filter fails with the reason until the value is replaced. ParaView sets all properties, also
+    hidden properties, in any order: a parameter controlled by a preset waits until the preset allows the
     value.
     """
 
@@ -95,7 +94,7 @@ class Shell(Filter):
         super().__init__(**parameters)
 
     def take(self, name: str, shown: Property, values: tuple[Any, ...]) -> None:
-        """Set a parameter from what ParaView sets."""
+        """Set a parameter from a value of ParaView."""
         refused = self._refused.pop(name, None)
         try:
             declared = self.parameter_declarations[name]
@@ -104,20 +103,20 @@ class Shell(Filter):
             if declared.sets:
                 setattr(self, name, value)
             for each in self._given if declared.sets else (name,):
-                if each not in self._set_by_others():
+                if each not in self._set_by_presets():
                     setattr(self, each, self._given[each])
         except (ValueError, OSError) as error:
             self._refused[name] = str(error)
         if self._refused.get(name) != refused:
             self.Modified()
 
-    def _set_by_others(self) -> set[str]:
-        """Return the parameters that another one sets."""
+    def _set_by_presets(self) -> set[str]:
+        """Return the parameters controlled by a preset."""
         declared = self.parameter_declarations.items()
-        return {other for name, each in declared for other in each.group(getattr(self, name))}
+        return {controlled for name, each in declared for controlled in each.group(getattr(self, name))}
 
     def ProcessRequest(self, request: Any, inInfo: Any, outInfo: Any) -> int:
-        """Answer a request, and show why where that fails."""
+        """Answer a request, and show the reason of a failure."""
         done = super().ProcessRequest(request, inInfo, outInfo)
         if self._failure is not None:
             if not isinstance(self._failure, AbortedError):
@@ -135,7 +134,7 @@ class Shell(Filter):
 
 
 def shell_of(kind: type[Filter], module: str) -> type[Shell]:
-    """Return a class of a filter's name, in a module, with a setter for each property in ParaView."""
+    """Return a class of a filter's name with ParaView's setters."""
     members: dict[str, Any] = {"__module__": module, "__doc__": kind.__doc__}
     for name, parameter in kind.parameter_declarations.items():
         for shown in properties_of(parameter):

@@ -1,4 +1,4 @@
-"""Pictures and figures of a run: muscles, bones, fibre lengths and moment arms.
+"""Pictures and figures of a run.
 
 Surfaces are rendered in parallel projection on white, by VTK for figures and by PyVista for windows. Panels,
 titles, legends and curves are objects of matplotlib, without changes to the global state of a library.

@@ -65,7 +65,10 @@ def actors_of(
 
 
 def bone_actor(bone: DrawnBone) -> vtkActor:
-    """Return a bone at rest in ivory; closed bones hide back faces."""
+    """Return a bone at rest in ivory.
+
+    Closed bones hide back faces.
+    """
     surface = _with_normals(surface_from(bone.points, bone.triangles), bone.normals)
     return _actor(surface, IVORY, backface_culling=bone.solid)
 
@@ -79,7 +82,7 @@ def surface_actor(surface: vtkPolyData, colour: str = IVORY, *, opacity: float =
 
 
 def move_points(actor: vtkActor, points: Floats) -> None:
-    """Move the points of a surface, with its normals, or of lines."""
+    """Move the points of a surface or of lines."""
     data = actor.GetMapper().GetInput()
     data.SetPoints(vtk_points(points))
     if data.GetNumberOfPolys():
@@ -87,7 +90,7 @@ def move_points(actor: vtkActor, points: Floats) -> None:
 
 
 def fixed_point_actors(muscle: vtkPolyData, diameter: float) -> list[vtkActor]:
-    """Return the fixed points of a muscle as balls [pixels], coloured by bone."""
+    """Return fixed points as balls [pixels], coloured by bone."""
     points, fixed_to = points_of(muscle), fixed_bones(muscle)
     actors = []
     for bone in np.unique(fixed_to[fixed_to >= 0]):
@@ -110,7 +113,9 @@ def line_actor(lines: vtkPolyData, colour: str) -> vtkActor:
 
 
 def strain_colours(strain: Floats, limit: float) -> NDArray[np.uint8]:
-    """Return the colours (n, 3) of strains (n,) [%], saturated at a limit.
+    """Return colours (n, 3) of strains (n,) [%].
+
+    Colours saturate at the limit.
 
     Examples
     --------
@@ -123,12 +128,14 @@ def strain_colours(strain: Floats, limit: float) -> NDArray[np.uint8]:
 
 
 def position_colours(positions: Floats) -> NDArray[np.uint8]:
-    """Return the colours (n, 3) of positions (n,) across a muscle, 0 to 1."""
+    """Return colours (n, 3) of positions (n,) from 0 to 1."""
     return _colours(PLACE_MAP, positions)
 
 
 def fibre_actor(fibres: vtkPolyData, width: float, colours: NDArray[np.uint8] | None = None) -> vtkActor:
-    """Return splines through fibre points, ``width`` [pixels] wide and shaded as tubes.
+    """Return splines through fibre points, shaded as tubes.
+
+    ``width`` is in pixels.
 
     ``colours`` are (n_fibres, 3). Rendering tubes of triangles takes a third longer.
     """
@@ -154,7 +161,10 @@ def fibre_actor(fibres: vtkPolyData, width: float, colours: NDArray[np.uint8] | 
 
 
 def fixed_bones(muscle: vtkPolyData) -> Ints:
-    """Return the bone index of each point from ``FixedTo``, -1 for free points."""
+    """Return the bone index of points, -1 for free points.
+
+    The point array ``FixedTo`` has the indices.
+    """
     if muscle.GetPointData().GetArray("FixedTo") is None:
         return np.full(muscle.GetNumberOfPoints(), -1)
     return point_array(muscle, "FixedTo", "plotting: muscle").astype(np.int64)

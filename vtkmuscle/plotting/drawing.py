@@ -51,7 +51,7 @@ _LOG_PREFIX = re.compile(r"^.*\b(WARN|ERR)\|\s|\x1b\[[0-9;]*m")
 
 @cache
 def can_render() -> str | None:
-    """Return None if pictures can be rendered off-screen, or else the reason.
+    """Return None, or the reason against off-screen pictures.
 
     A child process renders a tiny picture, once per process: without an OpenGL library, VTK may end the
     process instead of raising an error.
@@ -85,7 +85,7 @@ def can_render() -> str | None:
 
 
 class MuscleFrame(NamedTuple):
-    """A muscle in a frame: surface, transforms of bones from rest, fibres, and title."""
+    """A muscle in a frame, with bones, fibres and title."""
 
     muscle: vtkPolyData
     transforms: Mapping[str, Floats]
@@ -95,7 +95,9 @@ class MuscleFrame(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class FigureOrder:
-    """A figure to be drawn: file name, function of :mod:`vtkmuscle.plotting`, and arguments.
+    """A figure to be drawn: file name, function, arguments.
+
+    The function is in :mod:`vtkmuscle.plotting`.
 
     ``rendered`` figures also take the bones and the studio.
     """
@@ -108,7 +110,7 @@ class FigureOrder:
     def write(
         self, folder: Path, bones: DrawnBones, studio: Studio, form: str = "png", dpi: float = 150.0
     ) -> Path:
-        """Draw the figure into a folder, made if missing, and return the file."""
+        """Draw the figure into a folder; return the file."""
         from vtkmuscle.plotting.sheets import save_figure  # noqa: PLC0415 -- loads matplotlib
 
         scene = {"bones": bones, "studio": studio} if self.rendered else {}

@@ -50,7 +50,7 @@ def plot_rest_pose(
     title: str = "",
     units: str = "mm",
 ) -> Figure:
-    """Return a picture of the muscles at rest, fixed points coloured by bone.
+    """Return a picture of muscles and fixed points at rest.
 
     Parameters
     ----------
@@ -99,7 +99,7 @@ def plot_muscle(
     title: str = "",
     units: str = "mm",
 ) -> Figure:
-    """Return a picture of a muscle in several frames, from the same direction.
+    """Return a picture of a muscle in several frames.
 
     Parameters
     ----------
@@ -152,7 +152,7 @@ def plot_lengths(
     time_label: str = "time",
     units: str = "mm",
 ) -> Figure:
-    """Return the lengths of a muscle's paths or fibres over time, with the mean.
+    """Return curves of path or fibre lengths over time.
 
     Parameters
     ----------
@@ -198,7 +198,10 @@ def _with_fixed_points(
 
 
 def _lines(x: Floats, values: Floats, **look: Any) -> LineCollection:
-    """Return thin lines (n, k) over x (n,), drawn much faster than single lines."""
+    """Return thin lines (n, k) over x (n,).
+
+    A collection is drawn much faster than single lines.
+    """
     points = np.stack([np.broadcast_to(x[:, None], values.shape), values], axis=2)
     return LineCollection(list(points.swapaxes(0, 1)), linewidths=0.7, **look)
 
@@ -221,7 +224,7 @@ def plot_moment_arms(
     literature: Sequence[LiteratureCurve] = (),
     units: str = "mm",
 ) -> Figure:
-    """Return the moment arms of a muscle by each coordinate, side by side.
+    """Return curves of a muscle's moment arms by coordinate.
 
     With fibres, a path has the colour of its fibre's position across the muscle, explained by a picture of
     the muscle.
@@ -282,7 +285,7 @@ def plot_moment_arms(
 
 
 def positions_across(fibres: vtkPolyData) -> Floats:
-    """Return the positions (n,) of fibres across their muscle, 0 to 1.
+    """Return fibre positions (n,) across the muscle, 0 to 1.
 
     The axis is the first principal axis of the fibres' midpoints, perpendicular to the mean fibre direction.
     """
@@ -315,7 +318,7 @@ def _draw_arms(axes: Axes, joint_arms: JointArms, positions: Floats | None) -> N
 
 
 def shown_range(arms: Floats, mean: Floats) -> tuple[float, float]:
-    """Return the limits of an axis for the mean and most paths.
+    """Return axis limits for the mean and most paths.
 
     Paths count from their 1st to 99th percentile, plus a margin of a tenth, so that a spike of a few paths
     does not flatten the axis.

@@ -1,4 +1,4 @@
-"""PyVista plotters of bones, muscles and fibres: still, in poses, or over time."""
+"""PyVista plotters of bones, muscles and fibres."""
 
 from __future__ import annotations
 
@@ -23,12 +23,8 @@ if TYPE_CHECKING:
     import pyvista
 
 
-#: Rendered pixels per picture pixel along each side, of PyVista's anti-aliasing.
-_FINER = 4
-
-
 def plain_plotter(size: tuple[int, int], off_screen: bool | None) -> pyvista.Plotter:
-    """Return a white plotter without the user's theme, but with the user's notebook backend."""
+    """Return a white plotter in the user's notebook backend."""
     import pyvista  # noqa: PLC0415 -- figures need none
 
     theme, own = pyvista.themes.DocumentTheme(), pyvista.global_theme
@@ -52,7 +48,7 @@ def make_plotter(
     fixed_points: bool = False,
     off_screen: bool | None = True,
 ) -> pyvista.Plotter:
-    """Return a plotter with ivory bones, translucent muscles and fibres in front.
+    """Return a plotter of bones, translucent muscles and fibres.
 
     Parameters
     ----------
@@ -77,7 +73,10 @@ def make_plotter(
         For ``show`` or ``screenshot``; to be closed afterwards.
     """
     plotter = plain_plotter(view.size, off_screen)
-    actors = actors_of(muscles, view, fibres=fibres, colours=colours, fixed_points=fixed_points, finer=_FINER)
+    looks: dict[str, Any] = {"colours": colours, "fixed_points": fixed_points}
+    actors = actors_of(
+        muscles, view, fibres=fibres, finer=4, **looks
+    )  # PyVista's anti-aliasing renders 4 x 4
     for actor in (*(surface_actor(bone) for _, bone in blocks_of(bones)), *actors):
         plotter.add_actor(actor, reset_camera=False, render=False)
     look_from(plotter.camera, view)
@@ -188,7 +187,7 @@ class MovingScene:
 
 
 def show_time(plotter: pyvista.Plotter, time: float) -> None:
-    """Update all filters on a plotter to a pipeline time, and render.
+    """Render all filters on a plotter at a time.
 
     Parameters
     ----------
@@ -217,7 +216,7 @@ def show_time(plotter: pyvista.Plotter, time: float) -> None:
 
 
 def add_time_slider(plotter: pyvista.Plotter, times: Sequence[float], **appearance: Any) -> Any:
-    """Add a slider that moves all filters on a plotter through time.
+    """Add a time slider for the filters on a plotter.
 
     Parameters
     ----------
@@ -239,7 +238,7 @@ def add_time_slider(plotter: pyvista.Plotter, times: Sequence[float], **appearan
 
 
 def _filters_behind(algorithm: Any) -> list[Filter]:
-    """Return the nearest filters of the package upstream of an algorithm, or itself."""
+    """Return the nearest filters of the package upstream."""
     if isinstance(algorithm, Filter):
         return [algorithm]
     return [

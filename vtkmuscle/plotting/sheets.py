@@ -22,15 +22,13 @@ from PIL import Image
 from vtkmuscle.plotting.views import View
 
 DOTS_PER_INCH = 150
-#: Font size of a legend [points], mean width of a letter and height of a row [inches].
+#: Font size of a legend [points].
 LEGEND_FONT = 11
-LETTER = 0.095
-LEGEND_ROW = 0.28
 
 
 @dataclass(frozen=True, eq=False)
 class Panel:
-    """A rendered picture on a sheet: pixels (height, width, 3), title and view."""
+    """A rendered picture (height, width, 3) with title and view."""
 
     image: NDArray[np.uint8]
     title: str
@@ -43,7 +41,10 @@ class Panel:
         return width / DOTS_PER_INCH, height / DOTS_PER_INCH
 
     def add_to(self, figure: Figure, corner: tuple[float, float], units: str) -> None:
-        """Add the panel to a figure at its lower left corner [inches], with title and scale bar."""
+        """Add the panel to a figure, with title and scale bar.
+
+        ``corner`` is the lower left corner [inches].
+        """
         (x, y), (width, height), inches = corner, self.inches, figure.dpi_scale_trans
         figure.add_artist(Pixels(self.image, corner))
         words: dict[str, Any] = {"transform": inches, "va": "bottom"}
@@ -82,20 +83,21 @@ class Pixels(Artist):
 
 
 def legend_columns(width: float, labels: Sequence[str]) -> int:
-    """Return the number of legend columns in a figure of some width [inches]."""
+    """Return the number of legend columns in a width [inches]."""
     letters = max((len(label) for label in labels), default=1)
-    return max(1, int(width / (0.5 + LETTER * letters)))
+    return max(1, int(width / (0.5 + 0.095 * letters))  # mean width of a letter [inches])
 
 
 def sheet(panels: Sequence[Panel], title: str, units: str, *, legend: Sequence[str] = ()) -> Figure:
-    """Return a figure of panels in rows, with room for a legend below."""
+    """Return a figure of panels in rows above a legend."""
     columns = len(panels) if len(panels) <= 4 else math.ceil(len(panels) / 2)
     rows = [panels[i : i + columns] for i in range(0, len(panels), columns)]
     gap, header, top, bottom = 0.12, 0.34, 0.45 if title else 0.0, 0.85  # inches
     widths = [sum(p.inches[0] + gap for p in row) + gap for row in rows]
     heights = [max(p.inches[1] for p in row) + header for row in rows]
     width = max(5.0, *widths)
-    bottom += LEGEND_ROW * (math.ceil(len(legend) / legend_columns(width, legend)) - 1 if legend else 0)
+    # A row of the legend is 0.28 inches high.
+    bottom += 0.28 * (math.ceil(len(legend) / legend_columns(width, legend)) - 1 if legend else 0)
     height = top + bottom + sum(heights)
     figure = blank_figure(width, height)
     if title:
@@ -118,7 +120,7 @@ def blank_figure(width: float, height: float) -> Figure:
 
 
 def save_figure(figure: Figure, path: Path, form: str = "png", dpi: float = DOTS_PER_INCH) -> None:
-    """Write a figure on an Agg canvas as png, pdf or svg.
+    """Write a figure as png, pdf or svg.
 
     Text and lines stay vectors in pdf and svg. A PNG takes a third of the time of ``savefig``.
     """

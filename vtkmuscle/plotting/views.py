@@ -46,10 +46,8 @@ class View:
         return round(math.sqrt(self.area * self.aspect)), round(math.sqrt(self.area / self.aspect))
 
 
-def choose_view(
-    muscles: Sequence[vtkPolyData], bones: Sequence[vtkMultiBlockDataSet], *, margin: float = 0.12
-) -> View:
-    """Return the view with the largest visible muscle area over all frames.
+def choose_view(muscles: Sequence[vtkPolyData], bones: Sequence[vtkMultiBlockDataSet]) -> View:
+    """Return the view with the largest visible muscle area.
 
     Directions around the vertical axis are compared by the muscle area that bones do not hide, then from
     slightly above and below. The frame encloses the muscles tightly.
@@ -60,8 +58,6 @@ def choose_view(
         A muscle in 1 or more frames.
     bones : sequence of vtkMultiBlockDataSet
         The bones of the frames.
-    margin : float, optional
-        Space around the muscles, relative to their size.
 
     Returns
     -------
@@ -71,11 +67,14 @@ def choose_view(
     hiding = [
         np.vstack([np.zeros((0, 3)), *(_spread(block) for _, block in blocks_of(frame))]) for frame in bones
     ]
-    return clearest_view(muscles, hiding, margin=margin)
+    return clearest_view(muscles, hiding)
 
 
-def clearest_view(muscles: Sequence[vtkPolyData], hiding: Sequence[Floats], *, margin: float = 0.12) -> View:
-    """Return the view of :func:`choose_view`, from bone points (k, 3) in each frame."""
+def clearest_view(muscles: Sequence[vtkPolyData], hiding: Sequence[Floats]) -> View:
+    """Return the view of :func:`choose_view` from bone points.
+
+    ``hiding`` are points (k, 3) on the bones of each frame.
+    """
     everything = np.vstack([points_of(muscle) for muscle in muscles])
     cell = float(np.linalg.norm(np.ptp(everything, axis=0))) / 30.0
     pairs = [(_spread(muscle), points) for muscle, points in zip(muscles, hiding, strict=True)]
@@ -94,11 +93,11 @@ def clearest_view(muscles: Sequence[vtkPolyData], hiding: Sequence[Floats], *, m
     best = max(
         candidates, key=lambda direction: area(direction) * float(np.hypot(direction[0], direction[1]))
     )
-    return framed(best, everything, margin=margin)
+    return framed(best, everything)
 
 
 def framed(direction: ArrayLike, points: Floats, *, margin: float = 0.12) -> View:
-    """Return the view along a direction with a tight frame around points.
+    """Return a view with a tight frame around points.
 
     Parameters
     ----------
@@ -123,7 +122,7 @@ def framed(direction: ArrayLike, points: Floats, *, margin: float = 0.12) -> Vie
 
 
 def fibre_surface(fibres: vtkPolyData) -> vtkPolyData:
-    """Return fibres as tubes of triangles, in place of a muscle surface."""
+    """Return fibres as tubes, in place of a muscle surface."""
     lines = polylines_from(polylines_of(fibres, "plotting: fibres"))
     tubes = vtkTubeFilter(radius=0.004 * lines.GetLength(), number_of_sides=6, capping=True, input_data=lines)
     triangles = vtkTriangleFilter()
@@ -150,7 +149,7 @@ def _direction(azimuth: float, elevation: float) -> Floats:
 
 
 def axes_of(direction: Floats) -> Floats:
-    """Return right, up and towards the eye as the rows of a (3, 3) rotation."""
+    """Return right, up and eye directions as a rotation (3, 3)."""
     x, y, z = direction / np.linalg.norm(direction)
     right = np.array([-y, x, 0.0])
     right /= np.linalg.norm(right)
@@ -163,7 +162,10 @@ def _spread(surface: vtkPolyData) -> Floats:
 
 
 def _visible_cells(muscle: Floats, bones: Floats, cell: float) -> int:
-    """Count the cells of the picture plane with muscle points (3, n) in front of bone points (3, k)."""
+    """Count the picture's cells with visible muscle.
+
+    A cell counts if a muscle point (3, n) is in front of all bone points (3, k).
+    """
     low = muscle[:2].min(axis=1)
     columns, rows = (np.floor((muscle[:2].max(axis=1) - low) / cell).astype(int) + 1).tolist()
     depth = np.full((2, columns * rows), -np.inf)

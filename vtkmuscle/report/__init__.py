@@ -1,4 +1,4 @@
-"""The page of a run: one HTML file with scene, curves and tables."""
+"""The page of a run as an HTML file."""
 
 from vtkmuscle.report.contents import MuscleContent, RunContent
 from vtkmuscle.report.page import page_of, write_page

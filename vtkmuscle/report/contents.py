@@ -1,4 +1,4 @@
-"""The content of a run's page: report, curves and data sets per frame."""
+"""Content of a run's page."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Curves of a page: lengths, moment arms and shape measures over the motion."""
+"""Curves of a page over the motion."""
 
 from __future__ import annotations
 
@@ -20,8 +20,6 @@ from vtkmuscle.report.scene3d import Pack
 MOST_FIBRES = 100
 #: Change of a measure, relative to its limit, below which words replace the curve.
 _FLAT = 1e-3
-#: Digits of numbers in the data of a page.
-_DIGITS = 5
 #: Minus sign of negative numbers.
 MINUS = "\u2212"
 
@@ -109,7 +107,7 @@ def rounded(values: Any) -> Any:
 
 
 def _short(value: float) -> float | None:
-    return float(f"{value:.{_DIGITS}g}") if math.isfinite(value) else None
+    return float(f"{value:.5g}") if math.isfinite(value) else None
 
 
 def label_of(name: str) -> str:
@@ -118,7 +116,7 @@ def label_of(name: str) -> str:
 
 
 def colour_of(index: int) -> str:
-    """Return the colour of a muscle by its index in the scene."""
+    """Return a muscle's colour by its index."""
     return PALETTE[index % len(PALETTE)]
 
 
@@ -187,7 +185,7 @@ def published_curves(curves: Sequence[LiteratureCurve], per_degree: float = 1.0)
 
 
 def _coordinates(run: RunContent) -> list[dict[str, Any]]:
-    """Return the coordinates of moment arms, with values in the kept frames."""
+    """Return the coordinates of moment arms, with values."""
     coordinates = {
         name: run.motion.coordinates[name] for muscle in run.muscles.values() for name in muscle.arms
     }
@@ -205,7 +203,7 @@ def _coordinates(run: RunContent) -> list[dict[str, Any]]:
 
 
 def _check(run: RunContent, measure: Measure, limit: tuple[float, float] | None) -> dict[str, Any]:
-    """Return a measure's title and limits, and words for a constant measure."""
+    """Return title, limits and words of a measure."""
     muscles = (run.report["muscles"][name]["frames"] for name in run.muscles)
     column = (row.get(measure.key) for frames in muscles for row in frames)
     values = measure(np.array([value for value in column if value is not None], dtype=np.float64))

@@ -1,4 +1,4 @@
-"""The report of a run as a self-contained page: scene, curves, tables and advice."""
+"""The report of a run as a self-contained page."""
 
 from __future__ import annotations
 
@@ -44,7 +44,10 @@ _SCRIPTS = (
 
 
 def write_page(path: str | PathLike[str], run: RunContent) -> Path:
-    """Write the page of a run as an .html file without external resources."""
+    """Write the page of a run as an .html file.
+
+    The file needs no external resources.
+    """
     write_text(Path(path), page_of(run))
     return Path(path)
 
@@ -163,7 +166,7 @@ def _sentence(words: Any) -> str:
 
 
 def _thinned(scene: Mapping[str, Any]) -> str:
-    """Return a sentence for each kind of detail that the scene omits."""
+    """Return sentences on details omitted in the scene."""
     words = []
     surfaces = [muscle["surface"] for muscle in scene["muscles"] if muscle["surface"] is not None]
     if any(surface["points"]["points"] < surface["whole"] for surface in surfaces):

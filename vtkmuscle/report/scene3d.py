@@ -1,4 +1,4 @@
-"""The scene of a page: bones, muscles and fibres per frame, packed."""
+"""The scene of a page as packed arrays."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ TYPES = {"u8": np.uint8, "i8": np.int8, "u16": np.uint16, "u32": np.uint32, "f32
 
 
 class Pack:
-    """Arrays in sequence; a dict gives the position and type of each array.
+    """Arrays in sequence, found by position and type.
 
     Examples
     --------
@@ -46,7 +46,10 @@ class Pack:
         self._size = 0
 
     def add(self, values: Any, kind: str) -> dict[str, Any]:
-        """Append an array of a type in :data:`TYPES`, and return its position."""
+        """Append an array of a known type; return its position.
+
+        Types are in :data:`TYPES`.
+        """
         array = np.ascontiguousarray(np.asarray(values), dtype=TYPES[kind])
         at, padding = self._size, -array.nbytes % 4
         self._parts += [array.tobytes(), bytes(padding)]
@@ -97,12 +100,12 @@ MOST_FRAMES = 120
 MUSCLE_POINTS, FIBRE_POINTS = 1_000_000, 600_000
 #: Least and largest number of triangles per muscle.
 LEAST, MOST = 600, 12_000
-#: Decimals of a bone's transform.
-_POSE_DIGITS = 7
 
 
 def scene_of(run: RunContent, pack: Pack) -> dict[str, Any]:
-    """Return the scene of a page, ready for JSON; add its arrays to the pack.
+    """Return the scene of a page, ready for JSON.
+
+    Arrays are added to the pack.
 
     The scene has bone surfaces at rest and their transforms; muscle points at rest and per frame; and points,
     length, strain and depth in bone of fibres per frame.
@@ -133,7 +136,7 @@ def scene_of(run: RunContent, pack: Pack) -> dict[str, Any]:
 
 
 def shown_frames(count: int) -> list[int]:
-    """Return the indices of the kept frames on a page, evenly spread."""
+    """Return evenly spread indices of kept frames."""
     positions = np.linspace(0, count - 1, min(count, MOST_FRAMES)).round()
     return [int(position) for position in np.unique(positions)]
 
@@ -153,10 +156,10 @@ def _bones(run: RunContent, shown: list[int], pack: Pack) -> list[dict[str, Any]
 
 
 def _rows(transforms: Floats | None, frames: list[int]) -> list[float] | None:
-    """Return the first three rows of a bone's transforms, None at rest."""
+    """Return 3 rows of each bone transform, None at rest."""
     if transforms is None or np.allclose(transforms[frames], np.eye(4)):
         return None
-    return [round(float(value), _POSE_DIGITS) for value in transforms[frames][:, :3].ravel()]
+    return [round(float(value), 7) for value in transforms[frames][:, :3].ravel()]
 
 
 def _muscle(
@@ -177,7 +180,7 @@ def _muscle(
 
 
 def _decimated(surface: vtkPolyData, points: Floats, target: int) -> tuple[Ints, Ints]:
-    """Return the kept points of a surface, and triangles on these points."""
+    """Return kept points of a surface, and their triangles."""
     decimation = vtkQuadricDecimation()
     decimation.SetInputData(surface)
     decimation.SetTargetReduction(1.0 - target / surface.GetNumberOfCells())
@@ -219,7 +222,7 @@ def _fibres(
 
 
 def _view(run: RunContent) -> dict[str, Any]:
-    """Return the viewing direction with the least hidden muscle area at rest."""
+    """Return the view with the largest visible muscle area."""
     muscles = merged(muscle.rest for muscle in run.muscles.values())
     view = clearest_view([muscles], [run.bones.spread()])
     return {"towards": [float(value) for value in view.direction]}

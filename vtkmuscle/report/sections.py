@@ -1,4 +1,4 @@
-"""Self-contained HTML pages of sections, in the style of a run's page."""
+"""Self-contained HTML pages of sections."""
 
 from __future__ import annotations
 
@@ -51,7 +51,10 @@ def write_page(path: Path, name: str, kind: str, lead: str, sections: Sequence[S
 
 
 def part(name: str) -> Markup:
-    """Return a file of the page unescaped; the package's files have no end of a script."""
+    """Return a file of the page unescaped.
+
+    The package's files contain no end of a script.
+    """
     return Markup((files("vtkmuscle.report") / "page" / name).read_text(encoding="utf-8"))
 
 

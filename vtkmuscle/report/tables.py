@@ -48,7 +48,9 @@ class Cell(NamedTuple):
 
 @dataclass(frozen=True)
 class PageTable:
-    """A table of a page with a header; ``words`` for cells of words, not numbers.
+    """A table of a page, with a header.
+
+    ``words`` marks a table of words rather than numbers.
 
     Cells with the words look and failed are marked.
     """
@@ -60,7 +62,7 @@ class PageTable:
 
 
 def number(value: Any, digits: int = 3) -> str:
-    """Return a number as text, with an aligned minus sign, or a dash."""
+    """Return a number as text, or a dash."""
     if value is None or (isinstance(value, float) and not np.isfinite(value)):
         return DASH
     size = abs(float(value))
@@ -81,7 +83,7 @@ def tables_of(report: Mapping[str, Any]) -> list[PageTable]:
 
 
 def errors_of(report: Mapping[str, Any]) -> list[PageTable]:
-    """Return the non-empty tables of errors of mean lengths, and of omitted checks."""
+    """Return tables of length errors and omitted checks."""
     muscles = report["muscles"]
     rows: list[tuple[str, ...]] = [("muscle", "mean of", "segment error [mm]", "sampling error [mm]")]
     rows += [

@@ -1,6 +1,6 @@
-"""For ParaView 5.11 with Python 3.11: its plugin loader imports a function that Python 3.11 no longer has.
+"""Compatibility of ParaView 5.11 with Python 3.11.
 
-Python runs a file of this name at start-up where its folder is in PYTHONPATH.
+Python runs a file with the name sitecustomize at start-up if the folder is in PYTHONPATH.
 """
 
 import inspect

@@ -1,6 +1,8 @@
-"""The plugin: ParaView loads this file, by PV_PLUGIN_PATH or by Tools, Manage Plugins, Load New.
+"""The plugin file of ParaView.
 
-ParaView looks for proxies in this module only, so all of them are made here.
+ParaView loads the file by PV_PLUGIN_PATH, or by Tools, Manage Plugins, Load New.
+
+ParaView searches proxies only in the plugin's module.
 """
 
 import sys
