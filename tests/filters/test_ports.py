@@ -358,11 +358,14 @@ def test_the_whole_chain_by_names_is_that_by_numbers(spindle):
     fixed = FixedPointDetector(muscle=muscle, bones=spindle.bones, attachments=attachments)
     moving = BoneMotion(bones=dict(blocks_of(spindle.bones)), motion=spindle.motion)
     fibres = FibreSmoother(fibres=FibreTemplateSource(n_fibres=3))
-    deformer = PBDDeformer(muscle=fixed, bones=moving, collision="off", iterations=2)
+    deformer = PBDDeformer(
+        muscle=fixed, rest_bones=spindle.bones, bones=moving, collision="off", iterations=2
+    )
     carried = FibreTransport(rest_fibres=fibres, rest_muscle=muscle, deformed_muscle=deformer)
     found = carried.apply(time=20.0)
     numbered = PBDDeformer(collision="off", iterations=2)
-    for port, value in enumerate((fixed, moving)):
-        numbered.SetInputConnection(port, value.GetOutputPort())
+    numbered.SetInputConnection(fixed.GetOutputPort())
+    numbered.SetInputData(1, spindle.bones)
+    numbered.SetInputConnection(2, moving.GetOutputPort())
     expected = FibreTransport()(fibres, muscle, numbered(time=20.0))
     assert np.array_equal(found.points, points_of(expected))
