@@ -38,7 +38,7 @@ for name in ("gluteus_medius", "iliacus"):
     attachments = phantom.attachments[name]
     fixed = FixedPointDetector(muscle=phantom.muscles[name], bones=bones, attachments=attachments)
     fibres = decompose(fixed, attachments, template=phantom.templates[name], n_fibres=40)
-    deformed[name] = PBDDeformer(muscle=fixed, bones=moving, fibres=fibres)
+    deformed[name] = PBDDeformer(muscle=fixed, rest_bones=bones, bones=moving, fibres=fibres)
     carried = FibreTransport(rest_fibres=fibres, rest_muscle=fixed, deformed_muscle=deformed[name])
     measured[name] = carried >> FibreMetrics()
 
