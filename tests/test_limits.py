@@ -146,7 +146,7 @@ def test_a_message_of_vtk_that_is_no_text_is_one(tmp_path):
 def test_maxima_are_stated():
     for kind, name in (
         (PBDDeformer, "iterations"),
-        (PBDDeformer, "taut_resolution"),
+        (PBDDeformer, "solved_triangles"),
         (FibreTemplateSource, "n_fibres"),
         (FibreTemplateSource, "resolution"),
         (FibreTubes, "sides"),

@@ -43,7 +43,7 @@ for name, deformer in deformers.items():
     )
 
 # %%
-# A moment arm is -dl/dq: of the paths by their levers, of fibres in the surface by differences of their lengths.
+# A moment arm is -dl/dq: of paths by their levers, of fibres in the surface by differences of their lengths.
 
 fibres = {"rest_fibres": rest, "rest_muscle": fixed}
 moved = filters.FibreTransport(deformed_muscle=deformers["position based dynamics"], **fibres)

@@ -58,7 +58,7 @@ class PBDDeformer(DeformerSettings, HistoryFilter[_Frame]):
     all survive that.
 
     A surface of more than ``solved_triangles`` is solved on two levels: a decimated one is solved and takes
-    the fine one along, which is then solved with a few iterations.
+    the fine one along, which is then solved with a few iterations; with a ``start`` all of it is.
 
     The frame at time t is computed from rest through all time steps that the bones announce up to t, and t
     itself, whatever was asked for before. Frames are kept to go back to, in memory of ``checkpoint_memory``;
@@ -186,21 +186,21 @@ class PBDDeformer(DeformerSettings, HistoryFilter[_Frame]):
         neighbours: vtkMultiBlockDataSet | None,
     ) -> vtkPolyData:
         """Compute the frames on the way to the time asked for that are not known, and return the last."""
-        given = FixedMuscle(
+        rest = FixedMuscle(
             muscle.points,
             muscle.triangles,
             fixed_points_of(muscle, bones.names),
             None if fibres is None else (fibres.points, fibres.offsets),
         )
         driven = self.prediction == "velocity" and any(self.external_force)
-        if (given.fixed_to < 0).all() and not driven:
+        if (rest.fixed_to < 0).all() and not driven:
             raise InputError(
                 "muscle",
                 "no point is fixed to a bone, so nothing would hold or move the muscle",
                 "detect fixed points by another method or distance",
             )
-        if not given.same_as(self._muscle):
-            self._muscle = given
+        if not rest.same_as(self._muscle):
+            self._muscle = rest
             self.forget()
         check_same_bones(rest_bones, bones, "rest_bones")
         taken: dict[int, Bone] = {}
@@ -214,7 +214,7 @@ class PBDDeformer(DeformerSettings, HistoryFilter[_Frame]):
 
     def _make_solver(self) -> None:
         """Make the solver for the present muscle, bones and parameters, where these are new."""
-        muscle, settings = self._known_muscle, solver_parameters(self.parameters_that_count())
+        muscle, settings = self._rest_muscle, solver_parameters(self.parameters_that_count())
         bones = self._bones if self.collision != "off" else {}
         voxels = (self.n_voxels, self.n_voxels_per_axis) if self.collision == "voxel" else None
         one_level = self.start is not None or not 0 < self.solved_triangles < len(muscle.triangles)
@@ -240,19 +240,19 @@ class PBDDeformer(DeformerSettings, HistoryFilter[_Frame]):
         neighbours: vtkMultiBlockDataSet | None,
     ) -> _Frame:
         """Return the frame after another one."""
-        solver, beside = self._solver, self._neighbours_at(neighbours)
+        solver, contacts = self._solver, self._neighbours_at(neighbours)
         assert solver is not None
-        how: dict[str, Any] = {"neighbours": beside, "progress": self.report_part}
+        options: dict[str, Any] = {"neighbours": contacts, "progress": self.report_part}
         if start is not None:
             assert isinstance(solver, PBDSolver)
-            expected = len(self._known_muscle.points)
+            expected = len(self._rest_muscle.points)
             if len(start.points) != expected:
                 problem = f"it has {len(start.points)} points, but the muscle {expected}"
                 raise InputError("start", problem, "connect a filter that moves this muscle")
-            state = solver.pose(start.points, bones.transforms, **how)
+            state = solver.pose(start.points, bones.transforms, **options)
         else:
             last = solver.at_rest(len(bones.surfaces)) if before is None else before.state
-            state = solver.step(last, bones.transforms, **how)
+            state = solver.step(last, bones.transforms, **options)
         return _Frame(state)
 
     def _neighbours_at(self, muscles: vtkMultiBlockDataSet | None) -> Sequence[Any]:
@@ -260,20 +260,20 @@ class PBDDeformer(DeformerSettings, HistoryFilter[_Frame]):
         if muscles is None:
             return ()
         if not self._neighbours:
-            levels = [self._known_muscle] if self._coarse is None else [self._coarse, self._known_muscle]
+            levels = [self._rest_muscle] if self._coarse is None else [self._coarse, self._rest_muscle]
             self._neighbours = [Neighbours(level.points) for level in levels]
-        found = [neighbours.at(muscles) for neighbours in self._neighbours]
-        return found[0] if len(found) == 1 else list(zip(*found, strict=True))
+        by_level = [neighbours.at(muscles) for neighbours in self._neighbours]
+        return by_level[0] if len(by_level) == 1 else list(zip(*by_level, strict=True))
 
     @property
-    def _known_muscle(self) -> FixedMuscle:
+    def _rest_muscle(self) -> FixedMuscle:
         assert self._muscle is not None
         return self._muscle
 
     # ---------------------------------------------------------------- the result
 
     def _result(self, muscle: vtkPolyData, frame: _Frame) -> vtkPolyData:
-        state, rest = frame.state, self._known_muscle.points
+        state, rest = frame.state, self._rest_muscle.points
         result: vtkPolyData = with_points(muscle, state.surface)
         set_point_array(result, "Displacement", state.surface - rest)
         if state.velocities is not None and len(state.velocities) == len(rest):
@@ -285,7 +285,7 @@ class PBDDeformer(DeformerSettings, HistoryFilter[_Frame]):
                 frame.report = self._solver.shape.compare(state.surface)
             fields = shape_fields(frame.report) | {"CollidingPoints": state.colliding}
         if self.measure_penetration:
-            free = state.surface[self._known_muscle.fixed_to < 0]
+            free = state.surface[self._rest_muscle.fixed_to < 0]
             bones = ((bone, state.transforms[number]) for number, bone in self._bones.items())
             fields |= penetration_fields(depth_in(bones, free))
         return add_arrays(result, fields=fields)

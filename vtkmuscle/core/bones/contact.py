@@ -139,6 +139,8 @@ class PoseContact:
         self._muscles = MuscleContact(neighbours, contact.free, centre) if neighbours else None
         self._low, self._high = contact.boxes.moved(transforms, centre)
         self._seen: dict[int, tuple[Floats, Floats, Floats, Floats]] = {}
+        self._fields: dict[int, Field] = {}
+        self._met, self._work = np.empty(len(contact.bones), dtype=np.bool_), np.empty((2, 3))
 
     def keep_out(self, p: Floats) -> Bools:
         """Move positions (n, 3) out of muscles and bones, in place; return the moved points, (n,)."""
@@ -146,17 +148,17 @@ class PoseContact:
         moved = np.zeros(len(p), dtype=np.bool_)
         if self._muscles is not None:
             moved |= self._muscles.keep_out(p)
-        met = np.empty(len(contact.bones), dtype=np.bool_)
-        boxes_met(p, contact.free, self._low, self._high, met)
-        for number in np.flatnonzero(met).tolist():
+        boxes_met(p, contact.free, self._low, self._high, self._met)
+        for number in np.flatnonzero(self._met).tolist():
             bone, levels = contact.bones[number], contact.levels(number)
             seen = self._seen.get(number) or self._first_look(number)
-            waiting, work = contact.free.copy(), np.empty((2, 3))
+            waiting = contact.free.copy()
             while True:
-                field = bone.look_up()
-                _keep_out(field, *seen, p, waiting, levels, contact.clearance, moved, work)
+                field = self._fields[number]
+                _keep_out(field, *seen, p, waiting, levels, contact.clearance, moved, self._work)
                 if not bone.fill(field):
                     break
+                self._fields[number] = bone.look_up()
         return moved
 
     def _first_look(self, number: int) -> tuple[Floats, Floats, Floats, Floats]:
@@ -165,6 +167,7 @@ class PoseContact:
         transform = np.array(self._transforms[contact.boxes.indices[number]])
         transform[:3, 3] -= self._centre
         back = transform @ inverse(contact.bones[number].axes)
+        self._fields[number] = contact.bones[number].look_up()
         n = len(contact.rest)
         self._seen[number] = inverse(back), back, np.zeros((n, 3)), np.zeros(n)
         return self._seen[number]

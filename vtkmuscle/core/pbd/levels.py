@@ -9,7 +9,7 @@ import numpy as np
 from scipy.sparse import csr_array
 from scipy.spatial import cKDTree
 
-from vtkmuscle.core.jit import kernel
+from vtkmuscle.core.jit import kernel, vector_kernel
 from vtkmuscle.core.mesh.harmonic import cotangent_laplacian
 from vtkmuscle.core.mesh.neighbours import Neighbour
 from vtkmuscle.core.motion.blending import nearest_rotations
@@ -109,9 +109,11 @@ class TwoLevels:
         """Return where the points (c, 3) of the coarse surface take those of the fine, (n, 3)."""
         turns = np.empty((len(coarse), 3, 3))
         _covariances(coarse, self._starts, self._ring, self._arms, turns)
-        turns, rest = nearest_rotations(turns), self.shape.points
+        motions, rest = np.empty((len(coarse), 3, 4)), self.shape.points
+        motions[:, :, :3] = nearest_rotations(turns)
+        motions[:, :, 3] = coarse - np.einsum("cij,cj->ci", motions[:, :, :3], self._coarse)
         carried = np.empty_like(rest)
-        _carry(coarse, turns, self._coarse, self._carriers, self._parts, rest, carried)
+        _carry(motions.reshape(-1, 12), self._carriers, self._parts, rest, np.empty(12), carried)
         residual = np.zeros((max(len(self._fixed), 1), 3))
         for bone in np.unique(self._fixed_to):
             mine = self._fixed_to == bone
@@ -137,20 +139,18 @@ def _covariances(points: Floats, starts: Ints, ring: Ints, arms: Floats, covaria
                     covariances[i, a, b] += apart * arms[r, b]
 
 
-@kernel
-def _carry(
-    nodes: Floats, turns: Floats, rest_nodes: Floats, carriers: Ints, parts: Floats, rest: Floats, out: Floats
-) -> None:
-    """Write where nodes (c, 3), which turn (c, 3, 3) and shift, take points (n, 3), by their parts (n, k)."""
+@vector_kernel
+def _carry(motions: Floats, carriers: Ints, parts: Floats, rest: Floats, mean: Floats, out: Floats) -> None:
+    """Write where motions (c, 12), rows of turns and shifts, take points (n, 3), by their parts (n, k).
+
+    mean : (12,), memory.
+    """
     for i in range(len(rest)):
-        out[i] = 0.0
+        mean[:] = 0.0
         for k in range(carriers.shape[1]):
-            j, part = carriers[i, k], parts[i, k]
-            x, y, z = (
-                rest[i, 0] - rest_nodes[j, 0],
-                rest[i, 1] - rest_nodes[j, 1],
-                rest[i, 2] - rest_nodes[j, 2],
-            )
-            for a in range(3):
-                turned = turns[j, a, 0] * x + turns[j, a, 1] * y + turns[j, a, 2] * z
-                out[i, a] += part * (nodes[j, a] + turned)
+            part, motion = parts[i, k], motions[carriers[i, k]]
+            for c in range(12):
+                mean[c] += part * motion[c]
+        x, y, z = rest[i, 0], rest[i, 1], rest[i, 2]
+        for a in range(3):
+            out[i, a] = mean[4 * a] * x + mean[4 * a + 1] * y + mean[4 * a + 2] * z + mean[4 * a + 3]

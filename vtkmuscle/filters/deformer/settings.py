@@ -100,5 +100,5 @@ class DeformerSettings:
 
 def solver_parameters(settings: Mapping[str, Any]) -> Parameters:
     """Return those of the parameters of PBDDeformer that are the solver's, as by default where not given."""
-    known = Parameters.__dataclass_fields__
-    return Parameters(**{name: value for name, value in settings.items() if name in known})
+    names = Parameters.__dataclass_fields__
+    return Parameters(**{name: value for name, value in settings.items() if name in names})
