@@ -1,12 +1,12 @@
 """Measure PBDDeformer on the muscles of a hip: its kernels, its update, and whether it is stable.
 
 Run as ``python benchmarks/bench_pbd.py kernels``, ``update`` or ``stability``, this with ``--meshes two,one``
-and ``--iterations 1,10`` for less of it. The scene is that of ``VTKMUSCLE_DATA``, else ``../shared/data``, and
-there ``lhdl_hip``; coarser muscles are in its folder ``muscles_lite``. Times are of the thread, beside those of
-plain scalar kernels, ``tools/naive.py`` beside the data: what counts is their ratio. ``stability`` prints the
-worst of a flexion by 90 degrees, and marks what is beyond the bounds: volume within 1e-6, longest edge 12 times
-its length, 12 folded edges, and, from 10 iterations on, 95 % of the angles within 30 degrees of those at rest.
-Its meshes are 3000 and 1000 triangles, all on two levels, and all on one.
+and ``--iterations 1,10`` for less of it. The scene is that of ``VTKMUSCLE_DATA``, else ``../shared/data``,
+and there ``lhdl_hip``; coarser muscles are in its folder ``muscles_lite``. Times are of the thread, beside
+those of plain scalar kernels, ``tools/naive.py`` beside the data: what counts is their ratio. ``stability``
+prints the worst of a flexion by 90 degrees, and marks what is beyond the bounds: volume within 1e-6, longest
+edge 12 times its length, 12 folded edges, and, from 10 iterations on, 95 % of the angles within 30 degrees of
+those at rest. Its meshes are 3000 and 1000 triangles, all on two levels, and all on one.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ import pyvista as pv
 from vtkmuscle import Scene
 from vtkmuscle.core.fixed_muscle import FixedMuscle
 from vtkmuscle.core.mesh.rest_shape import dihedral_angles
-from vtkmuscle.core.mesh.shared import held
+from vtkmuscle.core.mesh.shared import keep_shared
 from vtkmuscle.core.mesh.surface import mesh_topology
 from vtkmuscle.core.pbd.solver import Parameters, PBDSolver
 from vtkmuscle.core.pbd.sweep import project_edges, project_volume
@@ -210,7 +210,7 @@ if __name__ == "__main__":
     parser.add_argument("--meshes", default=",".join(MESHES))
     parser.add_argument("--iterations", default=",".join(map(str, ITERATIONS)))
     given = parser.parse_args()
-    with held():  # the bones are the same for all
+    with keep_shared():  # the bones are the same for all
         if given.what == "stability":
             stability(Hip(), given.meshes.split(","), [int(count) for count in given.iterations.split(",")])
         else:

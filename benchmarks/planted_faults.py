@@ -60,11 +60,9 @@ EQUIVALENT: dict[str, str] = {
     "core.fibres.mean_value._see_far: n_close > 0 -> (n_close >= 0)": (
         "equivalent: lanes are looked through, and none is found"
     ),
-    "core.collision.distance_collision._crosses: max(_LEAST_STEP * field.cell, abs(height - zone)) -> "
-    "(_LEAST_STEP * field.cell)": "equivalent: shorter steps find the same crossing, later",
     "core.bones.bone.: 1e-3 -> 0.002": "equivalent: any small unevenness decides between axes",
     "core.paths.surroundings.: 1e-6 -> 2e-06": "equivalent: a guard against rounding",
-    "core.fibres.equal_shares.matched_places: -1 -> (1)": (
+    "core.fibres.equal_shares.matched_ends: -1 -> (1)": (
         "equivalent: sets may be halved along any direction; sums of squares differ by less than 0.02 %"
     ),
 }

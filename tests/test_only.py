@@ -79,7 +79,5 @@ def test_a_file_of_the_users_is_not_replaced(scene, what, tmp_path):
 
 
 def test_another_word_is_refused(scene):
-    with pytest.raises(
-        InputError, match=r"only is .volumes., but must be one of"
-    ):
+    with pytest.raises(InputError, match=r"only is .volumes., but must be one of"):
         run_only(scene, "volumes")

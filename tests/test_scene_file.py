@@ -173,7 +173,7 @@ def test_attachments_may_be_estimated(scene_file, moving, tmp_path):
 def test_a_muscle_that_ends_far_from_bones_has_no_estimate(scene_file):
     edit(scene_file, LIST, 'attachments = "estimate"')
     with pytest.raises(
-        SceneError, match=r"muscles\.spindle\.attachments: .* goes on for .* and ends at .*landmarks"
+        SceneError, match=r"muscles\.spindle\.attachments: .* extends .* and ends at .*landmarks"
     ):
         Scene.load(scene_file)
 

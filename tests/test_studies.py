@@ -3,6 +3,7 @@
 from concurrent.futures import Future, ThreadPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import replace
+from multiprocessing import active_children
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,8 @@ from typer.testing import CliRunner
 
 import vtkmuscle
 from vtkmuscle import Scene, phantoms
-from vtkmuscle.cli import FAILED, app
+from vtkmuscle.cli import FAILED, INTERRUPTED, app
+from vtkmuscle.run.store import ResultFolder
 
 
 @pytest.fixture(scope="module")
@@ -189,3 +191,32 @@ def test_the_command_writes_the_table_and_ends_with_the_status_of_the_worst(tmp_
     assert f"wrote {out / 'cohort.csv'}, 2 rows" in done.stdout
     lines = (out / "cohort.csv").read_text().splitlines()
     assert [line.split(",")[0] for line in lines] == ["subject", str(good), str(tmp_path / "none.toml")]
+
+
+def test_a_cohort_that_is_stopped_keeps_finished_subjects(tmp_path, monkeypatch):
+    first, second = (write_tiny_scene(tmp_path / name) for name in ("first", "second"))
+    run = Scene.run
+
+    def stopped(self, out=None, **options):
+        if self.files[""] == second:
+            raise KeyboardInterrupt
+        return run(self, out, **options)
+
+    monkeypatch.setattr(Scene, "run", stopped)
+    command = ("cohort", first, second, "--out", tmp_path / "out", "--frames", "0:1", "--workers", "1")
+    done = CliRunner().invoke(app, [str(word) for word in command])
+    assert done.exit_code == INTERRUPTED
+    assert f"finished in {tmp_path / 'out'} are kept" in done.stderr
+
+
+def test_a_stop_ends_the_processes(scene, tmp_path):
+    def stop(rows):
+        raise KeyboardInterrupt
+
+    scenes = {"absent": tmp_path / "none.toml", "anna": scene}
+    with pytest.raises(KeyboardInterrupt):
+        vtkmuscle.cohort(scenes, tmp_path / "out", workers=2, progress=stop)
+    assert active_children() == []
+    (folder,) = (tmp_path / "out").glob("anna-*")
+    report = ResultFolder(folder).report()
+    assert report is None or not report["complete"]

@@ -9,7 +9,7 @@ from concurrent.futures import BrokenExecutor, ProcessPoolExecutor, as_completed
 from contextlib import contextmanager
 from dataclasses import fields, replace
 from itertools import product
-from multiprocessing import get_context
+from multiprocessing import active_children, get_context
 from os import PathLike
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -191,12 +191,12 @@ def _solved(tasks: Sequence[tuple[Any, ...]], client: Any, workers: int) -> Iter
         for number, task in enumerate(tasks):
             yield number, _rows(*task)
         return
+    before = active_children()
     spawned = get_context("spawn")  # a forked process would hang in libraries that have threads
-    pool = (
-        ProcessPoolExecutor(min(workers, len(tasks)), spawned)
-        if client is None
-        else client.get_executor(pure=False)
-    )
+    if client is None:
+        pool = ProcessPoolExecutor(min(workers, len(tasks)), spawned)
+    else:
+        pool = client.get_executor(pure=False)
     try:
         jobs = {pool.submit(_rows, *task): number for number, task in enumerate(tasks)}
         for job in as_completed(jobs):
@@ -204,11 +204,15 @@ def _solved(tasks: Sequence[tuple[Any, ...]], client: Any, workers: int) -> Iter
                 yield jobs[job], job.result()
             except BrokenExecutor:
                 yield jobs[job], [_failed("its process was lost or ran out of memory; run it again")]
+    except BaseException:  # Ctrl-C, or an error in progress(): nobody waits for the scenes that still run
+        for process in set(active_children()).difference(before):
+            process.terminate()
+        raise
     finally:
         if client is None:
             pool.shutdown(cancel_futures=True)
         else:
-            pool.shutdown(wait=False)  # cancels what has not begun
+            pool.shutdown(wait=False)  # cancels the tasks that have not begun
 
 
 def _rows(file: Path, out: Path | None, options: Mapping[str, Any]) -> list[Row]:

@@ -18,11 +18,11 @@ from unittest import mock
 import numpy as np
 from common import AS_PUBLISHED, STEP, Case, Floats, Table, angles_up_to, main, value
 from published_loop import run
-from vtkmuscle.core.algorithm_2 import solver
-from vtkmuscle.core.algorithm_2.constraints import edge_stiffness
 
 from vtkmuscle.core.mesh.polylines import fibre_directions_at
 from vtkmuscle.core.mesh.surface import edge_lengths, mesh_topology
+from vtkmuscle.core.pbd import solver
+from vtkmuscle.core.pbd.anisotropy import edge_stiffness
 from vtkmuscle.data.arrays import checked_surface, point_array, points_of, polylines_of
 from vtkmuscle.plotting.sheets import curves
 
@@ -38,15 +38,16 @@ def recorded(moves: list[float], end: Callable[[], Floats]) -> Iterator[None]:
     An iteration begins with its distances: with where the one before ended. ``end`` gives where the last did.
     """
     before: list[Floats] = []
-    sweep = solver.sweep_distances
+    sweep = solver.project_edges
 
-    def noting(p: Floats, *arguments: Any) -> None:
-        if before:
-            moves.append(float(np.linalg.norm(p - before[-1], axis=1).mean()))
-        before[:] = [p.copy()]
-        sweep(p, *arguments)
+    def noting(p: Floats, points: Any, constants: Floats, with_lengths: bool, *arguments: Any) -> None:
+        if with_lengths:
+            if before:
+                moves.append(float(np.linalg.norm(p[:-1] - before[-1], axis=1).mean()))
+            before[:] = [p[:-1].copy()]
+        sweep(p, points, constants, with_lengths, *arguments)
 
-    with mock.patch.object(solver, "sweep_distances", noting):
+    with mock.patch.object(solver, "project_edges", noting):
         yield
     moves.append(float(np.linalg.norm(end() - before[-1], axis=1).mean()))
 

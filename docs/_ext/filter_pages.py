@@ -17,13 +17,19 @@ from vtkmuscle.filters.base.docstrings import described, split_docstring
 GROUPS = {
     "PBDDeformer": {
         "Set these first": ["quality", "bone_clearance", "checkpoint_memory"],
-        "What a quality sets": ["iterations", "taut_resolution", "collision"],
+        "What a quality sets": [
+            "iterations",
+            "solved_triangles",
+            "collision",
+            "prediction",
+            "signed_angles",
+            "order",
+            "anisotropy",
+            "finish",
+        ],
+        "Stiffness": ["stiffness", "shape_stiffness", "volume_stiffness"],
         "The report": ["measure_penetration"],
         "As published": [
-            "stiffness",
-            "shape_stiffness",
-            "volume_stiffness",
-            "anisotropy",
             "velocity_kept",
             "dt",
             "external_force",

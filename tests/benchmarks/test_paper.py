@@ -91,15 +91,20 @@ def test_the_command_line_knows_all_experiments(case):
 
 def test_settings_of_the_paper_are_all_named(case):
     """A default that changes must not change what is called published."""
-    from vtkmuscle.core.algorithm_2.solver import Parameters
+    from vtkmuscle.core.pbd.solver import PUBLISHED, Parameters
 
-    assert Parameters() == Parameters(
+    assert Parameters(**PUBLISHED) == Parameters(
+        iterations=10,
+        prediction="velocity",
+        signed_angles=False,
+        order="kind",
+        finish=False,
         dt=1.0,
         velocity_kept=0.99,
         stiffness=1.0,
         shape_stiffness=0.9,
         volume_stiffness=1.0,
-        anisotropy=True,
+        anisotropy="fibres",
         external_force=(0.0, 0.0, 0.0),
         bone_push="transform",
         contact_velocity="keep",

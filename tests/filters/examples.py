@@ -59,6 +59,14 @@ def deformed_muscle():
     return with_points(muscle(), points)
 
 
+def carried_muscle(time=4.0):
+    """Return the fixed muscle where the lower bone takes it, more and more from above to below."""
+    points = points_of(PHANTOM.muscles["spindle"])
+    (transform,) = PHANTOM.motion.at(time).values()
+    part = np.clip((80.0 - points[:, 2:]) / 140.0, 0.0, 1.0)
+    return with_points(fixed_muscle(), points + part * (apply_transform(transform, points) - points))
+
+
 def neighbours(time=4.0):
     """Return a ball that comes nearer to the spindle, and into it."""
     ball = ball_beside()
@@ -175,9 +183,9 @@ EXAMPLES = {
     "rest_bones": rest_bones,
     "FixedPointDetector.bones": rest_bones,
     "muscle": fixed_muscle,
+    "start": carried_muscle,
     "rest_muscle": fixed_muscle,
     "deformed_muscle": deformed_muscle,
-    "start": deformed_muscle,
     "attachments": attachments,
     "neighbours": neighbours,
     "template": template,
@@ -193,7 +201,7 @@ EXAMPLES = {
 }
 
 #: What changes with the pipeline's time.
-MOVING = {moving_bones, neighbours, paths}
+MOVING = {moving_bones, carried_muscle, neighbours, paths}
 
 #: Values of parameters that are objects, by their class.
 OBJECTS = {RigidMotion: PHANTOM.motion}

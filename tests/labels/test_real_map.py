@@ -45,7 +45,7 @@ def test_a_real_map_becomes_a_scene(label_map, tmp_path):
     assert left[2] == pytest.approx(right[2], abs=4.0)
     # Both glutei maximi are cut by the border, which is why they have no insertion.
     for name in ("gluteus_maximus_left", "gluteus_maximus_right"):
-        assert f"left out: {name}: the muscle goes on for" in done.output
+        assert f"left out: {name}: the muscle extends" in done.output
     assert "muscles.gluteus_maximus_left.surface: closed at the border" in done.output
     assert "spleen: ignored" in done.output
 

@@ -1,4 +1,4 @@
-"""Input that cannot be used: errors with fields, and the check that a file can be read."""
+"""Errors of input, with fields, and checks of files."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ MOST_TEXT = 64 * 1024**2
 
 
 class _FieldsError(Exception):
-    """An error with fields: where the fault is, what it is, and how to remedy it."""
+    """Error with fields: where, problem, and remedy."""
 
     def __init__(self, where: str | Path, problem: str, remedy: str = "") -> None:
-        # Not the other base's own initialisation: an OSError takes its arguments for an error number.
+        # Without the initialisation of the second base: an OSError takes its arguments for an error number.
         self.args = (str(where), problem, remedy)
         self.where, self.problem, self.remedy = self.args
 
@@ -25,21 +25,21 @@ class _FieldsError(Exception):
 
 
 class InputError(_FieldsError, ValueError):
-    """Input that cannot be used: where the fault is, what it is, and how to remedy it.
+    """Unusable input: where the fault is, the problem, and the remedy.
 
     Parameters
     ----------
     where : str or Path
-        The file, the port or the argument at fault; "" where the caller adds it.
+        File, port or argument at fault; "" if the caller adds it.
     problem : str
-        What is wrong.
+        The fault.
     remedy : str, optional
-        What to do about it.
+        What to do.
 
     Attributes
     ----------
     where, problem, remedy : str
-        As given.
+        The parameters.
 
     Examples
     --------
@@ -50,18 +50,18 @@ class InputError(_FieldsError, ValueError):
 
 
 class MissingFileError(_FieldsError, FileNotFoundError):
-    """A file that cannot be read because it is missing or is no file; fields as of :class:`InputError`."""
+    """Missing or unreadable file, with the fields of :class:`InputError`."""
 
 
 def in_words(where: str, problem: str, remedy: str) -> str:
-    """Return the message ``where: problem; remedy``, without the parts that are empty."""
+    """Return ``where: problem; remedy``, without empty parts."""
     fault = ": ".join(part for part in (where, problem) if part)
     return "; ".join(part for part in (fault, remedy) if part)
 
 
 @contextmanager
 def errors_at(where: str) -> Iterator[None]:
-    """Raise a ValueError from within as an InputError that names the port or argument at fault."""
+    """Turn a ValueError within into an InputError. It names a port or argument."""
     try:
         yield
     except ValueError as error:
@@ -69,9 +69,9 @@ def errors_at(where: str) -> Iterator[None]:
 
 
 def fault_of(error: Exception, *, placed: bool = False) -> tuple[str, str]:
-    """Return the problem and the remedy that an error names, each in one line; the remedy may be "".
+    """Return the problem and the remedy of an error. Each is in a line.
 
-    With ``placed`` the problem begins with the place, where the error has one.
+    The remedy may be "". With ``placed`` the problem begins with the error's `where`.
     """
     problem, remedy = str(error), ""
     if isinstance(error, _FieldsError):
@@ -83,7 +83,10 @@ def fault_of(error: Exception, *, placed: bool = False) -> tuple[str, str]:
 
 
 def check_name(path: Path) -> None:
-    """Raise an InputError for a path that is not text in UTF-8: no report or table could name it."""
+    """Raise an InputError for a path that is not UTF-8 text.
+
+    No report or table could name it.
+    """
     try:
         str(path.absolute()).encode()
     except UnicodeEncodeError:
@@ -92,7 +95,9 @@ def check_name(path: Path) -> None:
 
 
 def check_is_file(path: Path, *, most: int = MOST_BYTES) -> None:
-    """Raise a FileNotFoundError where a path is no file, an InputError where the file is too large.
+    """Raise an error for a path that is no readable file.
+
+    A FileNotFoundError for no file, an InputError for too large a file.
 
     A named pipe would be waited for, and a device be read for ever.
     """
@@ -105,7 +110,7 @@ def check_is_file(path: Path, *, most: int = MOST_BYTES) -> None:
         hint = f"its folder holds {', '.join(also[:5])}" if also else ""
         raise MissingFileError(path, "there is no such file", hint)
     if not path.is_file():
-        raise MissingFileError(path, "this is a pipe or a device, not a file", "copy what it gives to one")
+        raise MissingFileError(path, "this is a pipe or a device, not a file", "copy its content to a file")
     size = path.stat().st_size
     if size > most:
         raise InputError(

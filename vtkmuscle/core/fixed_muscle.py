@@ -1,4 +1,4 @@
-"""A muscle at rest: its surface, which points are fixed to which bone, and its fibres."""
+"""Muscle at rest: surface, fixed points, and fibres."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from vtkmuscle.core.mesh.surface import MeshTopology, check_volume, mesh_topolog
 from vtkmuscle.core.paths.via_rings import ViaRing
 from vtkmuscle.core.types import Floats, Ints
 
-#: Points (n, 3) of polylines, one after the other [mm]; the first point of each, and n, (k + 1,).
+#: Points (n, 3) of polylines in sequence [mm]; the first point of each, and n, (k + 1,).
 Lines = tuple[Floats, Ints]
 
 
@@ -29,23 +29,23 @@ class FixedMuscle:
     rings: tuple[tuple[int, ViaRing], ...] = ()
 
     def same_as(self, other: FixedMuscle | None) -> bool:
-        """Return whether another muscle has the same content."""
+        """Return whether another muscle has equal content."""
         if other is None or [bone for bone, _ in self.rings] != [bone for bone, _ in other.rings]:
             return False
-        mine, theirs = self._arrays(), other._arrays()
-        return len(mine) == len(theirs) and all(map(np.array_equal, mine, theirs))
+        pair = self._arrays(), other._arrays()
+        return len(pair[0]) == len(pair[1]) and all(map(np.array_equal, *pair))
 
     def _arrays(self) -> list[NDArray[Any]]:
         rings = (part for _, ring in self.rings for part in ring)
         return [self.points, self.triangles, self.fixed_to, *(self.fibres or ()), *rings]
 
     def topology(self) -> MeshTopology:
-        """Return the edges of its surface; raise a ValueError if it encloses no volume."""
+        """Return the surface's edges. Raises a ValueError for a surface without volume."""
         check_volume(self.points, signed_volume(self.points, self.triangles))
         return mesh_topology(len(self.points), self.triangles)
 
     def directions(self, topology: MeshTopology) -> Floats | None:
-        """Return the unit direction of the fibres at each edge (k, 3), None without fibres."""
+        """Return unit fibre directions at edges (k, 3), None without fibres."""
         if self.fibres is None:
             return None
         return fibre_directions_at(self.points[topology.edges].mean(axis=1), *self.fibres)

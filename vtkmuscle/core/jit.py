@@ -1,15 +1,16 @@
-"""How kernels are compiled, by numba's ``njit``, and kept on disk until anything that they depend on changes.
+"""Compilation of kernels by numba's ``njit``, and their cache on disk.
 
-Kernels release the GIL, so that Python threads run them side by side: no numba threading layer is used
-(its ``workqueue`` layer aborts the process on concurrent parallel calls). Division by zero follows IEEE 754,
-as in numpy, rather than raising.
+Kernels release the GIL, so Python threads run them side by side: no numba threading layer is used (its
+``workqueue`` layer aborts the process on concurrent parallel calls). Division by zero follows IEEE 754, as in
+numpy, without an exception.
 
-Numba's own cache looks at the file of a function alone. But constants and inlined functions of other files
-become part of the machine code too. So kernels are kept in a folder named after the content of their file
-and of all files of the package that it imports, directly or not. Equal copies of the package share it.
+Numba's cache looks at the file of a function alone, but constants and inlined functions of further files
+become part of the machine code. So kernels are kept in a folder named after the content of their file and of
+all files of the package that it imports, directly or indirectly. Equal copies of the package share the
+folder.
 
-The cached files are executed. So each begins with a checksum, a damaged one is removed and made anew, and
-none is read that another user could have written.
+Cached files are executed. So each begins with a checksum, damaged files are removed and compiled anew, and
+files that another user could have written are not read.
 """
 
 from __future__ import annotations
@@ -36,10 +37,10 @@ from vtkmuscle.core.machine import cache_folder, check_nobody_else_writes, warn_
 
 F = TypeVar("F", bound=Callable[..., object])
 
-#: Versions of a file's kernels that are kept: those used last, by any copy of the package.
+#: Versions of a file's kernels on disk, last used, by any copy of the package.
 VERSIONS = 8
 
-#: Undocumented parts of numba that the cache needs; where one is missing, nothing is kept.
+#: Undocumented parts of numba that the cache needs; without them nothing is kept.
 _OF_NUMBA = (
     "core.codegen.CPUCodegen.magic_tuple",
     "core.compiler.CompileResult._rebuild",
@@ -48,12 +49,12 @@ _OF_NUMBA = (
     "core.serialize.dumps",
 )
 
-#: What a file imports; names in brackets may be modules.
+#: Imports of a file; names in brackets may be modules.
 _IMPORT = re.compile(r"^[ \t]*(?:from|import)[ \t]+([\w.]+)(?:[ \t]+import[ \t]+(\([^)]*\)|[^\n]*))?", re.M)
 
 
 def uncounted() -> dict[str, bool]:
-    """Return the option that leaves out the counting of references, none where numba does not know it."""
+    """Return the option without reference counting, empty if unknown to numba."""
     return {"_nrt": False} if hasattr(numba.core.options.DefaultOptions, "_nrt") else {}
 
 
@@ -62,48 +63,50 @@ UNCOUNTED = uncounted()
 
 
 def kernel(function: F) -> F:
-    """Compile a function of plain arrays and numbers that makes no arrays, and keep the machine code on disk.
+    """Compile a function of arrays and numbers. It makes no arrays.
 
-    Views of the arrays, such as ``points[i]``, are not counted as references, where numba can leave that out.
-    Counting is an atomic operation: looking up distances takes three times as long with it.
+    The machine code is kept on disk. References to views such as ``points[i]`` are not counted, if numba can
+    leave out the counting: an atomic operation that triples the time to look up distances.
     """
     return _compiled(function, **UNCOUNTED)
 
 
 def array_kernel(function: F) -> F:
-    """Compile as :func:`kernel` does a function that makes arrays; its inner loops are kernels."""
+    """Compile, as :func:`kernel`, a function that makes arrays.
+
+    Its inner loops are kernels.
+    """
     return _compiled(function)
 
 
 def reduction(function: F) -> F:
-    """Compile as :func:`kernel` does; sums may be taken in several parts at a time."""
+    """Compile as :func:`kernel`, with sums in several parts."""
     return _compiled(function, fastmath={"contract", "reassoc"}, **UNCOUNTED)
 
 
 def vector_kernel(function: F) -> F:
-    """Compile as :func:`kernel` does, with multiplications and additions fused."""
+    """Compile as :func:`kernel`, with fused multiplications and additions."""
     return _compiled(function, fastmath={"contract"}, **UNCOUNTED)
 
 
 def lane(function: F) -> F:
-    """Compile the work of one SIMD lane, which is inlined into the loop that calls it."""
+    """Compile a SIMD lane's work, inlined into the calling loop."""
     return _compiled(function, fastmath={"contract"}, forceinline=True, nogil=False, **UNCOUNTED)
 
 
 def _compiled(function: F, **options: Any) -> F:
-    # What is not said here numba takes from the kernel that happens to call a function first.
-    said = {"nogil": True, "error_model": "numpy", "fastmath": False, "forceinline": False}
-    compiled: Any = numba.njit(**{**said, **options})(function)
+    # Numba takes options that are not given from the first kernel that calls a function.
+    defaults = {"nogil": True, "error_model": "numpy", "fastmath": False, "forceinline": False}
+    compiled: Any = numba.njit(**{**defaults, **options})(function)
     _keep(compiled)
     result: F = compiled
     return result
 
 
 def kernel_folder() -> Path | None:
-    """Return the folder of all compiled kernels, None where they are not to be kept.
+    """Return the folder of compiled kernels, None without a cache.
 
-    That is numba's ``NUMBA_CACHE_DIR`` where it is set, else ``kernels`` in the
-    :func:`~vtkmuscle.core.machine.cache_folder`.
+    Numba's ``NUMBA_CACHE_DIR`` if set, else ``kernels`` in the :func:`~vtkmuscle.core.machine.cache_folder`.
     """
     if numba.config.CACHE_DIR:
         return Path(numba.config.CACHE_DIR)
@@ -112,7 +115,7 @@ def kernel_folder() -> Path | None:
 
 
 def _keep(compiled: Any) -> None:
-    """Let numba keep the machine code of a function, if it is not within a function and stands in a file."""
+    """Let numba keep the machine code of a module's function."""
     function, folder = getattr(compiled, "py_func", None), kernel_folder()
     if function is None or folder is None or "<locals>" in function.__qualname__:
         return
@@ -138,27 +141,22 @@ def _numba_is_known() -> bool:
 
 
 class KernelCache:
-    """The cache of a kernel's machine code that numba reads and writes: one file per signature.
-
-    ``grows`` in a process that has compiled a kernel to be kept: not all that it needs were there.
-    """
-
-    grows = False
+    """Cache of a kernel's machine code, for numba. A file per signature."""
 
     def __init__(self, function: Callable[..., object], file: Path, folder: Path) -> None:
         self._module = function.__module__
         self._name = f"{function.__qualname__}-{function.__code__.co_firstlineno}"
         self._folder = folder / f"{self._module}-{source_key(self._module, file)}"
-        with suppress(OSError):  # not there yet, or only to be read
+        with suppress(OSError):  # missing or read-only
             os.utime(self._folder)
 
     @property
     def cache_path(self) -> str:
-        """The folder for this version of the kernel's module."""
+        """Folder of this version of the kernel's module."""
         return str(self._folder)
 
     def load_overload(self, signature: Any, target: Any) -> Any:
-        """Return the machine code kept for a signature, None where no usable file exists."""
+        """Return a signature's machine code, None without a usable file."""
         target.refresh()
         body = self._read(self._file(signature, target.codegen()))
         if body is None:
@@ -166,10 +164,9 @@ class KernelCache:
         return numba.core.compiler.CompileResult._rebuild(target, *pickle.loads(body))
 
     def save_overload(self, signature: Any, compiled: Any) -> None:
-        """Keep the machine code of a signature; warn where its file cannot be written."""
+        """Keep the machine code of a signature. Warns if its file cannot be written."""
         if compiled.library.has_dynamic_globals:  # addresses of this process
             return
-        KernelCache.grows = True
         body = numba.core.serialize.dumps(compiled._reduce())
         try:
             self._write(self._file(signature, compiled.library.codegen), body)
@@ -177,7 +174,7 @@ class KernelCache:
             warn_of_folder(self._folder.parent, error)
 
     def flush(self) -> None:
-        """Do nothing: a kernel's file stays for as long as its sources do."""
+        """Do nothing: a kernel's file is valid for its sources."""
 
     def _file(self, signature: Any, codegen: Any) -> Path:
         made_for = signature, codegen.magic_tuple(), numba.__version__, sys.implementation.cache_tag
@@ -189,7 +186,7 @@ class KernelCache:
             check_nobody_else_writes(folder.stat())
 
     def _read(self, path: Path) -> bytes | None:
-        """Return the content of a file after its checksum, None where they differ or the file is unsafe."""
+        """Return the content of a checked file, else None."""
         try:
             self._check_folders()
             with open(path, "rb") as file:
@@ -205,7 +202,7 @@ class KernelCache:
         return None
 
     def _write(self, path: Path, body: bytes) -> None:
-        """Write a file under another name and rename it, so that several processes may do so at once."""
+        """Write a file under a temporary name and rename it. Several processes may do so at once."""
         self._make_folder()
         self._check_folders()
         part = path.with_suffix(f".{uuid.uuid4().hex}.part")
@@ -218,7 +215,7 @@ class KernelCache:
             raise
 
     def _make_folder(self) -> None:
-        """Make the folder, and remove those of the module's versions that were used longest ago."""
+        """Make the folder, and remove the module's versions unused for longest."""
         if self._folder.is_dir():
             return
         self._folder.parent.mkdir(0o755, parents=True, exist_ok=True)
@@ -232,60 +229,48 @@ class KernelCache:
 
 
 def _checksum(path: Path, body: bytes) -> bytes:
-    """Return the checksum of a file's content and of its name, so that no file can stand for another."""
+    """Return the checksum of a file's content and name. So no file can replace another kernel's."""
     return hashlib.sha256(f"{path.parent.name}/{path.name} ".encode() + body).digest()
 
 
 def _only_ours(path: str, flags: int) -> int:
-    """Open a file that only this user can write to, whatever the umask."""
+    """Open a file that only this user can write. Whatever the umask."""
     return os.open(path, flags, 0o644)
 
 
 def source_key(module: str, file: Path) -> str:
-    """Return a key of the content of a module's file, and of all that it imports from its package.
+    """Return a key of a module's source and imports.
 
-    That is 16 hexadecimal digits, the same for copies of the package in different places.
+    Imports within the package count, directly or not. 16 hexadecimal digits, equal for copies of the package.
     """
     names = module.split(".")
-    root = file.absolute().parent
-    for _ in names if file.stem == "__init__" else names[1:]:
-        root = root.parent
-    files, waiting = {module: file}, [file]
+    root = file.absolute().parents[len(names) - (file.stem != "__init__")]
+    digests: dict[str, bytes] = {}
+    waiting = {module: file}
     while waiting:
-        for name, source in _imported(*_version(waiting.pop()), root, names[0]):
-            if name not in files:
-                files[name] = source
-                waiting.append(source)
-    digest = hashlib.sha256()
-    for name, source in sorted(files.items()):
-        digest.update(f"{name} ".encode() + _hash(*_version(source)))
-    return digest.hexdigest()[:16]
-
-
-def _version(file: Path) -> tuple[Path, int, int]:
-    """Return a file with its time and size, by which a later change is noticed."""
-    stat = file.stat()
-    return file, stat.st_mtime_ns, stat.st_size
+        name, source = waiting.popitem()
+        stat = source.stat()
+        digests[name], imported = _contents(source, stat.st_mtime_ns, stat.st_size, root, names[0])
+        waiting.update((name, source) for name, source in imported if name not in digests)
+    content = b"".join(f"{name} ".encode() + digest for name, digest in sorted(digests.items()))
+    return hashlib.sha256(content).hexdigest()[:16]
 
 
 @cache
-def _imported(file: Path, _changed: int, _size: int, root: Path, package: str) -> list[tuple[str, Path]]:
-    """Return the modules of a package in a folder that a file imports, and their sources."""
-    found = []
-    for module, names in _IMPORT.findall(file.read_text(encoding="utf-8")):
+def _contents(
+    file: Path, _changed: int, _size: int, root: Path, package: str
+) -> tuple[bytes, list[tuple[str, Path]]]:
+    """Return a file's digest, and the modules it imports."""
+    content = file.read_bytes()
+    names = []
+    for module, members in _IMPORT.findall(content.decode("utf-8")):
         if module.split(".")[0] == package:
-            found += [module, *(f"{module}.{name}" for name in re.findall(r"\w+", names))]
-    sources = ((name, _source(root, name)) for name in found)
-    return [(name, source) for name, source in sources if source is not None]
+            names += [module, *(f"{module}.{member}" for member in re.findall(r"\w+", members))]
+    sources = ((name, _source(root, name)) for name in names)
+    return hashlib.sha256(content).digest(), [(name, file) for name, file in sources if file is not None]
 
 
 def _source(root: Path, name: str) -> Path | None:
-    """Return the source of a module in a folder, None where there is none of this name."""
-    place = root.joinpath(*name.split("."))
-    candidates = (place.with_suffix(".py"), place / "__init__.py")
-    return next((file for file in candidates if file.is_file()), None)
-
-
-@cache
-def _hash(file: Path, _changed: int, _size: int) -> bytes:
-    return hashlib.sha256(file.read_bytes()).digest()
+    """Return a module's source in a folder, or None."""
+    path = root.joinpath(*name.split("."))
+    return next((file for file in (path.with_suffix(".py"), path / "__init__.py") if file.is_file()), None)

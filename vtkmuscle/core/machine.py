@@ -1,4 +1,4 @@
-"""The machine: its processors and its Python, and the folder where compiled code is kept between runs."""
+"""The machine: its processors, its Python, and the cache folder."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ FOLDER_VARIABLE = "VTKMUSCLE_CACHE"
 
 
 def cache_folder() -> Path | None:
-    """Return the folder for everything kept between runs, which need not exist yet; None for no cache.
+    """Return the cache folder, None without a cache.
 
-    That is the environment variable ``VTKMUSCLE_CACHE`` where it is set (empty: no cache), else
-    ``vtkmuscle`` in the user's cache folder (``XDG_CACHE_HOME``, else ``~/.cache``).
+    The environment variable ``VTKMUSCLE_CACHE`` if set (empty: no cache), else ``vtkmuscle`` in the user's
+    cache folder (``XDG_CACHE_HOME``, else ``~/.cache``). The folder need not exist.
     """
     chosen = os.environ.get(FOLDER_VARIABLE)
     if chosen is not None:
@@ -30,9 +30,9 @@ def cache_folder() -> Path | None:
 
 
 def check_nobody_else_writes(status: os.stat_result) -> None:
-    """Raise a PermissionError unless only this user or the system can change a file or folder.
+    """Raise a PermissionError if another user can write.
 
-    On Windows, where a mode does not say who can write, nothing is checked.
+    The system may. On Windows modes do not say who can write, and nothing is checked.
     """
     if os.name != "posix":
         return
@@ -46,7 +46,7 @@ _unusable: set[Path] = set()
 
 
 def warn_of_folder(folder: Path, error: OSError) -> None:
-    """Warn, once per folder, that compiled kernels cannot be kept in it."""
+    """Warn, once per folder, that compiled kernels cannot be kept."""
     if folder not in _unusable:
         _unusable.add(folder)
         warnings.warn(
@@ -69,7 +69,10 @@ def python_command(code: str) -> list[str]:
 
 
 def processors() -> int:
-    """Return the number of processors that this process may use: a container may have only some of them."""
+    """Return the number of processors available to this process.
+
+    A container may have only a part of them.
+    """
     if hasattr(os, "sched_getaffinity"):  # not known to macOS and Windows
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1

@@ -1,4 +1,4 @@
-"""Types of the arrays that functions take and give; their shapes are in the docstrings."""
+"""Array types of functions; shapes are in the docstrings."""
 
 import numpy as np
 from numpy.typing import NDArray

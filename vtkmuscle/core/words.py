@@ -1,4 +1,4 @@
-"""Values, names and suggestions in messages, each in one short line."""
+"""Values, names and suggestions in messages, each in a short line."""
 
 from __future__ import annotations
 
@@ -14,21 +14,21 @@ _SHORT.maxlevel = 3
 
 
 def quoted(value: object) -> str:
-    """Return a value as Python writes it, shortened where it is long or deep."""
+    """Return a value as Python writes it, shortened."""
     try:
         return _SHORT.repr(value)
     except ValueError:  # Python writes no longer integers
         return "a number of more than 4300 digits"
 
 
-def names(given: str | Iterable[str]) -> list[str]:
-    """Return names as a list; a text is one name, not its letters."""
-    return [given] if isinstance(given, str) else list(given)
+def names(text: str | Iterable[str]) -> list[str]:
+    """Return names as a list. A text is a single name."""
+    return [text] if isinstance(text, str) else list(text)
 
 
-def suggestion(word: str, known: Iterable[str]) -> str:
-    """Return the remedy for an unknown word: the nearest known one, and the list of all."""
-    known = list(known)
-    near = get_close_matches(word, known, n=1, cutoff=0.5)
-    meant = f"did you mean {near[0]!r}? " if near else ""
-    return f"{meant}allowed: {', '.join(known) or 'none'}"
+def suggestion(word: str, allowed: Iterable[str]) -> str:
+    """Return the remedy for an unknown word. The nearest and all allowed words."""
+    allowed = list(allowed)
+    nearest = get_close_matches(word, allowed, n=1, cutoff=0.5)
+    meant = f"did you mean {nearest[0]!r}? " if nearest else ""
+    return f"{meant}allowed: {', '.join(allowed) or 'none'}"

@@ -71,7 +71,8 @@ def estimated_areas(
     for role, end in zip(ROLES, ends, strict=True):
         for bone, patch in end.contacts:
             landmarks, closed = outline(points, triangles, patch)
-            areas.append(AttachmentArea(role, bone, landmarks, closed, estimated=True, sureness=end.sureness))
+            area = AttachmentArea(role, bone, landmarks, closed, estimated=True, sureness=end.confidence)
+            areas.append(area)
     return areas
 
 

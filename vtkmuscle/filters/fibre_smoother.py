@@ -10,7 +10,6 @@ from vtkmodules.vtkCommonDataModel import vtkPolyData
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.fibres.spreading import Cloud, cloud, move_ends, smooth_about_course, steps_to_centres
 from vtkmuscle.core.mesh.polylines import polyline_lengths, smooth_polylines
-from vtkmuscle.core.mesh.shared import RecentlyUsed
 from vtkmuscle.core.mesh.triangle_tree import TriangleTree
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import Polylines, add_arrays, field_array, field_string
@@ -22,8 +21,6 @@ from vtkmuscle.filters.base import Filter, OutputPort, Parameter, ports
 SAMPLES, LEAST_SAMPLES = 64, 2048
 #: ``spreading`` of fibres that fill the muscle.
 SPREADING = 1.5
-#: Clouds of positions that are kept with a muscle, each of another number.
-CLOUDS = 2
 
 
 class FibreSmoother(Filter):
@@ -141,10 +138,9 @@ class FibreSmoother(Filter):
 
 
 def _cloud(geometry: MuscleGeometry, count: int) -> Cloud | None:
-    """Return positions in a muscle, the same for the same number, None where there are none."""
+    """Return samples of a muscle, None without volume."""
     samples = geometry.samples(count)
-    clouds = geometry.once("clouds", lambda: RecentlyUsed(CLOUDS))
-    return clouds(len(samples), lambda: cloud(samples)) if len(samples) else None
+    return cloud(samples) if len(samples) else None
 
 
 def _fill_the_muscle(fibres: vtkPolyData | None) -> bool:

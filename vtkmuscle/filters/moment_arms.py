@@ -10,7 +10,7 @@ from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.mesh.polylines import polyline_lengths
-from vtkmuscle.core.moment_arms.levers import differences_by, place_among
+from vtkmuscle.core.moment_arms.levers import differences_by, interval_among
 from vtkmuscle.core.moment_arms.of_joints import checked_coordinates, known_coordinates
 from vtkmuscle.core.motion.coordinates import ANGLES, TRANSLATIONS, Coordinate
 from vtkmuscle.core.motion.rigid import RigidMotion
@@ -141,9 +141,9 @@ class MomentArms(Filter):
         arms = {}
         for name in names:
             near = differences_by(motion, name, names)
-            place = place_among(near.frames, times, now)
-            if place is not None:
-                (a, b, part), slopes = place, near.slopes(lengths)
+            interval = interval_among(near.frames, times, now)
+            if interval is not None:
+                (a, b, part), slopes = interval, near.slopes(lengths)
                 arms[name] = -(1.0 - part) * slopes[a] - part * slopes[b]
         self._add_arms(result, motion, now, arms)
         return result

@@ -156,8 +156,8 @@ class PathDeformer(Filter):
         self._made_from: tuple[FixedMuscle, Floats | None, dict[int, Bone], float] | None = None
         self._neighbours: Neighbours | None = None
         self._embedded: EmbeddedPoints | None = None
-        #: State of the inputs of the last pose, and the pose: both outputs are made from it.
-        self._last: tuple[Any, CarriedPose] | None = None
+        #: State of the inputs of the last pose, the pose, and its surface: VTK asks for each output by itself.
+        self._last: tuple[Any, CarriedPose, vtkPolyData] | None = None
         self._fibres_asked = False
         super().__init__(**settings)
 
@@ -182,7 +182,8 @@ class PathDeformer(Filter):
         check_same_bones(rest_bones, bones, "rest_bones")
         shapes = self._shapes.shapes(rest_bones, "rest_bones")
         carried = self._made(muscle, paths, shapes, fibres)
-        state = self.iterations, bones.transforms.tobytes(), _state_of(muscle, paths, neighbours)
+        settings = self.iterations, self.measure_shape, self.measure_penetration
+        state = settings, bones.transforms.tobytes(), _state_of(muscle, paths, neighbours)
         if self._last is None or self._last[0] != state:
             pose = carried.pose(
                 None if paths is None else paths.points,
@@ -191,10 +192,9 @@ class PathDeformer(Filter):
                 neighbours=self._beside(muscle, neighbours),
                 progress=self.report_progress,
             )
-            self._last = state, pose
-        pose = self._last[1]
+            self._last = state, pose, self._surface(muscle, pose, shapes, bones.transforms)
+        _, pose, surface = self._last
         self.report_progress(1.0)
-        surface = self._surface(muscle, pose, shapes, bones.transforms)
         return surface, self._fibres(muscle, paths, fibres, pose) if self._fibres_asked else None
 
     def _made(

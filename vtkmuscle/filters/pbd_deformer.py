@@ -9,15 +9,23 @@ from typing import Any
 
 import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
+from vtkmodules.vtkFiltersCore import vtkQuadricDecimation
 
 from vtkmuscle.core.bones.bone import Bone, depth_in
 from vtkmuscle.core.errors import InputError, errors_at
 from vtkmuscle.core.fixed_muscle import FixedMuscle
 from vtkmuscle.core.mesh.rest_shape import ShapeReport
+from vtkmuscle.core.mesh.surface import survey
 from vtkmuscle.core.pbd.levels import FINE_ITERATIONS, TwoLevels, coarse_fixed_points
 from vtkmuscle.core.pbd.solver import PBDSolver, State
-from vtkmuscle.data.arrays import Polylines, add_arrays, set_point_array, with_points
-from vtkmuscle.data.decimation import decimated
+from vtkmuscle.data.arrays import (
+    Polylines,
+    add_arrays,
+    checked_surface,
+    set_point_array,
+    surface_from,
+    with_points,
+)
 from vtkmuscle.data.moving_bones import MovingBones, RestBones, check_same_bones, fixed_points_of
 from vtkmuscle.data.muscle_geometry import Surface
 from vtkmuscle.filters.base import HistoryFilter, InputPort, OutputPort, ports
@@ -284,11 +292,21 @@ class PBDDeformer(DeformerSettings, HistoryFilter[_Frame]):
 
 
 def _coarser(muscle: FixedMuscle, count: int) -> FixedMuscle | None:
-    """Return a muscle with fewer triangles; None, and a warning, where its surface does not allow it."""
-    try:
-        points, triangles = decimated(muscle.points, muscle.triangles, count)
-    except InputError as error:
-        warnings.warn(f"PBDDeformer: muscle: {error}; all are solved", stacklevel=2)
+    """Return a muscle of about so many triangles; None, and a warning, where its surface does not allow it.
+
+    Garland, Heckbert 1997, *Surface simplification using quadric error metrics*, doi:10.1145/258734.258849.
+    """
+    middle, size = muscle.points.mean(axis=0), float(np.ptp(muscle.points, axis=0).max())
+    decimation = vtkQuadricDecimation()
+    decimation.SetInputData(surface_from((muscle.points - middle) / size, muscle.triangles))
+    decimation.SetTargetReduction(1.0 - count / len(muscle.triangles))
+    decimation.Update()
+    points, triangles = checked_surface(decimation.GetOutput(), "the decimated muscle")
+    points = points * size + middle
+    report = survey(points, triangles)
+    if not (report.closed and report.manifold and report.oriented):
+        problem = f"its {len(muscle.triangles)} triangles cannot be decimated to {count}, so all are solved"
+        warnings.warn(f"PBDDeformer: muscle: {problem}", stacklevel=2)
         return None
     fixed_to = coarse_fixed_points(muscle.points, muscle.fixed_to, points)
-    return FixedMuscle(points, triangles, np.asarray(fixed_to), muscle.fibres)
+    return FixedMuscle(points, triangles, fixed_to, muscle.fibres)

@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.core.mesh.shared import RecentlyUsed
 from vtkmuscle.core.morphing.isolines import morph_by_isolines
 from vtkmuscle.core.morphing.planes import morph_by_planes
 from vtkmuscle.core.morphing.slices import Box, Morph, Slicing
@@ -25,9 +24,6 @@ from vtkmuscle.filters.harmonic_field import field_of, has_field
 NOTICED = 10.0
 #: ``slice_tolerance=None`` as a part of the box's length.
 DEFAULT_TOLERANCE = 1e-3
-#: Results that are kept with a muscle, three for each way to slice it: its sections and their maps do not
-#: depend on the number of fibres.
-SETTINGS_KEPT = 12
 
 
 class SliceMorpher(Filter):
@@ -143,12 +139,7 @@ class SliceMorpher(Filter):
         if tolerance is None:
             tolerance = DEFAULT_TOLERANCE * float(np.linalg.norm(box[:3, 2]))
         upright = _runs_upwards(template.data, box)
-        slicing = Slicing(
-            slice_tolerance=tolerance,
-            continuity=self.continuity,
-            report_progress=self.report_progress,
-            once=geometry.once("sections", lambda: RecentlyUsed(SETTINGS_KEPT)),
-        )
+        slicing = Slicing(tolerance, self.continuity, self.report_progress)
 
         def morph(method: str) -> Morph:
             shape = (template.points, box, geometry.closed)

@@ -112,7 +112,7 @@ class StiffTendons(Filter):
             lines = rest.reshape(shape)
             tendons = Tendons(lines, paths.rest, _on_bone(rest_muscle, lines[:, [0, -1]]))
             self._tendons = kept = rest, paths.rest, tendons
-        held = kept[2].held(fibres.points.reshape(shape), paths.points).reshape(-1, 3)
+        held = kept[2].placed(fibres.points.reshape(shape), paths.points).reshape(-1, 3)
         given = rest, rest_muscle.points, rest_muscle.triangles, 0.0
         if self._embedded is None or not self._embedded.same_as(*given):
             self._embedded = EmbeddedPoints(*given)

@@ -12,7 +12,7 @@ from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.motion.rigid import apply_transform
 from vtkmuscle.core.template.fitting import (
     TIE,
-    Fit,
+    BoxFit,
     SuperficialFibres,
     angle_to_nearest,
     centroid_axis,
@@ -166,7 +166,7 @@ class TemplateFitter(Filter):
         landmarks: tuple[Floats, Floats],
         areas: tuple[Floats, Floats],
         guide: Callable[[Floats], float] | None,
-    ) -> list[Fit]:
+    ) -> list[BoxFit]:
         """Return the best box for each axis; ``guide`` gives the angle of superficial fibres in a box."""
         return [
             fit_box(points, axis, landmarks=landmarks, areas=areas, angle_step=self.angle_step, guide=guide)

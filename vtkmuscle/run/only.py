@@ -12,7 +12,7 @@ from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.estimate import segment_errors
-from vtkmuscle.core.mesh.shared import held
+from vtkmuscle.core.mesh.shared import keep_shared
 from vtkmuscle.core.moment_arms.by_coordinate import JointArms
 from vtkmuscle.core.moment_arms.of_joints import joint_arms
 from vtkmuscle.core.types import Floats
@@ -88,7 +88,7 @@ def run_only(
     if folder is not None and not overwrite:
         _check_free(folder, scene, what)
     tell = progress or (lambda _muscle, _stage, _part: None)
-    with held():
+    with keep_shared():
         if what == "surfaces":
             return {name: list(_surfaces(scene, name, numbers, folder, tell)) for name in scene.muscles}
         table = _tables(scene, what, numbers, tell)

@@ -13,7 +13,7 @@ import time
 import warnings
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ProcessPoolExecutor
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from multiprocessing import parent_process
 from multiprocessing.context import SpawnContext, SpawnProcess
 from pathlib import Path
@@ -23,7 +23,7 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any, Self
 
 from vtkmuscle.core.machine import is_python, processors
-from vtkmuscle.core.mesh.shared import held
+from vtkmuscle.core.mesh.shared import keep_shared
 from vtkmuscle.data.arrays import points_of, with_points
 from vtkmuscle.data.drawn_bones import DrawnBones
 from vtkmuscle.plotting.drawing import FigureOrder
@@ -180,12 +180,16 @@ class _Worker:
     studio: Studio | None = None
 
 
+#: Contexts open until the process of the pool ends.
+_open = ExitStack()
+
+
 def _begin(given: Path, messages: Any) -> None:
     """Prepare a process of the pool; it ends with the process that started it."""
     scene, numbers, clock, store = pickle.loads(given.read_bytes())
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     Thread(target=_end_with_parent, daemon=True).start()
-    held().__enter__()  # bones are shared by all muscles of this process
+    _open.enter_context(keep_shared())  # all muscles of this process share bones
 
     def send(kind: str) -> Callable[..., None]:
         return lambda *content: messages.put((kind, *content))

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from vtkmuscle.core.errors import InputError, check_name, fault_of
-from vtkmuscle.core.mesh.shared import held
+from vtkmuscle.core.mesh.shared import keep_shared
 from vtkmuscle.data.drawn_bones import DrawnBones
 from vtkmuscle.io.parts import file_digest
 from vtkmuscle.run.figures import draw_run
@@ -35,7 +35,7 @@ _LOOK_UP = 0.1
 Tracks = dict[str, MuscleTrack]
 
 
-@held()
+@keep_shared()
 def run_scene(scene: SceneData, out: Path | None, options: RunOptions) -> Result:
     """Run a scene: check it, solve and measure its muscles, and write the results; see ``Scene.run``."""
     began = time.perf_counter()

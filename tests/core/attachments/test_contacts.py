@@ -43,7 +43,7 @@ def test_the_ends_are_what_is_near_the_two_bones():
     assert (larger.bone, smaller.bone) == ("upper", "lower")
     np.testing.assert_array_equal(np.sort(points_of(larger)), np.flatnonzero(X <= 7))
     np.testing.assert_array_equal(np.sort(points_of(smaller)), np.flatnonzero(X >= 56))
-    assert larger.sureness == smaller.sureness == 1.0
+    assert larger.confidence == smaller.confidence == 1.0
 
 
 def test_what_is_inside_of_a_bone_is_near_it():
@@ -58,8 +58,8 @@ def test_a_bone_that_the_muscle_passes_is_not_taken_however_much_lies_on_it():
     distances = {"passed": along(6, 50), "upper": along(0, 1), "lower": along(59, 60)}
     ends = ends_of(distances)
     assert {end.bone for end in ends} == {"upper", "lower"}
-    assert all(0.0 < end.sureness < 0.2 for end in ends)  # the muscle goes on for 6 and 10 of 60 mm
-    assert all(end.sureness == 1.0 for end in ends_of(distances, between=["lower", "upper"]))
+    assert all(0.0 < end.confidence < 0.2 for end in ends)  # the muscle goes on for 6 and 10 of 60 mm
+    assert all(end.confidence == 1.0 for end in ends_of(distances, between=["lower", "upper"]))
 
 
 def test_two_bones_that_reach_as_far_leave_no_sureness():
@@ -67,8 +67,8 @@ def test_two_bones_that_reach_as_far_leave_no_sureness():
         ends_of({"a": along(0, 5), "b": along(54, 60), "c": along(54, 60)}), key=lambda end: end.bone
     )
     assert upper.bone == "a"
-    assert upper.sureness > 0.7  # the rival would be as long as the strip is wide
-    assert lower.sureness == pytest.approx(0.0, abs=1e-9)
+    assert upper.confidence > 0.7  # the rival would be as long as the strip is wide
+    assert lower.confidence == pytest.approx(0.0, abs=1e-9)
 
 
 def test_a_fleshy_end_takes_its_half_and_a_tendon_the_last_quarter_of_the_way():
@@ -134,12 +134,15 @@ def test_neither_order_of_bones_nor_numbers_of_points_matter(rng):
 @pytest.mark.parametrize(
     ("distances", "words"),
     [
-        ({"upper": along(0, 5)}, r"comes near to fewer; .* 'upper' \(0\); if its tendon"),
-        (dict.fromkeys(["upper", "lower"], AWAY), "reaches nowhere from 'upper' to 'lower'; if its tendon"),
+        ({"upper": along(0, 5)}, r"comes near to fewer; .* 'upper' \(0\); join a separate tendon"),
+        (
+            dict.fromkeys(["upper", "lower"], AWAY),
+            "no connected part of the muscle is near 'upper' and 'lower'; join a separate tendon",
+        ),
         ({"upper": along(0, 5), "foot": 90 - X}, r"comes near to fewer; .* 'upper' \(0\), 'foot' \(30\)"),
         (
             {"upper": along(0, 5), "shank": along(20, 30)},
-            r"goes on for 30 beyond .* near to 'shank', and ends at \(60, \d+, 0\), 30 from",
+            r"extends 30 beyond .* nearest to 'shank', and ends at \(60, \d+, 0\), 30 from",
         ),
     ],
 )

@@ -6,7 +6,7 @@ from scipy.optimize import linear_sum_assignment
 from scipy.spatial import cKDTree
 from scipy.spatial.distance import cdist
 
-from vtkmuscle.core.fibres.equal_shares import AT_ONCE, even_places, matched_places
+from vtkmuscle.core.fibres.equal_shares import AT_ONCE, even_positions, matched_ends
 from vtkmuscle.core.mesh.sampling import sobol
 
 
@@ -18,7 +18,7 @@ def plate(count, *, first=0, sides=(30.0, 10.0), lift=0.0):
 
 @pytest.mark.parametrize("count", [1, 2, 7, 50, 333])
 def test_places_stand_for_equal_shares_and_keep_apart(count):
-    both = even_places([plate(32 * count), plate(32 * count, sides=(5.0, 60.0), lift=20.0)], count)
+    both = even_positions([plate(32 * count), plate(32 * count, sides=(5.0, 60.0), lift=20.0)], count)
     for places, sides in zip(both, ((30.0, 10.0), (5.0, 60.0)), strict=True):
         assert places.shape == (count, 3)
         everywhere = plate(64 * 1024, first=64 * 1024, sides=sides, lift=places[0, 2])
@@ -31,15 +31,15 @@ def test_places_stand_for_equal_shares_and_keep_apart(count):
 
 def test_equal_areas_have_equal_places():
     shift = np.array([7.0, -3.0, 25.0])
-    one, two = even_places([plate(1600), plate(1600) + shift], 100)
+    one, two = even_positions([plate(1600), plate(1600) + shift], 100)
     assert np.allclose(one + shift, two)
-    one, other = even_places([plate(1600), plate(1600, first=1600) + shift], 100)
+    one, other = even_positions([plate(1600), plate(1600, first=1600) + shift], 100)
     assert np.percentile(np.linalg.norm(one + shift - other, axis=1), 90) < 0.5 * np.sqrt(300.0 / 100)
 
 
 def test_it_does_not_matter_which_area_is_the_first():
     areas = plate(2048), plate(2048, sides=(12.0, 25.0), lift=30.0)
-    here, there = even_places(areas, 64), even_places(areas[::-1], 64)
+    here, there = even_positions(areas, 64), even_positions(areas[::-1], 64)
     for one, two in zip(here, there[::-1], strict=True):
         assert np.array_equal(np.sort(one, axis=0), np.sort(two, axis=0))
 
@@ -50,8 +50,8 @@ def test_places_move_with_the_areas(rng):
     areas = [area + rng.normal(scale=0.05, size=area.shape) for area in areas]
     turn = np.linalg.qr(np.random.default_rng(5).normal(size=(3, 3)))[0]
     turn *= np.sign(np.linalg.det(turn))
-    here = even_places(areas, 77)
-    there = even_places([area @ turn.T + [5.0, -9.0, 30.0] for area in areas], 77)
+    here = even_positions(areas, 77)
+    there = even_positions([area @ turn.T + [5.0, -9.0, 30.0] for area in areas], 77)
     for one, two in zip(here, there, strict=True):
         assert np.allclose(one @ turn.T + [5.0, -9.0, 30.0], two, atol=1e-9)
 
@@ -65,7 +65,7 @@ def total(starts, ends, goes_with):
 def test_the_sum_of_squares_is_the_least(seed, n, flat):
     rng = np.random.default_rng(seed)
     starts, ends = rng.normal(size=(2, n, 3)) * [10.0, 3.0, 0.0 if flat else 1.0]
-    goes_with = matched_places(starts, ends + np.array([0.0, 0.0, 40.0]))
+    goes_with = matched_ends(starts, ends + np.array([0.0, 0.0, 40.0]))
     best = linear_sum_assignment(cdist(starts, ends, "sqeuclidean"))[1]
     assert sorted(goes_with) == list(range(n))
     assert total(starts, ends, goes_with) <= total(starts, ends, best) * (1 + 1e-9) + 1e-9
@@ -74,16 +74,16 @@ def test_the_sum_of_squares_is_the_least(seed, n, flat):
 def test_places_that_are_one_point_or_a_line_are_matched():
     point, line = np.zeros((5, 3)), np.outer(np.arange(5.0), [1.0, 2.0, 3.0])
     for starts, ends in ((point, line), (line, point), (point, point), (line, line[::-1])):
-        assert sorted(matched_places(starts, ends)) == list(range(5))
-    assert np.array_equal(line[::-1][matched_places(line, line[::-1])], line)
+        assert sorted(matched_ends(starts, ends)) == list(range(5))
+    assert np.array_equal(line[::-1][matched_ends(line, line[::-1])], line)
 
 
 def test_many_places_are_matched_nearly_as_well_and_neighbours_do_not_cross():
     count = 2 * AT_ONCE + 2  # halved twice
     bent = plate(16 * count, sides=(12.0, 25.0), lift=30.0)
     bent[:, 2] += 0.02 * bent[:, 1] ** 2
-    starts, ends = even_places([plate(16 * count), bent], count)
-    goes_with = matched_places(starts, ends)
+    starts, ends = even_positions([plate(16 * count), bent], count)
+    goes_with = matched_ends(starts, ends)
     assert np.array_equal(np.sort(goes_with), np.arange(count))
     centred = ends - ends.mean(axis=0)
     best = linear_sum_assignment(-starts @ centred.T)[1]

@@ -26,7 +26,7 @@ def free(fibres):
 
 def test_fibres_become_shorter_by_what_the_paths_do(fibres):
     rest = sheet(np.zeros_like)
-    held = Tendons(fibres, rest, free(fibres)).held(fibres * [0.8, 1.0, 1.0], rest * [0.8, 1.0, 1.0])
+    held = Tendons(fibres, rest, free(fibres)).placed(fibres * [0.8, 1.0, 1.0], rest * [0.8, 1.0, 1.0])
     shift = held - fibres
     assert np.allclose(shift[:, 0], 0.0)
     assert np.allclose(shift[:, -1], [-20.0, 0.0, 0.0])
@@ -36,11 +36,13 @@ def test_fibres_become_shorter_by_what_the_paths_do(fibres):
 def test_a_rigid_motion_is_followed_and_at_rest_nothing_moves(fibres):
     rest = sheet(lambda x: 5.0 * np.sin(x / 30.0))
     tendons = Tendons(fibres, rest, free(fibres))
-    assert np.allclose(tendons.held(fibres, rest), fibres)
+    assert np.allclose(tendons.placed(fibres, rest), fibres)
     c, s = np.cos(0.7), np.sin(0.7)
     turn, shift = np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]]), np.array([9.0, -4.0, 30.0])
     # The offset turns with its path, about the axis across the sheet.
-    assert np.allclose(tendons.held(fibres @ turn.T + shift, rest @ turn.T + shift), fibres @ turn.T + shift)
+    assert np.allclose(
+        tendons.placed(fibres @ turn.T + shift, rest @ turn.T + shift), fibres @ turn.T + shift
+    )
 
 
 def test_ends_on_a_fixed_part_go_with_that(fibres):
@@ -48,7 +50,7 @@ def test_ends_on_a_fixed_part_go_with_that(fibres):
     fixed = free(fibres)
     fixed[:10, 1] = True
     carried = fibres + np.array([0.0, 0.0, 2.0])
-    held = Tendons(fibres, rest, fixed).held(carried, rest)
+    held = Tendons(fibres, rest, fixed).placed(carried, rest)
     assert np.array_equal(held[:10, -1], carried[:10, -1])
     assert np.allclose(held[10:, -1], fibres[10:, -1])
     assert np.allclose(held[:, 0], fibres[:, 0])
@@ -58,7 +60,7 @@ def test_what_is_bent_at_rest_keeps_the_bow_that_it_was_carried_with(fibres):
     rest = sheet(np.zeros_like)
     bent = fibres.copy()
     bent[:5, 4, 2] += 1.0
-    held = Tendons(bent, rest, free(bent)).held(bent * [0.8, 1.0, 1.0], rest * [0.8, 1.0, 1.0])
+    held = Tendons(bent, rest, free(bent)).placed(bent * [0.8, 1.0, 1.0], rest * [0.8, 1.0, 1.0])
     middle = held[:, 4, 2] - (held[:, 0, 2] + held[:, -1, 2]) / 2.0
     assert np.allclose(middle[:5], 1.0)
     assert np.allclose(middle[5:], 0.0)

@@ -9,7 +9,7 @@ from scipy.spatial import cKDTree
 
 from vtkmuscle.core.fibres.trimming import (
     EndArea,
-    assign_places,
+    assign_positions,
     beyond_plane,
     trim_fibres,
 )
@@ -310,7 +310,7 @@ def test_places_straight_ahead_are_taken_and_none_twice():
     rng = np.random.default_rng(1)
     feet = np.column_stack([rng.uniform(-5, 5, (30, 2)), np.zeros(30)])
     ahead = rng.permutation(30)
-    assert_array_equal(ahead[assign_places(feet, feet[ahead] + 8 * AXIS)], np.arange(30))
+    assert_array_equal(ahead[assign_positions(feet, feet[ahead] + 8 * AXIS)], np.arange(30))
 
 
 @settings(deadline=None, max_examples=40)
@@ -319,7 +319,7 @@ def test_new_segments_in_a_plane_never_cross(seed, count):
     rng = np.random.default_rng(seed)
     starts = np.column_stack([rng.uniform(-5, 5, count), np.zeros(count), np.zeros(count)])
     places = np.column_stack([rng.uniform(-9, 9, count), np.zeros(count), rng.uniform(1, 20, count)])
-    ends = places[assign_places(starts, places)]
+    ends = places[assign_positions(starts, places)]
 
     def side(a, b, c):
         return (b[0] - a[0]) * (c[2] - a[2]) - (b[2] - a[2]) * (c[0] - a[0])
@@ -335,14 +335,14 @@ def test_fibres_that_all_lean_to_one_side_do_not_exchange_their_ends():
     x = np.linspace(-10.0, 10.0, 9)
     departures, places = (np.column_stack([x, 0 * x, np.full(9, z)]) for z in (0.0, 4.0))
     departures[:, 0] *= 0.1
-    assert_array_equal(assign_places(departures, places), np.arange(9))
+    assert_array_equal(assign_positions(departures, places), np.arange(9))
 
 
 def test_where_the_area_runs_beside_the_fibres_the_nearest_fibre_ends_on_its_nearest_part():
     depth = np.array([4.0, 1.0, 3.0, 2.0])
     departures = np.column_stack([depth, 0 * depth, 0 * depth])
     places = np.array([[0, 0, 40.0], [0, 0, 10], [0, 0, 30], [0, 0, 20]])
-    taken = assign_places(departures, places)
+    taken = assign_positions(departures, places)
     assert_array_equal(places[taken, 2], 10 * depth)
 
 

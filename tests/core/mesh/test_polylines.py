@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from vtkmuscle.core.mesh.polylines import (
     end_directions,
     evenly_spaced,
-    places_along,
+    points_at_arcs,
     polyline_lengths,
     smooth_polylines,
 )
@@ -85,13 +85,13 @@ def test_resampling_clamps_arcs_to_the_line_and_passes_repeated_points():
     line = np.array([[0.0, 0, 0], [0, 0, 0], [4, 0, 0], [4, 0, 0], [4, 2, 0]])
     arcs = np.array([-1.0, 0, 1, 4, 5, 6, 9])
     expected = [[0, 0, 0], [0, 0, 0], [1, 0, 0], [4, 0, 0], [4, 1, 0], [4, 2, 0], [4, 2, 0]]
-    assert_allclose(places_along(line, np.array([0, 5]), arcs[None])[0], expected, atol=1e-14)
+    assert_allclose(points_at_arcs(line, np.array([0, 5]), arcs[None])[0], expected, atol=1e-14)
 
 
 def test_a_line_of_one_place_is_resampled_to_that_place():
     for line in (np.ones((1, 3)), np.ones((4, 3))):
         offsets = np.array([0, len(line)])
-        assert_array_equal(places_along(line, offsets, np.array([[0.0, 1.0]])), np.ones((1, 2, 3)))
+        assert_array_equal(points_at_arcs(line, offsets, np.array([[0.0, 1.0]])), np.ones((1, 2, 3)))
 
 
 def test_end_directions_pass_over_repeated_points():

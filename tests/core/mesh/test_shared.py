@@ -5,7 +5,7 @@ import gc
 import numpy as np
 from shapes import ball
 
-from vtkmuscle.core.mesh.shared import held, shared
+from vtkmuscle.core.mesh.shared import keep_shared, shared
 
 
 class Made:
@@ -44,9 +44,9 @@ def test_nothing_is_kept_that_nobody_holds():
 
 def test_within_held_it_is_kept_though_the_one_who_asked_is_gone():
     ask, made = counted()
-    with held():
+    with keep_shared():
         ask(*ball())
-        with held():
+        with keep_shared():
             gc.collect()
         gc.collect()
         ask(*ball())

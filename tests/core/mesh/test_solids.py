@@ -120,19 +120,6 @@ def test_points_are_inside_where_their_winding_number_says_so(shape):
     assert 0.1 < inside.mean() < 0.9
 
 
-@pytest.mark.parametrize("shape", SHAPES)
-def test_points_that_come_in_runs_have_the_same_distances(shape):
-    points, triangles = SHAPES[shape]
-    positions = near_points(points, triangles, n=600)
-    solids = solids_of(points, triangles)
-    alone = solids.distances(positions)
-    for run in (600, 50, 7):
-        np.testing.assert_allclose(solids.distances(positions, run=run), alone, atol=1e-9)
-    # A run does not depend on those before it, to the last digit.
-    together_with_others = solids.distances(np.vstack([positions[::-1], positions]), run=50)
-    np.testing.assert_array_equal(together_with_others[600:], solids.distances(positions, run=50))
-
-
 def test_which_points_on_a_surface_are_inside_depends_on_nothing_else_that_is_asked():
     points, triangles = ball()
     turned = points @ Rotation.from_rotvec([0.3, 0.2, 0.1]).as_matrix()

@@ -30,25 +30,6 @@ def test_the_nearest_of_all_triangles_is_found(n, seed):
     assert (closest >= a.min(axis=1) - 1e-9).all()
 
 
-@settings(deadline=None, max_examples=30)
-@given(
-    n=st.integers(1, 60),
-    count=st.integers(1, 50),
-    run=st.integers(1, 60),
-    spread=st.floats(0.0, 20.0),
-    seed=st.integers(0, 2**32 - 1),
-)
-def test_points_close_by_have_the_same_distances_as_each_alone(n, count, run, spread, seed):
-    """Also where they are not close by, which only takes longer, and where they fill no packet."""
-    points, triangles = soup(n, seed)
-    tree = triangle_tree(points, triangles)
-    rng = np.random.default_rng(seed + 1)
-    queries = rng.normal(scale=15.0, size=3) + rng.normal(scale=spread, size=(count, 3))
-    distances, closest = tree.signed(queries, run=run)
-    assert_allclose(np.abs(distances), tree.nearest(queries)[2], atol=1e-9)
-    assert_allclose(np.linalg.norm(closest - queries, axis=1), np.abs(distances), atol=1e-9)
-
-
 def test_triangles_without_area_are_no_obstacle():
     points = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [5, 5, 5.0]])
     triangles = np.array([[3, 3, 3], [0, 0, 1], [0, 1, 2], [1, 1, 1]])

@@ -242,8 +242,8 @@ def test_a_sweep_that_comes_back_is_taken_from_the_poses_next_to_each():
     values = np.concatenate([np.arange(0.0, 5.0), np.arange(3.0, -1.0, -1.0)])
     motion = RigidMotion(np.arange(9.0), {}, None, {"q": Coordinate(values, "rad")})
     near = differences_by(motion, "q")
-    assert near.beside[2].tolist() == [1, 3]
-    assert near.beside[6].tolist() == [7, 5]
+    assert near.neighbours[2].tolist() == [1, 3]
+    assert near.neighbours[6].tolist() == [7, 5]
 
 
 def test_of_two_poses_there_is_a_line():

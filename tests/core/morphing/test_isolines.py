@@ -4,7 +4,7 @@ import pytest
 from bent_muscle import bent_tube, half_circle, letter_s
 from shapes import closed_surface
 
-from vtkmuscle.core.morphing.isolines import attachment_field, morph_by_isolines, way_of_values
+from vtkmuscle.core.morphing.isolines import attachment_field, isoline_distances, morph_by_isolines
 from vtkmuscle.core.morphing.planes import morph_by_planes
 from vtkmuscle.core.morphing.slices import Slicing
 from vtkmuscle.core.motion.rigid import apply_transform
@@ -143,7 +143,7 @@ def test_ways_along_a_tube_are_those_of_its_centre_line_or_a_little_more():
     path = np.column_stack([np.zeros(50), np.zeros(50), np.linspace(0, 100, 50)])
     points, triangles, origin, insertion = bent_tube(path, RADIUS)
     field = attachment_field(points, triangles, origin, insertion)
-    values, ways = way_of_values(points, triangles, field)
+    values, ways = isoline_distances(points, triangles, field)
     assert ways[-1] == pytest.approx(100, rel=1e-3)
     assert np.abs(ways - 100 * values).max() < 0.2
 

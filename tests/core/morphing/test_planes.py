@@ -215,7 +215,7 @@ def test_a_slice_that_is_the_rectangle_maps_to_itself(rng):
     places = rng.random((20, 2)) * [4, 3]
     for as_printed in (False, True):
         section = section_map(loop, np.zeros(2), np.array([4.0, 3.0]), as_printed=as_printed)
-        assert np.allclose(section.places(places), places, atol=1e-9)
+        assert np.allclose(section.positions(places), places, atol=1e-9)
 
 
 @pytest.mark.parametrize("as_printed", [False, True])
@@ -227,10 +227,10 @@ def test_corners_of_the_rectangle_go_to_the_boundary_and_its_inside_to_the_insid
     corners = np.array([(0.0, 0), (20, 0), (20, 8), (0, 8)])
     sides = np.array([20.0, 8.0])
     section = section_map(loop, np.zeros(2), sides, as_printed=as_printed)
-    ends = section.places(corners)
+    ends = section.positions(corners)
     radii = np.linalg.norm((ends - (10, 4)) / (9, 3), axis=1)
     assert np.allclose(radii, 1, atol=0.01)
-    mapped = section.places(rng.random((200, 2)) * sides)
+    mapped = section.positions(rng.random((200, 2)) * sides)
     assert (np.linalg.norm((mapped - (10, 4)) / (9, 3), axis=1) <= 1).all()
 
 

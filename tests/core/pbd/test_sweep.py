@@ -10,8 +10,7 @@ from spindle import spindle
 
 from vtkmuscle.core.mesh.rest_shape import dihedral_angles
 from vtkmuscle.core.mesh.surface import edge_lengths, mesh_topology
-from vtkmuscle.core.pbd.batches import WIDTH, rows_of_edges
-from vtkmuscle.core.pbd.sweep import edge_rows, project_edges, turn_from
+from vtkmuscle.core.pbd.sweep import WIDTH, edge_rows, project_edges, rows_of_edges, turn_from
 
 POINTS, TRIANGLES, FIXED_TO = spindle(seed=4)
 TOPOLOGY = mesh_topology(len(POINTS), TRIANGLES)

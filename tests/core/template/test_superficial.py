@@ -9,10 +9,10 @@ from vtkmuscle.core.template.fitting import SuperficialFibres, angle_to_nearest,
 def test_pieces_share_out_their_fibres():
     lines = np.array([[0.0, 0, 0], [0, 0, 10], [5, 0, 0], [5, 0, 0], [5, 3, 0]])
     seen = superficial_pieces(lines, np.array([0, 2, 5]), np.array([[0.0, 0, -50], [0, 0, 50]]))
-    assert seen.weights.sum() == pytest.approx(13.0)
-    assert seen.weights.max() <= 2.0
-    assert np.allclose(np.abs(seen.directions @ [0, 0, 1]).round(12) @ seen.weights, 10.0)
-    assert np.allclose(seen.places[:5], [[0, 0, z] for z in (1, 3, 5, 7, 9)])
+    assert seen.lengths.sum() == pytest.approx(13.0)
+    assert seen.lengths.max() <= 2.0
+    assert np.allclose(np.abs(seen.directions @ [0, 0, 1]).round(12) @ seen.lengths, 10.0)
+    assert np.allclose(seen.middles[:5], [[0, 0, z] for z in (1, 3, 5, 7, 9)])
     with pytest.raises(ValueError, match="no fibre has a length"):
         superficial_pieces(lines[2:4], np.array([0, 2]), lines)
 

@@ -1,7 +1,7 @@
-"""Estimated attachments of a muscle: at its ends, where it comes near bones.
+"""Estimated attachments of a muscle: its ends near bones.
 
-A muscle's ends are the two points, one near each of two bones, that are farthest apart along its surface. The
-points near a bone that lie at its end are its attachment.
+The ends of a muscle are two points, near two bones, farthest apart along its surface. The points near a bone
+at its end are the attachment.
 """
 
 from __future__ import annotations
@@ -19,52 +19,49 @@ from vtkmuscle.core.mesh.normals import triangle_normals
 from vtkmuscle.core.mesh.surface import edge_lengths, point_components, unique_edges
 from vtkmuscle.core.types import Bools, Floats, Ints
 
-#: Length of a muscle that outweighs a gap of 1 between its end and a bone. Anything from 1 to 100 chooses the
-#: same bones for 31 muscles of phantoms, a hip, two knees and an arm.
+#: Muscle length that outweighs a gap of 1 between an end and a bone. Values from 1 to 100 choose the same
+#: bones for 31 muscles of phantoms, a hip, two knees and an arm.
 GAP_WEIGHT = 5.0
-#: An end farther from a bone than this many times the distance that counts as near is not attached to it: 10
-#: mm, beyond which landmarks are not on their bone either.
+#: Largest distance of an attached end from its bone, in multiples of the near distance: 10 mm, beyond which
+#: digitised landmarks are not on their bone either.
 FAR_END = 4.0
-#: Part of a muscle's length that may lie beyond its attachment, as a corner of a broad muscle (at most 5 % in
-#: the muscles above); a belly without its tendon goes on for more.
+#: Part of a muscle's length beyond its attachment, as for a corner of a broad muscle (at most 5 % in the
+#: muscles above); a belly without its tendon extends farther.
 BEYOND = 0.1
-#: Last part of the way from the other attachment that a tendon's attachment may take. From 0.15 to 0.3 areas
-#: overlap digitised ones alike (mean intersection over union 0.63 to 0.65).
+#: Last part of the distance from the opposite attachment for a tendon's attachment. From 0.15 to 0.3 areas
+#: overlap digitised areas equally (mean intersection over union 0.63 to 0.65).
 TENDON_END = 0.25
-#: A contact smaller than this part of the largest one at the same end is noise.
+#: Least share of a contact in the largest contact at its end; smaller contacts are noise.
 LEAST_SHARE = 0.05
 
-REMEDY = (
-    "if its tendon is another surface, join both to one closed surface; if a bone is missing, add it; else "
-    "give landmarks"
-)
+REMEDY = "join a separate tendon to the muscle's surface, add a missing bone, or give landmarks"
 
 
 @dataclass(frozen=True, eq=False)
 class Span:
-    """The longest way along a muscle between points near two bones.
+    """Longest distance along a muscle between points near two bones.
 
-    `tips` has the muscle's point at the end near each bone, `ways` the distances (n,) of all points from it
-    along the surface [mm]; `score` is the length of the way less the weighted gaps at its ends [mm].
+    `tips` has the muscle's end point near each bone, `distances` (n,) its distances to all points along the
+    surface [mm]; `score` is the length less the weighted gaps at both ends [mm].
     """
 
     tips: dict[str, int]
-    ways: dict[str, Floats]
+    distances: dict[str, Floats]
     score: float
 
 
 @dataclass(frozen=True, eq=False)
 class AttachedEnd:
-    """One end of a muscle: the bone that it comes nearest to, and its contacts, the largest first.
+    """End of a muscle: its nearest bone, and contacts by size.
 
-    Contacts are bones and the connected points (k,) near them. Sureness is 1 - (score of the best span that
-    has this end on another bone) / (score of the span taken): 0 where another bone is as likely, 1 where none
-    is near.
+    Contacts are bones and connected points (k,) near them. The confidence is 1 - (score of the best span with
+    this end on another bone) / (score of the chosen span): 0 if another bone is equally likely, 1 if no other
+    bone is near.
     """
 
     bone: str
     contacts: list[tuple[str, Ints]]
-    sureness: float
+    confidence: float
 
 
 def attached_ends(
@@ -76,73 +73,74 @@ def attached_ends(
     between: Sequence[str] = (),
     bodies: Sequence[Sequence[str]] = (),
 ) -> tuple[AttachedEnd, AttachedEnd]:
-    """Return the likely attachments of a muscle, at its two ends to two bones; that with more area first.
+    """Return the likely attachments at both ends, the larger first.
 
-    Each pair of bones has a span, and the longest is the muscle's: a bone that the muscle passes is reached
-    by a shorter one. The points near a bone, inside of it or within a distance, belong to the end that is
-    nearer along the surface. At the end with more of them all count, for muscles arise from broad areas; at
-    the other only those in the last quarter of the way from there, for they insert by tendons. Bones that
-    move with the one taken count in the last quarter as well, if the muscle's farthest point is near them.
+    Each pair of bones has a span, and the longest is the muscle's: a passed bone has a shorter span. The
+    points near a bone, within a distance or inside, belong to the end nearer along the surface. All count at
+    the end with more points, as muscles arise from broad areas; at the opposite end only the points in the
+    last quarter of the distance count, as muscles insert by tendons. Bones that move with the chosen bone
+    count in the last quarter as well, if the muscle's end is near them.
 
     Parameters
     ----------
     points, triangles : (n, 3) array, (m, 3) int array
         The muscle [mm]; point ids.
     distances : mapping of str to (n,) array
-        Per bone the distance of each point, negative inside [mm].
+        Distance of each point from each bone, negative inside [mm].
     within : float
-        Up to which distance a point is near a bone, > 0 [mm]; half an edge where that is more, and as much
-        farther as the end itself is from the bone.
+        Distance within which a point is near a bone, > 0 [mm]; at least half an edge, plus the gap of the
+        end.
     between : sequence of str
-        Known bones of attachment: none, one or two.
+        Bones of attachment, if given: up to two.
     bodies : sequence of sequence of str
-        Bones that move as one.
+        Groups of bones that move together.
 
     Raises
     ------
     ValueError
-        If fewer than two bones are near, the muscle reaches from none to another, or ends far from them.
+        If fewer than two bones are near, the muscle connects no two bones, or ends far from them.
     """
     edges = unique_edges(triangles)
     lengths = edge_lengths(points, edges)
     graph = coo_array((lengths, tuple(edges.T)), shape=(len(points), len(points))).tocsr()
     used = np.bincount(triangles.ravel(), minlength=len(points)) > 0
-    gaps = {bone: np.where(used, np.maximum(away, 0.0), np.inf) for bone, away in distances.items()}
+    gaps = {bone: np.where(used, np.maximum(gap, 0.0), np.inf) for bone, gap in distances.items()}
     spans = _spans(graph, gaps, FAR_END * within, between)
     best = spans[0]
     if not best.score > 0.0:
-        raise InputError("", f"the muscle reaches nowhere from {' to '.join(map(repr, best.tips))}", REMEDY)
+        tips = " and ".join(map(repr, best.tips))
+        raise InputError("", f"no connected part of the muscle is near {tips}", REMEDY)
     weights = np.linalg.norm(triangle_normals(points, triangles), axis=1) / 6.0
     weights = np.bincount(triangles.ravel(), np.repeat(weights, 3), len(points))
     reach, near = max(within, 0.5 * float(lengths.mean())), {}
-    for bone, other in permutations(best.tips):
-        _check_end(points, best, bone, other, gaps, FAR_END * within)
+    for bone, opposite in permutations(best.tips):
+        _check_end(points, best, bone, opposite, gaps, FAR_END * within)
         touched = gaps[bone] <= gaps[bone][best.tips[bone]] + reach
-        near[bone] = touched & (best.ways[bone] <= best.ways[other])
+        near[bone] = touched & (best.distances[bone] <= best.distances[opposite])
     broad, narrow = sorted(near, key=lambda bone: -float(weights[near[bone]].sum()))
-    near[narrow] &= _outer(_ways(graph, np.flatnonzero(near[broad])), near[narrow])
+    near[narrow] &= _outer(_surface_distances(graph, np.flatnonzero(near[broad])), near[narrow])
     ends = []
     for own, opposite in ((broad, narrow), (narrow, broad)):
         rivals = {bone: span for span in spans if opposite in span.tips for bone in {*span.tips} - {opposite}}
         group = next((body for body in bodies if own in body), (own,))
         body = [bone for bone in group if bone in rivals and gaps[bone][rivals[bone].tips[bone]] <= reach]
         body = [own, *(bone for bone in body if bone != own)]
-        outer = _outer(best.ways[opposite], near[own])
+        outer = _outer(best.distances[opposite], near[own])
         claims = [near[own], *(outer & (gaps[bone] <= reach) for bone in body[1:])]
         gap = [np.where(claim, gaps[bone], np.inf) for claim, bone in zip(claims, body, strict=True)]
         nearest = np.where(np.any(claims, axis=0), np.argmin(gap, axis=0), -1)
         far = best.tips[opposite]
-        contacts = [(bone, part) for n, bone in enumerate(body) for part in _parts(edges, nearest == n, far)]
-        contacts.sort(key=lambda one: -float(weights[one[1]].sum()))
-        least = LEAST_SHARE * weights[contacts[0][1]].sum()
-        kept = [one for one in contacts if weights[one[1]].sum() >= least]
+        parts = [(bone, part) for n, bone in enumerate(body) for part in _parts(edges, nearest == n, far)]
+        sizes = np.array([weights[part].sum() for _, part in parts])
+        order = np.argsort(-sizes, kind="stable")
+        contacts = [parts[i] for i in order if sizes[i] >= LEAST_SHARE * sizes[order[0]]]
         rival = max((span.score for bone, span in rivals.items() if bone not in group), default=0.0)
-        ends.append(AttachedEnd(own, kept, 1.0 - max(0.0, rival) / best.score))
+        ends.append(AttachedEnd(own, contacts, 1.0 - max(0.0, rival) / best.score))
     return ends[0], ends[1]
 
 
 def _spans(graph: csr_array, gaps: Mapping[str, Floats], far: float, between: Sequence[str]) -> list[Span]:
-    """Return the spans between bones that the muscle comes near to, the best first."""
+    """Return the spans between near bones, the best first."""
     least = {bone: float(gap.min()) for bone, gap in gaps.items()}
     for bone in between:
         if least[bone] > far:
@@ -157,29 +155,29 @@ def _spans(graph: csr_array, gaps: Mapping[str, Floats], far: float, between: Se
 
 
 def _span(graph: csr_array, gaps: Mapping[str, Floats], bones: tuple[str, str]) -> Span:
-    """Return the span between two bones, from the farthest point near one to that near the other."""
-    one, other = (gaps[bone] for bone in bones)
-    first, score = int(np.argmin(one)), -np.inf
+    """Return the span between two bones, by alternating farthest points."""
+    gap, opposite_gap = (gaps[bone] for bone in bones)
+    first, score = int(np.argmin(gap)), -np.inf
     while True:
-        from_first = _ways(graph, first)
-        second = int(np.argmax(from_first - GAP_WEIGHT * other))
-        from_second = _ways(graph, second)
-        reached = float(from_first[second] - GAP_WEIGHT * (one[first] + other[second]))
-        if reached <= score:
-            tips, ways = (first, second), (from_first, from_second)
-            return Span(dict(zip(bones, tips, strict=True)), dict(zip(bones, ways, strict=True)), reached)
-        score, first = reached, int(np.argmax(from_second - GAP_WEIGHT * one))
+        from_first = _surface_distances(graph, first)
+        second = int(np.argmax(from_first - GAP_WEIGHT * opposite_gap))
+        from_second = _surface_distances(graph, second)
+        length = float(from_first[second] - GAP_WEIGHT * (gap[first] + opposite_gap[second]))
+        if length <= score:
+            tips, distances = (first, second), (from_first, from_second)
+            return Span(dict(zip(bones, tips, strict=True)), dict(zip(bones, distances, strict=True)), length)
+        score, first = length, int(np.argmax(from_second - GAP_WEIGHT * gap))
 
 
 def _check_end(
-    points: Floats, span: Span, bone: str, other: str, gaps: Mapping[str, Floats], far: float
+    points: Floats, span: Span, bone: str, opposite: str, gaps: Mapping[str, Floats], far: float
 ) -> None:
-    """Raise a ValueError where the muscle ends far from the bones."""
-    tip, way = span.tips[bone], span.ways[other]
-    last = int(np.argmax(np.where(span.ways[bone] <= way, way, -np.inf)))
-    beyond, nearest = float(way[last] - way[tip]), min(float(gap[last]) for gap in gaps.values())
-    if beyond > BEYOND * way[last] and nearest > far:
-        past = f"goes on for {beyond:.3g} beyond the place where it is near to {bone!r}, and "
+    """Raise a ValueError for an end far from bones."""
+    tip, distance = span.tips[bone], span.distances[opposite]
+    last = int(np.argmax(np.where(span.distances[bone] <= distance, distance, -np.inf)))
+    beyond, nearest = float(distance[last] - distance[tip]), min(float(gap[last]) for gap in gaps.values())
+    if beyond > BEYOND * distance[last] and nearest > far:
+        past = f"extends {beyond:.3g} beyond the point nearest to {bone!r}, and "
     elif gaps[bone][tip] > far:
         past, last, nearest = "", tip, float(gaps[bone][tip])
     else:
@@ -189,24 +187,24 @@ def _check_end(
     raise InputError("", problem if past else f"{problem}, {bone!r}", REMEDY)
 
 
-def _ways(graph: csr_array, start: int | Ints) -> Floats:
-    """Return the distance of each point from the nearest start along the surface, -inf if there is no way."""
-    ways = dijkstra(graph, directed=False, indices=start, min_only=True)
-    return np.where(np.isfinite(ways), ways, -np.inf)
+def _surface_distances(graph: csr_array, start: int | Ints) -> Floats:
+    """Return distances along the surface from the nearest start. -inf for unconnected points."""
+    distances = dijkstra(graph, directed=False, indices=start, min_only=True)
+    return np.where(np.isfinite(distances), distances, -np.inf)
 
 
-def _outer(way: Floats, near: Bools) -> Bools:
-    """Return which points are in the last part of the way to the near ones."""
-    outer: Bools = way >= (1.0 - TENDON_END) * way[near].max()
+def _outer(distances: Floats, near: Bools) -> Bools:
+    """Return the points in the last part of the distance."""
+    outer: Bools = distances >= (1.0 - TENDON_END) * distances[near].max()
     return outer
 
 
 def _parts(edges: Ints, mask: Bools, far: int) -> list[Ints]:
-    """Return the connected parts of some points, each with all points that it cuts off from a far one."""
+    """Return connected parts, with points cut off from a far point."""
     labels = point_components(len(mask), edges[mask[edges].all(axis=1)])
     parts = []
     for label in np.unique(labels[mask]):
         part = mask & (labels == label)
-        beside = point_components(len(mask), edges[~part[edges].any(axis=1)])
-        parts.append(np.intersect1d(edges, np.flatnonzero(beside != beside[far])))
+        rest = point_components(len(mask), edges[~part[edges].any(axis=1)])
+        parts.append(np.intersect1d(edges, np.flatnonzero(rest != rest[far])))
     return parts

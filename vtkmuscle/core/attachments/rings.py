@@ -1,4 +1,4 @@
-"""Rings of landmarks: their length and order, the surfaces that they span, and those round a patch."""
+"""Rings of landmarks, their surfaces, and outlines of patches."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from vtkmuscle.core.types import Floats, Ints
 
 
 def discs_over(rings: Sequence[Floats]) -> tuple[Floats, Ints]:
-    """Return points and triangles that span rings (k, 3), from each ring's mean to its sides.
+    """Return points and triangles that span rings (k, 3).
 
-    On a coarse mesh the triangles between attached points leave out up to an edge's length along the rim of
-    an area, and an aponeurosis within a muscle is not on its surface at all: only the ring is known. Rings of
-    fewer than three points span nothing.
+    Triangles go from each ring's mean to its sides. On a coarse mesh the triangles between attached points
+    leave out up to an edge's length along the rim of an area, and an aponeurosis within a muscle has only its
+    ring. Rings of fewer than three points span nothing.
     """
     points, triangles, first = [np.empty((0, 3))], [np.empty((0, 3), dtype=np.int64)], 0
     for ring in rings:
@@ -29,20 +29,20 @@ def discs_over(rings: Sequence[Floats]) -> tuple[Floats, Ints]:
     return np.vstack(points), np.vstack(triangles).astype(np.int64)
 
 
-#: Most landmarks of an outline: the patches inside of them are 0.9 to 1.0 of the patches outlined.
+#: Most landmarks of an outline: patches inside outlines have 0.9 to 1.0 of the original area.
 MOST_LANDMARKS = 40
 
 
 def outline(points: Floats, triangles: Ints, patch: Ints) -> tuple[Floats, bool]:
-    """Return points (j, 3) of the muscle along the boundary of a connected patch (k,), and True for a ring.
+    """Return a patch's boundary points, and True for a ring. Points (j, 3), connected patch (k,).
 
-    Holes in it are left out. A patch without a triangle is no ring: its own points are returned in order.
+    Holes are left out. A patch without a triangle is no ring: its points are returned in order.
     """
     edges = half_edges(triangles)
-    held = np.isin(edges, patch).all(axis=1)
-    inside = {(b, a) for a, b in edges[np.repeat(held.reshape(-1, 3).all(axis=1), 3)].tolist()}
+    within = np.isin(edges, patch).all(axis=1)
+    inside = {(b, a) for a, b in edges[np.repeat(within.reshape(-1, 3).all(axis=1), 3)].tolist()}
     following: dict[int, list[int]] = {}
-    for a, b in sorted({(a, b) for a, b in edges[held].tolist()} - inside):  # both ways between islands
+    for a, b in sorted({(a, b) for a, b in edges[within].tolist()} - inside):  # both ways between islands
         following.setdefault(a, []).append(b)
     if not inside:
         spread = points[patch] - points[patch].mean(axis=0)
@@ -61,27 +61,30 @@ def outline(points: Floats, triangles: Ints, patch: Ints) -> tuple[Floats, bool]
     return points[longest[: -1 : -(-(len(longest) - 1) // MOST_LANDMARKS)]], True
 
 
-#: Most passes over all pairs of edges; a ring of a hundred points takes some ten.
+#: Most passes over all pairs of edges; a ring of a hundred points takes about ten.
 _MOST_PASSES = 200
 
 
 def ring_length(points: Floats) -> float:
-    """Return the length of the ring through points (n, 3) in their order."""
+    """Return the length of the ring through points (n, 3)."""
     return float(np.linalg.norm(np.roll(points, -1, axis=0) - points, axis=1).sum())
 
 
 def ring_area(points: Floats) -> float:
-    """Return the area that the ring through points (n, 3) encloses, seen from where it is largest."""
+    """Return the area of the ring through points (n, 3).
+
+    Seen from the direction of the largest area.
+    """
     arms = points - points.mean(axis=0)
     return 0.5 * float(np.linalg.norm(np.cross(arms, np.roll(arms, -1, axis=0)).sum(axis=0)))
 
 
 def short_ring(points: Floats) -> Ints:
-    """Return an order (n,) of one or more points in which the ring through them is short.
+    """Return an order (n,) of points with a short ring.
 
-    It goes from each point to the nearest, then pairs of edges are exchanged while that makes the ring
-    shorter (2-opt, Croes 1958, doi:10.1287/opre.6.6.791). The ring is rarely more than a few percent longer
-    than the shortest.
+    The ring goes from each point to the nearest, then exchanges pairs of edges as long as its length falls
+    (2-opt, Croes 1958, doi:10.1287/opre.6.6.791). It is rarely more than a few percent longer than the
+    shortest.
     """
     count = len(points)
     distance = np.linalg.norm(points[:, None] - points[None], axis=2)

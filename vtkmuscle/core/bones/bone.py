@@ -194,7 +194,7 @@ class Bone:
         cells = np.where(keys < span**3, self.cell, SIDE * self.cell)
         at_rest = apply_transform(inverse(self.axes), (cells[:, None, None] * nodes).reshape(-1, 3))
         values = np.empty((len(keys), NODES**3))
-        values[:, _ORDER] = self.solids.distances(at_rest, run=NODES**3).reshape(len(keys), -1)
+        values[:, _ORDER] = self.solids.distances(at_rest).reshape(len(keys), -1)
         return values
 
 

@@ -1,4 +1,4 @@
-"""Points embedded in a muscle's surface by mean value coordinates: equation 8 of the 2021 paper."""
+"""Points embedded in a muscle's surface (2021 paper, eq. 8)."""
 
 from __future__ import annotations
 
@@ -17,27 +17,27 @@ from vtkmuscle.core.mesh.solids import points_inside, solids_of
 from vtkmuscle.core.mesh.triangle_tree import TriangleTree, shared_tree, tree_of_deformed
 from vtkmuscle.core.types import Floats, Ints
 
-#: Points whose weights are computed together: bounds the steps of progress and the time to abort.
+#: Points in a block of weights: a step of progress, and the time until an abort.
 _BLOCK = 256
-#: Size up to which weights are kept [bytes]; other weights are computed again for each frame.
+#: Size up to which weights are kept [bytes]; further weights are computed again for each frame.
 _LARGEST_CACHE = 2**31
-#: Points nearer to the surface than this part of the muscle's size do not count as outside.
+#: Points nearer to the surface than this part of the muscle's size count as inside.
 _ON_SURFACE = 1e-6
 
 
 class EmbeddedPoints:
-    """Points that move with a surface, each the mean of its vertices by mean value coordinates.
+    """Points that move with a surface, by mean value coordinates.
 
     Kohout, Cervenka 2021, eq. 8, doi:10.1007/978-3-030-72379-8_24.
 
     Parameters
     ----------
     positions : (p, 3) array
-        The points at rest [mm].
-    points, triangles : (n, 3) and (m, 3) arrays
-        The closed surface at rest [mm], and point ids.
+        Points at rest [mm].
+    points, triangles : (n, 3) array, (m, 3) int array
+        The closed surface at rest [mm]; point ids.
     weight_tolerance : float
-        Tolerance for merging vertices into groups of one weight; 0 merges nothing
+        Tolerance for merging vertices into groups of equal weight; 0 merges nothing
         (:func:`~vtkmuscle.core.fibres.sparse_weights.sparse_mean_value_coordinates`).
     """
 
@@ -49,13 +49,13 @@ class EmbeddedPoints:
         self._bent: TriangleTree | None = None
 
     def same_as(self, positions: Floats, points: Floats, triangles: Ints, weight_tolerance: float) -> bool:
-        """Return whether these are the arguments that the object was made from."""
+        """Return whether the object was made from equal arguments."""
         arrays = (self.positions, positions), (self.points, points), (self.triangles, triangles)
         return self.weight_tolerance == weight_tolerance and all(np.array_equal(*pair) for pair in arrays)
 
     @cached_property
     def gap(self) -> Floats:
-        """Distances of the points from the muscle at rest, (p,) [mm], 0 inside."""
+        """Distances (p,) from the muscle at rest [mm]; 0 inside."""
         within = solids_of(self.points, self.triangles).into(self.positions)
         distances: Floats = np.linalg.norm(within - self.positions, axis=1)
         return distances
@@ -66,28 +66,21 @@ class EmbeddedPoints:
 
     @cached_property
     def n_outside(self) -> int:
-        """Number of points outside of the muscle at rest."""
+        """Number of points outside the muscle at rest."""
         return int((self.gap > _ON_SURFACE * np.linalg.norm(np.ptp(self.points, axis=0))).sum())
 
     @property
     def error(self) -> float:
-        """Largest error of the merged weights [mm], for a muscle bent by about a radian."""
+        """Largest error of merged weights [mm]. For a muscle bent by about a radian."""
         return 0.0 if self._sparse is None else self._sparse.error
 
     def moved(self, vertices: Floats, report: Callable[[float], None]) -> Floats:
-        """Return the weighted means (p, 3) of vertices (n, 3); `report` is called with the part done."""
+        """Return the moved points (p, 3). For vertices (n, 3); `report` takes the fraction done."""
         if self.weight_tolerance > 0.0:
             if self._sparse is None:
-                self._sparse = sparse_mean_value_coordinates(
-                    self.points,
-                    self.triangles,
-                    self.positions,
-                    prune=self.weight_tolerance,
-                    report=lambda part: report(0.9 * part),
-                )
-            moved = sparse_transport(self._sparse, vertices)
-            report(1.0)
-            return moved
+                mesh, prune = (self.points, self.triangles, self.positions), self.weight_tolerance
+                self._sparse = sparse_mean_value_coordinates(*mesh, prune=prune, report=report)
+            return sparse_transport(self._sparse, vertices)
         moved = np.empty_like(self.positions)
         for first in range(0, len(moved), _BLOCK):
             moved[first : first + _BLOCK] = transport(self._of_block(first), vertices)
@@ -95,10 +88,10 @@ class EmbeddedPoints:
         return moved
 
     def keep_within(self, positions: Floats, vertices: Floats) -> None:
-        """Move positions (p, 3), in place, that are farther outside of vertices (n, 3) than at rest.
+        """Move positions back to their rest distance outside. Positions (p, 3), in place; vertices (n, 3).
 
-        Parity decides about the inside: the triangle nearest to a point of a muscle that touches itself may
-        belong to the other side.
+        Parity tells inside from outside: in a muscle that touches itself the nearest triangle may belong to
+        the opposite side.
         """
         self._bent = tree_of_deformed(self._tree, vertices, self.triangles)
         outside = np.flatnonzero(~points_inside(positions, self._bent))
@@ -109,7 +102,7 @@ class EmbeddedPoints:
         positions[out] = nearest + part * (positions[out] - nearest)
 
     def _of_block(self, first: int) -> Floats:
-        """Return the weights of a block of points, from number `first` on."""
+        """Return the weights of a block from point `first`."""
         if first in self._weights:
             return self._weights[first]
         block = self.positions[first : first + _BLOCK]

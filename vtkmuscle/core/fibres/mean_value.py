@@ -1,23 +1,22 @@
-"""Mean value coordinates of points in a closed triangle mesh, computed for sixteen points at a time.
+"""Mean value coordinates in a closed triangle mesh, by SIMD lanes.
 
 Ju, Schaefer, Warren 2005, *Mean value coordinates for closed triangular meshes*
-(doi:10.1145/1073204.1073229). Seen from a point v, a triangle with corners e_i = p_i - v covers the piece of
-the unit sphere whose vector area is m = sum_k g_k c_k, with c_k = e_{k+1} x e_{k-1} and
-g_k = theta_k / (2 |c_k|), theta_k the angle under which its edge k is seen. Its weights solve
-sum_i w_i e_i = m (section 3). With the height h = n . e over the plane of the triangle (unit normal n, double
-area A, edge vectors l_k, t_k = n x l_k) c_k = b_k n + h t_k, where b_k / A are the barycentric coordinates of
-the foot point, and so
+(doi:10.1145/1073204.1073229). Seen from a point v, a triangle with corners e_i = p_i - v covers a piece of
+the unit sphere with the vector area m = sum_k g_k c_k, where c_k = e_{k+1} x e_{k-1}, g_k = theta_k / (2
+|c_k|), and theta_k is the visual angle of edge k. The weights solve sum_i w_i e_i = m (section 3). With the
+height h = n . e over the triangle's plane (unit normal n, double area A, edge vectors l_k, t_k = n x l_k) c_k
+= b_k n + h t_k, where b_k / A are the barycentric coordinates of the foot point, and so
 
     w_i = (b_i S / h + h sum_k g_k l_k . l_i) / A,   S = n . m = sum_k g_k b_k.
 
-Unlike the paper's form by spherical trigonometry this has no pole but the triangle itself.
+Unlike the paper's spherical trigonometry, this form is singular on the triangle alone.
 
-Most triangles are far away: their edges are seen under small angles. With u = sin^2(theta / 2), which follows
-from the lengths of the edge and of the e,
+Most triangles are far away, with edges under small visual angles. With u = sin^2(theta / 2), from the lengths
+of the edge and of the e,
 
     g = f(u) / (2 |e_a| |e_b|),   f(u) = asin(sqrt u) / sqrt(u (1 - u)) = sum_k 4^k (k!)^2 / (2k + 1)! u^k.
 
-The few triangles that are near the point, or whose plane is, are computed separately.
+The few triangles near the point, or with a plane near the point, are computed separately.
 """
 
 from __future__ import annotations
@@ -34,20 +33,19 @@ from vtkmuscle.core.jit import lane, vector_kernel
 from vtkmuscle.core.machine import processors
 from vtkmuscle.core.types import Bools, Floats, Ints
 
-#: A query point nearer than this to a vertex, an edge or a triangle lies on it; share of the mesh's diagonal.
+#: Distance below which a query point lies on a vertex, edge or triangle; part of the mesh's diagonal.
 ON_SURFACE = 1e-13
-#: Weights that miss their own point by more than this share of the diagonal come from an open surface.
+#: Weights that miss their point by more than this part of the diagonal come from an open surface.
 LARGEST_RESIDUAL = 1e-6
-#: Query points that are done together.
+#: Query points computed together.
 LANES = 16
 #: Largest u = sin^2(theta / 2) of an edge of a far triangle: 20 degrees; f has all digits after 11 terms.
 SMALL_ANGLE = 1.0 / 32.0
-#: Square of the height over a plane, as a part of that of the distance, below which S is computed otherwise:
-#: rounding of S errs by its own size over the height.
+#: Squared height over squared distance, below which rounding of S / h needs the separate computation.
 LEVEL = 1e-6
-#: A sum smaller than this part of its terms has lost digits to cancellation, and is computed otherwise.
+#: Sum over its terms, below which cancellation has cost digits of S.
 CANCELLED = 1e-6
-#: Square of the height over a plane, as a share of that of the distance, below which a series is exact.
+#: Squared height over squared distance, below which the series of the excess is exact.
 FLAT = 1e-6
 
 _TERMS = tuple(4.0**k * math.factorial(k) ** 2 / math.factorial(2 * k + 1) for k in range(11))
@@ -60,36 +58,36 @@ _V0, _V1, _V2, _W0, _W1, _W2, _CLOSE, _X, _Y, _Z = (row * LANES for row in range
 
 
 def mean_value_coordinates(points: Floats, triangles: Ints, queries: Floats, *, threads: int = 0) -> Floats:
-    """Return the weights (q, n) that express points by the vertices of a closed triangle mesh.
+    """Return mean value coordinates (q, n) of query points.
 
-    The weights of a point sum to 1 and reproduce linear functions; they are barycentric on the surface and
-    defined outside of it as well.
+    The weights of a point sum to 1 and reproduce linear functions; on the surface they are barycentric, and
+    they extend outside.
 
     Parameters
     ----------
     points, triangles : (n, 3) array, (m, 3) int array
-        The mesh [mm]. Triangles without area contribute nothing; which side is out does not matter.
+        The closed mesh [mm], facing either side. Triangles without area contribute nothing.
     queries : (q, 3) array
-        Where to evaluate, inside or outside of the mesh [mm].
+        Query points, inside or outside of the mesh [mm].
     threads : int, optional
-        Number of threads, 0 for one per processor. The result does not depend on it.
+        Number of threads, without effect on the result; 0: one per processor.
 
     Raises
     ------
     ValueError
-        If the weights of a point do not reproduce it: the surface is not closed, its triangles are not
-        oriented alike, or the point is too far away.
+        If weights do not reproduce their point: the surface is open, its triangles disagree about the
+        outside, or the point is too far away.
     """
     return weights_of(coordinate_mesh(points, triangles), queries, threads)
 
 
 class CoordinateMesh(NamedTuple):
-    """A mesh about its `centre`, as the kernel takes it; number i of a triangle is opposite to its corner i.
+    """Mesh about its `centre`, as the kernel's input. Edge i is opposite corner i.
 
-    It has the vertices (n, 3) [mm] and the triangles with an area (m, 3). Constants (m, 16) are the unit
-    normal n, l_1 x n, l_2 x n, the double area A, l_0 . l_1 / A, l_0 . l_2 / A, l_1 . l_2 / A, and the
-    squared lengths of the edges. `spread` (n, 3) spreads a residual over the vertices by the smallest change
-    of weights that keeps their sum; `diagonal` is that of the box [mm].
+    Vertices (n, 3) [mm] and triangles with an area (m, 3). Constants (m, 16) are the unit normal n, l_1 x n,
+    l_2 x n, the double area A, l_0 . l_1 / A, l_0 . l_2 / A, l_1 . l_2 / A, and the squared edge lengths.
+    `spread` (n, 3) distributes a residual over the vertices by the least change of weights with a constant
+    sum; `diagonal` is the diagonal of the box [mm].
     """
 
     vertices: Floats
@@ -101,7 +99,7 @@ class CoordinateMesh(NamedTuple):
 
 
 def coordinate_mesh(points: Floats, triangles: Ints) -> CoordinateMesh:
-    """Return the data of a mesh that all query points share, from points (n, 3) and triangles (m, 3)."""
+    """Return the mesh data common to all query points. From points (n, 3) and triangles (m, 3)."""
     centre = points.mean(axis=0) if len(points) else np.zeros(3)
     vertices = points - centre
     corners = vertices[triangles]
@@ -117,9 +115,9 @@ def coordinate_mesh(points: Floats, triangles: Ints) -> CoordinateMesh:
     used = vertices[np.unique(triangles)]
     if not len(used):
         raise InputError("mean value coordinates", "the mesh has no triangle with an area")
-    one, two, three = sides[:, 0], sides[:, 1], sides[:, 2]
-    products = np.stack([(a * b).sum(axis=1) for a, b in ((one, two), (one, three), (two, three))], axis=1)
-    crosses = np.cross(two, normals), np.cross(three, normals)
+    l0, l1, l2 = sides[:, 0], sides[:, 1], sides[:, 2]
+    products = np.stack([(a * b).sum(axis=1) for a, b in ((l0, l1), (l0, l2), (l1, l2))], axis=1)
+    crosses = np.cross(l1, normals), np.cross(l2, normals)
     return CoordinateMesh(
         vertices=np.ascontiguousarray(vertices, dtype=np.float64),
         triangles=np.ascontiguousarray(triangles, dtype=np.int64),
@@ -133,7 +131,7 @@ def coordinate_mesh(points: Floats, triangles: Ints) -> CoordinateMesh:
 
 
 def weights_of(mesh: CoordinateMesh, queries: Floats, threads: int, *, first: int = 0) -> Floats:
-    """Return the weights (q, n) of points, in threads; an error numbers the points from `first` on."""
+    """Return the weights (q, n) of points, in threads. Errors count points from `first`."""
     centred = queries - mesh.centre
     weights, residuals = np.empty((len(queries), len(mesh.vertices))), np.empty(len(queries))
 
@@ -148,25 +146,24 @@ def weights_of(mesh: CoordinateMesh, queries: Floats, threads: int, *, first: in
     if len(bad):
         raise InputError(
             "mean value coordinates",
-            f"{len(bad)} point(s), the first is number {first + bad[0]}, are not reproduced by their weights",
-            "the surface must be closed and its triangles oriented alike, and the points must not be many "
-            "times its size away from it",
+            f"the weights of {len(bad)} point(s), first point {first + bad[0]}, do not reproduce them",
+            "close the surface, orient its triangles alike, and keep points within a few times its size",
         )
     return weights
 
 
 def transport(weights: Floats, points: Floats) -> Floats:
-    """Return the points (q, 3) that weights make of vertices, v_i = sum_j w_ij p_j.
+    """Return weighted means of vertices (q, 3), v_i = sum_j w_ij p_j.
 
-    Kohout, Cervenka 2021, eq. 8 (doi:10.1007/978-3-030-72379-8_24). Taken about the centre of the vertices,
-    so that a mesh far from the origin loses no digits.
+    Kohout, Cervenka 2021, eq. 8 (doi:10.1007/978-3-030-72379-8_24). Sums are about the vertices' centre, so a
+    mesh far from the origin loses no digits.
 
     Parameters
     ----------
     weights : (q, n) array
         Rows that sum to 1.
     points : (n, 3) array
-        The vertices' new positions [mm].
+        New positions of the vertices [mm].
     """
     centre = points.mean(axis=0)
     moved: Floats = weights @ (points - centre) + centre
@@ -174,10 +171,10 @@ def transport(weights: Floats, points: Floats) -> Floats:
 
 
 def weights_of_lanes(mesh: CoordinateMesh, queries: Floats, tolerance: float) -> tuple[Floats, Floats]:
-    """Return weights (q, n), and the distance by which they missed their points before correction, (q,) [mm].
+    """Return weights (q, n) and uncorrected residuals (q,) [mm].
 
-    The points are (q, 3), about the mesh's centre, 1 <= q <= LANES. Those nearer than the tolerance [mm] to a
-    vertex, an edge or a triangle get their barycentric coordinates.
+    The points are (q, 3), about the mesh's centre, 1 <= q <= LANES. Points nearer than the tolerance [mm] to
+    a vertex, an edge or a triangle get barycentric coordinates.
     """
     points = queries[np.minimum(np.arange(LANES), len(queries) - 1)]
     squares = cdist(mesh.vertices, points, "sqeuclidean")
@@ -187,8 +184,8 @@ def weights_of_lanes(mesh: CoordinateMesh, queries: Floats, tolerance: float) ->
     with np.errstate(divide="ignore", invalid="ignore"):  # at a vertex; an open surface may have no weight
         np.divide(1.0, inverses, out=inverses)
         _see_far(mesh, squares.reshape(-1), inverses.reshape(-1), buffer, sums.reshape(-1), close)
-        near = np.flatnonzero(close)
-        corners, shares, on = _see_near(mesh, points, tolerance, near // LANES, near % LANES, sums)
+        hits = np.flatnonzero(close)
+        corners, shares, on = _see_near(mesh, points, tolerance, hits // LANES, hits % LANES, sums)
         sums /= np.einsum("nk->k", sums)  # a quarter of the time of sum()
     missed = mesh.vertices.T @ sums - points.T
     sums -= mesh.spread @ missed
@@ -206,7 +203,7 @@ def weights_of_lanes(mesh: CoordinateMesh, queries: Floats, tolerance: float) ->
 
 @lane
 def _move(source: Floats, at: int, to: Floats, place: int) -> None:
-    """Copy a row; all loads first, so that the compiler need not know that the arrays do not overlap."""
+    """Copy a row. All loads come first, as the compiler cannot exclude an overlap."""
     for k in range(0, LANES, 8):
         i, j = at + k, place + k
         a, b, c, d = source[i], source[i + 1], source[i + 2], source[i + 3]
@@ -228,11 +225,11 @@ def _half_f(u: float) -> float:
 def _see_far(
     mesh: CoordinateMesh, squares: Floats, inverses: Floats, buffer: Floats, sums: Floats, close: Bools
 ) -> None:
-    """Add up the weights of far triangles, as at the top of this file, and mark those close to a point.
+    """Add the weights of far triangles, and mark close triangles.
 
     The l_k add up to 0: sum_k g_k l_k . l_0 = l_0 . l_1 (g_1 - g_0) + l_0 . l_2 (g_2 - g_0), and so on.
-    Arrays of (n * LANES,) have each vertex's squared distance, its inverse distance and its weight;
-    `close` (m, LANES) is made True where a triangle is close.
+    Arrays of (n * LANES,) have squared distance, inverse distance and weight of each vertex; `close` (m,
+    LANES) becomes True for close triangles.
     """
     for t in range(len(mesh.triangles)):
         first = mesh.triangles[t, 0]
@@ -278,25 +275,25 @@ def _see_far(
 def _see_near(
     mesh: CoordinateMesh, points: Floats, tolerance: float, triangle: Ints, lane_of: Ints, sums: Floats
 ) -> tuple[Ints, Floats, Ints]:
-    """Add the weights of triangles to those of points (n, LANES), however near they are.
+    """Add weights of close triangles to the sums (n, LANES).
 
-    Returns for the points on a triangle or an edge the vertices (s, 3), the barycentric coordinates (s, 3),
-    and the lanes (s,).
+    Returns, for points on a triangle or an edge, vertices (s, 3), barycentric coordinates (s, 3), and lanes
+    (s,).
     """
     # Arrays (..., p) of all pairs, vectors (3, ..., p): each operation runs along them.
     corners, constants = mesh.triangles[triangle].T, mesh.constants[triangle].T
     normals, areas = constants[:3], constants[9]
     at = np.ascontiguousarray(mesh.vertices.take(corners, axis=0).transpose(2, 0, 1))
     e, sides = at - points[lane_of].T[:, None], at[:, [2, 0, 1]] - at[:, [1, 2, 0]]
-    ones, twos = e[:, [1, 2, 0]], e[:, [2, 0, 1]]
+    firsts, seconds = e[:, [1, 2, 0]], e[:, [2, 0, 1]]
     # a x (b - a) rather than a x b: the error is that of a small vector.
-    crosses = np.cross(ones, sides, axis=0)
+    crosses = np.cross(firsts, sides, axis=0)
     cross, length2 = np.sqrt(_dot(crosses, crosses)), _dot(sides, sides)
-    dots, b, h = _dot(ones, twos), _dot(normals[:, None], crosses), _dot(normals, e[:, 0])
+    dots, b, h = _dot(firsts, seconds), _dot(normals[:, None], crosses), _dot(normals, e[:, 0])
     g = np.where(cross > 0.0, 0.5 * np.arctan2(cross, dots) / cross, 0.5 / dots)
     s, terms = _dot(g, b), _dot(g, abs(b))
     lost = abs(s) <= CANCELLED * terms
-    s[lost] = -0.5 * _flat_excess(h[lost], *(some[..., lost] for some in (b, g, sides, ones, twos)))
+    s[lost] = -0.5 * _flat_excess(h[lost], *(some[..., lost] for some in (b, g, sides, firsts, seconds)))
     along = _dot((g * sides).sum(axis=1)[:, None], sides)
     added = b * (s / (h * areas)) + (h / areas) * along
     on_edge = (dots < 0.0) & (cross**2 <= tolerance**2 * length2)
@@ -306,28 +303,27 @@ def _see_near(
 
     shares, edge = (b[:, on] / b[:, on].sum(axis=0)).T, np.flatnonzero(on_edge[:, on].any(axis=0))
     opposite = on_edge[:, on][:, edge].argmax(axis=0)
-    one, two = (opposite + 1) % 3, (opposite + 2) % 3
-    which = np.flatnonzero(on)[edge]
-    share = -_dot(ones[:, opposite, which], sides[:, opposite, which]) / length2[opposite, which]
+    start, end = (opposite + 1) % 3, (opposite + 2) % 3
+    number = np.flatnonzero(on)[edge]
+    share = -_dot(firsts[:, opposite, number], sides[:, opposite, number]) / length2[opposite, number]
     shares[edge] = 0.0
-    shares[edge, one], shares[edge, two] = 1.0 - share, share
+    shares[edge, start], shares[edge, end] = 1.0 - share, share
     return corners[:, on].T, shares, lane_of[on]
 
 
 def _dot(a: Floats, b: Floats) -> Floats:
-    """Return products of vectors (3, ...)."""
+    """Return dot products of vectors (3, ...)."""
     products: Floats = a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
     return products
 
 
 def _flat_excess(h: Floats, b: Floats, g: Floats, sides: Floats, ea: Floats, eb: Floats) -> Floats:
-    """Return the sum over the edges of triangles of phi - theta cos(beta).
+    """Return the excess phi - theta cos(beta), summed over edges.
 
-    It is the excess of the angle seen from the foot point over its share: phi is the angle under which the
-    foot point sees the edge from a to b, theta that from the height h above, beta the angle between the
-    planes; over the edges of a triangle that the foot point is outside of, the phi sum to 0, so that S is
-    -1/2 the sum of these excesses. With the distance delta = b / length of the foot point from the edge's
-    line, and s along it, the excess is
+    The sum is the excess of the angle at the foot point: phi is the visual angle of the edge from a to b at
+    the foot point, theta at the height h above, beta the angle between the planes. Over the edges of a
+    triangle the phi sum to 0 for an outer foot point, so S is -1/2 the sum of the excesses. With the distance
+    delta = b / length of the foot point from the edge's line, and s along the line, the excess is
 
         h^2 integral delta ds / ((delta^2 + s^2) (delta^2 + s^2 + h^2)),
 

@@ -1,4 +1,4 @@
-"""Mean value coordinates shared by groups of vertices: a twentieth of the work per frame."""
+"""Mean value coordinates for groups of vertices. A frame takes a twentieth of the work."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from vtkmuscle.core.fibres.mean_value import coordinate_mesh, weights_of
 from vtkmuscle.core.jit import reduction
 from vtkmuscle.core.types import Bools, Floats, Ints
 
-#: Added to the unit diagonal of the equations for the correction, in case all means lie in one plane.
+#: Added to the unit diagonal of the correction's equations: means may lie in one plane.
 _RIDGE = 1e-12
-#: An error after the correction is rounding below this part of the terms it is a sum of.
+#: An error after the correction is rounding below this part of its terms.
 _CORRECTED = 1e-10
-#: The correction may change weights by this part of their sum; a row that needs more keeps all its weights.
+#: Largest change of weights by the correction, as a part of their sum; beyond, a row keeps all its weights.
 LARGEST_CHANGE = 1.0
 #: Points whose weights are grouped at once.
 AT_ONCE = 128
-#: Halvings from a group to its groups on the next level.
+#: Halvings from a group to its subgroups.
 HALVINGS = 2
 
 #: Indices of a sparse matrix.
@@ -31,10 +31,10 @@ Small = NDArray[np.int32]
 
 
 class Groups(NamedTuple):
-    """Groups (g,) of consecutive vertices, each followed by the groups that it is divided into.
+    """Groups (g,) of consecutive vertices, each followed by its subgroups.
 
-    These are the first vertex of each and its number of vertices, the greatest distance of these from their
-    mean [mm], and the number of the next group that is not part of it.
+    Arrays have the first vertex of a group, its number of vertices, the largest distance of a vertex from the
+    mean [mm], and the number of the next group outside of this group.
     """
 
     starts: Ints
@@ -44,10 +44,10 @@ class Groups(NamedTuple):
 
 
 class VertexGroups(NamedTuple):
-    """Vertices of a mesh in groups: all in one, that in four, and so on to single vertices.
+    """Vertices in groups: all, quarters, and so on to single vertices.
 
-    In `order` (n,) the vertices of each group are consecutive; the matrix `means` (g, n) takes values of the
-    vertices, not in that order, to their means over the groups.
+    Vertices of a group are consecutive in `order` (n,); the matrix `means` (g, n) takes vertex values, in
+    mesh order, to group means.
     """
 
     order: Ints
@@ -56,7 +56,7 @@ class VertexGroups(NamedTuple):
 
 
 def vertex_groups(points: Floats) -> VertexGroups:
-    """Return the vertices of a mesh (n, 3) in groups that are halved across their longest axes [mm]."""
+    """Return vertex groups, halved across their longest axes. Points (n, 3) [mm]."""
     n = len(points)
     depth = -(-max(n - 1, 0).bit_length() // HALVINGS) * HALVINGS
     part = halved([points], 2 ** (depth - HALVINGS))[0] << HALVINGS if depth else np.zeros(n, dtype=np.int64)
@@ -76,11 +76,11 @@ def vertex_groups(points: Floats) -> VertexGroups:
 
 @dataclass(frozen=True, eq=False)
 class SparseWeights:
-    """Mean value coordinates of points in the means of groups of vertices, down to single ones.
+    """Mean value coordinates in the means of vertex groups.
 
     Rows of the matrix (q, g) sum to 1 and reproduce linear functions. `error` is the largest distance of a
-    point from where all its weights would put it, if the mesh is bent by the quadratic x_i^2 / (2 d) along
-    each axis, with d the diagonal of the mesh [mm]: about one radian.
+    point from its dense transport, for a mesh bent by the quadratic x_i^2 / (2 d) along each axis, with the
+    mesh's diagonal d [mm]: about one radian.
     """
 
     matrix: csc_array  # by columns, a product with three of them takes half the time of one by rows
@@ -97,22 +97,22 @@ def sparse_mean_value_coordinates(
     threads: int = 0,
     report: Callable[[float], None] = lambda part: None,
 ) -> SparseWeights:
-    """Return mean value coordinates with one weight for many vertices where theirs are nearly equal.
+    """Return mean value coordinates with merged weights.
 
-    Far from a point the weights vary slowly: those of a group of vertices differ little from their mean w,
-    and sum w_j p_j from w sum p_j by no more than sum abs(w_j - w) times the radius of the group. The error
-    of a row is corrected by the least-squares change of the weights after which they sum to 1 and reproduce
-    their point. So rigid and affine motions are exact, and only bending costs accuracy.
+    Far from a point the weights vary slowly: in a group of vertices they differ little from their mean w, and
+    sum w_j p_j differs from w sum p_j by at most sum abs(w_j - w) times the group's radius. The least-squares
+    change of weights restores the sum 1 and the point, so rigid and affine motions are exact, and only
+    bending costs accuracy.
 
     Parameters
     ----------
     points, triangles, queries, threads
-        As of :func:`~vtkmuscle.core.fibres.mean_value.mean_value_coordinates`.
+        As for :func:`~vtkmuscle.core.fibres.mean_value.mean_value_coordinates`.
     prune : float
-        A group has one weight where sum abs(w_j - w) r < 2 prune R / n, with r its radius, R that of all n
-        vertices, >= 0.
+        A group has one weight if sum abs(w_j - w) r < 2 prune R / n, with its radius r and the radius R of
+        all n vertices; >= 0.
     report : callable, optional
-        Called with the part of the points that is done.
+        Receives the fraction of points done.
     """
     order, groups, means_of = vertex_groups(points)
     # Vertices in the order of the groups: a group's weights are next to each other.
@@ -125,14 +125,14 @@ def sparse_mean_value_coordinates(
     ordered_bent = np.ascontiguousarray(bent[order].T)
     parts, error = [csr_array((0, len(means)))], 0.0
     for first in range(0, len(queries), AT_ONCE):
-        some = queries[first : first + AT_ONCE]
-        weights = weights_of(mesh, some, threads, first=first)
+        block = queries[first : first + AT_ONCE]
+        weights = weights_of(mesh, block, threads, first=first)
         grouped = _grouped(weights, groups, threshold)
-        corrected = _reproduce_points(grouped, means, groups.sizes, some - mesh.centre)
+        corrected = _reproduce_points(grouped, means, groups.sizes, block - mesh.centre)
         if not corrected.all():
             whole = _grouped(weights[~corrected], groups, -np.inf)
-            place = np.argsort(np.argsort(~corrected, kind="stable"))
-            grouped = csr_array(vstack([grouped[corrected], whole]))[place]
+            row = np.argsort(np.argsort(~corrected, kind="stable"))
+            grouped = csr_array(vstack([grouped[corrected], whole]))[row]
         missed = grouped @ means_of_bent - np.einsum("qn,kn->qk", weights, ordered_bent)
         error = max(error, float(np.linalg.norm(missed, axis=1).max()))
         parts.append(grouped)
@@ -141,14 +141,14 @@ def sparse_mean_value_coordinates(
 
 
 def sparse_transport(weights: SparseWeights, points: Floats) -> Floats:
-    """Return the new positions (q, 3) of points, from those of the mesh's vertices (n, 3) [mm]."""
+    """Return moved points (q, 3), from vertices (n, 3) [mm]."""
     centre = points.mean(axis=0)
     moved: Floats = weights.matrix @ (weights.means @ (points - centre)) + centre
     return moved
 
 
 def _grouped(weights: Floats, groups: Groups, threshold: float) -> csr_array:
-    """Return weights (q, n) of ordered vertices by the largest groups in which they differ little."""
+    """Return weights in the largest groups of similar weights. Weights (q, n) of ordered vertices."""
     values, columns = np.empty(weights.size), np.empty(weights.size, dtype=np.int32)
     ends = np.zeros(len(weights) + 1, dtype=np.int32)
     _group(weights, groups, threshold, values, columns, ends)
@@ -160,12 +160,12 @@ def _grouped(weights: Floats, groups: Groups, threshold: float) -> csr_array:
 def _group(
     weights: Floats, groups: Groups, threshold: float, values: Floats, columns: Small, ends: Small
 ) -> None:
-    """Write the sum of the weights of each group that is kept and its number, row after row.
+    """Write summed weights and numbers of kept groups.
 
-    A group is kept where its weights differ by no more than the threshold, times the radius.
-    Row q ends before ends[q + 1].
+    A group is kept if its weights differ by at most the threshold, times the radius. Row q ends before ends[q
+    + 1].
     """
-    place = 0
+    entry = 0
     for q in range(len(weights)):
         g = 0
         while g < len(groups.starts):
@@ -180,16 +180,18 @@ def _group(
                 g += 1
                 continue
             if total != 0.0:
-                values[place], columns[place] = total, g
-                place += 1
+                values[entry], columns[entry] = total, g
+                entry += 1
             g = groups.following[g]
-        ends[q + 1] = place
+        ends[q + 1] = entry
 
 
 def _reproduce_points(weights: csr_array, means: Floats, sizes: Ints, queries: Floats) -> Bools:
-    """Change weights (q, g) by least squares to sum to 1 and reproduce points (q, 3); return where they do.
+    """Correct weights (q, g) to reproduce points; return success.
 
-    With c_j vertices in group j, minimise sum_j d_j^2 / c_j such that the weights w + d do so.
+    The weights sum to 1; points (q, 3), success (q,).
+
+    With c_j vertices in group j, minimise sum_j d_j^2 / c_j for weights w + d.
     """
     row = np.repeat(np.arange(len(queries)), np.diff(weights.indptr))
     terms = np.ones((4, len(row)))
@@ -200,16 +202,18 @@ def _reproduce_points(weights: csr_array, means: Floats, sizes: Ints, queries: F
         return np.add.reduceat(values, starts, axis=-1).T
 
     # Term by term: an array of all products at once would not stay in the processor's cache.
-    matrices = np.array([[summed(one * other) for one in counts * terms] for other in terms])
+    matrices = np.array([[summed(a * b) for a in counts * terms] for b in terms])
     matrices = matrices.transpose(2, 0, 1)
     scales = np.sqrt(np.maximum(np.diagonal(matrices, axis1=1, axis2=2), np.finfo(float).tiny))
     matrices = matrices / (scales[:, :, None] * scales[:, None]) + _RIDGE * np.eye(4)
-    wanted = np.array([1.0, 0.0, 0.0, 0.0])
-    missing = (wanted - summed(weights.data * terms)) / scales
+    target = np.array([1.0, 0.0, 0.0, 0.0])
+    missing = (target - summed(weights.data * terms)) / scales
     multipliers = np.linalg.solve(matrices, missing[..., None])[..., 0] / scales
-    change = counts * sum(term * some.take(row) for term, some in zip(terms, multipliers.T, strict=True))
+    change = counts * sum(
+        term * factors.take(row) for term, factors in zip(terms, multipliers.T, strict=True)
+    )
     most = LARGEST_CHANGE * summed(np.abs(weights.data))
     weights.data += change
     products = weights.data * terms
-    left = np.abs(wanted - summed(products)) <= _CORRECTED * (wanted + summed(np.abs(products)))
+    left = np.abs(target - summed(products)) <= _CORRECTED * (target + summed(np.abs(products)))
     return left.all(axis=1) & (summed(np.abs(change)) <= most)

@@ -1,10 +1,10 @@
-"""Fibres spread evenly through a muscle, each in the middle of the part nearest to it, and smoothed.
+"""Fibres spread evenly through a muscle by relaxation, and smoothed.
 
 Lloyd's relaxation, 1982, doi:10.1109/TIT.1982.1056489, of curves instead of points: the cell of a fibre is
-the part of the muscle that is nearer to it than to the others, and each place along it goes to the centre of
-the cell's part there. Cells overlap a little, so that the room between two fibres passes gradually from one
-to the other and rounding decides nothing, not even where fibres meet. The papers leave fibres where the map
-from the template puts them; that map crowds them in the middle of the muscle's sections.
+the part of the muscle nearest to the fibre, and each station along the fibre moves to the centre of its part
+of the cell. Cells overlap a little, so the space between two fibres passes gradually from one cell to the
+next, and rounding decides nothing. The papers keep fibres as mapped from the template, crowded in the middle
+of the muscle's sections.
 """
 
 from __future__ import annotations
@@ -22,13 +22,13 @@ from vtkmuscle.core.types import Floats, Ints
 
 
 def smooth_about_course(points: Floats, offsets: Ints, k: float, passes: int) -> Floats:
-    """Return fibres (n, 3) whose deviations from their common course are smoothed; end points are kept.
+    """Return fibres (n, 3) smoothed about their common course.
 
     A three-point mean moves the points of a bend of radius R, h apart, inwards by h^2 / (R (k + 2)): each
-    pass over fibres of 15 segments round a roller costs up to 2 mm. But the mean of all fibres is the
-    muscle's own course and no noise. So the change that the passes make to it is taken back. (Kohout et al.
-    2012, section 3.4, has the passes, but no course.) Where there is one line, or lines differ in their
-    numbers of points, there is no common course, and lines are smoothed as they are.
+    pass over fibres of 15 segments round a roller costs up to 2 mm. The mean of all fibres is the muscle's
+    course, free of noise, so the change of the mean is taken back. (Kohout et al. 2012, section 3.4, has the
+    passes without a course.) A single line, and lines with different numbers of points, have no common
+    course.
 
     Parameters
     ----------
@@ -49,91 +49,83 @@ def smooth_about_course(points: Floats, offsets: Ints, k: float, passes: int) ->
     return kept
 
 
-#: Places along a fibre that are moved; the points between them follow.
+#: Stations along a fibre that are moved; points between stations follow.
 STATIONS = 16
-#: Fewest passes of smoothing of the steps along a fibre. There are more where a cell is wider than stations
-#: are apart, so that each station's part of the cell is as long as wide: else fibres meander.
+#: Fewest smoothing passes of the steps along a fibre. Cells wider than the distance of stations need more,
+#: or fibres meander.
 LEAST_BLUR = 6
-#: Pieces of the line between two stations, at most.
+#: Most pieces of the line between two stations.
 PIECES = 8
-#: Overlap of cells: a place has a share in a sample if its squared distance exceeds that of the nearest place
-#: by less than this part of the squared space between fibres (a twentieth of the space each way).
+#: Overlap of cells: a node shares a sample if its squared distance exceeds the least by less than this part
+#: of the squared fibre spacing (a twentieth of the spacing each way).
 OVERLAP = 0.1
-#: Part of a fibre along which points follow its end: less leaves hooks, more bare flanks.
+#: Part of a fibre along which points follow its end: less leaves hooks, more leaves bare flanks.
 REACH = 0.11
 #: Most cells of the grid along a side.
 FINEST = 256
-#: Cells of the grid along its rows for each across them: rows take time, not the cells in them.
+#: Cells of the grid along its rows for each cell across: the time depends on rows.
 ALONG_ROWS = 2
 
 
 @dataclass(frozen=True, eq=False)
 class Cloud:
-    """Samples (j, 3) of even density in a muscle, and the quantities that moving fibres leave unchanged.
+    """Samples (j, 3) in a muscle, with box and volume. The density is even.
 
-    `low` and `high` are the corners of their box [mm]; `volume` is that of a box with the same spread, the
-    muscle's to about a factor of two [mm^3]. `guesses` (j,) are the places that were nearest to each when
-    fibres were moved last, -1 where they are not known: only the time taken depends on them.
+    `low` and `high` are the corners of the box [mm]; `volume` is that of a box with the same covariance, the
+    muscle's volume to about a factor of two [mm^3].
     """
 
     samples: Floats
     low: Floats
     high: Floats
     volume: float
-    guesses: Ints
 
 
 def cloud(samples: Floats) -> Cloud:
-    """Return sample points (j, 3), j >= 1, with their quantities."""
-    # In an order in which neighbours follow each other, so that the places near them are in the cache.
-    samples = samples[space_order(samples)]
+    """Return samples (j, 3), j >= 1, with box and volume."""
+    samples = samples[space_order(samples)]  # neighbours in sequence find the same nodes in the cache
     about = samples - samples.mean(axis=0)
     spread = about.T @ about / len(samples)
     volume = float(np.sqrt(12.0**3 * max(float(np.linalg.det(spread)), 0.0)))
-    guesses = np.full(len(samples), -1)
-    return Cloud(samples, samples.min(axis=0), samples.max(axis=0), volume, guesses)
+    return Cloud(samples, samples.min(axis=0), samples.max(axis=0), volume)
 
 
 def steps_to_centres(points: Floats, offsets: Ints, within: Cloud) -> Floats:
-    """Return the displacements (n, 3) of points that bring fibres to the middles of their cells [mm].
+    """Return displacements (n, 3) to the middles of cells [mm].
 
-    Fibres move across themselves, not along, and steps are smoothed along the fibre: so neighbours stay
-    neighbours.
+    Fibres move across themselves, and steps are smoothed along the fibre, which preserves neighbours.
     """
     lines = evenly_spaced(points, offsets, STATIONS)
     low = np.minimum(within.low, lines.min(axis=(0, 1)))
     high = np.maximum(within.high, lines.max(axis=(0, 1)))
     length = float(np.linalg.norm(np.diff(lines, axis=1), axis=2).sum())
     extent, step = high - low, length / (len(lines) * (STATIONS - 1))
-    # The space between fibres in the muscle.
-    spacing = max(float(np.sqrt(within.volume / max(length, 1e-300))), 1e-300)
+    spacing = max(float(np.sqrt(within.volume / max(length, 1e-300))), 1e-300)  # between fibres
     pieces = int(np.clip(np.ceil(2.0 * step / spacing), 1, PIECES))
     scales = np.array([1.0, 1.0, ALONG_ROWS]) / max(spacing, float(extent.max()) / FINEST)
     shape = (extent * scales).astype(np.int64) + 1
     band = max(OVERLAP * spacing**2, 1e-300)
     pulls, weights = _pulls(lines, pieces, within, (low, scales, shape), band)
     wide = spacing / max(step, 1e-300)
-    passes = int(np.clip(2.0 * wide**2, LEAST_BLUR, 2 * STATIONS**2))
-    across = _across(lines, pulls, weights, _blur(passes))
-    return _between(points, offsets, across)
+    blur = _blur(int(np.clip(2.0 * wide**2, LEAST_BLUR, 2 * STATIONS**2)))
+    return _between(points, offsets, _across(lines, pulls, weights, blur))
 
 
-def move_ends(points: Floats, ends: Ints, others: Ints, places: Floats) -> None:
-    """Move one end of each fibre to a given place (k, 3), in place, and the points near it along.
+def move_ends(points: Floats, ends: Ints, opposite: Ints, targets: Floats) -> None:
+    """Move fibre ends to targets (k, 3), in place. Points next to the ends follow.
 
-    A fibre that moves while its end is held at the rim of its area hooks there. So the points beside it
-    follow, the less the farther they are, up to :data:`REACH` of the fibre's points. `ends` and `others` (k,)
-    are the ids of this end of each fibre and of its other one.
+    A fibre with an end held at the rim of its area would hook there. So points up to :data:`REACH` of the
+    fibre follow the end, in proportion. `ends` and `opposite` (k,) are the ids of both ends.
     """
-    counts, ways = np.abs(others - ends), places - points[ends]
+    counts, shifts = np.abs(opposite - ends), targets - points[ends]
     fibre, j = np.nonzero(np.arange(counts.max(initial=0)) < REACH * counts[:, None])
     parts = 1.0 - j / (REACH * counts[fibre])
-    points[ends[fibre] + np.sign(others - ends)[fibre] * j] += parts[:, None] * ways[fibre]
-    points[ends] = places
+    points[ends[fibre] + np.sign(opposite - ends)[fibre] * j] += parts[:, None] * shifts[fibre]
+    points[ends] = targets
 
 
 def _between(points: Floats, offsets: Ints, shifts: Floats) -> Floats:
-    """Interpolate values at stations (k, STATIONS, 3), evenly spaced along fibres, to their points."""
+    """Interpolate shifts (k, STATIONS, 3) to the points of fibres."""
     along, counts = segment_lengths(points, offsets)[1], np.diff(offsets)
     begins, line = along[offsets[:-1]], np.repeat(np.arange(len(counts)), counts)
     lengths = (along[offsets[1:] - 1] - begins)[line]
@@ -146,7 +138,7 @@ def _between(points: Floats, offsets: Ints, shifts: Floats) -> Floats:
 
 
 def _across(lines: Floats, pulls: Floats, weights: Floats, blur: Floats) -> Floats:
-    """Return mean pulls (k, STATIONS, 3) of each station and its neighbours, across the line only."""
+    """Return blurred mean pulls across the line. Pulls (k, STATIONS, 3)."""
     pulls, weights = blur @ pulls, (weights @ blur.T)[..., None]
     mean = np.divide(pulls, weights, out=np.zeros(lines.shape), where=weights > 0.0)
     ends = np.pad(lines, ((0, 0), (1, 1), (0, 0)), mode="edge")
@@ -158,58 +150,52 @@ def _across(lines: Floats, pulls: Floats, weights: Floats, blur: Floats) -> Floa
 
 @lru_cache
 def _blur(passes: int) -> Floats:
-    """Return the matrix (STATIONS, STATIONS) that gives means of neighbours and keeps the sum."""
+    """Return the matrix (STATIONS, STATIONS) of repeated means. Three-point means keep the sum."""
     once = 0.5 * np.eye(STATIONS) + 0.25 * (np.eye(STATIONS, k=1) + np.eye(STATIONS, k=-1))
     once[0, 0] = once[-1, -1] = 0.75
     return np.linalg.matrix_power(once, passes)
 
 
 @kernel
-def _square_to(places: Floats, i: int, x: float, y: float, z: float) -> float:
-    """Return the squared distance of one of some places (q, 3) from a position."""
-    dx, dy, dz = places[i, 0] - x, places[i, 1] - y, places[i, 2] - z
+def _square_to(nodes: Floats, i: int, x: float, y: float, z: float) -> float:
+    """Return the squared distance of a node from a position."""
+    dx, dy, dz = nodes[i, 0] - x, nodes[i, 1] - y, nodes[i, 2] - z
     square: float = dx * dx + dy * dy + dz * dz
     return square
 
 
 def _divide(lines: Floats, pieces: int) -> tuple[Floats, Ints]:
-    """Return places (q, 3) along lines, `pieces` from each station to the next, and their stations (q,)."""
+    """Return nodes (q, 3) along lines, and stations (q,). There are `pieces` nodes per interval."""
     share = (np.arange(pieces) / pieces)[:, None]
     between = (1.0 - share) * lines[:, :-1, None] + share * lines[:, 1:, None]
-    places = np.concatenate([between.reshape(len(lines), -1, 3), lines[:, -1:]], axis=1)
+    nodes = np.concatenate([between.reshape(len(lines), -1, 3), lines[:, -1:]], axis=1)
     stations = np.append(np.repeat(np.arange(STATIONS - 1), pieces), STATIONS - 2)
-    return places.reshape(-1, 3), (np.arange(len(lines))[:, None] * STATIONS + stations).reshape(-1)
+    return nodes.reshape(-1, 3), (np.arange(len(lines))[:, None] * STATIONS + stations).reshape(-1)
 
 
 def _pulls(
     lines: Floats, pieces: int, within: Cloud, grid: tuple[Floats, Floats, Ints], band: float
 ) -> tuple[Floats, Floats]:
-    """Return the summed offsets (k, STATIONS, 3) of the samples nearest to each place, and their number.
+    """Return summed offsets and numbers of samples in cells. Offsets (k, STATIONS, 3).
 
-    Places whose squared distances are within a band [mm^2] of the least share a sample; the share is 0 at the
-    end of the band. The grid is its corner (3,), its scales (3,), cells per mm, and its shape.
+    Nodes within a band of the least squared distance [mm^2] share a sample; the share falls to 0 at the end
+    of the band. The grid is its corner (3,), its scales (3,) [1/mm], and its shape.
     """
     low, scales, shape = grid
-    places, nodes = _divide(lines, pieces)
-    cells = np.minimum(((places - low) * scales).astype(np.int64), shape - 1)
+    nodes, station_of = _divide(lines, pieces)
+    cells = np.minimum(((nodes - low) * scales).astype(np.int64), shape - 1)
     order, offsets = sorted_into_bins(np.ravel_multi_index(tuple(cells.T), tuple(shape)), int(shape.prod()))
     pulls, weights = np.zeros((len(lines) * STATIONS, 3)), np.zeros(len(lines) * STATIONS)
-    near, squares = np.empty(len(places) + 1, dtype=np.int64), np.empty(len(places) + 1)
-    bins = places[order], order, offsets, low, scales, shape
-    _pull(
-        lines.reshape(-1, 3), nodes, within.samples, within.guesses, places, bins, band, near, squares, pulls,
-        weights,
-    )  # fmt: skip
+    memory = np.empty(len(nodes) + 1, dtype=np.int64), np.empty(len(nodes) + 1)
+    bins = nodes[order], station_of[order], offsets, low, scales, shape
+    _pull(lines.reshape(-1, 3), within.samples, bins, band, *memory, pulls, weights)
     return pulls.reshape(lines.shape), weights.reshape(lines.shape[:2])
 
 
 @kernel
 def _pull(
     stations: Floats,
-    nodes: Ints,
     samples: Floats,
-    guesses: Ints,
-    places: Floats,
     grid: tuple[Floats, Ints, Ints, Floats, Floats, Ints],
     band: float,
     near: Ints,
@@ -217,46 +203,41 @@ def _pull(
     pulls: Floats,
     weights: Floats,
 ) -> None:
-    """Add to the results of :func:`_pulls`, by the number of the station before each place."""
-    in_cells, order, offsets, low, scales, shape = grid
+    """Add to the results of :func:`_pulls`. The station before a node counts; near, squares are memory."""
+    nodes, station_of, offsets, low, scales, shape = grid
     lx, ly, lz = low[0], low[1], low[2]
     nx, ny, nz = shape[0], shape[1], shape[2]
     across, along_rows = scales[0], scales[2]
-    beside = 0  # the place nearest to the sample before is near
+    nearest = 0  # the node nearest to the sample before bounds the search
     for number in range(len(samples)):
         x, y, z = samples[number, 0], samples[number, 1], samples[number, 2]
-        least, guess = _square_to(places, beside, x, y, z), guesses[number]
-        if 0 <= guess < len(places):
-            least = min(least, _square_to(places, guess, x, y, z))
-        farthest = least * (1.0 + 1e-9) + band  # farther than the nearest in any case
+        farthest = _square_to(nodes, nearest, x, y, z) * (1.0 + 1e-9) + band
         reach = np.sqrt(farthest)
         first = max(int((z - reach - lz) * along_rows), 0)
         last = min(int((z + reach - lz) * along_rows), nz - 1)
         bottom, top = max(int((y - reach - ly) * across), 0), min(int((y + reach - ly) * across), ny - 1)
         left, right = max(int((x - reach - lx) * across), 0), min(int((x + reach - lx) * across), nx - 1)
-        found = 0
+        count = 0
         for i in range(left, right + 1):
             for j in range(bottom, top + 1):
-                row = (i * ny + j) * nz
-                # Cells of a row are one after the other.
-                for at in range(offsets[row + first], offsets[row + last + 1]):
-                    square = _square_to(in_cells, at, x, y, z)
-                    near[found], squares[found] = at, square
-                    found += 1 if square < farthest else 0
+                row = (i * ny + j) * nz  # cells of a row are consecutive
+                for node in range(offsets[row + first], offsets[row + last + 1]):
+                    square = _square_to(nodes, node, x, y, z)
+                    near[count], squares[count] = node, square
+                    count += 1 if square < farthest else 0
         least, nearest = squares[0], near[0]
-        for k in range(1, found):
+        for k in range(1, count):
             if squares[k] < least:
                 least, nearest = squares[k], near[k]
-        guesses[number] = beside = order[nearest]
         farthest = least * (1.0 + 1e-9) + band
         total = 0.0
-        for k in range(found):
+        for k in range(count):
             total += max(farthest - squares[k], 0.0)
-        for k in range(found):
+        for k in range(count):
             share = (farthest - squares[k]) / total
             if share <= 0.0:
                 continue
-            node = nodes[order[near[k]]]
+            node = station_of[near[k]]
             ax, ay, az = stations[node, 0], stations[node, 1], stations[node, 2]
             bx, by, bz = stations[node + 1, 0] - ax, stations[node + 1, 1] - ay, stations[node + 1, 2] - az
             squared = bx * bx + by * by + bz * bz

@@ -1,7 +1,7 @@
-"""Fibre ends on the attachment areas: as printed in the paper, and evenly spread over the area.
+"""Fibre ends on attachment areas: as printed, or evenly spread.
 
-Kohout, Clapworthy, Martelli, Viceconti 2012, *Muscle Fibres Modelling*, section 3.4,
-extended in doi:10.1007/978-3-642-38241-3_3.
+Kohout, Clapworthy, Martelli, Viceconti 2012, *Muscle Fibres Modelling*, section 3.4, extended in
+doi:10.1007/978-3-642-38241-3_3.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from scipy.spatial.distance import cdist
 from vtkmuscle.core.mesh.polylines import (
     evenly_spaced,
     inner_points,
-    places_along,
+    points_at_arcs,
     polyline_lengths,
     segment_lengths,
 )
@@ -29,26 +29,26 @@ from vtkmuscle.core.types import Bools, Floats, Ints
 
 #: Largest turn from a fibre into its new end segment [degrees].
 LARGEST_TURN = 60.0
-#: A turn that needs no other cut [degrees].
+#: Turn up to which a cut is accepted at once [degrees].
 EASY_TURN = 30.0
-#: Multiples of the cut at the plane that are tried, the nearer to 1 the earlier.
+#: Multiples of the cut at the plane, in the order of trial.
 CUTS = (1.0, 0.8, 1.2, 0.6, 1.4, 0.4, 1.7, 0.2, 2.0, 0.0)
-#: Where along a new segment it is checked against the surface.
+#: Parameters along a new segment at which it is checked against the surface.
 CHECKS = (np.arange(16) + 0.5) / 16.0
-#: Ends nearer to each other than this share of an even spacing meet rather than spread over the area.
+#: Least distance of spread ends, as a part of an even spacing; closer ends meet.
 LEAST_SPREAD = 0.1
-#: Fibres that share out an area together; the assignment costs the cube of their number.
+#: Fibres assigned to an area at once; the time grows with the cube of the number.
 BATCH = 256
 
 
 @dataclass(frozen=True, eq=False)
 class EndArea:
-    """Attachment of one side of the muscle, on which fibres end.
+    """Attachment area at one end of the muscle.
 
-    Of the landmarks (k, 3) of all its areas the extremal one places the cutting plane. The muscle is points
-    (n, 3) and triangles (m, 3) [mm]; the attached points have the ids `patch` (j,). `distance` gives the
-    distances (i,) of positions (i, 3) from the surface that the landmarks span [mm]: fibres that end there
-    end on the area, as those that end on the patch.
+    The extremal of the landmarks (k, 3) of all areas of a side places the cutting plane. The muscle is points
+    (n, 3) and triangles (m, 3) [mm]; attached points have the ids `patch` (j,). `distance` gives distances
+    (i,) of positions (i, 3) from the surface spanned by the landmarks [mm]: fibres may end on that surface as
+    well as on the patch.
     """
 
     landmarks: Floats
@@ -73,61 +73,59 @@ def trim_fibres(
     tolerance: float,
     largest_cut: float,
 ) -> Floats:
-    """Return fibres (n, 3) from the origin area to the insertion area, with as many points as before.
+    """Return fibres (n, 3) from area to area. The number of points is kept.
 
-    At each side a plane perpendicular to the axis through the landmark that reaches furthest into the muscle
-    cuts the fibre's end off, and a straight segment to a place on the area replaces it (see
-    :func:`assign_places`). Where that segment would leave the muscle or turn too far, other cuts are tried,
-    as multiples of this one (:data:`CUTS`); where none is allowed, the one that breaks the limits least is
-    taken. If most fibres end on an area anyway, spread over it, they are left as they are there. The points
-    are then spaced evenly along each fibre, and those outside of the muscle moved to the nearest point of its
-    surface.
+    On each side a plane perpendicular to the axis, through the landmark deepest in the muscle, cuts the
+    fibre, and a straight segment to a position on the area replaces the end (see :func:`assign_positions`).
+    If the segment leaves the muscle or turns too far, other multiples of the cut are tried (:data:`CUTS`); if
+    none is allowed, the cut with the least violation is taken. Fibres that already end on an area, spread
+    over it, are kept. Points are then spaced evenly along each fibre, and points outside move to the nearest
+    point of the muscle.
 
     Parameters
     ----------
     points, offsets : (n, 3) array, (k + 1,) int array
-        Fibres from the origin to the insertion [mm]; first point of each, two or more points apart, and n.
+        Fibres from origin to insertion [mm]; first point of each fibre, of two or more points, and n.
     axis : (3,) array
-        Unit vector from the origin to the insertion.
+        Unit vector from origin to insertion.
     areas : EndArea, EndArea
-        Of the origin, and of the insertion.
+        Areas of the origin and of the insertion.
     into_muscle : callable
-        From points (j, 3) to the nearest points (j, 3) of the muscle, themselves where they are in it [mm].
+        From points (j, 3) to the nearest points (j, 3) of the muscle; inner points stay [mm].
     tolerance : float
-        How far a new segment may leave the muscle [mm].
+        Largest distance of a new segment outside the muscle [mm].
     largest_cut : float
-        Largest part of a fibre's length to cut off at either end, at most 0.5.
+        Largest part of a fibre's length cut off at either end, at most 0.5.
     """
     backwards = points[np.repeat(offsets[:-1] + offsets[1:] - 1, np.diff(offsets)) - np.arange(offsets[-1])]
-    sides = ((backwards, -axis, areas[0]), (points, axis, areas[1]))
-    starts, ends = (
-        _new_ends(p, offsets, way, area, into_muscle, tolerance, largest_cut) for p, way, area in sides
-    )
+    limits = into_muscle, tolerance, largest_cut
+    starts = _new_ends(backwards, offsets, -axis, areas[0], *limits)
+    ends = _new_ends(points, offsets, axis, areas[1], *limits)
     result = _replaced_ends(points, offsets, starts, ends)
     inner = inner_points(offsets)
     result[inner] = into_muscle(result[inner])
     return result
 
 
-#: Lengths cut off one end of fibres (k,), and their new ends (k, 3) [mm].
+#: Lengths to cut off an end of fibres (k,), and new ends (k, 3) [mm].
 _Ends = tuple[Floats, Floats]
 
 
 def _replaced_ends(points: Floats, offsets: Ints, starts: _Ends, ends: _Ends) -> Floats:
-    """Return fibres with new starts and ends, their points spaced evenly."""
+    """Return fibres with new ends and evenly spaced points."""
     counts, along = np.diff(offsets), segment_lengths(points, offsets)[1]
     along = along - np.repeat(along[offsets[:-1]], counts)
     low, high = starts[0], along[offsets[1:] - 1] - ends[0]
     kept = (along > np.repeat(low, counts)) & (along < np.repeat(high, counts))
     bounds = np.append(0, np.cumsum(np.add.reduceat(kept.astype(np.int64), offsets[:-1]) + 4))
     outer = np.column_stack([bounds[:-1], bounds[:-1] + 1, bounds[1:] - 2, bounds[1:] - 1])
-    cut, whole = places_along(points, offsets, np.column_stack([low, high])), np.empty((bounds[-1], 3))
+    cut, whole = points_at_arcs(points, offsets, np.column_stack([low, high])), np.empty((bounds[-1], 3))
     whole[outer] = np.stack([starts[1], cut[:, 0], cut[:, 1], ends[1]], axis=1)
     whole[np.setdiff1d(np.arange(len(whole)), outer)] = points[kept]
     result = np.empty_like(points)
     for count in np.unique(counts):
-        alike = counts == count
-        result[np.repeat(alike, counts)] = evenly_spaced(whole, bounds, count)[alike].reshape(-1, 3)
+        of_count = counts == count
+        result[np.repeat(of_count, counts)] = evenly_spaced(whole, bounds, count)[of_count].reshape(-1, 3)
     return result
 
 
@@ -140,95 +138,93 @@ def _new_ends(
     tolerance: float,
     largest_cut: float,
 ) -> _Ends:
-    """Return the lengths to cut off the last points of fibres, and their new ends."""
+    """Return cut lengths and new ends at the last points."""
     lengths = polyline_lengths(points, offsets)
     ends = points[offsets[1:] - 1]
-    there = _ends_on_area(ends, area, tolerance) & (_sharpest_turns(points, offsets) <= LARGEST_TURN)
-    there &= there.mean() > 0.5
+    kept = _ends_on_area(ends, area, tolerance) & (_sharpest_turns(points, offsets) <= LARGEST_TURN)
+    kept &= kept.mean() > 0.5
     extremal = (area.landmarks @ direction).min()
     cuts = np.minimum(beyond_plane(points, offsets, points @ direction - extremal), largest_cut * lengths)
     tried = np.minimum(np.outer(CUTS, cuts), largest_cut * lengths)
-    departures, rays = _departures(points, offsets, lengths - tried)
-    levels, places = np.zeros(len(cuts), dtype=np.int64), ends.copy()
+    # Directions over the length of a mean segment: the rest of a cut segment may be very short.
+    step = lengths / np.maximum(np.diff(offsets) - 1, 1)
+    arcs = np.array([lengths - tried, np.maximum(lengths - tried - step, 0.0)])
+    departures, before = (points_at_arcs(points, offsets, at.T).transpose(1, 0, 2) for at in arcs)
+    levels, new_ends = np.zeros(len(cuts), dtype=np.int64), ends.copy()
     n_batches = -(-len(cuts) // BATCH)
     for batch in range(n_batches):
-        # Fibres of a batch are spread over all fibres, so that each batch covers the whole area.
-        mine = np.arange(batch, len(cuts), n_batches)
-        fibres = mine[~there[mine]]
+        # A batch takes every n-th fibre, so each batch covers the whole area.
+        members = np.arange(batch, len(cuts), n_batches)
+        fibres = members[~kept[members]]
         if not len(fibres):
             continue
-        # Part of the area lies behind the departures only where it reaches so far along the muscle that the
-        # cut was limited.
+        # Part of the area lies behind the departures if the limit shortened the cut.
         height = float((departures[0, fibres] @ direction).min())
-        free = area.samples.even(len(mine), direction=direction, above=height, seed=batch)
-        if there[mine].any():
-            taken = np.unique(cKDTree(free).query(ends[mine[there[mine]]])[1])
+        free = area.samples.even(len(members), direction=direction, above=height, seed=batch)
+        if kept[members].any():
+            taken = np.unique(cKDTree(free).query(ends[members[kept[members]]])[1])
             free = np.delete(free, taken[: len(free) - len(fibres)], axis=0)
-        places[fibres] = free[assign_places(departures[0, fibres], free)]
-        levels[fibres] = _best_cut(
-            departures[:, fibres], rays[:, fibres], places[fibres], into_muscle, tolerance
-        )
-    cuts = np.where(there, 0.0, tried[levels, np.arange(len(cuts))])
-    return cuts, places
+        new_ends[fibres] = free[assign_positions(departures[0, fibres], free)]
+        rays = (departures - before)[:, fibres]
+        levels[fibres] = _best_cut(departures[:, fibres], rays, new_ends[fibres], into_muscle, tolerance)
+    return np.where(kept, 0.0, tried[levels, np.arange(len(cuts))]), new_ends
 
 
 def _best_cut(
-    departures: Floats,
-    rays: Floats,
-    places: Floats,
-    into_muscle: Callable[[Floats], Floats],
-    tolerance: float,
+    departures: Floats, rays: Floats, ends: Floats, into_muscle: Callable[[Floats], Floats], tolerance: float
 ) -> Ints:
-    """Return the best cut for each fibre, a number into CUTS.
+    """Return the index into CUTS of each fibre's best cut.
 
-    It is the first whose segment stays in the muscle and turns easily; else that of the least turn among
-    those that are allowed; else the one that leaves or turns least, relative to the limits.
+    The first cut with a segment in the muscle and an easy turn; else the allowed cut with the least turn;
+    else the cut that leaves or turns least, relative to the limits.
     """
-    open_ = np.arange(len(places))
-    levels, least = np.zeros(len(places), dtype=np.int64), np.full(len(places), np.inf)
+    open_ = np.arange(len(ends))
+    levels, least = np.zeros(len(ends), dtype=np.int64), np.full(len(ends), np.inf)
     for level in range(len(CUTS)):
-        starts, segments = departures[level, open_], places[open_] - departures[level, open_]
+        starts, segments = departures[level, open_], ends[open_] - departures[level, open_]
         turns = np.degrees(np.arccos(np.clip(_cosines(rays[level, open_], segments), -1.0, 1.0)))
-        # The badness of a segment that stays in the muscle: if that is too much already, no need to check.
+        # A segment whose turn alone is worse than the best cut needs no check against the surface.
         worth = np.where(turns <= LARGEST_TURN, turns / 180.0, turns / LARGEST_TURN) < least[open_]
         if not worth.any():
             continue
-        leaves = np.full(len(open_), np.inf)
+        departure = np.full(len(open_), np.inf)
         checked = starts[worth, None] + CHECKS[:, None] * segments[worth, None]
-        ways_back = into_muscle(checked.reshape(-1, 3)).reshape(checked.shape) - checked
-        leaves[worth] = np.linalg.norm(ways_back, axis=2).max(axis=1) / tolerance
-        badness = np.maximum(leaves, turns / LARGEST_TURN)
+        moved = into_muscle(checked.reshape(-1, 3)).reshape(checked.shape)
+        departure[worth] = np.linalg.norm(moved - checked, axis=2).max(axis=1) / tolerance
+        badness = np.maximum(departure, turns / LARGEST_TURN)
         badness[badness <= 1.0] = turns[badness <= 1.0] / 180.0
         better = badness < least[open_]
         levels[open_[better]] = level
         least[open_[better]] = badness[better]
-        open_ = open_[(leaves > 1.0) | (turns > EASY_TURN)]
+        open_ = open_[(departure > 1.0) | (turns > EASY_TURN)]
         if not len(open_):
             break
     return levels
 
 
 def _ends_on_area(ends: Floats, area: EndArea, tolerance: float) -> Bools:
-    """Return which fibres (k,) end on the area as they are; none, unless most of them do so without meeting.
+    """Return which fibres (k,) already end on the area. All are False unless most fibres end there, spread.
 
-    Templates whose fibres run from area to area, as the pennate one, need no new ends. But where fibres are
-    pinched together in the tip of a muscle, the few that end on the area are not kept.
+    Templates with fibres from area to area, such as pennate, need no new ends. In the pinched tip of a muscle
+    the few fibres that end on the area are not kept.
     """
     size, tree = area.samples.area, area.samples.tree(64 * len(ends))
-    near = tolerance + np.sqrt(size / tree.n)
-    # Without a bound a far end would be compared with thousands of positions that are about as far.
-    on_area = tree.query(ends, distance_upper_bound=near * (1.0 + 1e-9))[0] <= near
+    limit = tolerance + np.sqrt(size / tree.n)
+    # Without a bound the search compares a far end with thousands of equally far positions.
+    on_area = tree.query(ends, distance_upper_bound=limit * (1.0 + 1e-9))[0] <= limit
     if area.distance is not None:
         on_area |= area.distance(ends) <= tolerance
-    apart = np.full(len(ends), True)
     if len(ends) > 1:
-        apart = cKDTree(ends).query(ends, 2)[0][:, 1] >= LEAST_SPREAD * np.sqrt(size / len(ends))
-    there = on_area & apart
-    return there if there.mean() > 0.5 else np.zeros(len(ends), dtype=np.bool_)
+        on_area &= cKDTree(ends).query(ends, 2)[0][:, 1] >= LEAST_SPREAD * np.sqrt(size / len(ends))
+    kept: Bools = on_area & bool(on_area.mean() > 0.5)
+    return kept
 
 
 def _sharpest_turns(points: Floats, offsets: Ints) -> Floats:
-    """Return the sharpest turn in the last third of each fibre (k,) [degrees]: one that hooks is not kept."""
+    """Return each fibre's sharpest turn near its end (k,) [degrees].
+
+    The last third counts; hooks are not kept.
+    """
     i = inner_points(offsets)
     ends = offsets[np.searchsorted(offsets, i, side="right")]
     counts = ends - offsets[np.searchsorted(offsets, i, side="right") - 1]
@@ -240,69 +236,55 @@ def _sharpest_turns(points: Floats, offsets: Ints) -> Floats:
     return np.maximum.reduceat(turns, offsets[:-1])
 
 
-def _departures(points: Floats, offsets: Ints, arcs: Floats) -> tuple[Floats, Floats]:
-    """Return the points (c, k, 3) of fibres at arc lengths (c, k), and the fibres' directions there.
-
-    These are taken over the length of a mean segment: the rest of a segment that is cut may be very short.
-    """
-    step = polyline_lengths(points, offsets) / np.maximum(np.diff(offsets) - 1, 1)
-    places, before = (
-        places_along(points, offsets, at.T).transpose(1, 0, 2) for at in (arcs, np.maximum(arcs - step, 0.0))
-    )
-    return places, places - before
-
-
 def _cosines(a: Floats, b: Floats) -> Floats:
-    """Return the cosines (k,) of the angles between vectors (k, 3); 1 for a vector of no length."""
+    """Return cosines (k,) of angles between vectors (k, 3). They are 1 for a vector of no length."""
     scale = np.linalg.norm(a, axis=1) * np.linalg.norm(b, axis=1)
     cosines: Floats = np.divide((a * b).sum(axis=1), scale, out=np.ones(len(a)), where=scale > 0)
     return cosines
 
 
-def assign_places(departures: Floats, places: Floats) -> Ints:
-    """Return the number of each fibre's place (k,), all different: the sum of the new segments is least.
+def assign_positions(departures: Floats, positions: Floats) -> Ints:
+    """Return a different position (k,) for each fibre. The sum of segment lengths is least.
 
-    They run from departures (k, 3) to places (j, 3), j >= k. The paper takes the place on the area that is
-    closest to the ray, for each fibre by itself. Where the area is beside the rays rather than in front of
-    them, that is the same place on its rim for many fibres, and they meet in a point. Segments of the least
-    sum do not cross, for two that cross would be shorter exchanged; so neighbours stay neighbours. The
-    directions of the fibres do not count: where a section is pinched at an oblique end, they all point to the
-    same side, and fibres that kept to them changed places from one edge of the muscle to the other.
+    Segments run from departures (k, 3) to positions (j, 3), j >= k. The paper takes the position on the area
+    closest to the ray, for each fibre alone. Beside the rays this is the same point of the rim for many
+    fibres. Segments of least sum do not cross, as exchanging their ends would shorten them, and neighbours
+    stay neighbours. Fibre directions do not count: at an oblique, pinched end all directions point to the
+    same side, and fibres that followed them changed sides of the muscle.
     """
-    costs = cdist(departures, places)
-    # A cost common to all places of a fibre, or to all fibres of a place, decides nothing and takes time.
+    costs = cdist(departures, positions)
+    # A cost common to all positions of a fibre, or all fibres of a position, decides nothing and takes time.
     costs -= costs.min(axis=1, keepdims=True)
-    if len(departures) == len(places):
+    if len(departures) == len(positions):
         costs -= costs.min(axis=0)
     taken: Ints = linear_sum_assignment(costs)[1].astype(np.int64)
     return taken
 
 
 def beyond_plane(points: Floats, offsets: Ints, heights: Floats) -> Floats:
-    """Return the arc length (k,) of each polyline beyond a plane, from where it last comes through it.
+    """Return arc lengths (k,) beyond a plane. They begin at the last crossing of each polyline.
 
-    `heights` (n,) are the points' signed distances from the plane, positive beyond it [mm]. The length is 0
-    where a line ends on this side, and that of the whole line where none of it is on this side.
+    `heights` (n,) are signed distances of the points, positive beyond the plane [mm]. The length is 0 for a
+    line that ends on the near side, and the whole length for a line without a point there.
     """
-    lengths, number = segment_lengths(points, offsets)[0], np.arange(len(points))
-    before = heights[number - 1]
-    through = (heights > 0.0) & (before < 0.0)
-    lengths[through] *= heights[through] / (heights - before)[through]
-    last = np.maximum.reduceat(np.where(heights > 0.0, -1, number), offsets[:-1])  # on this side
-    lengths[number <= np.repeat(last, np.diff(offsets))] = 0.0
+    lengths, index = segment_lengths(points, offsets)[0], np.arange(len(points))
+    preceding = heights[index - 1]
+    through = (heights > 0.0) & (preceding < 0.0)
+    lengths[through] *= heights[through] / (heights - preceding)[through]
+    last = np.maximum.reduceat(np.where(heights > 0.0, -1, index), offsets[:-1])  # on this side
+    lengths[index <= np.repeat(last, np.diff(offsets))] = 0.0
     return np.add.reduceat(lengths, offsets[:-1])
 
 
 def ends_as_printed(
     points: Floats, offsets: Ints, *, axis: Floats, origin: EndArea, insertion: EndArea
 ) -> tuple[Floats, Ints]:
-    """Return fibres as printed: points (j, 3) and offsets (k + 1,), cut at both planes and led to the areas.
+    """Return fibres with ends as printed. Points (j, 3) and offsets (k + 1,).
 
-    Each fibre is cut at the plane through the extremal landmark and gets one more segment, to the point of
-    the area that is closest to the ray of its last one. Unlike those of :func:`trim_fibres`, fibres do not
-    share the area out, so that many may end in one point of its rim; a fibre of which the plane leaves
-    nothing keeps its end; and points are not spaced anew, so that fibres have different numbers of them. The
-    axis is the unit vector (3,) from the origin to the insertion; each fibre has at least two points.
+    Each fibre is cut at the plane through the extremal landmark, and gets a last segment to the point of the
+    area closest to the ray of its last segment. In contrast to :func:`trim_fibres` many fibres may end in a
+    point of the area's rim, a fibre entirely beyond the plane keeps its end, and points are not respaced. The
+    axis is the unit vector (3,) from origin to insertion; each fibre has at least two points.
     """
     lines = []
     sides = [(_area_triangles(insertion), axis, insertion), (_area_triangles(origin), -axis, origin)]
@@ -315,7 +297,7 @@ def ends_as_printed(
 
 
 def _area_triangles(area: EndArea) -> Floats:
-    """Return the corners (m, 3, 3) of an area's triangles; its points as such where it has none."""
+    """Return triangle corners (m, 3, 3) of an area. Without triangles, points are repeated."""
     triangles = faces_between(area.triangles, area.patch)
     if not len(triangles):
         triangles = np.repeat(area.patch[:, None], 3, axis=1)
@@ -323,7 +305,7 @@ def _area_triangles(area: EndArea) -> Floats:
 
 
 def _extended(line: Floats, direction: Floats, height: float, corners: Floats) -> Floats:
-    """Return a line (n, 3), cut at a plane near its end, with a segment from there to an area."""
+    """Return a cut line (n, 3) with a segment to an area. The plane is near the line's end."""
     beyond = line @ direction - height
     if beyond[0] >= 0.0:
         return line
@@ -344,40 +326,42 @@ def _extended(line: Floats, direction: Floats, height: float, corners: Floats) -
 
 
 def closest_to_ray(start: Floats, ahead: Floats, corners: Floats) -> Floats:
-    """Return the point (3,) of triangles, by their corners (m, 3, 3), closest to a ray; the first of several.
+    """Return the point (3,) of triangles closest to a ray. Triangles (m, 3, 3); the first of equal points.
 
-    The ray begins at `start` (3,) in the unit direction `ahead` (3,).
+    The ray has the start (3,) and the unit direction `ahead` (3,).
     """
     a = corners[:, 0]
     e, f = corners[:, 1] - a, corners[:, 2] - a
     normals = np.cross(e, f)
     sizes, off = (normals * normals).sum(axis=1), (normals * (a - start)).sum(axis=1)
-    places, ways, distances = [], [], []
+    closest, along, distances = [], [], []
     with np.errstate(divide="ignore", invalid="ignore"):  # triangles without area, or along the ray
         through = off / (normals @ ahead)
         # Through a triangle, or from the ray's start straight to it.
-        for at, way, distance in (
+        for at, t, distance in (
             (start + through[:, None] * ahead, through, np.zeros(len(a))),
             (start + (off / sizes)[:, None] * normals, np.zeros(len(a)), np.sqrt(off * off / sizes)),
         ):
             u = (normals * np.cross(at - a, f)).sum(axis=1) / sizes
             v = (normals * np.cross(e, at - a)).sum(axis=1) / sizes
-            met = (way >= 0.0) & (u >= 0.0) & (v >= 0.0) & (u + v <= 1.0)
-            places.append(at[met])
-            ways.append(way[met])
+            met = (t >= 0.0) & (u >= 0.0) & (v >= 0.0) & (u + v <= 1.0)
+            closest.append(at[met])
+            along.append(t[met])
             distances.append(distance[met])
     p, edges = corners.reshape(-1, 3), (np.roll(corners, -1, axis=1) - corners).reshape(-1, 3)
     s, t = _nearest_to_ray(start - p, ahead, edges)
-    places.append(p + s[:, None] * edges)
-    ways.append(t)
-    distances.append(np.linalg.norm(start + t[:, None] * ahead - places[-1], axis=1))
-    best = np.lexsort((np.concatenate(ways), np.concatenate(distances)))[0]
-    closest: Floats = np.vstack(places)[best]
-    return closest
+    closest.append(p + s[:, None] * edges)
+    along.append(t)
+    distances.append(np.linalg.norm(start + t[:, None] * ahead - closest[-1], axis=1))
+    best = np.lexsort((np.concatenate(along), np.concatenate(distances)))[0]
+    point: Floats = np.vstack(closest)[best]
+    return point
 
 
 def _nearest_to_ray(to_start: Floats, ahead: Floats, edges: Floats) -> tuple[Floats, Floats]:
-    """Return the places on edges (k, 3) (0 to 1) and along a ray (0 and more) at which the two are closest.
+    """Return parameters of closest approach of edges and a ray.
+
+    On edges (k, 3) from 0 to 1, along the ray >= 0.
 
     Ericson 2005, *Real-time collision detection*, section 5.1.9.
     """

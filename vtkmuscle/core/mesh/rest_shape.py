@@ -1,4 +1,4 @@
-"""A muscle's surface at rest: its volume, the angles at its edges, and how far another shape is from it."""
+"""A muscle's surface at rest, and deviations of deformed shapes."""
 
 from __future__ import annotations
 
@@ -17,22 +17,22 @@ from vtkmuscle.core.mesh.surface import (
 )
 from vtkmuscle.core.types import Bools, Floats, Ints
 
-#: Triangles whose corner at the edge has a tangent below this have no usable normal.
+#: Least tangent of a triangle's corner at an edge, for a usable normal.
 DEGENERATE_TANGENT = 1e-9
-#: Largest height of a sliver, as a part of its length: so small a displacement turns the triangle over.
+#: Largest height of a sliver, as a part of its length: a displacement as small turns the triangle over.
 SLIVER = 1e-3
-#: Least denominator of a volume projection, as a part of its value at rest: a muscle crushed to nothing is
-#: blown up over several projections rather than to infinity in one.
+#: Least denominator of a volume projection, as a part of its rest value: a crushed muscle inflates over
+#: several projections, not to infinity at once.
 VOLUME_FLOOR = 0.01
 
 
 @vector_kernel
 def volume_and_gradient(p: Floats, triangles: Ints, gradient: Floats) -> float:
-    """Return the volume [mm^3] inside a closed surface, and overwrite its gradient (n, 3) [mm^2].
+    """Return the volume [mm^3], and write its gradient. Closed surface, gradient (n, 3) [mm^2].
 
     V = sum p1 . (p2 x p3) / 6 over the triangles. Of dV/dp1 = sum p2 x p3 / 6 the triangles around a point
     leave sum (p2 - p1) x (p3 - p1) / 6, as the surface is closed: the same vector for all three corners,
-    which does not depend on the origin. V is homogeneous of degree 3, so that V = sum p . dV/dp / 3.
+    independent of the origin. V is homogeneous of degree 3: V = sum p . dV/dp / 3.
     """
     gradient[:] = 0.0
     for t in range(len(triangles)):
@@ -62,12 +62,12 @@ def volume_and_gradient(p: Floats, triangles: Ints, gradient: Floats) -> float:
 def project_volume(
     p: Floats, w: Floats, triangles: Ints, rest: float, floor: float, gradient: Floats
 ) -> float:
-    """Move points along the volume's gradient to the rest volume, to first order; return the volume before.
+    """Move points to the rest volume; return the volume before. To first order.
 
     p_i -= w_i (V - V0) g_i / sum_j w_j |g_j|^2 (Müller, Heidelberger, Hennix, Ratcliff 2007, *Position based
     dynamics*, doi:10.1016/j.jvcir.2007.01.005, eq. 6-8). p : (n, 3), changed in place;  w : (n,) inverse
-    masses, 1 free, 0 fixed;  rest : V0 [mm^3]; floor : least value of the denominator [mm^4];  gradient : (n,
-    3) working memory.
+    masses, 1 free, 0 fixed;  rest : V0 [mm^3]; floor : least denominator [mm^4];  gradient : (n, 3) working
+    memory.
     """
     volume = volume_and_gradient(p, triangles, gradient)
     weighted = 0.0
@@ -84,17 +84,18 @@ def project_volume(
 
 
 @lane
-def hinge(
+def edge_geometry(
     x1: float, y1: float, z1: float,
     x2: float, y2: float, z2: float,
     x3: float, y3: float, z3: float,
     x4: float, y4: float, z4: float,
 ) -> tuple[Any, ...]:  # fmt: skip
-    """Return the geometry of two triangles (p1, p2, p3) and (p2, p1, p4) that share the edge e = p2 - p1.
+    """Return the geometry of two triangles at a common edge.
 
-    The signed angle phi between their normals n1 = e x (p3 - p1) and n2 = (p4 - p1) x e has sin phi = (n1 x
-    n2) . e / (|e| |n1| |n2|) and cos phi = n1 . n2 / (|n1| |n2|): it is 0 where flat, positive where convex.
-    As n1 is normal to e, (n1 x n2) . e = -|e|^2 n1 . (p4 - p1).
+    The triangles (p1, p2, p3) and (p2, p1, p4) share e = p2 - p1. The signed angle phi between their normals
+    n1 = e x (p3 - p1) and n2 = (p4 - p1) x e has sin phi = (n1 x n2) . e / (|e| |n1| |n2|) and cos phi = n1 .
+    n2 / (|n1| |n2|): 0 for a flat, positive for a convex edge. As n1 is normal to e, (n1 x n2) . e = -|e|^2
+    n1 . (p4 - p1).
 
     Returns whether both triangles have a normal, by the tangent of the corner at p1; the sine and the cosine
     of phi, times |n1| |n2|; |e|^2, (p3 - p1) . e, (p4 - p1) . e; |n1|^2, |n2|^2; the normals n1, n2.
@@ -117,11 +118,10 @@ def hinge(
 
 
 def dihedral_angles(points: Floats, quads: Ints) -> tuple[Floats, Bools]:
-    """Return the signed angles (q,) [radians] between neighbouring triangles, and where they are defined.
+    """Return signed dihedral angles (q,) [radians], and their validity.
 
-    0 where flat, positive where convex, in (-pi, pi]; see :func:`hinge`. The quadruples (q, 4) are those of
-    :class:`~vtkmuscle.core.mesh.surface.MeshTopology`. Beside a degenerate triangle the angle is 0 and not
-    defined.
+    0 for flat, positive for convex edges, in (-pi, pi]; see :func:`edge_geometry`. Quadruples (q, 4) as in
+    :class:`~vtkmuscle.core.mesh.surface.MeshTopology`. An angle at a degenerate triangle is 0 and not valid.
     """
     sines, cosines, defined = *np.empty((2, len(quads))), np.empty(len(quads), dtype=np.bool_)
     _hinges(points, quads, sines, cosines, defined)
@@ -134,57 +134,60 @@ def dihedral_angles(points: Floats, quads: Ints) -> tuple[Floats, Bools]:
 def _hinges(p: Floats, quads: Ints, sines: Floats, cosines: Floats, defined: Bools) -> None:
     for q in range(len(quads)):
         i, j, k, m = quads[q, 0], quads[q, 1], quads[q, 2], quads[q, 3]
-        found = hinge(
+        geometry = edge_geometry(
             p[i, 0], p[i, 1], p[i, 2], p[j, 0], p[j, 1], p[j, 2],
             p[k, 0], p[k, 1], p[k, 2], p[m, 0], p[m, 1], p[m, 2],
         )  # fmt: skip
-        proper = found[0]
-        sines[q], cosines[q], defined[q] = found[1] if proper else 0.0, found[2] if proper else 1.0, proper
+        proper = geometry[0]
+        sines[q], cosines[q], defined[q] = (
+            geometry[1] if proper else 0.0,
+            geometry[2] if proper else 1.0,
+            proper,
+        )
 
 
 def beside_slivers(points: Floats, quads: Ints) -> Bools:
-    """Return which quadruples (q, 4) have a sliver, whose angle says nothing of a shape, (q,)."""
-    found = np.zeros(len(quads), dtype=np.bool_)
+    """Return which quadruples (q, 4) have a sliver. Its angle is meaningless."""
+    sliver = np.zeros(len(quads), dtype=np.bool_)
     for corners in (points[quads[:, :3]], points[quads[:, [0, 1, 3]]]):
         sides = np.roll(corners, -1, axis=1) - corners
         doubled = np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1)
-        found |= doubled < SLIVER * (sides**2).sum(axis=2).max(axis=1)
-    return found
+        sliver |= doubled < SLIVER * (sides**2).sum(axis=2).max(axis=1)
+    return sliver
 
 
-#: Edges run along the fibres where |u . v| is more than the cosine of 18 degrees, across them where it is
-#: less than that of 72 degrees.
+#: Cosines of 18 and 72 degrees: edges along fibres have a larger |u . v|, edges across fibres a smaller.
 ALONG, ACROSS = math.cos(math.radians(18.0)), math.cos(math.radians(72.0))
 
 
 @dataclass(frozen=True)
 class ShapeReport:
-    """How well a deformed surface keeps the shape that it has at rest."""
+    """Deviations of a deformed surface from its rest shape."""
 
     volume_ratio: float  # V / V0
     edge_stretch_p95: float  # 95th percentile of l / l0 over all edges
     edge_stretch_max: float
     #: 95th percentile of the absolute change of the angles at edges without a sliver at rest [degrees].
     dihedral_error_p95: float
-    degenerate_edges: int  # edges that had an angle at rest, beside a triangle that has collapsed
-    #: 5th percentile, median and 95th percentile of l / l0 of the edges within 18 degrees of the fibres, and
-    #: of those over 72 degrees from them; None without directions or such edges.
+    degenerate_edges: int  # edges with an angle at rest, at a collapsed triangle
+    #: 5th percentile, median and 95th percentile of l / l0 of edges along the fibres (18 degrees), and across
+    #: (72 degrees); None without directions or without edges.
     along: tuple[float, float, float] | None = None
     across: tuple[float, float, float] | None = None
 
 
 class RestShape:
-    """Lengths, angles and volume of a closed surface at rest, points (n, 3) [mm].
+    """Lengths, angles and volume of a closed surface at rest.
 
-    The directions (k, 3) are those of the fibres at each edge, 0 where there is none: edges along and across
-    them are compared apart. A ValueError says that the surface is open or encloses no volume.
+    Points (n, 3) [mm]. Directions (k, 3) are unit fibre directions at the edges, or 0: edges along and across
+    fibres are compared apart. A ValueError says that the surface is open or encloses no volume.
     """
 
     def __init__(self, points: Floats, topology: MeshTopology, directions: Floats | None = None) -> None:
         if topology.n_boundary_edges:
             raise ValueError(
                 f"the surface is open: {topology.n_boundary_edges} edges belong to one triangle only; "
-                "close it (vtkFillHolesFilter), for an open surface has no volume to keep"
+                "close it (vtkFillHolesFilter), as an open surface has no volume"
             )
         self.points, self.topology = points, topology
         #: Of the edges, (k,) [mm].
@@ -204,12 +207,12 @@ class RestShape:
         self._directed = None if directions is None else self._along_and_across(directions[long])
 
     def _along_and_across(self, v: Floats) -> tuple[Ints, Ints]:
-        """Return which of the long edges run along and across directions v (k, 3) of the fibres."""
+        """Return long edges along and across fibre directions (k, 3)."""
         ends = self.points[self._long_edges]
         u = (ends[:, 1] - ends[:, 0]) / self._long_lengths[:, None]
         cosines = np.abs(np.einsum("ij,ij->i", u, v))
-        known = (v != 0.0).any(axis=1)
-        return np.flatnonzero(known & (cosines > ALONG)), np.flatnonzero(known & (cosines < ACROSS))
+        directed = (v != 0.0).any(axis=1)
+        return np.flatnonzero(directed & (cosines > ALONG)), np.flatnonzero(directed & (cosines < ACROSS))
 
     def compare(self, positions: Floats) -> ShapeReport:
         """Return how far a deformed surface, of positions (n, 3) [mm], is from rest."""
@@ -248,7 +251,7 @@ def _compare(
         stretch[e] = math.sqrt(x * x + y * y + z * z) / lengths[e]
     for q in range(len(quads)):
         i, j, k, m = quads[q, 0], quads[q, 1], quads[q, 2], quads[q, 3]
-        geometry = hinge(
+        geometry = edge_geometry(
             p[i, 0], p[i, 1], p[i, 2], p[j, 0], p[j, 1], p[j, 2],
             p[k, 0], p[k, 1], p[k, 2], p[m, 0], p[m, 1], p[m, 2],
         )  # fmt: skip

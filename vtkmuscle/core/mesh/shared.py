@@ -1,9 +1,9 @@
-"""Objects that are made once for all users: from equal arrays, such as surfaces, or for a few keys."""
+"""Results shared by their users, per content of arrays."""
 
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Hashable, Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import wraps
 from hashlib import sha1
@@ -14,92 +14,67 @@ from weakref import WeakValueDictionary
 import numpy as np
 from numpy.typing import NDArray
 
-
-class RecentlyUsed:
-    """A cache of at most so many results by key, which drops the least recently used one."""
-
-    def __init__(self, most: int) -> None:
-        self._most = most
-        self._results: dict[Hashable, Any] = {}
-
-    def __call__(self, key: Hashable, compute: Callable[[], Any]) -> Any:
-        """Return the value kept for a key, or compute and keep it."""
-        try:
-            result = self._results.pop(key)
-        except KeyError:
-            result = compute()
-        self._results[key] = result
-        for oldest in list(self._results)[: -self._most]:
-            self._results.pop(oldest, None)
-        return result
-
-
 T = TypeVar("T")
 P = ParamSpec("P")
 
 
-class _Holders:
-    """The number of active :func:`held` contexts, and the objects that they keep alive."""
-
-    def __init__(self) -> None:
-        self.count = 0
-        self.kept: list[object] = []
-        self.lock = Lock()
-
-
-_holders = _Holders()
+_lock = Lock()
+#: Results of shared functions per active :func:`keep_shared` context.
+_kept: list[list[object]] = []
 
 
 @contextmanager
-def held() -> Iterator[None]:
-    """Keep all results of shared functions alive within this context.
+def keep_shared() -> Iterator[None]:
+    """Keep all results of shared functions alive within a context.
 
-    Muscles that are solved one after another then share the objects made from their bones.
+    Muscles solved one after another then share the objects made from their bones.
     """
-    with _holders.lock:
-        _holders.count += 1
+    kept: list[object] = []
+    with _lock:
+        _kept.append(kept)
     try:
         yield
     finally:
-        with _holders.lock:
-            _holders.count -= 1
-            if _holders.count == 0:
-                _holders.kept.clear()
+        with _lock:
+            _kept[:] = [results for results in _kept if results is not kept]
 
 
 def shared(make: Callable[P, T], *, last: int = 0) -> Callable[P, T]:
-    """Return a function that gives the same object for equal arrays, as long as anyone holds it.
+    """Return a function with shared results for equal arrays. A result lives while in use.
 
-    The object is made from copies of the arrays, by one thread where several ask at once. The function itself
-    holds the ``last`` objects that were asked for.
+    The object is made from copies of the arrays, in a single thread. The function itself keeps its ``last``
+    results.
     """
-    known: WeakValueDictionary[bytes, T] = WeakValueDictionary()
+    results: WeakValueDictionary[bytes, T] = WeakValueDictionary()
     making: dict[bytes, Lock] = {}
     latest: deque[T] = deque(maxlen=last)
 
     @wraps(make)
-    def known_or_made(*arrays: NDArray[Any]) -> T:
+    def shared_result(*arrays: NDArray[Any]) -> T:
         key = digest(*arrays)
         with making.setdefault(key, Lock()):
-            result = known.get(key)
+            result = results.get(key)
             if result is None:
                 copies: Any = [array.copy() for array in arrays]  # the caller's may change
-                result = known[key] = make(*copies)  # type: ignore[call-arg]
-                with _holders.lock:
-                    if _holders.count:
-                        _holders.kept.append(result)
-            with _holders.lock:
+                result = results[key] = make(*copies)  # type: ignore[call-arg]
+                with _lock:
+                    for kept in _kept:
+                        kept.append(result)
+            with _lock:
                 if result in latest:
                     latest.remove(result)
                 latest.append(result)
         making.pop(key, None)
         return result
 
-    return cast(Callable[P, T], known_or_made)
+    return cast(Callable[P, T], shared_result)
 
 
 def digest(*arrays: NDArray[Any]) -> bytes:
-    """Return a key of the content of arrays: by SHA-1, for which processors have instructions."""
+    """Return a key of arrays' content, by SHA-1.
+
+    Processors have instructions for SHA-1.
+    """
     content = sha1(usedforsecurity=False)
     for array in arrays:
         content.update(f"{array.dtype.str}{array.shape}".encode())

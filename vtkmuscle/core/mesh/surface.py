@@ -1,4 +1,4 @@
-"""Facts about triangle meshes: edges and what is beside them, lengths, stretches, volume, orientation."""
+"""Triangle meshes: edges, lengths, stretches, volume, orientation, topology."""
 
 from __future__ import annotations
 
@@ -17,26 +17,32 @@ LEAST_VOLUME = 1e-9
 
 
 def half_edges(triangles: Ints) -> Ints:
-    """Return the directed edges (3 m, 2) of triangles (m, 3): (a, b), (b, c), (c, a) of each in turn."""
+    """Return directed edges (3 m, 2) of triangles (m, 3).
+
+    In turn (a, b), (b, c), (c, a) of each triangle.
+    """
     return triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
 
 
 def faces_between(triangles: Ints, ids: Ints) -> Ints:
-    """Return the triangles (k, 3) all of whose points are among the given ids."""
+    """Return the triangles (k, 3) with all corners among point ids."""
     member = np.zeros(int(triangles.max(initial=-1)) + 1, dtype=np.bool_)
     member[ids[ids < len(member)]] = True
     return triangles[member[triangles].all(axis=1)]
 
 
 def unique_edges(triangles: Ints) -> Ints:
-    """Return each undirected edge of triangles (m, 3) once, (k, 2), sorted, the smaller point id first."""
+    """Return each undirected edge once, (k, 2). Triangles (m, 3).
+
+    Sorted, the smaller point id first.
+    """
     return numbered_edges(triangles)[0]
 
 
 def numbered_edges(triangles: Ints) -> tuple[Ints, Ints]:
-    """Return each undirected edge once, and the number of the edge that each half-edge runs along, (3 m,).
+    """Return edges (k, 2), and each half-edge's edge (3 m,).
 
-    Edges (k, 2) are sorted, the smaller point id first; half-edges are in the order of :func:`half_edges`.
+    Edges are sorted, the smaller point id first; half-edges are in the order of :func:`half_edges`.
     """
     ends, count = triangles[:, [1, 2, 0]], int(triangles.max(initial=0)) + 1
     keys = np.minimum(triangles, ends) * count + np.maximum(triangles, ends)
@@ -45,64 +51,67 @@ def numbered_edges(triangles: Ints) -> tuple[Ints, Ints]:
 
 
 def sorted_into_bins(bins: Ints, n_bins: int) -> tuple[Ints, Ints]:
-    """Return the numbers 0 to n - 1 bin by bin, from the bin of each (n,), and where each bin starts.
+    """Return indices sorted by bin (n,), and bins' starts.
 
-    Those in bin b are ``order[starts[b] : starts[b + 1]]``, ascending.
+    Bin b has the ascending indices ``order[starts[b] : starts[b + 1]]``.
     """
     starts = np.append(0, np.cumsum(np.bincount(bins, minlength=n_bins)))
     return np.argsort(bins, kind="stable"), starts
 
 
 def edge_uses(triangles: Ints) -> Ints:
-    """Return the number of triangles along each edge of :func:`unique_edges`, (k,): 2 in a closed surface."""
+    """Return the number of triangles at each unique edge, (k,).
+
+    It is 2 in a closed surface.
+    """
     return np.bincount(numbered_edges(triangles)[1])
 
 
 def edge_lengths(points: Floats, edges: Ints) -> Floats:
-    """Return the length of each edge, (k,), in the unit of the points."""
-    columns = np.ascontiguousarray(points.T)  # of long rows they are found four times as fast
+    """Return the length of each edge, (k,). In the unit of the points."""
+    columns = np.ascontiguousarray(points.T)  # four times as fast by long rows
     apart = columns.take(edges[:, 1], axis=1) - columns.take(edges[:, 0], axis=1)
     lengths: Floats = np.sqrt((apart * apart).sum(axis=0))
     return lengths
 
 
 def side_products(points: Floats, triangles: Ints) -> Floats:
-    """Return the products a . a, a . b and b . b of two sides of each triangle (m, 3), (3, m) [mm^2]."""
+    """Return products a . a, a . b, b . b of triangle sides, (3, m) [mm^2]."""
     first, second, third = np.ascontiguousarray(points.T).take(triangles.T, axis=1).swapaxes(0, 1)
     a, b = second - first, third - second
     return np.stack([sum(p * q) for p, q in ((a, a), (a, b), (b, b))])
 
 
 def triangle_stretches(rest: Floats, now: Floats) -> tuple[Floats, Floats, Floats]:
-    """Return the least and the greatest stretch (m,) of triangles, and their areas at rest (m,) [mm^2].
+    """Return least and greatest stretches of triangles, and rest areas. (m,) each, areas in [mm^2].
 
-    These are the singular values of the map from a triangle at rest to itself now: the square roots of the
-    eigenvalues of G^-1 H, of the 2 x 2 matrices G and H of :func:`side_products` (3, m) at rest and now. They
-    are 1 for a triangle without area at rest.
+    Singular values of the map from a triangle at rest to its shape now: square roots of the eigenvalues of
+    G^-1 H, for the 2 x 2 matrices G and H of :func:`side_products` (3, m) at rest and now. They are 1 for a
+    triangle without area at rest.
     """
     squared, squared_now = (np.maximum(aa * bb - ab * ab, 0.0) for aa, ab, bb in (rest, now))
     areas: Floats = 0.5 * np.sqrt(squared)
-    known = areas > 0.0
-    over = np.divide(1.0, squared, out=np.zeros_like(squared), where=known)
+    proper = areas > 0.0
+    over = np.divide(1.0, squared, out=np.zeros_like(squared), where=proper)
     half = 0.5 * over * (rest[2] * now[0] - 2.0 * rest[1] * now[1] + rest[0] * now[2])
     apart = np.sqrt(np.maximum(half * half - over * squared_now, 0.0))
     least, greatest = (
-        np.where(known, np.sqrt(np.maximum(square, 0.0)), 1.0) for square in (half - apart, half + apart)
+        np.where(proper, np.sqrt(np.maximum(square, 0.0)), 1.0) for square in (half - apart, half + apart)
     )
     return least, greatest, areas
 
 
 def points_in_box(points: Floats, low: Floats, high: Floats) -> Ints:
-    """Return the ids of the points (n, 3) in a box, its low and high corner (3,) included."""
+    """Return the ids of points in a closed box. Points (n, 3), corners (3,)."""
     x, y, z = ((low[k] <= points[:, k]) & (points[:, k] <= high[k]) for k in range(3))
     return np.flatnonzero(x & y & z)
 
 
 def signed_volume(points: Floats, triangles: Ints) -> float:
-    """Return the volume inside a closed surface, positive where its triangles face outward.
+    """Return the volume, positive for outward triangles.
 
-    V = sum over triangles (m, 3) of a . (b x c) / 6, about the centre of the points (n, 3), so that a mesh
-    far from the origin loses no digits.
+    V = sum over triangles (m, 3) of a . (b x c) / 6, about the centre of the points (n, 3), so a mesh far
+    from the origin loses no digits.
     """
     columns = np.ascontiguousarray((points - points.mean(axis=0)).T)
     (ax, bx, cx), (ay, by, cy), (az, bz, cz) = columns.take(triangles.T, axis=1)
@@ -110,24 +119,25 @@ def signed_volume(points: Floats, triangles: Ints) -> float:
 
 
 def mean_thickness(points: Floats, triangles: Ints) -> float:
-    """Return 2 V / A of a closed surface, the thickness of a flat muscle [mm].
+    """Return the mean thickness 2 V / A [mm]. That is the thickness of a flat muscle.
 
-    Raises a ValueError where the surface encloses no volume.
+    Raises a ValueError for a surface without volume.
     """
-    a, b, c = (points[triangles[:, corner]] for corner in range(3))
-    twice_area = float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())
     volume = signed_volume(points, triangles)
     check_volume(points, volume)
-    return 4.0 * abs(volume) / twice_area
+    return 4.0 * abs(volume) / float(np.linalg.norm(triangle_normals(points, triangles), axis=1).sum())
 
 
 def extent(points: Floats) -> float:
-    """Return twice the distance of the farthest of points (n, 3) from their mean, which no turn changes."""
+    """Return twice the largest distance from the mean. Points (n, 3).
+
+    No rotation changes the value.
+    """
     return 2.0 * float(np.linalg.norm(points - points.mean(axis=0), axis=1).max())
 
 
 def point_components(n_points: int, edges: Ints) -> Ints:
-    """Return the number of the connected component of each point, (n_points,)."""
+    """Return the connected component of each point, (n_points,)."""
     graph = coo_array((np.ones(len(edges)), (edges[:, 0], edges[:, 1])), shape=(n_points, n_points))
     labels: Ints = connected_components(graph, directed=False)[1].astype(np.int64)
     return labels
@@ -140,8 +150,8 @@ class SurfaceReport:
     n_points: int
     n_triangles: int
     n_components: int  # connected parts among the points that triangles use
-    n_unused_points: int  # points that no triangle uses
-    n_boundary_edges: int  # edges of one triangle only; 0 for a closed surface
+    n_unused_points: int  # points without triangles
+    n_boundary_edges: int  # edges of a single triangle; 0 for a closed surface
     n_nonmanifold_edges: int  # edges of more than two triangles
     n_misoriented_edges: int  # edges whose two triangles run through it in the same direction
     n_degenerate_triangles: int  # triangles with a repeated point or of zero area
@@ -150,22 +160,22 @@ class SurfaceReport:
 
     @property
     def closed(self) -> bool:
-        """True where no edge is a boundary."""
+        """True for a mesh without boundary edges."""
         return self.n_boundary_edges == 0
 
     @property
     def manifold(self) -> bool:
-        """True where no edge has more than two triangles."""
+        """True for edges of at most two triangles."""
         return self.n_nonmanifold_edges == 0
 
     @property
     def oriented(self) -> bool:
-        """True where neighbouring triangles agree on their side."""
+        """True for neighbours that agree on their side."""
         return self.n_misoriented_edges == 0
 
 
 def survey(points: Floats, triangles: Ints) -> SurfaceReport:
-    """Return the facts about a mesh, points (n, 3) and triangles (m, 3), m >= 1."""
+    """Return the facts about a mesh. Points (n, 3), triangles (m, 3), m >= 1."""
     directed = half_edges(triangles)
     edges, edge_of = numbered_edges(triangles)
     uses = np.bincount(edge_of)
@@ -188,7 +198,7 @@ def survey(points: Floats, triangles: Ints) -> SurfaceReport:
 
 
 def check_volume(points: Floats, volume: float) -> None:
-    """Raise a ValueError where a surface of points (n, 3) [mm] encloses no volume [mm^3]."""
+    """Raise a ValueError for a surface without volume. Points (n, 3) [mm], volume [mm^3]."""
     diagonal = float(np.linalg.norm(np.ptp(points, axis=0)))
     if abs(volume) <= LEAST_VOLUME * diagonal**3:
         raise InputError(
@@ -200,27 +210,27 @@ def check_volume(points: Floats, volume: float) -> None:
 
 @dataclass(frozen=True, eq=False)
 class MeshTopology:
-    """The edges of a triangle mesh and what is beside them, made by :func:`mesh_topology`."""
+    """Edges of a mesh and their triangles, by :func:`mesh_topology`."""
 
     n_points: int
     triangles: Ints  # (m, 3)
     edges: Ints  # (k, 2), each undirected edge once, sorted, the smaller point id first
-    edge_triangles: Ints  # (k, 2), two of the triangles beside each edge, -1 where there is none
-    #: (q, 4), for each edge of exactly two triangles (p1, p2, p3, p4): p1 to p2 is the edge as the first
-    #: triangle (p1, p2, p3) runs through it, p4 is the other's third point. In the order of ``edges``.
+    edge_triangles: Ints  # (k, 2), triangles at each edge, -1 for a missing second
+    #: (q, 4), p1 to p4 for each edge of exactly two triangles: (p1, p2, p3) is the first, and p4 the third
+    #: point of the second. In the order of ``edges``.
     quads: Ints
 
     @property
     def n_boundary_edges(self) -> int:
-        """Edges of one triangle only; 0 for a closed surface."""
+        """Number of boundary edges; 0 for a closed surface."""
         return int((self.edge_triangles[:, 1] < 0).sum())
 
 
 def mesh_topology(n_points: int, triangles: Ints) -> MeshTopology:
-    """Return the edges of a mesh and the triangles beside them; n_points is more than any id.
+    """Return the edges of a mesh and their triangles.
 
-    Edges of one triangle (a boundary) or of more than two (not manifold) get no quadruple: no dihedral angle
-    is defined there. Triangles with a repeated point take no part.
+    `n_points` exceeds any id. Edges of one triangle (a boundary) or of more than two (not manifold) have no
+    quadruple, as no dihedral angle is defined. Triangles with a repeated point take no part.
     """
     a, b, c = triangles.T
     proper = np.flatnonzero((a != b) & (b != c) & (c != a))
@@ -237,28 +247,30 @@ def mesh_topology(n_points: int, triangles: Ints) -> MeshTopology:
     edge_triangles[shared, 1] = triangle_of[order[first[shared] + 1]]
 
     of_two = first[uses == 2]
-    one, other = order[of_two], order[of_two + 1]
-    quads = np.column_stack([directed[one], opposite[one], opposite[other]])
+    first_half, second_half = order[of_two], order[of_two + 1]
+    quads = np.column_stack([directed[first_half], opposite[first_half], opposite[second_half]])
     return MeshTopology(n_points, triangles, edges, edge_triangles, quads)
 
 
 def opposite_half_edges(triangles: Ints) -> Ints:
-    """Return for each half-edge (3 m,) of a closed surface the one along it in the other triangle.
+    """Return the opposite half-edges (3 m,) of a closed surface.
 
-    Half-edge 3 i + j runs from corner j of triangle i to the next corner. A ValueError says that the surface
-    is open, or neighbouring triangles face different sides.
+    Half-edge 3 i + j runs from corner j of triangle i to the next corner; its opposite runs back in the
+    neighbouring triangle. A ValueError says that the surface is open, or neighbouring triangles face
+    different sides.
     """
     directed, edge_of = half_edges(triangles), numbered_edges(triangles)[1]
     opposite = np.full(len(directed), -1, dtype=np.int64)
-    ways = [np.flatnonzero(way) for way in (directed[:, 0] < directed[:, 1], directed[:, 0] > directed[:, 1])]
-    # The n-th half-edge that runs one way along an edge goes with the n-th of the other way.
-    forth, back = (way[np.argsort(edge_of[way], kind="stable")] for way in ways)
+    sides = directed[:, 0] < directed[:, 1], directed[:, 0] > directed[:, 1]
+    # The n-th half-edge forth along an edge pairs with the n-th back.
+    forth, back = (np.flatnonzero(side) for side in sides)
+    forth, back = (half[np.argsort(edge_of[half], kind="stable")] for half in (forth, back))
     nth_forth, nth_back = (
-        edge_of[way] * len(directed) + np.arange(len(way)) - np.searchsorted(edge_of[way], edge_of[way])
-        for way in (forth, back)
+        edge_of[half] * len(directed) + np.arange(len(half)) - np.searchsorted(edge_of[half], edge_of[half])
+        for half in (forth, back)
     )
-    _, one, other = np.intersect1d(nth_forth, nth_back, return_indices=True)
-    opposite[forth[one]], opposite[back[other]] = back[other], forth[one]
+    _, i, j = np.intersect1d(nth_forth, nth_back, return_indices=True)
+    opposite[forth[i]], opposite[back[j]] = back[j], forth[i]
     alone = int((opposite < 0).sum())
     if alone:
         raise InputError(

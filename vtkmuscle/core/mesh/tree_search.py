@@ -1,10 +1,10 @@
-"""The nearest triangles of points, searched for in a tree of boxes: one by one, or side by side."""
+"""Nearest triangles of points, by a bounding volume hierarchy."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from vtkmuscle.core.jit import kernel, vector_kernel
+from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.mesh.normals import triangle_normals, unit_vectors
 from vtkmuscle.core.mesh.surface import numbered_edges
 from vtkmuscle.core.types import Floats, Ints
@@ -14,13 +14,13 @@ FACE, EDGE, CORNER = 0, 1, 4
 
 
 @kernel
-def nearest_on_triangle(  # noqa: PLR0911 -- one for each region
+def nearest_on_triangle(  # noqa: PLR0911 -- a return for each region
     px: float, py: float, pz: float, a: Floats, b: Floats, c: Floats
 ) -> tuple[float, float, float, int]:
-    """Return the point of triangle abc that is nearest to p, and where on the triangle it is.
+    """Return the point and region of a triangle nearest to p.
 
-    Voronoi regions of the corners, edges and face, Ericson 2005, *Real-time collision detection*, 5.1.5.
-    a, b, c : (3,).  The last number is FACE, EDGE + k (from corner k to the next) or CORNER + k.
+    Voronoi regions of corners, edges and face, Ericson 2005, *Real-time collision detection*, 5.1.5. a, b, c
+    : (3,). The region is FACE, EDGE + k (from corner k to the next) or CORNER + k.
     """
     abx, aby, abz = b[0] - a[0], b[1] - a[1], b[2] - a[2]
     acx, acy, acz = c[0] - a[0], c[1] - a[1], c[2] - a[2]
@@ -55,7 +55,7 @@ def nearest_on_triangle(  # noqa: PLR0911 -- one for each region
 
 @kernel
 def distance2_to_box(box: Floats, x: float, y: float, z: float) -> float:
-    """Return the squared distance of a point from a box, its low and high corner (6,); 0 inside."""
+    """Return the squared distance from a box. The box has corners (6,); 0 inside."""
     dx = max(box[0] - x, x - box[3], 0.0)
     dy = max(box[1] - y, y - box[4], 0.0)
     dz = max(box[2] - z, z - box[5], 0.0)
@@ -64,13 +64,12 @@ def distance2_to_box(box: Floats, x: float, y: float, z: float) -> float:
 
 
 def pseudonormals(points: Floats, triangles: Ints) -> tuple[Floats, Ints]:
-    """Return the normals (k, 3) by which a point's side of a surface follows, and their rows (m, 7).
+    """Return normals (k, 3) for sides, and their rows (m, 7).
 
-    A point is outside where its offset from the nearest point of the surface goes along the normal there,
-    inside where it goes against it. At an edge that is the sum of the unit normals of its triangles; at a
-    corner the sum of these times the triangles' angles at the corner: Baerentzen, Aanaes 2005,
-    doi:10.1109/TVCG.2005.49. The rows are those of each triangle's regions FACE, EDGE + k and CORNER + k;
-    triangles face outward.
+    A point is outside if its offset from the nearest surface point goes along the normal there. The normal of
+    an edge is the sum of its triangles' unit normals; the normal of a corner weights them by the triangles'
+    angles: Baerentzen, Aanaes 2005, doi:10.1109/TVCG.2005.49. Rows are of each triangle's regions FACE, EDGE
+    + k and CORNER + k; triangles face outward.
     """
     normals = triangle_normals(points, triangles)
     faces = unit_vectors(normals)
@@ -92,19 +91,10 @@ def pseudonormals(points: Floats, triangles: Ints) -> tuple[Floats, Ints]:
 
 
 @kernel
-def along_disc(disc: Floats, x: float, y: float, z: float) -> tuple[float, float]:
-    """Return how far a point is from a disc's centre, along its axis and across it."""
-    dx, dy, dz = x - disc[0], y - disc[1], z - disc[2]
-    up = dx * disc[3] + dy * disc[4] + dz * disc[5]
-    ax, ay, az = dx - up * disc[3], dy - up * disc[4], dz - up * disc[5]
-    return up, np.sqrt(ax * ax + ay * ay + az * az)
-
-
-@kernel
 def _foot(corners: Floats, query: Floats, foot: Floats) -> float:
-    """Put the foot of the perpendicular onto a triangle's plane into foot (3,); return its length.
+    """Write the foot of a perpendicular; return its length. Foot (3,), onto a triangle's plane.
 
-    For needles of triangles it has more digits than barycentric coordinates give.
+    More digits than by barycentric coordinates, for needle triangles.
     """
     a, b, c = corners[0], corners[1], corners[2]
     nx = (b[1] - a[1]) * (c[2] - a[2]) - (b[2] - a[2]) * (c[1] - a[1])
@@ -121,12 +111,12 @@ def _foot(corners: Floats, query: Floats, foot: Floats) -> float:
 
 @kernel
 def measure_nearest(
-    corners: Floats, queries: Floats, places: Ints, closest: Floats, distances: Floats, regions: Ints
+    corners: Floats, queries: Floats, nearest: Ints, closest: Floats, distances: Floats, regions: Ints
 ) -> None:
-    """Write the nearest points of the nearest triangles, (q, 3), their distances and regions, (q,)."""
+    """Write nearest points, distances and regions. Points (q, 3) on triangles, distances and regions (q,)."""
     for q in range(len(queries)):
         x, y, z = queries[q, 0], queries[q, 1], queries[q, 2]
-        at = corners[places[q]]
+        at = corners[nearest[q]]
         cx, cy, cz, regions[q] = nearest_on_triangle(x, y, z, at[0], at[1], at[2])
         closest[q, 0], closest[q, 1], closest[q, 2] = cx, cy, cz
         distances[q] = np.sqrt((cx - x) ** 2 + (cy - y) ** 2 + (cz - z) ** 2)
@@ -136,17 +126,18 @@ def measure_nearest(
 
 @kernel
 def search_tree(
-    corners: Floats, boxes: Floats, discs: Floats, queries: Floats, places: Ints, stack: Ints, near: Floats
+    corners: Floats, boxes: Floats, queries: Floats, nearest: Ints, stack: Ints, near: Floats
 ) -> None:
-    """Write the place of the nearest triangle to each point; arguments as of :func:`search_in_packets`.
+    """Write the nearest triangle to each query.
 
-    stack, near : (64,), working memory, as deep as the tree.
+    corners, boxes : of a :class:`~vtkmuscle.core.mesh.triangle_tree.TriangleTree`; queries : (q, 3); nearest
+    : (q,), in the tree's order; stack, near : (64,), working memory, as deep as the tree.
     """
     n, n_leaves = len(corners), (len(boxes) + 1) // 2
-    place = 0  # the last query's answer is a good guess: neighbours follow each other along a fibre
+    guess = 0  # the last query's triangle: consecutive queries are neighbours along a fibre
     for q in range(len(queries)):
         x, y, z = queries[q, 0], queries[q, 1], queries[q, 2]
-        best = _distance2(corners[place], x, y, z)
+        best = _distance2(corners[guess], x, y, z)
         if not best >= 0.0:  # a triangle without area: its neighbours have its edges too
             best = np.inf
         stack[0], near[0], size = 0, 0.0, 1
@@ -166,172 +157,14 @@ def search_tree(
                 size += 2
                 continue
             leaf = node - (n_leaves - 1)
-            up, aside = along_disc(discs[leaf], x, y, z)
-            up, aside = max(abs(up) - discs[leaf, 7], 0.0), max(aside - discs[leaf, 6], 0.0)
-            if up * up + aside * aside >= best:
-                continue
             for i in range(leaf * n // n_leaves, (leaf + 1) * n // n_leaves):
                 distance2 = _distance2(corners[i], x, y, z)
                 if distance2 < best:
-                    best, place = distance2, i
-        places[q] = place
+                    best, guess = distance2, i
+        nearest[q] = guess
 
 
 @kernel
 def _distance2(corners: Floats, x: float, y: float, z: float) -> float:
     px, py, pz, _ = nearest_on_triangle(x, y, z, corners[0], corners[1], corners[2])
     return (px - x) ** 2 + (py - y) ** 2 + (pz - z) ** 2
-
-
-#: Points of a packet. Processors compute four or eight at a time, for which loops of 8 are too short.
-LANES = 16
-#: The point by which a packet chooses the box to enter first.
-MIDDLE = LANES // 2
-
-
-@vector_kernel
-def search_in_packets(
-    corners: Floats,
-    boxes: Floats,
-    discs: Floats,
-    queries: Floats,
-    run: int,
-    places: Ints,
-    stack: Ints,
-    near: Floats,
-    lanes: Floats,
-) -> None:
-    """Write the place of the nearest triangle to each point, :data:`LANES` points at a time.
-
-    A packet goes through the tree as one: into each box that may be nearest to any of its points. Points on a
-    lattice need nearly the same boxes, and a packet takes a third of the time of its points; points far apart
-    take many times as long. What is written for a run of ``run`` points does not depend on the runs before
-    it, to the last digit.
-
-    corners, boxes, discs : of a :class:`~vtkmuscle.core.mesh.triangle_tree.TriangleTree`; queries : (q, 3);
-    places : (q,), written: places in the tree's order; stack, near : (64,), lanes : (5, LANES), memory.
-    """
-    n_leaves = (len(boxes) + 1) // 2
-    x, y, z, best, bound = lanes[0], lanes[1], lanes[2], lanes[3], lanes[4]
-    packets = (run + LANES - 1) // LANES  # of a run
-    for number in range((len(queries) + run - 1) // run * packets):
-        begin = number // packets * run
-        first = begin + number % packets * LANES
-        last = min(first + LANES, begin + run, len(queries))
-        if first >= last:
-            continue
-        _begin(corners, queries, places, places[first - 1] if first > begin else 0, first, last, lanes)
-        mx, my, mz = x[MIDDLE], y[MIDDLE], z[MIDDLE]
-        stack[0], near[0], size = 0, 0.0, 1
-        while size:
-            size -= 1
-            node = stack[size]
-            # Near the middle is near enough, and known.
-            if near[size] >= best[MIDDLE] and not _box_is_near(boxes[node], x, y, z, best):
-                continue
-            if node < n_leaves - 1:
-                left, right = 2 * node + 1, 2 * node + 2
-                to_left = distance2_to_box(boxes[left], mx, my, mz)
-                to_right = distance2_to_box(boxes[right], mx, my, mz)
-                if to_left < to_right:
-                    left, right, to_left, to_right = right, left, to_right, to_left
-                stack[size], near[size] = left, to_left
-                stack[size + 1], near[size + 1] = right, to_right
-                size += 2
-                continue
-            leaf = node - (n_leaves - 1)
-            if not _disc_is_near(discs[leaf], x, y, z, best):
-                continue
-            for i in range(leaf * len(corners) // n_leaves, (leaf + 1) * len(corners) // n_leaves):
-                _distances2(corners[i, 0], corners[i, 1], corners[i, 2], x, y, z, bound)
-                for lane in range(last - first):
-                    if bound[lane] < best[lane]:
-                        best[lane], places[first + lane] = bound[lane], i
-
-
-@kernel
-def _begin(
-    corners: Floats, queries: Floats, places: Ints, place: int, first: int, last: int, lanes: Floats
-) -> None:
-    """Write a packet's points, and their distances from the triangle to begin with.
-
-    That is the one nearest to the last point of the packet before. Lanes without a point ask for nothing.
-    """
-    a, b, c = corners[place, 0], corners[place, 1], corners[place, 2]
-    for lane in range(LANES):
-        q = min(first + lane, last - 1)
-        x, y, z = queries[q, 0], queries[q, 1], queries[q, 2]
-        cx, cy, cz, _ = nearest_on_triangle(x, y, z, a, b, c)
-        best = (cx - x) ** 2 + (cy - y) ** 2 + (cz - z) ** 2
-        lanes[0, lane], lanes[1, lane], lanes[2, lane] = x, y, z
-        lanes[3, lane] = best if best >= 0.0 else np.inf  # of a triangle without area
-        if first + lane >= last:
-            lanes[3, lane] = 0.0  # nothing is nearer
-        places[q] = place
-
-
-@vector_kernel
-def _box_is_near(box: Floats, x: Floats, y: Floats, z: Floats, best: Floats) -> bool:
-    """Return whether a box is nearer to any point of a packet than the nearest triangle so far."""
-    low_x, low_y, low_z, high_x, high_y, high_z = box[0], box[1], box[2], box[3], box[4], box[5]
-    nearer = 0
-    for lane in range(LANES):
-        dx = max(low_x - x[lane], x[lane] - high_x, 0.0)
-        dy = max(low_y - y[lane], y[lane] - high_y, 0.0)
-        dz = max(low_z - z[lane], z[lane] - high_z, 0.0)
-        nearer += dx * dx + dy * dy + dz * dz < best[lane]
-    return nearer > 0
-
-
-@vector_kernel
-def _disc_is_near(disc: Floats, x: Floats, y: Floats, z: Floats, best: Floats) -> bool:
-    """Return the same of the cylinder around a leaf's triangles."""
-    mx, my, mz, ax, ay, az, radius, half = (
-        disc[0], disc[1], disc[2], disc[3], disc[4], disc[5], disc[6], disc[7]
-    )  # fmt: skip
-    nearer = 0
-    for lane in range(LANES):
-        dx, dy, dz = x[lane] - mx, y[lane] - my, z[lane] - mz
-        up = dx * ax + dy * ay + dz * az
-        dx, dy, dz = dx - up * ax, dy - up * ay, dz - up * az
-        aside = max(np.sqrt(dx * dx + dy * dy + dz * dz) - radius, 0.0)
-        up = max(abs(up) - half, 0.0)
-        nearer += up * up + aside * aside < best[lane]
-    return nearer > 0
-
-
-@vector_kernel
-def _distances2(a: Floats, b: Floats, c: Floats, x: Floats, y: Floats, z: Floats, out: Floats) -> None:
-    """Write squared distances from a triangle: from its plane over its face, from the nearest side elsewhere.
-
-    Without branches, so that points are computed side by side. NaN where the triangle has no area: its
-    neighbours have its sides too.
-    """
-    ox, oy, oz = a[0], a[1], a[2]
-    ux, uy, uz = b[0] - a[0], b[1] - a[1], b[2] - a[2]
-    vx, vy, vz = c[0] - a[0], c[1] - a[1], c[2] - a[2]
-    wx, wy, wz = vx - ux, vy - uy, vz - uz
-    nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
-    by_u, by_v = 1.0 / (ux * ux + uy * uy + uz * uz), 1.0 / (vx * vx + vy * vy + vz * vz)
-    by_w, by_n = 1.0 / (wx * wx + wy * wy + wz * wz), 1.0 / (nx * nx + ny * ny + nz * nz)
-    # Inward from each side, in the plane.
-    iux, iuy, iuz = ny * uz - nz * uy, nz * ux - nx * uz, nx * uy - ny * ux
-    ivx, ivy, ivz = vy * nz - vz * ny, vz * nx - vx * nz, vx * ny - vy * nx
-    iwx, iwy, iwz = ny * wz - nz * wy, nz * wx - nx * wz, nx * wy - ny * wx
-    for lane in range(LANES):
-        px, py, pz = x[lane] - ox, y[lane] - oy, z[lane] - oz
-        qx, qy, qz = px - ux, py - uy, pz - uz
-        t = min(max((ux * px + uy * py + uz * pz) * by_u, 0.0), 1.0)
-        dx, dy, dz = px - t * ux, py - t * uy, pz - t * uz
-        side = dx * dx + dy * dy + dz * dz
-        t = min(max((vx * px + vy * py + vz * pz) * by_v, 0.0), 1.0)
-        dx, dy, dz = px - t * vx, py - t * vy, pz - t * vz
-        side = min(side, dx * dx + dy * dy + dz * dz)
-        t = min(max((wx * qx + wy * qy + wz * qz) * by_w, 0.0), 1.0)
-        dx, dy, dz = qx - t * wx, qy - t * wy, qz - t * wz
-        side = min(side, dx * dx + dy * dy + dz * dz)
-        of_u = iux * px + iuy * py + iuz * pz
-        of_v = ivx * px + ivy * py + ivz * pz
-        of_w = iwx * qx + iwy * qy + iwz * qz
-        up = px * nx + py * ny + pz * nz
-        out[lane] = up * up * by_n if min(of_u, of_v, of_w) >= 0.0 else side

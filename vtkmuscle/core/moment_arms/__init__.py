@@ -1,5 +1,5 @@
-"""Moment arms: levers of paths in every pose, and slopes of lengths over a motion.
+"""Moment arms: levers of paths per pose, and slopes of lengths.
 
-Open :mod:`~vtkmuscle.core.moment_arms.levers` for what a moment arm is, and
-:mod:`~vtkmuscle.core.moment_arms.of_joints` for those of a motion.
+Open :mod:`~vtkmuscle.core.moment_arms.levers` for the definition of a moment arm, and
+:mod:`~vtkmuscle.core.moment_arms.of_joints` for the moment arms of a motion.
 """

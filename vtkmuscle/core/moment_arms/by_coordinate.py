@@ -1,4 +1,4 @@
-"""What is known of the moment arms by one coordinate."""
+"""Results for the moment arms by a coordinate."""
 
 from __future__ import annotations
 
@@ -9,28 +9,28 @@ from vtkmuscle.core.types import Floats, Ints
 
 @dataclass(frozen=True, eq=False, repr=False)
 class JointArms:
-    """Moment arms of the paths of a muscle by one coordinate: the levers of their pulls.
+    """Moment arms of a muscle's paths by a coordinate.
 
     Attributes
     ----------
     coordinate, unit, positive : str
-        Its name, the unit of its values, and what its positive direction is.
+        Name of the coordinate, its unit, and its positive direction.
     frames : (m,) int array
-        Numbers of the frames in which they are known, counted in the motion that was given.
+        Frames with moment arms, counted in the whole motion.
     values : (m,) array
-        Of the coordinate in these frames, in its unit.
+        Coordinate values in the frames, in their unit.
     arms : (m, k) array
-        Per path; positive where its pull drives the coordinate up. In the unit of the lengths by an angle,
-        per millimetre by a translation.
+        Levers of the paths; positive if a pull increases the coordinate. In the unit of lengths for an angle,
+        without unit for a translation.
     slopes : (m, k) array
-        -dl/dq of the paths' lengths, by differences between the frames that differ in this coordinate alone;
-        NaN where there are none. They are the arms, but for what a parabola between frames misses and what
-        is not right with the paths: that they are not at rest, or jump.
+        -dl/dq of the paths' lengths, by differences between frames that differ in this coordinate alone; NaN
+        without such frames. Slopes differ from arms by the error of a parabola between frames, and by errors
+        of paths: jumps, or paths not at rest.
     quartic : (m, k) array or None
-        Of a polynomial of degree 4 fitted to each path's lengths; None where other coordinates change too,
-        or there are too few values.
+        Moment arms by a polynomial of degree 4 fitted to each path's lengths; None if other coordinates
+        change, or for too few values.
     quartic_residuals : (k,) array or None
-        Root mean square of what it leaves of the lengths.
+        Root mean square residuals of the polynomials.
     """
 
     coordinate: str
@@ -51,12 +51,12 @@ class JointArms:
 
     @property
     def mean(self) -> Floats:
-        """Of all paths, (m,)."""
+        """Mean moment arm of all paths, (m,)."""
         mean: Floats = self.arms.mean(axis=1)
         return mean
 
     @property
     def mean_slope(self) -> Floats:
-        """Of all paths, (m,); NaN where it is not known."""
+        """Mean slope of all paths, (m,); NaN if unknown."""
         mean: Floats = self.slopes.mean(axis=1)
         return mean

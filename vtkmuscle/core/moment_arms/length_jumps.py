@@ -1,4 +1,4 @@
-"""Jumps of lengths over time: what a smooth curve does not explain."""
+"""Jumps of lengths over time, as deviations from a smooth curve."""
 
 from __future__ import annotations
 
@@ -10,27 +10,27 @@ from scipy.spatial.transform import Rotation
 from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.core.types import Floats, Ints
 
-#: Steps on either side that a step is compared with.
-BESIDE = 3
-#: The fewest steps to compare with: a line through two has nothing to say of a third.
+#: Steps on either side in the comparison.
+N_NEIGHBOURS = 3
+#: Fewest steps in a comparison: a line through two steps predicts no third.
 FEWEST_STEPS = 3
-#: A muscle that lifts off a bone changes its moment arm by half, say, from one step to the next; a line
-#: through the steps beside is off by half of that then: so much of a step is no jump.
+#: Allowed part of a step. A muscle that lifts off a bone may halve its moment arm between steps, and a line
+#: through the neighbouring steps deviates by half of the change.
 KINK = 0.25
-#: The bones go on evenly where a step's velocity differs from the last one's by less than this part of it.
+#: Largest change of velocity within an even stretch of motion, as a part of the velocity.
 UNEVEN = 0.5
 
 
 def length_jumps(
     lengths: Floats, times: Floats, stretches: Ints | None = None, turns: Floats | None = None
 ) -> Floats:
-    """Return how far each step of each length is off those beside it, (f - 1, k) [mm].
+    """Return the jump in each step (f - 1, k) [mm].
 
-    A line is fitted to the velocities of up to three steps on either side, by medians (Theil 1950; Sen 1968,
-    doi:10.1080/01621459.1968.10480934), so that a jump beside does not count. A quarter of the steps' size is
-    allowed, for a muscle that lifts off; and (3 a)^2 / 2 of the largest step beside, where bones turn by a
-    radians in a step: a moment arm that goes as a cosine bends as much. Where there are too few steps to
-    compare with, the result is 0.
+    The jump is the deviation from a line through the velocities of up to three steps on either side, fitted
+    by medians (Theil 1950; Sen 1968, doi:10.1080/01621459.1968.10480934), which ignores a neighbouring jump.
+    Allowed are a quarter of the steps' size, for a muscle that lifts off, and (3 a)^2 / 2 of the largest
+    neighbouring step for bones that turn by a radians in a step, as the cosine of a moment arm bends. Without
+    enough steps the result is 0.
 
     Parameters
     ----------
@@ -39,10 +39,10 @@ def length_jumps(
     times : (f,) array
         Ascending.
     stretches : (f - 1,) int array, optional
-        Numbers of the stretches of :func:`even_stretches`; only steps of one stretch are compared. Default:
-        all are one.
+        Stretch of each step, see :func:`even_stretches`; only steps of a stretch are compared. Default: a
+        single stretch.
     turns : (f - 1,) array, optional
-        Turns of the bones in each step [rad], see :func:`largest_turns`. Default: none.
+        Turns of the bones in each step [rad], see :func:`largest_turns`. Default: 0.
     """
     count = max(len(lengths) - 1, 0)
     jumps = np.zeros((count, lengths.shape[1]))
@@ -51,23 +51,25 @@ def length_jumps(
     durations, middles = np.diff(times), (times[1:] + times[:-1]) / 2.0
     steps = np.diff(lengths, axis=0)
     velocities = steps / durations[:, None]
-    of = np.zeros(count, dtype=np.int64) if stretches is None else stretches
+    stretch = np.zeros(count, dtype=np.int64) if stretches is None else stretches
     for i in range(count):
-        beside = np.array([j for j in range(i - BESIDE, i + BESIDE + 1) if 0 <= j < count and j != i])
-        beside = beside[of[beside] == of[i]]
-        if len(beside) < FEWEST_STEPS:
+        neighbours = np.array(
+            [j for j in range(i - N_NEIGHBOURS, i + N_NEIGHBOURS + 1) if 0 <= j < count and j != i]
+        )
+        neighbours = neighbours[stretch[neighbours] == stretch[i]]
+        if len(neighbours) < FEWEST_STEPS:
             continue
-        expected = _on_line(middles[beside] - middles[i], velocities[beside])
-        speeds = np.abs(velocities[beside])
+        expected = _on_line(middles[neighbours] - middles[i], velocities[neighbours])
+        speeds = np.abs(velocities[neighbours])
         allowed = KINK * np.median(speeds, axis=0)
         if turns is not None:
-            allowed += min(1.0, 0.5 * (BESIDE * turns[i]) ** 2) * speeds.max(axis=0)
+            allowed += min(1.0, 0.5 * (N_NEIGHBOURS * turns[i]) ** 2) * speeds.max(axis=0)
         jumps[i] = np.maximum(np.abs(velocities[i] - expected) - allowed, 0.0) * durations[i]
     return jumps
 
 
 def _on_line(x: Floats, values: Floats) -> Floats:
-    """Return the value (k,) at 0 of lines through values (n, k) at places (n,), by medians."""
+    """Return values (k,) at 0 of median lines. Through values (n, k) at x (n,)."""
     pairs = combinations(range(len(x)), 2)
     slopes = np.median([(values[b] - values[a]) / (x[b] - x[a]) for a, b in pairs], axis=0)
     at_zero: Floats = np.median(values - x[:, None] * slopes, axis=0)
@@ -75,9 +77,9 @@ def _on_line(x: Floats, values: Floats) -> Floats:
 
 
 def even_stretches(motion: RigidMotion) -> Ints:
-    """Return the number of the stretch of even motion that each step belongs to, (k - 1,).
+    """Return the stretch of even motion per step, (k - 1,).
 
-    A sweep that turns back, or another joint that begins to move, begins a new one.
+    A reversal, or a further joint that begins to move, begins a new stretch.
     """
     durations = np.diff(motion.times)
     if not len(durations):
@@ -91,7 +93,7 @@ def even_stretches(motion: RigidMotion) -> Ints:
         for moved in (turned, shifted):
             velocities = moved / durations[:, None]
             sizes = np.linalg.norm(velocities, axis=1)
-            # What is small against the motion as a whole, rounding of a table say, is no motion.
+            # Velocities far below the largest are rounding of a table.
             least = 0.02 * sizes.max()
             change = np.linalg.norm(np.diff(velocities, axis=0), axis=1)
             begins[1:] |= change > UNEVEN * np.maximum(sizes[1:], sizes[:-1]) + least
@@ -99,7 +101,7 @@ def even_stretches(motion: RigidMotion) -> Ints:
 
 
 def largest_turns(motion: RigidMotion) -> Floats:
-    """Return the turn of the bone that turns most in each step, (k - 1,) [rad]."""
+    """Return the largest bone turn per step, (k - 1,) [rad]."""
     turns = np.zeros(max(len(motion.times) - 1, 0))
     for table in motion.transforms.values():
         rotations = Rotation.from_matrix(table[:, :3, :3].copy())

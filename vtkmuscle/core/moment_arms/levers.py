@@ -1,8 +1,8 @@
-"""How a coordinate alone moves the bones: by the twists of a known joint, or from the poses of a motion.
+"""Motion of bones by a coordinate alone.
 
 The lever of a path about the axis of a coordinate q is -dl/dq (An et al. 1984, doi:10.1115/1.3138494; for any
-coordinate Sherman, Seth, Delp 2013, doi:10.1115/DETC2013-13633). It takes the pose and the bones' twists per
-unit of q, no motion about it.
+coordinate Sherman, Seth, Delp 2013, doi:10.1115/DETC2013-13633), from the pose and the bones' twists per unit
+of q, without a motion.
 """
 
 from __future__ import annotations
@@ -17,81 +17,76 @@ from vtkmuscle.core.motion.blending import screws
 from vtkmuscle.core.motion.rigid import RigidMotion, inverses
 from vtkmuscle.core.types import Bools, Floats, Ints
 
-#: Values of a coordinate that differ by less than this part of its range are the same one.
+#: Difference within which values of a coordinate are equal, as a part of its range.
 SAME_VALUE = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
 class Differences:
-    """The poses and weights from which slopes by a coordinate are taken, for m poses.
+    """Poses and weights of slopes by a coordinate.
 
-    The slope is that of the parabola through a pose and two others: one on either side where there are some,
-    else the next two on the same side. Where there is one other pose only, it is that of the line.
+    A slope is of the parabola through a pose and two neighbours, on both sides if possible, else the next two
+    on a side. With a single neighbour it is the slope of the line.
 
     Attributes
     ----------
     frames : (m,) int array
-        Numbers of the poses, ascending.
-    beside : (m, 2) int array
-        Numbers of the two others.
+        Ascending numbers of the poses.
+    neighbours : (m, 2) int array
+        Numbers of the two neighbours.
     weights : (m, 2) array
-        Of their differences from the pose, per unit of the coordinate [1 / rad or 1 / mm].
+        Weights of their differences from the pose, per unit of the coordinate [1 / rad or 1 / mm].
     """
 
     frames: Ints
-    beside: Ints
+    neighbours: Ints
     weights: Floats
 
     def slopes(self, values: Floats) -> Floats:
-        """Return the slopes (m, ...) of values (f, ...) in all f poses."""
-        return self.of(values[self.beside] - values[self.frames][:, None])
+        """Return slopes (m, ...) of values (f, ...). Values are in all f poses."""
+        return self.of(values[self.neighbours] - values[self.frames][:, None])
 
     def of(self, differences: Floats) -> Floats:
-        """Return the slopes (m, ...) of differences (m, 2, ...) between the two others and each pose."""
-        found: Floats = np.einsum("md,md...->m...", self.weights, differences)
-        return found
+        """Return slopes (m, ...) from differences (m, 2, ...)."""
+        slopes: Floats = np.einsum("md,md...->m...", self.weights, differences)
+        return slopes
 
 
 def differences_by(motion: RigidMotion, name: str, among: Sequence[str] = ()) -> Differences:
-    """Return how slopes by a coordinate are taken in all poses from which others differ in it alone.
+    """Return the differences by a coordinate alone.
 
-    ``among`` names the coordinates that have to be the same, by default all others of the motion. Where none
-    of them changes, and the joint is not known, the poses are those of :func:`frames_of_sweep`.
+    ``among`` names the coordinates that must be equal, by default all others of the motion. If none of them
+    changes, and the joint is unknown, the poses are of :func:`frames_of_sweep`.
     """
-    known = motion.coordinates
-    others = [one for one in (among or known) if one != name and known[one].changes]
+    coordinates = motion.coordinates
+    others = [other for other in (among or coordinates) if other != name and coordinates[other].changes]
     used = np.arange(len(motion.times))
-    if not others and known[name].twists is None:
+    if not others and coordinates[name].twists is None:
         used = np.flatnonzero(frames_of_sweep(motion, name))
-    own = _numbered(known[name].values)
-    groups = np.array([own * 0, *(_numbered(known[one].values) for one in others)]).T
-    q = known[name].natural
-    frames, beside, weights = [], [], []
-    _, group = np.unique(groups, axis=0, return_inverse=True)
-    order = used[np.lexsort((own[used], group.reshape(-1)[used]))]
-    for mine in np.split(order, np.flatnonzero(np.diff(group.reshape(-1)[order])) + 1):
-        places, first = np.unique(own[mine], return_index=True)
-        alike = np.split(mine, first[1:])
-        for place, poses in enumerate(alike):
-            near = _beside(place, len(places))
-            for frame in poses:
-                two = [int(alike[one][np.abs(alike[one] - frame).argmin()]) for one in near]
-                if not two:
-                    continue
-                steps = [float(q[one] - q[frame]) for one in two]
-                frames.append(int(frame))
-                beside.append([two[0], two[-1]])
-                weights.append(_weights(steps))
-    ascending = np.argsort(frames)
+    own, q = _numbered(coordinates[name].values), coordinates[name].natural
+    groups = np.array([own * 0, *(_numbered(coordinates[other].values) for other in others)]).T
+    rows: list[tuple[int, list[int], list[float]]] = []
+    group = np.unique(groups, axis=0, return_inverse=True)[1].reshape(-1)
+    order = used[np.lexsort((own[used], group[used]))]
+    for members in np.split(order, np.flatnonzero(np.diff(group[order])) + 1):
+        values, first = np.unique(own[members], return_index=True)
+        poses = np.split(members, first[1:])
+        for index, frames in enumerate(poses):
+            for frame in frames:
+                near = [poses[i][np.abs(poses[i] - frame).argmin()] for i in _adjacent(index, len(values))]
+                if near:
+                    weights = _weights([float(q[other] - q[frame]) for other in near])
+                    rows.append((int(frame), [int(near[0]), int(near[-1])], weights))
+    rows.sort(key=lambda row: row[0])
     return Differences(
-        np.array(frames, dtype=np.int64)[ascending],
-        np.array(beside, dtype=np.int64).reshape(-1, 2)[ascending],
-        np.array(weights, dtype=np.float64).reshape(-1, 2)[ascending],
+        np.array([row[0] for row in rows], dtype=np.int64),
+        np.array([row[1] for row in rows], dtype=np.int64).reshape(-1, 2),
+        np.array([row[2] for row in rows], dtype=np.float64).reshape(-1, 2),
     )
 
 
 def _numbered(values: Floats) -> Ints:
-    """Return the number of each value among the different ones, ascending."""
+    """Return the rank of each value among the different values."""
     order = np.argsort(values, kind="stable")
     apart = np.diff(values[order]) > SAME_VALUE * max(float(np.ptp(values)), np.finfo(float).tiny)
     numbers = np.empty(len(values), dtype=np.int64)
@@ -99,63 +94,64 @@ def _numbered(values: Floats) -> Ints:
     return numbers
 
 
-def _beside(place: int, count: int) -> list[int]:
-    """Return the positions of the one or two values, of ``count`` in a row, from which a slope is taken."""
-    if 0 < place < count - 1:
-        return [place - 1, place + 1]
-    inward = (1, 2) if place == 0 else (-1, -2)
-    return [place + step for step in inward if 0 <= place + step < count]
+def _adjacent(index: int, count: int) -> list[int]:
+    """Return the indices from which a slope is taken. Of `count` in a row."""
+    if 0 < index < count - 1:
+        return [index - 1, index + 1]
+    inward = (1, 2) if index == 0 else (-1, -2)
+    return [index + step for step in inward if 0 <= index + step < count]
 
 
-def _weights(steps: list[float]) -> tuple[float, float]:
+def _weights(steps: list[float]) -> list[float]:
+    """Return the weights of differences at steps. For a line or a parabola."""
     if len(steps) == 1:
-        return 1.0 / steps[0], 0.0
+        return [1.0 / steps[0], 0.0]
     a, b = steps
-    return b / (a * (b - a)), -a / (b * (b - a))
+    return [b / (a * (b - a)), -a / (b * (b - a))]
 
 
 def twists_by(motion: RigidMotion, name: str, among: Sequence[str] = ()) -> tuple[Ints, dict[str, Floats]]:
-    """Return how a coordinate moves the bones, the others held: frames (m,), and twists (m, 6) by bone.
+    """Return frames (m,) and bones' twists (m, 6) by a coordinate.
 
-    Where the joint is known, that is exact and in every frame; else it is by the screws to the poses that
-    differ in the coordinate alone, which there may be none of. Parameters as of :func:`differences_by`.
+    For a modelled joint the twists are exact, in every frame; else they are of the screws to poses that
+    differ in the coordinate alone, possibly none. Parameters as for :func:`differences_by`.
     """
-    known = motion.coordinates[name].twists
-    if known is not None:
-        return np.arange(len(motion.times)), dict(known)
+    twists = motion.coordinates[name].twists
+    if twists is not None:
+        return np.arange(len(motion.times)), dict(twists)
     near = differences_by(motion, name, among)
     return near.frames, {bone: _by_screws(table, near) for bone, table in motion.transforms.items()}
 
 
 class MotionTwists:
-    """How the coordinates of a motion move its bones at any time, each alone.
+    """Twists of bones by each coordinate, at any time.
 
     Parameters
     ----------
     motion : RigidMotion
-        Those of its coordinates count that change, or whose joint is known.
+        Its coordinates count that change, or have a modelled joint.
     """
 
     def __init__(self, motion: RigidMotion) -> None:
         self._times = motion.times
-        names = [name for name, one in motion.coordinates.items() if one.changes or one.twists]
-        self._known = {name: twists_by(motion, name, names) for name in names}
+        names = [name for name, q in motion.coordinates.items() if q.changes or q.twists]
+        self._twists = {name: twists_by(motion, name, names) for name in names}
 
     def at(self, time: float) -> dict[str, dict[str, Floats]]:
-        """Return the twist (6,) of each bone by each coordinate that is known at a time."""
-        found = {}
-        for name, (frames, twists) in self._known.items():
-            place = place_among(frames, self._times, time)
-            if place is not None:
-                a, b, part = place
-                found[name] = {bone: (1.0 - part) * one[a] + part * one[b] for bone, one in twists.items()}
-        return found
+        """Return each bone's twist (6,) by each coordinate. If known at a time."""
+        result = {}
+        for name, (frames, twists) in self._twists.items():
+            interval = interval_among(frames, self._times, time)
+            if interval is not None:
+                a, b, part = interval
+                result[name] = {bone: (1.0 - part) * t[a] + part * t[b] for bone, t in twists.items()}
+        return result
 
 
-def place_among(frames: Ints, times: Floats, time: float) -> tuple[int, int, float] | None:
-    """Return where a time is among some frames (m,) of some times (f,), None where the next are not of them.
+def interval_among(frames: Ints, times: Floats, time: float) -> tuple[int, int, float] | None:
+    """Return the interval of a time among frames (m,). None outside of them.
 
-    That is the number among them of the frame before and of the one after, and the part of the way between.
+    The indices into `frames` before and after the time of times (f,), and the part of the interval.
     """
     after = int(np.clip(np.searchsorted(times, time), 0, len(times) - 1))
     before = after if times[after] <= time or after == 0 else after - 1
@@ -166,24 +162,22 @@ def place_among(frames: Ints, times: Floats, time: float) -> tuple[int, int, flo
 
 
 def _by_screws(table: Floats, near: Differences) -> Floats:
-    """Return the twist (m, 6) of a bone from its transforms (f, 4, 4)."""
+    """Return a bone's twists (m, 6) from transforms (f, 4, 4)."""
     back = inverses(table[near.frames])
-    ways = (screws(table[near.beside[:, side]] @ back) for side in range(2))
-    return near.of(np.stack(list(ways), axis=1))
+    return near.of(np.stack([screws(table[near.neighbours[:, side]] @ back) for side in range(2)], axis=1))
 
 
-#: Two poses of the same value are the same pose up to this rotation of a bone [degrees], and up to this part
-#: of the rotation from one frame to the next, for between frames poses are interpolated.
+#: Largest rotation of a bone between equal poses [degrees], plus a part of the rotation between frames, as
+#: poses between frames are interpolated.
 SAME_POSE = 1.0
 SAME_POSE_PART = 0.1
 
 
 def frames_of_sweep(motion: RigidMotion, coordinate: str) -> Bools:
-    """Return the frames (k,), one stretch, in which a coordinate alone decides the rotation of the bones.
+    """Return the frames (k,) of a coordinate's sweep. There the coordinate alone turns the bones.
 
-    A motion may begin with a way from rest to the start of the sweep, on which other things move as well:
-    there a change of length is not by the coordinate alone. Such frames are left out at the beginning, or at
-    the end where that leaves more.
+    They are consecutive. A motion may begin with a transition from rest to the start of the sweep, in which
+    further coordinates move. Such frames are left out at the beginning, or at the end if more frames remain.
     """
     values = motion.coordinates[coordinate].values
     start, end = 0, len(values)
@@ -197,24 +191,24 @@ def frames_of_sweep(motion: RigidMotion, coordinate: str) -> Bools:
 
 
 def _conflicts(values: Floats, rotations: Rotation) -> list[tuple[int, int]]:
-    """Return pairs of frames, the earlier first, of which only one can belong to the sweep."""
+    """Return pairs of frames that cannot both be in the sweep."""
     order = np.argsort(values, kind="stable")
     ascending = values[order]
-    found = []
+    pairs = []
     for i in range(len(values) - 1):
         low, high = sorted(values[i : i + 2])
         between = order[np.searchsorted(ascending, low, "left") : np.searchsorted(ascending, high, "right")]
         between = between[(between != i) & (between != i + 1)]
         step = float((rotations[i].inv() * rotations[i + 1]).magnitude())
         allowed = np.radians(SAME_POSE) + SAME_POSE_PART * step
-        if low == high:
-            if step > allowed:
-                found.append((i, i + 1))
-            there = rotations[[i] * len(between)]
-        elif len(between):
-            parts = (values[between] - values[i]) / (values[i + 1] - values[i])
-            there = Slerp([0.0, 1.0], rotations[i : i + 2])(parts)
+        if low == high and step > allowed:
+            pairs.append((i, i + 1))
         if len(between):
-            apart = (there.inv() * rotations[between]).magnitude() > allowed
-            found += [(min(i, int(j)), max(i + 1, int(j))) for j in between[apart]]
-    return found
+            if low == high:
+                expected = rotations[[i] * len(between)]
+            else:
+                parts = (values[between] - values[i]) / (values[i + 1] - values[i])
+                expected = Slerp([0.0, 1.0], rotations[i : i + 2])(parts)
+            apart = (expected.inv() * rotations[between]).magnitude() > allowed
+            pairs += [(min(i, int(j)), max(i + 1, int(j))) for j in between[apart]]
+    return pairs

@@ -1,4 +1,4 @@
-"""Moment arms over the poses of a motion, coordinate by coordinate."""
+"""Moment arms over the poses of a motion, by coordinate."""
 
 from __future__ import annotations
 
@@ -14,41 +14,42 @@ from vtkmuscle.core.moment_arms.levers import SAME_VALUE, differences_by
 from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.core.types import Floats, Ints
 
-#: Degree of the polynomial that the field fits to lengths (Modenese, Kohout 2020), and how many different
-#: values it needs: one more than coefficients, or it goes through every sample, noise and all.
+#: Degree of the polynomial fitted to lengths (Modenese, Kohout 2020), and its least number of different
+#: values: more than coefficients, or the polynomial passes every noisy sample.
 QUARTIC = 4
 FEWEST_FOR_QUARTIC = QUARTIC + 2
 
 
 def checked_coordinates(motion: RigidMotion, names: Sequence[str]) -> None:
-    """Raise a ValueError where a motion has no coordinate of one of the names."""
+    """Raise a ValueError for unknown coordinates of a motion."""
     for name in names:
         if name not in motion.coordinates:
-            known = ", ".join(map(repr, motion.coordinates)) or "none"
-            raise InputError("", f"the motion has no coordinate {name!r}", f"it has: {known}")
+            listed = ", ".join(map(repr, motion.coordinates)) or "none"
+            raise InputError("", f"the motion has no coordinate {name!r}", f"it has: {listed}")
 
 
 def known_coordinates(
     motion: RigidMotion, crossed: Sequence[str] | None = None, levers: Collection[str] = ()
 ) -> tuple[str, ...]:
-    """Return the coordinates by which there may be moment arms.
+    """Return the coordinates with possible moment arms.
 
-    They change, or their joint or levers are known. ``crossed`` names the coordinates that lengths depend
-    on, by default all. Raises a ValueError if there is none.
+    They change, or have a modelled joint or levers. ``crossed`` names the coordinates on which lengths
+    depend, by default all. Raises a ValueError if there is none.
     """
-    known = motion.coordinates
-    among = known if crossed is None else crossed
-    found = tuple(
-        name for name, one in known.items() if name in among and (one.changes or one.twists or name in levers)
+    coordinates = motion.coordinates
+    names = tuple(
+        name
+        for name, q in coordinates.items()
+        if (crossed is None or name in crossed) and (q.changes or q.twists or name in levers)
     )
-    if not found:
-        listed = ", ".join(map(repr, known)) or "none"
+    if not names:
+        listed = ", ".join(map(repr, coordinates)) or "none"
         raise InputError(
             "",
             f"no coordinate of the motion changes (it has: {listed}), so there are no moment arms",
-            "name one that does, or use more frames of the motion",
+            "name a coordinate that changes, or use more frames of the motion",
         )
-    return found
+    return names
 
 
 def joint_arms(
@@ -60,76 +61,77 @@ def joint_arms(
     crossed: Sequence[str] | None = None,
     millimetres: float = 1.0,
 ) -> tuple[dict[str, JointArms], dict[str, str]]:
-    """Return moment arms of paths by each coordinate of a motion, the others held.
+    """Return moment arms of paths by each coordinate.
 
     Parameters
     ----------
     lengths : (f, k) array_like
-        Of the paths in each frame of the motion [mm].
+        Path lengths in each frame of the motion [mm].
     levers : mapping of str to (f, k) array
-        Of the paths by the coordinates, NaN in frames in which they are not known; in the unit of the
-        motion's translations.
+        Levers of the paths by the coordinates, in the unit of the motion's translations; NaN in frames
+        without levers.
     motion : RigidMotion
-        With coordinates, and a time for each of the f frames.
+        Motion with coordinates, and a time for each of the f frames.
     names : sequence of str, optional
         Wanted coordinates; default: all.
     crossed : sequence of str, optional
         Coordinates of the joints that the muscle crosses; default: all.
     millimetres : float, optional
-        Of the unit of the motion's translations.
+        Millimetres per unit of the motion's translations.
 
     Returns
     -------
     arms : dict of str to JointArms
-        [mm, or 1 by a slide].
+        Moment arms [mm, or without unit by a translation].
     refused : dict of str to str
-        Why there are none by other coordinates.
+        Reasons for missing moment arms by further coordinates.
 
     Raises
     ------
     ValueError
-        If the motion has no such coordinate, or none by which there are moment arms.
+        If the motion lacks a named coordinate, or has no coordinate with moment arms.
     """
     checked_coordinates(motion, names or ())
-    found = known_coordinates(motion, crossed, levers)
+    candidates = known_coordinates(motion, crossed, levers)
     curves = np.asarray(lengths, dtype=np.float64)
     arms: dict[str, JointArms] = {}
     refused: dict[str, str] = {}
-    for name in found:
+    for name in candidates:
         if names is not None and name not in names:
             continue
         coordinate = motion.coordinates[name]
-        known = levers.get(name, np.full(curves.shape, np.nan))
-        frames = np.flatnonzero(np.isfinite(known).all(axis=1))
+        lever = levers.get(name, np.full(curves.shape, np.nan))
+        frames = np.flatnonzero(np.isfinite(lever).all(axis=1))
         if not len(frames):
-            others = ", ".join(other for other in found if other != name) or "others"
-            refused[name] = f"it changes only together with {others}, so what it moves alone is not known"
+            rivals = ", ".join(rival for rival in candidates if rival != name) or "others"
+            refused[name] = f"it changes only together with {rivals}, so its effect alone is unknown"
             continue
-        quartic, residuals = _quartic(curves[frames], motion, found, name, frames)
+        quartic, residuals = _quartic(curves[frames], motion, candidates, name, frames)
         arms[name] = JointArms(
             name,
             coordinate.unit,
             coordinate.positive,
             frames,
             coordinate.values[frames],
-            millimetres * known[frames],
-            slopes_by(motion, name, found, curves)[frames],
+            millimetres * lever[frames],
+            slopes_by(motion, name, candidates, curves)[frames],
             quartic,
             residuals,
         )
     if not arms and refused:
         raise InputError(
             "",
-            "the coordinates change only together, so that it is not known what one of them moves alone",
-            "use a motion that changes them one after the other, or a grid, or give the scene its joints",
+            "the coordinates change only together, so the effect of each alone is unknown",
+            "use a motion that changes them in turn, or a grid, or give the scene its joints",
         )
     return arms, refused
 
 
 def slopes_by(motion: RigidMotion, name: str, among: Sequence[str], lengths: Floats) -> Floats:
-    """Return -dl/dq (f, k) of lengths by differences between poses, NaN where no poses differ in it alone.
+    """Return -dl/dq (f, k) of lengths, by differences between poses.
 
-    Parameters as of :func:`~vtkmuscle.core.moment_arms.levers.differences_by`.
+    NaN in frames without poses that differ in the coordinate alone. Parameters as for
+    :func:`~vtkmuscle.core.moment_arms.levers.differences_by`.
     """
     near = differences_by(motion, name, among)
     slopes = np.full(lengths.shape, np.nan)
@@ -138,45 +140,43 @@ def slopes_by(motion: RigidMotion, name: str, among: Sequence[str], lengths: Flo
 
 
 def _quartic(
-    curves: Floats, motion: RigidMotion, found: Sequence[str], name: str, frames: Ints
+    curves: Floats, motion: RigidMotion, candidates: Sequence[str], name: str, frames: Ints
 ) -> tuple[Floats | None, Floats | None]:
-    """Return a quartic's arms (m, k) and residuals (k,), None where more than one coordinate changes."""
-    if any(motion.coordinates[one].changes for one in found if one != name):
+    """Return a quartic's arms (m, k) and residuals (k,). None if several coordinates change."""
+    if any(motion.coordinates[other].changes for other in candidates if other != name):
         return None, None
     try:
         return quartic_moment_arms(curves, motion.coordinates[name].natural[frames])
-    except ValueError:  # too few values for it
+    except ValueError:  # too few values for a quartic
         return None, None
 
 
 def quartic_moment_arms(
     lengths: Floats, coordinate: Floats, *, at: Floats | None = None
 ) -> tuple[Floats, Floats]:
-    """Return moment arms (m, k) by a polynomial of degree 4 through lengths, and its residuals (k,) (rms).
+    """Return moment arms (m, k) by quartics, and residuals (k,).
 
-    It is the habit of the field (Modenese, Kohout 2020, doi:10.1007/s10439-020-02490-4), and smooth. Where a
-    muscle lifts off a bone, or a curve has more than three bends, it is off, and the residual shows that.
-    With fewer than 6 different values of the coordinate it raises a ValueError.
+    The usual and smooth estimate (Modenese, Kohout 2020, doi:10.1007/s10439-020-02490-4). It fails for a
+    muscle that lifts off a bone, or a curve with more than three bends, shown by the residual. Raises a
+    ValueError for fewer than 6 different values of the coordinate.
 
     Parameters
     ----------
     lengths : (f, k) array
-        Of k fibres in f poses.
+        Lengths of k fibres in f poses.
     coordinate : (f,) array
-        Of the poses, in any order; in radians for an angle.
+        Value in each pose, in any order; in radians for an angle.
     at : (m,) array, optional
-        Coordinates of the results; default: those of the poses.
+        Coordinate values of the results; default: of the poses.
     """
     low, high = coordinate.min(), coordinate.max()
-    n_places = len(np.unique(np.round((coordinate - low) / max(SAME_VALUE * (high - low), 1e-300))))
-    if n_places < FEWEST_FOR_QUARTIC:
-        raise InputError(
-            "",
-            f"the coordinate has {n_places} different value(s), but a quartic needs {FEWEST_FOR_QUARTIC}",
-            "use more frames of the motion",
+    n_values = len(np.unique(np.round((coordinate - low) / max(SAME_VALUE * (high - low), 1e-300))))
+    if n_values < FEWEST_FOR_QUARTIC:
+        problem = (
+            f"the coordinate has {n_values} different value(s), but a quartic needs {FEWEST_FOR_QUARTIC}"
         )
-    places = coordinate if at is None else at
-    q, wanted = (2.0 * (x - low) / (high - low) - 1.0 for x in (coordinate, places))
+        raise InputError("", problem, "use more frames of the motion")
+    q, wanted = (2.0 * (x - low) / (high - low) - 1.0 for x in (coordinate, coordinate if at is None else at))
     fits = polyfit(q, lengths, QUARTIC)
     arms = -2.0 / (high - low) * polyval(wanted, polyder(fits)).T
     left = polyval(q, fits).T - lengths

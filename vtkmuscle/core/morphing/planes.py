@@ -1,7 +1,7 @@
-"""Along parallel planes from the fitted template into the muscle.
+"""Template fibres into the muscle, along parallel planes.
 
-Kohout, Clapworthy, Martelli, Viceconti 2012, *Muscle Fibres Modelling*, section 3.3,
-extended in doi:10.1007/978-3-642-38241-3_3.
+Kohout, Clapworthy, Martelli, Viceconti 2012, *Muscle Fibres Modelling*, section 3.3, extended in
+doi:10.1007/978-3-642-38241-3_3.
 """
 
 from __future__ import annotations
@@ -23,23 +23,22 @@ from vtkmuscle.core.morphing.slices import (
 )
 from vtkmuscle.core.types import Floats, Ints
 
-#: How far inside of the muscle's ends the first and the last slice are, as a part of its length: far enough
-#: to cut a flat end that is not quite level, too near to be seen.
+#: Distance of the first and last slice from the muscle's ends, as a part of its length: far enough to cut a
+#: flat, slightly tilted end, too near to be seen.
 END_MARGIN = 1e-6
-#: Slices by which the muscle's course is judged.
+#: Slices that measure the muscle's course.
 N_COURSE = 16
 
 
 def morph_by_planes(
     fibre_points: Floats, transform: Floats, muscle: ClosedSurface, slicing: Slicing
 ) -> Morph:
-    """Return fibre points moved from the fitted template into the muscle.
+    """Return template fibres moved into the muscle by planes.
 
-    For each height along the box's z axis at which there are fibre points, the plane there cuts the box in
-    a rectangle and the muscle in loops, of which :func:`vtkmuscle.core.morphing.sections.main_loops`
-    chooses one. Rectangle and loop are matched, and the points of one mapped to the other
-    (:mod:`vtkmuscle.core.morphing.correspondence`). A point keeps its height, unless the chosen loops end
-    before the box does: then the heights beyond the last loop are squeezed into the rest of the muscle there.
+    A plane at each height of fibre points along the box's z axis cuts the box in a rectangle and the muscle
+    in loops, of which :func:`vtkmuscle.core.morphing.sections.main_loops` chooses one. Rectangle and loop are
+    matched, and the rectangle's points mapped to the loop (:mod:`vtkmuscle.core.morphing.correspondence`).
+    Points keep their heights, but heights beyond the last loop are squeezed into the rest of the muscle.
 
     Parameters
     ----------
@@ -50,7 +49,7 @@ def morph_by_planes(
     muscle : ClosedSurface
         The muscle.
     slicing : Slicing
-        How finely it is sliced, and how slices are mapped.
+        Settings of slices and maps.
 
     Raises
     ------
@@ -61,30 +60,26 @@ def morph_by_planes(
     inside = box.coordinates(fibre_points)
     tolerance = max(slicing.slice_tolerance, SAME_HEIGHT * box.length)
     grain = GRAIN * box.length
-    boxed = slicing.once(("raised", slicing.key(transform)), lambda: _BoxedMuscle(box, muscle))
+    boxed = _BoxedMuscle(box, muscle)
     slicing.report_progress(0.1)
     heights = np.clip(inside[:, 2], boxed.bottom + boxed.margin, boxed.top - boxed.margin)
     levels, slice_of = shared_levels(heights, tolerance, grain)
-    course = slicing.once(("course", slicing.key(transform, levels)), lambda: _Course(boxed, levels))
+    course = _PlaneCourse(boxed, levels)
     branch = course.branch
     if course.ends is not None:
         heights = _squeezed(heights, *course.ends)
         levels, slice_of = shared_levels(heights, tolerance, grain)
+        branch = boxed.branch(np.union1d(levels, boxed.guides))
     slicing.report_progress(0.35)
-
-    def slices() -> SliceMaps:
-        at_levels = branch if course.ends is None else boxed.branch(np.union1d(levels, boxed.guides))
-        return _mapped(box, at_levels, levels, boxed.guides, slicing)
-
-    mapped = slicing.once(("planes", slicing.key(transform, levels)), slices)
+    mapped = _mapped(box, branch, levels, boxed.guides, slicing)
     result = np.column_stack([inside[:, :2], heights])
-    result[:, :2], n_outside, split_error = mapped.places(inside, heights, levels, slice_of)
+    result[:, :2], n_outside, split_error = mapped.positions(inside, heights, levels, slice_of)
     slicing.report_progress(1.0)
     return Morph(box.positions(result), n_outside, split_error, course.volume_share, course.steep_share)
 
 
 class _BoxedMuscle:
-    """A muscle in the coordinates of its box, and the heights of its points."""
+    """Muscle in the coordinates of its box, with heights."""
 
     def __init__(self, box: Box, muscle: ClosedSurface) -> None:
         self.surface = box.surface(muscle)
@@ -99,11 +94,11 @@ class _BoxedMuscle:
         return Branch(self.surface, self.heights, heights, heights, lambda areas: areas[:, 2])
 
 
-class _Course:
-    """The main branch at some levels and the guides, and how well planes suit the muscle.
+class _PlaneCourse:
+    """Main branch at levels, and suitability of planes.
 
-    Where the branch ends before the levels do, `ends` are the heights of its first and last loop, and the
-    lowest and highest one of the muscle beyond them.
+    For a branch that ends within the levels, `ends` are the heights of its first and last loop, and the
+    muscle's lowest and highest height beyond the loops.
     """
 
     def __init__(self, boxed: _BoxedMuscle, levels: Floats) -> None:
@@ -121,7 +116,7 @@ class _Course:
 
 
 def _mapped(box: Box, branch: Branch, levels: Floats, guides: Floats, slicing: Slicing) -> SliceMaps:
-    """Return the sections at the levels, matched to the template's rectangle."""
+    """Return sections at levels, matched to the template's rectangle."""
 
     def stack(heights: Floats) -> tuple[LoopStack, Ints]:
         loops, hits = branch.loops_at(heights)
@@ -133,7 +128,10 @@ def _mapped(box: Box, branch: Branch, levels: Floats, guides: Floats, slicing: S
 
 
 def _squeezed(heights: Floats, first: float, last: float, low: float, high: float) -> Floats:
-    """Return heights with those below `first` scaled to begin at `low`, above `last` to end at `high`."""
+    """Return heights squeezed into the muscle's ends.
+
+    Heights below `first` begin at `low`; heights above `last` end at `high`.
+    """
     result = heights.copy()
     below, above = heights < first, heights > last
     if below.any():
@@ -144,7 +142,7 @@ def _squeezed(heights: Floats, first: float, last: float, low: float, high: floa
 
 
 def _shares(branch: Branch) -> tuple[float, float]:
-    """Return the part of the volume that the main branch holds, and the part of its course that is steep."""
+    """Return the main branch's volume share, and its steep share."""
     sections, numbers = branch.sections, branch.numbers[branch.numbers >= 0]
     levels = range(len(branch.heights))
     whole = sum(float(branch.sizes[sections.loops_of(level)].sum()) for level in levels)

@@ -1,8 +1,7 @@
-"""Sections of a closed surface at many levels of a scalar at once, and the loops of its main branch.
+"""Sections of a closed surface, and their main branch.
 
-With a height for the scalar these are parallel plane sections; with any other function on the points they
-are its isolines. A point counts as above a level if its value is equal or greater: a level through points
-or along edges is thereby as good as any other, and every loop is closed.
+Levels of the height give parallel plane sections, levels of any other function its isolines. A point with a
+value equal to a level counts as above: so levels through points or along edges give closed loops, too.
 """
 
 from __future__ import annotations
@@ -19,19 +18,19 @@ from vtkmuscle.core.types import Floats, Ints
 
 @dataclass(frozen=True, eq=False)
 class Sections:
-    """Loops of a surface at ascending levels, one after the other; the last point is not the first one again.
+    """Loops of a surface at ascending levels, in sequence.
 
-    Seen from outside, a loop has the part of the surface above its level to the left: about the direction in
-    which the scalar grows, the outer boundary of a section runs counterclockwise and a hole clockwise.
+    The last point of a loop differs from the first. Seen from outside, the surface above the level is on the
+    loop's left: about the direction of growing values, the outer boundary of a section runs counterclockwise
+    and a hole clockwise.
 
     Attributes
     ----------
     points, loop_offsets, level_offsets : (n, 3) array, (k + 1,) int array, (l + 1,) int array
-        Points where edges of the surface meet the levels; first point of each loop, and n; first loop of each
-        level, and k.
+        Intersections of surface edges and levels; first point of each loop, and n; first loop of each level,
+        and k.
     parts_below, parts_above, vertex_parts : (k,) int arrays, (v,) int array
-        Number of the part of the surface, cut along all loops, on either side of each loop, and that in which
-        each point of the surface is.
+        Part of the surface, cut along all loops, on either side of each loop, and at each surface point.
     """
 
     points: Floats
@@ -52,7 +51,10 @@ class Sections:
 
 @dataclass(frozen=True, eq=False)
 class ClosedSurface:
-    """A surface without holes: points (n, 3) [mm], triangles (m, 3), and its opposite half-edges (3 m,)."""
+    """Surface without holes. Points (n, 3) [mm] and triangles (m, 3).
+
+    `opposite` (3 m,) are the opposite half-edges.
+    """
 
     points: Floats
     triangles: Ints
@@ -62,17 +64,18 @@ class ClosedSurface:
         """Return the surface with triangles that face outward."""
         if signed_volume(self.points, self.triangles) >= 0.0:
             return self
-        # (a, b, c) becomes (c, b, a): half-edge 0 is half-edge 1 the other way round, 1 is 0, and 2 stays.
+        # (a, b, c) becomes (c, b, a): half-edges 0 and 1 exchange, 2 stays.
         halves = self.opposite.reshape(-1, 3)[:, [1, 0, 2]].reshape(-1)
         turned = halves - halves % 3 + np.array([1, 0, 2])[halves % 3]
         return ClosedSurface(self.points, np.ascontiguousarray(self.triangles[:, ::-1]), turned)
 
 
 def cut_surface(surface: ClosedSurface, values: Floats, levels: Floats) -> Sections:
-    """Cut a closed surface, facing outward, along ascending levels (l,) of a scalar at its points (n,).
+    """Cut a closed surface along levels of a scalar. Levels (l,) ascend.
 
-    Every triangle is visited once per level that crosses it, whatever the number of levels. Loops of fewer
-    than three different points, at isolated extrema, are left out.
+    The scalar (n,) is at the surface's points; triangles face outward. A triangle is visited once per
+    crossing level, whatever the number of levels. Loops of fewer than three different points, at isolated
+    extrema, are left out.
     """
     points, triangles = surface.points, surface.triangles
     slabs = np.searchsorted(levels, values, side="right")
@@ -93,11 +96,11 @@ def cut_surface(surface: ClosedSurface, values: Floats, levels: Floats) -> Secti
 
 
 def _rising(triangles: Ints, slabs: Ints, n_levels: int) -> tuple[Ints, Ints, Ints, Ints]:
-    """Return half-edges that rise through levels, and the point where each crosses a level.
+    """Return half-edges that rise through levels, and their crossings.
 
-    These are the rising half-edges (r,); for each half-edge (3 m,) the number of its first crossing, those of
-    one half-edge following each other upwards; and, in two arrays, the half-edges that cross level i,
-    ``crossed[starts[i] : starts[i + 1]]``.
+    Rising half-edges (r,); for each half-edge (3 m,) the number of its first crossing, further crossings in
+    sequence upwards; and half-edges that cross level i, ``crossed[starts[i] : starts[i + 1]]``, in two
+    arrays.
     """
     low = slabs[triangles]
     rises = (np.roll(low, -1, axis=1) - low).reshape(-1)
@@ -119,25 +122,25 @@ def _traced(
     crossed: Ints,
     starts: Ints,
 ) -> tuple[Floats, Ints, Ints, Ints]:
-    """Return the points of all loops, their offsets, those of the levels, and the loop of each crossing.
+    """Return loops' points, offsets, and each crossing's loop.
 
-    Through each triangle that a level crosses, a loop enters by the half-edge that goes down and leaves by
-    the one that goes up, which is the other side of the next triangle's way in. Crossings of loops that are
-    left out get -2: there the surface is not cut.
+    In each triangle that a level crosses, a loop enters by the falling half-edge and leaves by the rising
+    half-edge, opposite to the entry of the next triangle. Crossings of loops left out get -2: there the
+    surface is not cut.
     """
     corners, n_levels = surface.triangles.reshape(-1), np.diff(starts)
     level = np.repeat(np.arange(len(levels)), n_levels)
     numbers = crossings[crossed] + level - slabs[corners[crossed]]
-    a, b = corners[crossed], corners[_beside(crossed, 1)]
+    a, b = corners[crossed], corners[_onward(crossed, 1)]
     share = ((levels[level] - values[a]) / (values[b] - values[a]))[:, None]
     # Written so that a share of 1 gives the end point to the last bit.
     points = (1.0 - share) * surface.points[a] + share * surface.points[b]
     down = surface.opposite[crossed]
-    onward = np.where(slabs[corners[_beside(down, 2)]] > level, _beside(down, 1), _beside(down, 2))
-    at = np.empty(len(crossed), dtype=np.int64)  # the place of each crossing in the order of levels
+    onward = np.where(slabs[corners[_onward(down, 2)]] > level, _onward(down, 1), _onward(down, 2))
+    at = np.empty(len(crossed), dtype=np.int64)  # index of each crossing in the order of levels
     at[numbers] = np.arange(len(crossed))
     following = at[crossings[onward] + level - slabs[corners[onward]]].tolist()
-    same = [tuple(point) for point in points.tolist()]
+    coordinates = [tuple(point) for point in points.tolist()]
     loop_of, kept, loop_offsets, level_offsets = np.full(len(crossed), -1), list[int](), [0], [0]
     done = [False] * len(crossed)
     for first, last in zip(starts[:-1].tolist(), starts[1:].tolist(), strict=True):
@@ -146,10 +149,10 @@ def _traced(
             while not done[i]:
                 done[i] = True
                 loop.append(i)
-                if not cut or same[i] != same[cut[-1]]:
+                if not cut or coordinates[i] != coordinates[cut[-1]]:
                     cut.append(i)
                 i = following[i]
-            while len(cut) > 1 and same[cut[-1]] == same[cut[0]]:
+            while len(cut) > 1 and coordinates[cut[-1]] == coordinates[cut[0]]:
                 cut.pop()
             if loop:
                 loop_of[numbers[loop]] = len(loop_offsets) - 1 if len(cut) >= 3 else -2
@@ -160,8 +163,8 @@ def _traced(
     return points[kept], np.array(loop_offsets), np.array(level_offsets), loop_of
 
 
-def _beside(half_edges: Ints, steps: int) -> Ints:
-    """Return the half-edges that are some steps onward in their triangles."""
+def _onward(half_edges: Ints, steps: int) -> Ints:
+    """Return half-edges some steps onward in their triangles."""
     side = half_edges % 3
     return half_edges - side + (side + steps) % 3
 
@@ -169,7 +172,10 @@ def _beside(half_edges: Ints, steps: int) -> Ints:
 def _parts(
     triangles: Ints, slabs: Ints, crossings: Ints, rising: Ints, loop_of: Ints, n_points: int, n_loops: int
 ) -> Ints:
-    """Return the connected part of each vertex, each loop's lower and each loop's upper side, (v + 2 k,)."""
+    """Return connected parts (v + 2 k,). Of vertices first, then of lower and upper loop sides.
+
+    Vertices first, then lower and upper sides of loops.
+    """
     after = np.roll(triangles, -1, axis=1).reshape(-1)
     corners = triangles.reshape(-1)
     level = slabs[corners] == slabs[after]
@@ -185,9 +191,10 @@ def _parts(
 
 
 def loop_areas(points: Floats, loop_offsets: Ints) -> Floats:
-    """Return the vector area of each loop, (k, 3): half the sum of the cross products of its edges.
+    """Return the vector area of each loop, (k, 3).
 
-    For a flat loop its length is the area, and it points to where the loop runs counterclockwise.
+    Half the sum of the edges' cross products: for a flat loop its length is the area, directed against
+    clockwise motion.
     """
     if len(loop_offsets) == 1:
         return np.empty((0, 3))
@@ -199,13 +206,12 @@ def loop_areas(points: Floats, loop_offsets: Ints) -> Floats:
 
 
 def main_loops(sections: Sections, levels: Floats, sizes: Floats) -> Ints:
-    """Return the loop of each level (l,) that belongs to the muscle's main branch, -1 beyond its ends.
+    """Return the main branch's loop per level (l,). -1 beyond its ends.
 
-    A loop continues one of the level below if the surface between the two levels joins them. Of all chains of
-    loops that continue each other, the one is taken that encloses most: area times distance of the levels. So
-    it never changes from one branch to another that it does not meet. Levels ascend strictly [mm]; loops of a
-    size (k,) of 0 or less [mm^2], as the boundaries of holes, take no part. Raises a ValueError if no level
-    has a loop with an inside.
+    A loop continues a loop of the level below if the surface between both levels joins them. The main branch
+    is the chain of continued loops that encloses most volume, by area times distance of levels, so it never
+    jumps between branches. Levels ascend strictly [mm]; loops of a size (k,) <= 0 [mm^2], as the boundaries
+    of holes, take no part. Raises a ValueError if no level has a loop with an inside.
     """
     thickness = np.gradient(levels) if len(levels) > 1 else np.ones(1)
     best, previous = np.zeros(len(sizes)), np.full(len(sizes), -1)
@@ -215,9 +221,9 @@ def main_loops(sections: Sections, levels: Floats, sizes: Floats) -> Ints:
         for loop in loops:
             if sizes[loop] <= 0.0:
                 continue
-            for other in by_level[level - 1] if level else ():
-                if sections.parts_above[other] == sections.parts_below[loop] and best[other] > best[loop]:
-                    best[loop], previous[loop] = best[other], other
+            for lower in by_level[level - 1] if level else ():
+                if sections.parts_above[lower] == sections.parts_below[loop] and best[lower] > best[loop]:
+                    best[loop], previous[loop] = best[lower], lower
             best[loop] += sizes[loop] * thickness[level]
     if not best.any():
         raise InputError(
@@ -232,10 +238,10 @@ def main_loops(sections: Sections, levels: Floats, sizes: Floats) -> Ints:
 
 
 class Branch:
-    """Sections of a muscle at ascending heights (h,) [mm], and the loop of the main branch at each.
+    """Sections of a muscle, with the main branch. Heights (h,) ascend [mm].
 
-    The surface is cut at as many levels of the values at its points; `size` gives the areas of loops from
-    their vector areas (k, 3).
+    The surface is cut at as many levels of the values at its points; `size` gives loop areas from vector
+    areas (k, 3).
     """
 
     def __init__(
@@ -252,11 +258,11 @@ class Branch:
         self.numbers = main_loops(self.sections, heights, self.sizes)
 
     def at(self, heights: Floats) -> Ints:
-        """Return the numbers of the branch's loops at some of the heights, -1 for none."""
+        """Return loop numbers at some heights, -1 for none."""
         return self.numbers[np.searchsorted(self.heights, heights)]
 
     def loops_at(self, heights: Floats) -> tuple[list[Floats], Ints]:
-        """Return the loops at some of the heights, (n, 3) each, and the numbers of those that have one."""
+        """Return loops (n, 3) and the numbers of hit heights."""
         numbers = self.at(heights)
         hits = np.flatnonzero(numbers >= 0)
         return [self.sections.loop(int(number)) for number in numbers[hits]], hits

@@ -1,6 +1,5 @@
-"""Rigid motions of bones: transforms over time, their coordinates, and transforms in between.
+"""Rigid motions of bones, joint coordinates, and blends of motions.
 
-Open :mod:`~vtkmuscle.core.motion.rigid` for a motion, :mod:`~vtkmuscle.core.motion.coordinates` for joints'
-coordinates, and :mod:`~vtkmuscle.core.motion.blending` for dual quaternion blending (Kavan et al. 2008), by
-which a step starts.
+Open :mod:`~vtkmuscle.core.motion.rigid` for rigid transforms and tabulated motions, and
+:mod:`~vtkmuscle.core.motion.blending` for blends of motions and screws.
 """

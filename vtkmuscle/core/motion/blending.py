@@ -1,4 +1,4 @@
-"""Blends of rigid motions, parts of a motion along its screw, and the nearest rotation."""
+"""Blends and screws of rigid motions, and nearest rotations."""
 
 from __future__ import annotations
 
@@ -9,78 +9,57 @@ from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.motion.rigid import apply_transform, inverse
 from vtkmuscle.core.types import Bools, Floats, Ints
 
-#: Least norm that a blended quaternion is divided by.
+#: Least norm of a blended quaternion, as a divisor.
 EPSILON = float(np.finfo(np.float64).eps)
 
-#: Below this angle [rad] the series of a screw's slide is exact to rounding: its next term is angle^2 / 720.
+#: Angle [rad] below which the series of a screw's slide is exact: the next term is angle^2 / 720.
 _SMALL = 1e-4
 
 
 def blend_motions(transforms: Floats, weights: Floats, points: Floats) -> Floats:
-    """Return points (n, 3) moved by rigid motions (b, 4, 4), blended point by point by weights (n, b).
+    """Return points (n, 3) moved by blended rigid motions.
 
     Dual quaternion linear blending (Kavan, Collins, Žára, O'Sullivan 2008, *Geometric skinning with
-    approximate dual quaternion blending*, doi:10.1145/1409625.1409627). Every point moves rigidly: unlike the
-    mean of the moved positions it does not collapse towards the axis when the motions are far apart, and for
-    small motions the two are the same. The result does not depend on the choice of origin. Rows of weights
-    sum to 1; any two motions turn by less than 180 degrees against each other.
+    approximate dual quaternion blending*, doi:10.1145/1409625.1409627) of motions (b, 4, 4) by weights (n,
+    b), with rows that sum to 1. Every point moves rigidly: in contrast to the mean of moved positions, points
+    do not collapse towards the axis of far motions; for small motions both agree. The result is independent
+    of the origin. Any two motions turn by less than 180 degrees against each other.
     """
     real = Rotation.from_matrix(transforms[:, :3, :3].copy()).as_quat()
-    # q and -q are the same rotation: take the one that is nearer to the first, to blend the short way.
+    # q and -q are the same rotation: the sign nearer to the first blends the short way.
     real[real @ real[0] < 0.0] *= -1.0
     shift = transforms[:, :3, 3]
     dual = np.empty_like(real)
     dual[:, :3] = 0.5 * (real[:, 3:] * shift + np.cross(shift, real[:, :3]))
     dual[:, 3] = -0.5 * np.einsum("ij,ij->i", shift, real[:, :3])
-
     moved = np.empty_like(points)
-    _blend(real, dual, weights, points, moved)
+    _blend(np.hstack([real, dual]), weights, points, np.empty(8), moved)
     return moved
 
 
 @kernel
-def _blend(real: Floats, dual: Floats, weights: Floats, points: Floats, moved: Floats) -> None:
-    """Move points (n, 3) by means of dual quaternions (b, 4), (b, 4) with weights (n, b)."""
+def _blend(motions: Floats, weights: Floats, points: Floats, mean: Floats, moved: Floats) -> None:
+    """Move points (n, 3) by means of dual quaternions (b, 8), weights (n, b);  mean : (8,), memory."""
     for i in range(len(points)):
-        x = y = z = w = a = b = c = e = 0.0
-        for k in range(len(real)):
-            part = weights[i, k]
-            x, y, z, w = (
-                x + part * real[k, 0],
-                y + part * real[k, 1],
-                z + part * real[k, 2],
-                w + part * real[k, 3],
-            )
-            a, b, c, e = (
-                a + part * dual[k, 0],
-                b + part * dual[k, 1],
-                c + part * dual[k, 2],
-                e + part * dual[k, 3],
-            )
-        scale = 1.0 / max(np.sqrt(x * x + y * y + z * z + w * w), EPSILON)
-        x, y, z, w, a, b, c, e = (
-            x * scale,
-            y * scale,
-            z * scale,
-            w * scale,
-            a * scale,
-            b * scale,
-            c * scale,
-            e * scale,
-        )
-        px, py, pz = points[i, 0], points[i, 1], points[i, 2]
-        # v x p + w p + d, then v x that: the turn, and of the shift w d - e v + v x d the last.
-        u, v, t = y * pz - z * py + w * px + a, z * px - x * pz + w * py + b, x * py - y * px + w * pz + c
-        moved[i, 0] = px + 2.0 * (y * t - z * v + w * a - e * x)
-        moved[i, 1] = py + 2.0 * (z * u - x * t + w * b - e * y)
-        moved[i, 2] = pz + 2.0 * (x * v - y * u + w * c - e * z)
+        mean[:] = 0.0
+        for k in range(len(motions)):
+            for part in range(8):
+                mean[part] += weights[i, k] * motions[k, part]
+        x, y, z, w, a, b, c, e = mean[0], mean[1], mean[2], mean[3], mean[4], mean[5], mean[6], mean[7]
+        square = max(x * x + y * y + z * z + w * w, EPSILON * EPSILON)
+        p, q, r = points[i, 0], points[i, 1], points[i, 2]
+        # v x p + w p + d, then v x that: the turn; the shift is w d - e v + v x d.
+        u, v, t = y * r - z * q + w * p + a, z * p - x * r + w * q + b, x * q - y * p + w * r + c
+        moved[i, 0] = p + 2.0 * (y * t - z * v + w * a - e * x) / square
+        moved[i, 1] = q + 2.0 * (z * u - x * t + w * b - e * y) / square
+        moved[i, 2] = r + 2.0 * (x * v - y * u + w * c - e * z) / square
 
 
 def screw_between(start: Floats, end: Floats, fraction: float) -> Floats:
-    """Return the rigid transform a fraction, in [0, 1], of the way from one to another along their screw.
+    """Return the transform at a fraction of a screw.
 
-    That is one turn about an axis and a slide along it, both scaled by the fraction. A bone on a hinge stays
-    on its hinge, and the result does not depend on the choice of origin. The turn is less than 180 degrees.
+    A turn about an axis and a slide along it, both scaled by the fraction in [0, 1]. A bone on a hinge stays
+    on its hinge, and the result is independent of the origin. The turn is less than 180 degrees.
     """
     if fraction >= 1.0:
         return end
@@ -92,11 +71,11 @@ def screw_between(start: Floats, end: Floats, fraction: float) -> Floats:
 
 
 def screws(motions: Floats) -> Floats:
-    """Return the twists (n, 6) that, kept up for a unit of time, are rigid motions (n, 4, 4).
+    """Return the twists (n, 6) of rigid motions (n, 4, 4).
 
     The logarithm of SE(3) (Murray, Li, Sastry 1994, *A Mathematical Introduction to Robotic Manipulation*,
-    2.36). A twist is the velocity at the origin and the angular velocity [rad]; turns are less than 180
-    degrees.
+    2.36). A twist is the velocity at the origin and the angular velocity [rad], over a unit of time; turns
+    are less than 180 degrees.
     """
     turns = Rotation.from_matrix(motions[:, :3, :3].copy()).as_rotvec()
     shifts = motions[:, :3, 3]
@@ -110,7 +89,10 @@ def screws(motions: Floats) -> Floats:
 
 
 def _left_jacobian(turn: Floats) -> Floats:
-    """Return V of SE(3): exp(turn, slide) has the translation V slide (Murray, Li, Sastry 1994, 2.36)."""
+    """Return the left Jacobian V of SE(3). exp(turn, slide) has the translation V slide.
+
+    Murray, Li, Sastry 1994, 2.36.
+    """
     angle = float(np.linalg.norm(turn))
     x, y, z = turn
     skew = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
@@ -121,13 +103,13 @@ def _left_jacobian(turn: Floats) -> Floats:
     return jacobian
 
 
-#: Newton's method needs a determinant of at least this part of that of a rotation of the same size.
+#: Least determinant for Newton's method, as a part of the determinant of an equally large rotation.
 _NEWTON_FROM = 1e-6
 
-#: Square of the last step: steps converge quadratically, so after this one nothing is left to correct.
+#: Square of the last step: convergence is quadratic, so the next step is rounding.
 _LAST_STEP2 = 1e-17
 
-#: Square of the step from which on X is no longer scaled.
+#: Square of the step below which X is not scaled (Higham 1986, section 3).
 _SCALED_FROM = 0.1
 
 #: Most steps; five are common.
@@ -135,25 +117,26 @@ _MOST_STEPS = 20
 
 
 def nearest_rotations(matrices: Floats) -> Floats:
-    """Return for each matrix (n, 3, 3) the rotation R for which tr(R^T M) is greatest, or one such.
+    """Return the nearest rotation of each matrix (n, 3, 3).
 
-    The identity for a matrix of zeros.
+    R has the largest tr(R^T M); it is the identity for a zero matrix.
     """
-    rotations, found = matrices.copy(), np.zeros(len(matrices), dtype=np.bool_)
-    _by_newton(rotations, found)
-    if not found.all():  # mirrored or nearly singular (Kabsch 1976, doi:10.1107/S0567739476001873)
-        u, _, v = np.linalg.svd(matrices[~found])
+    rotations, converged = matrices.copy(), np.zeros(len(matrices), dtype=np.bool_)
+    _by_newton(rotations, converged)
+    if not converged.all():  # mirrored or nearly singular (Kabsch 1976, doi:10.1107/S0567739476001873)
+        u, _, v = np.linalg.svd(matrices[~converged])
         u[:, :, 2] *= np.sign(np.linalg.det(u @ v))[:, None]
-        rotations[~found] = u @ v
+        rotations[~converged] = u @ v
     return rotations
 
 
 @kernel
-def _by_newton(matrices: Floats, found: Bools) -> None:
-    """Replace matrices (n, 3, 3) by their orthogonal factors, not those that mirror or are nearly singular.
+def _by_newton(matrices: Floats, converged: Bools) -> None:
+    """Replace matrices (n, 3, 3) by their orthogonal factors.
 
     X <- (g X + X^-T / g) / 2, with g from the norms of X and its inverse; Higham 1986, *Computing the polar
-    decomposition - with applications*, doi:10.1137/0907079.  found : (n,), written: which are replaced.
+    decomposition - with applications*, doi:10.1137/0907079.  converged : (n,), written: False for mirroring
+    and nearly singular matrices, which stay.
     """
     for k in range(len(matrices)):
         a, b, c = matrices[k, 0, 0], matrices[k, 0, 1], matrices[k, 0, 2]
@@ -184,16 +167,16 @@ def _by_newton(matrices: Floats, found: Bools) -> None:
                 matrices[k, 0, 0], matrices[k, 0, 1], matrices[k, 0, 2] = a, b, c
                 matrices[k, 1, 0], matrices[k, 1, 1], matrices[k, 1, 2] = d, e, f
                 matrices[k, 2, 0], matrices[k, 2, 1], matrices[k, 2, 2] = g, h, i
-                found[k] = True
+                converged[k] = True
                 break
 
 
 def origin_weights(offsets: Ints, a: float) -> Floats:
-    """Return the weight (n,) of the origin at each point, a t^2 - (a + 1) t + 1, t = (i - 1) / (n - 1).
+    """Return the weights (n,) of the origin along fibres.
 
-    That of the insertion's bone is 1 less this. With a = 0 the blend is linear; for a in [-1, 1] weights go
-    down from 1 at the origin to 0 at the insertion. The offsets (k + 1,) are the first point of each fibre,
-    and n.
+    a t^2 - (a + 1) t + 1, with t = (i - 1) / (n - 1); the insertion's bone has the rest to 1. For a = 0 the
+    blend is linear; for a in [-1, 1] weights fall from 1 at the origin to 0 at the insertion. The offsets (k
+    + 1,) are the first point of each fibre, and n.
     """
     counts = np.diff(offsets)
     number = np.arange(offsets[-1]) - np.repeat(offsets[:-1], counts)
@@ -203,10 +186,10 @@ def origin_weights(offsets: Ints, a: float) -> Floats:
 
 
 def blend_fibres(points: Floats, offsets: Ints, origin: Floats, insertion: Floats, a: float) -> Floats:
-    """Return v' = w T_origin v + (1 - w) T_insertion v for each point v (n, 3) of fibres.
+    """Return fibres blended between the motions of two bones.
 
-    The fibres run from origin to insertion at rest; the motions (4, 4) of the two bones lead from rest to
-    now; w and a are those of :func:`origin_weights`.
+    v' = w T_origin v + (1 - w) T_insertion v for points v (n, 3) of fibres from origin to insertion at rest;
+    motions (4, 4) from rest to now; w and a as in :func:`origin_weights`.
     """
     w = origin_weights(offsets, a)[:, None]
     return w * apply_transform(origin, points) + (1.0 - w) * apply_transform(insertion, points)

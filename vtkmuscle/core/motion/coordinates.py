@@ -1,4 +1,4 @@
-"""Joint coordinates: their values in each pose, their unit, and how each moves the bones."""
+"""Joint coordinates: values per pose, units, and twists of bones."""
 
 from __future__ import annotations
 
@@ -15,14 +15,20 @@ from vtkmuscle.core.types import Floats, Ints
 
 
 def twist_about(centre: ArrayLike, axis: ArrayLike) -> Floats:
-    """Return the twist (6,) of a right-handed turn by a radian about an axis through a centre."""
+    """Return the twist (6,) of a turn by a radian.
+
+    The axis passes the centre; the turn is right-handed.
+    """
     direction = np.asarray(axis, dtype=np.float64)
     direction = direction / np.linalg.norm(direction)
     return np.concatenate([np.cross(np.asarray(centre, dtype=np.float64), direction), direction])
 
 
 def carried_twists(twists: Floats, transform: Floats) -> Floats:
-    """Return the twists (..., 6) of bodies after an isometry (4, 4) of all space, mirrors included."""
+    """Return twists (..., 6) after an isometry (4, 4).
+
+    Mirrors are allowed.
+    """
     linear, shift = transform[:3, :3], transform[:3, 3]
     angular = np.linalg.det(linear) * twists[..., 3:] @ linear.T
     return np.concatenate([twists[..., :3] @ linear.T + np.cross(shift, angular), angular], axis=-1)
@@ -36,25 +42,25 @@ TRANSLATIONS = {"mm": 1.0, "cm": 10.0, "m": 1000.0}
 
 @dataclass(frozen=True, eq=False)
 class Coordinate:
-    """A coordinate of a joint over the poses of a motion.
+    """Joint coordinate over the poses of a motion.
 
     Parameters
     ----------
     values : (k,) array
-        Its value in each pose, in its unit.
+        Value in each pose, in the coordinate's unit.
     unit : str, optional
         ``"deg"`` or ``"rad"`` for an angle, ``"mm"``, ``"cm"`` or ``"m"`` for a translation.
     positive : str, optional
-        Its positive direction in words: ``"flexion"``, ``"right-handed about (1, 0, 0)"``.
+        Positive direction in words: ``"flexion"``, ``"right-handed about (1, 0, 0)"``.
     twists : mapping of str to (k, 6) array, optional
-        For a known joint, how the coordinate moves each bone in each pose: velocity at the origin and angular
-        velocity, per radian or millimetre. Bones that are missing do not move with it. None: the differences
-        between poses are taken.
+        Motion of each bone by the coordinate in each pose, for a modelled joint: velocity at the origin and
+        angular velocity, per radian or millimetre. Missing bones do not move. None: differences between poses
+        replace twists.
 
     Raises
     ------
     ValueError
-        If a value is not finite, twists are not one per value, or there is no such unit.
+        If a value is not finite, the number of twists differs, or the unit is unknown.
 
     Examples
     --------
@@ -73,41 +79,40 @@ class Coordinate:
         if values.ndim != 1 or not len(values) or not np.isfinite(values).all():
             raise InputError("", "the values of a coordinate must be a non-empty list of finite numbers")
         if self.unit not in (*ANGLES, *TRANSLATIONS):
-            known = ", ".join(map(repr, (*ANGLES, *TRANSLATIONS)))
-            raise InputError("", f"the unit of a coordinate is {self.unit!r}, but must be one of {known}")
-        for bone, found in (self.twists or {}).items():
-            if np.shape(found) != (len(values), 6) or not np.isfinite(found).all():
-                raise InputError(
-                    "",
-                    f"the twists of {bone!r} are of shape {np.shape(found)}, but must be finite numbers of "
-                    f"shape {(len(values), 6)}",
+            units = ", ".join(map(repr, (*ANGLES, *TRANSLATIONS)))
+            raise InputError("", f"the unit of a coordinate is {self.unit!r}, but must be one of {units}")
+        for bone, twists in (self.twists or {}).items():
+            if np.shape(twists) != (len(values), 6) or not np.isfinite(twists).all():
+                problem = (
+                    f"the twists of {bone!r} are of shape {np.shape(twists)}, but must be finite numbers"
                 )
+                raise InputError("", f"{problem} of shape {(len(values), 6)}")
         values.setflags(write=False)
         object.__setattr__(self, "values", values)
 
     @property
     def factor(self) -> float:
-        """Radians per unit of an angle, millimetres per unit of a translation."""
+        """Radians or millimetres per unit."""
         return {**ANGLES, **TRANSLATIONS}[self.unit]
 
     @property
     def natural(self) -> Floats:
-        """The values (k,) in radians or millimetres: moment arms by it are in mm, or without a unit."""
+        """Values (k,) in radians or millimetres."""
         return self.values * self.factor
 
     @property
     def changes(self) -> bool:
-        """Whether it has more than one value, up to rounding."""
+        """True for several values, up to rounding."""
         return bool(np.ptp(self.values) > 1e-9 * max(1.0, float(np.abs(self.values).max())))
 
     def part(self, frames: Ints) -> Self:
-        """Return the coordinate in some of its poses, given by their numbers."""
-        twists = None if self.twists is None else {bone: one[frames] for bone, one in self.twists.items()}
+        """Return the coordinate in some poses, by number."""
+        twists = None if self.twists is None else {bone: table[frames] for bone, table in self.twists.items()}
         return replace(self, values=self.values[frames], twists=twists)
 
     def carried(self, transform: Floats) -> Self:
-        """Return the coordinate after an isometry (4, 4) of all space, mirrors included."""
+        """Return the coordinate after an isometry (4, 4). Mirrors included."""
         if self.twists is None:
             return self
-        twists = {bone: carried_twists(one, transform) for bone, one in self.twists.items()}
+        twists = {bone: carried_twists(table, transform) for bone, table in self.twists.items()}
         return replace(self, twists=twists)

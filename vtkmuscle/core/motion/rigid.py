@@ -1,4 +1,4 @@
-"""Rigid motions: 4 x 4 transforms, turns and frames; checked, inverted, applied and interpolated."""
+"""Rigid motions: transforms, turns, frames and tables."""
 
 from __future__ import annotations
 
@@ -16,7 +16,10 @@ from vtkmuscle.core.types import Floats
 
 
 def turns(axis: Floats, angles: Floats) -> Floats:
-    """Return right-handed turns (f, 3, 3) by angles (f,) [radians] about an axis of length 1 (Rodrigues)."""
+    """Return right-handed turns (f, 3, 3) about a unit axis.
+
+    Angles (f,) [radians].
+    """
     x, y, z = axis
     skew = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
     sine, cosine = np.sin(angles)[:, None, None], np.cos(angles)[:, None, None]
@@ -33,20 +36,25 @@ def inverses(transforms: Floats) -> Floats:
 
 
 def frame_at(centre: ArrayLike, angles: ArrayLike = (0.0, 0.0, 0.0)) -> Floats:
-    """Return a frame at a place, turned [radians] about its own x, y and z axis one after the other."""
+    """Return a turned frame (4, 4) at a position.
+
+    Intrinsic rotations by angles (3,) [radians].
+    """
     result = np.eye(4)
-    for axis, angle in zip(np.eye(3), np.asarray(angles, dtype=np.float64), strict=True):
-        result[:3, :3] = result[:3, :3] @ turns(axis, np.array([angle]))[0]
+    result[:3, :3] = Rotation.from_euler("XYZ", angles).as_matrix()
     result[:3, 3] = centre
     return result
 
 
-#: Largest departure of R^T R from the identity that still counts as rigid: tables with 6 digits pass.
+#: Largest departure of R^T R of a rigid transform from the identity: tables with 6 digits pass.
 ORTHOGONALITY_TOLERANCE = 1e-5
 
 
 def is_rigid(transform: Floats) -> bool:
-    """Return True for a finite 4 x 4 rotation and translation (no scale, no shear, no mirror)."""
+    """Return True for a finite rotation and translation (4, 4).
+
+    No scale, shear or mirror.
+    """
     transform = np.asarray(transform, dtype=np.float64)
     if transform.shape != (4, 4) or not np.isfinite(transform).all():
         return False
@@ -60,7 +68,7 @@ def is_rigid(transform: Floats) -> bool:
 
 
 def apply_transform(transform: Floats, points: Floats) -> Floats:
-    """Return points (n, 3) moved by a 4 x 4 transform."""
+    """Return points (n, 3) moved by a transform (4, 4)."""
     points = np.ascontiguousarray(points, dtype=np.float64)
     moved = np.empty_like(points)
     transform_points(np.array(transform, dtype=np.float64), points.reshape(-1, 3), moved.reshape(-1, 3))
@@ -69,7 +77,7 @@ def apply_transform(transform: Floats, points: Floats) -> Floats:
 
 @kernel
 def transform_point(transform: Floats, points: Floats, i: int, moved: Floats) -> None:
-    """Write where a 4 x 4 transform takes point i of points (n, 3);  moved : (3,), may be that point."""
+    """Write point i, moved by a transform (4, 4). Of points (n, 3); moved : (3,), may be the point."""
     x, y, z = points[i, 0], points[i, 1], points[i, 2]
     for k in range(3):
         moved[k] = transform[k, 0] * x + transform[k, 1] * y + transform[k, 2] * z + transform[k, 3]
@@ -77,13 +85,13 @@ def transform_point(transform: Floats, points: Floats, i: int, moved: Floats) ->
 
 @kernel
 def transform_points(transform: Floats, points: Floats, moved: Floats) -> None:
-    """Write where a 4 x 4 transform takes points (n, 3);  moved : (n, 3), may be the points."""
+    """Write points (n, 3) moved by a transform (4, 4). moved : (n, 3), may be the points."""
     for i in range(len(points)):
         transform_point(transform, points, i, moved[i])
 
 
 def inverse(transform: Floats) -> Floats:
-    """Return the inverse of a rigid 4 x 4 transform."""
+    """Return the inverse of a rigid transform (4, 4)."""
     result = np.eye(4)
     result[:3, :3] = transform[:3, :3].T
     result[:3, 3] = -transform[:3, :3].T @ transform[:3, 3]
@@ -91,22 +99,21 @@ def inverse(transform: Floats) -> Floats:
 
 
 def rotation_about(centre: ArrayLike, axis: ArrayLike, angle: float) -> Floats:
-    """Return the 4 x 4 rotation by an angle [degrees] about an axis through a centre, right-handed."""
-    c = np.asarray(centre, dtype=np.float64)
-    direction = np.asarray(axis, dtype=np.float64)
-    direction = direction / np.linalg.norm(direction)
+    """Return the rotation (4, 4) about an axis [degrees]. Right-handed, through a centre."""
+    c, direction = np.asarray(centre, dtype=np.float64), np.asarray(axis, dtype=np.float64)
     result = np.eye(4)
-    result[:3, :3] = Rotation.from_rotvec(np.radians(angle) * direction).as_matrix()
+    turn = np.radians(angle) * (direction / np.linalg.norm(direction))
+    result[:3, :3] = Rotation.from_rotvec(turn).as_matrix()
     result[:3, 3] = c - result[:3, :3] @ c
     return result
 
 
 @dataclass(frozen=True, eq=False)
 class RigidMotion:
-    """How bones move: a rigid transform, rest to posed, for each moving bone and tabulated time.
+    """Tabulated motion of bones: a rigid transform per bone and time.
 
-    Between two rows the rotation follows the shortest arc (slerp) and the joint centre a straight line, so
-    that a joint stays together. A bone without an entry stays where it is.
+    Between two rows the rotation follows the shortest arc (slerp) and the joint centre a straight line, so a
+    joint stays together. A bone without a table rests.
 
     Parameters
     ----------
@@ -115,14 +122,14 @@ class RigidMotion:
     transforms : mapping of str to (k, 4, 4) array
         Per bone name, row major, mm.
     centre : (3,) array or mapping of str to (3,) array, optional
-        Joint centre in the rest pose [mm], of all bones or per bone; the origin by default.
+        Joint centre in the rest pose [mm], common or per bone; the origin by default.
     coordinates : mapping of str to Coordinate, optional
-        Joint coordinates by name, with a value for each time; moment arms are taken by them.
+        Joint coordinates by name, with a value for each time, for moment arms.
 
     Raises
     ------
     ValueError
-        If times do not ascend, shapes differ or a transform is not rigid; the message says which.
+        If times do not ascend, shapes differ or a transform is not rigid.
     """
 
     times: Floats
@@ -141,21 +148,22 @@ class RigidMotion:
         checked = {}
         for bone, table in self.transforms.items():
             array = np.array(table, dtype=np.float64)
+            problem = ""
             if array.shape != (len(times), 4, 4):
                 problem = f"transforms of shape {array.shape}, expected {(len(times), 4, 4)}"
+            elif not all(rigid := [is_rigid(transform) for transform in array]):
+                row = rigid.index(False)
+                problem = (
+                    f"the transform of row {row} (time {times[row]:g}) is not rigid: it must be a rotation"
+                )
+                problem += " and a translation, with last row 0 0 0 1"
+            if problem:
                 raise InputError(f"bone {bone!r}", problem)
-            for row, transform in enumerate(array):
-                if not is_rigid(transform):
-                    raise InputError(
-                        f"bone {bone!r}",
-                        f"the transform of row {row} (time {times[row]:g}) is not rigid: it must be a "
-                        "rotation and a translation, with last row 0 0 0 1",
-                    )
             checked[bone] = _frozen(array)
         object.__setattr__(self, "transforms", checked)
         centre = self.centre
         if isinstance(centre, Mapping):
-            centre = {bone: _centre(one) for bone, one in centre.items()}
+            centre = {bone: _centre(position) for bone, position in centre.items()}
         elif centre is not None:
             centre = _centre(centre)
         object.__setattr__(self, "centre", centre)
@@ -166,7 +174,7 @@ class RigidMotion:
         object.__setattr__(self, "coordinates", dict(self.coordinates))
 
     def at(self, time: float) -> dict[str, Floats]:
-        """Return the 4 x 4 transform of each moving bone at a time; beyond the table, of its end row."""
+        """Return each moving bone's transform (4, 4) at a time. Beyond the table, the end row counts."""
         time = float(np.clip(time, self.times[0], self.times[-1]))
         upper = int(np.searchsorted(self.times, time))
         if self.times[upper] == time:
@@ -179,22 +187,22 @@ class RigidMotion:
         }
 
     def centre_of(self, bone: str) -> Floats:
-        """Return the joint centre of a bone in the rest pose (3,)."""
+        """Return the joint centre (3,) of a bone at rest."""
         centre = self.centre.get(bone) if isinstance(self.centre, Mapping) else self.centre
         return np.zeros(3) if centre is None else centre
 
     def part(self, frames: ArrayLike) -> RigidMotion:
-        """Return the motion at some of its times, given by their numbers, ascending."""
+        """Return the motion at some times, by ascending numbers."""
         kept = np.asarray(frames, dtype=np.int64)
         return RigidMotion(
             self.times[kept],
             {bone: table[kept] for bone, table in self.transforms.items()},
             self.centre,
-            {name: one.part(kept) for name, one in self.coordinates.items()},
+            {name: coordinate.part(kept) for name, coordinate in self.coordinates.items()},
         )
 
     def by(self, names: Sequence[str]) -> RigidMotion:
-        """Return the motion with only those of its coordinates that are named."""
+        """Return the motion with only the named coordinates."""
         return replace(self, coordinates={name: self.coordinates[name] for name in names})
 
     @staticmethod
@@ -211,31 +219,31 @@ class RigidMotion:
 def hinge(
     bone: str, centre: ArrayLike, axis: ArrayLike, angles: ArrayLike, *, coordinate: str | None = None
 ) -> RigidMotion:
-    """Return the motion of one bone about a fixed axis.
+    """Return the motion of a bone about a fixed axis.
 
     Parameters
     ----------
     bone : str
-        Name of the bone that moves.
+        Name of the moving bone.
     centre : (3,) array_like
-        A point on the axis, mm.
+        A point on the axis [mm].
     axis : (3,) array_like
-        Direction of the axis; positive angles turn right-handed about it.
+        Direction of the axis; positive angles turn right-handed.
     angles : (k,) array_like
-        Ascending angles from rest, degrees; they are the pipeline's time.
+        Ascending angles from rest [degrees], also the pipeline's times.
     coordinate : str, optional
         Name of the angle, e.g. ``"knee_flexion"``; by default ``"BONE_angle"``.
 
     Returns
     -------
     RigidMotion
-        With one row per angle, and the angle as its coordinate.
+        With a row per angle, and the angle as coordinate.
 
     Raises
     ------
     ValueError
-        If the axis has no length or is not finite, or if two angles follow each other by 180 degrees or more:
-        the shortest way from one to the other would not be the hinge's.
+        If the axis has no length or is not finite, or if consecutive angles differ by 180 degrees or more:
+        the shortest arc between them would leave the hinge.
 
     Examples
     --------
@@ -272,7 +280,7 @@ def _frozen(array: Floats) -> Floats:
 
 
 def centred(transforms: Floats, centre: Floats) -> Floats:
-    """Return transforms (b, 4, 4) for points given relative to a centre (3,), before and after."""
+    """Return transforms (b, 4, 4) relative to a centre (3,)."""
     about = np.array(transforms)
     about[:, :3, 3] += about[:, :3, :3] @ centre - centre
     return about

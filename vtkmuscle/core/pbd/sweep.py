@@ -12,8 +12,8 @@ As the paper has it:
 * A stiffness multiplies the correction of each iteration.
 
 Its angle (eq. 6) is an arccosine, pi - abs(phi) of the signed angle phi of
-:func:`~vtkmuscle.core.mesh.rest_shape.hinge`, which does not tell a ridge from a groove: an edge folded to
-the other side stays there. The signed angle is ours.
+:func:`~vtkmuscle.core.mesh.rest_shape.edge_geometry`, which does not tell a ridge from a groove: an edge
+folded to the other side stays there. The signed angle is ours.
 
 Where the paper cannot be run as it reads:
 
@@ -33,10 +33,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from vtkmuscle.core.jit import lane, vector_kernel
-from vtkmuscle.core.mesh.rest_shape import hinge, volume_and_gradient
-from vtkmuscle.core.pbd.batches import WIDTH, rows_of_edges
-from vtkmuscle.core.types import Floats, Ints
+from vtkmuscle.core.jit import kernel, lane, vector_kernel
+from vtkmuscle.core.mesh.rest_shape import edge_geometry, volume_and_gradient
+from vtkmuscle.core.types import Bools, Floats, Ints
+
+#: Edges of a row: two vectors of eight numbers, or four of four.
+WIDTH = 16
 
 #: Numbers of an edge that do not change: inverse masses of its four points, stiffness and rest length,
 #: stiffness of its angle, and the cosine and sine of its rest angle.
@@ -108,6 +110,53 @@ def edge_rows(
     return EdgeRows(np.ascontiguousarray(points, dtype=np.uint32), np.ascontiguousarray(constants), order)
 
 
+def rows_of_edges(points_of_edges: Ints, n_points: int) -> NDArray[np.int64]:
+    """Return the numbers of edges in rows (r, WIDTH), -1 where a row has a place left.
+
+    Edges of a row share none of their points (k, 4), the ends of each and the third points of its triangles;
+    a negative number is no point. Each edge gets the first colour that none of its points has; colours are
+    cut into rows. To solve the constraints of a row at once is to solve them one after another.
+    """
+    colours = np.empty(len(points_of_edges), dtype=np.int64)
+    size = 64
+    while True:
+        taken = np.zeros((n_points, size), dtype=np.bool_)
+        if _first_fit(points_of_edges, taken, colours):
+            break
+        size *= 2
+    order = np.argsort(colours, kind="stable")
+    rows = []
+    for colour in np.split(order, np.flatnonzero(np.diff(colours[order])) + 1):
+        room = np.full(-len(colour) % WIDTH, -1)
+        rows.append(np.concatenate([colour, room]).reshape(-1, WIDTH))
+    return np.concatenate(rows)
+
+
+@kernel
+def _first_fit(points_of_edges: Ints, taken: Bools, colours: Ints) -> bool:
+    """Write the colour of each edge; return False where there are too few colours.
+
+    taken : (n, c), changed in place: whether an edge of a point has a colour.
+    """
+    for e in range(len(points_of_edges)):
+        colour, most = 0, taken.shape[1]
+        while colour < most:
+            clear = True
+            for k in range(4):
+                i = points_of_edges[e, k]
+                clear = clear and (i < 0 or not taken[i, colour])
+            if clear:
+                break
+            colour += 1
+        if colour == most:
+            return False
+        colours[e] = colour
+        for k in range(4):
+            if points_of_edges[e, k] >= 0:
+                taken[points_of_edges[e, k], colour] = True
+    return True
+
+
 @vector_kernel
 def project_edges(
     p: Floats,
@@ -175,7 +224,7 @@ def _project_angle(b: Floats, c: Floats, k: int, signed: bool) -> None:
     Its gradients are those of Tamstorf, Grinspun 2013, *Discrete bending forces and their Jacobians*,
     doi:10.1016/j.gmod.2013.07.001, which are finite at flat and at concave edges.
     """
-    proper, sine, cosine, ee, a2, b2, n11, n22, n1x, n1y, n1z, n2x, n2y, n2z = hinge(
+    proper, sine, cosine, ee, a2, b2, n11, n22, n1x, n1y, n1z, n2x, n2y, n2z = edge_geometry(
         b[k], b[WIDTH + k], b[2 * WIDTH + k],
         b[3 * WIDTH + k], b[4 * WIDTH + k], b[5 * WIDTH + k],
         b[6 * WIDTH + k], b[7 * WIDTH + k], b[8 * WIDTH + k],

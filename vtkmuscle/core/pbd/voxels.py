@@ -278,7 +278,7 @@ def resolve_collisions(
     """Move the predicted positions p that are in a bone out of it, in place; return which were moved, (n,).
 
     Kohout and Cervenka 2021, section 3.2. A point whose predicted position is in a boundary or inside cell
-    collides (but see :data:`~vtkmuscle.core.collision.voxels.ON_A_FACE`). If its previous position x is
+    collides (but see :data:`~vtkmuscle.core.pbd.voxels.ON_A_FACE`). If its previous position x is
     outside the bone as the bone is now (scenario one, the muscle hits the bone), the segment from p to x is
     followed to the first outside cell: if x is in that cell p becomes x, else p becomes the point where the
     segment enters the cell. If not (scenario two, the bone hits the muscle), p becomes x moved by the bone's

@@ -1,29 +1,27 @@
-"""Fibre templates: Bezier curves in the unit cube, one for each pair of parameters (r, s) in [0, 1]^2.
+"""Fibre templates: Bezier curves in the unit cube. A fibre has parameters (r, s) in [0, 1]^2.
 
-The k-th control point of the fibre (r, s) lies on the k-th of a template's *sheets*, bilinear patches that
-are given by their corners at (r, s) = (0, 0), (1, 0), (1, 1) and (0, 1). The first sheet is the origin
-area, the last one the insertion area. A template may consist of several parts, which share the range of r
-equally. All kinds are written out in :data:`TEMPLATES`:
+The k-th control point of the fibre (r, s) lies on the k-th *sheet* of a template, a bilinear patch with
+corners at (r, s) = (0, 0), (1, 0), (1, 1) and (0, 1). The first sheet is the origin area, the last sheet the
+insertion area. Several parts of a template share the range of r equally. The kinds are written out in
+:data:`TEMPLATES`:
 
 ``parallel``
     Straight fibres from the whole bottom (z = 0) to the whole top (z = 1).
 ``pennate``
-    Straight, equally long, parallel fibres that run obliquely from the origin aponeurosis, the lower half of
-    the face x = 0, to the insertion aponeurosis, the upper half of the face x = 1: from (0, s, r / 2) to
-    (1, s, r / 2 + 1 / 2). In a block of width w (x) and length l (z) the fibres' length is
-    sqrt(w^2 + (l / 2)^2), and their pennation angle, against the aponeuroses and the block's long axis,
-    atan(2 w / l). The areas lie beside each other, not above each other, so that the line from one to the
-    other is no axis of the block.
+    Straight, equally long, parallel fibres, oblique from the origin aponeurosis, the lower half of the face x
+    = 0, to the insertion aponeurosis, the upper half of the face x = 1: from (0, s, r / 2) to (1, s, r / 2 +
+    1 / 2). In a block of width w (x) and length l (z) fibres have the length sqrt(w^2 + (l / 2)^2), and the
+    pennation angle atan(2 w / l) against the aponeuroses and the block's long axis. The areas lie side by
+    side, so the line between them is no axis of the block.
 ``bipennate``
-    Two pennate halves side by side: from the lower half of the faces x = 0 (r < 1/2) and x = 1 to a tendon
-    in the middle, the upper half of the plane x = 1 / 2. In a block the pennation angle is atan(w / l).
+    Two pennate halves: from the lower half of the faces x = 0 (r < 1/2) and x = 1 to a tendon in the middle,
+    the upper half of the plane x = 1 / 2. In a block the pennation angle is atan(w / l).
 ``curved``
-    From the whole bottom to the whole top in arcs that lean towards x = 1.
+    From the whole bottom to the whole top in arcs towards x = 1.
 ``fan``
     From the whole bottom to a narrow insertion area in the middle of the top.
 
-A template of a user's own is a small TOML or JSON file with the sheets from the origin area to the insertion
-area::
+A user's template is a small TOML or JSON file with the sheets from origin to insertion area::
 
     # A strap that bulges to the side: degree 2, three sheets.
     sheets = [
@@ -32,14 +30,13 @@ area::
         [[0, 0, 1], [1, 0, 1], [1, 1, 1], [0, 1, 1]],              # the insertion area
     ]
 
-One of several parts has a list of tables instead: ``[[parts]]``, each with ``sheets``, all of the same
-degree.
+A template of several parts is a list of tables ``[[parts]]``, each with ``sheets`` of equal degree.
 
 References
 ----------
-Kohout, Clapworthy, Martelli, Viceconti 2012, *Muscle Fibres Modelling*, section 3.1,
-extended in doi:10.1007/978-3-642-38241-3_3; Blemker, Delp 2005, doi:10.1007/s10439-005-1433-7. Both show
-templates in pictures only: the control points are this module's own.
+Kohout, Clapworthy, Martelli, Viceconti 2012, *Muscle Fibres Modelling*, section 3.1, extended in
+doi:10.1007/978-3-642-38241-3_3; Blemker, Delp 2005, doi:10.1007/s10439-005-1433-7. Both show templates in
+pictures only: the control points are this module's.
 """
 
 from __future__ import annotations
@@ -69,25 +66,26 @@ Range = tuple[float, float]
 
 @dataclass(frozen=True, eq=False)
 class FibreTemplate:
-    """Fibres in the unit cube, in parts of (degree + 1, 4, 3) corners of sheets of control points.
+    """Fibres in the unit cube, as parts of control sheets.
 
-    Part i of n has the fibres with i / n <= r < (i + 1) / n, and its sheets are parametrised by (n r - i, s).
+    A part has corners (degree + 1, 4, 3). Part i of n has the fibres with i / n <= r < (i + 1) / n, and
+    parametrises its sheets by (n r - i, s).
     """
 
     parts: tuple[Floats, ...]
 
     @property
     def origin_areas(self) -> Floats:
-        """Corners of the origin area of each part, (n, 4, 3)."""
+        """Corners of the parts' origin areas, (n, 4, 3)."""
         return np.array([sheets[0] for sheets in self.parts])
 
     @property
     def insertion_areas(self) -> Floats:
-        """Corners of the insertion area of each part, (n, 4, 3)."""
+        """Corners of the parts' insertion areas, (n, 4, 3)."""
         return np.array([sheets[-1] for sheets in self.parts])
 
     def control_polygons(self, r: ArrayLike, s: ArrayLike) -> Floats:
-        """Return the control points of fibres with the parameters r, s (n,), (n, degree + 1, 3)."""
+        """Return the control points of fibres. Points (n, degree + 1, 3), parameters r, s (n,)."""
         n_parts = len(self.parts)
         along = np.asarray(r, dtype=np.float64) * n_parts
         part = np.minimum(along.astype(np.int64), n_parts - 1)
@@ -97,9 +95,9 @@ class FibreTemplate:
         return polygons
 
     def fibres(self, r: ArrayLike, s: ArrayLike, t: ArrayLike) -> Floats:
-        """Return the points (n, m, 3) of fibres r, s (n,) at the parameters t (m,), from origin to insertion.
+        """Return points (n, m, 3) of fibres. They run from origin to insertion.
 
-        All parameters are in [0, 1], and all points in the unit cube.
+        Parameters r, s (n,) of the fibres and t (m,) of the points in [0, 1]; points are in the unit cube.
         """
         # Rounding must not lift a point out of the cube.
         points: Floats = np.clip(bezier(self.control_polygons(r, s), t), 0.0, 1.0)
@@ -107,9 +105,10 @@ class FibreTemplate:
 
 
 def bezier(polygons: Floats, t: ArrayLike) -> Floats:
-    """Return points of Bezier curves, sum over k of C(d, k) (1 - t)^(d - k) t^k b_k, (n, m, 3).
+    """Return points (n, m, 3) of Bezier curves.
 
-    The control points b are (n, d + 1, 3), the parameters t (m,) are in [0, 1].
+    sum over k of C(d, k) (1 - t)^(d - k) t^k b_k for control points b (n, d + 1, 3) and parameters t (m,) in
+    [0, 1].
     """
     degree = polygons.shape[1] - 1
     parameters = np.asarray(t, dtype=np.float64)
@@ -119,11 +118,11 @@ def bezier(polygons: Floats, t: ArrayLike) -> Floats:
 
 
 def sobol_points(n: int) -> Floats:
-    """Return n points (n, 2) that are evenly spread over the inside of the unit square, always the same ones.
+    """Return evenly spread points (n, 2) inside the unit square.
 
-    The first 2^m points of Sobol's sequence (Joe, Kuo 2008, doi:10.1137/070709359) divide the square evenly:
-    their coordinates are the multiples of 2^-m, each once. They are moved by half of that, into the middle of
-    their cells: otherwise the first fibre would be an edge of the cube, and lie in the muscle's surface.
+    The first 2^m points of Sobol's sequence (Joe, Kuo 2008, doi:10.1137/070709359) have the multiples of
+    2^-m, once each, as coordinates. A shift by half a cell keeps the first fibre off the cube's edge, which
+    would lie in the muscle's surface.
     """
     exponent = max(n - 1, 0).bit_length()
     points: Floats = sobol(n, 2) + 0.5 / 2**exponent
@@ -131,12 +130,12 @@ def sobol_points(n: int) -> Floats:
 
 
 def _level(z: float, *, x: Range = (0.0, 1.0), y: Range = (0.0, 1.0)) -> Floats:
-    """Return a horizontal sheet: x runs with r, y with s."""
+    """Return a horizontal sheet. x runs with r, y with s."""
     return np.array([[x[0], y[0], z], [x[1], y[0], z], [x[1], y[1], z], [x[0], y[1], z]])
 
 
 def _wall(x: float, *, z: Range) -> Floats:
-    """Return an upright sheet across the cube: z runs with r, y with s."""
+    """Return an upright sheet across the cube. z runs with r, y with s."""
     return np.array([[x, 0.0, z[0]], [x, 0.0, z[1]], [x, 1.0, z[1]], [x, 1.0, z[0]]])
 
 
@@ -153,20 +152,12 @@ TEMPLATES = {
         [_wall(1.0, z=(0.0, 0.5)), _wall(0.75, z=(0.25, 0.75)), _wall(0.5, z=(0.5, 1.0))],
     ),
     "curved": _template(
-        [
-            _level(0.0),
-            _level(0.25, x=(0.3, 1.0)),
-            _level(0.5, x=(0.6, 1.0)),
-            _level(0.75, x=(0.3, 1.0)),
-            _level(1.0),
-        ]
+        [_level(z, x=(x, 1.0)) for z, x in ((0.0, 0.0), (0.25, 0.3), (0.5, 0.6), (0.75, 0.3), (1.0, 0.0))]
     ),
     "fan": _template(
         [
-            _level(0.0),
-            _level(1 / 3, x=(0.05, 0.95), y=(0.05, 0.95)),
-            _level(2 / 3, x=(0.3, 0.7), y=(0.2, 0.8)),
-            _level(1.0, x=(0.35, 0.65), y=(0.25, 0.75)),
+            _level(z, x=(x, 1 - x), y=(y, 1 - y))
+            for z, x, y in ((0.0, 0.0, 0.0), (1 / 3, 0.05, 0.05), (2 / 3, 0.3, 0.2), (1.0, 0.35, 0.25))
         ]
     ),
 }
@@ -176,8 +167,8 @@ KINDS = tuple(TEMPLATES)
 def read_template(path: str | Path) -> FibreTemplate:
     """Return the template in a ``.toml`` or ``.json`` file.
 
-    Raises a ValueError if the file cannot be read, is not TOML or JSON, or does not hold a template; the
-    message names the place in the file and what is allowed there.
+    Raises a ValueError if the file cannot be read, is not TOML or JSON, or holds no template; the message
+    names the key in the file and its allowed values.
     """
     file = Path(path)
     if file.suffix not in (".toml", ".json"):
@@ -197,9 +188,10 @@ def read_template(path: str | Path) -> FibreTemplate:
 
 
 def template_from(content: Any, where: str | Path) -> FibreTemplate:
-    """Return the template in the content of a file; a ValueError names the place in it that is wrong.
+    """Return the template in the content of a file.
 
-    The content is a mapping with either ``sheets`` or ``parts``, a list of mappings with ``sheets``.
+    The content is a mapping with ``sheets``, or with ``parts``, a list of mappings with ``sheets``. A
+    ValueError names the wrong key.
     """
     if not isinstance(content, Mapping) or set(content) not in ({"sheets"}, {"parts"}):
         keys = ", ".join(map(repr, content)) if isinstance(content, Mapping) else "no table"
@@ -215,24 +207,20 @@ def template_from(content: Any, where: str | Path) -> FibreTemplate:
             raise InputError(where, f"parts[{number}] must be a table with the key 'sheets', and no other")
         parts.append(_sheets(table["sheets"], where, f"parts[{number}].sheets"))
         if len(parts[-1]) != len(parts[0]):
-            raise InputError(
-                where,
-                f"parts[{number}] has {len(parts[-1])} sheets and parts[0] {len(parts[0])}",
-                "all parts must have the same number",
-            )
+            problem = f"parts[{number}] has {len(parts[-1])} sheets and parts[0] {len(parts[0])}"
+            raise InputError(where, problem, "all parts must have the same number")
     return FibreTemplate(tuple(parts))
 
 
 def _sheets(value: Any, where: str | Path, key: str) -> Floats:
-    """Return sheets of control points, (degree + 1, 4, 3)."""
+    """Return control sheets (degree + 1, 4, 3)."""
     least, most = DEGREES[0] + 1, DEGREES[-1] + 1
     if not isinstance(value, list) or not least <= len(value) <= most:
-        found = f"{len(value)} sheets" if isinstance(value, list) else quoted(value)
-        raise InputError(
-            where,
-            f"{key}: {found}, but must be a list of {least} to {most} sheets, for Bezier curves of degree "
-            f"{DEGREES[0]} to {DEGREES[-1]}",
+        content = f"{len(value)} sheets" if isinstance(value, list) else quoted(value)
+        problem = (
+            f"{key}: {content}, but must be a list of {least} to {most} sheets, for Bezier curves of degree"
         )
+        raise InputError(where, f"{problem} {DEGREES[0]} to {DEGREES[-1]}")
     for i, sheet in enumerate(value):
         if not isinstance(sheet, list) or len(sheet) != 4:
             problem = f"{key}[{i}] must be a list of 4 corners, at (r, s) = (0, 0), (1, 0), (1, 1), (0, 1)"
