@@ -85,7 +85,8 @@ class Pixels(Artist):
 def legend_columns(width: float, labels: Sequence[str]) -> int:
     """Return the number of legend columns in a width [inches]."""
     letters = max((len(label) for label in labels), default=1)
-    return max(1, int(width / (0.5 + 0.095 * letters)))  # mean width of a letter [inches]
+    # A letter is 0.095 inches wide on average.
+    return max(1, int(width / (0.5 + 0.095 * letters)))
 
 
 def sheet(panels: Sequence[Panel], title: str, units: str, *, legend: Sequence[str] = ()) -> Figure:
