@@ -21,8 +21,8 @@ moving = filters.BoneMotion(bones=hip.bones, motion=hip.motion)
 deformed = filters.PBDDeformer(muscle=fixed, rest_bones=hip.bones, bones=moving)
 
 # %%
-# Its fibres: a template in the unit cube, fitted to the muscle, morphed isoline by isoline, trimmed to the areas
-# and smoothed; then moved with the muscle, measured, and drawn as tubes.
+# Its fibres: a template in the unit cube, fitted to the muscle, morphed isoline by isoline, trimmed to the
+# areas and smoothed; then moved with the muscle, measured, and drawn as tubes.
 
 template = filters.FibreTemplateSource(template="parallel", n_fibres=60)
 fitted = filters.TemplateFitter(template=template, muscle=muscle, attachments=areas)

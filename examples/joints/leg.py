@@ -10,6 +10,8 @@ from numpy.typing import ArrayLike
 from vtkmuscle.core.motion.rigid import RigidMotion, frame_at, rotation_about
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.attachments import AttachmentArea
+from vtkmuscle.joints.functions import IDENTITY
+from vtkmuscle.joints.tree import Joint, JointAxis, JointCoordinate, KinematicTree
 from vtkmuscle.phantoms.hip_bones import HEAD_RADIUS, NECK_ANGLE, pelvis, upper_femur
 from vtkmuscle.phantoms.hip_joint import beside_bones, hip_parts
 from vtkmuscle.phantoms.implicit import Solid, ball, rod, thick_curve, union
