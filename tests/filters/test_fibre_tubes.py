@@ -63,7 +63,7 @@ def test_a_fibre_without_length_gets_no_tube_and_the_others_keep_their_scalars()
 
 
 def test_fibres_without_any_length_are_refused():
-    with pytest.raises(ValueError, match="none of them has a length"):
+    with pytest.raises(ValueError, match="all lengths are 0"):
         FibreTubes()(fibres_from([[3, 3, 3]] * 4))
 
 

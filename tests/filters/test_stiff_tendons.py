@@ -120,5 +120,5 @@ def test_fibres_that_are_not_those_at_rest_are_refused(fibres, muscle):
 
 
 def test_a_muscle_without_paths_is_refused(fibres, muscle):
-    with pytest.raises(ValueError, match=r"StiffTendons: paths: there are none"):
+    with pytest.raises(ValueError, match=r"StiffTendons: paths: the data set has no paths"):
         held(fibres, muscle, vtkPolyData())

@@ -1,4 +1,4 @@
-"""Between VTK data sets and numpy arrays."""
+"""Conversion between VTK data sets and numpy arrays."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ Data = TypeVar("Data", bound=vtkDataObject)
 
 
 def points_of(data: Any) -> Floats:
-    """Return the points of a data set as an (n, 3) float64 array that may be changed (a copy)."""
+    """Return a data set's points (n, 3) as a float64 copy."""
     points = data.GetPoints()
     return np.array(np.zeros((0, 3)) if points is None else vtk_to_numpy(points.GetData()), dtype=np.float64)
 
 
 def triangles_of(surface: vtkPolyData, where: str) -> Ints:
-    """Return the triangles of a surface, (m, 3) point ids; ValueError at `where` for other faces, or none."""
+    """Return a surface's triangles (m, 3); ValueError at `where` for other faces."""
     polys = surface.GetPolys()
     if polys.GetNumberOfCells() == 0:
         raise InputError(where, "the surface has no triangles")
@@ -42,27 +42,26 @@ def triangles_of(surface: vtkPolyData, where: str) -> Ints:
 
 
 def checked_surface(surface: vtkPolyData, where: str) -> tuple[Floats, Ints]:
-    """Return points and triangles; ValueError as :func:`triangles_of`, or for points that are not finite."""
+    """Return points and triangles; ValueError as :func:`triangles_of`, or for NaN."""
     triangles = triangles_of(surface, where)
     points = points_of(surface)
     finite = np.isfinite(points)
-    if not finite.all():  # row by row takes far longer
+    if not finite.all():  # a check row by row is slower
         bad = np.flatnonzero(~finite.all(axis=1))
-        raise InputError(
-            where, f"{len(bad)} point(s) are not finite, the first is point {bad[0]}", "correct them"
-        )
+        problem = f"{len(bad)} point(s) are not finite, the first is point {bad[0]}"
+        raise InputError(where, problem, "correct them")
     return points, triangles
 
 
 def vtk_points(points: Floats) -> vtkPoints:
-    """Return vtkPoints of doubles that hold a copy of an (n, 3) array."""
+    """Return vtkPoints with a double copy of an (n, 3) array."""
     result = vtkPoints()
     result.SetData(vtk_array(np.asarray(points, dtype=np.float64)))
     return result
 
 
 def state_of(data: vtkDataObject) -> object:
-    """Return what ``Modified()`` changes, of a data object or of a block in it."""
+    """Return the modification times of a data object and its blocks."""
     if not isinstance(data, vtkMultiBlockDataSet):
         return data.GetMTime()
     blocks = [data.GetBlock(i) for i in range(data.GetNumberOfBlocks())]
@@ -70,14 +69,14 @@ def state_of(data: vtkDataObject) -> object:
 
 
 def shallow_copy(data: Data) -> Data:
-    """Return another data object with the same arrays; arrays added to it are not added to the first."""
+    """Return a data object with the same arrays and its own array lists."""
     copy: Data = data.NewInstance()
     copy.ShallowCopy(data)
     return copy
 
 
 def with_points(data: Any, points: Floats) -> Any:
-    """Return a shallow copy of a data set with other points (double precision)."""
+    """Return a shallow copy of a data set with new points."""
     copy = shallow_copy(data)
     copy.SetPoints(vtk_points(points))
     return copy
@@ -93,7 +92,7 @@ def surface_from(points: Floats, triangles: Ints) -> vtkPolyData:
 
 @dataclass(frozen=True)
 class Polylines:
-    """Polylines one after the other: line i has the points (n, 3) from offsets[i] to offsets[i + 1].
+    """Polylines in sequence: line i has the points offsets[i] to offsets[i + 1].
 
     Attributes
     ----------
@@ -115,9 +114,9 @@ class Polylines:
         return self.points[self.offsets[i] : self.offsets[i + 1]]
 
     def moved(self, points: Floats, offsets: Ints | None = None) -> vtkPolyData:
-        """Return as many lines with other points, and the cell and field data of the source.
+        """Return lines with new points, and the cell and field data of the source.
 
-        Point data is kept where every line has as many points as before.
+        Point data is kept if each line keeps its number of points.
         """
         data: Any = self.data
         offsets = self.offsets if offsets is None else offsets
@@ -133,22 +132,22 @@ class Polylines:
         return result
 
     def copy(self) -> vtkPolyData:
-        """Return the lines with all arrays of the source, to add more to."""
+        """Return a copy of the lines with all arrays of the source."""
         return self.moved(self.points)
 
 
 def polylines_of(data: vtkPolyData, where: str) -> Polylines:
-    """Return the polylines of a data set, each with points of its own.
+    """Return a data set's polylines without shared points.
 
-    Raises a ValueError at `where` if there is no line, if there are other cells too (cell arrays would be out
-    of step with the lines), or if a coordinate is not finite.
+    ValueError at `where` without lines, with other cells (cell arrays would not match the lines), or for a
+    coordinate that is not finite.
     """
     lines = data.GetLines()
     if lines.GetNumberOfCells() == 0:
         raise InputError(where, "there are no polylines")
-    others = data.GetNumberOfCells() - lines.GetNumberOfCells()
-    if others:
-        raise InputError(where, f"{others} cell(s) are not polylines", "keep the lines only")
+    n_other = data.GetNumberOfCells() - lines.GetNumberOfCells()
+    if n_other:
+        raise InputError(where, f"{n_other} cell(s) are not polylines", "keep the lines only")
     points = points_of(data).take(vtk_to_numpy(lines.GetConnectivityArray()), axis=0)
     if not np.isfinite(points).all():
         raise InputError(where, "some points are not finite", "correct them")
@@ -156,7 +155,7 @@ def polylines_of(data: vtkPolyData, where: str) -> Polylines:
 
 
 def polylines_from(lines: Polylines) -> vtkPolyData:
-    """Return a vtkPolyData of polylines."""
+    """Return polylines as a vtkPolyData."""
     data = vtkPolyData()
     data.SetPoints(vtk_points(lines.points))
     data.SetLines(_cells(lines.offsets, np.arange(len(lines.points))))
@@ -180,7 +179,7 @@ def add_arrays(
     cells: Mapping[str, NDArray[Any]] | None = None,
     fields: Mapping[str, Any] | None = None,
 ) -> Data:
-    """Add copies of arrays, by name, to the point, cell and field data; return the data."""
+    """Add copies of arrays by name to point, cell and field data."""
     for add, arrays in ((set_point_array, points), (set_cell_array, cells), (set_field_array, fields)):
         for name, values in (arrays or {}).items():
             add(data, name, values)
@@ -210,28 +209,28 @@ def string_array(name: str, values: Iterable[str]) -> vtkStringArray:
 
 
 def point_array(data: Any, name: str, where: str) -> NDArray[Any]:
-    """Return a point array as a read-only view; ValueError at `where` if there is none."""
+    """Return a point array as a read-only view; ValueError at `where` if missing."""
     return _existing(data.GetPointData(), "point", name, where)
 
 
 def cell_array(data: Any, name: str, where: str) -> NDArray[Any]:
-    """Return a cell array as a read-only view; ValueError at `where` if there is none."""
+    """Return a cell array as a read-only view; ValueError at `where` if missing."""
     return _existing(data.GetCellData(), "cell", name, where)
 
 
 def field_array(data: Any, name: str) -> NDArray[Any] | None:
-    """Return a numeric field array as a read-only view, None where there is none."""
+    """Return a numeric field array as a read-only view, None if missing."""
     array = data.GetFieldData().GetArray(name)
     return None if array is None else _view(array)
 
 
 def field_string(data: Any, name: str) -> str | None:
-    """Return the first value of a string field array, None where there is none."""
+    """Return the first value of a string field array, None if missing."""
     return next(iter(field_strings(data, name)), None)
 
 
 def field_strings(data: Any, name: str) -> list[str]:
-    """Return the values of a string field array, none where there is no such array."""
+    """Return the values of a string field array, [] if missing."""
     array = data.GetFieldData().GetAbstractArray(name)
     if not isinstance(array, vtkStringArray):
         return []
@@ -239,7 +238,7 @@ def field_strings(data: Any, name: str) -> list[str]:
 
 
 def blocks_of(data: vtkMultiBlockDataSet) -> list[tuple[str, Any]]:
-    """Return (name, data set) of each block; a block without a name is called by its number."""
+    """Return (name, data set) of each block; unnamed blocks are numbered."""
     blocks = []
     for i in range(data.GetNumberOfBlocks()):
         name = data.GetMetaData(i).Get(vtkCompositeDataSet.NAME()) if data.HasMetaData(i) else None
@@ -248,7 +247,7 @@ def blocks_of(data: vtkMultiBlockDataSet) -> list[tuple[str, Any]]:
 
 
 def multiblock_from(blocks: dict[str, Any]) -> vtkMultiBlockDataSet:
-    """Return a vtkMultiBlockDataSet of named blocks."""
+    """Return named blocks as a vtkMultiBlockDataSet."""
     data = vtkMultiBlockDataSet()
     for i, (name, block) in enumerate(blocks.items()):
         data.SetBlock(i, block)
@@ -257,26 +256,27 @@ def multiblock_from(blocks: dict[str, Any]) -> vtkMultiBlockDataSet:
 
 
 def array_names(attributes: Any) -> list[str]:
-    """Return the names of the arrays of points, cells or fields."""
+    """Return the array names of point, cell or field data."""
     return [str(attributes.GetArrayName(i)) for i in range(attributes.GetNumberOfArrays())]
 
 
-#: Characters that names of arrays lose in VTK's XML files, and how they are written.
+#: Characters lost in array names of VTK's XML files, and their escapes.
 _ESCAPES = {ord(character): f"%{ord(character):02X}" for character in "%<>&\"'"}
 
 
 def array_of(kind: str, name: str) -> str:
-    """Return the name of the array of a kind for something with a name, in which any character may be."""
+    """Return the array name of a kind and a name with any characters."""
     return kind + name.translate(_ESCAPES)
 
 
 def names_of(kind: str, attributes: Any) -> dict[str, str]:
-    """Return the names of the arrays of a kind by what they are for, see :func:`array_of`."""
-    return {unquote(one.removeprefix(kind)): one for one in array_names(attributes) if one.startswith(kind)}
+    """Return the array names of a kind by plain name, see :func:`array_of`."""
+    names = array_names(attributes)
+    return {unquote(array.removeprefix(kind)): array for array in names if array.startswith(kind)}
 
 
 def empty_array(kind: int, shape: tuple[int, ...], name: str | None = None) -> tuple[Any, NDArray[Any]]:
-    """Return an array of a type of VTK's, (n,) or (n, c), and a view to write its values to."""
+    """Return an array of a VTK type, (n,) or (n, c), and a writable view."""
     array: Any = vtkDataArray.CreateDataArray(kind)
     array.SetName(name)
     array.SetNumberOfComponents(shape[1] if len(shape) > 1 else 1)
@@ -287,7 +287,7 @@ def empty_array(kind: int, shape: tuple[int, ...], name: str | None = None) -> t
 
 
 def vtk_array(values: NDArray[Any], name: str | None = None, kind: int | None = None) -> Any:
-    """Return a VTK array that holds a copy of values, (n,) or (n, c)."""
+    """Return a VTK array with a copy of values, (n,) or (n, c)."""
     array, view = empty_array(get_vtk_array_type(values.dtype) if kind is None else kind, values.shape, name)
     view[...] = values
     return array

@@ -1,4 +1,4 @@
-"""Attachment areas and aponeuroses as data: a vtkMultiBlockDataSet each, a block for every one of them."""
+"""Attachment areas and aponeuroses as data, a block for each."""
 
 from __future__ import annotations
 
@@ -27,32 +27,32 @@ from vtkmuscle.data.arrays import (
     surface_from,
 )
 
-#: Roles of areas where a muscle is attached: its ends.
+#: Roles of attachment areas at the ends of a muscle.
 ROLES = ("origin", "insertion")
-#: Role of a ring that a muscle passes through, slides along in, and does not leave.
+#: Role of a ring for a muscle to slide through.
 VIA = "via"
 
 
 @dataclass(frozen=True, eq=False)
 class AttachmentArea:
-    """Where a muscle is attached to a bone, or held by it.
+    """Area of a muscle's attachment to a bone, or a via ring.
 
     Attributes
     ----------
     role : str
-        ``"origin"`` or ``"insertion"``; or ``"via"``, for a ring that the muscle passes through: a
-        retinaculum or a pulley, which moves with the bone.
+        ``"origin"`` or ``"insertion"``; or ``"via"``, for a ring around the muscle that moves with the bone:
+        a retinaculum or a pulley.
     bone : str
         Name of the bone's block.
     landmarks : (k, 3) float array
-        In boundary order, each once, mm, in the rest pose.
+        In boundary order, without repeats, in the rest pose [mm].
     closed : bool
-        True where the landmarks are the boundary of an area (a ring), False for an open curve or loose
-        points: then the attachment is the part of the muscle near the curve. A via ring is closed.
+        True for the boundary of an area (a ring), False for an open curve or loose points: the attachment is
+        then the part of the muscle close to the curve. A via ring is closed.
     estimated : bool
-        True where the landmarks were not digitised but made from where the muscle touches the bone.
+        True for landmarks computed from contact between muscle and bone, False for digitised landmarks.
     sureness : float or None
-        Sureness of an estimate, 0 to 1; see :class:`~vtkmuscle.filters.AttachmentEstimator`.
+        Confidence of an estimate, 0 to 1; see :class:`~vtkmuscle.filters.AttachmentEstimator`.
     """
 
     role: str
@@ -64,7 +64,7 @@ class AttachmentArea:
 
 
 def attachments_from(areas: Sequence[AttachmentArea]) -> vtkMultiBlockDataSet:
-    """Return areas as the data set that filters take; a ring is a closed polyline, a curve an open one."""
+    """Return areas as a data set: rings are closed polylines, curves open."""
     blocks = {}
     for i, area in enumerate(areas):
         block = _polyline(area.landmarks, closed=area.closed)
@@ -90,9 +90,9 @@ def attachments_of(data: vtkMultiBlockDataSet, where: str) -> list[AttachmentAre
     Parameters
     ----------
     data : vtkMultiBlockDataSet
-        A block per area: a vtkPolyData with the field arrays ``Bone`` and ``Role`` and one polyline
-        through the landmarks (closed if its last point repeats its first), or points alone; where the
-        field array ``Estimated`` is not 0, the landmarks are an estimate.
+        A block per area: a vtkPolyData with the field arrays ``Bone`` and ``Role`` and a polyline through the
+        landmarks (closed if the last point repeats the first), or points alone; a field array ``Estimated``
+        other than 0 marks estimated landmarks.
     where : str
         Named in errors, e.g. ``"TemplateFitter: attachments"``.
 
@@ -104,22 +104,21 @@ def attachments_of(data: vtkMultiBlockDataSet, where: str) -> list[AttachmentAre
     Raises
     ------
     ValueError
-        For a block without landmarks, with a coordinate that is not finite, or without its arrays; for a via
-        ring that is not closed, or that :func:`vtkmuscle.core.paths.via_rings.via_ring` refuses.
+        For a block without landmarks, with a coordinate that is not finite, or without its arrays; for an
+        open via ring, or a ring refused by :func:`vtkmuscle.core.paths.via_rings.via_ring`.
     """
     areas = []
     for label, block in _blocks(data, where, "landmarks"):
         role, bone = field_string(block, "Role"), field_string(block, "Bone")
         if role not in (*ROLES, VIA):
-            raise InputError(
-                label, f"the field array 'Role' is {role!r}, but must be 'origin', 'insertion' or 'via'"
-            )
+            problem = f"the field array 'Role' is {role!r}, but must be 'origin', 'insertion' or 'via'"
+            raise InputError(label, problem)
         if not bone:
             raise InputError(label, "the field array 'Bone' must name a bone")
         landmarks, closed = landmarks_of(block, label)
         if role == VIA:
             if not closed:
-                remedy = "end its polyline with the point that it begins with"
+                remedy = "end the polyline with its first point"
                 raise InputError(label, "a via ring must be closed", remedy)
             with errors_at(label):
                 via_ring(landmarks)
@@ -138,14 +137,14 @@ def attachments_of(data: vtkMultiBlockDataSet, where: str) -> list[AttachmentAre
 
 
 def end_areas(data: vtkMultiBlockDataSet, where: str) -> list[AttachmentArea]:
-    """Return the areas where a muscle is attached, as :func:`attachments_of` does, but no via rings."""
+    """Return the areas of :func:`attachments_of` without via rings."""
     return [area for area in attachments_of(data, where) if area.role in ROLES]
 
 
 def via_rings_of(data: vtkMultiBlockDataSet, where: str) -> list[AttachmentArea]:
-    """Return the rings that a muscle passes through, as :func:`attachments_of` does, but no ends.
+    """Return the via rings of :func:`attachments_of`.
 
-    Their planes and polygons: :func:`vtkmuscle.core.paths.via_rings.via_ring`.
+    :func:`vtkmuscle.core.paths.via_rings.via_ring` gives the rings' planes and polygons.
     """
     return [area for area in attachments_of(data, where) if area.role == VIA]
 
@@ -153,20 +152,22 @@ def via_rings_of(data: vtkMultiBlockDataSet, where: str) -> list[AttachmentArea]
 def rings_by_bone(
     data: vtkMultiBlockDataSet | None, bones: Sequence[str], where: str
 ) -> tuple[tuple[int, ViaRing], ...]:
-    """Return the via rings among attachments, each with the number of its bone, which must be known."""
+    """Return via rings with the indices of their bones; ValueError for unknown bones."""
     areas = [] if data is None else via_rings_of(data, where)
     names = list(bones)
     for area in areas:
         if area.bone not in names:
-            known = ", ".join(map(repr, names))
-            raise InputError(where, f"a via ring goes with the bone {area.bone!r}, but the bones are {known}")
+            problem = (
+                f"the bone of a via ring is {area.bone!r}, but the bones are {', '.join(map(repr, names))}"
+            )
+            raise InputError(where, problem)
     return tuple((names.index(area.bone), via_ring(area.landmarks)) for area in areas)
 
 
 def landmarks_of(data: vtkPolyData, where: str) -> tuple[NDArray[np.float64], bool]:
-    """Return the landmarks of an area in boundary order, and whether they close to a ring.
+    """Return an area's landmarks in boundary order, and whether they form a ring.
 
-    Raises a ValueError if a coordinate is not finite, or there is more than one polyline.
+    ValueError for a coordinate that is not finite, or several polylines.
     """
     points = points_of(data)
     if not np.isfinite(points).all():
@@ -181,23 +182,23 @@ def landmarks_of(data: vtkPolyData, where: str) -> tuple[NDArray[np.float64], bo
     return (landmarks[:-1] if closed else landmarks), closed
 
 
-#: Which of a muscle's ends an aponeurosis belongs to: that of its origin, or that of its insertion.
+#: Side of an aponeurosis: at the muscle's origin or insertion.
 SIDES = ("proximal", "distal")
 
 
 @dataclass(frozen=True, eq=False)
 class Aponeurosis:
-    """A sheet of tendon that fibres end on, on a muscle's surface or within the muscle; it moves with that.
+    """A tendon sheet at fibre ends, on or within a muscle, moving with the muscle.
 
     Attributes
     ----------
     side : str
-        ``"proximal"``, where fibres begin, or ``"distal"``. Several may share a side.
+        ``"proximal"`` at the fibres' origins, or ``"distal"``. Several aponeuroses may share a side.
     points : (n, 3) float array
-        Landmarks of a ring round it on the muscle's surface, in order, each once; or the points of a surface
-        [mm, in the rest pose].
+        Landmarks of a surrounding ring on the muscle's surface, in order, without repeats; or the points of a
+        surface [mm, in the rest pose].
     triangles : (m, 3) int array
-        Point ids of a surface within the muscle; none for a ring.
+        Point ids of a surface within the muscle; empty for a ring.
     """
 
     side: str
@@ -210,45 +211,43 @@ class Aponeurosis:
 
     @property
     def is_ring(self) -> bool:
-        """True for landmarks round it, False for a surface of its own."""
+        """True for a ring of landmarks, False for a surface."""
         return len(self.triangles) == 0
 
 
 def aponeurosis_from(data: vtkPolyData, side: str, where: str) -> Aponeurosis:
-    """Return the aponeurosis in a data set: a surface where it has triangles, else a ring."""
+    """Return a data set's aponeurosis: a surface if there are triangles, else a ring."""
     if data.GetNumberOfPolys():
         return Aponeurosis(side, *checked_surface(data, where))
     return ring_aponeurosis(landmarks_of(data, where)[0], side, where)
 
 
 def ring_aponeurosis(landmarks: Floats, side: str, where: str) -> Aponeurosis:
-    """Return the aponeurosis within a ring of landmarks (k, 3); ValueError for fewer than three."""
+    """Return the aponeurosis within landmarks (k, 3), k >= 3."""
     if len(landmarks) < 3:
-        raise InputError(
-            where,
-            "an aponeurosis is a ring of three points or more, or a surface, but there are "
-            f"{len(landmarks)} points",
-            "give the points round it, in order",
+        problem = (
+            f"an aponeurosis is a surface or a ring of at least 3 points, but has {len(landmarks)} points"
         )
+        raise InputError(where, problem, "list the points around the aponeurosis in order")
     return Aponeurosis(side, landmarks)
 
 
 def aponeuroses_data(aponeuroses: Sequence[Aponeurosis]) -> vtkMultiBlockDataSet:
-    """Return aponeuroses as the data set that filters take."""
+    """Return aponeuroses as a data set for filters."""
     blocks = {}
-    for number, one in enumerate(aponeuroses):
-        is_ring = one.is_ring
-        block = _polyline(one.points, closed=True) if is_ring else surface_from(one.points, one.triangles)
-        set_field_array(block, "Side", one.side)
-        blocks[f"{one.side}_{number}"] = block
+    for number, sheet in enumerate(aponeuroses):
+        points, side = sheet.points, sheet.side
+        block = _polyline(points, closed=True) if sheet.is_ring else surface_from(points, sheet.triangles)
+        set_field_array(block, "Side", side)
+        blocks[f"{side}_{number}"] = block
     return multiblock_from(blocks)
 
 
 def aponeuroses_of(data: vtkMultiBlockDataSet, where: str) -> list[Aponeurosis]:
-    """Return the aponeuroses of a data set, in the order of its blocks.
+    """Return the aponeuroses of a data set, in block order.
 
-    Each block is a vtkPolyData with the field array ``Side`` (``"proximal"`` or ``"distal"``) and one
-    polyline through landmarks, points alone, or triangles. Raises a ValueError for any other.
+    Each block is a vtkPolyData with the field array ``Side`` (``"proximal"`` or ``"distal"``) and a polyline
+    through landmarks, points alone, or triangles. ValueError for other blocks.
     """
     aponeuroses = []
     for label, block in _blocks(data, where, "points"):
@@ -260,7 +259,7 @@ def aponeuroses_of(data: vtkMultiBlockDataSet, where: str) -> list[Aponeurosis]:
 
 
 def _blocks(data: vtkMultiBlockDataSet, where: str, content: str) -> Iterator[tuple[str, Any]]:
-    """Yield each block with its place for errors; ValueError for one without points."""
+    """Yield each block with its name for errors; ValueError for empty blocks."""
     for name, block in blocks_of(data):
         label = f"{where}, block {name!r}"
         if block is None or block.GetNumberOfPoints() == 0:
@@ -269,6 +268,6 @@ def _blocks(data: vtkMultiBlockDataSet, where: str, content: str) -> Iterator[tu
 
 
 def _polyline(points: Floats, *, closed: bool) -> vtkPolyData:
-    """Return one line through points (k, 3); a closed one ends at a copy of its first point."""
+    """Return a line through points (k, 3), closed by a copy of the first point."""
     points = np.vstack([points, points[:1]]) if closed else points
     return polylines_from(Polylines(points, np.array([0, len(points)])))

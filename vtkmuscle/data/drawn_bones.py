@@ -1,4 +1,4 @@
-"""Bones for pictures, with no more triangles than can be told apart; made once for all pictures of a run."""
+"""Simplified bones for pictures, made once per run."""
 
 from __future__ import annotations
 
@@ -13,24 +13,24 @@ from vtkmuscle.core.mesh.normals import mean_normals, triangle_normals
 from vtkmuscle.core.types import Floats, Ints
 from vtkmuscle.data.arrays import blocks_of, points_of, triangles_of
 
-#: Triangles of all bones, about.
+#: Approximate number of triangles of all bones: a picture has fewer pixels per bone than triangles beyond.
 TRIANGLES = 100_000
-#: Triangles that a bone has at least, and cells of the grid that makes it coarser along each axis at most.
+#: Least triangles of a bone, and most grid cells along an axis: cell numbers stay within 64 bits.
 _LEAST, _MOST_CELLS = 600, 400
 
 
 @dataclass(frozen=True, eq=False)
 class DrawnBone:
-    """A bone at rest, with no more triangles than a picture can show.
+    """A bone at rest with few triangles, for pictures.
 
     Attributes
     ----------
     points, triangles : (n, 3) array, (m, 3) int array
-        Some of the bone's points, and triangles of these.
+        A subset of the bone's points, and their triangles.
     normals : (n, 3) float array
-        Unit normals of the whole bone at these points.
+        Unit normals of the original bone at the points.
     solid : bool
-        The whole bone is closed and faces outward, so that no triangle is seen from behind.
+        The original bone is closed and faces outward, so that back faces are invisible.
     """
 
     points: Floats
@@ -45,7 +45,7 @@ class DrawnBone:
 
 
 class DrawnBones:
-    """The bones of a scene at rest by name, see :class:`DrawnBone`; made when first asked for."""
+    """A scene's bones at rest by name, see :class:`DrawnBone`; made on first use."""
 
     def __init__(self, bones: vtkMultiBlockDataSet) -> None:
         self._bones = bones
@@ -55,7 +55,7 @@ class DrawnBones:
         """The bones by name."""
         blocks = blocks_of(self._bones)
         total = sum(block.GetNumberOfCells() for _, block in blocks)
-        found = {}
+        drawn = {}
         for name, block in blocks:
             points, triangles = points_of(block), triangles_of(block, name)
             facing = triangle_normals(points, triangles)
@@ -66,11 +66,11 @@ class DrawnBones:
                 area = float(np.linalg.norm(facing, axis=1).sum()) / 2.0
                 kept, triangles = clustered(points, triangles, area, wanted)
                 points, normals = points[kept], normals[kept]
-            found[name] = DrawnBone(points, triangles, normals, solid)
-        return found
+            drawn[name] = DrawnBone(points, triangles, normals, solid)
+        return drawn
 
     def spread(self, transforms: Mapping[str, Floats] | None = None) -> Floats:
-        """Return points (k, 3) spread over all bones, of which some have moved by (4, 4) transforms."""
+        """Return points (k, 3) spread over all bones, moved by (4, 4) transforms."""
         every = [np.zeros((0, 3))]
         for name, bone in self.by_name.items():
             moved = (transforms or {}).get(name, np.eye(4))
@@ -79,7 +79,7 @@ class DrawnBones:
 
 
 def spread_over(points: Floats, triangles: Ints, n: int = 10_000) -> Floats:
-    """Return points spread over a surface evenly by area, the same ones each time."""
+    """Return reproducible points spread over a surface evenly by area."""
     doubled = np.linalg.norm(triangle_normals(points, triangles), axis=1)
     if not doubled.any():
         return points
@@ -93,16 +93,15 @@ def spread_over(points: Floats, triangles: Ints, n: int = 10_000) -> Floats:
 
 
 def clustered(points: Floats, triangles: Ints, area: float, wanted: int) -> tuple[Ints, Ints]:
-    """Return which of the points (n, 3) are kept, and about as many triangles as wanted on these.
+    """Return ids of the kept points (n, 3), and about `wanted` triangles.
 
-    Of the points in a cell of a grid the one nearest to their mean stands for all of them (Rossignac and
-    Borrel 1993, doi:10.1007/978-3-642-78114-8_29). ``area`` is the surface's.
+    The point closest to the mean of a grid cell replaces the cell's points (Rossignac and Borrel 1993,
+    doi:10.1007/978-3-642-78114-8_29). ``area`` is the surface's area.
     """
-    # A cell that a surface passes through holds about two triangles.
+    # A cell on the surface has about two triangles.
     cell = np.maximum(np.sqrt(2.0 * max(area, 1e-12) / wanted), np.ptp(points, axis=0) / _MOST_CELLS)
-    places = ((points - points.min(axis=0)) / cell).astype(np.int64)
-    places = places @ (_MOST_CELLS + 1) ** np.arange(3)
-    _, cluster, counts = np.unique(places, return_inverse=True, return_counts=True)
+    cells = ((points - points.min(axis=0)) / cell).astype(np.int64) @ (_MOST_CELLS + 1) ** np.arange(3)
+    _, cluster, counts = np.unique(cells, return_inverse=True, return_counts=True)
     means = np.stack([np.bincount(cluster, axis) / counts for axis in points.T], axis=1)
     nearest_last = np.argsort(((points - means[cluster]) ** 2).sum(axis=1), kind="stable")[::-1]
     kept = np.zeros(len(counts), dtype=np.int64)
@@ -112,11 +111,11 @@ def clustered(points: Floats, triangles: Ints, area: float, wanted: int) -> tupl
 
 
 def _is_solid(points: Floats, triangles: Ints, normals: Floats) -> bool:
-    """Return whether triangles with normals (m, 3) enclose a volume that they face away from.
+    """Return whether triangles with outward normals (m, 3) enclose a volume.
 
-    Where they do, triangles run through each edge as often in one direction as in the other: the sum over the
-    edges of any quantity that changes sign with the direction is zero. A random one is zero by chance once in
-    2^63.
+    On a closed surface each edge is used as often in one direction as in the other, so the sum over edges of
+    a quantity odd in the direction is zero. For a random quantity the probability of a zero by chance is
+    2^-63.
     """
     random = np.random.default_rng(0).integers(0, 2**63, (2, len(points)), dtype=np.uint64)
     of_start, of_end = random[0][triangles], random[1][triangles]

@@ -1,4 +1,4 @@
-"""Attachment areas and aponeuroses as the surfaces that fibres end on, on a muscle or within it."""
+"""Attachment areas and aponeuroses as end surfaces of fibres."""
 
 from __future__ import annotations
 
@@ -15,29 +15,27 @@ from vtkmuscle.core.types import Floats, Ints
 from vtkmuscle.data.attachments import SIDES, Aponeurosis, AttachmentArea
 from vtkmuscle.data.muscle_geometry import MuscleGeometry
 
-#: A ring goes round the muscle where the muscle's surface within it has more than this many times the area of
-#: the disc that spans the ring: a half ball has 2. Fibres then end on the disc.
+#: Ratio of surface within a ring to the ring's disc above which the ring surrounds the muscle, and fibres end
+#: on the disc: a hemisphere has 2.
 BULGE = 2.0
-#: Largest part of a ring on the surface that may be deeper in the muscle than a mean edge's length.
+#: Largest part of a surface ring deeper in the muscle than a mean edge: a single landmark may be inexact.
 DEEP = 0.05
-#: Positions from one landmark to the next at which that is measured.
-PLACES = 8
-#: Largest distance of an aponeurosis from its muscle, as a part of the muscle's extent.
+#: Largest distance of an aponeurosis from its muscle, relative to the muscle's extent: finds wrong units.
 FARTHEST = 0.05
 #: Largest part of a muscle's surface that an aponeurosis may cover: the two sides of a sheet have half each.
 COVERS = 0.6
-#: Largest part of an aponeurosis that may lie in the other: rings may share a rim.
+#: Largest common part of two aponeuroses: rings may share a rim.
 OVERLAP = 0.05
-#: Positions nearer to a surface than this part of the mean edge's length are in it.
+#: Distance of positions on a surface, in mean edges: rounding and projection, well below an edge.
 TOUCHING = 0.1
-#: Number of positions on a surface for such comparisons.
+#: Sample positions on a surface: standard error of a share of 5 % is 1 %.
 SAMPLES = 512
 
 
 def inner_areas(areas: Sequence[AttachmentArea], geometry: MuscleGeometry) -> tuple[Floats, Ints]:
-    """Return points, and triangles (m, 3) that span the rings of landmarks which are within a muscle.
+    """Return points and triangles (m, 3) of the landmark discs within a muscle.
 
-    That is, more than half of a ring's disc is deeper in the muscle than the mean length of its edges.
+    More than half of an inner disc is deeper in the muscle than a mean edge.
     """
 
     def within(ring: Floats) -> bool:
@@ -49,7 +47,7 @@ def inner_areas(areas: Sequence[AttachmentArea], geometry: MuscleGeometry) -> tu
 
 
 def attached_surface(areas: Sequence[AttachmentArea], geometry: MuscleGeometry, where: str) -> EndSurface:
-    """Return the surface that the areas of one role, one or more, cover of a muscle, or span within it."""
+    """Return the end surface of a role's areas, on or within a muscle."""
     return _together(areas, geometry, where, takes=(0.0, np.inf))
 
 
@@ -61,25 +59,22 @@ def aponeurosis_surfaces(
 ) -> tuple[EndSurface, EndSurface]:
     """Return the proximal and the distal aponeurosis of a muscle.
 
-    Raises a ValueError at `where` if a side is missing, one is far from the muscle or covers it, or the two
-    overlap; if the proximal one is on the insertion's side of the distal one, where the landmarks, (n, 3) of
-    the origin and the insertion, are known.
+    ValueError at `where` if a side is missing, if an aponeurosis is far from the muscle or covers the muscle,
+    or if both overlap; with the landmarks (n, 3) of origin and insertion also if proximal and distal are
+    exchanged.
     """
     proximal, distal = (_aponeurosis(aponeuroses, side, geometry, where) for side in SIDES)
     overlap = max(_share_in(proximal, distal, geometry), _share_in(distal, proximal, geometry))
     if overlap > OVERLAP:
-        raise InputError(
-            where,
-            f"the aponeuroses overlap: {100 * overlap:.0f} % of one is in the other",
-            "make one of them smaller; fibres go from the one to the other",
-        )
+        problem = f"the aponeuroses overlap: {100 * overlap:.0f} % of one is in the other"
+        raise InputError(where, problem, "make an aponeurosis smaller; fibres run between both")
     if landmarks is not None:
         axis = landmarks[1].mean(axis=0) - landmarks[0].mean(axis=0)
         low, high = (surface.samples.dense(SAMPLES).mean(axis=0) @ axis for surface in (proximal, distal))
         if low > high:
             raise InputError(
                 where,
-                "the proximal aponeurosis is nearer to the insertion than the distal one is",
+                "the proximal aponeurosis is closer to the insertion than the distal aponeurosis",
                 "exchange proximal and distal, or the roles origin and insertion of the attachments",
             )
     return proximal, distal
@@ -88,14 +83,14 @@ def aponeurosis_surfaces(
 def _aponeurosis(
     aponeuroses: Sequence[Aponeurosis], side: str, geometry: MuscleGeometry, where: str
 ) -> EndSurface:
-    """Return all aponeuroses of one side as one surface."""
+    """Return the aponeuroses of a side as one surface."""
     shapes: list[AttachmentArea | tuple[Floats, Ints]] = []
     label = f"{where}: {side}"
-    for one in aponeuroses:
-        if one.side == side:
-            _check_near(one.points, geometry, label)
-            ring = AttachmentArea("origin", "", one.points, closed=True)
-            shapes.append(ring if one.is_ring else (one.points, one.triangles))
+    for sheet in aponeuroses:
+        if sheet.side == side:
+            _check_distance(sheet.points, geometry, label)
+            ring = AttachmentArea("origin", "", sheet.points, closed=True)
+            shapes.append(ring if sheet.is_ring else (sheet.points, sheet.triangles))
     if not shapes:
         raise InputError(where, f"there is no {side} aponeurosis", "give both, proximal and distal")
     surface = _together(shapes, geometry, label, takes=(1.0, 1.0))
@@ -104,7 +99,7 @@ def _aponeurosis(
         raise InputError(
             label,
             f"the aponeurosis covers the muscle: its area is {100 * share:.0f} % of the muscle's surface",
-            "draw its ring round the part of the surface that fibres end on",
+            "draw the ring around the fibre ends only",
         )
     return surface
 
@@ -116,9 +111,10 @@ def _together(
     *,
     takes: tuple[float, float],
 ) -> EndSurface:
-    """Return areas, and surfaces of their own (points, triangles), as one that fibres end on.
+    """Return areas and separate surfaces (points, triangles) as one end surface.
 
-    `takes` is that of an :class:`EndSurface` on the muscle's surface; one within it has two faces.
+    `takes` is the range of an :class:`EndSurface` on the muscle's surface; a surface within the muscle has
+    two faces.
     """
     patches: list[Ints] = []
     points, triangles, first = [geometry.points], [geometry.triangles], len(geometry.points)
@@ -139,11 +135,11 @@ def _together(
 
 
 def _within(area: AttachmentArea, geometry: MuscleGeometry) -> tuple[Floats, Ints] | None:
-    """Return the disc of a ring that is within the muscle or goes round it, None for any other area."""
+    """Return the disc of a ring within or around the muscle, else None."""
     if not area.closed:
         return None
     ring, disc = area.landmarks, discs_over([area.landmarks])
-    share = np.linspace(0.0, 1.0, PLACES, endpoint=False)[:, None, None]
+    share = np.linspace(0.0, 1.0, 8, endpoint=False)[:, None, None]
     around = (1.0 - share) * ring + share * np.roll(ring, -1, axis=0)
     inside = (geometry.solids.depth(around.reshape(-1, 3)) > geometry.mean_edge).mean() > DEEP
     patch = EndSurface(geometry.points, geometry.triangles, geometry.patch(area)).samples.area
@@ -155,22 +151,20 @@ def _area(points: Floats, triangles: Ints) -> float:
     return float(np.linalg.norm(triangle_normals(points, triangles), axis=1).sum()) / 2.0
 
 
-def _check_near(points: Floats, geometry: MuscleGeometry, where: str) -> None:
+def _check_distance(points: Floats, geometry: MuscleGeometry, where: str) -> None:
     away = np.maximum(geometry.solids.distances(points), 0.0)
     allowed = max(FARTHEST * extent(geometry.points), geometry.mean_edge)
     worst = int(away.argmax())
     if away[worst] > allowed:
-        raise InputError(
-            where,
-            f"the aponeurosis is far from its muscle: point {worst} is {away[worst]:.4g} from it, and "
-            f"at most {allowed:.4g} is allowed",
-            "check whose it is, and the units",
+        problem = (
+            f"the aponeurosis is far from its muscle: point {worst} by {away[worst]:.4g} of {allowed:.4g}"
         )
+        raise InputError(where, problem, "check the muscle and the units")
 
 
-def _share_in(one: EndSurface, other: EndSurface, geometry: MuscleGeometry) -> float:
-    """Return the part of a surface that lies in another."""
-    if not len(other.faces):
+def _share_in(first: EndSurface, second: EndSurface, geometry: MuscleGeometry) -> float:
+    """Return the part of the first surface on the second."""
+    if not len(second.faces):
         return 0.0
-    distances = other.tree.nearest(one.samples.dense(SAMPLES))[2]
+    distances = second.tree.nearest(first.samples.dense(SAMPLES))[2]
     return float((distances < TOUCHING * geometry.mean_edge).mean())

@@ -1,4 +1,4 @@
-"""Attachment areas without landmarks: where a muscle's ends are near bones."""
+"""Attachment areas without landmarks, from distances between muscle and bones."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import checked_surface
 from vtkmuscle.data.attachments import ROLES, AttachmentArea
 
-#: Largest distance at which a point of a muscle is near a bone [mm]: 90 % of the points of the areas
-#: digitised for the hip of LHDL are nearer than 2.2 to 2.3 mm.
+#: Largest distance between a bone and an attachment [mm]: for 90 % of the points of the areas digitised on
+#: the hip of LHDL the distance is below 2.2 to 2.3 mm.
 NEAR = 2.5
 
 
@@ -29,7 +29,7 @@ def estimated_areas(
     insertion: str | None = None,
     bodies: Sequence[Sequence[str]] = (),
 ) -> list[AttachmentArea]:
-    """Return the areas where a muscle is likely to be attached, as :func:`attached_ends` finds them.
+    """Return the likely attachment areas of a muscle, by :func:`attached_ends`.
 
     Parameters
     ----------
@@ -38,21 +38,21 @@ def estimated_areas(
     bones : mapping of str to vtkPolyData
         By name, at rest.
     within : float
-        Largest distance at which a point is near a bone [mm].
+        Largest distance between a bone and its attachment [mm].
     origin, insertion : str, optional
-        The bones, where known. Else the origin is the end with more area.
+        Names of the bones. By default the origin is the end with more area.
     bodies : sequence of sequence of str
-        Bones that move as one; not used where bones are named.
+        Groups of bones that move together; ignored with named bones.
 
     Raises
     ------
     ValueError
-        If a named bone is missing, if fewer than two bones are near, or if the muscle ends far from them.
+        If a named bone is missing, if fewer than two bones are close, or if an end is far from every bone.
     """
     named = [bone for bone in (origin, insertion) if bone is not None]
-    for what, bone in zip(ROLES, (origin, insertion), strict=True):
+    for role, bone in zip(ROLES, (origin, insertion), strict=True):
         if bone is not None and bone not in bones:
-            problem = f"{what} is {bone!r}, but there is no such bone"
+            problem = f"{role} is {bone!r}, which is not a bone of the data"
             raise InputError("", problem, f"the bones are {', '.join(bones)}")
     if len(named) > len(set(named)):
         raise InputError("", f"origin and insertion are both {origin!r}", "name two bones")
@@ -77,7 +77,7 @@ def estimated_areas(
 
 
 def _distances(points: Floats, name: str, bone: vtkPolyData, far: float) -> Floats:
-    """Return distances (n,) from a bone, negative inside; from its box where all are more than `far`."""
+    """Return distances (n,) to a bone, or to its box beyond `far`; negative inside."""
     low, high = np.array(bone.GetBounds()).reshape(3, 2).T
     outside: Floats = np.linalg.norm(np.maximum(np.maximum(low - points, points - high), 0.0), axis=1)
     return outside if outside.min() > far else solids_of(*checked_surface(bone, name)).distances(points)

@@ -1,4 +1,4 @@
-"""The zero level of values on a grid, as even triangles."""
+"""Zero level of grid values, as even triangles."""
 
 from __future__ import annotations
 
@@ -19,25 +19,25 @@ from vtkmuscle.core.types import Floats, Ints
 from vtkmuscle.data.arrays import points_of, set_point_array, surface_from, triangles_of
 from vtkmuscle.data.label_images import LabelField
 
-#: Area of a triangle whose edges are 1 long.
+#: Area of an equilateral triangle with unit edges.
 EVEN = math.sqrt(3.0) / 4.0
-#: Largest error of a surface's volume, as a part of its label's.
+#: Largest relative error of a surface's volume.
 MOST_OFF = 0.01
-#: Number of moves of a surface along its normals to the label's volume: 2 do except for a few voxels.
+#: Newton steps along the normals to the label's volume: 2 suffice except for labels of a few voxels.
 OFFSETS = 4
-#: Least number of triangles of a label's surface, if its voxels give so many.
+#: Least number of triangles of a label's surface: a sphere of 100 triangles has 95 % of the volume.
 LEAST = 100
-#: Longest label [mm], to notice wrong sizes of voxels: the tallest person was 2720 mm.
+#: Longest label [mm], to detect wrong voxel sizes: the tallest person was 2720 mm.
 LONGEST = 3000.0
 
 
 def isosurface(values: Floats, origin: Floats, spacing: float) -> tuple[Floats, Ints]:
-    """Return the surface where values (ni, nj, nk) on a grid are 0; it faces their positive side."""
+    """Return the zero surface of grid values (ni, nj, nk), facing positive values."""
     image = vtkImageData()
     image.SetDimensions(*values.shape)
     image.SetOrigin(*origin)
     image.SetSpacing(spacing, spacing, spacing)
-    # VTK's isosurface faces falling values: change the sign, so that it faces outward.
+    # VTK's isosurface faces falling values: the changed sign makes the surface face outward.
     set_point_array(image, "inside", -values.ravel(order="F"))
     image.GetPointData().SetActiveScalars("inside")
     contour = vtkFlyingEdges3D()
@@ -58,14 +58,15 @@ def evened(
     *,
     passes: int = 8,
 ) -> tuple[Floats, Ints]:
-    """Return a closed surface with about `n_triangles`, or those it has, relaxed so that they are even.
+    """Return a closed surface with about `n_triangles` even triangles.
 
-    `projected` gives the points of the true surface nearest to points (n, 3); `passes` are of relaxation.
+    `projected` maps points (n, 3) to the nearest points of the true surface; `passes` is the number of
+    relaxations.
     """
     whole = points, triangles
     while n_triangles < len(whole[1]):
         points, triangles = _decimated(*whole, n_triangles)
-        # Where it tears a thin place, more triangles are left.
+        # More triangles remain if decimation tears a thin part.
         if (edge_uses(triangles) == 2).all():
             break
         points, triangles = whole
@@ -83,7 +84,7 @@ def _decimated(points: Floats, triangles: Ints, n_triangles: int) -> tuple[Float
     decimation = vtkQuadricDecimation()
     decimation.SetInputData(surface_from(points, triangles))
     decimation.SetTargetReduction(1.0 - n_triangles / len(triangles))
-    # Without it, flat parts collapse in any order and leave slivers.
+    # Otherwise flat parts collapse in arbitrary order and leave slivers.
     decimation.RegularizeOn()
     decimation.Update()
     surface = decimation.GetOutput()
@@ -98,12 +99,12 @@ def _neighbour_average(triangles: Ints, n_points: int) -> csr_array:
 
 
 def label_surface(field: LabelField, edge: float) -> tuple[Floats, Ints]:
-    """Return the surface of a label, points (n, 3) [mm] and triangles (m, 3), with the label's volume.
+    """Return a label's surface, points (n, 3) [mm] and triangles (m, 3), of equal volume.
 
-    The triangles' edges are about `edge` long [mm], or a voxel where that is more. Raises a ValueError if the
-    surface is not closed, manifold and in one piece, or its volume is off by more than 1 %.
+    Edges are about `edge` long [mm], or a voxel if a voxel is larger. ValueError if the surface is not
+    closed, manifold and in a single piece, or if the volume differs by more than 1 %.
     """
-    # A cubic grid, half as fine as the edges, but not coarser than a thin label is deep.
+    # A cubic grid of half an edge, but not coarser than the depth of a thin label.
     nodes = np.array(field.values.shape)
     longest = float(((nodes - 1) * field.spacing[::-1]).max())
     if longest > LONGEST:
@@ -127,14 +128,14 @@ def label_surface(field: LabelField, edge: float) -> tuple[Floats, Ints]:
     if bad or report.n_degenerate_triangles or report.n_components > 1:
         problem = f"its surface is not closed and manifold at {bad} edges"
     elif abs(report.volume - field.volume) > MOST_OFF * field.volume:
-        problem = f"its surface holds {report.volume:.3g} mm^3, but its voxels {field.volume:.3g}"
+        problem = f"its surface encloses {report.volume:.3g} mm^3, but its voxels {field.volume:.3g}"
     else:
         return points, triangles
     raise InputError("", problem, "smooth the label in the program that made it, or leave it out")
 
 
 def _largest(points: Floats, triangles: Ints) -> tuple[Floats, Ints]:
-    """Return the connected part of a surface that has most triangles, with its own points."""
+    """Return the connected part with most triangles, and its points."""
     part = point_components(len(points), unique_edges(triangles))[triangles[:, 0]]
     kept = triangles[part == np.argmax(np.bincount(part))]
     used, ids = np.unique(kept, return_inverse=True)

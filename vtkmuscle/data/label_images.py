@@ -1,4 +1,4 @@
-"""Images of labels as vtkImageData; a label as a smooth signed distance that keeps its volume."""
+"""Label images as vtkImageData; labels as smooth signed distances."""
 
 from __future__ import annotations
 
@@ -21,34 +21,34 @@ from vtkmuscle.data.arrays import (
     set_point_array,
 )
 
-#: Free voxels around a label, within which the Gaussian and a Newton step end.
+#: Margin around a label [voxels], enough for the Gaussian and a Newton step.
 MARGIN = 4
-#: Where a Gaussian is cut off [standard deviations].
+#: Radius of the Gaussian [standard deviations]: 0.3 % of the weight is beyond.
 _TRUNCATED = 3.0
-#: Voxels of a piece share a corner; those around it share a face.
+#: Voxels of a piece share a corner; voxels around a piece share a face.
 _TOUCHING = np.ones((3, 3, 3), dtype=np.bool_)
 
 
 @dataclass(frozen=True, eq=False)
 class LabelField:
-    """The smooth signed distance of a label's largest piece, its hollows filled.
+    """The smooth signed distance of a label's largest piece without cavities.
 
     Attributes
     ----------
     values : (nk, nj, ni) float32 array
         Smooth distance at the voxels of a box around the label, negative inside [mm].
     frame : (4, 4) array
-        From the numbers (i, j, k) of a voxel in the box to the position of its centre [mm].
+        From voxel indices (i, j, k) in the box to centre positions [mm].
     boundary : (nk, nj, ni) float32 array
-        Distance from the label's own boundary, between voxels, negative inside, not smooth [mm].
+        Signed distance to the label's boundary between voxels, not smooth [mm].
     volume : float
         Volume of the voxels inside [mm^3].
     pieces : (p,) int array
-        Number of voxels of each piece, of the largest, which is taken, first.
+        Voxels of each piece, largest first; only the first is taken.
     filled : int
-        Number of voxels of hollows, which were filled.
+        Voxels of filled cavities.
     cut : int
-        Number of voxels at the border of the image, where the label may go on.
+        Voxels at the border of the image, which may cut the label.
     """
 
     values: Floats
@@ -66,7 +66,7 @@ class LabelField:
         return size
 
     def at(self, points: Floats) -> tuple[Floats, Floats]:
-        """Return the distance (n,) and its gradient (n, 3) at points (n, 3), in the box and beyond."""
+        """Return distances (n,) and gradients (n, 3) at points (n, 3)."""
         index = self._index(points)
         last = np.array(self.values.shape)[::-1] - 1.0
         within = np.clip(index, 0.0, last)
@@ -83,42 +83,40 @@ class LabelField:
         return value, slope
 
     def distances_from_boundary(self, points: Floats) -> Floats:
-        """Return the distances (n,) [mm] of points (n, 3) from the label's boundary, negative inside."""
+        """Return signed distances (n,) of points (n, 3) to the boundary [mm]."""
         return self._interpolated(self.boundary, self._index(points))
 
     def projected(self, points: Floats) -> Floats:
-        """Return points (n, 3) moved along the gradient to distance 0, by one step of Newton's."""
+        """Return points (n, 3) after a Newton step to distance 0."""
         value, slope = self.at(points)
-        # The slope of a distance is 1, less where it was smoothed over an edge.
+        # A distance has slope 1, smaller at smoothed edges.
         squared = np.maximum(np.einsum("ij,ij->i", slope, slope), 0.25)
         moved: Floats = points - (value / squared)[:, None] * slope
         return moved
 
     def _index(self, points: Floats) -> Floats:
-        """Return the voxel coordinates (i, j, k) of points (n, 3), with fractions."""
+        """Return fractional voxel coordinates (i, j, k) of points (n, 3)."""
         return (points - self.frame[:3, 3]) @ np.linalg.inv(self.frame[:3, :3]).T
 
     @staticmethod
     def _interpolated(values: Floats, index: Floats) -> Floats:
-        places = index.T[::-1]
-        found: Floats = ndimage.map_coordinates(values, places, output=np.float64, order=1, mode="nearest")
-        return found
+        return ndimage.map_coordinates(values, index.T[::-1], output=np.float64, order=1, mode="nearest")  # type: ignore[no-any-return]
 
 
 def label_field(mask: Bools, frame: Floats, inner: tuple[slice, ...] = (), *, smoothing: float) -> LabelField:
-    """Return the smooth signed distance of a label, at the level at which it has the label's volume.
+    """Return a label's smooth signed distance, with the label's volume inside.
 
-    That is the exact Euclidean distance to the nearest voxel of the other side, then a Gaussian. As many
-    voxels as the label has are within the level.
+    The exact Euclidean distance to the nearest voxel of the other side is smoothed by a Gaussian, and shifted
+    to the level with the label's number of voxels.
 
     Parameters
     ----------
     mask : (nk, nj, ni) bool array
-        The voxels of an image, or of a box of it, that have the label; one or more.
+        Voxels of the label in an image, or in a box of the image; at least one.
     frame : (4, 4) array
-        From voxel numbers (i, j, k) in the mask to the positions of their centres [mm].
+        From voxel indices (i, j, k) in the mask to centre positions [mm].
     inner : tuple of slice, optional
-        The part of the mask that is not at the border of the image; all of it by default.
+        The part of the mask away from the image's border; all by default.
     smoothing : float
         Standard deviation of the Gaussian [voxels], >= 0.
     """
@@ -158,25 +156,24 @@ def label_field(mask: Bools, frame: Floats, inner: tuple[slice, ...] = (), *, sm
 
 
 def _signed_distance(solid: Bools, sampling: Floats) -> Floats:
-    """Return the distance from the boundary between voxels, negative inside; `sampling` are their sizes."""
+    """Return the signed distance to the boundary between voxels of size `sampling`."""
     outward = ndimage.distance_transform_edt(~solid, sampling=sampling).astype(np.float32)
     outward -= ndimage.distance_transform_edt(solid, sampling=sampling).astype(np.float32)
-    # Both are from centre to centre of voxels, with the boundary halfway between.
+    # Distances run between voxel centres, with the boundary halfway.
     nearer: Floats = outward - np.sign(outward) * np.float32(0.5 * sampling.min())
     return nearer
 
 
-#: Field arrays of an image: the values that have a name, and their names.
+#: Field arrays of an image: label values and names.
 VALUES, NAMES = "LabelValues", "LabelNames"
-#: Largest label: that of MuscleMap is 8172.
+#: Largest label, of 16 bits; MuscleMap has labels up to 8172.
 MOST = 65535
 
 
 def label_image(voxels: NDArray[np.integer], frame: Floats, names: Mapping[int, str]) -> vtkImageData:
-    """Return an image of labels (nk, nj, ni), where 0 is none; names are by label.
+    """Return an image of labels (nk, nj, ni), 0 for background, with names by label.
 
-    The frame (4, 4) leads from voxel numbers (i, j, k) to the positions of their centres [mm]; voxels are
-    right-angled.
+    The frame (4, 4) maps voxel indices (i, j, k) to centre positions [mm]; voxels are right-angled.
     """
     image = vtkImageData()
     image.SetDimensions(*voxels.shape[::-1])
@@ -193,9 +190,9 @@ def label_image(voxels: NDArray[np.integer], frame: Floats, names: Mapping[int, 
 
 @dataclass(frozen=True, eq=False)
 class Label:
-    """A label of an image: its value, the voxels (nk, nj, ni) and frame of the whole image, the label's box.
+    """A label of an image: value, whole image (nk, nj, ni), frame, bounding box.
 
-    The frame (4, 4) leads from the numbers (i, j, k) of voxels to the positions of their centres [mm].
+    The frame (4, 4) maps voxel indices (i, j, k) to centre positions [mm].
     """
 
     value: int
@@ -204,7 +201,7 @@ class Label:
     frame: Floats
 
     def field(self, smoothing: float) -> LabelField:
-        """Return its smooth signed distance; see :func:`~vtkmuscle.data.label_images.label_field`."""
+        """Return the smooth signed distance, by :func:`label_field`."""
         placed = self.frame.copy()
         placed[:3, 3] += self.frame[:3, :3] @ [axis.start for axis in self.box[::-1]]
         inner = tuple(
@@ -215,10 +212,10 @@ class Label:
 
 
 def labels_in(image: vtkImageData, where: str) -> dict[str, Label]:
-    """Return the labels of an image by name, or else as ``label_7``, in the order of their values.
+    """Return an image's labels by name (``label_7`` without a name), ordered by value.
 
-    Raises a ValueError at `where` if the active point scalars, or the only ones, are not whole numbers from 0
-    to 65535; if all are 0; if two labels have one name; if the image's frame is not finite, or flat.
+    ValueError at `where` if the active or only point scalars are not whole numbers from 0 to 65535; if all
+    are 0; if two labels have the same name; if the image's frame is not finite, or flat.
     """
     data = image.GetPointData()
     array = data.GetScalars() or data.GetArray(0)
@@ -227,7 +224,7 @@ def labels_in(image: vtkImageData, where: str) -> dict[str, Label]:
         raise InputError(where, "the image has no point scalars of whole numbers", "give a map of labels")
     least, most = int(voxels.min()), int(voxels.max())
     if least < 0 or not 0 < most <= MOST:
-        problem = f"its values go from {least} to {most}, but labels are 1 to {MOST}, and 0 is none"
+        problem = f"its values go from {least} to {most}, but must be 0 (background) to {MOST}"
         raise InputError(where, problem, "give a map of labels")
     voxels.setflags(write=False)
     voxels = voxels.reshape(image.GetDimensions()[::-1])
@@ -238,11 +235,11 @@ def labels_in(image: vtkImageData, where: str) -> dict[str, Label]:
     frame[:3, 3] += frame[:3, :3] @ image.GetExtent()[::2]
     if not (np.isfinite(frame).all() and abs(np.linalg.det(frame)) > 0.0):
         raise InputError(where, "its origin, spacing and direction are not finite, or flat", "correct them")
-    found: dict[str, Label] = {}
+    labels: dict[str, Label] = {}
     for value, box in enumerate(ndimage.find_objects(voxels), 1):
         name = names.get(value, f"label_{value}")
-        if box is not None and name in found:
-            raise InputError(where, f"labels {found[name].value} and {value} are both called {name!r}")
+        if box is not None and name in labels:
+            raise InputError(where, f"labels {labels[name].value} and {value} are both called {name!r}")
         if box is not None:
-            found[name] = Label(value, voxels, box, frame)
-    return found
+            labels[name] = Label(value, voxels, box, frame)
+    return labels

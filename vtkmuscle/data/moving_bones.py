@@ -1,4 +1,4 @@
-"""Bones at rest and moving bones, as filters take them."""
+"""Bones at rest and moving bones, as arguments of filters."""
 
 from __future__ import annotations
 
@@ -16,19 +16,19 @@ from vtkmuscle.core.types import Floats, Ints
 from vtkmuscle.data.arrays import blocks_of, checked_surface, field_array, names_of
 from vtkmuscle.data.muscle_geometry import Surface
 
-#: What the field array of a bone's twist by a coordinate is called, before the coordinate's name.
+#: Prefix of a bone's twist array, before the coordinate's name.
 TWIST = "Twist_"
 
-#: The remedy where one of these arrays is missing.
+#: Remedy for a missing array.
 _MADE_BY = "BoneMotion adds it"
-#: The identity, as an array of the pipeline holds it.
+#: The identity as bytes of a pipeline array.
 _AT_REST = np.eye(4).tobytes()
 
 
 def bones_of(data: vtkMultiBlockDataSet, where: str) -> dict[str, vtkPolyData]:
-    """Return the bones of a data set by name; the i-th item is block i, to which ``FixedTo`` refers.
+    """Return bones by name, in the order of ``FixedTo``.
 
-    Raises a ValueError if a block is not a vtkPolyData, two have the same name, or a point is not finite.
+    ValueError for a block other than a vtkPolyData, for a repeated name, or for a point that is not finite.
     """
     bones = _named_bones(data, where)
     for name, bone in bones.items():
@@ -59,7 +59,7 @@ class MovingBones(NamedTuple):
     transforms : (b, 4, 4) array
         Rest to now.
     twists : dict of str to (b, 6) array
-        How each coordinate moves them now: velocity at the origin and angular velocity, per unit.
+        Motion of the bones by coordinate: velocity at the origin and angular velocity, per unit.
     """
 
     surfaces: dict[str, vtkPolyData]
@@ -73,10 +73,10 @@ class MovingBones(NamedTuple):
 
 
 def moving_bones_of(data: vtkMultiBlockDataSet, where: str) -> MovingBones:
-    """Return bones with their field arrays ``Transform`` and, where they have some, ``Twist_COORDINATE``.
+    """Return bones with their arrays ``Transform`` and ``Twist_COORDINATE``.
 
-    The points are not read. Raises a ValueError if a transform is missing or not rigid, or a twist is not six
-    finite numbers.
+    Points are not read. ValueError for a missing or non-rigid transform, or a twist other than six finite
+    numbers.
     """
     bones = _named_bones(data, where)
     transforms = np.tile(np.eye(4), (len(bones), 1, 1))
@@ -85,13 +85,12 @@ def moving_bones_of(data: vtkMultiBlockDataSet, where: str) -> MovingBones:
         here = f"{where}, block {name!r}"
         if (values := field_array(bone, "Transform")) is None:
             raise InputError(here, "the field array 'Transform' is missing", _MADE_BY)
-        if values.tobytes() != _AT_REST:  # as most bones are, most of the time
+        if values.tobytes() != _AT_REST:  # most bones are at rest
             if values.size != 16 or not is_rigid(values.reshape(4, 4)):
-                raise InputError(
-                    here,
-                    "the field array 'Transform' must be 16 numbers, a rotation and a translation, row by "
-                    "row, with last row 0 0 0 1",
+                problem = (
+                    "the field array 'Transform' must be a rigid 4 x 4 matrix, row by row, last row 0 0 0 1"
                 )
+                raise InputError(here, problem)
             transforms[index] = values.reshape(4, 4)
         for coordinate, array in names_of(TWIST, bone.GetFieldData()).items():
             twist = field_array(bone, array)
@@ -102,9 +101,9 @@ def moving_bones_of(data: vtkMultiBlockDataSet, where: str) -> MovingBones:
 
 
 def fixed_points_of(muscle: Surface, bones: Sequence[str]) -> Ints:
-    """Return the point array ``FixedTo`` of a muscle, (n,): -1 for a free point, else a bone's number.
+    """Return a muscle's point array ``FixedTo`` (n,): bone index, -1 for free.
 
-    Raises a ValueError if there is none, or it has other numbers.
+    ValueError for a missing array or other values.
     """
     array = muscle.array("FixedTo")
     where = f"{muscle.where}, point array 'FixedTo'"
@@ -115,7 +114,7 @@ def fixed_points_of(muscle: Surface, bones: Sequence[str]) -> Ints:
     if len(bad):
         raise InputError(
             where,
-            f"{bad[0]} is neither -1 (free) nor the index of one of the {len(bones)} bones "
+            f"{bad[0]} is neither -1 (free) nor an index of the {len(bones)} bones "
             f"({', '.join(map(repr, bones))})",
             "detect the fixed points with these bones",
         )
@@ -123,7 +122,7 @@ def fixed_points_of(muscle: Surface, bones: Sequence[str]) -> Ints:
 
 
 def check_same_bones(rest: Mapping[str, vtkPolyData], moving: MovingBones, where: str) -> None:
-    """Raise a ValueError where bones at rest and moving bones have other names, or another order."""
+    """Raise ValueError if names or order of rest and moving bones differ."""
     if list(rest) != moving.names:
         raise InputError(
             where,
@@ -134,10 +133,10 @@ def check_same_bones(rest: Mapping[str, vtkPolyData], moving: MovingBones, where
 
 
 class RestBones:
-    """Bones at rest with their shapes, which are made again only when a block changes."""
+    """Shapes of bones at rest, rebuilt only for changed blocks."""
 
     def __init__(self) -> None:
-        #: Name of each block, and when it was last modified.
+        #: Name and modification time of each block.
         self._state: list[tuple[str, int]] = []
         self._shapes: dict[int, Bone] = {}
 
@@ -147,9 +146,9 @@ class RestBones:
         return [name for name, _ in self._state]
 
     def shapes(self, bones: Mapping[str, vtkPolyData], where: str) -> dict[int, Bone]:
-        """Return the bones by their numbers; the dict is the same object while no block changes.
+        """Return the bones' shapes by index, the same dict while unchanged.
 
-        Raises a ValueError for a bone without triangles, or with points that are not finite.
+        ValueError for a bone without triangles, or with points that are not finite.
         """
         state = [(name, bone.GetMTime()) for name, bone in bones.items()]
         if state != self._state:

@@ -1,4 +1,4 @@
-"""Facts about a muscle's surface that several filters need, computed once for all of them."""
+"""Properties of a muscle's surface, computed once for all filters."""
 
 from __future__ import annotations
 
@@ -31,29 +31,29 @@ from vtkmuscle.data.attachments import AttachmentArea
 
 T = TypeVar("T")
 
-#: Surfaces that are remembered: the muscles of a limb. One of 20 000 triangles takes about 10 MB.
+#: Number of cached surfaces: the muscles of a limb; 20 000 triangles take about 10 MB.
 REMEMBERED = 8
 
 
 class SurfaceTopology:
-    """Facts about triangles (m, 3) that do not depend on where their points are."""
+    """Properties of triangles (m, 3) that do not depend on positions."""
 
     def __init__(self, triangles: Ints) -> None:
         self.triangles = triangles
 
     @cached_property
     def n_open_edges(self) -> int:
-        """Number of edges that only one triangle has."""
+        """Number of edges in a single triangle."""
         return int((edge_uses(self.triangles) == 1).sum())
 
     @cached_property
     def opposite(self) -> Ints:
-        """The opposite of each half-edge; ValueError where the surface is open."""
+        """Opposite of each half-edge; ValueError for an open surface."""
         return opposite_half_edges(self.triangles)
 
 
 class MuscleGeometry:
-    """A surface, points (n, 3) [mm] and triangles (m, 3), with facts that are computed when first needed."""
+    """Points (n, 3) [mm] and triangles (m, 3) with properties computed on demand."""
 
     def __init__(self, points: Floats, triangles: Ints) -> None:
         self.points = points
@@ -64,34 +64,34 @@ class MuscleGeometry:
 
     @property
     def n_open_edges(self) -> int:
-        """Number of edges that only one triangle has."""
+        """Number of edges in a single triangle."""
         return self._topology.n_open_edges
 
     @property
     def closed(self) -> ClosedSurface:
-        """The surface for cutting; ValueError where it is open or its triangles face different sides."""
+        """The surface for cutting; ValueError if open or inconsistently oriented."""
         return ClosedSurface(self.points, self.triangles, self._topology.opposite)
 
     @cached_property
     def mean_edge(self) -> float:
-        """Mean length of an edge [mm]; in a closed mesh all edges are in two triangles, and count twice."""
+        """Mean edge length [mm]; edges of two triangles count twice."""
         return float(edge_lengths(self.points, half_edges(self.triangles)).mean())
 
     @cached_property
     def solids(self) -> Solids:
-        """The inside of the surface, and distances from it."""
+        """Inside of the surface, and distances to the surface."""
         return solids_of(self.points, self.triangles)
 
     def patch(self, area: AttachmentArea) -> Ints:
-        """Return the ids of the points that an attachment area covers; ValueError for one off the surface."""
-        given = area.landmarks, area.closed
-        key = "patch", np.ascontiguousarray(area.landmarks).tobytes(), area.closed
-        return self.once(key, lambda: attachment_patch(self.points, self.triangles, *given))
+        """Return the point ids of an attachment area; ValueError off the surface."""
+        landmarks, closed = area.landmarks, area.closed
+        key = "patch", np.ascontiguousarray(landmarks).tobytes(), closed
+        return self.once(key, lambda: attachment_patch(self.points, self.triangles, landmarks, closed))
 
     def attached(self, areas: Sequence[AttachmentArea], role: str) -> Ints:
-        """Return the ids of the points that all areas of a role cover together, ascending.
+        """Return the point ids of all areas of a role, ascending.
 
-        Raises a ValueError if there is no such area, or one is off the surface.
+        ValueError if the role has no area, or an area off the surface.
         """
         patches = []
         for number, area in enumerate(area for area in areas if area.role == role):
@@ -101,15 +101,15 @@ class MuscleGeometry:
             raise InputError("attachments", f"there is no area with the role {role!r}")
         return np.unique(np.concatenate(patches))
 
-    def once(self, key: Hashable, find: Callable[[], T]) -> T:
-        """Return the result of a function, which is called once for each key."""
+    def once(self, key: Hashable, compute: Callable[[], T]) -> T:
+        """Return a function's result, computed once per key."""
         if key not in self._facts:
-            self._facts[key] = find()
+            self._facts[key] = compute()
         fact: T = self._facts[key]
         return fact
 
     def patch_tree(self, patch: Ints) -> TriangleTree | None:
-        """Return the tree of the triangles between points (j,) of the surface, None if there are none."""
+        """Return the hierarchy of triangles between points (j,), None without triangles."""
 
         def tree() -> TriangleTree | None:
             faces = faces_between(self.triangles, patch)
@@ -118,16 +118,16 @@ class MuscleGeometry:
         return self.once(("tree", patch.tobytes()), tree)
 
     def samples(self, count: int) -> Floats:
-        """Return `count` positions [mm] of even density in it, fewer where it has next to no volume."""
+        """Return `count` inner positions [mm], evenly spread; fewer for flat surfaces."""
         if len(self._samples) < count:
-            # Up to a power of two, which will do for other numbers of fibres as well.
+            # A power of two, to serve other numbers of fibres.
             self._samples = samples_inside(self.solids.inside, self.points, 2 ** (count - 1).bit_length())
         return self._samples[:count]
 
 
 @dataclass(frozen=True, eq=False)
 class Surface:
-    """A filter's argument for a surface: its data, finite points (n, 3) [mm], triangles; place in errors."""
+    """A surface as a filter's argument: data, points (n, 3) [mm], triangles, name."""
 
     data: vtkPolyData
     points: Floats
@@ -136,11 +136,11 @@ class Surface:
 
     @cached_property
     def geometry(self) -> MuscleGeometry:
-        """Facts about the surface: :func:`muscle_geometry`."""
+        """Properties of the surface: :func:`muscle_geometry`."""
         return _geometry(self.points, self.triangles)
 
     def closed(self, why: str) -> MuscleGeometry:
-        """Return the facts about the surface; InputError with a reason where it is open."""
+        """Return the properties; InputError with a reason for an open surface."""
         if self.geometry.n_open_edges:
             raise InputError(
                 self.where,
@@ -150,26 +150,25 @@ class Surface:
         return self.geometry
 
     def array(self, name: str) -> NDArray[Any]:
-        """Return a point array as a read-only view; InputError where there is none."""
+        """Return a point array as a read-only view; InputError if missing."""
         return point_array(self.data, name, self.where)
 
 
 def surface_of(data: vtkPolyData, where: str) -> Surface:
-    """Return the argument of a filter for a surface; raises as :func:`muscle_geometry` does."""
+    """Return a surface as a filter's argument; raises as :func:`muscle_geometry`."""
     return Surface(data, *checked_surface(data, where), where)
 
 
 def surfaces_of(data: vtkMultiBlockDataSet, where: str) -> list[Surface]:
-    """Return the surfaces of a data set's blocks; raises as :func:`muscle_geometry` does."""
+    """Return the surfaces of all blocks; raises as :func:`muscle_geometry`."""
     return [surface_of(block, f"{where}, block {name!r}") for name, block in blocks_of(data)]
 
 
 def muscle_geometry(surface: vtkPolyData, where: str) -> MuscleGeometry:
-    """Return the facts about a surface, the same object for the same points and triangles.
+    """Return a surface's properties, the same object for the same content.
 
-    Content decides, not modification times, so that copies of a muscle share facts, and a surface that was
-    changed through a numpy view is another one. Raises a ValueError at `where` if the surface has no
-    triangles or other faces, or a point is not finite.
+    Content decides, not modification times: copies of a muscle share properties, and a change through a numpy
+    view counts. ValueError at `where` without triangles, with other faces, or for a point that is not finite.
     """
     return _geometry(*checked_surface(surface, where))
 

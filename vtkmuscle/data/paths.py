@@ -1,9 +1,9 @@
-"""A muscle's paths as polylines, and as cell arrays of its fibres.
+"""A muscle's paths as polylines, and as cell arrays of fibres.
 
-Paths have the point array ``RestPosition`` (3) and the cell arrays ``Lever_COORDINATE``, the lever of the
-pull (minus the change of length by the coordinate), and ``Squeezed``, the room that a path lacks between two
-bones. Fibres with the numbers of their paths have these cell arrays and ``PathLength`` (k,), musculotendon
-length, and ``PathPoints`` (k, 3 n). Superficial fibres are lines seen on a muscle's surface.
+Paths have the point array ``RestPosition`` (3) and the cell arrays ``Lever_COORDINATE``, lever of the pull
+(minus change of length per coordinate), and ``Squeezed``, missing room between two bones. Fibres with path
+data have the cell arrays of the paths, ``PathLength`` (k,), musculotendon length, and ``PathPoints`` (k, 3
+n). Superficial fibres are lines seen on a muscle's surface.
 """
 
 from __future__ import annotations
@@ -36,33 +36,30 @@ def checked_superficial(data: vtkPolyData, where: str) -> Polylines:
     data : vtkPolyData
         Polylines.
     where : str
-        Named in the error, e.g. ``"SliceMorpher: superficial"``.
+        Name for errors, e.g. ``"SliceMorpher: superficial"``.
 
     Raises
     ------
     ValueError
-        If there are no polylines, a point is not finite, or none has a length.
+        If there are no polylines, a point is not finite, or all lengths are 0.
     """
     lines = polylines_of(data, where)
     if not polyline_lengths(lines.points, lines.offsets).max() > 0.0:
-        raise InputError(
-            where,
-            "no fibre has a length, so that they have no direction",
-            "digitise two points or more of each",
-        )
+        remedy = "digitise at least two points per fibre"
+        raise InputError(where, "all fibres have length 0, so there is no direction", remedy)
     return lines
 
 
-#: Point array of paths: their points at rest.
+#: Point array of paths: positions at rest.
 REST_POSITION = "RestPosition"
-#: Cell arrays of paths, and of fibres that have their paths' numbers.
+#: Cell arrays of paths, and of fibres with path data.
 SQUEEZED, LEVER = "Squeezed", "Lever_"
-#: Cell arrays of fibres that have their paths' numbers.
+#: Cell arrays of fibres with path data.
 PATH_LENGTH, PATH_POINTS = "PathLength", "PathPoints"
 
 
 class PathLines(NamedTuple):
-    """Paths of equally many points, at rest and now.
+    """Paths with equal numbers of points, at rest and now.
 
     Attributes
     ----------
@@ -78,7 +75,7 @@ class PathLines(NamedTuple):
 
 
 def path_lines_of(data: vtkPolyData, where: str) -> PathLines | None:
-    """Return paths, None where there are none.
+    """Return paths, None for an empty data set.
 
     Raises
     ------
@@ -104,7 +101,7 @@ class Paths(NamedTuple):
     lengths : (k,) array
     points : (k, n, 3) array
     levers : dict of str to (k,) array
-        By coordinate: per radian or millimetre of it, positive where the pull drives it up.
+        By coordinate: per radian or millimetre, positive if the pull increases the coordinate.
     """
 
     lengths: Floats
@@ -113,12 +110,12 @@ class Paths(NamedTuple):
 
 
 def add_path_arrays(fibres: vtkPolyData, paths: PathLines, where: str) -> None:
-    """Add to fibres the numbers of their paths: ``PathLength``, ``PathPoints``, ``Squeezed``, levers.
+    """Add ``PathLength``, ``PathPoints``, ``Squeezed`` and levers to fibres.
 
     Raises
     ------
     ValueError
-        If there is not one path for each fibre.
+        If the numbers of paths and fibres differ.
     """
     count, cells = fibres.GetNumberOfCells(), paths.data.GetCellData()
     if len(paths.points) != count:
@@ -131,7 +128,7 @@ def add_path_arrays(fibres: vtkPolyData, paths: PathLines, where: str) -> None:
 
 
 def paths_of(fibres: vtkPolyData, where: str) -> Paths | None:
-    """Return the paths that fibres have with them, or are; None for other fibres."""
+    """Return the paths stored with fibres, or the paths themselves; else None."""
     lines, data = polylines_of(fibres, where), fibres.GetCellData()
     if data.HasArray(PATH_LENGTH):
         lengths = np.array(cell_array(fibres, PATH_LENGTH, where))
@@ -147,9 +144,9 @@ def paths_of(fibres: vtkPolyData, where: str) -> Paths | None:
 
 
 def levers_over_time(frames: Sequence[Mapping[str, Floats]]) -> dict[str, Floats]:
-    """Return levers (f, k) by coordinate, NaN in the frames (k,) in which they are not known."""
-    known = {name: one for frame in frames for name, one in frame.items()}
+    """Return levers (f, k) by coordinate, NaN in frames (k,) without a lever."""
+    shapes = {name: levers.shape for frame in frames for name, levers in frame.items()}
     return {
-        name: np.array([frame.get(name, np.full_like(one, np.nan)) for frame in frames])
-        for name, one in known.items()
+        name: np.array([frame.get(name, np.full(shape, np.nan)) for frame in frames])
+        for name, shape in shapes.items()
     }

@@ -1,4 +1,4 @@
-"""Pipeline time: announced, asked for, and the inputs at a time. Provenance of data."""
+"""Pipeline time: announced steps, requests, inputs at a time. Provenance."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _TIME = vtkStreamingDemandDrivenPipeline.UPDATE_TIME_STEP()
 
 
 def announce_times(info: Any, steps: Sequence[float]) -> None:
-    """Write ascending time steps and their range into an output's information, in RequestInformation."""
+    """Write ascending time steps and their range into an output's information."""
     ends = [min(steps), max(steps)] if len(steps) else []
     for key, times in ((_STEPS, steps), (_RANGE, ends)):
         info.Remove(key)
@@ -29,23 +29,23 @@ def announce_times(info: Any, steps: Sequence[float]) -> None:
 
 
 def times_of(info: Any) -> tuple[float, ...]:
-    """Return the time steps that a port's information announces, () where there are none."""
+    """Return the announced time steps of a port, () without steps."""
     return tuple(info.Get(_STEPS)) if info is not None and info.Has(_STEPS) else ()
 
 
 def time_asked(info: Any) -> float | None:
-    """Return the time that is asked for in a port's information, None where none is."""
+    """Return the requested time of a port, None without a request."""
     return float(info.Get(_TIME)) if info.Has(_TIME) else None
 
 
 def requested_time(info: Any) -> float | None:
-    """Return the time asked for, else the last time step; None where the pipeline has no time."""
+    """Return the requested time, else the last step; None without pipeline time."""
     steps = times_of(info)
     return steps[-1] if steps and not info.Has(_TIME) else time_asked(info)
 
 
 def request_time(info: Any, time: float | None) -> None:
-    """Ask for a time in a port's information; None takes the request back."""
+    """Request a time at a port; None withdraws the request."""
     if time is None:
         info.Remove(_TIME)
     else:
@@ -53,21 +53,21 @@ def request_time(info: Any, time: float | None) -> None:
 
 
 def vtk_collector() -> type[vtkGarbageCollector] | None:
-    """Return VTK's collector of reference cycles, which can be deferred; None out of the main thread.
+    """Return VTK's deferrable collector of reference cycles; None outside the main thread.
 
-    It looks through the whole pipeline each time that Python lets go of an object of it, which takes half of
-    the time beside the kernels (``benchmarks/bench_step.py --stages``). Once in an update will do.
+    The collector scans the whole pipeline whenever Python releases an object, which takes half of the time
+    outside of kernels (``benchmarks/bench_step.py --stages``). One scan per update is enough.
     """
     return vtkGarbageCollector if threading.current_thread() is threading.main_thread() else None
 
 
 def input_at(algorithm: Any, port: int, time: float | None) -> Any:
-    """Return the data on an algorithm's input port (of one connection) at a time; None where that failed.
+    """Return the data of an input port (one connection) at a time; None on failure.
 
-    Data that is there already is not computed again.
+    Data already present is not recomputed.
     """
     if (collector := vtk_collector()) is not None:
-        collector.Collect()  # what is left of the time before
+        collector.Collect()  # leftovers of the time before
     connection = algorithm.GetInputConnection(port, 0)
     producer, index = connection.GetProducer(), connection.GetIndex()
     request_time(producer.GetOutputInformation(index), time)
@@ -79,10 +79,10 @@ def input_at(algorithm: Any, port: int, time: float | None) -> Any:
 
 
 def state_of_inputs(algorithm: Any, ports: Iterable[int]) -> list[int]:
-    """Return numbers that change with anything upstream of some input ports, but not with the time asked for.
+    """Return numbers that change with anything upstream, except the requested time.
 
-    They are the pipelines' modification times; a data set's own would change with each time. Two producers
-    behind one source share it, so theirs are among them as well.
+    The numbers are the pipelines' modification times; a data set's own time changes with each request.
+    Producers are included because producers of a common source share its time.
     """
     state: list[int] = []
     for port in ports:
@@ -92,23 +92,23 @@ def state_of_inputs(algorithm: Any, ports: Iterable[int]) -> list[int]:
     return state
 
 
-#: Name of the field array: one JSON object per filter, in the order in which they ran.
+#: Field array with a JSON object per filter, in order of execution.
 PROVENANCE = "Provenance"
 
 
 def provenance_of(data: Any) -> list[dict[str, Any]]:
-    """Return which filters made a data set, the first one first.
+    """Return the filters behind a data set, first to last.
 
     Parameters
     ----------
     data : vtkDataObject
-        The output of a filter, or data read from a file of it.
+        Output of a filter, or data read from its file.
 
     Returns
     -------
     list of dict
-        Each with ``filter``, ``parameters`` (objects by the name of their class) and ``vtkmuscle``, the
-        version; empty where nothing is known.
+        With ``filter``, ``parameters`` (class names for objects) and ``vtkmuscle``, the version; empty
+        without provenance.
 
     Examples
     --------
@@ -120,12 +120,12 @@ def provenance_of(data: Any) -> list[dict[str, Any]]:
 
 
 def provenance_entry(name: str, parameters: Mapping[str, Any]) -> str:
-    """Return the entry that a filter with these parameters adds to its output."""
+    """Return a filter's entry for its output."""
     step = {"filter": name, "parameters": dict(parameters), "vtkmuscle": __version__}
     return json.dumps(step, default=lambda value: type(value).__name__)
 
 
 def joined_provenance(earlier: Iterable[vtkStringArray], entry: str) -> vtkStringArray:
-    """Return the array of which filters made a result: those of its inputs' arrays, then this one."""
+    """Return the provenance of a result: the inputs' entries, then `entry`."""
     entries = [array.GetValue(i) for array in earlier for i in range(array.GetNumberOfValues())]
     return string_array(PROVENANCE, dict.fromkeys([*entries, entry]))

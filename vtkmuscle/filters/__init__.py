@@ -1,6 +1,6 @@
-"""VTK filters over :mod:`vtkmuscle.core`: one algorithm per file, found and imported when first used.
+"""VTK filters over :mod:`vtkmuscle.core`, imported on first use.
 
-A filter is in the file of its name: ``FibreSmoother`` in ``fibre_smoother.py``. Nothing else lists it.
+The module ``fibre_smoother.py`` defines ``FibreSmoother``; there is no further list of filters.
 
 Examples
 --------
@@ -20,8 +20,8 @@ from vtkmuscle.data.attachments import AttachmentArea, attachments_from, attachm
 from vtkmuscle.data.pipeline_times import provenance_of
 from vtkmuscle.filters.base import Filter, InputPort, OutputPort, Parameter
 
-#: Names beside those of the filters.
-_OTHERS = (
+#: Public names besides the filters.
+_HELPERS = (
     AttachmentArea, Filter, InputPort, OutputPort, Parameter, attachments_from, attachments_of, provenance_of,
     via_rings_of,
 )  # fmt: skip
@@ -32,7 +32,7 @@ _MODULES = {
 
 
 def filter_classes() -> list[type[Filter]]:
-    """Return all filters of the package, in alphabetical order; imports every one of them."""
+    """Return all filters in alphabetical order, importing each."""
     classes = []
     for name, file in _MODULES.items():
         module = import_module(f"{__name__}.{file}")
@@ -52,4 +52,4 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    return sorted([*(kind.__name__ for kind in filter_classes()), *(value.__name__ for value in _OTHERS)])
+    return sorted([*(kind.__name__ for kind in filter_classes()), *(value.__name__ for value in _HELPERS)])

@@ -10,16 +10,13 @@ from vtkmuscle.filters.base import Filter, InputPort, OutputPort, Parameter, por
 
 
 class AttachmentEstimator(Filter):
-    """Propose the attachments of a muscle, from where its ends are near the bones at rest.
+    """Propose the attachments of a muscle from its distance to the bones.
 
-    The ends are the two points near two bones that are farthest apart along the muscle; bones that it passes
-    are between them. An attachment is the part of the muscle near its bone, or inside of it, in the half that
-    is nearer to its end. The smaller one is limited to the last quarter of the way from the larger: muscles
-    arise from broad areas, and insert by tendons that slide over bone before. The landmarks are points of the
-    muscle on the areas' boundaries. ``origin`` and ``insertion`` name the bones where they are known.
-
-    The areas are a start where landmarks are missing, no replacement: parts of the muscle that lie on a bone
-    at an end without being attached to it are included. Look at the areas before you rely on them.
+    The two ends are the points close to two bones that lie farthest apart along the muscle. An attachment is
+    the part of the muscle close to the bone, or inside the bone, in the half of the muscle nearer to the end.
+    The smaller attachment is limited to the last quarter of the distance from the larger: muscles arise from
+    broad areas, and insert by tendons that slide over bone first. Landmarks are muscle points on the boundary
+    of an area.
 
     Parameters
     ----------
@@ -28,24 +25,29 @@ class AttachmentEstimator(Filter):
     bones
         Named blocks of vtkPolyData, at rest.
     distance
-        Distance up to which a point is near a bone; half an edge of the muscle where that is more.
+        Largest distance between a bone and its attachment; half a muscle edge where half an edge is longer.
     origin
-        Name of the origin's bone; None is the bone of the larger area.
+        Name of the origin's bone; None takes the bone of the larger area.
     insertion
-        Name of the insertion's bone; None is the bone of the smaller area.
+        Name of the insertion's bone; None takes the bone of the smaller area.
 
     Attributes
     ----------
     output
-        Attachments: a block per area, a closed polyline through its landmarks, with the field arrays
-        ``Bone``, ``Role``, ``Estimated`` (1) and ``Sureness``: 0 where the muscle is as likely attached to
-        another bone, 1 where no other is near.
+        Attachments: a block per area, a closed polyline through the landmarks, with the field arrays
+        ``Bone``, ``Role``, ``Estimated`` (1) and ``Sureness``: 0 where another bone is as likely, 1 where no
+        other bone is close.
 
     Raises
     ------
     ValueError
-        If the muscle is near fewer than two bones, or far from those of ``origin`` and ``insertion``; if one
-        of its ends is far from any bone, as that of a belly whose tendon is another surface.
+        If the muscle is close to fewer than two bones, or far from the bones of ``origin`` and ``insertion``;
+        if an end is far from any bone, as of a belly whose tendon is a separate surface.
+
+    Limitations
+    -----------
+    Areas include parts of the muscle that lie on a bone at an end without attachment. Only two areas are
+    proposed, on two bones: muscles with several heads need landmarks. Check the areas before use.
 
     Examples
     --------

@@ -27,7 +27,7 @@ from vtkmuscle.filters.base import Filter, InputPort, OutputPort, Parameter
 
 
 class _RestPose:
-    """The bones at rest: blocks by name, and the data set of all, each with the identity as ``Transform``."""
+    """Bones at rest, by name and as a data set, with the identity as ``Transform``."""
 
     def __init__(self, data: vtkMultiBlockDataSet, where: str) -> None:
         self.blocks = {
@@ -38,7 +38,7 @@ class _RestPose:
         self._vectors: dict[tuple[str, str], Floats] = {}
 
     def moved(self, name: str, transform: Floats) -> vtkPolyData:
-        """Return a bone moved rigidly, its normals and vectors with it."""
+        """Return a bone moved rigidly, with its normals and vectors."""
         bone = shallow_copy(self.blocks[name])
         turn = transform.copy()
         turn[:3, 3] = 0.0
@@ -64,31 +64,36 @@ class _RestPose:
 
 
 class BoneMotion(Filter):
-    """Move bones to where a rigid motion has them at the pipeline's time.
+    """Move bones rigidly to their pose at the pipeline's time.
 
-    The filter announces the times of the motion as its time steps; between them the motion is
-    interpolated, before the first and after the last it stands still. Bones that the motion does not name
-    stay where they are and share their geometry with the input.
+    The times of the motion are the time steps of the filter. The motion is interpolated between steps, and
+    constant before the first and after the last step. Bones without a transform stay at rest and share their
+    geometry with the input.
 
     Parameters
     ----------
     bones
         Named blocks of vtkPolyData, at rest.
     motion
-        Transforms of the moving bones over time; None leaves all at rest.
+        Transforms of the moving bones over time; None keeps all bones at rest.
 
     Attributes
     ----------
     output
-        The bones, in the same named blocks, at the time asked for; each with the field array ``Transform``
-        (16, row major): rest to now; those that move also with ``Twist_COORDINATE`` (6) by each coordinate
-        whose joint is known, or that changes alone about this time: velocity at the origin and angular
-        velocity, per radian or millimetre. By these there are moment arms.
+        The bones, in the same named blocks, at the requested time; each with the field array ``Transform``
+        (16, row major), rest to now. Moving bones also have ``Twist_COORDINATE`` (6), velocity at the origin
+        and angular velocity per radian or millimetre, for each coordinate with a joint, or with a sole change
+        about the time. Moment arms need the twists.
 
     Raises
     ------
     ValueError
         If the motion names a bone that is not among the blocks.
+
+    Limitations
+    -----------
+    Bones are rigid. There is no extrapolation beyond the times of the motion. Without joints, coordinates
+    that change together have no twists.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""FibreField: the direction of a muscle's fibres in each cell or at each point of a mesh."""
+"""FibreField: fibre directions in the cells or at the points of a mesh."""
 
 from __future__ import annotations
 
@@ -16,26 +16,26 @@ from vtkmuscle.data.arrays import Polylines, add_arrays, points_of, shallow_copy
 from vtkmuscle.data.muscle_geometry import Surface
 from vtkmuscle.filters.base import Filter, InputPort, OutputPort, Parameter, ports
 
-#: Positions between two reports of progress.
+#: Positions between two reports of progress; bounds the memory of the neighbour search.
 AT_ONCE = 8192
-#: Positions outside of the muscle by no more than this part of the greatest coordinate are on its surface:
-#: meshes are often written in single precision, which rounds by half of it.
+#: Distance from the surface, as a part of the greatest coordinate, that still counts as inside: meshes are
+#: often written in single precision, which rounds by half of the distance.
 ON_SURFACE = float(np.finfo(np.float32).eps)
-#: Where no muscle is connected, positions within this many spacings of the fibres from a fibre are in it.
+#: Distance from a fibre, in fibre spacings, that counts as inside if no muscle is connected.
 SPACINGS = 2.0
 
 
 class FibreField(Filter):
-    """Give the cells or points of a mesh the direction of the fibres there, as finite elements need it.
+    """Add fibre directions to the cells or points of a mesh, for finite elements.
 
-    A direction is the mean, as of axes, of the directions of the eight nearest fibres, weighted by their
-    inverse distances. It is continuous, and on a fibre it is the fibre's own (see
-    :mod:`vtkmuscle.core.fibres.direction_field`). It points from the first points of fibres to the last: from
-    the origin to the insertion, for fibres that FibreSource makes.
+    A direction is the mean axis of the eight nearest fibres, weighted by inverse distance. The field is
+    continuous, and equals the fibre's tangent on a fibre (see :mod:`vtkmuscle.core.fibres.direction_field`).
+    Directions point from the first points of fibres to the last: from origin to insertion for the fibres of
+    FibreSource.
 
-    Outside of the muscle it is the direction of the nearest fibres, since a mesh may differ a little from the
-    muscle's surface; ``InMuscle`` is 0 there. Where no muscle is connected, outside is estimated as farther
-    from any fibre than two spacings of the fibres.
+    Outside of the muscle the field continues with the direction of the nearest fibres, since a mesh may
+    differ a little from the muscle's surface; ``InMuscle`` is 0 there. Without ``muscle``, positions farther
+    than two fibre spacings from every fibre count as outside.
 
     Parameters
     ----------
@@ -46,7 +46,7 @@ class FibreField(Filter):
     muscle
         The muscle's surface: triangles, closed.
     at
-        Where the directions are: in the cells, or at the points.
+        Position of the directions: cell centres or points.
 
     Attributes
     ----------
@@ -57,12 +57,17 @@ class FibreField(Filter):
     Raises
     ------
     ValueError
-        If no fibre has a length; if the mesh has no cells, or cells without points; if none of it is in the
+        If no fibre has a length; if the mesh has no cells, or cells without points; if no position is in the
         muscle; if the muscle's surface is open.
 
     References
     ----------
     Franke, Nielson 1980, *Smooth interpolation of large sets of scattered data*, doi:10.1002/nme.1620151110.
+
+    Limitations
+    -----------
+    Directions have no meaning outside of the muscle. Fibres of opposite course within a distance of eight
+    neighbours are averaged, so a field across an internal tendon is smooth instead of having a jump.
 
     Examples
     --------
@@ -111,7 +116,7 @@ class FibreField(Filter):
         return add_arrays(shallow_copy(mesh), **{self.at: arrays})
 
     def _positions(self, mesh: vtkDataSet) -> Floats:
-        """Return the centres of the cells, or the points, (n, 3); grids have no array of either."""
+        """Return cell centres or points (n, 3); grids store neither."""
         if self.at == "cells":
             reader, count = vtkCellCenters(), mesh.GetNumberOfCells()
         else:
@@ -130,7 +135,7 @@ class FibreField(Filter):
 
 
 def _in_muscle(positions: Floats, muscle: Surface) -> Bools:
-    """Return which positions (n, 3) are in a muscle or on its surface."""
+    """Return a mask of the positions (n, 3) within or on a muscle."""
     geometry = muscle.closed("and so no inside")
     inside = geometry.solids.inside(positions)
     outside, rounding = np.flatnonzero(~inside), ON_SURFACE * np.abs(geometry.points).max()

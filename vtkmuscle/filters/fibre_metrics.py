@@ -31,37 +31,35 @@ from vtkmuscle.data.muscle_geometry import Surface, surfaces_of
 from vtkmuscle.data.paths import PathLines, add_path_arrays
 from vtkmuscle.filters.base import Filter, InputPort, OutputPort, Parameter, ports
 
-#: Points of the centroid path.
+#: Points of the centroid path: the shape (21, 3) of ``CentroidPath`` is part of the interface.
 PATH_POINTS = 21
 
 
 class FibreMetrics(Filter):
-    """Measure fibres: length, strain, tortuosity, pennation, and on request curvature and architecture.
+    """Measure length, strain, tortuosity, pennation, curvature and architecture.
 
-    The inputs decide what is measured: strain where the fibres have ``RestLength`` (FibreTransport adds it),
-    pennation where there is a muscle, penetration where there are bones. A pennation angle is the angle
-    between a fibre's end segment and the surface of the muscle there: 0 for a fibre that runs along the
-    surface, 90 degrees for one at right angles to it. For a fibre that ends on an aponeurosis it is the angle
-    to the aponeurosis. The surface's normal is continuous except at creases of more than 45 to 75 degrees; on
-    a crease the angle is the mean of those to the faces that meet there. An aponeurosis within the
-    muscle, as in a bipennate one, is known from the attachments.
+    The inputs select the measures: strain needs ``RestLength`` (from FibreTransport), pennation a muscle,
+    penetration bones. A pennation angle lies between a fibre's end segment and the muscle's surface: 0 along
+    the surface, 90 degrees at right angles. For a fibre on an aponeurosis the angle refers to the
+    aponeurosis. The surface normal is continuous except at creases of more than 45 to 75 degrees; on a crease
+    the angle is the mean over the adjacent faces. An aponeurosis within the muscle, as in bipennate muscles,
+    comes from the attachments.
 
     :func:`vtkmuscle.io.write_fibre_table` writes the measures as a table, and
-    :func:`vtkmuscle.io.fibre_summary` gives their mean, standard deviation and range.
+    :func:`vtkmuscle.io.fibre_summary` computes mean, standard deviation and range.
 
     Parameters
     ----------
     fibres
-        Polylines; the cell array ``RestLength`` [mm] where there is one.
+        Polylines; with the cell array ``RestLength`` [mm] for strain.
     muscle
-        The surface that the fibres end on.
+        The surface at the fibres' ends.
     bones
         Bones in the pose of the fibres.
     attachments
-        Areas in the pose of the fibres. The disc that spans an area within the muscle counts as part of the
-        muscle's surface.
+        Areas in the pose of the fibres. The disc over an area within the muscle counts as muscle surface.
     paths
-        The paths of the same fibres in the pose, as TautPaths gives them: their lengths and levers are added.
+        The paths of the same fibres in the pose, from TautPaths: lengths and levers are added.
     curvature
         Measure curvature.
     architecture
@@ -87,13 +85,19 @@ class FibreMetrics(Filter):
     Raises
     ------
     ValueError
-        If ``RestLength`` has a value that is negative or not finite; with ``architecture`` or ``sections``,
-        if there is no closed muscle, or no fibre has a length; if there is not one path for each fibre.
+        If a value of ``RestLength`` is negative or not finite; with ``architecture`` or ``sections``, if
+        there is no closed muscle, or no fibre has a length; if the numbers of paths and fibres differ.
 
     References
     ----------
     Lieber, Friden 2000, *Functional and clinical significance of skeletal muscle architecture*,
     doi:10.1002/1097-4598(200011)23:11<1647::AID-MUS1>3.0.CO;2-M.
+
+    Limitations
+    -----------
+    The physiological cross-sectional area assumes that fibres sample the muscle evenly. Pennation is measured
+    on the end segment, so the angle depends on the resolution of strongly curved fibres. Strain is a mean
+    over a fibre.
 
     Examples
     --------
@@ -152,25 +156,25 @@ class FibreMetrics(Filter):
     def _pennation(
         self, lines: Polylines, muscle: Surface, areas: list[AttachmentArea] | None
     ) -> tuple[Floats, Floats]:
-        """Return the angles between fibres and the surface at their ends, (k,) each [degrees]."""
+        """Return the angles of fibre ends to the surface, (k,) each [degrees]."""
         points, triangles = muscle.points, muscle.triangles
         if areas is not None:
             inner, faces = inner_areas(areas, muscle.geometry)
             triangles = np.vstack([triangles, faces + len(points)])
             points = np.vstack([points, inner])
-        # Of the frame before, where there is one: the muscle has bent, and is the same.
+        # The hierarchy of the last frame is refitted: only the positions have changed.
         self._bent = tree_of_deformed(self._bent, points, triangles)
         ends = np.vstack([lines.points[lines.offsets[:-1]], lines.points[lines.offsets[1:] - 1]])
-        faces, places, _ = self._bent.nearest(ends)
+        faces, feet, _ = self._bent.nearest(ends)
         if not have_area(points, triangles[faces]).all():
             triangles = triangles[have_area(points, triangles)]
             if not len(triangles):
-                raise InputError("muscle", "no triangle has an area, and so a direction")
-            faces, places, _ = triangle_tree(points, triangles).nearest(ends)
+                raise InputError("muscle", "all triangles are degenerate, so the surface has no normals")
+            faces, feet, _ = triangle_tree(points, triangles).nearest(ends)
         runs = np.vstack(end_directions(lines.points, lines.offsets))
-        # An end on a crease has an angle to each face: the mean, by area, for rounding would choose one.
-        number, face = faces_that_meet(points, triangles, faces, places)
-        normals = smooth_normals(points, triangles, face, places[number])
+        # On a crease the mean over faces, weighted by area, does not depend on rounding.
+        number, face = faces_that_meet(points, triangles, faces, feet)
+        normals = smooth_normals(points, triangles, face, feet[number])
         sines = np.abs((runs[number] * normals).sum(axis=1))
         sizes = np.linalg.norm(triangle_normals(points, triangles[face]), axis=1)
         each = np.degrees(np.arcsin(np.minimum(sines, 1.0)))
@@ -179,7 +183,7 @@ class FibreMetrics(Filter):
 
     def _penetration(self, lines: Polylines, bones: list[Surface]) -> Floats:
         """Return the greatest depth of each fibre in a bone, (k,) [mm]."""
-        # Kept for the next frame, in which some bones stand still.
+        # Kept for the next frame: bones at rest reuse their hierarchy.
         self._shapes = [bone_of(bone.points, bone.triangles) for bone in bones]
         depths = depth_in(((bone, np.eye(4)) for bone in self._shapes), lines.points)
         return np.maximum.reduceat(depths, lines.offsets[:-1])
@@ -192,7 +196,7 @@ class FibreMetrics(Filter):
             raise InputError("", f"{name} needs a muscle, but the port 'muscle' is not connected")
         muscle.closed(f"but {name} needs a closed one")
         if not lengths.max() > 0.0:
-            raise InputError("", f"{name} needs fibres, but none of them has a length")
+            raise InputError("", f"{name} needs fibres with a length, but all lengths are 0")
         if self.architecture:
             direction = line_of_action(lines.points, lines.offsets)
             angles = angles_to(lines.points, lines.offsets, direction)
@@ -208,11 +212,11 @@ class FibreMetrics(Filter):
             add_arrays(result, cells={"LineAngle": angles}, fields=fields)
         if self.sections:
             path = centroid_path(lines.points, lines.offsets, 2 * self.sections + 1)
-            places, normals = path[1::2], path[2::2] - path[:-1:2]
+            centres, normals = path[1::2], path[2::2] - path[:-1:2]
             lengths = np.linalg.norm(normals, axis=1, keepdims=True)
             normals = np.divide(normals, lengths, out=np.zeros_like(normals), where=lengths > 0)
-            areas = section_areas(muscle.points, muscle.triangles, places, normals)
-            planes = zip(places, normals, strict=True)
+            areas = section_areas(muscle.points, muscle.triangles, centres, normals)
+            planes = zip(centres, normals, strict=True)
             counts = np.array([plane_crossings(lines.points, lines.offsets, *plane) for plane in planes])
             density = np.divide(counts, areas, out=np.zeros(len(areas)), where=areas > 0)
             fields = {"SectionArea": areas, "SectionFibres": counts, "SectionDensity": density}
@@ -221,7 +225,7 @@ class FibreMetrics(Filter):
 
 def _tortuosity(lines: Polylines, lengths: Floats) -> Floats:
     chords = np.linalg.norm(lines.points[lines.offsets[1:] - 1] - lines.points[lines.offsets[:-1]], axis=1)
-    # A fibre that returns to its start gets a huge number rather than infinity, one without length 1.
+    # A closed fibre has a huge ratio instead of infinity, a fibre without length has 1.
     floor = np.maximum(chords, np.finfo(np.float64).eps * lengths)
     ratio: Floats = np.divide(lengths, floor, out=np.ones_like(lengths), where=floor > 0)
     return np.maximum(ratio, 1.0)

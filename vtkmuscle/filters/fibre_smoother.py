@@ -1,4 +1,4 @@
-"""FibreSmoother: take the noise out of fibres."""
+"""FibreSmoother: smooth fibres and spread them over a muscle."""
 
 from __future__ import annotations
 
@@ -17,63 +17,66 @@ from vtkmuscle.data.attachments import ROLES, AttachmentArea
 from vtkmuscle.data.muscle_geometry import MuscleGeometry, Surface
 from vtkmuscle.filters.base import Filter, OutputPort, Parameter, ports
 
-#: Number of positions in the muscle by which fibres are spread: for each fibre, and at least.
+#: Sample positions in the muscle for spreading: per fibre, and in total at least.
 SAMPLES, LEAST_SAMPLES = 64, 2048
-#: ``spreading`` of fibres that fill the muscle.
+#: ``spreading`` of fibres that fill the muscle: the step with the fewest passes to even spacing.
 SPREADING = 1.5
 
 
 class FibreSmoother(Filter):
-    """Smooth fibres by a three-point weighted mean that keeps their end points, and spread them if asked.
+    """Smooth fibres with fixed end points, and spread them over a muscle.
 
-    Each pass moves the inner points to (p_{i-1} + k p_i + p_{i+1}) / (k + 2). That straightens fibres, and so
-    draws them out of a curved muscle on its hollow side. Where the muscle is connected, the common course of
-    all fibres, the mean of their points, stays as it is, and only the difference of each fibre from it is
-    smoothed (see :func:`vtkmuscle.core.fibres.spreading.smooth_about_course`). Points that leave the muscle
-    are put back on its surface.
+    Each pass moves the inner points to (p_{i-1} + k p_i + p_{i+1}) / (k + 2), which straightens fibres and
+    pulls them out of a curved muscle on the hollow side. With a muscle connected, the mean course of all
+    fibres is therefore kept, and only the deviation of each fibre is smoothed (see
+    :func:`vtkmuscle.core.fibres.spreading.smooth_about_course`). Points that leave the muscle are projected
+    to the surface.
 
-    The map from the template crowds fibres in the middle of a muscle, and straight ends leave its flanks
-    bare. So where the muscle is connected, each pass also moves every fibre towards the middle of the part
-    of the muscle that is nearest to it (Lloyd's relaxation), ``spreading`` times the way. The ends of
-    fibres move with them on attachment areas that are connected, else they stay. This suits fibres that are
-    only known to fill the muscle: those of the parallel template, and of any template whose fibres had to be
-    cut and led to the areas. Where most fibres of another template end on the areas by themselves, their
-    course is the muscle's own: pennate ones would be drawn into its corners.
+    The map from the template crowds fibres in the middle of a muscle, and straight ends leave the flanks
+    empty. With a muscle connected, each pass also moves every fibre towards the centroid of its Voronoi cell
+    in the muscle (Lloyd's relaxation), by ``spreading`` times the distance. Fibre ends move along connected
+    attachment areas, and stay without them. Spreading suits the parallel template, and templates whose fibres
+    were cut and led to the areas. Pennate fibres that end on the areas by themselves would be drawn into the
+    corners.
 
     Parameters
     ----------
     fibres
         Polylines, any number of points each.
     muscle
-        Closed triangles that the fibres stay in.
+        Closed triangles around the fibres.
     attachments
-        Areas on which the fibres' ends may move as fibres are spread.
+        Areas for the fibre ends to move on during spreading.
     smoothing_passes
         Number of smoothing passes.
     smoothing_weight
         Weight of the middle point.
     spreading
-        How far each pass moves a fibre towards the middle of its part of the muscle: 1 is all the way, 1.5
-        gets there with the fewest passes, 0 smooths only. None is 1.5 for parallel fibres (by the field array
-        ``Template``), and for those of which half or more got other ends (by ``EndsKept`` of FibreTrimmer);
-        else 0.
+        Relative step of each pass towards the cell's centroid: 1 is the full distance, 1.5 converges in the
+        fewest passes, 0 smooths only. None is 1.5 for parallel fibres (field array ``Template``) and for
+        fibres of which half or more were led to new ends (``EndsKept`` of FibreTrimmer); else 0.
 
     Attributes
     ----------
     output
         The smoothed polylines, with the arrays of the input, and the cell array ``LengthChange`` (n_fibres,):
-        length after less length before [mm].
+        length after minus length before [mm].
 
     Raises
     ------
     ValueError
-        If attachments are connected without the muscle, or an area is not on it.
+        If attachments are connected without the muscle, or an area is not on the muscle.
 
     References
     ----------
     Kohout, Clapworthy, Martelli, Viceconti 2012, *Muscle Fibres Modelling*, section 3.4,
     extended in doi:10.1007/978-3-642-38241-3_3; Lloyd 1982, *Least squares quantization in PCM*,
     doi:10.1109/TIT.1982.1056489.
+
+    Limitations
+    -----------
+    Smoothing without a muscle shortens curved fibres and may move them outside. Spreading uses 64 sample
+    positions per fibre; even spacing is not guaranteed.
 
     Examples
     --------
@@ -110,7 +113,7 @@ class FibreSmoother(Filter):
     def _in_muscle(
         self, lines: Polylines, geometry: MuscleGeometry, attachments: list[AttachmentArea] | None
     ) -> Floats:
-        """Return points smoothed and spread, of which the inner ones are put back into the muscle."""
+        """Return smoothed and spread points, projected into the muscle."""
         spreading = self.spreading
         if spreading is None:
             spreading = SPREADING if _fill_the_muscle(lines.data) else 0.0
@@ -144,13 +147,13 @@ def _cloud(geometry: MuscleGeometry, count: int) -> Cloud | None:
 
 
 def _fill_the_muscle(fibres: vtkPolyData | None) -> bool:
-    """Return whether fibres are only known to fill the muscle, whatever their course."""
+    """Return whether fibres only fill the muscle, without a course of their own."""
     kept = field_array(fibres, "EndsKept")
     return field_string(fibres, "Template") == "parallel" or (kept is not None and float(kept.min()) <= 0.5)
 
 
 def _areas(areas: list[AttachmentArea] | None, geometry: MuscleGeometry) -> Sequence[TriangleTree | None]:
-    """Return the origin's and the insertion's triangles, None where fibre ends stay."""
+    """Return the triangles of origin and insertion, None for fixed fibre ends."""
     if areas is None:
         return None, None
     return [geometry.patch_tree(geometry.attached(areas, role)) for role in ROLES]

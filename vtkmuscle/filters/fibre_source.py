@@ -1,4 +1,4 @@
-"""FibreSource: fill a muscle with fibres, by the way that suits it."""
+"""FibreSource: fill a muscle with straight fibres or fibres through sections."""
 
 from __future__ import annotations
 
@@ -20,29 +20,28 @@ from vtkmuscle.filters.fibre_trimmer import FibreTrimmer
 from vtkmuscle.filters.slice_morpher import SliceMorpher
 from vtkmuscle.filters.template_fitter import TemplateFitter
 
-#: Straight fibres suit a muscle of which they fill more than this part. A block between plates is 1, a
-#: measured gastrocnemius between its aponeuroses 0.69; spindles that are attached by their ends, 0.04 to 0.5.
+#: Least filled part of a muscle with straight fibres. A block between plates has 1, a measured gastrocnemius
+#: between aponeuroses 0.69, spindles attached at their ends 0.04 to 0.5.
 LEAST_FILLED = 0.6
-#: ... and from which no more than this part of them departs, by more than this part of its mean edge.
+#: Largest part of straight fibres outside of the muscle, and the departure that counts, in mean edges.
 MOST_LEAVING, LEAVING = 0.1, 0.25
 
 
 class FibreSource(Filter):
     """Fill a muscle with fibres.
 
-    Straight fibres go from one area to the other. Positions that stand for equal shares of either area are
-    matched by the least sum of squared distances (optimal transport), so that fibres do not cross and
-    neighbours end beside each other. Where a straight line would leave the muscle it is bent inside. Between
-    aponeuroses fibres keep their cross-section on their way: a part of the larger one stays bare.
+    Straight fibres connect the two areas. Positions for equal shares of each area are matched by the least
+    sum of squared distances (optimal transport), so that fibres do not cross and neighbours end at
+    neighbouring positions. A straight line outside of the muscle is bent inwards. Between aponeuroses fibres
+    keep their cross-section: a part of the larger aponeurosis stays empty.
 
-    By sections fibres go through the muscle from section to section: the parallel template through
-    TemplateFitter, SliceMorpher, FibreTrimmer and FibreSmoother. Sections are isolines, which follow a muscle
-    however it is bent and end at its areas, or planes where the areas overlap. Such fibres fill muscles that
-    are thicker than their attachment areas.
+    Fibres through sections start from the parallel template and run through TemplateFitter, SliceMorpher,
+    FibreTrimmer and FibreSmoother. Sections are isolines, which follow a bent muscle and end at the areas, or
+    planes for overlapping areas. Such fibres fill muscles that are thicker than the attachment areas.
 
-    ``course="auto"`` takes straight fibres between aponeuroses, and where they fill more than 60 % of the
-    muscle's volume (their cross-section at the areas times their length) and at most a tenth of them leaves
-    it. Otherwise, and where superficial fibres are connected, it takes sections. The choice is in ``Course``.
+    ``course="auto"`` takes straight fibres between aponeuroses, and for muscles of which straight fibres fill
+    more than 60 % of the volume (cross-section at the areas times length) with at most a tenth of the fibres
+    outside. Otherwise, and with superficial fibres, ``auto`` takes sections. The choice is in ``Course``.
 
     Parameters
     ----------
@@ -51,36 +50,42 @@ class FibreSource(Filter):
     attachments
         Areas of both roles; not needed between aponeuroses.
     superficial
-        Fibres that were seen on the surface, for sections.
+        Fibres seen on the surface, for sections.
     aponeuroses
-        The surfaces that fibres end on, in place of the attachment areas: a block for each ring on the
-        muscle's surface or surface within it, with the field array ``Side`` (``proximal`` or ``distal``).
+        End surfaces of fibres, in place of the attachment areas: a block for each ring on the muscle's
+        surface or surface within the muscle, with the field array ``Side`` (``proximal`` or ``distal``).
     n_fibres
         Number of fibres.
     resolution
         Segments of each fibre, one less than points.
     course
-        How fibres run: straight from area to area, through sections, or whichever suits the muscle.
+        Course of fibres: straight from area to area, through sections, or the better of the two.
 
     Attributes
     ----------
     output
         Polylines from origin to insertion, with the point array ``t`` (0 to 1), the cell array ``FibreId``,
-        and the field arrays ``Course`` (``straight`` or ``sections``), and, where straight fibres were tried,
-        ``FilledShare`` (part of the muscle that they fill) and ``LeavingShare`` (part of them that leaves
-        it); and the muscle's field arrays. Straight ones have the cell array ``Bent`` (0 or 1); those by
-        sections the arrays of the filters above.
+        the field array ``Course`` (``straight`` or ``sections``), and the muscle's field arrays. If straight
+        fibres were tried, also ``FilledShare`` (filled part of the muscle) and ``LeavingShare`` (part of the
+        fibres outside). Straight fibres have the cell array ``Bent`` (0 or 1); fibres through sections the
+        arrays of the filters above.
 
     Raises
     ------
     ValueError
         If the muscle is not closed; if there are neither aponeuroses nor attachments of both roles; if an
-        aponeurosis is far from the muscle, covers it, or overlaps the other, or the two are exchanged; if
-        ``course="sections"`` is asked for between aponeuroses.
+        aponeurosis is far from the muscle, covers the muscle, or overlaps the other, or the two are
+        exchanged; if ``course="sections"`` is combined with aponeuroses.
 
     References
     ----------
     Villani 2009, *Optimal Transport*, doi:10.1007/978-3-540-71050-9.
+
+    Limitations
+    -----------
+    Fibres are a geometric model: they agree with measured fascicles only as far as areas and aponeuroses do.
+    Muscles with several bellies on one tendon need a surface per belly. Straight fibres do not curve around
+    neighbouring structures.
 
     Examples
     --------
@@ -144,7 +149,7 @@ class FibreSource(Filter):
     def _by_sections(
         self, muscle: Surface, areas: list[AttachmentArea], superficial: vtkPolyData | None
     ) -> vtkPolyData:
-        """Return the parallel template led through the muscle's sections."""
+        """Return the parallel template mapped through the muscle's sections."""
         template = FibreTemplateSource(n_fibres=self.n_fibres, resolution=self.resolution)()
         fitted = TemplateFitter()(template, muscle.data, areas, superficial)
         origin, insertion = (muscle.geometry.attached(areas, role) for role in ROLES)
@@ -168,19 +173,19 @@ def _straight(fibres: Floats, bent: Bools) -> vtkPolyData:
 
 
 def _passed_on(fibres: vtkPolyData, muscle: Surface) -> vtkPolyData:
-    """Add to fibres the field arrays of their muscle that they do not have."""
-    mine, others = fibres.GetFieldData(), muscle.data.GetFieldData()
-    for number in range(others.GetNumberOfArrays()):
-        if not mine.HasArray(others.GetArrayName(number)):
-            mine.AddArray(others.GetAbstractArray(number))
+    """Add missing field arrays of the muscle to its fibres."""
+    target, source = fibres.GetFieldData(), muscle.data.GetFieldData()
+    for number in range(source.GetNumberOfArrays()):
+        if not target.HasArray(source.GetArrayName(number)):
+            target.AddArray(source.GetAbstractArray(number))
     return fibres
 
 
 def _check_roles(areas: list[AttachmentArea] | None, by_role: list[list[AttachmentArea]]) -> None:
     if areas is None:
         raise InputError("", "no attachments are connected", "connect them, or aponeuroses")
-    for role, mine in zip(ROLES, by_role, strict=True):
-        if not mine:
+    for role, role_areas in zip(ROLES, by_role, strict=True):
+        if not role_areas:
             problem = f"there is no area with the role {role!r}"
             raise InputError("attachments", problem, "add its landmarks, or connect aponeuroses")
 
@@ -190,13 +195,13 @@ def _ends(
     by_role: list[list[AttachmentArea]],
     aponeuroses: list[Aponeurosis] | None,
 ) -> tuple[EndSurface, EndSurface]:
-    """Return the surfaces on which fibres begin and end."""
+    """Return the surfaces at the fibres' origins and insertions."""
     if aponeuroses is not None:
-        origin, insertion = ([area.landmarks for area in mine] for mine in by_role)
+        origin, insertion = ([area.landmarks for area in role_areas] for role_areas in by_role)
         landmarks = (np.vstack(origin), np.vstack(insertion)) if all(by_role) else None
         return aponeurosis_surfaces(aponeuroses, geometry, "aponeuroses", landmarks)
     first, last = (
-        attached_surface(mine, geometry, f"attachments: {role} area")
-        for role, mine in zip(ROLES, by_role, strict=True)
+        attached_surface(role_areas, geometry, f"attachments: {role} area")
+        for role, role_areas in zip(ROLES, by_role, strict=True)
     )
     return first, last

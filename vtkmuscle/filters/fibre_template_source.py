@@ -11,25 +11,25 @@ from vtkmuscle.core.template.kinds import KINDS, TEMPLATES, read_template, sobol
 from vtkmuscle.data.arrays import Polylines, add_arrays, polylines_from
 from vtkmuscle.filters.base import Filter, OutputPort, Parameter
 
-#: Most fibres in the order of Sobol's points. Every second, or eighth, of those is in one part of the square,
-#: but areas are shared out among fibres in batches of one in so many, which must be spread over it.
+#: Largest number of fibres in the order of Sobol's points. Every second or eighth Sobol point is in one part
+#: of the square, but areas are divided among batches of every n-th fibre, which must cover the square.
 MANY = 256
 
 
 class FibreTemplateSource(Filter):
-    """Make fibres of a given architecture in the unit cube.
+    """Make fibres of a chosen architecture in the unit cube.
 
     Each fibre is a Bezier curve from the origin area, at the bottom of the cube, to the insertion area, at
-    its top; two parameters (r, s) select the curve. The fibres' parameters are Sobol points, as in the paper;
-    more than 256 are in an order in which neighbours follow each other. The points of a fibre are equally
-    spaced in its parameter t. :mod:`vtkmuscle.core.template.kinds` describes the kinds, and the files.
+    the top; two parameters (r, s) select the curve. The parameters are Sobol points, as in the paper; above
+    256 fibres, neighbours in the order are neighbours in space. Points of a fibre are equally spaced in the
+    parameter t. :mod:`vtkmuscle.core.template.kinds` describes the kinds and the files.
 
     Parameters
     ----------
     template
-        How the fibres run.
+        Architecture of the fibres.
     template_file
-        A .toml or .json file with a template of your own, in place of ``template``.
+        A .toml or .json file with a custom template, in place of ``template``.
     n_fibres
         Number of fibres.
     resolution
@@ -46,13 +46,18 @@ class FibreTemplateSource(Filter):
     Raises
     ------
     ValueError
-        If the file cannot be read or does not hold a template; the message says where and what is allowed.
+        If the file cannot be read or has no template; the message gives the position and the allowed values.
 
     References
     ----------
     Kohout, Clapworthy, Martelli, Viceconti 2012, *Muscle Fibres Modelling*, section 3.1,
     extended in doi:10.1007/978-3-642-38241-3_3; Blemker, Delp 2005, *Three-dimensional representation of
     complex muscle architectures and geometries*, doi:10.1007/s10439-005-1433-7.
+
+    Limitations
+    -----------
+    Templates are idealised: the architecture is a choice, not a measurement. Fibres are equally spaced in t,
+    not in arc length.
 
     Examples
     --------
@@ -75,10 +80,10 @@ class FibreTemplateSource(Filter):
         if self.template_file is not None:
             with errors_at(f"{type(self).__name__}: template_file"):
                 template = read_template(self.template_file)
-        places = sobol_points(self.n_fibres)
+        parameters = sobol_points(self.n_fibres)
         if self.n_fibres > MANY:
-            places = places[space_order(places)]
-        r, s = places.T
+            parameters = parameters[space_order(parameters)]
+        r, s = parameters.T
         t = np.linspace(0.0, 1.0, self.resolution + 1)
         points = template.fibres(r, s, t).reshape(-1, 3)
         return add_arrays(

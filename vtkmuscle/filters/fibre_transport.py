@@ -1,4 +1,4 @@
-"""FibreTransport: move fibres with the muscle they are in."""
+"""FibreTransport: move fibres with their muscle."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from vtkmuscle.filters.base import Filter, OutputPort, Parameter, ports
 class FibreTransport(Filter):
     """Move fibres from a muscle at rest into the deformed muscle.
 
-    A fibre point is a weighted mean of the vertices of the muscle at rest (mean value coordinates); it moves
-    to the same mean of the deformed vertices. The weights are kept while the rest fibres and the rest muscle
-    have the same content, so that a frame costs one matrix product. Fibre points outside of the muscle are
-    moved as well, and counted.
+    A fibre point is a weighted mean of the muscle's vertices at rest (mean value coordinates), and moves to
+    the same mean of the deformed vertices. Weights are kept while the contents of the rest fibres and the
+    rest muscle are the same, so that a frame costs one matrix product. Fibre points outside of the muscle are
+    moved and counted.
 
     All weights of 1600 points on 9878 vertices take 126 MB. With ``weight_tolerance`` groups of vertices with
-    similar weights share one weight, and affine motions stay exact; 0.3 keeps one weight in ten. The cost is
-    in ``WeightError``.
+    similar weights share a weight, and affine motions stay exact; 0.3 keeps a tenth of the weights.
+    ``WeightError`` is the cost.
 
     Parameters
     ----------
@@ -33,8 +33,8 @@ class FibreTransport(Filter):
     deformed_muscle
         The same points as the muscle at rest, moved.
     weight_tolerance
-        Tolerance for merging vertices into groups that share one weight: with a larger tolerance transport is
-        faster, takes less memory and is less exact. 0 merges nothing; 0.3 keeps one weight in ten.
+        Tolerance for merging vertices into groups with a common weight: a larger tolerance is faster, takes
+        less memory and is less exact. 0 merges nothing; 0.3 keeps a tenth of the weights.
 
     Attributes
     ----------
@@ -57,8 +57,8 @@ class FibreTransport(Filter):
 
     Limitations
     -----------
-    Mean value coordinates know nothing of fibres: a fibre's length follows the surface alone. A fibre may
-    leave a strongly bent muscle. Weights may be negative in concave muscles.
+    Mean value coordinates ignore fibres: a fibre's length follows the surface alone. A fibre may leave a
+    strongly bent muscle. Weights may be negative in concave muscles.
 
     Examples
     --------
@@ -86,15 +86,12 @@ class FibreTransport(Filter):
         """Return the fibres in the deformed muscle."""
         points, vertices, moved = rest_fibres.points, rest_muscle.points, deformed_muscle.points
         if len(moved) != len(vertices):
-            raise InputError(
-                "",
-                f"deformed_muscle has {len(moved)} points, but rest_muscle has {len(vertices)}",
-                "both must be the same mesh, before and after the deformation",
-            )
+            problem = f"deformed_muscle has {len(moved)} points, but rest_muscle has {len(vertices)}"
+            raise InputError("", problem, "connect the same mesh, before and after the deformation")
         rest_muscle.closed("but mean value coordinates need a closed muscle")
-        given = points, vertices, rest_muscle.triangles, self.weight_tolerance
-        if self._embedded is None or not self._embedded.same_as(*given):
-            self._embedded = EmbeddedPoints(*given)
+        inputs = points, vertices, rest_muscle.triangles, self.weight_tolerance
+        if self._embedded is None or not self._embedded.same_as(*inputs):
+            self._embedded = EmbeddedPoints(*inputs)
         return add_arrays(
             rest_fibres.moved(self._embedded.moved(moved, self.report_progress)),
             cells={"RestLength": polyline_lengths(points, rest_fibres.offsets)},

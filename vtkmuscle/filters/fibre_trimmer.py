@@ -1,4 +1,4 @@
-"""FibreTrimmer: let fibres end on the attachment areas."""
+"""FibreTrimmer: end fibres on the attachment areas."""
 
 from __future__ import annotations
 
@@ -18,31 +18,30 @@ from vtkmuscle.data.end_surfaces import inner_areas
 from vtkmuscle.data.muscle_geometry import MuscleGeometry, Surface
 from vtkmuscle.filters.base import Filter, OutputPort, Parameter, ports
 
-#: Largest distance of a fibre's end from an area, or of a fibre from the muscle, in mean edges of the muscle.
+#: Largest distance between a fibre's end and an area, or a fibre and the muscle, in mean edges: below it a
+#: distance is the mesh's own roughness.
 TOLERANCE = 0.25
 
 
 class FibreTrimmer(Filter):
-    """Let fibres end on the attachment areas, spread over them.
+    """End fibres on the attachment areas, spread over the areas.
 
-    Near a wide attachment area, fibres from a template meet in a point or run along the area instead of
-    ending on it. So their ends are cut off by two planes perpendicular to the muscle's axis, each through the
-    landmark of its side that reaches furthest into the muscle. Straight segments to the attachment areas
-    replace them. Their ends are spread evenly over the areas, one for each fibre, such that the segments are
-    short in all and do not cross. Less or more is cut from a fibre whose new segment would leave the muscle
-    (by more than a quarter of its mean edge length) or turn by more than 30 degrees. Where most fibres end on
-    an area by themselves without meeting, as pennate ones do, those fibres keep their ends.
+    Near a wide attachment area, template fibres meet in a point or run along the area. Two planes
+    perpendicular to the muscle's axis, each through the landmark deepest in the muscle, cut the fibre ends
+    off. Straight segments to the areas replace the ends. The new ends are spread evenly over an area, with a
+    short total length and without crossings. The cut moves for a fibre whose new segment would leave the
+    muscle (by more than a quarter of a mean edge) or turn by more than 30 degrees. If most fibres end on an
+    area without meeting, as pennate fibres do, these fibres keep their ends.
 
-    An area may be within the muscle, as the tendon between the halves of a bipennate one: more than half of
-    the disc over its landmarks is then deeper than a mean edge's length. Fibres end on that disc where most
-    of the template's do.
+    An area may lie within the muscle, such as the tendon of a bipennate muscle: more than half of the disc
+    over the landmarks is then deeper than a mean edge. Fibres end on the disc if most template fibres do.
 
-    The axis is that of the fitted template where the fibres have its field array ``Transform``, otherwise the
-    direction from the origin's to the insertion's centroid. Each fibre keeps its number of points, spaced
-    evenly along it; points outside of the muscle are moved to its surface.
+    The axis comes from the field array ``Transform`` of a fitted template, or else runs from the origin's to
+    the insertion's centroid. Each fibre keeps its number of points, evenly spaced; points outside of the
+    muscle move to the surface.
 
-    ``end_rule="closest"`` is the rule of the paper as printed: each fibre is cut at the plane and ends at the
-    point of the area that is closest to its own ray, whatever the others do.
+    ``end_rule="closest"`` is the printed rule of the paper: each fibre is cut at the plane and ends at the
+    point of the area closest to the fibre's ray, without regard to other fibres.
 
     Parameters
     ----------
@@ -53,27 +52,32 @@ class FibreTrimmer(Filter):
     attachments
         Areas of both roles, landmarks near the muscle.
     largest_cut
-        Largest part of a fibre's length to cut off at either end, for areas that reach far along the muscle.
+        Largest part of a fibre's length to cut off at either end, for areas far along the muscle.
     end_rule
-        Where fibres end: on shares of the area, or each at the point of it that is closest to its own ray
-        (Kohout et al. 2012), without new spacing of its points.
+        End of a fibre: a share of the area, or the point of the area closest to the fibre's ray (Kohout et
+        al. 2012), without new spacing of points.
 
     Attributes
     ----------
     output
         The trimmed polylines, with the cell and field arrays of the input, and the field array ``EndsKept``:
-        at the origin and at the insertion, the part of the fibres that end on the area as they are.
+        part of the fibres with unchanged ends, at the origin and at the insertion.
 
     Raises
     ------
     ValueError
-        If a fibre has one point; if the muscle is not closed; if a role has no area, or one that is not on
-        the muscle; if the axis is undefined because the centroids of both sides coincide.
+        If a fibre has fewer than two points; if the muscle is not closed; if a role has no area, or an area
+        off the muscle; if the axis is undefined because the centroids of both sides coincide.
 
     References
     ----------
     Kohout, Clapworthy, Martelli, Viceconti 2012, *Muscle Fibres Modelling*, section 3.4,
     extended in doi:10.1007/978-3-642-38241-3_3.
+
+    Limitations
+    -----------
+    Segments to the areas are straight, so a fibre has a kink of up to 30 degrees at the cut. At most half of
+    a fibre is cut off, which may leave ends off an area along most of the muscle.
 
     Examples
     --------
@@ -90,7 +94,6 @@ class FibreTrimmer(Filter):
     """
 
     largest_cut = Parameter(float, default=0.5, minimum=0.0, maximum=0.5)
-
     end_rule = Parameter(str, default="shared", choices=("shared", "closest"))
 
     fibres = ports.Lines()
@@ -103,11 +106,8 @@ class FibreTrimmer(Filter):
         points, offsets = fibres.points, fibres.offsets
         short = np.flatnonzero(np.diff(offsets) < 2)
         if len(short):
-            raise InputError(
-                "fibres",
-                f"{len(short)} fibre(s) of one point, first {short[0]}",
-                "give two points or more of each",
-            )
+            problem = f"{len(short)} fibre(s) have fewer than two points, first {short[0]}"
+            raise InputError("fibres", problem, "give each fibre two points or more")
         geometry = muscle.closed("and so no inside to keep fibres in")
         ends = offsets[:-1], offsets[1:] - 1
         origin = _end_area("origin", attachments, geometry, points[ends[0]])
@@ -132,22 +132,23 @@ class FibreTrimmer(Filter):
 
 
 def _end_area(role: str, areas: Sequence[AttachmentArea], geometry: MuscleGeometry, ends: Floats) -> EndArea:
-    """Return the area of a role on which fibres with these ends (k, 3) are to end."""
+    """Return the area of a role for fibres with these ends (k, 3)."""
     covered = geometry.attached(areas, role)
-    mine = [area for area in areas if area.role == role]
-    rings = b"".join(area.landmarks.tobytes() + bytes([area.closed]) for area in mine)
+    role_areas = [area for area in areas if area.role == role]
+    rings = b"".join(area.landmarks.tobytes() + bytes([area.closed]) for area in role_areas)
     inner, outer = geometry.once(
-        ("end areas", rings), lambda: (_inner_area(mine, geometry), _area_on_surface(mine, geometry, covered))
+        ("end areas", rings),
+        lambda: (_inner_area(role_areas, geometry), _area_on_surface(role_areas, geometry, covered)),
     )
     if inner is None or inner.distance is None:
         return outer
-    # The area may also be hollow, or the landmarks off: the ends of the template's fibres decide.
-    there = inner.distance(ends) <= TOLERANCE * geometry.mean_edge
-    return inner if there.mean() > 0.5 else outer
+    # The area may be hollow, or the landmarks inexact: the template's fibre ends decide.
+    on_disc = inner.distance(ends) <= TOLERANCE * geometry.mean_edge
+    return inner if on_disc.mean() > 0.5 else outer
 
 
 def _inner_area(areas: Sequence[AttachmentArea], geometry: MuscleGeometry) -> EndArea | None:
-    """Return the part of the areas that is within the muscle, None where there is none."""
+    """Return the part of the areas within the muscle, None without such a part."""
     points, triangles = inner_areas(areas, geometry)
     if not len(triangles):
         return None
@@ -156,7 +157,7 @@ def _inner_area(areas: Sequence[AttachmentArea], geometry: MuscleGeometry) -> En
 
 
 def _area_on_surface(areas: Sequence[AttachmentArea], geometry: MuscleGeometry, covered: Ints) -> EndArea:
-    # The disc over a ring around a hollow or bulging area is no part of the surface.
+    # Discs over rings around hollow or bulging areas do not belong to the surface.
     flat = []
     for ring in (area.landmarks for area in areas if area.closed):
         points, triangles = discs_over([ring])
@@ -170,7 +171,7 @@ def _area_on_surface(areas: Sequence[AttachmentArea], geometry: MuscleGeometry, 
 
 
 def _distance_to(points: Floats, triangles: Ints) -> Callable[[Floats], Floats]:
-    """Return the function from positions (n, 3) to their distances (n,) from triangles."""
+    """Return a function of positions (n, 3): their distances (n,) to triangles."""
     tree = triangle_tree(points, triangles)
     return lambda positions: tree.nearest(positions)[2]
 

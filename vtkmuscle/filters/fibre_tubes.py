@@ -21,28 +21,27 @@ RADIUS = "TubeRadius"
 
 
 class FibreTubes(Filter):
-    """Make tubes of fibres, with closed ends, by vtkTubeFilter.
+    """Turn fibres into tubes with closed ends, by vtkTubeFilter.
 
-    Point and cell arrays are passed on, to colour tubes by; ``colour_by`` makes one of them the active
-    scalars, such as ``Length``, ``Strain`` or ``PennationOrigin`` of FibreMetrics. A fibre without length
-    gets no tube.
+    Point and cell arrays are passed on for colours; ``colour_by`` sets the active scalars, such as
+    ``Length``, ``Strain`` or ``PennationOrigin`` of FibreMetrics. A fibre without length has no tube.
 
-    With ``radius_by="fill"`` tubes have the radius with which they would fill the muscle if they were packed
-    like hexagons, sqrt(volume / (2 sqrt(3) total length)). Where fibres are nearer to each other it is half
-    their distance, so that tubes do not overlap.
+    With ``radius_by="fill"`` the radius is sqrt(volume / (2 sqrt(3) total length)): hexagonally packed tubes
+    would fill the muscle. Between closer fibres the radius is half their distance, so that tubes do not
+    overlap.
 
     Parameters
     ----------
     fibres
         Polylines.
     muscle
-        Its volume is filled with ``radius_by="fill"``.
+        The muscle to fill with ``radius_by="fill"``.
     radius
         Radius of the tubes.
     radius_by
-        How the radius is chosen: it is ``radius``, or fills the muscle.
+        Choice of the radius: ``radius``, or the radius that fills the muscle.
     colour_by
-        Point or cell array that becomes the active scalars.
+        Point or cell array for the active scalars.
     sides
         Number of sides of a tube.
 
@@ -54,8 +53,13 @@ class FibreTubes(Filter):
     Raises
     ------
     ValueError
-        If no fibre has a length; if there is no array ``colour_by``; if ``radius_by="fill"`` and there is no
+        If no fibre has a length; if the array ``colour_by`` is missing; if ``radius_by="fill"`` lacks a
         muscle.
+
+    Limitations
+    -----------
+    Tubes are for display. Tubes of strongly curved fibres intersect themselves where the radius of curvature
+    is below the tube's radius.
 
     Examples
     --------
@@ -77,7 +81,7 @@ class FibreTubes(Filter):
 
     def execute(self, fibres: Polylines, muscle: Surface | None) -> vtkPolyData:
         """Return the tubes."""
-        # Each line gets points of its own: VTK blends the tubes of lines that share points.
+        # Points are not shared: VTK blends the tubes of lines with common points.
         data = fibres.copy()
         self._check_colours(data)
         tubes = vtkTubeFilter()
@@ -93,12 +97,12 @@ class FibreTubes(Filter):
         tubes.Update()
         result: vtkPolyData = tubes.GetOutput()
         if result.GetNumberOfPoints() == 0:
-            raise InputError("fibres", "none of them has a length, and so none gets a tube")
+            raise InputError("fibres", "all lengths are 0, so there are no tubes")
         if self.colour_by is not None:
-            owner, other = result.GetPointData(), result.GetCellData()
+            owner, unused = result.GetPointData(), result.GetCellData()
             if not owner.HasArray(self.colour_by):
-                owner, other = other, owner
-            other.SetActiveAttribute(-1, vtkDataSetAttributes.SCALARS)
+                owner, unused = unused, owner
+            unused.SetActiveAttribute(-1, vtkDataSetAttributes.SCALARS)
             owner.SetActiveScalars(self.colour_by)
         return result
 
@@ -111,11 +115,11 @@ class FibreTubes(Filter):
 
 
 def _filling_radii(lines: Polylines, muscle: Surface | None) -> Floats:
-    """Return the radius (n,) at each point with which tubes fill the muscle and do not overlap."""
+    """Return radii (n,) of tubes that fill the muscle without overlap."""
     if muscle is None:
         raise InputError("", "radius_by is 'fill', but the port 'muscle' is not connected")
     volume = abs(signed_volume(muscle.points, muscle.triangles))
     total = float(polyline_lengths(lines.points, lines.offsets).sum())
     if not total > 0.0:
-        raise InputError("fibres", "none of them has a length, and so none gets a tube")
+        raise InputError("fibres", "all lengths are 0, so there are no tubes")
     return np.minimum(filling_radius(volume, total), 0.5 * room_between(lines.points, lines.offsets))

@@ -1,4 +1,4 @@
-"""FixedPointDetector: which points of a muscle move with which bone."""
+"""FixedPointDetector: points of a muscle that move with a bone."""
 
 from __future__ import annotations
 
@@ -19,23 +19,18 @@ from vtkmuscle.data.attachments import VIA, AttachmentArea, attachments_of
 from vtkmuscle.data.muscle_geometry import Surface
 from vtkmuscle.filters.base import Filter, InputPort, OutputPort, Parameter, ports
 
-#: Number of a bone, ids of the points that it claims, and their distances [mm].
+#: Index of a bone, ids of the claimed points, distances of the points [mm].
 Claim = tuple[int, Ints, Floats]
 
 
 class FixedPointDetector(Filter):
-    """Find the points of a muscle that are fixed to a bone and move with it.
+    """Find the points of a muscle that are fixed to a bone.
 
-    ``"attachment"`` fixes the points that the landmarks of an attachment area enclose when projected onto the
-    muscle, on the side that faces the bone; for an area that is an open curve, the points within the distance
-    of the curve. ``"proximity"`` fixes the points within the distance of a bone's surface, ``"collision"``
-    those in the boundary or inside voxels of a bone. The last two are for muscles without landmarks: they
-    also fix points that should slide along the bone. A point that two bones claim goes to the nearer one (by
-    attachment: to the bone with the nearest landmark).
-
-    Landmarks are projected to the nearest position that faces the bone. From 10 mm within the muscle that may
-    be the wrong one: large rings keep their position, but curves, and areas of little more than that size,
-    lose it. Look at the fixed points where the landmarks do not come from the muscle's own images.
+    ``"attachment"`` fixes the points within an area's landmarks, projected to the muscle on the side of the
+    bone; an open curve fixes the points within the distance of the curve. ``"proximity"`` fixes points within
+    the distance of a bone's surface, ``"collision"`` points in the boundary or inside voxels of a bone. A
+    point claimed by two bones belongs to the nearer bone (for attachments, the bone with the nearest
+    landmark).
 
     Parameters
     ----------
@@ -44,14 +39,14 @@ class FixedPointDetector(Filter):
     bones
         Named blocks of vtkPolyData, at rest.
     attachments
-        A block per area; needed for the method ``attachment`` only. Via rings fix nothing.
+        A block per area; only for the method ``attachment``. Via rings fix no points.
     method
-        How fixed points are found.
+        Criterion for fixed points.
     distance
         Distance from a bone (proximity) or from an open curve (attachment); None is the muscle's mean edge
         length.
     n_voxels
-        Number of voxels of a bone, about.
+        Approximate number of voxels of a bone.
     n_voxels_per_axis
         Number of voxels along each axis of a bone's box, instead of n_voxels.
 
@@ -64,13 +59,20 @@ class FixedPointDetector(Filter):
     Raises
     ------
     ValueError
-        If no point is found; if the method is ``"attachment"`` and there are no attachments, an area is
-        on a bone that is not among the blocks, or its landmarks are too far from the muscle.
+        If no point is fixed; for the method ``"attachment"``, if there are no attachments, an area is on a
+        bone that is not among the blocks, or landmarks are too far from the muscle.
 
     References
     ----------
     Kohout, Cervenka 2021, *Muscle Deformation Using Position Based Dynamics*, section 3.3,
     doi:10.1007/978-3-030-72379-8_24.
+
+    Limitations
+    -----------
+    ``proximity`` and ``collision`` also fix points that should slide along a bone; use them without landmarks
+    only. Landmarks more than 10 mm within the muscle may be projected to the wrong side: large rings keep
+    their position, but curves and areas of about 10 mm lose it. Check fixed points if landmarks come from
+    other images than the muscle.
 
     Examples
     --------
@@ -115,29 +117,20 @@ class FixedPointDetector(Filter):
             nearest[ids[closer]] = distances[closer]
             fixed_to[ids[closer]] = bone
         if self.method == "proximity" and (fixed_to < 0).all():
-            raise InputError(
-                "",
-                f"no point of the muscle is within {self._within(muscle):.4g} of a bone",
-                "give a larger distance, or landmarks and the method 'attachment'",
-            )
+            problem = f"no point of the muscle is within {self._within(muscle):.4g} of a bone"
+            raise InputError("", problem, "give a larger distance, or landmarks and the method 'attachment'")
         if self.method == "collision" and (fixed_to < 0).all():
-            raise InputError(
-                "",
-                "no point of the muscle is in the voxels of a bone",
-                "lower n_voxels, or use the method 'proximity' or 'attachment'",
-            )
+            problem = "no point of the muscle is in the voxels of a bone"
+            raise InputError("", problem, "lower n_voxels, or use the method 'proximity' or 'attachment'")
         return add_arrays(shallow_copy(muscle.data), points={"FixedTo": fixed_to})
 
     def _by_attachment(
         self, muscle: Surface, bones: dict[str, vtkPolyData], areas: list[AttachmentArea] | None
     ) -> Iterator[Claim]:
-        """Yield the points that each area covers, with their distances from its nearest landmark."""
+        """Yield the points of each area, with distances to the nearest landmark."""
         if areas is None:
-            raise InputError(
-                "",
-                "the method 'attachment' needs attachments",
-                "connect them, or choose the method 'proximity' or 'collision'",
-            )
+            remedy = "connect attachments, or choose the method 'proximity' or 'collision'"
+            raise InputError("", "the method 'attachment' needs attachments", remedy)
         names = list(bones)
         solids: dict[str, Solids] = {}
         for number, area in enumerate(areas):
@@ -162,24 +155,24 @@ class FixedPointDetector(Filter):
             self.report_progress((number + 1) / len(areas))
 
     def _by_proximity(self, muscle: Surface, bones: dict[str, vtkPolyData]) -> Iterator[Claim]:
-        """Yield the points within the distance of each bone, with their distances from it."""
+        """Yield the points within the distance of each bone."""
         within = self._within(muscle)
         for index, (name, bone) in enumerate(bones.items()):
             reachable = in_box(muscle.points, bone, within)
             if len(reachable):
                 distances = np.abs(_solids_of(name, bone).distances(muscle.points[reachable]))
-                near = distances <= within
-                yield index, reachable[near], distances[near]
+                fixed = distances <= within
+                yield index, reachable[fixed], distances[fixed]
             self.report_progress((index + 1) / len(bones))
 
     def _within(self, muscle: Surface) -> float:
-        """Return the distance from a bone at which points are fixed by proximity [mm]."""
+        """Return the largest distance of fixed points from a bone [mm]."""
         if self.distance is not None:
             return self.distance
         return float(edge_lengths(muscle.points, unique_edges(muscle.triangles)).mean())
 
     def _by_collision(self, points: Floats, bones: dict[str, vtkPolyData]) -> Iterator[Claim]:
-        """Yield the points in the voxels of each bone, with their distances from it."""
+        """Yield the points in the voxels of each bone, with their distances."""
         for index, (name, bone) in enumerate(bones.items()):
             reachable = in_box(points, bone, 0.0)
             if len(reachable):
@@ -196,6 +189,6 @@ def _solids_of(name: str, bone: vtkPolyData) -> Solids:
 
 
 def in_box(points: Floats, bone: vtkPolyData, margin: float) -> Ints:
-    """Return the points in the bone's bounding box, made wider by a margin."""
+    """Return the points in the bone's bounding box, enlarged by a margin."""
     bounds = np.array(bone.GetBounds()).reshape(3, 2)
     return points_in_box(points, bounds[:, 0] - margin, bounds[:, 1] + margin)

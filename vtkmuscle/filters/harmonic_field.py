@@ -1,4 +1,4 @@
-"""HarmonicField: a function on a muscle's surface that runs from its origin to its insertion."""
+"""HarmonicField: a harmonic function on a muscle, from origin to insertion."""
 
 from __future__ import annotations
 
@@ -18,12 +18,13 @@ FIELD = "HarmonicField"
 
 
 class HarmonicField(Filter):
-    """Give a muscle the function that is 0 on its origin, 1 on its insertion, and harmonic in between.
+    """Add the harmonic function with 0 on the origin and 1 on the insertion.
 
-    The attachment areas are those of FixedPointDetector: the landmarks' rings projected onto the muscle. The
-    Laplacian has cotangent weights, kept positive on bad triangles, so that the function has no extremum
-    between the areas and every isoline runs around the muscle. :class:`SliceMorpher` computes it where the
-    muscle does not have it. The point array passes through the deformer, and so serves a muscle that moves.
+    The attachment areas are the areas of FixedPointDetector: the landmarks' rings projected to the muscle.
+    The Laplacian has cotangent weights, kept positive on bad triangles, so that the function has no extremum
+    between the areas and every isoline runs around the muscle. :class:`SliceMorpher` computes the function
+    for muscles without the array. The point array passes through the deformer, and remains valid on a moving
+    muscle.
 
     Parameters
     ----------
@@ -40,12 +41,17 @@ class HarmonicField(Filter):
     Raises
     ------
     ValueError
-        If a role has no area, or one that is not on the muscle; if the areas of both roles overlap; if no
-        connected part of the muscle has both.
+        If a role has no area, or an area off the muscle; if the areas of both roles overlap; if no connected
+        part of the muscle has both areas.
 
     References
     ----------
     Kohout, Kukacka 2014, *Real-time modelling of fibrous muscle*, doi:10.1111/cgf.12354.
+
+    Limitations
+    -----------
+    A muscle with more than two separate areas has one function: all areas of a role have the same value.
+    Clamped weights on obtuse triangles make the function less accurate there.
 
     Examples
     --------
@@ -68,12 +74,12 @@ class HarmonicField(Filter):
 
 
 def has_field(muscle: vtkPolyData) -> bool:
-    """Return whether a muscle has the function."""
+    """Return whether a muscle has the harmonic function."""
     return bool(muscle.GetPointData().HasArray(FIELD))
 
 
 def field_of(muscle: Surface, areas: list[AttachmentArea] | None) -> Floats:
-    """Return a muscle's function, (n,): the one that it has, or else that of the attachment areas."""
+    """Return the harmonic function (n,): stored, or computed from the areas."""
     if has_field(muscle.data):
         field: Floats = np.array(muscle.array(FIELD), dtype=np.float64)
         if field.ndim != 1 or not np.isfinite(field).all() or field.min() < 0.0 or field.max() > 1.0:
@@ -81,19 +87,14 @@ def field_of(muscle: Surface, areas: list[AttachmentArea] | None) -> Floats:
             raise InputError(muscle.where, problem, "HarmonicField makes it")
         return field
     if areas is None:
-        raise InputError(
-            "",
-            "the harmonic method starts from the attachment areas, but no attachments are connected and the "
-            f"muscle has no point array {FIELD!r}",
-            "connect attachments, or run HarmonicField on the muscle",
-        )
+        problem = f"the harmonic method needs attachments, or a muscle with the point array {FIELD!r}"
+        raise InputError("", problem, "connect attachments, or run HarmonicField on the muscle")
     return _computed(muscle, areas)
 
 
 def _computed(muscle: Surface, areas: list[AttachmentArea]) -> Floats:
     geometry = muscle.geometry
     origin, insertion = (geometry.attached(areas, role) for role in ROLES)
-
     key = "harmonic field", origin.tobytes(), insertion.tobytes()
-    given = geometry.points, geometry.triangles, origin, insertion
-    return geometry.once(key, lambda: attachment_field(*given)).copy()
+    mesh = geometry.points, geometry.triangles
+    return geometry.once(key, lambda: attachment_field(*mesh, origin, insertion)).copy()

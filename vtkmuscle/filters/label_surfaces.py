@@ -19,47 +19,53 @@ SMOOTHING = 0.7
 
 
 class LabelSurfaces(Filter):
-    """Turn each label of an image into a surface: closed, manifold, of the label's volume.
+    """Turn labels of an image into closed manifold surfaces of equal volume.
 
-    The signed distance from the label is smoothed by a Gaussian. It has a level that holds as many voxels as
-    the label. That level is contoured, its triangles are made even and fewer, and moved along their normals
-    to the label's volume. Voxels may have unequal sides and any orientation.
+    The signed distance from the label is smoothed by a Gaussian, and contoured at the level that encloses the
+    label's number of voxels. The triangles are evened out, reduced, and moved along their normals to the
+    label's volume. Voxels may have unequal sides and any orientation.
 
-    Only the largest piece of a label is taken, and hollows are filled. The surface's field arrays say how
-    much was left out and filled, and whether the image's border cuts the label.
+    Only the largest piece of a label is taken, and cavities are filled. Field arrays report the omitted and
+    filled parts, and whether the image's border cuts the label.
 
     Parameters
     ----------
     image
-        Point scalars of whole numbers, 0 where there is no label; optional field arrays ``LabelValues`` and
+        Point scalars of whole numbers, 0 for background; optional field arrays ``LabelValues`` and
         ``LabelNames``, of the same length.
     labels
-        Names of labels, with commas between them; None takes all.
+        Names of labels, separated by commas; None takes all.
     smoothing
         Standard deviation of the Gaussian.
     edge
-        Length of the triangles' edges; where voxels are larger, about theirs.
+        Edge length of the triangles; at least about the voxel size.
 
     Attributes
     ----------
     output
-        A block per label, by its name (``label_7`` where it has none), in the image's world, with the field
-        arrays ``Label``, ``LabelVolume`` [mm^3], ``VolumeError`` (of the surface, as a part of the label's
-        volume), ``BoundaryDistance`` (mean, 95th percentile and maximum over the points, from the label's
-        boundary [mm]), ``Pieces``, ``LeftOut`` (voxels of the other pieces, as a part of all), ``Filled``
-        (voxels of hollows) and ``Cut`` (voxels at the image's border). A label that has no closed manifold
-        surface is an empty block, with the reason in ``Refused``.
+        A block per label, by name (``label_7`` without a name), in world coordinates, with the field arrays
+        ``Label``, ``LabelVolume`` [mm^3], ``VolumeError`` (relative, of the surface), ``BoundaryDistance``
+        (mean, 95th percentile and maximum over the points, from the label's boundary [mm]), ``Pieces``,
+        ``LeftOut`` (part of the voxels in smaller pieces), ``Filled`` (voxels of cavities) and ``Cut``
+        (voxels at the image's border). A label without a closed manifold surface is an empty block, with the
+        reason in ``Refused``.
 
     Raises
     ------
     ValueError
-        If the image has no array of whole numbers, or no label; if one of ``labels`` is not in the image.
+        If the image has no array of whole numbers, or no label; if ``labels`` names a label that is not in
+        the image.
 
     References
     ----------
     Maurer, Qi, Raghavan 2003, *A linear time algorithm for computing exact Euclidean distance transforms*,
     doi:10.1109/TPAMI.2003.1177156; Garland, Heckbert 1997, *Surface simplification using quadric error
     metrics*, doi:10.1145/258734.258849.
+
+    Limitations
+    -----------
+    Details thinner than about two voxels are smoothed away. Smaller pieces are dropped. Adjacent labels are
+    contoured separately, so their surfaces may overlap or leave gaps below a voxel.
 
     Examples
     --------
@@ -93,7 +99,7 @@ class LabelSurfaces(Filter):
 
 
 def _surface(field: LabelField, edge: float) -> vtkPolyData:
-    """Return the surface of a label with its field arrays; an empty one, with the reason, if it has none."""
+    """Return a label's surface with field arrays; empty, with the reason, on failure."""
     fields = {
         "LabelVolume": field.volume,
         "Pieces": len(field.pieces),

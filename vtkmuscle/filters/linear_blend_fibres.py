@@ -13,14 +13,12 @@ from vtkmuscle.filters.base import Filter, OutputPort, Parameter, ports
 
 
 class LinearBlendFibres(Filter):
-    """Move fibres with the two bones that they join: the kinematic method to compare with.
+    """Move fibres by blending the motions of two bones, for comparison.
 
     A point moves to v' = w T_origin v + (1 - w) T_insertion v, with w = a t^2 - (a + 1) t + 1 and t from 0 at
-    the fibre's origin to 1 at its insertion. Nothing keeps fibres out of the bones, or keeps their volume;
-    ``a`` bends their course a little towards one bone. The paper has a = -0.042 for psoas and gluteus
-    maximus, -0.024 for the iliacus and 0 for the gluteus medius, found by trial. With a = -1 fibres follow
-    the origin's bone for most of their length and take up all of the motion near the insertion: their lengths
-    then mean little.
+    the fibre's origin to 1 at the insertion; ``a`` bends the course a little towards one bone. The paper has
+    a = -0.042 for psoas and gluteus maximus, -0.024 for the iliacus and 0 for the gluteus medius, chosen by
+    trial.
 
     Parameters
     ----------
@@ -44,12 +42,17 @@ class LinearBlendFibres(Filter):
     Raises
     ------
     ValueError
-        If there are no bones of the given names.
+        If a bone named by ``origin`` or ``insertion`` is missing.
 
     References
     ----------
     Modenese, Kohout 2020, *Automated generation of three-dimensional complex muscle geometries for use in
     personalised musculoskeletal models*, doi:10.1007/s10439-020-02490-4.
+
+    Limitations
+    -----------
+    Fibres pass through bones, and volume is not kept. With a = -1 fibres follow the origin's bone for most of
+    their length and take up all motion close to the insertion, so their lengths mean little.
 
     Examples
     --------
@@ -79,7 +82,7 @@ class LinearBlendFibres(Filter):
         """Return the fibres now."""
         points, offsets = rest_fibres.points, rest_fibres.offsets
         if not bones.names:
-            raise InputError("bones", "there are none", "give one or more, named")
+            raise InputError("bones", "the data set has no bones", "give at least one named bone")
         pose = (
             bones.transforms[self._index(bones.names, "origin", self.origin, 0)],
             bones.transforms[self._index(bones.names, "insertion", self.insertion, -1)],

@@ -1,4 +1,4 @@
-"""MomentArms: the levers of paths about a joint, or how much fibres shorten as it turns."""
+"""MomentArms: moment arms of paths or fibres about joints."""
 
 from __future__ import annotations
 
@@ -27,28 +27,27 @@ from vtkmuscle.data.paths import paths_of
 from vtkmuscle.data.pipeline_times import input_at, requested_time, state_of_inputs, times_of
 from vtkmuscle.filters.base import Filter, OutputPort, Parameter, ports
 
-#: Arrays of fibres that have their lengths of all times with them.
+#: Arrays with the fibre lengths at all times.
 LENGTHS, TIMES = "Lengths", "Times"
 
 
 class MomentArms(Filter):
-    """Add moment arms of a muscle's paths about a joint; of other fibres those by their lengths over time.
+    """Add moment arms of a muscle's paths or fibres about joints.
 
-    Where the fibres have paths with them (the output of TautPaths, or of FibreMetrics with paths)
-    and there is a ``motion``, a moment arm is the lever of the path's pull about the axis of the coordinate,
-    ``Lever_COORDINATE`` (:mod:`vtkmuscle.core.paths.levers`). That takes the one pose alone, also where
-    several coordinates change at once, as long as the joint is known or poses differ in the one coordinate
-    only.
+    With paths (output of TautPaths, or of FibreMetrics with paths) and a ``motion``, a moment arm is the
+    lever of the path's pull about the coordinate's axis, ``Lever_COORDINATE``
+    (:mod:`vtkmuscle.core.paths.levers`). A lever needs a single pose, also for coordinates that change
+    together, if the joint is defined or poses differ in the coordinate alone.
 
-    Of other fibres it is the slope -dl/dq of their lengths, by differences between poses that differ in the
-    one coordinate only (:func:`vtkmuscle.core.moment_arms.levers.differences_by`), as the slopes of a run's
-    tables. They are asked for at every time step that is announced; what was measured is kept until something
-    upstream changes. Fibres that announce no time steps must have their history with them: the cell array
-    ``Lengths`` and the field array ``Times``. Of a motion with one coordinate those frames count in which the
-    bones' rotation depends on it alone, and not a way from rest to the sweep's start.
+    Without paths a moment arm is the slope -dl/dq of fibre lengths, by differences between poses that differ
+    in the coordinate alone (:func:`vtkmuscle.core.moment_arms.levers.differences_by`). Fibres are requested
+    at every announced time step; lengths are kept until something upstream changes. Fibres without time steps
+    need the cell array ``Lengths`` and the field array ``Times``. For a motion with a single coordinate,
+    frames count if the bones' rotation depends on the coordinate alone; frames on the path from rest to the
+    start of the sweep do not.
 
-    A fibre that shortens as the coordinate q grows has a positive moment arm. The coordinate is one of the
-    ``motion``, or where none is given the pipeline's time.
+    A positive moment arm means that the fibre shortens with growing q. The coordinate belongs to ``motion``,
+    or is the pipeline's time without ``motion``.
 
     Parameters
     ----------
@@ -56,32 +55,37 @@ class MomentArms(Filter):
         Polylines, the same number at each time step; or, without time steps, with the cell array ``Lengths``
         (n_fibres, f) [mm] and the field array ``Times`` (f,).
     motion
-        Has the coordinates; None: the pipeline's time is one.
+        Motion with coordinates; None takes the pipeline's time as the coordinate.
     coordinate
-        Name of one of the motion's coordinates; None: all that change.
+        Name of a coordinate of the motion; None takes all coordinates that change.
     unit
-        Unit of the pipeline's time, where that is the coordinate.
+        Unit of the pipeline's time as a coordinate.
 
     Attributes
     ----------
     output
-        The fibres with the cell array ``MomentArm`` [mm] and the field arrays ``Coordinate`` (its name) and
-        ``CoordinateValue`` (in its unit); by several coordinates each of these arrays has _NAME after its
-        own. In a pose in which a moment arm is not known, such as one before the sweep, its arrays are not
-        there.
+        The fibres with the cell array ``MomentArm`` [mm] and the field arrays ``Coordinate`` (name) and
+        ``CoordinateValue`` (in the coordinate's unit); with several coordinates each array name ends with
+        _NAME. A pose without a defined moment arm, such as before the sweep, has no arrays.
 
     Raises
     ------
     ValueError
-        If there are no fibres or a point is not finite, if there are neither time steps nor a history, if the
-        number of fibres changes with time, or if the motion has no such coordinate; of fibres without paths
-        also if it has too few different values (4 for one coordinate), or if several coordinates only change
-        together.
+        If there are no fibres or a point is not finite; if there are neither time steps nor a history; if the
+        number of fibres changes with time; if the motion lacks the coordinate; without paths also if the
+        coordinate has too few different values (4 for a single coordinate), or if several coordinates only
+        change together.
 
     References
     ----------
     An, Takahashi, Harrigan, Chao 1984, *Determination of muscle orientations and moment arms*,
     doi:10.1115/1.3138494.
+
+    Limitations
+    -----------
+    Differences of lengths are less exact than levers, above all at the ends of a sweep and with large steps.
+    Fibres between aponeuroses do not include tendon, so without paths their moment arms refer to the fibres'
+    shortening only.
 
     Examples
     --------
@@ -109,13 +113,13 @@ class MomentArms(Filter):
         super().__init__(**parameters)
 
     def RequestUpdateExtent(self, request: Any, inInfo: Any, outInfo: Any) -> int:
-        """Note the time steps; :meth:`execute` asks for fibres at the other ones where it needs them."""
+        """Note the time steps; :meth:`execute` requests fibres at further times."""
         self._steps = times_of(inInfo[0].GetInformationObject(0))
         self.request_time = requested_time(outInfo.GetInformationObject(0))
         return 1
 
     def execute(self, fibres: Polylines) -> vtkPolyData:
-        """Return the fibres at the time asked for, with their moment arms."""
+        """Return the fibres at the requested time, with their moment arms."""
         data: Any = fibres.data
         if self.motion is not None and paths_of(data, "fibres") is not None:
             return self._of_paths(fibres, self.motion)
@@ -124,32 +128,28 @@ class MomentArms(Filter):
         elif self._steps:
             times, lengths = np.array(self._steps), self._lengths_over_time()
         else:
-            raise InputError(
-                "fibres",
-                "they announce no time steps, and have no cell array 'Lengths'",
-                "connect a filter over time, e.g. FibreTransport behind PBDDeformer, or a reader of a .pvd "
-                "series",
-            )
+            problem = "they announce no time steps, and have no cell array 'Lengths'"
+            remedy = "connect a filter over time, e.g. FibreTransport behind PBDDeformer, or a .pvd reader"
+            raise InputError("fibres", problem, remedy)
         now = float(times[-1]) if self.request_time is None else self.request_time
         result = self._at(now, fibres).copy()
         motion = RigidMotion(times, {}, None, {"time": Coordinate(times, self.unit)})
         if self.motion is not None:
             motion = _resampled(self.motion, times)
-
         now = float(np.clip(now, times.min(), times.max()))
         names = known_coordinates(motion)
         arms = {}
         for name in names:
-            near = differences_by(motion, name, names)
-            interval = interval_among(near.frames, times, now)
+            differences = differences_by(motion, name, names)
+            interval = interval_among(differences.frames, times, now)
             if interval is not None:
-                (a, b, part), slopes = interval, near.slopes(lengths)
+                (a, b, part), slopes = interval, differences.slopes(lengths)
                 arms[name] = -(1.0 - part) * slopes[a] - part * slopes[b]
         self._add_arms(result, motion, now, arms)
         return result
 
     def _at(self, now: float, fibres: Polylines) -> Polylines:
-        """Return the fibres at a time: the input stands where it was asked for last."""
+        """Return the fibres at a time: the last request decides the input's time."""
         again = input_at(self, 0, now) if self._steps else None
         return fibres if again is None else polylines_of(again, "fibres")
 
@@ -166,11 +166,8 @@ class MomentArms(Filter):
                 lines = polylines_of(data, f"fibres at time {time:g}")
                 rows.append(polyline_lengths(lines.points, lines.offsets))
                 if len(rows[-1]) != len(rows[0]):
-                    raise InputError(
-                        "fibres",
-                        f"at time {time:g} there are {len(rows[-1])}, at first {len(rows[0])}",
-                        "they must be the same fibres at all times",
-                    )
+                    problem = f"at time {time:g} there are {len(rows[-1])}, at first {len(rows[0])}"
+                    raise InputError("fibres", problem, "connect the same fibres at all times")
             self._measured = state_of_inputs(self, (0,)), np.array(rows)
         return self._measured[1]
 
@@ -179,14 +176,14 @@ class MomentArms(Filter):
         now = float(motion.times[-1]) if self.request_time is None else self.request_time
         result = self._at(now, fibres).copy()
         paths = paths_of(result, "fibres")
-        assert paths is not None  # it had some at another time
+        assert paths is not None  # the input had paths at another time
         self._add_arms(result, motion, now, paths.levers)
         return result
 
     def _add_arms(
         self, result: vtkPolyData, motion: RigidMotion, now: float, arms: Mapping[str, Floats]
     ) -> None:
-        """Add the moment arms (k,) that are known now, by coordinates of the motion."""
+        """Add the defined moment arms (k,), by coordinates of the motion."""
         wanted = None if self.motion is None else self.coordinate
         checked_coordinates(motion, [wanted] if wanted else ())
         names = known_coordinates(motion)
@@ -210,14 +207,14 @@ def _resampled(motion: RigidMotion, times: Floats) -> RigidMotion:
         {bone: np.array([pose[bone] for pose in poses]) for bone in motion.transforms},
         motion.centre,
         {
-            name: Coordinate(np.interp(times, motion.times, one.values), one.unit, one.positive)
-            for name, one in motion.coordinates.items()
+            name: Coordinate(np.interp(times, motion.times, old.values), old.unit, old.positive)
+            for name, old in motion.coordinates.items()
         },
     )
 
 
 def _history(fibres: vtkPolyData, count: int) -> tuple[Floats, Floats]:
-    """Return the times (f,) and lengths (f, k) that fibres have with them."""
+    """Return the times (f,) and lengths (f, k) stored with fibres."""
     lengths = np.asarray(cell_array(fibres, LENGTHS, "fibres"), dtype=np.float64)
     times = field_array(fibres, TIMES)
     if times is None or lengths.shape != (count, np.size(times)) or (np.diff(np.ravel(times)) <= 0).any():

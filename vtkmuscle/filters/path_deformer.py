@@ -1,4 +1,4 @@
-"""PathDeformer: a muscle that its taut paths carry."""
+"""PathDeformer: deform a muscle by its taut paths."""
 
 from __future__ import annotations
 
@@ -25,29 +25,29 @@ from vtkmuscle.filters.base import Filter, InputPort, OutputPort, Parameter, por
 from vtkmuscle.filters.deformer.neighbours import Neighbours
 from vtkmuscle.filters.deformer.shape_report import penetration_fields, shape_fields
 
-#: Rounds of settling by quality.
+#: Rounds of settling by quality: time grows with the rounds.
 ROUNDS = {"preview": 2, "balanced": 5, "accurate": 20}
 
-#: Tolerance for merging the weights by which fibres take part in settling. Settling moves the surface by a
-#: millimetre or two, and merged weights are wrong by a hundredth of the move.
+#: Tolerance for merging the weights of fibre points during settling. Settling moves the surface by one or two
+#: millimetres; merged weights have an error of a hundredth of the move.
 WEIGHT_TOLERANCE = 0.3
 
 
 class PathDeformer(Filter):
-    """Deform a muscle with the taut paths that carry it.
+    """Deform a muscle by skinning to its taut paths.
 
-    Points with a ``FixedTo`` follow their bone. The paths carry the other points by skinning. Then the muscle
-    *settles*: it gets its volume back and leaves the bones, and the correction is diffused over the surface
-    in a number of rounds, so that the surface stays smooth. A frame depends on its pose alone.
+    Points with a ``FixedTo`` follow their bone. The paths move the other points by skinning. Then the muscle
+    *settles*: the volume is restored, points leave the bones, and the correction is diffused over the surface
+    in several rounds, so that the surface stays smooth. A frame depends on its pose alone.
 
-    Without ``paths``, or where there are none (a muscle that is fixed to one bone), the motions of the bones
-    carry the muscle, blended by harmonic weights.
+    Without ``paths``, or with no paths in the data (a muscle fixed to a single bone), bone motions blended by
+    harmonic weights move the muscle.
 
-    Muscles connected as ``neighbours`` stay as they are; this one is kept out of them, except as deep as it
-    is in them at rest: ``neighbours={"psoas": psoas, "iliacus": iliacus}``, with their deformers.
+    Muscles connected as ``neighbours`` do not move; this muscle stays outside of them, up to the depth at
+    rest: ``neighbours={"psoas": psoas, "iliacus": iliacus}``, with their deformers.
 
-    The second output, ``GetOutputPort(1)``, is the fibres of the paths, carried by the same skinning. It is
-    computed only when asked for.
+    The second output, ``GetOutputPort(1)``, is the fibres of the paths, moved by the same skinning, and
+    computed on request.
 
     Parameters
     ----------
@@ -55,33 +55,33 @@ class PathDeformer(Filter):
         Closed triangles in the rest pose, with the point array ``FixedTo``: -1 for a free point, else the
         index of a bone's block.
     paths
-        The paths in the pose, with the point array ``RestPosition``, as TautPaths gives them.
+        The paths in the pose, with the point array ``RestPosition``, from TautPaths.
     rest_bones
-        Bones at rest, in named blocks, out of which the muscle is kept.
+        Bones at rest, in named blocks, as obstacles.
     bones
         The same bones at the pipeline's time, each with the field array ``Transform`` (16, row major): rest
         to now.
     neighbours
-        Other muscles at the pipeline's time, out of which this one is kept: outputs of a deformer, with the
-        point array ``Displacement``.
+        Other muscles at the pipeline's time, as obstacles: outputs of a deformer, with the point array
+        ``Displacement``.
     fibres
-        The fibres at rest that the paths were made from; for the second output, and for the directions of the
+        The fibres at rest from which the paths were made; for the second output and the directions of the
         shape report.
     quality
         Preset of the iterations.
     iterations
-        Rounds in which the muscle settles.
+        Rounds of settling.
     bone_clearance
-        Distance that points keep from the bones; points that are nearer at rest may come as near.
+        Least distance between points and bones; points closer at rest may come as close.
     measure_shape
-        Report how the muscle keeps its shape.
+        Report changes of the muscle's shape.
     measure_penetration
-        Measure how deep points are in the bones, against their triangles.
+        Measure the depth of points in the bones, against the triangles.
 
     Attributes
     ----------
     output
-        The muscle at the time asked for, with the arrays of the input; the point array ``Displacement`` (3)
+        The muscle at the requested time, with the arrays of the input; the point array ``Displacement`` (3)
         from rest [mm]. With ``measure_shape`` the field arrays ``VolumeRatio`` (V / V0), ``EdgeStretchP95``
         and ``EdgeStretchMax`` (l / l0), ``AlongFibresP5``, ``AlongFibresP50`` and ``AlongFibresP95`` (of the
         edges within 18 degrees of the fibres), ``AcrossFibresP5``, ``AcrossFibresP50`` and
@@ -97,10 +97,10 @@ class PathDeformer(Filter):
     Raises
     ------
     ValueError
-        If the surface is open, is not made of triangles or encloses no volume; if ``FixedTo`` is missing or
-        names a block that does not exist; if no point is fixed; if ``rest_bones`` and ``bones`` have
-        different blocks; if a bone has no ``Transform``; if the second output is asked for and there is not
-        one path for each fibre.
+        If the surface is open, has faces other than triangles or encloses no volume; if ``FixedTo`` is
+        missing or names a block that does not exist; if no point is fixed; if ``rest_bones`` and ``bones``
+        have different blocks; if a bone has no ``Transform``; if the second output is requested and the
+        numbers of paths and fibres differ.
 
     References
     ----------
@@ -110,8 +110,8 @@ class PathDeformer(Filter):
 
     Limitations
     -----------
-    There is no tissue law: volume is kept exactly, and the shape is the smoothest that skinning and contact
-    allow. Fold-free surfaces are not guaranteed. Neighbouring muscles do not move.
+    There is no tissue law: volume is kept exactly, and the shape is the smoothest under skinning and contact.
+    Fold-free surfaces are not guaranteed. Neighbouring muscles do not move.
 
     Examples
     --------
@@ -152,11 +152,11 @@ class PathDeformer(Filter):
     def __init__(self, **settings: Any) -> None:
         self._shapes = RestBones()
         self._carried: CarriedMuscle | None = None
-        #: Muscle, paths, bones and clearance that it was made from.
+        #: Muscle, paths, bones and clearance of the carried muscle.
         self._made_from: tuple[FixedMuscle, Floats | None, dict[int, Bone], float] | None = None
         self._neighbours: Neighbours | None = None
         self._embedded: EmbeddedPoints | None = None
-        #: State of the inputs of the last pose, and the pose; its measures and its surface. VTK asks for each
+        #: State of the inputs at the last pose, and the pose; its measures and its surface. VTK asks for each
         #: output by itself.
         self._last: tuple[Any, CarriedPose] | None = None
         self._surface: tuple[tuple[bool, bool], vtkPolyData] | None = None
@@ -164,7 +164,7 @@ class PathDeformer(Filter):
         super().__init__(**settings)
 
     def ProcessRequest(self, request: Any, inInfo: Any, outInfo: Any) -> int:
-        """Leave the fibres out where only the muscle is asked for."""
+        """Omit the fibres from requests for the muscle alone."""
         if request.Has(vtkDemandDrivenPipeline.REQUEST_DATA_NOT_GENERATED()):
             self._fibres_asked = request.Get(vtkExecutive.FROM_OUTPUT_PORT()) == 1
             if not self._fibres_asked:
@@ -180,7 +180,7 @@ class PathDeformer(Filter):
         neighbours: vtkMultiBlockDataSet | None,
         fibres: Polylines | None,
     ) -> tuple[vtkPolyData, vtkPolyData | None]:
-        """Return the muscle and, where asked for, its fibres, at the time asked for."""
+        """Return the muscle and, on request, the fibres at the requested time."""
         check_same_bones(rest_bones, bones, "rest_bones")
         shapes = self._shapes.shapes(rest_bones, "rest_bones")
         carried = self._made(muscle, paths, shapes, fibres)
@@ -190,7 +190,7 @@ class PathDeformer(Filter):
                 None if paths is None else paths.points,
                 bones.transforms,
                 rounds=self.iterations,
-                neighbours=self._beside(muscle, neighbours),
+                neighbours=self._neighbours_at(muscle, neighbours),
                 progress=self.report_progress,
             )
             self._last, self._surface = (state, pose), None
@@ -204,17 +204,17 @@ class PathDeformer(Filter):
     def _made(
         self, muscle: Surface, paths: PathLines | None, shapes: dict[int, Bone], fibres: Polylines | None
     ) -> CarriedMuscle:
-        """Return the muscle that is carried; it is made where inputs at rest or settings are new."""
-        given = FixedMuscle(
+        """Return the carried muscle; new inputs or settings rebuild it."""
+        fixed = FixedMuscle(
             muscle.points,
             muscle.triangles,
             fixed_points_of(muscle, list(self._shapes.names)),
             None if fibres is None else (fibres.points, fibres.offsets),
         )
-        if (given.fixed_to < 0).all():
+        if (fixed.fixed_to < 0).all():
             raise InputError(
                 "muscle",
-                "no point is fixed to a bone, so nothing would hold or move the muscle",
+                "no point is fixed to a bone, so the muscle cannot move",
                 "detect fixed points by another method or distance",
             )
         rest = None if paths is None else paths.rest
@@ -223,18 +223,18 @@ class PathDeformer(Filter):
             if (
                 clearance == self.bone_clearance
                 and shapes_before is shapes
-                and given.same_as(before)
+                and fixed.same_as(before)
                 and (rest is rest_before or np.array_equal(rest, rest_before))  # type: ignore[arg-type]
             ):
                 assert self._carried is not None
                 return self._carried
         self._made_from = self._last = self._neighbours = self._embedded = None
         with errors_at("muscle"):
-            self._carried = CarriedMuscle(given, rest, shapes, self.bone_clearance)
-        self._made_from = given, rest, shapes, self.bone_clearance
+            self._carried = CarriedMuscle(fixed, rest, shapes, self.bone_clearance)
+        self._made_from = fixed, rest, shapes, self.bone_clearance
         return self._carried
 
-    def _beside(self, muscle: Surface, neighbours: vtkMultiBlockDataSet | None) -> Sequence[Neighbour]:
+    def _neighbours_at(self, muscle: Surface, neighbours: vtkMultiBlockDataSet | None) -> Sequence[Neighbour]:
         """Return the neighbours in the pose."""
         if neighbours is None:
             return ()
@@ -263,13 +263,13 @@ class PathDeformer(Filter):
     def _fibres(
         self, muscle: Surface, paths: PathLines | None, fibres: Polylines | None, pose: CarriedPose
     ) -> vtkPolyData:
-        """Return the fibres in a pose: carried by their paths, then displaced as the surface settles."""
+        """Return the fibres in a pose: skinned, then displaced with the surface."""
         if fibres is None:
             return vtkPolyData()
         if paths is None or len(fibres) != len(paths.rest):
             count = "no" if paths is None else str(len(paths.rest))
             problem = f"there are {len(fibres)} for {count} paths"
-            raise InputError("fibres", problem, "connect the fibres that TautPaths has as rest_fibres")
+            raise InputError("fibres", problem, "connect the rest_fibres of TautPaths")
         assert self._carried is not None
         if self._embedded is None:
             vertices = muscle.points, muscle.triangles
@@ -285,7 +285,7 @@ class PathDeformer(Filter):
 
 
 def _state_of(muscle: Surface, paths: PathLines | None, neighbours: vtkMultiBlockDataSet | None) -> list[int]:
-    """Return when the data that a pose is made from were modified: no two modifications have one number."""
+    """Return the modification times of the data of a pose; each is unique."""
     data: list[Any] = [muscle.data]
     if paths is not None:
         data.append(paths.data)

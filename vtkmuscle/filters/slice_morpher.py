@@ -1,4 +1,4 @@
-"""SliceMorpher: from the fitted template into the muscle, slice by slice."""
+"""SliceMorpher: map the fitted template into the muscle, slice by slice."""
 
 from __future__ import annotations
 
@@ -20,42 +20,34 @@ from vtkmuscle.data.muscle_geometry import Surface
 from vtkmuscle.filters.base import Filter, OutputPort, Parameter, ports
 from vtkmuscle.filters.harmonic_field import field_of, has_field
 
-#: Deviation of superficial fibres from which on a warning is given, root mean square [degrees].
+#: Deviation of superficial fibres that gives a warning, root mean square [degrees].
 NOTICED = 10.0
-#: ``slice_tolerance=None`` as a part of the box's length.
+#: ``slice_tolerance=None``, as a part of the box's length: 0.3 mm for a muscle of 300 mm.
 DEFAULT_TOLERANCE = 1e-3
 
 
 class SliceMorpher(Filter):
-    """Move fibres from the template's box into the muscle, one section after the other.
+    """Map fibres from the template's box into the muscle, section by section.
 
-    By ``method="plane"`` a plane across the box's long axis cuts the box in a rectangle and the muscle in a
-    contour. The contour is split into four parts, one for each side of the rectangle, so that their lengths
-    match best, and the rectangle is mapped to the contour by mean value coordinates. Where a section has
-    several loops, fibres fill the chain of loops that continue each other and enclose most of the muscle, and
-    never change from one branch to another. Fibre parts beyond the end of this main branch are squeezed into
-    its tip.
+    With ``method="plane"`` a plane across the box's long axis cuts the box in a rectangle and the muscle in a
+    contour. The contour is divided into four parts, matched by length to the sides of the rectangle, and mean
+    value coordinates map the rectangle to the contour. In sections with several loops, fibres fill the chain
+    of consecutive loops that encloses most of the muscle, and never change branches. Fibre parts beyond the
+    end of the main branch are compressed into its tip.
 
-    By ``method="harmonic"`` the muscle is cut along isolines of a function that is 0 on the origin area, 1 on
-    the insertion area and harmonic on the surface between them, as many as there are planes through the
-    template: they follow a muscle however it bends. The function is the muscle's point array
-    ``HarmonicField`` (of :class:`HarmonicField`), or else is computed from the attachments. The ends of
-    fibres lie on the attachment areas.
+    With ``method="harmonic"`` isolines cut the muscle: of a function that is 0 on the origin area, 1 on the
+    insertion area and harmonic on the surface between. Isolines are as many as planes through the template,
+    and follow a bent muscle. The function is the muscle's point array ``HarmonicField``
+    (:class:`HarmonicField`), or else comes from the attachments. Fibres end on the attachment areas.
 
-    ``method="auto"`` takes isolines for a muscle that is too bent for parallel planes: at 16 heights, the
-    main branch holds less than 80 % of the muscle's volume, or its centre line runs at more than 45 degrees
-    to the box's axis over more than 15 % of its length. It needs attachments or the function for that, and a
-    template whose areas are its bottom and its top; else it takes planes, with a warning. The choice is in
-    ``MorphMethod``.
+    ``method="auto"`` takes isolines for a muscle too bent for parallel planes: at 16 heights, the main branch
+    has less than 80 % of the muscle's volume, or the centre line is at more than 45 degrees to the box's axis
+    over more than 15 % of its length. Isolines need attachments or the function, and a template with areas at
+    bottom and top; otherwise ``auto`` takes planes, with a warning. The choice is in ``MorphMethod``.
 
-    Points may come to lie outside of a concave section, and isolines are not flat, so that the surface may be
-    on either side of a point between them. These points are counted; :class:`FibreTrimmer` and
-    :class:`FibreSmoother` put them in. Narrow parts of a section get next to no fibres;
-    :class:`FibreSmoother` with the muscle connected fills them.
-
-    The contour's point that corresponds to the rectangle's first corner is, in the paper, the vertex nearest
-    to it in each slice. By default it is a new vertex, chosen for all slices together, so that neighbouring
-    contours are not twisted against each other; ``continuity=0`` is the paper's rule.
+    In the paper, the contour point of the rectangle's first corner is the nearest vertex in each slice. Here
+    the point is a new vertex, chosen for all slices together, so that neighbouring contours are not twisted;
+    ``continuity=0`` is the paper's rule.
 
     Parameters
     ----------
@@ -64,44 +56,49 @@ class SliceMorpher(Filter):
     muscle
         The muscle's surface: triangles, closed; optionally with the point array ``HarmonicField``.
     attachments
-        Areas of both roles; for the harmonic method only, of a muscle without ``HarmonicField``.
+        Areas of both roles; only for the harmonic method on a muscle without ``HarmonicField``.
     superficial
-        Polylines on the muscle's surface, or near it. Their angle to the fibres is reported; it is
-        TemplateFitter that turns the box to suit them.
+        Polylines on the muscle's surface, or close to the surface. The angle to the fibres is reported;
+        TemplateFitter turns the box to fit.
     method
-        How the muscle is sliced: by parallel planes, along isolines, or whichever suits it.
+        Sections: parallel planes, isolines, or the better of the two.
     slice_tolerance
-        Points whose heights differ by no more than this share a slice; 0 is a slice for every height, None a
-        thousandth of the box's length.
+        Largest difference in height of points in a slice; 0 is a slice per height, None a thousandth of the
+        box's length.
     continuity
-        Part of the muscle's length over which slices resist being twisted against each other; 0 matches each
-        slice by itself.
+        Part of the muscle's length over which slices resist twisting against each other; 0 matches each slice
+        independently.
 
     Attributes
     ----------
     output
         The fibres in the muscle, with the arrays of the template and the field arrays ``MorphMethod``
-        (``plane`` or ``harmonic``), ``PointsOutside`` (by planes: points that the map put outside of their
-        section; along isolines: outside of the muscle), ``SplitError`` (largest deviation of a section's four
-        parts from the rectangle's sides, as a part of its perimeter), ``VolumeShare`` (part of the muscle in
-        the branch that the fibres fill), ``SteepShare`` (part of the planes' branch at more than 45 degrees
-        to their axis, also where it is why isolines were taken; 0 where planes were not tried); with
-        superficial fibres ``SuperficialAngle``, between them and the nearest fibres, root mean square
-        [degrees]. Where that is more than 10 degrees there is a warning.
+        (``plane`` or ``harmonic``), ``PointsOutside`` (for planes: points mapped outside of their section;
+        for isolines: outside of the muscle), ``SplitError`` (largest deviation of a section's four parts from
+        the rectangle's sides, as a part of the perimeter), ``VolumeShare`` (part of the muscle in the filled
+        branch), ``SteepShare`` (part of the planes' branch at more than 45 degrees to the axis, also if
+        isolines were taken; 0 if planes were not tried); with superficial fibres ``SuperficialAngle``, to the
+        nearest fibres, root mean square [degrees]. Angles above 10 degrees give a warning.
 
     Raises
     ------
     ValueError
-        If the template has no ``Transform``, or one that is not a box; if the muscle is not a closed surface
-        of triangles; if the template lies outside of it; if a point is not finite. By the harmonic method
-        also if an attachment area is missing, or the origin and the insertion overlap, or the template's
-        areas are not its bottom and top. If the superficial fibres have no length.
+        If the template has no ``Transform``, or a matrix that is not a box; if the muscle is not a closed
+        surface of triangles; if the template lies outside of the muscle; if a point is not finite. For the
+        harmonic method also if an attachment area is missing, if origin and insertion overlap, or if the
+        template's areas are not bottom and top. If the superficial fibres have no length.
 
     References
     ----------
     Kohout, Clapworthy, Martelli, Viceconti 2012, *Muscle Fibres Modelling*, section 3.3,
     extended in doi:10.1007/978-3-642-38241-3_3; Hormann, Floater 2006, *Mean value coordinates for
     arbitrary planar polygons*, doi:10.1145/1183287.1183295.
+
+    Limitations
+    -----------
+    Points may lie outside of a concave section, and between isolines outside of the muscle: such points are
+    counted, and :class:`FibreTrimmer` and :class:`FibreSmoother` move them inside. Narrow parts of a section
+    have few fibres until FibreSmoother spreads them. Parallel planes fill a single branch of a forked muscle.
 
     Examples
     --------
@@ -141,24 +138,21 @@ class SliceMorpher(Filter):
         upright = _runs_upwards(template.data, box)
         slicing = Slicing(tolerance, self.continuity, self.report_progress)
 
+        shape = (template.points, box, geometry.closed)
+
         def morph(method: str) -> Morph:
-            shape = (template.points, box, geometry.closed)
             if method == "plane":
                 return morph_by_planes(*shape, slicing)
             return morph_by_isolines(*shape, field_of(muscle, attachments), slicing)
 
         if self.method == "harmonic" and not upright:
-            raise InputError(
-                "",
-                "method='harmonic' needs a template whose areas are its bottom and its top, as of the kinds "
-                "parallel, curved and fan",
-                "use method='plane' for this one",
-            )
+            problem = "method='harmonic' needs template areas at bottom and top (parallel, curved, fan)"
+            raise InputError("", problem, "use method='plane' for other templates")
         method = "harmonic" if self.method == "harmonic" else "plane"
         result = morph(method)
-        known = attachments is not None or has_field(muscle.data)
+        has_ends = attachments is not None or has_field(muscle.data)
         steep_share = result.steep_share
-        if self.method == "auto" and not result.suits and upright and known:
+        if self.method == "auto" and not result.suits and upright and has_ends:
             method, result = "harmonic", morph("harmonic")
         _warn(result, method)
         fields: dict[str, str | float] = {
@@ -177,7 +171,7 @@ class SliceMorpher(Filter):
 
 
 def _warn(result: Morph, method: str) -> None:
-    """Warn where planes do not suit the muscle."""
+    """Warn about a muscle too bent for planes."""
     if method == "plane" and not result.suits:
         warnings.warn(
             "SliceMorpher: the muscle is bent too much for parallel planes: their main branch holds "
@@ -188,7 +182,7 @@ def _warn(result: Morph, method: str) -> None:
 
 
 def _warn_of_superficial(angle: float) -> None:
-    """Warn where superficial fibres run otherwise than the fibres beside them."""
+    """Warn about superficial fibres that deviate from the nearest fibres."""
     if angle > NOTICED:
         warnings.warn(
             f"SliceMorpher: the superficial fibres deviate by {angle:.0f} degrees from the fibres next to "
@@ -198,7 +192,7 @@ def _warn_of_superficial(angle: float) -> None:
 
 
 def _runs_upwards(template: vtkPolyData | None, box: Floats) -> bool:
-    """Return False for a template with areas that are not its bottom and its top."""
+    """Return whether the template's areas are bottom and top."""
     areas = [field_array(template, name) for name in ("OriginArea", "InsertionArea")]
     if any(area is None or area.ndim != 2 or area.shape[1] != 3 for area in areas):
         return True
@@ -221,7 +215,7 @@ def _box(template: vtkPolyData | None) -> NDArray[np.float64]:
             return box
     raise InputError(
         "template",
-        "the field array 'Transform' is not that of a box: 16 finite numbers, a rotation (or reflection) of "
-        "a cube scaled along its axes, row by row",
+        "the field array 'Transform' is not the matrix of a box: 16 finite numbers, row by row, a rotation "
+        "(or reflection) of a cube scaled along its axes",
         "run TemplateFitter",
     )

@@ -1,4 +1,4 @@
-"""StiffTendons: hold the ends of fibres between aponeuroses at the lengths of their tendons."""
+"""StiffTendons: keep tendon lengths between fibre ends and bones constant."""
 
 from __future__ import annotations
 
@@ -15,31 +15,31 @@ from vtkmuscle.data.muscle_geometry import Surface
 from vtkmuscle.data.paths import PathLines
 from vtkmuscle.filters.base import Filter, OutputPort, ports
 
-#: Ends of fibres nearer to a triangle than this part of the mean edge are on the triangle.
+#: Distance of fibre ends on a triangle, in mean edges: rounding and projection, well below an edge.
 _ON_TRIANGLE = 0.1
 
 
 class StiffTendons(Filter):
-    """Hold fibre ends at a constant distance from their bones, for tendon is stiff.
+    """Keep fibre ends at a constant distance from their bones.
 
     A tendon is 3.3 % longer at its muscle's largest force (Zajac 1989, *Muscle and tendon*, Critical Reviews
-    in Biomedical Engineering 17, 359-411), where fibres may shorten by half. The distance is measured along
-    the muscle's paths, between an end of a fibre and the bone. Ends on a part of the muscle that is fixed to
-    a bone stay with the part. Fibres that are straight at rest stay straight. Points farther outside of the
-    deformed muscle than at rest are moved back towards the muscle.
+    in Biomedical Engineering 17, 359-411), while fibres may shorten by half. The distance is measured along
+    the muscle's paths, between a fibre end and the bone. Ends on a part of the muscle fixed to a bone stay
+    with the part. Straight fibres at rest stay straight. Points farther outside of the deformed muscle than
+    at rest are moved back towards the muscle.
 
     Parameters
     ----------
     fibres
-        The fibres in the deformed muscle, as FibreTransport gives them.
+        The fibres in the deformed muscle, from FibreTransport.
     rest_fibres
-        The fibres at rest, from aponeurosis to aponeurosis, each of the same number of points.
+        The fibres at rest, between aponeuroses, with equal numbers of points.
     rest_muscle
-        The muscle at rest; with the point array ``FixedTo``, ends on fixed triangles are seen.
+        The muscle at rest; with the point array ``FixedTo``, ends on fixed triangles are detected.
     deformed_muscle
         The deformed muscle.
     paths
-        The paths of the muscle in the pose, as TautPaths gives them.
+        The paths of the muscle in the pose, from TautPaths.
 
     Attributes
     ----------
@@ -53,8 +53,8 @@ class StiffTendons(Filter):
 
     Limitations
     -----------
-    Tendons have no strain at all, so that the whole change of a path's length is the change of the fibres'
-    length.
+    Tendons have no strain: the whole change of a path's length is the change of the fibre's length. Fibres
+    need equal numbers of points.
 
     Examples
     --------
@@ -97,13 +97,13 @@ class StiffTendons(Filter):
     ) -> vtkPolyData:
         """Return the fibres with their ends held."""
         if paths is None:
-            raise InputError("paths", "there are none", "the muscle must be fixed to two bones")
+            raise InputError("paths", "the data set has no paths", "fix the muscle to two bones")
         if not np.array_equal(fibres.offsets, rest_fibres.offsets):
-            problem = "they have other numbers of points than rest_fibres"
+            problem = "their numbers of points differ from rest_fibres"
             raise InputError("fibres", problem, "connect the same fibres, at rest and moved")
         counts = np.unique(np.diff(rest_fibres.offsets))
         if len(counts) > 1:
-            problem = f"they have {counts[0]} to {counts[-1]} points each, but all must have the same number"
+            problem = f"they have {counts[0]} to {counts[-1]} points, but must have equal numbers"
             raise InputError("rest_fibres", problem, "FibreSource makes such fibres")
         shape = len(rest_fibres), int(counts[0]), 3
         rest = rest_fibres.points
@@ -112,17 +112,17 @@ class StiffTendons(Filter):
             lines = rest.reshape(shape)
             tendons = Tendons(lines, paths.rest, _on_bone(rest_muscle, lines[:, [0, -1]]))
             self._tendons = kept = rest, paths.rest, tendons
-        held = kept[2].placed(fibres.points.reshape(shape), paths.points).reshape(-1, 3)
-        given = rest, rest_muscle.points, rest_muscle.triangles, 0.0
-        if self._embedded is None or not self._embedded.same_as(*given):
-            self._embedded = EmbeddedPoints(*given)
-        self._embedded.keep_within(held, deformed_muscle.points)
+        moved = kept[2].placed(fibres.points.reshape(shape), paths.points).reshape(-1, 3)
+        inputs = rest, rest_muscle.points, rest_muscle.triangles, 0.0
+        if self._embedded is None or not self._embedded.same_as(*inputs):
+            self._embedded = EmbeddedPoints(*inputs)
+        self._embedded.keep_within(moved, deformed_muscle.points)
         self.report_progress(1.0)
-        return fibres.moved(held)
+        return fibres.moved(moved)
 
 
 def _on_bone(muscle: Surface, ends: Floats) -> Bools:
-    """Return which ends (k, 2, 3) are on triangles of a muscle whose points are all fixed to bones."""
+    """Return a mask of the ends (k, 2, 3) on fixed triangles of a muscle."""
     geometry = muscle.geometry
     fixed_to = muscle.data.GetPointData().GetArray("FixedTo")
     if fixed_to is None:

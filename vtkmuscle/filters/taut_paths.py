@@ -1,4 +1,4 @@
-"""TautPaths: the paths of a muscle, pulled taut round the moving bones."""
+"""TautPaths: paths of a muscle, taut around the moving bones."""
 
 from __future__ import annotations
 
@@ -34,59 +34,58 @@ RESOLUTIONS = {"preview": 24, "balanced": POINTS - 1, "accurate": 2 * (POINTS - 
 
 
 class TautPaths(Filter):
-    """Pull the paths of a muscle taut round the moving bones.
+    """Compute the taut paths of a muscle around the moving bones.
 
-    Each path begins as a fibre, from bone to bone: its length is that of the musculotendon unit, and its pull
-    has the moment arm. A path keeps its initial offset from each bone and its distance from neighbouring
-    paths, has the bow of the rest pose where no bone holds it, and passes through via rings. Otherwise it is
-    as short as possible. All paths of a muscle are one sheet, whose energy has a minimum there
-    (:mod:`vtkmuscle.core.paths.sheet`).
+    Each path begins as a fibre, from bone to bone: the length is the musculotendon length, and the pull has
+    the moment arm. A path keeps its initial offset from each bone and the distance to neighbouring paths,
+    keeps its curve at rest away from bones, and passes through via rings. Otherwise a path is as short as
+    possible. The paths of a muscle form a sheet with minimal energy (:mod:`vtkmuscle.core.paths.sheet`).
 
-    Without ``rest_fibres``, lines over the surface stand in for fibres, along the harmonic function between
-    the points fixed to different bones. A muscle that is fixed to one bone then has no paths.
+    Without ``rest_fibres``, lines over the surface replace fibres, along the harmonic function between points
+    fixed to different bones. A muscle fixed to a single bone then has no paths.
 
-    A pose is reached from the nearest pose computed before, or from rest, along the screws of the bones.
-    Lengths and levers do not depend on the start, but within the solver's tolerance; the side of a bone on
-    which a path lies does, where both sides are possible.
+    The solve of a pose starts from the nearest computed pose, or from rest, along the screws of the bones.
+    Lengths and levers depend on the start only within the solver's tolerance; the side of a bone may depend
+    on the start where both sides are possible.
 
     Parameters
     ----------
     rest_fibres
         Polylines at rest, origin to insertion.
     rest_muscle
-        The muscle at rest, closed triangles, with the point array ``FixedTo``; an end of a path goes with
-        the bone of the fixed point nearest to it.
+        The muscle at rest, closed triangles, with the point array ``FixedTo``; a path's end moves with the
+        bone of the nearest fixed point.
     rest_bones
-        Bones at rest, in named blocks; ``FixedTo`` counts them.
+        Bones at rest, in named blocks, in the order of ``FixedTo``.
     bones
         The same bones at the pipeline's time, each with the field array ``Transform`` (16, row major): rest
-        to now. For levers the bones also have ``Twist_COORDINATE``, as BoneMotion gives them.
+        to now. Levers need the field arrays ``Twist_COORDINATE`` of BoneMotion.
     attachments
-        For the via rings among them, which paths pass through.
+        Via rings for the paths to pass through; other areas are ignored.
     quality
         Preset of the resolution.
     resolution
-        Segments of a path. Bone distance fields use half that spacing. Round a cylinder 16 segments have
-        moment arms 1 % less than 32 and 64, which agree; the time grows with the resolution.
+        Segments of a path. Bone distance fields use half the segment length as spacing. Around a cylinder 16
+        segments have moment arms 1 % smaller than 32 and 64, which agree; time grows with the resolution.
     levers
-        Compute the moment arm of each path by each coordinate.
+        Compute the moment arm of each path for each coordinate.
     checkpoint_memory
-        Memory for poses to start from.
+        Memory for computed poses.
 
     Attributes
     ----------
     output
         The paths, with the cell and field arrays of the rest fibres; the point array ``RestPosition`` (3);
-        the cell arrays ``Length``, ``RestLength`` [mm], ``Ratio`` (of the two), ``Contact`` (number of points
-        that bones or rings press on), ``Squeezed``, the room that a path lacks between two bones [mm], and
-        ``Lever_COORDINATE``, its moment arm by each coordinate of which the bones have twists [mm]; the field
-        array ``Unsettled``, 1 where the sheet did not come to rest.
+        the cell arrays ``Length``, ``RestLength`` [mm], ``Ratio`` (Length / RestLength), ``Contact`` (number
+        of points under pressure from bones or rings), ``Squeezed``, missing room between two bones [mm], and
+        ``Lever_COORDINATE``, moment arm for each coordinate of the bones' twists [mm]; the field array
+        ``Unsettled``, 1 if the sheet did not converge.
 
     Raises
     ------
     ValueError
-        If a fibre has no length; if the muscle is not closed or has no ``FixedTo``, or no point of it is
-        fixed; if ``rest_bones`` and ``bones`` have different blocks; if a bone has no ``Transform``.
+        If a fibre has no length; if the muscle is not closed or has no ``FixedTo``, or no fixed point; if
+        ``rest_bones`` and ``bones`` have different blocks; if a bone has no ``Transform``.
 
     References
     ----------
@@ -95,9 +94,8 @@ class TautPaths(Filter):
 
     Limitations
     -----------
-    Paths have no mass, no friction and no activation. Fewer than 20 segments give wrong lengths and
-    levers on strongly wrapped muscles. Where a path can lie on either side of a bone, the side depends on the
-    start.
+    Paths have no mass, no friction and no activation. Fewer than 20 segments give wrong lengths and levers on
+    strongly wrapped muscles. The side of a bone depends on the start where both sides are possible.
 
     Examples
     --------
@@ -150,7 +148,7 @@ class TautPaths(Filter):
         bones: MovingBones,
         attachments: vtkMultiBlockDataSet | None,
     ) -> vtkPolyData:
-        """Return the paths at the time asked for."""
+        """Return the paths at the requested time."""
         check_same_bones(rest_bones, bones, "rest_bones")
         self._prepare(rest_fibres, rest_muscle, rest_bones, attachments)
         if self._poses is None:
@@ -167,31 +165,31 @@ class TautPaths(Filter):
         bones: Mapping[str, vtkPolyData],
         attachments: vtkMultiBlockDataSet | None,
     ) -> None:
-        """Make the paths at rest, where the inputs or the resolution are new."""
+        """Make the paths at rest for new inputs or a new resolution."""
         shapes = self._shapes.shapes(bones, "rest_bones")
         fixed_to = fixed_points_of(muscle, list(bones))
         if (fixed_to < 0).all():
-            problem = "no point is fixed to a bone, and the ends of paths have no bone to go with"
+            problem = "no point is fixed to a bone, so the ends of paths have no bone"
             raise InputError(muscle.where, problem, "detect the fixed points with these bones")
         rings = rings_by_bone(attachments, list(bones), "attachments")
         fibres = None if lines is None else (lines.points, lines.offsets)
-        given = FixedMuscle(muscle.points, muscle.triangles, fixed_to, fibres, rings=rings)
+        fixed = FixedMuscle(muscle.points, muscle.triangles, fixed_to, fibres, rings=rings)
         if self._rest is not None:
             before, shapes_before, resolution = self._rest
-            if resolution == self.resolution and shapes_before is shapes and given.same_as(before):
+            if resolution == self.resolution and shapes_before is shapes and fixed.same_as(before):
                 return
         self._rest, self._poses = None, None
         if fibres is None:
-            topology = mesh_topology(len(given.points), given.triangles)
-            fibres = lines_on_surface(given.points, topology, fixed_to)
+            topology = mesh_topology(len(fixed.points), fixed.triangles)
+            fibres = lines_on_surface(fixed.points, topology, fixed_to)
         if fibres is not None:
             paths = evenly_spread(*fibres, self.resolution + 1)
             with errors_at("rest_fibres"):
                 made = MusclePaths(
                     paths,
-                    *bones_at_ends(paths, given.points, fixed_to),
-                    given.points,
-                    given.triangles,
+                    *bones_at_ends(paths, fixed.points, fixed_to),
+                    fixed.points,
+                    fixed.triangles,
                     shapes,
                     rings=rings,
                 )
@@ -200,7 +198,7 @@ class TautPaths(Filter):
                 REST_POSITION: vtk_array(made.rest.points.reshape(-1, 3), REST_POSITION),
                 "RestLength": vtk_array(made.rest.lengths, "RestLength"),
             }
-        self._rest = given, shapes, self.resolution
+        self._rest = fixed, shapes, self.resolution
 
     def _result(
         self, rest_fibres: Polylines | None, state: PathState, levers: Mapping[str, Floats]

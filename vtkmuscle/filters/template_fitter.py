@@ -1,4 +1,4 @@
-"""TemplateFitter: put a fibre template around a muscle."""
+"""TemplateFitter: fit a fibre template around a muscle."""
 
 from __future__ import annotations
 
@@ -28,24 +28,23 @@ from vtkmuscle.filters.base import Filter, OutputPort, Parameter, ports
 
 
 class TemplateFitter(Filter):
-    """Map the unit cube of a fibre template to the oriented box around a muscle that suits it best.
+    """Map a fibre template's unit cube to the best oriented box of a muscle.
 
-    The box's z axis is the muscle's axis. By ``axis="attachments"`` that is the line from the centroid of
-    the origin's landmarks to the centroid of the insertion's; by ``axis="principal"`` the direction in
-    which the surface's points spread most. ``axis="auto"`` tries both and keeps the one with the smaller
-    error. The first rule fails where an attachment's centroid is not on it, and where areas lie beside each
-    other (pennate, bipennate), so that the line follows the fibres rather than the muscle.
+    The box's z axis is the muscle's axis: with ``axis="attachments"`` the line between the centroids of the
+    origin's and the insertion's landmarks, with ``axis="principal"`` the direction of largest variance of the
+    surface points. ``axis="auto"`` tries both and takes the smaller error. Centroids fail for a centroid off
+    the axis, and for areas beside each other (pennate, bipennate), where the line follows the fibres instead
+    of the muscle.
 
-    The box is turned about this axis step by step, and the angle is kept at which the corners of the
-    template's areas are nearest to the landmarks. Several areas of one role count as one.
+    The box is turned about the axis in steps; the best angle has the shortest distances between the corners
+    of the template's areas and the landmarks. Several areas of a role count as a single area.
 
-    Where superficial fibres are connected, boxes are also judged by the angle between them and the template's
-    fibres next to them: a mean distance from the landmarks of a tenth of the muscle's length counts as much
-    as an angle of 6 degrees (root mean square). That decides to which side fibres lean or arch where
-    landmarks leave it open.
+    With superficial fibres, the angle between them and the closest template fibres also counts: a mean
+    landmark distance of a tenth of the muscle's length weighs as much as 6 degrees (root mean square).
+    Superficial fibres decide the side to which fibres lean or arch if landmarks leave the side open.
 
-    Only rotations are tried. ``mirror=True`` is for the muscle of the other side of the body: it gives the
-    mirror image of the fit to the mirrored muscle.
+    ``mirror=True`` is for the other side of the body: the fit is the mirror image of the fit to the mirrored
+    muscle.
 
     Parameters
     ----------
@@ -56,7 +55,7 @@ class TemplateFitter(Filter):
     attachments
         Areas of both roles.
     superficial
-        Polylines on the muscle's surface, or near it, that the template's fibres are to follow.
+        Polylines on the muscle's surface, or close to the surface, as a guide for the template's fibres.
     axis
         The rule for the box's long axis.
     angle_step
@@ -67,21 +66,26 @@ class TemplateFitter(Filter):
     Attributes
     ----------
     output
-        The fibres and the two field arrays in the box, with the field arrays ``Transform`` (16, row major:
-        unit cube to world) and ``FitError`` (sum of the distances from the corners of the template's areas to
-        the nearest landmarks, in the unit of the points).
+        The fibres and both field arrays in the box, with the field arrays ``Transform`` (16, row major: unit
+        cube to world) and ``FitError`` (sum of distances from the corners of the template's areas to the
+        nearest landmarks, in the unit of the points).
 
     Raises
     ------
     ValueError
-        If a role has no attachment area; if the centroids of the landmarks coincide (by
-        ``axis="attachments"``); if the template has no areas; if the muscle is flat or has faces that are not
+        If a role has no attachment area; if the centroids of the landmarks coincide (with
+        ``axis="attachments"``); if the template has no areas; if the muscle is flat or has faces other than
         triangles; if a point is not finite.
 
     References
     ----------
     Kohout, Clapworthy, Martelli, Viceconti 2012, *Muscle Fibres Modelling*, section 3.2,
     extended in doi:10.1007/978-3-642-38241-3_3.
+
+    Limitations
+    -----------
+    Rotations are the only degrees of freedom tried, at steps of ``angle_step``; the box always encloses the
+    muscle. Two sides are indistinguishable for symmetric areas without superficial fibres.
 
     Examples
     --------
@@ -114,7 +118,6 @@ class TemplateFitter(Filter):
     ) -> vtkPolyData:
         """Return the fitted template."""
         areas = _area(template.data, "OriginArea"), _area(template.data, "InsertionArea")
-        # The mirror image of the fit to the mirrored muscle.
         reflection = np.diag([-1.0, 1.0, 1.0, 1.0]) if self.mirror else np.eye(4)
         origin, insertion = (apply_transform(reflection, _landmarks(attachments, role)) for role in ROLES)
         geometry = muscle.geometry
@@ -129,7 +132,7 @@ class TemplateFitter(Filter):
             shape = points()
             seen = superficial_pieces(mirrored, superficial.offsets, shape)
             fits = self._fits(shape, landmarks, areas, partial(_angle, seen, template))
-        else:  # boxes that do not depend on the template's fibres
+        else:  # these boxes do not depend on the template's fibres
             settings = self.axis, self.angle_step, self.mirror
             arrays = (*landmarks, *areas)
             key = "boxes", settings, *(np.ascontiguousarray(array).tobytes() for array in arrays)
@@ -167,7 +170,7 @@ class TemplateFitter(Filter):
         areas: tuple[Floats, Floats],
         guide: Callable[[Floats], float] | None,
     ) -> list[BoxFit]:
-        """Return the best box for each axis; ``guide`` gives the angle of superficial fibres in a box."""
+        """Return the best box for each axis; ``guide`` is the angle of superficial fibres."""
         return [
             fit_box(points, axis, landmarks=landmarks, areas=areas, angle_step=self.angle_step, guide=guide)
             for axis in self._axes(points, *landmarks)
@@ -175,7 +178,7 @@ class TemplateFitter(Filter):
 
 
 def _angle(seen: SuperficialFibres, lines: Polylines, box: Floats) -> float:
-    """Return the angle between superficial fibres and those of a template in a box."""
+    """Return the angle of superficial fibres to a template's fibres in a box."""
     return angle_to_nearest(seen, apply_transform(box, lines.points), lines.offsets)
 
 
@@ -191,7 +194,7 @@ def _area(template: vtkPolyData | None, name: str) -> Floats:
 
 
 def _landmarks(areas: Sequence[AttachmentArea], role: str) -> Floats:
-    mine = [area.landmarks for area in areas if area.role == role]
-    if not mine:
+    landmarks = [area.landmarks for area in areas if area.role == role]
+    if not landmarks:
         raise InputError("attachments", f"there is no area with the role {role!r}", "add its landmarks")
-    return np.vstack(mine)
+    return np.vstack(landmarks)

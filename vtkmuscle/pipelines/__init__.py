@@ -1,7 +1,7 @@
-"""The usual chains of filters, ready made: fibres in a muscle, and a muscle that follows its bones.
+"""Ready-made chains of filters: fibres in a muscle, and a muscle in motion.
 
-:class:`MusclePipeline` holds all stages of one muscle; ``decompose``, ``deform`` and ``pull_taut`` return the
-last filter of a part of them.
+:class:`MusclePipeline` has all stages of a muscle; ``decompose``, ``deform`` and ``pull_taut`` return the
+last filter of a partial chain.
 """
 
 from vtkmuscle.pipelines.fibres import FIBRE_SETTINGS, decompose

@@ -1,4 +1,4 @@
-"""The filters that fill a muscle with fibres, and their settings."""
+"""Filters that fill a muscle with fibres, and their settings."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ from vtkmuscle.filters.template_fitter import TemplateFitter
 _FILTERS: tuple[type[Filter], ...] = (
     FibreSource, FibreTemplateSource, TemplateFitter, SliceMorpher, FibreTrimmer, FibreSmoother,
 )  # fmt: skip
-#: The settings of :func:`decompose`: the parameters of these filters.
+#: Settings of :func:`decompose`: the parameters of all filters.
 FIBRE_SETTINGS: dict[str, Parameter[Any]] = {
     name: declared for kind in _FILTERS for name, declared in kind.parameter_declarations.items()
 }
-#: Settings of fibres as published: planes, maps, ends and smoothing of Kohout et al. 2012 as printed, with
+#: Settings of published fibres: planes, maps, ends and smoothing of Kohout et al. 2012 as printed, with
 #: the axis between the centroids; and slices along isolines of a harmonic function (Kohout and Kukacka 2014),
-#: also used by Kohout and Cervenka 2021. Neither fills the muscle.
+#: also used by Kohout and Cervenka 2021. Both leave parts of the muscle empty.
 PUBLISHED_FIBRES: Mapping[str, Mapping[str, Any]] = MappingProxyType(
     {
         "kohout2012": {
@@ -52,24 +52,23 @@ def decompose(
 ) -> FibreSource | FibreSmoother:
     """Return the filters that fill a muscle with fibres.
 
-    That is FibreSource, which chooses the way that suits the muscle; or, with a setting of the template or of
-    its way through the muscle, the chain of FibreTemplateSource, TemplateFitter, SliceMorpher, FibreTrimmer
-    and FibreSmoother. Nothing is computed before the last one is asked for its output.
+    The result is a FibreSource, which chooses the course of fibres; or, with a setting of the template or of
+    sections, the chain of FibreTemplateSource, TemplateFitter, SliceMorpher, FibreTrimmer and FibreSmoother.
+    Filters compute on request.
 
     Parameters
     ----------
     muscle : vtkPolyData or algorithm
         Closed surface of triangles, in the rest pose.
     attachments : vtkMultiBlockDataSet or algorithm
-        Where it is attached, at least one origin and one insertion; None will do between aponeuroses.
+        Attachment areas, at least one origin and one insertion; None is allowed with aponeuroses.
     superficial : vtkPolyData or algorithm, optional
-        Fibres that are seen on the muscle's surface, a few polylines: the template is turned such that
-        its fibres follow them.
+        A few polylines seen on the muscle's surface: they orient the template.
     aponeuroses : vtkMultiBlockDataSet or algorithm, optional
-        Surfaces that fibres end on in place of the attachment areas, see :mod:`vtkmuscle.data.attachments`.
+        End surfaces of fibres in place of the attachment areas, see :mod:`vtkmuscle.data.attachments`.
     published : str, optional
-        A name of :data:`PUBLISHED_FIBRES`: ``"kohout2012"`` or ``"kohout2014"``, fibres as in those papers,
-        smoothed without regard to the muscle. Settings beside it win.
+        A name of :data:`PUBLISHED_FIBRES`: ``"kohout2012"`` or ``"kohout2014"``, fibres as in the papers,
+        smoothed without the muscle. Further settings take precedence.
     **settings
         ``n_fibres``, ``resolution``, and ``course`` of FibreSource; or parameters of the other five filters:
         ``template``, ``smoothing_passes`` and so on.
@@ -77,12 +76,12 @@ def decompose(
     Returns
     -------
     FibreSource or FibreSmoother
-        The end of the chain, which keeps all of it.
+        The last filter of the chain.
 
     Raises
     ------
     TypeError
-        For a keyword that is a parameter of none of the filters.
+        For a keyword unknown to all filters.
     ValueError
         If a setting is not allowed, or does not go with another; the message says what does.
 
@@ -98,8 +97,8 @@ def decompose(
     """
     if published is not None:
         if published not in PUBLISHED_FIBRES:
-            known = suggestion(published, PUBLISHED_FIBRES)
-            raise ValueError(f"decompose has no published fibres {published!r}; {known}")
+            hint = suggestion(published, PUBLISHED_FIBRES)
+            raise ValueError(f"decompose has no published fibres {published!r}; {hint}")
         settings = {**PUBLISHED_FIBRES[published], **settings}
     for name in settings:
         if name not in FIBRE_SETTINGS:
@@ -110,9 +109,9 @@ def decompose(
         return FibreSource(superficial=superficial, aponeuroses=aponeuroses, **where, **settings)
     course = settings.pop("course", "sections")
     if aponeuroses is not None or course != "sections":
-        why = f"course is {course!r}" if aponeuroses is None else "between aponeuroses they are straight"
+        why = f"course is {course!r}" if aponeuroses is None else "fibres between aponeuroses are straight"
         raise ValueError(
-            f"decompose: {of_sections[0]} is a setting of fibres that follow a muscle's sections, but {why}; "
+            f"decompose: {of_sections[0]} is a setting of fibres through sections, but {why}; "
             f"leave out {', '.join(of_sections)}"
         )
 
@@ -123,5 +122,5 @@ def decompose(
     fitted = TemplateFitter(template=source, superficial=superficial, **where, **own(TemplateFitter))
     morphed = SliceMorpher(template=fitted, superficial=superficial, **where, **own(SliceMorpher))
     trimmed = FibreTrimmer(fibres=morphed, **where, **own(FibreTrimmer))
-    # Without the muscle the smoother takes the mean of three points, as printed.
+    # Without the muscle the smoother takes three-point means, as printed.
     return FibreSmoother(fibres=trimmed, **({} if published else where), **own(FibreSmoother))

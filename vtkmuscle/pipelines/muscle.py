@@ -1,4 +1,4 @@
-"""All stages of one muscle, connected: fixed points, fibres, deformation, transport and metrics."""
+"""All stages of a muscle: fixed points, fibres, deformation, transport, metrics."""
 
 from __future__ import annotations
 
@@ -19,29 +19,28 @@ from vtkmuscle.filters.stiff_tendons import StiffTendons
 from vtkmuscle.filters.taut_paths import RESOLUTIONS, TautPaths
 from vtkmuscle.pipelines.fibres import decompose
 
-#: Settings of fibres that are not of :func:`decompose`, but of their transport with the muscle.
+#: Settings of fibres for the transport with the muscle.
 TRANSPORT_SETTINGS: dict[str, Parameter[Any]] = {
     "weight_tolerance": FibreTransport.parameter_declarations["weight_tolerance"]
 }
-#: ``weight_tolerance`` in scenes. For 1600 points in 9878 vertices it keeps 14 MB of weights instead of 126,
-#: and a frame takes 4 ms instead of 24 to 48; in a muscle bent by a radian the error of points is 0.008 mm,
-#: at most 0.03 mm (``benchmarks/bench_fibres.py --transport``).
+#: ``weight_tolerance`` in scenes. For 1600 points in 9878 vertices weights take 14 MB instead of 126, and
+#: a frame 4 ms instead of 24 to 48; in a muscle bent by a radian the mean error is 0.008 mm, the largest 0.03
+#: mm (``benchmarks/bench_fibres.py --transport``).
 WEIGHT_TOLERANCE = 0.3
 
-
-#: Ways to deform a muscle: carried by taut paths, by position based dynamics, or not at all.
+#: Deformers: taut paths with skinning, position based dynamics, no deformation.
 DEFORMERS: Mapping[str, type[PathDeformer] | type[PBDDeformer] | None] = MappingProxyType(
     {"paths": PathDeformer, "pbd": PBDDeformer, "none": None}
 )
-#: Presets of numbers: those of TautPaths and PathDeformer, and further ones of PBDDeformer alone.
+#: Presets of TautPaths and PathDeformer, and further presets of PBDDeformer.
 QUALITIES = tuple(dict.fromkeys([*RESOLUTIONS, *PRESETS]))
 
 
 class MusclePipeline:
-    """One muscle's filters, from its surface at rest to the measures of its fibres in motion.
+    """The filters of a muscle, from the surface at rest to fibre measures in motion.
 
-    Nothing is computed before a stage is asked for its output: ``pipeline.deformer.update(time=30.0).output``
-    is the muscle, ``pipeline.metrics.update(time=30.0).output`` its fibres with their measures.
+    Stages compute on request: ``pipeline.deformer.update(time=30.0).output`` is the muscle,
+    ``pipeline.metrics.update(time=30.0).output`` the fibres with their measures.
 
     Parameters
     ----------
@@ -50,39 +49,39 @@ class MusclePipeline:
     bones : vtkMultiBlockDataSet or algorithm
         Named blocks, in the rest pose.
     motion : RigidMotion
-        How the bones move.
+        Motion of the bones.
     attachments : vtkMultiBlockDataSet or algorithm, optional
-        Where the muscle is attached, and the via rings that it passes through.
+        Attachment areas and via rings.
     superficial : vtkPolyData or algorithm, optional
-        A few fibres that are seen on the surface at rest: they orient the template.
+        A few fibres seen on the surface at rest, to orient the template.
     neighbours : mapping of str to algorithm, optional
-        Deformers of other muscles, out of which this one is kept.
+        Deformers of other muscles, as obstacles.
     deformer : str, optional
-        ``"paths"``, the muscle carried by its taut paths (PathDeformer); ``"pbd"``, position based dynamics
-        of its surface (PBDDeformer), which needs no paths; ``"none"``, the paths alone.
+        ``"paths"``, skinning to taut paths (PathDeformer); ``"pbd"``, position based dynamics of the surface
+        (PBDDeformer), without paths; ``"none"``, the paths alone.
     quality : str, optional
-        Preset of the numbers of TautPaths and of the deformer.
+        Preset of TautPaths and the deformer.
     fixing : mapping or None, optional
-        Parameters of FixedPointDetector; None for a surface that has the point array ``FixedTo`` already.
+        Parameters of FixedPointDetector; None for a surface with the point array ``FixedTo``.
     aponeuroses : vtkMultiBlockDataSet or algorithm, optional
-        Surfaces that the fibres end on, on the muscle or within it: fibres between them move with the muscle.
-        Its paths still go from bone to bone.
+        End surfaces of fibres, on the muscle or within the muscle: fibres between aponeuroses move with the
+        muscle. Paths still run between bones.
     fibres : mapping, vtkPolyData, algorithm or None, optional
         Keyword arguments of :func:`decompose` and parameters of FibreTransport (``weight_tolerance``, by
         default :data:`WEIGHT_TOLERANCE`); or fibres at rest; or None for a muscle without fibres.
     paths : mapping, optional
-        Parameters of TautPaths. With ``deformer="pbd"`` paths are pulled only where this is given.
+        Parameters of TautPaths. With ``deformer="pbd"`` paths are computed only with this argument.
     solver : mapping, optional
         Parameters of the deformer.
 
     Attributes
     ----------
     fixed : FixedPointDetector, vtkPolyData or algorithm
-        The muscle at rest with the point array ``FixedTo``: the surface itself where ``fixing`` is None.
+        The muscle at rest with the point array ``FixedTo``: the surface itself if ``fixing`` is None.
     rest_paths : vtkPolyData, algorithm or None
-        Lines from bone to bone at rest.
+        Lines between bones at rest.
     fibres : vtkPolyData, algorithm or None
-        Fibres at rest: between the aponeuroses where there are some, else the paths.
+        Fibres at rest: between the aponeuroses if present, else the paths.
     moving : BoneMotion
         The bones in motion.
     taut_paths : TautPaths or None
@@ -90,13 +89,12 @@ class MusclePipeline:
     deformer : PathDeformer, PBDDeformer or None
         The muscle in motion; None for ``deformer="none"``.
     metrics : FibreMetrics or None
-        The fibres in motion with their measures; None without fibres. With ``deformer="none"`` they are the
-        paths.
+        The fibres in motion with their measures; None without fibres. With ``deformer="none"`` the paths.
 
     Raises
     ------
     TypeError, ValueError
-        For a setting that no filter has, or that is not allowed; the message says what is.
+        For an unknown setting, or a value that is not allowed; the message lists the allowed values.
 
     Examples
     --------
@@ -133,8 +131,8 @@ class MusclePipeline:
             raise ValueError(f"MusclePipeline: deformer is {deformer!r}, but must be one of {allowed}")
         if deformer == "none" and aponeuroses is not None:
             raise ValueError(
-                "MusclePipeline: fibres between aponeuroses move with the muscle, which deformer='none' does "
-                "not deform; leave aponeuroses out, or choose another deformer"
+                "MusclePipeline: fibres between aponeuroses need a deformed muscle, but deformer is 'none'; "
+                "leave aponeuroses out, or choose another deformer"
             )
         self.fixed = surface
         if fixing is not None:
@@ -187,7 +185,7 @@ class MusclePipeline:
         return PBDDeformer(**inputs, **settings) if kind == "pbd" else None
 
     def _moving_fibres(self, weight_tolerance: float) -> Any:
-        """Return what gives the fibres in motion."""
+        """Return the source of the fibres in motion."""
         if self.deformer is None:
             return self.taut_paths
         if isinstance(self.deformer, PathDeformer) and self.fibres is self.rest_paths:
@@ -213,7 +211,7 @@ def deform(
 ) -> PathDeformer | PBDDeformer:
     """Return the chain that deforms a muscle with moving bones.
 
-    Ask it for its output at a time of the motion: ``deform(...).update(time=30.0).output``.
+    Request the output at a time of the motion: ``deform(...).update(time=30.0).output``.
 
     Parameters
     ----------
@@ -222,14 +220,14 @@ def deform(
     deformer : str, optional
         ``"paths"`` or ``"pbd"``.
     fibres : vtkPolyData or algorithm, optional
-        Fibres at rest, for the paths, or for the directions in which edges are soft.
+        Fibres at rest, for the paths, or for the directions of soft edges.
     **solver
         Parameters of the deformer.
 
     Returns
     -------
     PathDeformer or PBDDeformer
-        The end of the chain, which keeps all of it.
+        The last filter of the chain.
 
     Examples
     --------
@@ -242,8 +240,8 @@ def deform(
     >>> deformed.GetNumberOfPoints() == muscle.GetNumberOfPoints()
     True
     """
-    given = {"superficial": superficial, "fixing": fixing, "fibres": fibres, "solver": solver}
-    pipeline = MusclePipeline(muscle, bones, motion, attachments, deformer=deformer, **given)
+    settings = {"superficial": superficial, "fixing": fixing, "fibres": fibres, "solver": solver}
+    pipeline = MusclePipeline(muscle, bones, motion, attachments, deformer=deformer, **settings)
     if pipeline.deformer is None:
         raise ValueError("deform: deformer is 'none', but must be 'paths' or 'pbd'")
     return pipeline.deformer
@@ -259,9 +257,9 @@ def pull_taut(
     fixing: Mapping[str, Any] | None = MappingProxyType({}),
     **settings: Any,
 ) -> TautPaths:
-    """Return the chain that pulls paths taut round moving bones.
+    """Return the chain that computes taut paths around moving bones.
 
-    Ask it for its output at a time of the motion: ``pull_taut(...).update(time=30.0).output``.
+    Request the output at a time of the motion: ``pull_taut(...).update(time=30.0).output``.
 
     Parameters
     ----------
@@ -275,7 +273,7 @@ def pull_taut(
     Returns
     -------
     TautPaths
-        The end of the chain, which keeps all of it.
+        The last filter of the chain.
 
     Examples
     --------

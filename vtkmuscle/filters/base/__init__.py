@@ -1,7 +1,7 @@
-"""What all filters share: declared parameters and ports, failures, time.
+"""Base of all filters: declared parameters and ports, errors, time.
 
-Open :mod:`~vtkmuscle.filters.base.filter` for the class that a new filter derives from, and
-:mod:`~vtkmuscle.filters.base.history` for filters whose result at a time depends on those before.
+:mod:`~vtkmuscle.filters.base.filter` has the base class of new filters, and
+:mod:`~vtkmuscle.filters.base.history` the base class of filters whose result depends on earlier times.
 """
 
 from vtkmuscle.filters.base import ports

@@ -1,4 +1,4 @@
-"""VTK's side of a filter: its ports, its times and its data, with errors and aborts that come through."""
+"""VTK's side of a filter: ports, times and data, errors and aborts."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from vtkmuscle.data.pipeline_times import (
 from vtkmuscle.filters.base.ports import InputPort, OutputPort
 from vtkmuscle.filters.base.running import show_error
 
-#: The executive's requests that filters answer, by the name of the method; the most frequent first.
+#: Requests of the executive by the name of the method; the most frequent first.
 _REQUESTS = {
     "RequestUpdateExtent": vtkStreamingDemandDrivenPipeline.REQUEST_UPDATE_EXTENT(),
     "RequestData": vtkDemandDrivenPipeline.REQUEST_DATA(),
@@ -39,16 +39,16 @@ _REQUESTS = {
 
 
 class AbortedError(Exception):
-    """The filter was asked to stop (``AbortExecute``) and did, leaving its output empty."""
+    """Raised in a filter after ``AbortExecute``; the output is empty."""
 
 
 class Algorithm(VTKPythonAlgorithmBase):
-    """A VTK algorithm with declared ports: VTK's side of :class:`~vtkmuscle.filters.base.filter.Filter`."""
+    """A VTK algorithm with declared ports, base of :class:`~vtkmuscle.filters.base.filter.Filter`."""
 
     input_ports: ClassVar[tuple[InputPort, ...]] = ()
     output_ports: ClassVar[tuple[OutputPort, ...]] = ()
 
-    #: Name of the input port whose time steps are announced, where it is not the first one.
+    #: Input port with the announced time steps, if not the first port.
     times_from: ClassVar[str | None] = None
     #: Pipeline time of the request being executed; None where the pipeline has no time.
     request_time: float | None = None
@@ -58,9 +58,9 @@ class Algorithm(VTKPythonAlgorithmBase):
     def __init__(self) -> None:
         self._failure: BaseException | None = None
         self._progress_reached = 0.0
-        #: By port: data, their state, and the argument of ``execute`` that was made of them.
+        #: By port: data, state of the data, and the argument of ``execute``.
         self._arguments: dict[int, tuple[Any, Any, Any]] = {}
-        #: What the array was made from, and the array.
+        #: State of filter and inputs, and the array of provenance.
         self._provenance: tuple[Any, Any] = (None, None)
         super().__init__(nInputPorts=len(self.input_ports), nOutputPorts=len(self.output_ports))
         self.GetExecutive().AddObserver("ErrorEvent", show_error)
@@ -68,16 +68,16 @@ class Algorithm(VTKPythonAlgorithmBase):
     # ---------------------------------------------------------------- to be defined by subclasses
 
     def execute(self, *inputs: Any) -> Any:
-        """Compute the output(s) from the inputs, given in port order (None for an open optional port).
+        """Compute the outputs from the inputs, in port order.
 
-        Each input is what its port makes of the data; inputs must not be changed. Errors name a port, or ""
-        for the filter as a whole; the filter's name is put before that. The result is a new data object (or
-        a tuple, one per output port).
+        Each input is the port's argument for its data (None for an open optional port); inputs must not be
+        changed. Errors name a port, or "" for the filter as a whole; the filter's name is added. The result
+        is a new data object, or a tuple with an entry per output port.
         """
         raise NotImplementedError
 
     def time_steps(self, inputs_information: Sequence[Any]) -> Sequence[float] | None:
-        """Return the time steps that the output announces; None passes on those of the first input."""
+        """Return the output's time steps; None passes on the first input's steps."""
         if self.times_from is None:
             return None
         number = [port.name for port in self.input_ports].index(self.times_from)
@@ -90,12 +90,12 @@ class Algorithm(VTKPythonAlgorithmBase):
     # ---------------------------------------------------------------- progress, and what went wrong
 
     def report_progress(self, fraction: float) -> None:
-        """Tell observers how far the filter is, and stop here if it was asked to abort.
+        """Report progress to observers, and stop after a request to abort.
 
         Parameters
         ----------
         fraction : float
-            Part of the work that is done, 0 to 1; never goes back.
+            Finished part of the work, 0 to 1; never decreases.
 
         Raises
         ------
@@ -108,12 +108,12 @@ class Algorithm(VTKPythonAlgorithmBase):
             raise AbortedError(f"{type(self).__name__} was aborted at {self._progress_reached:.0%}")
 
     def take_failure(self) -> BaseException | None:
-        """Return what :meth:`execute` raised at the last update, once; None where nothing went wrong."""
+        """Return the error of the last update once, None after success."""
         failure, self._failure = self._failure, None
         return failure
 
     def check_connections(self) -> None:
-        """Check that all ports are connected that must be, to data of their kind."""
+        """Check that required ports are connected to data of their kind."""
         owner = type(self).__name__
         for number, port in enumerate(self.input_ports):
             if not self.GetNumberOfInputConnections(number):
@@ -142,7 +142,7 @@ class Algorithm(VTKPythonAlgorithmBase):
         return 1
 
     def ProcessRequest(self, request: Any, inInfo: Any, outInfo: Any) -> int:
-        """Answer a request of the executive; an exception is kept for :meth:`update`."""
+        """Answer a request of the executive; errors are kept for :meth:`update`."""
         try:
             for name, key in _REQUESTS.items():
                 if request.Has(key):
@@ -155,7 +155,7 @@ class Algorithm(VTKPythonAlgorithmBase):
                 self.SetAbortExecute(0)
             for port in range(outInfo.GetNumberOfInformationObjects()):
                 info = outInfo.GetInformationObject(port)
-                # Without these two, VTK takes the empty output for good at the next update.
+                # Otherwise VTK would accept the empty output at the next update.
                 info.Set(vtkDemandDrivenPipeline.DATA_NOT_GENERATED(), 1)
                 data = info.Get(vtkDataObject.DATA_OBJECT())
                 if data is not None:
@@ -163,18 +163,18 @@ class Algorithm(VTKPythonAlgorithmBase):
             return 0
 
     def RequestDataObject(self, request: Any, inInfo: Any, outInfo: Any) -> int:
-        """Give a port of any data set an output of the first input's class."""
+        """Create outputs of the first input's class for ports of any data set."""
         for number, port in enumerate(self.output_ports):
             if port.kind is vtkDataSet:
-                given = inInfo[0].GetInformationObject(0).Get(vtkDataObject.DATA_OBJECT())
+                source = inInfo[0].GetInformationObject(0).Get(vtkDataObject.DATA_OBJECT())
                 info = outInfo.GetInformationObject(number)
                 made = info.Get(vtkDataObject.DATA_OBJECT())
-                if made is None or made.GetClassName() != given.GetClassName():
-                    info.Set(vtkDataObject.DATA_OBJECT(), given.NewInstance())
+                if made is None or made.GetClassName() != source.GetClassName():
+                    info.Set(vtkDataObject.DATA_OBJECT(), source.NewInstance())
         return 1
 
     def RequestInformation(self, request: Any, inInfo: Any, outInfo: Any) -> int:
-        """Announce time steps, if the filter makes its own."""
+        """Announce the filter's time steps."""
         steps = self.time_steps(_first_of_each(inInfo))
         if steps is not None:
             for port in range(outInfo.GetNumberOfInformationObjects()):
@@ -186,7 +186,7 @@ class Algorithm(VTKPythonAlgorithmBase):
         self._failure = None
         self._progress_reached = 0.0
         self.request_time = requested_time(outInfo.GetInformationObject(_port_asked(request)))
-        # Filters too quick to report progress stop here, if they were asked to before they began.
+        # Filters without progress reports stop here after a request to abort.
         self.report_progress(0.0)
         inputs = [
             info and info.Get(vtkDataObject.DATA_OBJECT())  # None for an open port
@@ -201,14 +201,14 @@ class Algorithm(VTKPythonAlgorithmBase):
         return 1
 
     def _name(self, error: InputError) -> None:
-        """Put the filter's name before the place of an error that is at one of its ports, or nowhere."""
-        place = re.split(r"\W", error.where)[0]
-        if place in ("", *(port.name for port in self.input_ports)):
+        """Put the filter's name before the location of an error at a port."""
+        port = re.split(r"\W", error.where)[0]
+        if port in ("", *(declared.name for declared in self.input_ports)):
             where = ": ".join(filter(None, (type(self).__name__, error.where)))
             error.__init__(where, error.problem, error.remedy)  # type: ignore[misc]
 
     def _argument(self, number: int, data: Any) -> Any:
-        """Return the argument of ``execute`` for the data on a port; it is made once for the same state."""
+        """Return the argument of ``execute`` for a port's data, made once per state."""
         port = self.input_ports[number]
         if data is None:
             return port.take(None)
@@ -222,7 +222,7 @@ class Algorithm(VTKPythonAlgorithmBase):
     def _publish(self, results: Any, inputs: Sequence[Any], outInfo: Any) -> None:
         provenance = self._provenance_array(inputs)
         for port, result in enumerate(results if isinstance(results, tuple) else (results,)):
-            if result is None:  # nobody asked for this output
+            if result is None:  # the output was not requested
                 continue
             output = outInfo.GetInformationObject(port).Get(vtkDataObject.DATA_OBJECT())
             output.ShallowCopy(result)
@@ -231,7 +231,7 @@ class Algorithm(VTKPythonAlgorithmBase):
                 output.GetInformation().Set(vtkDataObject.DATA_TIME_STEP(), self.request_time)
 
     def _provenance_array(self, inputs: Sequence[Any]) -> Any:
-        """Return the array that says which filters made the output; the same one while it says the same."""
+        """Return the array of filters behind the output, the same while unchanged."""
         arrays = (data.GetFieldData().GetAbstractArray(PROVENANCE) for data in inputs if data is not None)
         earlier = [array for array in arrays if isinstance(array, vtkStringArray)]
         state = self.GetMTime(), earlier, [array.GetMTime() for array in earlier]
@@ -242,12 +242,12 @@ class Algorithm(VTKPythonAlgorithmBase):
 
 
 def _port_asked(request: Any) -> int:
-    """Return the number of the output that a request came from."""
+    """Return the number of the requested output."""
     return max(int(request.Get(vtkExecutive.FROM_OUTPUT_PORT())), 0)
 
 
 def _first_of_each(inInfo: Any) -> list[Any]:
-    """Return the information of each port's first connection, None for an open one; sources have no ports."""
+    """Return each port's first connection, None for an open port."""
     return [
         port.GetInformationObject(0) if port.GetNumberOfInformationObjects() else None
         for port in inInfo or ()

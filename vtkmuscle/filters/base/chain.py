@@ -1,4 +1,4 @@
-"""The result of ``a >> b``: a chain of algorithms that can be used like the last of them."""
+"""Chains of algorithms made by ``a >> b``."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ from vtkmuscle.filters.base.running import Runnable
 
 
 class Chain(Runnable):
-    """Algorithms connected by ``>>``: as VTK's own ``Pipeline``, with the methods of our filters.
+    """A chain of algorithms, used as its last algorithm.
 
-    Data go into the first algorithm, results come from the last. Connected to a filter, a chain stands for
-    its last algorithm. ``>>`` gives a chain where the first of its two sides is a filter or a chain of ours;
-    between two algorithms of VTK, and between VTK's data and a filter, it gives VTK's ``Pipeline``, whose
-    ``update()`` is the one of its last algorithm.
+    Data enter the first algorithm; the result is the output of the last algorithm. A filter's port takes a
+    chain as input. ``>>`` gives a chain if a side is a filter or a chain of this package; between two VTK
+    algorithms, and between VTK data and a filter, ``>>`` gives VTK's ``Pipeline``, whose ``update()`` is the
+    ``update()`` of its last algorithm.
 
     Attributes
     ----------
     first, last : vtkAlgorithm
-        Its ends.
+        Ends of the chain.
 
     Examples
     --------
@@ -63,7 +63,7 @@ class Chain(Runnable):
         return self.last.GetOutputPort(port)
 
     def GetClassName(self) -> str:
-        """Raise: PyVista asks for it in ``add_mesh``, which draws no chains."""
+        """Raise TypeError: PyVista's ``add_mesh`` cannot draw chains."""
         raise TypeError("PyVista draws algorithms, not chains; give it the last one: add_mesh(chain.last)")
 
     def __rshift__(self, right: Any) -> Chain:

@@ -1,4 +1,4 @@
-"""A filter's docstring describes its parameters and ports; their kinds come from the declarations."""
+"""Docstrings of filters, with kinds and bounds from the declarations."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, field
 from typing import Any
 
-#: The sections of a class's docstring that have an entry for each of its parameters and ports.
+#: Sections of a class's docstring with the entries of parameters and ports.
 _DECLARED = re.compile(r"^(?:Parameters|Attributes)\n-+\n(?:\S.*\n(?: {4}.*\n)+)+\n*", re.MULTILINE)
 
 
 def entry(doc: str | None, name: str) -> str:
-    r"""Return the entry of a name in one of a docstring's sections, "" where there is none.
+    r"""Return a name's entry in a docstring, "" without an entry.
 
     Examples
     --------
@@ -27,7 +27,7 @@ def entry(doc: str | None, name: str) -> str:
 
 @dataclass(eq=False)
 class Declaration:
-    """A class attribute of a filter with a kind, a name, and a description by default from the docstring."""
+    """A class attribute of a filter: kind, name, description from the docstring."""
 
     kind: type[Any]
     _: KW_ONLY
@@ -45,7 +45,7 @@ def documented(
     inputs: Sequence[Any],
     outputs: Sequence[Any],
 ) -> str:
-    """Return the docstring with the kinds and bounds of parameters and ports, from their declarations."""
+    """Return the docstring with kinds and bounds of parameters and ports."""
     head, sections = split_docstring(inspect.cleandoc(doc))
     lines = [head]
     if parameters or inputs:
@@ -63,13 +63,13 @@ def documented(
 
 
 def described(parameter: Any) -> str:
-    """Return a parameter's description, its unit, and the condition under which it counts."""
+    """Return a parameter's description, unit and condition."""
     units = f" [{parameter.units}]" if parameter.units else ""
     return f"{parameter.doc}{units}{parameter.condition}"
 
 
 def split_docstring(doc: str) -> tuple[str, str]:
-    """Return a docstring (cleaned of its indent) up to its first section heading, and the rest of it."""
+    """Split a cleaned docstring before its first section heading."""
     lines = doc.splitlines()
     for i in range(1, len(lines)):
         if lines[i] and set(lines[i]) == {"-"} and len(lines[i]) == len(lines[i - 1]):

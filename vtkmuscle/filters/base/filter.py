@@ -1,4 +1,4 @@
-"""The base of all filters: declared parameters and ports on top of VTK's pipeline."""
+"""The base of all filters: declared parameters and ports."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from vtkmuscle.filters.base.parameters import Parameter
 from vtkmuscle.filters.base.ports import InputPort, OutputPort
 from vtkmuscle.filters.base.running import Runnable
 
-#: Names that parameters and ports must not take.
+#: Reserved names, not allowed for parameters and ports.
 _RESERVED = {
     *dir(vtkAlgorithm), "apply", "connect", "execute", "parameters", "request_time", "time", "time_steps",
 }  # fmt: skip
@@ -28,23 +28,23 @@ class Filter(Runnable, Algorithm):
     """A VTK algorithm with declared parameters and ports.
 
     A subclass declares :class:`~vtkmuscle.filters.base.parameters.Parameter`,
-    :class:`~vtkmuscle.filters.base.ports.InputPort` and
-    :class:`~vtkmuscle.filters.base.ports.OutputPort` attributes and defines :meth:`execute`. Parameters and
-    input ports are keywords of the constructor and attributes of the filter, under the same names.
+    :class:`~vtkmuscle.filters.base.ports.InputPort` and :class:`~vtkmuscle.filters.base.ports.OutputPort`
+    attributes and defines :meth:`execute`. Parameters and input ports are keywords of the constructor and
+    attributes of the filter.
 
-    Errors raised in :meth:`execute` are re-raised by :meth:`update` and :meth:`apply`, also where the
-    failing filter is further upstream; VTK's own ``Update()`` returns ``False`` for them, every time.
+    :meth:`update` and :meth:`apply` raise the errors of :meth:`execute`, also of filters upstream; VTK's own
+    ``Update()`` returns ``False`` after an error.
 
     Raises
     ------
     TypeError
         For a keyword that is neither a parameter nor an input port, or an input of another kind.
     ValueError
-        For a value that is not allowed; the message says what is. For every filter also on update, if an
-        input has no points, or points that are not finite; if there are no polylines, or other cells among
-        them; if a surface has no triangles, or other faces; if attachments or bones lack their field arrays.
+        For a value that is not allowed; the message lists the allowed values. On update, if an
+        input has no points, or points that are not finite; if an input has no polylines, or other cells;
+        if a surface has no triangles, or other faces; if attachments or bones lack their field arrays.
     AttributeError
-        When a name that the filter does not have is assigned to.
+        On assignment to an undeclared name.
     """
 
     parameter_declarations: ClassVar[dict[str, Parameter[Any]]] = {}
@@ -99,20 +99,20 @@ class Filter(Runnable, Algorithm):
 
     def _check_names(self, names: Iterable[str], error: type[Exception]) -> None:
         """Check that names are those of parameters or input ports."""
-        known = [*(port.name for port in self.input_ports), *self.parameter_declarations]
+        declared = [*(port.name for port in self.input_ports), *self.parameter_declarations]
         for name in names:
-            if name not in known:
-                what = f"{type(self).__name__} has no parameter or input port {name!r}"
-                raise error(f"{what}; {suggestion(name, known)}")
+            if name not in declared:
+                problem = f"{type(self).__name__} has no parameter or input port {name!r}"
+                raise error(f"{problem}; {suggestion(name, declared)}")
 
     # ---------------------------------------------------------------- parameters
 
     def parameters(self) -> dict[str, Any]:
-        """Return the parameters as a dict, from which ``type(self)(**parameters)`` rebuilds the filter."""
+        """Return the parameters; ``type(self)(**parameters)`` rebuilds the filter."""
         return dict(self._parameter_values)
 
     def parameters_that_count(self) -> dict[str, Any]:
-        """Return the parameters without those that have no effect, given the others' values."""
+        """Return the parameters that affect the result."""
         values, declared = self._parameter_values, self.parameter_declarations
         return {name: value for name, value in values.items() if declared[name].counts_with(values)}
 
@@ -123,9 +123,9 @@ class Filter(Runnable, Algorithm):
 
         def __getattr__(self, name: str) -> Any:
             words = re.sub(r"(?<!^)(?=[A-Z])", "_", name.removeprefix("Set").removeprefix("Get")).lower()
-            known = suggestion(words, self.parameter_declarations)
+            hint = suggestion(words, self.parameter_declarations)
             raise AttributeError(
-                f"{type(self).__name__} has no attribute {name!r}; parameters are attributes: {known}"
+                f"{type(self).__name__} has no attribute {name!r}; parameters are attributes: {hint}"
             )
 
     def __repr__(self) -> str:
@@ -140,14 +140,14 @@ class Filter(Runnable, Algorithm):
         return Chain(self, right)
 
     def connect(self, port: str | int, value: Any) -> None:
-        """Connect an input port; ``filter.connect("muscle", mesh)`` is ``filter.muscle = mesh``.
+        """Connect an input port; ``connect("muscle", mesh)`` is ``muscle = mesh``.
 
         Parameters
         ----------
         port : str or int
             Name or number of the input port.
         value : vtkDataObject, vtkAlgorithm, chain, vtkAlgorithmOutput or None
-            What to connect; None leaves the port open.
+            Source; None leaves the port open.
 
         Raises
         ------
@@ -160,7 +160,7 @@ class Filter(Runnable, Algorithm):
         self.SetInputConnection(number, None if source is None else source[0].GetOutputPort(source[1]))
 
     def source_for(self, port: str | int, value: Any) -> tuple[Any, int] | None:
-        """Return the algorithm, and the number of its output, for a value on a port; raises as `connect`."""
+        """Return algorithm and output number for a value; raises as `connect`."""
         declared = self.input_ports[self._number_of(port)]
         return declared.checked(value, f"{type(self).__name__}.{declared.name}")
 
@@ -177,35 +177,35 @@ class Filter(Runnable, Algorithm):
         return port
 
     def SetInputData(self, *arguments: Any) -> None:
-        """Connect a data set to a port, as VTK does: ``SetInputData(mesh)`` or ``SetInputData(1, mesh)``."""
+        """Connect data to a port, as VTK: ``(mesh)`` or ``(1, mesh)``."""
         self.connect(*(arguments if len(arguments) == 2 else (0, *arguments)))
 
     SetInputDataObject = SetInputData
 
     def GetOutput(self, port: int = 0) -> Any:
-        """Return the data object of an output port, as VTK does; :meth:`update` brings it up to date."""
+        """Return an output's data object without an update, as VTK."""
         return self.GetOutputDataObject(port)
 
     def SetInputConnection(self, *arguments: Any) -> None:
-        """Connect an output to a port, as VTK does, having checked that there is such a port and its kind."""
+        """Connect an output to a port, as VTK, with checks of port and kind."""
         port, value = arguments if len(arguments) == 2 else (0, *arguments)
         self.source_for(port, value)
         super().SetInputConnection(port, value)
         self._hold_producers()
 
     def AddInputConnection(self, *arguments: Any) -> None:
-        """Add a connection, as VTK does, and hold on to the Python side of its producer."""
+        """Add a connection, as VTK, and keep its Python producer alive."""
         super().AddInputConnection(*arguments)
         self._hold_producers()
 
     def RemoveAllInputConnections(self, port: int) -> None:
-        """Disconnect a port, as VTK does, and let go of its producers."""
+        """Disconnect a port, as VTK, and release its producers."""
         super().RemoveAllInputConnections(port)
         self._hold_producers()
 
     def _hold_producers(self) -> None:
-        # VTK keeps the C++ side of a producer only. The Python side of a filter comes and goes with its
-        # references, and loses its attributes when the garbage collector takes it as part of a cycle.
+        # VTK keeps only the C++ side of a producer. The Python side lives as long as Python references,
+        # and loses its attributes when the garbage collector breaks a cycle.
         self._producers = [
             self.GetInputAlgorithm(port, index)
             for port in range(self.GetNumberOfInputPorts())

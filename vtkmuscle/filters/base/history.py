@@ -1,4 +1,4 @@
-"""Filters whose result at a time is computed from those before it, with the frames that they keep."""
+"""Filters whose result depends on earlier times, with stored frames."""
 
 from __future__ import annotations
 
@@ -11,17 +11,16 @@ from vtkmuscle.filters.base.parameters import Parameter
 
 Frame = TypeVar("Frame")
 
-#: [bytes]
+#: Unit of ``checkpoint_memory`` [bytes].
 MEGABYTE = 10**6
 
 
 class Checkpoints(Generic[Frame]):
-    """Frames by time, thinned out evenly where memory is short.
+    """Frames by time, thinned out evenly within a memory limit.
 
-    The frames whose number on the path is a multiple of a stride are kept. When memory is used up the stride
-    doubles. So with room for k frames, going back to one of n costs at most 2 n / k steps. The frame of the
-    last request and the one before it are always kept: playing on never starts anew, even after a request
-    between two time steps.
+    Frames whose index is a multiple of a stride are kept; the stride doubles when memory is full. With room
+    for k of n frames, going back costs at most 2 n / k steps. The last requested frame and its predecessor
+    are always kept, so that playing on never restarts, even after a request between two time steps.
     """
 
     def __init__(self) -> None:
@@ -38,11 +37,11 @@ class Checkpoints(Generic[Frame]):
         return self._frames[time]
 
     def done(self, path: Sequence[float | None]) -> int:
-        """Return one more than the index on a path of its last frame that is kept, 0 where none is."""
+        """Return the number of frames up to the last stored frame of a path."""
         return max((i + 1 for i, time in enumerate(path) if time in self._frames), default=0)
 
     def clear(self) -> None:
-        """Forget all frames."""
+        """Drop all frames."""
         self._frames.clear()
         self._stride = 1
 
@@ -55,18 +54,18 @@ class Checkpoints(Generic[Frame]):
     ) -> None:
         """Drop frames of `nbytes` each until they fit into `memory` [bytes].
 
-        `steps` are all time steps, in order. Frames of other times go first: nothing is computed from them.
-        The frames of the times `last` are kept in any case, and not counted.
+        `steps` are all time steps, in order. Frames between steps go first, because no other frame depends on
+        them. Frames at the times `last` are kept, and not counted.
         """
         number: dict[float | None, int] = {time: i for i, time in enumerate(steps)}
         while True:
-            others = [time for time in self._frames if time not in last]
-            if len(others) * nbytes <= memory:
+            removable = [time for time in self._frames if time not in last]
+            if len(removable) * nbytes <= memory:
                 return
             if nbytes > memory:
-                drop = others
+                drop = removable
             else:
-                drop = [time for time in others if time not in number or number[time] % self._stride]
+                drop = [time for time in removable if time not in number or number[time] % self._stride]
             if not drop:
                 self._stride *= 2
             for time in drop:
@@ -74,15 +73,14 @@ class Checkpoints(Generic[Frame]):
 
 
 class HistoryFilter(Filter, Generic[Frame]):
-    """A filter with a frame per time, which is computed from the frame before it.
+    """A filter that computes each frame from the frame before.
 
-    The frame at time t is computed through all time steps that the first moving input announces up to t, and
-    t itself, whatever was asked for before. Frames are kept to go back to, in memory of the parameter
-    ``checkpoint_memory``, which a subclass declares; they have ``nbytes``. The subclass calls :meth:`frame`
-    in ``execute``.
+    The frame at time t is computed through all time steps of the first moving input up to t, then at t,
+    whatever was requested before. Frames (with ``nbytes``) are stored within the memory of the parameter
+    ``checkpoint_memory``, declared by the subclass. The subclass calls :meth:`frame` in ``execute``.
     """
 
-    #: Names of the input ports whose data move with time; the first one's time steps are those of the result.
+    #: Input ports with moving data; the first port has the time steps of the result.
     moving: ClassVar[tuple[str, ...]]
     checkpoint_memory: Parameter[float]
 
@@ -92,50 +90,50 @@ class HistoryFilter(Filter, Generic[Frame]):
 
     def __init__(self, **settings: Any) -> None:
         self._frames: Checkpoints[Frame] = Checkpoints()
-        #: The settings, the filter's modification time when they were read, and the state of moving inputs.
+        #: The filter's modification time, and its settings then.
         self._settings: tuple[int, dict[str, Any]] = 0, {}
         self._made_with: object = None
         self._steps: tuple[float, ...] = ()
-        #: How many frames of the path are done, and how many there are.
+        #: Number of finished frames of the path, and of all.
         self._done = 0, 1
         super().__init__(**settings)
 
     def settings_of_frames(self) -> dict[str, Any]:
-        """Return the parameters that a frame depends on."""
+        """Return the parameters that affect a frame."""
         settings = self.parameters_that_count()
         del settings["checkpoint_memory"]
         return settings
 
     def forget(self) -> None:
-        """Drop all frames: their inputs have changed."""
+        """Drop all frames after a change of inputs."""
         self._frames.clear()
 
     @property
     def path(self) -> list[float | None]:
-        """The times whose frames lead to the one asked for, that one last; [None] without time steps."""
+        """Times of the frames up to the requested time; [None] without steps."""
         time = self.request_time
         return [time] if time is None else [*(step for step in self._steps if step < time), time]
 
-    def frame(self, given: Sequence[Any], advance: Callable[..., Frame]) -> Frame:
-        """Return the frame at the time asked for; missing ones on the way to it are computed.
+    def frame(self, arguments: Sequence[Any], advance: Callable[..., Frame]) -> Frame:
+        """Return the frame at the requested time, computing missing frames.
 
-        `given` are the arguments of ``execute`` for the moving ports, None for an open one. `advance` is
-        called with the frame before (None at first) and the moving arguments, and returns the next frame.
+        `arguments` are the arguments of ``execute`` for the moving ports, None for an open port. `advance`
+        takes the frame before (None at first) and the moving arguments, and returns the next frame.
         """
         path = self.path
         for index in range(self._frames.done(path), len(path)):
             self._done = index, len(path)
             before = self._frames[path[index - 1]] if index else None
-            data = [self.data_at(*port, path[index]) for port in zip(self.moving, given, strict=True)]
+            data = [self.data_at(*port, path[index]) for port in zip(self.moving, arguments, strict=True)]
             self._frames.keep(path[index], advance(before, *data))
             self._thin_out(path[: index + 1])
         self._thin_out(path)
         return self._frames[path[-1]]
 
-    def data_at(self, port: str, given: Any, time: float | None) -> Any:
-        """Return the argument for a moving port at a time; `given` itself where there are no time steps."""
-        if given is None or time is None or not self._steps:
-            return given
+    def data_at(self, port: str, argument: Any, time: float | None) -> Any:
+        """Return a moving port's argument at a time; `argument` without time steps."""
+        if argument is None or time is None or not self._steps:
+            return argument
         number = self._number_of(port)
         data = input_at(self, number, time)
         if data is None:
@@ -143,15 +141,15 @@ class HistoryFilter(Filter, Generic[Frame]):
         return self._argument(number, data)
 
     def report_part(self, part: float) -> None:
-        """Report which part (0 to 1) of the frame that is being computed is done."""
+        """Report the finished part (0 to 1) of the current frame."""
         done, count = self._done
         self.report_progress((done + part) / count)
 
     def RequestUpdateExtent(self, request: Any, inInfo: Any, outInfo: Any) -> int:
-        """Ask for the moving inputs at the first time whose frame is not known yet.
+        """Request the moving inputs at the first time without a frame.
 
-        The later ones are asked for in :meth:`frame`. VTK's own way, CONTINUE_EXECUTING, will not do: when
-        a filter upstream fails on the way, VTK repeats the request for ever.
+        :meth:`frame` requests later times. VTK's CONTINUE_EXECUTING would repeat the request for ever after a
+        failure upstream.
         """
         numbers = [self._number_of(name) for name in self.moving]
         connected = [number for number in numbers if self.GetNumberOfInputConnections(number)]
@@ -172,7 +170,7 @@ class HistoryFilter(Filter, Generic[Frame]):
         return 1
 
     def _thin_out(self, path: Sequence[float | None]) -> None:
-        """Drop frames for which there is no room; the last two of a path stay, to go on from."""
+        """Drop frames beyond the memory; the last two of a path stay."""
         nbytes = self._frames[path[-1]].nbytes  # type: ignore[attr-defined]
         memory = MEGABYTE * self.checkpoint_memory
         self._frames.thin(self._steps, path[-2:], nbytes=nbytes, memory=memory)

@@ -1,4 +1,4 @@
-"""Declared parameters: one declaration gives validation, change guards, pickling and docs."""
+"""Declared parameters: validation, change detection, pickling and documentation."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ T = TypeVar("T")
 
 @dataclass(eq=False)
 class Parameter(Declaration, Generic[T]):
-    """A property of a filter that is checked when set and marks the filter modified when it changes.
+    """A checked property of a filter; a change marks the filter modified.
 
     Parameters
     ----------
@@ -33,7 +33,7 @@ class Parameter(Declaration, Generic[T]):
     minimum, maximum : float, optional
         Bounds of a number, both allowed values.
     above : float, optional
-        A bound that the number must exceed.
+        Exclusive lower bound.
     choices : tuple of str, optional
         The allowed strings.
     length : int, optional
@@ -41,15 +41,15 @@ class Parameter(Declaration, Generic[T]):
     units : str, optional
         Unit of the value, for the documentation.
     only_with : tuple of str, optional
-        Name of another parameter, and the values of it with which this one counts. With other values this
-        one has no effect, and ParaView hides it.
+        Name of another parameter, and the values with which this parameter has an effect. ParaView hides the
+        parameter with other values.
     sets : mapping, optional
-        For each choice the values of other parameters that it stands for. Setting the choice sets them; a
-        constructor's keywords win. One that is set later is kept until the choice is set again.
+        For each choice the values of other parameters. Setting the choice sets the values; keywords of a
+        constructor take precedence. A value set later stays until the choice is set again.
     listed : str, optional
-        Attribute of the filter that lists the strings to choose from, once its inputs are set.
+        Attribute of the filter with the strings to choose from, once its inputs are set.
     doc : str, optional
-        Description, where the class's docstring has no entry of this name.
+        Description, if the class's docstring has no entry.
 
     Examples
     --------
@@ -91,27 +91,27 @@ class Parameter(Declaration, Generic[T]):
         if not _same(values[self.name], checked):
             values[self.name] = checked
             instance.Modified()
-        for other, given in self.group(checked).items():
-            setattr(instance, other, given)
+        for other, preset in self.group(checked).items():
+            setattr(instance, other, preset)
 
     def group(self, value: Any) -> Mapping[str, Any]:
-        """Return the values of other parameters that a value stands for."""
+        """Return the values of other parameters for a choice."""
         return self.sets.get(value, {}) if self.sets else {}
 
     def counts_with(self, values: Mapping[str, Any]) -> bool:
-        """Return whether the parameter has an effect, given the values of all."""
+        """Return whether the parameter has an effect with these values."""
         return self.only_with is None or values[self.only_with[0]] in self.only_with[1:]
 
     @property
     def condition(self) -> str:
-        """A sentence that says with which values of another parameter this one counts; "" for always."""
+        """Sentence on the condition of an effect; "" without a condition."""
         if self.only_with is None:
             return ""
         other, *values = self.only_with
         return f" Counts only with {other} {' or '.join(map(repr, values))}."
 
     def check_references(self, declarations: Mapping[str, Parameter[Any]], owner: str) -> None:
-        """Check that parameters named in `only_with` and `sets` exist and allow the values given there."""
+        """Check the parameters and values in `only_with` and `sets`."""
         named = [] if self.only_with is None else [(self.only_with[0], v) for v in self.only_with[1:]]
         named += [item for group in self.sets.values() for item in group.items()]
         for other, value in named:
@@ -136,7 +136,7 @@ class Parameter(Declaration, Generic[T]):
         return words + (" or None" if self.default is None else "")
 
     def check(self, value: Any, owner: str) -> Any:
-        """Return the value in its own type, or raise a ValueError that says what is allowed."""
+        """Return the value in its type; ValueError lists the allowed values."""
         try:
             return self._converted(value)
         except (TypeError, ValueError, OverflowError):
@@ -162,13 +162,13 @@ class Parameter(Declaration, Generic[T]):
         return converted
 
 
-#: The kinds of plain values in words, and the types that each is made from.
+#: Kinds of plain values in words, and the accepted types.
 _WORDS = {bool: "True or False", int: "an integer", float: "a finite number", str: "a string"}
 _TYPES: dict[type, Any] = {bool: (bool, np.bool_), int: numbers.Integral, float: numbers.Real, str: str}
 
 
 def _plain(value: Any, kind: type[Any]) -> Any:
-    """Return a value in its kind; raise a TypeError or ValueError where it is of another one."""
+    """Return a value converted to its kind; TypeError or ValueError otherwise."""
     is_number = kind in (int, float)
     if not isinstance(value, _TYPES.get(kind, kind)) or (is_number and isinstance(value, bool)):
         raise TypeError
@@ -181,6 +181,6 @@ def _plain(value: Any, kind: type[Any]) -> Any:
 
 
 def _same(old: Any, new: Any) -> bool:
-    """Return whether a value has not changed; objects other than plain values are compared by identity."""
+    """Return whether a value is unchanged; objects compare by identity."""
     plain = (bool, int, float, str, tuple)
     return old is new or (isinstance(old, plain) and type(old) is type(new) and bool(old == new))

@@ -1,4 +1,4 @@
-"""Declared ports: one declaration gives an attribute, a keyword, a check of what is connected, and docs."""
+"""Declared ports: attributes, keywords, checks of connections, documentation."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ PortT = TypeVar("PortT", bound="Port")
 
 @dataclass(eq=False)
 class Port(Declaration):
-    """What input and output ports have in common; their kind is the VTK class of the data."""
+    """Common base of input and output ports; the kind is a VTK class."""
 
     @overload
     def __get__(self: PortT, instance: None, owner: type) -> PortT: ...
@@ -45,20 +45,20 @@ class Port(Declaration):
 
     @property
     def type_name(self) -> str:
-        """Name of the VTK class, as the executive wants it."""
+        """Name of the VTK class, for the executive."""
         return self.kind.__name__
 
 
 @dataclass(eq=False)
 class OutputPort(Port):
-    """An output of a filter; read as an attribute, it is the data, brought up to date.
+    """An output of a filter; reading the attribute brings the data up to date.
 
     Parameters
     ----------
     kind : type
         The VTK class of the data.
     doc : str, optional
-        The data and its arrays, where the class's docstring has no entry of this name.
+        The data and its arrays, if the class's docstring has no entry.
 
     Examples
     --------
@@ -81,29 +81,29 @@ class OutputPort(Port):
 class InputPort(Port):
     """An input of a filter: an attribute, and a keyword of the constructor.
 
-    It takes a data set, an algorithm, a chain (``a >> b``), an algorithm's output port, or None to leave the
-    port open. A port of a ``vtkMultiBlockDataSet`` also takes a mapping from names to any of these, and a
-    sequence of :class:`~vtkmuscle.data.attachments.AttachmentArea`. Read, it is the data set or the algorithm
-    that is connected, None where the port is open.
+    A port takes a data set, an algorithm, a chain (``a >> b``), an algorithm's output port, or None for an
+    open port. A port of a ``vtkMultiBlockDataSet`` also takes a mapping from names to sources, and a sequence
+    of :class:`~vtkmuscle.data.attachments.AttachmentArea`. The attribute's value is the connected data set or
+    algorithm, None for an open port.
 
     Parameters
     ----------
     kind : type
-        The VTK class that the port takes.
+        The VTK class of the data.
     taken : callable, optional
-        Turns the data, given with the name of the port for errors, into the argument of ``execute``: arrays,
-        checked. Without it ``execute`` is given the data.
+        Function of the data and the port's name (for errors) that returns the checked argument of
+        ``execute``. By default the argument is the data.
     optional : bool, optional
-        May the port stay unconnected? ``execute`` is then given ``None``.
+        May the port stay unconnected? The argument of ``execute`` is then ``None``.
     may_be_empty : bool, optional
         May the data have no points?
     doc : str, optional
-        The data and its arrays, where the class's docstring has no entry of this name.
+        The data and its arrays, if the class's docstring has no entry.
 
     Raises
     ------
     TypeError
-        When something else is connected, or data of another class.
+        On connecting another object, or data of another class.
 
     Examples
     --------
@@ -121,11 +121,11 @@ class InputPort(Port):
     may_be_empty: bool = False
 
     def take(self, data: Any) -> Any:
-        """Return the argument of ``execute`` for the data on the port; ValueError for unusable data."""
+        """Return the argument of ``execute``; ValueError for unusable data."""
         return data if data is None or self.taken is None else self.taken(data, self.name)
 
     def read(self, instance: Filter) -> Any:
-        """Return the data set or the algorithm that is connected, None where the port is open."""
+        """Return the connected data set or algorithm, None for an open port."""
         number = instance.input_ports.index(self)
         if not instance.GetNumberOfInputConnections(number):
             return None
@@ -139,30 +139,30 @@ class InputPort(Port):
         instance.connect(self.name, value)
 
     def checked(self, value: Any, where: str) -> tuple[Any, int] | None:
-        """Return the algorithm and the number of its output that a value stands for; None for None.
+        """Return algorithm and output number for a value; None for None.
 
-        The caller must hold on to the algorithm: a vtkAlgorithmOutput does not. Raises a TypeError for a
-        value that cannot be connected, or data of another class; `where` names the port in it.
+        The caller must keep a reference to the algorithm: a vtkAlgorithmOutput has none. TypeError for other
+        values, or data of another class; `where` names the port.
         """
         if value is None:
             return None
         source = source_of(self._as_data(value))
         if source is None:
             raise TypeError(f"{where} is {quoted(value)}, but must be {self.allowed}")
-        given = _class_given(*source)
-        if not (_is_a(given, self.type_name) or _is_a(self.type_name, given)):
-            raise TypeError(f"{where} is a {given}, but must be {self.allowed}")
+        kind = _class_of(*source)
+        if not (_is_a(kind, self.type_name) or _is_a(self.type_name, kind)):
+            raise TypeError(f"{where} is a {kind}, but must be {self.allowed}")
         return source
 
     @property
     def allowed(self) -> str:
-        """What can be connected, in words."""
+        """Allowed sources, in words."""
         mapping = ", a dict of named ones" if self.kind is vtkMultiBlockDataSet else ""
         none = " or None" if self.optional else ""
         return f"a {self.type_name}{mapping}, an algorithm or a chain of them{none}"
 
     def _as_data(self, value: Any) -> Any:
-        """Return a mapping or areas as the data set that the port takes."""
+        """Return a mapping or areas as the port's data set."""
         if self.kind is not vtkMultiBlockDataSet or isinstance(value, vtkDataObject):
             return value
         if is_areas(value):
@@ -185,7 +185,7 @@ MovingBones = partial(InputPort, vtkMultiBlockDataSet, moving_bones_of)
 
 
 def source_of(value: Any) -> tuple[Any, int] | None:
-    """Return the algorithm and the number of its output that stand for a value, None for anything else.
+    """Return algorithm and output number for a value, None for other objects.
 
     The value is a data object, an algorithm, a chain, a vtkAlgorithmOutput or VTK's ``select_ports``.
     """
@@ -203,15 +203,15 @@ def source_of(value: Any) -> tuple[Any, int] | None:
 
 
 def end_of(value: Any, name: str) -> Any:
-    """Return the ``first`` or ``last`` algorithm of a chain, ours or VTK's; or the value itself."""
+    """Return the ``first`` or ``last`` algorithm of a chain, or the value itself."""
     return value if isinstance(value, vtkObject) else getattr(value, name, value)
 
 
 def _grouped(blocks: Mapping[str, Any]) -> vtkGroupDataSetsFilter | None:
-    """Return an algorithm that gives the outputs of several as named blocks; None where one is none."""
+    """Return an algorithm that groups outputs as named blocks, None on failure."""
     group = vtkGroupDataSetsFilter()
     group.SetOutputTypeToMultiBlockDataSet()
-    group.inputs = list(blocks.values())  # VTK holds on to their C++ side only
+    group.inputs = list(blocks.values())  # VTK keeps only the C++ side
     for number, (name, block) in enumerate(blocks.items()):
         source = source_of(block)
         if source is None:
@@ -221,8 +221,8 @@ def _grouped(blocks: Mapping[str, Any]) -> vtkGroupDataSetsFilter | None:
     return group
 
 
-def _class_given(producer: Any, index: int) -> str:
-    """Return the name of the class of data that an output gives, or is declared to give."""
+def _class_of(producer: Any, index: int) -> str:
+    """Return the class name of an output's data, or its declaration."""
     if isinstance(producer, vtkTrivialProducer):
         return str(producer.GetOutputDataObject(index).GetClassName())
     return str(producer.GetOutputPortInformation(index).Get(vtkDataObject.DATA_TYPE_NAME()))

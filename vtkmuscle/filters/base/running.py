@@ -1,7 +1,7 @@
-"""Running any algorithm: bring it up to date at a time, on data, and raise what a filter upstream raised.
+"""Run any algorithm at a time, on data, and raise errors from upstream.
 
-Python has the signal of Ctrl-C: pressed while a filter executes, it comes out of ``update()``. VTK itself
-prints and drops it in Python code of its other callbacks, and ends the process in an observer of an event.
+Python handles Ctrl-C: pressed while a filter executes, KeyboardInterrupt leaves ``update()``. VTK itself
+prints and drops the interrupt in other Python callbacks, and ends the process in an observer of an event.
 """
 
 from __future__ import annotations
@@ -17,12 +17,12 @@ from vtkmuscle.data.arrays import shallow_copy
 from vtkmuscle.data.pipeline_times import request_time, time_asked, times_of, vtk_collector
 from vtkmuscle.filters.base.ports import source_of
 
-#: Whether this thread is within :func:`update`, which raises what a filter's executive would print.
+#: Whether this thread is in :func:`update`, which raises errors instead of printing them.
 _within = threading.local()
 
 
 def show_error(_executive: Any, _event: str, message: str) -> None:
-    """Show what a filter's executive says of a failure, unless :func:`update` raises the failure."""
+    """Show an executive's error message outside of :func:`update`."""
     if not getattr(_within, "update", False):
         vtkOutputWindow.GetInstance().DisplayErrorText(message)
 
@@ -43,9 +43,9 @@ class Output:
 
 
 def update(algorithm: Any, time: float | None = None, port: int = 0) -> Output:
-    """Bring an output of an algorithm, ours or VTK's, up to date; raise the original error of a failure.
+    """Bring an algorithm's output up to date; raise the original error of a failure.
 
-    By default the time is the one that was asked for last, else the last time step.
+    The default time is the last requested time, or else the last time step.
     """
     executive, outer = algorithm.GetExecutive(), getattr(_within, "update", False)
     _within.update = True
@@ -55,7 +55,7 @@ def update(algorithm: Any, time: float | None = None, port: int = 0) -> Output:
         done = executive.UpdateInformation()
         info = algorithm.GetOutputInformation(port)
         asked = time_asked(info) if time is None else float(time)
-        # Nobody asked: an algorithm upstream may still stand where another branch asked for it.
+        # Without a request, an algorithm upstream may still have the time of another branch.
         steps = times_of(info)
         request_time(info, steps[-1] if asked is None and steps else asked)
         if time is not None and steps and not steps[0] <= time <= steps[-1]:
@@ -76,26 +76,24 @@ def update(algorithm: Any, time: float | None = None, port: int = 0) -> Output:
 
 
 def _raise_failure(algorithm: Any) -> NoReturn:
-    """Raise why an algorithm could not be brought up to date: the failure farthest upstream."""
-    filters = [each for each in reversed(list(upstream(algorithm))) if hasattr(each, "take_failure")]
-    for each in filters:
-        each.check_connections()
-    failures = [failure for each in filters if (failure := each.take_failure()) is not None]
+    """Raise the failure farthest upstream."""
+    filters = [stage for stage in reversed(list(upstream(algorithm))) if hasattr(stage, "take_failure")]
+    for stage in filters:
+        stage.check_connections()
+    failures = [failure for stage in filters if (failure := stage.take_failure()) is not None]
     if failures:
         raise failures[0]
-    raise RuntimeError(
-        f"{type(algorithm).__name__}: an algorithm upstream failed; VTK's message above says which"
-    )
+    raise RuntimeError(f"{type(algorithm).__name__}: an algorithm upstream failed; see VTK's message above")
 
 
 def run_on(first: Any, last: Any, inputs: Sequence[Any], time: float | None) -> Any:
-    """Connect inputs to a chain's first algorithm, and return a shallow copy of the last one's output.
+    """Run a chain on inputs, and return a shallow copy of its output.
 
-    Afterwards the connections are as before. Later updates do not change the copy.
+    Connections are restored afterwards. Later updates do not change the copy.
     """
     count = first.GetNumberOfInputPorts()
     if len(inputs) > count:
-        raise TypeError(f"{type(first).__name__} has {count} input port(s), {len(inputs)} given")
+        raise TypeError(f"{type(first).__name__} has {count} input port(s), got {len(inputs)} inputs")
     before = [
         first.GetInputConnection(port, 0) if first.GetNumberOfInputConnections(port) else None
         for port in range(len(inputs))
@@ -116,7 +114,7 @@ def run_on(first: Any, last: Any, inputs: Sequence[Any], time: float | None) -> 
 
 
 def upstream(algorithm: Any) -> Iterator[Any]:
-    """Yield an algorithm and all that it depends on, nearest first, each once."""
+    """Yield an algorithm and its dependencies, nearest first, without repeats."""
     seen: list[Any] = []
     waiting = [algorithm]
     while waiting:
@@ -131,11 +129,11 @@ def upstream(algorithm: Any) -> Iterator[Any]:
 
 
 class Runnable:
-    """What can be run: a filter, or a chain of them."""
+    """Base of filters and chains."""
 
     @property
     def _ends(self) -> tuple[Any, Any]:
-        """The algorithm that data go into, and the one that results come from."""
+        """First and last algorithm: input of data, output of results."""
         return self, self
 
     @property
@@ -148,12 +146,12 @@ class Runnable:
         request_time(self._ends[1].GetOutputInformation(0), value)
 
     def update(self, time: float | None = None, port: int = 0) -> Output:
-        """Bring an output up to date, and raise the original error where that fails.
+        """Bring an output up to date, or raise the original error.
 
         Parameters
         ----------
         time : float, optional
-            Pipeline time to ask for; by default :attr:`time`.
+            Pipeline time; by default :attr:`time`.
         port : int, optional
             Number of the output.
 
@@ -165,7 +163,7 @@ class Runnable:
         Raises
         ------
         Exception
-            The error of this filter, or of one upstream.
+            The error of this filter, or of a filter upstream.
         """
         return update(self._ends[1], time, port)
 
@@ -175,9 +173,9 @@ class Runnable:
         Parameters
         ----------
         *inputs : vtkDataObject, vtkAlgorithm, chain, vtkAlgorithmOutput or None
-            One per input port (of the first filter of a chain), in order; missing ones keep their connection.
+            Inputs in port order (of a chain's first filter); missing inputs keep their connection.
         time : float, optional
-            Pipeline time to ask for; by default :attr:`time`.
+            Pipeline time; by default :attr:`time`.
 
         Returns
         -------
@@ -189,12 +187,12 @@ class Runnable:
         TypeError
             For more inputs than ports, or an input that is not of the port's kind.
         Exception
-            The error of this filter, or of one upstream.
+            The error of this filter, or of a filter upstream.
         """
         import pyvista  # noqa: PLC0415 -- filters work without PyVista
 
         return pyvista.wrap(run_on(*self._ends, inputs, time))
 
     def __call__(self, *inputs: Any, time: float | None = None) -> Any:
-        """Run as :meth:`apply` does, and return the result as a bare VTK data object (a copy)."""
+        """Run as :meth:`apply`, and return a copy as a bare VTK data object."""
         return run_on(*self._ends, inputs, time)

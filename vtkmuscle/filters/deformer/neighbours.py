@@ -1,4 +1,4 @@
-"""Muscles beside a muscle: where they are, and how deep it was in them at rest."""
+"""Neighbouring muscles: surfaces in a pose, and overlap depths at rest."""
 
 from __future__ import annotations
 
@@ -28,14 +28,14 @@ class Neighbours:
         self._allowances: dict[int, Floats] = {}
 
     def at(self, muscles: vtkMultiBlockDataSet) -> list[Neighbour]:
-        """Return the neighbours as they are in a data set.
+        """Return the neighbours in the pose of a data set.
 
         Raises
         ------
         ValueError
             If a block is not a surface of triangles, or has no point array ``Displacement``.
         """
-        found = []
+        neighbours = []
         for number, (name, block) in enumerate(blocks_of(muscles)):
             where = f"neighbours, block {name!r}"
             if not isinstance(block, vtkPolyData):
@@ -45,12 +45,12 @@ class Neighbours:
                 displacement = np.array(point_array(block, "Displacement", where))
                 rest = outward_tree(points - displacement, triangles)
                 self._allowances[number] = rest.depth(self._rest)
-            found.append(Neighbour(outward_tree(points, triangles), self._allowances[number]))
-        return found
+            neighbours.append(Neighbour(outward_tree(points, triangles), self._allowances[number]))
+        return neighbours
 
 
 def outward_tree(points: Floats, triangles: NDArray[np.int64]) -> TriangleTree:
-    """Return the tree of a closed surface, its triangles turned to face outward where they do not."""
+    """Return the hierarchy of a closed surface with outward triangles."""
     if signed_volume(points, triangles) < 0.0:
         triangles = np.ascontiguousarray(triangles[:, ::-1])
     return triangle_tree(points, triangles)

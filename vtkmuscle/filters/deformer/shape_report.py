@@ -1,4 +1,4 @@
-"""How well a frame keeps the muscle's shape: field arrays, rows of figures, their table."""
+"""Shape report of a frame: field arrays, rows of figures, a table."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from vtkmuscle.data.arrays import field_array
 #: Percentiles of the ratios of edges along and across the fibres.
 _SPREAD = ("P5", "P50", "P95")
 
-#: Field arrays of the report that are lengths, and the key of each in a row of figures [mm].
+#: Lengths among the field arrays, and their keys in a row of figures [mm].
 LENGTHS = {
     "PenetrationMax": "penetration_max_mm",
     "PenetrationP95": "penetration_p95_mm",
@@ -36,7 +36,7 @@ FIGURES = {
 
 
 def shape_fields(shape: ShapeReport) -> dict[str, float]:
-    """Return the field arrays of how a muscle keeps its shape in a frame."""
+    """Return the field arrays of a shape report."""
     fields: dict[str, float] = {
         "VolumeRatio": shape.volume_ratio,
         "EdgeStretchP95": shape.edge_stretch_p95,
@@ -51,7 +51,7 @@ def shape_fields(shape: ShapeReport) -> dict[str, float]:
 
 
 def penetration_fields(depths: Floats) -> dict[str, float]:
-    """Return the field arrays of the depths (f,) of a muscle's free points in the bones."""
+    """Return the field arrays of penetration depths (f,)."""
     return {
         "PenetrationMax": float(depths.max(initial=0.0)),
         "PenetrationP95": float(np.percentile(depths, 95)) if len(depths) else 0.0,
@@ -60,12 +60,12 @@ def penetration_fields(depths: Floats) -> dict[str, float]:
 
 
 def shape_row(fields: dict[str, float], millimetres: float = 1.0) -> dict[str, float]:
-    """Return a frame's figures by their keys, lengths in millimetres.
+    """Return a frame's figures by key, lengths in millimetres.
 
     Parameters
     ----------
     fields : dict of str to float
-        Field arrays, as of :func:`shape_fields`.
+        Field arrays, as from :func:`shape_fields`.
     millimetres : float, optional
         Millimetres per unit of length.
     """
@@ -75,7 +75,7 @@ def shape_row(fields: dict[str, float], millimetres: float = 1.0) -> dict[str, f
 
 
 def read_shape(deformed: Any, millimetres: float = 1.0) -> dict[str, float]:
-    """Return the figures of a muscle that a deformer made, by their keys; see :func:`shape_row`."""
+    """Return the figures of a deformed muscle by key; see :func:`shape_row`."""
     arrays = {name: field_array(deformed, name) for name in (*FIGURES, *LENGTHS)}
     fields = {name: array[-1].item() for name, array in arrays.items() if array is not None}
     return shape_row(fields, millimetres)
@@ -103,9 +103,9 @@ _GAP = "  "
 
 
 class FrameTable:
-    """Prints a row per frame, under one heading; from several threads, too.
+    """Print a row per frame under a heading, thread-safe.
 
-    Lengths are in millimetres, angles in degrees; what is not known is left blank.
+    Lengths are in millimetres, angles in degrees; missing figures are blank.
 
     Parameters
     ----------
@@ -131,7 +131,7 @@ class FrameTable:
         Parameters
         ----------
         label : str
-            What the row is of.
+            Name of the row.
         row : mapping of str to float
             See :func:`~vtkmuscle.filters.deformer.shape_report.shape_row`.
         """
