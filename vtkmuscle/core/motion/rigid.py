@@ -86,7 +86,8 @@ def transform_points(transform: Floats, points: Floats, moved: Floats) -> None:
 
 def inverse(transform: Floats) -> Floats:
     """Return the inverse of a rigid transform (4, 4)."""
-    return inverses(transform[None])[0]
+    result: Floats = inverses(transform[None])[0]
+    return result
 
 
 def rotation_about(centre: ArrayLike, axis: ArrayLike, angle: float) -> Floats:
