@@ -9,11 +9,10 @@ from collections import Counter
 from pathlib import Path
 
 import pytest
-from conftest import REPOSITORY
 
 import vtkmuscle
 
-ROOT = Path(vtkmuscle.__file__).parent
+ROOT, REPOSITORY = Path(vtkmuscle.__file__).parent, Path(__file__).resolve().parents[1]
 #: The limits, by what they are of; another file by the environment variable.
 BUDGET = Path(os.environ.get("VTKMUSCLE_BUDGET", REPOSITORY.parent / "shared" / "budget.toml"))
 
