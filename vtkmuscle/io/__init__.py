@@ -6,5 +6,5 @@ messages off the terminal.
 
 import lazy_loader
 
-#: As the stub beside this file has them; a module is loaded when one of its names is asked for.
+#: Names are in the stub file; the first use of a name loads its module.
 __getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -24,7 +24,7 @@ LOCK = ".vtkmuscle.lock"
 _PARTIAL = re.compile(r"\..+\.(?P<process>\d+)(-[0-9a-f]+)?\.partial")
 
 
-def beside(path: Path) -> Path:
+def partial_path(path: Path) -> Path:
     """Return an unused temporary path in a path's folder."""
     return path.with_name(f".{path.name}.{os.getpid()}-{secrets.token_hex(4)}.partial")
 
@@ -38,7 +38,7 @@ def replacing(path: Path) -> Iterator[Path]:
     OSError names the path.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
-    partial = beside(path)
+    partial = partial_path(path)
     try:
         os.close(os.open(partial, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
         yield partial

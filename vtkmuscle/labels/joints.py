@@ -92,8 +92,8 @@ def _fit(kind: JointKind, child: vtkPolyData, parent: vtkPolyData) -> JointFit:
     areas = np.bincount(triangles.ravel(), np.repeat(areas, 3), len(points)).astype(np.float64)
     distances = solids_of(*checked_surface(facing, "bone")).distances(points)
     fitted = fitted_ball if kind.form == "ball" else fitted_hinge
-    near = distances < distances.min() + FACING
-    return fitted(points, vertex_normals(points, triangles), areas, near)
+    facing_points = distances < distances.min() + FACING
+    return fitted(points, vertex_normals(points, triangles), areas, facing_points)
 
 
 def _axes(kind: JointKind, fit: JointFit, side: str | None, frame: str) -> dict[str, Any]:

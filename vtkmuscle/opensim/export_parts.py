@@ -46,7 +46,7 @@ def opensim_properties(hill: Mapping[str, float], metres: float) -> dict[str, fl
 
 
 def completed_properties(
-    given: Mapping[str, float],
+    fixed: Mapping[str, float],
     architecture: Mapping[str, Any],
     name: str,
     *,
@@ -61,7 +61,7 @@ def completed_properties(
 
     Parameters
     ----------
-    given : mapping of str to float
+    fixed : mapping of str to float
         Properties that stay as they are.
     architecture : mapping of str to object
         From the report of a run.
@@ -80,7 +80,7 @@ def completed_properties(
         If no length remains for a tendon.
     """
     area = architecture["pcsa_without_tendon_mm2"] / 100.0
-    properties = {**given, "max_isometric_force": given.get("max_isometric_force", specific_tension * area)}
+    properties = {**fixed, "max_isometric_force": fixed.get("max_isometric_force", specific_tension * area)}
     mean = architecture["fascicle_length_mm"]["mean"]
     fibre = share * mean / 1000.0
     ends = [architecture[f"fascicle_pennation_{end}_deg"]["mean"] for end in ("origin", "insertion")]

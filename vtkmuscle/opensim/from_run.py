@@ -335,7 +335,7 @@ def _exported_group(
     label: str,
     members: Bools,
     lines: Floats | None,
-    given: Mapping[str, float],
+    fixed: Mapping[str, float],
 ) -> ExportedMuscle:
     """Return fibres (n,) of a muscle as a path."""
     tree, values, lengths = run.tree, run.values, run.result.lengths[name]
@@ -357,7 +357,7 @@ def _exported_group(
             for each, column in values.items()
         }
         properties = completed_properties(
-            given,
+            fixed,
             run.result.report["muscles"][name]["architecture"],
             name,
             length=float(path.lengths(tree, rest)[0]),

@@ -179,9 +179,9 @@ class PointPath:
             problem = f"the path winds round {', '.join(self.wraps)}: wrapping is not computed here"
             raise InputError("", problem, "take the length from OpenSim, or export the muscle's fibres")
         full = tree.completed(values)
-        held = full if counted_at is None else tree.completed(counted_at)
+        switching = full if counted_at is None else tree.completed(counted_at)
         ranges = {coordinate.name: coordinate.range for coordinate in tree.coordinates}
-        return self.lengths_at(tree.poses(full), full, held, ranges)
+        return self.lengths_at(tree.poses(full), full, switching, ranges)
 
     def positions(
         self,
@@ -205,12 +205,12 @@ class PointPath:
         self,
         poses: Mapping[str, Floats],
         full: Mapping[str, Floats],
-        held: Mapping[str, Floats],
+        switching: Mapping[str, Floats],
         ranges: Mapping[str, tuple[float, float] | None],
     ) -> Floats:
         """Return the lengths (f,) for body poses (f, 4, 4).
 
-        Coordinate values (f,) in ``full`` move points; values in ``held`` decide on conditional points.
+        Coordinate values (f,) in ``full`` move points; values in ``switching`` decide on conditional points.
         """
         frames = len(next(iter(poses.values())))
         cylinders = {cylinder.after: cylinder for cylinder in self.cylinders}
@@ -220,7 +220,7 @@ class PointPath:
         with np.errstate(over="ignore", invalid="ignore"):
             positions = self.positions(poses, full, ranges)
             for number, (point, position) in enumerate(zip(self.points, positions, strict=True)):
-                counted = point.counts(held, frames)
+                counted = point.counts(switching, frames)
                 cylinder = cylinders.get(number - 1)
                 if cylinder is None:
                     segment = np.linalg.norm(position - previous, axis=1)

@@ -104,7 +104,7 @@ class FigureOrder:
 
     name: str
     plot: str
-    given: Mapping[str, Any]
+    arguments: Mapping[str, Any]
     rendered: bool = False
 
     def write(
@@ -115,7 +115,7 @@ class FigureOrder:
 
         scene = {"bones": bones, "studio": studio} if self.rendered else {}
         path = folder / f"{self.name}.{form}"
-        figure = getattr(vtkmuscle.plotting, self.plot)(**self.given, **scene)
+        figure = getattr(vtkmuscle.plotting, self.plot)(**self.arguments, **scene)
         with replacing(path) as partial:
             save_figure(figure, partial, form, dpi)
         return path

@@ -15,7 +15,7 @@ from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.data.attachments import SIDES, VIA, AttachmentArea, aponeuroses_data, attachments_from
 from vtkmuscle.io import write_literature, write_motion_table, write_polydata, write_text
-from vtkmuscle.io.writing import beside
+from vtkmuscle.io.writing import partial_path
 from vtkmuscle.scene.data import Muscle, SceneData
 
 
@@ -48,7 +48,7 @@ def save_unless_changed(scene: SceneData, folder: Path, *, overwrite: bool) -> P
     true.
     """
     folder.parent.mkdir(parents=True, exist_ok=True)
-    fresh = beside(folder)
+    fresh = partial_path(folder)
     try:
         write_scene(scene, fresh)
         files = [path.relative_to(fresh) for path in fresh.rglob("*") if path.is_file()]
