@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import cached_property
 from typing import Any
 
@@ -101,9 +102,9 @@ class Hip:
         chain = deform(self.marked, multiblock_from(blocks), motion, fixing=None, **settings)
         return chain.update(time=float(motion.times[last])).output
 
-    def scene(self, last: int, *, quality: str | None = None) -> Any:
+    def scene(self, last: int, *, deformer: str = "paths", quality: str | None = None) -> Any:
         """Run the whole scene, its muscles, fibres and measures, over so many frames."""
-        scene = Scene.from_phantom(self.phantom, n_fibres=20)
+        scene = replace(Scene.from_phantom(self.phantom, n_fibres=20), deformer=deformer)
         if quality is not None:
             scene = scene.with_quality(quality)
         return scene.run(frames=slice(0, last + 1), figures=False, workers=1)

@@ -1,4 +1,4 @@
-"""What the scripts of the papers' experiments share: scene, published settings, steps, tables, pictures.
+"""What the scripts of the papers' experiments share: scene, models, steps, tables, pictures.
 
 Each script has a function ``tables(case)`` and takes ``[--data real|phantom] [--out FOLDER] [--short]``.
 Without ``--data`` the right hip of the LHDL data set is taken where it is (VTKMUSCLE_DATA), else the phantom
@@ -24,15 +24,17 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from vtkmuscle import RigidMotion, Scene, phantoms
+from vtkmuscle.core.mesh.polylines import polyline_lengths
 from vtkmuscle.core.mesh.surface import edge_lengths, mesh_topology
-from vtkmuscle.data.arrays import checked_surface, field_array, points_of
-from vtkmuscle.filters import FixedPointDetector
+from vtkmuscle.data.arrays import checked_surface, field_array, points_of, polylines_of
+from vtkmuscle.filters import FibreTransport, FixedPointDetector
 from vtkmuscle.pipelines import MusclePipeline, decompose
 from vtkmuscle.plotting import can_render, choose_view, make_plotter
 from vtkmuscle.plotting.views import View
 from vtkmuscle.run import muscle_pipeline
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+from bench_pbd import naive_of
 from real_hip import data_folder
 
 Floats = NDArray[np.float64]
@@ -41,6 +43,8 @@ Floats = NDArray[np.float64]
 MUSCLES = ("gluteus_maximus", "adductor_brevis", "iliacus", "gluteus_medius")
 #: Cells of the published voxels: as many as 64 along each axis, and its default.
 EQUAL, FINE = 64**3, 8 * 64**3
+#: The plain scalar kernels that bench_pbd.py takes, beside the data.
+NAIVE = data_folder().parents[1] / "tools" / "naive.py"
 #: A frame of hip flexion, in the paper and here [degrees].
 STEP = 2.0
 
@@ -73,30 +77,42 @@ class Table:
         return "\n".join([*lines, ""])
 
 
-#: The settings of Kohout and Cervenka 2021; the number of iterations differs between their experiments.
-AS_PUBLISHED: dict[str, Any] = {"quality": "published"}
+#: The models that experiments compare: the deformer of a pipeline, and its settings. The number of iterations
+#: of Kohout and Cervenka 2021 differs between their experiments.
+PRINTED, STABLE, PATHS = "as printed", "stable", "default model"
+MODELS: dict[str, tuple[str, dict[str, Any]]] = {
+    PRINTED: ("pbd", {"quality": "published"}),
+    STABLE: ("pbd", {}),
+    PATHS: ("paths", {}),
+}
 
 
 class Chain(MusclePipeline):
-    """A muscle that follows its bones, with fixed points and fibres at rest as data."""
+    """A muscle that follows its bones, with fixed points and fibres at rest as data.
 
-    def __init__(self, case: Case, name: str, surface: Any, fixing: dict[str, Any], solver: dict[str, Any]):
+    Position based dynamics has the fibres of the paper, carried by all weights (eq. 8), and no paths; the
+    default model has its own fibres.
+    """
+
+    def __init__(
+        self, case: Case, name: str, model: str, surface: Any, fixing: dict[str, Any], motion: RigidMotion
+    ):
+        deformer, settings = MODELS[model]
         bones, areas = case.scene.bones_data(), case.scene.attachments_data(name)
         fixed = FixedPointDetector(**fixing).apply(surface, bones, areas)
-        published = solver.get("quality") == AS_PUBLISHED["quality"]
-        fibres = case.fibres(name, published="kohout2014" if published else None)
-        super().__init__(fixed, bones, case.motion, fibres=fibres, solver=solver)
-        if published:
-            self.transport.weight_tolerance = 0.0  # it carries fibres with all weights (its eq. 8)
-        self._times = case.motion.times
+        fibres = case.fibres(name, model)
+        super().__init__(fixed, bones, motion, areas, deformer=deformer, fibres=fibres, solver=settings)
+        self.moved: Any = self.metrics
+        if deformer == "pbd":
+            self.moved = FibreTransport(
+                rest_fibres=fibres, rest_muscle=fixed, deformed_muscle=self.deformer, weight_tolerance=0.0
+            )
+        self._times, self._millimetres = motion.times, case.scene.millimetres
 
     def at(self, degrees: float) -> Any:
         """Return the muscle so many degrees from rest; it changes with the next call."""
+        assert self.deformer is not None
         return self.deformer.update(time=float(self._times[round(degrees / STEP)])).output
-
-    def fibres_at(self, degrees: float) -> Any:
-        """Return the fibres so many degrees from rest; they change with the next call."""
-        return self.transport.update(time=float(self._times[round(degrees / STEP)])).output
 
     def pose(self, degrees: float) -> tuple[Any, Any] | None:
         """Return bones and muscle so many degrees from rest, to be kept; None if it has left the numbers."""
@@ -104,26 +120,53 @@ class Chain(MusclePipeline):
             muscle = pv.wrap(self.at(degrees)).copy()
         except ValueError:
             return None
-        return pv.wrap(self.deformer.GetInputDataObject(1, 0)).copy(), muscle
+        return pv.wrap(self.moving.output).copy(), muscle
 
-    def step_times(self, degrees: Sequence[float]) -> Floats:
-        """Return how long each of some steps takes [ms]; call it once.
-
-        A step is all of Algorithm 2, bones and fibres with it. What is prepared once is left out: the first
-        step is made before the clock runs. The clock is that of the processor, all threads together: other
-        work on the machine would count as ours otherwise, and the paper's code has one thread. Steps end
-        where a muscle leaves the range of numbers.
-        """
-        self.fibres_at(degrees[0])
-        taken = []
-        for angle in degrees[1:]:
-            before = time.process_time()
+    def lengths(self, times: Sequence[float]) -> Floats:
+        """Return fibre lengths (times, fibres) [mm], as far as the muscle stays among the numbers."""
+        lengths = []
+        for moment in times:
             try:
-                self.fibres_at(angle)
+                lines = polylines_of(self.moved.update(time=float(moment)).output, "fibres")
             except ValueError:
                 break
-            taken.append(1e3 * (time.process_time() - before))
-        return np.array(taken)
+            lengths.append(polyline_lengths(lines.points, lines.offsets))
+        return np.reshape(lengths, (-1, self.fibres.GetNumberOfCells())) * self._millimetres
+
+    def step_time(self, degrees: Sequence[float]) -> tuple[float, float]:
+        """Return the median time of a step [ms], and the same in plain iterations; call it once.
+
+        A step is one update of the deformer, with all that is before it: bones, and paths where it has them.
+        What is prepared once is left out: the first step is made before the clock runs. The clock is that of
+        the processor, all threads together. In turns with the steps an iteration of plain scalar kernels runs
+        on the same mesh, where these are (bench_pbd.py): its time tells how fast the machine is then. Steps
+        end where a muscle leaves the range of numbers.
+        """
+        self.at(degrees[0])
+        plain = plain_iteration(self.fixed)
+        taken = []
+        for angle in degrees[1:]:
+            begin = time.process_time()
+            plain()
+            middle = time.process_time()
+            try:
+                self.at(angle)
+            except ValueError:
+                break
+            taken.append((time.process_time() - middle, middle - begin))
+        if not taken:
+            return np.nan, np.nan
+        step, unit = 1e3 * np.median(taken, axis=0)
+        return float(step), float(step / unit)
+
+
+def plain_iteration(muscle: Any) -> Callable[[], object]:
+    """Return an iteration of plain scalar kernels on a muscle; nothing where these are not."""
+    if not NAIVE.is_file():
+        return lambda: None
+    iterate: Callable[[], object] = naive_of(*checked_surface(muscle, "muscle"))
+    iterate()  # compiles
+    return iterate
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,8 +203,9 @@ class Case:
     def _fibres(self) -> dict[tuple[str, str | None], Any]:
         return {}
 
-    def fibres(self, name: str, *, published: str | None = None) -> Any:
-        """Return the fibres of a muscle at rest, 100 of 15 segments: the scene's, or those of a paper."""
+    def fibres(self, name: str, model: str = PATHS) -> Any:
+        """Return the fibres of a muscle at rest: those of the scene, or 100 of 15 segments of the paper."""
+        published = None if model == PATHS else "kohout2014"
         key = name, published
         if key not in self._fibres:
             fibres = muscle_pipeline(self.scene, name).fibres
@@ -177,14 +221,27 @@ class Case:
     def chain(
         self,
         name: str,
+        model: str,
         *,
         surface: Any = None,
         fixing: dict[str, Any] | None = None,
-        **solver: Any,
+        motion: RigidMotion | None = None,
+        **settings: Any,
     ) -> Chain:
-        """Return a muscle that follows its bones, with other settings than the filters' own."""
+        """Return a muscle that follows its bones by a model, with other settings of the deformer."""
         surface = self.scene.muscles[name].surface if surface is None else surface
-        return Chain(self, name, surface, fixing or {}, solver)
+        chain = Chain(self, name, model, surface, fixing or {}, motion or self.motion)
+        for setting, setting_value in settings.items():
+            setattr(chain.deformer, setting, setting_value)
+        return chain
+
+    def chains(self, name: str, iterations: int, **settings: Any) -> dict[str, Chain]:
+        """Return a muscle by each model, with so many iterations where it is position based dynamics."""
+        count = {"iterations": iterations}
+        return {
+            model: self.chain(name, model, **({} if model == PATHS else count), **settings)
+            for model in MODELS
+        }
 
     def draw(self, name: str, rows: Sequence[Sequence[tuple[str, NDArray[Any]]]]) -> None:
         """Write rows of titled pictures to the user's folder."""

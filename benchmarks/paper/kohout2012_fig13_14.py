@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 import pyvista as pv
-from common import Case, Table, main, picture
+from common import PATHS, Case, Table, main, picture
 
 from vtkmuscle.core.mesh.polylines import polyline_lengths
 from vtkmuscle.core.motion.rigid import apply_transform
@@ -63,7 +63,7 @@ def tables(case: Case) -> list[Table]:
     )
     columns += ("carried along [ms]", "mean lengths: as published / defaults / carried [mm]")
     table = Table(f"Figs. 13 and 14: 50 fibres of 14 segments, {len(case.muscles)} muscles", columns)
-    chains = {name: case.chain(name) for name in case.muscles}
+    chains = {name: case.chain(name, PATHS) for name in case.muscles}
     at_rest = {
         name: decompose(case.scene.muscles[name].surface, case.scene.attachments_data(name), **FIBRES)
         .update()

@@ -5,7 +5,9 @@ In the joint are points within the acetabulum, which is the convex hull of the s
 
 from __future__ import annotations
 
-from common import AS_PUBLISHED, FINE, LEFT, Case, Table, main, seen_alike, value
+from typing import Any
+
+from common import FINE, LEFT, PATHS, PRINTED, STABLE, Case, Table, main, seen_alike, value
 
 from vtkmuscle.data.arrays import points_of
 
@@ -14,15 +16,14 @@ FLEXION, ITERATIONS = 40.0, 5
 
 def tables(case: Case) -> list[Table]:
     """Return how far each enters bones and joint."""
-    cases = {
-        "fixed by collision": ("unacceptable", "collision", {**AS_PUBLISHED, "iterations": ITERATIONS}),
-        "by attachment": ("slightly better", "attachment", {**AS_PUBLISHED, "iterations": ITERATIONS}),
-        "by attachment, bone_push off": (
-            "acceptable, small penetration",
-            "attachment",
-            {**AS_PUBLISHED, "iterations": ITERATIONS, "bone_push": "off"},
-        ),
-        "defaults": ("", "attachment", {}),
+    off = {"bone_push": "off"}
+    cases: dict[str, tuple[str, str, str, dict[str, Any]]] = {
+        "fixed by collision": ("unacceptable", "collision", PRINTED, {}),
+        "by attachment": ("slightly better", "attachment", PRINTED, {}),
+        "by attachment, bone_push off": ("acceptable, small penetration", "attachment", PRINTED, off),
+        "by collision, stable": ("", "collision", STABLE, {}),
+        "by attachment, stable": ("", "attachment", STABLE, {}),
+        "by attachment, default model": ("", "attachment", PATHS, {}),
     }
     columns = (
         "",
@@ -39,9 +40,12 @@ def tables(case: Case) -> list[Table]:
 
         joint = Acetabulum(case.scene)
     row = []
-    for title, (published, fixed, settings) in cases.items():
+    for title, (published, fixed, model, settings) in cases.items():
         fixing = {"method": fixed, "n_voxels": FINE} if fixed == "collision" else {"method": fixed}
-        chain = case.chain("iliacus", fixing=fixing, measure_penetration=True, **settings)
+        measures = {"measure_shape": True, "measure_penetration": True}
+        chain = case.chain("iliacus", model, fixing=fixing, **measures, **settings)
+        if model != PATHS:
+            chain.deformer.iterations = ITERATIONS
         pose = chain.pose(6.0 if case.short else FLEXION)
         row.append((title, pose))
         if pose is None:

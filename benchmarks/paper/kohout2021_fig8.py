@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from common import AS_PUBLISHED, FINE, LEFT, Case, Table, main, rms, roughness, seen_alike, value
+from common import FINE, LEFT, PATHS, PRINTED, STABLE, Case, Table, main, rms, roughness, seen_alike, value
 
 ITERATIONS = (1, 3, 5, 10, 100)
 FLEXION = 40.0
@@ -31,33 +31,35 @@ def tables(case: Case) -> list[Table]:
     rows = []
     for fixed in ("collision", "attachment"):
         kinds = []
-        for anisotropy in (False, True):
-            settings = {**AS_PUBLISHED, "anisotropy": anisotropy}
+        for anisotropy in ("off", "fibres"):
             fixing = {"method": fixed, "n_voxels": FINE}
             poses = [
-                case.chain(case.adductor, fixing=fixing, iterations=count, **settings).pose(flexion)
+                pose_of(case, PRINTED, flexion, fixing=fixing, iterations=count, anisotropy=anisotropy)
                 for count in counts
             ]
             kinds.append(poses)
             rows.append(
-                [
-                    (f"{fixed}, anisotropy {'on' if anisotropy else 'off'}, {n}", p)
-                    for n, p in zip(counts, poses, strict=True)
-                ]
+                [(f"{fixed}, anisotropy {anisotropy}, {n}", p) for n, p in zip(counts, poses, strict=True)]
             )
         for count, off, on in zip(counts, *kinds, strict=True):
             edges = " / ".join(longest_edge(pose) for pose in (off, on))
             rough = " / ".join(LEFT if pose is None else f"{roughness(pose[1]):.1f}" for pose in (off, on))
             apart = "" if off is None or on is None else f"{rms(off[1], on[1]) * case.scene.millimetres:.3g}"
             table.add(fixed, count, edges, rough, apart)
-    ours = [case.chain(case.adductor, iterations=count).pose(flexion) for count in counts]
-    rows.append([(f"defaults, {count}", pose) for count, pose in zip(counts, ours, strict=True)])
-    for count, pose in zip(counts, ours, strict=True):
+    ours = [(STABLE, str(n), pose_of(case, STABLE, flexion, iterations=n)) for n in counts]
+    ours.append((PATHS, "", pose_of(case, PATHS, flexion)))
+    for title, count, pose in ours:
         assert pose is not None
-        table.add("attachment, defaults", count, longest_edge(pose), f"{roughness(pose[1]):.1f}", "")
+        table.add(f"attachment, {title}", count, longest_edge(pose), f"{roughness(pose[1]):.1f}", "")
+    rows.append([(f"{title}, {count}", pose) for title, count, pose in ours[-len(counts) :]])
     if case.draws:
         case.draw("kohout2021_fig8.png", seen_alike(rows))
     return [table]
+
+
+def pose_of(case: Case, model: str, flexion: float, **settings: Any) -> tuple[Any, Any] | None:
+    """Return bones and muscle at a flexion by a model."""
+    return case.chain(case.adductor, model, measure_shape=True, **settings).pose(flexion)
 
 
 def longest_edge(pose: tuple[Any, Any] | None) -> str:

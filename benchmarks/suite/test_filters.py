@@ -88,11 +88,16 @@ def test_linear_blend_fibres(measured, hip):
     )
 
 
+@pytest.mark.parametrize("quality", ["preview", "balanced"])
+def test_path_deformer_over_5_frames(measured, hip, quality):
+    measured(lambda: hip.frames(5, quality=quality), rounds=FEW)
+
+
 @pytest.mark.parametrize("collision", ["off", "sdf"])
 @pytest.mark.parametrize("quality", ["preview", "balanced"])
 def test_pbd_deformer_over_5_frames(measured, hip, quality, collision):
-    measured(lambda: hip.frames(5, quality=quality, collision=collision), rounds=FEW)
+    measured(lambda: hip.frames(5, deformer="pbd", quality=quality, collision=collision), rounds=FEW)
 
 
 def test_algorithm_2_over_5_frames(measured, hip):
-    measured(lambda: hip.frames(5, quality="published", iterations=10), rounds=FEW)
+    measured(lambda: hip.frames(5, deformer="pbd", quality="published", iterations=10), rounds=FEW)

@@ -1,14 +1,18 @@
-"""Whole scenes: muscles, fibres, measures, by every preset."""
+"""Whole scenes: muscles, fibres, measures, by every deformer and preset."""
 
 from __future__ import annotations
 
 import pytest
 
 from vtkmuscle.filters.deformer.settings import PRESETS
+from vtkmuscle.filters.taut_paths import RESOLUTIONS
 
 FEW = 3
 
 
-@pytest.mark.parametrize("quality", [None, *PRESETS])
-def test_phantom_hip_over_3_frames(measured, hip, quality):
-    measured(lambda: hip.scene(2, quality=quality), rounds=FEW)
+@pytest.mark.parametrize(
+    ("deformer", "quality"),
+    [("paths", None), *(("paths", name) for name in RESOLUTIONS), *(("pbd", name) for name in PRESETS)],
+)
+def test_phantom_hip_over_3_frames(measured, hip, deformer, quality):
+    measured(lambda: hip.scene(2, deformer=deformer, quality=quality), rounds=FEW)

@@ -1,11 +1,13 @@
-"""Kohout and Červenka 2021, Fig. 15: fibre lengths beside those of Modenese and Kohout 2020.
+"""Kohout and Červenka 2021, Figs. 12 to 15: fibre lengths over flexion, also of Modenese and Kohout 2020.
 
-The first table is the figure: fibres carried by the deformed muscle beside the published lengths, from 0 to
-60 degrees of flexion in the convention of that work, where its table ends; the muscle goes there from rest in
-small steps. With the published settings the fibres are those that the paper took (Kohout and Kukačka 2014),
-with the defaults our own. The second carries both kinds as Modenese and Kohout do (LinearBlendFibres), which
-leaves only the fibres at rest to differ. The published rows from 10 to 18 degrees lag by 2 degrees and are
-left out. On the phantom, which has no published lengths, that method stands in for them.
+Position based dynamics has the fibres that the paper took (Kohout and Kukačka 2014), the default model its
+own. The first table is Figs. 12 to 14: lengths are smoothed five times, as in the paper; deep fibres are the
+half that is nearer to the pelvis at rest; largest step is the most that a length changes by in 2 degrees. The
+second is Fig. 15: fibres in the deformed muscle beside the published lengths, from 0 to 60 degrees of flexion
+in the convention of that work, where its table ends; the muscle goes there from rest in small steps. The
+third moves both kinds of fibres as Modenese and Kohout do (LinearBlendFibres), which leaves only the fibres
+at rest to differ. The published rows from 10 to 18 degrees lag by 2 degrees and are left out. On the phantom,
+which has no published lengths, that method stands in for them.
 """
 
 from __future__ import annotations
@@ -14,19 +16,31 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from common import AS_PUBLISHED, LEFT, STEP, Case, Floats, Table, data_folder, main
+from common import LEFT, PATHS, PRINTED, STABLE, STEP, Case, Floats, Table, angles_up_to, data_folder, main
 from linear_blend_fit import fitted_a
 
 from vtkmuscle import RigidMotion
+from vtkmuscle.core.fibres.measures import smoothed_curve
 from vtkmuscle.core.mesh.polylines import polyline_lengths
 from vtkmuscle.core.mesh.solids import solids_of
 from vtkmuscle.core.motion.blending import blend_fibres
 from vtkmuscle.core.motion.rigid import apply_transform, inverse
 from vtkmuscle.data.arrays import checked_surface, polylines_of
 from vtkmuscle.io import read_motion_table
-from vtkmuscle.pipelines import MusclePipeline
 from vtkmuscle.plotting.sheets import curves
 
+#: What is compared: a title, a model, and settings of its deformer.
+COMPARED: tuple[tuple[str, str, dict[str, Any]], ...] = (
+    ("as printed, 10 iterations", PRINTED, {"iterations": 10}),
+    ("the same, no bones", PRINTED, {"iterations": 10, "collision": "off"}),
+    ("stable, 10 iterations", STABLE, {"iterations": 10}),
+    (PATHS, PATHS, {}),
+)
+CHANGES = {
+    "gluteus_maximus": (12, "all fibres lengthen"),
+    "gluteus_medius": (13, "surface fibres lengthen, deep ones shorten"),
+    "iliacus": (14, "an unrealistic increase beyond 70 degrees"),
+}
 PUBLISHED_A = {"gluteus_maximus": -0.042, "gluteus_medius": 0.0, "iliacus": -0.024}
 MATCH = {"gluteus_maximus": "ours longer, wider range", "gluteus_medius": "good", "iliacus": "good"}
 #: Rows that are wrong in the published table, and its last [degrees].
@@ -64,31 +78,61 @@ def poses_of(case: Case) -> Poses:
     return Poses(wanted, motion, [len(begin) - 1 + a / STEP for a in wanted], bone)
 
 
-def deformed_lengths(case: Case, name: str, poses: Poses, settings: dict[str, Any]) -> Floats:
-    """Return the lengths of fibres in the deformed muscle, (angles, fibres) [mm], as far as there is one."""
-    chain = case.chain(name, **settings)
-    bones = case.scene.bones_data()
-    moved = MusclePipeline(chain.fixed, bones, poses.motion, fibres=chain.fibres, solver=settings)
-    found = []
-    for time in poses.times:
-        try:
-            lines = polylines_of(moved.transport.update(time=time).output, name)
-        except ValueError:
-            break
-        found.append(polyline_lengths(lines.points, lines.offsets))
-    return np.reshape(found, (-1, chain.fibres.GetNumberOfCells())) * case.scene.millimetres
+def deep_half(case: Case, name: str, model: str) -> Any:
+    """Return which fibres are nearer to the pelvis than half of them, at rest."""
+    lines = polylines_of(case.fibres(name, model), name)
+    far = np.abs(solids_of(*checked_surface(case.scene.bones["pelvis"], "test")).distances(lines.points))
+    mean = np.add.reduceat(far, lines.offsets[:-1]) / np.diff(lines.offsets)
+    return mean < np.median(mean)
 
 
-def blended_lengths(case: Case, name: str, poses: Poses, a: float, published: str | None) -> Floats:
+def changes(case: Case) -> Table:
+    """Return how fibre lengths change over the motion of the scene."""
+    columns = ("muscle", "published", "settings", "at rest [mm]", "longer at the end", "change, mean [%]")
+    columns += ("surface / deep half [%]", "last 20 degrees [%]", "largest step, before 70 / after [mm]")
+    table = Table("Figs. 12 to 14: fibre lengths, 0 to 90 degrees", columns)
+    angles = angles_up_to(8.0 if case.short else 90.0)
+    times = [case.motion.times[round(angle / STEP)] for angle in angles]
+    for name, (number, published) in CHANGES.items():
+        for title, model, settings in COMPARED:
+            deep = deep_half(case, name, model)
+            chain = case.chain(name, model, **settings)
+            lengths: Floats = np.apply_along_axis(smoothed_curve, 0, chain.lengths(times))
+            reached = len(lengths)
+            left = f"; {LEFT} at {angles[reached]:g} degrees" if reached < len(angles) else ""
+            change = 100.0 * (lengths[-1] / lengths[0] - 1.0)
+            steps = np.abs(np.diff(lengths, axis=0)).max(axis=1)
+            late = max(reached - 11, 0)
+            table.add(
+                name,
+                published,
+                title + left,
+                f"{lengths[0].mean():.1f}",
+                f"{(change > 0.0).mean():.0%}",
+                f"{change.mean():+.3g}",
+                f"{change[~deep].mean():+.3g} / {change[deep].mean():+.3g}",
+                f"{100.0 * (lengths[-1] / lengths[late] - 1.0).mean():+.3g}",
+                f"{steps[:late].max(initial=0.0):.3g} / {steps[late:].max(initial=0.0):.3g}",
+            )
+            if case.out is not None:
+                figure, axes = curves(
+                    f"Kohout 2021, Fig. {number}: {name}, {title}", "flexion", "length [mm]"
+                )
+                axes.plot(angles[:reached], lengths, lw=0.6)
+                case.save(figure, f"kohout2021_fig{number}_{title}.png")
+    return table
+
+
+def blended_lengths(case: Case, name: str, poses: Poses, a: float, model: str) -> Floats:
     """Return the lengths of fibres moved by LinearBlendFibres, (angles, fibres) [mm]."""
-    lines = polylines_of(case.fibres(name, published=published), name)
+    lines = polylines_of(case.fibres(name, model), name)
     moved = [blend_fibres(lines.points, lines.offsets, *pose, a) for pose in poses.transforms()]
     return np.array([polyline_lengths(points, lines.offsets) for points in moved]) * case.scene.millimetres
 
 
-def fitted(case: Case, name: str, poses: Poses, published: str | None) -> float:
+def fitted(case: Case, name: str, poses: Poses, model: str) -> float:
     """Return the parameter of the linear blend that keeps the fibres out of the bones best."""
-    lines, surfaces = polylines_of(case.fibres(name, published=published), name), case.scene.bones
+    lines, surfaces = polylines_of(case.fibres(name, model), name), case.scene.bones
     distances = {bone: solids_of(*checked_surface(surface, "test")) for bone, surface in surfaces.items()}
     chosen = poses.transforms()[:: max(len(poses.angles) // 6, 1)]
 
@@ -103,7 +147,7 @@ def fitted(case: Case, name: str, poses: Poses, published: str | None) -> float:
 def published_lengths(case: Case, name: str, poses: Poses) -> Floats:
     """Return the published lengths, (angles, fibres) [mm]."""
     if not case.real:
-        return blended_lengths(case, name, poses, PUBLISHED_A[name], None)
+        return blended_lengths(case, name, poses, PUBLISHED_A[name], PATHS)
     path = data_folder() / "reference" / f"mk2020_fibre_length_mm_{name}_hip_flexion.csv"
     rows = np.genfromtxt(path, delimiter=",", skip_header=1)
     return np.array([rows[rows[:, 0] == angle][0, 1:] for angle in poses.angles])
@@ -137,12 +181,8 @@ def tables(case: Case) -> list[Table]:
         theirs = published_lengths(case, name, poses)
         drawing, axes = curves(f"Kohout 2021, Fig. 15: {name}", "flexion [degrees]", "length [mm]")
         axes.plot(poses.angles, theirs, color="#0072b2", lw=0.5)
-        for title, settings in (
-            ("as published, 10 iterations", {**AS_PUBLISHED, "iterations": 10}),
-            ("the same, no bones", {**AS_PUBLISHED, "iterations": 10, "collision": "off"}),
-            ("defaults", {}),
-        ):
-            ours = deformed_lengths(case, name, poses, settings)
+        for title, model, settings in COMPARED:
+            ours = case.chain(name, model, motion=poses.motion, **settings).lengths(poses.times)
             if len(ours) < len(theirs):
                 figure.add(name, MATCH[name], title, spread(theirs[0]), LEFT, spread(theirs[-1]), "", "", "")
                 continue
@@ -161,12 +201,12 @@ def tables(case: Case) -> list[Table]:
         axes.plot(poses.angles, ours, color="#d55e00", lw=0.5)
         if case.out is not None:
             case.save(drawing, f"kohout2021_fig15_{name}.png")
-        for kind, fibres in (("Kohout and Kukačka 2014", "kohout2014"), ("defaults", None)):
-            for label, value in (("published", a), ("fitted", fitted(case, name, poses, fibres))):
-                off = blended_lengths(case, name, poses, value, fibres).mean(axis=1) - theirs.mean(axis=1)
+        for kind, model in (("Kohout and Kukačka 2014", PRINTED), (PATHS, PATHS)):
+            for label, value in (("published", a), ("fitted", fitted(case, name, poses, model))):
+                off = blended_lengths(case, name, poses, value, model).mean(axis=1) - theirs.mean(axis=1)
                 rms = np.sqrt((off**2).mean())
                 blends.add(name, kind, f"{label}, {value:+.3f}", f"{off.mean():+.1f}", f"{rms:.1f}")
-    return [figure, blends]
+    return [changes(case), figure, blends]
 
 
 if __name__ == "__main__":
