@@ -15,7 +15,6 @@ import time
 
 import numpy as np
 from real_hip import data_folder
-from vtkmuscle.core.collision.obstacles import DistanceObstacle
 
 from vtkmuscle import Scene
 from vtkmuscle.core.bones.bone import depth_in
@@ -49,9 +48,8 @@ def front(scene: Scene, name: str, every: int) -> None:
     muscle = surface_of(fixed, name)
     fixed_to = fixed_points_of(muscle, list(scene.bones))
     bones = RestBones().shapes(bones_of(scene.bones_data(), name), name)
-    obstacles = [DistanceObstacle(number, bone.points, bone.triangles) for number, bone in bones.items()]
     rest = path_lines_of(pipeline.taut_paths.update(time=scene.motion.times[0]).output, name).rest
-    model = CarriedMuscle(FixedMuscle(muscle.points, muscle.triangles, fixed_to), rest, obstacles)
+    model = CarriedMuscle(FixedMuscle(muscle.points, muscle.triangles, fixed_to), rest, bones)
     poses = []
     for number, at in enumerate(scene.motion.times):
         paths = path_lines_of(pipeline.taut_paths.update(time=at).output, name)
@@ -68,7 +66,7 @@ def front(scene: Scene, name: str, every: int) -> None:
     print("  rounds spread  angles   edge    way  depth   volume     ms")
     for spread in SPREADS:
         settling.SPREAD = spread
-        one = settling.Settling(shape, fixed_to, obstacles)
+        one = settling.Settling(shape, fixed_to, bones)
         for rounds in ROUNDS:
             figures, took = [], []
             for carried, transforms in poses:

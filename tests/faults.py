@@ -15,7 +15,6 @@ from pathlib import Path
 import pytest
 
 from vtkmuscle.io import read_polydata, read_series
-from vtkmuscle.io.parts import Parts
 from vtkmuscle.run.store.notes import MuscleNote, RunNote, read_note
 
 #: The program, in a process of its own, with this one's packages.
@@ -75,8 +74,6 @@ def check_whole(folder: Path) -> int:
                 rows = list(csv.reader(lines))
             assert rows
             assert len({len(row) for row in rows}) == 1, path
-        elif path.suffix == ".npz":
-            assert Parts(path.parent).read(path.stem) is not None
         elif path.parent.name == "finished" and path.suffix == ".json" and path.name != "report.json":
             read_note(path, RunNote if path.stem == "scene" else MuscleNote)
         elif path.suffix == ".json":

@@ -15,7 +15,7 @@ from vtkmuscle.core.fibres.measures import group_errors, group_fibres
 from vtkmuscle.core.motion.rigid import inverses
 from vtkmuscle.core.types import Bools, Floats
 from vtkmuscle.io import write_text
-from vtkmuscle.io.parts import file_digest
+from vtkmuscle.io.digests import file_digest
 from vtkmuscle.joints.tree import KinematicTree
 from vtkmuscle.opensim.export_parts import (
     SPECIFIC_TENSION,

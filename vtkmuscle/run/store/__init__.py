@@ -13,8 +13,8 @@ from vtkmuscle.core.errors import InputError, check_is_file
 from vtkmuscle.core.motion.coordinates import Coordinate
 from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.data.arrays import multiblock_from
+from vtkmuscle.io.digests import file_digest
 from vtkmuscle.io.literature import LiteratureCurve
-from vtkmuscle.io.parts import file_digest
 from vtkmuscle.io.surfaces import read_polydata
 from vtkmuscle.io.temporal import read_series
 from vtkmuscle.run.frames import RUN_AGAIN, TIME, Frames, MuscleTrack, WrittenFile

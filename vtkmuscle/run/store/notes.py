@@ -11,7 +11,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, PlainSerializer, Pla
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.types import Floats
-from vtkmuscle.io.parts import plain
+from vtkmuscle.io.digests import plain
 from vtkmuscle.io.writing import write_text
 from vtkmuscle.run.frames import RUN_AGAIN
 

@@ -20,7 +20,7 @@ from vtkmuscle._version import __version__
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.data.arrays import blocks_of, set_cell_array, set_field_array, shallow_copy
 from vtkmuscle.filters.bone_motion import BoneMotion
-from vtkmuscle.io.parts import file_digest, plain
+from vtkmuscle.io.digests import file_digest, plain
 from vtkmuscle.io.temporal import Collection as Pvd
 from vtkmuscle.io.temporal import Series
 from vtkmuscle.io.writing import check_no_links, left_behind, locked, write_polydata, write_text
