@@ -13,7 +13,8 @@ and a report that agrees with the geometry, or with an error that says what to c
 deformer also keep the volume within 1e-6, each edge within 12 times its length, at most 12 edges folded, and,
 from 10 iterations on, 95 % of the angles within 30 degrees. "Worst" is the largest
 value of what is named beside it over all cases of a row: an error where two results must be equal, else a
-figure that says how far the shape is from rest. {modes}
+figure that says how far the shape is from rest; edges of less than a hundredth of the mean do not count.
+{modes}
 
 {count} cases, {form} form, seed {seed}. The page is written by ``pytest -m extremes{option} --extremes-table
 docs/validation/extremes.rst``; {other}.
