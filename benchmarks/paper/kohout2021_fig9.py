@@ -29,6 +29,7 @@ from common import (
     seen_alike,
     value,
 )
+from kohout2021_times import cell
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import dijkstra
 
@@ -124,8 +125,7 @@ def add(
     *cells: object,
 ) -> tuple[str, Any]:
     """Add a row of a mesh to the table; return its title and pose for a picture."""
-    step, plain = chain.step_time(angles_up_to(min(flexion, 16.0)))
-    ms = f"{step:.3g} ({plain:.2g})"
+    ms = cell(*chain.step_time(angles_up_to(min(flexion, 16.0))))
     chain.deformer.measure_shape = True
     triangles, pose = chain.fixed.GetNumberOfCells(), chain.pose(flexion)
     label = f"{title}: {triangles} triangles, iterations: {cells[0]}"

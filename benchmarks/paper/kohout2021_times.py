@@ -21,8 +21,7 @@ FRAMES = {"gluteus_maximus": 33.85, "adductor_brevis": 35.89, "iliacus": 47.21, 
 
 def cell(shown: float, plain: float) -> str:
     """Return a time or a rate, and the time in plain iterations where these are known."""
-    digits = ".0f" if plain >= 100.0 else ".2g"
-    return f"{shown:.3g}" + (f" ({plain:{digits}})" if np.isfinite(plain) else "")
+    return f"{shown:.3g}" + (f" ({float(f'{plain:.2g}'):g})" if np.isfinite(plain) else "")
 
 
 def by_iterations(case: Case) -> Table:
