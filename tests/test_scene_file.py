@@ -245,7 +245,7 @@ def test_superficial_fibres_are_read_used_and_saved(scene_file, tmp_path):
 @pytest.mark.parametrize(
     ("points", "offsets", "problem", "mend"),
     [
-        (np.zeros((2, 3)), (0, 2), "no fibre has a length", "two points or more"),
+        (np.zeros((2, 3)), (0, 2), "all fibres have length 0", "two points or more"),
         (np.add(SEEN, 1e5), (0, 2, 4), "away from the muscle", "same unit and frame"),
     ],
 )

@@ -53,7 +53,7 @@ def read_polydata(path: str | PathLike[str]) -> vtkPolyData:
     path = Path(path)
     suffix = path.suffix.lower()
     if suffix not in SURFACE_SUFFIXES:
-        problem = f"the suffix {path.suffix!r} is not in {', '.join(SURFACE_SUFFIXES)}"
+        problem = f"the suffix {path.suffix!r} is not one of {', '.join(SURFACE_SUFFIXES)}"
         remedy = "convert the file, e.g. with ParaView or pyvista.read(...).save(...)"
         raise InputError(path, problem, remedy)
     check_is_file(path)

@@ -43,7 +43,7 @@ class Both:
         self.fixed = FixedPointDetector(**fixing).apply(muscle, bones, areas)
         chain = decompose(muscle, areas, published="kohout2014", n_fibres=20, resolution=15)
         self.fibres = chain.output
-        self.settings = {"quality": "published", "iterations": iterations}
+        self.settings = {"quality": "published", "iterations": iterations, "measure_shape": True}
         self.settings |= {"collision": "off"} if n_voxels is None else {"n_voxels": n_voxels}
         self.with_fibres = with_fibres
         self.product = self.deformed(self.fixed)
