@@ -327,7 +327,7 @@ def test_what_killed_runs_left_half_written_goes_and_what_others_write_stays(sce
 def test_a_second_run_into_the_same_folder_is_refused(scene, tmp_path):
     out = tmp_path / "out"
     with claimed(out, scene, overwrite=False):
-        with pytest.raises(BlockingIOError, match=rf"another run is writing to it \(process {os.getpid()}\)"):
+        with pytest.raises(BlockingIOError, match=rf"another run is writing here \(process {os.getpid()}\)"):
             scene.run(out, frames="0:1", figures=False)
         refused_in_a_thread = []
 
