@@ -21,7 +21,7 @@ def tables(case: Case) -> list[Table]:
         "iterations",
         "longest edge, off / on",
         "roughness, off / on [deg]",
-        "rms off to on [mm]",
+        "rms off to on [mm]; published: barely observable",
     )
     table = Table(f"Fig. 8: anisotropy off and on, {case.adductor} at 40 degrees", columns)
     rest = roughness(case.scene.muscles[case.adductor].surface)

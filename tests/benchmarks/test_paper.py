@@ -52,7 +52,7 @@ def test_experiment_runs_on_the_phantom(name, case):
         assert table.rows
         assert table.text().count("\n") == len(table.rows) + 1
         assert table.rst().startswith(".. list-table:: ")
-    assert any("published" in column for table in tables for column in table.columns)
+    assert any("published" in table.text() for table in tables)
     if name in QUICK:
         expected = (TABLES / f"{name}.txt").read_text(encoding="utf-8")
         found = "\n".join(table.rst() for table in tables)
