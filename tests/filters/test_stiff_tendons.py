@@ -115,7 +115,7 @@ def test_fibres_of_different_numbers_of_points_are_refused(muscle):
 
 
 def test_fibres_that_are_not_those_at_rest_are_refused(fibres, muscle):
-    with pytest.raises(ValueError, match=r"StiffTendons: fibres: they have other numbers of points"):
+    with pytest.raises(ValueError, match=r"StiffTendons: fibres: their numbers of points differ"):
         held(fibres, muscle, paths(), rest=lines_of([np.eye(3)] * 2))
 
 

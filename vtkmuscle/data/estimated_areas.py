@@ -77,7 +77,7 @@ def estimated_areas(
 
 
 def _distances(points: Floats, name: str, bone: vtkPolyData, far: float) -> Floats:
-    """Return distances (n,) to a bone, or to its box beyond `far`; negative inside."""
+    """Return signed distances (n,) to a bone, approximate beyond `far`."""
     low, high = np.array(bone.GetBounds()).reshape(3, 2).T
     outside: Floats = np.linalg.norm(np.maximum(np.maximum(low - points, points - high), 0.0), axis=1)
     return outside if outside.min() > far else solids_of(*checked_surface(bone, name)).distances(points)

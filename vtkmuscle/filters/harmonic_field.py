@@ -18,7 +18,7 @@ FIELD = "HarmonicField"
 
 
 class HarmonicField(Filter):
-    """Add the harmonic function with 0 on the origin and 1 on the insertion.
+    """Add the harmonic function from origin (0) to insertion (1).
 
     The attachment areas are the areas of FixedPointDetector: the landmarks' rings projected to the muscle.
     The Laplacian has cotangent weights, kept positive on bad triangles, so that the function has no extremum

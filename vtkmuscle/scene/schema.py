@@ -1,4 +1,4 @@
-"""The tables of a scene file as pydantic models; :mod:`vtkmuscle.scene.validation` checks a file by them."""
+"""Tables of a scene file as pydantic models, used by :mod:`vtkmuscle.scene.validation`."""
 
 from __future__ import annotations
 
@@ -29,11 +29,11 @@ from vtkmuscle.scene.schema_types import (
     key,
 )
 
-#: The text in place of a muscle's attachments that has them estimated.
+#: Text in place of attachments, for estimates.
 ESTIMATE = "estimate"
-#: The bone of a motion's only table of transforms; the key ``bone`` names it.
+#: Bone of a single table of transforms; the key ``bone`` has the name.
 ALONE = ""
-#: A motion of more frames is taken for a mistake in its step.
+#: Largest number of frames of a motion; more indicate a wrong step.
 MOST_FRAMES = 10_000
 
 
@@ -56,7 +56,7 @@ def _list_or_estimate(value: Any, handler: Callable[[Any], Any]) -> Any:
         return Estimate()
     if isinstance(value, dict):
         named = value.get(ESTIMATE)
-        bones = [one for one in named if isinstance(one, str)] if isinstance(named, list) else []
+        bones = [bone for bone in named if isinstance(bone, str)] if isinstance(named, list) else []
         if len(bones) != 2 or named != bones or len(value) > 1:
             remedy = 'write { estimate = ["BONE OF THE ORIGIN", "BONE OF THE INSERTION"] }'
             raise InputError("", f"must name two bones, not {quoted(value)}", remedy)
@@ -68,7 +68,7 @@ def _list_or_estimate(value: Any, handler: Callable[[Any], Any]) -> Any:
 
 
 _Steps = Annotated[Triple, AfterValidator(_steps)]
-_Texts = Annotated[list[Text], BeforeValidator(lambda one: [one] if isinstance(one, str) else one)]
+_Texts = Annotated[list[Text], BeforeValidator(lambda value: [value] if isinstance(value, str) else value)]
 
 
 class Bone(Table):
@@ -160,7 +160,7 @@ class Area(Table):
 
 
 class Estimate(list[Area]):
-    """Attachments to be estimated: no areas yet, but both bones, origin first, where they are named."""
+    """Attachments to be estimated, with both bones named, origin first, or none."""
 
     def __init__(self, *bones: str) -> None:
         super().__init__()
