@@ -110,7 +110,7 @@ def test_a_pipeline_holds_fibres_between_aponeuroses_and_no_others():
 
 def test_fibres_of_different_numbers_of_points_are_refused(muscle):
     uneven = lines_of([np.eye(3), np.eye(3)[:2]])
-    with pytest.raises(ValueError, match=r"StiffTendons: rest_fibres: they have 2 to 3 points each"):
+    with pytest.raises(ValueError, match=r"StiffTendons: rest_fibres: they have 2 to 3 points"):
         held(uneven, muscle, paths())
 
 

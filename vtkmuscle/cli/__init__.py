@@ -19,7 +19,7 @@ import typer
 from vtkmuscle._version import __version__
 from vtkmuscle.cli.labels import from_labels, init
 from vtkmuscle.cli.messages import BAD_INPUT, FAILED, INTERRUPTED, Command, TerminatedError, say
-from vtkmuscle.cli.options import OutOption, QuietOption, RunOptions, named, with_options
+from vtkmuscle.cli.options import OutOption, QuietOption, RunArguments, named, with_options
 from vtkmuscle.cli.results import ExportOptions, check, compare, export_muscles, figures, report
 from vtkmuscle.cli.running import cohort, run_and_report
 from vtkmuscle.core.errors import InputError
@@ -86,7 +86,7 @@ def run(
     scene: Annotated[Path, typer.Argument(help="A scene.toml.")],
     out: OutOption = None,
     *,
-    options: RunOptions,
+    options: RunArguments,
 ) -> None:
     """Run a scene: deform muscles, move their fibres, measure and write results.
 
@@ -102,7 +102,7 @@ def run(
 
 @command()
 @with_options
-def demo(out: OutOption = None, *, options: RunOptions) -> None:
+def demo(out: OutOption = None, *, options: RunArguments) -> None:
     """Run a phantom hip, and write its scene as a template.
 
     Without --out results go to vtkmuscle_demo.

@@ -13,14 +13,14 @@ import typer
 from rich.console import Console
 
 from vtkmuscle.cli.messages import FAILED, one_clear_error, one_line, print_error, say
-from vtkmuscle.cli.options import FolderOption, FramesOption, FreshOption, QuietOption, RunOptions
+from vtkmuscle.cli.options import FolderOption, FramesOption, FreshOption, QuietOption, RunArguments
 
 if TYPE_CHECKING:
     from vtkmuscle.run import Result
     from vtkmuscle.scenes import Scene
 
 
-def run_and_report(scene: Scene, out: Path, options: RunOptions) -> None:
+def run_and_report(scene: Scene, out: Path, options: RunArguments) -> None:
     """Run a scene, and print the outcome and the files."""
     from vtkmuscle.run.store import PAGE, ResultFolder
     from vtkmuscle.run.verdict import reasons_of
@@ -61,7 +61,7 @@ def run_and_report(scene: Scene, out: Path, options: RunOptions) -> None:
         raise typer.Exit(FAILED)
 
 
-def _run_only(scene: Scene, quantity: str, out: Path, options: RunOptions) -> None:
+def _run_only(scene: Scene, quantity: str, out: Path, options: RunArguments) -> None:
     """Compute and write one output of a scene, with progress bars."""
     from vtkmuscle.run import run_only
 
@@ -70,7 +70,7 @@ def _run_only(scene: Scene, quantity: str, out: Path, options: RunOptions) -> No
         run_only(scene, quantity, out, frames=options.frames, overwrite=options.overwrite, progress=progress)
 
 
-def _run(scene: Scene, out: Path, options: RunOptions) -> Result:
+def _run(scene: Scene, out: Path, options: RunArguments) -> Result:
     """Run a scene, with progress bars."""
     console, muscles = Console(stderr=True), list(scene.muscles)
     settings: dict[str, Any] = {

@@ -87,7 +87,7 @@ def field_of(muscle: Surface, areas: list[AttachmentArea] | None) -> Floats:
             raise InputError(muscle.where, problem, "HarmonicField makes it")
         return field
     if areas is None:
-        problem = f"the harmonic method needs attachments, or a muscle with the point array {FIELD!r}"
+        problem = f"no attachments are connected, and the muscle has no point array {FIELD!r}"
         raise InputError("", problem, "connect attachments, or run HarmonicField on the muscle")
     return _computed(muscle, areas)
 

@@ -135,7 +135,7 @@ class SceneData:
         return aponeuroses_data(sheets) if sheets else None
 
 
-class Surface(NamedTuple):
+class RestSurface(NamedTuple):
     """A surface: points (n, 3), and triangles (m, 3) of point ids."""
 
     points: Floats
@@ -147,19 +147,19 @@ class Anatomy:
     """Bones and muscles of a scene at rest, by name."""
 
     bones: Mapping[str, Bone]
-    muscles: Mapping[str, Surface]
+    muscles: Mapping[str, RestSurface]
 
     @classmethod
     def of(cls, scene: SceneData) -> Self:
         """Return a scene's surfaces; ValueError without triangles, or not finite."""
         bones = {name: bone_of(*checked_surface(bone, name)) for name, bone in scene.bones.items()}
-        muscles = scene.muscles.items()
-        return cls(bones, {name: Surface(*checked_surface(muscle.surface, name)) for name, muscle in muscles})
+        surfaces = {name: checked_surface(muscle.surface, name) for name, muscle in scene.muscles.items()}
+        return cls(bones, {name: RestSurface(*surface) for name, surface in surfaces.items()})
 
     @property
-    def surfaces(self) -> dict[str, Bone | Surface]:
+    def surfaces(self) -> dict[str, Bone | RestSurface]:
         """All surfaces, by their keys in a scene."""
-        bones: dict[str, Bone | Surface] = {f"bones.{name}.surface": b for name, b in self.bones.items()}
+        bones: dict[str, Bone | RestSurface] = {f"bones.{name}.surface": b for name, b in self.bones.items()}
         return bones | {f"muscles.{name}.surface": muscle for name, muscle in self.muscles.items()}
 
     @property

@@ -8,7 +8,7 @@ from pydantic import AfterValidator, BeforeValidator, Field, FiniteFloat, model_
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.words import quoted
-from vtkmuscle.scene.schema_types import Direction, OneOf, Positive, Table, Text, Triple, key
+from vtkmuscle.scene.schema_types import Direction, OneOf, Positive, SchemaTable, Text, Triple, key
 
 #: Coordinates of each kind of joint; None for any number.
 JOINT_KINDS = {"pin": 1, "ball": 3, "weld": 0, "custom": None}
@@ -34,7 +34,7 @@ _Numbers = Annotated[list[FiniteFloat], Field(min_length=1)]
 _Range = Annotated[list[FiniteFloat], Field(min_length=2, max_length=2), AfterValidator(_ascending)]
 
 
-class Knots(Table):
+class KnotsTable(SchemaTable):
     """Knots of a function."""
 
     x: _Numbers = key([0.0, 60.0, 120.0], ...)
@@ -43,14 +43,14 @@ class Knots(Table):
     """Values of the function, one for each x."""
 
 
-class Function(Table):
+class Function(SchemaTable):
     """A function of a coordinate, by a single key."""
 
     polynomial: _Numbers | None = key([0.5, 0.0])
     """Coefficients of a polynomial, highest power first: [0.5, 0] is half the coordinate."""
-    spline: Knots | None = None
+    spline: KnotsTable | None = None
     """A cubic spline through knots { x = [...], y = [...] }, straight beyond them: OpenSim's SimmSpline."""
-    piecewise: Knots | None = None
+    piecewise: KnotsTable | None = None
     """Straight lines through knots."""
 
 
@@ -82,7 +82,7 @@ class Axis(Function):
 _Axes = Annotated[list[Axis], Field(max_length=3)]
 
 
-class JointTable(Table):
+class JointTable(SchemaTable):
     """A joint between two bones."""
 
     parent: Text = key("femur", ...)
@@ -114,7 +114,7 @@ class JointTable(Table):
     """Of a custom joint, along axes of the parent, three at most, likewise [the scene's unit]."""
 
 
-class OpenSimTable(Table):
+class OpenSimTable(SchemaTable):
     """An OpenSim model with the scene's joints."""
 
     model: Text = key("leg.osim", ...)
@@ -130,7 +130,7 @@ class OpenSimTable(Table):
     default value."""
 
 
-class Hill(Table):
+class Hill(SchemaTable):
     """Hill's parameters of a muscle, for exports; a run uses two lengths for its architecture."""
 
     optimal_fibre_length: Positive | None = key(110.0)

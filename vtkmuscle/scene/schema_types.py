@@ -30,7 +30,7 @@ from vtkmuscle.filters.taut_paths import TautPaths
 from vtkmuscle.pipelines import FIBRE_SETTINGS, TRANSPORT_SETTINGS
 
 
-class Table(BaseModel):
+class SchemaTable(BaseModel):
     """A table of a scene file, with strict types."""
 
     model_config = ConfigDict(extra="forbid", strict=True, use_attribute_docstrings=True)

@@ -18,7 +18,7 @@ from vtkmuscle.core.mesh.surface import signed_volume
 from vtkmuscle.core.motion.rigid import apply_transform, inverse
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.attachments import ROLES, AttachmentArea
-from vtkmuscle.scene.data import MILLIMETRES, Anatomy, Muscle, SceneData, Surface
+from vtkmuscle.scene.data import MILLIMETRES, Anatomy, Muscle, RestSurface, SceneData
 from vtkmuscle.scene.faults import SceneError
 
 #: Plausible longest sides of all bones and muscles [mm]: the tallest person was 2720 mm. Ten times the length
@@ -162,7 +162,7 @@ def _bones_without_inside(anatomy: Anatomy) -> Iterator[Finding]:
         yield Finding(f"bones.{name}.surface", problem, remedy)
 
 
-def _ring(key: str, area: AttachmentArea, muscle: Surface, units: str) -> Iterator[Finding]:
+def _ring(key: str, area: AttachmentArea, muscle: RestSurface, units: str) -> Iterator[Finding]:
     """Yield implausible orders and positions of an area's landmarks."""
     landmarks = np.asarray(area.landmarks, dtype=np.float64)
     size = float(np.linalg.norm(np.ptp(landmarks, axis=0)))
@@ -277,7 +277,7 @@ def _angle(before: Floats, after: Floats) -> float:
     return float(np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))))
 
 
-def _torn(scene: SceneData, name: str, muscle: Muscle, surface: Surface) -> Iterator[Finding]:
+def _torn(scene: SceneData, name: str, muscle: Muscle, surface: RestSurface) -> Iterator[Finding]:
     """Yield a muscle whose areas move too far apart."""
     middles = [(area.bone, np.asarray(area.landmarks).mean(axis=0)) for area in muscle.attachments]
     if len({bone for bone, _ in middles}) < 2:
