@@ -52,7 +52,7 @@ def estimated_areas(
     named = [bone for bone in (origin, insertion) if bone is not None]
     for role, bone in zip(ROLES, (origin, insertion), strict=True):
         if bone is not None and bone not in bones:
-            problem = f"{role} is {bone!r}, which is not a bone of the data"
+            problem = f"{role} is {bone!r}, but the data have no such bone"
             raise InputError("", problem, f"the bones are {', '.join(bones)}")
     if len(named) > len(set(named)):
         raise InputError("", f"origin and insertion are both {origin!r}", "name two bones")
