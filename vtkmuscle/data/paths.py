@@ -46,7 +46,7 @@ def checked_superficial(data: vtkPolyData, where: str) -> Polylines:
     lines = polylines_of(data, where)
     if not polyline_lengths(lines.points, lines.offsets).max() > 0.0:
         remedy = "digitise two points or more per fibre"
-        raise InputError(where, "no fibre has a length, so there is no direction", remedy)
+        raise InputError(where, "all fibres have length 0, so there is no direction", remedy)
     return lines
 
 
