@@ -52,7 +52,7 @@ def test_the_settings_of_fibres_are_all_parameters_of_the_chain(muscle, attachme
 def test_settings_of_sections_do_not_go_with_straight_fibres(muscle, attachments):
     assert isinstance(decompose(muscle, attachments, n_fibres=5, course="straight"), FibreSource)
     assert isinstance(decompose(muscle, attachments, template="fan", course="sections"), FibreSmoother)
-    with pytest.raises(ValueError, match="template is a setting of fibres that follow a muscle's sections"):
+    with pytest.raises(ValueError, match="template is a setting of fibres through sections"):
         decompose(muscle, attachments, template="fan", course="straight")
 
 

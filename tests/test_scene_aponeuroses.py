@@ -114,7 +114,7 @@ def test_what_is_wrong_in_the_file_is_named(saved, change, says):
 def test_paths_alone_carry_no_aponeuroses():
     scene, _ = scene_of("pennate")
     muscle = scene.muscles["block"]
-    with pytest.raises(ValueError, match="which deformer='none' does not deform"):
+    with pytest.raises(ValueError, match="need a deformed muscle, but deformer is 'none'"):
         MusclePipeline(
             muscle.surface,
             scene.bones_data(),

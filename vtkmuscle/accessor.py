@@ -1,6 +1,6 @@
-"""The PyVista accessor ``mesh.muscle``: filters as methods of the mesh that they are run on.
+"""The PyVista accessor ``mesh.muscle``: filters as methods of a mesh.
 
-PyVista finds it through the entry point group ``pyvista.accessors``, so that nothing has to be imported.
+PyVista loads the accessor by the entry point group ``pyvista.accessors``, without an import.
 """
 
 from __future__ import annotations
@@ -25,11 +25,10 @@ from vtkmuscle.plotting.plotters import MovingScene
 
 @pyvista.register_dataset_accessor("muscle", pyvista.PolyData)
 class MuscleAccessor:
-    """Filters as methods of a muscle's mesh, or of its fibres.
+    """Filters as methods of a muscle's mesh, or of fibres.
 
-    The methods return new PyVista meshes and leave the mesh as it is. They raise the errors of their filters.
-    For a chain that follows changes upstream (with a time slider, say), use :mod:`vtkmuscle.pipelines` or the
-    filters.
+    Methods return new PyVista meshes, do not change the mesh, and raise the errors of their filters. Chains
+    that follow changes upstream, e.g. of a time slider, are in :mod:`vtkmuscle.pipelines`.
 
     Parameters
     ----------
@@ -64,15 +63,15 @@ class MuscleAccessor:
         attachments: Any = None,
         **parameters: Any,
     ) -> Any:
-        """Return the muscle with its fixed points marked, in the point array ``FixedTo``.
+        """Return the muscle with the point array ``FixedTo``.
 
         Parameters
         ----------
         bones : pyvista.MultiBlock or mapping of str to vtkPolyData
             Bones at rest, by name.
         origin, insertion : mapping of str to landmarks, optional
-            Per bone the landmarks of an attachment area: a (k, 3) array or a polyline, [mm]; a ring ends at
-            the point it began with.
+            Landmarks of an attachment area by bone: a (k, 3) array or a polyline [mm]; a ring repeats its
+            first point.
         attachments : vtkMultiBlockDataSet or sequence of AttachmentArea, optional
             All areas, instead of ``origin`` and ``insertion``.
         **parameters
@@ -106,15 +105,15 @@ class MuscleAccessor:
         bones : pyvista.MultiBlock or mapping of str to vtkPolyData
             Bones at rest, by name.
         motion : RigidMotion
-            How they move.
+            Motion of the bones.
         time : float, optional
-            When; the last time step of the motion by default.
+            Time; by default the last time step of the motion.
         fibres : vtkPolyData, optional
             Fibres at rest, for the paths.
         origin, insertion, attachments
-            As of :meth:`fixed`; not needed where the mesh has the point array ``FixedTo``.
+            As of :meth:`fixed`; not needed for a mesh with the point array ``FixedTo``.
         fixing : mapping, optional
-            Parameters of FixedPointDetector; not needed where the mesh has ``FixedTo``.
+            Parameters of FixedPointDetector; not needed for a mesh with ``FixedTo``.
         **solver
             Parameters of :class:`~vtkmuscle.filters.PBDDeformer`.
 
@@ -152,7 +151,7 @@ class MuscleAccessor:
         return decompose(self._mesh, areas, **settings).apply()
 
     def fibre_lengths(self) -> Floats:
-        """Return the length of each polyline of the mesh, (n,) [mm], by FibreMetrics."""
+        """Return the length of each polyline (n,) [mm], by FibreMetrics."""
         return np.array(FibreMetrics().apply(self._mesh)["Length"])
 
     def plot(
@@ -179,7 +178,7 @@ class MuscleAccessor:
         Returns
         -------
         pyvista.Plotter or None
-            Where it is not shown; None once it is.
+            The plotter with ``show=False``.
         """
         named = {} if bones is None else bones
         lines_alone = self._mesh.GetNumberOfPolys() == 0
@@ -192,7 +191,7 @@ class MuscleAccessor:
         return None
 
     def tubes(self, **parameters: Any) -> Any:
-        """Return tubes around the polylines of the mesh, by :class:`~vtkmuscle.filters.FibreTubes`."""
+        """Return tubes around polylines, by :class:`~vtkmuscle.filters.FibreTubes`."""
         return FibreTubes(**parameters).apply(self._mesh)
 
 
@@ -202,9 +201,9 @@ def _names(bones: Any) -> list[str]:
 
 
 def _areas(origin: Any, insertion: Any, attachments: Any, bones: list[str] | None) -> Any:
-    """Return attachment areas as filters take them; with the names of bones, each area must name its own."""
-    given = {"origin": origin, "insertion": insertion}
-    by_role = {role: landmarks for role, landmarks in given.items() if landmarks is not None}
+    """Return attachment areas for filters; with bone names, each area needs a bone."""
+    roles = {"origin": origin, "insertion": insertion}
+    by_role = {role: landmarks for role, landmarks in roles.items() if landmarks is not None}
     if attachments is not None:
         if by_role:
             raise ValueError("mesh.muscle: give attachments=, or origin= and insertion=, not both")

@@ -1,4 +1,4 @@
-"""Scenes, to be read, checked, saved and run."""
+"""Scenes: read, check, save and run."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from vtkmuscle.scene.writing import write_scene
 if TYPE_CHECKING:
     from vtkmuscle.phantoms.phantom import Phantom
 
-#: Muscles that are named one by one where a scene is printed, at most.
+#: Most muscles listed by name in ``repr``: two lines of a terminal.
 _MOST_LISTED = 8
 
 
@@ -34,7 +34,7 @@ class Scene(SceneData):
     """Bones, muscles and a motion, checked and ready to run.
 
     All lengths are in the scene's unit: coordinates, translations, and settings such as a tolerance.
-    What a run reports is in millimetres where its name says so.
+    Reported quantities with a name in mm are in millimetres.
 
     Attributes
     ----------
@@ -43,9 +43,9 @@ class Scene(SceneData):
     bones : mapping of str to vtkPolyData, or vtkMultiBlockDataSet
         Surfaces of triangles in the rest pose.
     muscles : mapping of str to Muscle
-        What is to be deformed.
+        Muscles to deform.
     motion : RigidMotion
-        How the bones move; bones that it does not name stay where they are.
+        Motion of the bones; bones without a transform stay at rest.
     units : str
         ``"mm"``, ``"cm"`` or ``"m"``.
     solver : mapping
@@ -53,10 +53,10 @@ class Scene(SceneData):
     fixing : mapping
         Parameters of FixedPointDetector for all muscles.
     muscle_contact : str
-        ``"off"``; ``"on"``, to keep each muscle out of those before it in the scene; or ``"measure"``, to
-        report how deep it is in them.
+        ``"off"``; ``"on"``, to keep each muscle out of preceding muscles; or ``"measure"``, to report the
+        depth in preceding muscles.
     deformer : str
-        ``"paths"``, each muscle carried by its taut paths (PathDeformer); ``"pbd"``, position based dynamics
+        ``"paths"``, skinning to taut paths (PathDeformer); ``"pbd"``, position based dynamics
         (PBDDeformer), without paths unless ``paths`` is given; or ``"none"``, the paths alone: lengths,
         moment arms and pictures of fibres, and no volume.
     paths : mapping or None
@@ -70,7 +70,7 @@ class Scene(SceneData):
     Raises
     ------
     SceneError
-        If anything in it cannot be run; the message names the file, the key and the remedy of each fault.
+        If the scene cannot be run; the message names file, key and remedy of each fault.
 
     Examples
     --------
@@ -90,7 +90,7 @@ class Scene(SceneData):
 
     @classmethod
     def load(cls, path: str | PathLike[str]) -> Self:
-        """Read a scene.toml and all that it names, and check every key.
+        """Read a scene.toml and its files, and check every key.
 
         Parameters
         ----------
@@ -100,16 +100,16 @@ class Scene(SceneData):
         Raises
         ------
         SceneError
-            For all that is wrong in the file; else for all files that cannot be read; else for all surfaces
-            and landmarks that cannot be used. Each fault has the file, the key, the reason and the remedy.
+            For all faults of the file; else for all unreadable files; else for all unusable surfaces and
+            landmarks. Each fault has file, key, reason and remedy.
         """
         return cls(**read_fields(Path(path)))
 
     @classmethod
     def from_phantom(cls, phantom: Phantom, *, n_fibres: int = 100, resolution: int = 15) -> Self:
-        """Return the scene of a phantom of :mod:`vtkmuscle.phantoms`, with fibres in every muscle [mm].
+        """Return a phantom's scene [mm], with fibres in every muscle.
 
-        ``n_fibres`` is the number of fibres of a muscle, ``resolution`` that of segments of a fibre.
+        ``n_fibres`` counts fibres per muscle, ``resolution`` segments per fibre.
         """
         muscles = {}
         for name, surface in phantom.muscles.items():
@@ -120,12 +120,12 @@ class Scene(SceneData):
         return cls(phantom.name, phantom.bones, muscles, phantom.motion)
 
     def save(self, folder: str | PathLike[str]) -> Path:
-        """Write the scene to a folder: scene.toml, surfaces, landmarks and the motion.
+        """Write scene.toml, surfaces, landmarks and the motion to a folder.
 
         Parameters
         ----------
         folder : path
-            Made where it does not exist; files of the same names are replaced.
+            Created if missing; files of equal names are replaced.
 
         Returns
         -------
@@ -135,16 +135,15 @@ class Scene(SceneData):
         return write_scene(self, Path(folder))
 
     def run(self, out: str | PathLike[str] | None = None, **options: Any) -> Result:
-        """Deform all muscles over the motion, carry their fibres along, and measure.
+        """Deform all muscles over the motion, move their fibres, and measure.
 
         Parameters
         ----------
         out : path, optional
             Folder to write to: a .pvd per muscle, its fibres and the bones, lengths.csv, architecture.csv,
-            moment_arms.csv, report.json, figures, and report.html with all of it. Muscles that an earlier run
-            has finished there with the same inputs and settings are taken over; other files are left alone.
-            The result reads its frames from the folder. Without it they stay in memory, and nothing is
-            written.
+            moment_arms.csv, report.json, figures, and report.html. Finished muscles of an earlier run with
+            equal inputs and settings are taken over; other files are left alone. The result reads frames from
+            the folder. Without a folder frames stay in memory.
         **options
             Of :class:`vtkmuscle.run.RunOptions`: ``frames``, ``workers``, ``fresh``, ``overwrite``,
             ``figures``, ``report``, ``progress``, ``observe``, ``sense`` and ``clock``.
@@ -153,18 +152,16 @@ class Scene(SceneData):
         -------
         Result
             With ``report`` (a plain dict), ``verdicts``, ``lengths``, ``moment_arms()``, and the muscles,
-            fibres and bones per frame. A muscle that could not be computed to the end is ``"failed"`` and has
-            the frames before.
+            fibres and bones per frame. An incomplete muscle is ``"failed"`` and has the computed frames.
 
         Raises
         ------
         SceneError
-            If a stage cannot be done, or the scene is not plausible; the message names the muscle and the
-            remedy.
+            If a stage fails, or the scene is implausible; the message names muscle and remedy.
         TypeError
             For an unknown option.
         ValueError
-            If no such frames exist, an option is not allowed, or something in the folder would be lost.
+            If frames do not exist, an option is not allowed, or files in the folder would be lost.
         OSError
             If the folder cannot be written to, or another run writes to it.
         KeyboardInterrupt
@@ -179,10 +176,11 @@ class Scene(SceneData):
         """Return a muscle or a bone at rest as PyVista's data: ``scene["iliacus"].plot()``."""
         import pyvista  # noqa: PLC0415 -- a run needs none
 
-        known: dict[str, Any] = {**self.bones, **{one: self.muscles[one].surface for one in self.muscles}}
-        if name not in known:
-            raise SceneError(f"the scene has no muscle or bone {name!r}", "", suggestion(name, known))
-        return pyvista.wrap(known[name])
+        muscles = {muscle_name: muscle.surface for muscle_name, muscle in self.muscles.items()}
+        surfaces: dict[str, Any] = {**self.bones, **muscles}
+        if name not in surfaces:
+            raise SceneError(f"the scene has no muscle or bone {name!r}", "", suggestion(name, surfaces))
+        return pyvista.wrap(surfaces[name])
 
     def plot(
         self, *, muscles: str | Sequence[str] | None = None, show: bool = True, off_screen: bool | None = None
@@ -194,16 +192,16 @@ class Scene(SceneData):
         Parameters
         ----------
         muscles : str or sequence of str, optional
-            Which to show; default all. A SceneError is raised if there is no such muscle.
+            Muscles to show; default all. SceneError for unknown names.
         show : bool, optional
-            False to get the plotter before it is shown, to add to it or to capture it.
+            False returns the plotter without showing, for additions or captures.
         off_screen : bool, optional
             Draw without a window; PyVista's own setting by default.
 
         Returns
         -------
         pyvista.Plotter or None
-            The plotter where it is not shown.
+            The plotter with ``show=False``.
         """
         from vtkmuscle.run.display import plotter_at_rest  # noqa: PLC0415 -- only pictures need PyVista
 
@@ -219,7 +217,7 @@ class Scene(SceneData):
         return f"Scene({self.name!r}: {listed}; bones {', '.join(self.bones)}; {times}; {self.units})"
 
     def with_muscles(self, *names: str) -> Self:
-        """Return the scene with only these muscles, in the scene's order; raise a SceneError for others."""
+        """Return the scene with selected muscles, in order; SceneError for unknown names."""
         if not names:
             raise SceneError("no muscle is named", "muscles", f"there are: {', '.join(self.muscles)}")
         for name in names:
@@ -230,7 +228,7 @@ class Scene(SceneData):
         return replace(self, muscles=kept)
 
     def with_quality(self, quality: str) -> Self:
-        """Return the scene with another preset; settings of the scene itself stay.
+        """Return the scene with another preset; the scene's settings stay.
 
         Parameters
         ----------

@@ -69,14 +69,15 @@ def shorten_signature(
 
 
 def keep_prose(app: Sphinx, what: str, name: str, obj: Any, options: Any, lines: list[str]) -> None:
-    """Take ports and parameters out of a filter's docstring before numpydoc reads it."""
+    """Take ports and parameters out of a filter's docstring; numpydoc drops sections unknown to it."""
     if is_filter(what, obj):
         _, own = split_docstring(inspect.cleandoc("\n".join(lines)))
         head, _ = split_docstring("\n".join(lines))
         kept = [part for part in sections(own) if part[0] not in ("Parameters", "Notes")]
         lines[:] = [*head.splitlines(), ""]
-        for title, body in kept:
-            lines += [title, "-" * len(title), *body, ""]
+        for title, body in sorted(kept, key=lambda part: part[0] != "Limitations"):
+            heading = [".. rubric:: Limitations", ""] if title == "Limitations" else [title, "-" * len(title)]
+            lines += [*heading, *body, ""]
 
 
 def sections(text: str) -> list[tuple[str, list[str]]]:

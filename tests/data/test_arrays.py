@@ -280,7 +280,7 @@ def test_ends_and_via_rings_are_told_apart():
 @pytest.mark.parametrize(
     ("ring", "message"),
     [
-        (AttachmentArea("via", "femur", TRIANGLE, closed=False), "must be closed; end its polyline"),
+        (AttachmentArea("via", "femur", TRIANGLE, closed=False), "must be closed; end the polyline"),
         (AttachmentArea("via", "femur", TRIANGLE[[0, 1, 1]], closed=True), "3 landmarks or more"),
         (AttachmentArea("via", "femur", TRIANGLE * [1, 0.001, 1], closed=True), "on a line"),
     ],

@@ -114,7 +114,7 @@ def check_documented(case):
     ]
     if case.ports:
         assert "Raises" in sections, "there is no section Raises"
-    assert "Examples" in sections, "there is no section Examples"
+    assert sections[-2:] == ["Limitations", "Examples"], "the last sections are not Limitations, Examples"
     if "References" in sections:
         assert "doi:10." in text.split("References\n")[1], "the references have no DOI"
 

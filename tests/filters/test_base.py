@@ -203,7 +203,7 @@ def test_what_is_no_data_is_refused():
 
 
 def test_too_many_inputs_are_refused():
-    with pytest.raises(TypeError, match=r"Shift has 2 input port\(s\), 3 given"):
+    with pytest.raises(TypeError, match=r"Shift has 2 input port\(s\), got 3 inputs"):
         Shift()(line(), line(), line())
 
 

@@ -22,6 +22,10 @@ class Sound(Filter):
     ValueError
         If there are no fibres.
 
+    Limitations
+    -----------
+    Scales about the origin only.
+
     Examples
     --------
     >>> 1 + 1

@@ -148,7 +148,7 @@ def test_an_aponeurosis_may_be_several_rings_or_a_surface_within_the_muscle(bloc
                 Aponeurosis("proximal", pair[1].points),
                 Aponeurosis("distal", pair[0].points),
             ],
-            "nearer to the insertion than the distal one",
+            "closer to the insertion than the distal aponeurosis",
         ),
     ],
 )

@@ -158,7 +158,7 @@ def test_areas_with_one_centroid_are_refused(muscle):
 
 def test_a_fibre_of_one_point_is_refused(muscle):
     one = polylines_from(Polylines(np.array([[0, 0, 1.0], [0, 0, 70], [0, 0, 40]]), np.array([0, 2, 3])))
-    with pytest.raises(ValueError, match="1 fibre\\(s\\) of one point, first 1"):
+    with pytest.raises(ValueError, match="1 fibre\\(s\\) have fewer than two points, first 1"):
         FibreTrimmer()(one, muscle, attachments_from(areas()))
 
 

@@ -179,7 +179,7 @@ def test_arrays_of_the_muscle_pass_and_the_muscle_is_not_changed():
 
 
 def test_attachments_must_be_connected_for_the_method_attachment():
-    with pytest.raises(ValueError, match="needs attachments; connect them"):
+    with pytest.raises(ValueError, match="needs attachments; connect attachments"):
         detect("attachment")
 
 

@@ -257,7 +257,7 @@ def test_a_chain_on_data_leaves_its_connections():
     assert x_of(chain.output) == 1.0
     with pytest.raises(TypeError, match=r"Add\.first is"):
         chain(3)
-    with pytest.raises(TypeError, match=r"Add has 2 input port\(s\), 3 given"):
+    with pytest.raises(TypeError, match=r"Add has 2 input port\(s\), got 3 inputs"):
         chain(line(1.0), line(1.0), line(1.0))
 
 

@@ -156,7 +156,7 @@ def test_the_harmonic_method_needs_areas_and_an_upright_template(block, spindle)
     with pytest.raises(ValueError, match="no attachments are connected"):
         morpher(fitted_to(muscle, areas), muscle)
     muscle, areas = block.muscles["block"], block.attachments["block"]
-    with pytest.raises(ValueError, match="areas are its bottom and its top"):
+    with pytest.raises(ValueError, match="areas at bottom and top"):
         morpher(fitted_to(muscle, areas, kind="pennate"), muscle, areas)
 
 
@@ -179,7 +179,7 @@ def test_a_transform_that_is_not_a_box_is_refused(spindle, transform):
     muscle, areas = spindle.muscles["spindle"], spindle.attachments["spindle"]
     fitted = fitted_to(muscle, areas, n_fibres=3)
     set_field_array(fitted, "Transform", transform.reshape(-1))
-    with pytest.raises(ValueError, match="'Transform' is not that of a box"):
+    with pytest.raises(ValueError, match="'Transform' is not the matrix of a box"):
         SliceMorpher()(fitted, muscle)
 
 

@@ -1,6 +1,6 @@
-"""The command line: ``vtkmuscle run``, ``demo``, ``cohort``, ``info``, ``export``, ``fetch`` and others.
+"""The command line: ``vtkmuscle run``, ``demo``, ``cohort``, ``info``, ``export`` and more.
 
-Nothing heavy is imported before a command needs it, so that ``vtkmuscle --help`` answers at once.
+Commands import heavy modules on use, so that ``vtkmuscle --help`` is fast.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ import typer
 from vtkmuscle._version import __version__
 from vtkmuscle.cli.labels import from_labels, init
 from vtkmuscle.cli.messages import BAD_INPUT, FAILED, INTERRUPTED, Command, TerminatedError, say
-from vtkmuscle.cli.options import OutOption, QuietOption, RunOptions, named, with_options
+from vtkmuscle.cli.options import OutOption, QuietOption, RunArguments, named, with_options
 from vtkmuscle.cli.results import ExportOptions, check, compare, export_muscles, figures, report
 from vtkmuscle.cli.running import cohort, run_and_report
 from vtkmuscle.core.errors import InputError
@@ -86,11 +86,11 @@ def run(
     scene: Annotated[Path, typer.Argument(help="A scene.toml.")],
     out: OutOption = None,
     *,
-    options: RunOptions,
+    options: RunArguments,
 ) -> None:
-    """Run a scene: deform its muscles, carry their fibres along, measure, and write all of it.
+    """Run a scene: deform muscles, move their fibres, measure and write results.
 
-    Without --out it writes to NAME_out, in the folder you are in; with --muscle to NAME_MUSCLE_out.
+    Without --out results go to NAME_out in the working folder; with --muscle to NAME_MUSCLE_out.
     """
     from vtkmuscle.scenes import Scene
 
@@ -102,10 +102,10 @@ def run(
 
 @command()
 @with_options
-def demo(out: OutOption = None, *, options: RunOptions) -> None:
-    """Run a phantom hip, and write its scene too, as a model for your own.
+def demo(out: OutOption = None, *, options: RunArguments) -> None:
+    """Run a phantom hip, and write its scene as a template.
 
-    Without --out it writes to vtkmuscle_demo.
+    Without --out results go to vtkmuscle_demo.
     """
     folder = out or Path("vtkmuscle_demo")
     from vtkmuscle import phantoms
@@ -131,11 +131,10 @@ def info(
         Path | None, typer.Option(metavar="PNG", help="Draw the first file, of landmarks.")
     ] = None,
 ) -> None:
-    """Describe meshes: size, whether closed and manifold, pieces, volume, and the likely unit.
+    """Describe meshes: size, topology, pieces, volume, likely unit.
 
-    For landmarks, say how many, whether they are a ring, and in which frame; for an OpenSim model, list its
-    bodies, joints, coordinates and muscles; for a motion, its columns; for a tree of MAF or ALBA (.msf), its
-    surfaces and landmarks; for a folder of results, the frames that are there.
+    Landmarks: number, ring, frame. OpenSim models: bodies, joints, coordinates, muscles. Motions: columns.
+    MAF or ALBA trees (.msf): surfaces, landmarks. Folders of results: frames.
     """
     from vtkmuscle.cli.info import facts_of
 
@@ -158,10 +157,10 @@ def export(
     *,
     options: ExportOptions,
 ) -> None:
-    """Export the muscles of a scene with joints as a model of OpenSim or MuJoCo.
+    """Export the muscles of a scene with joints to OpenSim or MuJoCo.
 
-    They come from its results, or from the scene, which is run first. The differences of lengths and moment
-    arms from the run are printed and written. A .pvd series is exported as one .vtkhdf file.
+    The source is a folder of results, or a scene, which is run first. Differences of lengths and moment arms
+    from the run are printed and written. A .pvd series becomes a single .vtkhdf file.
     """
     if out.suffix.lower() in (".osim", ".xml"):
         export_muscles(source, out, options)
@@ -191,8 +190,7 @@ def fetch(
 ) -> None:
     """Download a public data set as a scene, under its own licence.
 
-    It shows the licence and asks whether you accept it. Without --out it writes to a folder
-    of the name of the data set.
+    The command shows the licence and asks for consent. Without --out the folder has the name of the data set.
     """
     from vtkmuscle import fetch as public
 
@@ -220,7 +218,7 @@ def paraview_path(
         ),
     ] = None,
 ) -> None:
-    """Print the environment variables with which ParaView, pvpython and pvbatch find the filters.
+    """Print the environment variables for the filters in ParaView.
 
     It fills a folder with links to vtkmuscle and what it needs there, for a ParaView whose Python is of the
     same version as this one, and prints commands for your shell:

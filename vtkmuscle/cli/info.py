@@ -1,4 +1,4 @@
-"""``vtkmuscle info``: facts about meshes, folders of results, landmarks, models, motions and trees of MAF."""
+"""``vtkmuscle info``: facts about meshes, results, landmarks, models and motions."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ _MOST = 12
 
 
 def facts_of(file: Path) -> Mapping[str, str]:
-    """Return the facts about a file or folder by a word each."""
+    """Return facts about a file or folder by keyword."""
     if file.is_dir():
         return _of_run(file)
     suffix = file.suffix.lower()

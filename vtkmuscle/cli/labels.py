@@ -1,4 +1,4 @@
-"""``vtkmuscle from-labels`` and ``vtkmuscle init``: scenes from label maps, meshes and landmarks."""
+"""``vtkmuscle from-labels`` and ``init``: scenes from label maps, meshes, landmarks."""
 
 from __future__ import annotations
 
@@ -55,11 +55,11 @@ def from_labels(
     *,
     options: LabelOptions,
 ) -> None:
-    """Make a scene of a segmentation: closed surfaces, areas where they touch, joints by fits to the bones.
+    """Make a scene from a segmentation: surfaces, attachment areas, fitted joints.
 
-    Everything that is not given is guessed: each guess and its certainty is in guesses.csv, and in a comment
-    above it in scene.toml. A tendon is drawn to landmarks that a muscle's label does not reach. A muscle that
-    cannot be made is reported with the reason; the scene has the others.
+    Missing input is guessed: guesses.csv and comments in scene.toml list each guess with its certainty. A
+    tendon is drawn to landmarks beyond a muscle's label. A muscle that fails is reported with the reason; the
+    scene has the remaining muscles.
     """
     from vtkmuscle.labels.maps import draft_of_labels
 
@@ -93,10 +93,10 @@ def init(
     overwrite: OverwriteOption = False,
     quiet: QuietOption = False,
 ) -> None:
-    """Write a scene.toml from meshes and landmarks; everything that is not given is guessed.
+    """Write a scene.toml from meshes and landmarks, guessing missing input.
 
-    Bones and muscles are known by their names, the unit by sizes, areas by contact or landmarks, joints by
-    fits to the bones. Each guess and its certainty is in guesses.csv, and in a comment in scene.toml.
+    Names identify bones and muscles, sizes the unit, contact or landmarks the areas, fits to bones the
+    joints. guesses.csv and comments in scene.toml list each guess with its certainty.
     """
     from vtkmuscle.labels.meshes import draft_of_files
 

@@ -1,4 +1,4 @@
-"""What the command line prints of errors, warnings and interruptions, and the statuses it ends with."""
+"""Messages of errors, warnings and interruptions, and exit statuses."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ INTERRUPTED = 130
 
 
 class TerminatedError(KeyboardInterrupt):
-    """The process was asked to end by a signal: by a batch system, a container, or a closed terminal."""
+    """A signal asked the process to end: batch system, container, closed terminal."""
 
     def __init__(self, number: int) -> None:
         super().__init__(number)
@@ -31,7 +31,7 @@ class TerminatedError(KeyboardInterrupt):
 
 
 class Command(TyperCommand):
-    """A command whose errors are one clear message each."""
+    """A command that prints each error as one clear message."""
 
     def invoke(self, ctx: Any) -> Any:
         """Run the command."""
@@ -41,7 +41,7 @@ class Command(TyperCommand):
 
 @contextmanager
 def one_clear_error(out: Path | None) -> Iterator[None]:
-    """Turn bad input and Ctrl-C into one message and an exit status; show warnings in one line."""
+    """Turn errors and Ctrl-C into a message and an exit status."""
 
     def show(message: Warning | str, *_: Any, **__: Any) -> None:
         print_error(f"warning: {one_line(str(message))}", style="yellow")
@@ -85,17 +85,17 @@ def _what_is_finished(out: Path | None) -> str:
 
 
 def one_line(words: str) -> str:
-    """Return a text in which control characters are escaped."""
+    """Return a text with escaped control characters."""
     return "".join(letter if letter.isprintable() else ascii(letter)[1:-1] for letter in words)
 
 
 def say(quiet: bool, text: str) -> None:
-    """Print a text, unless the user wants errors and warnings only."""
+    """Print a text unless quiet."""
     if not quiet:
         typer.echo(text)
 
 
 def print_error(text: str, *, style: str = "bold red", console: Console | None = None) -> None:
-    """Print a text to standard error, above the progress bars of a console."""
+    """Print a text to standard error, above progress bars."""
     to = console or Console(stderr=True)
     to.print(text, markup=False, highlight=False, style=style, soft_wrap=True)

@@ -1,4 +1,4 @@
-"""The options that commands share."""
+"""Options shared by commands."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ import typer
 
 
 def named(text: str) -> Path:
-    """Return a path; an empty text, as of an unset variable of a shell, is refused."""
+    """Return a path; empty texts are refused."""
     if not text:
         raise typer.BadParameter("it is empty; give the name of a folder")
     return Path(text)
 
 
 def out_option(metavar: str, help: str) -> Any:  # noqa: A002 -- typer's word
-    """Return the option that says where to write."""
+    """Return the option of the output path."""
     return typer.Option("--out", "-o", metavar=metavar, parser=named, help=help)
 
 
@@ -43,7 +43,7 @@ QuietOption = Annotated[bool, typer.Option("--quiet", "-q", help="Print errors a
 
 
 @dataclass(frozen=True, kw_only=True)
-class RunOptions:
+class RunArguments:
     """The options of commands that run a scene."""
 
     frames: FramesOption = None
@@ -106,7 +106,7 @@ class RunOptions:
 
 
 def with_options(command: Callable[..., None]) -> Callable[..., None]:
-    """Give typer, which reads the signature, each field of a command's last parameter, ``options``."""
+    """Expose the fields of a command's parameter ``options`` to typer."""
     signature = inspect.signature(command, eval_str=True)
     *before, last = signature.parameters.values()
     kind = last.annotation

@@ -42,28 +42,30 @@ class ExportOptions:
 
 
 def export_muscles(source: Path, out: Path, options: ExportOptions) -> None:
-    """Write a model, and say by how much its paths differ from the run."""
+    """Write a model; print the differences from the run."""
     from vtkmuscle.opensim import write_mujoco, write_opensim
     from vtkmuscle.opensim.from_run import GEOMETRY_ONLY
 
-    asked: dict[str, Any] = {
+    settings: dict[str, Any] = {
         "groups": options.groups,
         "specific_tension": options.specific_tension,
         "masses": {body: _kilograms(text) for body, text in pairs(options.mass, "--mass").items()},
     }
     if options.geometry_only:
-        asked["kind"] = GEOMETRY_ONLY
+        settings["kind"] = GEOMETRY_ONLY
     replace = pairs(options.replace)
     if out.suffix.lower() == ".osim":
-        written = write_opensim(source, out, into=options.into, replace=replace, form=options.form, **asked)
+        written = write_opensim(
+            source, out, into=options.into, replace=replace, form=options.form, **settings
+        )
     elif options.into is not None or replace:
         raise InputError("--into", "muscles are put into models of OpenSim only", "leave it out")
     else:
-        written = write_mujoco(source, out, **asked)
-    for one in written:
-        typer.echo(f"{one.out.name}: {one}")
-        if one.out.parameters:
-            typer.echo(f"  {', '.join(f'{name} {value:.4g}' for name, value in one.out.parameters.items())}")
+        written = write_mujoco(source, out, **settings)
+    for muscle in written:
+        typer.echo(f"{muscle.out.name}: {muscle}")
+        if parameters := muscle.out.parameters:
+            typer.echo("  " + ", ".join(f"{name} {value:.4g}" for name, value in parameters.items()))
     typer.echo(f"wrote {out}, and the errors in {out.stem}_errors.csv")
 
 
@@ -77,14 +79,14 @@ def _kilograms(text: str) -> float:
 
 
 def pairs(texts: Sequence[str] | None, option: str = "--replace") -> dict[str, str]:
-    """Return the pairs OURS=THEIRS given to an option."""
-    found = {}
+    """Return the pairs OURS=THEIRS of an option."""
+    names = {}
     for text in texts or ():
         ours, _, theirs = text.partition("=")
         if not ours or not theirs:
             raise InputError(option, f"{text!r} is no pair", "write both sides of the =")
-        found[ours] = theirs
-    return found
+        names[ours] = theirs
+    return names
 
 
 def check(
@@ -105,10 +107,10 @@ def check(
         ),
     ] = None,
 ) -> None:
-    """Find where muscles of a model of OpenSim jump, and where their moment arms change sign.
+    """Find jumps and sign changes in OpenSim muscles.
 
-    Each is swept over the ranges of the coordinates that it crosses. The page lists what was found with its
-    poses, and a table beside it (.csv). With the surfaces of a scene, paths can be replaced by fitted ones.
+    Each muscle is swept over the ranges of its coordinates. A page and a table (.csv) list the findings with
+    their poses. With the surfaces of a scene, fitted paths can replace the model's paths.
     """
     if model.suffix.lower() == ".toml":
         raise InputError(
@@ -125,15 +127,15 @@ def check(
         for new in write_opensim(scene, repair, into=model, replace=pairs(replace)):
             typer.echo(f"{new.out.name}: {new}")
         model = repair
-    found = check_model(model)
-    typer.echo(found)
-    kinds = [one.what for one in found.findings]
-    for one in found.findings:
-        if "jumps" in one.what:
-            where = ", ".join(f"{name} {value:.4g}" for name, value in found.shown(one).items())
-            typer.echo(f"{one.muscle}: {one.what} by {1000.0 * one.size:.1f} mm at {where}")
+    checked = check_model(model)
+    typer.echo(checked)
+    kinds = [finding.what for finding in checked.findings]
+    for finding in checked.findings:
+        if "jumps" in finding.what:
+            where = ", ".join(f"{name} {value:.4g}" for name, value in checked.shown(finding).items())
+            typer.echo(f"{finding.muscle}: {finding.what} by {1000.0 * finding.size:.1f} mm at {where}")
     typer.echo(f"{kinds.count('moment arm changes sign')} moment arms change their sign")
-    typer.echo(f"wrote {page}, {found.write(page)}")
+    typer.echo(f"wrote {page}, {checked.write(page)}")
 
 
 def report(
@@ -141,18 +143,18 @@ def report(
     out: Annotated[Path | None, out_option("HTML", "Default: report.html in that folder.")] = None,
     literature: LiteratureOption = None,
 ) -> None:
-    """Write the page of a finished run again: the scene, curves, tables and verdicts in one file."""
+    """Write the page of a finished run again: scene, curves, tables, verdicts."""
     from vtkmuscle.run.store import PAGE
 
     typer.echo(f"wrote {_loaded(results, literature).write_report(out or results / PAGE)}")
 
 
 def _loaded(results: Path, literature: Path | None) -> Result:
-    """Return the results in a folder, with published moment arms where a table of them is given."""
+    """Return the results in a folder, with optional published moment arms."""
     from vtkmuscle.run import Result
 
-    found = Result.load(results)
-    return found if literature is None else found.with_literature(literature)
+    result = Result.load(results)
+    return result if literature is None else result.with_literature(literature)
 
 
 def figures(
@@ -162,9 +164,9 @@ def figures(
     dpi: Annotated[float, typer.Option(help="Pixels per inch of pictures.")] = 300.0,
     literature: LiteratureOption = None,
 ) -> None:
-    """Draw the figures of a finished run again, for a journal: as PDF or SVG, at any resolution."""
-    found = _loaded(results, literature).write_figures(out or results / "figures", form=form, dpi=dpi)
-    typer.echo(f"wrote {len(found)} figures to {found[0].parent}")
+    """Draw the figures of a finished run again."""
+    files = _loaded(results, literature).write_figures(out or results / "figures", form=form, dpi=dpi)
+    typer.echo(f"wrote {len(files)} figures to {files[0].parent}")
 
 
 def compare(
@@ -175,10 +177,10 @@ def compare(
         Path | None, typer.Option(metavar="OSIM", help="A model whose muscles are compared, too.")
     ] = None,
 ) -> None:
-    """Compare runs: a table of differences, and a figure of the curves.
+    """Compare runs: a table of differences, and a figure of curves.
 
-    Settings, sides and subjects match by the names of muscles and coordinates. Without --out it writes to
-    comparison, in the folder you are in.
+    Settings, sides and subjects match by the names of muscles and coordinates. Without --out results go to
+    comparison in the working folder.
     """
     from vtkmuscle.comparison import compare as compared
 

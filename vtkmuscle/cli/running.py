@@ -1,4 +1,4 @@
-"""Run scenes from the command line: progress, and the outcome."""
+"""Runs of scenes from the command line: progress and outcome."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ import typer
 from rich.console import Console
 
 from vtkmuscle.cli.messages import FAILED, one_clear_error, one_line, print_error, say
-from vtkmuscle.cli.options import FolderOption, FramesOption, FreshOption, QuietOption, RunOptions
+from vtkmuscle.cli.options import FolderOption, FramesOption, FreshOption, QuietOption, RunArguments
 
 if TYPE_CHECKING:
     from vtkmuscle.run import Result
     from vtkmuscle.scenes import Scene
 
 
-def run_and_report(scene: Scene, out: Path, options: RunOptions) -> None:
-    """Run a scene, and print what was found and where it is."""
+def run_and_report(scene: Scene, out: Path, options: RunArguments) -> None:
+    """Run a scene, and print the outcome and the files."""
     from vtkmuscle.run.store import PAGE, ResultFolder
     from vtkmuscle.run.verdict import reasons_of
 
@@ -61,30 +61,30 @@ def run_and_report(scene: Scene, out: Path, options: RunOptions) -> None:
         raise typer.Exit(FAILED)
 
 
-def _run_only(scene: Scene, what: str, out: Path, options: RunOptions) -> None:
+def _run_only(scene: Scene, quantity: str, out: Path, options: RunArguments) -> None:
     """Compute and write one output of a scene, with progress bars."""
     from vtkmuscle.run import run_only
 
     bars = _progress_bars(list(scene.muscles), Console(stderr=True), quiet=options.quiet)
     with one_clear_error(out), bars as progress:
-        run_only(scene, what, out, frames=options.frames, overwrite=options.overwrite, progress=progress)
+        run_only(scene, quantity, out, frames=options.frames, overwrite=options.overwrite, progress=progress)
 
 
-def _run(scene: Scene, out: Path, options: RunOptions) -> Result:
+def _run(scene: Scene, out: Path, options: RunArguments) -> Result:
     """Run a scene, with progress bars."""
     console, muscles = Console(stderr=True), list(scene.muscles)
-    given: dict[str, Any] = {
+    settings: dict[str, Any] = {
         name: getattr(options, name)
         for name in ("frames", "figures", "report", "workers", "overwrite", "fresh")
     }
     if options.verbose:
-        given["observe"] = _table(muscles, console)
+        settings["observe"] = _table(muscles, console)
     with _progress_bars(muscles, console, quiet=options.quiet) as progress:
-        return scene.run(out, progress=progress, **given)
+        return scene.run(out, progress=progress, **settings)
 
 
 def _summary(muscle: Mapping[str, Any]) -> str:
-    """Return in a line what a run found of a muscle."""
+    """Return a muscle's outcome in a line."""
     frames = muscle["frames"]
     words = [f"{len(frames)} frames"]
     volumes, depths = (
@@ -101,7 +101,7 @@ def _summary(muscle: Mapping[str, Any]) -> str:
 
 
 def _table(muscles: list[str], console: Console) -> Callable[[str, Mapping[str, Any]], None]:
-    """Return a function that prints a row of figures of each frame, above the progress bars."""
+    """Return a function that prints a frame's figures above the progress bars."""
     from vtkmuscle.filters.deformer.shape_report import FrameTable
 
     width = max(map(len, muscles))
@@ -129,7 +129,7 @@ def _progress_bars(
         tasks = {name: bars.add_task(name, total=1.0, stage="waiting", start=False) for name in muscles}
 
         def show(muscle: str, stage: str, fraction: float) -> None:
-            # The clock starts with the first frame: the stages before it say nothing of the rest.
+            # The clock starts with the first frame: earlier stages do not predict the remaining time.
             if fraction > 0 or stage == "deforming":
                 bars.start_task(tasks[muscle])
             bars.update(tasks[muscle], completed=fraction, stage=stage)
@@ -149,9 +149,9 @@ def cohort(
     fresh: FreshOption = False,
     quiet: QuietOption = False,
 ) -> None:
-    """Run the scenes of many subjects, and write one table with a row per muscle.
+    """Run the scenes of many subjects, and write a table of muscles.
 
-    A subject that is finished in OUT is not run again: stop and start the command as you like.
+    Finished subjects in OUT are not run again: the command can be stopped and restarted.
     """
     from vtkmuscle import studies
 

@@ -1,1 +1,1 @@
-"""VTK data without filters: arrays, attachments, moving bones, provenance."""
+"""VTK data: arrays, attachments, moving bones, provenance."""

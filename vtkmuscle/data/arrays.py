@@ -69,7 +69,7 @@ def state_of(data: vtkDataObject) -> object:
 
 
 def shallow_copy(data: Data) -> Data:
-    """Return a data object with the same arrays and its own array lists."""
+    """Return a data object with shared arrays."""
     copy: Data = data.NewInstance()
     copy.ShallowCopy(data)
     return copy
@@ -92,7 +92,7 @@ def surface_from(points: Floats, triangles: Ints) -> vtkPolyData:
 
 @dataclass(frozen=True)
 class Polylines:
-    """Polylines in sequence: line i has the points offsets[i] to offsets[i + 1].
+    """Polylines: line i is points[offsets[i] : offsets[i + 1]].
 
     Attributes
     ----------
@@ -114,7 +114,7 @@ class Polylines:
         return self.points[self.offsets[i] : self.offsets[i + 1]]
 
     def moved(self, points: Floats, offsets: Ints | None = None) -> vtkPolyData:
-        """Return lines with new points, and the cell and field data of the source.
+        """Return lines with new points and the source's arrays.
 
         Point data is kept if each line keeps its number of points.
         """
@@ -163,7 +163,7 @@ def polylines_from(lines: Polylines) -> vtkPolyData:
 
 
 def set_point_array(data: Any, name: str, values: NDArray[Any]) -> None:
-    """Add a copy of an array, (n,) or (n, c), to the point data."""
+    """Add a copy of an array to the point data."""
     data.GetPointData().AddArray(vtk_array(np.asarray(values), name))
 
 
@@ -209,12 +209,12 @@ def string_array(name: str, values: Iterable[str]) -> vtkStringArray:
 
 
 def point_array(data: Any, name: str, where: str) -> NDArray[Any]:
-    """Return a point array as a read-only view; ValueError at `where` if missing."""
+    """Return a read-only point array; ValueError if missing."""
     return _existing(data.GetPointData(), "point", name, where)
 
 
 def cell_array(data: Any, name: str, where: str) -> NDArray[Any]:
-    """Return a cell array as a read-only view; ValueError at `where` if missing."""
+    """Return a read-only cell array; ValueError if missing."""
     return _existing(data.GetCellData(), "cell", name, where)
 
 
@@ -265,7 +265,7 @@ _ESCAPES = {ord(character): f"%{ord(character):02X}" for character in "%<>&\"'"}
 
 
 def array_of(kind: str, name: str) -> str:
-    """Return the array name of a kind and a name with any characters."""
+    """Return the array name of a kind and a name."""
     return kind + name.translate(_ESCAPES)
 
 
@@ -276,7 +276,7 @@ def names_of(kind: str, attributes: Any) -> dict[str, str]:
 
 
 def empty_array(kind: int, shape: tuple[int, ...], name: str | None = None) -> tuple[Any, NDArray[Any]]:
-    """Return an array of a VTK type, (n,) or (n, c), and a writable view."""
+    """Return an array of a VTK type and a writable view."""
     array: Any = vtkDataArray.CreateDataArray(kind)
     array.SetName(name)
     array.SetNumberOfComponents(shape[1] if len(shape) > 1 else 1)
@@ -287,7 +287,7 @@ def empty_array(kind: int, shape: tuple[int, ...], name: str | None = None) -> t
 
 
 def vtk_array(values: NDArray[Any], name: str | None = None, kind: int | None = None) -> Any:
-    """Return a VTK array with a copy of values, (n,) or (n, c)."""
+    """Return a VTK array with a copy of values."""
     array, view = empty_array(get_vtk_array_type(values.dtype) if kind is None else kind, values.shape, name)
     view[...] = values
     return array

@@ -152,7 +152,7 @@ def via_rings_of(data: vtkMultiBlockDataSet, where: str) -> list[AttachmentArea]
 def rings_by_bone(
     data: vtkMultiBlockDataSet | None, bones: Sequence[str], where: str
 ) -> tuple[tuple[int, ViaRing], ...]:
-    """Return via rings with the indices of their bones; ValueError for unknown bones."""
+    """Return via rings with the indices of their bones."""
     areas = [] if data is None else via_rings_of(data, where)
     names = list(bones)
     for area in areas:
@@ -165,7 +165,7 @@ def rings_by_bone(
 
 
 def landmarks_of(data: vtkPolyData, where: str) -> tuple[NDArray[np.float64], bool]:
-    """Return an area's landmarks in boundary order, and whether they form a ring.
+    """Return an area's landmarks, and whether they form a ring.
 
     ValueError for a coordinate that is not finite, or several polylines.
     """
@@ -188,7 +188,7 @@ SIDES = ("proximal", "distal")
 
 @dataclass(frozen=True, eq=False)
 class Aponeurosis:
-    """A tendon sheet at fibre ends, on or within a muscle, moving with the muscle.
+    """A tendon sheet at fibre ends, on or within a muscle.
 
     Attributes
     ----------
@@ -216,7 +216,7 @@ class Aponeurosis:
 
 
 def aponeurosis_from(data: vtkPolyData, side: str, where: str) -> Aponeurosis:
-    """Return a data set's aponeurosis: a surface if there are triangles, else a ring."""
+    """Return a data set's aponeurosis, a surface or a ring."""
     if data.GetNumberOfPolys():
         return Aponeurosis(side, *checked_surface(data, where))
     return ring_aponeurosis(landmarks_of(data, where)[0], side, where)
@@ -268,6 +268,6 @@ def _blocks(data: vtkMultiBlockDataSet, where: str, content: str) -> Iterator[tu
 
 
 def _polyline(points: Floats, *, closed: bool) -> vtkPolyData:
-    """Return a line through points (k, 3), closed by a copy of the first point."""
+    """Return an open or closed line through points (k, 3)."""
     points = np.vstack([points, points[:1]]) if closed else points
     return polylines_from(Polylines(points, np.array([0, len(points)])))

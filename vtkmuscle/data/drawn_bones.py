@@ -45,7 +45,7 @@ class DrawnBone:
 
 
 class DrawnBones:
-    """A scene's bones at rest by name, see :class:`DrawnBone`; made on first use."""
+    """A scene's :class:`DrawnBone` by name, made on first use."""
 
     def __init__(self, bones: vtkMultiBlockDataSet) -> None:
         self._bones = bones
@@ -70,7 +70,7 @@ class DrawnBones:
         return drawn
 
     def spread(self, transforms: Mapping[str, Floats] | None = None) -> Floats:
-        """Return points (k, 3) spread over all bones, moved by (4, 4) transforms."""
+        """Return points (k, 3) spread over all moved bones."""
         every = [np.zeros((0, 3))]
         for name, bone in self.by_name.items():
             moved = (transforms or {}).get(name, np.eye(4))

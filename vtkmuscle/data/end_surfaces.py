@@ -33,7 +33,7 @@ SAMPLES = 512
 
 
 def inner_areas(areas: Sequence[AttachmentArea], geometry: MuscleGeometry) -> tuple[Floats, Ints]:
-    """Return points and triangles (m, 3) of the landmark discs within a muscle.
+    """Return the landmark discs within a muscle.
 
     More than half of an inner disc is deeper in the muscle than a mean edge.
     """
@@ -47,7 +47,7 @@ def inner_areas(areas: Sequence[AttachmentArea], geometry: MuscleGeometry) -> tu
 
 
 def attached_surface(areas: Sequence[AttachmentArea], geometry: MuscleGeometry, where: str) -> EndSurface:
-    """Return the end surface of a role's areas, on or within a muscle."""
+    """Return the end surface of a role's areas."""
     return _together(areas, geometry, where, takes=(0.0, np.inf))
 
 
@@ -72,11 +72,9 @@ def aponeurosis_surfaces(
         axis = landmarks[1].mean(axis=0) - landmarks[0].mean(axis=0)
         low, high = (surface.samples.dense(SAMPLES).mean(axis=0) @ axis for surface in (proximal, distal))
         if low > high:
-            raise InputError(
-                where,
-                "the proximal aponeurosis is closer to the insertion than the distal aponeurosis",
-                "exchange proximal and distal, or the roles origin and insertion of the attachments",
-            )
+            problem = "the proximal aponeurosis is closer to the insertion than the distal aponeurosis"
+            remedy = "exchange proximal and distal, or the roles origin and insertion of the attachments"
+            raise InputError(where, problem, remedy)
     return proximal, distal
 
 
@@ -135,7 +133,7 @@ def _together(
 
 
 def _within(area: AttachmentArea, geometry: MuscleGeometry) -> tuple[Floats, Ints] | None:
-    """Return the disc of a ring within or around the muscle, else None."""
+    """Return the disc of an inner or surrounding ring."""
     if not area.closed:
         return None
     ring, disc = area.landmarks, discs_over([area.landmarks])

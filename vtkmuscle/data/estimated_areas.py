@@ -52,7 +52,7 @@ def estimated_areas(
     named = [bone for bone in (origin, insertion) if bone is not None]
     for role, bone in zip(ROLES, (origin, insertion), strict=True):
         if bone is not None and bone not in bones:
-            problem = f"{role} is {bone!r}, which is not a bone of the data"
+            problem = f"{role} is {bone!r}, but the data have no such bone"
             raise InputError("", problem, f"the bones are {', '.join(bones)}")
     if len(named) > len(set(named)):
         raise InputError("", f"origin and insertion are both {origin!r}", "name two bones")
@@ -77,7 +77,7 @@ def estimated_areas(
 
 
 def _distances(points: Floats, name: str, bone: vtkPolyData, far: float) -> Floats:
-    """Return distances (n,) to a bone, or to its box beyond `far`; negative inside."""
+    """Return signed distances (n,) to a bone, approximate beyond `far`."""
     low, high = np.array(bone.GetBounds()).reshape(3, 2).T
     outside: Floats = np.linalg.norm(np.maximum(np.maximum(low - points, points - high), 0.0), axis=1)
     return outside if outside.min() > far else solids_of(*checked_surface(bone, name)).distances(points)

@@ -32,7 +32,7 @@ LONGEST = 3000.0
 
 
 def isosurface(values: Floats, origin: Floats, spacing: float) -> tuple[Floats, Ints]:
-    """Return the zero surface of grid values (ni, nj, nk), facing positive values."""
+    """Return the outward zero surface of grid values."""
     image = vtkImageData()
     image.SetDimensions(*values.shape)
     image.SetOrigin(*origin)
@@ -99,7 +99,7 @@ def _neighbour_average(triangles: Ints, n_points: int) -> csr_array:
 
 
 def label_surface(field: LabelField, edge: float) -> tuple[Floats, Ints]:
-    """Return a label's surface, points (n, 3) [mm] and triangles (m, 3), of equal volume.
+    """Return points [mm] and triangles of a label's surface.
 
     Edges are about `edge` long [mm], or a voxel if a voxel is larger. ValueError if the surface is not
     closed, manifold and in a single piece, or if the volume differs by more than 1 %.

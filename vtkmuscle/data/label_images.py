@@ -171,7 +171,7 @@ MOST = 65535
 
 
 def label_image(voxels: NDArray[np.integer], frame: Floats, names: Mapping[int, str]) -> vtkImageData:
-    """Return an image of labels (nk, nj, ni), 0 for background, with names by label.
+    """Return an image of named labels (nk, nj, ni).
 
     The frame (4, 4) maps voxel indices (i, j, k) to centre positions [mm]; voxels are right-angled.
     """
@@ -190,7 +190,7 @@ def label_image(voxels: NDArray[np.integer], frame: Floats, names: Mapping[int, 
 
 @dataclass(frozen=True, eq=False)
 class Label:
-    """A label of an image: value, whole image (nk, nj, ni), frame, bounding box.
+    """A label of an image: value, voxels, box, frame.
 
     The frame (4, 4) maps voxel indices (i, j, k) to centre positions [mm].
     """
@@ -212,7 +212,7 @@ class Label:
 
 
 def labels_in(image: vtkImageData, where: str) -> dict[str, Label]:
-    """Return an image's labels by name (``label_7`` without a name), ordered by value.
+    """Return an image's labels by name, ordered by value.
 
     ValueError at `where` if the active or only point scalars are not whole numbers from 0 to 65535; if all
     are 0; if two labels have the same name; if the image's frame is not finite, or flat.

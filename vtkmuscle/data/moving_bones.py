@@ -87,9 +87,7 @@ def moving_bones_of(data: vtkMultiBlockDataSet, where: str) -> MovingBones:
             raise InputError(here, "the field array 'Transform' is missing", _MADE_BY)
         if values.tobytes() != _AT_REST:  # most bones are at rest
             if values.size != 16 or not is_rigid(values.reshape(4, 4)):
-                problem = (
-                    "the field array 'Transform' must be a rigid 4 x 4 matrix, row by row, last row 0 0 0 1"
-                )
+                problem = "'Transform' must be 16 numbers, a rotation and a translation, last row 0 0 0 1"
                 raise InputError(here, problem)
             transforms[index] = values.reshape(4, 4)
         for coordinate, array in names_of(TWIST, bone.GetFieldData()).items():

@@ -53,7 +53,7 @@ class SurfaceTopology:
 
 
 class MuscleGeometry:
-    """Points (n, 3) [mm] and triangles (m, 3) with properties computed on demand."""
+    """A surface with properties computed on demand."""
 
     def __init__(self, points: Floats, triangles: Ints) -> None:
         self.points = points
@@ -127,7 +127,7 @@ class MuscleGeometry:
 
 @dataclass(frozen=True, eq=False)
 class Surface:
-    """A surface as a filter's argument: data, points (n, 3) [mm], triangles, name."""
+    """A surface as a filter's argument."""
 
     data: vtkPolyData
     points: Floats
@@ -142,11 +142,9 @@ class Surface:
     def closed(self, why: str) -> MuscleGeometry:
         """Return the properties; InputError with a reason for an open surface."""
         if self.geometry.n_open_edges:
-            raise InputError(
-                self.where,
-                f"the surface has {self.geometry.n_open_edges} open edge(s), {why}",
-                "close its holes, and merge equal points (vtkCleanPolyData)",
-            )
+            problem = f"the surface has {self.geometry.n_open_edges} open edge(s), {why}"
+            remedy = "close its holes, and merge equal points (vtkCleanPolyData)"
+            raise InputError(self.where, problem, remedy)
         return self.geometry
 
     def array(self, name: str) -> NDArray[Any]:

@@ -45,7 +45,7 @@ def checked_superficial(data: vtkPolyData, where: str) -> Polylines:
     """
     lines = polylines_of(data, where)
     if not polyline_lengths(lines.points, lines.offsets).max() > 0.0:
-        remedy = "digitise at least two points per fibre"
+        remedy = "digitise two points or more per fibre"
         raise InputError(where, "all fibres have length 0, so there is no direction", remedy)
     return lines
 
@@ -144,7 +144,7 @@ def paths_of(fibres: vtkPolyData, where: str) -> Paths | None:
 
 
 def levers_over_time(frames: Sequence[Mapping[str, Floats]]) -> dict[str, Floats]:
-    """Return levers (f, k) by coordinate, NaN in frames (k,) without a lever."""
+    """Return levers (f, k) by coordinate, NaN if missing."""
     shapes = {name: levers.shape for frame in frames for name, levers in frame.items()}
     return {
         name: np.array([frame.get(name, np.full(shape, np.nan)) for frame in frames])

@@ -62,7 +62,7 @@ def vtk_collector() -> type[vtkGarbageCollector] | None:
 
 
 def input_at(algorithm: Any, port: int, time: float | None) -> Any:
-    """Return the data of an input port (one connection) at a time; None on failure.
+    """Return an input's data at a time, None on failure.
 
     Data already present is not recomputed.
     """

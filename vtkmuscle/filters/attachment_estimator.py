@@ -10,7 +10,7 @@ from vtkmuscle.filters.base import Filter, InputPort, OutputPort, Parameter, por
 
 
 class AttachmentEstimator(Filter):
-    """Propose the attachments of a muscle from its distance to the bones.
+    """Propose a muscle's attachments from distances to bones.
 
     The two ends are the points close to two bones that lie farthest apart along the muscle. An attachment is
     the part of the muscle close to the bone, or inside the bone, in the half of the muscle nearer to the end.

@@ -27,7 +27,7 @@ from vtkmuscle.filters.base import Filter, InputPort, OutputPort, Parameter
 
 
 class _RestPose:
-    """Bones at rest, by name and as a data set, with the identity as ``Transform``."""
+    """Bones at rest, with the identity as ``Transform``."""
 
     def __init__(self, data: vtkMultiBlockDataSet, where: str) -> None:
         self.blocks = {

@@ -1,4 +1,4 @@
-"""FibreField: fibre directions in the cells or at the points of a mesh."""
+"""FibreField: fibre directions on a mesh."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ SPACINGS = 2.0
 
 
 class FibreField(Filter):
-    """Add fibre directions to the cells or points of a mesh, for finite elements.
+    """Add fibre directions to a mesh, for finite elements.
 
     A direction is the mean axis of the eight nearest fibres, weighted by inverse distance. The field is
     continuous, and equals the fibre's tangent on a fibre (see :mod:`vtkmuscle.core.fibres.direction_field`).
@@ -135,7 +135,7 @@ class FibreField(Filter):
 
 
 def _in_muscle(positions: Floats, muscle: Surface) -> Bools:
-    """Return a mask of the positions (n, 3) within or on a muscle."""
+    """Return a mask of positions (n, 3) in a muscle."""
     geometry = muscle.closed("and so no inside")
     inside = geometry.solids.inside(positions)
     outside, rounding = np.flatnonzero(~inside), ON_SURFACE * np.abs(geometry.points).max()

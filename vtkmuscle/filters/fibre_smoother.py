@@ -24,7 +24,7 @@ SPREADING = 1.5
 
 
 class FibreSmoother(Filter):
-    """Smooth fibres with fixed end points, and spread them over a muscle.
+    """Smooth fibres, and spread them over a muscle.
 
     Each pass moves the inner points to (p_{i-1} + k p_i + p_{i+1}) / (k + 2), which straightens fibres and
     pulls them out of a curved muscle on the hollow side. With a muscle connected, the mean course of all
@@ -147,7 +147,7 @@ def _cloud(geometry: MuscleGeometry, count: int) -> Cloud | None:
 
 
 def _fill_the_muscle(fibres: vtkPolyData | None) -> bool:
-    """Return whether fibres only fill the muscle, without a course of their own."""
+    """Return whether fibres lack a course of their own."""
     kept = field_array(fibres, "EndsKept")
     return field_string(fibres, "Template") == "parallel" or (kept is not None and float(kept.min()) <= 0.5)
 

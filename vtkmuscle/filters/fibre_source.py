@@ -1,4 +1,4 @@
-"""FibreSource: fill a muscle with straight fibres or fibres through sections."""
+"""FibreSource: fill a muscle with fibres."""
 
 from __future__ import annotations
 

@@ -24,7 +24,7 @@ TOLERANCE = 0.25
 
 
 class FibreTrimmer(Filter):
-    """End fibres on the attachment areas, spread over the areas.
+    """End fibres on the attachment areas, evenly spread.
 
     Near a wide attachment area, template fibres meet in a point or run along the area. Two planes
     perpendicular to the muscle's axis, each through the landmark deepest in the muscle, cut the fibre ends
@@ -132,7 +132,7 @@ class FibreTrimmer(Filter):
 
 
 def _end_area(role: str, areas: Sequence[AttachmentArea], geometry: MuscleGeometry, ends: Floats) -> EndArea:
-    """Return the area of a role for fibres with these ends (k, 3)."""
+    """Return a role's area for fibre ends (k, 3)."""
     covered = geometry.attached(areas, role)
     role_areas = [area for area in areas if area.role == role]
     rings = b"".join(area.landmarks.tobytes() + bytes([area.closed]) for area in role_areas)
@@ -148,7 +148,7 @@ def _end_area(role: str, areas: Sequence[AttachmentArea], geometry: MuscleGeomet
 
 
 def _inner_area(areas: Sequence[AttachmentArea], geometry: MuscleGeometry) -> EndArea | None:
-    """Return the part of the areas within the muscle, None without such a part."""
+    """Return the area within the muscle, or None."""
     points, triangles = inner_areas(areas, geometry)
     if not len(triangles):
         return None

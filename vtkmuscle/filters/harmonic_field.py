@@ -18,7 +18,7 @@ FIELD = "HarmonicField"
 
 
 class HarmonicField(Filter):
-    """Add the harmonic function with 0 on the origin and 1 on the insertion.
+    """Add the harmonic function from origin (0) to insertion (1).
 
     The attachment areas are the areas of FixedPointDetector: the landmarks' rings projected to the muscle.
     The Laplacian has cotangent weights, kept positive on bad triangles, so that the function has no extremum
@@ -87,7 +87,7 @@ def field_of(muscle: Surface, areas: list[AttachmentArea] | None) -> Floats:
             raise InputError(muscle.where, problem, "HarmonicField makes it")
         return field
     if areas is None:
-        problem = f"the harmonic method needs attachments, or a muscle with the point array {FIELD!r}"
+        problem = f"no attachments are connected, and the muscle has no point array {FIELD!r}"
         raise InputError("", problem, "connect attachments, or run HarmonicField on the muscle")
     return _computed(muscle, areas)
 

@@ -19,7 +19,7 @@ SMOOTHING = 0.7
 
 
 class LabelSurfaces(Filter):
-    """Turn labels of an image into closed manifold surfaces of equal volume.
+    """Turn labels into closed surfaces of equal volume.
 
     The signed distance from the label is smoothed by a Gaussian, and contoured at the level that encloses the
     label's number of voxels. The triangles are evened out, reduced, and moved along their normals to the
@@ -99,7 +99,7 @@ class LabelSurfaces(Filter):
 
 
 def _surface(field: LabelField, edge: float) -> vtkPolyData:
-    """Return a label's surface with field arrays; empty, with the reason, on failure."""
+    """Return a label's surface with its field arrays."""
     fields = {
         "LabelVolume": field.volume,
         "Pieces": len(field.pieces),

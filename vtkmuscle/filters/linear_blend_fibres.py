@@ -13,7 +13,7 @@ from vtkmuscle.filters.base import Filter, OutputPort, Parameter, ports
 
 
 class LinearBlendFibres(Filter):
-    """Move fibres by blending the motions of two bones, for comparison.
+    """Move fibres by blending the motions of two bones.
 
     A point moves to v' = w T_origin v + (1 - w) T_insertion v, with w = a t^2 - (a + 1) t + 1 and t from 0 at
     the fibre's origin to 1 at the insertion; ``a`` bends the course a little towards one bone. The paper has

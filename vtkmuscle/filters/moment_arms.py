@@ -149,7 +149,7 @@ class MomentArms(Filter):
         return result
 
     def _at(self, now: float, fibres: Polylines) -> Polylines:
-        """Return the fibres at a time: the last request decides the input's time."""
+        """Return the fibres at a time."""
         again = input_at(self, 0, now) if self._steps else None
         return fibres if again is None else polylines_of(again, "fibres")
 
@@ -219,9 +219,7 @@ def _history(fibres: vtkPolyData, count: int) -> tuple[Floats, Floats]:
     times = field_array(fibres, TIMES)
     if times is None or lengths.shape != (count, np.size(times)) or (np.diff(np.ravel(times)) <= 0).any():
         shape = "missing" if times is None else f"of shape {times.shape}"
-        raise InputError(
-            "fibres",
-            f"the cell array 'Lengths' is of shape {lengths.shape}, the field array 'Times' {shape}",
-            f"for {count} fibre(s) and f ascending times they must be ({count}, f) and (f,)",
-        )
+        problem = f"the cell array 'Lengths' is of shape {lengths.shape}, the field array 'Times' {shape}"
+        remedy = f"for {count} fibre(s) and f ascending times they must be ({count}, f) and (f,)"
+        raise InputError("fibres", problem, remedy)
     return np.ravel(np.asarray(times, dtype=np.float64)), lengths.T

@@ -212,11 +212,8 @@ class PathDeformer(Filter):
             None if fibres is None else (fibres.points, fibres.offsets),
         )
         if (fixed.fixed_to < 0).all():
-            raise InputError(
-                "muscle",
-                "no point is fixed to a bone, so the muscle cannot move",
-                "detect fixed points by another method or distance",
-            )
+            problem = "no point is fixed to a bone, so the muscle cannot move"
+            raise InputError("muscle", problem, "detect fixed points by another method or distance")
         rest = None if paths is None else paths.rest
         if self._made_from is not None:
             before, rest_before, shapes_before, clearance = self._made_from
@@ -285,7 +282,7 @@ class PathDeformer(Filter):
 
 
 def _state_of(muscle: Surface, paths: PathLines | None, neighbours: vtkMultiBlockDataSet | None) -> list[int]:
-    """Return the modification times of the data of a pose; each is unique."""
+    """Return the modification times of a pose's data."""
     data: list[Any] = [muscle.data]
     if paths is not None:
         data.append(paths.data)

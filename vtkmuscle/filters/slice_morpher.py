@@ -27,7 +27,7 @@ DEFAULT_TOLERANCE = 1e-3
 
 
 class SliceMorpher(Filter):
-    """Map fibres from the template's box into the muscle, section by section.
+    """Map fibres from box to muscle, section by section.
 
     With ``method="plane"`` a plane across the box's long axis cuts the box in a rectangle and the muscle in a
     contour. The contour is divided into four parts, matched by length to the sides of the rectangle, and mean

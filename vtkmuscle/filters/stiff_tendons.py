@@ -122,7 +122,7 @@ class StiffTendons(Filter):
 
 
 def _on_bone(muscle: Surface, ends: Floats) -> Bools:
-    """Return a mask of the ends (k, 2, 3) on fixed triangles of a muscle."""
+    """Return a mask of ends (k, 2, 3) on fixed triangles."""
     geometry = muscle.geometry
     fixed_to = muscle.data.GetPointData().GetArray("FixedTo")
     if fixed_to is None:

@@ -28,7 +28,7 @@ from vtkmuscle.filters.base import Filter, OutputPort, Parameter, ports
 
 
 class TemplateFitter(Filter):
-    """Map a fibre template's unit cube to the best oriented box of a muscle.
+    """Map a template's unit cube to a muscle's box.
 
     The box's z axis is the muscle's axis: with ``axis="attachments"`` the line between the centroids of the
     origin's and the insertion's landmarks, with ``axis="principal"`` the direction of largest variance of the
@@ -170,7 +170,7 @@ class TemplateFitter(Filter):
         areas: tuple[Floats, Floats],
         guide: Callable[[Floats], float] | None,
     ) -> list[BoxFit]:
-        """Return the best box for each axis; ``guide`` is the angle of superficial fibres."""
+        """Return the best box for each axis."""
         return [
             fit_box(points, axis, landmarks=landmarks, areas=areas, angle_step=self.angle_step, guide=guide)
             for axis in self._axes(points, *landmarks)
@@ -178,18 +178,15 @@ class TemplateFitter(Filter):
 
 
 def _angle(seen: SuperficialFibres, lines: Polylines, box: Floats) -> float:
-    """Return the angle of superficial fibres to a template's fibres in a box."""
+    """Return the angle of superficial fibres in a box."""
     return angle_to_nearest(seen, apply_transform(box, lines.points), lines.offsets)
 
 
 def _area(template: vtkPolyData | None, name: str) -> Floats:
     values = field_array(template, name)
     if values is None or values.ndim != 2 or values.shape[1] != 3:
-        raise InputError(
-            "template",
-            f"the field array {name!r} (3 components: corners of an area in the unit cube) is missing",
-            "FibreTemplateSource makes it",
-        )
+        problem = f"the field array {name!r} (3 components: corners of an area in the unit cube) is missing"
+        raise InputError("template", problem, "FibreTemplateSource makes it")
     return np.array(values, dtype=np.float64)
 
 

@@ -1,4 +1,4 @@
-"""Ready-made chains of filters: fibres in a muscle, and a muscle in motion.
+"""Ready-made chains of filters for a muscle.
 
 :class:`MusclePipeline` has all stages of a muscle; ``decompose``, ``deform`` and ``pull_taut`` return the
 last filter of a partial chain.

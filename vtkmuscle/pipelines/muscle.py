@@ -37,7 +37,7 @@ QUALITIES = tuple(dict.fromkeys([*RESOLUTIONS, *PRESETS]))
 
 
 class MusclePipeline:
-    """The filters of a muscle, from the surface at rest to fibre measures in motion.
+    """The filters of a muscle, from surface to fibre measures.
 
     Stages compute on request: ``pipeline.deformer.update(time=30.0).output`` is the muscle,
     ``pipeline.metrics.update(time=30.0).output`` the fibres with their measures.

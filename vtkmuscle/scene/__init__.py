@@ -1,8 +1,8 @@
-"""A scene: bones, muscles, attachments and a motion, read from a scene.toml and written to one.
+"""Scenes: bones, muscles, attachments and a motion, in a scene.toml.
 
-``schema`` has the keys of the file, ``validation`` checks them, ``reading`` and ``writing`` handle the files,
-``checks`` tests the surfaces and landmarks, and ``sense`` reports what is implausible.
-:class:`vtkmuscle.Scene` combines them.
+``schema`` has the keys of the file, ``validation`` checks the keys, ``reading`` and ``writing`` handle files,
+``checks`` tests surfaces and landmarks, and ``sense`` reports implausible scenes. :class:`vtkmuscle.Scene`
+combines all parts.
 """
 
 from vtkmuscle.scene.data import Muscle, SceneData

@@ -1,4 +1,4 @@
-"""Check the surfaces, landmarks and lines of a scene before it is run."""
+"""Checks of a scene's surfaces, landmarks and lines before a run."""
 
 from __future__ import annotations
 
@@ -22,19 +22,19 @@ from vtkmuscle.scene.mirror import turned_over
 from vtkmuscle.scene.validation import validated
 from vtkmuscle.scene.writing import tables_of
 
-#: Landmarks farther from their muscle than this, in its diagonals, are another muscle's, or in another unit.
+#: Largest distance of landmarks from their muscle, in diagonals: beyond, muscle or unit is wrong.
 _FARTHEST_LANDMARKS = 1.0
-#: Largest coordinate; the squares of larger ones may overflow.
+#: Largest coordinate: the squares of larger coordinates may overflow.
 _LARGEST = 1e60
 
 
 def checked(scene: SceneData) -> tuple[dict[str, vtkPolyData], dict[str, Muscle]]:
-    """Return the bones and the muscles of a scene, each checked, the muscles facing outward.
+    """Return a scene's checked bones and muscles, muscles facing outward.
 
     Raises
     ------
     SceneError
-        With a fault for each key, surface, landmark or line that cannot be used.
+        With a fault for each unusable key, surface, landmark or line.
     """
     validated(tables_of(scene), scene.files.get(""))
     faults, muscles = Faults(), {}
@@ -53,9 +53,9 @@ def checked(scene: SceneData) -> tuple[dict[str, vtkPolyData], dict[str, Muscle]
             with at(f"{key}.surface", again):
                 surface, turned = _closed(muscle.surface)
             if turned:
-                place = f"{scene.files.get(f'{key}.surface') or 'scene'}: {key}.surface"
+                where = f"{scene.files.get(f'{key}.surface') or 'scene'}: {key}.surface"
                 words = "the surface is inside out; its triangles were turned to face outward"
-                warnings.warn(f"{place}: {words}", stacklevel=4)
+                warnings.warn(f"{where}: {words}", stacklevel=4)
             muscles[name] = replace(muscle, surface=surface)
             for number, area in enumerate(muscle.attachments):
                 remedy = "give landmarks round the muscle, in order"
@@ -65,7 +65,7 @@ def checked(scene: SceneData) -> tuple[dict[str, vtkPolyData], dict[str, Muscle]
                 remedy = "give polylines, one for each fibre, two points or more"
                 with at(f"{key}.superficial_fibres", remedy):
                     lines = checked_superficial(muscle.superficial_fibres, "")
-                    _check_near("the fibres are", lines.points, points_of(surface), scene.units)
+                    _check_distance("the fibres are", lines.points, points_of(surface), scene.units)
     faults.raise_any()
     return dict(scene.bones), muscles
 
@@ -81,7 +81,7 @@ def _arrays(surface: vtkPolyData) -> tuple[Floats, Ints]:
 
 
 def _closed(surface: vtkPolyData) -> tuple[vtkPolyData, bool]:
-    """Return the surface of a muscle, closed and facing outward, and whether it was turned to do so."""
+    """Return a closed muscle surface facing outward, and whether it was turned."""
     report = survey(*_arrays(surface))
     problem = remedy = ""
     if not report.closed:
@@ -120,7 +120,7 @@ def _check_area(area: AttachmentArea, surface: vtkPolyData, units: str) -> None:
         problem = f"there are {len(landmarks)} landmarks, but a ring needs {fewest}"
         raise InputError("", problem, "add landmarks")
     points, triangles = checked_surface(surface, "")
-    _check_near("the landmarks are", landmarks, points, units)
+    _check_distance("the landmarks are", landmarks, points, units)
     if area.role != VIA:
         return
     ring = via_ring(area.landmarks)
@@ -132,14 +132,14 @@ def _check_area(area: AttachmentArea, surface: vtkPolyData, units: str) -> None:
         raise InputError("", problem, remedy)
 
 
-def _check_near(what: str, places: Floats, points: Floats, units: str) -> None:
-    """Check that some places lie about where the muscle with these points is."""
+def _check_distance(subject: str, positions: Floats, points: Floats, units: str) -> None:
+    """Check that positions lie close to a muscle's points."""
     lowest, highest = points.min(axis=0), points.max(axis=0)
-    gaps = np.linalg.norm(np.maximum(np.maximum(lowest - places, places - highest), 0), axis=1)
+    gaps = np.linalg.norm(np.maximum(np.maximum(lowest - positions, positions - highest), 0), axis=1)
     diagonal = np.linalg.norm(highest - lowest)
     if gaps.min() > _FARTHEST_LANDMARKS * diagonal:
         problem = (
-            f"{what} {gaps.min():.4g} {units} away from the muscle, which is {diagonal:.4g} {units} long"
+            f"{subject} {gaps.min():.4g} {units} away from the muscle, which is {diagonal:.4g} {units} long"
         )
         remedy = "check that they belong to this muscle and are in the same unit and frame"
         raise InputError("", problem, remedy)

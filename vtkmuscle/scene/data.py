@@ -1,4 +1,4 @@
-"""The content of a scene: bones, muscles with attachments, a motion, settings; its surfaces as arrays."""
+"""Content of a scene: bones, muscles, attachments, motion, settings."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from vtkmuscle.data.attachments import (
 )
 from vtkmuscle.io.literature import LiteratureCurve
 
-#: Allowed units of length, and how many millimetres they are.
+#: Millimetres per allowed unit of length.
 MILLIMETRES = {"mm": 1.0, "cm": 10.0, "m": 1000.0}
 
 
@@ -37,24 +37,23 @@ class Muscle:
     surface : vtkPolyData
         Closed surface of triangles that face outward, in the rest pose.
     attachments : sequence of AttachmentArea, or vtkMultiBlockDataSet
-        Where it is attached, and the via rings that it passes through; ``(role, bone, landmarks, closed)`` is
-        an area, too.
+        Attachment areas and via rings; ``(role, bone, landmarks, closed)`` is also an area.
     fibres : mapping, optional
         Keyword arguments of :func:`vtkmuscle.pipelines.decompose`, and ``weight_tolerance`` of
-        FibreTransport, 0.3 where it is not given, 0 for exact transport; None for a muscle without fibres.
+        FibreTransport, by default 0.3, 0 for exact transport; None for a muscle without fibres.
     solver : mapping
         Parameters of the deformer that differ from the scene's.
     fixing : mapping
         Parameters of FixedPointDetector that differ from the scene's.
     superficial_fibres : vtkPolyData, optional
-        Polylines: fibres that somebody has seen on the surface, in the rest pose. They orient the template
-        and say which edges are soft where Algorithm 2 is used.
+        Polylines: fibres observed on the surface, in the rest pose. They orient the template and select the
+        soft edges of Algorithm 2.
     literature : sequence of LiteratureCurve
-        Published moment arms of the muscle, drawn beside those of a run.
+        Published moment arms of the muscle, for the figures of a run.
     crosses : tuple of str, optional
-        Coordinates of the motion that its lengths depend on; None where that is not known, and all may.
+        Coordinates of the motion that affect the muscle's lengths; None if unknown, for all.
     aponeuroses : sequence of Aponeurosis, or vtkMultiBlockDataSet
-        What its fibres end on, on its surface or within it, in the rest pose; none: the attachment areas.
+        End surfaces of fibres, on or within the muscle, at rest; without any, the attachment areas.
     hill : mapping of str to float
         Hill's parameters, by the names of :class:`~vtkmuscle.scene.joint_schema.Hill`; exports write them.
     """
@@ -71,18 +70,18 @@ class Muscle:
     aponeuroses: tuple[Aponeurosis, ...] = ()
 
     def __post_init__(self) -> None:
-        given: Any = self.surface
-        if not isinstance(given, vtkPolyData):
-            got = quoted(given)
-            raise TypeError(
-                f"Muscle takes a surface, but got {got}; pyvista.read(path) reads one from a file"
-            )
-        given = self.attachments
-        areas = attachments_of(given, "attachments") if isinstance(given, vtkMultiBlockDataSet) else given
-        areas = [AttachmentArea(*one) if isinstance(one, tuple) else one for one in areas]
+        surface: Any = self.surface
+        if not isinstance(surface, vtkPolyData):
+            hint = "pyvista.read(path) reads one from a file"
+            raise TypeError(f"Muscle takes a surface, but got {quoted(surface)}; {hint}")
+        areas: Any = self.attachments
+        if isinstance(areas, vtkMultiBlockDataSet):
+            areas = attachments_of(areas, "attachments")
+        areas = [AttachmentArea(*area) if isinstance(area, tuple) else area for area in areas]
         object.__setattr__(self, "attachments", tuple(areas))
-        given = self.aponeuroses
-        sheets = aponeuroses_of(given, "aponeuroses") if isinstance(given, vtkMultiBlockDataSet) else given
+        sheets: Any = self.aponeuroses
+        if isinstance(sheets, vtkMultiBlockDataSet):
+            sheets = aponeuroses_of(sheets, "aponeuroses")
         object.__setattr__(self, "aponeuroses", tuple(sheets))
 
     def __repr__(self) -> str:
@@ -93,7 +92,7 @@ class Muscle:
 
 @dataclass(frozen=True, eq=False)
 class SceneData:
-    """The fields of a :class:`vtkmuscle.Scene`, which documents and checks them."""
+    """Fields of a :class:`vtkmuscle.Scene`, documented and checked there."""
 
     name: str
     bones: Mapping[str, vtkPolyData]
@@ -114,29 +113,29 @@ class SceneData:
         return MILLIMETRES[self.units]
 
     def solver_of(self, muscle: str) -> dict[str, Any]:
-        """Return the parameters of a muscle's deformer; its own override the scene's."""
+        """Return a muscle's deformer parameters; its own override the scene's."""
         return {**self.solver, **self.muscles[muscle].solver}
 
     def fixing_of(self, muscle: str) -> dict[str, Any]:
-        """Return the parameters of a muscle's FixedPointDetector; its own override the scene's."""
+        """Return a muscle's FixedPointDetector parameters, own before scene's."""
         return {**self.fixing, **self.muscles[muscle].fixing}
 
     def bones_data(self) -> vtkMultiBlockDataSet:
-        """Return the bones at rest as the data set that filters take."""
+        """Return the bones at rest as a data set for filters."""
         return multiblock_from(dict(self.bones))
 
     def attachments_data(self, muscle: str) -> vtkMultiBlockDataSet | None:
-        """Return a muscle's attachments as the data set that filters take, None where it has none."""
+        """Return a muscle's attachments as a data set, None without any."""
         areas = self.muscles[muscle].attachments
         return attachments_from(areas) if areas else None
 
     def aponeuroses_data(self, muscle: str) -> vtkMultiBlockDataSet | None:
-        """Return a muscle's aponeuroses as the data set that filters take, None where it has none."""
+        """Return a muscle's aponeuroses as a data set, None without any."""
         sheets = self.muscles[muscle].aponeuroses
         return aponeuroses_data(sheets) if sheets else None
 
 
-class Surface(NamedTuple):
+class RestSurface(NamedTuple):
     """A surface: points (n, 3), and triangles (m, 3) of point ids."""
 
     points: Floats
@@ -145,25 +144,25 @@ class Surface(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Anatomy:
-    """The bones and muscles of a scene at rest, by their names."""
+    """Bones and muscles of a scene at rest, by name."""
 
     bones: Mapping[str, Bone]
-    muscles: Mapping[str, Surface]
+    muscles: Mapping[str, RestSurface]
 
     @classmethod
     def of(cls, scene: SceneData) -> Self:
-        """Return the surfaces of a scene; raise a ValueError for one without triangles, or not finite."""
+        """Return a scene's surfaces; ValueError without triangles, or not finite."""
         bones = {name: bone_of(*checked_surface(bone, name)) for name, bone in scene.bones.items()}
-        muscles = scene.muscles.items()
-        return cls(bones, {name: Surface(*checked_surface(one.surface, name)) for name, one in muscles})
+        surfaces = {name: checked_surface(muscle.surface, name) for name, muscle in scene.muscles.items()}
+        return cls(bones, {name: RestSurface(*surface) for name, surface in surfaces.items()})
 
     @property
-    def surfaces(self) -> dict[str, Bone | Surface]:
+    def surfaces(self) -> dict[str, Bone | RestSurface]:
         """All surfaces, by their keys in a scene."""
-        found: dict[str, Bone | Surface] = {f"bones.{name}.surface": one for name, one in self.bones.items()}
-        return found | {f"muscles.{name}.surface": one for name, one in self.muscles.items()}
+        bones: dict[str, Bone | RestSurface] = {f"bones.{name}.surface": b for name, b in self.bones.items()}
+        return bones | {f"muscles.{name}.surface": muscle for name, muscle in self.muscles.items()}
 
     @property
     def solid_bones(self) -> dict[str, Bone]:
-        """The bones that have an inside, holes closed."""
+        """Bones with an inside, holes closed."""
         return {name: bone for name, bone in self.bones.items() if bone.solids.trees}

@@ -1,4 +1,4 @@
-"""Errors of scenes: one error for all faults found together, each with its key, problem and remedy."""
+"""Errors of scenes: all faults together, each with key, problem and remedy."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from vtkmuscle.core.errors import InputError, fault_of, in_words
 
 
 class SceneError(InputError):
-    """A scene that cannot be run: where the fault is, what it is, and how to remedy it.
+    """A scene that cannot be run, with location, problem and remedy.
 
-    One error is raised for all faults that were found together; its own fields are those of the first.
+    A single error covers all faults of a check; the fields belong to the first fault.
 
     Attributes
     ----------
     problem, remedy : str
-        What is wrong, and what to do about it.
+        Fault, and correction.
     key : str
         The dotted key, e.g. ``muscles.iliacus.attachments[1].bone``.
     file : Path or None
@@ -25,7 +25,7 @@ class SceneError(InputError):
     where : str
         The file and the key.
     faults : tuple of SceneError
-        All faults, this one first. The message has a line for each.
+        All faults, starting with the error itself. The message has a line for each.
 
     Examples
     --------
@@ -53,9 +53,9 @@ class SceneError(InputError):
 
 @contextmanager
 def errors_at(key: str, file: Path | None, remedy: str = "") -> Iterator[None]:
-    """Raise a ValueError or OSError from within as a SceneError with a key and a file.
+    """Raise a ValueError or OSError as a SceneError with key and file.
 
-    ``remedy`` is for an error that has none of its own.
+    ``remedy`` applies to errors without a remedy.
     """
     try:
         yield
@@ -67,7 +67,7 @@ def errors_at(key: str, file: Path | None, remedy: str = "") -> Iterator[None]:
 
 
 class Faults:
-    """Collects the faults of several checks, to report them together.
+    """Collector of faults from several checks, for a common report.
 
     Examples
     --------
@@ -83,19 +83,19 @@ class Faults:
     scene: b: this is wrong
     """
 
-    def __init__(self, found: Iterable[SceneError] = ()) -> None:
-        self.found = list(found)
+    def __init__(self, errors: Iterable[SceneError] = ()) -> None:
+        self.errors = list(errors)
 
     @contextmanager
     def gathered(self) -> Iterator[None]:
-        """Keep the faults of a SceneError that is raised within, and go on."""
+        """Collect the faults of a SceneError raised within, and continue."""
         try:
             yield
         except SceneError as error:
-            self.found += error.faults
+            self.errors += error.faults
 
     def raise_any(self) -> None:
-        """Raise one SceneError for all faults, if there are any."""
-        if self.found:
-            first, *more = self.found
+        """Raise one SceneError for all faults, if any."""
+        if self.errors:
+            first, *more = self.errors
             raise SceneError(first.problem, first.key, first.remedy, first.file, more)

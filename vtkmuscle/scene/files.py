@@ -1,4 +1,4 @@
-"""The files of a scene: its own, and those that it refers to."""
+"""The scene file and the files named in it."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ T = TypeVar("T")
 
 
 def parsed(path: Path) -> dict[str, Any]:
-    """Return the content of a scene.toml; raise a SceneError where it cannot be read."""
+    """Return the content of a scene.toml; SceneError if unreadable."""
     if path.is_dir():
         remedy = f"give its scene file, e.g. {path / 'scene.toml'}"
         raise SceneError("this is a folder, not a scene file", "", remedy, path)
@@ -36,16 +36,16 @@ def parsed(path: Path) -> dict[str, Any]:
 
 
 class SceneFiles:
-    """The paths of a scene's files by dotted key, its own file by ``""``.
+    """Paths of a scene's files by dotted key.
 
-    A text in the scene is a path relative to the folder of its own file.
+    Texts in the scene are paths relative to the folder of the scene file.
     """
 
     def __init__(self, path: Path) -> None:
         self.paths = {"": path}
 
     def read(self, key: str, text: str, reader: Callable[[Path], T]) -> T:
-        """Read the file of a key by a reader; raise a SceneError if it cannot be read."""
+        """Read the file of a key by a reader; SceneError if unreadable."""
         path = self.paths[""].parent / text
         self.paths[key] = path
         with errors_at(key, path, f"check {key.rpartition('.')[2]} = {text!r} and the file it names"):

@@ -1,4 +1,4 @@
-"""The tables of a scene's joints, of an OpenSim model in place of joints, and of Hill's parameters."""
+"""Tables of joints, of an OpenSim model, and of Hill's parameters."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from pydantic import AfterValidator, BeforeValidator, Field, FiniteFloat, model_
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.words import quoted
-from vtkmuscle.scene.schema_types import Direction, OneOf, Positive, Table, Text, Triple, key
+from vtkmuscle.scene.schema_types import Direction, OneOf, Positive, SchemaTable, Text, Triple, key
 
-#: Kinds of joints, and the number of coordinates of each; None for a custom joint, which has any number.
+#: Coordinates of each kind of joint; None for any number.
 JOINT_KINDS = {"pin": 1, "ball": 3, "weld": 0, "custom": None}
 
 
@@ -21,7 +21,7 @@ def _ascending(ends: list[float]) -> list[float]:
 
 
 def names_or_tables(value: Any) -> Any:
-    """Return a list of names as a mapping of each to an empty table, anything else as it is."""
+    """Return a list of names as a mapping to empty tables."""
     if isinstance(value, list) and all(isinstance(name, str) and name for name in value):
         return {name: {} for name in value}
     if not isinstance(value, dict):
@@ -34,7 +34,7 @@ _Numbers = Annotated[list[FiniteFloat], Field(min_length=1)]
 _Range = Annotated[list[FiniteFloat], Field(min_length=2, max_length=2), AfterValidator(_ascending)]
 
 
-class Knots(Table):
+class KnotsTable(SchemaTable):
     """Knots of a function."""
 
     x: _Numbers = key([0.0, 60.0, 120.0], ...)
@@ -43,29 +43,29 @@ class Knots(Table):
     """Values of the function, one for each x."""
 
 
-class Function(Table):
-    """A function of a coordinate: one of these keys."""
+class Function(SchemaTable):
+    """A function of a coordinate, by a single key."""
 
     polynomial: _Numbers | None = key([0.5, 0.0])
     """Coefficients of a polynomial, highest power first: [0.5, 0] is half the coordinate."""
-    spline: Knots | None = None
+    spline: KnotsTable | None = None
     """A cubic spline through knots { x = [...], y = [...] }, straight beyond them: OpenSim's SimmSpline."""
-    piecewise: Knots | None = None
+    piecewise: KnotsTable | None = None
     """Straight lines through knots."""
 
 
 class JointCoordinateTable(Function):
-    """A coordinate of a joint. With a function it follows another coordinate."""
+    """A coordinate of a joint; with a function it follows another coordinate."""
 
     range: _Range | None = key([0.0, 120.0])
     """Least and largest value: a motion beyond them gives a warning."""
     rest: FiniteFloat = key(0.0, 0.0)
-    """Its value in the rest pose."""
+    """Value in the rest pose."""
     positive: Text | None = key("flexion")
     """The positive direction, in words."""
     follows: Text | None = key("knee_angle")
-    """Another coordinate that this one is a function of, as a patella's is of the knee's; polynomial, spline
-    or piecewise gives the function."""
+    """The independent coordinate, e.g. the knee's for a patella; polynomial, spline or piecewise gives the
+    function."""
 
 
 class Axis(Function):
@@ -74,22 +74,22 @@ class Axis(Function):
     axis: Direction = key([1.0, 0.0, 0.0], ...)
     """Direction, of any length; rotations are right-handed about it."""
     coordinate: Text | None = key("knee_angle")
-    """The coordinate that it depends on."""
+    """The independent coordinate."""
     constant: FiniteFloat | None = key(0.0)
-    """Its value, where it depends on no coordinate."""
+    """Value without a coordinate."""
 
 
 _Axes = Annotated[list[Axis], Field(max_length=3)]
 
 
-class JointTable(Table):
-    """How a bone moves relative to another one."""
+class JointTable(SchemaTable):
+    """A joint between two bones."""
 
     parent: Text = key("femur", ...)
-    """The bone that the joint hangs on."""
+    """The fixed bone of the joint."""
     child: Text = key("tibia", ...)
-    """The bone that it moves. Each bone is the child of one joint at most; a bone without a joint stays where
-    it is. Between two joints there may be a body that is no bone of the scene."""
+    """The moving bone. A bone is the child of at most one joint; a bone without a joint does not move. A body
+    between two joints need not be a bone of the scene."""
     type: Annotated[str, OneOf(JOINT_KINDS)] = key("pin", ...)
     """pin turns about one axis; ball about three, each carried by those before it; weld does not move; custom
     has rotations and translations."""
@@ -114,8 +114,8 @@ class JointTable(Table):
     """Of a custom joint, along axes of the parent, three at most, likewise [the scene's unit]."""
 
 
-class OpenSimTable(Table):
-    """An OpenSim model that has the joints."""
+class OpenSimTable(SchemaTable):
+    """An OpenSim model with the scene's joints."""
 
     model: Text = key("leg.osim", ...)
     """An .osim file, of version 3 or 4. OpenSim itself is not needed."""
@@ -124,17 +124,17 @@ class OpenSimTable(Table):
     frame: Text | None = key("pelvis")
     """The body whose frame is the scene's, in the rest pose. Default: the ground."""
     fixed: Text | None = key("pelvis")
-    """The body that stays where it is; all others move relative to it. Default: the ground."""
+    """The fixed body; motion is relative to the fixed body. Default: the ground."""
     rest: dict[str, FiniteFloat] | None = None
     """Coordinates in the rest pose, { hip_flexion_r = 1.576 }, in degrees or metres. The others have their
     default value."""
 
 
-class Hill(Table):
+class Hill(SchemaTable):
     """Hill's parameters of a muscle, for exports; a run uses two lengths for its architecture."""
 
     optimal_fibre_length: Positive | None = key(110.0)
-    """Length of the fibres at which they are strongest, in ``units``."""
+    """Fibre length of largest force, in ``units``."""
     tendon_slack_length: Positive | None = key(310.0)
     """Length of the tendon without force, in ``units``."""
     sarcomere_length: Positive | None = key(2.6)

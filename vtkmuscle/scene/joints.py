@@ -1,4 +1,4 @@
-"""The joints of a scene as a kinematic tree, and the motion that coordinates give its bones."""
+"""A scene's joints as a kinematic tree."""
 
 from __future__ import annotations
 
@@ -25,19 +25,19 @@ from vtkmuscle.scene.files import SceneFiles
 from vtkmuscle.scene.joint_schema import Axis, Function, JointTable, OpenSimTable
 from vtkmuscle.scene.schema import MOST_FRAMES, SceneTable
 
-#: The body that all bones without a joint are fixed to.
+#: Body of bones without a joint.
 GROUND = "ground"
 _DEGREE = pi / 180.0
-#: Half of the step by which it is found how a coordinate moves bones [rad, or its unit]: central differences
-#: of sines err by a sixth of its square, and rounding of positions by a millionth of that of lengths.
+#: Half step of central differences for twists [rad, or the coordinate's unit]: the truncation error of a sine
+#: is a sixth of the square, 2e-9, and the rounding error about 1e-12 of lengths.
 _STEP = 1e-4
 
 
 @dataclass(frozen=True, eq=False)
 class SceneJoints:
-    """The joints of a scene: a tree in its unit of length, at rest where the bones are, and each bone's body.
+    """A scene's kinematic tree, and the body of each bone.
 
-    ``frame`` is the body whose frame at rest is the scene's, ``fixed`` the one that stays where it is.
+    ``frame`` is the body with the scene's frame at rest, ``fixed`` the body that does not move.
     """
 
     tree: KinematicTree
@@ -46,11 +46,11 @@ class SceneJoints:
     fixed: str
 
     def crossed(self, bones: Iterable[str]) -> tuple[str, ...]:
-        """Return the free coordinates that move some bones against each other."""
+        """Return the free coordinates that move bones relative to each other."""
         return self.tree.crossed([self.bodies[bone] for bone in bones])
 
     def motion(self, table: SceneTable, files: SceneFiles) -> RigidMotion:
-        """Return the motion that a scene's file or grid of coordinates gives its bones."""
+        """Return the bones' motion by the scene's file or grid of coordinates."""
         times, values = coordinate_values(table, self.tree, files)
         key = _key(table)
         _warn_of_ranges(values, self.tree, key, files)
@@ -65,10 +65,10 @@ class SceneJoints:
     def motion_of(
         self, times: Floats, values: Mapping[str, Floats], coordinates: Sequence[str] | None = None
     ) -> RigidMotion:
-        """Return how the bones that move do so, from rest to values (f,) of coordinates at times (f,).
+        """Return the motion of bones for coordinate values (f,) at times (f,).
 
-        Moment arms are by the coordinates given here; by default by all those among the values that move a
-        bone against another one, or against the fixed body. The motion's angles are in degrees.
+        Moment arms are defined for `coordinates`; by default for all coordinates with values that move a bone
+        relative to another bone or the fixed body. Angles of the motion are in degrees.
         """
         tree = self.tree
         free = tree.crossed([*self.bodies.values(), self.fixed])
@@ -103,24 +103,24 @@ class SceneJoints:
         own = {name: full[name] for name in tree.free}
 
         def twists(name: str, factor: float) -> dict[str, Floats] | None:
-            """Return how a coordinate moves each bone, per radian or millimetre, of which it has `factor`."""
+            """Return each bone's twist per radian or millimetre."""
             if name not in own:
                 return None
             low, high = (moved({**own, name: own[name] + step}) for step in (-_STEP, _STEP))
             step = 2.0 * _STEP * factor
             return {bone: screws(high[bone] @ inverses(low[bone])) / step for bone in self.bodies}
 
-        found = {
-            name: Coordinate(np.degrees(full[name]), "deg", one.positive, twists(name, 1.0))
-            if one.is_angle
-            else Coordinate(full[name], one.unit, one.positive, twists(name, TRANSLATIONS[one.unit]))
-            for name, one in kinds.items()
+        coordinates_of_motion = {
+            name: Coordinate(np.degrees(full[name]), "deg", kind.positive, twists(name, 1.0))
+            if kind.is_angle
+            else Coordinate(full[name], kind.unit, kind.positive, twists(name, TRANSLATIONS[kind.unit]))
+            for name, kind in kinds.items()
         }
-        return RigidMotion(times, transforms, centres, found)
+        return RigidMotion(times, transforms, centres, coordinates_of_motion)
 
 
 def joints_in(table: SceneTable, files: SceneFiles) -> SceneJoints:
-    """Return the joints of a scene that has some; SceneError if they are no tree."""
+    """Return a scene's joints; SceneError if the joints form no tree."""
     if table.opensim is not None:
         return _of_opensim(table.opensim, table, files)
     hung = {joint.child for joint in table.joints.values()}
@@ -131,14 +131,14 @@ def joints_in(table: SceneTable, files: SceneFiles) -> SceneJoints:
     factors = _factors(table.joints)
     for name, joint in table.joints.items():
         with errors_at(f"joints.{name}", files.paths[""], "correct it"):
-            for own, one in (joint.coordinates or {}).items():
+            for own, entry in (joint.coordinates or {}).items():
                 unit = table.units if factors[own] == 1.0 else "rad"
-                limits = None if one.range is None else (one.range[0], one.range[1])
-                coordinate = JointCoordinate(own, unit, one.rest, limits, one.positive or "")
+                limits = None if entry.range is None else (entry.range[0], entry.range[1])
+                coordinate = JointCoordinate(own, unit, entry.rest, limits, entry.positive or "")
                 coordinates.append(coordinate.scaled(factors[own]))
-                if one.follows is not None:
-                    function = _function(one).rescaled(factors[one.follows], factors[own])
-                    couplings.append(Coupling(own, one.follows, function))
+                if entry.follows is not None:
+                    function = _function(entry).rescaled(factors[entry.follows], factors[own])
+                    couplings.append(Coupling(own, entry.follows, function))
             joints.append(_joint(name, joint, factors))
     with errors_at("joints", files.paths[""], "correct it"):
         tree = KinematicTree(GROUND, joints, coordinates, couplings)
@@ -148,15 +148,15 @@ def joints_in(table: SceneTable, files: SceneFiles) -> SceneJoints:
 def coordinate_values(
     table: SceneTable, tree: KinematicTree, files: SceneFiles
 ) -> tuple[Floats, dict[str, Floats]]:
-    """Return the times (f,) of a scene's motion, and the values (f,) of the coordinates that it gives."""
+    """Return times (f,) and coordinate values (f,) of a scene's motion."""
     motion, key = table.motion, _key(table)
     if motion.file is not None:
-        found = files.read(key, motion.file, read_motion_file)
+        table_of_file = files.read(key, motion.file, read_motion_file)
         rows = slice(None, None, motion.every)
-        given = files.read(key, motion.file, lambda _: found.values(tree))
-        return found.times[rows], {name: column[rows] for name, column in given.items()}
+        columns = files.read(key, motion.file, lambda _: table_of_file.values(tree))
+        return table_of_file.times[rows], {name: column[rows] for name, column in columns.items()}
     where = files.paths[""]
-    grid = {name: steps_of(*three) for name, three in (motion.grid or {}).items()}
+    grid = {name: steps_of(*steps) for name, steps in (motion.grid or {}).items()}
     for name in grid:
         with errors_at(f"{key}.{name}", where):
             tree.coordinate(name)
@@ -164,7 +164,7 @@ def coordinate_values(
             raise SceneError(
                 f"the coordinate {name!r} follows another one", f"{key}.{name}", "leave it out", where
             )
-    count = int(np.prod([len(one) for one in grid.values()]))
+    count = int(np.prod([len(column) for column in grid.values()]))
     if count > MOST_FRAMES:
         raise SceneError(f"the grid has {count} poses", key, "choose larger steps", where)
     values = grid_of({name: column * _unit(tree, name) for name, column in grid.items()})
@@ -177,12 +177,12 @@ def _key(table: SceneTable) -> str:
 
 
 def _unit(tree: KinematicTree, coordinate: str) -> float:
-    """Return the unit of a coordinate in a scene, a degree or 1, in that of the tree."""
+    """Return the scene's unit of a coordinate in the tree's unit."""
     return _DEGREE if tree.coordinate(coordinate).is_angle else 1.0
 
 
 def _warn_of_ranges(values: Mapping[str, Floats], tree: KinematicTree, key: str, files: SceneFiles) -> None:
-    """Warn where a motion goes beyond the range of a coordinate."""
+    """Warn about a motion beyond a coordinate's range."""
     for name, column in values.items():
         limits = tree.coordinate(name).range
         if limits is None or name not in tree.free:
@@ -199,15 +199,15 @@ def _warn_of_ranges(values: Mapping[str, Floats], tree: KinematicTree, key: str,
 def _of_opensim(table: OpenSimTable, scene: SceneTable, files: SceneFiles) -> SceneJoints:
     tree = files.read("opensim.model", table.model, read_tree)
     where = files.paths[""]
-    given = table.bodies or {}
-    bodies = {bone: given.get(bone, bone) for bone in scene.bones}
+    body_names = table.bodies or {}
+    bodies = {bone: body_names.get(bone, bone) for bone in scene.bones}
     frame, fixed = table.frame or tree.root, table.fixed or tree.root
-    for bone in given:
+    for bone in body_names:
         if bone not in scene.bones:
             raise SceneError(f"there is no bone {bone!r}", f"opensim.bodies.{bone}", "", where)
     with errors_at("opensim.rest", where):
         rest = {name: value * _unit(tree, name) for name, value in (table.rest or {}).items()}
-    coordinates = [replace(one, rest=rest.get(one.name, one.rest)) for one in tree.coordinates]
+    coordinates = [replace(old, rest=rest.get(old.name, old.rest)) for old in tree.coordinates]
     named = {f"bodies.{bone}": body for bone, body in bodies.items()} | {"frame": frame, "fixed": fixed}
     for key, body in named.items():
         if body not in tree.bodies:
@@ -218,7 +218,7 @@ def _of_opensim(table: OpenSimTable, scene: SceneTable, files: SceneFiles) -> Sc
 
 
 def _factors(joints: Mapping[str, JointTable]) -> dict[str, float]:
-    """Return radians per degree for each coordinate that is an angle, 1 for one that slides alone."""
+    """Return radians per degree for angles, 1 for pure translations."""
     factors: dict[str, float] = {}
     for joint in joints.values():
         turns = {axis.coordinate for axis in joint.rotations or []}
@@ -233,7 +233,7 @@ def _joint(name: str, joint: JointTable, factors: Mapping[str, float]) -> Joint:
     rotations: list[JointAxis] = []
     if joint.type in ("pin", "ball"):
         axes = [joint.axis] if joint.type == "pin" else joint.axes or np.eye(3)
-        rotations = [JointAxis(np.array(axis), IDENTITY, one) for axis, one in zip(axes, names, strict=True)]
+        rotations = [JointAxis(np.array(axis), IDENTITY, own) for axis, own in zip(axes, names, strict=True)]
     rotations += [_axis(axis, factors, _DEGREE) for axis in joint.rotations or []]
     translations = [_axis(axis, factors, 1.0) for axis in joint.translations or []]
     return Joint(name, joint.parent, joint.child, rotations, translations, frame, frame, joint.type)
@@ -255,9 +255,9 @@ def _function(table: Function) -> CoordinateFunction:
 
 
 def _at_rest(tree: KinematicTree) -> KinematicTree:
-    """Return a tree whose bodies' frames are all the scene's frame where its coordinates are at rest.
+    """Return a tree whose body frames equal the scene's frame at rest.
 
-    The axes of a joint go through its centre there, so what it slides is counted from rest.
+    The axes of a joint pass through its centre at rest, so translations are counted from rest.
     """
     full = tree.completed({})
     joints = []

@@ -1,4 +1,4 @@
-"""The other side of the body: a scene mirrored along an axis."""
+"""Mirrored scenes, for the other side of the body."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from vtkmuscle.scene.data import Muscle
 
 
 def mirrored_fields(fields: dict[str, Any], axis: str) -> dict[str, Any]:
-    """Return the fields of a scene, mirrored along the axis ``"x"``, ``"y"`` or ``"z"`` of its frame."""
+    """Return a scene's fields mirrored along ``"x"``, ``"y"`` or ``"z"``."""
     signs = np.where(np.array(list("xyz")) == axis, -1.0, 1.0)
     return fields | {
         "bones": {name: mirrored_surface(bone, signs) for name, bone in fields["bones"].items()},
@@ -27,7 +27,7 @@ def mirrored_fields(fields: dict[str, Any], axis: str) -> dict[str, Any]:
 
 
 def turned_over(surface: vtkPolyData) -> vtkPolyData:
-    """Return a surface whose triangles face the other side."""
+    """Return a surface with reversed triangles."""
     reverse = vtkReverseSense()
     reverse.SetInputData(surface)
     reverse.Update()
@@ -36,20 +36,20 @@ def turned_over(surface: vtkPolyData) -> vtkPolyData:
 
 
 def mirrored_surface(surface: vtkPolyData, signs: Floats) -> vtkPolyData:
-    """Return a surface with its points times signs (3,), and its triangles facing the same side."""
+    """Return a surface with points times signs (3,), same outward side."""
     return turned_over(with_points(surface, points_of(surface) * signs))
 
 
 def mirrored_motion(motion: RigidMotion, signs: Floats) -> RigidMotion:
-    """Return the motion of mirrored bones; the values of its coordinates stay."""
+    """Return the motion of mirrored bones; coordinate values stay."""
     both = np.append(signs, 1.0)
     centre = motion.centre
     if isinstance(centre, Mapping):
-        centre = {bone: one * signs for bone, one in centre.items()}
+        centre = {bone: point * signs for bone, point in centre.items()}
     elif centre is not None:
         centre = centre * signs
     transforms = {bone: both[:, None] * table * both for bone, table in motion.transforms.items()}
-    coordinates = {name: one.carried(np.diag(both)) for name, one in motion.coordinates.items()}
+    coordinates = {name: old.carried(np.diag(both)) for name, old in motion.coordinates.items()}
     return RigidMotion(motion.times, transforms, centre, coordinates)
 
 
@@ -62,8 +62,8 @@ def _muscle(muscle: Muscle, signs: Floats) -> Muscle:
             replace(area, landmarks=np.asarray(area.landmarks) * signs) for area in muscle.attachments
         ),
         aponeuroses=tuple(
-            replace(one, points=one.points * signs, triangles=one.triangles[:, ::-1])
-            for one in muscle.aponeuroses
+            replace(sheet, points=sheet.points * signs, triangles=sheet.triangles[:, ::-1])
+            for sheet in muscle.aponeuroses
         ),
         superficial_fibres=None if lines is None else with_points(lines, points_of(lines) * signs),
     )

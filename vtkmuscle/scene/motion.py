@@ -1,4 +1,4 @@
-"""The motion of a scene, from its table and its files."""
+"""A scene's motion, from its table and files."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 def joints_of(scene: SceneTable, files: SceneFiles) -> SceneJoints | None:
-    """Return the joints of a scene, None where it has none; raise a SceneError for a fault in them."""
+    """Return a scene's joints, None without joints; SceneError for faults."""
     if scene.opensim is None and not scene.joints:
         return None
     from vtkmuscle.scene.joints import joints_in  # noqa: PLC0415 -- only scenes with joints need it
@@ -32,7 +32,7 @@ def joints_of(scene: SceneTable, files: SceneFiles) -> SceneJoints | None:
 
 
 def motion_from(scene: SceneTable, files: SceneFiles, joints: SceneJoints | None) -> RigidMotion:
-    """Return the motion of a scene; raise a SceneError where a file cannot be read, or tables disagree."""
+    """Return a scene's motion; SceneError for unreadable or inconsistent tables."""
     table = scene.motion
     if joints is not None:
         return joints.motion(scene, files)
@@ -40,7 +40,7 @@ def motion_from(scene: SceneTable, files: SceneFiles, joints: SceneJoints | None
         return hinge(turn.bone, turn.centre, turn.axis, steps_of(*turn.angles), coordinate=turn.coordinate)
     columns = None
     if table.coordinates is not None:
-        columns = {name: one.model_dump(exclude_unset=True) for name, one in table.coordinates.items()}
+        columns = {name: kind.model_dump(exclude_unset=True) for name, kind in table.coordinates.items()}
     centres, transforms = table.centre or {}, table.transforms or {}
     if ALONE in transforms:
         bone = str(table.bone)
@@ -53,15 +53,15 @@ def motion_from(scene: SceneTable, files: SceneFiles, joints: SceneJoints | None
 def _of_several(
     table: Motion, columns: Mapping[str, Mapping[str, str]] | None, files: SceneFiles
 ) -> RigidMotion:
-    """Return the motion of several bones, each with a table, which has some of the columns."""
+    """Return the motion of bones with a table each."""
     motions: list[RigidMotion] = []
     seen: set[str] = set()
     centres, scene, faults = table.centre or {}, files.paths[""], Faults()
 
     def read(path: Path, bone: str) -> RigidMotion:
-        found = motion_columns(path)
-        seen.update(found)
-        own = columns and {name: kind for name, kind in columns.items() if name in found}
+        present = motion_columns(path)
+        seen.update(present)
+        own = columns and {name: kind for name, kind in columns.items() if name in present}
         centre = centres.get(ALONE, centres.get(bone))
         return read_motion_table(path, bone, time=table.time, centre=centre, coordinates=own)
 
@@ -82,6 +82,6 @@ def _of_several(
     if missing := sorted(set(columns or ()) - seen):
         problem = f"no table has the column {missing[0]!r}"
         raise SceneError(problem, "motion.coordinates", suggestion(missing[0], sorted(seen)), scene)
-    moving = {bone: one for motion in motions for bone, one in motion.transforms.items()}
+    moving = {bone: poses for motion in motions for bone, poses in motion.transforms.items()}
     centre = {bone: motion.centre_of(bone) for motion in motions for bone in motion.transforms}
     return RigidMotion(motions[0].times, moving, centre if centres else None, coordinates)

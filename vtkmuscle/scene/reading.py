@@ -1,4 +1,4 @@
-"""Read a scene.toml and its files; :mod:`vtkmuscle.scene.schema` has its keys."""
+"""Read a scene.toml and its files; :mod:`vtkmuscle.scene.schema` has the keys."""
 
 from __future__ import annotations
 
@@ -36,16 +36,16 @@ from vtkmuscle.scene.motion import joints_of, motion_from
 from vtkmuscle.scene.schema import Aponeuroses, Area, Estimate, SceneTable
 from vtkmuscle.scene.validation import validated
 
-#: Landmarks look like a ring where the last is next to the first, in units of the widest gap between others,
-#: and 4 pi area / length^2 is more than the second. Curves of real muscles have over 2.4, or under 0.06.
+#: Landmarks look like a ring if the closing gap is below the first number, in widest gaps, and if
+#: 4 pi area / length^2 exceeds the second. Open curves of real muscles have over 2.4, or under 0.06.
 NEXT_TO, ROUND = 1.5, 0.15
 
 
 def read_fields(path: Path, values: Mapping[str, Any] | None = None) -> dict[str, Any]:
-    """Return the fields of the scene in a scene.toml; see :meth:`vtkmuscle.Scene.load`.
+    """Return the fields of a scene.toml; see :meth:`vtkmuscle.Scene.load`.
 
-    Where ``values`` are given, they replace the content of the file. First every key is checked, then every
-    file is read; each step reports all its faults together. The surfaces are checked when the scene is made.
+    ``values`` replace the content of the file. First all keys are checked, then all files are read; each step
+    reports its faults together. The scene's constructor checks the surfaces.
     """
     table = validated(parsed(path) if values is None else values, path)
     files, faults = SceneFiles(path), Faults()
@@ -81,7 +81,7 @@ def read_fields(path: Path, values: Mapping[str, Any] | None = None) -> dict[str
 
 
 def read_motion(path: Path) -> RigidMotion:
-    """Read the motion of a scene.toml, without its surfaces; raise a SceneError for any fault."""
+    """Read the motion of a scene.toml without surfaces; SceneError for faults."""
     table, files = validated(parsed(path), path), SceneFiles(path)
     return motion_from(table, files, joints_of(table, files))
 
@@ -96,7 +96,7 @@ def _muscle(
 ) -> Muscle:
     """Read the files of a muscle.
 
-    The motion is None where it could not be read; ``crossed`` gives the coordinates of joints between bones.
+    The motion is None if unreadable; ``crossed`` returns the coordinates of joints between bones.
     """
     key, table, faults = f"muscles.{name}", scene.muscles[name], Faults()
     fibres = None if table.fibres is None else table.fibres.given()
@@ -134,11 +134,10 @@ def _muscle(
             fields["literature"] = _literature(f"{key}.literature", name, table.literature, files)
     if table.crosses is not None:
         fields["crosses"] = tuple(table.crosses)
-        known = table.crosses if motion is None else motion.coordinates
-        for one in (one for one in table.crosses if one not in known):
-            problem = f"the motion has no coordinate {one!r}"
-            error = SceneError(problem, f"{key}.crosses", suggestion(one, known), files.paths[""])
-            faults.found.append(error)
+        coordinates = table.crosses if motion is None else motion.coordinates
+        for missing in (name for name in table.crosses if name not in coordinates):
+            problem, remedy = f"the motion has no coordinate {missing!r}", suggestion(missing, coordinates)
+            faults.errors.append(SceneError(problem, f"{key}.crosses", remedy, files.paths[""]))
     faults.raise_any()
     if crossed is not None and table.crosses is None:
         fields["crosses"] = crossed(area.bone for area in fields["attachments"])
@@ -164,7 +163,7 @@ def _areas(
 
 
 def _goes_round(landmarks: Floats) -> bool:
-    """Return whether the last landmark is beside the first, and the landmarks enclose an area."""
+    """Return whether landmarks nearly close and enclose an area."""
     if len(landmarks) < 4:
         return False
     gaps = np.linalg.norm(np.diff(landmarks, axis=0, append=landmarks[:1]), axis=1)
@@ -186,7 +185,7 @@ def _aponeuroses(
 
 
 def _literature(key: str, muscle: str, text: str, files: SceneFiles) -> tuple[LiteratureCurve, ...]:
-    """Return the published moment arms of a muscle: those of its name in a file."""
+    """Return the published moment arms of a muscle in a file."""
     curves = files.read(key, text, read_literature)
     own = curves_for(curves, muscle=muscle)
     if not own:
@@ -204,10 +203,10 @@ def _estimated(
     *,
     within: float,
 ) -> list[AttachmentArea]:
-    """Return estimated attachments; of two bones that are not named the moving one has the insertion."""
+    """Return estimated attachments; by default the insertion is on the moving bone."""
     origin, insertion = named or (None, None)
     bodies: dict[bytes, list[str]] = {}
-    for bone in bones:  # those without transforms stay where they are
+    for bone in bones:  # bones without transforms do not move
         bodies.setdefault(motion.transforms.get(bone, motion.times[:0]).tobytes(), []).append(bone)
     areas = estimated_areas(
         surface, bones, within=within, origin=origin, insertion=insertion, bodies=[*bodies.values()]

@@ -1,4 +1,4 @@
-"""The tables of a scene file as pydantic models; :mod:`vtkmuscle.scene.validation` checks a file by them."""
+"""Tables of a scene file as pydantic models, used by :mod:`vtkmuscle.scene.validation`."""
 
 from __future__ import annotations
 
@@ -22,18 +22,18 @@ from vtkmuscle.scene.schema_types import (
     Name,
     OneOf,
     Paths,
+    SchemaTable,
     Solver,
-    Table,
     Text,
     Triple,
     key,
 )
 
-#: The text in place of a muscle's attachments that has them estimated.
+#: Text in place of attachments, for estimates.
 ESTIMATE = "estimate"
-#: The bone of a motion's only table of transforms; the key ``bone`` names it.
+#: Bone of a single table of transforms; the key ``bone`` has the name.
 ALONE = ""
-#: A motion of more frames is taken for a mistake in its step.
+#: Largest number of frames of a motion; more indicate a wrong step.
 MOST_FRAMES = 10_000
 
 
@@ -56,7 +56,7 @@ def _list_or_estimate(value: Any, handler: Callable[[Any], Any]) -> Any:
         return Estimate()
     if isinstance(value, dict):
         named = value.get(ESTIMATE)
-        bones = [one for one in named if isinstance(one, str)] if isinstance(named, list) else []
+        bones = [bone for bone in named if isinstance(bone, str)] if isinstance(named, list) else []
         if len(bones) != 2 or named != bones or len(value) > 1:
             remedy = 'write { estimate = ["BONE OF THE ORIGIN", "BONE OF THE INSERTION"] }'
             raise InputError("", f"must name two bones, not {quoted(value)}", remedy)
@@ -68,10 +68,10 @@ def _list_or_estimate(value: Any, handler: Callable[[Any], Any]) -> Any:
 
 
 _Steps = Annotated[Triple, AfterValidator(_steps)]
-_Texts = Annotated[list[Text], BeforeValidator(lambda one: [one] if isinstance(one, str) else one)]
+_Texts = Annotated[list[Text], BeforeValidator(lambda value: [value] if isinstance(value, str) else value)]
 
 
-class Bone(Table):
+class BoneTable(SchemaTable):
     """A bone."""
 
     surface: Text = key("FILE.vtp", ...)
@@ -79,7 +79,7 @@ class Bone(Table):
     bone, holes are closed, with a warning."""
 
 
-class Coordinate(Table):
+class ColumnTable(SchemaTable):
     """A column of a table of transforms that is a joint coordinate."""
 
     unit: Annotated[str, OneOf((*ANGLES, *TRANSLATIONS))] = key("deg", "deg")
@@ -88,7 +88,7 @@ class Coordinate(Table):
     """The positive direction, in words."""
 
 
-class Hinge(Table):
+class Hinge(SchemaTable):
     """A bone that turns about an axis."""
 
     bone: Text = key("NAME", ...)
@@ -104,7 +104,7 @@ class Hinge(Table):
     """Name of the angle, for moment arms. Default: BONE_angle."""
 
 
-class Motion(Table):
+class Motion(SchemaTable):
     """How the bones move: coordinates of joints, a table of transforms, or a hinge."""
 
     file: Text | None = key("walk.mot")
@@ -130,7 +130,7 @@ class Motion(Table):
     Default: rows are numbered from 0."""
     centre: Annotated[dict[str, Triple], BeforeValidator(_by_bone)] | None = key([0.0, 0.0, 0.0])
     """The joint's centre in the rest pose, for poses between two rows; or a table of centres by bone."""
-    coordinates: Annotated[dict[str, Coordinate], BeforeValidator(names_or_tables)] | None = None
+    coordinates: Annotated[dict[str, ColumnTable], BeforeValidator(names_or_tables)] | None = None
     """The columns that are joint coordinates, for moment arms: ['hip_flexion_r'], in degrees, or {
     hip_flexion_r = { unit = 'deg', positive = 'flexion' } }, with a unit (deg, rad, mm, cm or m) and the
     positive direction in words. Columns that do not change are left out. Default: the column of the time,
@@ -140,7 +140,7 @@ class Motion(Table):
     """A hinge, instead of all other keys."""
 
 
-class Area(Table):
+class Area(SchemaTable):
     """Where a muscle is attached, or a ring that it passes through."""
 
     role: Annotated[str, OneOf((*ROLES, VIA))] = key("origin", ...)
@@ -160,14 +160,14 @@ class Area(Table):
 
 
 class Estimate(list[Area]):
-    """Attachments to be estimated: no areas yet, but both bones, origin first, where they are named."""
+    """Attachments to be estimated, with both bones named, origin first, or none."""
 
     def __init__(self, *bones: str) -> None:
         super().__init__()
         self.bones = bones
 
 
-class Aponeuroses(Table):
+class Aponeuroses(SchemaTable):
     """The surfaces that a muscle's fibres end on, in place of the attachment areas."""
 
     proximal: Annotated[_Texts, Field(min_length=1)] = key("FILE.vtp", ...)
@@ -177,7 +177,7 @@ class Aponeuroses(Table):
     """Where they end."""
 
 
-class MuscleTable(Table):
+class MuscleTable(SchemaTable):
     """A muscle."""
 
     surface: Text = key("FILE.vtp", ...)
@@ -207,7 +207,7 @@ class MuscleTable(Table):
     """Hill's parameters, for exports: see `Hill's parameters`_."""
 
 
-class SceneTable(Table):
+class SceneTable(SchemaTable):
     """A scene for vtkmuscle: bones, muscles and a motion."""
 
     name: Name | None = key("hip")
@@ -227,7 +227,7 @@ class SceneTable(Table):
     muscle_contact: Annotated[str, OneOf(("off", "on", "measure"))] = key("on", "off")
     """on keeps each muscle out of those before it in the file, measure reports how deep it is in
     them."""
-    bones: dict[Name, Bone] = Field()
+    bones: dict[Name, BoneTable] = Field()
     """The bones, by name; at least one."""
     motion: Motion = Field()
     """How the bones move."""

@@ -1,4 +1,4 @@
-"""The kinds of values in a scene file: texts, names, numbers, one of some words, and settings of filters."""
+"""Value types of a scene file: texts, names, numbers, choices, filter settings."""
 
 from __future__ import annotations
 
@@ -30,24 +30,24 @@ from vtkmuscle.filters.taut_paths import TautPaths
 from vtkmuscle.pipelines import FIBRE_SETTINGS, TRANSPORT_SETTINGS
 
 
-class Table(BaseModel):
-    """A table of a scene file: strict types, no unknown keys; the text below a key says what it means."""
+class SchemaTable(BaseModel):
+    """A table of a scene file, with strict types."""
 
     model_config = ConfigDict(extra="forbid", strict=True, use_attribute_docstrings=True)
 
 
 def key(example: Any = None, default: Any = None) -> Any:
-    """Return a key of a table: an example for messages, and a default, ``...`` where the key is required."""
+    """Return a table's key with example and default."""
     return Field(default, examples=None if example is None else [example])
 
 
 class Settings(BaseModel):
-    """A table of settings of filters; only those that are given count."""
+    """A table of filter settings; only keys in the file count."""
 
     model_config = ConfigDict(extra="forbid")
 
     def given(self) -> dict[str, Any]:
-        """Return the settings that the table has."""
+        """Return the settings in the file."""
         return {
             name: getattr(self, name) for name in type(self).model_fields if name in self.model_fields_set
         }
@@ -81,18 +81,18 @@ else:
     Fibres = _settings("Fibres", FIBRE_SETTINGS | TRANSPORT_SETTINGS)
 
 
-#: Letters, digits, and a few signs that every file system takes.
+#: Letters, digits, and signs allowed by every file system.
 _NAME = re.compile(r"\w[\w .+-]*(?<![ .])")
-#: Windows allows no file of these names, whatever their suffix.
+#: Device names of Windows, forbidden with any suffix.
 _DEVICES = re.compile(r"(con|prn|aux|nul|com[0-9]|lpt[0-9])(\..*)?", re.IGNORECASE)
 #: Suffixes of results: a folder with such a name could collide with a file.
 _RESULTS = (".pvd", ".vtkhdf", ".vtp", ".csv", ".json", ".png", ".toml", ".html", ".partial")
-#: Bytes of a name: file systems allow 255, and suffixes need some of them.
+#: Bytes of a name: file systems allow 255 with suffixes.
 _LONGEST = 150
 
 
 def checked_name(name: str) -> str:
-    """Return the name of a scene, a bone or a muscle; raise an InputError if no file can have this name."""
+    """Return a name usable as a file name; InputError otherwise."""
     if not _NAME.fullmatch(name):
         remedy = "use only letters, digits, spaces and _ - + .; begin and end with a letter or digit"
         raise InputError("", f"{quoted(name)} cannot be part of a file name", remedy)
@@ -113,7 +113,7 @@ def _direction(axis: list[float]) -> list[float]:
 
 
 class OneOf:
-    """Marks a text that must be one of some words."""
+    """A text limited to some words."""
 
     def __init__(self, words: Iterable[str]) -> None:
         self.words = list(words)

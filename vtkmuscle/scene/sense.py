@@ -1,6 +1,6 @@
-"""Implausible scenes: reported before the run, as an error where the mistake is certain, else as a warning.
+"""Implausible scenes: certain mistakes are errors before the run, others warnings.
 
-The checks are listed in docs/reference/sense.rst.
+docs/reference/sense.rst lists the checks.
 """
 
 from __future__ import annotations
@@ -18,32 +18,32 @@ from vtkmuscle.core.mesh.surface import signed_volume
 from vtkmuscle.core.motion.rigid import apply_transform, inverse
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.attachments import ROLES, AttachmentArea
-from vtkmuscle.scene.data import MILLIMETRES, Anatomy, Muscle, SceneData, Surface
+from vtkmuscle.scene.data import MILLIMETRES, Anatomy, Muscle, RestSurface, SceneData
 from vtkmuscle.scene.faults import SceneError
 
-#: Plausible longest sides of all bones and muscles [mm]. The tallest person was 2720 mm. Ten times that
-#: length is certainly in another unit.
+#: Plausible longest sides of all bones and muscles [mm]: the tallest person was 2720 mm. Ten times the length
+#: is certainly in another unit.
 SHORTEST, LONGEST, SURE_LONGEST = 10.0, 3000.0, 30_000.0
-#: Largest plausible muscle [mm^3]: six times the largest ones of adults, gluteus maximus and vastus lateralis
-#: (Handsfield et al. 2014, doi:10.1016/j.jbiomech.2013.12.002).
+#: Largest plausible muscle [mm^3]: six times the largest muscles of adults, gluteus maximus and vastus
+#: lateralis (Handsfield et al. 2014, doi:10.1016/j.jbiomech.2013.12.002).
 LARGEST = 5e6
-#: Distance of landmarks from their bone, in the middle: they are not on it; and of all of them, if it exceeds
-#: the muscle's length too: they are another scene's [mm].
+#: Median distance of landmarks off their bone; least distance, also above the muscle's length, of landmarks
+#: from another scene [mm].
 FAR_LANDMARKS, LOST_LANDMARKS = 10.0, 300.0
-#: Landmarks are another bone's if they are this far from their own [mm], and nearer to the other by a factor.
+#: Landmarks belong to another bone at this distance from their own [mm], and closer to the other by a factor.
 OTHER_BONE, NEARER = 2.0, 2.0
-#: Length of the ring through landmarks, relative to the shortest one: probably, and certainly in wrong order.
+#: Length of a ring relative to the shortest order: probably, and certainly in wrong order.
 RING, SURE_RING = 1.05, 2.5
-#: 4 pi area / length^2 of a ring that encloses hardly anything; 1 for a circle.
+#: 4 pi area / length^2 of a ring with hardly any area; 1 for a circle.
 FLAT_RING = 0.01
-#: Area of a ring that crosses itself, relative to that of the shortest ring, at most.
+#: Largest area of a self-crossing ring, relative to the shortest ring's area.
 CROSSED_RING = 0.6
-#: Distance of a point from the middle, relative to the median of all: probably, and certainly wrong.
+#: Distance of a point from the centre, in median distances: probably, and certainly wrong.
 STRAY, SURE_STRAY = 30.0, 1000.0
-#: Distance from the origin, in sizes of the surface, at which double precision has lost its shape.
+#: Distance from the origin, in sizes of the surface, beyond double precision.
 LOST_PRECISION = 1e9
-#: An estimated attachment that is less sure may be on another bone: the muscle reaches that bone as well, but
-#: for this part of its length. On the right bones of 31 muscles the sureness is 0.12 or more.
+#: Least confidence of an estimated attachment: below, the muscle reaches another bone but for this part of
+#: its length. On the right bones of 31 muscles the confidence is 0.12 or more.
 SURE_ESTIMATE = 0.05
 #: Implausible depth of a muscle in a bone at rest [mm]: muscles and bones segmented from the same images
 #: overlap by up to 2.3 mm (LHDL hip). Also the least extent of a part of a bone within a muscle: a spur of
@@ -60,7 +60,7 @@ _MOST_LANDMARKS = 150
 
 
 class Finding(NamedTuple):
-    """An implausible part of a scene; ``certain`` where no useful result is possible."""
+    """An implausible part of a scene; ``certain`` stops runs."""
 
     key: str
     problem: str
@@ -69,7 +69,7 @@ class Finding(NamedTuple):
 
 
 def check_sense(scene: SceneData, anatomy: Anatomy | None = None) -> list[str]:
-    """Warn of each probable mistake in a scene, and return the warnings.
+    """Warn about each probable mistake in a scene, and return the warnings.
 
     Raises
     ------
@@ -77,8 +77,8 @@ def check_sense(scene: SceneData, anatomy: Anatomy | None = None) -> list[str]:
         For the first certain mistake.
     """
     messages = []
-    found = findings(scene, anatomy or Anatomy.of(scene))
-    for key, problem, remedy, certain in sorted(found, key=lambda finding: not finding.certain):
+    mistakes = findings(scene, anatomy or Anatomy.of(scene))
+    for key, problem, remedy, certain in sorted(mistakes, key=lambda finding: not finding.certain):
         error = SceneError(problem, key, remedy, scene.files.get(key, scene.files.get("")))
         if certain:
             raise error
@@ -88,7 +88,7 @@ def check_sense(scene: SceneData, anatomy: Anatomy | None = None) -> list[str]:
 
 
 def findings(scene: SceneData, anatomy: Anatomy) -> Iterator[Finding]:
-    """Give the implausible parts of a scene."""
+    """Yield the implausible parts of a scene."""
     strayed = list(_strays(scene.units, anatomy))
     yield from strayed
     if any(finding.certain for finding in strayed):
@@ -109,7 +109,7 @@ def findings(scene: SceneData, anatomy: Anatomy) -> Iterator[Finding]:
 
 
 def _strays(units: str, anatomy: Anatomy) -> Iterator[Finding]:
-    """Give surfaces with a point far from the others, and surfaces far from the origin."""
+    """Yield surfaces with a stray point, or far from the origin."""
     for key, surface in anatomy.surfaces.items():
         points = surface.points
         centre = np.median(points, axis=0)
@@ -121,7 +121,7 @@ def _strays(units: str, anatomy: Anatomy) -> Iterator[Finding]:
             point = int(np.argmax(away))
             ratio = farthest / typical
             problem = (
-                f"point {point} at {_place(points[point])} is {ratio:.3g} times as far off as most points"
+                f"point {point} at {_position(points[point])} is {ratio:.3g} times as far off as most points"
             )
             yield Finding(key, problem, "correct that point, or remove it", ratio > SURE_STRAY)
         if offset > LOST_PRECISION * farthest > 0.0:
@@ -129,7 +129,7 @@ def _strays(units: str, anatomy: Anatomy) -> Iterator[Finding]:
             yield Finding(key, problem, "move the scene to the origin", certain=True)
 
 
-def _place(point: Any) -> str:
+def _position(point: Any) -> str:
     return f"({', '.join(f'{value:.4g}' for value in point)})"
 
 
@@ -162,8 +162,8 @@ def _bones_without_inside(anatomy: Anatomy) -> Iterator[Finding]:
         yield Finding(f"bones.{name}.surface", problem, remedy)
 
 
-def _ring(key: str, area: AttachmentArea, muscle: Surface, units: str) -> Iterator[Finding]:
-    """Give implausible orders and positions of the landmarks of an area."""
+def _ring(key: str, area: AttachmentArea, muscle: RestSurface, units: str) -> Iterator[Finding]:
+    """Yield implausible orders and positions of an area's landmarks."""
     landmarks = np.asarray(area.landmarks, dtype=np.float64)
     size = float(np.linalg.norm(np.ptp(landmarks, axis=0)))
     if len(landmarks) > 1 and size <= 1e-9 * float(np.linalg.norm(np.ptp(muscle.points, axis=0))):
@@ -190,7 +190,7 @@ def _ring(key: str, area: AttachmentArea, muscle: Surface, units: str) -> Iterat
 
 
 def _estimates(name: str, muscle: Muscle) -> Iterator[Finding]:
-    """Give the first estimated attachment that may well be on another bone."""
+    """Yield the first estimated attachment that may be on another bone."""
     for area in muscle.attachments:
         if area.sureness is not None and area.sureness < SURE_ESTIMATE:
             problem = f"the {area.role} was estimated to be on {area.bone!r}, but is not sure"
@@ -200,12 +200,12 @@ def _estimates(name: str, muscle: Muscle) -> Iterator[Finding]:
 
 
 def _in_bones(millimetres: float, name: str, anatomy: Anatomy) -> Iterator[Finding]:
-    """Give bones that a muscle lies deep in at rest, or that lie deep in it."""
+    """Yield bones deep in a muscle at rest, or around a muscle."""
     muscle = anatomy.muscles[name]
     remedy = "move its surface or the bone's until they meet; only what is attached stays inside"
     for bone, surface in anatomy.bones.items():
         few = surface.points[:: 1 + len(surface.points) // _MOST_POINTS]
-        for one, other, points, solids, spread in (
+        for inner, outer, points, solids, spread in (
             ("it", f"the bone {bone!r}", muscle.points, surface.solids, 0.0),
             (f"the bone {bone!r}", "it", few, solids_of(*muscle), DEEP),
         ):
@@ -214,15 +214,15 @@ def _in_bones(millimetres: float, name: str, anatomy: Anatomy) -> Iterator[Findi
             depths[within] = millimetres * solids.depth(points[within])
             deep = points[depths > DEEP]
             if len(deep) and millimetres * np.linalg.norm(np.ptp(deep, axis=0)) >= spread:
-                where = _place(points[np.argmax(depths)])
-                problem = f"at rest {one} is up to {depths.max():.2g} mm deep in {other}, at {where}, "
+                where = _position(points[np.argmax(depths)])
+                problem = f"at rest {inner} is up to {depths.max():.2g} mm deep in {outer}, at {where}, "
                 problem += f"with {(depths > 0.0).mean():.0%} of its points"
                 yield Finding(f"muscles.{name}.surface", problem, remedy)
                 break
 
 
 def _on_bones(millimetres: float, name: str, muscle: Muscle, anatomy: Anatomy) -> Iterator[Finding]:
-    """Give landmarks that are not on the bone that they name."""
+    """Yield landmarks away from the bone named for them."""
     key = f"muscles.{name}.attachments"
     length = float(np.linalg.norm(np.ptp(anatomy.muscles[name].points, axis=0))) * millimetres
     areas = {number: area for number, area in enumerate(muscle.attachments) if area.role in ROLES}
@@ -232,7 +232,7 @@ def _on_bones(millimetres: float, name: str, muscle: Muscle, anatomy: Anatomy) -
             bone: millimetres * np.abs(surface.solids.distances(area.landmarks))
             for bone, surface in anatomy.bones.items()
         }
-        far = medians[number] = {bone: float(np.median(one)) for bone, one in away[number].items()}
+        far = medians[number] = {bone: float(np.median(gaps)) for bone, gaps in away[number].items()}
         other = min(far, key=far.__getitem__)
         if far[area.bone] > max(OTHER_BONE, NEARER * far[other]):
             nearest[number] = other
@@ -261,7 +261,7 @@ def _on_bones(millimetres: float, name: str, muscle: Muscle, anatomy: Anatomy) -
 
 
 def _jumps(scene: SceneData, bone: str) -> Iterator[Finding]:
-    """Give the largest turn of a bone, from rest to the first frame or from a frame to the next."""
+    """Yield the largest turn of a bone between consecutive frames."""
     poses = np.concatenate([np.eye(4)[None], scene.motion.transforms[bone]])
     angles = np.array([_angle(before, after) for before, after in pairwise(poses)])
     step = int(np.argmax(angles))
@@ -277,8 +277,8 @@ def _angle(before: Floats, after: Floats) -> float:
     return float(np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))))
 
 
-def _torn(scene: SceneData, name: str, muscle: Muscle, surface: Surface) -> Iterator[Finding]:
-    """Give a muscle whose areas come too far apart."""
+def _torn(scene: SceneData, name: str, muscle: Muscle, surface: RestSurface) -> Iterator[Finding]:
+    """Yield a muscle whose areas move too far apart."""
     middles = [(area.bone, np.asarray(area.landmarks).mean(axis=0)) for area in muscle.attachments]
     if len({bone for bone, _ in middles}) < 2:
         return
@@ -296,6 +296,6 @@ def _torn(scene: SceneData, name: str, muscle: Muscle, surface: Surface) -> Iter
 
 
 def _span(middles: list[tuple[str, Floats]], pose: dict[str, Floats]) -> float:
-    """Return the largest distance between the middles of two areas in a pose."""
+    """Return the largest distance between two areas' centroids in a pose."""
     moved = [apply_transform(pose.get(bone, np.eye(4)), middle[None])[0] for bone, middle in middles]
     return max(float(np.linalg.norm(a - b)) for a in moved for b in moved)

@@ -1,4 +1,4 @@
-"""Check the tables of a scene: each key by the schema, then the keys against each other."""
+"""Validation of scene tables: each key by the schema, then keys together."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from vtkmuscle.scene.schema import ALONE, ESTIMATE, Estimate, Motion, MuscleTabl
 from vtkmuscle.scene.schema_types import Settings
 from vtkmuscle.scene.writing import inline_toml
 
-#: Names that a run writes itself, beside those of the muscles.
+#: File names of a run besides the muscles' names.
 _RESERVED = ("bones", "figures", "finished", "scene")
 
 #: Remedies for missing tables.
@@ -38,27 +38,27 @@ _Fault = tuple[str, str, str]
 
 
 def validated(values: Mapping[str, Any], file: Path | None) -> SceneTable:
-    """Return the checked tables of a scene's file.
+    """Return the checked tables of a scene file.
 
     Raises
     ------
     SceneError
-        With a fault for each key that is unknown, missing, not allowed, or in conflict with others.
+        With a fault for each unknown, missing, forbidden or conflicting key.
     """
     try:
         table = SceneTable.model_validate(values)
     except ValidationError as error:
-        found = faults_in_words(error.errors(include_url=False))
+        faults = faults_in_words(error.errors(include_url=False))
     else:
-        found = _conflicts(table)
-    Faults(SceneError(problem, key, remedy, file) for key, problem, remedy in found).raise_any()
+        faults = _conflicts(table)
+    Faults(SceneError(problem, key, remedy, file) for key, problem, remedy in faults).raise_any()
     return table
 
 
 def faults_in_words(errors: list[ErrorDetails], root: type[BaseModel] = SceneTable) -> Iterator[_Fault]:
-    """Give key, problem and remedy of pydantic's errors in a file of a model: unknown keys first.
+    """Yield key, problem and remedy of pydantic's errors, unknown keys first.
 
-    A missing key is not reported where an unknown one looks like a misspelling of it.
+    A missing key is omitted if an unknown key looks like its misspelling.
     """
     unknown = {error["loc"] for error in errors if error["type"] == "extra_forbidden"}
     for error in sorted(errors, key=lambda error: len(error["loc"]) if error["loc"] in unknown else 99):
@@ -66,7 +66,7 @@ def faults_in_words(errors: list[ErrorDetails], root: type[BaseModel] = SceneTab
         table, name = _table_and_key(path, root)
         misspelt = (str(loc[-1]) for loc in unknown if list(loc[:-1]) == path[:-1])
         if error["type"] == "missing" and any(
-            suggestion(one, table.model_fields).startswith(f"did you mean {name!r}") for one in misspelt
+            suggestion(word, table.model_fields).startswith(f"did you mean {name!r}") for word in misspelt
         ):
             continue
         yield (_dotted(path), *_problem_and_remedy(error, table, name))
@@ -95,24 +95,24 @@ def _problem_and_remedy(error: ErrorDetails, table: type[BaseModel], name: str) 
 
 
 def _table_and_key(path: list[int | str], table: type[BaseModel]) -> tuple[type[BaseModel], str]:
-    """Return the model of the innermost table on a path, and the key in it that the path goes through."""
+    """Return the innermost model and key on a path."""
     name = str(path[0])
     field = table.model_fields.get(name)
     kinds = [] if field is None else list(_kinds(field.annotation))
-    inner = next((one for one in kinds if isinstance(one, type) and issubclass(one, BaseModel)), None)
+    inner = next((kind for kind in kinds if isinstance(kind, type) and issubclass(kind, BaseModel)), None)
     rest = path[2:] if dict in kinds or list in kinds else path[1:]  # without a table's name or number
     return (table, name) if inner is None or not rest else _table_and_key(rest, inner)
 
 
 def _kinds(annotation: Any) -> Iterator[Any]:
-    """Give the plain types in an annotation."""
+    """Yield the plain types in an annotation."""
     yield get_origin(annotation) or annotation
     for part in get_args(annotation):
         yield from _kinds(part)
 
 
 def _dotted(path: list[int | str]) -> str:
-    """Return a dotted key, with control characters escaped and long names shortened."""
+    """Return a dotted key with escaped control characters and short names."""
     key = ""
     for part in path:
         text = str(part) if str(part).isprintable() else ascii(part)[1:-1]
@@ -121,7 +121,7 @@ def _dotted(path: list[int | str]) -> str:
 
 
 def _conflicts(scene: SceneTable) -> Iterator[_Fault]:
-    """Give the faults of keys that are right by themselves, but not together."""
+    """Yield the faults of keys that are valid alone, but not together."""
     for kind, names in (("bones", list(scene.bones)), ("muscles", list(scene.muscles))):
         if not names:
             yield kind, f"the scene has no {kind}", f"add a table [{kind}.NAME] with its surface"
@@ -163,8 +163,8 @@ def _unknown_bone(key: str, bone: str, bones: Collection[str]) -> Iterator[_Faul
 
 def _of_muscle(name: str, scene: SceneTable) -> Iterator[_Fault]:
     key, muscle, folded = f"muscles.{name}", scene.muscles[name], name.casefold()
-    others = {other.casefold() for other in scene.muscles} - {folded}
-    if folded in _RESERVED or folded.removesuffix("_fibres") in others:
+    taken = {muscle_name.casefold() for muscle_name in scene.muscles} - {folded}
+    if folded in _RESERVED or folded.removesuffix("_fibres") in taken:
         problem = f"the results of a muscle called {name!r} would overwrite other results"
         yield key, problem, "give it another name"
     if scene.deformer == "none" and muscle.fibres is None:
@@ -192,7 +192,7 @@ def _of_attachments(key: str, muscle: MuscleTable, scene: SceneTable) -> Iterato
     roles = {area.role for area in muscle.attachments} - {VIA}
     default = FixedPointDetector.parameter_declarations["method"].default
     method = {"method": default, **scene.fixing.given(), **muscle.fixing.given()}["method"]
-    alone = ROLES[:1] if method == "attachment" and not roles else ()  # what holds a muscle without fibres
+    alone = ROLES[:1] if method == "attachment" and not roles else ()  # a muscle without fibres needs one
     for role in alone if muscle.fibres is None else ROLES:
         if role not in roles:
             remedy = f'add {{ role = "{role}", bone = "...", landmarks = "..." }}'
@@ -203,7 +203,7 @@ def _of_attachments(key: str, muscle: MuscleTable, scene: SceneTable) -> Iterato
             yield key, f"there is no attachment with role {role!r}", remedy
 
 
-#: Keys that say how the bones move, and the keys that each goes with.
+#: Kinds of motion, and the keys of each.
 _MOTIONS = {
     "hinge": (),
     "file": ("every", "coordinates"),
@@ -215,8 +215,8 @@ _MOTIONS = {
 def _of_motion(scene: SceneTable) -> Iterator[_Fault]:
     motion = scene.motion
     jointed = bool(scene.joints) or scene.opensim is not None
-    given = [name for name in Motion.model_fields if name in motion.model_fields_set]
-    kind = next((name for name in _MOTIONS if name in given), None)
+    present = [name for name in Motion.model_fields if name in motion.model_fields_set]
+    kind = next((name for name in _MOTIONS if name in present), None)
     if jointed and kind not in ("file", "grid"):
         remedy = 'add file = "FILE.mot", or grid = { COORDINATE = [0, 90, 5] }'
         yield "motion", "does not say how the joints move", remedy
@@ -225,7 +225,7 @@ def _of_motion(scene: SceneTable) -> Iterator[_Fault]:
         remedy = 'add transforms = "FILE.csv", or a table [motion.hinge]; or joints, and file or grid'
         yield "motion.transforms", "the key is missing", remedy
         return
-    for name in given:
+    for name in present:
         if name not in (kind, *_MOTIONS[kind]):
             yield f"motion.{name}", f"cannot be combined with motion.{kind}", "leave out one of them"
     if kind in ("file", "grid") and not jointed:
@@ -247,7 +247,7 @@ def _of_motion(scene: SceneTable) -> Iterator[_Fault]:
         yield from _unknown_bone("motion.bone", motion.bone, scene.bones)
 
 
-#: Keys that some kinds of joints have, and which kinds.
+#: Kinds of joints of each optional key.
 _JOINT_KEYS = {
     "axis": ("pin",),
     "axes": ("ball",),
@@ -255,7 +255,7 @@ _JOINT_KEYS = {
     "translations": ("custom",),
     "coordinates": ("pin", "ball", "custom"),
 }
-#: Keys that a kind of joint needs.
+#: Required keys of each kind of joint.
 _NEEDED = {"pin": ("centre", "axis"), "ball": ("centre",), "weld": (), "custom": ("centre",)}
 _FUNCTIONS = ("polynomial", "spline", "piecewise")
 
@@ -267,9 +267,9 @@ def _of_joints(scene: SceneTable) -> Iterator[_Fault]:
         "parent": {*scene.bones, *(joint.child for joint in scene.joints.values())},
         "child": {*scene.bones, *(joint.parent for joint in scene.joints.values())},
     }
-    known = [name for joint in scene.joints.values() for name in joint.coordinates or {}]
-    for number, name in enumerate(known):
-        if name in known[:number]:
+    coordinates = [name for joint in scene.joints.values() for name in joint.coordinates or {}]
+    for number, name in enumerate(coordinates):
+        if name in coordinates[:number]:
             yield "joints", f"there are two coordinates {quoted(name)}", "rename one of them"
     for name, joint in scene.joints.items():
         key = f"joints.{name}"
@@ -277,7 +277,7 @@ def _of_joints(scene: SceneTable) -> Iterator[_Fault]:
             if getattr(joint, end) not in allowed:
                 yield from _unknown_bone(f"{key}.{end}", getattr(joint, end), scene.bones)
         yield from _of_kind(key, joint)
-        yield from _of_functions(key, joint, known)
+        yield from _of_functions(key, joint, coordinates)
 
 
 def _of_kind(key: str, joint: JointTable) -> Iterator[_Fault]:
@@ -288,39 +288,39 @@ def _of_kind(key: str, joint: JointTable) -> Iterator[_Fault]:
     for name in _NEEDED[kind]:
         if getattr(joint, name) is None:
             yield f"{key}.{name}", "the key is missing", f"add {name} = [1.0, 0.0, 0.0]"
-    wanted, given = JOINT_KINDS[kind], len(joint.coordinates or {})
-    if wanted and given != wanted:
+    wanted, count = JOINT_KINDS[kind], len(joint.coordinates or {})
+    if wanted and count != wanted:
         names = ", ".join(f'"NAME_{number}"' for number in range(1, wanted + 1))
         remedy = f"write coordinates = [{names}]"
-        yield f"{key}.coordinates", f"names {given}, but a {kind} has {wanted}", remedy
+        yield f"{key}.coordinates", f"names {count}, but a {kind} has {wanted}", remedy
     if kind == "custom" and not (joint.rotations or joint.translations):
         remedy = 'add rotations = [{ axis = [1.0, 0.0, 0.0], coordinate = "NAME" }]'
         yield f"{key}.rotations", "a custom joint needs rotations or translations", remedy
 
 
-def _of_functions(key: str, joint: JointTable, known: list[str]) -> Iterator[_Fault]:
-    for name, one in (joint.coordinates or {}).items():
+def _of_functions(key: str, joint: JointTable, coordinates: list[str]) -> Iterator[_Fault]:
+    for name, entry in (joint.coordinates or {}).items():
         where = f"{key}.coordinates.{name}"
-        if len(_functions(one)) != (one.follows is not None):
+        if len(_functions(entry)) != (entry.follows is not None):
             problem = f"needs exactly one of {', '.join(_FUNCTIONS)}, because it follows another coordinate"
-            if one.follows is None:
+            if entry.follows is None:
                 problem = f"follows no other coordinate, but has one of {', '.join(_FUNCTIONS)}"
             yield where, problem, 'write follows = "NAME" and one function, or neither'
-        others = [other for other in known if other != name]
-        if one.follows is not None and one.follows not in others:
-            problem = f"there is no other coordinate {quoted(one.follows)}"
-            yield f"{where}.follows", problem, suggestion(one.follows, others)
+        independent = [coordinate for coordinate in coordinates if coordinate != name]
+        if entry.follows is not None and entry.follows not in independent:
+            problem = f"there is no other coordinate {quoted(entry.follows)}"
+            yield f"{where}.follows", problem, suggestion(entry.follows, independent)
     for kind in ("rotations", "translations"):
         for number, axis in enumerate(getattr(joint, kind) or []):
-            where, given = f"{key}.{kind}[{number}]", _functions(axis)
+            where, functions = f"{key}.{kind}[{number}]", _functions(axis)
             if axis.coordinate is None:
-                if given:
+                if functions:
                     yield f"{where}.coordinate", "the key is missing", "name the coordinate of the function"
                 continue
-            if axis.coordinate not in known:
+            if axis.coordinate not in coordinates:
                 problem = f"there is no coordinate {quoted(axis.coordinate)}"
-                yield f"{where}.coordinate", problem, suggestion(axis.coordinate, known)
-            if len(given) > 1 or axis.constant is not None:
+                yield f"{where}.coordinate", problem, suggestion(axis.coordinate, coordinates)
+            if len(functions) > 1 or axis.constant is not None:
                 yield where, "has more than one function", "leave all but one out"
 
 

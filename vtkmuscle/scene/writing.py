@@ -42,10 +42,9 @@ def write_scene(scene: SceneData, folder: Path) -> Path:
 
 
 def save_unless_changed(scene: SceneData, folder: Path, *, overwrite: bool) -> Path:
-    """Write a scene to a folder, and return its scene.toml.
+    """Write a scene to a folder, and return the path of scene.toml.
 
-    A ValueError is raised if a file there has been changed since it was written, unless ``overwrite`` is
-    true.
+    ValueError if a file in the folder was changed after writing, unless ``overwrite`` is true.
     """
     folder.parent.mkdir(parents=True, exist_ok=True)
     fresh = partial_path(folder)
@@ -76,13 +75,13 @@ def save_unless_changed(scene: SceneData, folder: Path, *, overwrite: bool) -> P
 
 
 def to_toml(scene: SceneData) -> str:
-    """Return the scene.toml that goes with the files that :func:`write_scene` writes."""
+    """Return the text of scene.toml for the files of :func:`write_scene`."""
     header = "# All lengths are in this unit. Paths are relative to this file.\n"
     return header + tomli_w.dumps(tables_of(scene), indent=2)
 
 
 def tables_of(scene: SceneData) -> dict[str, Any]:
-    """Return the tables of the scene.toml that goes with the files that :func:`write_scene` writes."""
+    """Return the tables of scene.toml for the files of :func:`write_scene`."""
     tables = {
         "name": scene.name,
         "units": scene.units,
@@ -101,18 +100,18 @@ def tables_of(scene: SceneData) -> dict[str, Any]:
 
 
 def inline_toml(value: Any) -> str:
-    """Return a value in TOML, each table in one line."""
+    """Return a value in TOML, tables in one line."""
     if isinstance(value, Mapping):
-        return f"{{ {', '.join(f'{key} = {inline_toml(one)}' for key, one in value.items())} }}"
+        return f"{{ {', '.join(f'{key} = {inline_toml(item)}' for key, item in value.items())} }}"
     if isinstance(value, list):
-        lines = ",\n  " if any(isinstance(one, Mapping) for one in value) else ", "
-        inner = lines.join(inline_toml(one) for one in value)
+        lines = ",\n  " if any(isinstance(item, Mapping) for item in value) else ", "
+        inner = lines.join(inline_toml(item) for item in value)
         return f"[\n  {inner},\n]" if "\n" in lines else f"[{inner}]"
     return f"{value:.10g}" if isinstance(value, float) else json.dumps(value, ensure_ascii=False)
 
 
 def write_areas(folder: Path, muscle: str, areas: Sequence[AttachmentArea]) -> list[dict[str, Any]]:
-    """Write the landmarks of a muscle's areas to the folder of a scene, and return their tables in it."""
+    """Write a muscle's landmarks to a scene's folder, and return their tables."""
     blocks, tables = attachments_from(areas), _area_tables(muscle, areas)
     for number, table in enumerate(tables):
         write_polydata(folder / table["landmarks"], blocks.GetBlock(number))
@@ -134,8 +133,8 @@ def _area_tables(muscle: str, areas: Sequence[AttachmentArea]) -> list[dict[str,
 
 def _muscle(name: str, muscle: Muscle) -> dict[str, Any]:
     sheets: dict[str, list[str]] = {side: [] for side in SIDES} if muscle.aponeuroses else {}
-    for number, one in enumerate(muscle.aponeuroses):
-        sheets[one.side].append(_aponeurosis_file(name, number, muscle))
+    for number, sheet in enumerate(muscle.aponeuroses):
+        sheets[sheet.side].append(_aponeurosis_file(name, number, muscle))
     return {
         "surface": f"muscles/{name}.vtp",
         "superficial_fibres": muscle.superficial_fibres and f"superficial_fibres/{name}.vtp",
@@ -159,8 +158,8 @@ def _motion(motion: RigidMotion) -> dict[str, Any]:
         "time": "time",
         "centre": motion.centre_of(alone) if alone and isinstance(motion.centre, Mapping) else motion.centre,
         "coordinates": {
-            name: {"unit": one.unit, "positive": one.positive or None}
-            for name, one in motion.coordinates.items()
+            name: {"unit": coordinate.unit, "positive": coordinate.positive or None}
+            for name, coordinate in motion.coordinates.items()
         }
         or None,
     }
@@ -175,11 +174,11 @@ def _motion_file(motion: RigidMotion, bone: str) -> str:
 
 
 def _plain(value: Any) -> Any:
-    """Return a value in the types of TOML; entries that are None are left out."""
+    """Return a value in TOML's types, without None."""
     if isinstance(value, Mapping):
-        return {name: _plain(one) for name, one in value.items() if one is not None}
+        return {name: _plain(item) for name, item in value.items() if item is not None}
     if hasattr(value, "tolist"):  # NumPy's
         return value.tolist()
     if isinstance(value, list | tuple):
-        return [_plain(one) for one in value]
+        return [_plain(item) for item in value]
     return value

@@ -163,7 +163,7 @@ class Algorithm(VTKPythonAlgorithmBase):
             return 0
 
     def RequestDataObject(self, request: Any, inInfo: Any, outInfo: Any) -> int:
-        """Create outputs of the first input's class for ports of any data set."""
+        """Create outputs of the first input's class."""
         for number, port in enumerate(self.output_ports):
             if port.kind is vtkDataSet:
                 source = inInfo[0].GetInformationObject(0).Get(vtkDataObject.DATA_OBJECT())
@@ -201,14 +201,14 @@ class Algorithm(VTKPythonAlgorithmBase):
         return 1
 
     def _name(self, error: InputError) -> None:
-        """Put the filter's name before the location of an error at a port."""
+        """Put the filter's name before an error's location."""
         port = re.split(r"\W", error.where)[0]
         if port in ("", *(declared.name for declared in self.input_ports)):
             where = ": ".join(filter(None, (type(self).__name__, error.where)))
             error.__init__(where, error.problem, error.remedy)  # type: ignore[misc]
 
     def _argument(self, number: int, data: Any) -> Any:
-        """Return the argument of ``execute`` for a port's data, made once per state."""
+        """Return the cached argument of ``execute`` for a port's data."""
         port = self.input_ports[number]
         if data is None:
             return port.take(None)

@@ -187,7 +187,7 @@ class Filter(Runnable, Algorithm):
         return self.GetOutputDataObject(port)
 
     def SetInputConnection(self, *arguments: Any) -> None:
-        """Connect an output to a port, as VTK, with checks of port and kind."""
+        """Connect an output to a port, as VTK, with checks."""
         port, value = arguments if len(arguments) == 2 else (0, *arguments)
         self.source_for(port, value)
         super().SetInputConnection(port, value)

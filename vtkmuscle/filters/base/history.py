@@ -37,7 +37,7 @@ class Checkpoints(Generic[Frame]):
         return self._frames[time]
 
     def done(self, path: Sequence[float | None]) -> int:
-        """Return the number of frames up to the last stored frame of a path."""
+        """Return the index after a path's last stored frame."""
         return max((i + 1 for i, time in enumerate(path) if time in self._frames), default=0)
 
     def clear(self) -> None:

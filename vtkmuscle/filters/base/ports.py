@@ -28,7 +28,7 @@ PortT = TypeVar("PortT", bound="Port")
 
 @dataclass(eq=False)
 class Port(Declaration):
-    """Common base of input and output ports; the kind is a VTK class."""
+    """Base of ports; the kind is a VTK class."""
 
     @overload
     def __get__(self: PortT, instance: None, owner: type) -> PortT: ...
@@ -51,7 +51,7 @@ class Port(Declaration):
 
 @dataclass(eq=False)
 class OutputPort(Port):
-    """An output of a filter; reading the attribute brings the data up to date.
+    """An output of a filter, brought up to date on reading.
 
     Parameters
     ----------
@@ -79,7 +79,7 @@ class OutputPort(Port):
 
 @dataclass(eq=False)
 class InputPort(Port):
-    """An input of a filter: an attribute, and a keyword of the constructor.
+    """An input of a filter: attribute and constructor keyword.
 
     A port takes a data set, an algorithm, a chain (``a >> b``), an algorithm's output port, or None for an
     open port. A port of a ``vtkMultiBlockDataSet`` also takes a mapping from names to sources, and a sequence
@@ -203,7 +203,7 @@ def source_of(value: Any) -> tuple[Any, int] | None:
 
 
 def end_of(value: Any, name: str) -> Any:
-    """Return the ``first`` or ``last`` algorithm of a chain, or the value itself."""
+    """Return a chain's ``first`` or ``last`` algorithm, else the value."""
     return value if isinstance(value, vtkObject) else getattr(value, name, value)
 
 

@@ -1,4 +1,4 @@
-"""Run any algorithm at a time, on data, and raise errors from upstream.
+"""Runs of algorithms at a time, with errors from upstream.
 
 Python handles Ctrl-C: pressed while a filter executes, KeyboardInterrupt leaves ``update()``. VTK itself
 prints and drops the interrupt in other Python callbacks, and ends the process in an observer of an event.
@@ -43,7 +43,7 @@ class Output:
 
 
 def update(algorithm: Any, time: float | None = None, port: int = 0) -> Output:
-    """Bring an algorithm's output up to date; raise the original error of a failure.
+    """Bring an output up to date, or raise the original error.
 
     The default time is the last requested time, or else the last time step.
     """
@@ -87,7 +87,7 @@ def _raise_failure(algorithm: Any) -> NoReturn:
 
 
 def run_on(first: Any, last: Any, inputs: Sequence[Any], time: float | None) -> Any:
-    """Run a chain on inputs, and return a shallow copy of its output.
+    """Run a chain on inputs; return a shallow copy.
 
     Connections are restored afterwards. Later updates do not change the copy.
     """
@@ -138,7 +138,7 @@ class Runnable:
 
     @property
     def time(self) -> float | None:
-        """Pipeline time that the output is asked for, until another one is; None is the last time step."""
+        """Requested pipeline time; None is the last time step."""
         return time_asked(self._ends[1].GetOutputInformation(0))
 
     @time.setter
@@ -194,5 +194,5 @@ class Runnable:
         return pyvista.wrap(run_on(*self._ends, inputs, time))
 
     def __call__(self, *inputs: Any, time: float | None = None) -> Any:
-        """Run as :meth:`apply`, and return a copy as a bare VTK data object."""
+        """Run as :meth:`apply`, without a PyVista wrapper."""
         return run_on(*self._ends, inputs, time)
