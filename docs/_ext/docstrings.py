@@ -15,7 +15,7 @@ _DOI = re.compile(r"(?<![\w/`<])doi:(10\.\d{4,9}/[-._;()/:<>a-zA-Z0-9]*[a-zA-Z0-
 _filters_before: list[Any] = []
 #: The gallery's examples by the folder of each, in the order in which a reader may want them.
 _EXAMPLES = {
-    "first": "quickstart hip landmark_ring wrong_muscle compare model",
+    "first": "quickstart papers_chain two_deformers hip landmark_ring wrong_muscle compare model",
     "joints": "moment_arm places two_joints knee gait_cycle opensim_model",
     "fibres": (
         "fibre_templates own_template pennate_block pennate_belly fibre_field superficial_fibres fibre_ends"

@@ -113,7 +113,7 @@ FAULTS = {
     "inside out": ((BAR[0], BAR[1][:, ::-1]), r"block 'bar': the surface is inside out"),
     "one turned": (
         (BAR[0], np.vstack([BAR[1][:1, ::-1], BAR[1][1:]])),
-        r"block 'bar': 1 of 12 triangles faced the other way",
+        r"block 'bar': 1 of 12 triangles faced the opposite side",
     ),
     "a sheet": ((BAR[0], BAR[1][4:6]), r"block 'bar': the surface is open: .* enclose no volume"),
     "two overlapping": (joined(BAR, box([-30, 16, -5], [30, 30, 5])), None),

@@ -256,6 +256,6 @@ def test_dissected_fibres_that_deviate_are_warned_of(method, largest, lhdl_hip):
 def test_superficial_fibres_without_length_are_named(block):
     chain = block.muscles["block"], block.attachments["block"]
     point = polylines_from(Polylines(np.zeros((2, 3)), np.array([0, 2])))
-    message = "SliceMorpher: superficial: no fibre has a length.*; digitise two points or more"
+    message = "SliceMorpher: superficial: all fibres have length 0.*; digitise two points or more"
     with pytest.raises(ValueError, match=message):
         SliceMorpher()(fitted_to(*chain), *chain, point)
