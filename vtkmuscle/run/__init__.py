@@ -1,4 +1,4 @@
-"""Running a scene: every muscle over the motion, measured, written to a folder."""
+"""Running a scene: muscles over the motion, measured and written."""
 
 from vtkmuscle.run.muscles import muscle_pipeline
 from vtkmuscle.run.only import ONLY, run_only

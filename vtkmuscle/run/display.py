@@ -1,4 +1,7 @@
-"""A result on a plotter, moved from frame to frame; and films, a .gif by Pillow or an .mp4 by FFmpeg."""
+"""Results on a plotter, frame by frame, and films.
+
+Films are a .gif by Pillow or an .mp4 by FFmpeg.
+"""
 
 from __future__ import annotations
 
@@ -25,7 +28,10 @@ if TYPE_CHECKING:
 def film_of(
     result: ResultData, path: Path, *, fps: float, muscles: str | Sequence[str] | None, size: tuple[int, int]
 ) -> Path:
-    """Write a film of all kept frames, all or nothing; see :meth:`vtkmuscle.Result.movie`."""
+    """Write a film of all kept frames.
+
+    All or nothing; see :meth:`vtkmuscle.Result.movie`.
+    """
     write = {".gif": _write_gif, ".mp4": _write_mp4}.get(path.suffix.lower())
     if write is None:
         raise InputError(str(path), "a film is one of .gif, .mp4", "give it one of these suffixes")
@@ -82,7 +88,7 @@ _ROLES = {"origin": "black", "insertion": "red", "via": "white"}
 
 
 def plotter_at_rest(scene: SceneData, off_screen: bool | None) -> Any:
-    """Return a plotter with the bones, muscles and landmarks of a scene."""
+    """Return a plotter with bones, muscles and landmarks."""
     import pyvista  # noqa: PLC0415 -- a run needs none
 
     surfaces = {name: muscle.surface for name, muscle in scene.muscles.items()}
@@ -97,9 +103,10 @@ def plotter_at_rest(scene: SceneData, off_screen: bool | None) -> Any:
 
 
 class ResultDisplay:
-    """The muscles, fibres and bones of a result on the plotter of its attribute ``scene``.
+    """A result on a plotter: muscles, fibres and bones.
 
-    ``muscles`` are those to show, default all; ``options`` go to :class:`~vtkmuscle.plotting.MovingScene`.
+    The plotter is the attribute ``scene``. ``muscles`` are the shown muscles, default all; ``options`` go to
+    :class:`~vtkmuscle.plotting.MovingScene`.
     """
 
     def __init__(
@@ -144,7 +151,7 @@ class ResultDisplay:
             yield np.asarray(self.scene.plotter.screenshot(return_img=True))[..., :3]
 
     def add_slider(self) -> None:
-        """Add a slider over the times of the frames to the plotter."""
+        """Add a slider over the frame times."""
         times = np.asarray(self.times)
 
         def moved(time: float) -> None:

@@ -1,4 +1,4 @@
-"""The figures of a run, each a file."""
+"""The figures of a run, a file per figure."""
 
 from __future__ import annotations
 
@@ -29,10 +29,11 @@ FORMS = ("png", "pdf", "svg")
 def draw_run(
     result: Result, folder: Path, pool: Pool | None, meanwhile: Callable[[], None]
 ) -> tuple[dict[str, Any], float]:
-    """Draw the figures of a run into a folder; return their entry in the report, and their time [s].
+    """Draw the figures of a run into a folder.
 
-    The processes of a pool draw while this one does something else, ``meanwhile``. A UserWarning says why
-    figures are missing; an OSError is raised if a file cannot be written.
+    Returns the report entry of the figures and the drawing time [s]. The processes of a pool draw while this
+    process calls ``meanwhile``. A UserWarning gives the reason of missing figures; an OSError is raised if a
+    file cannot be written.
     """
     reason = can_render()
     orders = figures_of(result.plain()) if reason is None else []
@@ -58,7 +59,7 @@ def draw_run(
 
 
 def write_figures(folder: str | Path, result: Result, *, form: str = "png", dpi: float = 150.0) -> list[Path]:
-    """Write all figures of a run; see :meth:`vtkmuscle.Result.write_figures`."""
+    """Write all figures; see :meth:`vtkmuscle.Result.write_figures`."""
     if form not in FORMS:
         raise InputError(form, "a figure is one of png, pdf and svg", "choose one of these")
     if not 20.0 <= dpi <= 2400.0:
@@ -72,7 +73,7 @@ def write_figures(folder: str | Path, result: Result, *, form: str = "png", dpi:
 def _drawn(
     orders: list[FigureOrder], folder: Path, bones: DrawnBones, form: str = "png", dpi: float = 150.0
 ) -> list[Path]:
-    """Draw figures one after the other, and return their files."""
+    """Draw figures in turn, and return the files."""
     import matplotlib as mpl  # noqa: PLC0415 -- only figures need it
 
     from vtkmuscle.plotting.sheets import DOTS_PER_INCH  # noqa: PLC0415
@@ -93,13 +94,16 @@ def figures_of(result: Result) -> list[FigureOrder]:
 
 
 def rest_pose(scene: str, units: str, muscles: Mapping[str, vtkPolyData]) -> FigureOrder:
-    """Return the figure of the muscles of a scene at rest, with their fixed points."""
+    """Return the figure of muscles and fixed points at rest."""
     given = {"muscles": dict(muscles), "title": f"{scene}: fixed points at rest", "units": units}
     return FigureOrder("rest_pose", "plot_rest_pose", given, rendered=True)
 
 
 def figures_of_muscle(result: Result, name: str) -> list[FigureOrder]:
-    """Return the figures of one muscle, its frames and lengths; none where it has no frame."""
+    """Return the frame and length figures of a muscle.
+
+    Empty for a muscle without frames.
+    """
     if not result.finished(name):
         return []
     figures = [FigureOrder(f"{name}_frames", "plot_muscle", _frames(result, name), rendered=True)]
@@ -116,7 +120,10 @@ def figures_of_muscle(result: Result, name: str) -> list[FigureOrder]:
 
 
 def _moment_arms(result: Result) -> list[FigureOrder]:
-    """Return the figures of the moment arms of each muscle, which need all muscles."""
+    """Return each muscle's figure of moment arms.
+
+    The moment arms need all muscles.
+    """
     figures = []
     for name, arms in (result.moment_arms() if result.has_moment_arms else {}).items():
         if result.finished(name):
@@ -147,7 +154,10 @@ def _title(name: str) -> str:
 
 
 def _chosen_frames(result: Result, name: str) -> list[int]:
-    """Return the first, the worst (or else the middle) and the last finished frame of a muscle."""
+    """Return the first, worst and last finished frame.
+
+    The middle frame stands in for a missing worst frame.
+    """
     frames = result.frames[: result.finished(name)]
     reasons = result.report["muscles"][name].get("verdict", {}).get("reasons", ())
     worst = [reason["frame"] for reason in reasons[:1] if reason["frame"] in frames]
@@ -155,7 +165,10 @@ def _chosen_frames(result: Result, name: str) -> list[int]:
 
 
 def _at(result: Result, frame: int) -> str:
-    """Return the time of a frame to a hundredth of them all: ``time 3``, or ``hip flexion 30 deg``."""
+    """Return the rounded time of a frame as a label.
+
+    Rounded to a hundredth of the span of times: ``time 3``, or ``hip flexion 30 deg``.
+    """
     times = result.motion.times
     span = float(np.ptp(times)) or 1.0
     name, _, unit = result.time_label.partition(" [")

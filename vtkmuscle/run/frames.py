@@ -1,4 +1,4 @@
-"""The frames of one muscle of a run: in memory, or in the files of the run's folder."""
+"""The frames of a muscle, in memory or in files."""
 
 from __future__ import annotations
 
@@ -29,9 +29,10 @@ RUN_AGAIN = "run the scene again: finished muscles are kept"
 
 @dataclass(frozen=True, eq=False)
 class WrittenFile:
-    """A .vtp file in the folder of a run: its state when it was written or found, and whether it is ``own``.
+    """A .vtp file in a run's folder.
 
-    An own file was written by this run. Any other one may be damaged, and is read in a process of its own.
+    ``state`` is the file's state when written or discovered. An ``own`` file was written by this run. A
+    foreign file may be damaged, and is read in a separate process.
     """
 
     path: Path
@@ -44,7 +45,10 @@ class WrittenFile:
         return cls(path.absolute(), _state(path), own)
 
     def read(self) -> vtkPolyData:
-        """Return its data without the stamps of the run; raise an InputError where it was changed."""
+        """Return the file's data without the run's stamps.
+
+        Raises an InputError for a changed file.
+        """
         if not self.path.is_file():
             raise InputError(self.path, "the file is missing", RUN_AGAIN)
         if _state(self.path) != self.state:
@@ -61,7 +65,10 @@ def _state(path: Path) -> tuple[int, ...]:
 
 
 class Frames(Sequence[vtkPolyData]):
-    """Frames of a surface or of fibres; those that are in files are read each time they are asked for."""
+    """Frames of a surface or of fibres.
+
+    Frames in files are read at every access.
+    """
 
     def __init__(self, frames: Iterable[vtkPolyData | WrittenFile] = ()) -> None:
         self._frames = list(frames)
@@ -85,7 +92,7 @@ class Frames(Sequence[vtkPolyData]):
 
     @property
     def files(self) -> list[WrittenFile]:
-        """The files of those frames that are in files."""
+        """The files among the frames."""
         return [frame for frame in self._frames if isinstance(frame, WrittenFile)]
 
 
@@ -94,9 +101,10 @@ _COLUMNS = {*FIBRE_MEASURES, PATH_LENGTH}
 
 
 class FibreNumbers(NamedTuple):
-    """Numbers of the fibres in a frame: ``columns``, their measures (k,) by name, and ``levers`` of paths.
+    """Numbers of the fibres in a frame.
 
-    ``levers`` are by coordinate, None without paths.
+    ``columns`` are the measures (k,) by name. ``levers`` are the levers of the paths by coordinate, None
+    without paths.
     """
 
     columns: dict[str, Floats]
@@ -104,7 +112,7 @@ class FibreNumbers(NamedTuple):
 
     @classmethod
     def of(cls, fibres: vtkPolyData) -> Self:
-        """Return those of the fibres of a frame."""
+        """Return the fibre numbers of a frame."""
         paths = paths_of(fibres, "fibres")
         columns = {name: one for name, one in fibre_columns(fibres).items() if name in _COLUMNS}
         return cls(columns, None if paths is None else paths.levers)
@@ -123,13 +131,13 @@ class MuscleTrack:
     surfaces, fibres : Frames
         The deformed muscle and its fibres; empty without a deformer and for a muscle without fibres.
     lengths, fibre_lengths : list of (k,) array
-        Per frame the lengths of the paths, which a muscle on one bone does not have, and of the fibres [mm].
+        Lengths of paths and of fibres per frame [mm]; a muscle on a single bone has no paths.
     length_errors, fibre_length_errors : list of (k,) array
-        Their segment errors [mm], see :func:`~vtkmuscle.core.estimate.segment_errors`.
+        Segment errors [mm], see :func:`~vtkmuscle.core.estimate.segment_errors`.
     report : dict
         The muscle's part of the report, JSON-able.
     failure : (int, float, Exception) or None
-        Frame and time that could not be computed, and why; the frames before are there.
+        Frame and time of the failure, and the reason; earlier frames are present.
     """
 
     rest: vtkPolyData | None = None
@@ -146,22 +154,34 @@ class MuscleTrack:
 
     @property
     def numbers(self) -> Sequence[FibreNumbers]:
-        """The numbers of the fibres per frame, which a run has found before the frame went to its file."""
+        """The fibre numbers per frame.
+
+        A run takes the numbers before writing the frame to a file.
+        """
         if len(self._numbers) != len(self.fibres):
             self._numbers = [FibreNumbers.of(fibres) for fibres in self.fibres]
         return self._numbers
 
     def fibre_points(self, position: int) -> Floats:
-        """Return the points (k, n, 3) of the fibres in a frame; all fibres have the same number of points."""
+        """Return the fibre points (k, n, 3) of a frame.
+
+        All fibres have equally many points.
+        """
         lines = polylines_of(self.fibres[position], "fibres")
         return lines.points.reshape(len(lines), -1, 3)
 
     def levers(self) -> dict[str, Floats]:
-        """Return the levers (f, k) of the paths by coordinate, NaN in frames in which they are not known."""
+        """Return the levers (f, k) of the paths by coordinate.
+
+        NaN in frames with unknown levers.
+        """
         return levers_over_time([one.levers for one in self.numbers if one.levers is not None])
 
     def errors(self) -> dict[str, dict[str, float | None]]:
-        """Return the segment and sampling errors of the mean lengths, root mean squares over the frames."""
+        """Return segment and sampling errors of mean lengths.
+
+        Root mean squares over the frames.
+        """
         measured = {
             "length": (self.lengths, self.length_errors),
             "fibre_length": (self.fibre_lengths, self.fibre_length_errors),
@@ -176,7 +196,10 @@ class MuscleTrack:
         }
 
     def add_lengths(self, fibres: vtkPolyData, millimetres: float) -> None:
-        """Add the lengths of the fibres of a frame and of their paths, and their numbers."""
+        """Add the fibre and path lengths of a frame.
+
+        The numbers of the fibres are added too.
+        """
         numbers = FibreNumbers.of(fibres)
         self._numbers.append(numbers)
         lines, paths = polylines_of(fibres, "fibres"), paths_of(fibres, "fibres")

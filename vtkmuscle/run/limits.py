@@ -1,4 +1,7 @@
-"""The limits beyond which a muscle of a run needs a look, or has failed, with the reasons for them."""
+"""Limits of the checks, with reasons.
+
+Beyond a limit a muscle needs a look, or has failed.
+"""
 
 from __future__ import annotations
 
@@ -18,10 +21,10 @@ BEYOND = 1.5
 
 @dataclass(frozen=True)
 class Check:
-    """A check of each frame: beyond ``look`` results should be looked at, beyond ``failed`` they are useless.
+    """A check of each frame against two limits.
 
-    ``says`` is the problem, with the value as ``{}``, and ``do`` the remedy. Where ``smaller`` is true small
-    values are bad ones.
+    Results beyond ``look`` need a look; results beyond ``failed`` are useless. ``says`` is the problem, with
+    the value as ``{}``, and ``do`` the remedy. With ``smaller``, small values are bad.
     """
 
     look: float

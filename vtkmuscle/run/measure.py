@@ -1,4 +1,4 @@
-"""Measures of a deformed muscle against its rest pose and the bones."""
+"""Measures of a deformed muscle against rest and bones."""
 
 from __future__ import annotations
 
@@ -32,16 +32,16 @@ FOLDED, NOT_FOLDED = 150.0, 120.0
 
 
 class MuscleMeasure:
-    """Measures a deformed muscle against its rest pose and the bones.
+    """Measures of a deformed muscle against rest and bones.
 
     Parameters
     ----------
     rest : vtkPolyData
-        The muscle at rest with the point array ``FixedTo``, which counts the ``bones``.
+        The muscle at rest with the point array ``FixedTo``, indices into ``bones``.
     bones : sequence of str
         Names of the bones.
     shapes : mapping of str to Bone
-        The bones that have an inside, at rest.
+        Bones with an inside, at rest.
     millimetres : float
         Millimetres per unit of length.
     """
@@ -84,10 +84,11 @@ class MuscleMeasure:
         }
 
     def frame(self, points: Floats, transforms: Mapping[str, Floats]) -> dict[str, Any]:
-        """Return the numbers of a frame, see :data:`~vtkmuscle.run.report_values.DEFINITIONS`.
+        """Return the numbers of a frame.
 
-        ``points`` (n, 3) are those of the deformed muscle, ``transforms`` those of the bones since rest. The
-        report of the deformer has the volume and the numbers of edges.
+        See :data:`~vtkmuscle.run.report_values.DEFINITIONS`. ``points`` (n, 3) are the points of the
+        deformed muscle, ``transforms`` the transforms of the bones since rest. The report of the deformer
+        has the volume and the numbers of edges.
         """
         now = {bone: transforms.get(bone, np.eye(4)) for bone in self._bones}
         least, greatest, areas = triangle_stretches(self._sides, side_products(points, self._triangles))
@@ -102,7 +103,10 @@ class MuscleMeasure:
         }
 
     def overlap(self, points: Floats, others: Iterable[vtkPolyData]) -> dict[str, Any]:
-        """Return how deep the muscle's points (n, 3) are inside other muscles, as the report has it."""
+        """Return the depth of points (n, 3) inside other muscles.
+
+        The numbers have the names of the report.
+        """
         depths = np.zeros(len(points))
         for other in others:
             tree = outward_tree(*checked_surface(other, "muscle"))
@@ -116,9 +120,9 @@ class MuscleMeasure:
         }
 
     def depths(self, points: Floats, transforms: Mapping[str, Floats]) -> Floats | None:
-        """Return the depth of points (n, 3) in the exact surfaces of the bones (n,), 0 outside.
+        """Return the depths (n,) of points (n, 3) in bones.
 
-        It is in the scene's unit, and None where no bone has an inside.
+        In the scene's unit, into the exact surfaces, 0 outside; None without a bone with an inside.
         """
         if not self._shapes:
             return None
@@ -128,10 +132,10 @@ class MuscleMeasure:
     def fibres(
         self, fibre_points: Floats, offsets: Ints, points: Floats, depths: Floats | None
     ) -> dict[str, Any]:
-        """Return how far fibres are out of the muscle, and how much deeper in bones than at rest.
+        """Return how far fibres leave the muscle or enter bones.
 
-        ``fibre_points`` (p, 3) belong to the fibres at rest, ``points`` (n, 3) to the muscle, and ``depths``
-        (p,) are those of the fibres' points.
+        The depth in bones is the increase since rest. ``fibre_points`` (p, 3) are the points of the fibres,
+        ``points`` (n, 3) the points of the muscle, and ``depths`` (p,) the depths of the fibre points.
         """
         self._bent = tree_of_deformed(self._bent, points, self._triangles)
         outside = fibre_points[~points_inside(fibre_points, self._bent)]
@@ -147,12 +151,18 @@ class MuscleMeasure:
         }
 
     def take_fibres_at_rest(self, fibre_points: Floats, offsets: Ints) -> None:
-        """Take the depths in bones of fibres at rest: points (p, 3), offsets (k + 1,) of the fibres."""
+        """Take the depths of fibres in bones at rest.
+
+        ``fibre_points`` (p, 3) with the offsets (k + 1,) of the fibres.
+        """
         depths = self.depths(fibre_points, {bone: np.eye(4) for bone in self._bones})
         self._fibre_rest_depths = None if depths is None else np.maximum.reduceat(depths, offsets[:-1])
 
     def _penetration(self, points: Floats, now: Mapping[str, Floats], *, new: bool = True) -> dict[str, Any]:
-        """Return the depths of free points in the bones and, if ``new``, how much deeper than at rest."""
+        """Return the depths of free points in the bones.
+
+        With ``new`` also the increase in depth since rest.
+        """
         free = self._fixed_to < 0
         depths = self.depths(points[free], now) if free.any() else None
         names = ("penetration_max_mm", "penetration_p95_mm", "penetrating_points")
@@ -168,7 +178,7 @@ class MuscleMeasure:
         return dict(zip((*names, *names_of_new), found, strict=True))
 
     def _largest(self, depths: Floats) -> tuple[float, float]:
-        """Return the largest depth and the 95th percentile [mm]."""
+        """Return the largest and 95th percentile depth [mm]."""
         deep = depths[depths > 0.0]
         if 20 * len(deep) < len(depths):  # fewer than one in twenty: the percentile is between zeros
             return float(deep.max(initial=0.0)) * self._millimetres, 0.0

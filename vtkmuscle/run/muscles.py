@@ -1,4 +1,4 @@
-"""One muscle's run through a scene."""
+"""A muscle's run through a scene."""
 
 from __future__ import annotations
 
@@ -46,10 +46,10 @@ from vtkmuscle.scene.data import SceneData
 
 @dataclass(frozen=True, eq=False)
 class SceneRun:
-    """The data that the muscles of a run share.
+    """The data shared by the muscles of a run.
 
-    ``numbers`` are the frames that are kept, ``bones`` those bones that have an inside, at rest. ``stop`` is
-    set to end the run early.
+    ``numbers`` are the kept frames, ``bones`` the bones with an inside, at rest. ``stop`` is set to end the
+    run early.
     """
 
     scene: SceneData
@@ -66,10 +66,10 @@ class SceneRun:
 
 
 class MuscleRun:
-    """One muscle's way through all stages: fixed points, fibres, then frame by frame, and the verdict.
+    """A muscle run: fixed points, fibres, frames, verdict.
 
-    Finished frames go to ``track``. ``others`` are the muscles that this one may meet, whose runs are done:
-    overlap with them is measured, and where ``muscle_contact`` is ``"on"`` it is kept out of them.
+    Finished frames go to ``track``. ``others`` are the possible contact partners with finished runs. Overlap
+    with ``others`` is measured, and with ``muscle_contact`` ``"on"`` the muscle is kept out of ``others``.
     """
 
     def __init__(
@@ -82,7 +82,10 @@ class MuscleRun:
         track.report["seconds"] = self.seconds
 
     def go(self) -> None:
-        """Run all stages; an AbortedError is raised where it is stopped, with the frames before complete."""
+        """Run all stages.
+
+        A stopped run raises an AbortedError and keeps the complete earlier frames.
+        """
         scene, track, last = self.scene, self.track, self.run.numbers[-1] + 1
         neighbours = self._deformers() if scene.muscle_contact == "on" else None
         pipeline = muscle_pipeline(scene, self.name, neighbours=neighbours)
@@ -131,7 +134,7 @@ class MuscleRun:
         }
 
     def _fill(self, rest: vtkPolyData, source: Filter, measure: MuscleMeasure) -> None:
-        """Fill the muscle with fibres, and measure them at rest."""
+        """Fill the muscle with fibres, and measure the fibres."""
         scene, track = self.scene, self.track
         self._report_progress("fibres", 0.0)
         with self._timed("fibres", source):
@@ -148,7 +151,10 @@ class MuscleRun:
             }
 
     def _pull(self, number: int, pipeline: MusclePipeline, measure: MuscleMeasure) -> None:
-        """Pull the paths in a frame without a deformer, and keep it."""
+        """Pull the paths in a frame, and keep the frame.
+
+        Without a deformer.
+        """
         assert pipeline.metrics is not None
         now = float(self.scene.motion.times[number])
         with self._timed("pulling paths", pipeline.metrics) as took:
@@ -158,7 +164,7 @@ class MuscleRun:
         self._keep(row | {"ms": 1000.0 * took()}, None, fibres)
 
     def _deform(self, number: int, pipeline: MusclePipeline, measure: MuscleMeasure) -> None:
-        """Deform the muscle in a frame, measure and keep it."""
+        """Deform, measure and keep the muscle in a frame."""
         assert pipeline.deformer is not None
         now = float(self.scene.motion.times[number])
         try:
@@ -192,7 +198,10 @@ class MuscleRun:
         self._keep(row | {"ms": 1000.0 * took()}, deformed, fibres)
 
     def _keep(self, row: dict[str, Any], deformed: vtkPolyData | None, fibres: vtkPolyData | None) -> None:
-        """Keep a frame, all of it or nothing: in files where the run has a folder, else in memory."""
+        """Keep a frame, all or nothing.
+
+        In files if the run has a folder, else in memory.
+        """
         number, now = row["frame"], row["time"]
         kept: tuple[vtkPolyData | WrittenFile | None, vtkPolyData | WrittenFile | None]
         if self.run.store is not None:
@@ -217,7 +226,7 @@ class MuscleRun:
             self.run.options.observe(self.name, row)
 
     def _judge(self, measure: MuscleMeasure) -> None:
-        """Add the verdict on the frames that are there to the report."""
+        """Add the verdict on the computed frames to the report."""
         track, millimetres = self.track, self.scene.millimetres
         rows = track.report["frames"]
         motion = self.scene.motion.part(self.run.numbers[: len(rows)]) if rows else None
@@ -236,7 +245,7 @@ class MuscleRun:
         )
 
     def _deformers(self) -> dict[str, PathDeformer | PBDDeformer]:
-        """Return the deformers of the other muscles, without those that failed on the way."""
+        """Return the deformers of other muscles without failure."""
         whole = [other for other in self.others if other.track.failure is None]
         return {other.name: other.deformer for other in whole if other.deformer is not None}
 
@@ -247,7 +256,10 @@ class MuscleRun:
 
     @contextmanager
     def _timed(self, stage: str, last: Filter | None = None) -> Iterator[Callable[[], float]]:
-        """Add the time to a stage, and let the stop flag abort its filters; gives a function for the time."""
+        """Add the time to a stage, and watch the stop flag.
+
+        The stop flag aborts the stage's filters. Yields a function for the time.
+        """
         before = after = self.clock()
         observed = [
             (one, one.AddObserver("ProgressEvent", self._on_progress))
@@ -269,9 +281,9 @@ class MuscleRun:
 def muscle_pipeline(
     scene: SceneData, name: str, *, neighbours: Mapping[str, Any] | None = None
 ) -> MusclePipeline:
-    """Return the filters of a muscle of a scene, as a run chains them.
+    """Return the chained filters of a muscle of a scene.
 
-    ``neighbours`` are the deformers of the muscles that this one is kept out of, by name.
+    ``neighbours`` are the deformers by name of the muscles to keep out of.
 
     Examples
     --------
@@ -303,7 +315,10 @@ def muscle_pipeline(
 
 
 def _unsettled(pipeline: MusclePipeline) -> dict[str, int]:
-    """Return whether the paths did not come to rest in the last frame; nothing without paths."""
+    """Return whether the paths failed to settle.
+
+    Of the last frame; empty without paths.
+    """
     if pipeline.taut_paths is None:
         return {}
     unsettled = field_array(pipeline.taut_paths.GetOutputDataObject(0), "Unsettled")
@@ -331,9 +346,10 @@ def _warn_if_none_is_free(name: str, muscle: vtkPolyData) -> None:
 def _add_penetration(
     fibres: vtkPolyData, measure: MuscleMeasure, transforms: Mapping[str, Any]
 ) -> Floats | None:
-    """Add the cell array ``Penetration``, the depth of each fibre's deepest point in a bone.
+    """Add the cell array ``Penetration`` to fibres.
 
-    Returns the depth of every point, None where no bone has an inside.
+    ``Penetration`` is the depth of each fibre's deepest point in a bone. Returns the depth of every point,
+    None without a bone with an inside.
     """
     lines = polylines_of(fibres, "fibres")
     depths = measure.depths(lines.points, transforms)

@@ -1,4 +1,4 @@
-"""One output of a scene, by the shortest chain of filters that gives it."""
+"""One output of a scene by the shortest filter chain."""
 
 from __future__ import annotations
 
@@ -39,15 +39,16 @@ def run_only(
     overwrite: bool = False,
     progress: Callable[[str, str, float], None] | None = None,
 ) -> Table | Surfaces:
-    """Compute one output of a scene, and write nothing else.
+    """Compute a single output of a scene.
 
-    Lengths and moment arms take the paths alone; no muscle is deformed, no fibre is moved and no frame is
-    measured. Moment arms need levers, lengths do not. Surfaces take the deformer without fibres.
+    Nothing further is written. Lengths and moment arms take the paths alone; no muscle is deformed, no fibre
+    is moved and no frame is measured. Moment arms need levers, lengths do not. Surfaces take the deformer
+    without fibres.
 
     Parameters
     ----------
     scene : Scene
-        The scene; every muscle needs a deformer, or fibres, for what is asked.
+        The scene; every muscle needs a deformer for surfaces, fibres for lengths and moment arms.
     what : str
         ``"lengths"``, ``"moment_arms"`` or ``"surfaces"``.
     out : path, optional
@@ -55,9 +56,9 @@ def run_only(
     frames : str, slice, range, int or None, optional
         Frames to compute, as of :class:`~vtkmuscle.run.RunOptions`; default all.
     overwrite : bool, optional
-        Whether files of these names may be replaced.
+        Whether existing files may be replaced.
     progress : callable, optional
-        Called with the muscle's name, the stage, and the part that is done, 0 to 1.
+        Called with the muscle's name, the stage, and the finished part, 0 to 1.
 
     Returns
     -------
@@ -69,7 +70,7 @@ def run_only(
     Raises
     ------
     ValueError
-        If there is no such output, a file would be replaced, or a stage cannot be done.
+        If the output is unknown, a file would be replaced, or a stage cannot run.
 
     Examples
     --------
@@ -98,7 +99,7 @@ def run_only(
 
 
 def _check_free(folder: Path, scene: SceneData, what: str) -> None:
-    """Raise an InputError where a file is in the place of a result."""
+    """Raise an InputError for a file in a result's place."""
     files = [f"{name}.pvd" for name in scene.muscles] if what == "surfaces" else [f"{what}.csv"]
     for file in map(folder.joinpath, files):
         if file.exists():
@@ -108,7 +109,10 @@ def _check_free(folder: Path, scene: SceneData, what: str) -> None:
 def _surfaces(
     scene: SceneData, name: str, numbers: range, folder: Path | None, tell: Callable[[str, str, float], None]
 ) -> Iterator[vtkPolyData]:
-    """Give the surfaces of a muscle, each written as soon as it is computed."""
+    """Give the surfaces of a muscle, written in turn.
+
+    Each surface is written at once.
+    """
     deformer = muscle_pipeline(scene, name).deformer
     assert deformer is not None
     series = None if folder is None else Series(folder, name)

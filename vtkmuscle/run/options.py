@@ -1,4 +1,4 @@
-"""The options of a run: which frames it keeps, what it writes, and whom it informs."""
+"""Options of a run: frames, output and callbacks."""
 
 from __future__ import annotations
 
@@ -24,35 +24,33 @@ class RunOptions:
     ----------
     frames : str, slice, range, int or None
         Frames to keep and write, e.g. ``"0:10"`` for the first ten (the end is not included, as in Python);
-        default all. Frames before them are computed where the deformer is ``"pbd"``, which goes on from frame
-        to frame.
+        default all. The deformer ``"pbd"`` goes on from frame to frame, so earlier frames are computed too.
     workers : int or None
-        Number of processes that solve muscles side by side and draw figures; None for one per processor.
-        Muscles that may meet, and a single muscle, are solved in this process, and so are all by default. The
-        result does not depend on their number.
+        Number of processes for solving muscles and drawing figures; None for the number of processors.
+        Muscles that may meet, and a single muscle, are solved in this process. So are all muscles by default.
+        The result does not depend on the number of processes.
     figures : bool
-        Draw figures; where there is no OpenGL, a warning says so and all else is written.
+        Draw figures. Without OpenGL a warning is given and the remaining output is written.
     report : bool
         Write report.html: the scene to be turned and moved, curves, tables and verdicts, for a browser.
     overwrite : bool
-        Whether results of another scene in the folder, or files that no run has written, may be replaced. The
-        scene's own files never are.
+        Whether results of a different scene in the folder, or files from outside of runs, may be replaced.
+        The scene's own files are never replaced.
     fresh : bool
-        Compute muscles again that are finished in the folder.
+        Compute the folder's finished muscles again.
     sense : bool
         Check before the run whether the scene is plausible.
     progress : callable or None
-        Called with the muscle's name, the stage, and the part that is done, 0 to 1; from any thread.
+        Called with the muscle's name, the stage, and the finished part, 0 to 1; from any thread.
     observe : callable or None
-        Called with the muscle's name and the numbers of each frame that is done, as they are in the report;
-        from any thread.
+        Called with the muscle's name and the report's numbers of each finished frame; from any thread.
     clock : callable
-        The clock for the stages of muscles [s]; a function of a module, for other processes use it too.
+        Clock for the stages of muscles [s]; a function of a module, because processes share the clock.
 
     Raises
     ------
     ValueError
-        If an option is not allowed; the message says what is.
+        If an option is not allowed; the message names the allowed options.
     """
 
     frames: Frames = None
@@ -72,7 +70,10 @@ class RunOptions:
 
     @classmethod
     def of(cls, given: Mapping[str, Any]) -> Self:
-        """Return options by their names; raise a TypeError for an unknown one."""
+        """Return options by name.
+
+        An unknown name raises a TypeError.
+        """
         names = [field.name for field in fields(cls)]
         for name in given:
             if name not in names:
@@ -81,10 +82,11 @@ class RunOptions:
 
 
 def frame_numbers(frames: str | slice | range | int | None, count: int) -> range:
-    """Return the numbers of the wanted frames of a motion of ``count`` frames, ascending and not empty.
+    """Return the frame numbers selected from ``count`` frames.
 
-    ``frames`` is ``"A:B"`` or ``"A:B:STEP"`` as in Python (B is not included), ``"A"`` or an int for one
-    frame, a slice or range, or None for all. A ValueError is raised for anything else.
+    Ascending and not empty. ``frames`` is ``"A:B"`` or ``"A:B:STEP"`` as in Python (B is not included),
+    ``"A"`` or an int for a single frame, a slice or range, or None for all. Further values raise a
+    ValueError.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Processes that solve the muscles of a run side by side, and draw its figures.
+"""Processes that solve muscles and draw figures.
 
 Python's lock is held for 0.72 of the time of a frame, so threads gain little: each worker is a process.
 """
@@ -41,9 +41,10 @@ ENDED = "a process that solves muscles ended early: it was killed, or memory ran
 
 
 def pool_size(scene: SceneData, workers: int | None) -> int:
-    """Return the number of processes for a scene: at most ``workers``, by default the processors.
+    """Return the number of processes for a scene.
 
-    Muscles that may meet use each other's filters, so they stay in one process; and so does ParaView.
+    At most ``workers``, by default the number of processors. Muscles that may meet share filters, so such
+    muscles stay in a single process. ParaView stays in a single process too.
     """
     if scene.muscle_contact != "off" or not is_python():
         return 1
@@ -51,12 +52,14 @@ def pool_size(scene: SceneData, workers: int | None) -> int:
 
 
 class Pool:
-    """Processes that solve the muscles of a run and draw its figures; as a context, they end with it.
+    """Processes that solve muscles and draw figures.
+
+    The processes end with the context.
 
     Parameters
     ----------
     size : int
-        Number of processes, each of which starts when there is work for it.
+        Number of processes; a process starts on demand.
     scene : SceneData
         The scene of the run.
     numbers : range
@@ -96,15 +99,24 @@ class Pool:
         self._files.cleanup()
 
     def solve(self, muscle: str) -> Future[Path]:
-        """Solve a muscle as soon as a process is free; the result is for :func:`track_in`."""
+        """Solve a muscle in the next free process.
+
+        The result is for :func:`track_in`.
+        """
         return self._executor.submit(_solve, muscle, Path(self._files.name, f"muscle {muscle}"))
 
     def draw(self, order: FigureOrder, folder: Path) -> Future[float]:
-        """Draw a figure as soon as a process is free; the result is the time it took [s]."""
+        """Draw a figure in the next free process.
+
+        The result is the drawing time [s].
+        """
         return self._executor.submit(_draw, self._file(f"figure {order.name}", order), folder)
 
     def pass_on(self, options: RunOptions) -> None:
-        """Pass on the progress, frames and warnings that the processes have reported."""
+        """Pass on reports of the processes.
+
+        Progress, frames and warnings are reported.
+        """
         while not self._messages.empty():
             kind, *content = self._messages.get()
             if kind == "warning":
@@ -122,7 +134,10 @@ class Pool:
 
 
 def track_in(path: Path) -> MuscleTrack:
-    """Return the track that a process of a pool has found; its frames in memory share their triangles."""
+    """Return the track written by a process of a pool.
+
+    Frames in memory share triangles.
+    """
     track: MuscleTrack = pickle.loads(path.read_bytes())
     path.unlink()
     if track.rest is not None and not track.surfaces.files:
@@ -131,7 +146,7 @@ def track_in(path: Path) -> MuscleTrack:
 
 
 class _Process(SpawnProcess):
-    """A process that receives no Ctrl-C and does not load the main script."""
+    """A process without Ctrl-C and without the main script."""
 
     def start(self) -> None:
         main, root = sys.modules["__main__"], str(Path(__file__).parents[2])
@@ -147,7 +162,7 @@ class _Process(SpawnProcess):
 
 
 class _Context(SpawnContext):
-    """Starts the processes of a pool, and lists them."""
+    """Starts and lists the processes of a pool."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -161,7 +176,10 @@ class _Context(SpawnContext):
 
 @contextmanager
 def _interrupts_blocked() -> Iterator[None]:
-    """Block Ctrl-C in this thread, and for good in processes that it starts; Windows has no such block."""
+    """Block Ctrl-C in this thread.
+
+    In started processes the block is permanent. Windows has no such block.
+    """
     if not hasattr(signal, "pthread_sigmask"):
         yield
         return
@@ -185,7 +203,10 @@ _open = ExitStack()
 
 
 def _begin(given: Path, messages: Any) -> None:
-    """Prepare a process of the pool; it ends with the process that started it."""
+    """Prepare a process of the pool.
+
+    The process ends with its parent process.
+    """
     scene, numbers, clock, store = pickle.loads(given.read_bytes())
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     Thread(target=_end_with_parent, daemon=True).start()

@@ -1,4 +1,4 @@
-"""The numbers that a run reports of its muscles: all measured from the geometry."""
+"""The reported numbers of muscles, measured on geometry."""
 
 from __future__ import annotations
 
@@ -55,7 +55,9 @@ def architecture_of(
     hill: Mapping[str, float] | None = None,
     aponeuroses: vtkMultiBlockDataSet | None = None,
 ) -> dict[str, Any]:
-    """Return the architecture of a muscle at rest, as it is published; see :data:`DEFINITIONS`. JSON-able.
+    """Return the architecture of a muscle at rest.
+
+    The published quantities, JSON-able; see :data:`DEFINITIONS`.
 
     Parameters
     ----------
@@ -66,7 +68,7 @@ def architecture_of(
     hill : mapping of str to float, optional
         Of the muscle; ``tendon_slack_length`` in the scene's unit, ``sarcomere_length`` in micrometres.
     aponeuroses : vtkMultiBlockDataSet, optional
-        The surfaces that the fibres end on.
+        Surfaces at the ends of the fibres.
     """
     metrics = FibreMetrics(architecture=True, sections=SECTIONS)
     summary = muscle_summary(metrics(fibres, muscle, None, attachments))
@@ -128,7 +130,10 @@ def _without_tendon(
 def _pennations(
     lines: Polylines, aponeuroses: vtkMultiBlockDataSet, geometry: MuscleGeometry
 ) -> list[Floats]:
-    """Return the angles between fibres and the aponeuroses that they end on, (k,) at each end [degrees]."""
+    """Return pennation angles (k,) at each end [degrees].
+
+    Angles between fibres and the aponeuroses at the fibres' ends.
+    """
     where = "aponeuroses"
     surfaces = aponeurosis_surfaces(aponeuroses_of(aponeuroses, where), geometry, where)
     places = lines.points[lines.offsets[:-1]], lines.points[lines.offsets[1:] - 1]
@@ -140,7 +145,10 @@ def _pennations(
 
 
 def architecture_table(muscles: Mapping[str, Mapping[str, Any]]) -> Table:
-    """Return the architecture of the muscles of a report that have fibres, a row each."""
+    """Return the architecture table of a report.
+
+    A row per muscle with fibres.
+    """
     columns = ["muscle", "tendon_from", *(f"{quantity}_{unit}" for quantity, unit, _ in _COLUMNS)]
     known = {name: muscle for name, muscle in muscles.items() if "architecture" in muscle}
     return Table(columns, (_row(name, muscle) for name, muscle in known.items()))
@@ -192,7 +200,10 @@ _PACKAGES = ("vtkmuscle", "numpy", "scipy", "numba", "vtk", "pyvista")
 
 
 def versions() -> dict[str, str]:
-    """Return the versions of Python and of the packages that have a part in the numbers."""
+    """Return the versions of Python and packages.
+
+    The packages with a part in the numbers.
+    """
     found = {"python": platform.python_version(), "platform": platform.platform()}
     return found | {package: version_of(package) for package in _PACKAGES}
 
@@ -206,7 +217,10 @@ def version_of(package: str) -> str:
 
 
 def fibres_at_rest(fibres: vtkPolyData, muscle: vtkPolyData, millimetres: float) -> dict[str, Any]:
-    """Return the numbers of the fibres at rest, see :data:`DEFINITIONS`. JSON-able."""
+    """Return the numbers of the fibres at rest.
+
+    JSON-able; see :data:`DEFINITIONS`.
+    """
     points = points_of(fibres)
     outside = np.maximum(solids_of(*checked_surface(muscle, "muscle")).distances(points), 0.0) * millimetres
     inside = int((outside <= FIBRE_TOLERANCE).sum())
@@ -228,7 +242,10 @@ def fibres_at_rest(fibres: vtkPolyData, muscle: vtkPolyData, millimetres: float)
 
 
 def measures_of_fibres(fibres: vtkPolyData, millimetres: float) -> dict[str, dict[str, float]]:
-    """Return mean, standard deviation, least and largest of each measure of FibreMetrics in one frame."""
+    """Return summaries of the FibreMetrics measures.
+
+    Mean, standard deviation, least and largest of each measure in a frame.
+    """
     summary = fibre_summary(fibres)
     return {
         name: {word: value * _scale(name, millimetres) for word, value in found.items()}
@@ -238,14 +255,20 @@ def measures_of_fibres(fibres: vtkPolyData, millimetres: float) -> dict[str, dic
 
 
 def _scale(name: str, millimetres: float) -> float:
-    """Return the factor from the scene's unit to that in a measure's name."""
+    """Return the factor from scene to measure unit.
+
+    The unit of a measure is in the measure's name.
+    """
     if name.endswith("_per_mm"):
         return 1.0 / millimetres
     return millimetres if name.endswith("_mm") else 1.0
 
 
 def fibre_table(frames: Sequence[Mapping[str, Floats]], times: Sequence[float], millimetres: float) -> Table:
-    """Return the measures of FibreMetrics, (k,) by array and frame, as a row per fibre and frame."""
+    """Return the table of FibreMetrics measures.
+
+    The measures (k,) by array and frame; a row per fibre and frame.
+    """
     known = {array: name for array, name in FIBRE_MEASURES.items() if array in frames[0]}
 
     def measures(time: float, columns: Mapping[str, Floats]) -> dict[str, Any]:

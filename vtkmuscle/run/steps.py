@@ -1,4 +1,4 @@
-"""The steps of a run: a scene is checked, its muscles are solved and measured, and the results written."""
+"""The steps of a run: check, solve, measure, write."""
 
 from __future__ import annotations
 
@@ -37,7 +37,10 @@ Tracks = dict[str, MuscleTrack]
 
 @keep_shared()
 def run_scene(scene: SceneData, out: Path | None, options: RunOptions) -> Result:
-    """Run a scene: check it, solve and measure its muscles, and write the results; see ``Scene.run``."""
+    """Run a scene; see ``Scene.run``.
+
+    The scene is checked, muscles are solved and measured, and the results written.
+    """
     began = time.perf_counter()
     if out is not None:
         check_name(out)
@@ -76,7 +79,10 @@ def run_scene(scene: SceneData, out: Path | None, options: RunOptions) -> Result
 
 
 def _solve(run: SceneRun, tracks: Tracks, report: dict[str, Any], pool: Pool | None) -> None:
-    """Solve the muscles that have no track yet, and add their tracks and reports."""
+    """Solve the muscles without a track.
+
+    The tracks and reports are added to ``tracks`` and ``report``.
+    """
     began = time.perf_counter()
     for name in tracks:
         run.report_progress(name, "done", 1.0)
@@ -109,7 +115,10 @@ def _solve(run: SceneRun, tracks: Tracks, report: dict[str, Any], pool: Pool | N
 
 
 def _solve_here(run: SceneRun, name: str, others: list[MuscleRun]) -> MuscleTrack:
-    """Solve a muscle in this process, and add it to ``others`` if later muscles may meet it."""
+    """Solve a muscle in this process.
+
+    The muscle is added to ``others`` if later muscles may meet the muscle.
+    """
     muscle = MuscleRun(run, name, MuscleTrack(), tuple(others))
     muscle.go()
     if run.scene.muscle_contact != "off":
@@ -118,7 +127,10 @@ def _solve_here(run: SceneRun, name: str, others: list[MuscleRun]) -> MuscleTrac
 
 
 def _outcome(job: Future[Any], name: str, scene: SceneData) -> Any:
-    """Return the result of a muscle's job; where the input is at fault, raise a SceneError that names it."""
+    """Return the result of a muscle's job.
+
+    Faulty input raises a SceneError with the name of the muscle.
+    """
     try:
         return job.result()
     except BrokenProcessPool as error:
@@ -131,7 +143,10 @@ def _outcome(job: Future[Any], name: str, scene: SceneData) -> Any:
 
 
 def _measure(result: Result, tracks: Tracks, report: dict[str, Any]) -> None:
-    """Report the errors of lengths, and the moment arms, or why there are none."""
+    """Report the errors of lengths and the moment arms.
+
+    Without moment arms the reason is reported.
+    """
     for track in tracks.values():
         track.report["errors"] = track.errors()
     if result.lengths and result.motion.coordinates:
@@ -146,7 +161,7 @@ def _measure(result: Result, tracks: Tracks, report: dict[str, Any]) -> None:
 
 
 def _write_tables(store: ResultWriter, result: Result) -> None:
-    """Write the tables of a result, and those of the measures of each muscle's fibres."""
+    """Write the tables of a result and of fibre measures."""
     for name, table in result.tables().items():
         if name != "architecture" or len(table["muscle"]):
             store.write_table(name, table)
@@ -210,7 +225,10 @@ def _reported(
     tracks: Tracks,
     result_of: Callable[[Tracks], Result],
 ) -> Iterator[None]:
-    """Where a run fails or is stopped, write the reason in the report, and finished muscles' tables."""
+    """Report the reason of a failed or stopped run.
+
+    The tables of finished muscles are written too.
+    """
     try:
         yield
     except BaseException as error:

@@ -1,4 +1,4 @@
-"""Tables of results, columns of one length by name: of lengths, of moment arms, and any others."""
+"""Tables of results: columns of equal length by name."""
 
 from __future__ import annotations
 
@@ -31,14 +31,16 @@ SUMMARY = (
 
 
 class Table(Mapping[str, NDArray[Any]]):
-    """A table: ``table["length_mm"]`` is a column, ``table.to_frame()`` all of it for pandas.
+    """A table with columns by name.
+
+    ``table["length_mm"]`` is a column, ``table.to_frame()`` the whole table for pandas.
 
     Parameters
     ----------
     columns : sequence of str
         Names of the columns.
     rows : iterable of sequence
-        A value for each column; None where there is none, which is NaN in the column.
+        A value for each column; None, a missing value, is NaN in the column.
 
     Examples
     --------
@@ -58,15 +60,15 @@ class Table(Mapping[str, NDArray[Any]]):
 
     @classmethod
     def stacked(cls, columns: Sequence[str], parts: Iterable[Mapping[str, Any]]) -> Self:
-        """Return a table of parts, one below the other.
+        """Return a table of parts, stacked in order.
 
         Parameters
         ----------
         columns : sequence of str
             Names of the columns.
         parts : iterable of mapping of str to array
-            Per column its values, or one value for all rows; arrays are broadcast against each other, and
-            read with the last index running fastest.
+            Per column the values, or a single value for all rows; arrays of a part are broadcast together,
+            and read with the last index running fastest.
 
         Examples
         --------
@@ -95,7 +97,9 @@ class Table(Mapping[str, NDArray[Any]]):
         return f"Table: {self._count()} rows of {', '.join(self)}"
 
     def where(self, **wanted: Any) -> Self:
-        """Return the rows in which columns have these values: ``table.where(muscle="iliacus", frame=10)``.
+        """Return the rows with equal values in columns.
+
+        As in ``table.where(muscle="iliacus", frame=10)``.
 
         Raises
         ------
@@ -112,14 +116,16 @@ class Table(Mapping[str, NDArray[Any]]):
         return self.stacked(self._names, [{name: column[kept] for name, column in self.items()}])
 
     def to_csv(self, path: str | PathLike[str], *, digits: int | None = None) -> Path:
-        """Write the table as comma-separated values, NaN as nothing, and return the file.
+        """Write comma-separated values, and return the file.
+
+        NaN is an empty cell.
 
         Parameters
         ----------
         path : path
-            Replaced where it exists.
+            An existing file is replaced.
         digits : int, optional
-            Of numbers that are not whole; None for as many as keep every bit.
+            Digits of fractional numbers; None for as many as keep every bit.
         """
         with replacing(Path(path)) as partial, partial.open("w", encoding="utf-8", newline="") as file:
             writer = csv.writer(file, lineterminator="\n")
@@ -134,7 +140,7 @@ class Table(Mapping[str, NDArray[Any]]):
         Raises
         ------
         ImportError
-            If pandas is not installed; ``dict(table)`` needs none.
+            If pandas is not installed; ``dict(table)`` works without pandas.
         """
         try:
             import pandas  # type: ignore[import-not-found, import-untyped, unused-ignore] # noqa: PLC0415
@@ -149,14 +155,16 @@ class Table(Mapping[str, NDArray[Any]]):
 
 
 class MomentArmTable(Mapping[str, Mapping[str, JointArms]]):
-    """Moment arms of muscles by coordinates: ``table["iliacus"]["hip_flexion_r"].mean``.
+    """Moment arms of muscles by coordinates.
+
+    As in ``table["iliacus"]["hip_flexion_r"].mean``.
 
     Parameters
     ----------
     arms : mapping of str to mapping of str to JointArms
         Per muscle, per coordinate.
     refused : mapping of str to str, optional
-        Coordinates by which there are none, and why.
+        Coordinates without moment arms, and the reasons.
 
     Attributes
     ----------
@@ -196,7 +204,10 @@ class MomentArmTable(Mapping[str, Mapping[str, JointArms]]):
         return "\n".join(lines if len(lines) > 1 else ["MomentArmTable: empty"])
 
     def table(self) -> Table:
-        """Return the whole table, with the columns :data:`ARMS`; NaN where no quartic is."""
+        """Return the whole table, with the columns :data:`ARMS`.
+
+        NaN without a quartic.
+        """
         return Table.stacked(
             ARMS,
             (
@@ -215,7 +226,11 @@ class MomentArmTable(Mapping[str, Mapping[str, JointArms]]):
         )
 
     def summary(self) -> Table:
-        """Return per muscle, coordinate and value the mean of the paths, its sampling error and the range."""
+        """Return means of the paths with errors and ranges.
+
+        Per muscle, coordinate and value: the mean of the paths, the sampling error of the mean, and the
+        range.
+        """
         return Table.stacked(
             SUMMARY,
             (
@@ -236,7 +251,10 @@ class MomentArmTable(Mapping[str, Mapping[str, JointArms]]):
         )
 
     def report(self, muscle: str) -> dict[str, Any]:
-        """Return the range and mean of a muscle's moment arms by coordinate, JSON-able."""
+        """Return range and mean of a muscle's moment arms.
+
+        By coordinate, JSON-able.
+        """
         return {
             name: {
                 "unit": found.unit,
@@ -264,7 +282,10 @@ def length_table(
     frames: Sequence[int],
     times: Sequence[float],
 ) -> Table:
-    """Return the table of lengths (f, k) and their segment errors per muscle in the first f frames [mm]."""
+    """Return the table of lengths and segment errors [mm].
+
+    Lengths (f, k) per muscle in the first f frames.
+    """
     return Table.stacked(
         LENGTHS,
         (
@@ -282,7 +303,7 @@ def length_table(
 
 
 def _cells(column: NDArray[Any], digits: int | None) -> Iterable[Any]:
-    """Return the texts and numbers that a column is written as."""
+    """Return the written texts and numbers of a column."""
     values: list[Any] = column.tolist()
     if column.dtype.kind == "U":
         return map({text: plain_cell(text) for text in set(values)}.__getitem__, values)

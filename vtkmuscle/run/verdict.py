@@ -1,4 +1,7 @@
-"""Whether the results of a muscle can be used: ok, look or failed, with the reasons."""
+"""Verdicts on the results of a muscle.
+
+A verdict is ok, look or failed, with reasons.
+"""
 
 from __future__ import annotations
 
@@ -41,10 +44,10 @@ _ENDS = 0.15
 
 @dataclass(frozen=True)
 class Reason:
-    """A reason why a verdict is not ok: the worst frame of one check.
+    """A reason of a verdict: the worst frame of a check.
 
-    ``value`` was found in that frame, and is beyond ``limit``, both in ``unit``; ``says`` is the problem in
-    words, and ``do`` the remedy.
+    ``value`` of the frame is beyond ``limit``, both in ``unit``. ``says`` is the problem in words, and
+    ``do`` the remedy.
     """
 
     check: str
@@ -65,10 +68,10 @@ class Reason:
 
 @dataclass(frozen=True, eq=False)
 class FibreHistory:
-    """A muscle's fibres over the frames: lengths (f, k) and lengths at rest (k,) [mm].
+    """A muscle's fibre lengths over the frames [mm].
 
-    ``at_rest`` is :func:`~vtkmuscle.run.report_values.fibres_at_rest` of them, ``slides`` their
-    :func:`slides_of`.
+    Lengths (f, k) and lengths at rest (k,). ``at_rest`` is the result of
+    :func:`~vtkmuscle.run.report_values.fibres_at_rest`, ``slides`` the result of :func:`slides_of`.
     """
 
     lengths: Floats
@@ -86,7 +89,9 @@ def judge(
     size: float = FULL_SIZE,
     failure: tuple[int, float, Exception] | None = None,
 ) -> dict[str, Any]:
-    """Return the verdict on a muscle, of its rows of the report, one per frame.
+    """Return the verdict on a muscle from report rows.
+
+    A row per frame.
 
     Parameters
     ----------
@@ -95,19 +100,19 @@ def judge(
     fibres : FibreHistory, optional
         The fibres in these frames.
     motion : RigidMotion, optional
-        At the times of the rows: where it turns back, lengths may too.
+        At the times of the rows; lengths may turn back where the motion turns back.
     n_edges : int, optional
         Number of edges of the surface.
     size : float, optional
         Diagonal of the muscle's box at rest [mm].
     failure : (int, float, Exception), optional
-        Frame and time at which the muscle could not be computed, and why.
+        Frame and time of the failure to compute the muscle, and the reason.
 
     Returns
     -------
     dict
-        JSON-able: ``verdict``, the worst of its ``reasons``; these are :class:`Reason` as mappings, the worst
-        first; and ``not_checked``, the checks that were not made and why.
+        JSON-able: ``verdict``, the worst of the ``reasons``; ``reasons``, :class:`Reason` as mappings,
+        the worst first; and ``not_checked``, the omitted checks with reasons.
     """
     values, missing = _series(rows, fibres, motion, n_edges)
     reasons = [
@@ -135,14 +140,20 @@ def judge(
 
 
 def reasons_of(verdict: Mapping[str, Any]) -> list[Reason]:
-    """Return the reasons of a verdict of :func:`judge` or of a report."""
+    """Return the reasons of a verdict.
+
+    The verdict is from :func:`judge` or from a report.
+    """
     return [Reason(**reason) for reason in verdict["reasons"]]
 
 
 def _series(
     rows: Sequence[Mapping[str, Any]], fibres: FibreHistory | None, motion: RigidMotion | None, n_edges: int
 ) -> tuple[dict[str, Floats], dict[str, str]]:
-    """Return the values of each check, one per row (NaN where unknown), and why other checks have none."""
+    """Return the values of each check, a value per row.
+
+    NaN for unknown values. The second result has the reasons for checks without values.
+    """
 
     def column(name: str) -> Floats:
         found = [row.get(name) for row in rows]
@@ -185,7 +196,10 @@ def _series(
 
 
 def _reason(name: str, series: Floats, rows: Sequence[Mapping[str, Any]], scale: float) -> Reason | None:
-    """Return the reason why a check is not ok, None where it is; infinite values are beyond all limits."""
+    """Return the reason of a failed check, else None.
+
+    A check fails with ``look`` or ``failed``; infinite values are beyond all limits.
+    """
     check = CHECKS[name]
     known = np.array([i for i, value in enumerate(series) if not np.isnan(value)], dtype=np.int64)
     if not len(known):
@@ -223,28 +237,30 @@ def slides_of(
     jump: float,
     millimetres: float = 1.0,
 ) -> list[tuple[float, str] | None]:
-    """Return how far the fibre whose length jumps most has slid aside on a bone, frame by frame.
+    """Return the sideways slides of fibres on bones.
+
+    Frame by frame; in each step the fibre with the largest jump in length counts.
 
     Parameters
     ----------
     lengths : (f, k) array
         Lengths of the fibres in each frame [mm].
     lines : callable
-        From the position of a frame to the points (k, n, 3) of the fibres in it, in the scene's unit.
+        From the position of a frame to the points (k, n, 3) of the fibres, in the scene's unit.
     motion : RigidMotion
         At the times of the frames.
     shapes : mapping of str to Bone
         The bones at rest.
     jump : float
-        Steps in which no length jumps by more than this are left out [mm].
+        Jump in length [mm]; steps without a larger jump are left out.
     millimetres : float, optional
         Length of the scene's unit.
 
     Returns
     -------
     list of (float, str) or None
-        Per frame millimetres since the frame before, and the bone; None where no length jumps, or the fibre
-        lay on no bone.
+        Per frame millimetres since the frame before, and the bone; None without a jump in length, or for a
+        fibre off the bones.
     """
     found: list[tuple[float, str] | None] = [None] * len(lengths)
     jumps = length_jumps(lengths, motion.times, even_stretches(motion), largest_turns(motion))
@@ -264,9 +280,10 @@ def slides_of(
 
 
 def _aside(before: Floats, after: Floats, shape: Bone, near: float) -> float:
-    """Return how far points (n, 3) of a line on a bone move across the line and along the bone.
+    """Return the sideways movement of points (n, 3).
 
-    Both are in the frame of the bone. A line may slide along itself and lift off the bone.
+    The movement of points of a line on a bone, across the line and along the bone. Both positions are in the
+    frame of the bone. A line may slide lengthwise and lift off the bone.
     """
     skip = int(np.ceil(_ENDS * len(before)))
     inner = slice(skip, len(before) - skip)

@@ -1,4 +1,7 @@
-"""A folder of results, read: its report, its notes of finished muscles, and the result in it."""
+"""Folders of results, read: report, notes and result.
+
+A note per finished muscle.
+"""
 
 from __future__ import annotations
 
@@ -29,17 +32,17 @@ _GIVE = "give the folder of a run's results, its --out"
 
 
 class ResultFolder:
-    """The folder of a run, finished or not, to be read."""
+    """The folder of a run to read, finished or not."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
 
     def note_file(self, name: str) -> Path:
-        """Return the file of the note of a muscle, or of the run."""
+        """Return the note file of a muscle or run."""
         return self.path / FINISHED / f"{name}.json"
 
     def report(self) -> dict[str, Any] | None:
-        """Return the report, None where there is none or it is damaged."""
+        """Return the report, None if missing or damaged."""
         try:
             check_is_file(self.path / REPORT)
             report = json.loads((self.path / REPORT).read_text(encoding="utf-8"))
@@ -49,7 +52,10 @@ class ResultFolder:
         return report if good else None
 
     def frames_there(self) -> dict[str, int]:
-        """Return how many frames of each muscle are listed, whatever the report says."""
+        """Return the number of listed frames per muscle.
+
+        The number is independent of the report.
+        """
 
         def count(name: str) -> int:
             try:
@@ -60,7 +66,10 @@ class ResultFolder:
         return {name: count(name) for name in (self.report() or {}).get("muscles", {})}
 
     def unfinished(self) -> str | None:
-        """Return in words what a run that did not end has left; None where none is, or it ended."""
+        """Return the remains of an unfinished run in words.
+
+        None for a finished run or without a run.
+        """
         report = self.report()
         if report is None or report["complete"]:
             return None
@@ -71,7 +80,10 @@ class ResultFolder:
         return f"holds a run that did not end ({why}); frames there: {listed or 'none'}"
 
     def result(self) -> dict[str, Any]:
-        """Return the arguments of a :class:`~vtkmuscle.Result`; see :meth:`vtkmuscle.Result.load`."""
+        """Return the arguments of a :class:`~vtkmuscle.Result`.
+
+        See :meth:`vtkmuscle.Result.load`.
+        """
         report = self._finished_report()
         noted = read_note(self.note_file(SCENE), RunNote)
         self._check_sizes(noted.files)
@@ -96,7 +108,10 @@ class ResultFolder:
         }
 
     def finished(self, keys: Mapping[str, str]) -> dict[str, MuscleTrack]:
-        """Return the muscles that are finished under these keys and whose files are there."""
+        """Return the finished muscles with these keys.
+
+        All files of the muscles are present.
+        """
         tracks = {}
         for name, key in keys.items():
             try:
@@ -108,7 +123,7 @@ class ResultFolder:
         return tracks
 
     def _finished_report(self) -> dict[str, Any]:
-        """Return the report of a run that has ended."""
+        """Return the report of a finished run."""
         report, there = self.report(), (self.path / REPORT).exists()
         if not self.path.is_dir():
             what = "this is a file, not a folder" if self.path.exists() else "there is no such folder"
@@ -121,7 +136,10 @@ class ResultFolder:
         return report
 
     def _check_sizes(self, files: Sizes) -> None:
-        """Raise an InputError where a file of a note is missing or has another size."""
+        """Raise an InputError for missing or resized files.
+
+        The files and sizes are from a note.
+        """
         for name, size in files.items():
             if not (self.path / name).is_file():
                 raise InputError(self.path / name, "the file is missing", RUN_AGAIN)
@@ -129,7 +147,7 @@ class ResultFolder:
                 raise InputError(self.path / name, "the file is not what the run has written", RUN_AGAIN)
 
     def _track(self, name: str, note: MuscleNote) -> MuscleTrack:
-        """Return a finished muscle from its note and its files."""
+        """Return a finished muscle from note and files."""
         self._check_sizes(note.files)
 
         def frames(folder: str) -> Frames:

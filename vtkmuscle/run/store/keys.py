@@ -1,4 +1,4 @@
-"""Keys of finished work: digests of everything that it depends on."""
+"""Keys of finished work: digests of all inputs."""
 
 from __future__ import annotations
 
@@ -34,11 +34,12 @@ _FILE = "template_file"
 
 
 def muscle_keys(scene: SceneData, numbers: range) -> dict[str, str]:
-    """Return the key of each muscle of a scene: a digest of all that its frames depend on.
+    """Return the key of each muscle of a scene.
 
-    That is the muscle and the scene without :data:`IRRELEVANT` fields, the numbers of the kept frames, this
-    package's source, and the versions of the packages that it computes with. Where muscles may meet, also the
-    muscles before it in the scene.
+    A key is a digest of all inputs of the muscle's frames: the muscle and the scene without
+    :data:`IRRELEVANT` fields, the numbers of the kept frames, this package's source, and the versions of the
+    packages used in the computation. Muscles in possible contact also depend on the preceding muscles of the
+    scene.
     """
     shared = _relevant(scene, SceneData)
     del shared["muscles"]  # each has a key of its own
@@ -56,7 +57,10 @@ def _relevant(value: Any, kind: type) -> dict[str, Any]:
 
 
 def digest_of(value: Any) -> str:
-    """Return a digest of a scene or of a value in it, with all that it is made of."""
+    """Return a digest of a scene or value.
+
+    All parts of the value count.
+    """
     digest = hashlib.sha256()
     _feed(digest, value)
     return digest.hexdigest()
@@ -107,7 +111,10 @@ def _feed_surface(digest: Any, data: vtkPolyData) -> None:
 
 @cache
 def code_digest() -> str:
-    """Return a digest of the code that computes: source without :data:`_SHOWING`, and other packages."""
+    """Return a digest of the computing code.
+
+    Source without :data:`_SHOWING`, and further packages.
+    """
     root = Path(__file__).parents[2]
     digest = hashlib.sha256()
     for package in _PACKAGES:

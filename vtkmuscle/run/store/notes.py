@@ -1,4 +1,7 @@
-"""The notes in a folder of results: one for each finished muscle, and one for the finished run."""
+"""Notes on finished muscles and runs.
+
+A folder of results has a note per finished muscle and a note of the finished run.
+"""
 
 from __future__ import annotations
 
@@ -74,7 +77,10 @@ class CurveNote(_Table):
 
 
 class MuscleNote(_Table):
-    """A finished muscle: a digest of its input, its part of the report, lengths per frame, and its files."""
+    """The note of a finished muscle.
+
+    A digest of the input, the part of the report, lengths per frame, and the files.
+    """
 
     format: int = FORMAT
     key: str
@@ -88,7 +94,10 @@ class MuscleNote(_Table):
 
 
 class RunNote(_Table):
-    """A finished run: the digest of its report, and what a result needs beside its muscles."""
+    """The note of a finished run.
+
+    The digest of the report, and the parts of a result other than muscles.
+    """
 
     format: int = FORMAT
     report: str
@@ -108,7 +117,7 @@ def read_note(path: Path, kind: type[Note]) -> Note:
     Raises
     ------
     InputError
-        If the file is missing, damaged, or of another version of vtkmuscle.
+        If the file is missing, damaged, or of a different version of vtkmuscle.
     """
     try:
         values = json.loads(path.read_text(encoding="utf-8"))

@@ -1,4 +1,7 @@
-"""The folder that a run writes to and holds against other runs: frames, tables and notes."""
+"""A run's folder, written: frames, tables and notes.
+
+The folder is held against concurrent runs.
+"""
 
 from __future__ import annotations
 
@@ -42,17 +45,18 @@ _FOLDERS = ("bones", "figures", FINISHED)
 
 @contextmanager
 def claimed(folder: Path, scene: SceneData, *, overwrite: bool) -> Iterator[None]:
-    """Make a folder for the results of a scene, and hold it against other runs.
+    """Make and hold a folder for the results of a scene.
 
-    Half-written files of killed runs are removed, and nothing else is changed. With ``overwrite`` results of
-    another scene, and files that no run has written, may be replaced; inputs of the scene never are.
+    The folder is held against concurrent runs. Half-written files of killed runs are removed; further files
+    stay unchanged. With ``overwrite``, results of a different scene and files from outside of runs may be
+    replaced; inputs of the scene are never replaced.
 
     Raises
     ------
     OSError
-        If it cannot be made, another run is writing to it, or something in it is in the way.
+        If the folder cannot be made, a concurrent run writes to the folder, or content is in the way.
     ValueError
-        If something in it would be lost.
+        If content would be lost.
     """
     if folder.is_symlink() and not folder.exists():
         raise FileNotFoundError(f"{folder} is a link to {os.readlink(folder)}, which does not exist")
@@ -79,17 +83,17 @@ def claimed(folder: Path, scene: SceneData, *, overwrite: bool) -> Iterator[None
 
 
 def _tidy(folder: Path, scene: SceneData) -> None:
-    """Remove the half-written files of processes that were killed."""
+    """Remove the half-written files of killed processes."""
     inside = (left_behind(folder / name, deep=True) for name in _folders(scene.muscles))
     for left in chain(left_behind(folder), *inside):
         shutil.rmtree(left) if left.is_dir() else left.unlink(missing_ok=True)
 
 
 def remove_results(folder: Path, scene: SceneData, kept: Collection[str] = ()) -> None:
-    """Remove the results of an earlier run from a claimed folder, but for muscles that are ``kept``.
+    """Remove an earlier run from a claimed folder.
 
-    These are files by the names that runs give: of the muscles of the scene and of the report, of the bones
-    that are noted, and figures that the report lists.
+    Muscles in ``kept`` stay. Removed are files by the names from runs: of the muscles of the scene and of
+    the report, of the noted bones, and the figures listed in the report.
     """
     report = ResultFolder(folder).report() or {}
     notes = folder / FINISHED
@@ -120,23 +124,29 @@ def remove_results(folder: Path, scene: SceneData, kept: Collection[str] = ()) -
 
 
 def remove_if_empty(folder: Path) -> None:
-    """Remove a folder with nothing in it; others stay."""
+    """Remove a folder if empty."""
     if folder.is_dir() and not any(folder.iterdir()):
         folder.rmdir()
 
 
 def scene_file(scene: SceneData) -> str | None:
-    """Return where a scene was read from, in full; None where it was made in Python."""
+    """Return the full path of a scene's file.
+
+    None for a scene made in Python.
+    """
     return str(scene.files[""].resolve()) if "" in scene.files else None
 
 
 def _folders(muscles: Iterable[str]) -> list[str]:
-    """Return the names of the folders that a run makes in its folder."""
+    """Return the names of a run's folders."""
     return [*_FOLDERS, *(part for name in muscles for part in (name, f"{name}_fibres"))]
 
 
 def _files(muscles: Iterable[str]) -> list[str]:
-    """Return the names of the files that a run writes to its folder, beside those in folders."""
+    """Return the names of a run's files.
+
+    Files in sub-folders are left out.
+    """
     names = list(muscles)
     series = ["bones", *(part for name in names for part in (name, f"{name}_fibres"))]
     tables = (f"{name}_fibres.csv" for name in names)
@@ -144,14 +154,17 @@ def _files(muscles: Iterable[str]) -> list[str]:
 
 
 def _muscles_of(report: Mapping[str, Any] | None) -> Iterator[str]:
-    """Give the muscles of an earlier run, without names that no run can have written."""
+    """Give the muscles of an earlier run.
+
+    Names impossible in a run are left out.
+    """
     for name in (report or {}).get("muscles", ()):
         with suppress(ValueError):
             yield checked_name(name)
 
 
 def _check_inputs(folder: Path, files: Mapping[str, Path], written: Collection[str]) -> None:
-    """Raise a ValueError where a file that the scene is read from lies where results are written."""
+    """Raise a ValueError for a scene's input among results."""
     for key, file in files.items():
         for path in {file.resolve(), Path(os.path.abspath(file))}:
             for base in {folder.resolve(), Path(os.path.abspath(folder))}:
@@ -165,7 +178,10 @@ def _check_inputs(folder: Path, files: Mapping[str, Path], written: Collection[s
 
 
 def _check_results(folder: Path, scene: SceneData, report: Mapping[str, Any] | None) -> None:
-    """Raise a ValueError where there are results of another scene, or files that no run has written."""
+    """Raise a ValueError for content to be lost.
+
+    Content is the results of a different scene, or files from outside of runs.
+    """
     insist = "give another folder with --out, or --overwrite (overwrite=True) to replace them"
     if report is None:
         for path in map(folder.joinpath, (*_files(scene.muscles), *_folders(scene.muscles))):
@@ -185,14 +201,14 @@ _DIGITS, _EXACT = 10, ("lengths", "fibre_lengths")
 
 
 class ResultWriter(ResultFolder):
-    """The results of a run that is under way, in a claimed folder.
+    """The writer of results to a claimed folder.
 
-    ``NAME.pvd`` and ``NAME_fibres.pvd`` per muscle with their frames in folders of these names,
-    ``bones.pvd`` with ``bones/``, tables, ``report.json`` and ``figures/``; and ``finished/`` with a note of
-    each finished muscle and of the run, and the muscles and bones at rest.
+    ``NAME.pvd`` and ``NAME_fibres.pvd`` per muscle with frames in folders of these names, ``bones.pvd`` with
+    ``bones/``, tables, ``report.json`` and ``figures/``; and ``finished/`` with a note of each finished
+    muscle and of the run, and the muscles and bones at rest.
 
-    Results of an earlier run are replaced, but for muscles that are finished with the same input; other files
-    are left alone.
+    Results of an earlier run are replaced, except muscles finished with equal input; further files are left
+    alone.
     """
 
     def __init__(self, path: Path, scene: SceneData, numbers: range) -> None:
@@ -203,13 +219,16 @@ class ResultWriter(ResultFolder):
         self._series: dict[str, Series] = {}
 
     def kept(self) -> dict[str, MuscleTrack]:
-        """Return the muscles that an earlier run has finished with the same input."""
+        """Return muscles finished earlier with equal input."""
         return self.finished(self._keys)
 
     def write_frame(
         self, muscle: str, number: int, surface: vtkPolyData | None, fibres: vtkPolyData | None
     ) -> tuple[WrittenFile | None, WrittenFile | None]:
-        """Write a frame of a muscle and of its fibres, and return their files."""
+        """Write a frame of a muscle; return the files.
+
+        The fibres of the frame are written too.
+        """
 
         def written(name: str, data: vtkPolyData | None) -> WrittenFile | None:
             if data is None:
@@ -222,7 +241,7 @@ class ResultWriter(ResultFolder):
         return written(muscle, surface), lines
 
     def finish(self, name: str, track: MuscleTrack) -> None:
-        """Note that a muscle is finished: all its frames are written."""
+        """Note a finished muscle, with all frames written."""
         files = [frame.path for frames in (track.surfaces, track.fibres) for frame in frames.files]
         for series, rest in ((name, track.rest), (f"{name}_fibres", track.rest_fibres)):
             if rest is not None:
@@ -243,7 +262,10 @@ class ResultWriter(ResultFolder):
         write_note(self.note_file(name), note)
 
     def write_bones(self, scene: SceneData) -> None:
-        """Write the bones over time; those that stay where they are only once."""
+        """Write the bones over time.
+
+        A bone at rest throughout is written once.
+        """
         folder, mover = self.path / "bones", BoneMotion(motion=scene.motion)
         mover.connect(0, scene.bones_data())
         collection = Pvd(self.path / "bones.pvd")
@@ -262,7 +284,10 @@ class ResultWriter(ResultFolder):
             collection.add(time, parts)
 
     def write_table(self, name: str, table: Table) -> None:
-        """Write a table, those of lengths with all their digits."""
+        """Write a table.
+
+        Tables of lengths have all digits.
+        """
         table.to_csv(self.path / f"{name}.csv", digits=None if name in _EXACT else _DIGITS)
 
     def write_report(self, report: Mapping[str, Any]) -> None:
@@ -290,11 +315,17 @@ class ResultWriter(ResultFolder):
         write_note(self.note_file(SCENE), note)
 
     def _sizes(self, files: Iterable[Path]) -> dict[str, int]:
-        """Return the sizes of files by their paths in the folder."""
+        """Return the sizes of files by path.
+
+        The paths are relative to the folder.
+        """
         return {file.relative_to(self.path).as_posix(): file.stat().st_size for file in files}
 
     def _stamped(self, data: vtkPolyData) -> vtkPolyData:
-        """Return a shallow copy whose field data say what it is part of."""
+        """Return a shallow copy with the stamps of the run.
+
+        The field data name the run of the data set.
+        """
         copy = shallow_copy(data)
         for name, value in zip(STAMPS, self._stamp, strict=True):
             set_field_array(copy, name, value)
@@ -302,7 +333,10 @@ class ResultWriter(ResultFolder):
 
 
 def merged(data: Any) -> vtkPolyData:
-    """Return the blocks of a data set as one, with the number of the block as cell array ``Bone``."""
+    """Return the blocks of a data set, merged.
+
+    The cell array ``Bone`` has the number of the block.
+    """
     if isinstance(data, vtkPolyData):
         return data
     append = vtkAppendPolyData()
