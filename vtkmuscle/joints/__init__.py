@@ -1,4 +1,7 @@
-"""Joints: trees of bodies, fits to bones, files of OpenSim with joints, and grids of coordinates."""
+"""Joints: trees, fits, OpenSim files, and coordinate grids.
+
+Trees of bodies on joints; fits of joints to bones.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +14,9 @@ from vtkmuscle.core.types import Floats
 
 
 def steps_of(start: float, stop: float, step: float) -> Floats:
-    """Return values from start to stop, which is always the last one.
+    """Return values from start to stop, stop included.
+
+    The stop is always the last value.
 
     Examples
     --------
@@ -25,9 +30,10 @@ def steps_of(start: float, stop: float, step: float) -> Floats:
 
 
 def grid_of(axes: Mapping[str, Floats]) -> dict[str, Floats]:
-    """Return all poses (f,) of a grid of coordinates (k,) by name, each next to the one before it.
+    """Return all poses (f,) of a grid of coordinates.
 
-    The last coordinate changes first, there and back in turn, so that no step is longer than one of the grid.
+    Coordinates (k,) by name. Consecutive poses are neighbours on the grid: the last coordinate changes
+    first, to and fro in turn, so no step is longer than a grid step.
 
     Examples
     --------

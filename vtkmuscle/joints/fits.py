@@ -1,4 +1,4 @@
-"""The centre and the axis of a joint, from the surface of the bone that is round there."""
+"""Joint centres and axes from round bone surfaces."""
 
 from __future__ import annotations
 
@@ -23,7 +23,10 @@ _FEWEST = 12
 
 @dataclass(frozen=True, eq=False)
 class JointFit:
-    """A ball fitted to a bone, or two of them side by side."""
+    """A ball fitted to a bone, or two balls.
+
+    Two balls lie side by side.
+    """
 
     centre: Floats  # (3,), of the ball, or the middle between two [mm]
     axis: Floats | None  # (3,), unit vector from one ball's centre to the other's
@@ -33,18 +36,21 @@ class JointFit:
 
     @property
     def sureness(self) -> float:
-        """1 where its points lie exactly on it and all round, 0 where they do not lie on it."""
+        """Sureness of the fit, 0 to 1.
+
+        1 for points exactly on the ball and all round, 0 for points off the ball.
+        """
         flat = max(0.0, 1.0 - self.rms / (NEAR * self.radius))
         whole = _COVERED["ball" if self.axis is None else "hinge"]
         return float(flat * min(1.0, self.covered / whole))
 
 
 def fitted_ball(points: Floats, normals: Floats, areas: Floats, seeds: Bools) -> JointFit:
-    """Return the ball that fits the part of a bone around some points, the seeds (n,).
+    """Return the ball fitted around seeds on a bone.
 
-    Least squares in rounds: of the seeds at first, then of all points that lie on the last ball. The bone has
-    points (n, 3) [mm], unit normals, outward, and areas around each point. A ValueError says that fewer than
-    12 points lie on a ball.
+    The seeds (n,) select points. Least squares in rounds: first of the seeds, then of all points on the
+    previous ball. The bone has points (n, 3) [mm], unit normals, outward, and areas around each point. A
+    ball with fewer than 12 points raises a ValueError.
     """
     chosen = seeds
     for _ in range(_ROUNDS):
@@ -67,12 +73,12 @@ def fitted_ball(points: Floats, normals: Floats, areas: Floats, seeds: Bools) ->
 
 
 def fitted_hinge(points: Floats, normals: Floats, areas: Floats, seeds: Bools) -> JointFit:
-    """Return the axis through the balls that fit two condyles, each as of :func:`fitted_ball`.
+    """Return the axis through two fitted condyle balls.
 
-    Condyles lie side by side, along the longest extent of the seeds. The balls are fitted to the points that
-    face the other bone, or to those that protrude most from the line of the shaft, as the back of a femur's
-    condyles does, whichever fit is the surer. Eckhoff et al. 2007, *Difference between the epicondylar and
-    cylindrical axis of the knee*, doi:10.1097/BLO.0b013e318112416b.
+    Each ball is fitted as by :func:`fitted_ball`. Condyles lie side by side, along the longest extent of the
+    seeds. The balls are fitted to the points facing the opposite bone, or to the points protruding most from
+    the line of the shaft, as at the back of a femur's condyles; the surer fit is taken. Eckhoff et al. 2007,
+    *Difference between the epicondylar and cylindrical axis of the knee*, doi:10.1097/BLO.0b013e318112416b.
     """
     _check_enough(seeds)
     centre = points[seeds].mean(axis=0)
@@ -112,7 +118,10 @@ def fitted_hinge(points: Floats, normals: Floats, areas: Floats, seeds: Bools) -
 
 
 def _on(away: Floats, radius: float, normals: Floats) -> Bools:
-    """Return which points lie on the ball's surface and face away from its centre; ``away`` starts there."""
+    """Return a mask of outward points on the ball.
+
+    ``away`` are the vectors from the centre of the ball to the points.
+    """
     distance = np.linalg.norm(away, axis=1)
     facing = np.einsum("ij,ij->i", away, normals) > ALONG * distance
     on: Bools = (np.abs(distance - radius) < NEAR * radius) & facing

@@ -1,7 +1,8 @@
-"""Functions of one coordinate: how far a joint turns or slides, and where a point of a path is.
+"""Functions of a single coordinate, as of OpenSim.
 
-The kinds are those of OpenSim's models, with its conventions at the ends of splines; they are read from its
-files, and written to them.
+A function gives the turn or slide of a joint, or the position of a path point. The kinds are the kinds of
+OpenSim's models, with OpenSim's conventions at the ends of splines. The functions are read from OpenSim's
+files and written to OpenSim's files.
 """
 
 from __future__ import annotations
@@ -21,7 +22,9 @@ from vtkmuscle.io.xml_elements import Element, made
 
 @dataclass(frozen=True, eq=False)
 class Polynomial:
-    """A polynomial, its coefficients (n,) from the highest power to the constant.
+    """A polynomial with coefficients (n,).
+
+    The coefficients run from the highest power to the constant.
 
     Examples
     --------
@@ -48,7 +51,10 @@ class Polynomial:
 
 @dataclass(frozen=True, eq=False)
 class Knots:
-    """A curve through two knots (x, y) or more, x ascending, that goes on straight beyond them."""
+    """A curve through knots, straight beyond the ends.
+
+    Two knots (x, y) or more, x ascending.
+    """
 
     x: Floats
     y: Floats
@@ -88,15 +94,15 @@ class Knots:
 
 
 class PiecewiseLinear(Knots):
-    """Straight lines between knots, the first and the last of them going on."""
+    """Straight lines between knots, extended at both ends."""
 
 
 class CubicSpline(Knots):
-    """A cubic spline through knots that goes on straight beyond them: OpenSim's SimmSpline.
+    """A cubic spline through knots: OpenSim's SimmSpline.
 
-    At either end the third derivative is that of the cubic through the four outermost knots (Forsythe,
-    Malcolm, Moler 1977, *Computer methods for mathematical computations*, section 4.4), or, of three knots,
-    zero.
+    The spline goes on straight beyond the knots. At either end the third derivative is the third derivative
+    of the cubic through the four outermost knots (Forsythe, Malcolm, Moler 1977, *Computer methods for
+    mathematical computations*, section 4.4), or, for three knots, zero.
 
     Examples
     --------
@@ -164,7 +170,10 @@ FUNCTIONS = (*_PARTS, "MultiplierFunction")
 
 
 def function_of(element: Element) -> CoordinateFunction:
-    """Return the function in the ``function`` of an element, or in the element itself."""
+    """Return the function of an element.
+
+    The function is in the child ``function``, or in the element directly.
+    """
     holder = element.find("function")
     if holder is None:
         holder = replace(element, children=[child for child in element.children if child.tag in FUNCTIONS])
@@ -172,12 +181,12 @@ def function_of(element: Element) -> CoordinateFunction:
 
 
 def function_in(holder: Element) -> CoordinateFunction:
-    """Return the function that an element of OpenSim's files holds.
+    """Return the function in an element of OpenSim.
 
     Raises
     ------
     InputError
-        If it holds none, several, or one that is not understood.
+        If the element holds no function, several functions, or an unsupported function.
     """
     children = [child for child in holder.children if child.tag != "default"]
     if len(children) != 1:
@@ -211,7 +220,7 @@ def _function(element: Element) -> CoordinateFunction:
 
 
 def function_element(function: CoordinateFunction, **attributes: str) -> ElementTree.Element:
-    """Return a function as OpenSim's files have it."""
+    """Return a function as an element of OpenSim."""
     match function:
         case Polynomial(coefficients) if len(coefficients) == 1:
             return made("Constant", made("value", coefficients), **attributes)

@@ -50,9 +50,9 @@ class MotionFile:
     def values(self, tree: KinematicTree, *, degrees: bool | None = None) -> dict[str, Floats]:
         """Return the values (f,) of a tree's coordinates.
 
-        Angles are in radians, translations as in the file. A column's label is the coordinate's name, or its
-        path in the model (``/jointset/knee_r/knee_angle_r/value``); further columns are ignored. ``degrees``
-        tells whether the file's angles are in degrees; by default the header decides.
+        Angles are in radians, translations as in the file. The label of a column is the coordinate's name,
+        or the coordinate's path in the model (``/jointset/knee_r/knee_angle_r/value``); further columns are
+        ignored. ``degrees`` tells whether the file's angles are in degrees; by default the header decides.
 
         Raises
         ------

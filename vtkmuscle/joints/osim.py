@@ -66,7 +66,10 @@ GROUND = "ground"
 
 
 def of_kind(tag: str, elements: Sequence[Element]) -> Sequence[Element]:
-    """Return elements; raise an InputError unless all have the tag."""
+    """Return elements with a tag.
+
+    Elements with a different tag raise an InputError.
+    """
     for element in elements:
         if element.tag != tag:
             raise element.error(f"is not supported: only {tag} may be here")
@@ -90,7 +93,7 @@ def point_on(element: Element, frames: Frames) -> tuple[str, Floats]:
 
 
 def offset_frames(elements: Sequence[Element], frames: Frames) -> Frames:
-    """Return frames, extended by the PhysicalOffsetFrames among elements."""
+    """Return frames with the PhysicalOffsetFrames among elements."""
     extended = dict(frames)
     for element in of_kind("PhysicalOffsetFrame", elements):
         element.only(_FRAME_KEYS)
@@ -167,7 +170,10 @@ def _spatial_transform(element: Element) -> tuple[list[JointAxis], list[JointAxi
 
 
 def _only_coordinate(element: Element, tag: str) -> str | None:
-    """Return the name in a child, or None; raise an InputError for several."""
+    """Return the name in a child, or None.
+
+    Several names raise an InputError.
+    """
     names = element.words(tag)
     if len(names) > 1:
         raise element.error(f"depends on {len(names)} coordinates, but only functions of 1 are supported")
@@ -184,7 +190,10 @@ def _transform_axis(element: Element) -> JointAxis:
 
 
 def coupling_in(element: Element) -> Coupling | None:
-    """Return the coupling of a CoordinateCouplerConstraint; None if switched off."""
+    """Return the coupling of a CoordinateCouplerConstraint.
+
+    None if switched off.
+    """
     if not element.flag("isEnforced", default=True) or element.flag("isDisabled"):
         return None
     if element.tag != "CoordinateCouplerConstraint":
@@ -206,7 +215,10 @@ def last_part(path: str) -> str:
 
 
 def model_element(path: Path) -> Element:
-    """Return the model in a file of OpenSim; raise an InputError unless in metres."""
+    """Return the model in an OpenSim file.
+
+    A model with lengths not in metres raises an InputError.
+    """
     document = read_xml(path)
     if document.tag != "OpenSimDocument":
         problem = f"this is XML of {document.tag!r}, not a model of OpenSim"
@@ -221,7 +233,9 @@ def model_element(path: Path) -> Element:
 
 
 def read_tree(path: Path) -> KinematicTree:
-    """Return the bodies and joints of a model of OpenSim in metres, without muscles.
+    """Return the bodies and joints of an OpenSim model.
+
+    In metres, without muscles.
 
     Raises
     ------
@@ -252,7 +266,10 @@ def bodies_in(model: Element) -> tuple[list[tuple[str, Element]], Frames]:
 
 
 def tree_in(model: Element, frames: Frames, not_used: list[str]) -> tuple[KinematicTree, dict[str, str]]:
-    """Return the tree of a model, and the joint of each coordinate; extend the unused parts."""
+    """Return the tree of a model.
+
+    The second result has the joint of each coordinate. The list of unused parts is extended.
+    """
     joints = [joint_in(element, frames) for element in model.within("JointSet")]
     for body in model.within("BodySet"):
         joints += [joint_in(element, frames, body.name) for element in body.within("Joint")]

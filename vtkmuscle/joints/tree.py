@@ -1,4 +1,7 @@
-"""A kinematic tree: bodies that joints hang on each other, and where they are for given coordinates."""
+"""Kinematic trees: bodies on joints, and body poses.
+
+The poses follow from values of the coordinates.
+"""
 
 from __future__ import annotations
 
@@ -19,10 +22,10 @@ from vtkmuscle.joints.functions import CoordinateFunction
 
 @dataclass(frozen=True)
 class JointCoordinate:
-    """A coordinate of a joint, in radians, or in mm, cm or m for a translation.
+    """A coordinate of a joint.
 
-    ``rest`` is its value where no other is given, ``range`` its least and largest value, ``positive`` its
-    positive direction in words.
+    In radians, or in mm, cm or m for a translation. ``rest`` is the value by default, ``range`` the least
+    and largest value, ``positive`` the positive direction in words.
     """
 
     name: str
@@ -33,20 +36,21 @@ class JointCoordinate:
 
     @property
     def is_angle(self) -> bool:
-        """Whether it is an angle."""
+        """Whether the coordinate is an angle."""
         return self.unit in ANGLES
 
     def scaled(self, factor: float) -> JointCoordinate:
-        """Return the coordinate with its rest and range times a factor."""
+        """Return the coordinate with scaled rest and range."""
         limits = None if self.range is None else (factor * self.range[0], factor * self.range[1])
         return replace(self, rest=factor * self.rest, range=limits)
 
 
 @dataclass(frozen=True, eq=False)
 class JointAxis:
-    """One turn or slide of a joint about or along an axis (3,), of any length.
+    """A turn or slide about or along an axis (3,).
 
-    How far [radians, or the tree's unit of length] is a function of a coordinate; None for a constant.
+    The axis has any length. The amount [radians, or the tree's unit of length] is a function of a
+    coordinate; the coordinate is None for a constant.
     """
 
     axis: Floats
@@ -64,17 +68,17 @@ class JointAxis:
         object.__setattr__(self, "axis", axis / length)
 
     def at(self, values: Mapping[str, Floats], frames: int) -> Floats:
-        """Return how far (f,) for values (f,) of the coordinates."""
+        """Return the amount (f,) for values (f,) of coordinates."""
         return self.function(np.zeros(frames) if self.coordinate is None else values[self.coordinate])
 
 
 @dataclass(frozen=True, eq=False)
 class Joint:
-    """How a body moves against its parent.
+    """The movement of a body against the parent body.
 
-    The child's joint frame is turned against the parent's about each axis in turn, the later axes going along
-    with the earlier turns, and is shifted along axes of the parent's joint frame. ``parent_frame`` and
-    ``child_frame`` (4, 4) are the joint's frames in either body, ``kind`` is its type in a file.
+    The child's joint frame is turned against the parent's about each axis in turn, the later axes going
+    along with the earlier turns, and is shifted along axes of the parent's joint frame. ``parent_frame`` and
+    ``child_frame`` (4, 4) are the joint's frames in either body, ``kind`` is the joint's type in a file.
     """
 
     name: str
@@ -92,7 +96,10 @@ class Joint:
         return (*self.rotations, *self.translations)
 
     def transforms(self, values: Mapping[str, Floats], frames: int) -> Floats:
-        """Return the child's frame in its parent's (f, 4, 4) for values (f,) of the coordinates."""
+        """Return the child's frame in the parent (f, 4, 4).
+
+        For values (f,) of the coordinates.
+        """
         result = np.tile(np.eye(4), (frames, 1, 1))
         for axis in self.rotations:
             result[:, :3, :3] = result[:, :3, :3] @ turns(axis.axis, axis.at(values, frames))
@@ -104,7 +111,10 @@ class Joint:
 
 @dataclass(frozen=True, eq=False)
 class Coupling:
-    """A coordinate that follows another one by a function, as a patella's angle follows that of the knee."""
+    """A coordinate as a function of an independent coordinate.
+
+    For example, the angle of a patella follows the angle of the knee.
+    """
 
     dependent: str
     independent: str
@@ -113,9 +123,10 @@ class Coupling:
 
 @dataclass(frozen=True, eq=False)
 class KinematicTree:
-    """Bodies on joints, and their poses for given coordinates.
+    """Bodies on joints, and poses for coordinates.
 
-    All bodies hang on the root; each other body is the child of one joint. Joints are given in any order.
+    All bodies hang on the root; each body except the root is the child of a single joint. The order of
+    joints is free.
 
     Raises
     ------
@@ -158,17 +169,20 @@ class KinematicTree:
 
     @property
     def bodies(self) -> tuple[str, ...]:
-        """The root, then each body after its parent."""
+        """The root, then each body after the parent."""
         return (self.root, *(joint.child for joint in self.joints))
 
     @property
     def free(self) -> tuple[str, ...]:
-        """Coordinates that follow no other."""
+        """Coordinates without a coupling."""
         dependent = {one.dependent for one in self.couplings}
         return tuple(one.name for one in self.coordinates if one.name not in dependent)
 
     def coordinate(self, name: str, where: str = "") -> JointCoordinate:
-        """Return a coordinate by its name; ValueError, with ``where`` before it, if there is none."""
+        """Return a coordinate by name.
+
+        An unknown name raises a ValueError, with ``where`` before the message.
+        """
         for one in self.coordinates:
             if one.name == name:
                 return one
@@ -176,10 +190,11 @@ class KinematicTree:
         raise InputError("", f"{where}there is no coordinate {name!r}; {suggestion(name, known)}")
 
     def completed(self, values: Mapping[str, ArrayLike]) -> dict[str, Floats]:
-        """Return the values (f,) of all coordinates: the given, the coupled ones, the others at rest.
+        """Return the values (f,) of all coordinates.
 
-        They are given (f,) by coordinate, in its unit; numbers hold for all frames. ValueError if there is no
-        such coordinate, lengths differ, or a value is not finite.
+        Coupled coordinates follow the couplings; coordinates without a value are at rest. Input values (f,)
+        are by coordinate, in the coordinate's unit; numbers hold for all frames. An unknown coordinate,
+        unequal lengths, or a value that is not finite raise a ValueError.
         """
         given = {name: np.asarray(value, dtype=np.float64) for name, value in values.items()}
         lengths = {value.shape for value in given.values() if value.ndim}
@@ -206,10 +221,10 @@ class KinematicTree:
     def poses(
         self, values: Mapping[str, ArrayLike], bodies: Iterable[str] | None = None
     ) -> dict[str, Floats]:
-        """Return each body's frame in the root's (f, 4, 4) for values of the coordinates.
+        """Return each body's frame in the root (f, 4, 4).
 
-        They are given as to :meth:`completed`; a value of a coupled coordinate does not count. Where bodies
-        are named, only these and the bodies that they hang on are placed.
+        Values of the coordinates are as in :meth:`completed`; values of coupled coordinates do not count.
+        Named bodies, if any, are placed alone, along with the bodies up to the root.
         """
         wanted = self.bodies if bodies is None else {one.child for on in bodies for one in self.way_up(on)}
         full = self.completed(values)
@@ -227,7 +242,10 @@ class KinematicTree:
         return result
 
     def scaled(self, length: float, coordinates: Mapping[str, float] | None = None) -> KinematicTree:
-        """Return a tree that moves as this one, lengths times a factor, and coordinates times one by name."""
+        """Return an equally moving tree in scaled units.
+
+        ``length`` is the factor of lengths; ``coordinates`` are factors of coordinates by name.
+        """
         factors = {one.name: 1.0 for one in self.coordinates} | dict(coordinates or {})
 
         def scaled_axis(axis: JointAxis, result: float) -> JointAxis:
@@ -253,9 +271,10 @@ class KinematicTree:
         )
 
     def in_metres(self, metres: float) -> tuple[KinematicTree, dict[str, float]]:
-        """Return the tree in metres, for metres per unit of length, with its sliding coordinates in metres.
+        """Return the tree in metres.
 
-        The second result has the factors by which values of coordinates are multiplied; 1 for angles.
+        ``metres`` are the metres per unit of length. Sliding coordinates are in metres. The second result
+        has the factors for values of coordinates; 1 for angles.
         """
         factors = {
             one.name: 1.0 if one.is_angle else TRANSLATIONS[one.unit] / 1000.0 for one in self.coordinates
@@ -265,7 +284,10 @@ class KinematicTree:
         return replace(tree, coordinates=coordinates), factors
 
     def crossed(self, bodies: Sequence[str]) -> tuple[str, ...]:
-        """Return the free coordinates that move some bodies against each other."""
+        """Return the free coordinates between some bodies.
+
+        The coordinates move the bodies against each other.
+        """
         ways = [{joint.name: joint for joint in self.way_up(body)} for body in bodies]
         common = set.intersection(*map(set, ways)) if ways else set()
         moving = [joint for way in ways for name, joint in way.items() if name not in common]
@@ -281,7 +303,10 @@ class KinematicTree:
         return found
 
     def freed(self, coordinates: Iterable[str | None]) -> tuple[str, ...]:
-        """Return the free coordinates among some, and those that others among them follow."""
+        """Return the free coordinates behind some coordinates.
+
+        Coupled coordinates count by the independent coordinates of the couplings.
+        """
         found = set(coordinates)
         for one in reversed(self.couplings):
             if one.dependent in found:
@@ -296,7 +321,7 @@ def _scaled(frame: Floats, factor: float) -> Floats:
 
 
 def _joints_in_order(root: str, joints: Sequence[Joint]) -> Iterator[Joint]:
-    """Give each joint after that of its parent."""
+    """Give each joint after the parent's joint."""
     waiting: dict[str, list[Joint]] = {}
     seen: dict[str, str] = {root: ""}
     for joint in joints:
@@ -317,7 +342,10 @@ def _joints_in_order(root: str, joints: Sequence[Joint]) -> Iterator[Joint]:
 
 
 def _couplings_in_order(couplings: Sequence[Coupling]) -> Iterator[Coupling]:
-    """Give each coupling after that which its independent coordinate depends on."""
+    """Give the couplings in order of dependence.
+
+    A coupling comes after the coupling of the independent coordinate.
+    """
     found = {one.dependent: one for one in couplings}
     sorter = TopologicalSorter({one.dependent: (one.independent,) for one in couplings})
     try:
