@@ -1,6 +1,7 @@
-"""Deform muscles with moving bones, fill them with fibres, and measure them: VTK filters in Python.
+"""VTK filters for muscles: deformation, fibres and measurement.
 
-Names are imported when they are first used, so that ``import vtkmuscle`` stays quick.
+Muscles are deformed with moving bones, filled with fibres and measured, in Python. Names are imported at
+first use, to keep ``import vtkmuscle`` quick.
 
 Examples
 --------

@@ -1,4 +1,4 @@
-"""``python -m vtkmuscle`` is the same as ``vtkmuscle``."""
+"""``python -m vtkmuscle``, equal to the command ``vtkmuscle``."""
 
 from vtkmuscle.cli import main
 

@@ -1,6 +1,7 @@
-"""The PyVista accessor ``mesh.muscle``: filters as methods of a mesh.
+"""The PyVista accessor ``mesh.muscle``.
 
-PyVista loads the accessor by the entry point group ``pyvista.accessors``, without an import.
+Filters are methods of a mesh. PyVista loads the accessor by the entry point group ``pyvista.accessors``,
+without an import.
 """
 
 from __future__ import annotations
@@ -25,9 +26,9 @@ from vtkmuscle.plotting.plotters import MovingScene
 
 @pyvista.register_dataset_accessor("muscle", pyvista.PolyData)
 class MuscleAccessor:
-    """Filters as methods of a muscle's mesh, or of fibres.
+    """Filters as methods of a muscle's mesh or fibres.
 
-    Methods return new PyVista meshes, do not change the mesh, and raise the errors of their filters. Chains
+    Methods return new PyVista meshes, do not change the mesh, and raise the errors of the filters. Chains
     that follow changes upstream, e.g. of a time slider, are in :mod:`vtkmuscle.pipelines`.
 
     Parameters
@@ -131,7 +132,9 @@ class MuscleAccessor:
     def fibres(
         self, *, origin: Any = None, insertion: Any = None, attachments: Any = None, **settings: Any
     ) -> Any:
-        """Return fibres that fill the muscle, by :func:`vtkmuscle.pipelines.decompose`.
+        """Return fibres filling the muscle.
+
+        By :func:`vtkmuscle.pipelines.decompose`.
 
         Parameters
         ----------
@@ -151,7 +154,10 @@ class MuscleAccessor:
         return decompose(self._mesh, areas, **settings).apply()
 
     def fibre_lengths(self) -> Floats:
-        """Return the length of each polyline (n,) [mm], by FibreMetrics."""
+        """Return the length of each polyline (n,) [mm].
+
+        By FibreMetrics.
+        """
         return np.array(FibreMetrics().apply(self._mesh)["Length"])
 
     def plot(
@@ -162,7 +168,9 @@ class MuscleAccessor:
         show: bool = True,
         off_screen: bool | None = None,
     ) -> Any:
-        """Show the muscle with its fibres and bones, in a window or in a cell of a notebook.
+        """Show the muscle, with fibres and bones.
+
+        In a window or in a cell of a notebook.
 
         Parameters
         ----------
@@ -191,17 +199,26 @@ class MuscleAccessor:
         return None
 
     def tubes(self, **parameters: Any) -> Any:
-        """Return tubes around polylines, by :class:`~vtkmuscle.filters.FibreTubes`."""
+        """Return tubes around polylines.
+
+        By :class:`~vtkmuscle.filters.FibreTubes`.
+        """
         return FibreTubes(**parameters).apply(self._mesh)
 
 
 def _names(bones: Any) -> list[str]:
-    """Return the names of bones, in a mapping or in named blocks."""
+    """Return the names of bones.
+
+    From a mapping or from named blocks.
+    """
     return list(bones) if isinstance(bones, Mapping) else [name for name, _ in blocks_of(bones)]
 
 
 def _areas(origin: Any, insertion: Any, attachments: Any, bones: list[str] | None) -> Any:
-    """Return attachment areas for filters; with bone names, each area needs a bone."""
+    """Return attachment areas for filters.
+
+    With bone names, each area needs a bone.
+    """
     roles = {"origin": origin, "insertion": insertion}
     by_role = {role: landmarks for role, landmarks in roles.items() if landmarks is not None}
     if attachments is not None:

@@ -1,4 +1,7 @@
-"""Runs compared muscle by muscle: settings, sides, subjects, published moment arms, OpenSim's own paths."""
+"""Comparison of runs, muscle by muscle.
+
+Runs differ in settings, sides or subjects; published moment arms and OpenSim's own paths are compared too.
+"""
 
 from __future__ import annotations
 
@@ -39,14 +42,14 @@ _WIDTH, _HEIGHT = 4.8, 3.2
 
 @dataclass(frozen=True, eq=False)
 class Curve:
-    """A quantity of a muscle over a coordinate or the time.
+    """A quantity of a muscle over coordinate or time.
 
     Attributes
     ----------
     quantity, over, unit : str
-        Its name, the name and unit of the horizontal axis, and its own unit.
+        Name of the quantity, name and unit of the horizontal axis, and unit of the quantity.
     x, mean : (n,) array
-        Positions on the axis, ascending; the mean of all paths or fibres there.
+        Positions on the axis, ascending, and the mean of all paths or fibres at each position.
     """
 
     quantity: str
@@ -81,11 +84,17 @@ class Comparison:
         return f"Comparison of {', '.join(self.names)}: {', '.join(self.curves)}"
 
     def table(self) -> Table:
-        """Return means and differences to the first run, a row per muscle, quantity and run."""
+        """Return means and differences to the first run.
+
+        A row per muscle, quantity and run.
+        """
         return Table(COLUMNS, self._rows())
 
     def figure(self) -> Figure:
-        """Return a figure of all curves: a row of panels per muscle, a panel per quantity."""
+        """Return a figure of all curves.
+
+        A row of panels per muscle, a panel per quantity.
+        """
         from vtkmuscle.plotting.figures import draw_literature  # noqa: PLC0415 -- a table needs no figure
         from vtkmuscle.plotting.sheets import blank_figure  # noqa: PLC0415
 
@@ -112,7 +121,10 @@ class Comparison:
         return figure
 
     def write(self, folder: str | PathLike[str]) -> list[Path]:
-        """Write ``comparison.csv``, the table, and ``comparison.png``, the figure; return both."""
+        """Write table and figure to a folder; return both.
+
+        The table is ``comparison.csv``, the figure ``comparison.png``.
+        """
         from vtkmuscle.plotting.sheets import save_figure  # noqa: PLC0415 -- a table needs no figure
 
         table = self.table().to_csv(Path(folder) / "comparison.csv", digits=6)
@@ -146,19 +158,19 @@ def compare(
     literature: str | PathLike[str] | None = None,
     opensim: str | PathLike[str] | None = None,
 ) -> Comparison:
-    """Compare runs: settings, sides, subjects, and published values.
+    """Compare runs and published values.
 
-    Muscles and coordinates are matched by their names, without the side (``_r``, ``_l``); both sides of one
-    run count as two runs.
+    Runs may differ in settings, sides or subjects. Muscles and coordinates are matched by name, without the
+    side (``_r``, ``_l``); both sides of a single run count as two runs.
 
     Parameters
     ----------
     results : mapping of str to Result, or sequence of Result or path
-        Runs by a name, or runs and folders of results with names of their own. The first is the reference.
+        Runs by a name, or runs and folders of results, named by default. The first run is the reference.
     literature : path, optional
-        Published moment arms as of :func:`vtkmuscle.io.read_literature`; by default those of the runs.
+        Published moment arms as of :func:`vtkmuscle.io.read_literature`; by default the arms of the runs.
     opensim : path, optional
-        An .osim whose muscles of the same names are one more run, in the poses of the first run.
+        An .osim; muscles of equal names form a further run, in the poses of the first run.
 
     Returns
     -------
@@ -173,7 +185,7 @@ def compare(
     Warns
     -----
     UserWarning
-        For muscles of the model whose paths wind round surfaces, which are not computed here.
+        For muscles of the model with paths around surfaces; such paths are not computed.
 
     Examples
     --------
@@ -228,7 +240,10 @@ def _add_model(compared: Comparison, path: Path, result: Result) -> None:
 
 
 def curves_of(result: Result, muscle: str) -> list[Curve]:
-    """Return lengths of paths and fibres, and moment arms by each coordinate, of a muscle of a run."""
+    """Return the curves of a muscle of a run.
+
+    Lengths of paths and fibres, and moment arms by each coordinate.
+    """
     curves = []
     for quantity, lengths in ((_LENGTH, result.lengths), ("fibre length", result.fibre_lengths)):
         if muscle in lengths:
@@ -241,9 +256,10 @@ def curves_of(result: Result, muscle: str) -> list[Curve]:
 
 
 def curves_of_model(model: OsimModel, muscle: str, result: Result) -> list[Curve]:
-    """Return the same of a muscle of OpenSim's, in the poses of a run whose coordinates it has.
+    """Return the curves of a muscle of an OpenSim model.
 
-    Raises a ValueError if its path winds round surfaces, which is not computed here.
+    Path lengths and moment arms, in the poses of a run with coordinates of the model. A path around surfaces
+    is not computed and raises a ValueError.
     """
     path, tree = model.muscle(muscle).path, model.tree
     frames, coordinates = list(result.frames), result.motion.coordinates
@@ -268,7 +284,10 @@ def curves_of_model(model: OsimModel, muscle: str, result: Result) -> list[Curve
 
 
 def difference(curve: Curve, reference: Curve) -> Curve | None:
-    """Return a curve minus another, at its own positions that the other covers; None if there are none."""
+    """Return a curve minus a reference curve.
+
+    At the positions of the curve within the reference's range; None without such positions.
+    """
     inside = (curve.x >= reference.x[0] - 1e-9) & (curve.x <= reference.x[-1] + 1e-9)
     if not inside.any():
         return None
@@ -277,7 +296,7 @@ def difference(curve: Curve, reference: Curve) -> Curve | None:
 
 
 def _arm_labels(coordinate: str, unit: str) -> tuple[str, str, str]:
-    """Return quantity, axis and unit of moment arms by a coordinate."""
+    """Return quantity, axis and unit of moment arms."""
     label = side_apart(coordinate).replace("_", " ")
     return f"moment arm, {label}", f"{label} [{unit}]", "mm" if unit in ANGLES else "1"
 
@@ -288,13 +307,19 @@ def _curve(labels: tuple[str, str, str], x: Floats, rows: Floats) -> Curve:
 
 
 def _figures(apart: Curve) -> tuple[float, ...]:
-    """Return mean, root mean square, largest value and its position of a difference."""
+    """Return the figures of a difference.
+
+    Mean, root mean square, largest value, and the position of the largest value.
+    """
     worst = int(np.abs(apart.mean).argmax())
     root = math.sqrt(float(np.mean(np.square(apart.mean))))
     return float(apart.mean.mean()), root, float(apart.mean[worst]), float(apart.x[worst])
 
 
 def _without_side(label: str) -> str:
-    """Return the label of an axis without a side: ``hip flexion [deg]`` of ``hip flexion r [deg]``."""
+    """Return the label of an axis without a side.
+
+    ``hip flexion [deg]`` of ``hip flexion r [deg]``.
+    """
     name, bracket, unit = label.partition(" [")
     return side_apart(name.replace(" ", "_")).replace("_", " ") + bracket + unit

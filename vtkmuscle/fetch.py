@@ -1,4 +1,7 @@
-"""The right hip of the LHDL data set as a scene: pelvis, femur, four muscles, landmarks, and the joint."""
+"""The right hip of the LHDL data set as a scene.
+
+Pelvis, femur, four muscles, landmarks, and the joint.
+"""
 
 from __future__ import annotations
 
@@ -113,34 +116,34 @@ def fetch(
     host: str = HOST,
     announce: Callable[[str], None] = lambda words: None,
 ) -> Path:
-    """Download the LHDL hip and write it as a scene.
+    """Download the LHDL hip as a scene.
 
-    Files come from pinned commits of the repositories that publish them. A failed download is tried again
-    twice. If anything fails, nothing is left behind.
+    Files come from pinned commits of the publishing repositories. A failed download is tried again twice.
+    After a failure no files remain.
 
     Parameters
     ----------
     name : str
         ``"lhdl-hip"``, the only data set.
     folder : path, optional
-        Folder of the scene, which must not exist yet. By default ``name`` in the working folder.
+        New folder of the scene. By default ``name`` in the working folder.
     accept_licence : bool, optional
         Whether you accept :data:`LICENCE`.
     host : str, optional
-        A mirror, which serves ``OWNER/REPOSITORY/COMMIT/PATH``.
+        A mirror with files at ``OWNER/REPOSITORY/COMMIT/PATH``.
     announce : callable, optional
         Called with a line of text for each file.
 
     Returns
     -------
     Path
-        The scene.toml. Beside it are ``LICENCE.txt`` and ``sources.json``: the address of each file and its
-        SHA-256.
+        The scene.toml. The folder also has ``LICENCE.txt`` and ``sources.json``: the address and SHA-256
+        of each file.
 
     Raises
     ------
     InputError
-        If there is no such data set, the licence is not accepted, the folder exists, or a file cannot be
+        If the data set is unknown, the licence is not accepted, the folder exists, or a file cannot be
         downloaded or differs from the published one.
 
     Examples
@@ -178,7 +181,10 @@ def fetch(
 
 
 def _download(url: str, folder: Path, name: str, sha256: str | None) -> None:
-    """Download a file into a folder, and check its SHA-256 where that is known."""
+    """Download a file into a folder.
+
+    A known SHA-256 is checked.
+    """
     pooch.get_logger().setLevel("ERROR")  # failures are raised here
     registry = {name: sha256 and f"sha256:{sha256}"}
     source = pooch.create(folder, "", registry=registry, urls={name: url}, retry_if_failed=RETRIES)
@@ -194,7 +200,10 @@ def _download(url: str, folder: Path, name: str, sha256: str | None) -> None:
 
 
 def write_scene(files: Path, folder: Path) -> None:
-    """Write the scene of the downloaded files: four muscles over flexion of the hip."""
+    """Write the scene of the downloaded files.
+
+    Four muscles over flexion of the hip.
+    """
     pieces = {name: _bone(files / f"{name}.vtk", count) for name, (_, count) in _BONES.items()}
     pelvis = vtkAppendPolyData()
     for name in _PELVIS:
@@ -228,7 +237,10 @@ def write_scene(files: Path, folder: Path) -> None:
 
 
 def _attachments(muscle: str, clouds: Mapping[str, Floats], folder: Path) -> Any:
-    """Write a muscle's landmarks; return its ``attachments`` in the scene."""
+    """Write a muscle's landmarks; return the ``attachments``.
+
+    The ``attachments`` are an entry of the scene.
+    """
     if muscle not in _AREAS:
         return {"estimate": ["pelvis", "femur_r"]}
     areas = []
@@ -250,7 +262,10 @@ def _checked_clouds(tree: Path) -> dict[str, Floats]:
 
 
 def _bone(path: Path, count: int) -> vtkPolyData:
-    """Return a bone without repeated and loose points, its triangles outward."""
+    """Return a clean bone with outward triangles.
+
+    Repeated and loose points are removed.
+    """
     clean = vtkCleanPolyData(input_data=read_surface(path), tolerance=0.0, convert_polys_to_lines=False)
     clean.Update()
     points = points_of(clean.GetOutput())
@@ -260,7 +275,10 @@ def _bone(path: Path, count: int) -> vtkPolyData:
 
 
 def _check_count(name: str, count: int, published: int) -> None:
-    """Raise an InputError where a file has another number of triangles or landmarks than published."""
+    """Raise an InputError for a deviating count.
+
+    The count is of triangles or landmarks; the published count is expected.
+    """
     if count != published:
         raise _changed(name, f"it has {count} elements, not {published}")
 

@@ -31,10 +31,10 @@ _MOST_LISTED = 8
 
 @dataclass(frozen=True, eq=False)
 class Scene(SceneData):
-    """Bones, muscles and a motion, checked and ready to run.
+    """Bones, muscles and a motion, ready to run.
 
-    All lengths are in the scene's unit: coordinates, translations, and settings such as a tolerance.
-    Reported quantities with a name in mm are in millimetres.
+    A scene is checked. All lengths are in the scene's unit: coordinates, translations, and settings such as
+    a tolerance. Reported quantities with a name in mm are in millimetres.
 
     Attributes
     ----------
@@ -65,7 +65,7 @@ class Scene(SceneData):
         A preset of numbers, ``"preview"``, ``"balanced"`` or ``"accurate"``, with deformer ``"pbd"`` also
         ``"published"``; the settings of ``paths``, ``solver`` and of the muscles override it.
     files : mapping of str to Path
-        The file that the value of a dotted key was read from; ``""`` is the scene's own file.
+        Source file of the value of a dotted key; ``""`` is the scene's own file.
 
     Raises
     ------
@@ -90,12 +90,14 @@ class Scene(SceneData):
 
     @classmethod
     def load(cls, path: str | PathLike[str]) -> Self:
-        """Read a scene.toml and its files, and check every key.
+        """Read a scene.toml, and check every key.
+
+        The files of the scene are read too.
 
         Parameters
         ----------
         path : path
-            The scene file; the paths in it are relative to its folder.
+            The scene file; paths in the file are relative to the file's folder.
 
         Raises
         ------
@@ -107,9 +109,9 @@ class Scene(SceneData):
 
     @classmethod
     def from_phantom(cls, phantom: Phantom, *, n_fibres: int = 100, resolution: int = 15) -> Self:
-        """Return a phantom's scene [mm], with fibres in every muscle.
+        """Return a phantom's scene [mm].
 
-        ``n_fibres`` counts fibres per muscle, ``resolution`` segments per fibre.
+        Every muscle has fibres. ``n_fibres`` counts fibres per muscle, ``resolution`` segments per fibre.
         """
         muscles = {}
         for name, surface in phantom.muscles.items():
@@ -120,7 +122,9 @@ class Scene(SceneData):
         return cls(phantom.name, phantom.bones, muscles, phantom.motion)
 
     def save(self, folder: str | PathLike[str]) -> Path:
-        """Write scene.toml, surfaces, landmarks and the motion to a folder.
+        """Write the scene to a folder.
+
+        The files are scene.toml, surfaces, landmarks and the motion.
 
         Parameters
         ----------
@@ -130,20 +134,22 @@ class Scene(SceneData):
         Returns
         -------
         Path
-            The scene.toml, from which :meth:`load` gives the same scene.
+            The scene.toml; :meth:`load` of the file gives an equal scene.
         """
         return write_scene(self, Path(folder))
 
     def run(self, out: str | PathLike[str] | None = None, **options: Any) -> Result:
-        """Deform all muscles over the motion, move their fibres, and measure.
+        """Deform and measure all muscles over the motion.
+
+        Fibres are moved with the muscles.
 
         Parameters
         ----------
         out : path, optional
-            Folder to write to: a .pvd per muscle, its fibres and the bones, lengths.csv, architecture.csv,
-            moment_arms.csv, report.json, figures, and report.html. Finished muscles of an earlier run with
-            equal inputs and settings are taken over; other files are left alone. The result reads frames from
-            the folder. Without a folder frames stay in memory.
+            Folder to write to: a .pvd per muscle, per muscle's fibres and for the bones, lengths.csv,
+            architecture.csv, moment_arms.csv, report.json, figures, and report.html. Finished muscles of an
+            earlier run with equal inputs and settings are taken over; further files are left alone. The
+            result reads frames from the folder. Without a folder frames stay in memory.
         **options
             Of :class:`vtkmuscle.run.RunOptions`: ``frames``, ``workers``, ``fresh``, ``overwrite``,
             ``figures``, ``report``, ``progress``, ``observe``, ``sense`` and ``clock``.
@@ -163,9 +169,9 @@ class Scene(SceneData):
         ValueError
             If frames do not exist, an option is not allowed, or files in the folder would be lost.
         OSError
-            If the folder cannot be written to, or another run writes to it.
+            If the folder cannot be written to, or a concurrent run writes to the folder.
         KeyboardInterrupt
-            On Ctrl-C; finished muscles are kept, and the report lists them.
+            On Ctrl-C; finished muscles are kept and listed in the report.
         """
         if out is not None and not str(out):
             raise ValueError("out is empty; give the name of a folder")
@@ -173,7 +179,10 @@ class Scene(SceneData):
         return run_scene(self, target, RunOptions.of(options))
 
     def __getitem__(self, name: str) -> Any:
-        """Return a muscle or a bone at rest as PyVista's data: ``scene["iliacus"].plot()``."""
+        """Return a muscle or bone at rest.
+
+        The data are PyVista's: ``scene["iliacus"].plot()``.
+        """
         import pyvista  # noqa: PLC0415 -- a run needs none
 
         muscles = {muscle_name: muscle.surface for muscle_name, muscle in self.muscles.items()}
@@ -185,9 +194,9 @@ class Scene(SceneData):
     def plot(
         self, *, muscles: str | Sequence[str] | None = None, show: bool = True, off_screen: bool | None = None
     ) -> Any:
-        """Show bones, muscles and landmarks at rest, in a window or in a cell of a notebook.
+        """Show bones, muscles and landmarks at rest.
 
-        Origins are black, insertions red, via rings white.
+        In a window or in a cell of a notebook. Origins are black, insertions red, via rings white.
 
         Parameters
         ----------
@@ -217,7 +226,10 @@ class Scene(SceneData):
         return f"Scene({self.name!r}: {listed}; bones {', '.join(self.bones)}; {times}; {self.units})"
 
     def with_muscles(self, *names: str) -> Self:
-        """Return the scene with selected muscles, in order; SceneError for unknown names."""
+        """Return the scene with selected muscles, in order.
+
+        Unknown names raise a SceneError.
+        """
         if not names:
             raise SceneError("no muscle is named", "muscles", f"there are: {', '.join(self.muscles)}")
         for name in names:
@@ -228,7 +240,9 @@ class Scene(SceneData):
         return replace(self, muscles=kept)
 
     def with_quality(self, quality: str) -> Self:
-        """Return the scene with another preset; the scene's settings stay.
+        """Return the scene with a different preset.
+
+        The scene's settings stay.
 
         Parameters
         ----------
@@ -238,6 +252,6 @@ class Scene(SceneData):
         Raises
         ------
         SceneError
-            If there is no such preset.
+            If the preset is unknown.
         """
         return replace(self, quality=quality)

@@ -1,4 +1,4 @@
-"""Many scenes in one table: a cohort of subjects, or one scene with varied settings."""
+"""Many scenes in a table: cohorts and varied settings."""
 
 from __future__ import annotations
 
@@ -43,22 +43,24 @@ def cohort(
     progress: Callable[[Sequence[Row]], None] | None = None,
     **options: Any,
 ) -> Table:
-    """Run the scene of each subject, and return a table with a row per muscle.
+    """Run the scene of each subject into a table.
+
+    The table has a row per muscle.
 
     Parameters
     ----------
     scenes : mapping of str to Scene or path, or sequence of path
         Scenes by the name of the subject. A path alone is also the subject's name.
     out : path, optional
-        Folder for the results: a run folder per subject, and ``cohort.csv``. A run folder that is finished
-        for the same scene, frames and package is read instead of run again. Without a folder nothing is kept.
+        Folder for the results: a run folder per subject, and ``cohort.csv``. A finished run folder with
+        equal scene, frames and package is read instead of run again. Without a folder no files are kept.
     client : distributed.Client, optional
-        Of a Dask cluster whose workers see the same folders; give ``out`` with it. Default: processes of this
-        machine. A script that starts processes needs ``if __name__ == "__main__":``.
+        Of a Dask cluster with folders shared by all workers; give ``out`` with ``client``. Default: processes
+        of this machine. A script starting processes needs ``if __name__ == "__main__":``.
     workers : int, optional
         Number of processes, by default one per processor; 1 runs the scenes in this process.
     progress : callable, optional
-        Called with the rows of each subject when it ends.
+        Called with the rows of each finished subject.
     **options
         ``frames``, ``fresh``, ``overwrite``, ``figures`` and ``report``, as of
         :class:`~vtkmuscle.run.RunOptions`. Figures and pages are off by default.
@@ -67,16 +69,16 @@ def cohort(
     -------
     Table
         In the order of the scenes. ``length``, ``fibre_length`` [mm] and ``moment_arm_COORDINATE`` [mm] are
-        means over fibres and frames, with the least and largest mean of a frame; a column is NaN where a
-        muscle has no such number. A scene that cannot be run is a row with verdict ``"failed"``, no muscle,
+        means over fibres and frames, with the least and largest mean of a frame; a number missing for a
+        muscle is NaN. A scene with an error is a row with verdict ``"failed"``, no muscle,
         and the reason as message.
 
     Raises
     ------
     ValueError
-        If there are no scenes, two subjects have one name, or an option is not allowed.
+        If there are no scenes, two subjects share a name, or an option is not allowed.
     OSError
-        If the folder cannot be written to, or another process uses it.
+        If the folder cannot be written to, or is in use by a concurrent process.
 
     Examples
     --------
@@ -100,7 +102,9 @@ def vary(
     frames: str | slice | range | int | None = None,
     **settings: Iterable[Any],
 ) -> Table:
-    """Run a scene with all combinations of settings, and return the table of :func:`cohort`.
+    """Run a scene with all combinations of settings.
+
+    The result is the table of :func:`cohort`.
 
     Parameters
     ----------
@@ -132,7 +136,10 @@ def vary(
 
 
 def _with_settings(scene: Scene, values: Mapping[str, Any]) -> Scene:
-    """Return the scene with other values of its fields, of its solver, or of the fibres of all muscles."""
+    """Return the scene with changed settings.
+
+    Settings of the scene, of the solver, or of the fibres of all muscles.
+    """
     own = {field.name for field in fields(SceneData)} - {"name", "bones", "muscles", "motion", "files"}
     changed = {name: value for name, value in values.items() if name in own}
     solver = {name: value for name, value in values.items() if name in PBDDeformer.parameter_declarations}
@@ -156,7 +163,10 @@ def _run_all(
     progress: Callable[[Sequence[Row]], None] | None,
     options: Mapping[str, Any],
 ) -> Table:
-    """Run scenes that have labels, the first columns of the table, and write the table."""
+    """Run labelled scenes, and write the table.
+
+    The labels are the first columns of the table.
+    """
     RunOptions.of({**options, "workers": workers})
     asked = {"figures": False, "report": False, **options, "workers": 1}
     names = [", ".join(map(str, labels.values())) for labels, _ in labelled]
@@ -186,7 +196,10 @@ def _run_all(
 
 
 def _solved(tasks: Sequence[tuple[Any, ...]], client: Any, workers: int) -> Iterator[tuple[int, list[Row]]]:
-    """Give the number and the rows of each task as it ends: by Dask's client, processes, or this process."""
+    """Give number and rows of each finished task.
+
+    Tasks run by Dask's client, in processes, or in this process.
+    """
     if client is None and min(workers, len(tasks)) == 1:
         for number, task in enumerate(tasks):
             yield number, _rows(*task)
@@ -216,7 +229,10 @@ def _solved(tasks: Sequence[tuple[Any, ...]], client: Any, workers: int) -> Iter
 
 
 def _rows(file: Path, out: Path | None, options: Mapping[str, Any]) -> list[Row]:
-    """Run a scene unless its folder is finished, and return the rows of its muscles."""
+    """Return the rows of a scene's muscles.
+
+    A scene without a finished folder is run.
+    """
     try:
         scene = Scene.load(file)
         result = None if out is None or options.get("fresh") else _finished(scene, out, options.get("frames"))
@@ -228,7 +244,10 @@ def _rows(file: Path, out: Path | None, options: Mapping[str, Any]) -> list[Row]
 
 
 def _finished(scene: Scene, out: Path, frames: Any) -> Result | None:
-    """Return the result in a folder if its report is complete, and all muscles are of this scene."""
+    """Return the finished result in a folder, else None.
+
+    The report must be complete, and all muscles must be of this scene.
+    """
     folder = ResultFolder(out)
     report, keys = folder.report(), muscle_keys(scene, frame_numbers(frames, len(scene.motion.times)))
     if report is None or not report["complete"] or keys.keys() != folder.finished(keys).keys():
@@ -242,7 +261,7 @@ def _failed(message: str, out: Path | None = None) -> Row:
 
 
 def _row(result: Result, name: str, out: Path | None) -> Row:
-    """Return the numbers of a muscle by the names of columns."""
+    """Return the numbers of a muscle by column."""
     muscle = result.report["muscles"][name]
     message = "; ".join(reason["says"] for reason in muscle["verdict"]["reasons"])
     values = (name, muscle["verdict"]["verdict"], message, "" if out is None else out.name)
@@ -266,14 +285,20 @@ def _row(result: Result, name: str, out: Path | None) -> Row:
 
 
 def _folder_name(name: str) -> str:
-    """Return the name of a subject's folder: readable letters of its name, and a digest of all of it."""
+    """Return the name of a subject's folder.
+
+    Readable letters of the subject's name, and a digest of the whole name.
+    """
     readable = re.sub(r"[^A-Za-z0-9.-]+", "_", name).strip("._")[-_LONGEST:]
     return f"{readable}-{hashlib.sha256(name.encode()).hexdigest()[:16]}"
 
 
 @contextmanager
 def _folder(out: str | PathLike[str] | None) -> Iterator[Path]:
-    """Give the folder of the results, held against other processes, or a temporary one."""
+    """Give the held folder of the results.
+
+    Concurrent processes are kept out. Without ``out`` the folder is temporary.
+    """
     if out is None:
         with TemporaryDirectory() as folder:
             yield Path(folder)

@@ -25,7 +25,7 @@ class _FieldsError(Exception):
 
 
 class InputError(_FieldsError, ValueError):
-    """Unusable input: where the fault is, the problem, and the remedy.
+    """Unusable input: place, problem and remedy.
 
     Parameters
     ----------
@@ -34,7 +34,7 @@ class InputError(_FieldsError, ValueError):
     problem : str
         The fault.
     remedy : str, optional
-        What to do.
+        Proposed action.
 
     Attributes
     ----------
@@ -50,7 +50,10 @@ class InputError(_FieldsError, ValueError):
 
 
 class MissingFileError(_FieldsError, FileNotFoundError):
-    """Missing or unreadable file, with the fields of :class:`InputError`."""
+    """Missing or unreadable file.
+
+    With the fields of :class:`InputError`.
+    """
 
 
 def in_words(where: str, problem: str, remedy: str) -> str:
@@ -61,7 +64,10 @@ def in_words(where: str, problem: str, remedy: str) -> str:
 
 @contextmanager
 def errors_at(where: str) -> Iterator[None]:
-    """Turn a ValueError within into an InputError. It names a port or argument."""
+    """Turn a ValueError within into an InputError.
+
+    The InputError names a port or argument.
+    """
     try:
         yield
     except ValueError as error:
@@ -69,9 +75,10 @@ def errors_at(where: str) -> Iterator[None]:
 
 
 def fault_of(error: Exception, *, placed: bool = False) -> tuple[str, str]:
-    """Return the problem and the remedy of an error. Each is in a line.
+    """Return the problem and remedy of an error.
 
-    The remedy may be "". With ``placed`` the problem begins with the error's `where`.
+    Each text is a single line. The remedy may be "". With ``placed`` the problem begins with the error's
+    ``where``.
     """
     problem, remedy = str(error), ""
     if isinstance(error, _FieldsError):
@@ -83,9 +90,9 @@ def fault_of(error: Exception, *, placed: bool = False) -> tuple[str, str]:
 
 
 def check_name(path: Path) -> None:
-    """Raise an InputError for a path that is not UTF-8 text.
+    """Raise an InputError for a non-UTF-8 path.
 
-    No report or table could name it.
+    No report or table could name the path.
     """
     try:
         str(path.absolute()).encode()
@@ -95,11 +102,11 @@ def check_name(path: Path) -> None:
 
 
 def check_is_file(path: Path, *, most: int = MOST_BYTES) -> None:
-    """Raise an error for a path that is no readable file.
+    """Raise an error for an unreadable file.
 
-    A FileNotFoundError for no file, an InputError for too large a file.
+    A FileNotFoundError for a missing file, an InputError for too large a file.
 
-    A named pipe would be waited for, and a device be read for ever.
+    Reading a named pipe would wait, and reading a device would never end.
     """
     check_name(path)
     if path.is_dir():

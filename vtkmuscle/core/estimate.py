@@ -1,4 +1,7 @@
-"""Errors of fibre numbers that follow from one run: of straight segments, and of few fibres."""
+"""Errors of fibre numbers from a single run.
+
+Errors of straight segments, and of few fibres.
+"""
 
 from __future__ import annotations
 
@@ -9,10 +12,10 @@ from vtkmuscle.core.types import Floats, Ints
 
 
 def segment_errors(points: Floats, offsets: Ints) -> Floats:
-    """Bound by how much polylines are shorter than smooth curves, (k,) [mm].
+    """Bound the shortening of polylines against curves (k,) [mm].
 
-    The length by all points (n, 3), less the length by every second point and the last. Chords converge with
-    the second order, so that the difference is three times the error (Richardson).
+    The bound is the length by all points (n, 3), less the length by every second point and the last. Chords
+    of smooth curves converge with the second order, so the difference is three times the error (Richardson).
     """
     counts = np.diff(offsets)
     position = np.arange(len(points)) - np.repeat(offsets[:-1], counts)
@@ -22,7 +25,10 @@ def segment_errors(points: Floats, offsets: Ints) -> Floats:
 
 
 def sampling_errors(values: Floats) -> Floats:
-    """Return the standard error of means over the last axis, s / sqrt(k); NaN for a single value."""
+    """Return the standard error of means, s / sqrt(k).
+
+    The means are over the last axis; NaN for a single value.
+    """
     count = values.shape[-1]
     if count < 2:
         return np.full(values.shape[:-1], np.nan)
@@ -30,6 +36,9 @@ def sampling_errors(values: Floats) -> Floats:
 
 
 def root_mean_square(values: Floats) -> float | None:
-    """Return the root mean square of the values that are not NaN, None where all are."""
+    """Return the root mean square without NaN.
+
+    None if all values are NaN.
+    """
     numbers = values[~np.isnan(values)]
     return float(np.sqrt((numbers**2).mean())) if len(numbers) else None

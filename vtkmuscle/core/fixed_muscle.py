@@ -19,7 +19,7 @@ Lines = tuple[Floats, Ints]
 
 @dataclass(frozen=True, eq=False)
 class FixedMuscle:
-    """A muscle at rest, its fixed points and its fibres."""
+    """A muscle at rest, with fixed points and fibres."""
 
     points: Floats  # (n, 3) [mm]
     triangles: Ints  # (m, 3), a closed surface that faces outward
@@ -29,7 +29,7 @@ class FixedMuscle:
     rings: tuple[tuple[int, ViaRing], ...] = ()
 
     def same_as(self, other: FixedMuscle | None) -> bool:
-        """Return whether another muscle has equal content."""
+        """Return whether ``other`` has equal content."""
         if other is None or [bone for bone, _ in self.rings] != [bone for bone, _ in other.rings]:
             return False
         pair = self._arrays(), other._arrays()
@@ -40,12 +40,18 @@ class FixedMuscle:
         return [self.points, self.triangles, self.fixed_to, *(self.fibres or ()), *rings]
 
     def topology(self) -> MeshTopology:
-        """Return the surface's edges. Raises a ValueError for a surface without volume."""
+        """Return the surface's edges.
+
+        A surface without volume raises a ValueError.
+        """
         check_volume(self.points, signed_volume(self.points, self.triangles))
         return mesh_topology(len(self.points), self.triangles)
 
     def directions(self, topology: MeshTopology) -> Floats | None:
-        """Return unit fibre directions at edges (k, 3), None without fibres."""
+        """Return unit fibre directions at edges (k, 3).
+
+        None without fibres.
+        """
         if self.fibres is None:
             return None
         return fibre_directions_at(self.points[topology.edges].mean(axis=1), *self.fibres)

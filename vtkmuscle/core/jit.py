@@ -1,16 +1,16 @@
-"""Compilation of kernels by numba's ``njit``, and their cache on disk.
+"""Compilation of kernels by numba, with a disk cache.
 
-Kernels release the GIL, so Python threads run them side by side: no numba threading layer is used (its
-``workqueue`` layer aborts the process on concurrent parallel calls). Division by zero follows IEEE 754, as in
-numpy, without an exception.
+Kernels are compiled by numba's ``njit`` and release the GIL, so Python threads run kernels side by side: no
+numba threading layer is used (numba's ``workqueue`` layer aborts the process on concurrent parallel calls).
+Division by zero follows IEEE 754, as in numpy, without an exception.
 
 Numba's cache looks at the file of a function alone, but constants and inlined functions of further files
-become part of the machine code. So kernels are kept in a folder named after the content of their file and of
-all files of the package that it imports, directly or indirectly. Equal copies of the package share the
+become part of the machine code. So kernels are kept in a folder named after the content of the kernels' file
+and of all directly or indirectly imported files of the package. Equal copies of the package share the
 folder.
 
-Cached files are executed. So each begins with a checksum, damaged files are removed and compiled anew, and
-files that another user could have written are not read.
+Cached files are executed. So each file begins with a checksum, damaged files are removed and compiled anew,
+and files writable by foreign users are not read.
 """
 
 from __future__ import annotations
@@ -58,18 +58,19 @@ UNCOUNTED = {"_nrt": False} if hasattr(numba.core.options.DefaultOptions, "_nrt"
 
 
 def kernel(function: F) -> F:
-    """Compile a function of arrays and numbers. It makes no arrays.
+    """Compile a function of arrays and numbers.
 
-    The machine code is kept on disk. References to views such as ``points[i]`` are not counted, if numba can
-    leave out the counting: an atomic operation that triples the time to look up distances.
+    The function makes no arrays. The machine code is kept on disk. References to views such as ``points[i]``
+    are not counted, if numba can leave out the counting: an atomic operation that triples the time to look
+    up distances.
     """
     return _compiled(function, **UNCOUNTED)
 
 
 def array_kernel(function: F) -> F:
-    """Compile, as :func:`kernel`, a function that makes arrays.
+    """Compile a function that makes arrays.
 
-    Its inner loops are kernels.
+    As :func:`kernel`. The function's inner loops are kernels.
     """
     return _compiled(function)
 
@@ -80,7 +81,10 @@ def reduction(function: F) -> F:
 
 
 def vector_kernel(function: F) -> F:
-    """Compile as :func:`kernel`, with fused multiplications and additions."""
+    """Compile as :func:`kernel`, with fused multiply-adds.
+
+    Multiplications and additions may be fused.
+    """
     return _compiled(function, fastmath={"contract"}, **UNCOUNTED)
 
 
@@ -99,9 +103,10 @@ def _compiled(function: F, **options: Any) -> F:
 
 
 def kernel_folder() -> Path | None:
-    """Return the folder of compiled kernels, None without a cache.
+    """Return the folder of compiled kernels, or None.
 
-    Numba's ``NUMBA_CACHE_DIR`` if set, else ``kernels`` in the :func:`~vtkmuscle.core.machine.cache_folder`.
+    None without a cache. Numba's ``NUMBA_CACHE_DIR`` if set, else ``kernels`` in the
+    :func:`~vtkmuscle.core.machine.cache_folder`.
     """
     if numba.config.CACHE_DIR:
         return Path(numba.config.CACHE_DIR)
@@ -121,7 +126,10 @@ def _keep(compiled: Any) -> None:
 
 @cache
 def _numba_is_known() -> bool:
-    """Return whether numba has all of _OF_NUMBA; warn once if not."""
+    """Return whether numba has all of _OF_NUMBA.
+
+    Otherwise a warning is given once.
+    """
     try:
         for name in _OF_NUMBA:
             attrgetter(name)(numba)
@@ -136,7 +144,10 @@ def _numba_is_known() -> bool:
 
 
 class KernelCache:
-    """Cache of a kernel's machine code, for numba. A file per signature."""
+    """Cache of a kernel's machine code, for numba.
+
+    A file per signature.
+    """
 
     def __init__(self, function: Callable[..., object], file: Path, folder: Path) -> None:
         self._module = function.__module__
@@ -147,11 +158,14 @@ class KernelCache:
 
     @property
     def cache_path(self) -> str:
-        """Folder of this version of the kernel's module."""
+        """Folder of the present version of the kernel's module."""
         return str(self._folder)
 
     def load_overload(self, signature: Any, target: Any) -> Any:
-        """Return a signature's machine code, None without a usable file."""
+        """Return a signature's machine code.
+
+        None without a usable file.
+        """
         target.refresh()
         body = self._read(self._file(signature, target.codegen()))
         if body is None:
@@ -159,7 +173,10 @@ class KernelCache:
         return numba.core.compiler.CompileResult._rebuild(target, *pickle.loads(body))
 
     def save_overload(self, signature: Any, compiled: Any) -> None:
-        """Keep the machine code of a signature. Warns if its file cannot be written."""
+        """Keep the machine code of a signature.
+
+        An unwritable file gives a warning.
+        """
         if compiled.library.has_dynamic_globals:  # addresses of this process
             return
         body = numba.core.serialize.dumps(compiled._reduce())
@@ -169,7 +186,7 @@ class KernelCache:
             warn_of_folder(self._folder.parent, error)
 
     def flush(self) -> None:
-        """Do nothing: a kernel's file is valid for its sources."""
+        """Do nothing; kernel files stay valid for the sources."""
 
     def _file(self, signature: Any, codegen: Any) -> Path:
         made_for = signature, codegen.magic_tuple(), numba.__version__, sys.implementation.cache_tag
@@ -197,7 +214,10 @@ class KernelCache:
         return None
 
     def _write(self, path: Path, body: bytes) -> None:
-        """Write a file under a temporary name and rename it. Several processes may do so at once."""
+        """Write a file under a temporary name, then rename.
+
+        Several processes may write at once.
+        """
         self._make_folder()
         self._check_folders()
         part = path.with_suffix(f".{uuid.uuid4().hex}.part")
@@ -210,7 +230,10 @@ class KernelCache:
             raise
 
     def _make_folder(self) -> None:
-        """Make the folder, and remove the module's versions unused for longest."""
+        """Make the folder, and remove old versions.
+
+        Removed are the module's versions unused for longest.
+        """
         if self._folder.is_dir():
             return
         self._folder.parent.mkdir(0o755, parents=True, exist_ok=True)
@@ -224,12 +247,18 @@ class KernelCache:
 
 
 def _checksum(path: Path, body: bytes) -> bytes:
-    """Return the checksum of a file's content and name. So no file can replace another kernel's."""
+    """Return the checksum of a file's content and name.
+
+    So a file cannot replace the file of a different kernel.
+    """
     return hashlib.sha256(f"{path.parent.name}/{path.name} ".encode() + body).digest()
 
 
 def _only_ours(path: str, flags: int) -> int:
-    """Open a file that only this user can write. Whatever the umask."""
+    """Open a file writable by this user alone.
+
+    For any umask.
+    """
     return os.open(path, flags, 0o644)
 
 
@@ -255,7 +284,7 @@ def source_key(module: str, file: Path) -> str:
 def _contents(
     file: Path, _changed: int, _size: int, root: Path, package: str
 ) -> tuple[bytes, list[tuple[str, Path]]]:
-    """Return a file's digest, and the modules it imports."""
+    """Return a file's digest, and the imported modules."""
     content = file.read_bytes()
     names = []
     for module, members in _IMPORT.findall(content.decode("utf-8")):

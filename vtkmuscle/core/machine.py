@@ -1,4 +1,4 @@
-"""The machine: its processors, its Python, and the cache folder."""
+"""The machine: processors, Python, and cache folder."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ FOLDER_VARIABLE = "VTKMUSCLE_CACHE"
 def cache_folder() -> Path | None:
     """Return the cache folder, None without a cache.
 
-    The environment variable ``VTKMUSCLE_CACHE`` if set (empty: no cache), else ``vtkmuscle`` in the user's
-    cache folder (``XDG_CACHE_HOME``, else ``~/.cache``). The folder need not exist.
+    The environment variable ``VTKMUSCLE_CACHE`` if set (empty: no cache). By default ``vtkmuscle`` in the
+    user's cache folder (``XDG_CACHE_HOME``, by default ``~/.cache``). The folder need not exist.
     """
     chosen = os.environ.get(FOLDER_VARIABLE)
     if chosen is not None:
@@ -30,9 +30,10 @@ def cache_folder() -> Path | None:
 
 
 def check_nobody_else_writes(status: os.stat_result) -> None:
-    """Raise a PermissionError if another user can write.
+    """Raise a PermissionError for foreign write access.
 
-    The system may. On Windows modes do not say who can write, and nothing is checked.
+    Foreign users are all users except this user and the system. On Windows, modes do not tell about write
+    access, and no check is made.
     """
     if os.name != "posix":
         return
@@ -46,7 +47,10 @@ _unusable: set[Path] = set()
 
 
 def warn_of_folder(folder: Path, error: OSError) -> None:
-    """Warn, once per folder, that compiled kernels cannot be kept."""
+    """Warn of an unusable cache of compiled kernels.
+
+    Once per folder.
+    """
     if folder not in _unusable:
         _unusable.add(folder)
         warnings.warn(
@@ -58,20 +62,26 @@ def warn_of_folder(folder: Path, error: OSError) -> None:
 
 
 def is_python() -> bool:
-    """Return whether this program is a Python interpreter. ParaView names itself, or no file."""
+    """Return whether this program is Python.
+
+    ParaView gives the name of ParaView, or no file, as the interpreter.
+    """
     program = Path(sys.executable or "-")
     return program.name.startswith("python") and program.is_file()
 
 
 def python_command(code: str) -> list[str]:
-    """Return the command that runs code in a new Python. It ignores the working folder."""
+    """Return the command that runs code in Python.
+
+    The command starts a new Python and ignores the working folder.
+    """
     return [sys.executable, "-P", "-c", f"import sys\n{code}"]
 
 
 def processors() -> int:
-    """Return the number of processors available to this process.
+    """Return the number of available processors.
 
-    A container may have only a part of them.
+    A container may give a process only a part of the processors.
     """
     if hasattr(os, "sched_getaffinity"):  # not known to macOS and Windows
         return len(os.sched_getaffinity(0))

@@ -1,4 +1,4 @@
-"""Array types of functions; shapes are in the docstrings."""
+"""Array types of functions; docstrings give the shapes."""
 
 import numpy as np
 from numpy.typing import NDArray

@@ -305,7 +305,7 @@ class KinematicTree:
     def freed(self, coordinates: Iterable[str | None]) -> tuple[str, ...]:
         """Return the free coordinates behind some coordinates.
 
-        Coupled coordinates count by the independent coordinates of the couplings.
+        Free coordinates count directly, coupled coordinates by the independent coordinates of the couplings.
         """
         found = set(coordinates)
         for one in reversed(self.couplings):

@@ -1,4 +1,7 @@
-"""Running a scene: muscles over the motion, measured and written."""
+"""Running a scene: muscles measured, results written to a folder.
+
+Every muscle is measured over the motion.
+"""
 
 from vtkmuscle.run.muscles import muscle_pipeline
 from vtkmuscle.run.only import ONLY, run_only

@@ -88,7 +88,10 @@ _ROLES = {"origin": "black", "insertion": "red", "via": "white"}
 
 
 def plotter_at_rest(scene: SceneData, off_screen: bool | None) -> Any:
-    """Return a plotter with bones, muscles and landmarks."""
+    """Return a plotter with a scene at rest.
+
+    Bones, muscles and landmarks.
+    """
     import pyvista  # noqa: PLC0415 -- a run needs none
 
     surfaces = {name: muscle.surface for name, muscle in scene.muscles.items()}

@@ -94,7 +94,10 @@ def figures_of(result: Result) -> list[FigureOrder]:
 
 
 def rest_pose(scene: str, units: str, muscles: Mapping[str, vtkPolyData]) -> FigureOrder:
-    """Return the figure of muscles and fixed points at rest."""
+    """Return the figure of a scene at rest.
+
+    Muscles with fixed points.
+    """
     given = {"muscles": dict(muscles), "title": f"{scene}: fixed points at rest", "units": units}
     return FigureOrder("rest_pose", "plot_rest_pose", given, rendered=True)
 
@@ -156,7 +159,7 @@ def _title(name: str) -> str:
 def _chosen_frames(result: Result, name: str) -> list[int]:
     """Return the first, worst and last finished frame.
 
-    The middle frame stands in for a missing worst frame.
+    Frames of a muscle; the middle frame stands in for a missing worst frame.
     """
     frames = result.frames[: result.finished(name)]
     reasons = result.report["muscles"][name].get("verdict", {}).get("reasons", ())

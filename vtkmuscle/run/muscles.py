@@ -134,7 +134,7 @@ class MuscleRun:
         }
 
     def _fill(self, rest: vtkPolyData, source: Filter, measure: MuscleMeasure) -> None:
-        """Fill the muscle with fibres, and measure the fibres."""
+        """Fill the muscle with fibres, measured at rest."""
         scene, track = self.scene, self.track
         self._report_progress("fibres", 0.0)
         with self._timed("fibres", source):

@@ -111,7 +111,7 @@ def _surfaces(
 ) -> Iterator[vtkPolyData]:
     """Give the surfaces of a muscle, written in turn.
 
-    Each surface is written at once.
+    A surface is written as soon as computed.
     """
     deformer = muscle_pipeline(scene, name).deformer
     assert deformer is not None

@@ -26,7 +26,7 @@ class RunOptions:
         Frames to keep and write, e.g. ``"0:10"`` for the first ten (the end is not included, as in Python);
         default all. The deformer ``"pbd"`` goes on from frame to frame, so earlier frames are computed too.
     workers : int or None
-        Number of processes for solving muscles and drawing figures; None for the number of processors.
+        Number of processes for solving muscles side by side and drawing figures; None: one per processor.
         Muscles that may meet, and a single muscle, are solved in this process. So are all muscles by default.
         The result does not depend on the number of processes.
     figures : bool
@@ -45,7 +45,7 @@ class RunOptions:
     observe : callable or None
         Called with the muscle's name and the report's numbers of each finished frame; from any thread.
     clock : callable
-        Clock for the stages of muscles [s]; a function of a module, because processes share the clock.
+        Clock for the stages of muscles [s]; a function of a module, because all processes use the clock.
 
     Raises
     ------
@@ -85,7 +85,7 @@ def frame_numbers(frames: str | slice | range | int | None, count: int) -> range
     """Return the frame numbers selected from ``count`` frames.
 
     Ascending and not empty. ``frames`` is ``"A:B"`` or ``"A:B:STEP"`` as in Python (B is not included),
-    ``"A"`` or an int for a single frame, a slice or range, or None for all. Further values raise a
+    ``"A"`` or an int for a single frame, a slice or range, or None for all. Invalid values raise a
     ValueError.
 
     Examples

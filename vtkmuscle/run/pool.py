@@ -1,6 +1,7 @@
 """Processes that solve muscles and draw figures.
 
-Python's lock is held for 0.72 of the time of a frame, so threads gain little: each worker is a process.
+The processes work side by side. Python's lock is held for 0.72 of the time of a frame, so threads gain
+little: each worker is a process.
 """
 
 from __future__ import annotations
@@ -54,7 +55,7 @@ def pool_size(scene: SceneData, workers: int | None) -> int:
 class Pool:
     """Processes that solve muscles and draw figures.
 
-    The processes end with the context.
+    A pool belongs to a run. As a context, the processes end with the context.
 
     Parameters
     ----------

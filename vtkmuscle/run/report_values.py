@@ -202,7 +202,7 @@ _PACKAGES = ("vtkmuscle", "numpy", "scipy", "numba", "vtk", "pyvista")
 def versions() -> dict[str, str]:
     """Return the versions of Python and packages.
 
-    The packages with a part in the numbers.
+    All packages with a part in the numbers.
     """
     found = {"python": platform.python_version(), "platform": platform.platform()}
     return found | {package: version_of(package) for package in _PACKAGES}

@@ -62,8 +62,8 @@ class Result(ResultData):
     muscle_names : list of str
         In the order of the scene.
     verdicts : dict of str to str
-        Of each muscle ``"ok"``, ``"look"`` or ``"failed"``; the reasons are
-        in ``report["muscles"][NAME]["verdict"]``.
+        Of each muscle ``"ok"``, ``"look"`` or ``"failed"``; the reasons are in
+        ``report["muscles"][NAME]["verdict"]``.
     lengths : dict of str to (frames, fibres) array
         Of the paths of muscles with fibres [mm]: musculotendon lengths, bone to bone; a row per
         finished frame. A path and the path's fibre share a number.
@@ -262,7 +262,7 @@ class Result(ResultData):
     def write_report(self, path: str | PathLike[str]) -> Path:
         """Write the page of the run.
 
-        The page has the scene in a movable view, curves, tables and verdicts.
+        The page has the scene to turn and move, curves, tables and verdicts.
 
         Parameters
         ----------

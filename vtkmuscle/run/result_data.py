@@ -226,7 +226,7 @@ class ResultData:
     def moment_arms(self, *coordinates: str) -> MomentArmTable:
         """Return the moment arms of all paths.
 
-        The levers of the path tensions in the kept frames.
+        The levers of the paths' pulls in the kept frames.
 
         Parameters
         ----------
@@ -427,7 +427,10 @@ def _wrapped(data: vtkDataObject) -> Any:
 
 
 def _listed(values: Sequence[float]) -> str:
-    """Return the first and last numbers in words."""
+    """Return the first and last of some numbers.
+
+    In words.
+    """
     words = [f"{value:g}" for value in values]
     return ", ".join(words if len(words) <= 6 else [*words[:3], "...", *words[-2:]])
 

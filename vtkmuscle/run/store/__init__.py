@@ -54,7 +54,7 @@ class ResultFolder:
     def frames_there(self) -> dict[str, int]:
         """Return the number of listed frames per muscle.
 
-        The number is independent of the report.
+        The lists of frames count, not the report.
         """
 
         def count(name: str) -> int:
