@@ -22,7 +22,6 @@ import numpy as np
 
 from vtkmuscle import InputError, Result, Scene, Table, phantoms
 from vtkmuscle.data.arrays import points_of
-from vtkmuscle.filters.deformer.settings import PUBLISHED
 from vtkmuscle.pipelines import QUALITIES
 from vtkmuscle.run import frame_numbers
 from vtkmuscle.scene.data import MILLIMETRES
@@ -99,7 +98,7 @@ class Setting:
         solver = {**self._traded(scene.solver), **(self.solver or {})}
         solver.pop("quality", None)
         changed = {"muscles": muscles, "quality": quality, "solver": solver}
-        if quality == PUBLISHED:
+        if quality == "published":
             changed["deformer"] = "pbd"
         paths = {**self._traded(scene.paths or {}), **self.paths}
         return replace(scene, paths=paths or None, **changed)
@@ -111,7 +110,7 @@ class Setting:
 def grid() -> list[Setting]:
     """Return all settings: the presets, the scene as it is, and one change at a time of ``balanced``."""
     # What was published is another model, and no point on the way to this one's end.
-    groups = {name: name if name == PUBLISHED else "presets" for name in QUALITIES}
+    groups = {name: name if name == "published" else "presets" for name in QUALITIES}
     settings = [Setting(name, groups[name], {"quality": name}) for name in QUALITIES]
     settings.append(Setting("scene", "scene"))
     centre = {"quality": "balanced"}

@@ -72,7 +72,7 @@ sphinx_gallery_conf = {
     "examples_dirs": "../examples",
     "gallery_dirs": "gallery",
     "filename_pattern": r"plot_.*\.py",
-    "ignore_pattern": r"/(?!plot_)\w+\.py$",
+    "ignore_pattern": r"(^|/)(?!plot_)\w+\.py$",
     "image_scrapers": (Scraper(), "matplotlib"),
     "subsection_order": "docstrings.place_of_group",
     "within_subsection_order": "docstrings.place_in_gallery",

@@ -75,9 +75,9 @@ def test_sizes_are_within_the_budget():
 #: Functions with more parameters than seven, and why.
 LONG_SIGNATURES = {
     "accessor.deformed",  # PyVista's style: one keyword for each input of the deformer
-    "core.collision.distance_collision.resolve_distance_collisions",  # what its kernel takes
     "phantoms.phantom.phantom_from",  # the fields of a phantom
     "pipelines.muscle.__init__",  # the inputs of a pipeline
+    "pipelines.muscle.deform",  # the inputs of a deformer
 }
 KERNELS = ("kernel", "array_kernel", "vector_kernel", "reduction", "lane")
 

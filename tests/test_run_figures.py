@@ -44,7 +44,7 @@ def test_without_opengl_all_but_the_figures_is_written(asked_anew, scene, tmp_pa
     assert result.report["figures"]["written"] == []
     assert result.report["figures"]["reason"].endswith("no libOSMesa")
     assert not (tmp_path / "figures").exists()
-    assert (tmp_path / "report.html").stat().st_size > 1_000_000
+    assert (tmp_path / "report.html").read_text(encoding="utf-8").endswith("</html>\n")
     assert json.loads((tmp_path / "report.json").read_text())["complete"] is True
     assert not list(tmp_path.glob(".*"))
 

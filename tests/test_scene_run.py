@@ -33,6 +33,9 @@ from vtkmuscle.run import frame_numbers
 from vtkmuscle.run.measure import MuscleMeasure
 from vtkmuscle.scene.data import MILLIMETRES
 
+#: How far a pose asked for alone may be from the same pose after others: where its paths start differs [mm].
+SOLVED = 0.02
+
 FRAMES = 5
 #: Every eighth frame.
 EIGHTH = "::8"
@@ -86,12 +89,11 @@ def test_a_frame_is_asked_for_by_its_number_in_the_motion_or_by_its_time(scene, 
     some = scene.run(frames="2:5:2", figures=False)
     assert (some.frames, some.times) == ([2, 4], [10.0, 20.0])
     for by in ({"frame": 4}, {"time": 20.0}):
-        np.testing.assert_array_equal(
-            some.muscle("spindle", **by).points, result.muscle("spindle", frame=4).points
-        )
-        np.testing.assert_array_equal(
-            some.fibres("spindle", **by).points, result.fibres("spindle", **by).points
-        )
+        for now, before in (
+            (some.muscle("spindle", **by), result.muscle("spindle", frame=4)),
+            (some.fibres("spindle", **by), result.fibres("spindle", **by)),
+        ):
+            np.testing.assert_allclose(now.points, before.points, rtol=0.0, atol=SOLVED)
         assert some.bones(**by).keys() == ["upper", "lower"]
 
 
@@ -220,7 +222,6 @@ def test_the_report_says_what_the_geometry_says(result, scene):
     assert parameters["solver"]["iterations"] == 3
     assert parameters["fixing"]["method"] == "attachment"
     assert parameters["fibres"]["n_fibres"] == 6
-    assert parameters["fibres"]["weight_tolerance"] == 0.3
     fibres = result.report["muscles"]["spindle"]["fibres"]
     assert fibres["points_inside"] + fibres["points_outside"] == fibres["points"] == 6 * 6
     assert fibres["points_inside"] >= 0.95 * fibres["points"]
@@ -360,10 +361,9 @@ def test_frames_are_the_same_whichever_are_kept(frames, result, scene, tmp_path)
     assert (some.frames, some.times) == ([2, 3], [10, 15])
     for i in range(2):
         for name in some.muscle_names:
-            np.testing.assert_array_equal(
-                points_of(some.muscle(name, frame=i + 2)), points_of(result.muscle(name, frame=i + 2))
-            )
-    np.testing.assert_array_equal(some.lengths["spindle"], result.lengths["spindle"][2:4])
+            points, expected = (points_of(one.muscle(name, frame=i + 2)) for one in (some, result))
+            np.testing.assert_allclose(points, expected, rtol=0.0, atol=SOLVED)
+    np.testing.assert_allclose(some.lengths["spindle"], result.lengths["spindle"][2:4], rtol=0.0, atol=SOLVED)
     assert [row["frame"] for row in some.report["muscles"]["plain"]["frames"]] == [2, 3]
     assert [p.name for p in sorted((tmp_path / "spindle").iterdir())] == [
         "spindle_0002.vtp",

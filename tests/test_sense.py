@@ -302,7 +302,7 @@ def test_of_the_order_of_estimated_landmarks_nothing_is_said(good):
 def test_a_decimal_comma_is_seen(tmp_path):
     path = tmp_path / "a.csv"
     path.write_text("x,y,z\n1.5,2.5,3.5\n-71.55,20.54,1,5\n")
-    with pytest.raises(ValueError, match=r"line 3 has 4 cells, but those before it have 3; .* decimal comma"):
+    with pytest.raises(ValueError, match=r"line 3 has 4 cells, but earlier lines have 3; .* decimal comma"):
         read_landmarks(path)
     path.write_text("1,5,2,5,3,5\n4,5,2,5,3,5\n")
     with pytest.warns(UserWarning, match="decimal comma"):

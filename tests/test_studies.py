@@ -148,22 +148,27 @@ def test_a_client_of_dask_gives_the_same_table(scene, tmp_path):
 
 
 def test_settings_of_scene_and_fibres_are_varied(scene):
-    table = vtkmuscle.vary(scene, workers=1, frames="0:2", model=["paths", "volume"], n_fibres=[4, 8])
-    assert table["model"].tolist() == ["paths", "paths", "volume", "volume"]
+    table = vtkmuscle.vary(scene, workers=1, frames="0:2", deformer=["none", "paths"], n_fibres=[4, 8])
+    assert table["deformer"].tolist() == ["none", "none", "paths", "paths"]
     assert table["n_fibres"].tolist() == [4, 8, 4, 8]
     few = Scene.from_phantom(phantoms.spindle_over_hinge(), n_fibres=4, resolution=5)
     lengths = few.run(frames="0:2").lengths["spindle"]
-    assert table.where(model="volume", n_fibres=4)["length_mm"] == pytest.approx(lengths.mean(), rel=1e-12)
+    assert table.where(deformer="paths", n_fibres=4)["length_mm"] == pytest.approx(lengths.mean(), rel=1e-12)
 
 
 def test_settings_of_the_solver_are_varied_over_those_of_a_muscle(scene):
-    own = replace(scene.muscles["spindle"], solver={"taut_resolution": 12})
-    table = vtkmuscle.vary(
-        replace(scene, muscles={"spindle": own}), workers=1, frames="0:2", taut_resolution=[8, 12, 30]
-    )
+    own = replace(scene.muscles["spindle"], solver={"iterations": 2})
+    scene = replace(scene, muscles={"spindle": own}, deformer="pbd")
+    table = vtkmuscle.vary(scene, workers=1, frames="0:2", iterations=[1, 2, 30])
     assert len(set(table["length_mm"])) == 3
-    lengths = replace(scene, muscles={"spindle": own}).run(frames="0:2").lengths["spindle"]
+    lengths = scene.run(frames="0:2").lengths["spindle"]
     assert table["length_mm"][1] == pytest.approx(lengths.mean(), rel=1e-12)
+
+
+def test_settings_of_the_paths_are_varied(scene):
+    tables = [{"resolution": 24}, {"resolution": 48}]
+    lengths = vtkmuscle.vary(scene, workers=1, frames="0:2", paths=tables)["length_mm"]
+    assert lengths[0] != lengths[1]
 
 
 @pytest.mark.parametrize(
@@ -174,7 +179,7 @@ def test_settings_of_the_solver_are_varied_over_those_of_a_muscle(scene):
         (lambda scene: vtkmuscle.cohort({"anna": scene}, workers=0), "workers is 0"),
         (vtkmuscle.vary, "no setting is varied"),
         (lambda scene: vtkmuscle.vary(scene, workers=1, n_fibers=[3]), "n_fibers"),
-        (lambda scene: vtkmuscle.vary(scene, workers=1, model=["volumes"]), "volumes"),
+        (lambda scene: vtkmuscle.vary(scene, workers=1, deformer=["path"]), "path"),
     ],
 )
 def test_what_cannot_be_meant_is_refused(scene, call, words):

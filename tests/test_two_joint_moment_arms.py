@@ -20,8 +20,7 @@ def result(tmp_path_factory):
     grid = {"upper": [-40, 50, 10], "lower": [0, 90, 10]}
     tables |= {"joints": JOINTS, "motion": {"grid": grid}, "deformer": "none"}
     path.write_text(tomli_w.dumps(tables))
-    with pytest.warns(UserWarning, match="from rest to the first frame"):
-        return Scene.load(path).run()
+    return Scene.load(path).run()
 
 
 @pytest.fixture(scope="module")

@@ -17,6 +17,7 @@ from typing import Any
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.machine import processors
+from vtkmuscle.filters.path_deformer import PathDeformer
 from vtkmuscle.filters.pbd_deformer import PBDDeformer
 from vtkmuscle.io.writing import locked
 from vtkmuscle.run import Result, RunOptions, frame_numbers
@@ -25,6 +26,9 @@ from vtkmuscle.run.store.keys import muscle_keys
 from vtkmuscle.run.table import Table
 from vtkmuscle.scene.data import SceneData
 from vtkmuscle.scenes import Scene
+
+#: Parameters of a scene's deformers.
+DEFORMERS = PathDeformer.parameter_declarations.keys() | PBDDeformer.parameter_declarations.keys()
 
 #: Columns that every table has after the subject or the settings; columns of numbers follow.
 COLUMNS = ("muscle", "verdict", "message", "folder")
@@ -112,8 +116,8 @@ def vary(
     out, client, workers, frames
         As of :func:`cohort`.
     **settings : iterable
-        Values of a field of the scene (``model``, ``quality``), of a parameter of the solver
-        (``taut_resolution``), or of a setting of the fibres (``n_fibres``). A setting is a column.
+        Values of a field of the scene (``deformer``, ``quality``, ``paths``), of a parameter of the deformer
+        (``iterations``), or of a setting of the fibres (``n_fibres``). A setting is a column.
 
     Raises
     ------
@@ -124,8 +128,8 @@ def vary(
     --------
     >>> import vtkmuscle
     >>> scene = vtkmuscle.Scene.from_phantom(vtkmuscle.phantoms.spindle_over_hinge(), n_fibres=8)
-    >>> table = vtkmuscle.vary(scene, workers=1, frames="0:2", model=["paths", "volume"])
-    >>> table.where(model="paths")["length_mm"].round()
+    >>> table = vtkmuscle.vary(scene, workers=1, frames="0:2", deformer=["paths", "none"])
+    >>> table.where(deformer="paths")["length_mm"].round()
     array([140.])
     """
     if not settings:
@@ -142,7 +146,7 @@ def _with_settings(scene: Scene, values: Mapping[str, Any]) -> Scene:
     """
     own = {field.name for field in fields(SceneData)} - {"name", "bones", "muscles", "motion", "files"}
     changed = {name: value for name, value in values.items() if name in own}
-    solver = {name: value for name, value in values.items() if name in PBDDeformer.parameter_declarations}
+    solver = {name: value for name, value in values.items() if name in DEFORMERS}
     fibres = {name: value for name, value in values.items() if name not in changed and name not in solver}
     muscles = {
         name: replace(

@@ -12,11 +12,10 @@ same range, and :doc:`/validation/how_right` has five more muscles. Here the con
 import matplotlib.pyplot as plt
 import numpy as np
 import pyvista as pv
-from leg import leg
+from leg import CONDYLE, leg
 
 from vtkmuscle import RigidMotion, Scene
 from vtkmuscle.core.motion.coordinates import Coordinate
-from vtkmuscle.phantoms.hip_bones import CONDYLE
 
 flexion = np.arange(0.0, 91.0, 7.5)
 phantom = leg(coordinates=np.column_stack([0.0 * flexion, flexion, 0.0 * flexion]))

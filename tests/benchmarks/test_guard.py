@@ -141,7 +141,7 @@ def test_a_fibre_more_in_twelve_is_counted(guard, monkeypatch):
     import fibre_counts
 
     before = fibre_counts.fibre_work()
-    assert before["sections mapped of a decomposition"] == 0
+    assert before["sections mapped of a transport"] == 0
     decompose = fibre_counts.decompose
     monkeypatch.setattr(
         fibre_counts,

@@ -114,7 +114,7 @@ def test_a_folder_is_not_a_file(tmp_path):
 
 
 def test_an_unknown_suffix_is_answered_with_the_known_ones(tmp_path):
-    with pytest.raises(ValueError, match=r"'\.3mf' is not in \.vtp, \.vtk"):
+    with pytest.raises(ValueError, match=r"'\.3mf' is not one of \.vtp, \.vtk"):
         read_surface(tmp_path / "x.3mf")
 
 

@@ -59,16 +59,15 @@ def check_abort(chain):
 
     def stop(caller, _event):
         reached.append(caller.GetProgress())
-        if len(reached) == 3:
+        if 0.0 < reached[-1] < 1.0:
             caller.SetAbortExecute(1)
 
     observer = algorithm.AddObserver("ProgressEvent", stop)
     rounds = int(deformed.Iterations)
     deformed.Iterations = rounds + 1
     deformed.UpdatePipeline(TIMES[0])
-    # VTK itself says 0.0 before the filter begins and 1.0 after it has stopped.
-    assert 0.0 < reached[2] < 1.0
-    assert reached[3:] in ([], [1.0]), reached
+    # VTK itself says 0.0 before the filter begins and 1.0 after it has stopped; it asks for each output apart.
+    assert len(set(reached) - {0.0, 1.0}) == 1, reached
     assert algorithm.GetOutputDataObject(0).GetNumberOfPoints() == 0
     algorithm.RemoveObserver(observer)
     deformed.Iterations = rounds

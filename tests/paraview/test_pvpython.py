@@ -96,7 +96,7 @@ def display():
 def test_the_documented_script_runs(environment, display, scene, tmp_path):
     text = (HERE.parents[1] / "docs/how_to/paraview.rst").read_text(encoding="utf-8")
     _, _, after = text.partition("   from paraview.simple import *\n")
-    block, _, _ = after.partition("\n\nA property is called")
+    block, _, _ = after.partition("\n\n``pvpython`` connects")
     assert "SaveScreenshot" in block
     script = tmp_path / "documented.py"
     script.write_text("from paraview.simple import *\n" + textwrap.dedent(block), encoding="utf-8")

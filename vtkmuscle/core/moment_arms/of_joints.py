@@ -89,7 +89,8 @@ def joint_arms(
         If the motion lacks a named coordinate, or has no coordinate with moment arms.
     """
     checked_coordinates(motion, names or ())
-    candidates = known_coordinates(motion, crossed, levers)
+    with_levers = [name for name, lever in levers.items() if np.isfinite(lever).any()]
+    candidates = known_coordinates(motion, crossed, with_levers)
     curves = np.asarray(lengths, dtype=np.float64)
     arms: dict[str, JointArms] = {}
     refused: dict[str, str] = {}
