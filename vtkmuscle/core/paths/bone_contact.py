@@ -196,8 +196,8 @@ def add_contacts(
 def pressure_at(gap: float, push: float, rounding: float) -> tuple[float, float]:
     """Return the force at a gap and its stiffness.
 
-    The force is 0 from the rounding on. From as far behind the surface on, the force is ``push`` times the
-    depth. Between, the force is a parabola, without a corner.
+    The force is 0 from the rounding on. From the rounding behind the surface on, the force is ``push`` times
+    the depth. Between, the force is a parabola, without a corner.
     """
     if gap >= rounding:
         return 0.0, 0.0

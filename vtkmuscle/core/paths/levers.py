@@ -121,7 +121,7 @@ def _turned(vectors: Floats, angular: Floats) -> Floats:
 def _responses(
     gradient: Floats, pull: Floats, change: Callable[[Floats], Floats], step: Callable[[Floats], Floats]
 ) -> Iterator[Floats]:
-    """Give the levers of each velocity step.
+    """Give the levers at each step of the velocities.
 
     Levers are (f, v). The velocities change the gradient by minus the gradient. Generalised conjugate
     residuals (Eisenstat, Elman, Schultz 1983, doi:10.1137/0720023) solve for each of the v velocities

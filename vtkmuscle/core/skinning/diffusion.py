@@ -61,7 +61,8 @@ class Diffusion:
         section 2.
 
         The time is in units of :attr:`time_unit`, >= 0. ``insulated``: outside points have no part in the
-        diffusion, so that the points inside keep their sum.
+        diffusion, so that the points inside keep the sum of their vectors, weighted by the points' total
+        cotangent weights.
         """
         weights, totals = self._weights, self._totals
         if insulated:
