@@ -67,10 +67,10 @@ class Neighbours(NamedTuple):
 def neighbours_of(fibres: Floats) -> Neighbours:
     """Return the pairs of neighbouring points of fibres.
 
-    Fibres are (f, n, 3); the points of a pair are equally far along. A pair strained by e has the energy m (L
-    e)^2 / 2 per length of path, of a path of length L with a tension of 1 per length: m is :data:`MODULUS`,
-    and of the shear e :data:`SHEAR_MODULUS`. As paths shorten by l, the kept distances grow by l^(-1/2): the
-    muscle keeps its volume. The numbers of paths and of points on each do not matter.
+    Fibres are (f, n, 3); the points of a pair are equally far along. A pair strained by e has the energy
+    m (L e)^2 / 2 per length of path, of a path of length L with a tension of 1 per length: m is
+    :data:`MODULUS`, and of the shear e :data:`SHEAR_MODULUS`. As paths shorten by l, the kept distances grow
+    by l^(-1/2): the muscle keeps its volume. The numbers of paths and of points on each do not matter.
     """
     f, n, _ = fibres.shape
     length = float(path_lengths(fibres).mean())

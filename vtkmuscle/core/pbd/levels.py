@@ -32,8 +32,8 @@ FINE_ITERATIONS = 2
 def coarse_fixed_points(fine: Floats, fixed_to: Ints, coarse: Floats) -> Ints:
     """Return the bone of each point of a coarse surface.
 
-    Bones are (c,), -1 for free points. A coarse point (c, 3) goes with the bone of the nearest fine point (n,
-    3). A bone left without points gets the coarse point nearest to the middle of the bone's fine points.
+    Bones are (c,), -1 for free points. A coarse point (c, 3) goes with the bone of the nearest fine point
+    (n, 3). A bone left without points gets the coarse point nearest to the middle of the bone's fine points.
     """
     result: Ints = fixed_to[cKDTree(fine).query(coarse)[1]]
     for bone in np.unique(fixed_to[fixed_to >= 0]):

@@ -123,10 +123,7 @@ def build_voxel_grid(
 
 
 def _shared_out(sides: Floats, n_max: int) -> Ints:
-    """Return the number of cells per side of a box.
-
-    At least 1, for about n_max nearly cubic cells.
-    """
+    """Return the cells per side of a box, at least 1, for about n_max near-cubes."""
     counts = np.ones(3, dtype=np.int64)
     active = np.ones(3, dtype=np.bool_)
     while active.any():
@@ -343,10 +340,7 @@ def _resolve(
 
 @kernel
 def _in_bone(cells: Cells, origin: Floats, spacing: Floats, at: Floats) -> bool:
-    """Return whether a position lies in a bone's cell.
-
-    at : (3,) [mm], turned into units of cells.
-    """
+    """Return whether ``at`` (3,) [mm], turned into units of cells, is in the bone."""
     within = True
     for k in range(3):
         at[k] = (at[k] - origin[k]) / spacing[k]

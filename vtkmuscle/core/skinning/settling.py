@@ -93,7 +93,7 @@ class SettlingResult:
 class Settling:
     """Moves a muscle's surface smoothly off bones.
 
-    The surface also moves to the muscle's volume. The offset of a point from the carried position is the
+    The surface also moves to the rest volume. The offset of a point from the carried position is the
     point's *displacement*. Volume and bones ask for displacements; in each round the displacement diffuses
     over the surface (:class:`~vtkmuscle.core.skinning.diffusion.Diffusion`), and then volume and bones ask
     again. The rounds descend the membrane energy of the displacement (Botsch, Sorkine 2008, *On linear
