@@ -1,6 +1,7 @@
-"""Procedural muscles and joints with known answers, made on call: the package has no other data.
+"""Procedural muscles and joints with known answers.
 
-Joints, from the simplest to the most lifelike, with their known answers in brackets:
+The phantoms are made on call: the package has no other data. Joints, from the simplest to the most lifelike,
+with the known answers in brackets:
 
 * :func:`spindle_over_hinge` (length and moment arm of the straight line);
 * :func:`wrapping_cylinder`, a strap wound up and unwound (one moment arm at every angle);

@@ -23,7 +23,10 @@ LANDMARKS = 10.0
 
 
 def sliding(bone: str, direction: tuple[int, int, int]) -> RigidMotion:
-    """Return the motion of a plate that goes 10 mm along a direction, its times the way in mm."""
+    """Return the motion of a sliding plate.
+
+    The plate goes 10 mm along a direction; the motion's times are the displacement in mm.
+    """
     shifts = np.arange(0.0, 11.0)
     table = np.tile(np.eye(4), (len(shifts), 1, 1))
     table[:, :3, 3] = np.outer(shifts, direction)
@@ -31,11 +34,11 @@ def sliding(bone: str, direction: tuple[int, int, int]) -> RigidMotion:
 
 
 def fibre_block(kind: str) -> Phantom:
-    """Return a block of 20 x 40 x 120 mm whose fibres are straight and parallel.
+    """Return a block with straight, parallel fibres.
 
-    ``"parallel"``: from the whole bottom to the whole top. ``"pennate"``: from the lower half of the face
-    x = 0 to the upper half of the face x = 20 mm. The plate ``insertion_plate`` slides down along z, by the
-    pipeline's time in mm.
+    The block measures 20 x 40 x 120 mm. ``"parallel"``: fibres run from the whole bottom to the whole top.
+    ``"pennate"``: fibres run from the lower half of the face x = 0 to the upper half of the face x = 20 mm.
+    The plate ``insertion_plate`` slides down along z, by the pipeline's time in mm.
 
     Parameters
     ----------
@@ -46,7 +49,7 @@ def fibre_block(kind: str) -> Phantom:
     -------
     Phantom
         Known answers: ``known["volume"]``, 96 000 mm^3; ``known["fibre_length"]`` [mm] and
-        ``known["pennation"]`` [degrees], against the areas on which fibres end.
+        ``known["pennation"]`` [degrees], against the areas at the fibres' ends.
 
     Raises
     ------
@@ -78,7 +81,7 @@ def fibre_block(kind: str) -> Phantom:
 def pennate_block() -> Phantom:
     """Return :func:`fibre_block` of the pennate kind.
 
-    Its fibres are sqrt(20^2 + 60^2) = 63.25 mm long, their pennation is atan(20 / 60) = 18.43 degrees.
+    The fibres are sqrt(20^2 + 60^2) = 63.25 mm long, at a pennation of atan(20 / 60) = 18.43 degrees.
     """
     return fibre_block("pennate")
 
@@ -91,7 +94,10 @@ def block(
     known: Mapping[str, Answer],
     superficial: Mapping[str, vtkPolyData] | None = None,
 ) -> Phantom:
-    """Return the block between plates: the corners (4, 3) of its origins, by bone, and of its insertion."""
+    """Return the block between plates.
+
+    The origins by bone, and the insertion, have corners (4, 3).
+    """
     areas = [AttachmentArea("origin", bone, _ring(corners), closed=True) for bone, corners in origins.items()]
     areas.append(AttachmentArea("insertion", "insertion_plate", _ring(insertion), closed=True))
     return phantom_from(
@@ -115,7 +121,10 @@ def plates_at_ends() -> dict[str, Surface]:
 
 
 def straight(width: float) -> dict[str, float]:
-    """Return the answers for fibres that run to a wall at this distance, half the length farther up."""
+    """Return the answers for fibres to a wall.
+
+    The wall is at the distance ``width``; fibres rise by half the length.
+    """
     rise = LENGTH / 2.0
     return {
         "fibre_length": float(np.hypot(width, rise)),
@@ -124,17 +133,26 @@ def straight(width: float) -> dict[str, float]:
 
 
 def level(z: float) -> Floats:
-    """Return the corners (4, 3) of the block's section at a height [mm]."""
+    """Return the corners of the block's section.
+
+    Corners are (4, 3), at a height [mm].
+    """
     return np.array([(0.0, 0.0, z), (WIDTH, 0.0, z), (WIDTH, DEPTH, z), (0.0, DEPTH, z)])
 
 
 def wall(x: float, low: float, high: float) -> Floats:
-    """Return the corners (4, 3) of a part of a plane across x [mm]."""
+    """Return the corners of a part of a plane.
+
+    Corners are (4, 3); the plane lies across x [mm].
+    """
     return np.array([(x, 0.0, low), (x, DEPTH, low), (x, DEPTH, high), (x, 0.0, high)])
 
 
 def _ring(corners: Floats) -> Floats:
-    """Return the boundary of an area with these corners (4, 3), landmark by landmark."""
+    """Return the boundary of an area, landmark by landmark.
+
+    The area has corners (4, 3).
+    """
     sides = []
     for a, b in zip(corners, np.roll(corners, -1, axis=0), strict=True):
         count = int(np.ceil(np.linalg.norm(b - a) / LANDMARKS - 1e-9))

@@ -1,9 +1,10 @@
-"""The bones of the phantom hip, as implicit solids: the right half of a pelvis, and a femur.
+"""The bones of the phantom hip, as implicit solids.
 
-Head centre at the origin; +x to the subject's left (medial of this right hip), +y posterior, +z up [mm].
-The proportions are an adult's: the superior anterior iliac spine lies 34 mm lateral, 52 mm anterior and 72 mm
-proximal of the head centre (Bell et al. 1990, doi:10.1016/0021-9290(90)90054-7), the neck makes 127 degrees
-with the shaft and is turned forward by 12 degrees.
+The bones are the right half of a pelvis, and a femur. Head centre at the origin; +x to the subject's left
+(medial of the right hip), +y posterior, +z up [mm]. The proportions are an adult's: the superior anterior
+iliac spine lies 34 mm lateral, 52 mm anterior and 72 mm proximal of the head centre (Bell et al. 1990,
+doi:10.1016/0021-9290(90)90054-7), the neck makes 127 degrees with the shaft and is turned forward by 12
+degrees.
 """
 
 from __future__ import annotations
@@ -49,19 +50,28 @@ WING_HALF_THICKNESS = np.array(
 
 
 def neck_shift(neck_angle: float = NECK_ANGLE) -> Floats:
-    """Return where a neck of another angle to the shaft moves the shaft to, (3,) [mm]: the head stays."""
+    """Return the shift of the shaft by a neck's angle.
+
+    The shift is (3,) [mm]: a neck of another angle to the shaft moves the shaft, and the head stays.
+    """
     shift: Floats = _neck(neck_angle)[-1] - NECK[-1]
     return shift
 
 
 def _neck(neck_angle: float) -> Floats:
-    """Return the points of the neck, turned about the head in the plane of the body's front."""
+    """Return the points of the neck.
+
+    The neck is turned about the head in the plane of the body's front.
+    """
     turn = rotation_about((0, 0, 0), (0, 1, 0), NECK_ANGLE - neck_angle)
     return NECK @ turn[:3, :3].T
 
 
 def pelvis(head_radius: float = HEAD_RADIUS) -> Solid:
-    """Return the right hip bone and the sacrum, one solid, for a femoral head of a radius [mm]."""
+    """Return the right hip bone and the sacrum.
+
+    Both form a single solid for a femoral head of a radius [mm].
+    """
     socket_radius = SOCKET_RADIUS + (head_radius - HEAD_RADIUS)
     wing = thick_sheet(WING, WING_HALF_THICKNESS)
     cup = ball((3, 2, 3), 36.0 + (head_radius - HEAD_RADIUS)).beside(RIM, OUTWARD, 5.0)
@@ -75,7 +85,10 @@ def pelvis(head_radius: float = HEAD_RADIUS) -> Solid:
 
 
 def sacrum() -> Solid:
-    """Return the sacrum: a thick sheet, wide above, bent backward, narrow below."""
+    """Return the sacrum, a thick sheet.
+
+    The sheet is wide above, bent backward, narrow below.
+    """
     middle = np.array([(86, 52, 92), (86, 82, 62), (86, 100, 22), (86, 98, -18), (86, 84, -40)])
     half_widths = np.array([46, 42, 30, 16, 8.0])
     side = np.array([(-1, 0.12, 0), (-0.5, 0, 0), (0, 0, 0), (0.5, 0, 0), (1, 0.12, 0)])
@@ -88,12 +101,18 @@ def sacrum() -> Solid:
 
 
 def femur(head_radius: float = HEAD_RADIUS, neck_angle: float = NECK_ANGLE) -> Solid:
-    """Return the upper part of the femur, sawn off below; head's radius [mm], neck's angle [degrees]."""
+    """Return the upper femur, sawn off below.
+
+    The head has a radius [mm], the neck an angle [degrees].
+    """
     return upper_femur(head_radius, neck_angle).beside((0, 0, -240), (0, 0, -1), 3.0)
 
 
 def upper_femur(head_radius: float = HEAD_RADIUS, neck_angle: float = NECK_ANGLE) -> Solid:
-    """Return the upper part of the femur, to be cut or joined below z = -235."""
+    """Return the upper femur, not yet sawn off.
+
+    The femur is to be cut or joined below z = -235.
+    """
     head = ball((0, 0, 0), head_radius)
     neck = thick_curve(_neck(neck_angle), [16, 14, 18])
     shift = neck_shift(neck_angle)

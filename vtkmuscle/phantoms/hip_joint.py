@@ -28,21 +28,28 @@ ANGLES = tuple(range(0, 91, 2))
 
 @dataclass(frozen=True, eq=False)
 class Sheet:
-    """The middle sheet of a muscle: knots (k, 5, 3), rows from origin to insertion [mm].
+    """The middle sheet of a muscle.
 
-    ``half_thickness`` (k,) is that of the middle of each row [mm].
+    Knots are (k, 5, 3), rows from origin to insertion [mm]. ``half_thickness`` (k,) is the half thickness at
+    the middle of each row [mm].
     """
 
     knots: Floats
     half_thickness: ArrayLike
 
     def beside(self, volume: float, *bones: Solid) -> Solid:
-        """Return the muscle, so many times as thick, cut at the bones."""
+        """Return the muscle, cut at the bones.
+
+        The muscle is ``volume`` times as thick as the sheet.
+        """
         half = volume * np.outer(np.asarray(self.half_thickness, dtype=np.float64), np.array(ACROSS))
         return beside_bones(thick_sheet(self.knots, half), *bones)
 
     def ring(self, along: tuple[float, float], across: tuple[float, float], count: int) -> Floats:
-        """Return a closed curve on the sheet, an ellipse-like loop in its parameters, (count, 3) [mm]."""
+        """Return a closed curve on the sheet.
+
+        The curve (count, 3) [mm] is an ellipse-like loop in the sheet's parameters.
+        """
         angles = np.linspace(0.0, 2.0 * np.pi, count, endpoint=False)
         # A superellipse: nearly a rectangle, with round corners.
         u, v = (np.sign(wave) * np.abs(wave) ** 0.55 for wave in (np.sin(angles), np.cos(angles)))
@@ -51,7 +58,10 @@ class Sheet:
         return self.points(rows, columns)
 
     def points(self, rows: Floats, columns: Floats) -> Floats:
-        """Return points of the sheet at pairs of parameters in [0, 1], (n, 3) [mm]."""
+        """Return points of the sheet at pairs of parameters.
+
+        Parameters are in [0, 1], points (n, 3) [mm].
+        """
         pairs = np.arange(len(rows))
         return spline_net(self.knots, rows, columns)[pairs, pairs]
 
@@ -64,12 +74,18 @@ def beside_bones(muscle: Solid, *bones: Solid) -> Solid:
 
 
 def _wing(height: float, span: tuple[float, float]) -> Floats:
-    """Return five points at a height of the ilium's wing, in its middle [mm]."""
+    """Return five points of the ilium's wing.
+
+    The points lie at a height, in the wing's middle [mm].
+    """
     return spline_net(WING, np.linspace(*span, 5), [height])[:, 0]
 
 
 def _on(bone: Solid, points: ArrayLike, offset: float, side: ArrayLike = (0, 0, 0)) -> Floats:
-    """Return points on the surface of a bone, on the side that is given, lifted by an offset [mm]."""
+    """Return points on the surface of a bone.
+
+    The points lie on the given side, lifted by an offset [mm].
+    """
     ground = bone.projected(np.asarray(points, dtype=np.float64) + 8.0 * np.asarray(side), steps=6)
     normals = bone.field(ground)[1]
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
@@ -77,10 +93,10 @@ def _on(bone: Solid, points: ArrayLike, offset: float, side: ArrayLike = (0, 0, 
 
 
 def gluteus_medius(pelvis: Solid, femur: Solid, shift: Floats) -> Sheet:
-    """Return the fan from the outer face of the ilium to the side of the greater trochanter.
+    """Return the fan-shaped gluteus medius.
 
-    As in the other muscles, ``shift`` (3,) is where the femur is moved to [mm], and draws the rows between
-    the bones along.
+    The fan runs from the outer face of the ilium to the side of the greater trochanter. As in the other
+    muscles, ``shift`` (3,) is the femur's displacement [mm], and draws the rows between the bones along.
     """
     outer = (-0.9, 0.4, -0.2)
     trochanter = [(-76, 0, -13), (-79, 6, -15), (-80, 12, -16), (-79, 18, -14), (-74, 25, -10)]
@@ -96,7 +112,10 @@ def gluteus_medius(pelvis: Solid, femur: Solid, shift: Floats) -> Sheet:
 
 
 def gluteus_maximus(pelvis: Solid, femur: Solid, shift: Floats) -> Sheet:
-    """Return the thick quadrilateral from the back of ilium and sacrum to the gluteal tuberosity."""
+    """Return the thick, quadrilateral gluteus maximus.
+
+    The muscle runs from the back of ilium and sacrum to the gluteal tuberosity.
+    """
     back = [(16, 95, 102), (37, 111, 82), (54, 106, 57), (65, 112, 29), (73, 111, 1)]
     tuberosity = [(-67, 25, -66), (-65, 26, -82), (-62, 26, -98), (-58, 25, -116), (-54, 23, -134)]
     rows = [
@@ -110,7 +129,10 @@ def gluteus_maximus(pelvis: Solid, femur: Solid, shift: Floats) -> Sheet:
 
 
 def iliacus(pelvis: Solid, femur: Solid, shift: Floats) -> Sheet:
-    """Return the muscle from the iliac fossa over the pelvic brim to the lesser trochanter."""
+    """Return the iliacus.
+
+    The muscle runs from the iliac fossa over the pelvic brim to the lesser trochanter.
+    """
     inner = (0.9, -0.4, 0.2)
     trochanter = [(-29, 6, -66), (-26, 10, -66), (-24, 14, -66), (-22, 18, -66), (-21, 22, -66)]
     rows = [
@@ -134,26 +156,27 @@ def hip(
     muscle_volume: float = 1.0,
     detail: float = 1.0,
 ) -> Phantom:
-    """Return a right hip: pelvis and femur, three muscles of different shape, flexion of 0 to 90 degrees.
+    """Return a right hip with three muscles.
 
-    The frame is that of a subject: +x left, +y posterior, +z up, in mm; the centre of the femoral head is
-    the origin. The femur turns about the x axis, forward and up. ``gluteus_medius`` is a fan from the outer
-    ilium to the greater trochanter; ``gluteus_maximus`` is broad and thick, from the back of ilium and
-    sacrum to the gluteal tuberosity, its insertion an open landmark curve; ``iliacus`` bends over the
-    pelvic brim in front of the joint to the lesser trochanter.
+    The hip has pelvis and femur, three muscles of different shape, and flexion of 0 to 90 degrees. The frame
+    is the subject's: +x left, +y posterior, +z up, in mm; the centre of the femoral head is the origin. The
+    femur turns about the x axis, forward and up. ``gluteus_medius`` is a fan from the outer ilium to the
+    greater trochanter; ``gluteus_maximus`` is broad and thick, from the back of ilium and sacrum to the
+    gluteal tuberosity, with an open landmark curve as insertion; ``iliacus`` bends over the pelvic brim in
+    front of the joint to the lesser trochanter.
 
     Parameters
     ----------
     angles : (k,) array_like, optional
-        Of flexion in each frame [degrees], ascending; every second one by default.
+        Of flexion in each frame [degrees], ascending; every second degree by default.
     axis : (3,) array_like, optional
         Of flexion, through the centre of the head.
     head_radius : float, optional
-        Of the femoral head [mm]; the socket goes with it.
+        Of the femoral head [mm]; the socket goes with the head.
     neck_angle : float, optional
-        Between neck and shaft of the femur [degrees]; the shaft is moved beside the head, which stays.
+        Between neck and shaft of the femur [degrees]; the shaft is moved, and the head stays.
     muscle_volume : float, optional
-        Of the muscles, as a part of the default, before they are cut at the bones.
+        Of the muscles, as a part of the default, before the cut at the bones.
     detail : float, optional
         Number of triangles, as a part of the default.
 
@@ -161,9 +184,9 @@ def hip(
     -------
     Phantom
         About 14 000 triangles in the pelvis, 7000 in the femur, 3000 in each muscle. Known answers: at rest
-        muscles touch the bones at their attachments, but lie no more than 0.5 mm deep in them or in each
-        other anywhere; the femoral head is a ball of radius ``known["head_radius"]`` [mm] about the origin,
-        and stays there.
+        muscles touch the bones at their attachments, but lie no more than 0.5 mm deep in bones or in other
+        muscles anywhere; the femoral head is a ball of radius ``known["head_radius"]`` [mm] about the origin,
+        and stays at the origin.
 
     Examples
     --------
@@ -188,7 +211,10 @@ def hip(
 def hip_parts(
     head_radius: float, neck_angle: float, muscle_volume: float, detail: float
 ) -> tuple[dict[str, Surface], dict[str, Surface], dict[str, list[AttachmentArea]]]:
-    """Return bones, muscles, and the muscles' attachment areas, by name, for the parameters of a hip."""
+    """Return bones, muscles and attachment areas of a hip.
+
+    Bones, muscles and areas are by name, for the parameters of :func:`hip`.
+    """
     pelvic, femoral = pelvis(head_radius), femur(head_radius, neck_angle)
     shift = neck_shift(neck_angle)
     makers = gluteus_medius, gluteus_maximus, iliacus

@@ -1,7 +1,8 @@
-"""Smooth solids as implicit fields: balls, thick curves and thick sheets, blended and cut.
+"""Smooth solids as implicit fields.
 
-A :class:`Solid` is a field that is negative inside, zero on the surface, and nowhere steeper than a distance;
-it comes with its gradient and with a box that holds the surface.
+Balls, thick curves and thick sheets are blended and cut. A :class:`Solid` is a field that is negative inside,
+zero on the surface, and nowhere steeper than a distance; a solid has a gradient, and a box that holds the
+surface.
 """
 
 from __future__ import annotations
@@ -23,9 +24,10 @@ REACH = 16.0
 
 @dataclass(frozen=True, eq=False)
 class Solid:
-    """A solid given by an implicit field, from points (n, 3) to values (n,) [mm] and gradients (n, 3).
+    """A solid of an implicit field.
 
-    ``lower`` and ``upper`` (3,) are the corners of a box that holds it [mm].
+    The field leads from points (n, 3) to values (n,) [mm] and gradients (n, 3). ``lower`` and ``upper`` (3,)
+    are the corners of a box that holds the solid [mm].
     """
 
     field: Callable[[Floats], tuple[Floats, Floats]]
@@ -33,11 +35,17 @@ class Solid:
     upper: Floats
 
     def values(self, points: Floats) -> Floats:
-        """Return the field at points: negative inside, at most the distance to the surface outside [mm]."""
+        """Return the field at points.
+
+        Values are negative inside, and at most the distance to the surface outside [mm].
+        """
         return self.field(points)[0]
 
     def joined(self, other: Solid, blend: float) -> Solid:
-        """Return the union with another solid, the crease filled over a width ``blend`` [mm]."""
+        """Return the union with another solid.
+
+        The crease is filled over a width ``blend`` [mm].
+        """
 
         def field(points: Floats) -> tuple[Floats, Floats]:
             return smooth_minimum(self.field(points), other.field(points), blend)
@@ -45,7 +53,10 @@ class Solid:
         return Solid(field, np.minimum(self.lower, other.lower), np.maximum(self.upper, other.upper))
 
     def without(self, other: Solid, blend: float, gap: float = 0.0) -> Solid:
-        """Return this solid minus another grown by ``gap`` [mm], the new rim rounded over ``blend`` [mm]."""
+        """Return the solid minus another solid.
+
+        The other solid is grown by ``gap`` [mm], and the new rim rounded over ``blend`` [mm].
+        """
 
         def field(points: Floats) -> tuple[Floats, Floats]:
             value, slope = self.field(points)
@@ -56,7 +67,10 @@ class Solid:
         return Solid(field, self.lower, self.upper)
 
     def beside(self, centre: ArrayLike, normal: ArrayLike, blend: float) -> Solid:
-        """Return the part behind a plane, against its normal, the rim rounded over ``blend`` [mm]."""
+        """Return the part behind a plane.
+
+        The part lies against the plane's normal, the rim rounded over ``blend`` [mm].
+        """
         c, n = _vector(centre), _vector(normal)
         n = n / np.linalg.norm(n)
 
@@ -66,7 +80,10 @@ class Solid:
         return self.without(Solid(half_space, self.lower, self.upper), blend)
 
     def projected(self, points: Floats, *, steps: int = 3) -> Floats:
-        """Return points moved onto the surface along the gradient, by Newton steps."""
+        """Return points moved onto the surface.
+
+        Newton steps move the points along the gradient.
+        """
         for _ in range(steps):
             value, slope = self.field(points)
             squared = np.maximum(np.einsum("ij,ij->i", slope, slope), 0.04)
@@ -77,7 +94,9 @@ class Solid:
 def smooth_minimum(
     first: tuple[Floats, Floats], second: tuple[Floats, Floats], blend: float
 ) -> tuple[Floats, Floats]:
-    """Return the smaller of two fields, rounded where they differ by less than ``blend`` [mm].
+    """Return the rounded minimum of two fields.
+
+    The minimum is rounded where the fields differ by less than ``blend`` [mm].
 
     min(a, b) - max(k - |a - b|, 0)^2 / 4k: the quadratic form of I. Quilez,
     https://iquilezles.org/articles/smin/, once differentiable.
@@ -91,7 +110,10 @@ def smooth_minimum(
 
 
 def union(solids: Sequence[Solid], blend: float) -> Solid:
-    """Return the union of solids, blended one after the other [mm]."""
+    """Return the union of solids.
+
+    Solids are blended in turn [mm].
+    """
     return reduce(lambda one, other: one.joined(other, blend), solids)
 
 
@@ -106,7 +128,10 @@ def ball(centre: ArrayLike, radius: float) -> Solid:
 
 
 def rod(start: ArrayLike, end: ArrayLike, radius: float, *, rim: float = 1.0) -> Solid:
-    """Return a round cylinder with flat ends, their edges rounded over ``rim`` [mm]."""
+    """Return a round cylinder with flat ends.
+
+    The ends' edges are rounded over ``rim`` [mm].
+    """
     a, b = _vector(start), _vector(end)
     axis = (b - a) / np.linalg.norm(b - a)
 
@@ -119,28 +144,29 @@ def rod(start: ArrayLike, end: ArrayLike, radius: float, *, rim: float = 1.0) ->
 
 
 def thick_curve(knots: ArrayLike, radii: ArrayLike, *, spacing: float = 3.0) -> Solid:
-    """Return a tube about the smooth curve through knots (k, 3), k >= 2, with radii (k,) there [mm].
+    """Return a tube about a smooth curve.
 
-    It is the union of the balls on the curve, which is sampled every ``spacing`` mm.
+    The curve goes through knots (k, 3), k >= 2, and the tube has radii (k,) at the knots [mm]. The tube is
+    the union of the balls on the curve, sampled every ``spacing`` mm.
     """
     nodes = np.column_stack([_vector(knots), _vector(radii)])
     return _thickened(nodes[:, None, :], spacing)
 
 
 def thick_sheet(knots: ArrayLike, half_thickness: ArrayLike, *, spacing: float = 3.0) -> Solid:
-    """Return the solid about the smooth sheet through a net of knots (k, l, 3), k, l >= 2 [mm].
+    """Return the solid about a smooth sheet.
 
-    It is the union of the balls of radius ``half_thickness`` (k, l) on the sheet, which is sampled every
-    ``spacing`` mm.
+    The sheet goes through a net of knots (k, l, 3), k, l >= 2 [mm]. The solid is the union of the balls of
+    radius ``half_thickness`` (k, l) on the sheet, sampled every ``spacing`` mm.
     """
     return _thickened(np.dstack([_vector(knots), _vector(half_thickness)]), spacing)
 
 
 def spline_net(nodes: Floats, rows: ArrayLike, columns: ArrayLike) -> Floats:
-    """Return a net (a, b, c) interpolated by cubic splines (of lower degree where it has few nodes).
+    """Return a net interpolated by cubic splines.
 
-    ``nodes`` (k, l, c) are its values at evenly spaced parameters from 0 to 1, ``rows`` (a,) and ``columns``
-    (b,) the parameters of the result.
+    The net is (a, b, c); splines with few nodes have a lower degree. ``nodes`` (k, l, c) are the net's values
+    at evenly spaced parameters from 0 to 1, ``rows`` (a,) and ``columns`` (b,) the parameters of the result.
     """
     for axis, parameters in ((0, rows), (1, columns)):
         count = nodes.shape[axis]
@@ -151,10 +177,11 @@ def spline_net(nodes: Floats, rows: ArrayLike, columns: ArrayLike) -> Floats:
 
 
 def _thickened(nodes: Floats, spacing: float) -> Solid:
-    """Return the union of the balls on a net of (x, y, z, radius), one column wide for a curve.
+    """Return the union of the balls on a net.
 
-    The ball that decides is the one of least power |p - c|^2 - r^2. With w^2 = R^2 - r^2, R above all
-    radii, that is the nearest to (p, 0) of all (c, w) in four dimensions: a search tree finds it.
+    The net is of (x, y, z, radius), a single column wide for a curve. The deciding ball has the least power
+    |p - c|^2 - r^2. With w^2 = R^2 - r^2, R above all radii, the deciding (c, w) is the nearest to (p, 0) in
+    four dimensions: a search tree finds the ball.
     """
     counts = [_sample_count(nodes, axis, spacing) for axis in (0, 1)]
     samples = spline_net(nodes, *(np.linspace(0, 1, count) for count in counts))

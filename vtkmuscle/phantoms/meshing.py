@@ -1,4 +1,7 @@
-"""Even triangle meshes of implicit solids, of solids of revolution and of boxes."""
+"""Even triangle meshes of solids and boxes.
+
+Solids are implicit or solids of revolution.
+"""
 
 from __future__ import annotations
 
@@ -11,10 +14,11 @@ from vtkmuscle.phantoms.implicit import Solid
 
 
 def mesh_of(solid: Solid, spacing: float, n_triangles: int) -> tuple[Floats, Ints]:
-    """Return the surface of a solid as about so many even triangles, closed, manifold, facing outward.
+    """Return the surface of a solid as even triangles.
 
-    An isosurface on a grid of a spacing [mm], nowhere larger than the solid is thick, is decimated, then
-    relaxed along the surface of the solid.
+    The surface has about ``n_triangles`` triangles, and is closed, manifold, facing outward. An isosurface on
+    a grid of a spacing [mm], nowhere larger than the solid is thick, is decimated, then relaxed along the
+    surface of the solid.
     """
     values, origin = _sampled(solid, spacing)
 
@@ -25,7 +29,10 @@ def mesh_of(solid: Solid, spacing: float, n_triangles: int) -> tuple[Floats, Int
 
 
 def _sampled(solid: Solid, spacing: float) -> tuple[Floats, Floats]:
-    """Return the field on a grid, computed only near the surface; elsewhere its sign is right."""
+    """Return the field on a grid.
+
+    The field is computed only near the surface; elsewhere the sign is right.
+    """
     stride = 4
     origin = solid.lower - 1.5 * spacing
     coarse_shape = np.ceil((solid.upper - solid.lower + 3.0 * spacing) / (stride * spacing)).astype(int) + 1
@@ -46,10 +53,11 @@ def _grid(origin: Floats, shape: NDArray[np.int_], spacing: float) -> Floats:
 
 
 def solid_of_revolution(heights: ArrayLike, radii: ArrayLike, sides: int) -> tuple[Floats, Ints]:
-    """Return a stack of regular polygons about the z axis, with flat ends, its triangles facing outward.
+    """Return a stack of polygons about the z axis.
 
-    The polygons lie at ascending heights (k,), with circumscribed circles of radii (k,) [mm]. Their number of
-    sides is a multiple of 6: the ends are hexagonal patterns of even triangles.
+    The regular polygons lie at ascending heights (k,), with circumscribed circles of radii (k,) [mm]. The
+    ends are flat, and triangles face outward. The polygons' number of sides is a multiple of 6: the ends are
+    hexagonal patterns of even triangles.
     """
     z, r = np.asarray(heights, dtype=np.float64), np.asarray(radii, dtype=np.float64)
     angles = 2.0 * np.pi * np.arange(sides) / sides
@@ -74,7 +82,10 @@ def solid_of_revolution(heights: ArrayLike, radii: ArrayLike, sides: int) -> tup
 
 
 def _hexagonal_disc(rings: int) -> tuple[Floats, Ints]:
-    """Return the inner points of a unit disc of hexagonal rings, and triangles; border ids come last."""
+    """Return a unit disc of hexagonal rings.
+
+    The function returns the inner points, and triangles; border ids come last.
+    """
     points = [np.zeros((1, 2))]
     first = [0, 1]
     for ring in range(1, rings + 1):
@@ -98,7 +109,10 @@ def _hexagonal_disc(rings: int) -> tuple[Floats, Ints]:
 
 
 def volume_of_revolution(heights: ArrayLike, radii: ArrayLike, sides: int) -> float:
-    """Return the volume [mm^3] of :func:`solid_of_revolution`: frustums, h (a + sqrt(a b) + b) / 3 each."""
+    """Return the volume of :func:`solid_of_revolution` [mm^3].
+
+    The volume is a sum over frustums, h (a + sqrt(a b) + b) / 3 each.
+    """
     h, r = np.asarray(heights, dtype=np.float64), np.asarray(radii, dtype=np.float64)
     polygon = sides / 2.0 * np.sin(2.0 * np.pi / sides)
     squares = r[:-1] ** 2 + r[:-1] * r[1:] + r[1:] ** 2
@@ -106,7 +120,10 @@ def volume_of_revolution(heights: ArrayLike, radii: ArrayLike, sides: int) -> fl
 
 
 def box(lower: ArrayLike, upper: ArrayLike, spacing: float) -> tuple[Floats, Ints]:
-    """Return a box between two corners (3,), of right-angled triangles with legs up to ``spacing`` [mm]."""
+    """Return a box between two corners (3,).
+
+    The box has right-angled triangles with legs up to ``spacing`` [mm].
+    """
     low, high = np.asarray(lower, dtype=np.float64), np.asarray(upper, dtype=np.float64)
     counts = np.ceil((high - low) / spacing - 1e-9).astype(int)
     faces = []

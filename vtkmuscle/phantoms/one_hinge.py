@@ -1,4 +1,7 @@
-"""Muscles over one hinge: a spindle, the simplest scene, and a strap that a cylinder winds up."""
+"""Muscles over a hinge: a spindle and a strap.
+
+The spindle is the simplest scene; a cylinder winds up the strap.
+"""
 
 from __future__ import annotations
 
@@ -26,17 +29,18 @@ SLICES, SIDES = 42, 24
 
 
 def spindle_over_hinge() -> Phantom:
-    """Return two bones joined at a hinge, and a spindle from one to the other.
+    """Return a spindle over two hinged bones.
 
     The bones stand one above the other along z; ``distal`` turns about an axis through the origin, towards
-    the muscle, which lies 32 mm in front of the hinge. The muscle's flat ends lie on flat faces of both.
+    the muscle. The muscle lies 32 mm in front of the hinge, from bone to bone, with flat ends on flat faces
+    of both bones.
 
     Returns
     -------
     Phantom
-        Known answers: ``known["volume"]`` [mm^3] of the muscle's mesh, which is that of the stack of
+        Known answers: ``known["volume"]`` [mm^3] of the muscle's mesh, equal to the volume of the stack of
         polygons to rounding; ``known["length"](angle)`` [mm], the straight line between the centres of the
-        attachments at a hinge angle [degrees], 140 mm at 0; ``known["moment_arm"](angle)`` [mm], its
+        attachments at a hinge angle [degrees], 140 mm at 0; ``known["moment_arm"](angle)`` [mm], the length's
         derivative -dl/dq by the angle in radians, 32 mm at 0.
 
     Examples
@@ -62,12 +66,18 @@ def spindle_over_hinge() -> Phantom:
 
 
 def line_length(angle: float) -> float:
-    """Return the distance of the spindle's ends [mm] at a hinge angle [degrees]."""
+    """Return the distance of the spindle's ends [mm].
+
+    The hinge angle is in degrees.
+    """
     return float(np.linalg.norm(_insertion(angle) - ORIGIN))
 
 
 def line_moment_arm(angle: float) -> float:
-    """Return -dl/dq of the straight line [mm] at a hinge angle [degrees]."""
+    """Return -dl/dq of the straight line [mm].
+
+    The hinge angle is in degrees.
+    """
     insertion = _insertion(angle)
     velocity = np.cross(AXIS, insertion)
     return float(-velocity @ (insertion - ORIGIN) / np.linalg.norm(insertion - ORIGIN))
@@ -79,7 +89,10 @@ def _insertion(angle: float) -> Floats:
 
 
 def spindle_profile() -> tuple[Floats, Floats]:
-    """Return heights and radii, r = r_end + (r_belly - r_end) sin^2(pi s) for s in 0 ... 1 [mm]."""
+    """Return heights and radii of the spindle.
+
+    r = r_end + (r_belly - r_end) sin^2(pi s) for s in 0 ... 1 [mm].
+    """
     s = np.linspace(0.0, 1.0, SLICES + 1)
     radii = END_RADIUS + (BELLY_RADIUS - END_RADIUS) * np.sin(np.pi * s) ** 2
     return INSERTION[2] + s * (ORIGIN[2] - INSERTION[2]), radii
@@ -87,7 +100,10 @@ def spindle_profile() -> tuple[Floats, Floats]:
 
 @cache
 def spindle(middle: tuple[float, float]) -> tuple[dict[str, Surface], Surface, list[AttachmentArea]]:
-    """Return bones, muscle and areas, the muscle about the vertical line through (x, y) [mm]."""
+    """Return bones, muscle and areas.
+
+    The muscle is about the vertical line through (x, y) [mm].
+    """
     origin, insertion = (np.array([*middle, end[2]]) for end in (ORIGIN, INSERTION))
     ring = circle(0.8 * END_RADIUS)
     bones = {
@@ -100,7 +116,10 @@ def spindle(middle: tuple[float, float]) -> tuple[dict[str, Surface], Surface, l
 
 
 def bone_with_arm(attachment: Floats, up: float) -> Solid:
-    """Return a shaft along z and an arm whose flat face carries the attachment."""
+    """Return a shaft along z with an arm.
+
+    The arm's flat face carries the attachment.
+    """
     arm_centre = attachment + np.array([0.0, 0.0, 7.0 * up])
     arm = thick_curve([arm_centre * [0, 0, 1], arm_centre], [13.0, 13.0])
     arm = arm.beside(attachment, (0, 0, -up), 1.0)
@@ -118,22 +137,22 @@ UNWOUND, WOUND = ATTACHED - WRAPPED, 180.0
 
 
 def wrapping_cylinder(*, angles: ArrayLike | None = None) -> Phantom:
-    """Return a strap muscle from a fixed block over a cylinder that turns and winds it up.
+    """Return a strap muscle over a turning cylinder.
 
-    The cylinder ``pulley`` lies along the x axis and turns about it. The strap leaves the block ``base`` at
-    y = -80 mm, runs straight to the top of the cylinder, lies on it over 110 degrees, and is attached over
-    the last 30.
+    The cylinder winds up the strap from a fixed block. The cylinder ``pulley`` lies along the x axis and
+    turns about the axis. The strap leaves the block ``base`` at y = -80 mm, runs straight to the top of the
+    cylinder, lies on the cylinder over 110 degrees, and is attached over the last 30.
 
     Parameters
     ----------
     angles : (k,) array_like, optional
-        Of the motion, ascending, from rest [degrees]: above 0 the strap is wound up, below it is unwound.
+        Of the motion, ascending, from rest [degrees]: above 0 the strap is wound up, below 0 unwound.
         Default 0 to 40 by 2. Within -80 to 180: at -80 the free part of the strap leaves the cylinder.
 
     Returns
     -------
     Phantom
-        Known answers: ``known["moment_arm"]`` [mm], 30 in size, at every angle that is allowed, is the
+        Known answers: ``known["moment_arm"]`` [mm], 30 in size, at every allowed angle, is the
         radius of the cylinder and half the thickness of the strap, negative as the strap lengthens with the
         angle; ``known["length"](angle)`` [mm], the middle line from the block to the start of the
         attachment at an angle [degrees].
@@ -141,7 +160,7 @@ def wrapping_cylinder(*, angles: ArrayLike | None = None) -> Phantom:
     Raises
     ------
     ValueError
-        If an angle is below -80 or above 180 degrees, or if they do not ascend.
+        If an angle is below -80 or above 180 degrees, or if angles do not ascend.
 
     Examples
     --------
@@ -181,7 +200,10 @@ def wrapping_cylinder(*, angles: ArrayLike | None = None) -> Phantom:
 
 
 def strap_length(angle: float) -> float:
-    """Return the length of the middle line [mm] to the start of the attachment, at -80 degrees and above."""
+    """Return the length of the strap's middle line [mm].
+
+    The line ends at the start of the attachment; the angle is -80 degrees or above.
+    """
     return STRAIGHT + (RADIUS + THICKNESS / 2.0) * float(np.radians(WRAPPED - ATTACHED + angle))
 
 

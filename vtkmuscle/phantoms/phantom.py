@@ -1,4 +1,7 @@
-"""A phantom: bones, muscles, attachments and a motion, made by a rule, with known answers."""
+"""A phantom scene made by a rule, with known answers.
+
+The scene has bones, muscles, attachments and a motion.
+"""
 
 from __future__ import annotations
 
@@ -36,15 +39,15 @@ class Phantom:
     attachments : dict of str to vtkMultiBlockDataSet
         Per muscle its areas, as filters take them.
     motion : RigidMotion
-        Of the bones; its times are degrees, or numbers of frames where it has several coordinates.
+        Of the bones; the times are degrees, or numbers of frames for a motion with several coordinates.
     templates : dict of str to str
         Per muscle the kind of its fibre template.
     known : dict
         The answers: numbers, and functions, most of them of the angle [degrees]. Where the motion has several
-        coordinates, ``known["coordinates"]`` has their values at each of its times, by name, and functions
-        take them in that order.
+        coordinates, ``known["coordinates"]`` has the coordinates' values at each time, by name, and functions
+        take the coordinates in the same order.
     superficial : dict of str to vtkPolyData
-        Per muscle fibres that are seen on its surface, where there are some.
+        Per muscle the visible fibres on its surface, for muscles with visible fibres.
     """
 
     name: str
@@ -68,7 +71,10 @@ def phantom_from(
     template: str = "parallel",
     superficial: Mapping[str, vtkPolyData] | None = None,
 ) -> Phantom:
-    """Return a phantom with VTK data sets of its own, from points and triangles."""
+    """Return a phantom from points and triangles.
+
+    The phantom has VTK data sets of its own.
+    """
     return Phantom(
         name,
         multiblock_from({bone: surface_from(*surface) for bone, surface in bones.items()}),
@@ -82,7 +88,10 @@ def phantom_from(
 
 
 def ends(origin: str, origin_ring: Floats, insertion: str, insertion_ring: Floats) -> list[AttachmentArea]:
-    """Return the areas of both ends of a muscle: the bones, and rings of landmarks (k, 3) [mm]."""
+    """Return the areas of both ends of a muscle.
+
+    The areas come from the bones, and rings of landmarks (k, 3) [mm].
+    """
     return [
         AttachmentArea("origin", origin, origin_ring, closed=True),
         AttachmentArea("insertion", insertion, insertion_ring, closed=True),
@@ -90,13 +99,19 @@ def ends(origin: str, origin_ring: Floats, insertion: str, insertion_ring: Float
 
 
 def circle(radius: float, count: int = 12) -> Floats:
-    """Return points (count, 3) on a circle about the z axis, at z = 0 [mm]."""
+    """Return points on a circle about the z axis.
+
+    Points are (count, 3), at z = 0 [mm].
+    """
     turns = 2.0 * np.pi * np.arange(count) / count
     return np.column_stack([radius * np.cos(turns), radius * np.sin(turns), np.zeros(count)])
 
 
 def checked_poses(coordinates: ArrayLike, limits: Mapping[str, tuple[float, float]], phantom: str) -> Floats:
-    """Return the angles (k, c) of each frame [degrees], which must lie within the limits of c coordinates."""
+    """Return the checked angles of each frame [degrees].
+
+    Angles (k, c) must lie within the limits of c coordinates.
+    """
     poses = np.array(coordinates, dtype=np.float64)
     where = f"{phantom}: coordinates"
     if poses.ndim != 2 or poses.shape[1] != len(limits) or not len(poses):

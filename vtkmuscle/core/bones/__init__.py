@@ -1,5 +1,5 @@
-"""Bones: exact surfaces, and signed distances as fields that are filled where they are asked for.
+"""Bones as exact surfaces and signed distances.
 
-Open :mod:`~vtkmuscle.core.bones.bone` for what is asked of a bone, and :mod:`~vtkmuscle.core.bones.lookup`
-for how kernels look distances up.
+The distances are fields, filled at the first look-up of a region. Open :mod:`~vtkmuscle.core.bones.bone` for
+the queries of a bone, and :mod:`~vtkmuscle.core.bones.lookup` for the kernels' look-ups of distances.
 """

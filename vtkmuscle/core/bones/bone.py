@@ -1,4 +1,7 @@
-"""A bone: its exact surface, and its signed distance as a field that is filled where it is looked up."""
+"""A bone with exact surface and signed distance.
+
+The signed distance is a field that is filled where looked up.
+"""
 
 from __future__ import annotations
 
@@ -46,13 +49,13 @@ _ORDER = space_order(_LATTICE.astype(np.float64))
 
 
 class Bone:
-    """A bone in its rest pose, points (n, 3) [mm] and triangles (m, 3), which are not changed afterwards.
+    """A bone in its rest pose.
 
-    :meth:`exact` measures distances from the triangles, in a microsecond or two for each point. :meth:`field`
-    looks them up, in a few hundredths of that, between the nodes of a lattice along the bone's own axes,
-    whose blocks are measured when a look-up first comes to them. The value at a node depends on the bone
-    alone, to the last digit. Nothing is built of a bone that nobody comes near, and several threads may ask
-    one bone.
+    Points (n, 3) [mm] and triangles (m, 3) are not changed afterwards. :meth:`exact` measures distances from
+    the triangles, in a microsecond or two for each point. :meth:`field` looks up distances, in a few
+    hundredths of the time, between the nodes of a lattice along the bone's own axes. The lattice's blocks are
+    measured at the first look-up. The value at a node depends on the bone alone, to the last digit. A bone
+    without near points builds nothing, and several threads may ask a bone at once.
 
     Neighbouring nodes are ``cell`` > 0 apart [mm], by default the bone's diagonal /
     :data:`CELLS_PER_DIAGONAL`.
@@ -74,18 +77,24 @@ class Bone:
 
     @cached_property
     def solids(self) -> Solids:
-        """The exact surface: the bone's parts, closed where they were open."""
+        """The bone's parts, closed where open: the exact surface."""
         with errors_at(self.name):
             return solids_of(self.points, self.triangles)
 
     @cached_property
     def axes(self) -> Floats:
-        """From the scene at rest to the axes along which the field is laid, (4, 4)."""
+        """From the scene to the field's axes, (4, 4).
+
+        The scene is at rest.
+        """
         return bone_axes(self.points)
 
     @cached_property
     def box_along_axes(self) -> tuple[Floats, Floats]:
-        """Lowest and highest corner of the bone's box along its axes [mm]."""
+        """Corners of the bone's box along its axes.
+
+        The lowest corner comes before the highest [mm].
+        """
         along = apply_transform(self.axes, self.points)
         return along.min(axis=0), along.max(axis=0)
 
@@ -102,15 +111,19 @@ class Bone:
         return 0 if known is None else known.keys.nbytes + known.places.nbytes + known.values.nbytes
 
     def exact(self, points: ArrayLike) -> tuple[Floats, Floats]:
-        """Return the distances (n,) [mm] of points (n, 3) at rest from the triangles, negative inside.
+        """Return the distances of points from the triangles.
 
-        Also the unit vectors (n, 3) in which they grow: the nearest place on the surface is the point less
-        its distance in this direction.
+        Distances (n,) [mm] are negative inside; points (n, 3) are at rest. The function also returns the unit
+        vectors (n, 3) in which the distances grow: the nearest place on the surface is the point less the
+        distance in the unit vector's direction.
         """
         return self.solids.exact(points)
 
     def depth(self, points: Floats) -> Floats:
-        """Return the depth (n,) [mm] of points (n, 3), at rest, in the exact surface, 0 outside."""
+        """Return the depth of points in the exact surface.
+
+        Depths are (n,) [mm], 0 outside; points (n, 3) are at rest.
+        """
         depth = np.zeros(len(points))
         near = points_in_box(points, *self.box)
         if len(near) > NODES**3:  # measuring fewer is faster than filling a block of the overview
@@ -126,13 +139,14 @@ class Bone:
         return depth
 
     def field(self, points: ArrayLike, *, within: ArrayLike = np.inf) -> tuple[Floats, Floats]:
-        """Return the trilinear distances (n,) [mm] of points (n, 3) at rest, negative inside, and directions.
+        """Return the trilinear distances and directions of points.
 
-        They are within sqrt(3) / 2 of a cell of the exact distance, and beside a smooth surface of radius R
-        about cell^2 / (4 R) off. Points that are surely farther away than ``within`` [mm] are not looked up,
-        and get a bound beyond that; points that are not finite get :data:`~vtkmuscle.core.mesh.solids.FAR`.
-        Directions (n, 3) in which the distance grows are unit vectors, continuous, by differences over a
-        cell; 0 where there is no distance, and where it grows in no direction.
+        Distances (n,) [mm] are negative inside; points (n, 3) are at rest. Distances are within sqrt(3) / 2
+        of a cell of the exact distance, and beside a smooth surface of radius R about cell^2 / (4 R) off.
+        Points that are surely farther away than ``within`` [mm] are not looked up, and get a bound beyond
+        ``within``; points that are not finite get :data:`~vtkmuscle.core.mesh.solids.FAR`. Directions (n, 3)
+        in which the distance grows are unit vectors, continuous, by differences over a cell; 0 where the
+        distance is missing or grows in no direction.
         """
         positions = np.ascontiguousarray(points, dtype=np.float64)
         distance, outward = np.empty(len(positions)), np.empty((len(positions), 3))
@@ -145,7 +159,10 @@ class Bone:
                 return distance, outward
 
     def look_up(self) -> Field:
-        """Return the known part of the field, for kernels; give it to :meth:`fill` afterwards."""
+        """Return the known part of the field, for kernels.
+
+        Give the field to :meth:`fill` afterwards.
+        """
         known = self._known
         if known is None:
             with self._lock:
@@ -153,9 +170,10 @@ class Bone:
         return known._replace(lacking=np.zeros(2 + _LACKING, dtype=np.int64))
 
     def fill(self, field: Field) -> bool:
-        """Fill the blocks that were lacking in a field; return whether there were any.
+        """Fill the missing blocks of a field.
 
-        If so, the look-ups in the field are void, and must be repeated in a new one.
+        Return whether blocks were missing. If so, the look-ups in the field are void, and must be repeated in
+        a new field.
         """
         if field.lacking[0] == 0:
             return False
@@ -187,7 +205,7 @@ class Bone:
         return Field(*blocks, box, cell, 1.0 / cell, np.zeros(2, dtype=np.int64))
 
     def _measured(self, keys: Ints) -> Floats:
-        """Return the exact distances at the nodes of blocks, (k, 125)."""
+        """Return exact distances at the nodes of blocks, (k, 125)."""
         span = 2 * MOST
         numbers = np.column_stack([keys // span**2 % span, keys // span % span, keys % span]) - MOST
         nodes = SIDE * numbers[:, None] + _LATTICE[_ORDER]
@@ -203,9 +221,10 @@ bone_of = shared(Bone)
 
 
 def depth_in(bones: Iterable[tuple[Bone, Floats]], points: Floats) -> Floats:
-    """Return the depth (n,) [mm] of points (n, 3), now, in the deepest of several bones, 0 outside.
+    """Return the depth of points in the deepest bone.
 
-    Each bone comes with its transform (4, 4), rest to now; its triangles count, not its field.
+    Depths are (n,) [mm], 0 outside; points (n, 3) are in the present pose. Each bone comes with a transform
+    (4, 4), rest to now; the bone's triangles count, not the field.
     """
     depth = np.zeros(len(points))
     for bone, transform in bones:
@@ -214,11 +233,12 @@ def depth_in(bones: Iterable[tuple[Bone, Floats]], points: Floats) -> Floats:
 
 
 def bone_axes(points: Floats) -> Floats:
-    """Return the rigid transform (4, 4) from the scene to a bone's principal axes and centre.
+    """Return the transform to a bone's principal axes.
 
-    A grid along the axes of the scene would make the result depend on how the scene is turned, and would have
-    more cells around the bone. Where the bone is round, so that its points (n, 3) do not determine the axes,
-    their order decides: they are weighted a little unevenly.
+    The rigid transform (4, 4) leads from the scene to the axes and the bone's centre. A grid along the axes
+    of the scene would make the result depend on the scene's turn, and would have more cells around the bone.
+    The points (n, 3) of a round bone do not determine the axes; then the points' order decides: the points
+    are weighted a little unevenly.
     """
     centre = points.mean(axis=0)
     arms = points - centre
@@ -233,7 +253,10 @@ def bone_axes(points: Floats) -> Floats:
 
 
 def _empty_table(least: int) -> tuple[Ints, np.ndarray[tuple[int], np.dtype[np.int32]]]:
-    """Return the keys and places of a hash table with room for at least so many keys."""
+    """Return keys and places of an empty hash table.
+
+    The table has room for at least ``least`` keys.
+    """
     size = 1 << max(int(least - 1).bit_length(), 6)
     return np.full(size, EMPTY, dtype=np.int64), np.zeros(size, dtype=np.int32)
 
@@ -249,9 +272,9 @@ def _look_up(
     outward: Floats,
     work: Floats,
 ) -> None:
-    """Do the work of :meth:`Bone.field`; work is working memory.
+    """Do the work of :meth:`Bone.field`; work is memory.
 
-    lacks : (n,), changed in place: the points that are not done, for their blocks were not known.
+    lacks : (n,), changed in place: the unfinished points, in unknown blocks.
     """
     at, normal = work[0], work[1]
     for i in range(len(points)):
@@ -276,7 +299,10 @@ def _look_up(
 
 @kernel
 def _find_outside(field: Field, axes: Floats, points: Floats, outside: Bools, at: Floats) -> None:
-    """Write which points are outside by the overview or the known part of the field; at (3,) is memory."""
+    """Write the points outside by the field.
+
+    The overview or the known part of the field decides; at (3,) is memory.
+    """
     for i in range(len(points)):
         transform_point(axes, points, i, at)
         before, noted = field.lacking[0], field.lacking[1]

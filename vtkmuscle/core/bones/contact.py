@@ -26,14 +26,16 @@ SWALLOWED = 0.9
 
 
 class BoneBoxes:
-    """The boxes of bones, for a first look at which of them points can meet.
+    """The boxes of bones, for a first look.
+
+    The boxes show the bones that points can meet.
 
     Parameters
     ----------
     bones : mapping of int to Bone
-        By their index among the transforms.
+        Bones by index among the transforms.
     margins : (k,) array_like
-        Distance from each bone at which it is met [mm].
+        Distance at which each bone is met [mm].
     """
 
     def __init__(self, bones: Mapping[int, Bone], margins: Sequence[float]) -> None:
@@ -43,9 +45,9 @@ class BoneBoxes:
         self._halves = np.ptp(corners, axis=1) / 2.0 + np.reshape(margins, (-1, 1))
 
     def moved(self, transforms: Floats, centre: Floats) -> tuple[Floats, Floats]:
-        """Return the low and high corners (k, 3) of the boxes, relative to a centre (3,).
+        """Return the corners of the boxes, low and high.
 
-        The transforms (b, 4, 4) lead from rest to now.
+        Corners are (k, 3), relative to a centre (3,). The transforms (b, 4, 4) lead from rest to now.
         """
         mine = transforms[self.indices]
         middles = np.einsum("bij,bj->bi", mine[:, :3, :3], self._middles) + mine[:, :3, 3] - centre
@@ -57,7 +59,10 @@ class BoneBoxes:
 
 @kernel
 def boxes_met(p: Floats, free: Bools, low: Floats, high: Floats, met: Bools) -> None:
-    """Write which boxes (k, 3) meet the box of the free points p (n, 3);  met : (k,)."""
+    """Write the boxes that meet the points' box.
+
+    Boxes are (k, 3); the points' box holds the free points of p (n, 3).  met : (k,).
+    """
     met[:] = True
     for axis in range(3):
         least, most = np.inf, -np.inf
@@ -72,13 +77,13 @@ class BoneContact:
     """Keeps the free points of a muscle out of bones.
 
     A point that is deeper in a bone than at rest goes along the gradient of :meth:`Bone.field
-    <vtkmuscle.core.bones.bone.Bone.field>` to the depth that it had at rest. The result depends on the points
-    and the pose alone. Bones are looked up when a muscle first comes near their box.
+    <vtkmuscle.core.bones.bone.Bone.field>` to the point's depth at rest. The result depends on the points
+    and the pose alone. Bones are looked up when a muscle first comes near the bones' boxes.
 
     Parameters
     ----------
     bones : mapping of int to Bone
-        By their index among the transforms.
+        Bones by index among the transforms.
     rest : (n, 3) array
         Points of the muscle at rest, in the scene [mm].
     free : (n,) bool array
@@ -89,8 +94,8 @@ class BoneContact:
     Warns
     -----
     UserWarning
-        If the surface of a bone that is met was mended, or if nearly all free points are in it at rest: its
-        frame or unit is not the muscle's.
+        If the surface of a met bone was mended, or if nearly all free points are in the bone at rest: the
+        bone's frame or unit is not the muscle's.
     """
 
     def __init__(self, bones: Mapping[int, Bone], rest: Floats, free: Bools, clearance: float = 0.0) -> None:
@@ -100,7 +105,10 @@ class BoneContact:
         self._levels: dict[int, Floats] = {}
 
     def levels(self, number: int) -> Floats:
-        """Return the least distance (n,) from a bone that each point may have [mm]."""
+        """Return each point's least distance from a bone.
+
+        Distances are (n,) [mm].
+        """
         if number not in self._levels:
             bone = self.bones[number]
             if bone.solids.remarks:
@@ -119,17 +127,19 @@ class BoneContact:
     def at(
         self, transforms: Floats, neighbours: Sequence[Neighbour] = (), centre: Floats | None = None
     ) -> PoseContact:
-        """Return the contact in a pose of the bones (b, 4, 4), rest to now, and of other muscles.
+        """Return the contact in a pose.
 
-        Positions are relative to a ``centre`` (3,) in the scene, the origin by default.
+        The pose has the transforms of the bones (b, 4, 4), rest to now, and other muscles. Positions are
+        relative to a ``centre`` (3,) in the scene, the origin by default.
         """
         return PoseContact(self, transforms, neighbours, np.zeros(3) if centre is None else centre)
 
 
 class PoseContact:
-    """The contact of a muscle in a pose; made by :meth:`BoneContact.at`.
+    """The contact of a muscle in a pose.
 
-    A point whose distance from a bone was looked up is not looked up again before it has moved that far.
+    :meth:`BoneContact.at` makes the contact. After a look-up of its distance from a bone, a point is looked
+    up again only after a move by the distance.
     """
 
     def __init__(
@@ -143,7 +153,10 @@ class PoseContact:
         self._met, self._work = np.empty(len(contact.bones), dtype=np.bool_), np.empty((2, 3))
 
     def keep_out(self, p: Floats) -> Bools:
-        """Move positions (n, 3) out of muscles and bones, in place; return the moved points, (n,)."""
+        """Move positions out of muscles and bones.
+
+        Positions (n, 3) are changed in place; return the moved points, (n,).
+        """
         contact = self._contact
         moved = np.zeros(len(p), dtype=np.bool_)
         if self._muscles is not None:
@@ -162,7 +175,10 @@ class PoseContact:
         return moved
 
     def _first_look(self, number: int) -> tuple[Floats, Floats, Floats, Floats]:
-        """Return the transforms into a bone's axes and back, and room for what is known of points."""
+        """Return transforms to a bone's axes and back.
+
+        The function also returns memory for the look-ups of points.
+        """
         contact = self._contact
         transform = np.array(self._transforms[contact.boxes.indices[number]])
         transform[:3, 3] -= self._centre
@@ -189,9 +205,9 @@ def _keep_out(
 ) -> None:
     """Do the work of :meth:`PoseContact.keep_out` for a bone.
 
-    seen_at, squares : (n, 3), (n,), where a point was looked up, and the square of how far it may go from
-    there;  waiting : (n,), changed in place: points to look up, afterwards those whose blocks were unknown;
-    work : (2, 3), memory.
+    seen_at, squares : (n, 3), (n,), position of a point's look-up, and the square of the distance that the
+    point may go from there;  waiting : (n,), changed in place: points to look up, afterwards the points in
+    unknown blocks; work : (2, 3), memory.
     """
     at, normal = work[0], work[1]
     margin = field.cell + clearance  # a cell, for what the interpolation between nodes can be wrong by
@@ -227,7 +243,10 @@ def _keep_out(
 
 @kernel
 def _push_out(field: Field, at: Floats, level: float, normal: Floats) -> None:
-    """Move a position (3,) to a level along the gradient, in place;  normal : (3,), memory."""
+    """Move a position (3,) to a level, in place.
+
+    The move is along the gradient;  normal : (3,), memory.
+    """
     for _ in range(MOST_PUSHES):
         depth = level - distance_at(field, at[0], at[1], at[2])
         if abs(depth) <= 0.5 * TOLERANCE * field.cell or not normal_at(field, at, normal):

@@ -1,4 +1,7 @@
-"""Look-ups, in kernels, of signed distances from a bone and of their directions, in the known blocks."""
+"""Look-ups of a bone's signed distances.
+
+Kernels do the look-ups. Look-ups also give the distances' directions, in the known blocks.
+"""
 
 from __future__ import annotations
 
@@ -38,9 +41,9 @@ Integer: TypeAlias = int | np.int64
 class Field(NamedTuple):
     """The known part of a bone's field, for kernels.
 
-    A look-up in a block that is not known reads as :data:`FAR`, and notes the block in ``lacking``. Whoever
-    finds that grown lets the bone fill these blocks, and repeats the look-ups. Beside the field there is an
-    overview, four times as coarse, which shows what is far from the bone.
+    A look-up in an unknown block reads as :data:`FAR`, and notes the block in ``lacking``. A caller with new
+    blocks in ``lacking`` lets the bone fill the blocks, and repeats the look-ups. Beside the field there is
+    an overview, four times as coarse, to show points far from the bone.
     """
 
     keys: Ints  # (c,), hash table of the blocks, c a power of 2
@@ -54,16 +57,20 @@ class Field(NamedTuple):
 
 @lane
 def key_of(i: Integer, j: Integer, k: Integer, level: Integer) -> Integer:
-    """Return the key of the block with a number along each axis, each from -MOST to MOST - 1.
+    """Return the key of a block.
 
-    level : 0 for a block of the field, 1 for one of the overview, whose cells are as large as those blocks.
+    The block has a number along each axis, from -MOST to MOST - 1. level : 0 for a block of the field, 1 for
+    a block of the overview, with cells as large as the field's blocks.
     """
     return ((level * (2 * MOST) + i + MOST) * (2 * MOST) + j + MOST) * (2 * MOST) + k + MOST
 
 
 @lane
 def _slot_of(keys: Ints, key: Integer) -> Integer:
-    """Return the slot of a hash table that a key is in, or would be in."""
+    """Return the slot of a key in a hash table.
+
+    A missing key gets the slot that the key would be in.
+    """
     slot = (np.int64(key) * np.int64(_GOLDEN) >> 32) & (len(keys) - 1)
     while keys[slot] != key and keys[slot] != EMPTY:
         slot = (slot + 1) & (len(keys) - 1)
@@ -72,7 +79,10 @@ def _slot_of(keys: Ints, key: Integer) -> Integer:
 
 @kernel
 def put_into_table(keys: Ints, places: Table, more: Ints, first: int) -> None:
-    """Add keys that are not there yet to a hash table that has room; their places count from the first."""
+    """Add new keys to a hash table with room.
+
+    The new keys' places count from the first.
+    """
     for number in range(len(more)):
         slot = _slot_of(keys, more[number])
         keys[slot], places[slot] = more[number], first + number
@@ -80,7 +90,10 @@ def put_into_table(keys: Ints, places: Table, more: Ints, first: int) -> None:
 
 @lane
 def _block_at(field: Field, i: Integer, j: Integer, k: Integer, level: Integer) -> Integer:
-    """Return the row of a block's values; -1, and a note, where it is not known."""
+    """Return the row of a block's values.
+
+    An unknown block gives -1, and a note.
+    """
     key = key_of(i, j, k, level)
     slot = _slot_of(field.keys, key)
     if field.keys[slot] != EMPTY:
@@ -106,7 +119,10 @@ def distance_at(field: Field, x: float, y: float, z: float) -> float:
 
 @lane
 def least_distance_at(field: Field, x: float, y: float, z: float) -> float:
-    """Return a lower bound of the distance at a position, by the overview; FAR where that is FAR."""
+    """Return a lower bound of the distance at a position.
+
+    The overview gives the bound; FAR where the overview is FAR.
+    """
     scale = field.per_mm / SIDE
     distance = _trilinear(field, x * scale, y * scale, z * scale, np.int64(1))
     return distance - FIELD_ERROR * SIDE * field.cell if distance < FAR else FAR
@@ -114,7 +130,10 @@ def least_distance_at(field: Field, x: float, y: float, z: float) -> float:
 
 @lane
 def _trilinear(field: Field, u: float, v: float, w: float, level: Integer) -> float:
-    """Return the distance at a position in cells of a level; a constant level would be compiled apart."""
+    """Return the distance at a position in a level's cells.
+
+    A constant level would be compiled apart.
+    """
     if not max(abs(u), abs(v), abs(w)) < SIDE * (MOST - 1):
         return FAR
     i, j, k = np.int64(np.floor(u)), np.int64(np.floor(v)), np.int64(np.floor(w))
@@ -137,12 +156,12 @@ def _trilinear(field: Field, u: float, v: float, w: float, level: Integer) -> fl
 
 @kernel
 def normal_at(field: Field, at: Floats, out: Floats) -> bool:
-    """Write the unit direction in which the distance grows at a position (3,); False, and 0, without one.
+    """Write the unit direction of growing distance.
 
-    Central differences over a cell are continuous, while the gradient of the trilinear value jumps from cell
-    to cell: a point that slides along a bone must not jump. On a ridge, halfway through a bone, the gradient
-    vanishes, and differences to one cell onward are taken (onward only, so that they differ on a plane of
-    symmetry).
+    The position is (3,). Where no direction exists, write 0 and return False. Central differences over a cell
+    are continuous, while the gradient of the trilinear value jumps from cell to cell: a point that slides
+    along a bone must not jump. On a ridge, halfway through a bone, the gradient vanishes, and differences to
+    the next cell onward are taken (onward only, so that the differences are not zero on a plane of symmetry).
     """
     x, y, z, cell = at[0], at[1], at[2], field.cell
     dx, dy, dz = _slope_at(field, x, y, z)
@@ -163,7 +182,10 @@ def normal_at(field: Field, at: Floats, out: Floats) -> bool:
 
 @lane
 def _slope_at(field: Field, x: float, y: float, z: float) -> tuple[float, float, float]:
-    """Return the growth of the trilinear distance along each axis, over a cell around a position."""
+    """Return the growth of the distance along each axis.
+
+    The trilinear distance grows over a cell around a position.
+    """
     u, v, w, h = x * field.per_mm, y * field.per_mm, z * field.per_mm, 0.5 * field.cell
     if not max(abs(u), abs(v), abs(w)) < SIDE * (MOST - 1):
         return 0.0, 0.0, 0.0
@@ -185,9 +207,10 @@ def _slope_at(field: Field, x: float, y: float, z: float) -> tuple[float, float,
 def _slope_within(
     values: Floats, block: Integer, node: Integer, u: float, v: float, w: float
 ) -> tuple[float, float, float]:
-    """Return the same where all is in one block, at u, v, w in [0.5, 1.5) from a node.
+    """Return the growth of the distance within a block.
 
-    The 27 nodes from there on are those around all six positions that are compared.
+    The growth is as of :func:`_slope_at`, at u, v, w in [0.5, 1.5) from a node. The 27 nodes from the node on
+    are the nodes around all six compared positions.
     """
     x0, y0, z0 = _over_plane(values, block, node, v, w)
     x1, y1, z1 = _over_plane(values, block, node + NODES * NODES, v, w)
@@ -199,7 +222,10 @@ def _slope_within(
 def _over_plane(
     values: Floats, block: Integer, node: Integer, v: float, w: float
 ) -> tuple[float, float, float]:
-    """Return the value at v, w between 3 x 3 nodes of a plane, and its growth along v and w."""
+    """Return the value in a plane, and its growth.
+
+    The value is at v, w between 3 x 3 nodes of the plane, and the growth is along v and w.
+    """
     p, q, r = values[block, node], values[block, node + 1], values[block, node + 2]
     here0, onward0 = _value(p, q, r, w), _growth(p, q, r, w)
     p, q, r = values[block, node + NODES], values[block, node + NODES + 1], values[block, node + NODES + 2]
@@ -222,5 +248,8 @@ def _value(p: float, q: float, r: float, t: float) -> float:
 
 @lane
 def _growth(p: float, q: float, r: float, t: float) -> float:
-    """Return the growth of that interpolation from half a cell before t to half a cell after."""
+    """Return the growth of the interpolation around t.
+
+    The growth of :func:`_value` is from half a cell before t to half a cell after.
+    """
     return (1.5 - t) * (q - p) + (t - 0.5) * (r - q)

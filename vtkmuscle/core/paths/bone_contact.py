@@ -1,4 +1,4 @@
-"""Paths kept off bones: how near they are, and the rounded force that keeps them away."""
+"""Paths kept off bones by a rounded force."""
 
 from __future__ import annotations
 
@@ -29,16 +29,18 @@ LARGEST_BEND = 0.5
 
 
 class Proximity(NamedTuple):
-    """How near p points are to b bones; changed in place by :meth:`BoneContacts.update`.
+    """Distances of p points from b bones.
+
+    :meth:`BoneContacts.update` changes a proximity in place.
 
     Attributes
     ----------
     points : (b, p, 3) array
         Positions of the points, seen from each bone at rest [mm].
     gaps : (b, p) array
-        How far they are, at least, from where the bone keeps them [mm].
+        Lower bounds of the distances from each bone beyond the standoff [mm].
     normals : (b, p, 3) array
-        Unit directions, now, in which the gaps grow; where points are near.
+        Current unit directions in which the gaps grow; valid for points near a bone.
     """
 
     points: Floats
@@ -47,14 +49,16 @@ class Proximity(NamedTuple):
 
 
 class Load(NamedTuple):
-    """The forces of a bone, and of the tissue that moves with it, on points.
+    """The forces of a bone and its tissue on points.
+
+    The tissue moves with the bone.
 
     Attributes
     ----------
     force : (f, n, 3) array
-        Force on each point; the gradient of the energy is less by it [mm].
+        Force on each point; the force lowers the gradient of the energy [mm].
     stiffness : (f, n, 3, 3) array
-        How much the force falls as the point moves [1].
+        Fall of the force as the point moves [1].
     """
 
     force: Floats
@@ -67,9 +71,9 @@ class BoneContacts:
     Parameters
     ----------
     bones : mapping of int to Bone
-        By their number, at rest.
+        Bones at rest by number.
     standoff : (b, f, n) array
-        How far each point of each path keeps away from each [mm].
+        Distance that each point of each path keeps from each bone [mm].
     segment : float
         Mean distance of points along a path [mm].
 
@@ -87,15 +91,16 @@ class BoneContacts:
         self.rounding = ROUNDING * segment
 
     def proximity(self) -> Proximity:
-        """Return a proximity of which nothing is known yet."""
+        """Return a proximity with no points looked up."""
         shape = self._standoff.shape
         return Proximity(np.zeros((*shape, 3)), np.full(shape, -np.inf), np.zeros((*shape, 3)))
 
     def update(self, x: Floats, transforms: Floats, near: Proximity) -> None:
-        """Write how near paths x (f, n, 3) are to the bones, which stay in their pose.
+        """Write the gaps of paths x to the bones.
 
-        A distance changes by no more than the point moves: points that cannot have come near a bone are not
-        looked up. Their gaps are lower bounds.
+        Paths are (f, n, 3); the bones stay in their pose. A distance changes by no more than the point moves:
+        points too far to have come near a bone are not looked up. Gaps of points not looked up are lower
+        bounds.
         """
         for k, (number, bone) in enumerate(zip(self.numbers, self._bones, strict=True)):
             transform, gaps = transforms[number], near.gaps[k]
@@ -108,10 +113,12 @@ class BoneContacts:
             gaps[found], near.normals[k, found] = distance - standoff, outward @ transform[:3, :3].T
 
     def load(self, k: int, transforms: Floats, near: Proximity, pressure: Floats) -> Load:
-        """Return the load of the k-th bone on paths of known proximity, on which it has a pressure (f, n).
+        """Return the load of the k-th bone on paths.
 
-        Normals are compared over a cell of its field: flat triangles curve as their surface does. Over a
-        thousandth of that a strap on a roller has levers 1 to 4 mm off its radius in one or two of 100 poses.
+        The paths have a known proximity, and the bone has a pressure (f, n) on the paths. Normals are
+        compared over a cell of the bone's field: flat triangles curve as the bone's surface does. Over a
+        thousandth of a cell a strap on a roller has levers 1 to 4 mm off the roller's radius in 1 or 2 of 100
+        poses.
         """
         bone, turn = self._bones[k], transforms[self.numbers[k], :3, :3]
         pressed, shape = np.flatnonzero(pressure), pressure.shape
@@ -131,7 +138,10 @@ class BoneContacts:
 
 @kernel
 def _approach(x: Floats, transform: Floats, points: Floats, gaps: Floats) -> None:
-    """Move points (p, 3) to where x (p, 3) is, seen from a bone; reduce their gaps (p,) by the way."""
+    """Move points (p, 3) to x, seen from a bone.
+
+    The positions x (p, 3) are in space. The points' gaps (p,) fall by the distances moved.
+    """
     for p in range(len(x)):
         moved = 0.0
         a, b, c = x[p, 0] - transform[0, 3], x[p, 1] - transform[1, 3], x[p, 2] - transform[2, 3]
@@ -153,10 +163,11 @@ def add_contacts(
     blocks: Floats,
     pressure: Floats,
 ) -> None:
-    """Add the bones' forces, and write how hard they press, (b, f, n) [mm].
+    """Add the bones' forces and write their pressures.
 
-    Along the path a bone that curves away makes the springs less stiff, by as much as they
-    press on it: with that Newton's method knows that a point that slides goes along the bone.
+    Pressures are (b, f, n) [mm]. Along the path a bone that curves away makes the springs less stiff, in
+    proportion to the bone's pressure: with the reduced stiffness Newton's method lets a sliding point go
+    along the bone.
     """
     b, f, n = gaps.shape
     for k in range(b):
@@ -185,8 +196,8 @@ def add_contacts(
 def pressure_at(gap: float, push: float, rounding: float) -> tuple[float, float]:
     """Return the force at a gap and its stiffness.
 
-    The force is 0 from the rounding on, ``push`` times the depth from as far behind on, and a parabola
-    between: it has no corner.
+    The force is 0 from the rounding on. From the rounding behind the surface on, the force is ``push`` times
+    the depth. Between, the force is a parabola, without a corner.
     """
     if gap >= rounding:
         return 0.0, 0.0
@@ -197,7 +208,10 @@ def pressure_at(gap: float, push: float, rounding: float) -> tuple[float, float]
 
 @kernel
 def _bend(p: Floats, normals: Floats, i: int, force: float, block: Floats) -> None:
-    """Reduce a point's stiffness along the path by the curvature of the bone."""
+    """Reduce a point's stiffness by the bone's curvature.
+
+    The stiffness along the path falls.
+    """
     u, v, w = p[i + 1, 0] - p[i - 1, 0], p[i + 1, 1] - p[i - 1, 1], p[i + 1, 2] - p[i - 1, 2]
     length2 = u * u + v * v + w * w
     curve = (

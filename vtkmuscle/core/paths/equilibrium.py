@@ -1,9 +1,10 @@
-"""The equilibrium of a sheet of paths: forces of springs, neighbours and tissue, and Newton's method.
+"""The equilibrium of a sheet of paths.
 
-The unknowns are the points of f paths of n points each, whose ends are given. Newton's method needs the
-gradient of the energy and a positive part of its second derivatives: a symmetric 3 x 3 block for each point,
--1 between neighbours along a path, and minus a spring's stiffness between neighbours across. A symmetric
-block is stored as xx, xy, xz, yy, yz, zz.
+Springs, neighbours and tissue exert forces, and Newton's method solves for the equilibrium. The unknowns are
+the points of f paths of n points each, with given ends. Newton's method needs the gradient of the energy and
+a positive part of the second derivatives: a symmetric 3 x 3 block for each point, -1 between neighbours along
+a path, and minus a spring's stiffness between neighbours across. A symmetric block is stored as xx, xy, xz,
+yy, yz, zz.
 """
 
 from __future__ import annotations
@@ -24,7 +25,9 @@ STEPS = 60
 
 @kernel
 def add_springs(x: Floats, held: Floats, pull: Floats, gradient: Floats, blocks: Floats) -> None:
-    """Write the gradient and the blocks of the springs along paths and of the tissue that holds each point.
+    """Write the gradient and blocks of springs and tissue.
+
+    Springs run along paths, and tissue holds each point.
 
     E = sum |x_{i+1} - x_i|^2 / 2 + sum x_i . (A_i x_i / 2 - b_i).
 
@@ -62,7 +65,9 @@ def add_springs(x: Floats, held: Floats, pull: Floats, gradient: Floats, blocks:
 def axes_of_pair(
     x: Floats, i: int, j: int
 ) -> tuple[float, float, float, float, float, float, float, float, float]:
-    """Return the axes of a pair of points i and j of x (f n, 3), and its lengths along them [mm].
+    """Return the axes and lengths of a pair of points.
+
+    Points i and j are rows of x (f n, 3); lengths are along the axes [mm].
 
     Returns
     -------
@@ -91,12 +96,14 @@ def axes_of_pair(
 def add_neighbours(
     x: Floats, gradient: Floats, blocks: Floats, neighbours: Neighbours, widths: Floats, couplings: Floats
 ) -> None:
-    """Add the springs between neighbours, and write the stiffness of each as a block, (m, 6).
+    """Add the springs between neighbours.
 
-    E = sum c (a - w d)^2 / 2 + k (s - h / w^2)^2 / 2: a is the distance of two points across the paths, s
-    that along them, d and h are those at rest, and w is the mean of the paths' ``widths`` (f,). A sheet that
-    is sheared does not get narrower. The stiffness leaves out that tangents turn and widths change. Arrays
-    of points are (f n, ...) here.
+    The function also writes the stiffness of each spring as a block, (m, 6).
+
+    E = sum c (a - w d)^2 / 2 + k (s - h / w^2)^2 / 2: a is the distance of two points across the paths, s the
+    distance along the paths, d and h are the distances at rest, and w is the mean of the paths' ``widths``
+    (f,). A sheared sheet does not get narrower. The stiffness leaves out turning tangents and changing
+    widths. Arrays of points are (f n, ...) here.
     """
     n = len(x) // len(widths)
     for e in range(len(neighbours.pairs)):
@@ -131,7 +138,10 @@ def add_neighbours(
 
 @kernel
 def add_direction(block: Floats, stiffness: float, u: float, v: float, w: float) -> None:
-    """Add the stiffness s d d^T along a direction d to a point's block (6,)."""
+    """Add the stiffness s d d^T to a point's block.
+
+    The direction d is (u, v, w), and the block is (6,).
+    """
     block[0] += stiffness * u * u
     block[1] += stiffness * u * v
     block[2] += stiffness * u * w
@@ -142,11 +152,11 @@ def add_direction(block: Floats, stiffness: float, u: float, v: float, w: float)
 
 @kernel
 def prepare_solve(blocks: Floats, stations: Ints, couplings: Floats, inverses: Floats) -> None:
-    """Write the inverse blocks of the elimination of each path's matrix, (f + 1, n, 6).
+    """Write the inverse blocks of each path's elimination.
 
-    The last are those of a sheet whose paths all move alike, over f: springs between neighbours drop out
-    of its matrix. ``stations`` (m,) are those of the pairs: to divide for them took three quarters of
-    the time.
+    The inverse blocks are (f + 1, n, 6). The last row belongs to a sheet with equally moving paths, divided
+    by f: springs between neighbours drop out of the sheet's matrix. ``stations`` (m,) are the stations of the
+    pairs: a division to find the stations took three quarters of the time.
     """
     f, n, _ = blocks.shape
     for i in range(1, n - 1):
@@ -181,10 +191,11 @@ def newton_step(
     work: Floats,
     step: Floats,
 ) -> float:
-    """Write the step of Newton's method, (f, n, 3), and return its slope: gradient . step, negative.
+    """Write Newton's step and return its slope.
 
-    By conjugate gradients, preconditioned by the solutions of all paths one by one and of the sheet as a
-    whole, which helps the more the more paths there are.
+    The step is (f, n, 3); the slope, gradient . step, is negative. Conjugate gradients solve for the step,
+    preconditioned by the solutions of single paths and of the sheet as a whole. The sheet's solution helps
+    more with more paths.
 
     Parameters
     ----------
@@ -239,9 +250,10 @@ def _dot(a: Floats, b: Floats) -> float:
 def _precondition(  # noqa: PLR0912 -- each kernel more costs time to compile
     inverses: Floats, residual: Floats, solved: Floats
 ) -> None:
-    """Write each path's solution by itself, (f + 1, n, 3), and add that of the whole sheet, the last.
+    """Write each path's solution and add the sheet's.
 
-    Paths are in the inner loops: none waits for its own last result.
+    Solutions are (f + 1, n, 3); the whole sheet's solution is last. Paths are in the inner loops: no path
+    waits for the path's own last result.
     """
     f, n = len(residual) - 1, residual.shape[1]
     for i in range(n):
@@ -280,7 +292,10 @@ def _precondition(  # noqa: PLR0912 -- each kernel more costs time to compile
 
 @vector_kernel
 def _multiply(blocks: Floats, pairs: Ints, couplings: Floats, x: Floats, y: Floats) -> None:
-    """Write the product of the matrix with x (f, n, 3), 0 at the ends."""
+    """Write the product of the matrix with x.
+
+    The array x is (f, n, 3); the product is 0 at the ends.
+    """
     f, n, _ = x.shape
     for k in range(f):
         for c in range(3):

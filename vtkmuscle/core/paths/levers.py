@@ -1,4 +1,7 @@
-"""The levers of paths: how their lengths change as a coordinate moves the bones, all else in equilibrium."""
+"""The levers of paths.
+
+A lever is the change of a path's length as a coordinate moves the bones, with all else in equilibrium.
+"""
 
 from __future__ import annotations
 
@@ -34,12 +37,13 @@ def path_levers(
     change: Callable[[Floats], Floats],
     step: Callable[[Floats], Floats],
 ) -> Floats:
-    """Return the levers of paths as twists move the bones, (v, f).
+    """Return the levers of paths as twists move bones.
 
-    As a bone moves by a small twist, the points fixed to it move, and what presses or holds the others goes
-    with it; these move until all is in equilibrium again. Minus the change of a path's length is its lever,
-    -dl/dq (tendon excursion; An et al. 1984, doi:10.1115/1.3138494). Where bones alone hold a path, that is
-    the lever of the pull at its end (principle of virtual work).
+    Levers are (v, f). As a bone moves by a small twist, the points fixed to the bone move, and the forces of
+    the bone on free points go along; free points move until the sheet is in equilibrium again. Minus the
+    change of a path's length is the path's lever, -dl/dq (tendon excursion; An et al. 1984,
+    doi:10.1115/1.3138494). Where bones alone hold a path, the lever equals the lever of the pull at the
+    path's end (principle of virtual work).
 
     Parameters
     ----------
@@ -52,13 +56,13 @@ def path_levers(
     twists : (v, b, 6) array
         Of the bones: velocity at the origin and angular velocity, per unit of each of v coordinates.
     drift : (f, n, 3) array
-        A way of the points between the ends, such as they went: the solution begins with the best part of it,
-        which saves two steps.
+        Displacement of the points between the ends, such as the last move: the solution begins with the best
+        multiple of the drift, and so saves two steps.
     change : callable
-        Takes velocities of the points (f, n, 3, v), ends included, and returns how the energy's gradient
-        changes with them, 0 at the ends.
+        Takes velocities of the points (f, n, 3, v), ends included, and returns the change of the energy's
+        gradient, 0 at the ends.
     step : callable
-        Takes gradients likewise, and returns velocities of the inner points that about cancel them.
+        Takes gradients likewise, and returns velocities of the inner points that about cancel the gradients.
     """
     levers = np.zeros((len(points), len(twists)))
     starting, ending = ends
@@ -107,18 +111,22 @@ def path_levers(
 
 
 def _turned(vectors: Floats, angular: Floats) -> Floats:
-    """Return how vectors (..., 3) change as they turn with angular velocities (v, 3), (..., 3, v)."""
+    """Return the change of turning vectors.
+
+    Vectors (..., 3) turn with angular velocities (v, 3); the change is (..., 3, v).
+    """
     return np.stack([np.cross(axis, vectors) for axis in angular], axis=-1)
 
 
 def _responses(
     gradient: Floats, pull: Floats, change: Callable[[Floats], Floats], step: Callable[[Floats], Floats]
 ) -> Iterator[Floats]:
-    """Give the levers (f, v) of each step of the velocities by which the gradient changes by minus itself.
+    """Give the levers at each step of the velocities.
 
-    Each of the v velocities for itself, by generalised conjugate residuals (Eisenstat, Elman, Schultz 1983,
-    doi:10.1137/0720023), whose preconditioner is a step of Newton's method: its matrix leaves out how
-    tangents and the bones' surfaces turn, which the change of the gradient knows.
+    Levers are (f, v). The velocities change the gradient by minus the gradient. Generalised conjugate
+    residuals (Eisenstat, Elman, Schultz 1983, doi:10.1137/0720023) solve for each of the v velocities
+    separately. The preconditioner is a step of Newton's method: Newton's matrix leaves out the turning of
+    tangents and of the bones' surfaces, and the change of the gradient includes the turning.
     """
     left = gradient
     before: list[tuple[Floats, Floats, Floats]] = []
@@ -138,7 +146,10 @@ def _responses(
 
 
 def _products(a: Floats, b: Floats) -> Floats:
-    """Return the scalar products of a and b (f, n, 3, v), one for each v."""
+    """Return the v scalar products of a and b.
+
+    Both arrays are (f, n, 3, v).
+    """
     products: Floats = np.einsum("fniv,fniv->v", a, b)
     return products
 
@@ -155,11 +166,11 @@ def change_gradient(
     turning: Floats,
     change: Floats,
 ) -> None:
-    """Write how the gradient changes as points go with velocities, those of the ends included.
+    """Write the change of the gradient with moving points.
 
-    That is the derivative of what :func:`~vtkmuscle.core.paths.equilibrium.add_springs` and
-    :func:`~vtkmuscle.core.paths.equilibrium.add_neighbours` write, with tangents that turn and widths that
-    change.
+    Ends move too. The change is the derivative of the gradients from
+    :func:`~vtkmuscle.core.paths.equilibrium.add_springs` and
+    :func:`~vtkmuscle.core.paths.equilibrium.add_neighbours`, with turning tangents and changing widths.
 
     Parameters
     ----------
@@ -168,11 +179,11 @@ def change_gradient(
     velocity : (f, n, 3, v) array
         Of the points, v of them.
     held : (f, n, 3, 3) array
-        Stiffness of what holds each point, bones among it.
+        Stiffness of the holds on each point, bones included.
     widths, widening : (f,) arrays
-        Of the paths, and how they change with the paths' lengths [1/mm].
+        Widths of the paths, and change of the widths with the paths' lengths [1/mm].
     wider, turning : (f, v), (f, n, 3, v) arrays
-        Working memory: how fast paths get wider, and how tangents change at their points.
+        Working memory: rates of the paths' widths, and change of the tangents at the points.
     change : (f, n, 3, v) array
         Overwritten, 0 at the ends.
     """

@@ -1,4 +1,7 @@
-"""Fibres as paths take them: evenly spread points, and lines that stand in for fibres nobody has made."""
+"""Fibres as evenly spread points for paths.
+
+Lines over the surface stand in for fibres where a muscle has no fibres.
+"""
 
 from __future__ import annotations
 
@@ -23,11 +26,12 @@ _TINY = np.finfo(float).tiny
 
 
 def evenly_spread(points: Floats, offsets: Ints, count: int) -> Floats:
-    """Return ``count`` points evenly spread along each polyline, on a smooth curve through it, (f, count, 3).
+    """Return ``count`` evenly spread points along each polyline.
 
-    On the chords of a polyline a fibre of 15 segments that is wound round a cylinder would be 2 % too near to
-    its axis. The curves are cubic, with the slopes of parabolas through three points each. First and last
-    points are those of the polylines: ``points`` (p, 3) [mm], from each of ``offsets`` (f + 1,) to the next.
+    Points lie on a smooth curve through the polyline, (f, count, 3). On a polyline's chords a fibre of 15
+    segments wound round a cylinder would be 2 % too near to the cylinder's axis. The curves are cubic, with
+    the slopes of parabolas through three points each. First and last points are the polyline's end points:
+    ``points`` (p, 3) [mm], from each of ``offsets`` (f + 1,) to the next.
     """
     rows, counts = _rows(points, offsets)
     numbers, last = np.arange(len(rows)), counts - 1
@@ -64,7 +68,10 @@ def evenly_spread(points: Floats, offsets: Ints, count: int) -> Floats:
 
 
 def _rows(points: Floats, offsets: Ints) -> tuple[Floats, Ints]:
-    """Return polylines less repeated points in rows (f, m, 3), filled up with the last; and their counts."""
+    """Return polylines less repeated points, in rows.
+
+    Rows (f, m, 3) are filled up with the last point. The rows' counts follow.
+    """
     new = np.ones(len(points), dtype=np.bool_)
     new[1:] = (points[1:] != points[:-1]).any(axis=1)
     new[offsets[:-1]] = True
@@ -74,16 +81,20 @@ def _rows(points: Floats, offsets: Ints) -> tuple[Floats, Ints]:
 
 
 def _between(knots: Floats, at: Floats) -> tuple[Ints, Floats]:
-    """Return the knot of its row (f, m) before each place (f, k), and the part of the way to the next."""
+    """Return the knot before each place in its row.
+
+    Rows of knots are (f, m), places (f, k). The part of the distance to the next knot follows.
+    """
     before = (knots[:, None, 1:-1] <= at[..., None]).sum(axis=2)
     low, high = (np.take_along_axis(knots, before + more, axis=1) for more in (0, 1))
     return before, (at - low) / np.maximum(high - low, _TINY)
 
 
 def bones_at_ends(fibres: Floats, points: Floats, fixed_to: Ints) -> tuple[Ints, Ints]:
-    """Return the bones of the fixed points nearest to both ends of fibres (f, n, 3), (f,) each.
+    """Return the bones at both ends of fibres.
 
-    ``points`` (v, 3) is the muscle's surface, ``fixed_to`` (v,) the bone of each point, -1 for free ones.
+    Each end (f,) gets the bone of the nearest fixed point; fibres are (f, n, 3). ``points`` (v, 3) is the
+    muscle's surface, ``fixed_to`` (v,) the bone of each point, -1 for free points.
     """
     fixed = np.flatnonzero(fixed_to >= 0)
     tree = cKDTree(points[fixed])
@@ -92,18 +103,19 @@ def bones_at_ends(fibres: Floats, points: Floats, fixed_to: Ints) -> tuple[Ints,
 
 
 def lines_on_surface(points: Floats, topology: MeshTopology, fixed_to: Ints) -> tuple[Floats, Ints] | None:
-    """Return lines over a muscle's surface from bone to bone, where no fibres are known.
+    """Return lines over a muscle from bone to bone.
 
-    They are the lines of steepest ascent and descent, along edges, of the harmonic function between the
-    points fixed to different bones, through points that are spread over the surface, and smoothed.
-    ``points`` (v, 3) is the muscle at rest [mm], ``fixed_to`` (v,) the bone of each point, -1 for free ones.
+    The lines serve a muscle without fibres. A harmonic function runs between the points fixed to different
+    bones. The lines follow the function's steepest ascent and descent, along edges, through points spread
+    over the surface, and are smoothed. ``points`` (v, 3) is the muscle at rest [mm], ``fixed_to`` (v,) the
+    bone of each point, -1 for free points.
 
     Returns
     -------
     points, offsets : (p, 3) array, (f + 1,) int array
-        Points of all lines, one after the other [mm]; first point of each, and p.
+        Points of all lines, line after line [mm]; first point of each, and p.
     None
-        Where fewer than two bones have fixed points, or no line leads from one to another.
+        Where fewer than two bones have fixed points, or no line leads from bone to bone.
     """
     field = harmonic_field(points, topology.triangles, fixed_to)
     if field is None:
@@ -133,7 +145,10 @@ def _walk(seed: int, onward: Ints) -> list[int]:
 
 
 def _steepest(points: Floats, edges: Ints, height: Floats, fixed_to: Ints) -> Ints:
-    """Return the neighbour of each point up the steepest edge; fixed points and summits stay."""
+    """Return each point's neighbour up the steepest edge.
+
+    Fixed points and summits stay.
+    """
     both = np.vstack([edges, edges[:, ::-1]])
     length = np.linalg.norm(points[both[:, 1]] - points[both[:, 0]], axis=1)
     slope = (height[both[:, 1]] - height[both[:, 0]]) / np.maximum(length, _TINY)

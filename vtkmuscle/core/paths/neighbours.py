@@ -1,4 +1,4 @@
-"""Paths beside each other, which hold each other as the tissue of a muscle does."""
+"""Neighbouring paths, held together like muscle tissue."""
 
 from __future__ import annotations
 
@@ -41,7 +41,9 @@ SAME = 1e-9
 
 
 class Neighbours(NamedTuple):
-    """Pairs of points of a sheet that keep their distance, and resist being sheared.
+    """Pairs of points that keep their distance.
+
+    The pairs belong to a sheet, and resist shear.
 
     Attributes
     ----------
@@ -50,7 +52,7 @@ class Neighbours(NamedTuple):
     stations : (m,) int array
         Number of both points of a pair along their paths.
     distances, ahead : (m,) arrays
-        Distances at rest, across the paths and along them, of the first point from the other [mm].
+        Distances at rest, across the paths and along the paths, of the first point from the second [mm].
     stiffness : (m, 2) array
         Across and along, in stiffnesses of a path's springs [1].
     """
@@ -63,12 +65,12 @@ class Neighbours(NamedTuple):
 
 
 def neighbours_of(fibres: Floats) -> Neighbours:
-    """Return the pairs of points of fibres (f, n, 3) that lie beside each other, equally far along.
+    """Return the pairs of neighbouring points of fibres.
 
-    A pair strained by e has the energy m (L e)^2 / 2 per length of path, of a path of length L whose tension
-    is 1 per length: m is :data:`MODULUS`, and of the shear e :data:`SHEAR_MODULUS`. As paths shorten by l the
-    distances that they keep grow by l^(-1/2): the muscle keeps its volume. How many paths there are, or
-    points on each, does not matter.
+    Fibres are (f, n, 3); the points of a pair are equally far along. A pair strained by e has the energy
+    m (L e)^2 / 2 per length of path, of a path of length L with a tension of 1 per length: m is
+    :data:`MODULUS`, and of the shear e :data:`SHEAR_MODULUS`. As paths shorten by l, the kept distances grow
+    by l^(-1/2): the muscle keeps its volume. The numbers of paths and of points on each do not matter.
     """
     f, n, _ = fibres.shape
     length = float(path_lengths(fibres).mean())
@@ -113,14 +115,20 @@ def path_lengths(points: Floats) -> Floats:
 
 
 def path_widths(points: Floats, lengths: Floats) -> Floats:
-    """Return how much wider than at rest, with ``lengths`` (f,), paths that keep their volume are, (f,)."""
+    """Return the widths of paths relative to rest, (f,).
+
+    ``lengths`` (f,) are at rest; the paths keep their volume.
+    """
     stretch = path_lengths(points) / lengths
     widths: Floats = 1.0 / np.sqrt(stretch.clip(LEAST_STRETCH, GREATEST_STRETCH))
     return widths
 
 
 def widening(points: Floats, lengths: Floats) -> Floats:
-    """Return how the :func:`path_widths` of paths (f, n, 3) change with their lengths, (f,) [1/mm]."""
+    """Return the change of :func:`path_widths` with length.
+
+    Paths are (f, n, 3), the result (f,) [1/mm].
+    """
     widths = path_widths(points, lengths)
     within = (widths > GREATEST_STRETCH**-0.5) & (widths < LEAST_STRETCH**-0.5)
     change: Floats = np.where(within, -0.5 * widths**3 / lengths, 0.0)

@@ -1,4 +1,7 @@
-"""A sheet of paths in one pose of the bones: what acts on its points, and what they do to the bones."""
+"""A sheet of paths in a pose of the bones.
+
+The module has the forces on the sheet's points, and the sheet's forces on the bones.
+"""
 
 from __future__ import annotations
 
@@ -53,14 +56,16 @@ SMALL_MOVE = 1e-4
 
 
 class Sheet(NamedTuple):
-    """A muscle's paths at rest, and the bones, tissue and neighbours that hold them.
+    """A muscle's paths at rest, with bones and tissue.
+
+    Bones, tissue and neighbours hold the paths.
 
     Attributes
     ----------
     fibres : (f, n, 3) array
         Points at rest [mm].
     start_bones, end_bones : (f,) int arrays
-        Which bones the ends are fixed to.
+        Bones of the ends.
     thickness : float
         Of the muscle [mm].
     lengths : (f,) array
@@ -70,7 +75,7 @@ class Sheet(NamedTuple):
     rings : sequence of (int, ViaRing)
         The bone that each via ring moves with, and the ring at rest.
     outside : (r, f) array
-        How far outside of each ring each path is at rest [mm].
+        Distance of each path outside of each ring at rest [mm].
     """
 
     fibres: Floats
@@ -86,7 +91,9 @@ class Sheet(NamedTuple):
 
 
 class SheetPose:
-    """The forces on a sheet in one pose of the bones, their stiffness, and the paths' levers.
+    """The forces on a sheet in a pose.
+
+    The class also has the forces' stiffness and the paths' levers.
 
     Parameters
     ----------
@@ -95,17 +102,17 @@ class SheetPose:
     transforms : (b, 4, 4) array
         Of the bones, rest to now.
     points : (f, n, 3) array
-        Points near where the sheet will be [mm]: positions are about their middle, for far from the origin
-        the springs would take the digits.
+        Points near the sheet's equilibrium [mm]: positions are about the points' middle, for far from the
+        origin the springs would take the digits.
     ring_points : (r, f) int array, optional
-        Which point of each path each ring holds, 0 for none; default: none.
+        Point of each path held by each ring, 0 for no point; default: no point.
 
     Attributes
     ----------
     x : (f, n, 3) array
         Points about the middle, as given to :meth:`look_at` last [mm].
     gradient, way : (f, n, 3) arrays
-        Gradient of the energy there, and the step from there.
+        Gradient of the energy at x, and the step from x.
     ring_points
         As given, and as changed by :meth:`hold`.
     """
@@ -143,7 +150,10 @@ class SheetPose:
         self._ring_pressure = np.zeros((len(sheet.rings), f, n))
 
     def hold(self, points: Floats) -> bool:
-        """Choose the points (f, n, 3) that the rings hold; return whether they are others than before."""
+        """Choose the points that the rings hold.
+
+        ``points`` are (f, n, 3). Return whether the choice changed.
+        """
         if not self._sheet.rings:  # nor are its kernels compiled
             return False
         before = self.ring_points.copy()
@@ -151,7 +161,10 @@ class SheetPose:
         return not np.array_equal(before, self.ring_points)
 
     def look_at(self, x: Floats) -> None:
-        """Compute the gradient of the energy at x (f, n, 3), about the middle, and its stiffness."""
+        """Compute the energy's gradient and stiffness at x.
+
+        Positions x (f, n, 3) are about the middle.
+        """
         self.x, gradient, blocks, near = x, self.gradient, self._blocks, self._near
         add_springs(x, self._held, self._pull, gradient, blocks)
         sheet, flat = self._sheet, (gradient.reshape(-1, 3), blocks.reshape(-1, 6))
@@ -166,16 +179,17 @@ class SheetPose:
             add_rings(x, self._rings, self.ring_points, *rounded, gradient, blocks, self._ring_pressure)
 
     def settle(self, segment: float, reach: float) -> bool:
-        """Bring the sheet to rest by Newton's method; return whether it did.
+        """Bring the sheet to rest by Newton's method.
 
-        The matrix leaves out how tangents turn, so that steps get shorter by a ratio only.
+        Return whether the sheet came to rest. The matrix leaves out the turning of tangents, so that steps
+        get shorter by a ratio only.
 
         Parameters
         ----------
         segment : float
             Mean distance of points along a path at rest [mm].
         reach : float
-            It gives up where a point is farther than this from where it began [mm].
+            Distance of a point from its start at which the method gives up [mm].
         """
         start = x = self.x
         enough = TOLERANCE * x.shape[0] * x.shape[1] * segment**2
@@ -216,7 +230,7 @@ class SheetPose:
         return False
 
     def step(self) -> float:
-        """Compute the step of Newton's method, ``way``, and return its slope."""
+        """Compute Newton's step, ``way``, and return its slope."""
         self._prepare_solve()
         return self._solve(self.gradient)
 
@@ -224,20 +238,27 @@ class SheetPose:
         prepare_solve(self._blocks, self._sheet.neighbours.stations, self._couplings, self._inverses)
 
     def _solve(self, gradient: Floats) -> float:
-        """Write to ``way`` the step that brings a gradient to zero, and return its slope."""
+        """Write to ``way`` the step that zeroes a gradient.
+
+        Return the step's slope.
+        """
         stiffness = self._blocks, self._sheet.neighbours.pairs, self._couplings, self._inverses
         return newton_step(gradient, *stiffness, STEP_LEFT, self._work, self.way)
 
     def contacts(self) -> Ints:
-        """Return how many points of each path bones and rings press on, (f,)."""
+        """Return the number of pressed points per path.
+
+        Bones and rings press on the points; the result is (f,).
+        """
         pressed = (self._pressure > 0.0).any(axis=0) | (self._ring_pressure > 0.0).any(axis=0)
         n_pressed: Ints = np.count_nonzero(pressed, axis=1)
         return n_pressed
 
     def squeezed(self) -> Floats:
-        """Return by how much two bones that press on a path from opposite sides sink into it, (f,) [mm].
+        """Return the lack of room of paths between bones.
 
-        That is the room that it lacks between them, at the point where it lacks most.
+        Two bones that press on a path from opposite sides sink into the path. The sum of the depths, at the
+        point of the greatest lack, is the result, (f,) [mm].
         """
         shape = self._pressure.shape[1:]
         lacking = np.zeros(shape)
@@ -257,9 +278,10 @@ class SheetPose:
         return points
 
     def levers(self, twists: Floats, drift: Floats) -> Floats:
-        """Return the levers (v, f) of the paths that were looked at last, as twists (v, b, 6) move the bones.
+        """Return the levers of the paths looked at last.
 
-        See :func:`~vtkmuscle.core.paths.levers.path_levers`; the twists are about the origin.
+        Levers are (v, f), as twists (v, b, 6) about the origin move the bones. See
+        :func:`~vtkmuscle.core.paths.levers.path_levers`.
         """
         x, sheet, loads = self.x, self._sheet, self._loads()
         held = np.zeros((*x.shape, 3))
@@ -311,11 +333,12 @@ class SheetPose:
 def accelerated(
     now: tuple[Floats, Floats, Floats], before: Sequence[tuple[Floats, Floats, Floats]]
 ) -> Floats:
-    """Return the step (f, n, 3) from a point that earlier points improve.
+    """Return a step improved by earlier points.
 
-    Each point is given as positions, gradient and Newton's step. On the plane through the points gradients
-    and steps are interpolated; the result leads by the step from where the gradient is least, in the norm of
-    the inverse matrix (Anderson 1965, doi:10.1145/321296.321305; Walker, Ni 2011, doi:10.1137/10078356X).
+    The step is (f, n, 3). Each point has positions, a gradient and Newton's step. On the plane through the
+    points gradients and steps are interpolated; the result leads by the step from the point of the least
+    gradient, in the norm of the inverse matrix (Anderson 1965, doi:10.1145/321296.321305; Walker, Ni 2011,
+    doi:10.1137/10078356X).
     """
     x, gradient, way = ((new - np.array([old[k] for old in before])) for k, new in enumerate(now))
     products = np.einsum("afni,bfni->ab", gradient, way)
@@ -331,7 +354,10 @@ def farthest_of(ways: Floats) -> float:
 
 
 def _turned(stiffness: Floats, turn: Floats) -> Floats:
-    """Return symmetric matrices A (f, n, 3, 3) in turned axes, T A T^T."""
+    """Return symmetric matrices A in turned axes, T A T^T.
+
+    The matrices are (f, n, 3, 3).
+    """
     half = (stiffness.reshape(-1, 3) @ turn.T).reshape(-1, 3, 3)
     whole: Floats = half.transpose(0, 2, 1).reshape(-1, 3) @ turn.T
     return whole.reshape(stiffness.shape)

@@ -1,4 +1,4 @@
-"""Poses of a muscle's paths, each reached from the nearest pose computed before."""
+"""Poses of paths, reached from the nearest computed pose."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from vtkmuscle.core.types import Floats, Ints
 
 
 class KeptPoses:
-    """The paths of a muscle in any pose of the bones.
+    """The paths of a muscle in any pose.
 
-    A pose begins at the nearest pose that is kept, by how far the bones carry the ends of paths from one to
-    the other; the rest pose is always kept. A pose that was computed is the same when asked for again.
+    A pose begins at the nearest kept pose. Nearness is the distance over which the bones carry the ends of
+    paths from pose to pose; the rest pose is always kept. A computed pose is the same when asked for again.
 
     Parameters
     ----------
@@ -73,9 +73,10 @@ class KeptPoses:
         return self._states[key][0]
 
     def levers(self, transforms: Floats, twists: Mapping[str, Floats]) -> dict[str, Floats]:
-        """Return the lever of each path by each coordinate, (f,), in a pose that is kept.
+        """Return the levers of each path by each coordinate.
 
-        They are computed once: computed again, they would differ in their last digits.
+        Levers are (f,), in a kept pose. Levers are computed once: computed again, the last digits would
+        differ.
 
         Parameters
         ----------
@@ -96,7 +97,7 @@ class KeptPoses:
         return np.broadcast_to(np.eye(4), transforms.shape)
 
     def _placed(self, transforms: Floats) -> Floats:
-        """Return the corners in a pose, seen from the first bone, (b, 8, 3)."""
+        """Return the corners seen from the first bone, (b, 8, 3)."""
         seen = inverse(transforms[self._bones[0]])
         return np.array(
             [
@@ -107,5 +108,5 @@ class KeptPoses:
 
     @staticmethod
     def _apart(before: Floats, now: Floats) -> float:
-        """Return the farthest move of a corner between two poses [mm]."""
+        """Return a corner's farthest move between two poses [mm]."""
         return float(np.linalg.norm(now - before, axis=2).max())

@@ -15,7 +15,7 @@ from vtkmuscle.core.types import Floats, Ints
 
 
 class Rings(NamedTuple):
-    """Via rings now, and how far paths are outside of them at rest.
+    """Via rings in a pose.
 
     Attributes
     ----------
@@ -26,7 +26,7 @@ class Rings(NamedTuple):
     offsets : (r + 1,) int array
         First corner of each ring, and c.
     outside : (r, f) array
-        How far outside a path may be, as it is at rest [mm].
+        Allowed distance of each path outside of each ring: the distance at rest [mm].
     """
 
     frames: Floats
@@ -38,7 +38,10 @@ class Rings(NamedTuple):
 def rings_at(
     rings: Sequence[tuple[int, ViaRing]], transforms: Floats, middle: Floats, outside: Floats
 ) -> Rings:
-    """Return rings, each with the number of its bone, in a pose of the bones, about a point."""
+    """Return rings in a pose of the bones.
+
+    Each ring comes with the number of its bone. Positions are about a point, the middle.
+    """
     moved = [moved_ring(ring, transforms[bone]) for bone, ring in rings]
     frames = np.array([[ring.centre - middle, ring.normal, *ring.axes] for ring in moved]).reshape(-1, 4, 3)
     corners = np.concatenate([np.empty((0, 2)), *(ring.corners for ring in moved)])
@@ -48,12 +51,12 @@ def rings_at(
 
 @kernel
 def hold_in_rings(x: Floats, rings: Rings, points: Ints) -> None:
-    """Write the point of each path that each ring holds, (r, f), 0 for none.
+    """Write the point of each path that rings hold.
 
-    A path that crosses a ring's plane outside of the ring is held there by the point next to that: only a
-    point in the plane bends where the ring is. One that is held stays so in a pose; inside, nothing presses
-    it. The places where paths cross are rounded to points together, on the mean: neighbours are held by
-    neighbours.
+    Numbers are (r, f), 0 for no point. A path that crosses a ring's plane outside of the ring is held at the
+    crossing by the nearest point: only a point in the plane bends the path at the ring. A held path stays
+    held in a pose; inside the ring, nothing presses the path. The crossings of all paths are rounded to
+    points together, on the mean: neighbours are held by neighbours.
     """
     for ring in range(len(rings.frames)):
         corners = rings.corners[rings.offsets[ring] : rings.offsets[ring + 1]]
@@ -84,12 +87,12 @@ def add_rings(
     blocks: Floats,
     held: Floats,
 ) -> None:
-    """Add the forces of rings on the points that they hold, and write how hard they press, (r, f, n) [mm].
+    """Add the forces of rings on the held points.
 
-    A ring's edge pushes as a bone does (:func:`~vtkmuscle.core.paths.bone_contact.pressure_at`), at right
-    angles to the ring's normal, but from the edge on: inside, the direction to the nearest side jumps where
-    two sides are equally near. At a corner the direction turns as the point goes round it. The ring keeps
-    the point in its plane.
+    The function also writes the pressures, (r, f, n) [mm]. A ring's edge pushes as a bone does
+    (:func:`~vtkmuscle.core.paths.bone_contact.pressure_at`), at right angles to the ring's normal, but from
+    the edge on: inside, the direction to the nearest side jumps where two sides are equally near. At a corner
+    the direction turns as the point goes round the corner. The ring keeps the point in the ring's plane.
     """
     held[:] = 0.0
     for ring in range(len(rings.frames)):
@@ -116,14 +119,17 @@ def add_rings(
 
 @kernel
 def _in_space(frame: Floats, p: float, q: float) -> tuple[float, float, float]:
-    """Return in space the direction (p, q) of a ring's plane."""
+    """Return a ring plane's direction (p, q) in space."""
     first, second = frame[2], frame[3]
     return p * first[0] + q * second[0], p * first[1] + q * second[1], p * first[2] + q * second[2]
 
 
 @kernel
 def outside_at(frame: Floats, corners: Floats, at: Floats) -> tuple[float, float, float, float, bool]:
-    """Return a point's height over a ring's plane, and :func:`way_to_edge` of it, along its axes."""
+    """Return a point's height and way to the edge.
+
+    The height is over the ring's plane; :func:`way_to_edge` is along the ring's axes.
+    """
     height, s, t = 0.0, 0.0, 0.0
     for c in range(3):
         away = at[c] - frame[0, c]
@@ -133,9 +139,10 @@ def outside_at(frame: Floats, corners: Floats, at: Floats) -> tuple[float, float
 
 @kernel
 def way_to_edge(corners: Floats, s: float, t: float) -> tuple[float, float, float, bool]:
-    """Return the way from a point of a ring's plane to its edge, its length, and whether a corner is nearest.
+    """Return the way from a point to a ring's edge.
 
-    [mm]; the length is negative for a point inside.
+    The point is in the ring's plane. The length of the way, and whether a corner is nearest, follow [mm]; the
+    length is negative for a point inside.
     """
     u, v, at_corner = nearest_on_polygon(corners, s, t)
     way = np.sqrt((u - s) ** 2 + (v - t) ** 2)
@@ -144,10 +151,11 @@ def way_to_edge(corners: Floats, s: float, t: float) -> tuple[float, float, floa
 
 @kernel
 def crossing(frame: Floats, p: Floats) -> tuple[int, float, float, float]:
-    """Return where a path crosses a ring's plane nearest to its centre: segment, part, and place (s, t).
+    """Return a path's crossing of a ring's plane.
 
-    The part is that of the segment before the plane, the place is along the plane's axes [mm]. Segment -1: it
-    does not cross.
+    The crossing nearest to the ring's centre counts: segment, part, and place (s, t). The part is the
+    segment's part before the plane, the place is along the plane's axes [mm]. Segment -1 stands for no
+    crossing.
     """
     nearest, segment, part, s, t = np.inf, -1, 0.0, 0.0, 0.0
     for i in range(len(p) - 1):
@@ -169,7 +177,10 @@ def crossing(frame: Floats, p: Floats) -> tuple[int, float, float, float]:
 
 @kernel
 def outside_of(rings: Rings, x: Floats, outside: Floats) -> None:
-    """Write how far outside of rings paths (f, n, 3) cross their planes, (r, f) [mm]."""
+    """Write the distances of crossing paths outside of rings.
+
+    Paths are (f, n, 3), distances in the rings' planes (r, f) [mm].
+    """
     for ring in range(len(rings.frames)):
         corners = rings.corners[rings.offsets[ring] : rings.offsets[ring + 1]]
         for a in range(len(x)):
@@ -178,9 +189,10 @@ def outside_of(rings: Rings, x: Floats, outside: Floats) -> None:
 
 
 def ring_load(x: Floats, rings: Rings, ring: int, points: Ints, rounding: float, move: float) -> Load:
-    """Return the load of a ring on the points, (f,), 0 for none, of paths x (f, n, 3) that it holds.
+    """Return the load of a ring on held points.
 
-    Stiffness by central differences, for which points are moved by ``move`` [mm].
+    Paths x are (f, n, 3); the points' numbers are (f,), 0 for no point. Stiffness is by central differences
+    over points moved by ``move`` [mm].
     """
     first, last = rings.offsets[ring : ring + 2]
     alone = Rings(

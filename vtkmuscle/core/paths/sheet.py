@@ -1,4 +1,7 @@
-"""A muscle's paths as one sheet: taut round the bones, beside each other, in every pose."""
+"""A muscle's paths as one taut sheet round bones.
+
+The paths run beside each other in every pose.
+"""
 
 from __future__ import annotations
 
@@ -41,7 +44,7 @@ _TOGETHER = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class PathState:
-    """Paths in one pose of the bones.
+    """Paths in a pose of the bones.
 
     Attributes
     ----------
@@ -52,7 +55,7 @@ class PathState:
     transforms : (b, 4, 4) array
         Of the bones, rest to now.
     ring_points : (r, f) int array
-        Which point of each path each ring holds, 0 for none.
+        Point of each path held by each ring, 0 for no point.
     contacts : (f,) int array
         Number of points of each path that bones or rings press on.
     squeezed : (f,) array
@@ -60,11 +63,11 @@ class PathState:
     settled : bool
         Whether the sheet came to rest.
     ends_moved : (2, f, 3) array
-        How the ends moved on the way here, seen from the bones of the other ends [mm].
+        Move of each end since the pose before, seen from the bone of the path's opposite end [mm].
     drift : (f, n, 3) array
-        How the points moved from where the ends took them [mm].
+        Displacement of the points from the positions after the move of the ends alone [mm].
     forces : callable
-        Returns the pose as the sheet settled in it, None when the sheet has gone on.
+        Returns the settled pose of the sheet, None when the sheet has gone on.
     """
 
     sheet: Sheet
@@ -84,10 +87,11 @@ class PathState:
         return path_lengths(self.points)
 
     def levers(self, twists: Mapping[str, Floats]) -> dict[str, Floats]:
-        """Return the lever of each path by each coordinate q, (f,): minus dl/dq, all else in equilibrium.
+        """Return the lever of each path by each coordinate.
 
-        A coordinate moves the bones by twists (b, 6): velocity at the origin and angular velocity, per unit.
-        See :func:`~vtkmuscle.core.paths.levers.path_levers`.
+        Levers are (f,): minus dl/dq by coordinate q, with all else in equilibrium. A coordinate moves the
+        bones by twists (b, 6): velocity at the origin and angular velocity, per unit. See
+        :func:`~vtkmuscle.core.paths.levers.path_levers`.
         """
         if not twists:
             return {}
@@ -100,20 +104,20 @@ class PathState:
 
     @property
     def nbytes(self) -> int:
-        """Memory that it takes [bytes]."""
+        """Memory of the state [bytes]."""
         arrays = [self.points, self.transforms, self.ring_points, self.contacts, self.squeezed]
         return sum(array.nbytes for array in [*arrays, self.ends_moved, self.drift])
 
 
 class MusclePaths:
-    """Paths of a muscle from bone to bone, pulled taut round moving bones as one sheet.
+    """Paths of a muscle, taut round moving bones.
 
-    A path begins as a fibre of the muscle at rest. It is a chain of springs without length or stiffness
-    across, the ends of which go with their bones: it takes the shortest way, evenly spread, that the rest
-    leaves it. It keeps away from the bones by what of the muscle lies between it and them at rest. Paths
-    beside each other keep their distance, and the muscle so its volume
-    (:mod:`~vtkmuscle.core.paths.neighbours`). Tissue holds what bow a path has at rest, and holds it aside
-    over the bones that it comes from (:mod:`~vtkmuscle.core.paths.surroundings`). It passes through via
+    All paths from bone to bone form one sheet. A path begins as a fibre of the muscle at rest. A path is a
+    chain of springs without length or stiffness across, and the chain's ends go with their bones: the path
+    takes the shortest free way, evenly spread. From a bone a path keeps the thickness of muscle between path
+    and bone at rest. Paths beside each other keep their distance, and so the muscle keeps its volume
+    (:mod:`~vtkmuscle.core.paths.neighbours`). Tissue holds a path's bow at rest, and holds the path aside
+    over the bones of the path's ends (:mod:`~vtkmuscle.core.paths.surroundings`). A path passes through via
     rings. The paths are in equilibrium, followed from pose to pose. Both ends are treated alike.
 
     Parameters
@@ -121,13 +125,13 @@ class MusclePaths:
     fibres : (f, n, 3) array
         Points at rest, evenly spread along each fibre, n >= 3, origin to insertion [mm].
     start_bones, end_bones : (f,) int arrays
-        Which bones the ends are fixed to.
+        Bones of the ends.
     surface : (v, 3) array
         The muscle at rest [mm].
     triangles : (m, 3) int array
         Point ids, outward, closed.
     bones : mapping of int to Bone
-        By their number: the bones that paths keep away from, at rest.
+        Bones at rest by number, to keep paths away from.
     rings : sequence of (int, ViaRing)
         The bone that each via ring moves with, and the ring at rest.
 
@@ -136,7 +140,7 @@ class MusclePaths:
     rest : PathState
         At rest.
     thickness : float
-        2 V / A of the muscle, the mean thickness of what is flat [mm].
+        2 V / A of the muscle, the mean thickness of a flat muscle [mm].
 
     Raises
     ------
@@ -194,25 +198,32 @@ class MusclePaths:
         self.rest = self._settle(self.fibres, still, self._ends_moved(still, still), self.fibres)
 
     def widths(self, points: Floats) -> Floats:
-        """Return how much wider than at rest paths (f, n, 3) are that keep their volume, (f,)."""
+        """Return the widths of paths relative to rest, (f,).
+
+        Paths (f, n, 3) keep their volume.
+        """
         return path_widths(points, self._lengths)
 
     def directions_at(self, points: Floats) -> Floats:
-        """Return the unit directions (p, 3) of the fibres at rest, where points (p, 3) are."""
+        """Return the fibre directions at rest at points.
+
+        Directions are unit vectors (p, 3), points (p, 3).
+        """
         f, n, _ = self.fibres.shape
         return fibre_directions_at(points, self.fibres.reshape(-1, 3), n * np.arange(f + 1))
 
     def follow(self, before: PathState, transforms: Floats) -> PathState:
-        """Return the paths in another pose of the bones, which these reach along their screws.
+        """Return the paths in another pose of the bones.
 
-        Where a sheet has one equilibrium the pose alone decides. Where it has several, as where fibres snap,
-        the result is the one that the paths come to on the way from ``before``; another result of
-        ``follow(rest, transforms)`` tells so.
+        The bones reach the pose along their screws. Where a sheet has one equilibrium the pose alone decides.
+        Where a sheet has several, as where fibres snap, the result is the equilibrium that the paths come to
+        on the way from ``before``; a different result of ``follow(rest, transforms)`` shows several
+        equilibria.
 
         Parameters
         ----------
         before : PathState
-            Where the paths were; not changed.
+            The paths before; not changed.
         transforms : (b, 4, 4) array
             Of the bones, rest to now.
         """
@@ -239,8 +250,9 @@ class MusclePaths:
     def _go_on(self, before: PathState, transforms: Floats) -> PathState:
         """Return the paths in a near pose.
 
-        They begin with the drift of the pose before, times the part of the ends' move then that is in their
-        move now; or where the ends take them, if they settle farther from that start than the drift is long.
+        The paths begin with the drift of the pose before, scaled by the part of the earlier move of the ends
+        in the ends' present move. Where the paths settle farther from the start than the drift is long, the
+        paths begin where the ends take the points.
         """
         ends_moved, last = self._ends_moved(before.transforms, transforms), before.ends_moved
         again = float(np.vdot(last, ends_moved)) / (float(np.vdot(last, last)) or math.inf)
@@ -255,7 +267,10 @@ class MusclePaths:
         return state
 
     def _ends_moved(self, before: Floats, now: Floats) -> Floats:
-        """Return how bones move the starts and ends, seen from each other's bone, (2, f, 3) [mm]."""
+        """Return the bones' moves of starts and ends.
+
+        Moves are seen from the opposite end's bone, (2, f, 3) [mm].
+        """
         ways = []
         for mine, others, ends in (
             (self.start_bones, self.end_bones, self.fibres[:, 0]),
@@ -266,7 +281,10 @@ class MusclePaths:
         return np.array(ways)
 
     def _with_bones(self, points: Floats, moves: Floats) -> Floats:
-        """Return paths that went with their bones, whose moves (b, 4, 4) are blended from end to end."""
+        """Return paths that went with their bones.
+
+        The bones' moves (b, 4, 4) are blended from end to end.
+        """
         part = np.linspace(0.0, 1.0, points.shape[1])[None, :, None]
         first, last = (
             points @ turn[:, :3, :3].transpose(0, 2, 1) + turn[:, None, :3, 3]
@@ -282,9 +300,10 @@ class MusclePaths:
         carried: Floats,
         reach: float = math.inf,
     ) -> PathState:
-        """Return the sheet in a pose, in the equilibrium near ``start``; its ends ``carried`` it so far.
+        """Return the sheet in a pose near ``start``.
 
-        It gives up where it is farther than ``reach`` from the start.
+        The sheet is in equilibrium; the ends ``carried`` the sheet so far. The search gives up farther than
+        ``reach`` from the start.
         """
         start = start.copy()
         start[:, 0] = _carried_by(transforms[self.start_bones], self.fibres[:, 0])
@@ -308,7 +327,10 @@ class MusclePaths:
 
 
 def _thickness(surface: Floats, triangles: Ints) -> float:
-    """Return 2 V / A of a closed surface [mm]; raise a ValueError where it encloses no volume."""
+    """Return 2 V / A of a closed surface [mm].
+
+    Raise a ValueError where the surface encloses no volume.
+    """
     a, b, c = (surface[triangles[:, corner]] for corner in range(3))
     twice_area = float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())
     volume = signed_volume(surface, triangles)
@@ -317,14 +339,14 @@ def _thickness(surface: Floats, triangles: Ints) -> float:
 
 
 def _padded(before: Floats, now: Floats) -> Floats:
-    """Return the transforms before of all bones that have some now."""
+    """Return earlier transforms of all bones of a pose."""
     known = np.array(now)
     known[: len(before)] = before[: len(now)]
     return known
 
 
 def _moves(before: Floats, now: Floats) -> Floats:
-    """Return how bones went on, (b, 4, 4)."""
+    """Return the moves of bones, (b, 4, 4)."""
     return np.array([b @ inverse(a) for a, b in zip(before, now, strict=True)])
 
 
@@ -334,7 +356,10 @@ def _carried_by(transforms: Floats, points: Floats) -> Floats:
 
 
 def _seen_from(transforms: Floats, mine: Ints, others: Ints, points: Floats) -> Floats:
-    """Return points (f, 3) that go with some bones, seen from others."""
+    """Return points (f, 3) seen from another bone.
+
+    The points go with a bone of their own.
+    """
     moved = _carried_by(transforms[mine], points) - transforms[others, :3, 3]
     seen: Floats = np.einsum("fji,fj->fi", transforms[others, :3, :3], moved)
     return seen

@@ -1,4 +1,7 @@
-"""What lies round a muscle's paths at rest, and holds them in every pose: bones, tissue, pressure."""
+"""The surroundings of a muscle's paths at rest.
+
+Bones, tissue and pressure hold the paths in every pose.
+"""
 
 from __future__ import annotations
 
@@ -50,7 +53,9 @@ _STEPS = 30
 
 
 class Surroundings(NamedTuple):
-    """The forces that hold each point of each path, by the bone that they move with.
+    """The forces that hold each point of each path.
+
+    Forces are sorted by the bone that the forces move with.
 
     Attributes
     ----------
@@ -59,9 +64,9 @@ class Surroundings(NamedTuple):
     force : (b, f, n, 3) array
         Force at rest, in the units of a path's springs [mm].
     stiffness : (b, f, n, 3, 3) array
-        How much it falls as the point leaves its place at rest, seen from the bone [1].
+        Fall of the force as the point leaves its place at rest, seen from the bone [1].
     bones : tuple of int
-        Numbers of the bones that have a force and stiffness; where there are none, the bones of the ends.
+        Numbers of the bones with force and stiffness; without bones to keep away from, the bones of the ends.
     """
 
     standoff: Floats
@@ -78,37 +83,38 @@ def surroundings_of(
     muscle: TriangleTree,
     thickness: float,
 ) -> Surroundings:
-    """Return the forces that hold fibres (f, n, 3), evenly spread, in their rest positions.
+    """Return the forces that hold fibres at rest.
 
-    A chain of springs stays on a course x that is not straight by the force 2 x_i - x_{i-1} - x_{i+1} at each
-    point. At rest that force is there, and is borne by:
+    Fibres (f, n, 3) are evenly spread. A chain of springs stays on a bent course x by the force
+    2 x_i - x_{i-1} - x_{i+1} at each point. At rest the force is present, and is borne by:
 
-    * a bone, as far as it pushes along its normal and the muscle lies on it: it lets go as soon as the path
-      leaves it. Where there is a gap below a thickness between muscle and bone, it bears less;
-    * the muscle's own pressure, where fibres beside each other bow apart. It does not change;
+    * a bone, as far as the bone pushes along the bone's normal and the muscle lies on the bone: the bone lets
+      go as soon as the path leaves the bone. Where a gap below a thickness separates muscle and bone, the
+      bone bears less;
+    * the muscle's own pressure, where fibres beside each other bow apart. The pressure does not change;
     * tissue round the muscle, where all of a bundle bows and no bone is near: a hamstring lies on other
-      muscles and under a fascia. It is an elastic foundation (Winkler) at right angles to the fibre, whose
-      force changes by as much as it is at rest when the path goes aside by a thickness.
+      muscles and under a fascia. The tissue is an elastic foundation (Winkler) at right angles to the fibre.
+      When the path goes aside by a thickness, the foundation's force changes by the force at rest.
 
-    A path that a bone pushes with the force p, where that bone turns away to its side with the curvature k,
-    is in unstable equilibrium: the force aside grows by k p. At rest the path stays where it is, so the
-    tissue beside it is at least as stiff as that: it holds the path with k p.
+    Let a bone push a path with the force p, and turn away to the path's side with the curvature k. The path
+    is in unstable equilibrium: the force aside grows by k p. At rest the path stays in place, so the tissue
+    beside the path is at least as stiff: the tissue holds the path with k p.
 
-    A path that goes aside over the bones that it comes from also shears the tissue between: a layer as thick
+    A path that goes aside over the bones of the path's ends also shears the tissue between: a layer as thick
     as the distance d, of the stiffness m (L / d)^2, with m of :data:`MODULUS`. The part of each of the two
-    bones falls along the fibre, from all at its end to none at the other.
+    bones falls along the fibre, from all at the bone's own end to zero at the opposite end.
 
-    Pressure and tissue go with the bones by how near these are; where no bones are given, with those of the
-    ends, from all of one to all of the other along the fibre.
+    Pressure and tissue go with the bones by nearness; where no bones are given, with the bones of the ends,
+    from all of the first to all of the second along the fibre.
 
     Parameters
     ----------
     fibres, start_bones, end_bones
         As of :class:`~vtkmuscle.core.paths.sheet.MusclePaths`.
     bones : mapping of int to Bone
-        At rest, by their number.
+        Bones at rest by number.
     muscle : TriangleTree
-        Its surface at rest.
+        The muscle's surface at rest.
     thickness : float
         2 V / A of the muscle [mm].
     """
@@ -155,9 +161,10 @@ def surroundings_of(
 
 
 def curvature_aside(bone: Bone, points: Floats, side: Floats) -> Floats:
-    """Return the curvature of a bone's level sets at points (k, 3) along unit directions, (k,) [1/mm].
+    """Return the curvature of a bone's level sets.
 
-    Positive where the bone is convex; by central differences of the normals over a cell of its field.
+    Points are (k, 3), with unit directions, the result (k,) [1/mm]. The curvature is positive where the bone
+    is convex, by central differences of the normals over a cell of the bone's field.
     """
     ahead, behind = (bone.field(points + way)[1] for way in (bone.cell * side, -bone.cell * side))
     curvature: Floats = np.einsum("ki,ki->k", ahead - behind, side) / (2.0 * bone.cell)
@@ -165,9 +172,9 @@ def curvature_aside(bone: Bone, points: Floats, side: Floats) -> Floats:
 
 
 def shares_by_distance(distances: Floats) -> Floats:
-    """Return shares that fall with the squares of distances (b, ...) [mm] and sum to 1 over b.
+    """Return shares that fall with squares of distances.
 
-    Shepard 1968, doi:10.1145/800186.810616.
+    Shares of distances (b, ...) [mm] sum to 1 over b. Shepard 1968, doi:10.1145/800186.810616.
     """
     least = np.finfo(float).eps * max(float(np.max(distances, initial=0.0)), 1.0)
     near = 1.0 / np.maximum(distances, least) ** 2
@@ -176,7 +183,10 @@ def shares_by_distance(distances: Floats) -> Floats:
 
 
 def _bundle_means(values: Floats, fibres: Floats, width: float) -> Floats:
-    """Return the means of values (f, n, 3) over the fibres beside each, within about a width [mm]."""
+    """Return the means of values over neighbouring fibres.
+
+    Values are (f, n, 3), and the fibres are within about a width [mm].
+    """
     means = np.empty_like(values)
     for i in range(fibres.shape[1]):
         section = fibres[:, i]
@@ -190,17 +200,18 @@ def _bundle_means(values: Floats, fibres: Floats, width: float) -> Floats:
 
 
 def less_the_last(weights: Floats) -> Floats:
-    """Return weights (m, k), descending, less the last of their row: that of the farthest neighbour is 0.
+    """Return weights less the last of their row.
 
-    Rounding decides which of several neighbours at one distance is the last; so that does not matter. Rows of
-    equal weights stay as they are.
+    Weights (m, k) are descending: the farthest neighbour gets 0. Rounding decides the last of several
+    neighbours at an equal distance; with a weight of 0 the choice does not matter. Rows of equal weights stay
+    unchanged.
     """
     less: Floats = weights - weights[:, -1:]
     return np.where(less[:, :1] > SAME, less, weights)
 
 
 def directions_along(points: Floats) -> Floats:
-    """Return the unit tangents (f, n, 3) of polylines (f, n, 3)."""
+    """Return the unit tangents of polylines (f, n, 3)."""
     tangents = np.gradient(points, axis=1)
     length = np.linalg.norm(tangents, axis=-1, keepdims=True)
     unit: Floats = np.divide(tangents, length, out=np.zeros_like(tangents), where=length > 0)
@@ -208,9 +219,10 @@ def directions_along(points: Floats) -> Floats:
 
 
 def smoothed_along(values: Floats, deviation: float) -> Floats:
-    """Return values (f, n, ...) smoothed along n by a Gaussian; those of both ends stay.
+    """Return values smoothed along n by a Gaussian.
 
-    Its standard deviation is a part of the whole length, however many points there are.
+    Values are (f, n, ...); the values of both ends stay. The Gaussian's standard deviation is a part of the
+    whole length, whatever the number of points.
     """
     variance = (deviation * (values.shape[1] - 1)) ** 2
     passes = math.ceil(2.0 * variance - 1e-9)
@@ -224,12 +236,11 @@ def smoothed_along(values: Floats, deviation: float) -> Floats:
 def tissue_between(
     points: Floats, tangents: Floats, depth: Floats, bone: Bone, muscle: TriangleTree
 ) -> tuple[Floats, Floats, Floats]:
-    """Return the distance of a bone from fibres, its direction, and the thickness of muscle between them.
+    """Return the tissue between fibres and a bone.
 
-    A fibre lies against a bone with its side. So the tissue is measured from the fibre's point at right
-    angles to the fibre, towards the bone, as far as it is in the muscle: a muscle wound round a cylinder has
-    the same thickness below its fibres along all of its length, also where it has not come to the cylinder
-    yet.
+    A fibre lies against a bone with the fibre's side. So the tissue is measured from the fibre's point at
+    right angles to the fibre, towards the bone, as far as the muscle reaches: a muscle wound round a cylinder
+    has the same thickness below the fibres along the whole length, also ahead of the cylinder.
 
     Parameters
     ----------
@@ -249,7 +260,7 @@ def tissue_between(
     outward : (f, n, 3) array
         Unit direction away from the bone.
     thickness : (f, n) array
-        Of the tissue between them, at most the distance [mm].
+        Of the tissue between fibre and bone, at most the distance [mm].
     """
     shape = points.shape[:2]
     at, along = points.reshape(-1, 3), tangents.reshape(-1, 3)

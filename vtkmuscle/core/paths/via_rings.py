@@ -1,8 +1,9 @@
-"""Via rings: where anatomy holds a muscle, and no bone does, as a retinaculum, a pulley or a trochlea.
+"""Via rings, such as a retinaculum or pulley.
 
-A ring is a polygon in a plane, which a muscle passes through: it slides along, but does not leave it. The
-polygon is convex, or at least seen whole from its centre (star-shaped), so that it has an inside whatever
-the landmarks' small errors.
+A via ring holds a muscle in a region without bone, as a retinaculum, a pulley or a trochlea does. A ring is a
+polygon in a plane; the muscle passes through and slides along, but does not leave the ring. The polygon is
+convex, or at least seen whole from the centre (star-shaped): the polygon has an inside whatever the
+landmarks' small errors.
 """
 
 from __future__ import annotations
@@ -33,9 +34,9 @@ class ViaRing(NamedTuple):
     centre : (3,) array
         Centroid of the area [mm].
     normal : (3,) array
-        Unit normal of the plane, from whose tip the landmarks run counterclockwise.
+        Unit normal of the plane; seen from the normal's tip the landmarks run counterclockwise.
     axes : (2, 3) array
-        Unit vectors of the plane; with the normal they are right-handed.
+        Unit vectors of the plane, right-handed with the normal.
     corners : (k, 2) array
         The polygon along the axes, about the centre, counterclockwise [mm].
     """
@@ -47,16 +48,17 @@ class ViaRing(NamedTuple):
 
 
 def via_ring(landmarks: Floats) -> ViaRing:
-    """Return the plane of a ring of landmarks (k, 3), in order, once round, and their polygon in it.
+    """Return the ring of landmarks, plane and polygon.
 
-    The normal is that of the polygon's vector area (Newell's method), so that landmarks which crowd count no
-    more than others. Landmarks off the plane are moved onto it along the normal.
+    Landmarks (k, 3) are in order, once round. The normal is the normal of the polygon's vector area (Newell's
+    method), so that crowded landmarks count no more than sparse landmarks. Landmarks off the plane are moved
+    onto the plane along the normal.
 
     Raises
     ------
     ValueError
-        If there are fewer than three landmarks, one is not finite, they lie on a line or far from a plane, or
-        do not run once round their centre.
+        If there are fewer than three landmarks, a landmark is not finite, or the landmarks lie on a line or
+        far from a plane, or do not run once round their centre.
     """
     given = np.asarray(landmarks, dtype=np.float64)
     if given.ndim != 2 or given.shape[1] != 3 or not np.isfinite(given).all():
@@ -102,13 +104,19 @@ def via_ring(landmarks: Floats) -> ViaRing:
 
 
 def moved_ring(ring: ViaRing, transform: Floats) -> ViaRing:
-    """Return a ring that a bone takes along, by the bone's 4 x 4 transform from rest to its pose."""
+    """Return a ring moved by its bone.
+
+    The 4 x 4 transform takes the bone from rest to the bone's pose.
+    """
     turn, shift = transform[:3, :3], transform[:3, 3]
     return ViaRing(turn @ ring.centre + shift, turn @ ring.normal, ring.axes @ turn.T, ring.corners)
 
 
 def in_ring_plane(ring: ViaRing, points: Floats) -> tuple[Floats, Floats]:
-    """Return the places of points (n, 3) along the ring's axes, (n, 2), and their heights, (n,) [mm]."""
+    """Return points along the ring's axes.
+
+    Points are (n, 3), places (n, 2), heights over the plane (n,) [mm].
+    """
     away = np.asarray(points, dtype=np.float64) - ring.centre
     places: Floats = np.ascontiguousarray(away @ ring.axes.T)
     heights: Floats = away @ ring.normal
@@ -116,15 +124,19 @@ def in_ring_plane(ring: ViaRing, points: Floats) -> tuple[Floats, Floats]:
 
 
 def within_ring(ring: ViaRing, points: Floats) -> Bools:
-    """Return whether points (n, 3) are within the ring as seen along its normal, (n,)."""
+    """Return whether points are within the ring.
+
+    Points (n, 3) are seen along the ring's normal; the result is (n,).
+    """
     inside: Bools = inside_polygon(ring.corners, in_ring_plane(ring, points)[0])
     return inside
 
 
 def passes_through(ring: ViaRing, points: Floats, triangles: Ints) -> bool:
-    """Return True where the plane of a ring cuts a closed surface within the ring.
+    """Return whether a closed surface passes through a ring.
 
-    That is: a part of the cut's outline is within the ring, or the ring's centre is inside the surface.
+    The ring's plane cuts the surface within the ring: a part of the cut's outline is within the ring, or the
+    ring's centre is inside the surface.
     """
     edges = unique_edges(triangles)
     heights = in_ring_plane(ring, points)[1][edges]
@@ -141,7 +153,10 @@ def passes_through(ring: ViaRing, points: Floats, triangles: Ints) -> bool:
 
 @array_kernel
 def inside_polygon(corners: Floats, places: Floats) -> Bools:
-    """Return whether places (n, 2) are inside a polygon of corners (k, 2); those on it may be either."""
+    """Return whether places (n, 2) are inside a polygon.
+
+    The polygon's corners are (k, 2); places on the outline may be either.
+    """
     inside = np.empty(len(places), dtype=np.bool_)
     for i in range(len(places)):
         inside[i] = is_inside(corners, places[i, 0], places[i, 1])
@@ -150,7 +165,10 @@ def inside_polygon(corners: Floats, places: Floats) -> Bools:
 
 @kernel
 def is_inside(corners: Floats, x: float, y: float) -> bool:
-    """Return whether a place is inside a polygon: a ray along x crosses an odd number of its sides."""
+    """Return whether a place is inside a polygon.
+
+    A ray along x from a place inside crosses an odd number of the polygon's sides.
+    """
     inside = False
     k = len(corners)
     for i in range(k):
@@ -163,7 +181,10 @@ def is_inside(corners: Floats, x: float, y: float) -> bool:
 
 @kernel
 def nearest_on_polygon(corners: Floats, x: float, y: float) -> tuple[float, float, bool]:
-    """Return the point on a polygon's sides that is nearest to a point, and whether it is a corner."""
+    """Return a polygon's nearest point to a point.
+
+    Return also whether the nearest point is a corner.
+    """
     best, best_x, best_y, is_corner = np.inf, x, y, False
     k = len(corners)
     for i in range(k):
@@ -179,7 +200,10 @@ def nearest_on_polygon(corners: Floats, x: float, y: float) -> tuple[float, floa
 
 
 def _axes_across(normal: Floats, away: Floats) -> Floats:
-    """Return unit vectors (2, 3) across a normal, the first one towards the first landmark."""
+    """Return unit vectors (2, 3) across a normal.
+
+    The first vector points towards the first landmark.
+    """
     first = away[int(np.linalg.norm(np.cross(away, normal), axis=1).argmax())]
     first = first - (first @ normal) * normal
     first = first / np.linalg.norm(first)

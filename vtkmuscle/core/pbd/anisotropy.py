@@ -1,6 +1,6 @@
-"""How stiff edges are along the fibres of a muscle: Kohout and Cervenka 2021, eq. 9.
+"""Stiffness of edges along the fibres of a muscle.
 
-doi:10.1007/978-3-030-72379-8_24.
+Kohout and Cervenka 2021, eq. 9, doi:10.1007/978-3-030-72379-8_24.
 """
 
 from __future__ import annotations
@@ -14,11 +14,12 @@ from vtkmuscle.core.types import Floats, Ints
 
 
 def edge_stiffness(points: Floats, edges: Ints, directions: Floats) -> Floats:
-    """Return k = 1 - |u . v| for each edge (k, 2), (k,): 1 across the fibres, 0 along them.
+    """Return k = 1 - abs(u . v) for each edge.
 
-    Kohout and Cervenka 2021, eq. 9, reads k = 1 - u . v. An edge has no sign, so that gives 0 or 2 by the
-    order in which its ends are named; "if both vectors are collinear, the result will be zero" calls for the
-    absolute value. The directions v (k, 3) of the fibres are unit vectors, 0 where there is none.
+    The unit vectors u are along the edges (k, 2), and k (k,) is 1 across the fibres and 0 along the fibres.
+    Kohout and Cervenka 2021, eq. 9, reads k = 1 - u . v. An edge has no sign, so that eq. 9 gives 0 or 2 by
+    the order of the edge's ends; "if both vectors are collinear, the result will be zero" calls for the
+    absolute value. The directions v (k, 3) of the fibres are unit vectors, 0 at edges without a direction.
     """
     difference = points[edges[:, 1]] - points[edges[:, 0]]
     lengths = np.linalg.norm(difference, axis=1)
@@ -29,11 +30,12 @@ def edge_stiffness(points: Floats, edges: Ints, directions: Floats) -> Floats:
 
 
 def harmonic_directions(points: Floats, topology: MeshTopology, fixed_to: Ints) -> Floats | None:
-    """Return the unit direction (k, 3) from one end of a muscle to the other at each edge, without fibres.
+    """Return the unit direction along a muscle at each edge.
 
-    It is the mean of the unit gradients, in the edge's two triangles, of
-    :func:`~vtkmuscle.core.mesh.harmonic.harmonic_field`; 0 where that is constant (inside an attachment).
-    None where fewer than two bones have fixed points.
+    The directions (k, 3) lead from one end of a muscle without fibres to the other end. A direction is the
+    mean of the unit gradients, in the edge's two triangles, of
+    :func:`~vtkmuscle.core.mesh.harmonic.harmonic_field`; 0 where the field is constant (inside an
+    attachment). None where fewer than two bones have fixed points.
     """
     field = harmonic_field(points, topology.triangles, fixed_to)
     if field is None:

@@ -1,4 +1,7 @@
-"""A fine surface that follows a coarse one: position based dynamics on two levels."""
+"""Position based dynamics on two levels, fine and coarse.
+
+The fine surface follows the coarse surface.
+"""
 
 from __future__ import annotations
 
@@ -27,10 +30,10 @@ FINE_ITERATIONS = 2
 
 
 def coarse_fixed_points(fine: Floats, fixed_to: Ints, coarse: Floats) -> Ints:
-    """Return the bone (c,) of each point of a coarse surface, -1 for free points.
+    """Return the bone of each point of a coarse surface.
 
-    A coarse point (c, 3) goes with the bone of the fine point (n, 3) nearest to it. Where that leaves a bone
-    without points, it gets the coarse point nearest to the middle of its fine ones.
+    Bones are (c,), -1 for free points. A coarse point (c, 3) goes with the bone of the nearest fine point
+    (n, 3). A bone left without points gets the coarse point nearest to the middle of the bone's fine points.
     """
     result: Ints = fixed_to[cKDTree(fine).query(coarse)[1]]
     for bone in np.unique(fixed_to[fixed_to >= 0]):
@@ -41,12 +44,12 @@ def coarse_fixed_points(fine: Floats, fixed_to: Ints, coarse: Floats) -> Ints:
 
 
 class TwoLevels:
-    """Solves a coarse surface, which takes a fine one along.
+    """Solves a coarse surface that takes a fine surface along.
 
-    Each fine point goes with the coarse points nearest to it. These turn as the points of their two rings
+    Each fine point goes with the nearest coarse points. A coarse point turns as the points of its two rings
     have turned together (shape matching; Müller, Heidelberger, Teschner, Gross 2005,
-    doi:10.1145/1073204.1073216). Fixed points are then where their bones are, and their neighbourhood with
-    them. From there the fine surface is solved, with its edges as long as they are carried.
+    doi:10.1145/1073204.1073216). Fixed points then go to their bones and take their neighbourhood along. From
+    the resulting positions the fine surface is solved, with the edges as long as carried.
 
     Parameters
     ----------
@@ -84,7 +87,7 @@ class TwoLevels:
             self._near = np.exp(-0.5 * (away / edge) ** 2)
 
     def at_rest(self, n_bones: int) -> State:
-        """Return the muscle at rest, with all bones in their rest pose."""
+        """Return the muscle and all bones at rest."""
         return replace(self._solver.at_rest(n_bones), surface=self.shape.points)
 
     def step(
@@ -95,9 +98,10 @@ class TwoLevels:
         neighbours: Sequence[tuple[Neighbour, Neighbour]] = (),
         progress: Callable[[float], None] | None = None,
     ) -> State:
-        """Return the state after the bones have moved on, as :meth:`PBDSolver.step` does.
+        """Return the state after the bones have moved on.
 
-        A neighbour comes with the depths of the points of the coarse, and of the fine surface in it.
+        The parameters are as of :meth:`PBDSolver.step`. A neighbour comes with the depths of the points of
+        the coarse surface and of the fine surface in the neighbour.
         """
         coarse, fine = ([pair[level] for pair in neighbours] for level in (0, 1))
         state = self._solver.step(state, transforms, neighbours=coarse, progress=progress)
@@ -106,7 +110,10 @@ class TwoLevels:
         return replace(state, surface=solved.surface, colliding=solved.colliding)
 
     def prolonged(self, coarse: Floats, transforms: Floats) -> Floats:
-        """Return where the points (c, 3) of the coarse surface take those of the fine, (n, 3)."""
+        """Return the fine points carried by the coarse points.
+
+        Coarse points are (c, 3), fine points (n, 3).
+        """
         turns = np.empty((len(coarse), 3, 3))
         _covariances(coarse, self._starts, self._ring, self._arms, turns)
         motions, rest = np.empty((len(coarse), 3, 4)), self.shape.points
@@ -125,9 +132,10 @@ class TwoLevels:
 
 @kernel
 def _covariances(points: Floats, starts: Ints, ring: Ints, arms: Floats, covariances: Floats) -> None:
-    """Write the covariance (c, 3, 3) of the points about each and their arms at rest (r, 3).
+    """Write the covariances of points and arms at rest.
 
-    The points about point i are ring[starts[i] : starts[i + 1]].
+    Covariances are (c, 3, 3), of the points about each point, and arms (r, 3). The points about point i are
+    ring[starts[i] : starts[i + 1]].
     """
     for i in range(len(points)):
         covariances[i] = 0.0
@@ -141,7 +149,9 @@ def _covariances(points: Floats, starts: Ints, ring: Ints, arms: Floats, covaria
 
 @vector_kernel
 def _carry(motions: Floats, carriers: Ints, parts: Floats, rest: Floats, mean: Floats, out: Floats) -> None:
-    """Write where motions (c, 12), rows of turns and shifts, take points (n, 3), by their parts (n, k).
+    """Write points carried by motions, by parts.
+
+    Motions (c, 12) are rows of turns and shifts; points are (n, 3), parts (n, k).
 
     mean : (12,), memory.
     """

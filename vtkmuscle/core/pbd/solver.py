@@ -1,9 +1,10 @@
-"""Algorithm 2 of Kohout and Cervenka 2021, as printed and made stable: settings, state in, state out.
+"""Algorithm 2 of Kohout and Cervenka 2021, made stable.
 
-doi:10.1007/978-3-030-72379-8_24. What makes it stable is where a step begins. As printed, free points go on
-with their velocities while fixed points jump with their bones: the step is left to the edges between them.
-By default free points go with the bones' motions of the step, blended by harmonic weights, and have no
-velocities. The signed angle halves the change of angles in large steps, and volume and bones come last.
+doi:10.1007/978-3-030-72379-8_24. The solver runs the algorithm as printed or made stable: settings, state in,
+state out. The start of a step makes the algorithm stable. As printed, free points go on with their velocities
+while fixed points jump with their bones: the step is left to the edges between. By default free points go
+with the bones' motions of the step, blended by harmonic weights, and have no velocities. The signed angle
+halves the change of angles in large steps, and volume and bones come last.
 """
 
 from __future__ import annotations
@@ -38,26 +39,27 @@ LARGEST_TURN = 4.0
 
 @dataclass(frozen=True)
 class Parameters:
-    """Settings of position based dynamics; :data:`PUBLISHED` are those of section 4 of the paper.
+    """Settings of position based dynamics.
 
-    PBDDeformer has the same settings, and takes their descriptions from here.
+    :data:`PUBLISHED` are the settings of section 4 of the paper. PBDDeformer has the same settings, and takes
+    the descriptions from here.
 
     Attributes
     ----------
     iterations : int
         Projections of all constraints per step, >= 1.
     prediction : str
-        Where free points begin a step: ``"bones"``, where the blended motions of the bones take them, without
-        velocities; or ``"velocity"``, where their velocities do (lines 11 to 13).
+        Start of free points in a step: ``"bones"``, where the blended motions of the bones take the points,
+        without velocities; or ``"velocity"``, where the points' velocities do (lines 11 to 13).
     signed_angles : bool
         Whether angles tell a ridge from a groove; the arccosine of eq. 6 does not.
     order : str
         ``"edge"``: length and angle of an edge after each other, then the volume; ``"kind"``: all lengths,
         the volume, all angles (lines 17 to 23).
     anisotropy : str
-        Which edges are the softer the more they run along the fibres (section 3.1): ``"always"``, with the
-        harmonic function between the muscle's ends in place of fibres where it has none; ``"fibres"``, where
-        it has fibres (Algorithm 1, line 15); ``"off"``, no edges.
+        Edges that are the softer the more the edges run along the fibres (section 3.1): ``"always"``, with
+        the harmonic function between the muscle's ends in place of fibres for a muscle without fibres;
+        ``"fibres"``, for a muscle with fibres (Algorithm 1, line 15); ``"off"``, no edges.
     stiffness : float
         Of edge lengths, per iteration, in [0, 1].
     shape_stiffness : float
@@ -65,7 +67,7 @@ class Parameters:
     volume_stiffness : float
         Of the muscle's volume, per iteration, in [0, 1].
     finish : bool
-        Whether a step ends with bones and volume alone, until the volume is that at rest.
+        Whether a step ends with bones and volume alone, until the volume is the rest volume.
     dt : float
         Time of a step [s], > 0.
     velocity_kept : float
@@ -73,11 +75,11 @@ class Parameters:
     external_force : (3,) tuple
         Force per mass on all free points [mm/s^2] (line 11).
     bone_push : str
-        What voxels do to points that they moved over: ``"transform"``, take them with it (section 3.2), or
-        ``"off"``, nothing.
+        Effect of voxels on points that the voxels moved over: ``"transform"``, take the points along (section
+        3.2), or ``"off"``, nothing.
     contact_velocity : str
-        Velocity of points that met a bone: ``"keep"``, that of their displacement, as the paper computes it,
-        or ``"zero"``, as its section 5 proposes.
+        Velocity of points that met a bone: ``"keep"``, the displacement's velocity, as the paper computes it,
+        or ``"zero"``, as section 5 of the paper proposes.
     """
 
     iterations: int = 10
@@ -115,15 +117,15 @@ class State:
     Attributes
     ----------
     surface : (n, 3) array
-        Its points [mm].
+        The muscle's points [mm].
     transforms : (b, 4, 4) array
         Of the bones, rest to now.
     colliding : int
         Number of points that bones or other muscles hold off.
     positions : (m, 3) array
-        The points that are solved, relative to the centre of the muscle at rest [mm].
+        The solved points, relative to the centre of the muscle at rest [mm].
     velocities : (m, 3) array or None
-        Of these [mm / s]; None where they have none.
+        Of the solved points [mm / s]; None for points without velocities.
     """
 
     surface: Floats
@@ -134,36 +136,37 @@ class State:
 
     @property
     def nbytes(self) -> int:
-        """Memory that it takes [bytes]."""
+        """Memory of the state [bytes]."""
         arrays = self.surface, self.transforms, self.positions, self.velocities
         return sum(array.nbytes for array in arrays if array is not None)
 
 
 class PBDSolver:
-    """Deforms a muscle with the bones it is fixed to, by position based dynamics.
+    """Deforms a muscle with the bones of its attachments.
 
-    The solver holds what does not change. :meth:`step` takes a state and gives the next, so that states can
-    be kept and gone back to.
+    The method is position based dynamics. The solver holds the constant data. :meth:`step` takes a state and
+    gives the next, so that states can be kept and gone back to.
 
     Parameters
     ----------
     muscle : FixedMuscle
         The muscle.
     parameters : Parameters
-        How it is solved.
+        Settings of the method.
     bones : mapping of int to Bone, optional
-        Bones that free points are kept out of, by their index among the transforms.
+        Bones that free points are kept out of, by index among the transforms.
     clearance : float, optional
         Distance that points keep from the bones [mm].
     voxels : (int, int or None), optional
-        Number of voxels of a bone, and along each axis, to keep points out of these in place of the surface.
+        Number of voxels of a bone, and number along each axis. With a value, voxels keep points out of bones
+        in place of the surface.
 
     Attributes
     ----------
     shape : RestShape
         The surface at rest.
     rest : (n, 3) array
-        Its points, relative to the centre of their box [mm].
+        The surface's points, relative to the centre of the points' box [mm].
 
     Raises
     ------
@@ -217,7 +220,7 @@ class PBDSolver:
         self._as_carried: Floats | None = None  # constants of the edges, with their lengths in a pose
 
     def at_rest(self, n_bones: int) -> State:
-        """Return the muscle at rest, with all bones in their rest pose."""
+        """Return the muscle and all bones at rest."""
         transforms = np.tile(np.eye(4), (n_bones, 1, 1))
         velocities = np.zeros_like(self.rest) if self.parameters.prediction == "velocity" else None
         return State(self.rest + self.centre, transforms, 0, self.rest, velocities)
@@ -230,10 +233,11 @@ class PBDSolver:
         neighbours: Sequence[Neighbour] = (),
         progress: Callable[[float], None] | None = None,
     ) -> State:
-        """Return the state after the bones have moved on to transforms (b, 4, 4), rest to now.
+        """Return the state after the bones have moved on.
 
-        Free points are kept out of the neighbours, too. ``progress`` is called after each iteration with the
-        part of the step that is done; it may raise, to stop. A ValueError says that a position overflows.
+        Transforms (b, 4, 4) lead from rest to now. Free points are kept out of the neighbours, too.
+        ``progress`` is called after each iteration with the finished part of the step; ``progress`` may
+        raise, to stop. A ValueError reports an overflowing position.
         """
         transforms = np.array(transforms, dtype=np.float64)
         if state.velocities is not None:
@@ -268,10 +272,10 @@ class PBDSolver:
         neighbours: Sequence[Neighbour] = (),
         progress: Callable[[float], None] | None = None,
     ) -> State:
-        """Return the state in a pose of the bones that begins at a surface, (n, 3) [mm].
+        """Return the state in a pose, begun at a surface.
 
-        Edges keep the lengths that they have there, and the angles that they have at rest. The other
-        parameters are those of :meth:`step`.
+        The surface is (n, 3) [mm]. Edges keep their lengths on the surface, and their angles at rest. The
+        remaining parameters are as of :meth:`step`.
         """
         transforms = np.array(transforms, dtype=np.float64)
         p = self._with_fixed_points(start - self.centre, transforms)
@@ -314,7 +318,10 @@ class PBDSolver:
         keep_out: Callable[[Floats], Bools],
         progress: Callable[[float], None] | None,
     ) -> Bools:
-        """Project all constraints of points (n + 1, 3), in place; return those that met something."""
+        """Project all constraints of points in place.
+
+        Points are (n + 1, 3); return the points that met an obstacle.
+        """
         settings, met = self.parameters, np.zeros(len(p) - 1, dtype=np.bool_)
         rows, signed, buffer = (self.rows.points, constants), settings.signed_angles, self._buffer
         for iteration in range(settings.iterations):
@@ -331,7 +338,10 @@ class PBDSolver:
         return met
 
     def _parts(self, before: Floats, now: Floats) -> int:
-        """Return in how many parts a step is made, by the greatest turn of two bones against each other."""
+        """Return the number of parts of a step.
+
+        The number follows from the greatest turn of two bones against each other.
+        """
         bones = [bone for bone, _ in self._fixed]
         turns = (now[bones] @ inverses(before[bones]))[:, :3, :3]
         most = 0.0
@@ -341,7 +351,7 @@ class PBDSolver:
         return max(1, math.ceil(most / LARGEST_TURN - 1e-6))
 
     def _carried(self, x: Floats, before: Floats, now: Floats) -> Floats:
-        """Return points (n, 3) where the blended motions of their bones take them."""
+        """Return points moved by the bones' blended motions, (n, 3)."""
         if self._weights is None:
             return x
         bones = [bone for bone, _ in self._fixed]
@@ -349,7 +359,10 @@ class PBDSolver:
         return blend_motions(motions, self._weights, x)
 
     def _with_fixed_points(self, points: Floats, transforms: Floats) -> Floats:
-        """Return points with the fixed ones where their bones are, and one more, (n + 1, 3)."""
+        """Return points with the fixed points on their bones.
+
+        The result (n + 1, 3) has one extra point.
+        """
         p = np.zeros((len(points) + 1, 3))
         p[:-1] = points
         now = centred(transforms, self.centre)
@@ -360,7 +373,7 @@ class PBDSolver:
     def _keep_out(
         self, now: Floats, before: Floats, x: Floats, neighbours: Sequence[Neighbour]
     ) -> Callable[[Floats], Bools]:
-        """Return what keeps points out of bones and neighbours in a step."""
+        """Return the contact with bones and neighbours in a step."""
         if isinstance(self._contact, VoxelContact):
             return self._contact.at(now, neighbours, self.centre, before, x)
         return self._contact.at(now, neighbours, self.centre).keep_out

@@ -1,28 +1,29 @@
-"""The constraints of Kohout and Cervenka 2021, eq. 1 to 7, projected row by row of edges.
+"""The constraints of Kohout and Cervenka 2021, eq. 1 to 7.
 
-doi:10.1007/978-3-030-72379-8_24. A projection moves points p against a constraint C(p) = 0 of stiffness k by
+doi:10.1007/978-3-030-72379-8_24. The constraints are projected row by row of edges. A projection moves points
+p against a constraint C(p) = 0 of stiffness k by
 
     p_i -= k C g_i / sum_j |g_j|^2,    g_i = dC / dp_i    (eq. 1).
 
 As the paper has it:
 
 * Eq. 1 divides by the squares of the gradients of *all* points, "assuming that every point has the same
-  mass", also of the fixed ones, which Algorithm 1 gives a mass of 1 and does not move. So an iteration meets
-  a constraint beside a fixed point by half, and no denominator can vanish there.
+  mass". Algorithm 1 gives fixed points a mass of 1, too, and does not move them. So an iteration meets a
+  constraint beside a fixed point by half, and no denominator can vanish there.
 * A stiffness multiplies the correction of each iteration.
 
-Its angle (eq. 6) is an arccosine, pi - abs(phi) of the signed angle phi of
-:func:`~vtkmuscle.core.mesh.rest_shape.edge_geometry`, which does not tell a ridge from a groove: an edge
-folded to the other side stays there. The signed angle is ours.
+The paper's angle (eq. 6) is an arccosine, pi - abs(phi) of the signed angle phi of
+:func:`~vtkmuscle.core.mesh.rest_shape.edge_geometry`. The arccosine does not tell a ridge from a groove: an
+edge folded to the wrong side stays folded. The signed angle is ours.
 
-Where the paper cannot be run as it reads:
+Where the paper cannot be run as printed:
 
 * Section 3.1, "we multiply the distance constraint (see Eq. 2) with the result": eq. 1 gives the same for k C
   as for C. The correction is multiplied.
-* Eq. 4 without a sixth is six times the volume, so its V0, "its original volume", must be six times that,
-  too. A sixth in value and gradient alike changes nothing.
-* Eq. 7 divides by sqrt(1 - d^2), which is 0 where two triangles are in one plane: such an edge has no
-  direction to turn to, and stays as it is. The signed angle has one.
+* Eq. 4 without a sixth is six times the volume, so the paper's V0, "its original volume", must be six times
+  the volume, too. A sixth in value and gradient changes nothing.
+* Eq. 7 divides by sqrt(1 - d^2), 0 where two triangles are in one plane: a flat edge has no direction to turn
+  to, and stays flat. The signed angle has a direction.
 """
 
 from __future__ import annotations
@@ -54,12 +55,12 @@ _A: tuple[float, ...] = tuple(
 
 
 class EdgeRows(NamedTuple):
-    """The edges of a surface, in the order in which their constraints are solved.
+    """The edges of a surface in solving order.
 
     Attributes
     ----------
     points : (r, 4, WIDTH) uint32 array
-        Ends of each edge and third points of its triangles; n, a point more, where there is none.
+        Ends of each edge and third points of its triangles; n, an extra point, for a missing point.
     constants : (r, N_CONSTANTS, WIDTH) array
         Of each edge.
     order : (k,) int array
@@ -84,13 +85,13 @@ def edge_rows(
     Parameters
     ----------
     quads : (k, 4) int array
-        Ends of each edge and third points of its two triangles, -1 where there is none.
+        Ends of each edge and third points of its two triangles, -1 for a missing point.
     mass : (n,) array
-        1 for moveable points, 0 for fixed ones; edges of fixed points are left out.
+        1 for moveable points, 0 for fixed points; edges of fixed points are left out.
     lengths, stiffness : (k,) arrays
         Rest length [mm], and stiffness per iteration.
     angles, angle_stiffness : (k,) arrays
-        Rest angle [radians], and stiffness per iteration, 0 where there is no angle.
+        Rest angle [radians], and stiffness per iteration, 0 for an edge without an angle.
     """
     n = len(mass)
     masses = np.append(mass, 0.0)[np.where(quads < 0, n, quads)]
@@ -111,11 +112,12 @@ def edge_rows(
 
 
 def rows_of_edges(points_of_edges: Ints, n_points: int) -> NDArray[np.int64]:
-    """Return the numbers of edges in rows (r, WIDTH), -1 where a row has a place left.
+    """Return the numbers of edges in rows.
 
-    Edges of a row share none of their points (k, 4), the ends of each and the third points of its triangles;
-    a negative number is no point. Each edge gets the first colour that none of its points has; colours are
-    cut into rows. To solve the constraints of a row at once is to solve them one after another.
+    Rows are (r, WIDTH), -1 in unused places. Edges of a row share none of their points (k, 4), the ends of
+    each edge and the third points of its triangles; a negative number is no point. Each edge gets the first
+    colour not yet used at the edge's points; colours are cut into rows. To solve the constraints of a row at
+    once equals solving the constraints in turn.
     """
     colours = np.empty(len(points_of_edges), dtype=np.int64)
     size = 64
@@ -134,7 +136,9 @@ def rows_of_edges(points_of_edges: Ints, n_points: int) -> NDArray[np.int64]:
 
 @kernel
 def _first_fit(points_of_edges: Ints, taken: Bools, colours: Ints) -> bool:
-    """Write the colour of each edge; return False where there are too few colours.
+    """Write the colour of each edge.
+
+    Return False for too few colours.
 
     taken : (n, c), changed in place: whether an edge of a point has a colour.
     """
@@ -167,9 +171,11 @@ def project_edges(
     signed: bool,
     buffer: Floats,
 ) -> None:
-    """Project the length (eq. 2, 3) and then the angle (eq. 6, 7) of all edges, row by row, in place.
+    """Project the lengths and angles of all edges.
 
-    p : (n + 1, 3) positions [mm], of which the last is that of no point, and finite;  points, constants : see
+    Each edge's length (eq. 2, 3) comes before the edge's angle (eq. 6, 7), row by row, in place.
+
+    p : (n + 1, 3) positions [mm], the last a finite placeholder for missing points;  points, constants : see
     :class:`EdgeRows`;  buffer : (12 WIDTH,), memory.
     """
     for row in range(len(points)):
@@ -194,7 +200,10 @@ def project_edges(
 
 @vector_kernel
 def measure_lengths(p: Floats, points: NDArray[np.uint32], constants: Floats) -> None:
-    """Write the lengths that edges have now as their rest lengths; see :func:`project_edges`."""
+    """Write the edges' present lengths as rest lengths.
+
+    See :func:`project_edges`.
+    """
     for row in range(len(points)):
         for k in range(WIDTH):
             i, j = points[row, 0, k], points[row, 1, k]
@@ -221,8 +230,8 @@ def _project_length(b: Floats, c: Floats, k: int) -> None:
 def _project_angle(b: Floats, c: Floats, k: int, signed: bool) -> None:
     """Project the angle of an edge.
 
-    Its gradients are those of Tamstorf, Grinspun 2013, *Discrete bending forces and their Jacobians*,
-    doi:10.1016/j.gmod.2013.07.001, which are finite at flat and at concave edges.
+    The gradients are from Tamstorf, Grinspun 2013, *Discrete bending forces and their Jacobians*,
+    doi:10.1016/j.gmod.2013.07.001, and finite at flat and at concave edges.
     """
     proper, sine, cosine, ee, a2, b2, n11, n22, n1x, n1y, n1z, n2x, n2y, n2z = edge_geometry(
         b[k], b[WIDTH + k], b[2 * WIDTH + k],
@@ -263,10 +272,11 @@ def _project_angle(b: Floats, c: Floats, k: int, signed: bool) -> None:
 
 @lane
 def turn_from(sine: float, cosine: float, square: float, cosine0: float, sine0: float) -> float:
-    """Return phi - phi0 in [-pi, pi], of an angle phi whose sine and cosine are scaled, and of phi0.
+    """Return the turn phi - phi0 in [-pi, pi].
 
-    ``square`` is the sum of the squares of that sine and cosine. With the sine and cosine of the turn it is
-    twice an arctangent of at most 45 degrees.
+    Sine and cosine of phi are scaled; sine0 and cosine0 belong to phi0. ``square`` is the sum of the squares
+    of sine and cosine. With sine and cosine of the turn, the turn is twice an arctangent of at most 45
+    degrees.
     """
     across = sine * cosine0 - cosine * sine0
     along = cosine * cosine0 + sine * sine0
@@ -291,9 +301,9 @@ def project_volume(
 ) -> None:
     """Project the volume constraint, eq. 4 and 5, in place.
 
-    p : (n + 1, 3) positions [mm], of which the last is that of no point;  w : (n,) 1 for moveable points, 0
-    for fixed ones;  triangles : (m, 3) of a closed surface;  rest : its volume at rest [mm^3];  gradient :
-    (n, 3), memory.
+    p : (n + 1, 3) positions [mm], the last a finite placeholder for missing points;  w : (n,) 1 for moveable
+    points, 0 for fixed points;  triangles : (m, 3) of a closed surface;  rest : the surface's volume at rest
+    [mm^3]; gradient : (n, 3), memory.
     """
     volume = volume_and_gradient(p[: len(w)], triangles, gradient)
     squares = 0.0

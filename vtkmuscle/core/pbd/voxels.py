@@ -1,7 +1,7 @@
-"""Bones as voxels, outside, boundary or inside, and the collision response by them.
+"""Bones as voxels, and the collision response.
 
-Kohout, Cervenka 2021, *Muscle Deformation Using Position Based Dynamics*, section 3.2,
-doi:10.1007/978-3-030-72379-8_24.
+Voxels are outside, boundary or inside. Kohout, Cervenka 2021, *Muscle Deformation Using Position Based
+Dynamics*, section 3.2, doi:10.1007/978-3-030-72379-8_24.
 """
 
 from __future__ import annotations
@@ -50,16 +50,20 @@ _GRIDS: WeakKeyDictionary[Bone, dict[tuple[int, int | None], VoxelGrid]] = WeakK
 
 @dataclass(frozen=True, eq=False)
 class VoxelGrid:
-    """A bone in its rest pose as a uniform grid of cells; everything beyond the grid is outside."""
+    """A bone in rest pose as a grid of cells.
+
+    The grid is uniform; everything beyond the grid is outside.
+    """
 
     origin: Floats  # (3,), lowest corner of cell (0, 0, 0) [mm]
     spacing: Floats  # (3,), size of a cell [mm]
     cells: Cells  # (nx, ny, nz), OUTSIDE, BOUNDARY (a triangle meets it) or INSIDE; outermost OUTSIDE
 
     def contains(self, points: Floats) -> Bools:
-        """Return whether each point (n, 3) [mm, rest pose] lies in a boundary or inside cell, (n,).
+        """Return whether points lie in boundary or inside cells.
 
-        A point on a face lies in two cells, and both have to be.
+        Points are (n, 3) [mm, rest pose], the result (n,). A point on a face lies in two cells; both cells
+        must be boundary or inside.
         """
         at = (np.asarray(points, dtype=np.float64) - self.origin) / self.spacing
         found: Bools = np.asarray(((at >= 0.0) & (at < self.cells.shape)).all(axis=1))
@@ -80,17 +84,17 @@ def build_voxel_grid(
     n_equal: int | None = None,
     what: str = "voxels",
 ) -> VoxelGrid:
-    """Return the voxels of a closed surface, points (n, 3) and triangles (m, 3) at rest, and a layer more.
+    """Return the voxels of a closed surface.
 
-    The bounding box is divided into cells: about ``n_max`` near-cubes, or ``n_equal`` along each axis. Cells
-    that a triangle meets are the boundary. Cells that cannot be reached from beyond the box without crossing
-    the boundary are inside, also those of a hollow, or behind a hole too narrow for the cells. Holes in the
-    surface are closed first.
+    Points are (n, 3), triangles (m, 3) at rest; a layer of cells is added. The bounding box is divided into
+    cells: about ``n_max`` near-cubes, or ``n_equal`` along each axis. Cells that a triangle meets are the
+    boundary. Cells that cannot be reached from beyond the box without crossing the boundary are inside, also
+    cells in a hollow or behind a hole too narrow for the cells. Holes in the surface are closed first.
 
     Warns
     -----
     UserWarning
-        If the surface is open, inside out or encloses no volume; names ``what`` and says how it was mended.
+        If the surface is open, inside out or encloses no volume; the warning names ``what`` and the mending.
 
     Raises
     ------
@@ -119,7 +123,7 @@ def build_voxel_grid(
 
 
 def _shared_out(sides: Floats, n_max: int) -> Ints:
-    """Return the number of cells along each side of a box, at least 1, for about n_max nearly cubic cells."""
+    """Return the cells per side of a box, at least 1, for about n_max near-cubes."""
     counts = np.ones(3, dtype=np.int64)
     active = np.ones(3, dtype=np.bool_)
     while active.any():
@@ -134,11 +138,12 @@ def _shared_out(sides: Floats, n_max: int) -> Ints:
 
 @array_kernel
 def _mark_boundary(corners: Floats, cells: Cells) -> None:
-    """Mark the cells (nx, ny, nz) that a triangle meets, in place; corners (m, 3, 3) are in units of cells.
+    """Mark the cells that a triangle meets.
 
-    Separating axes for a triangle and a box, Akenine-Moller 2001, *Fast 3D triangle-box overlap testing*,
-    doi:10.1080/10867651.2001.10487535: the triangle's plane, the box's three axes (by the choice of the cells
-    that are tried) and the nine products of edges with axes.
+    Cells (nx, ny, nz) are changed in place; corners (m, 3, 3) are in units of cells. Separating axes for a
+    triangle and a box, Akenine-Moller 2001, *Fast 3D triangle-box overlap testing*,
+    doi:10.1080/10867651.2001.10487535: the triangle's plane, the box's three axes (by the choice of the tried
+    cells) and the nine products of edges with axes.
     """
     half = 0.5 + _OVERLAP_SLACK
     first, last = np.empty(3, np.int64), np.empty(3, np.int64)
@@ -184,10 +189,10 @@ def _mark_boundary(corners: Floats, cells: Cells) -> None:
 def _edge_misses(
     edge_u: float, edge_v: float, other_u: float, other_v: float, du: float, dv: float, half: float
 ) -> bool:
-    """Return True where the normal of an edge, in a coordinate plane, separates triangle and square.
+    """Return whether an edge's normal separates triangle and square.
 
-    (edge_u, edge_v) is on the edge of direction (du, dv), (other_u, other_v) the corner opposite; the square
-    is centred at 0, with sides of 2 half.
+    Triangle and square are seen in a coordinate plane: (edge_u, edge_v) is on the edge of direction (du, dv),
+    (other_u, other_v) the corner opposite; the square is centred at 0, with sides of 2 half.
     """
     p, q = dv * edge_u - du * edge_v, dv * other_u - du * other_v
     reach = half * (abs(du) + abs(dv))
@@ -195,10 +200,11 @@ def _edge_misses(
 
 
 def _flood_outside(cells: Cells) -> None:
-    """Mark as outside, in place, the cells reached from the corner (0, 0, 0) without entering the boundary.
+    """Mark cells reached from the corner as outside.
 
-    Kohout and Cervenka fill "with 8-directions", the diagonal neighbourhood of a plane, which leaves space
-    open. We go to the 6 face neighbours: no step passes between two boundary cells that meet in an edge.
+    The flood starts at (0, 0, 0), works in place, and does not enter the boundary. Kohout and Cervenka fill
+    "with 8-directions", the diagonal neighbourhood of a plane; space is left open. We go to the 6 face
+    neighbours: no step passes between two boundary cells that meet in an edge.
     """
     from scipy.ndimage import label  # noqa: PLC0415 -- only the published model has voxels
 
@@ -207,18 +213,19 @@ def _flood_outside(cells: Cells) -> None:
 
 
 class VoxelContact:
-    """Keeps the free points of a muscle out of the voxels of bones.
+    """Keeps a muscle's free points out of bone voxels.
 
     Parameters
     ----------
     bones : mapping of int to Bone
-        By their index among the transforms; the voxels of a bone are made when a muscle first meets its box.
+        Bones by index among the transforms; the voxels of a bone are made when a muscle first meets the
+        bone's box.
     free : (n,) bool array
         Points that may be moved.
     n_max, n_equal
         As of :func:`build_voxel_grid`.
     bone_push : bool
-        Whether a bone takes points along that it moved over.
+        Whether a bone takes along the points that the bone moved over.
     """
 
     def __init__(
@@ -245,9 +252,10 @@ class VoxelContact:
     def at(
         self, now: Floats, neighbours: Sequence[Neighbour], centre: Floats, before: Floats, x: Floats
     ) -> Callable[[Floats], Bools]:
-        """Return the contact in a step of the bones to now, (b, 4, 4), from their transforms before.
+        """Return the contact in a step of the bones.
 
-        Positions, also those before the step, x (n, 3), are relative to a centre (3,) in the scene.
+        The step leads to transforms now, (b, 4, 4), from the transforms before. Positions, also the positions
+        x (n, 3) before the step, are relative to a centre (3,) in the scene.
         """
         met = np.empty(len(self._bones), dtype=np.bool_)
         muscles = MuscleContact(neighbours, self._free, centre) if neighbours else None
@@ -275,14 +283,15 @@ class VoxelContact:
 def resolve_collisions(
     grid: VoxelGrid, now: Floats, step: Floats, x: Floats, p: Floats, free: Bools, *, bone_push: bool
 ) -> Bools:
-    """Move the predicted positions p that are in a bone out of it, in place; return which were moved, (n,).
+    """Move predicted positions out of a bone.
 
-    Kohout and Cervenka 2021, section 3.2. A point whose predicted position is in a boundary or inside cell
-    collides (but see :data:`~vtkmuscle.core.pbd.voxels.ON_A_FACE`). If its previous position x is
-    outside the bone as the bone is now (scenario one, the muscle hits the bone), the segment from p to x is
-    followed to the first outside cell: if x is in that cell p becomes x, else p becomes the point where the
-    segment enters the cell. If not (scenario two, the bone hits the muscle), p becomes x moved by the bone's
-    step; ``bone_push`` of False leaves p as it is then (section 4.2, the iliacus).
+    Positions p are changed in place; the moved points, (n,), are returned. Kohout and Cervenka 2021, section
+    3.2. A point with its predicted position in a boundary or inside cell collides (but see
+    :data:`~vtkmuscle.core.pbd.voxels.ON_A_FACE`). If the point's previous position x is outside the bone's
+    present pose (scenario one, the muscle hits the bone), the segment from p to x is followed to the first
+    outside cell: if x is in the outside cell p becomes x, else p becomes the point where the segment enters
+    the cell. If not (scenario two, the bone hits the muscle), p becomes x moved by the bone's step;
+    ``bone_push`` of False then leaves p unchanged (section 4.2, the iliacus).
 
     now, step : (4, 4), of the bone to now, from rest and from the previous frame;  x, p : (n, 3) [mm]; free :
     (n,), points that may be moved.
@@ -331,7 +340,7 @@ def _resolve(
 
 @kernel
 def _in_bone(cells: Cells, origin: Floats, spacing: Floats, at: Floats) -> bool:
-    """Return whether a position lies in a cell of the bone; at : (3,) [mm], turned into units of cells."""
+    """Return whether ``at`` (3,) [mm], turned into units of cells, is in the bone."""
     within = True
     for k in range(3):
         at[k] = (at[k] - origin[k]) / spacing[k]
@@ -349,12 +358,13 @@ def _in_bone(cells: Cells, origin: Floats, spacing: Floats, at: Floats) -> bool:
 
 @array_kernel
 def _traverse(cells: Cells, start: Floats, end: Floats, stop: Floats) -> bool:
-    """Follow a segment, cell by cell, from a cell of the bone to the first outside cell.
+    """Follow a segment to the first outside cell.
 
-    Amanatides, Woo 1987, *A fast voxel traversal algorithm for ray tracing*, doi:10.2312/egtp.19871000. The
-    number of steps along each axis is known from the end cells, so rounding changes the order of two nearly
-    simultaneous steps at most, never where the walk ends. start, end : (3,) in units of cells, the end
-    outside. Returns True where the end is in the first outside cell; else stop (3,) is written.
+    The segment starts in a cell of the bone and is followed cell by cell. Amanatides, Woo 1987, *A fast voxel
+    traversal algorithm for ray tracing*, doi:10.2312/egtp.19871000. The end cells give the number of steps
+    along each axis, so rounding changes the order of two nearly simultaneous steps at most, never the end of
+    the walk. start, end : (3,) in units of cells, the end outside. Returns True where the end is in the first
+    outside cell; else stop (3,) is written.
     """
     cell, left = np.empty(3, np.int64), np.empty(3, np.int64)
     for k in range(3):

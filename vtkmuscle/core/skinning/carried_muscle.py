@@ -1,4 +1,7 @@
-"""A muscle's surface carried by its paths, or by its bones where it has none, then settled."""
+"""A muscle's surface carried by paths, then settled.
+
+Bones carry a muscle without paths.
+"""
 
 from __future__ import annotations
 
@@ -44,18 +47,19 @@ class CarriedPose:
 
 
 class CarriedMuscle:
-    """A muscle that moves with its paths by skinning, then settles.
+    """A muscle that moves with paths, then settles.
 
-    A muscle without paths is carried by the motions of its bones, blended by harmonic weights.
+    Skinning moves the muscle with the paths. A muscle without paths is carried by the motions of the muscle's
+    bones, blended by harmonic weights.
 
     Parameters
     ----------
     muscle : FixedMuscle
-        The muscle at rest; its fibres give the directions of the shape report.
+        The muscle at rest; the fibres give the directions of the shape report.
     paths : (f, n, 3) array or None
-        Its paths at rest [mm].
+        The muscle's paths at rest [mm].
     bones : mapping of int to Bone
-        Bones that the surface is kept out of, by their index among the transforms.
+        Bones that the surface is kept out of, by index among the transforms.
     clearance : float, optional
         Distance that the surface keeps from the bones [mm].
 
@@ -118,7 +122,10 @@ class CarriedMuscle:
         return CarriedPose(settled.surface, carried, settled.colliding, skinned)
 
     def fibre_points(self, pose: CarriedPose, fibres: Lines) -> Floats:
-        """Return the points (p, 3) of fibres, each with its path, before the muscle settles [mm]."""
+        """Return the points of fibres before the muscle settles.
+
+        Points are (p, 3) [mm]; each fibre goes with the fibre's path.
+        """
         assert self._skinning is not None
         assert pose.skinned is not None
         return pose.skinned.points(self._skinning.weights_of_fibres(*fibres))

@@ -1,4 +1,4 @@
-"""Diffusion of vectors over a surface: what smooths a displacement."""
+"""Diffusion of vectors over a surface, to smooth displacements."""
 
 from __future__ import annotations
 
@@ -19,17 +19,18 @@ PLAIN = 0.5
 
 
 class Diffusion:
-    """The heat equation dv/dt = Laplacian v on a surface at rest, for vectors at its points.
+    """The heat equation for vectors on a surface.
 
-    Each point goes towards the mean of its neighbours by the cotangent weights
-    (:func:`~vtkmuscle.core.mesh.harmonic.cotangent_laplacian`), which leave a field alone that is linear over
-    a flat part of the mesh, however irregular its triangles are.
+    The equation is dv/dt = Laplacian v, for vectors at the points of a surface at rest. Each point goes
+    towards the mean of its neighbours by the cotangent weights
+    (:func:`~vtkmuscle.core.mesh.harmonic.cotangent_laplacian`). A field that is linear over a flat part of
+    the mesh stays unchanged, however irregular the triangles are.
 
     Attributes
     ----------
     time_unit : float
-        Unit of the times of :meth:`spread`: the median over the points of their area over the sum of their
-        weights, a quarter of a squared edge length where triangles are equilateral [mm^2].
+        Unit of the times of :meth:`spread`: the median over the points of a point's area over the sum of the
+        point's weights, a quarter of a squared edge length where triangles are equilateral [mm^2].
     """
 
     def __init__(self, points: Floats, triangles: Ints) -> None:
@@ -51,15 +52,17 @@ class Diffusion:
         self._memory = np.empty((3, len(points), 3))
 
     def spread(self, vectors: Floats, time: float, inside: Bools, *, insulated: bool = False) -> None:
-        """Let vectors (n, 3) diffuse, in place, at the points inside (n,); the others keep theirs.
+        """Let vectors diffuse in place at points inside.
 
-        By a Runge-Kutta-Legendre scheme of the first order, whose number of stages grows with the root of the
-        time, and which makes no new extremes: Meyer, Balsara, Aslam 2014, *A stabilized Runge-Kutta-Legendre
-        method for explicit super-time-stepping of parabolic and mixed equations*,
-        doi:10.1016/j.jcp.2013.08.021, section 2.
+        Vectors are (n, 3), ``inside`` is (n,); vectors of outside points stay. The scheme is
+        Runge-Kutta-Legendre of the first order. The number of stages grows with the root of the time, and the
+        scheme makes no new extremes: Meyer, Balsara, Aslam 2014, *A stabilized Runge-Kutta-Legendre method
+        for explicit super-time-stepping of parabolic and mixed equations*, doi:10.1016/j.jcp.2013.08.021,
+        section 2.
 
-        The time is in units of :attr:`time_unit`, >= 0. ``insulated``: the others have no part in it, so that
-        the points inside keep what they have together.
+        The time is in units of :attr:`time_unit`, >= 0. ``insulated``: outside points have no part in the
+        diffusion, so that the points inside keep the sum of their vectors, weighted by the points' total
+        cotangent weights.
         """
         weights, totals = self._weights, self._totals
         if insulated:
@@ -98,7 +101,10 @@ def _relax(
     inside: Bools,
     result: Floats,
 ) -> None:
-    """Write a one + b other + step (weighted sum of v's neighbours - total weight v) inside, v elsewhere."""
+    """Write a stage of the diffusion inside, v elsewhere.
+
+    The stage is a ``one`` + b ``other`` + step (weighted sum of v's neighbours - total weight v).
+    """
     for i in range(len(v)):
         if inside[i]:
             x, y, z = -totals[i] * v[i, 0], -totals[i] * v[i, 1], -totals[i] * v[i, 2]

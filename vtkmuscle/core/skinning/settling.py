@@ -1,4 +1,7 @@
-"""A muscle where its paths carry it, settled: its volume kept, out of the bones, smooth."""
+"""A carried muscle, settled.
+
+The settled muscle has the rest volume, is out of the bones, and is smooth.
+"""
 
 from __future__ import annotations
 
@@ -35,7 +38,7 @@ LAST_PASSES, VOLUME_TOLERANCE = 30, 1e-10
 
 
 class Volume:
-    """The volume of a muscle, which is given back to it.
+    """Restores the volume of a muscle.
 
     Parameters
     ----------
@@ -53,13 +56,19 @@ class Volume:
         self._gradient: Floats = np.empty_like(shape.points)
 
     def restore(self, points: Floats, held: Bools | None = None) -> float:
-        """Move points (n, 3), but those held, towards the rest volume; return its relative error before."""
+        """Move points towards the rest volume.
+
+        Points (n, 3) that are held stay. Return the relative error of the volume before.
+        """
         mass = self._mass if held is None else np.where(held, 0.0, self._mass)
         volume = project_volume(points, mass, self._triangles, self._rest, self._floor, self._gradient)
         return abs(volume / self._rest - 1.0)
 
     def finish(self, points: Floats, keep_out: Callable[[Floats], Bools]) -> Bools:
-        """Take points out of the bones, and the volume that costs from the others; return those held."""
+        """Take points out of the bones.
+
+        The remaining points give back the lost volume; return the held points.
+        """
         held = np.zeros(len(points), dtype=np.bool_)
         for _ in range(LAST_PASSES):
             new = keep_out(points) & ~held
@@ -72,22 +81,25 @@ class Volume:
 
 @dataclass(frozen=True, eq=False)
 class SettlingResult:
-    """The points (n, 3) of a settled muscle [mm], and how many of them bones or other muscles hold off."""
+    """The points (n, 3) of a settled muscle [mm].
+
+    The result also has the number of points that bones or other muscles hold off.
+    """
 
     surface: Floats
     colliding: int
 
 
 class Settling:
-    """Moves a muscle's surface off the bones and to its volume, as smoothly as that goes.
+    """Moves a muscle's surface smoothly off bones.
 
-    What moves a point away from where it is carried is its *displacement*. Volume and bones ask for some; in
-    each round it diffuses over the surface
-    (:class:`~vtkmuscle.core.skinning.diffusion.Diffusion`), and then they ask again. This descends the
-    membrane energy of the displacement (Botsch, Sorkine 2008, *On linear variational surface deformation
-    methods*, doi:10.1109/TVCG.2007.1054, section 3) under these constraints, for a given time, which the
-    rounds cut into steps. Volume and bones come last. The result depends on what is given and on nothing
-    before.
+    The surface also moves to the rest volume. The offset of a point from the carried position is the
+    point's *displacement*. Volume and bones ask for displacements; in each round the displacement diffuses
+    over the surface (:class:`~vtkmuscle.core.skinning.diffusion.Diffusion`), and then volume and bones ask
+    again. The rounds descend the membrane energy of the displacement (Botsch, Sorkine 2008, *On linear
+    variational surface deformation methods*, doi:10.1109/TVCG.2007.1054, section 3) under the constraints of
+    volume and bones, for a given time; the rounds cut the time into steps. Volume and bones come last. The
+    result depends on the arguments alone, not on earlier results.
 
     Parameters
     ----------
@@ -133,7 +145,7 @@ class Settling:
         Parameters
         ----------
         carried : (n, 3) array
-            Its points as the paths carry them [mm]; those that are fixed go with their bones.
+            The muscle's points as the paths carry the points [mm]; fixed points go with their bones.
         transforms : (b, 4, 4) array
             Of the bones, rest to now.
         rounds : int
@@ -141,7 +153,7 @@ class Settling:
         neighbours : sequence of Neighbour, optional
             Other muscles now, to keep the free points out of.
         progress : callable, optional
-            Called after each round with the part that is done; may raise, to stop.
+            Called after each round with the finished part; may raise, to stop.
         """
         carried = carried.copy()
         for bone, fixed in self._fixed:
@@ -165,8 +177,9 @@ class Settling:
     def _leave_bones(self, points: Floats, touching: PoseContact) -> None:
         """Move points out of the bones, in place.
 
-        Each point goes to the nearest side of the bone. Where that would tear a muscle in two that is carried
-        across a bone, the ways out diffuse first among the points in it, which so go the same way.
+        Each point goes to the nearest side of the bone. Where the nearest sides would tear a muscle carried
+        across a bone in two, the ways out diffuse first among the points in the bone, and so the points go
+        the same way.
         """
         out = points.copy()
         inside = touching.keep_out(out)
@@ -186,7 +199,10 @@ class Settling:
 
 @kernel
 def _torn(points: Floats, way: Floats, inside: Bools, edges: Ints) -> bool:
-    """Return whether opposite ways (n, 3) take two neighbours inside (n,) apart by more than their edge."""
+    """Return whether opposite ways tear two neighbours apart.
+
+    Ways are (n, 3), ``inside`` is (n,). Torn neighbours part by more than the length of their edge.
+    """
     for e in range(len(edges)):
         i, j = edges[e, 0], edges[e, 1]
         if inside[i] and inside[j]:
@@ -202,7 +218,10 @@ def _torn(points: Floats, way: Floats, inside: Bools, edges: Ints) -> bool:
 
 @kernel
 def _advance(points: Floats, out: Floats, direction: Floats, inside: Bools) -> None:
-    """Move the points inside (n,), in place, by how far out of the bone they are, but in a direction."""
+    """Move points along a direction, in place.
+
+    The points inside (n,) move by their distance out of the bone.
+    """
     for i in range(len(points)):
         if inside[i]:
             depth = 0.0

@@ -1,4 +1,7 @@
-"""A muscle taken along by its paths: linear blend skinning with frames by shape matching."""
+"""A muscle skinned to its paths.
+
+The method is linear blend skinning with frames by shape matching.
+"""
 
 from __future__ import annotations
 
@@ -33,7 +36,9 @@ LEAST_APART = 1e-3
 
 
 class SkinningWeights(NamedTuple):
-    """The points of paths that take p points along, and their weights.
+    """The carriers of points, and the carriers' weights.
+
+    Points of paths carry p points along.
 
     Attributes
     ----------
@@ -51,14 +56,15 @@ class SkinningWeights(NamedTuple):
 
 
 class Skinning:
-    """Takes a muscle along with its paths, before it settles.
+    """Takes a muscle along with its paths.
 
-    Around each point of a path the muscle turns as the points beside it have turned together (shape matching;
-    Müller, Heidelberger, Teschner, Gross 2005, doi:10.1145/1073204.1073216), is as much longer along the path
-    as this is, and thinner across by as much as keeps its volume. A point of the surface goes with the paths
-    nearest to it, with each by the four points about its place beside that, weighted by a cubic B-spline: the
-    surface is as smooth along the paths as these, however few points they have. Near the fixed points it goes
-    with the bone. At rest nothing moves.
+    The muscle settles afterwards. Around each point of a path the muscle turns as the neighbouring points
+    have turned together (shape matching; Müller, Heidelberger, Teschner, Gross 2005,
+    doi:10.1145/1073204.1073216). The muscle lengthens along the path as the path does, and thins across to
+    keep the volume. A point of the surface goes with the nearest paths, with each path by the four path
+    points about the surface point's place along the path, weighted by a cubic B-spline: along the paths the
+    surface is as smooth as the paths, however few points the paths have. Near the fixed points the surface
+    goes with the bone. At rest nothing moves.
 
     Parameters
     ----------
@@ -69,7 +75,7 @@ class Skinning:
     surface : (v, 3) array
         The muscle at rest [mm].
     fixed_to : (v,) int array
-        Bone that each point is fixed to, -1 for free ones.
+        Bone that each point is fixed to, -1 for free points.
     thickness : float
         Mean thickness of the muscle [mm].
     """
@@ -105,7 +111,10 @@ class Skinning:
         self._with_bone: Floats = np.exp(-0.5 * (2.0 * apart / thickness) ** 2)
 
     def _means_beside(self, values: Floats) -> Floats:
-        """Return the weighted means of values (f n, ...) over the points beside each point of a path."""
+        """Return the weighted means of neighbouring values.
+
+        The values (f n, ...) are at the points beside each point of a path.
+        """
         means: Floats = self._across @ (self._along @ values)
         return means
 
@@ -136,8 +145,9 @@ class Skinning:
         return SkinningWeights(np.ascontiguousarray(points), carriers, weights.compress(used, axis=1))
 
     def weights_of_fibres(self, points: Floats, offsets: Ints) -> SkinningWeights:
-        """Return the weights of points (p, 3) of the fibres that paths were made from, each with its path.
+        """Return the weights of points of fibres.
 
+        Points are (p, 3); the paths were made from the fibres, and each fibre goes with the fibre's path.
         ``offsets`` (f + 1,) are the numbers of the first point of each fibre, and p.
         """
         n = len(self._rest) // len(self._lengths)
@@ -152,7 +162,10 @@ class Skinning:
         return SkinningWeights(np.ascontiguousarray(points), carriers, weights)
 
     def at(self, paths: Floats, transforms: Floats) -> SkinnedMuscle:
-        """Return the muscle in a pose: paths (f, n, 3) [mm] and bones' transforms (b, 4, 4), rest to now."""
+        """Return the muscle in a pose.
+
+        Paths are (f, n, 3) [mm]; the bones' transforms (b, 4, 4) lead from rest to now.
+        """
         n = paths.shape[1]
         stretch = path_widths(paths, self._lengths) ** -2
         part = np.linspace(0.0, 1.0, n)
@@ -183,16 +196,16 @@ class Skinning:
 
 
 class SkinnedMuscle(NamedTuple):
-    """A muscle as its paths take it along in a pose.
+    """A muscle taken along by paths in a pose.
 
     Attributes
     ----------
     rest, nodes : (f n, 3) arrays
         Points of the paths at rest and now [mm].
     frames : (f n, 3, 3) array
-        How the muscle turns and stretches about each.
+        Turn and stretch of the muscle about each point.
     surface : (v, 3) array
-        Points of its surface [mm].
+        Points of the muscle's surface [mm].
     """
 
     rest: Floats
@@ -208,9 +221,10 @@ class SkinnedMuscle(NamedTuple):
 
 
 def falling_weights(distances: Floats, least: float) -> Floats:
-    """Return weights for distances (m, k), ascending: Gaussian, 0 at the last, rows sum to 1.
+    """Return Gaussian weights that fall with distance.
 
-    Distances below ``least`` are all the same.
+    Distances are (m, k), ascending; the last weight is 0, and rows sum to 1. Distances below ``least`` count
+    as equal.
     """
     width = np.maximum(distances[:, -1:] / 2.0, least)
     values = less_the_last(np.exp(-0.5 * (distances / width) ** 2))
@@ -219,10 +233,11 @@ def falling_weights(distances: Floats, least: float) -> Floats:
 
 
 def _places_beside(points: Floats, paths: Floats, near: Ints, count: int) -> tuple[Ints, Floats, Floats]:
-    """Return so many paths nearest to points (v, 3), ascending, their distances and the places along them.
+    """Return the paths nearest to points.
 
-    ``near`` (v, k) are the paths of points nearby, ascending by distance; a path that has none among these is
-    infinitely far.
+    ``count`` paths per point come ascending, for points (v, 3), with their distances and the places along the
+    paths. ``near`` (v, k) are the paths of points nearby, ascending by distance; a path without points in
+    ``near`` is infinitely far.
     """
     found = np.empty((len(points), count), dtype=np.int64)
     apart, at = np.full(found.shape, np.inf), np.zeros(found.shape)
@@ -241,10 +256,11 @@ def _places_beside(points: Floats, paths: Floats, near: Ints, count: int) -> tup
 
 
 def _place_beside(points: Floats, path: Floats) -> tuple[Floats, Floats]:
-    """Return the distances of a path (n, 3) from points (v, 3), and their places along it, in segments.
+    """Return a path's distances and places beside points.
 
-    The place is the mean of the path's points, weighted by a Gaussian of their distances as wide as a
-    segment. Beside a straight path that is the nearest place. A curved one may have two: it does not choose.
+    The path is (n, 3), the points are (v, 3), and places are along the path, in segments. The place is the
+    mean of the path's points, weighted by a Gaussian of the distances as wide as a segment. Beside a straight
+    path the mean is the nearest place. A curved path may have two nearest places: the mean does not choose.
     """
     steps = np.diff(path, axis=0)
     lengths2 = (steps**2).sum(axis=1)
@@ -266,7 +282,10 @@ def _skin(
     points: Floats,
     moved: Floats,
 ) -> None:
-    """Write the weighted means of the places to which its carriers take each point."""
+    """Write points moved by their carriers.
+
+    Each moved point is the weighted mean of the places to which the point's carriers take the point.
+    """
     for v in range(len(points)):
         x, y, z = 0.0, 0.0, 0.0
         for j in range(carriers.shape[1]):
