@@ -259,13 +259,13 @@ def test_what_a_muscle_depends_on_is_in_its_key(scene):
     moved = with_points(scene.bones["upper"], points_of(scene.bones["upper"]) - np.array([0.0, 0.0, 0.01]))
     area, *others = scene.muscles["thin"].attachments
     landmarks = replace(area, landmarks=np.asarray(area.landmarks) * (1.0, 0.99, 1.0))
-    thin = scene.muscles["thin"].surface
+    thin, one = scene.muscles["thin"].surface, {"spindle": scene.muscles["spindle"]}
     for changed, expected in (
         (replace(scene, bones={**scene.bones, "upper": moved}), everything),
         (replace(scene, motion=scene.motion.part(range(4))), everything),
         (replace(scene, solver={"iterations": 2}), everything),
         (replace(scene, quality="preview"), everything),
-        (replace(scene, deformer="none", muscles={"spindle": scene.muscles["spindle"]}), everything),
+        (replace(scene, deformer="none", solver={}, muscles=one), everything),
         (with_thin(fixing={"distance": 2.0}), {"thin"}),
         (with_thin(attachments=(landmarks, *others)), {"thin"}),
         (with_thin(surface=with_points(thin, points_of(thin) * (0.999, 1.0, 1.0))), {"thin"}),
@@ -447,7 +447,7 @@ def test_sense_is_not_checked_where_that_is_asked_for(scene):
         RigidMotion(scene.motion.times, {"lower": turned}),
         {"spindle": scene.muscles["spindle"]},
     )
-    lost = replace(scene, motion=motion, muscles=muscles, deformer="none")
+    lost = replace(scene, motion=motion, muscles=muscles, deformer="none", solver={})
     with pytest.raises(SceneError, match="would tear"):
         lost.run(frames="0:1")
     assert len(lost.run(frames="0:1", sense=False).times) == 1

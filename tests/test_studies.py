@@ -160,9 +160,9 @@ def test_settings_of_the_solver_are_varied_over_those_of_a_muscle(scene):
     own = replace(scene.muscles["spindle"], solver={"iterations": 2})
     scene = replace(scene, muscles={"spindle": own}, deformer="pbd")
     table = vtkmuscle.vary(scene, workers=1, frames="0:2", iterations=[1, 2, 30])
-    assert len(set(table["length_mm"])) == 3
-    lengths = scene.run(frames="0:2").lengths["spindle"]
-    assert table["length_mm"][1] == pytest.approx(lengths.mean(), rel=1e-12)
+    assert len(set(table["fibre_length_mm"])) == 3
+    lengths = scene.run(frames="0:2").fibre_lengths["spindle"]
+    assert table["fibre_length_mm"][1] == pytest.approx(lengths.mean(), rel=1e-12)
 
 
 def test_settings_of_the_paths_are_varied(scene):

@@ -1,7 +1,4 @@
-"""The result of a run, as a whole and by muscle.
-
-A result has frames, tables, figures and a page.
-"""
+"""The result of a run: its frames, tables, figures and page, as a whole and by muscle."""
 
 from __future__ import annotations
 
@@ -27,48 +24,47 @@ _MOST_LISTED = 8
 
 
 class Result(ResultData):
-    """The muscles, fibres and bones of a run by frame.
+    """The muscles, fibres and bones of a run, frame by frame, and its report.
 
-    The report is part of the result. Frames of a run with a folder stay in the folder's files, and are read
-    on demand; numbers are in memory.
+    Frames of a run that wrote to a folder stay in its files, and are read from there when they are asked for;
+    numbers are in memory.
 
     Parameters
     ----------
     bones : vtkMultiBlockDataSet
         The bones at rest.
     motion : RigidMotion
-        Motion of the bones.
+        How they move.
     tracks : dict of str to MuscleTrack
         The finished frames of each muscle.
     report : dict
-        The report of the run; ``report["definitions"]`` defines each number.
+        The report of the run; ``report["definitions"]`` says what each number means.
     literature : mapping of str to sequence of LiteratureCurve, optional
         Published moment arms per muscle.
     crosses : mapping of str to sequence of str, optional
-        Coordinates of the motion crossed by each muscle, if known.
+        Coordinates of the motion that each muscle crosses, where that is known.
 
     Attributes
     ----------
     report, motion, literature, crosses
         As given.
     name, units : str
-        Name and unit of the scene; all coordinates are in the unit.
+        Of the scene; the unit is that of all coordinates.
     frames : list of int
         Numbers of the kept frames in the motion, counted from 0.
     times : list of float
-        Pipeline times of the kept frames.
+        Their pipeline times.
     time_label : str
-        Label of the times: a coordinate with a unit if the times are a coordinate.
+        The label of the times: a coordinate with its unit where they are one.
     muscle_names : list of str
         In the order of the scene.
     verdicts : dict of str to str
-        Of each muscle ``"ok"``, ``"look"`` or ``"failed"``; the reasons are in
-        ``report["muscles"][NAME]["verdict"]``.
+        Of each muscle ``"ok"``, ``"look"`` or ``"failed"``; ``report["muscles"][NAME]["verdict"]`` says why.
     lengths : dict of str to (frames, fibres) array
-        Of the paths of muscles with fibres [mm]: musculotendon lengths, bone to bone; a row per
-        finished frame. A path and the path's fibre share a number.
+        Of the paths of the muscles that have fibres [mm]: musculotendon lengths, bone to bone; a row per
+        finished frame. A path has the number of its fibre.
     fibre_lengths : dict of str to (frames, fibres) array
-        Of the fibres [mm]; a row per finished frame.
+        Of the fibres themselves, likewise.
 
     Examples
     --------
@@ -98,7 +94,7 @@ class Result(ResultData):
 
     @classmethod
     def load(cls, folder: str | PathLike[str]) -> Self:
-        """Read the result of a finished run from a folder.
+        """Read the result of a finished run back from its folder.
 
         Parameters
         ----------
@@ -108,13 +104,13 @@ class Result(ResultData):
         Returns
         -------
         Result
-            Equal to the run's result. All files are checked; frames are read at first access.
+            The same as the run gave. All files are checked; frames are read when they are first asked for.
 
         Raises
         ------
         ValueError
-            If the folder is not the folder of a run, the run did not end, or a file is missing or changed
-            since the run; the message names the fault.
+            If it is not the folder of a run, the run did not end, or a file in it is missing or is not what
+            the run wrote; the message says which.
 
         Examples
         --------
@@ -129,10 +125,7 @@ class Result(ResultData):
         return cls(**ResultFolder(Path(folder)).result())
 
     def __getitem__(self, name: str) -> MuscleResult:
-        """Return a muscle of the result.
-
-        As in ``result["iliacus"].fibre_lengths``.
-        """
+        """Return one muscle of the result: ``result["iliacus"].fibre_lengths``."""
         return MuscleResult(self, name)
 
     @property
@@ -157,23 +150,23 @@ class Result(ResultData):
         show: bool = True,
         off_screen: bool | None = None,
     ) -> Any:
-        """Show the scene in a window or notebook cell.
+        """Show the scene in a window, or in a cell of a notebook.
 
         Parameters
         ----------
         frame, time : int, float, optional
-            Number or time of a kept frame; by default a slider goes through all kept frames.
+            Of one kept frame; without either, a slider goes through all of them.
         muscles : str or sequence of str, optional
-            Muscles to show; default all.
+            Which to show; default all.
         show : bool, optional
-            False to get the plotter before showing, for additions or captures.
+            False to get the plotter before it is shown, to add to it or to capture it.
         off_screen : bool, optional
             Draw without a window; PyVista's own setting by default.
 
         Returns
         -------
         pyvista.Plotter or None
-            The plotter with ``show=False``.
+            The plotter where it is not shown.
 
         Raises
         ------
@@ -205,11 +198,11 @@ class Result(ResultData):
         Parameters
         ----------
         path : path
-            A .gif or an .mp4; an existing file is replaced. An .mp4 needs the extra ``movie``.
+            A .gif, or an .mp4, which needs the extra ``movie``; replaced where it exists.
         fps : float, optional
             Frames per second.
         muscles : str or sequence of str, optional
-            Muscles to show; default all.
+            Which to show; default all.
         size : (int, int), optional
             Width and height [pixels], even numbers.
 
@@ -229,45 +222,41 @@ class Result(ResultData):
     def write_figures(
         self, folder: str | PathLike[str], *, form: str = "png", dpi: float = 150.0
     ) -> list[Path]:
-        """Draw the figures of a run again.
-
-        Rest pose, muscles, lengths and moment arms.
+        """Draw the figures of a run again: rest pose, muscles, lengths, moment arms.
 
         Parameters
         ----------
         folder : path
-            Created if missing.
+            Made where it does not exist.
         form : str, optional
-            ``"png"``; or ``"pdf"`` or ``"svg"`` with curves and letters as vector graphics.
+            ``"png"``; or ``"pdf"`` or ``"svg"``, in which curves and letters are drawn as such.
         dpi : float, optional
-            Pixels per inch of pictures, 20 to 2400; the size on paper stays.
+            Pixels per inch of pictures, 20 to 2400; their size on paper stays.
 
         Returns
         -------
         list of Path
-            ``rest_pose.png``, per muscle ``NAME_frames.png`` and with fibres ``NAME_lengths.png`` of the
-            paths, ``NAME_fibre_lengths.png``, and with moment arms ``NAME_moment_arms.png``.
+            ``rest_pose.png``, per muscle ``NAME_frames.png`` and (where it has fibres) ``NAME_lengths.png``
+            of its paths, ``NAME_fibre_lengths.png``, and ``NAME_moment_arms.png`` where there are some.
 
         Raises
         ------
         ValueError
             For another form or resolution.
         RuntimeError
-            If no picture can be rendered here; then no file is written.
+            If no picture can be rendered here; nothing is written then.
         """
         from vtkmuscle.run.figures import write_figures  # noqa: PLC0415 -- only figures need PyVista
 
         return write_figures(Path(folder), self.plain(), form=form, dpi=dpi)
 
     def write_report(self, path: str | PathLike[str]) -> Path:
-        """Write the page of the run.
-
-        The page has the scene to turn and move, curves, tables and verdicts.
+        """Write the page of the run: the scene to be turned and moved, curves, tables and verdicts.
 
         Parameters
         ----------
         path : path
-            The .html file; an existing file is replaced. The file is complete and needs no network.
+            The .html file; replaced where it exists. It holds all that it shows and needs no network.
 
         Raises
         ------
@@ -313,23 +302,23 @@ One = TypeVar("One")
 
 
 class MuscleResult:
-    """A muscle of a result: ``result["iliacus"]``.
+    """One muscle of a result, as ``result["iliacus"]`` gives it.
 
     Parameters
     ----------
     result : Result
         The result of all muscles.
     name : str
-        Name of the muscle.
+        The name of this one.
 
     Attributes
     ----------
     name, verdict : str
-        Name of the muscle, and ``"ok"``, ``"look"`` or ``"failed"``.
+        Its name, and ``"ok"``, ``"look"`` or ``"failed"``.
     reasons : tuple of str
-        Reasons of a verdict other than ok.
+        Why it is not ok.
     lengths, fibre_lengths : (frames, fibres) array
-        Of the paths and of the fibres [mm].
+        Of its paths and of its fibres [mm].
     moment_arms : mapping of str to JointArms
         By coordinate.
     architecture : mapping of str to object
@@ -360,37 +349,31 @@ class MuscleResult:
 
     @property
     def lengths(self) -> Floats:
-        """Lengths of the paths [mm]."""
+        """Of its paths [mm]."""
         return self._of(self._result.lengths, "paths")
 
     @property
     def fibre_lengths(self) -> Floats:
-        """Lengths of the fibres [mm]."""
+        """Of its fibres [mm]."""
         return self._of(self._result.fibre_lengths, "fibres")
 
     @property
     def moment_arms(self) -> Mapping[str, JointArms]:
-        """Moment arms by coordinate."""
+        """By coordinate."""
         return self._result.moment_arms()[self.name]
 
     @property
     def architecture(self) -> Mapping[str, Any]:
-        """Architecture at rest, by the report's definitions."""
+        """At rest, by the names of the report's definitions."""
         muscles = self._result.report["muscles"]
         return self._of({self.name: muscles[self.name].get("architecture")}, "fibres")
 
     def surface(self, *, frame: int | None = None, time: float | None = None) -> Any:
-        """Return the surface in a kept frame.
-
-        As ``result.muscle(name, frame=...)``.
-        """
+        """Return its surface in a kept frame, as ``result.muscle(name, frame=...)``."""
         return self._result.muscle(self.name, frame=frame, time=time)
 
     def fibres(self, *, frame: int | None = None, time: float | None = None) -> Any:
-        """Return the fibres in a kept frame.
-
-        As ``result.fibres(name, frame=...)``.
-        """
+        """Return its fibres in a kept frame, as ``result.fibres(name, frame=...)``."""
         return self._result.fibres(self.name, frame=frame, time=time)
 
     def __repr__(self) -> str:

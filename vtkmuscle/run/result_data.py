@@ -1,7 +1,4 @@
-"""The data of a run by frame or time, and tables.
-
-Surfaces, fibres, bones and moment arms.
-"""
+"""The data of a run: surfaces, fibres and bones by frame or time, moment arms, and tables."""
 
 from __future__ import annotations
 
@@ -34,10 +31,7 @@ from vtkmuscle.scene.data import MILLIMETRES
 
 
 class ResultData:
-    """The frames and tables of a run.
-
-    See :class:`vtkmuscle.Result` for the parameters.
-    """
+    """The frames and tables of a run; see :class:`vtkmuscle.Result` for its parameters."""
 
     def __init__(
         self,
@@ -74,53 +68,39 @@ class ResultData:
         self._mover.connect(0, bones)
 
     def plain(self) -> Self:
-        """Return an equal result with VTK's data sets.
-
-        PyVista's data sets are not used, so PyVista need not be loaded.
-        """
+        """Return the same result with VTK's data sets in place of PyVista's, which need not be loaded."""
         other = copy(self)
         other._wrap = lambda data: data
         return other
 
     @cached_property
     def lengths(self) -> Mapping[str, Floats]:
-        """Path lengths per muscle, (frames, fibres) [mm].
-
-        Of the finished frames.
-        """
+        """Per muscle the lengths of its paths in the finished frames, (frames, fibres) [mm]."""
         return _read_only({name: track.lengths for name, track in self._tracks.items()})
 
     @cached_property
     def fibre_lengths(self) -> Mapping[str, Floats]:
-        """Fibre lengths per muscle, (frames, fibres) [mm].
-
-        Of the finished frames.
-        """
+        """Per muscle those of its fibres, likewise."""
         return _read_only({name: track.fibre_lengths for name, track in self._tracks.items()})
 
     @property
     def has_moment_arms(self) -> bool:
-        """Whether the run has moment arms of any muscle."""
+        """Whether the run has found moment arms of any muscle."""
         return any(one.get("moment_arms") for one in self.report["muscles"].values())
 
     def finished(self, name: str) -> int:
-        """Return the number of finished frames of a muscle.
-
-        All kept frames, or the kept frames before a failed frame.
-        """
+        """Return how many of the kept frames a muscle has: all, or those before the one that failed."""
         return len(self.report["muscles"][name]["frames"])
 
     def muscle(self, name: str, *, frame: int | None = None, time: float | None = None) -> Any:
-        """Return a muscle in a kept frame.
-
-        The surface has the arrays of the muscle at rest (``FixedTo`` and the input arrays).
+        """Return a muscle in a kept frame, with the arrays it has at rest (``FixedTo`` and its own).
 
         Parameters
         ----------
         name : str
             Name of the muscle.
         frame, time : int, float, optional
-            A number among ``frames``, counted in the motion, or a time among ``times``.
+            One of ``frames``, the number in the motion, or one of ``times``.
 
         Returns
         -------
@@ -130,8 +110,8 @@ class ResultData:
         Raises
         ------
         ValueError
-            If the muscle or kept frame does not exist, the file of the frame is gone or changed, or the
-            scene's deformer is ``"none"``.
+            If there is no such muscle or kept frame, the file of the frame is gone or changed, or the scene's
+            deformer is ``"none"``.
         """
         i, track = self._position(frame, time), self._track(name)
         if self.report["deformer"] == "none":
@@ -144,10 +124,7 @@ class ResultData:
         return self._wrap(with_points(track.rest, points_of(track.surfaces[i])))
 
     def fibres(self, name: str, *, frame: int | None = None, time: float | None = None) -> Any:
-        """Return the fibres of a muscle in a kept frame.
-
-        None for a muscle without fibres; see :meth:`muscle`.
-        """
+        """Return the fibres of a muscle in a kept frame, None where it has none; see :meth:`muscle`."""
         i, track = self._position(frame, time), self._track(name)
         if not track.fibres and track.rest_fibres is None:
             return None
@@ -155,14 +132,12 @@ class ResultData:
         return self._wrap(track.fibres[i])
 
     def paths(self, name: str, *, frame: int | None = None, time: float | None = None) -> Paths:
-        """Return the paths of a muscle in a kept frame.
-
-        In the scene's unit; see :meth:`muscle`.
+        """Return the paths of a muscle in a kept frame, in the scene's unit; see :meth:`muscle`.
 
         Returns
         -------
         Paths
-            With ``lengths`` (k,), ``points`` (k, n, 3), and ``levers``: per coordinate the moment arms (k,).
+            Their ``lengths`` (k,), ``points`` (k, n, 3), and ``levers``: per coordinate the moment arms (k,).
         """
         i, track = self._position(frame, time), self._track(name)
         found = paths_of(self.fibres(name, frame=self.frames[i]), name) if track.lengths else None
@@ -171,22 +146,19 @@ class ResultData:
         return found
 
     def bones(self, *, frame: int | None = None, time: float | None = None) -> Any:
-        """Return the bones in a kept frame.
-
-        A block per bone, with the field array ``Transform``.
-        """
+        """Return the bones in a kept frame, a block each, with the field array ``Transform``."""
         moved = vtkMultiBlockDataSet()
         moved.ShallowCopy(self._mover.update(time=self.times[self._position(frame, time)]).output)
         return self._wrap(moved)
 
     def rest_muscle(self, name: str) -> Any:
-        """Return a muscle at rest, with ``FixedTo``."""
+        """Return a muscle at rest, with the point array ``FixedTo``."""
         rest = self._track(name).rest
         assert rest is not None  # a result is made when all muscles are done
         return self._wrap(rest)
 
     def rest_fibres(self, name: str) -> Any:
-        """Return the fibres of a muscle at rest, or None."""
+        """Return the fibres of a muscle at rest, None where it has none."""
         fibres = self._track(name).rest_fibres
         return None if fibres is None else self._wrap(fibres)
 
@@ -200,10 +172,7 @@ class ResultData:
         return self._tracks[name]
 
     def _position(self, frame: int | None, time: float | None) -> int:
-        """Return the position among the kept frames.
-
-        The frame is selected by number or by time.
-        """
+        """Return the position of a frame, given by number or time, among the kept frames."""
         if (frame is None) == (time is None):
             raise InputError("", "give either the number of a frame (frame=10) or its time (time=20.0)")
         if frame is not None:
@@ -224,26 +193,24 @@ class ResultData:
             )
 
     def moment_arms(self, *coordinates: str) -> MomentArmTable:
-        """Return the moment arms of all paths.
-
-        The levers of the paths' pulls in the kept frames.
+        """Return the moment arms of all paths in the kept frames: the levers of their pulls.
 
         Parameters
         ----------
         *coordinates : str
-            Names of coordinates of the motion; default: all coordinates with a change or a known joint.
+            Names of coordinates of the motion; default: all that change, or whose joint is known.
 
         Returns
         -------
         MomentArmTable
-            Per muscle and coordinate the arms, -dl/dq and a quartic fit [mm], see
+            Per muscle and coordinate arms, -dl/dq beside them and a quartic fit [mm], see
             :class:`~vtkmuscle.core.moment_arms.of_joints.JointArms`; ``table()`` gives a table.
 
         Raises
         ------
         ValueError
-            If no muscle has fibres, the motion lacks a named coordinate, no coordinate changes, or
-            coordinates with unknown joints change together only.
+            If no muscle has fibres, the motion has no such coordinate or none that changes, or the
+            coordinates change together only, and their joints are not known.
         """
         if not self.lengths:
             problem = "no muscle of the run has fibres, so there are no moment arms"
@@ -256,10 +223,7 @@ class ResultData:
     def _joint_arms(
         self, coordinates: tuple[str, ...]
     ) -> tuple[dict[str, dict[str, JointArms]], dict[str, str]]:
-        """Return the moment arms per muscle and coordinate.
-
-        The second result has the reasons for refused coordinates.
-        """
+        """Return the moment arms per muscle and coordinate, and why there are none by others."""
         motion = self.motion.part(self.frames)
         among = coordinates or tuple(motion.coordinates)
         useful = {
@@ -293,26 +257,19 @@ class ResultData:
         return arms, refused
 
     def length_table(self) -> Table:
-        """Return the path lengths, as lengths.csv.
-
-        A row per muscle, fibre and frame.
-        """
+        """Return the lengths of the paths, a row per muscle, fibre and frame, as lengths.csv."""
         errors = {name: np.array(self._tracks[name].length_errors) for name in self.lengths}
         return length_table(self.lengths, errors, self.frames, self.times)
 
     def fibre_length_table(self) -> Table:
-        """Return the fibre lengths, as fibre_lengths.csv.
-
-        A row per muscle, fibre and frame.
-        """
+        """Return the lengths of the fibres, a row per muscle, fibre and frame, as fibre_lengths.csv."""
         errors = {name: np.array(self._tracks[name].fibre_length_errors) for name in self.fibre_lengths}
         return length_table(self.fibre_lengths, errors, self.frames, self.times)
 
     def frame_table(self) -> Table:
-        """Return the report's numbers per muscle and frame.
+        """Return the numbers of the report, a row per muscle and frame; NaN where a muscle has none.
 
-        NaN for missing numbers. ``report["definitions"]`` defines the numbers; the measures of fibres are in
-        the report alone.
+        ``report["definitions"]`` says what they are; the measures of fibres are in the report alone.
         """
         muscles = self.report["muscles"]
         rows = [{"muscle": name, **row} for name in self.muscle_names for row in muscles[name]["frames"]]
@@ -322,17 +279,11 @@ class ResultData:
         return Table(tuple(known), ([row.get(key) for key in known] for row in rows))
 
     def architecture(self) -> Table:
-        """Return the architecture at rest, as architecture.csv.
-
-        A row per muscle.
-        """
+        """Return the architecture of the muscles at rest, a row each, as architecture.csv."""
         return architecture_table(self.report["muscles"])
 
     def tables(self) -> dict[str, Table]:
-        """Return the written tables by name.
-
-        Lengths, moment arms and architecture.
-        """
+        """Return the tables that a run writes, by their names: lengths, moment arms and architecture."""
         found = {"lengths": self.length_table(), "fibre_lengths": self.fibre_length_table()}
         if self.has_moment_arms:
             arms = self.moment_arms()
@@ -340,24 +291,19 @@ class ResultData:
         return found | {"architecture": self.architecture()}
 
     def fibre_tables(self) -> Iterator[tuple[str, Table]]:
-        """Give the fibre measures of each muscle.
-
-        A table per muscle with fibres, a row per fibre and frame.
-        """
+        """Give the measures of the fibres of each muscle that has some, a row per fibre and frame."""
         for name, track in self._tracks.items():
             if track.fibres:
                 columns = [one.columns for one in track.numbers]
                 yield name, fibre_table(columns, self.times, MILLIMETRES[self.units])
 
     def to_csv(self, folder: str | PathLike[str]) -> list[Path]:
-        """Write the tables of the result.
-
-        Lengths, moment arms, architecture, and the checks by frame.
+        """Write the tables of the result: lengths, moment arms, architecture, and the checks by frame.
 
         Parameters
         ----------
         folder : path
-            Created if missing; files of equal names are replaced.
+            Made where it does not exist; files of the same names are replaced.
 
         Returns
         -------
@@ -369,17 +315,14 @@ class ResultData:
         return [table.to_csv(Path(folder) / f"{name}.csv") for name, table in tables.items()]
 
     def to_frame(self) -> Any:
-        """Return ``length_table()`` as a pandas DataFrame.
-
-        Raises an ImportError without pandas.
-        """
+        """Return ``length_table()`` as a pandas DataFrame, or raise an ImportError without pandas."""
         return self.length_table().to_frame()
 
     def with_literature(self, path: str | PathLike[str]) -> Self:
-        """Return the result with published moment arms.
+        """Return the same result with published moment arms, which figures and the page then show.
 
-        Figures and the page then show the published arms. ``path`` is a table as of
-        :func:`vtkmuscle.io.read_literature`. A table without muscles of the result raises a ValueError.
+        ``path`` is a table as :func:`vtkmuscle.io.read_literature` takes it; a ValueError is raised if it has
+        none of the muscles of the result.
         """
         curves = read_literature(path)
         found = {name: mine for name in self.muscle_names if (mine := curves_for(curves, muscle=name))}
@@ -392,7 +335,7 @@ class ResultData:
         return other
 
     def smoothed_lengths(self, *, passes: int = 5) -> dict[str, Floats]:
-        """Return the path lengths smoothed over the frames.
+        """Return the lengths of the paths without their noise over the frames.
 
         Each of the ``passes`` replaces l_i by (l_{i-1} + 4 l_i + l_{i+1}) / 6, the ends kept; Kohout and
         Cervenka 2021, section 4.4, has five.
@@ -401,7 +344,7 @@ class ResultData:
 
 
 class ByMuscle(dict[str, Floats]):
-    """Arrays by muscle name, printed in a line each."""
+    """Arrays by the name of a muscle, printed in a line each."""
 
     def __repr__(self) -> str:
         return "\n".join(
@@ -410,10 +353,7 @@ class ByMuscle(dict[str, Floats]):
 
 
 def _read_only(rows: Mapping[str, Sequence[Floats]]) -> ByMuscle:
-    """Return arrays of rows per frame, read-only.
-
-    Moment arms are computed from the arrays once.
-    """
+    """Return arrays of rows per frame. They are read-only, for moment arms are computed from them once."""
     arrays = ByMuscle({name: np.array(one) for name, one in rows.items() if one})
     for array in arrays.values():
         array.setflags(write=False)
@@ -427,19 +367,13 @@ def _wrapped(data: vtkDataObject) -> Any:
 
 
 def _listed(values: Sequence[float]) -> str:
-    """Return the first and last of some numbers.
-
-    In words.
-    """
+    """Return the first and last of some numbers in words."""
     words = [f"{value:g}" for value in values]
     return ", ".join(words if len(words) <= 6 else [*words[:3], "...", *words[-2:]])
 
 
 def time_label(motion: RigidMotion) -> str:
-    """Return the label of a motion's times.
-
-    A coordinate with a unit if the times are a coordinate, else "time".
-    """
+    """Return the label of a motion's times: a coordinate with its unit where they are one, else "time"."""
     for name, one in motion.coordinates.items():
         if np.array_equal(one.values, motion.times):
             return f"{name.replace('_', ' ')} [{one.unit}]"
