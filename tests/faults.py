@@ -115,7 +115,6 @@ def small_disk(folder: Path, kilobytes: int):
         yield folder
     finally:
         subprocess.run(["umount", "-l", str(folder)], check=True)
-        subprocess.run(["umount", "-l", str(folder)], check=True)
 
 
 def children(pid):

@@ -28,7 +28,6 @@ taut = TautPaths(rest_fibres=fibres, rest_muscle=fixed, **posed)
 settled = PathDeformer(muscle=fixed, paths=taut, **posed).apply(time=60.0)
 paths = taut.apply(time=60.0)
 
-# PathDeformer skins and settles; the surface in between comes from its mathematics.
 points, triangles, fixed_to = pv.wrap(fixed).points, settled.regular_faces, settled["FixedTo"].astype(int)
 at_rest, now = (each.reshape(paths.n_cells, -1, 3) for each in (paths["RestPosition"], paths.points))
 ends = bones_at_ends(at_rest, points, fixed_to)
@@ -42,8 +41,7 @@ for what, surface in (("taken along", carried), ("settled", settled)):
     print(f"{what}: volume {100.0 * (signed_volume(surface.points, triangles) / rest - 1.0):+.2g} %")
 
 # %%
-# From left to right: the paths, the surface that they take along, coloured by how far it then moves, and
-# where it settles.
+# The paths, the surface that they take along, coloured by how far it then moves, and where it settles.
 
 moved = np.linalg.norm(settled.points - carried.points, axis=1)
 plotter = pv.Plotter(shape=(1, 3), window_size=(1200, 480), border=False)
@@ -51,13 +49,12 @@ for column in range(3):
     plotter.subplot(0, column)
     for bone in bones.apply(time=60.0):
         plotter.add_mesh(bone, color="ivory", smooth_shading=True, split_sharp_edges=True)
-    if column == 0:
-        plotter.add_mesh(paths.tube(radius=0.5), color="darkred", smooth_shading=True)
-    elif column == 1:
+    if column == 1:
         bar = {"title": "mm to where it settles", "fmt": "%.1f"}
         plotter.add_mesh(carried, scalars=moved, cmap="viridis", smooth_shading=True, scalar_bar_args=bar)
     else:
-        plotter.add_mesh(settled, color="indianred", smooth_shading=True)
+        mesh, colour = (settled, "indianred") if column else (paths.tube(radius=0.5), "darkred")
+        plotter.add_mesh(mesh, color=colour, smooth_shading=True)
     plotter.view_vector((1.0, 0.25, 0.35), viewup=(0, 0, 1))
     plotter.reset_camera(bounds=settled.bounds)
 plotter.show()
