@@ -51,8 +51,8 @@ def run_and_report(scene: Scene, out: Path, options: RunArguments) -> None:
                 print_error(f"error: {name}: {reason}")
             else:
                 tell(f"  {reason}")
-    written = ["report.json", "lengths.csv", "fibre_lengths.csv"]
-    written += [name for name in ("moment_arms.csv", "figures/") if (out / name).exists()]
+    names = ("report.json", "lengths.csv", "fibre_lengths.csv", "moment_arms.csv", "figures/")
+    written = [name for name in names if (out / name).exists()]
     tell(f"{result.report['seconds']['total']:.1f} s. Results are in {out}:")
     tell(f"  {', '.join(written)}, and NAME.pvd, NAME_fibres.pvd, bones.pvd for ParaView")
     if options.report:

@@ -163,7 +163,7 @@ def _measure(result: Result, tracks: Tracks, report: dict[str, Any]) -> None:
 def _write_tables(store: ResultWriter, result: Result) -> None:
     """Write the tables of a result and of fibre measures."""
     for name, table in result.tables().items():
-        if name != "architecture" or len(table["muscle"]):
+        if name == "fibre_lengths" or len(table["muscle"]):
             store.write_table(name, table)
     for name, table in result.fibre_tables():
         store.write_table(f"{name}_fibres", table)
