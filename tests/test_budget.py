@@ -99,5 +99,6 @@ def test_functions_take_at_most_seven_parameters():
 def test_files_are_short_and_folders_small():
     files = sources(ROOT)
     assert not [path.name for path, text in files.items() if len(text.splitlines()) > 400]
-    sizes = Counter(path.parent for path in files if path.parent != ROOT / "filters")  # a module for each filter
+    # Filters have a module each.
+    sizes = Counter(path.parent for path in files if path.parent != ROOT / "filters")
     assert max(sizes.values()) <= 20

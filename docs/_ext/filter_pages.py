@@ -28,7 +28,7 @@ GROUPS = {
             "finish",
         ],
         "Stiffness": ["stiffness", "shape_stiffness", "volume_stiffness"],
-        "The report": ["measure_penetration"],
+        "The report": ["measure_shape", "measure_penetration"],
         "As published": [
             "velocity_kept",
             "dt",

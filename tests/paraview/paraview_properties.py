@@ -66,7 +66,7 @@ def check_abort(chain):
     rounds = int(deformed.Iterations)
     deformed.Iterations = rounds + 1
     deformed.UpdatePipeline(TIMES[0])
-    # VTK itself says 0.0 before the filter begins and 1.0 after it has stopped; it asks for each output apart.
+    # VTK itself says 0.0 before the filter begins and 1.0 after it has stopped, for each output apart.
     assert len(set(reached) - {0.0, 1.0}) == 1, reached
     assert algorithm.GetOutputDataObject(0).GetNumberOfPoints() == 0
     algorithm.RemoveObserver(observer)
