@@ -29,6 +29,10 @@ class FibreCropper(Filter):
     ValueError
         If there are no fibres, or a point is not finite.
 
+    Limitations
+    -----------
+    Arrays keep their values, though the points move.
+
     Examples
     --------
     >>> from fibre_cropper import FibreCropper

@@ -203,7 +203,7 @@ def run(mesh, path, *, fixed_to=None, bones=BONES, **settings):
     tables = {f"bone {k}": np.array([at[k] for at in path]) for k in range(len(bones))}
     rest_bones = multiblock_from({f"bone {k}": surface_from(*bone) for k, bone in enumerate(bones)})
     moving = BoneMotion(motion=RigidMotion(np.arange(float(len(path))), tables), bones=rest_bones)
-    deformer = PBDDeformer(muscle=muscle, rest_bones=rest_bones, bones=moving, **settings)
+    deformer = PBDDeformer(muscle=muscle, rest_bones=rest_bones, bones=moving, measure_shape=True, **settings)
     with warnings.catch_warnings():
         # A muscle in a bone at rest is told of; any other warning is an error.
         told = r"PBDDeformer: rest_bones, block .*: \d+ of"

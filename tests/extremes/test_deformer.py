@@ -232,6 +232,7 @@ def test_a_muscle_of_the_hip(lhdl_hip, name, triangles, step, iterations, ledger
         rest_bones=bones,
         bones=BoneMotion(bones=bones, motion=motion),
         iterations=iterations,
+        measure_shape=True,
         measure_penetration=True,
     )
     for time in motion.times[1:]:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import signal
 import sys
+import threading
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -20,6 +22,9 @@ from vtkmuscle.core.errors import InputError, check_name, in_words
 FAILED = 1
 BAD_INPUT = 2
 INTERRUPTED = 130
+
+#: Set by Ctrl-C: a callback of a library may swallow the KeyboardInterrupt.
+_pressed = threading.Event()
 
 
 class TerminatedError(KeyboardInterrupt):
@@ -47,7 +52,7 @@ def one_clear_error(out: Path | None) -> Iterator[None]:
         print_error(f"warning: {one_line(str(message))}", style="yellow")
 
     try:
-        with warnings.catch_warnings():
+        with warnings.catch_warnings(), _interrupts_noted():
             warnings.simplefilter("default", UserWarning)
             warnings.showwarning = show
             if out is not None:
@@ -65,6 +70,34 @@ def one_clear_error(out: Path | None) -> Iterator[None]:
         print_error(f"stopped. {_what_is_finished(out)}", style="yellow")
         status = 128 + stop.number if isinstance(stop, TerminatedError) else INTERRUPTED
         raise typer.Exit(status) from None
+
+
+@contextmanager
+def _interrupts_noted() -> Iterator[None]:
+    """Note each Ctrl-C until the command ends, in the main thread."""
+    if (
+        threading.current_thread() is not threading.main_thread()
+        or signal.getsignal(signal.SIGINT) is not signal.default_int_handler
+    ):
+        yield
+        return
+
+    def press(*_: Any) -> None:
+        _pressed.set()
+        raise KeyboardInterrupt
+
+    _pressed.clear()
+    signal.signal(signal.SIGINT, press)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+def stop_if_interrupted() -> None:
+    """Raise the KeyboardInterrupt of an earlier Ctrl-C, which a callback may have swallowed."""
+    if _pressed.is_set():
+        raise KeyboardInterrupt
 
 
 def _words(error: Exception) -> str:

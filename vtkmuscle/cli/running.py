@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from rich.console import Console
 
-from vtkmuscle.cli.messages import FAILED, one_clear_error, one_line, print_error, say
+from vtkmuscle.cli.messages import FAILED, one_clear_error, one_line, print_error, say, stop_if_interrupted
 from vtkmuscle.cli.options import FolderOption, FramesOption, FreshOption, QuietOption, RunArguments
 
 if TYPE_CHECKING:
@@ -112,9 +112,9 @@ def _table(muscles: list[str], console: Console) -> Callable[[str, Mapping[str, 
 @contextmanager
 def _progress_bars(
     muscles: list[str], console: Console, *, quiet: bool
-) -> Iterator[Callable[[str, str, float], None] | None]:
+) -> Iterator[Callable[[str, str, float], None]]:
     if quiet:
-        yield None
+        yield lambda *_: stop_if_interrupted()
         return
     from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
@@ -129,6 +129,7 @@ def _progress_bars(
         tasks = {name: bars.add_task(name, total=1.0, stage="waiting", start=False) for name in muscles}
 
         def show(muscle: str, stage: str, fraction: float) -> None:
+            stop_if_interrupted()
             # The clock starts with the first frame: earlier stages do not predict the remaining time.
             if fraction > 0 or stage == "deforming":
                 bars.start_task(tasks[muscle])
