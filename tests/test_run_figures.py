@@ -120,7 +120,7 @@ def test_a_crash_of_a_process_that_draws_takes_no_run_with_it(renders, pair, tmp
     """The reason is said, and all else is written."""
 
     def deadly(result, name):
-        return [FigureOrder("crash", "plot_lengths", {"a": Crash()})]
+        return [FigureOrder(f"crash_{name}", "plot_lengths", {"a": Crash()})]
 
     monkeypatch.setattr(run_figures, "figures_of_muscle", deadly)
     monkeypatch.setattr(run_figures, "rest_pose", lambda *_: deadly(None, "")[0])
