@@ -13,7 +13,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from vtkmuscle.core.bones.bone import Bone
-from vtkmuscle.core.mesh.polylines import fibre_directions_at
 from vtkmuscle.core.mesh.surface import check_volume, signed_volume
 from vtkmuscle.core.mesh.triangle_tree import triangle_tree
 from vtkmuscle.core.motion.blending import screw_between
@@ -203,14 +202,6 @@ class MusclePaths:
         Paths (f, n, 3) keep their volume.
         """
         return path_widths(points, self._lengths)
-
-    def directions_at(self, points: Floats) -> Floats:
-        """Return the fibre directions at rest at points.
-
-        Directions are unit vectors (p, 3), points (p, 3).
-        """
-        f, n, _ = self.fibres.shape
-        return fibre_directions_at(points, self.fibres.reshape(-1, 3), n * np.arange(f + 1))
 
     def follow(self, before: PathState, transforms: Floats) -> PathState:
         """Return the paths in another pose of the bones.
