@@ -99,6 +99,9 @@ def test_functions_take_at_most_seven_parameters():
 def test_files_are_short_and_folders_small():
     files = sources(ROOT)
     assert not [path.name for path, text in files.items() if len(text.splitlines()) > 400]
-    # Filters have a module each.
-    sizes = Counter(path.parent for path in files if path.parent != ROOT / "filters")
-    assert max(sizes.values()) <= 20
+    large = {
+        folder.name: count for folder, count in Counter(path.parent for path in files).items() if count > 20
+    }
+    assert large.keys() <= {"filters"}
+    if large:
+        pytest.xfail(f"{large['filters']} files in filters, of 20: each filter has a module")

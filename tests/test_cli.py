@@ -1,5 +1,6 @@
 """The command line: one clear error, exit status, and nothing lost at Ctrl-C."""
 
+import contextlib
 import json
 import os
 import signal
@@ -9,11 +10,13 @@ import time
 
 import pytest
 import pyvista
+import typer
 from tiny_scene import HINGE, TOML, ellipsoid, write_tiny_scene
 from typer.testing import CliRunner
 
 import vtkmuscle
 from vtkmuscle.cli import app
+from vtkmuscle.cli.messages import INTERRUPTED, one_clear_error, stop_if_interrupted
 from vtkmuscle.data.arrays import points_of, surface_from, triangles_of
 from vtkmuscle.io import write_polydata
 
@@ -210,6 +213,20 @@ def test_a_scene_that_is_to_be_checked_is_said_to_be_none_of_opensim(scene_file)
     done = vtkmuscle_("check", scene_file)
     assert done.exit_code == 2
     assert "no model of OpenSim; a scene is checked as it is run" in done.stderr
+
+
+def test_ctrl_c_that_a_callback_swallows_ends_the_command_later():
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        with pytest.raises(typer.Exit) as ended, one_clear_error(None):  # noqa: PT012
+            with contextlib.suppress(KeyboardInterrupt):
+                signal.raise_signal(signal.SIGINT)
+            stop_if_interrupted()
+        with one_clear_error(None):
+            stop_if_interrupted()  # that was another command
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert ended.value.exit_code == INTERRUPTED
 
 
 @pytest.mark.parametrize("moment", ["in the middle", "at the start"])
