@@ -13,16 +13,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from vtkmuscle.core.bones.lookup import (
-    EMPTY,
+    BLOCK,
+    CUBE,
     FIELD_ERROR,
-    MOST,
-    NODES,
-    SIDE,
     Field,
     distance_at,
     least_distance_at,
     normal_at,
-    put_into_table,
 )
 from vtkmuscle.core.errors import InputError, errors_at
 from vtkmuscle.core.jit import kernel
@@ -40,12 +37,23 @@ CELLS_PER_DIAGONAL = 300.0
 #: Difference of the weights of a bone's points, which decide where symmetry leaves the axes open.
 UNEVENNESS = 1e-3
 
-#: Most blocks that are noted as lacking at a time.
-_LACKING = 1024
+#: Reach of the field beyond the bone's box, in diagonals of the box; farther away each point is measured.
+REACH = 0.5
 
-#: The nodes of a block, (125, 3), and an order in which each is near those before it.
-_LATTICE = np.stack(np.meshgrid(*[np.arange(NODES)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
-_ORDER = space_order(_LATTICE.astype(np.float64))
+#: Fewer points are measured without an overview.
+_LEAST_LOOKED_UP = 64
+
+#: Most cubes of a field, of 64 cells each: the index of its blocks takes 2 GB of addresses.
+_MOST_CUBES = 2.0**26
+
+#: Most blocks that are noted as lacking at a time.
+_LACKING = 4096
+
+#: A cube and those around it, (27, 3).
+_AROUND = np.stack(np.meshgrid(*[np.arange(-1, 2)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
+
+#: The nodes of a block, (8, 3).
+_CORNERS = np.stack(np.meshgrid(*[np.arange(1 << BLOCK)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
 
 
 class Bone:
@@ -72,7 +80,8 @@ class Bone:
         if cell is not None:
             self.cell = cell
         self._known: Field | None = None
-        self._places: dict[int, int] = {}
+        self._reach = 0.0
+        self._filled = 1  # rows of the field, of which the first is that of unknown blocks
         self._lock = Lock()
 
     @cached_property
@@ -106,9 +115,8 @@ class Bone:
 
     @property
     def nbytes(self) -> int:
-        """Memory of the field so far [bytes]."""
-        known = self._known
-        return 0 if known is None else known.keys.nbytes + known.places.nbytes + known.values.nbytes
+        """Memory of the measured distances [bytes]."""
+        return 0 if self._known is None else self._filled * self._known.values[0].nbytes
 
     def exact(self, points: ArrayLike) -> tuple[Floats, Floats]:
         """Return the distances of points from the triangles.
@@ -126,7 +134,7 @@ class Bone:
         """
         depth = np.zeros(len(points))
         near = points_in_box(points, *self.box)
-        if len(near) > NODES**3:  # measuring fewer is faster than filling a block of the overview
+        if len(near) > _LEAST_LOOKED_UP:
             outside = np.zeros(len(near), dtype=np.bool_)
             while True:
                 field = self.look_up()
@@ -142,7 +150,8 @@ class Bone:
         """Return the trilinear distances and directions of points.
 
         Distances (n,) [mm] are negative inside; points (n, 3) are at rest. Distances are within sqrt(3) / 2
-        of a cell of the exact distance, and beside a smooth surface of radius R about cell^2 / (4 R) off.
+        of a cell of the exact distance, and beside a smooth surface of radius R about cell^2 / (4 R) off;
+        beyond the :data:`REACH` of the field they are exact.
         Points that are surely farther away than ``within`` [mm] are not looked up, and get a bound beyond
         ``within``; points that are not finite get :data:`~vtkmuscle.core.mesh.solids.FAR`. Directions (n, 3)
         in which the distance grows are unit vectors, continuous, by differences over a cell; 0 where the
@@ -156,17 +165,24 @@ class Bone:
             field = self.look_up()
             _look_up(field, self.axes, positions, matters, lacks, distance, outward, np.empty((2, 3)))
             if not self.fill(field):
-                return distance, outward
+                break
+        beyond = np.flatnonzero(np.isnan(distance))
+        if len(beyond):
+            distance[beyond] = FAR
+            beyond = beyond[(np.abs(positions[beyond]) < FAR).all(axis=1)]
+            distance[beyond], outward[beyond] = self.exact(positions[beyond])
+        return distance, outward
 
-    def look_up(self) -> Field:
+    def look_up(self, reach: float = 0.0) -> Field:
         """Return the known part of the field, for kernels.
 
-        Give the field to :meth:`fill` afterwards.
+        Give the field to :meth:`fill` afterwards. The field is defined up to ``reach`` [mm] from the bone's
+        box, at least :data:`REACH` diagonals.
         """
-        known = self._known
-        if known is None:
-            with self._lock:
-                known = self._known = self._known or self._nothing()
+        with self._lock:
+            if self._known is None or reach > self._reach:
+                self._known = self._nothing(reach)
+            known = self._known
         return known._replace(lacking=np.zeros(2 + _LACKING, dtype=np.int64))
 
     def fill(self, field: Field) -> bool:
@@ -178,42 +194,65 @@ class Bone:
         if field.lacking[0] == 0:
             return False
         noted = np.unique(field.lacking[2 : 2 + field.lacking[1]])
-        values = self._measured(noted)
         with self._lock:
             known = self._known
             assert known is not None  # the field came from it
-            new = np.array([key not in self._places for key in noted.tolist()])
-            first, last = len(self._places), len(self._places) + int(new.sum())
-            room, keys, places = known.values, known.keys.copy(), known.places.copy()
-            if last > len(room):
-                room = np.empty((2 * last, NODES**3))
-                room[:first] = known.values[:first]
-            room[first:last] = values[new]
-            self._places.update(zip(noted[new].tolist(), range(first, last), strict=True))
-            if 2 * last > len(keys):
-                keys, places = _empty_table(4 * last)
-                put_into_table(keys, places, np.array(list(self._places)), 0)
-            else:
-                put_into_table(keys, places, noted[new], first)
-            # Other threads still use the old tables, which do not lead to the new rows.
-            self._known = known._replace(keys=keys, places=places, values=room)
+            if field.rows is not known.rows:  # noted in a field of a smaller reach
+                return True
+            overview, rows = known.overview.reshape(-1), known.rows.reshape(-1)
+            cubes, blocks = -1 - noted[noted < 0], noted[noted >= 0]
+            if len(cubes):  # with those around, which are wanted next
+                around = np.column_stack(np.unravel_index(cubes, known.overview.shape))[:, None] + _AROUND
+                inside = ((around >= 0) & (around < known.overview.shape)).all(axis=2)
+                cubes = np.unique(np.ravel_multi_index(around[inside].T, known.overview.shape))
+            cubes, blocks = cubes[overview[cubes] == 0.0], blocks[rows[blocks] == 0]
+            if len(cubes):
+                middles = (np.column_stack(np.unravel_index(cubes, known.overview.shape)) << CUBE) + 2.0
+                measured = self._measured(known, middles)
+                overview[cubes] = np.where(measured == 0.0, np.finfo(np.float64).tiny, measured)
+            if len(blocks):
+                corners = np.column_stack(np.unravel_index(blocks, known.rows.shape)) << BLOCK
+                measured = self._measured(known, (corners[:, None] + _CORNERS).reshape(-1, 3))
+                first, last = self._filled, self._filled + len(blocks)
+                if last > len(known.values):  # other threads still use the old values, without the new rows
+                    values = np.empty((2 * last, len(_CORNERS)))
+                    values[:first] = known.values[:first]
+                    known = self._known = known._replace(values=values)
+                known.values[first:last] = measured.reshape(len(blocks), -1)
+                rows[blocks] = np.arange(first, last)
+                self._filled = last
         return True
 
-    def _nothing(self) -> Field:
-        blocks = *_empty_table(1), np.empty((0, NODES**3))
-        box, cell = np.concatenate(self.box_along_axes), self.cell
-        return Field(*blocks, box, cell, 1.0 / cell, np.zeros(2, dtype=np.int64))
+    def _nothing(self, reach: float) -> Field:
+        """Return a field without blocks."""
+        (low, high), cell = self.box_along_axes, self.cell
+        self._reach = max(reach, REACH * float(np.linalg.norm(high - low)))
+        self._filled = 1
+        beside = self._reach + 3.0 * cell  # differences of distances need a cell or two more
+        first = np.floor((low - beside) / cell)
+        cubes = ((np.ceil((high + beside) / cell) - first).astype(np.int64) >> CUBE) + 1
+        if np.prod(cubes.astype(np.float64)) > _MOST_CUBES:
+            raise InputError(
+                self.name, f"cells of {cell:g} mm are too small for the field of a bone of its size"
+            )
+        return Field(
+            np.zeros(cubes << (CUBE - BLOCK), dtype=np.int32),
+            np.full((1, len(_CORNERS)), np.nan),
+            np.zeros(cubes),
+            first,
+            np.concatenate([low, high]),
+            cell,
+            1.0 / cell,
+            np.zeros(2, dtype=np.int64),
+        )
 
-    def _measured(self, keys: Ints) -> Floats:
-        """Return exact distances at the nodes of blocks, (k, 125)."""
-        span = 2 * MOST
-        numbers = np.column_stack([keys // span**2 % span, keys // span % span, keys % span]) - MOST
-        nodes = SIDE * numbers[:, None] + _LATTICE[_ORDER]
-        cells = np.where(keys < span**3, self.cell, SIDE * self.cell)
-        at_rest = apply_transform(inverse(self.axes), (cells[:, None, None] * nodes).reshape(-1, 3))
-        values = np.empty((len(keys), NODES**3))
-        values[:, _ORDER] = self.solids.distances(at_rest).reshape(len(keys), -1)
-        return values
+    def _measured(self, field: Field, nodes: Floats) -> Floats:
+        """Return exact distances at positions in a field's cells, (n, 3) from its first node."""
+        order = space_order(nodes)  # each near those before it, where the search for it begins
+        at_rest = apply_transform(inverse(self.axes), field.cell * (nodes[order] + field.low))
+        distances = np.empty(len(nodes))
+        distances[order] = self.solids.distances(at_rest)
+        return distances
 
 
 #: The bone of a surface, one for all who hold it.
@@ -252,15 +291,6 @@ def bone_axes(points: Floats) -> Floats:
     return transform
 
 
-def _empty_table(least: int) -> tuple[Ints, np.ndarray[tuple[int], np.dtype[np.int32]]]:
-    """Return keys and places of an empty hash table.
-
-    The table has room for at least ``least`` keys.
-    """
-    size = 1 << max(int(least - 1).bit_length(), 6)
-    return np.full(size, EMPTY, dtype=np.int64), np.zeros(size, dtype=np.int32)
-
-
 @kernel
 def _look_up(
     field: Field,
@@ -274,7 +304,8 @@ def _look_up(
 ) -> None:
     """Do the work of :meth:`Bone.field`; work is memory.
 
-    lacks : (n,), changed in place: the unfinished points, in unknown blocks.
+    lacks : (n,), changed in place: the unfinished points, in unknown blocks. Distances beyond the lattice are
+    NaN.
     """
     at, normal = work[0], work[1]
     for i in range(len(points)):
@@ -285,13 +316,12 @@ def _look_up(
         normal[0], normal[1], normal[2] = 0.0, 0.0, 0.0
         least = np.sqrt(distance2_to_box(field.box, at[0], at[1], at[2]))
         if not least > max(within[i], 0.0):
-            least = least_distance_at(field, at[0], at[1], at[2]) if within[i] < np.inf else -np.inf
+            least = least_distance_at(field, at[0], at[1], at[2]) if within[i] < np.inf else np.nan
         if least > within[i]:
             distance[i] = min(least, FAR)
-        else:
+        elif field.lacking[0] == before:
             distance[i] = distance_at(field, at[0], at[1], at[2])
-            if distance[i] < FAR:
-                normal_at(field, at, normal)
+            normal_at(field, at, normal)
         for k in range(3):
             outward[i, k] = axes[0, k] * normal[0] + axes[1, k] * normal[1] + axes[2, k] * normal[2]
         lacks[i] = field.lacking[0] > before
@@ -308,6 +338,5 @@ def _find_outside(field: Field, axes: Floats, points: Floats, outside: Bools, at
         before, noted = field.lacking[0], field.lacking[1]
         outside[i] = least_distance_at(field, at[0], at[1], at[2]) > 0.0
         if not outside[i] and field.lacking[0] == before:
-            distance = distance_at(field, at[0], at[1], at[2])
-            outside[i] = FIELD_ERROR * field.cell < distance < FAR
+            outside[i] = distance_at(field, at[0], at[1], at[2]) > FIELD_ERROR * field.cell
             field.lacking[0], field.lacking[1] = before, noted  # it need not be filled for that

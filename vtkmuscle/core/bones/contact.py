@@ -171,7 +171,7 @@ class PoseContact:
                 _keep_out(field, *seen, p, waiting, levels, contact.clearance, moved, self._work)
                 if not bone.fill(field):
                     break
-                self._fields[number] = bone.look_up()
+                self._fields[number] = bone.look_up(contact.clearance)
         return moved
 
     def _first_look(self, number: int) -> tuple[Floats, Floats, Floats, Floats]:
@@ -183,7 +183,7 @@ class PoseContact:
         transform = np.array(self._transforms[contact.boxes.indices[number]])
         transform[:3, 3] -= self._centre
         back = transform @ inverse(contact.bones[number].axes)
-        self._fields[number] = contact.bones[number].look_up()
+        self._fields[number] = contact.bones[number].look_up(contact.clearance)
         n = len(contact.rest)
         self._seen[number] = inverse(back), back, np.zeros((n, 3)), np.zeros(n)
         return self._seen[number]
@@ -225,7 +225,7 @@ def _keep_out(
             distance = least_distance_at(field, at[0], at[1], at[2])
         if distance <= margin:
             distance = distance_at(field, at[0], at[1], at[2])
-        deep = levels[i] - distance > TOLERANCE * field.cell
+        deep = levels[i] - distance > TOLERANCE * field.cell  # not where it is unknown, NaN
         if deep:
             _push_out(field, at, levels[i], normal)
         if field.lacking[0] > before:

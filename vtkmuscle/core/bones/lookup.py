@@ -1,7 +1,4 @@
-"""Look-ups of a bone's signed distances.
-
-Kernels do the look-ups. Look-ups also give the distances' directions, in the known blocks.
-"""
+"""Look-ups of a bone's signed distances, by kernels."""
 
 from __future__ import annotations
 
@@ -10,19 +7,11 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 
 from vtkmuscle.core.jit import kernel, lane
-from vtkmuscle.core.mesh.solids import FAR
 from vtkmuscle.core.types import Floats, Ints, Table
 
-#: Cells along an edge of a block; a block is computed at a time.
-SIDE = 4
-#: Nodes along an edge of a block: neighbours share those of a face.
-NODES = SIDE + 1
-
-#: Blocks are numbered from minus this to this along each axis, so that three numbers make one key.
-MOST = 2**19
-
-#: Marks an empty slot of a table of keys.
-EMPTY = -1
+#: A block of 2 x 2 x 2 nodes is measured at a time, and a cube of the overview has 4 x 4 x 4 cells: binary
+#: digits of their edges. A look-up needs 27 nodes; with such blocks 64 are measured for a single one.
+BLOCK, CUBE = 1, 2
 
 #: Largest error of a trilinear value [cells]: no distance grows faster than the way, and the mean way from a
 #: point of a cell to the nodes, by their weights, is greatest at the cell's middle.
@@ -31,127 +20,125 @@ FIELD_ERROR = 3.0**0.5 / 2.0
 #: A direction shorter than this, instead of 1, lies on a ridge.
 _FLAT = 0.2
 
-#: Fibonacci hashing: 2^64 divided by the golden ratio, as a signed number (Knuth 1998, *Sorting and
-#: searching*, 6.4).
-_GOLDEN = -7046029254386353131
-
 Integer: TypeAlias = int | np.int64
 
 
 class Field(NamedTuple):
     """The known part of a bone's field, for kernels.
 
-    A look-up in an unknown block reads as :data:`FAR`, and notes the block in ``lacking``. A caller with new
-    blocks in ``lacking`` lets the bone fill the blocks, and repeats the look-ups. Beside the field there is
-    an overview, four times as coarse, to show points far from the bone.
+    Positions are along the bone's axes [mm]. A look-up that needs an unknown block gives NaN, and notes the
+    block in ``lacking``. A caller with blocks in ``lacking`` lets the bone fill the blocks, and repeats the
+    look-ups.
     """
 
-    keys: Ints  # (c,), hash table of the blocks, c a power of 2
-    places: Table  # (c,), rows of their values
-    values: Floats  # (n, 125), signed distances at the nodes of each block, 5 along each axis in C order [mm]
+    rows: Table  # (a, b, c), row of each block's values, 0 of an unknown block
+    values: Floats  # (n, 8), signed distances at the nodes of each block [mm]; the first row is NaN
+    overview: (
+        Floats  # (a / 2, b / 2, c / 2), signed distance at the middle of each cube [mm], 0 where unknown
+    )
+    low: Floats  # (3,), number of the lattice's first node along each axis; node 0 is at the axes' origin
     box: Floats  # (6,), low and high corner of the bone's box along its axes [mm]
-    cell: float  # distance of neighbouring nodes [mm], one of which is at the origin of the axes
+    cell: float  # distance of neighbouring nodes [mm]
     per_mm: float  # its inverse
-    lacking: Ints  # (2 + m,), number of look-ups in unknown blocks, number of blocks noted, their keys
+    lacking: Ints  # (2 + m,), number of look-ups in unknown blocks, number of notes, the notes
 
 
 @lane
-def key_of(i: Integer, j: Integer, k: Integer, level: Integer) -> Integer:
-    """Return the key of a block.
-
-    The block has a number along each axis, from -MOST to MOST - 1. level : 0 for a block of the field, 1 for
-    a block of the overview, with cells as large as the field's blocks.
-    """
-    return ((level * (2 * MOST) + i + MOST) * (2 * MOST) + j + MOST) * (2 * MOST) + k + MOST
-
-
-@lane
-def _slot_of(keys: Ints, key: Integer) -> Integer:
-    """Return the slot of a key in a hash table.
-
-    A missing key gets the slot that the key would be in.
-    """
-    slot = (np.int64(key) * np.int64(_GOLDEN) >> 32) & (len(keys) - 1)
-    while keys[slot] != key and keys[slot] != EMPTY:
-        slot = (slot + 1) & (len(keys) - 1)
-    return slot
-
-
-@kernel
-def put_into_table(keys: Ints, places: Table, more: Ints, first: int) -> None:
-    """Add new keys to a hash table with room.
-
-    The new keys' places count from the first.
-    """
-    for number in range(len(more)):
-        slot = _slot_of(keys, more[number])
-        keys[slot], places[slot] = more[number], first + number
-
-
-@lane
-def _block_at(field: Field, i: Integer, j: Integer, k: Integer, level: Integer) -> Integer:
-    """Return the row of a block's values.
-
-    An unknown block gives -1, and a note.
-    """
-    key = key_of(i, j, k, level)
-    slot = _slot_of(field.keys, key)
-    if field.keys[slot] != EMPTY:
-        place: np.int64 = np.int64(field.places[slot])
-        return place
+def _note(field: Field, key: Integer) -> None:
+    """Note an unknown block by its number, or a cube by -1 - number."""
     lacking = field.lacking
     lacking[0] += 1
     noted = lacking[1]
     if 2 + noted < len(lacking) and (noted == 0 or lacking[1 + noted] != key):
         lacking[2 + noted] = key
         lacking[1] = noted + 1
-    return -1
+
+
+@kernel
+def _note_blocks(field: Field, i: Integer, j: Integer, k: Integer, span: Integer) -> None:
+    """Note the unknown blocks of the nodes from i, j, k to ``span`` nodes onward."""
+    _, height, depth = field.rows.shape
+    for a in range(i >> BLOCK, (i + span >> BLOCK) + 1):
+        for b in range(j >> BLOCK, (j + span >> BLOCK) + 1):
+            for c in range(k >> BLOCK, (k + span >> BLOCK) + 1):
+                row = field.rows[a, b, c]
+                if row == 0 or row >= len(field.values):
+                    _note(field, (a * height + b) * depth + c)
+
+
+@lane
+def _node(field: Field, i: Integer, j: Integer, k: Integer) -> float:
+    """Return the distance at a node, NaN where unknown."""
+    row = field.rows[i >> BLOCK, j >> BLOCK, k >> BLOCK]
+    if row >= len(field.values):  # another thread has just filled the block
+        row = 0
+    value: float = field.values[row, (i & 1) << 2 | (j & 1) << 1 | k & 1]
+    return value
+
+
+@lane
+def _holds(field: Field, i: float, j: float, k: float, span: Integer) -> bool:
+    """Return whether the lattice has the nodes from i, j, k to ``span`` nodes onward."""
+    a, b, c = field.rows.shape
+    least, room = min(i, j, k), min((a << BLOCK) - i, (b << BLOCK) - j, (c << BLOCK) - k)
+    return least >= 0.0 and room > span
 
 
 @lane
 def distance_at(field: Field, x: float, y: float, z: float) -> float:
-    """Return the trilinear distance at a position along a bone's axes [mm].
-
-    :data:`~vtkmuscle.core.mesh.solids.FAR` in unknown blocks, and beyond the blocks that can be numbered.
-    """
-    return _trilinear(field, x * field.per_mm, y * field.per_mm, z * field.per_mm, np.int64(0))
+    """Return the trilinear distance at a position [mm], NaN where unknown and beyond the lattice."""
+    u, v, w = (
+        x * field.per_mm - field.low[0],
+        y * field.per_mm - field.low[1],
+        z * field.per_mm - field.low[2],
+    )
+    a, b, c = np.floor(u), np.floor(v), np.floor(w)
+    if not _holds(field, a, b, c, 2):
+        return np.nan
+    i, j, k, u, v, w = np.int64(a), np.int64(b), np.int64(c), u - a, v - b, w - c
+    first = _node(field, i, j, k)
+    c00 = first + w * (_node(field, i, j, k + 1) - first)
+    first = _node(field, i, j + 1, k)
+    c01 = first + w * (_node(field, i, j + 1, k + 1) - first)
+    first = _node(field, i + 1, j, k)
+    c10 = first + w * (_node(field, i + 1, j, k + 1) - first)
+    first = _node(field, i + 1, j + 1, k)
+    c11 = first + w * (_node(field, i + 1, j + 1, k + 1) - first)
+    c0, c1 = c00 + v * (c01 - c00), c10 + v * (c11 - c10)
+    distance: float = c0 + u * (c1 - c0)
+    if np.isnan(distance):  # the normal there will need the nodes on both sides
+        _note_blocks(
+            field,
+            i if u >= 0.5 else max(i - 1, 0),
+            j if v >= 0.5 else max(j - 1, 0),
+            k if w >= 0.5 else max(k - 1, 0),
+            2,
+        )
+    return distance
 
 
 @lane
 def least_distance_at(field: Field, x: float, y: float, z: float) -> float:
-    """Return a lower bound of the distance at a position.
+    """Return a lower bound of the distance at a position [mm], NaN where unknown and beyond the lattice.
 
-    The overview gives the bound; FAR where the overview is FAR.
+    No distance grows faster than the way from the middle of the position's cube.
     """
-    scale = field.per_mm / SIDE
-    distance = _trilinear(field, x * scale, y * scale, z * scale, np.int64(1))
-    return distance - FIELD_ERROR * SIDE * field.cell if distance < FAR else FAR
-
-
-@lane
-def _trilinear(field: Field, u: float, v: float, w: float, level: Integer) -> float:
-    """Return the distance at a position in a level's cells.
-
-    A constant level would be compiled apart.
-    """
-    if not max(abs(u), abs(v), abs(w)) < SIDE * (MOST - 1):
-        return FAR
-    i, j, k = np.int64(np.floor(u)), np.int64(np.floor(v)), np.int64(np.floor(w))
-    block = _block_at(field, i // SIDE, j // SIDE, k // SIDE, level)
-    if block < 0:
-        return FAR
-    u, v, w = u - i, v - j, w - k
-    values, node = field.values, ((i % SIDE) * NODES + j % SIDE) * NODES + k % SIDE
-    c00 = values[block, node] + w * (values[block, node + 1] - values[block, node])
-    node += NODES
-    c01 = values[block, node] + w * (values[block, node + 1] - values[block, node])
-    node += NODES * SIDE
-    c10 = values[block, node] + w * (values[block, node + 1] - values[block, node])
-    node += NODES
-    c11 = values[block, node] + w * (values[block, node + 1] - values[block, node])
-    c0, c1 = c00 + v * (c01 - c00), c10 + v * (c11 - c10)
-    distance: float = c0 + u * (c1 - c0)
-    return distance
+    u, v, w = (
+        x * field.per_mm - field.low[0],
+        y * field.per_mm - field.low[1],
+        z * field.per_mm - field.low[2],
+    )
+    if not _holds(field, u, v, w, 0):
+        return np.nan
+    i, j, k = np.int64(u) >> CUBE, np.int64(v) >> CUBE, np.int64(w) >> CUBE
+    distance = field.overview[i, j, k]
+    if distance == 0.0:
+        _, height, depth = field.overview.shape
+        _note(field, -1 - ((i * height + j) * depth + k))
+        return np.nan
+    u, v, w = u - ((i << CUBE) + 2.0), v - ((j << CUBE) + 2.0), w - ((k << CUBE) + 2.0)
+    least: float = distance - field.cell * np.sqrt(u * u + v * v + w * w)
+    return least
 
 
 @kernel
@@ -182,62 +169,51 @@ def normal_at(field: Field, at: Floats, out: Floats) -> bool:
 
 @lane
 def _slope_at(field: Field, x: float, y: float, z: float) -> tuple[float, float, float]:
-    """Return the growth of the distance along each axis.
+    """Return the growth of the distance along each axis, NaN where unknown and beyond the lattice.
 
-    The trilinear distance grows over a cell around a position.
+    The trilinear distance grows over a cell around a position, between the 27 nodes around.
     """
-    u, v, w, h = x * field.per_mm, y * field.per_mm, z * field.per_mm, 0.5 * field.cell
-    if not max(abs(u), abs(v), abs(w)) < SIDE * (MOST - 1):
-        return 0.0, 0.0, 0.0
-    i, j, k = np.int64(np.floor(u - 0.5)), np.int64(np.floor(v - 0.5)), np.int64(np.floor(w - 0.5))
-    if max(i % SIDE, j % SIDE, k % SIDE) < SIDE - 1:
-        block = _block_at(field, i // SIDE, j // SIDE, k // SIDE, np.int64(0))
-        if block < 0:
-            return 0.0, 0.0, 0.0
-        node = ((i % SIDE) * NODES + j % SIDE) * NODES + k % SIDE
-        return _slope_within(field.values, block, node, u - i, v - j, w - k)
-    return (
-        distance_at(field, x + h, y, z) - distance_at(field, x - h, y, z),
-        distance_at(field, x, y + h, z) - distance_at(field, x, y - h, z),
-        distance_at(field, x, y, z + h) - distance_at(field, x, y, z - h),
+    u, v, w = (
+        x * field.per_mm - field.low[0],
+        y * field.per_mm - field.low[1],
+        z * field.per_mm - field.low[2],
     )
-
-
-@lane
-def _slope_within(
-    values: Floats, block: Integer, node: Integer, u: float, v: float, w: float
-) -> tuple[float, float, float]:
-    """Return the growth of the distance within a block.
-
-    The growth is as of :func:`_slope_at`, at u, v, w in [0.5, 1.5) from a node. The 27 nodes from the node on
-    are the nodes around all six compared positions.
-    """
-    x0, y0, z0 = _over_plane(values, block, node, v, w)
-    x1, y1, z1 = _over_plane(values, block, node + NODES * NODES, v, w)
-    x2, y2, z2 = _over_plane(values, block, node + 2 * NODES * NODES, v, w)
-    return _growth(x0, x1, x2, u), _value(y0, y1, y2, u), _value(z0, z1, z2, u)
+    a, b, c = np.floor(u - 0.5), np.floor(v - 0.5), np.floor(w - 0.5)
+    if not _holds(field, a, b, c, 2):
+        return np.nan, np.nan, np.nan
+    i, j, k, u, v, w = np.int64(a), np.int64(b), np.int64(c), u - a, v - b, w - c
+    x0, y0, z0 = _over_plane(field, i, j, k, v, w)
+    x1, y1, z1 = _over_plane(field, i + 1, j, k, v, w)
+    x2, y2, z2 = _over_plane(field, i + 2, j, k, v, w)
+    dx, dy, dz = _growth(x0, x1, x2, u), _value(y0, y1, y2, u), _value(z0, z1, z2, u)
+    if np.isnan(dx + dy + dz):
+        _note_blocks(field, i, j, k, 2)
+    return dx, dy, dz
 
 
 @lane
 def _over_plane(
-    values: Floats, block: Integer, node: Integer, v: float, w: float
+    field: Field, i: Integer, j: Integer, k: Integer, v: float, w: float
 ) -> tuple[float, float, float]:
     """Return the value in a plane, and its growth.
 
     The value is at v, w between 3 x 3 nodes of the plane, and the growth is along v and w.
     """
-    p, q, r = values[block, node], values[block, node + 1], values[block, node + 2]
-    here0, onward0 = _value(p, q, r, w), _growth(p, q, r, w)
-    p, q, r = values[block, node + NODES], values[block, node + NODES + 1], values[block, node + NODES + 2]
-    here1, onward1 = _value(p, q, r, w), _growth(p, q, r, w)
-    node += NODES
-    p, q, r = values[block, node + NODES], values[block, node + NODES + 1], values[block, node + NODES + 2]
-    here2, onward2 = _value(p, q, r, w), _growth(p, q, r, w)
+    here0, onward0 = _over_line(field, i, j, k, w)
+    here1, onward1 = _over_line(field, i, j + 1, k, w)
+    here2, onward2 = _over_line(field, i, j + 2, k, w)
     return (
         _value(here0, here1, here2, v),
         _growth(here0, here1, here2, v),
         _value(onward0, onward1, onward2, v),
     )
+
+
+@lane
+def _over_line(field: Field, i: Integer, j: Integer, k: Integer, w: float) -> tuple[float, float]:
+    """Return the value at w between three nodes in a line, and its growth."""
+    p, q, r = _node(field, i, j, k), _node(field, i, j, k + 1), _node(field, i, j, k + 2)
+    return _value(p, q, r, w), _growth(p, q, r, w)
 
 
 @lane
