@@ -151,11 +151,11 @@ class Bone:
 
         Distances (n,) [mm] are negative inside; points (n, 3) are at rest. Distances are within sqrt(3) / 2
         of a cell of the exact distance, and beside a smooth surface of radius R about cell^2 / (4 R) off;
-        beyond the :data:`REACH` of the field they are exact.
-        Points that are surely farther away than ``within`` [mm] are not looked up, and get a bound beyond
-        ``within``; points that are not finite get :data:`~vtkmuscle.core.mesh.solids.FAR`. Directions (n, 3)
-        in which the distance grows are unit vectors, continuous, by differences over a cell; 0 where the
-        distance is missing or grows in no direction.
+        beyond the :data:`REACH` of the field they are exact. Points that are surely farther away than
+        ``within`` [mm] are not looked up, and get a bound beyond ``within``; points that are not finite get
+        :data:`~vtkmuscle.core.mesh.solids.FAR`. Directions (n, 3) in which the distance grows are unit
+        vectors, continuous, by differences over a cell; 0 where the distance is missing or grows in no
+        direction.
         """
         positions = np.ascontiguousarray(points, dtype=np.float64)
         distance, outward = np.empty(len(positions)), np.empty((len(positions), 3))
@@ -207,12 +207,13 @@ class Bone:
                 cubes = np.unique(np.ravel_multi_index(around[inside].T, known.overview.shape))
             cubes, blocks = cubes[overview[cubes] == 0.0], blocks[rows[blocks] == 0]
             if len(cubes):
-                middles = (np.column_stack(np.unravel_index(cubes, known.overview.shape)) << CUBE) + 2.0
+                middles = 4.0 * np.column_stack(np.unravel_index(cubes, known.overview.shape)) + 2.0
                 measured = self._measured(known, middles)
                 overview[cubes] = np.where(measured == 0.0, np.finfo(np.float64).tiny, measured)
             if len(blocks):
                 corners = np.column_stack(np.unravel_index(blocks, known.rows.shape)) << BLOCK
-                measured = self._measured(known, (corners[:, None] + _CORNERS).reshape(-1, 3))
+                nodes = (corners[:, None] + _CORNERS).reshape(-1, 3).astype(np.float64)
+                measured = self._measured(known, nodes)
                 first, last = self._filled, self._filled + len(blocks)
                 if last > len(known.values):  # other threads still use the old values, without the new rows
                     values = np.empty((2 * last, len(_CORNERS)))

@@ -93,7 +93,7 @@ def distance_at(field: Field, x: float, y: float, z: float) -> float:
         z * field.per_mm - field.low[2],
     )
     a, b, c = np.floor(u), np.floor(v), np.floor(w)
-    if not _holds(field, a, b, c, 2):
+    if not _holds(field, a - 1.0, b - 1.0, c - 1.0, 3):  # with the nodes of the normal
         return np.nan
     i, j, k, u, v, w = np.int64(a), np.int64(b), np.int64(c), u - a, v - b, w - c
     first = _node(field, i, j, k)
@@ -107,13 +107,7 @@ def distance_at(field: Field, x: float, y: float, z: float) -> float:
     c0, c1 = c00 + v * (c01 - c00), c10 + v * (c11 - c10)
     distance: float = c0 + u * (c1 - c0)
     if np.isnan(distance):  # the normal there will need the nodes on both sides
-        _note_blocks(
-            field,
-            i if u >= 0.5 else max(i - 1, 0),
-            j if v >= 0.5 else max(j - 1, 0),
-            k if w >= 0.5 else max(k - 1, 0),
-            2,
-        )
+        _note_blocks(field, i - np.int64(u < 0.5), j - np.int64(v < 0.5), k - np.int64(w < 0.5), 2)
     return distance
 
 
