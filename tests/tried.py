@@ -12,16 +12,16 @@ HEAD = """.. A command, named on this page, writes the page; change the tests, n
 Reliability
 ===========
 
-This page shows the outcome of damaged input, signals and full disks, for readers and every command. "Used" is a
-complete result, "refused" a one-line error with a remedy. A test fails after a signal, a traceback, a wait of more
-than 60 s, an unwanted file, or a damaged file under a final name.
+This page shows the outcome of damaged input, signals and full disks, for readers and every command. "Used"
+is a complete result, "refused" a one-line error with a remedy. A test fails after a signal, a traceback, a
+wait of more than 60 s, an unwanted file, or a damaged file under a final name.
 
 {total} cases, {form} form, planted seeds. ``pytest --long tests/test_fuzz.py tests/test_damaged_commands.py
-tests/test_faults.py tests/test_long_runs.py tests/io --tried-table docs/validation/reliability.rst`` writes the page; a
-part of the files updates a part of the rows. The normal tests have a short form.
+tests/test_faults.py tests/test_long_runs.py tests/io --tried-table docs/validation/reliability.rst`` writes
+the page; a part of the files updates a part of the rows. The normal tests have a short form.
 
-The heap of a run grows by the frames of the result, and shrinks when the result is freed. A series of subjects adds
-no memory.
+The heap of a run grows by the frames of the result, and shrinks when the result is freed. A series of
+subjects adds no memory.
 
 .. list-table::
    :header-rows: 1
@@ -37,10 +37,10 @@ TAIL = """
 Planted faults
 --------------
 
-``python benchmarks/planted_faults.py --write`` plants faults in ``vtkmuscle.core``, a fault per test run: wrong signs, counts
-off by one, missing clamps, doubled constants, exchanged axes. A hash of the source's lines chooses the faults. The table
-has the first failing test for each fault. An equivalent fault changes no promised result. The table is of commit
-8b36ec2; some functions have been renamed or merged since.
+``python benchmarks/planted_faults.py --write`` plants faults in ``vtkmuscle.core``, a fault per test run:
+wrong signs, counts off by one, missing clamps, doubled constants, exchanged axes. A hash of the source's
+lines chooses the faults. The table has the first failing test for each fault. An equivalent fault changes
+no promised result. The table is of commit 8b36ec2; some functions have been renamed or merged since.
 
 .. include:: reliability_tables/planted_count.txt
 

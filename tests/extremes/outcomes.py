@@ -8,15 +8,16 @@ HEAD = """\
 Extremes
 ========
 
-This page shows how the filters handle input beyond any real muscle. Each case ends with finite numbers and a correct
-report of the geometry, or with an error and a remedy. The stable modes of PBDDeformer also keep the volume within 1e-6,
-each edge within 12 times its length, at most 12 edges folded, and, from 10 iterations on, 95 % of the angles within 30
-degrees. "Worst" is the largest value over all cases of a row: an error if two results must be equal, otherwise the
-change of shape since rest; edges shorter than a hundredth of the mean are left out. By default a row has the stable
-modes with and without bones and anisotropy, and the published mode with and without bones.
+This page shows how the filters handle input beyond any real muscle. Each case ends with finite numbers and
+a correct report of the geometry, or with an error and a remedy. The stable modes of PBDDeformer also keep
+the volume within 1e-6, each edge within 12 times its length, at most 12 edges folded, and, from 10
+iterations on, 95 % of the angles within 30 degrees. "Worst" is the largest value over all cases of a row:
+an error if two results must be equal, otherwise the change of shape since rest; edges shorter than a
+hundredth of the mean are left out. By default a row has the stable modes with and without bones and
+anisotropy, and the published mode with and without bones.
 
-{count} cases, {form} form, seed {seed}. ``pytest -m extremes{option} --extremes-table docs/validation/extremes.rst``
-writes the page; {rest}.
+{count} cases, {form} form, seed {seed}. ``pytest -m extremes{option} --extremes-table
+docs/validation/extremes.rst`` writes the page; {rest}.
 """
 
 #: The words on the form of the tests.
