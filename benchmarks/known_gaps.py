@@ -1,7 +1,8 @@
 """Write the documentation's table of known gaps: ``python benchmarks/known_gaps.py``.
 
 A gap is a wanted figure that does not hold. The test of the quantity has a weaker bound, and the mark
-``pytest.mark.gap(quantity, today, wanted)``. The table has a row per mark, with the command of the test.
+``pytest.mark.gap(quantity, today, wanted)``. The table has a row per mark, with the command of the
+tests in the file.
 """
 
 from __future__ import annotations
@@ -20,9 +21,9 @@ HEADER = ("quantity", "today", "wanted", "command")
 def gaps(tests: Path) -> Iterator[tuple[str, str, str, str]]:
     """Yield quantity, today's figure, wanted figure and command of each mark in a folder of tests."""
     for path in sorted(tests.rglob("test_*.py")):
+        command = f"``pytest -m gap {path.relative_to(tests.parent).as_posix()}``"
         for test in ast.parse(path.read_text(encoding="utf-8")).body:
             if isinstance(test, ast.FunctionDef):
-                command = f"``pytest {path.relative_to(tests.parent).as_posix()}::{test.name}``"
                 for mark in test.decorator_list:
                     if isinstance(mark, ast.Call) and ast.unparse(mark.func) == "pytest.mark.gap":
                         quantity, today, wanted = map(ast.literal_eval, mark.args)

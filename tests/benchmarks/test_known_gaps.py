@@ -34,5 +34,5 @@ def test_marks_become_rows(known_gaps, tmp_path):
     (tests / "test_arm.py").write_text(
         f"{mark}\n@other\ndef test_arm():\n    pass\n\n\ndef test_b():\n    pass\n"
     )
-    row = '"arm, at 90 degrees",3 mm,1 mm,``pytest tests/test_arm.py::test_arm``'
+    row = '"arm, at 90 degrees",3 mm,1 mm,``pytest -m gap tests/test_arm.py``'
     assert known_gaps["table"](tests) == f"quantity,today,wanted,command\n{row}\n"
