@@ -25,13 +25,13 @@ from vtkmuscle.core.paths import bone_contact, neighbours, pose, surroundings
 CONSTANTS = (
     ((neighbours,), "MODULUS", "modulus across the paths"),
     ((neighbours,), "SHEAR_MODULUS", "shear modulus along the paths"),
-    ((surroundings,), "MODULUS", "modulus of the layer aside"),
-    ((surroundings,), "LEAST_LAYER", "least thickness of that layer"),
-    ((surroundings,), "LEAST_ACROSS", "sine from which a bone tells aside"),
-    ((surroundings,), "BUNDLE", "width of a bundle that bows"),
-    ((surroundings,), "THICKNESS_SMOOTHING", "smoothing of the tissue's thickness"),
+    ((surroundings,), "MODULUS", "lateral modulus of the tissue at a bone"),
+    ((surroundings,), "LEAST_LAYER", "least thickness of the lateral tissue"),
+    ((surroundings,), "LEAST_ACROSS", "least sine of a bone's normal across the fibre"),
+    ((surroundings,), "BUNDLE", "width of a bowed bundle"),
+    ((surroundings,), "THICKNESS_SMOOTHING", "smoothing of the offset from a bone"),
     ((bone_contact, pose), "PUSH", "stiffness of bones"),
-    ((bone_contact,), "ROUNDING", "rounding of their contact"),
+    ((bone_contact,), "ROUNDING", "rounding of bone contact"),
 )
 #: Frames of the hip between two that are looked at.
 EVERY = 5
@@ -91,7 +91,7 @@ def main() -> None:
     header = ("constant", "value", "times", "mean [mm]", "worst [mm]", *(f"{name} [mm]" for name in muscles))
     table = Table(asked.write.stem if asked.write else "constants", header, [])
     table.rows.append(
-        ("as they are", "", "1", f"{np.mean(known):.2f}", f"{max(known):.1f}", *[""] * len(muscles))
+        ("defaults", "", "1", f"{np.mean(known):.2f}", f"{max(known):.1f}", *[""] * len(muscles))
     )
     for modules, name, what in CONSTANTS:
         value = getattr(modules[0], name)

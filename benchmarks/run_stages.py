@@ -67,11 +67,11 @@ def _of_children() -> float:
 
 
 def rows(seconds: Counter[Stack]) -> list[list[str]]:
-    """Return the table: seconds and share of each stage, and of the whole."""
+    """Return the table: seconds and share of each stage, and the total."""
     found, whole = by_stage(seconds, STAGES), seconds.total()
     return [
         [stage, f"{used:.1f}", f"{100.0 * used / whole:.0f}"]
-        for stage, used in [*found.items(), ("the whole", whole)]
+        for stage, used in [*found.items(), ("total", whole)]
     ]
 
 

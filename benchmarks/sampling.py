@@ -22,7 +22,7 @@ INTERVAL = 0.005
 #: next gives the lock away: calls of VTK seem to take up to seven times as long as they do.
 SWITCH = 5e-5
 #: The stage of what belongs to no other.
-OTHER = "all else"
+OTHER = "remainder"
 
 #: Calls from outside in: each the file within its package, a colon, and its name there.
 Stack = tuple[str, ...]

@@ -5,7 +5,6 @@ from functools import cache
 
 import numpy as np
 import phantoms
-import pytest
 from phantoms.ball_spindle import INSERTION, ORIGIN
 from phantoms.brim_flexor import taut
 from phantoms.lifting_strap import fibre
@@ -179,12 +178,6 @@ def off_lines(points, lines):
     part = ((points[:, :, None] - starts) * ways).sum(axis=3) / (ways**2).sum(axis=3)
     nearest = starts + part.clip(0.0, 1.0)[..., None] * ways
     return np.linalg.norm(points[:, :, None] - nearest, axis=3).min(axis=2)
-
-
-def worse(bound, measured):
-    """Return a bound that does not hold yet, or the values of parameters with one."""
-    not_yet = pytest.mark.xfail(strict=True, raises=AssertionError, reason=f"measured: {measured}")
-    return pytest.param(*(bound if isinstance(bound, tuple) else (bound,)), marks=not_yet)
 
 
 def angles(low, high, step=STEP):

@@ -7,23 +7,21 @@ from collections import Counter
 from dataclasses import dataclass, field
 from pathlib import Path
 
-HEAD = """.. This page is written by a command that it names; change the tests, not the page.
+HEAD = """.. A command, named on this page, writes the page; change the tests, not the page.
 
-What was tried
-==============
+Reliability
+===========
 
-Damaged input to readers and to every command, signals and full disks, and what became of them. "Used" is a
-result that is whole, "refused" one clear error of one line that says what to change; anything else (a
-signal, a traceback, a wait of more than 60 s, a file where none was asked for, a damaged file under a final
-name) fails the tests.
+This page shows the outcome of damaged input, signals and full disks, for readers and every command. "Used"
+is a complete result, "refused" a one-line error with a remedy. A test fails after a signal, a traceback, a
+wait of more than 60 s, an unwanted file, or a damaged file under a final name.
 
-{total} cases, {form} form, planted seeds. The page is written by ``pytest --long tests/test_fuzz.py
-tests/test_damaged_commands.py tests/test_faults.py tests/test_long_runs.py tests/io --tried-table
-docs/validation/reliability.rst``; with some of these files their rows alone. The normal run of
-tests has a short form.
+{total} cases, {form} form, planted seeds. ``pytest --long tests/test_fuzz.py tests/test_damaged_commands.py
+tests/test_faults.py tests/test_long_runs.py tests/io --tried-table docs/validation/reliability.rst`` writes
+the page; a part of the files updates a part of the rows. The normal tests have a short form.
 
-The heap of a run grows by the frames that its result holds, and is given back with it. Solving the muscles
-of subjects after one another adds nothing to it.
+The heap of a run grows by the frames of the result, and shrinks when the result is freed. A series of
+subjects adds no memory.
 
 .. list-table::
    :header-rows: 1
@@ -39,10 +37,10 @@ TAIL = """
 Planted faults
 --------------
 
-Faults that ``python benchmarks/planted_faults.py --write`` plants in ``vtkmuscle.core``, one at a time, and
-the first test that sees each: signs, counts that are off by one, clamps that are gone, constants twice as
-large, exchanged axes. A hash of the source's lines chooses them. An equivalent one changes nothing that is
-promised.
+``python benchmarks/planted_faults.py --write`` plants faults in ``vtkmuscle.core``, a fault per test run:
+wrong signs, counts off by one, missing clamps, doubled constants, exchanged axes. A hash of the source's
+lines chooses the faults. The table has the first failing test for each fault. An equivalent fault changes
+no promised result. The table is of commit 8b36ec2; some functions have been renamed or merged since.
 
 .. include:: reliability_tables/planted_count.txt
 

@@ -100,5 +100,5 @@ def test_stages_of_a_run_sum_up_to_the_whole(tmp_path):
     assert found.total() - before == pytest.approx(used, rel=0.1)
     assert found["steps"] > 0.0  # a shorter stage may end before it is looked at
     assert found[OTHER] < 0.2 * used
-    assert rows(seconds)[-1][0] == "the whole"
+    assert rows(seconds)[-1][0] == "total"
     assert (tmp_path / "out" / "report.json").is_file()

@@ -3,37 +3,29 @@
 from dataclasses import dataclass, field
 
 HEAD = """\
-.. This page is written by a command that it names; change the tests, not the page.
+.. A command, named on this page, writes the page; change the tests, not the page.
 
 Extremes
 ========
 
-Input that no real muscle has, and how the filters handled it. Each case ended with finite numbers
-and a report that agrees with the geometry, or with an error that says what to change. The stable modes of the
-deformer also keep the volume within 1e-6, each edge within 12 times its length, at most 12 edges folded, and,
-from 10 iterations on, 95 % of the angles within 30 degrees. "Worst" is the largest
-value of what is named beside it over all cases of a row: an error where two results must be equal, else a
-figure that says how far the shape is from rest; edges of less than a hundredth of the mean do not count.
-{modes}
+This page shows how the filters handle input beyond any real muscle. Each case ends with finite numbers and
+a correct report of the geometry, or with an error and a remedy. The stable modes of PBDDeformer also keep
+the volume within 1e-6, each edge within 12 times its length, at most 12 edges folded, and, from 10
+iterations on, 95 % of the angles within 30 degrees. "Worst" is the largest value over all cases of a row:
+an error if two results must be equal, otherwise the change of shape since rest; edges shorter than a
+hundredth of the mean are left out. By default a row has the stable modes with and without bones and
+anisotropy, and the published mode with and without bones.
 
-{count} cases, {form} form, seed {seed}. The page is written by ``pytest -m extremes{option} --extremes-table
-docs/validation/extremes.rst``; {other}.
+{count} cases, {form} form, seed {seed}. ``pytest -m extremes{option} --extremes-table
+docs/validation/extremes.rst`` writes the page; {rest}.
 """
 
-#: What is said of the form that was run.
-LONG = {
-    "form": "long",
-    "option": " --long",
-    "modes": "Where nothing else is said, the stable modes with and without bones and anisotropy were\n"
-    "tried, and the published one with and without bones.",
-    "other": "the normal run of the tests has a short form of it",
-}
+#: The words on the form of the tests.
+LONG = {"form": "long", "option": " --long", "rest": "without ``--long`` the tests have fewer examples"}
 SHORT = {
     "form": "short",
     "option": "",
-    "modes": "Where nothing else is said, the stable modes with and without bones and anisotropy were\n"
-    "tried, and the published one with and without bones.",
-    "other": "with ``--long`` it tries more examples, and meshes of up to a million triangles",
+    "rest": "``--long`` adds examples, and meshes of up to a million triangles",
 }
 
 

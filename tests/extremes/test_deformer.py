@@ -158,7 +158,7 @@ def test_another_unit_of_length(exponent, ledger):
         )
         error = np.abs(now / factor - expected).max() / 100.0
         what = f"scale 1e{exponent:+d}"
-        ledger.passed("Units and places", what, "difference / length of the muscle", error)
+        ledger.passed("Units and positions", what, "difference / length of the muscle", error)
         assert error <= SCALE_BOUND, mode
 
 
@@ -194,7 +194,7 @@ def test_another_place(what, ledger):
         )
         error = np.abs(now - apply_transform(frame, expected)).max()
         if not turned:
-            ledger.passed("Units and places", what, "largest difference [mm]", error)
+            ledger.passed("Units and positions", what, "largest difference [mm]", error)
         # Rounding decides which face of a voxel stops a point that comes to an edge of it.
         assert error <= (0.05 * VOXEL if turned else 1e-6), mode
 

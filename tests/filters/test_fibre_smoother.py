@@ -202,21 +202,16 @@ def test_pennate_fibres_fill_real_muscles(template, body, request):
 
 
 @pytest.mark.realdata
-@pytest.mark.parametrize(
-    "name",
-    [
-        "gluteus_maximus",
-        "gluteus_medius",
-        "adductor_brevis",
-        pytest.param(
-            "iliacus",
-            marks=pytest.mark.xfail(
-                strict=True, reason="2.1: it fans out, and fibres end all over its origin"
-            ),
-        ),
-    ],
+@pytest.mark.gap(
+    "distance to the nearest fibre relative to even fibres, iliacus",
+    "2.3",
+    "1.5",
 )
-def test_a_hundred_fibres_cover_real_muscles_nearly_as_well_as_evenly_spaced_ones(name, lhdl_hip):
+@pytest.mark.parametrize(
+    ("name", "bound"),
+    [("gluteus_maximus", 1.5), ("gluteus_medius", 1.5), ("adductor_brevis", 1.5), ("iliacus", 2.4)],
+)
+def test_a_hundred_fibres_cover_real_muscles_nearly_as_well_as_evenly_spaced_ones(name, bound, lhdl_hip):
     scene = Scene.load(lhdl_hip / "scene.toml")
     muscle = scene.muscles[name].surface
     lines = polylines_of(decompose(muscle, scene.attachments_data(name)).update().output, name)
@@ -230,7 +225,7 @@ def test_a_hundred_fibres_cover_real_muscles_nearly_as_well_as_evenly_spaced_one
     # 95 % of a hexagon of inner radius r is nearer than 1.035 r to its centre.
     volume = abs(signed_volume(geometry.points, geometry.triangles))
     even = 1.035 * filling_radius(volume, polyline_lengths(lines.points, lines.offsets).sum())
-    assert found <= 1.5 * even
+    assert found <= bound * even
 
 
 def test_fibres_that_are_held_at_the_rim_of_a_broad_area_do_not_hook_there():

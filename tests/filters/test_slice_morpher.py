@@ -235,14 +235,10 @@ def test_the_angle_to_superficial_fibres_is_reported(method):
 
 
 @pytest.mark.realdata
-@pytest.mark.parametrize(
-    ("method", "largest"),
-    [
-        ("plane", 35),
-        pytest.param("plane", 30, marks=pytest.mark.xfail(strict=True, reason="measured: 30.8 degrees")),
-        ("harmonic", 30),
-    ],
+@pytest.mark.gap(
+    "angle of fibres by planes to dissected fibres, gluteus maximus", "30.8 degrees", "30 degrees"
 )
+@pytest.mark.parametrize(("method", "largest"), [("plane", 32), ("harmonic", 30)])
 def test_dissected_fibres_that_deviate_are_warned_of(method, largest, lhdl_hip):
     scene = Scene.load(lhdl_hip / "scene.toml")
     muscle, attachments = scene.muscles["gluteus_maximus"].surface, scene.attachments_data("gluteus_maximus")

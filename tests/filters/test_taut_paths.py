@@ -7,7 +7,6 @@ import numpy as np
 import phantoms
 import pytest
 from filter_case import digest
-from phantom_paths import worse
 
 from vtkmuscle import Scene
 from vtkmuscle.core.motion.rigid import RigidMotion, apply_transform
@@ -70,20 +69,12 @@ def times_of(make, count):
 # -------------------------------------------------------------------- a pose
 
 
-def within(case, bound, worst=None):
-    """Return a case with a bound [mm], and what was measured, where the bound does not hold yet."""
-    return [(*case, bound)] if worst is None else [worse((*case, bound), f"{worst} mm"), (*case, 1.1 * worst)]
-
-
-RING = CASES.index(("tendon_through_ring", "muscle"))
-ALONE = [case for i, case in enumerate(CASES) for case in within(case, 0.02, 0.74 if i == RING else None)]
-#: Real muscles: some paths of the adductor brevis snap to another side on the way.
-MEASURED = {"adductor_brevis": 0.30, "gluteus_maximus": None, "gluteus_medius": None, "iliacus": None}
-REAL = [case for name, worst in MEASURED.items() for case in within((name,), 0.02, worst)]
-
-
-@pytest.mark.parametrize(("make", "name", "bound"), ALONE)
-def test_a_pose_asked_for_alone_is_the_pose_reached_through_all_frames(make, name, bound):
+@pytest.mark.gap(
+    "difference of a path's length, alone and after other poses, in a via ring", "0.74 mm", "0.02 mm"
+)
+@pytest.mark.parametrize(("make", "name"), CASES)
+def test_a_pose_asked_for_alone_is_the_pose_reached_through_all_frames(make, name):
+    bound = 0.8 if make == "tendon_through_ring" else 0.02
     times = [float(time) for time in at_rest(make, name)[0].motion.times]
     swept, alone = paths_of(make, name), paths_of(make, name)
     through = {time: lengths(swept, time) for time in times}
@@ -92,7 +83,13 @@ def test_a_pose_asked_for_alone_is_the_pose_reached_through_all_frames(make, nam
 
 
 @pytest.mark.realdata
-@pytest.mark.parametrize(("name", "bound"), REAL)
+@pytest.mark.gap(
+    "difference of a path's length, alone and after other poses, adductor brevis", "0.25 mm", "0.02 mm"
+)
+@pytest.mark.parametrize(
+    ("name", "bound"),
+    [("adductor_brevis", 0.28), ("gluteus_maximus", 0.02), ("gluteus_medius", 0.02), ("iliacus", 0.02)],
+)
 def test_a_pose_of_the_real_hip_asked_for_alone_is_the_pose_reached_through_all_frames(lhdl_hip, name, bound):
     scene = replace(Scene.load(lhdl_hip / "scene.toml"), deformer="none")
     swept, alone = (muscle_pipeline(scene, name).taut_paths for _ in range(2))
@@ -132,9 +129,11 @@ def test_lengths_settle_as_paths_get_more_segments(make, name):
 
 
 @pytest.mark.realdata
-@pytest.mark.xfail(reason="1 of 100 paths ends in another equilibrium, 1.4 mm off", strict=True)
+@pytest.mark.gap(
+    "difference of a path's length by steps of 2 and of 10 degrees, 1 of 100 paths", "1.4 mm", "0.5 mm"
+)
 def test_paths_that_snap_end_where_larger_steps_take_them(lhdl_hip):
-    """Some of the adductor brevis do: if paths drifted on as they did then, one would end 1.3 mm off."""
+    """One path of the adductor brevis has two equilibria."""
     scene = replace(Scene.load(lhdl_hip / "scene.toml"), deformer="none")
     scene = replace(scene, muscles={"adductor_brevis": scene.muscles["adductor_brevis"]})
     ends = []
@@ -143,7 +142,9 @@ def test_paths_that_snap_end_where_larger_steps_take_them(lhdl_hip):
         ends.append(
             replace(scene, motion=motion).run(figures=False, workers=1).lengths["adductor_brevis"][-1]
         )
-    np.testing.assert_allclose(*ends, atol=0.5)
+    off = np.abs(ends[0] - ends[1])
+    assert np.count_nonzero(off > 0.5) <= 1
+    assert off.max() < 1.6
 
 
 def test_bones_that_move_together_take_the_paths_along():

@@ -12,7 +12,6 @@ from phantom_paths import (
     strung_phantom,
     swept,
     turned,
-    worse,
 )
 
 from vtkmuscle.core.bones.bone import Bone
@@ -48,6 +47,11 @@ def remade(number, order=slice(None), way=1):
 # -------------------------------------------------------------------- at rest
 
 
+@pytest.mark.gap("distance of a path from its known course at rest, slivered tendon", "0.092 mm", "0.08 mm")
+@pytest.mark.gap("distance of a path from its known course at rest, flexor over a ridge", "0.41 mm", "0.2 mm")
+@pytest.mark.gap(
+    "distance of a path from its known course at rest, flexor over a groove", "0.77 mm", "0.2 mm"
+)
 @pytest.mark.parametrize(
     ("make", "settings", "bound"),
     [
@@ -57,11 +61,8 @@ def remade(number, order=slice(None), way=1):
         ("tendon_through_ring", {}, 1e-3),
         ("spindle_over_ball", {}, 1e-3),
         ("slivered_tendon", {}, 0.1),
-        worse(("slivered_tendon", {}, 0.08), "0.090 mm: a bone's rounded force begins before it is touched"),
-        ("flexor_over_brim", {"groove": -5.0}, 0.6),
-        worse(("flexor_over_brim", {"groove": -5.0}, 0.2), "0.41 mm, into the gap between muscle and brim"),
+        ("flexor_over_brim", {"groove": -5.0}, 0.5),
         ("flexor_over_brim", {"groove": 8.0}, 0.8),
-        worse(("flexor_over_brim", {"groove": 8.0}, 0.2), "0.77 mm, into the gap between muscle and brim"),
     ],
 )
 def test_paths_of_known_course_stay_on_it_at_rest(make, settings, bound):
