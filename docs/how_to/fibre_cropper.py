@@ -17,7 +17,7 @@ class FibreCropper(Filter):
     fibres
         Polylines.
     part
-        What is cut off at each end, of the length.
+        Fraction of the length to cut at each end.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""A belly between two aponeuroses, whose fibres are known."""
+"""A belly between two aponeuroses, with fibres by formula."""
 
 from __future__ import annotations
 
@@ -14,25 +14,25 @@ from vtkmuscle.phantoms.phantom import Phantom, circle, ends, phantom_from
 #: nearly as long as those of a dissected medial gastrocnemius (51 mm; Ward et al. 2009,
 #: doi:10.1007/s11999-008-0594-8).
 HALF_LENGTH, HALF_WIDTH, THICKNESS = 75.0, 28.0, 15.0
-#: How far along x a fibre of the middle goes [mm], and by how much more for each mm of its start along x.
+#: Extent of the middle fibre along x [mm], and the increase per mm of the fibre's start along x.
 ADVANCE, GAIN = 40.0, 0.12
-#: Width over which the belly's edges are round [mm]; the aponeuroses reach so far of the way to them.
+#: Width of the belly's rounded edge [mm], and extent of the aponeuroses as a fraction of the belly's.
 RIM, REACH = 3.0, 0.92
 
 
 def pennate_belly() -> Phantom:
     """Return a muscle between two flat aponeuroses, elliptic and parallel, shifted against each other.
 
-    The fibre from the place (x, y, 0) of the proximal aponeurosis goes straight to (x + 40 + 0.12 x, y, 15)
-    on the distal one [mm]: of all maps that keep shares of the areas, this one has the least sum of squared
-    distances. The areas of attachment are these aponeuroses. The plate ``distal_plate`` slides along x, away,
-    by the pipeline's time in mm.
+    A fibre runs straight from (x, y, 0) on the proximal aponeurosis to (x + 40 + 0.12 x, y, 15) on the distal
+    aponeurosis [mm]: of all maps between equal shares of the areas, the map with the least sum of squared
+    distances. The aponeuroses are the attachment areas. The plate ``distal_plate`` slides away along x, by
+    the pipeline's time in mm.
 
     Returns
     -------
     Phantom
         Known answers: ``known["fibre_length"](x)`` [mm] and ``known["pennation"](x)`` [degrees], against both
-        aponeuroses, of the fibre that begins at x, and ``known["volume"]`` [mm^3], of the belly with sharp
+        aponeuroses, of the fibre from x, and ``known["volume"]`` [mm^3], of the belly with sharp
         edges.
 
     Examples
@@ -67,7 +67,7 @@ def pennate_belly() -> Phantom:
 
 
 def _belly() -> Solid:
-    """Return the solid that the fibres from the proximal aponeurosis fill."""
+    """Return the solid filled by fibres from the proximal aponeurosis."""
 
     def field(points: Floats) -> tuple[Floats, Floats]:
         t = points[:, 2] / THICKNESS

@@ -2,10 +2,9 @@
 Fibres that end on their attachment areas
 =========================================
 
-Fibres that were only moved section by section into a muscle meet in its tips, or hook where the sections
-end. The trimmer cuts their ends off at planes through the attachment areas, and draws them to places spread
-over the areas; the smoother takes the bends out. (After Kohout, Clapworthy, Martelli, Viceconti 2012,
-figures 8 and 9.)
+Fibres mapped section by section into a muscle crowd in the tips, or hook at the last sections. The trimmer
+cuts the ends at planes through the attachment areas, and moves the ends to points spread over the areas; the
+smoother removes the bends. After Kohout, Clapworthy, Martelli, Viceconti 2012, figures 8 and 9.
 """
 
 import numpy as np
@@ -33,7 +32,7 @@ smoothed = FibreSmoother()(trimmed, muscle)
 
 
 def nearest_ends(fibres):
-    """Return the mean distance of the fibres' first points to the nearest other one."""
+    """Return the mean distance between nearest first points of fibres."""
     lines = pv.wrap(fibres).points.reshape(fibres.GetNumberOfCells(), -1, 3)
     gaps = np.linalg.norm(lines[:, None, 0] - lines[None, :, 0], axis=2)
     return np.sort(gaps, axis=1)[:, 1].mean()
@@ -45,7 +44,7 @@ for stage, fibres in (("morphed", morphed), ("trimmed", trimmed), ("smoothed", s
     print(f"; ends {nearest_ends(fibres):.2f} mm apart")
 
 # %%
-# Before, after the cut and new ends, and after smoothing, in tubes that fill the muscle without overlap.
+# Morphed, trimmed and smoothed fibres, in tubes that fill the muscle without overlap.
 plotter = pv.Plotter(shape=(1, 3), border=False)
 for column, fibres in enumerate((morphed, trimmed, smoothed)):
     plotter.subplot(0, column)

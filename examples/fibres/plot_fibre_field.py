@@ -2,10 +2,9 @@
 The direction of fibres in a mesh
 =================================
 
-Finite elements need the direction of the fibres in each of them. :class:`~vtkmuscle.filters.FibreField`
-gives it to any mesh or grid, here to a slice through the middle of a belly like that of the gastrocnemius:
-strokes are coloured by their angle to the aponeuroses. For FEBio see
-:doc:`/how_to/finite_elements`.
+:class:`~vtkmuscle.filters.FibreField` adds fibre directions to any mesh or grid for finite elements, here to
+a slice through a belly like a gastrocnemius. Strokes are coloured by the angle to the aponeuroses. For FEBio
+see :doc:`/how_to/finite_elements`.
 """
 
 import numpy as np

@@ -2,9 +2,9 @@
 Five templates of fibres
 ========================
 
-Muscles differ in how their fibres run. :class:`~vtkmuscle.filters.FibreTemplateSource` makes fibres of
-five kinds in the unit cube, from the origin area (blue) to the insertion area (red); compare figure 4 of
-Kohout et al. 2012. The cube is later fitted to a muscle and morphed into it.
+:class:`~vtkmuscle.filters.FibreTemplateSource` makes five kinds of fibres in the unit cube, from the origin
+area (blue) to the insertion area (red), as in figure 4 of Kohout et al. 2012. Later stages fit the cube to a
+muscle and morph the fibres.
 """
 
 import pyvista as pv

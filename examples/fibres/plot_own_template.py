@@ -2,10 +2,10 @@
 A template of your own
 ======================
 
-Fibres that none of the five kinds describes come from a small TOML (or JSON) file: the corners of *sheets*
-of control points in the unit cube, from the origin area to the insertion area. This one has two parts, two
-heads with an origin area each, whose fibres cross over to the far half of one insertion. In a scene the file
-is named as ``fibres = { template_file = "crossing_heads.toml" }``.
+A small TOML (or JSON) file defines further kinds of fibres: corners of *sheets* of control points in the unit
+cube, from the origin area to the insertion area. The example has two heads with an origin area each; the
+fibres cross to the far halves of a common insertion. A scene names the file by
+``fibres = { template_file = "crossing_heads.toml" }``.
 """
 
 import tempfile

@@ -2,10 +2,9 @@
 Oblique fibres, coloured
 ========================
 
-A belly like that of the gastrocnemius: fibres run obliquely from one aponeurosis to the other, from equal
-shares of the one to equal shares of the other. They are coloured by their pennation, by their length, and by
-the place on the proximal aponeurosis that they come from: neighbours stay neighbours. In this phantom the
-lengths and angles are known.
+A belly like a gastrocnemius: fibres run obliquely between equal shares of two aponeuroses. Colours show the
+pennation, the length, and the origin on the proximal aponeurosis: neighbours stay neighbours. Lengths and
+angles of the phantom are exact by formula.
 """
 
 import numpy as np
@@ -27,7 +26,7 @@ for name, answer in (("Length", "fibre_length"), ("PennationOrigin", "pennation"
     print(f"half of the fibres are within {np.median(np.abs(measured[name] - known)):.2f}")
 
 # %%
-# The hue of the third picture is the direction from the middle of the aponeurosis, the saturation how far:
+# In the third picture, hue is the direction from the centre of the aponeurosis, saturation the distance:
 
 away = np.hypot(x / np.abs(x).max(), y / np.abs(y).max())
 hue = np.arctan2(y / np.abs(y).max(), x / np.abs(x).max()) / (2 * np.pi) % 1.0

@@ -2,9 +2,8 @@
 A block with known fibres
 =========================
 
-In a pennate muscle fibres run at an angle from one tendon sheet to the other. In this block both that
-angle and the length of the fibres are known; here the two are recovered from its surface and its
-attachment areas.
+The fibres of a pennate muscle run at an angle between two tendon sheets. The block has fibres of known angle
+and length; the example recovers both from the surface and the attachment areas.
 """
 
 import pyvista as pv

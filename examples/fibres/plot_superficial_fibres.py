@@ -2,8 +2,8 @@
 Fibres seen on the surface
 ==========================
 
-The shape of this block does not tell to which side its fibres arch. Three fibres seen on its front (yellow)
-do: the template's box is turned about the block's axis until the template's fibres run like them.
+The shape of the block leaves open to which side the fibres arch. Three fibres seen on the front (yellow)
+decide: the template's box turns about the block's axis until the template's fibres run alike.
 """
 
 import numpy as np

@@ -1,10 +1,10 @@
 """
-Two hips over one another
-=========================
+Two hips compared
+=================
 
-Does a larger femoral head take the iliacus farther from the joint? :func:`vtkmuscle.compare` matches runs by
-the names of muscles and coordinates, and gives their differences; ``write`` writes the table and the figure.
-Settings, sides, published moment arms and OpenSim's own muscles are compared in the same way.
+Does a larger femoral head move the iliacus away from the joint? :func:`vtkmuscle.compare` matches muscles and
+coordinates by name and gives the differences; ``write`` writes a table and a figure. Settings, sides,
+published moment arms and OpenSim's own muscles are compared in the same way.
 """
 
 import matplotlib.pyplot as plt

@@ -2,8 +2,8 @@
 A muscle of the phantom hip
 ===========================
 
-The hip of :func:`vtkmuscle.phantoms.hip` flexes by 60 degrees. A scene does all at once: it detects the
-points that are fixed to bones, makes fibres, deforms the muscle and measures.
+The hip of :func:`vtkmuscle.phantoms.hip` flexes by 60 degrees. A run of the scene detects fixed points, makes
+fibres, deforms the muscle and measures.
 """
 
 import numpy as np
@@ -24,7 +24,7 @@ for i in (0, 6, 12):
     print(f"{result.times[i]:2.0f} degrees: mean fibre length {lengths[i].mean():.1f} mm")
 
 # %%
-# The muscle in the last frame, its fibres coloured by how much they have changed in length since rest:
+# The muscle in the last frame, with fibres coloured by strain:
 
 muscle, bones = result.muscle("gluteus_medius", time=60.0), result.bones(time=60.0)
 plotter = make_plotter(

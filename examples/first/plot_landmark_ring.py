@@ -2,8 +2,8 @@
 Landmarks on their bones
 ========================
 
-Before anything is run, :meth:`Scene.plot` shows whether landmarks lie where they should: origins are black,
-insertions red. A ring bounds an area of the bone; the numbers say in which order its points were clicked.
+:meth:`Scene.plot` shows landmarks before a run: origins are black, insertions red. A ring bounds an area of
+the bone; numbers give the order of the landmarks.
 """
 
 from vtkmuscle import Scene, phantoms
@@ -13,7 +13,7 @@ plotter = scene.plot(show=False)
 plotter.show()
 
 # %%
-# From near by: the origin of the iliacus in the hollow of the pelvis, its points in order round the area.
+# Close up: the origin of the iliacus in the hollow of the pelvis, with landmarks in order round the area.
 
 origin = scene.muscles["iliacus"].attachments[0]
 plotter = scene.plot(muscles="iliacus", show=False)

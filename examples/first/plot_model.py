@@ -2,9 +2,9 @@
 The model in three pictures
 ===========================
 
-A strap over a cylinder that turns by 60 degrees. Its fibres become paths, which the bones pull taut as one
-sheet; the paths take the surface along; the surface settles: it gets its volume back and leaves the bone, and
-the paths stay where they are (:doc:`/explanation/model`).
+A strap over a cylinder that turns by 60 degrees. Fibres become paths, pulled taut round the bones as a sheet;
+the paths carry the surface; the surface settles: the volume is restored and the surface leaves the bone,
+while the paths stay (:doc:`/explanation/model`).
 """
 
 import numpy as np
@@ -41,7 +41,7 @@ for what, surface in (("taken along", carried), ("settled", settled)):
     print(f"{what}: volume {100.0 * (signed_volume(surface.points, triangles) / rest - 1.0):+.2g} %")
 
 # %%
-# The paths, the surface that they take along, coloured by how far it then moves, and where it settles.
+# The paths, the carried surface coloured by the displacement in settling, and the settled surface.
 
 moved = np.linalg.norm(settled.points - carried.points, axis=1)
 plotter = pv.Plotter(shape=(1, 3), window_size=(1200, 480), border=False)

@@ -3,7 +3,8 @@ The papers' chain, filter by filter
 ===================================
 
 Fixed points, position based dynamics, and the fibres of a template: fitted, morphed, trimmed, smoothed,
-transported and drawn as tubes. Each stage is a VTK algorithm; nothing runs before the last one is asked.
+transported and drawn as tubes. Each stage is a VTK algorithm; only a request to the last stage runs the
+chain.
 """
 
 import pyvista as pv
@@ -21,7 +22,7 @@ moving = filters.BoneMotion(bones=hip.bones, motion=hip.motion)
 deformed = filters.PBDDeformer(muscle=fixed, rest_bones=hip.bones, bones=moving)
 
 # %%
-# Its fibres: a template in the unit cube, fitted to the muscle, morphed isoline by isoline, trimmed to the
+# The fibres: a template in the unit cube, fitted to the muscle, morphed isoline by isoline, trimmed to the
 # areas and smoothed; then moved with the muscle, measured, and drawn as tubes.
 
 template = filters.FibreTemplateSource(template="parallel", n_fibres=60)
@@ -33,7 +34,7 @@ moved = filters.FibreTransport(rest_fibres=rest, rest_muscle=fixed, deformed_mus
 tubes = filters.FibreTubes(fibres=filters.FibreMetrics(fibres=moved), radius=0.9)
 
 # %%
-# The same pipeline at three times: VTK computes what each picture needs.
+# The pipeline at three times: VTK computes the stages needed for each picture.
 
 plotter = pv.Plotter(shape=(1, 3), window_size=(1500, 620), border=False)
 for column, angle in enumerate((0.0, 30.0, 60.0)):

@@ -2,7 +2,7 @@
 Quick start: a spindle over a hinge
 ===================================
 
-A muscle is filled with fibres, deformed with the bones, and the fibres are carried along and measured.
+A muscle is filled with fibres and deformed with the bones; the fibres are carried along and measured.
 """
 
 import pyvista as pv
@@ -25,7 +25,7 @@ for angle in (0.0, 20.0, 40.0):
     print(f"{angle:2.0f} degrees: fibres of {lengths.min():.1f} to {lengths.max():.1f} mm")
 
 # %%
-# The fibres in blue have become shorter than they are at rest, those in red longer:
+# Blue fibres are shorter than at rest, red fibres longer:
 
 bones = BoneMotion(bones=phantom.bones, motion=phantom.motion)
 plotter = pv.Plotter(shape=(1, 3), window_size=(1200, 600), border=False)

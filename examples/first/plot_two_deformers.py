@@ -2,8 +2,8 @@
 Two ways to deform a muscle
 ===========================
 
-The gluteus maximus of the phantom hip, carried by its taut paths and by position based dynamics: shape, time,
-and the moment arms that each way gives (:doc:`/explanation/deformers`).
+The gluteus maximus of the phantom hip, carried by taut paths and deformed by position based dynamics: shape,
+time and moment arms (:doc:`/explanation/deformers`).
 """
 
 import time
@@ -41,7 +41,7 @@ for name, deformer in deformers.items():
     print(f"longest edge {stretch:.1f} times its length, 95 % of the angles within {angles:.0f} degrees")
 
 # %%
-# A moment arm is -dl/dq: of paths by their levers, of fibres in the surface by differences of their lengths.
+# Moment arms are -dl/dq: levers for paths, differences of length for fibres in the surface.
 
 fibres = {"rest_fibres": rest, "rest_muscle": fixed}
 moved = filters.FibreTransport(deformed_muscle=deformers["position based dynamics"], **fibres)

@@ -2,8 +2,8 @@
 A muscle that went wrong
 ========================
 
-One iteration of Algorithm 2 in each step is far too few: what is fixed follows its bone, and the rest stays
-behind. The verdict says so, where to look and what to do; the colour is how much longer or shorter edges are.
+A single iteration of Algorithm 2 in each step is far too few: the fixed ends follow the bone, and the belly
+stays behind. The verdict names the fault, the frame and a remedy. Colours show the change of edge lengths.
 """
 
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""A whole right leg: four bones, three joints, ten muscles, of which four cross two joints."""
+"""A right leg: four bones, three joints, ten muscles, four of them over two joints."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ from vtkmuscle.phantoms.implicit import Solid, ball, rod, thick_curve, union
 from vtkmuscle.phantoms.meshing import mesh_of
 from vtkmuscle.phantoms.phantom import Phantom, Surface, checked_poses, circle, ends, phantom_from
 
-#: A point on the axis of each joint; all of them run across the leg.
+#: A point on the axis of each joint; all axes run across the leg.
 KNEE, ANKLE = (-14.0, 8.0, -412.0), (-14.0, 12.0, -806.0)
-#: Radii of the rollers that condyles and talus are.
+#: Radii of the rollers in place of condyles and talus.
 CONDYLE, TALUS = 21.0, 12.0
-#: The joints: parent, child, a point on the axis [mm], and the axis that the coordinate turns about.
+#: The joints: parent, child, a point on the axis [mm], and the axis.
 JOINTS = {
     "hip_flexion": ("pelvis", "femur", (0.0, 0.0, 0.0), (-1.0, 0.0, 0.0)),
     "knee_flexion": ("femur", "tibia", KNEE, (1.0, 0.0, 0.0)),
@@ -30,11 +30,11 @@ JOINTS = {
 }
 #: Least and largest angles [degrees].
 LIMITS = {"hip_flexion": (-20.0, 90.0), "knee_flexion": (0.0, 90.0), "ankle_dorsiflexion": (-30.0, 20.0)}
-#: Height of a cord's end above its bone, as a part of its radius; the part below is cut off.
+#: Height of a cord's end above the bone, as a part of the radius; the part below is cut off.
 SUNK = 0.2
 
 _Row = list[float]
-#: The muscles that are cords: bones of origin and insertion; x, y, z and radius along the middle line [mm].
+#: Cord-shaped muscles: bones of origin and insertion; x, y, z and radius along the middle line [mm].
 CORDS: dict[str, tuple[str, str, _Row, _Row, _Row, _Row]] = {
     "rectus_femoris": (
         *("pelvis", "tibia"),
@@ -94,7 +94,7 @@ def leg(*, coordinates: ArrayLike | None = None) -> Phantom:
     The frame and the three muscles of the hip are those of :func:`~vtkmuscle.phantoms.hip`. The other muscles
     are cords: ``rectus_femoris`` and ``vastus`` over the front of the knee, ``biceps_femoris`` and
     ``semitendinosus`` behind it, ``gastrocnemius``, ``soleus`` and ``tibialis_anterior`` over the ankle. The
-    knee is a roller; there is neither patella nor fibula.
+    knee is a roller, without patella and fibula.
 
     Parameters
     ----------
@@ -105,14 +105,14 @@ def leg(*, coordinates: ArrayLike | None = None) -> Phantom:
     Returns
     -------
     Phantom
-        Its motion's times are the numbers of the frames. Known answers: ``known["coordinates"]``, by name,
+        The motion's times are frame numbers. Known answers: ``known["coordinates"]``, by name,
         their values at each frame [degrees]; ``known["centres"]``, a point on the axis of each [mm];
         ``known["head_radius"]`` [mm].
 
     Raises
     ------
     ValueError
-        If coordinates are no triples of numbers, or are out of range.
+        If coordinates are not triples of numbers, or are out of range.
 
     Examples
     --------
@@ -201,7 +201,7 @@ def foot() -> Solid:
 
 
 def leg_tree() -> KinematicTree:
-    """Return the joints of :func:`leg` in metres, as other programs take them.
+    """Return the joints of :func:`leg` in metres.
 
     Examples
     --------

@@ -2,9 +2,9 @@
 A gait cycle on a whole leg
 ===========================
 
-A model of OpenSim has the joints of a leg, a ``.mot`` file its walk, and the scene names both: it needs no
-OpenSim to be run. Bones and muscles are those of ``leg.py`` beside this script; the walk is two harmonics
-per joint, made to look like walking and measured on nobody. With your own files, begin at the scene.
+The scene names an OpenSim model with the joints of a leg, and a ``.mot`` file with the walk; the run needs no
+OpenSim. Bones and muscles are from ``leg.py`` in the same folder. The walk is synthetic: two harmonics per
+joint. With your own files, begin at the scene.
 """
 
 import tempfile

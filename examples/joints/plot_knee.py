@@ -1,12 +1,12 @@
 """
-A knee and the muscles that cross it
-====================================
+A knee and its muscles
+======================
 
-Five muscles of a phantom leg cross its knee, four of them another joint too. Pulled taut round the condyles
-over 90 degrees of flexion they give moment arms about the knee. The surfaces of an anatomical atlas are not
-in this gallery, for their licence; on these such a run gives the long head of the biceps 15 to 50 mm over the
-same range, and :doc:`/validation/how_right` has five more muscles. Here the condyles are a roller of
-21 mm, so that a tendon in front of it has an arm of at least that.
+Five muscles of a phantom leg cross the knee, four of them a second joint. Pulled taut round the condyles over
+90 degrees of flexion, the muscles have moment arms about the knee. The condyles are a roller of 21 mm, the
+least moment arm of a tendon in front of the knee. The surfaces of an anatomical atlas are not shown here, for
+licence reasons; with the atlas, the long head of the biceps has 15 to 50 mm over the same range
+(:doc:`/validation/how_right` has five more muscles).
 """
 
 import matplotlib.pyplot as plt
@@ -44,7 +44,7 @@ for panel, frame in enumerate((0, 6, 12)):
 plotter.show()
 
 # %%
-# Moment arms, positive where the muscle flexes; in front they are those of tendons round the roller.
+# Moment arms, positive in flexion. The muscles in front of the knee run round the roller.
 _, axes = plt.subplots(figsize=(7, 4), layout="constrained")
 for name, arms in result.moment_arms().items():
     axes.plot(arms["knee_flexion"].values, arms["knee_flexion"].mean, label=name)

@@ -2,10 +2,10 @@
 A known moment arm
 ==================
 
-A strap lies on a cylinder that turns and winds it up. The moment arm of a path in the middle of the strap
-is the radius of the cylinder and half the thickness of the strap, at every angle, and negative: the strap
-lengthens as the angle grows. :meth:`Result.moment_arms` has the levers of all paths of the muscle, whose mean
-is within 0.3 mm. :doc:`/validation/how_right` has the same for other phantoms, some of which are farther off.
+A strap is wound up by a turning cylinder. The moment arm of a path in the middle of the strap is the radius
+of the cylinder plus half the thickness of the strap, at every angle. The sign is negative: the strap
+lengthens with the angle. :meth:`Result.moment_arms` has the levers of all paths; the mean is within 0.3 mm.
+:doc:`/validation/how_right` compares further phantoms, with larger errors.
 """
 
 import matplotlib.pyplot as plt

@@ -1,10 +1,10 @@
 """
-A model of OpenSim, enriched and used in OpenSim
-================================================
+An OpenSim model, enriched and used in OpenSim
+==============================================
 
-A scene takes its joints from a model of OpenSim without muscles. A muscle over hip and knee is pulled taut
-at a grid of poses, and goes into the model as a polynomial of both coordinates, with Hill's parameters. Then
-OpenSim is asked for moment arms and a force; without the extra ``opensim`` only this package reads the model.
+A scene takes joints from an OpenSim model without muscles. A muscle over hip and knee is pulled taut at a
+grid of poses, and added to the model as a polynomial of both coordinates, with Hill's parameters. OpenSim
+then computes moment arms and a force; without the extra ``opensim`` only vtkmuscle reads the model.
 """
 
 import tempfile
@@ -34,7 +34,7 @@ scene_file.write_text(tomli_w.dumps(tables))
 print(*write_opensim(scene_file, folder / "enriched.osim", into=folder / "leg.osim"))
 
 # %%
-# The enriched model, asked over flexion of the hip: the muscle flexes the hip, and extends the knee.
+# The enriched model over flexion of the hip: the muscle flexes the hip, and extends the knee.
 angles = np.radians(np.arange(0.0, 61.0, 5.0))
 model, poses = read_osim(folder / "enriched.osim"), {"hip_flexion": angles, "knee_flexion": 0.5 * angles}
 path, names = model.muscle("rectus_femoris").path, ("hip_flexion", "knee_flexion")

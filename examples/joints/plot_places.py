@@ -1,10 +1,10 @@
 """
-Moment arms by place in the muscle
-==================================
+Moment arms across a broad muscle
+=================================
 
-The paths of a broad muscle have moment arms of their own: those in front flex, those behind may extend. A
-figure of a run has each in the colour of its place across the muscle, and a picture that shows which that is;
-black is the mean, with its error.
+The paths of a broad muscle differ in moment arm: anterior paths flex, posterior paths may extend. A figure of
+a run colours the paths by position across the muscle, with a picture of the muscle in the same colours; the
+mean with error is black.
 """
 
 import matplotlib.pyplot as plt

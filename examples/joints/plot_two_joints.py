@@ -2,10 +2,9 @@
 Two joints, and on to OpenSim
 =============================
 
-The rectus femoris runs over hip and knee. The scene has both as joints, and a grid of their coordinates moves
-the bones. Fibres pulled taut give moment arms about both (:doc:`/validation/how_right` says how right they
-are). As a polynomial of both coordinates they go into a model of OpenSim.
-:doc:`/how_to/two_joints` has the keys of a scene, models of OpenSim and their motions.
+The rectus femoris crosses hip and knee. The scene has both joints, and a grid of both coordinates moves the
+bones. Taut paths give moment arms about both joints (accuracy: :doc:`/validation/how_right`), exported as
+polynomials of both coordinates to an OpenSim model. :doc:`/how_to/two_joints` has the keys of the scene.
 """
 
 import tempfile
@@ -28,7 +27,7 @@ scene = replace(scene, muscles={"rectus_femoris": scene.muscles["rectus_femoris"
 scene_file = scene.save(folder / "scene")
 
 # %%
-# The scene as it was saved moves its bones by tables. Here it gets joints instead.
+# The saved scene moves the bones by tables. The example replaces the tables by joints.
 tables = tomllib.loads(scene_file.read_text())
 centres = {name: centre.tolist() for name, centre in phantom.known["centres"].items()}
 hip = {"parent": "pelvis", "child": "femur", "centre": centres["hip_flexion"], "axis": [-1, 0, 0]}
@@ -43,7 +42,7 @@ result = Scene.load(scene_file).run()
 arms = result.moment_arms()["rectus_femoris"]
 
 # %%
-# Into OpenSim: one muscle for all fibres. The model, read again, has the moment arms.
+# Export to OpenSim: a single muscle for all fibres. The exported model has the moment arms.
 (written,) = write_opensim(scene_file, folder / "rectus_femoris.osim", result=result)
 print(written)
 model = read_osim(folder / "rectus_femoris.osim")

@@ -2,9 +2,9 @@
 A flexing hip as a GIF
 ======================
 
-Filters go onto a plotter as they are, and :func:`~vtkmuscle.plotting.show_time` brings all of them to a time
-of the motion. Here the phantom hip flexes, with its fibres coloured by their strain, and each picture becomes
-a frame of ``hip.gif``.
+``plotter.add_mesh`` takes filters, and :func:`~vtkmuscle.plotting.show_time` sets the time of all filters on
+a plotter. The phantom hip flexes, with fibres coloured by strain, and each picture becomes a frame of
+``hip.gif``.
 """
 
 import numpy as np
@@ -31,7 +31,7 @@ for name, muscle in phantom.muscles.items():
     plotter.add_mesh(tubes, **coloured)
 
 bones = BoneMotion(bones=phantom.bones, motion=phantom.motion)
-surface = vtkCompositeDataGeometryFilter()  # PyVista shows algorithms that give one mesh
+surface = vtkCompositeDataGeometryFilter()  # PyVista shows algorithms with a single mesh
 surface.SetInputConnection(bones.GetOutputPort())
 plotter.add_mesh(surface, color="ivory", smooth_shading=True)
 plotter.view_vector((-0.6, 1.0, 0.2), viewup=(0, 0, 1))

@@ -2,7 +2,7 @@
 Two muscles that share bones
 ============================
 
-The pipelines of the guide "Write a pipeline": from three lines to one that branches.
+The pipelines of :doc:`/how_to/pipelines`: three lines, then a pipeline with branches.
 """
 
 import pyvista as pv
@@ -28,7 +28,7 @@ plotter.view_vector((1.0, -0.6, 0.1), viewup=(0, 0, 1))
 plotter.show()
 
 # %%
-# One BoneMotion moves the bones for two muscles; each muscle's fixed points go to three filters:
+# A BoneMotion moves the bones for both muscles; the fixed points of a muscle go to three filters:
 
 phantom = hip()
 bones = phantom.bones

@@ -1,9 +1,9 @@
 """
-Bones as voxels, and points that are fixed to bones
-====================================================
+Bones as voxels, and points fixed to bones
+==========================================
 
-Figures 3 to 5 of Kohout and Cervenka 2021, on the phantom hip. A bone can be cut into voxels
-(:class:`~vtkmuscle.filters.FixedPointDetector` with ``method="collision"``): here as many as in the paper.
+Figures 3 to 5 of Kohout and Cervenka 2021, on the phantom hip. The picture shows a bone cut into as many
+voxels as in the paper (:class:`~vtkmuscle.filters.FixedPointDetector` with ``method="collision"``).
 """
 
 import numpy as np
@@ -30,9 +30,9 @@ for column, settings in enumerate(({"n_equal": 64}, {"n_max": 64**3}, {"n_max": 
 plotter.show()
 
 # %%
-# A muscle's points are fixed where they are in a bone's voxels, where they are near a bone, or where
-# landmarks say that the muscle is attached. The first two also fix points that should slide along the bone:
-# those of the iliacus between its origin and the pelvic brim.
+# Three rules fix points: inside a bone's voxels (collision), near a bone (proximity), or within landmarks
+# (attachment). Collision and proximity also fix points that should slide along the bone: on the iliacus,
+# between the origin and the pelvic brim.
 
 iliacus, areas = hip.muscles["iliacus"], hip.attachments["iliacus"]
 methods = ({"method": "collision"}, {"method": "proximity"}, {"method": "attachment"})

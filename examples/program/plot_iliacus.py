@@ -2,10 +2,10 @@
 Fixed points, bones that push, and the iliacus
 ==============================================
 
-Figure 10 of Kohout and Cervenka 2021, on the phantom hip flexed by 40 degrees: the iliacus with points fixed
-by collision, and by attachment with and without the bone taking along what it moves over, all with the
-settings of the paper; and then carried by its taut paths. With the former the muscle hangs back behind the
-femur. (In the paper it is also drawn into the joint; the phantom's iliacus keeps clear of the femoral head.)
+Figure 10 of Kohout and Cervenka 2021, on the phantom hip flexed by 40 degrees. With the paper's settings, the
+iliacus has points fixed by collision, or by attachment, without and with bones that carry the muscle along;
+fixed by collision, the muscle hangs back behind the femur. The last picture has taut paths. In the paper the
+muscle is also drawn into the joint; the phantom's iliacus keeps clear of the femoral head.
 """
 
 import numpy as np

@@ -2,9 +2,9 @@
 A time slider
 =============
 
-Drag the slider, and the muscle follows: :func:`~vtkmuscle.plotting.add_time_slider` asks every filter on the
-plotter for its output at the slider's time, also between two time steps and backwards. Frames that were shown
-before are not computed again.
+Drag the slider, and the muscle follows: :func:`~vtkmuscle.plotting.add_time_slider` requests the output of
+every filter on the plotter at the slider's time, also between time steps and backwards. Frames already shown
+are not computed again.
 """
 
 import pyvista as pv
