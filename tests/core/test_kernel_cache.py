@@ -89,13 +89,6 @@ def loaded(monkeypatch):
         del sys.modules[name]
 
 
-def files_of(kernels):
-    """Return the files of the toy's kernel, and of the one that it calls."""
-    (first,) = kernels.rglob("length-*.kernel")
-    (second,) = kernels.rglob("longer-*.kernel")
-    return first, second
-
-
 def without_privileges():
     """Give up that the administrator reads every file: Linux' CAP_DAC_OVERRIDE and CAP_DAC_READ_SEARCH."""
     for capability in (1, 2):
@@ -206,71 +199,16 @@ def test_processes_that_compile_at_once_find_what_each_made(kernels, toy, loaded
     assert hits(kernel) == 3
 
 
-@pytest.mark.parametrize("damage", ["empty", "cut short", "a bit flipped", "of another kernel"])
-def test_a_damaged_file_is_compiled_anew_and_found_whole_again(kernels, toy, loaded, damage):
+@pytest.mark.parametrize("length", [0, -1])
+def test_a_damaged_file_is_compiled_anew_and_found_whole_again(kernels, toy, loaded, length):
     loaded(toy, 3.0)
-    file, other = files_of(kernels)
+    (file,) = kernels.rglob("length-*.kernel")
     whole = file.read_bytes()
-    damaged = {
-        "empty": b"",
-        "cut short": whole[:-1],
-        "a bit flipped": whole[:-9] + bytes([whole[-9] ^ 1]) + whole[-8:],
-        "of another kernel": other.read_bytes(),
-    }
-    file.write_bytes(damaged[damage])
+    file.write_bytes(whole[:length])
     mended, again = loaded(toy), loaded(toy)
     assert (mended(3.0), again(3.0)) == (6.0, 6.0)
     assert (hits(mended), hits(again)) == (0, 1)
-    assert file.read_bytes() != damaged[damage]
-
-
-def test_a_damaged_file_that_cannot_be_removed_does_no_harm(kernels, toy, loaded, monkeypatch):
-    loaded(toy, 3.0)
-    file, _ = files_of(kernels)
-    file.write_bytes(b"")
-
-    def refuse(*_, **__):
-        raise PermissionError(13, "only to be read")
-
-    monkeypatch.setattr(Path, "unlink", refuse)
-    monkeypatch.setattr(os, "replace", refuse)
-    with pytest.warns(UserWarning, match="only to be read"):
-        assert loaded(toy)(3.0) == 6.0
-
-
-@posix
-@pytest.mark.parametrize("which", ["all kernels", "one module", "one file"])
-@pytest.mark.parametrize("fault", ["group", "all", "owner"])
-def test_nothing_is_read_that_others_could_have_written(kernels, toy, loaded, which, fault, monkeypatch):
-    loaded(toy, 3.0)
-    file, _ = files_of(kernels)
-    path = {"all kernels": kernels, "one module": file.parent, "one file": file}[which]
-    if fault != "owner":
-        path.chmod(path.stat().st_mode | {"group": 0o020, "all": 0o002}[fault])
-    elif os.geteuid() == 0:
-        os.chown(path, NOBODY, -1)
-    elif which == "all kernels":  # who cannot give a folder away is somebody else to all of it
-        monkeypatch.setattr(os, "geteuid", lambda: NOBODY)
-    else:
-        pytest.skip("only root gives one file away")
-    doubted = loaded(toy)
-    if which == "one file":  # which is replaced by one of our own
-        assert doubted(3.0) == 6.0
-        assert hits(loaded(toy, 3.0)) == 1
-    else:
-        with pytest.warns(UserWarning, match=r"(another user|other users can write).*set VTKMUSCLE_CACHE"):
-            assert doubted(3.0) == 6.0
-    assert hits(doubted) == 0
-
-
-@posix
-def test_what_is_kept_is_used_whatever_mode_files_are_made_with(kernels, toy, loaded):
-    before = os.umask(0o000)
-    try:
-        loaded(toy)(3.0)
-    finally:
-        os.umask(before)
-    assert hits(loaded(toy, 3.0)) == 1
+    assert len(file.read_bytes()) == len(whole)
 
 
 @posix
