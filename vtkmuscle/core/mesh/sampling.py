@@ -214,42 +214,15 @@ def _shares(sizes: Floats, u: Floats) -> Ints:
     return chosen.clip(max=len(sizes) - 1)
 
 
-#: Binary digits of each number.
-_DIGITS = 30
-
-
-def _direction_numbers() -> Ints:
-    """Return the direction numbers (3, 30). Odd numbers less than 2^(k + 1), for 3 coordinates.
-
-    The first row is van der Corput's sequence; the next rows follow from the primitive polynomials x + 1 and
-    x^2 + x + 1 (Joe and Kuo 2008, doi:10.1137/070709359).
-    """
-    numbers = np.ones((3, _DIGITS), dtype=np.int64)
-    numbers[2, 1] = 3
-    for k in range(1, _DIGITS):
-        numbers[1, k] = numbers[1, k - 1] ^ (numbers[1, k - 1] << 1)
-    for k in range(2, _DIGITS):
-        numbers[2, k] = numbers[2, k - 2] ^ (numbers[2, k - 2] << 2) ^ (numbers[2, k - 1] << 1)
-    return numbers
-
-
-_DIRECTIONS = _direction_numbers()
-
-
 def sobol(count: int, dimension: int, *, first: int = 0) -> Floats:
-    """Return points (count, dimension) of Sobol's sequence in [0, 1).
+    """Return points (count, dimension) of Sobol's sequence in [0, 1), from number `first`."""
+    from scipy.stats import qmc  # noqa: PLC0415 -- takes half a second to import
 
-    From number `first`, for dimensions 1 to 3. In the order of Gray's code (Antonov and Saleev 1979)
-    consecutive points differ in one direction number per coordinate; point i is the sum, without carries, of
-    the direction numbers of the digits of i in Gray's code. SciPy's version takes half a second to import.
-    """
-    index = np.arange(first, first + count)
-    code = index ^ (index >> 1)
-    points = np.zeros((count, dimension), dtype=np.int64)
-    for digit in range(int(code.max(initial=0)).bit_length()):
-        chosen = (code >> digit) & 1
-        points ^= chosen[:, None] * (_DIRECTIONS[:dimension, digit] << (_DIGITS - 1 - digit))
-    return points / 2.0**_DIGITS
+    sequence = qmc.Sobol(dimension, scramble=False)
+    if first:
+        sequence.fast_forward(first)
+    # SciPy warns of numbers of points that are no power of two.
+    return np.asarray(sequence.random(2 ** max(count - 1, 0).bit_length())[:count])
 
 
 #: Halvings of the longest side of the box around positions.
