@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from test_contacts import STRIP, WIDE, X, Y
 
-from vtkmuscle.core.attachments.patches import attachment_patch
-from vtkmuscle.core.attachments.rings import MOST_LANDMARKS, outline
+from vtkmuscle.core.attachments.patches import MOST_LANDMARKS, attachment_patch, outline
 
 
 def test_the_outline_of_a_patch_goes_round_it_once():

@@ -6,7 +6,7 @@ from scipy.optimize import linear_sum_assignment
 from scipy.spatial import cKDTree
 from scipy.spatial.distance import cdist
 
-from vtkmuscle.core.fibres.equal_shares import AT_ONCE, even_positions, matched_ends
+from vtkmuscle.core.fibres.between_areas import AT_ONCE, even_positions, matched_ends
 from vtkmuscle.core.mesh.sampling import sobol
 
 

@@ -4,12 +4,12 @@ from numpy.testing import assert_allclose, assert_array_equal
 from scipy.spatial.transform import Rotation
 from spindle import spindle
 
-from vtkmuscle.core.fibres.mean_value import mean_value_coordinates, transport
-from vtkmuscle.core.fibres.sparse_weights import (
+from vtkmuscle.core.fibres.embedding import (
     sparse_mean_value_coordinates,
     sparse_transport,
     vertex_groups,
 )
+from vtkmuscle.core.fibres.mean_value import mean_value_coordinates, transport
 
 
 @pytest.fixture(scope="module")

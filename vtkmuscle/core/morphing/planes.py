@@ -8,19 +8,21 @@ from __future__ import annotations
 
 import numpy as np
 
-from vtkmuscle.core.morphing.correspondence import LoopStack, boundary_centroid, followed_starts
-from vtkmuscle.core.morphing.sections import Branch, ClosedSurface
-from vtkmuscle.core.morphing.slices import (
+from vtkmuscle.core.morphing.correspondence import (
     GRAIN,
     SAME_HEIGHT,
     STEEP,
     Box,
+    LoopStack,
     Morph,
     SliceMaps,
     Slicing,
+    boundary_centroid,
+    followed_starts,
     guide_levels,
     shared_levels,
 )
+from vtkmuscle.core.morphing.sections import Branch, ClosedSurface
 from vtkmuscle.core.types import Floats, Ints
 
 #: Distance of the first and last slice from the muscle's ends, as a part of its length: far enough to cut a

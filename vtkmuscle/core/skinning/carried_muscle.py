@@ -8,8 +8,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
 from vtkmuscle.core.bones.bone import Bone
 from vtkmuscle.core.fixed_muscle import FixedMuscle, Lines
 from vtkmuscle.core.mesh.harmonic import harmonic_weights
