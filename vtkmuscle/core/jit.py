@@ -67,10 +67,7 @@ def kernel(function: F) -> F:
 
 
 def array_kernel(function: F) -> F:
-    """Compile a function that makes arrays.
-
-    As :func:`kernel`. The function's inner loops are kernels.
-    """
+    """Compile a function that makes arrays. As :func:`kernel`. The function's inner loops are kernels."""
     return _compiled(function)
 
 
@@ -80,10 +77,7 @@ def reduction(function: F) -> F:
 
 
 def vector_kernel(function: F) -> F:
-    """Compile as :func:`kernel`, with fused multiply-adds.
-
-    Multiplications and additions may be fused.
-    """
+    """Compile as :func:`kernel`, with fused multiply-adds. Multiplications and additions may be fused."""
     return _compiled(function, fastmath={"contract"}, **UNCOUNTED)
 
 
@@ -125,10 +119,7 @@ def _keep(compiled: Any) -> None:
 
 @cache
 def _numba_is_known() -> bool:
-    """Return whether numba has all of _OF_NUMBA.
-
-    Otherwise a warning is given once.
-    """
+    """Return whether numba has all of _OF_NUMBA. Otherwise a warning is given once."""
     try:
         for name in _OF_NUMBA:
             attrgetter(name)(numba)

@@ -31,10 +31,7 @@ _unusable: set[Path] = set()
 
 
 def warn_of_folder(folder: Path, error: OSError) -> None:
-    """Warn of an unusable cache of compiled kernels.
-
-    Once per folder.
-    """
+    """Warn of an unusable cache of compiled kernels. Once per folder."""
     if folder not in _unusable:
         _unusable.add(folder)
         warnings.warn(

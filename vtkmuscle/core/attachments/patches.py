@@ -178,8 +178,7 @@ def _nearest_vertices(
     if bone_distance is not None and offsets[worst] > ON_POINTS * diagonal:
         _prefer_facing(points, triangles, landmarks, nearest, (tree, used, limit, lengths[1]), bone_distance)
     vertices: Ints = used[nearest].astype(np.int64)
-    distinct: Ints = vertices[np.append(True, vertices[1:] != vertices[:-1])]
-    return distinct
+    return np.asarray(vertices[np.append(True, vertices[1:] != vertices[:-1])])
 
 
 def _prefer_facing(
@@ -260,8 +259,7 @@ def _parts_cut_by(edges: Ints, edge_of: Ints, loop: Ints, n_points: int) -> tupl
 
 
 def _edge_keys(edges: Ints, n_points: int) -> Ints:
-    keys: Ints = np.sort(edges, axis=1) @ np.array([n_points, 1])
-    return keys
+    return np.asarray(np.sort(edges, axis=1) @ np.array([n_points, 1]))
 
 
 def _near_curve(points: Floats, edges: Ints, curve: Ints, tolerance: float) -> Ints:
@@ -341,10 +339,7 @@ def ring_length(points: Floats) -> float:
 
 
 def ring_area(points: Floats) -> float:
-    """Return the area of the ring through points (n, 3).
-
-    Seen from the direction of the largest area.
-    """
+    """Return the area of the ring through points (n, 3). Seen from the direction of the largest area."""
     arms = points - points.mean(axis=0)
     return 0.5 * float(np.linalg.norm(np.cross(arms, np.roll(arms, -1, axis=0)).sum(axis=0)))
 

@@ -1,8 +1,10 @@
 """Straight fibres between two areas, such as a muscle's aponeuroses.
 
 Measured fibres of a gastrocnemius are straight (length over chord 1.006, median). Equal shares of one
-aponeurosis go to equal shares of the other, in order (:mod:`vtkmuscle.core.fibres.between_areas`), without
-axis or template. An area may have several pieces.
+aponeurosis go to equal shares of the other, in order, without axis or template. An area may have several
+pieces. Pairs with the least sum of squared distances do not cross: (x_i - x_j) . (y_i - y_j) >= 0 for any two
+fibres, or exchanging their ends would reduce the sum (cyclic monotonicity: Villani 2009, *Optimal Transport*,
+doi:10.1007/978-3-540-71050-9, chapter 5).
 
 Fibres keep their thickness between aponeuroses. So the area with the larger cross-section, seen along the
 fibres, keeps a bare part from which fibres would have to converge.
@@ -82,8 +84,7 @@ class EndSurface:
         if not len(self.faces):
             return np.zeros(len(positions))
         normals = unit_vectors(triangle_normals(self.points, self.faces))[self.tree.nearest(positions)[0]]
-        crossed: Floats = self.samples.area * np.abs(directions @ normals[:, :, None]).mean(axis=(1, 2))
-        return crossed
+        return np.asarray(self.samples.area * np.abs(directions @ normals[:, :, None]).mean(axis=(1, 2)))
 
 
 def straight_fibres(origin: EndSurface, insertion: EndSurface, count: int, resolution: int) -> Floats:
@@ -205,8 +206,7 @@ def _relaxed(candidates: Floats, part: Ints, count: int) -> Floats:
     centres = _means(candidates, part, count)
     for _ in range(RELAXATIONS):
         centres = _means(candidates, cKDTree(centres).query(candidates)[1], count, centres)
-    on_area: Floats = candidates[cKDTree(candidates).query(centres)[1]]
-    return on_area
+    return np.asarray(candidates[cKDTree(candidates).query(centres)[1]])
 
 
 def halved(areas: Sequence[Floats], count: int) -> list[Ints]:
@@ -309,8 +309,7 @@ def _power(matrix: Floats, exponent: float) -> Floats:
     """Return the power of positive definite matrices (..., 3, 3)."""
     values, vectors = np.linalg.eigh(matrix)
     powers = np.maximum(values, np.finfo(float).tiny) ** exponent
-    result: Floats = (vectors * powers[..., None, :]) @ np.swapaxes(vectors, -1, -2)
-    return result
+    return np.asarray((vectors * powers[..., None, :]) @ np.swapaxes(vectors, -1, -2))
 
 
 def _uncross(starts: Floats, ends: Floats, end_of: Ints) -> None:

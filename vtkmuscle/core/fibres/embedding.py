@@ -58,8 +58,7 @@ class EmbeddedPoints:
     def gap(self) -> Floats:
         """Distances (p,) from the muscle at rest [mm]; 0 inside."""
         within = solids_of(self.points, self.triangles).into(self.positions)
-        distances: Floats = np.linalg.norm(within - self.positions, axis=1)
-        return distances
+        return np.asarray(np.linalg.norm(within - self.positions, axis=1))
 
     @cached_property
     def _tree(self) -> TriangleTree:
@@ -241,8 +240,7 @@ def sparse_mean_value_coordinates(
 def sparse_transport(weights: SparseWeights, points: Floats) -> Floats:
     """Return moved points (q, 3), from vertices (n, 3) [mm]."""
     centre = points.mean(axis=0)
-    moved: Floats = weights.matrix @ (weights.means @ (points - centre)) + centre
-    return moved
+    return np.asarray(weights.matrix @ (weights.means @ (points - centre)) + centre)
 
 
 def _grouped(weights: Floats, groups: Groups, threshold: float) -> csr_array:

@@ -45,8 +45,7 @@ def polyline_curvatures(points: Floats, offsets: Ints) -> tuple[Floats, Floats, 
 
 def centroid_path(points: Floats, offsets: Ints, count: int) -> Floats:
     """Return the mean polyline (count, 3) [mm]. Means are at equal parts of the lines' lengths."""
-    mean: Floats = evenly_spaced(points, offsets, count).mean(axis=0)
-    return mean
+    return np.asarray(evenly_spaced(points, offsets, count).mean(axis=0))
 
 
 def line_of_action(points: Floats, offsets: Ints) -> Floats:
@@ -58,14 +57,12 @@ def angles_to(points: Floats, offsets: Ints, direction: Floats) -> Floats:
     """Return angles (k,) between chords and a direction (3,) [degrees]. From 0 to 180."""
     chords = points[offsets[1:] - 1] - points[offsets[:-1]]
     across = np.linalg.norm(np.cross(chords, direction), axis=1)
-    angles: Floats = np.degrees(np.arctan2(across, chords @ direction))
-    return angles
+    return np.asarray(np.degrees(np.arctan2(across, chords @ direction)))
 
 
 def have_area(points: Floats, triangles: Ints) -> Bools:
     """Return which triangles (m, 3) have an area, (m,)."""
-    result: Bools = (triangle_normals(points, triangles) ** 2).sum(axis=1) > 0.0
-    return result
+    return np.asarray((triangle_normals(points, triangles) ** 2).sum(axis=1) > 0.0)
 
 
 def physiological_cross_section(volume: float, lengths: Floats, angles: Floats) -> tuple[float, float]:
@@ -247,8 +244,7 @@ def _turns(steps: Floats) -> Floats:
     """Return angles between steps (k, 3) of a line [degrees]. Without zero steps."""
     ahead = unit_vectors(steps[np.linalg.norm(steps, axis=1) > 0.0])
     cosines = (ahead[1:] * ahead[:-1]).sum(axis=1)
-    angles: Floats = np.degrees(np.arccos(np.clip(cosines, -1.0, 1.0)))
-    return angles
+    return np.asarray(np.degrees(np.arccos(np.clip(cosines, -1.0, 1.0))))
 
 
 def _neighbours(middle: Floats) -> Ints:
@@ -453,9 +449,6 @@ def sampling_errors(values: Floats) -> Floats:
 
 
 def root_mean_square(values: Floats) -> float | None:
-    """Return the root mean square without NaN.
-
-    None if all values are NaN.
-    """
+    """Return the root mean square without NaN. None if all values are NaN."""
     numbers = values[~np.isnan(values)]
     return float(np.sqrt((numbers**2).mean())) if len(numbers) else None

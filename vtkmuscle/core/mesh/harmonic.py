@@ -115,5 +115,4 @@ def triangle_gradients(points: Floats, triangles: Ints, field: Floats) -> Floats
     squares = np.einsum("ij,ij->i", normals, normals)[:, None]
     # With fb - fa and fc - fa a constant function has a gradient of exactly zero.
     numerators = np.cross(normals, (fb - fa) * (a - c) + (fc - fa) * (b - a))
-    gradients: Floats = np.divide(numerators, squares, out=np.zeros_like(normals), where=squares > 0)
-    return gradients
+    return np.asarray(np.divide(numerators, squares, out=np.zeros_like(normals), where=squares > 0))

@@ -233,4 +233,3 @@ def _compare(
         tangents[q] = -1.0
         if geometry[0]:
             tangents[q] = across / (size + along) if along >= 0.0 else (size - along) / across
-

@@ -109,11 +109,9 @@ class PatchSamples:
             return self._points[self._parts[:, 0]]
         a, b, *third = self._points[self._parts[_shares(self._sizes, u[:, 0])]].transpose(1, 0, 2)
         if not third:
-            on_edges: Floats = (1.0 - u[:, 1:2]) * a + u[:, 1:2] * b
-            return on_edges
+            return np.asarray((1.0 - u[:, 1:2]) * a + u[:, 1:2] * b)
         root = np.sqrt(u[:, 1:2])  # uniform over it: Osada et al. 2002, doi:10.1145/571647.571648
-        on_faces: Floats = (1.0 - root) * a + root * (1.0 - u[:, 2:]) * b + root * u[:, 2:] * third[0]
-        return on_faces
+        return np.asarray((1.0 - root) * a + root * (1.0 - u[:, 2:]) * b + root * u[:, 2:] * third[0])
 
 
 @lru_cache(maxsize=16)
@@ -131,8 +129,7 @@ def uneven_weights(count: int) -> Floats:
     about choices left open by a body's symmetry, such as the sign of an axis; rounding would choose anew
     after a motion.
     """
-    fractions: Floats = np.modf(0.5 * (1.0 + 5.0**0.5) * np.arange(count))[0]
-    return fractions
+    return np.asarray(np.modf(0.5 * (1.0 + 5.0**0.5) * np.arange(count))[0])
 
 
 def skewed_direction(points: Floats) -> Floats:
@@ -143,8 +140,7 @@ def skewed_direction(points: Floats) -> Floats:
     arms = points - points.mean(axis=0)
     squares = (arms**2).sum(axis=1)
     uneven = UNEVEN * squares.mean() * (uneven_weights(len(arms)) - 0.5)
-    side: Floats = (squares + uneven) @ arms
-    return side
+    return np.asarray((squares + uneven) @ arms)
 
 
 def own_axes(points: Floats) -> tuple[Floats, Floats]:

@@ -39,10 +39,7 @@ def points_inside(queries: Floats, tree: TriangleTree) -> Bools:
 def _count(
     queries: Floats, corners: Floats, boxes: Floats, along: int, slack: float, stack: Ints, inside: Bools
 ) -> None:
-    """Write whether an odd number of triangles is above each point.
-
-    stack : (64,), working memory.
-    """
+    """Write whether an odd number of triangles is above each point. stack : (64,), working memory."""
     n, n_leaves = len(corners), (len(boxes) + 1) // 2
     u, v = (along + 1) % 3, (along + 2) % 3
     for q in range(len(queries)):
@@ -70,10 +67,7 @@ def _count(
 
 @kernel
 def _is_below(query: Floats, a: Floats, b: Floats, c: Floats, along: int) -> bool:
-    """Return True for a triangle above a point. Along an axis.
-
-    An edge belongs to one side.
-    """
+    """Return True for a triangle above a point. Along an axis. An edge belongs to one side."""
     u, v = (along + 1) % 3, (along + 2) % 3
     x, y = query[u], query[v]
     ax, ay, bx, by, cx, cy = a[u], a[v], b[u], b[v], c[u], c[v]
@@ -305,8 +299,7 @@ class Solids:
         """Return the depth (n,) of points, 0 outside. Points (n, 3); the deepest of overlapping parts."""
         positions = _checked(points)
         depths = [np.zeros(len(positions)), *(tree.depth(positions) for tree in self.trees)]
-        deepest: Floats = np.max(depths, axis=0)
-        return deepest
+        return np.asarray(np.max(depths, axis=0))
 
     def inside(self, points: ArrayLike) -> Bools:
         """Return which points (n, 3) are inside. Either on the surface."""

@@ -125,14 +125,14 @@ def tree_of_deformed(rest: TriangleTree | None, points: Floats, triangles: Ints)
     neighbouring triangles stay neighbours, so boxes stay small. Results equal those of a new tree, except
     among equally near triangles.
     """
-    key = digest(points)
+    key = digest(points, triangles)
     tree = _deformed.get(key)
-    if tree is None or not np.array_equal(tree.triangles, triangles):
-        points = points.copy()  # the caller's may change
+    if tree is None:
+        points, triangles = points.copy(), triangles.copy()  # the caller's may change
         if rest is not None and np.array_equal(rest.triangles, triangles):
-            tree = _filled(points, rest.triangles, rest.order)
+            tree = _filled(points, triangles, rest.order)
         else:
-            tree = triangle_tree(points, triangles.copy())
+            tree = triangle_tree(points, triangles)
         _deformed[key] = tree
     return tree
 
@@ -153,8 +153,7 @@ def _filled(points: Floats, triangles: Ints, order: Ints) -> TriangleTree:
 def _leaf_starts(count: int) -> Ints:
     """Return the first triangle of each leaf, (2^k,)."""
     n_leaves = 2 ** max(int(np.ceil(np.log2(count / PER_LEAF))), 0)
-    starts: Ints = np.arange(n_leaves) * count // n_leaves
-    return starts
+    return np.asarray(np.arange(n_leaves) * count // n_leaves)
 
 
 #: Regions of a triangle: its face, the edge from corner k to the next, or corner k.

@@ -49,8 +49,7 @@ class Differences:
 
     def of(self, differences: Floats) -> Floats:
         """Return slopes (m, ...) from differences (m, 2, ...)."""
-        slopes: Floats = np.einsum("md,md...->m...", self.weights, differences)
-        return slopes
+        return np.asarray(np.einsum("md,md...->m...", self.weights, differences))
 
 
 def differences_by(motion: RigidMotion, name: str, among: Sequence[str] = ()) -> Differences:
@@ -283,8 +282,7 @@ def _on_line(x: Floats, values: Floats) -> Floats:
     """Return values (k,) at 0 of median lines. Through values (n, k) at x (n,)."""
     pairs = combinations(range(len(x)), 2)
     slopes = np.median([(values[b] - values[a]) / (x[b] - x[a]) for a, b in pairs], axis=0)
-    at_zero: Floats = np.median(values - x[:, None] * slopes, axis=0)
-    return at_zero
+    return np.asarray(np.median(values - x[:, None] * slopes, axis=0))
 
 
 def even_stretches(motion: RigidMotion) -> Ints:

@@ -216,11 +216,9 @@ class JointArms:
     @property
     def mean(self) -> Floats:
         """Mean moment arm of all paths, (m,)."""
-        mean: Floats = self.arms.mean(axis=1)
-        return mean
+        return np.asarray(self.arms.mean(axis=1))
 
     @property
     def mean_slope(self) -> Floats:
         """Mean slope of all paths, (m,); NaN if unknown."""
-        mean: Floats = self.slopes.mean(axis=1)
-        return mean
+        return np.asarray(self.slopes.mean(axis=1))

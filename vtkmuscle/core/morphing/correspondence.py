@@ -65,8 +65,7 @@ def starting_points(
     costs = ((samples - corner) ** 2).sum(axis=2) if start_costs is None else start_costs(samples)
     number = np.arange(len(loops))
     if continuity == 0.0:
-        starts: Floats = samples[number, costs.argmin(axis=1)]
-        return starts
+        return np.asarray(samples[number, costs.argmin(axis=1)])
     costs = costs * (np.gradient(levels) if len(levels) > 1 else np.ones(1))[:, None]
     centred = samples - samples.mean(axis=1, keepdims=True)
     square = (centred**2).sum(axis=2).mean(axis=1)
@@ -97,8 +96,7 @@ def followed_starts(stack: LoopStack, guides: LoopStack, continuity: float, corn
     offsets = starts - np.array([boundary_centroid(loop) for loop in guides.loops])
     centroids = np.array([boundary_centroid(loop) for loop in stack.loops])
     between = [np.interp(stack.levels, guides.levels, column) for column in offsets.T]
-    points: Floats = centroids + np.column_stack(between)
-    return points
+    return np.asarray(centroids + np.column_stack(between))
 
 
 def cyclic_products(first: Floats, second: Floats) -> Floats:
@@ -108,8 +106,7 @@ def cyclic_products(first: Floats, second: Floats) -> Floats:
     """
     spectra = np.fft.rfft(first, axis=1).conj() * np.fft.rfft(second, axis=1)
     n = first.shape[1]
-    products: Floats = np.fft.irfft(spectra.sum(axis=2), n, axis=1) / n
-    return products
+    return np.asarray(np.fft.irfft(spectra.sum(axis=2), n, axis=1) / n)
 
 
 def _cheapest_chain(costs: Floats, twists: Floats) -> Ints:
@@ -144,15 +141,11 @@ def boundary_centroid(loop: Floats) -> Floats:
     The mean of the segments' middles, weighted by length.
     """
     lengths = loop_lengths(loop)
-    centroid: Floats = np.diff(lengths) @ (loop + np.roll(loop, -1, axis=0)) / (2.0 * lengths[-1])
-    return centroid
+    return np.asarray(np.diff(lengths) @ (loop + np.roll(loop, -1, axis=0)) / (2.0 * lengths[-1]))
 
 
 def sampled_loop(loop: Floats, corner: Floats, count: int) -> Floats:
-    """Return `count` equidistant points along a loop (n, k).
-
-    The first is the loop's point nearest to Q0.
-    """
+    """Return `count` equidistant points along a loop (n, k). The first is the loop's point nearest to Q0."""
     lengths = loop_lengths(loop)
     first = nearest_arc(loop, lengths, corner)
     return points_at(loop, lengths, first + lengths[-1] * np.arange(count) / count)

@@ -236,8 +236,7 @@ def _distances_from_rectangle(sides: Floats, areas: Floats) -> Callable[[Floats]
         squares = (centred**2).sum(axis=2).mean(axis=1) + (rectangle**2).sum(axis=1).mean()
         products = cyclic_products(np.broadcast_to(rectangle, centred.shape), centred)
         weights = np.maximum(along, 0.0) ** 2
-        result: Floats = weights[:, None] * (squares[:, None] - 2.0 * products)
-        return result
+        return np.asarray(weights[:, None] * (squares[:, None] - 2.0 * products))
 
     return costs
 

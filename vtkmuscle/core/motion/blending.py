@@ -171,8 +171,7 @@ def origin_weights(offsets: Ints, a: float) -> Floats:
     counts = np.diff(offsets)
     number = np.arange(offsets[-1]) - np.repeat(offsets[:-1], counts)
     t = number / np.repeat(np.maximum(counts - 1, 1), counts)
-    weights: Floats = a * t**2 - (a + 1.0) * t + 1.0
-    return weights
+    return np.asarray(a * t**2 - (a + 1.0) * t + 1.0)
 
 
 def blend_fibres(points: Floats, offsets: Ints, origin: Floats, insertion: Floats, a: float) -> Floats:

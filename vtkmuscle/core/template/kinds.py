@@ -90,8 +90,7 @@ class FibreTemplate:
         part = np.minimum(along.astype(np.int64), n_parts - 1)
         u, v = along - part, np.asarray(s, dtype=np.float64)
         weights = np.stack([(1 - u) * (1 - v), u * (1 - v), u * v, (1 - u) * v], axis=-1)
-        polygons: Floats = np.einsum("nc,nkcd->nkd", weights, np.array(self.parts)[part])
-        return polygons
+        return np.asarray(np.einsum("nc,nkcd->nkd", weights, np.array(self.parts)[part]))
 
     def fibres(self, r: ArrayLike, s: ArrayLike, t: ArrayLike) -> Floats:
         """Return points (n, m, 3) of fibres. They run from origin to insertion.
@@ -99,8 +98,7 @@ class FibreTemplate:
         Parameters r, s (n,) of the fibres and t (m,) of the points in [0, 1]; points are in the unit cube.
         """
         # Rounding must not lift a point out of the cube.
-        points: Floats = np.clip(bezier(self.control_polygons(r, s), t), 0.0, 1.0)
-        return points
+        return np.asarray(np.clip(bezier(self.control_polygons(r, s), t), 0.0, 1.0))
 
 
 def bezier(polygons: Floats, t: ArrayLike) -> Floats:
@@ -112,8 +110,7 @@ def bezier(polygons: Floats, t: ArrayLike) -> Floats:
     degree = polygons.shape[1] - 1
     parameters = np.asarray(t, dtype=np.float64)
     basis = [comb(degree, k) * (1 - parameters) ** (degree - k) * parameters**k for k in range(degree + 1)]
-    points: Floats = np.einsum("km,nkd->nmd", np.array(basis), polygons)
-    return points
+    return np.asarray(np.einsum("km,nkd->nmd", np.array(basis), polygons))
 
 
 def sobol_points(n: int) -> Floats:
@@ -124,8 +121,7 @@ def sobol_points(n: int) -> Floats:
     would lie in the muscle's surface.
     """
     exponent = max(n - 1, 0).bit_length()
-    points: Floats = sobol(n, 2) + 0.5 / 2**exponent
-    return points
+    return np.asarray(sobol(n, 2) + 0.5 / 2**exponent)
 
 
 def _level(z: float, *, x: Range = (0.0, 1.0), y: Range = (0.0, 1.0)) -> Floats:
@@ -227,4 +223,3 @@ def _sheets(value: Any, where: str | Path, key: str) -> Floats:
     if np.array_equal(sheets[0], sheets[-1]):
         raise InputError(where, f"{key}: the origin area and the insertion area are the same")
     return sheets
-
