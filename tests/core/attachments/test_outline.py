@@ -32,13 +32,6 @@ def test_islands_that_an_edge_joins_are_in_one_ring():
     np.testing.assert_array_equal(attachment_patch(*STRIP, ring, closed), patch)
 
 
-def test_what_hangs_on_one_point_is_in_the_ring():
-    patch = np.flatnonzero(((X <= 10) & (Y >= 6)) | ((X >= 10) & (X <= 12) & (Y >= 4) & (Y <= 6)))
-    ring, closed = outline(*STRIP, patch)
-    assert closed
-    np.testing.assert_array_equal(attachment_patch(*STRIP, ring, closed), patch)
-
-
 def test_the_ring_gives_back_the_patch_but_for_its_holes():
     """Even where a bone lies on the other side: landmarks that are the muscle's points stay there."""
     hole = (X == 20) & (Y == 6)

@@ -37,13 +37,6 @@ def test_equal_areas_have_equal_places():
     assert np.percentile(np.linalg.norm(one + shift - other, axis=1), 90) < 0.5 * np.sqrt(300.0 / 100)
 
 
-def test_it_does_not_matter_which_area_is_the_first():
-    areas = plate(2048), plate(2048, sides=(12.0, 25.0), lift=30.0)
-    here, there = even_positions(areas, 64), even_positions(areas[::-1], 64)
-    for one, two in zip(here, there[::-1], strict=True):
-        assert np.array_equal(np.sort(one, axis=0), np.sort(two, axis=0))
-
-
 def test_places_move_with_the_areas(rng):
     # Not quite regular: rounding would decide which of two equal axes is the longer one.
     areas = [plate(2048) * [1.0, 1.0, 0.0], plate(2048, sides=(12.0, 25.0), lift=30.0)]

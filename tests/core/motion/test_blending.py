@@ -85,4 +85,3 @@ def test_a_hinge_stays_on_its_hinge():
     centre = np.array([[10.0, 20, 30]])
     half = screw_between(np.eye(4), rotation_about(centre[0], [0, 1, 0], 80), 0.5)
     assert np.allclose(half, rotation_about(centre[0], [0, 1, 0], 40))
-
