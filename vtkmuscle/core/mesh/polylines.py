@@ -124,10 +124,9 @@ def proper_segments(points: Floats, offsets: Ints) -> tuple[Floats, Floats, Floa
     """Return ends and lengths of proper segments. Ends (s, 3), lengths (s,) > 0; at least one segment."""
     a, b = segments(points, offsets)
     lengths = np.linalg.norm(b - a, axis=1)
-    proper = lengths > 0.0
-    if not proper.any():
+    if not lengths.any():
         raise InputError("", "no fibre has a length, so that fibres have no direction")
-    return a[proper], b[proper], lengths[proper]
+    return a[lengths > 0.0], b[lengths > 0.0], lengths[lengths > 0.0]
 
 
 def segment_distances(points: Floats, a: Floats, b: Floats) -> Floats:
