@@ -18,9 +18,9 @@ from real_hip import data_folder
 from scipy.spatial import cKDTree
 
 from vtkmuscle import Scene
+from vtkmuscle.core.fibres.embedding import sparse_mean_value_coordinates, sparse_transport
 from vtkmuscle.core.fibres.mean_value import transport
 from vtkmuscle.core.fibres.measures import filling_radius
-from vtkmuscle.core.fibres.sparse_weights import sparse_mean_value_coordinates, sparse_transport
 from vtkmuscle.core.mesh.polylines import polyline_lengths
 from vtkmuscle.core.mesh.surface import signed_volume
 from vtkmuscle.data.arrays import cell_array, checked_surface, field_array, polylines_of

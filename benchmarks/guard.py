@@ -32,7 +32,7 @@ from problems import settling_of, steps_of
 from work_counts import counts
 
 from vtkmuscle import phantoms
-from vtkmuscle.core.fibres.sparse_weights import sparse_mean_value_coordinates
+from vtkmuscle.core.fibres.embedding import sparse_mean_value_coordinates
 from vtkmuscle.data.arrays import checked_surface, points_of
 from vtkmuscle.filters import FibreTransport, FixedPointDetector
 from vtkmuscle.pipelines import decompose

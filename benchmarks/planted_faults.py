@@ -62,7 +62,7 @@ EQUIVALENT: dict[str, str] = {
     ),
     "core.bones.bone.: 1e-3 -> 0.002": "equivalent: any small unevenness decides between axes",
     "core.paths.surroundings.: 1e-6 -> 2e-06": "equivalent: a guard against rounding",
-    "core.fibres.equal_shares.matched_ends: -1 -> (1)": (
+    "core.fibres.between_areas.matched_ends: -1 -> (1)": (
         "equivalent: sets may be halved along any direction; sums of squares differ by less than 0.02 %"
     ),
 }

@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 import vtkmuscle
 from vtkmuscle.cli import app
 from vtkmuscle.comparison import Curve, difference
-from vtkmuscle.core.moment_arms.by_coordinate import JointArms
+from vtkmuscle.core.moment_arms.of_joints import JointArms
 from vtkmuscle.core.motion.coordinates import Coordinate
 from vtkmuscle.io.literature import side_apart
 

@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 
 from vtkmuscle import Scene, SceneError, phantoms
 from vtkmuscle.cli import BAD_INPUT, app
-from vtkmuscle.core.attachments.rings import ring_length, short_ring
+from vtkmuscle.core.attachments.patches import ring_length, short_ring
 from vtkmuscle.core.mesh.solids import solids_of
 from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.data.arrays import checked_surface, points_of, surface_from, with_points

@@ -11,10 +11,10 @@ from typer.testing import CliRunner
 from vtkmuscle import Scene, hinge
 from vtkmuscle.cli import app
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.core.fibres.architecture import TENDON_AREA, TENDON_AREAS
+from vtkmuscle.core.fibres.measures import TENDON_AREA, TENDON_AREAS
 from vtkmuscle.core.mesh.solids import solids_of
 from vtkmuscle.core.mesh.surface import edge_lengths, unique_edges
-from vtkmuscle.core.moment_arms.length_jumps import even_stretches, largest_turns, length_jumps
+from vtkmuscle.core.moment_arms.levers import even_stretches, largest_turns, length_jumps
 from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.data.arrays import (
     checked_surface,

@@ -7,7 +7,7 @@ from calibration import TRIANGLES, torus
 from problems import held_torus, settling_of
 
 from vtkmuscle.core.bones.bone import Bone
-from vtkmuscle.core.fibres.sparse_weights import sparse_mean_value_coordinates, sparse_transport
+from vtkmuscle.core.fibres.embedding import sparse_mean_value_coordinates, sparse_transport
 from vtkmuscle.core.mesh.harmonic import harmonic_weights
 from vtkmuscle.core.mesh.surface import mesh_topology
 from vtkmuscle.data.arrays import blocks_of, checked_surface, points_of

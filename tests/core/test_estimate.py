@@ -5,7 +5,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from vtkmuscle.core.estimate import root_mean_square, sampling_errors, segment_errors
+from vtkmuscle.core.fibres.measures import root_mean_square, sampling_errors, segment_errors
 
 
 def arc(radius, angle, segments):

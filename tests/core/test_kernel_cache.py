@@ -1,6 +1,5 @@
 """Compiled kernels are kept for as long as nothing that they are made from changes."""
 
-import ctypes
 import importlib
 import os
 import re
@@ -16,7 +15,7 @@ import pytest
 
 import vtkmuscle
 from vtkmuscle.core import jit, machine
-from vtkmuscle.core.jit import kernel, kernel_folder, source_key
+from vtkmuscle.core.jit import kernel, source_key
 
 posix = pytest.mark.skipif(os.name != "posix", reason="modes say who can write to a file on POSIX alone")
 #: The user that owns nothing.
@@ -89,19 +88,6 @@ def loaded(monkeypatch):
         del sys.modules[name]
 
 
-def files_of(kernels):
-    """Return the files of the toy's kernel, and of the one that it calls."""
-    (first,) = kernels.rglob("length-*.kernel")
-    (second,) = kernels.rglob("longer-*.kernel")
-    return first, second
-
-
-def without_privileges():
-    """Give up that the administrator reads every file: Linux' CAP_DAC_OVERRIDE and CAP_DAC_READ_SEARCH."""
-    for capability in (1, 2):
-        ctypes.CDLL(None).prctl(24, capability)  # PR_CAPBSET_DROP
-
-
 def hits(kernel):
     return sum(kernel.stats.cache_hits.values())
 
@@ -132,16 +118,6 @@ def test_copies_of_a_package_share_what_is_compiled(kernels, toy, loaded):
     assert hits(copy) == 1
 
 
-def test_a_link_to_a_package_shares_what_is_compiled(kernels, toy, loaded, tmp_path):
-    """ParaView is given the package by a link."""
-    loaded(toy)(3.0)
-    (tmp_path / "links").mkdir()
-    (tmp_path / "links" / "toy").symlink_to(toy, target_is_directory=True)
-    linked = loaded(tmp_path / "links" / "toy")
-    assert linked(3.0) == 6.0
-    assert hits(linked) == 1
-
-
 def test_without_a_cache_nothing_is_kept(kernels, toy, loaded, monkeypatch):
     monkeypatch.setenv("VTKMUSCLE_CACHE", "")
     assert loaded(toy)(3.0) == 6.0
@@ -158,14 +134,6 @@ def test_a_folder_that_cannot_be_written_to_is_told_of_once(kernels, toy, loaded
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         assert kernel(3) == 6.0
-
-
-def test_numbas_own_variable_counts_more(kernels, toy, loaded, tmp_path, monkeypatch):
-    monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path / "numba"))
-    assert kernel_folder() == tmp_path / "numba"
-    loaded(toy)(3.0)
-    assert list((tmp_path / "numba").rglob("*.kernel"))
-    assert not kernels.exists()
 
 
 def test_the_versions_used_last_are_kept(kernels, toy, loaded, monkeypatch):
@@ -185,6 +153,7 @@ def test_the_versions_used_last_are_kept(kernels, toy, loaded, monkeypatch):
     assert hits(kept) == 1
 
 
+@pytest.mark.long
 def test_processes_that_compile_at_once_find_what_each_made(kernels, toy, loaded):
     code = "import sys\nfrom toy.kernels import length\nsys.stdin.readline()\nlength({})"
     started = [
@@ -206,107 +175,16 @@ def test_processes_that_compile_at_once_find_what_each_made(kernels, toy, loaded
     assert hits(kernel) == 3
 
 
-@pytest.mark.parametrize("damage", ["empty", "cut short", "a bit flipped", "of another kernel"])
-def test_a_damaged_file_is_compiled_anew_and_found_whole_again(kernels, toy, loaded, damage):
+@pytest.mark.parametrize("length", [0, -1])
+def test_a_damaged_file_is_compiled_anew_and_found_whole_again(kernels, toy, loaded, length):
     loaded(toy, 3.0)
-    file, other = files_of(kernels)
+    (file,) = kernels.rglob("length-*.kernel")
     whole = file.read_bytes()
-    damaged = {
-        "empty": b"",
-        "cut short": whole[:-1],
-        "a bit flipped": whole[:-9] + bytes([whole[-9] ^ 1]) + whole[-8:],
-        "of another kernel": other.read_bytes(),
-    }
-    file.write_bytes(damaged[damage])
+    file.write_bytes(whole[:length])
     mended, again = loaded(toy), loaded(toy)
     assert (mended(3.0), again(3.0)) == (6.0, 6.0)
     assert (hits(mended), hits(again)) == (0, 1)
-    assert file.read_bytes() != damaged[damage]
-
-
-def test_a_damaged_file_that_cannot_be_removed_does_no_harm(kernels, toy, loaded, monkeypatch):
-    loaded(toy, 3.0)
-    file, _ = files_of(kernels)
-    file.write_bytes(b"")
-
-    def refuse(*_, **__):
-        raise PermissionError(13, "only to be read")
-
-    monkeypatch.setattr(Path, "unlink", refuse)
-    monkeypatch.setattr(os, "replace", refuse)
-    with pytest.warns(UserWarning, match="only to be read"):
-        assert loaded(toy)(3.0) == 6.0
-
-
-@posix
-@pytest.mark.parametrize("which", ["all kernels", "one module", "one file"])
-@pytest.mark.parametrize("fault", ["group", "all", "owner"])
-def test_nothing_is_read_that_others_could_have_written(kernels, toy, loaded, which, fault, monkeypatch):
-    loaded(toy, 3.0)
-    file, _ = files_of(kernels)
-    path = {"all kernels": kernels, "one module": file.parent, "one file": file}[which]
-    if fault != "owner":
-        path.chmod(path.stat().st_mode | {"group": 0o020, "all": 0o002}[fault])
-    elif os.geteuid() == 0:
-        os.chown(path, NOBODY, -1)
-    elif which == "all kernels":  # who cannot give a folder away is somebody else to all of it
-        monkeypatch.setattr(os, "geteuid", lambda: NOBODY)
-    else:
-        pytest.skip("only root gives one file away")
-    doubted = loaded(toy)
-    if which == "one file":  # which is replaced by one of our own
-        assert doubted(3.0) == 6.0
-        assert hits(loaded(toy, 3.0)) == 1
-    else:
-        with pytest.warns(UserWarning, match=r"(another user|other users can write).*set VTKMUSCLE_CACHE"):
-            assert doubted(3.0) == 6.0
-    assert hits(doubted) == 0
-
-
-@posix
-def test_what_is_kept_is_used_whatever_mode_files_are_made_with(kernels, toy, loaded):
-    before = os.umask(0o000)
-    try:
-        loaded(toy)(3.0)
-    finally:
-        os.umask(before)
-    assert hits(loaded(toy, 3.0)) == 1
-
-
-@posix
-def test_a_home_that_cannot_be_searched_stops_nothing(kernels, toy, tmp_path):
-    """As in a container that another user's home was made for."""
-    home = tmp_path / "home"
-    home.mkdir(0o000)
-    if os.geteuid() == 0:
-        os.chown(home, NOBODY, -1)
-    code = """
-import os, warnings
-try:
-    os.stat(os.path.expanduser("~/.cache"))
-except PermissionError:
-    pass
-else:
-    raise SystemExit("searched")
-from toy.kernels import length
-with warnings.catch_warnings(record=True) as told:
-    print(length(3.0))
-print(*(one.message for one in told))
-"""
-    unset = ("VTKMUSCLE_CACHE", "XDG_CACHE_HOME")
-    environment = {name: value for name, value in os.environ.items() if name not in unset}
-    done = subprocess.run(
-        [sys.executable, "-c", code],
-        env={**environment, "HOME": str(home), "PYTHONPATH": str(toy.parent), "NUMBA_CACHE_DIR": ""},
-        preexec_fn=without_privileges,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    if done.stderr.strip() == "searched":
-        pytest.skip("this system lets its administrator search every folder")
-    assert done.stdout.startswith("6.0\ncompiled kernels cannot be kept in "), done.stderr
-    assert done.returncode == 0
+    assert len(file.read_bytes()) == len(whole)
 
 
 @pytest.mark.parametrize("name", jit._OF_NUMBA)

@@ -50,10 +50,7 @@ class InputError(_FieldsError, ValueError):
 
 
 class MissingFileError(_FieldsError, FileNotFoundError):
-    """Missing or unreadable file.
-
-    With the fields of :class:`InputError`.
-    """
+    """Missing or unreadable file. With the fields of :class:`InputError`."""
 
 
 def in_words(where: str, problem: str, remedy: str) -> str:
@@ -64,10 +61,7 @@ def in_words(where: str, problem: str, remedy: str) -> str:
 
 @contextmanager
 def errors_at(where: str) -> Iterator[None]:
-    """Turn a ValueError within into an InputError.
-
-    The InputError names a port or argument.
-    """
+    """Turn a ValueError within into an InputError. The InputError names a port or argument."""
     try:
         yield
     except ValueError as error:
@@ -90,10 +84,7 @@ def fault_of(error: Exception, *, placed: bool = False) -> tuple[str, str]:
 
 
 def check_name(path: Path) -> None:
-    """Raise an InputError for a non-UTF-8 path.
-
-    No report or table could name the path.
-    """
+    """Raise an InputError for a non-UTF-8 path. No report or table could name the path."""
     try:
         str(path.absolute()).encode()
     except UnicodeEncodeError:

@@ -9,8 +9,7 @@ become part of the machine code. So kernels are kept in a folder named after the
 and of all directly or indirectly imported files of the package. Equal copies of the package share the
 folder.
 
-Cached files are executed. So each file begins with a checksum, damaged files are removed and compiled anew,
-and files writable by foreign users are not read.
+A file per signature: several processes may write at once. Damaged files are compiled anew.
 """
 
 from __future__ import annotations
@@ -33,7 +32,7 @@ from typing import Any, TypeVar
 import numba
 import numba.core.options
 
-from vtkmuscle.core.machine import cache_folder, check_nobody_else_writes, warn_of_folder
+from vtkmuscle.core.machine import cache_folder, warn_of_folder
 
 F = TypeVar("F", bound=Callable[..., object])
 
@@ -68,10 +67,7 @@ def kernel(function: F) -> F:
 
 
 def array_kernel(function: F) -> F:
-    """Compile a function that makes arrays.
-
-    As :func:`kernel`. The function's inner loops are kernels.
-    """
+    """Compile a function that makes arrays. As :func:`kernel`. The function's inner loops are kernels."""
     return _compiled(function)
 
 
@@ -81,10 +77,7 @@ def reduction(function: F) -> F:
 
 
 def vector_kernel(function: F) -> F:
-    """Compile as :func:`kernel`, with fused multiply-adds.
-
-    Multiplications and additions may be fused.
-    """
+    """Compile as :func:`kernel`, with fused multiply-adds. Multiplications and additions may be fused."""
     return _compiled(function, fastmath={"contract"}, **UNCOUNTED)
 
 
@@ -126,10 +119,7 @@ def _keep(compiled: Any) -> None:
 
 @cache
 def _numba_is_known() -> bool:
-    """Return whether numba has all of _OF_NUMBA.
-
-    Otherwise a warning is given once.
-    """
+    """Return whether numba has all of _OF_NUMBA. Otherwise a warning is given once."""
     try:
         for name in _OF_NUMBA:
             attrgetter(name)(numba)
@@ -144,10 +134,7 @@ def _numba_is_known() -> bool:
 
 
 class KernelCache:
-    """Cache of a kernel's machine code, for numba.
-
-    A file per signature.
-    """
+    """Cache of a kernel's machine code for numba, with a file per signature."""
 
     def __init__(self, function: Callable[..., object], file: Path, folder: Path) -> None:
         self._module = function.__module__
@@ -162,27 +149,27 @@ class KernelCache:
         return str(self._folder)
 
     def load_overload(self, signature: Any, target: Any) -> Any:
-        """Return a signature's machine code.
-
-        None without a usable file.
-        """
+        """Return a signature's machine code, None without a usable file."""
         target.refresh()
-        body = self._read(self._file(signature, target.codegen()))
-        if body is None:
+        try:
+            content = pickle.loads(self._file(signature, target.codegen()).read_bytes())
+        except (OSError, EOFError, pickle.UnpicklingError):  # missing, unreadable, or cut short
             return None
-        return numba.core.compiler.CompileResult._rebuild(target, *pickle.loads(body))
+        return numba.core.compiler.CompileResult._rebuild(target, *content)
 
     def save_overload(self, signature: Any, compiled: Any) -> None:
-        """Keep the machine code of a signature.
-
-        An unwritable file gives a warning.
-        """
+        """Keep the machine code of a signature; an unwritable file gives a warning."""
         if compiled.library.has_dynamic_globals:  # addresses of this process
             return
-        body = numba.core.serialize.dumps(compiled._reduce())
+        path = self._file(signature, compiled.library.codegen)
+        part = path.with_suffix(f".{uuid.uuid4().hex}.part")
         try:
-            self._write(self._file(signature, compiled.library.codegen), body)
+            self._make_folder()
+            part.write_bytes(numba.core.serialize.dumps(compiled._reduce()))
+            os.replace(part, path)
         except OSError as error:
+            with suppress(OSError):
+                part.unlink()
             warn_of_folder(self._folder.parent, error)
 
     def flush(self) -> None:
@@ -193,73 +180,17 @@ class KernelCache:
         digest = hashlib.sha256(repr(made_for).encode()).hexdigest()[:16]
         return self._folder / f"{self._name}-{digest}.kernel"
 
-    def _check_folders(self) -> None:
-        for folder in (self._folder.parent, self._folder):
-            check_nobody_else_writes(folder.stat())
-
-    def _read(self, path: Path) -> bytes | None:
-        """Return the content of a checked file, else None."""
-        try:
-            self._check_folders()
-            with open(path, "rb") as file:
-                check_nobody_else_writes(os.fstat(file.fileno()))
-                content = file.read()
-        except OSError:
-            return None
-        body = content[hashlib.sha256().digest_size :]
-        if content == _checksum(path, body) + body:
-            return body
-        with suppress(OSError):  # a folder that can only be read
-            path.unlink()
-        return None
-
-    def _write(self, path: Path, body: bytes) -> None:
-        """Write a file under a temporary name, then rename.
-
-        Several processes may write at once.
-        """
-        self._make_folder()
-        self._check_folders()
-        part = path.with_suffix(f".{uuid.uuid4().hex}.part")
-        try:
-            with open(part, "xb", opener=_only_ours) as file:
-                file.write(_checksum(path, body) + body)
-            os.replace(part, path)
-        except OSError:
-            part.unlink(missing_ok=True)
-            raise
-
     def _make_folder(self) -> None:
-        """Make the folder, and remove old versions.
-
-        Removed are the module's versions unused for longest.
-        """
+        """Make the folder, and remove the module's versions unused for longest."""
         if self._folder.is_dir():
             return
-        self._folder.parent.mkdir(0o755, parents=True, exist_ok=True)
-        self._folder.mkdir(0o755, exist_ok=True)
+        self._folder.mkdir(parents=True, exist_ok=True)
         versions = []
         for path in self._folder.parent.glob(f"{self._module}-*"):
             with suppress(OSError):  # another process has removed it
                 versions.append((path.stat().st_mtime, path))
         for _, path in sorted(versions)[:-VERSIONS]:
             shutil.rmtree(path, ignore_errors=True)
-
-
-def _checksum(path: Path, body: bytes) -> bytes:
-    """Return the checksum of a file's content and name.
-
-    So a file cannot replace the file of a different kernel.
-    """
-    return hashlib.sha256(f"{path.parent.name}/{path.name} ".encode() + body).digest()
-
-
-def _only_ours(path: str, flags: int) -> int:
-    """Open a file writable by this user alone.
-
-    For any umask.
-    """
-    return os.open(path, flags, 0o644)
 
 
 def source_key(module: str, file: Path) -> str:

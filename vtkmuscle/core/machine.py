@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import errno
 import os
-import stat
 import sys
 import warnings
 from pathlib import Path
@@ -29,28 +27,11 @@ def cache_folder() -> Path | None:
         return None
 
 
-def check_nobody_else_writes(status: os.stat_result) -> None:
-    """Raise a PermissionError for foreign write access.
-
-    Foreign users are all users except this user and the system. On Windows, modes do not tell about write
-    access, and no check is made.
-    """
-    if os.name != "posix":
-        return
-    if status.st_uid not in (os.geteuid(), 0):
-        raise PermissionError(errno.EPERM, "it belongs to another user")
-    if status.st_mode & (stat.S_IWGRP | stat.S_IWOTH):
-        raise PermissionError(errno.EPERM, "other users can write to it")
-
-
 _unusable: set[Path] = set()
 
 
 def warn_of_folder(folder: Path, error: OSError) -> None:
-    """Warn of an unusable cache of compiled kernels.
-
-    Once per folder.
-    """
+    """Warn of an unusable cache of compiled kernels. Once per folder."""
     if folder not in _unusable:
         _unusable.add(folder)
         warnings.warn(

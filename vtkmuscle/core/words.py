@@ -1,7 +1,4 @@
-"""Values, names and suggestions in messages.
-
-Each in a short line.
-"""
+"""Values, names and suggestions in messages. Each in a short line."""
 
 from __future__ import annotations
 
@@ -25,18 +22,12 @@ def quoted(value: object) -> str:
 
 
 def names(text: str | Iterable[str]) -> list[str]:
-    """Return names as a list.
-
-    A text is a single name.
-    """
+    """Return names as a list. A text is a single name."""
     return [text] if isinstance(text, str) else list(text)
 
 
 def suggestion(word: str, allowed: Iterable[str]) -> str:
-    """Return the remedy for an unknown word.
-
-    The nearest and all allowed words.
-    """
+    """Return the remedy for an unknown word. The nearest and all allowed words."""
     allowed = list(allowed)
     nearest = get_close_matches(word, allowed, n=1, cutoff=0.5)
     meant = f"did you mean {nearest[0]!r}? " if nearest else ""

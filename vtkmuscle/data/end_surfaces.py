@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from vtkmuscle.core.attachments.rings import discs_over
+from vtkmuscle.core.attachments.patches import discs_over
 from vtkmuscle.core.errors import InputError, errors_at
 from vtkmuscle.core.fibres.between_areas import EndSurface
 from vtkmuscle.core.mesh.normals import triangle_normals

@@ -8,7 +8,7 @@ import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.attachments.contacts import FAR_END, attached_ends
-from vtkmuscle.core.attachments.rings import outline
+from vtkmuscle.core.attachments.patches import outline
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.mesh.solids import solids_of
 from vtkmuscle.core.types import Floats

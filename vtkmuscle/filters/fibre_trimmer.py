@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
-from vtkmuscle.core.attachments.rings import discs_over
+from vtkmuscle.core.attachments.patches import discs_over
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.fibres.trimming import EndArea, ends_as_printed, trim_fibres
 from vtkmuscle.core.mesh.triangle_tree import triangle_tree

@@ -65,8 +65,7 @@ class PathDeformer(Filter):
         Other muscles at the pipeline's time, as obstacles: outputs of a deformer, with the point array
         ``Displacement``.
     fibres
-        The fibres at rest from which the paths were made; for the second output and the directions of the
-        shape report.
+        The fibres at rest from which the paths were made; for the second output.
     quality
         Preset of the iterations.
     iterations
@@ -83,9 +82,7 @@ class PathDeformer(Filter):
     output
         The muscle at the requested time, with the arrays of the input; the point array ``Displacement`` (3)
         from rest [mm]. With ``measure_shape`` the field arrays ``VolumeRatio`` (V / V0), ``EdgeStretchP95``
-        and ``EdgeStretchMax`` (l / l0), ``AlongFibresP5``, ``AlongFibresP50`` and ``AlongFibresP95`` (of the
-        edges within 18 degrees of the fibres), ``AcrossFibresP5``, ``AcrossFibresP50`` and
-        ``AcrossFibresP95`` (over 72 degrees), ``DihedralErrorP95`` [degrees], ``DegenerateEdges`` (whose
+        and ``EdgeStretchMax`` (l / l0), ``DihedralErrorP95`` [degrees], ``DegenerateEdges`` (whose
         angle was lost as a triangle collapsed) and ``CollidingPoints``. With ``measure_penetration``
         ``PenetrationMax`` and ``PenetrationP95`` [mm], how deep the free points are in the closed bones, and
         ``PenetratingPoints``.

@@ -97,9 +97,7 @@ class PBDDeformer(DeformerSettings, HistoryFilter[_Frame]):
         The muscle at the time asked for, with the arrays of the input; the point array ``Displacement`` (3)
         from rest [mm]; with velocities, of a muscle that is solved on one level, the point array ``Velocity``
         (3) [mm/s]. With ``measure_shape`` the field arrays ``VolumeRatio`` (V / V0), ``EdgeStretchP95`` and
-        ``EdgeStretchMax`` (l / l0), ``AlongFibresP5``, ``AlongFibresP50`` and ``AlongFibresP95`` (of the
-        edges within 18 degrees of the fibres), ``AcrossFibresP5``, ``AcrossFibresP50`` and
-        ``AcrossFibresP95`` (over 72 degrees), ``DihedralErrorP95`` [degrees], ``DegenerateEdges`` (whose
+        ``EdgeStretchMax`` (l / l0), ``DihedralErrorP95`` [degrees], ``DegenerateEdges`` (whose
         angle was lost as a triangle collapsed), and ``CollidingPoints``. With ``measure_penetration``
         ``PenetrationMax`` and ``PenetrationP95`` [mm], how deep the free points are in the closed bones, and
         ``PenetratingPoints``, how many.

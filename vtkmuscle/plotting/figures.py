@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.mesh.polylines import polyline_lengths
-from vtkmuscle.core.moment_arms.by_coordinate import JointArms
+from vtkmuscle.core.moment_arms.of_joints import JointArms
 from vtkmuscle.core.motion.coordinates import ANGLES
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import polylines_of

@@ -8,7 +8,7 @@ from typing import Any
 
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
-from vtkmuscle.core.moment_arms.by_coordinate import JointArms
+from vtkmuscle.core.moment_arms.of_joints import JointArms
 from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.drawn_bones import DrawnBones

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from vtkmuscle.core.moment_arms.by_coordinate import JointArms
+from vtkmuscle.core.moment_arms.of_joints import JointArms
 from vtkmuscle.core.motion.coordinates import ANGLES
 from vtkmuscle.core.types import Floats
 from vtkmuscle.io.literature import LiteratureCurve, curves_for, drawn

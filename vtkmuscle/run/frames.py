@@ -11,7 +11,7 @@ import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.core.estimate import root_mean_square, sampling_errors, segment_errors
+from vtkmuscle.core.fibres.measures import root_mean_square, sampling_errors, segment_errors
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import polylines_of
 from vtkmuscle.data.paths import PATH_LENGTH, levers_over_time, paths_of
@@ -133,7 +133,7 @@ class MuscleTrack:
     lengths, fibre_lengths : list of (k,) array
         Lengths of paths and of fibres per frame [mm]; a muscle on a single bone has no paths.
     length_errors, fibre_length_errors : list of (k,) array
-        Segment errors [mm], see :func:`~vtkmuscle.core.estimate.segment_errors`.
+        Segment errors [mm], see :func:`~vtkmuscle.core.fibres.measures.segment_errors`.
     report : dict
         The muscle's part of the report, JSON-able.
     failure : (int, float, Exception) or None

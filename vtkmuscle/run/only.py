@@ -11,10 +11,9 @@ import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.core.estimate import segment_errors
+from vtkmuscle.core.fibres.measures import segment_errors
 from vtkmuscle.core.mesh.shared import keep_shared
-from vtkmuscle.core.moment_arms.by_coordinate import JointArms
-from vtkmuscle.core.moment_arms.of_joints import joint_arms
+from vtkmuscle.core.moment_arms.of_joints import JointArms, joint_arms
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import shallow_copy
 from vtkmuscle.data.paths import levers_over_time, path_lines_of, paths_of

@@ -12,8 +12,14 @@ from typing import Any
 import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
-from vtkmuscle.core.fibres.architecture import TENDON_AREA, TENDON_AREAS, Fascicles, area_profile, fascicles
-from vtkmuscle.core.fibres.measures import arrangement
+from vtkmuscle.core.fibres.measures import (
+    TENDON_AREA,
+    TENDON_AREAS,
+    Fascicles,
+    area_profile,
+    arrangement,
+    fascicles,
+)
 from vtkmuscle.core.mesh.polylines import end_directions, polyline_lengths
 from vtkmuscle.core.mesh.solids import solids_of
 from vtkmuscle.core.mesh.surface import signed_volume

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self, TypeVar
 
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.core.moment_arms.by_coordinate import JointArms
+from vtkmuscle.core.moment_arms.of_joints import JointArms
 from vtkmuscle.core.types import Floats
 from vtkmuscle.core.words import suggestion
 from vtkmuscle.run.limits import CHECKS

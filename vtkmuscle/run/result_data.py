@@ -14,8 +14,7 @@ from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkMultiBlockDataSet
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.fibres.measures import smoothed_curve
-from vtkmuscle.core.moment_arms.by_coordinate import JointArms
-from vtkmuscle.core.moment_arms.of_joints import joint_arms
+from vtkmuscle.core.moment_arms.of_joints import JointArms, joint_arms
 from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.core.types import Floats
 from vtkmuscle.core.words import suggestion

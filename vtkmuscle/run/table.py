@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.core.estimate import root_mean_square, sampling_errors
-from vtkmuscle.core.moment_arms.by_coordinate import JointArms
+from vtkmuscle.core.fibres.measures import root_mean_square, sampling_errors
+from vtkmuscle.core.moment_arms.of_joints import JointArms
 from vtkmuscle.core.types import Floats
 from vtkmuscle.core.words import suggestion
 from vtkmuscle.io.writing import plain_cell, replacing

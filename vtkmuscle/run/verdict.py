@@ -13,7 +13,7 @@ import numpy as np
 
 from vtkmuscle.core.bones.bone import Bone
 from vtkmuscle.core.errors import fault_of
-from vtkmuscle.core.moment_arms.length_jumps import even_stretches, largest_turns, length_jumps
+from vtkmuscle.core.moment_arms.levers import even_stretches, largest_turns, length_jumps
 from vtkmuscle.core.motion.rigid import RigidMotion, apply_transform, inverse
 from vtkmuscle.core.types import Floats
 from vtkmuscle.run.limits import CHECKS, FULL_SIZE

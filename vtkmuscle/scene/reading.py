@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
-from vtkmuscle.core.attachments.rings import ring_area, ring_length
+from vtkmuscle.core.attachments.patches import ring_area, ring_length
 from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.core.template.kinds import read_template
 from vtkmuscle.core.types import Floats

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from vtkmuscle.core.attachments.rings import ring_area, ring_length, short_ring
+from vtkmuscle.core.attachments.patches import ring_area, ring_length, short_ring
 from vtkmuscle.core.mesh.solids import solids_of
 from vtkmuscle.core.mesh.surface import signed_volume
 from vtkmuscle.core.motion.rigid import apply_transform, inverse

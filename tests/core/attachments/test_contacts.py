@@ -46,13 +46,6 @@ def test_the_ends_are_what_is_near_the_two_bones():
     assert larger.confidence == smaller.confidence == 1.0
 
 
-def test_what_is_inside_of_a_bone_is_near_it():
-    outside = ends_of({"upper": along(0, 6), "lower": along(57, 60)})
-    inside = ends_of({"upper": along(0, 6) - 5.0 * (X < 5), "lower": along(57, 60) - 8.0 * (X > 58)})
-    for one, other in zip(outside, inside, strict=True):
-        np.testing.assert_array_equal(points_of(one), points_of(other))
-
-
 def test_a_bone_that_the_muscle_passes_is_not_taken_however_much_lies_on_it():
     """As semimembranosus lies on the femur's condyle, and rectus femoris on its shaft."""
     distances = {"passed": along(6, 50), "upper": along(0, 1), "lower": along(59, 60)}

@@ -21,7 +21,7 @@ def cost(points, path, start, end):
     return (np.linalg.norm(b - a, axis=1) * (1.0 + 10.0 * aside)).sum()
 
 
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("seed", range(2))
 def test_paths_are_as_short_as_the_shortest_that_scipy_finds(seed):
     points, triangles = box((0.0, 0.0, 0.0), (10.0, 12.0, 30.0), 1.5)
     rng = np.random.default_rng(seed)

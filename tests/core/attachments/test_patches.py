@@ -63,22 +63,6 @@ def test_landmarks_may_lie_off_the_muscle(off):
     assert is_cap(attachment_patch(*BALL, latitude_ring(35.0, radius=(1 + off) * RADIUS), True), 35.0)
 
 
-def test_few_landmarks_are_joined_by_geodesics():
-    patch = attachment_patch(*BALL, latitude_ring(40.0, n=4), True)
-    # Great circles between four points at 40 degrees come as near to the pole as 30.7 degrees.
-    slack = 1.5 * np.degrees(EDGE / RADIUS)
-    assert np.isin(np.flatnonzero(polar_angles() < 30.7 - slack), patch).all()
-    assert (polar_angles()[patch] < 40.0 + slack).all()
-
-
-def test_direction_and_start_of_a_ring_do_not_matter():
-    ring = latitude_ring(35.0, wobble=0.1)
-    expected = set(attachment_patch(*BALL, ring, True))
-    for other in (ring[::-1], np.roll(ring, 7, axis=0)):
-        # Where two paths are equally short the choice may differ, in single points of the boundary.
-        assert len(expected ^ set(attachment_patch(*BALL, other, True))) <= 0.02 * len(expected)
-
-
 def test_a_ring_that_crosses_itself_keeps_all_its_loops():
     t = 2 * np.pi * np.arange(32) / 32
     eight = np.column_stack([12 * np.sin(t), 6 * np.sin(2 * t), np.full(32, RADIUS)])
@@ -90,13 +74,6 @@ def test_a_ring_that_crosses_itself_keeps_all_its_loops():
     assert in_lobes.sum() > 10
     assert chosen[in_lobes].all()
     assert not chosen[(z < 0) | ((np.abs(y) > 5) & (np.abs(x) < 2))].any()
-
-
-def test_landmarks_that_repeat_make_no_difference():
-    ring = latitude_ring(35.0)
-    np.testing.assert_array_equal(
-        attachment_patch(*BALL, ring, True), attachment_patch(*BALL, np.repeat(ring, 3, axis=0), True)
-    )
 
 
 def test_the_bone_decides_between_sides_of_like_size():
@@ -158,13 +135,6 @@ def test_the_patch_is_on_the_side_of_the_bone_wherever_the_landmarks_are(height)
     assert (SLAB[0][patch][:, 2] == 0.0).all()
 
 
-def test_a_muscle_that_is_in_the_bone_is_attached_there():
-    def overlapping(positions):  # the bone's face is 3 mm inside the muscle
-        return positions[:, 2] - 3.0
-
-    assert within_oval(attachment_patch(*SLAB, oval(-1.0), True, bone_distance=overlapping))
-
-
 @settings(max_examples=20, deadline=None)
 @given(
     seed=st.integers(0, 2**32 - 1),
@@ -191,13 +161,6 @@ def test_perturbed_rings_give_the_same_patch_up_to_the_perturbation(
     assert np.isin(np.flatnonzero(core), patch).all()
 
 
-def test_a_clearly_smaller_side_is_inside_wherever_the_bone_is():
-    def below(positions):
-        return np.linalg.norm(positions - [0.0, 0.0, -RADIUS], axis=1)
-
-    assert is_cap(attachment_patch(*BALL, latitude_ring(30.0), True, bone_distance=below), 30.0)
-
-
 def test_an_open_curve_gives_the_points_within_the_tolerance():
     meridian = latitude_ring(90.0, n=24)[:7]  # a quarter of the equator
     patch = attachment_patch(*BALL, meridian, False, tolerance=3.0)
@@ -219,10 +182,6 @@ def test_points_and_landmarks_on_a_line_are_an_open_curve(closed, n):
     np.testing.assert_array_equal(patch, attachment_patch(*BALL, line, False))
     distances = np.linalg.norm(BALL[0][patch][:, None] - BALL[0][None, patch], axis=2)
     assert distances.max() < 13.0 + 2 * EDGE
-
-
-def test_something_is_found_however_small_the_tolerance():
-    assert len(attachment_patch(*BALL, np.array([[0.0, 0.0, 25.0]]), False, tolerance=0.0)) == 1
 
 
 def test_the_other_face_of_a_thin_muscle_is_left_alone():
@@ -254,22 +213,6 @@ def test_a_rigid_motion_and_other_units_make_no_difference():
     np.testing.assert_array_equal(found, expected)
 
 
-def test_renumbered_points_give_the_same_patch():
-    order = np.random.default_rng(4).permutation(len(BALL[0]))
-    number = np.argsort(order)  # new id of each old point
-    ring = latitude_ring(35.0, wobble=0.1)
-    found = attachment_patch(BALL[0][order], number[BALL[1]][::-1], ring, True)
-    np.testing.assert_array_equal(np.sort(order[found]), attachment_patch(*BALL, ring, True))
-
-
-def test_points_that_no_triangle_uses_are_never_chosen():
-    ring = latitude_ring(35.0)
-    points = np.vstack([BALL[0], ring])  # loose points exactly at the landmarks
-    np.testing.assert_array_equal(
-        attachment_patch(points, BALL[1], ring, True), attachment_patch(*BALL, ring, True)
-    )
-
-
 def test_landmarks_of_another_muscle_are_refused():
     with pytest.raises(ValueError, match=r"landmark 2 is .* from the muscle"):
         attachment_patch(*BALL, latitude_ring(30.0) + [[0, 0, 300 * (i == 2)] for i in range(24)], True)
@@ -295,12 +238,3 @@ def test_landmarks_on_unconnected_pieces_are_refused():
     across = np.array([[0.0, 0.0, 20.0], [50.0, 0.0, 20.0]])
     with pytest.raises(ValueError, match="several pieces"):
         attachment_patch(points, triangles, across, False)
-
-
-def test_a_second_piece_of_the_muscle_is_no_part_of_the_patch():
-    points = np.vstack([BALL[0], 0.2 * BALL[0] + [50.0, 0.0, 0.0]])
-    triangles = np.vstack([BALL[1], BALL[1] + len(BALL[0])])
-    np.testing.assert_array_equal(
-        attachment_patch(points, triangles, latitude_ring(35.0), True, tolerance=EDGE),
-        attachment_patch(*BALL, latitude_ring(35.0), True),
-    )

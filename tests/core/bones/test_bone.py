@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 from shapes import ball, box, distance_to_box, ring, sphere, union
 
-from vtkmuscle.core.bones.bone import CELLS_PER_DIAGONAL, Bone, bone_axes, bone_of, depth_in
+from vtkmuscle.core.bones.bone import CELLS_PER_DIAGONAL, Bone, bone_of, depth_in
 from vtkmuscle.core.bones.lookup import FIELD_ERROR
 from vtkmuscle.core.mesh.solids import FAR
 from vtkmuscle.core.motion.rigid import apply_transform
@@ -52,7 +52,7 @@ def test_signs_agree_with_winding_numbers(shape, rng):
     np.testing.assert_array_equal(bone.exact(points)[0][clear] < 0, inside[clear])
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=8, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1), parts=st.integers(1, 9))
 def test_what_was_asked_before_changes_no_digit(seed, parts):
     rng = np.random.default_rng(seed)
@@ -112,14 +112,6 @@ def test_the_field_of_a_ball_is_as_near_as_its_curvature_says(rng):
     distance, outward = bone.field((radius + heights)[:, None] * away)
     assert np.abs(distance - heights).max() < cell**2 / (4.0 * (radius - 1.0)) + 0.005  # of the facets
     assert np.degrees(np.arccos((outward * away).sum(axis=1).min())) < 3.0
-
-
-def test_flat_faces_of_a_box_are_exact(rng):
-    bone = Bone(*box(high=(12.0, 9.0, 7.0)), cell=0.7)
-    points = np.column_stack([rng.uniform(4, 8, 500), rng.uniform(4, 5, 500), rng.uniform(6.0, 9.0, 500)])
-    distance, outward = bone.field(points)
-    np.testing.assert_allclose(distance, points[:, 2] - 7.0, atol=1e-9)
-    np.testing.assert_allclose(outward, np.tile([0.0, 0.0, 1.0], (500, 1)), atol=1e-9)
 
 
 def test_normals_have_no_jumps_between_cells_and_blocks():
@@ -203,28 +195,7 @@ def test_muscles_share_a_bone():
     assert one.cell == pytest.approx(np.linalg.norm(high - low) / CELLS_PER_DIAGONAL)
 
 
-def test_nothing_is_built_of_a_bone_that_no_point_is_near():
-    bone = Bone(*ball())
-    assert bone.depth(np.array([[0.0, 0.0, 10.5], [30.0, 0.0, 0.0]])).tolist() == [0.0, 0.0]
-    assert "solids" not in vars(bone)
-
-
 @pytest.mark.parametrize("cell", [0.0, -1.0, np.nan, np.inf])
 def test_senseless_cells_are_refused(cell):
     with pytest.raises(ValueError, match="finite and > 0"):
         Bone(*ball(), cell=cell)
-
-
-def test_cells_larger_than_the_bone_are_finite(rng):
-    distance, outward = Bone(*box(), cell=30.0).field(rng.uniform(-50, 50, (100, 3)))
-    assert np.isfinite(distance).all()
-    assert np.isfinite(outward).all()
-
-
-def test_axes_go_with_the_bone(rng):
-    points = rng.normal(size=(400, 3)) * [1.0, 1.0, 3.0]
-    motion = np.eye(4)
-    motion[:3, :3], motion[:3, 3] = Rotation.random(random_state=1).as_matrix(), [10.0, 2.0, -7.0]
-    np.testing.assert_allclose(
-        bone_axes(apply_transform(motion, points)) @ motion, bone_axes(points), atol=1e-9
-    )

@@ -1,13 +1,10 @@
 """Bones of several closed pieces, wherever these lie."""
 
-import time
-
 import numpy as np
 import pytest
 from shapes import ball, box, distance_to_box, sphere, union
 
 from vtkmuscle.core.bones.bone import Bone
-from vtkmuscle.core.mesh.solids import closed_shells
 
 PLATE = (0.0, 0.0, 0.0), (20.0, 20.0, 0.6)
 FAR_PLATE = (100.0, 0.0, 0.0), (120.0, 20.0, 0.6)
@@ -61,29 +58,6 @@ def specks(rng, count, spread):
     faces = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]])
     places = rng.uniform(-spread, spread, (count, 1, 3))
     return (corners + places).reshape(-1, 3), (faces + 4 * np.arange(count)[:, None, None]).reshape(-1, 3)
-
-
-def test_a_thousand_specks_around_a_bone_take_seconds(rng):
-    Bone(*union(ball(), specks(rng, 5, 20.0)), cell=1.0).field(np.zeros((1, 3)))  # compiled
-    shape = union(sphere(100.0), specks(rng, 1000, 150.0))
-    began = time.process_time()
-    bone = Bone(*shape, cell=1.0)
-    middles = shape[0][shape[1][-4000:]].mean(axis=1)
-    distance = bone.field(middles)[0]
-    assert time.process_time() - began < 15.0
-    assert (distance < 0.87).all()  # on it but for what the field may be off
-
-
-@pytest.mark.parametrize("turned", [False, True], ids=["as they are", "mixed"])
-def test_thousands_of_loose_pieces_are_told_apart_in_seconds(rng, turned):
-    points, triangles = specks(rng, 8000, 150.0)
-    if turned:
-        triangles[::4] = triangles[::4, ::-1]
-    began = time.process_time()
-    surface = closed_shells(points, triangles)
-    assert time.process_time() - began < 8.0
-    assert len(surface.shells) == 8000
-    assert all(surface.solid)
 
 
 def test_pieces_of_every_kind_at_once_raise_nothing(rng):

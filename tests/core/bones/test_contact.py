@@ -59,15 +59,6 @@ def test_points_in_a_ball_go_out_along_the_radius(globe, rng):
     np.testing.assert_array_equal(again, p)
 
 
-def test_points_outside_stay_where_they_are(globe, rng):
-    p = rng.uniform(-20, 20, (2000, 3))
-    p = p[np.linalg.norm(p, axis=1) > 10.5]
-    for shift in (0.0, 1e6):
-        after, moved = keep_out(globe, p + shift)
-        assert not moved.any()
-        np.testing.assert_array_equal(after, p + shift)
-
-
 def test_the_exact_depth_in_a_box_is_small_after_one_call(rng):
     low, high = (0.0, 0.0, 0.0), (20.0, 15.0, 12.0)
     p = rng.uniform(np.array(low) - 1, np.array(high) + 1, (4000, 3))
@@ -140,14 +131,6 @@ def test_points_in_two_bones_leave_both():
         assert bone.depth(p).max() < 0.1
 
 
-def test_a_muscle_wholly_swallowed_in_a_pose_comes_out(globe, rng):
-    p = on_unit_sphere(rng, 1000) * rng.uniform(0.0, 9.0, (1000, 1))
-    p[0] = 0.0
-    out, moved = keep_out(globe, p)
-    assert moved.all()
-    assert np.linalg.norm(out, axis=1).min() > 9.95
-
-
 def test_a_muscle_in_a_bone_at_rest_is_told(globe, rng):
     rest = rng.normal(size=(100, 3))
     globe.name = "block 'pelvis'"
@@ -156,12 +139,6 @@ def test_a_muscle_in_a_bone_at_rest_is_told(globe, rng):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         keep_out(globe, rest, rest=np.add(rest, [0.0, 0.0, 10.0]))
-
-
-def test_points_halfway_through_a_symmetric_plate_come_out():
-    bone = Bone(*box((-8, -8, -1), (8, 8, 1)), cell=0.5)
-    p, _ = keep_out(bone, [[0.0, 0.0, 0.0], [1.0, -2.0, 0.0]])
-    assert (np.abs(p[:, 2]) > 0.99).all()
 
 
 def test_odd_points_are_finite_or_left_alone(globe):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from phantoms import fibre_block
 
-from vtkmuscle.core.fibres.architecture import TENDON_AREA, AreaProfile, along, area_profile, fascicles
+from vtkmuscle.core.fibres.measures import TENDON_AREA, AreaProfile, along, area_profile, fascicles
 from vtkmuscle.data.arrays import polylines_of
 from vtkmuscle.data.muscle_geometry import muscle_geometry
 from vtkmuscle.phantoms.meshing import solid_of_revolution

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from vtkmuscle.core.fibres.between_areas import EndSurface, bend_inside, filled_share, straight_fibres
-from vtkmuscle.phantoms.meshing import box
 
 
 def rectangle(corner, along, across, n=8):
@@ -103,12 +102,3 @@ def test_fibres_that_leave_are_bent_inside_and_others_stay(plates):
     assert np.linalg.norm(inside - [28.0, 7.5, 6.0], axis=2).min() >= 4.0 - 1e-9
     assert departures.max() <= 4.0
     assert (np.linalg.norm(np.diff(inside[bent], axis=1), axis=2).sum(axis=1) < 24.0).all()  # 20 straight
-
-
-def test_a_face_of_a_block_is_a_surface_to_end_on():
-    points, triangles = box((0.0, 0, 0), (20.0, 10.0, 5.0), 1.0)
-    bottom, top = (EndSurface(points, triangles, np.flatnonzero(points[:, 2] == z)) for z in (0.0, 5.0))
-    assert bottom.samples.area == pytest.approx(200.0)
-    fibres = straight_fibres(bottom, top, 60, 2)
-    assert np.linalg.norm(fibres[:, -1, :2] - fibres[:, 0, :2], axis=1).max() < 1.0
-    assert filled_share(fibres, bottom, top, 1000.0) == pytest.approx(1.0, rel=0.02)

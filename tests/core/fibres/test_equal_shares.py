@@ -6,7 +6,7 @@ from scipy.optimize import linear_sum_assignment
 from scipy.spatial import cKDTree
 from scipy.spatial.distance import cdist
 
-from vtkmuscle.core.fibres.equal_shares import AT_ONCE, even_positions, matched_ends
+from vtkmuscle.core.fibres.between_areas import AT_ONCE, even_positions, matched_ends
 from vtkmuscle.core.mesh.sampling import sobol
 
 
@@ -35,13 +35,6 @@ def test_equal_areas_have_equal_places():
     assert np.allclose(one + shift, two)
     one, other = even_positions([plate(1600), plate(1600, first=1600) + shift], 100)
     assert np.percentile(np.linalg.norm(one + shift - other, axis=1), 90) < 0.5 * np.sqrt(300.0 / 100)
-
-
-def test_it_does_not_matter_which_area_is_the_first():
-    areas = plate(2048), plate(2048, sides=(12.0, 25.0), lift=30.0)
-    here, there = even_positions(areas, 64), even_positions(areas[::-1], 64)
-    for one, two in zip(here, there[::-1], strict=True):
-        assert np.array_equal(np.sort(one, axis=0), np.sort(two, axis=0))
 
 
 def test_places_move_with_the_areas(rng):

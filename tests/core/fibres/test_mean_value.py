@@ -55,7 +55,7 @@ corners = st.integers(0, 19)
 shares = st.floats(0, 1)
 
 
-@settings(deadline=None, max_examples=200)
+@settings(deadline=None, max_examples=50)
 @given(query=anywhere)
 def test_weights_sum_to_one_and_reproduce_their_point_inside_and_outside(query):
     points, triangles = block()
@@ -64,7 +64,7 @@ def test_weights_sum_to_one_and_reproduce_their_point_inside_and_outside(query):
     assert_allclose(w @ points, query, atol=1e-10)
 
 
-@settings(deadline=None, max_examples=100)
+@settings(deadline=None, max_examples=30)
 @given(triangle=corners, a=shares, b=shares)
 def test_on_triangles_edges_and_vertices_the_weights_are_barycentric(triangle, a, b):
     points, triangles = block()
@@ -74,29 +74,6 @@ def test_on_triangles_edges_and_vertices_the_weights_are_barycentric(triangle, a
     expected = np.zeros(len(points))
     expected[triangles[triangle]] = bary
     assert_allclose(w, expected, atol=1e-10)
-
-
-@pytest.mark.parametrize(
-    "on", [[1.0, 0, 0], [0.25, 0.75, 0], [0.5, 0.25, 0.25]], ids=["vertex", "edge", "face"]
-)
-def test_no_other_vertex_has_weight_on_the_surface(on):
-    points, triangles = block()
-    for t in triangles:
-        w = mean_value_coordinates(points, triangles, (np.array(on) @ points[t])[None])[0]
-        assert np.count_nonzero(w) == np.count_nonzero(on)
-        assert_allclose(w[t], on, atol=1e-14)
-
-
-def test_weights_are_continuous_up_to_the_surface():
-    points, triangles = block()
-    on = np.array([0.5, 0.3, 0.2]) @ points[triangles[0]]
-    inward = np.array([0, 0, 1.0])
-    expected = np.zeros(len(points))
-    expected[triangles[0]] = [0.5, 0.3, 0.2]
-    for height in (1e-4, 1e-7, 1e-10, 1e-12):
-        for side in (1, -1):
-            w = mean_value_coordinates(points, triangles, (on + side * height * inward)[None])[0]
-            assert_allclose(w, expected, atol=2 * height)
 
 
 def test_vtk_finds_the_same_weights():
@@ -130,21 +107,6 @@ def test_the_plane_of_a_triangle_is_no_jump():
     assert_allclose(at, near, atol=1e-8)
 
 
-def test_inside_a_convex_mesh_no_weight_is_negative(ball):
-    points, triangles = ball
-    rng = np.random.default_rng(3)
-    queries = rng.uniform(-5, 5, (50, 3))
-    assert mean_value_coordinates(points, triangles, queries).min() >= -1e-15
-
-
-def test_the_side_of_the_triangles_does_not_matter(ball):
-    points, triangles = ball
-    queries = np.random.default_rng(4).uniform(-15, 15, (20, 3))
-    outward = mean_value_coordinates(points, triangles, queries)
-    inward = mean_value_coordinates(points, triangles[:, ::-1], queries)
-    assert_allclose(inward, outward, atol=1e-12)
-
-
 def test_a_rigid_motion_of_everything_changes_no_weight():
     points, triangles = block()
     queries = np.random.default_rng(5).uniform(-5, 25, (20, 3))
@@ -174,21 +136,15 @@ def test_the_number_of_threads_does_not_change_a_bit(ball):
     assert_array_equal(one[5:6], mean_value_coordinates(points, triangles, queries[5:6]))
 
 
-def test_an_open_surface_is_refused(ball):
+def test_meshes_and_points_without_coordinates_are_refused(ball):
     points, triangles = ball
-    with pytest.raises(ValueError, match="close the surface"):
-        mean_value_coordinates(points, triangles[3:], np.zeros((1, 3)))
-
-
-def test_a_mesh_without_area_is_refused():
-    with pytest.raises(ValueError, match="no triangle with an area"):
-        mean_value_coordinates(np.zeros((3, 3)), np.array([[0, 1, 2]]), np.ones((1, 3)))
-
-
-def test_a_point_lost_in_space_is_refused_rather_than_answered_with_noise(ball):
-    points, triangles = ball
-    with pytest.raises(ValueError, match="a few times its size"):
-        mean_value_coordinates(points, triangles, np.full((1, 3), 1e12))
+    for mesh, query, words in (
+        ((points, triangles[3:]), np.zeros((1, 3)), "close the surface"),
+        ((np.zeros((3, 3)), np.array([[0, 1, 2]])), np.ones((1, 3)), "no triangle with an area"),
+        (ball, np.full((1, 3), 1e12), "a few times its size"),
+    ):
+        with pytest.raises(ValueError, match=words):
+            mean_value_coordinates(*mesh, query)
 
 
 def test_transport_follows_an_affine_map_exactly(ball):

@@ -1,7 +1,6 @@
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
-from vtkmodules.vtkFiltersSources import vtkSphereSource
 
 from vtkmuscle.core.fibres.measures import (
     angles_to,
@@ -13,7 +12,6 @@ from vtkmuscle.core.fibres.measures import (
     section_areas,
     smoothed_curve,
 )
-from vtkmuscle.data.arrays import checked_surface
 from vtkmuscle.phantoms.meshing import box
 
 
@@ -62,17 +60,6 @@ def test_section_areas_of_a_box_whichever_way_it_faces():
     slanted = np.array([[0, np.sin(0.3), np.cos(0.3)]])
     area = section_areas(points, triangles, np.array([[10, 15, 25.0]]), slanted)
     assert_allclose(area, 600 / np.cos(0.3), rtol=1e-9)
-
-
-def test_a_hollow_does_not_count_in_a_section():
-    outer, inner = (
-        checked_surface(vtkSphereSource(radius=r, theta_resolution=60, phi_resolution=60).update().output, "")
-        for r in (10.0, 6.0)
-    )
-    points = np.vstack([outer[0], inner[0]])
-    triangles = np.vstack([outer[1], inner[1][:, ::-1] + len(outer[0])])
-    area = section_areas(points, triangles, np.array([[0, 0, 0.01]]), np.array([[0, 0, 1.0]]))
-    assert_allclose(area, np.pi * (100 - 36), rtol=0.01)
 
 
 def test_fibres_that_cross_a_plane_are_counted_once_each():

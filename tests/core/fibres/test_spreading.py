@@ -94,21 +94,6 @@ def test_places_looked_for_in_the_grid_are_the_nearest(samples):
         assert gap <= cKDTree(points).query(sample)[0] + length / 15
 
 
-def test_noise_stays_noise_where_fibres_meet(samples):
-    """What lies beyond the end that three fibres share is as near to all of them: none may get all of it."""
-    t = np.linspace(0, 1, 16)[:, None]
-    end = BOX * [0.5, 0.5, 0.8]
-    starts = BOX * [[0.1, 0.2, 0.0], [0.8, 0.3, 0.0], [0.4, 0.9, 0.0], [0.2, 0.6, 0.0]]
-    lines = [(1 - t) * start + t * end for start in starts]
-    lines[3] += t * [2.0, -3.0, 0.0]  # this one ends beside them
-    points, offsets = np.vstack(lines), np.arange(5) * 16
-    expected = steps_to_centres(points, offsets, cloud(samples))
-    rng = np.random.default_rng(3)
-    for _ in range(10):
-        noisy = points + 1e-10 * rng.normal(size=points.shape)
-        assert_allclose(steps_to_centres(noisy, offsets, cloud(samples)), expected, atol=1e-6)
-
-
 def test_spreading_does_not_depend_on_how_all_is_turned(samples):
     rng = np.random.default_rng(4)
     points, offsets = along_z(BOX[:2] * rng.random((12, 2)))

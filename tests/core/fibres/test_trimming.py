@@ -1,5 +1,3 @@
-from itertools import pairwise
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -10,7 +8,6 @@ from scipy.spatial import cKDTree
 from vtkmuscle.core.fibres.trimming import (
     EndArea,
     assign_positions,
-    beyond_plane,
     trim_fibres,
 )
 from vtkmuscle.core.motion.rigid import apply_transform, rotation_about
@@ -117,12 +114,6 @@ def test_fibres_do_not_meet_but_are_spread_over_the_area(fibres):
         assert nearest_other(result[:, end]).min() > 0.4 * own
 
 
-def test_fibres_that_meet_in_a_point_no_longer_do():
-    before = pinched()
-    assert nearest_other(before[:, 0]).max() < 1e-9
-    assert nearest_other(trimmed(before)[:, 0]).min() > 1.0
-
-
 def test_between_the_planes_the_fibres_run_as_before():
     result = trimmed(parallel())
     start = parallel()[:, :1, :2]
@@ -149,17 +140,6 @@ def test_no_more_than_the_largest_cut_is_taken_off():
         middle = fibre[(fibre[:, 2] > 27) & (fibre[:, 2] < 88)]
         assert len(middle) > 5
         assert_allclose(middle[:, :2], np.broadcast_to(foot, (len(middle), 2)), atol=1e-9)
-
-
-def test_where_nothing_may_be_cut_a_fibre_is_only_drawn_to_the_nearest_free_place():
-    # The ends are too far from the faces to be on them.
-    faces = (area(lambda p: p[:, 2] <= 0, 10.0), area(lambda p: p[:, 2] >= LENGTH, 90.0))
-    short = np.clip(parallel(), [-20, -20, 4], [20, 20, 96])
-    result = trimmed(short, origin=faces[0], insertion=faces[1], largest_cut=0.0)
-    assert_allclose(result[:, 2:-2, :2], short[:, 2:-2, :2], atol=1e-9)
-    # The fibres fill 8 mm around the axis, the faces 10 mm, with a place every 3.2 mm.
-    moved = np.linalg.norm(result[:, [0, -1], :2] - short[:, [0, -1], :2], axis=2)
-    assert moved.max() < (RADIUS - 8.0) + 2 * RADIUS / np.sqrt(len(short))
 
 
 def test_fibres_that_run_from_area_to_area_are_left_as_they_are():
@@ -253,21 +233,6 @@ def test_a_rigid_motion_of_everything_moves_the_result():
     assert_allclose(apply_transform(back, result), trimmed(lines).reshape(-1, 3), atol=1e-6)
 
 
-def test_turning_the_muscle_around_turns_the_fibres_around():
-    forth = trimmed(parallel())
-    lines = parallel()[:, ::-1]
-    back = trim_fibres(
-        lines.reshape(-1, 3),
-        np.arange(0, 40 * 17 + 1, 17),
-        axis=-AXIS,
-        areas=(area(**TOP), area(**BOTTOM)),
-        into_muscle=into_rod,
-        tolerance=0.6,
-        largest_cut=0.4,
-    ).reshape(lines.shape)
-    assert_allclose(back[:, ::-1], forth, atol=1e-9)
-
-
 @pytest.mark.parametrize("count", [2, 3])
 def test_fibres_of_very_few_points_still_end_on_the_areas(count):
     result = trimmed(parallel(count=count))
@@ -287,28 +252,6 @@ def test_degenerate_fibres_give_finite_points():
     lines[1] = lines[1][:1]  # no length, and on the surface
     lines[2, :, 2] = 3.0  # all of it beyond the plane
     assert np.isfinite(trimmed(lines)).all()
-
-
-@settings(deadline=None, max_examples=50)
-@given(seed=st.integers(0, 10**6), at=st.floats(-15, 15))
-def test_what_is_beyond_a_plane_is_cut_where_the_line_last_comes_through(seed, at):
-    rng = np.random.default_rng(seed)
-    line = rng.normal(scale=10, size=(9, 3))
-    heights = line[:, 2] - at
-    cut = beyond_plane(line, np.array([0, 9]), heights)[0]
-    dense = np.linspace(0, 1, 2001)
-    fine = np.vstack([a + dense[:-1, None] * (b - a) for a, b in pairwise(line)])
-    steps = np.linalg.norm(np.diff(np.vstack([fine, line[-1:]]), axis=0), axis=1)
-    below = np.flatnonzero(fine[:, 2] <= at)
-    expected = steps.sum() if not len(below) else steps[below[-1] + 1 :].sum()
-    assert_allclose(cut, 0 if heights[-1] <= 0 else expected, atol=0.05)
-
-
-def test_places_straight_ahead_are_taken_and_none_twice():
-    rng = np.random.default_rng(1)
-    feet = np.column_stack([rng.uniform(-5, 5, (30, 2)), np.zeros(30)])
-    ahead = rng.permutation(30)
-    assert_array_equal(ahead[assign_positions(feet, feet[ahead] + 8 * AXIS)], np.arange(30))
 
 
 @settings(deadline=None, max_examples=40)
@@ -334,14 +277,6 @@ def test_fibres_that_all_lean_to_one_side_do_not_exchange_their_ends():
     departures, places = (np.column_stack([x, 0 * x, np.full(9, z)]) for z in (0.0, 4.0))
     departures[:, 0] *= 0.1
     assert_array_equal(assign_positions(departures, places), np.arange(9))
-
-
-def test_where_the_area_runs_beside_the_fibres_the_nearest_fibre_ends_on_its_nearest_part():
-    depth = np.array([4.0, 1.0, 3.0, 2.0])
-    departures = np.column_stack([depth, 0 * depth, 0 * depth])
-    places = np.array([[0, 0, 40.0], [0, 0, 10], [0, 0, 30], [0, 0, 20]])
-    taken = assign_positions(departures, places)
-    assert_array_equal(places[taken, 2], 10 * depth)
 
 
 def test_fibres_that_reach_the_area_by_a_hook_get_another_end():

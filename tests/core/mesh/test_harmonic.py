@@ -1,6 +1,5 @@
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
 from spindle import spindle
 
 from vtkmuscle.core.mesh.harmonic import (
@@ -63,14 +62,6 @@ def test_weights_are_a_partition_of_unity():
         assert np.array_equal(weights[fixed_to == bone, column], np.ones((fixed_to == bone).sum()))
     middle = (fixed_to < 0) & (weights > 1e-6).all(axis=1)
     assert middle.any()
-
-
-def test_weights_do_not_depend_on_the_pose_or_scale():
-    points, triangles, fixed_to = spindle(seed=2)
-    turn = Rotation.from_rotvec([0.3, -2.0, 1.0]).as_matrix()
-    _, before = harmonic_weights(points, triangles, fixed_to)
-    _, after = harmonic_weights(1e3 * points @ turn.T + 1e5, triangles, fixed_to)
-    assert np.allclose(before, after, atol=1e-8)
 
 
 def test_part_without_fixed_points_takes_the_mean():

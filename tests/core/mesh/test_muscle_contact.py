@@ -92,16 +92,3 @@ def test_a_point_that_was_far_is_seen_when_it_comes():
     assert not keeper.keep_out(p).any()
     p[:] = [0.0, 0.0, 19.0]
     assert keeper.keep_out(p).all()
-
-
-def test_normals_computed_where_they_are_needed_are_those_of_the_whole_surface():
-    few = 21.0 * directions(3, 20)
-    part, whole = ball_tree(), ball_tree()
-    whole.signed(few)  # computes all normals
-    for mine, yours in zip(part.tangent_planes(few), whole.tangent_planes(few), strict=True):
-        np.testing.assert_array_equal(mine, yours)
-
-
-def test_depth_is_that_below_the_surface():
-    depth = BALL.depth(np.array([[0.0, 0.0, 15.0], [0.0, 0.0, 21.0], [100.0, 0.0, 0.0]]))
-    np.testing.assert_allclose(depth, [5.0, 0.0, 0.0], atol=2 * SAGITTA)

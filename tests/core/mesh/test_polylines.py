@@ -46,20 +46,6 @@ def test_smoothing_keeps_end_points_to_the_bit_and_its_input_as_it_was():
     assert_array_equal(points, before)
 
 
-def test_smoothing_leaves_straight_evenly_spaced_lines_alone():
-    line = np.linspace([1.0, 2, 3], [31, -8, 13], 11)
-    assert_allclose(smooth_polylines(line, np.array([0, 11]), 4.0, 50), line, atol=1e-12)
-
-
-def test_smoothing_shortens_a_zigzag():
-    zigzag = np.column_stack([np.arange(20.0), np.arange(20) % 2, np.zeros(20)])
-    offsets = np.array([0, 20])
-    once = smooth_polylines(zigzag, offsets, 4.0, 1)
-    more = smooth_polylines(zigzag, offsets, 4.0, 5)
-    lengths = [polyline_lengths(p, offsets)[0] for p in (zigzag, once, more)]
-    assert lengths[0] > lengths[1] > lengths[2] > 19
-
-
 def test_lengths_are_the_sums_of_segments():
     points, offsets = random_lines(2)
     expected = [np.linalg.norm(np.diff(points[a:b], axis=0), axis=1).sum() for a, b in pairwise(offsets)]
@@ -86,12 +72,6 @@ def test_resampling_clamps_arcs_to_the_line_and_passes_repeated_points():
     arcs = np.array([-1.0, 0, 1, 4, 5, 6, 9])
     expected = [[0, 0, 0], [0, 0, 0], [1, 0, 0], [4, 0, 0], [4, 1, 0], [4, 2, 0], [4, 2, 0]]
     assert_allclose(points_at_arcs(line, np.array([0, 5]), arcs[None])[0], expected, atol=1e-14)
-
-
-def test_a_line_of_one_place_is_resampled_to_that_place():
-    for line in (np.ones((1, 3)), np.ones((4, 3))):
-        offsets = np.array([0, len(line)])
-        assert_array_equal(points_at_arcs(line, offsets, np.array([[0.0, 1.0]])), np.ones((1, 2, 3)))
 
 
 def test_end_directions_pass_over_repeated_points():

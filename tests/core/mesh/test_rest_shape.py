@@ -19,31 +19,6 @@ def test_report_of_a_stretched_surface_is_known():
     assert report.degenerate_edges == 0
 
 
-def test_edges_along_and_across_the_fibres_are_told_apart():
-    points, triangles, _ = spindle(seed=1)
-    topology = mesh_topology(len(points), triangles)
-    along_z = np.tile([0.0, 0.0, -1.0], (len(topology.edges), 1))
-    report = RestShape(points, topology, along_z).compare(points * [1.1, 1.1, 0.7])
-    # l / l0 of an edge at the angle a to z is sqrt(0.7^2 cos^2 a + 1.1^2 sin^2 a).
-    edges = points[topology.edges[:, 1]] - points[topology.edges[:, 0]]
-    angles = np.degrees(np.arccos(np.abs(edges[:, 2]) / np.linalg.norm(edges, axis=1)))
-    ratio = np.sqrt((0.7 * np.cos(np.radians(angles))) ** 2 + (1.1 * np.sin(np.radians(angles))) ** 2)
-    for spread, chosen in ((report.along, angles < 18.0), (report.across, angles > 72.0)):
-        assert 10 < chosen.sum() < len(edges)
-        assert spread == pytest.approx(np.percentile(ratio[chosen], [5, 50, 95]))
-    assert report.along[1] < 0.75
-    assert report.across[1] > 1.05
-
-
-def test_edges_without_a_direction_are_neither_along_nor_across():
-    points, triangles, _ = spindle(seed=1)
-    topology = mesh_topology(len(points), triangles)
-    unknown = RestShape(points, topology, np.zeros((len(topology.edges), 3))).compare(points)
-    assert unknown.along is None
-    assert unknown.across is None
-    assert RestShape(points, topology).compare(points).across is None
-
-
 def test_changes_of_angles_are_those_of_the_angles(rng):
     points, triangles, _ = spindle(seed=2)
     topology = mesh_topology(len(points), triangles)

@@ -42,12 +42,6 @@ def test_on_an_edge_both_triangles_give_the_same():
     assert np.degrees(np.arccos(flat[0] @ flat[1])) > 5.0
 
 
-def test_the_faces_of_a_block_keep_their_own():
-    points, triangles = box((0.0, 0, 0), (20.0, 10.0, 5.0), 2.0)
-    found = normals_at(points, triangles, np.array([[10.0, 5.0, 5.0], [19.9, 9.9, 5.0], [20.0, 0.1, 0.1]]))
-    assert np.allclose(np.abs(found), [[0, 0, 1], [0, 0, 1], [1, 0, 0]])
-
-
 def test_they_do_not_jump_as_a_hinge_folds():
     """A triangle that is turned from one beside it by more and more lets it go little by little."""
     triangles = np.array([[0, 1, 2], [1, 0, 3]])

@@ -1,7 +1,7 @@
 import numpy as np
 from spindle import spindle
 
-from vtkmuscle.core.mesh.surface import half_edges, mesh_topology, unique_edges
+from vtkmuscle.core.mesh.surface import mesh_topology, unique_edges
 
 
 def test_closed_surface_has_one_quadruple_per_edge():
@@ -43,13 +43,3 @@ def test_triangles_with_a_repeated_point_take_no_part():
     topology = mesh_topology(4, np.array([[0, 1, 2], [2, 2, 3], [0, 2, 3]]))
     assert (topology.edges[:, 0] < topology.edges[:, 1]).all()
     assert len(topology.quads) == 1
-
-
-def test_renumbering_the_points_renumbers_the_edges():
-    rng = np.random.default_rng(1)
-    points, triangles, _ = spindle()
-    new = rng.permutation(len(points))
-    before, after = mesh_topology(len(points), triangles), mesh_topology(len(points), new[triangles])
-    renamed = np.sort(new[before.edges], axis=1)
-    assert {tuple(edge) for edge in renamed} == {tuple(edge) for edge in after.edges}
-    assert len(half_edges(triangles)) == 2 * len(after.edges)

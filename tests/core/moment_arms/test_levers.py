@@ -197,12 +197,6 @@ def test_a_coordinate_that_never_changes_alone_is_refused_and_the_other_is_not()
     np.testing.assert_allclose(arms["flexion"].arms, known_of_ball(motion, ends)["flexion"][:7], atol=1e-9)
 
 
-def test_a_coordinate_that_moves_all_bones_alike_has_no_levers():
-    points = np.stack([STARTS, ENDS], axis=1)
-    stays, twists = np.zeros(len(points), dtype=np.int64), np.ones((1, 2, 6))
-    assert not straight_levers(points, stays, twists).any()
-
-
 # ------------------------------------------------------------------------------ invariance
 
 

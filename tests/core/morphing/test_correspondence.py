@@ -6,8 +6,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from vtkmuscle.core.morphing.correspondence import (
-    _cheapest_chain,
-    boundary_centroid,
     cornered_loop,
     loop_lengths,
     refined_loop,
@@ -48,12 +46,6 @@ def test_the_split_has_the_least_error_of_all_splits(seed, n):
     assert error <= min(cost(c) for c in combinations(range(1, n), 3)) * (1 + 1e-9) + 1e-12
 
 
-def test_a_chain_that_has_the_rectangles_proportions_is_split_without_error():
-    splits, error = split_chain(np.array([0.0, 1, 3, 5, 8, 10]) * 7.0, 3.0, 2.0)
-    assert error == 0.0
-    assert np.array_equal(splits, [0, 2, 3, 4, 5])
-
-
 def test_the_rectangles_sides_keep_the_ratios_of_the_segments(rng):
     lengths = np.concatenate([[0.0], np.cumsum(rng.uniform(0.2, 1, 20))])
     splits, _ = split_chain(lengths, 4.0, 3.0)
@@ -67,17 +59,6 @@ def test_the_rectangles_sides_keep_the_ratios_of_the_segments(rng):
         assert steps.sum() == pytest.approx((4.0, 3.0)[side % 2])
 
 
-def test_a_refined_loop_is_the_same_curve_with_short_segments():
-    loop = np.array([(0.0, 0), (10, 0), (10, 1), (0, 1)])
-    refined = refined_loop(loop, 50)
-    lengths = loop_lengths(refined)
-    assert np.diff(lengths).max() <= 22 / 50 + 1e-12
-    assert lengths[-1] == pytest.approx(22)
-    assert {tuple(p) for p in loop} <= {tuple(p) for p in refined}
-    assert np.allclose(boundary_centroid(refined), boundary_centroid(loop))
-    assert np.allclose(boundary_centroid(loop), (5, 0.5))
-
-
 def test_samples_are_equally_spaced_and_begin_nearest_to_the_corner():
     loop = ellipse(first=33)
     samples = sampled_loop(loop, Q0, 64)
@@ -87,27 +68,6 @@ def test_samples_are_equally_spaced_and_begin_nearest_to_the_corner():
     assert np.abs(steps / steps.mean() - 1).max() < 0.02
     dense = refined_loop(loop, 20000)
     assert np.linalg.norm(samples[0]) <= np.linalg.norm(dense, axis=1).min() + 1e-9
-
-
-def test_samples_of_a_rectangle_are_on_it():
-    loop = np.array([(1.0, 2), (5, 2), (5, 3), (1, 3)])
-    samples = sampled_loop(np.roll(loop, 2, axis=0), Q0, 10)
-    assert np.allclose(samples[0], (1, 2))
-    assert np.allclose(samples, [(x, 2) for x in (1, 2, 3, 4, 5)] + [(x, 3) for x in (5, 4, 3, 2, 1)])
-
-
-@settings(deadline=None, max_examples=30)
-@given(seed=st.integers(0, 10**6), levels=st.integers(1, 4), n=st.integers(1, 5))
-def test_the_chain_is_the_cheapest_of_all(seed, levels, n):
-    rng = np.random.default_rng(seed)
-    costs, twists = rng.random((levels, n)), rng.random((levels - 1, n))
-
-    def cost(places):
-        steps = sum(twists[j, (places[j + 1] - places[j]) % n] for j in range(levels - 1))
-        return costs[np.arange(levels), places].sum() + steps
-
-    every = np.array(np.meshgrid(*[range(n)] * levels)).reshape(levels, -1).T
-    assert cost(_cheapest_chain(costs, twists)) <= min(cost(places) for places in every) + 1e-12
 
 
 def test_without_continuity_every_loop_starts_nearest_to_the_corner():
@@ -149,19 +109,6 @@ def test_a_loop_has_vertices_where_the_sides_of_the_rectangle_end(n, sides):
         lengths[splits] / lengths[-1] * 2 * sum(sides),
         np.cumsum([0.0, sides[0], sides[1], sides[0], sides[1]]),
     )
-
-
-def test_where_a_loop_starts_depends_continuously_on_it():
-    steps = np.linspace(0.0, 1.0, 200)
-    chains = [cornered_loop(ellipse(turn=0.3 * step), Q0, 3.0, 2.0)[0] for step in steps]
-    assert np.linalg.norm(np.diff(chains, axis=0), axis=1).max() < 0.1
-
-
-@pytest.mark.parametrize("n_levels", [1, 2, 16, 500])
-def test_equal_loops_all_start_at_the_same_place_nearest_to_the_corner(n_levels):
-    loops = [ellipse(first=k % 90) for k in range(n_levels)]
-    starts = starting_points(loops, np.linspace(0, 100, n_levels), 20.0, Q0)
-    assert np.allclose(starts, sampled_loop(loops[0], Q0, 128)[0], atol=1e-9)
 
 
 def crescent(lean, n=200):

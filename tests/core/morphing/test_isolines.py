@@ -4,9 +4,9 @@ import pytest
 from bent_muscle import bent_tube, half_circle, letter_s
 from shapes import closed_surface
 
+from vtkmuscle.core.morphing.correspondence import Slicing
 from vtkmuscle.core.morphing.isolines import attachment_field, isoline_distances, morph_by_isolines
 from vtkmuscle.core.morphing.planes import morph_by_planes
-from vtkmuscle.core.morphing.slices import Slicing
 from vtkmuscle.core.motion.rigid import apply_transform
 from vtkmuscle.core.template.fitting import centroid_axis, fit_box
 from vtkmuscle.core.template.kinds import TEMPLATES, sobol_points
@@ -118,16 +118,6 @@ def test_neighbours_stay_neighbours_at_every_isoline(double_bend):
         assert distances.max() < 0.8 * RADIUS
 
 
-def test_a_field_of_another_pose_serves_as_well(half_turn):
-    points, triangles, origin, insertion = half_turn
-    field = attachment_field(points, triangles, origin, insertion)
-    moved = points * [1.0, 1.0, 1.1]
-    transform, cube = fitted(moved, origin, insertion)
-    own = attachment_field(moved, triangles, origin, insertion)
-    here, there = (by_isolines(cube, transform, (moved, triangles), f).points for f in (own, field))
-    assert np.linalg.norm(here - there, axis=1).max() < 3.0
-
-
 def test_a_mirrored_box_gives_the_mirrored_fibres(half_turn):
     points, triangles, origin, insertion = half_turn
     transform, cube = fitted(points, origin, insertion)
@@ -148,23 +138,13 @@ def test_ways_along_a_tube_are_those_of_its_centre_line_or_a_little_more():
     assert np.abs(ways - 100 * values).max() < 0.2
 
 
-@pytest.mark.parametrize("resolution", [1, 1000])
+@pytest.mark.parametrize("resolution", [1, 200])
 def test_extreme_resolutions(half_turn, resolution):
     points, triangles, origin, insertion = half_turn
     transform, cube = fitted(points, origin, insertion, n_fibres=3, resolution=resolution)
     field = attachment_field(points, triangles, origin, insertion)
     morph = by_isolines(cube, transform, (points, triangles), field)
     assert np.isfinite(morph.points).all()
-
-
-def test_a_tetrahedron_is_a_muscle():
-    points = np.array([(0.0, 0, 0), (10, 0, 1), (0, 10, 2), (3, 3, 30)])
-    triangles = np.array([(0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3)])
-    field = attachment_field(points, triangles, np.array([0, 1, 2]), np.array([3]))
-    transform, cube = fitted(points, [0, 1, 2], [3], n_fibres=5)
-    morph = by_isolines(cube, transform, (points, triangles), field)
-    assert np.isfinite(morph.points).all()
-    assert np.abs(morph.points.reshape(cube.shape)[:, -1] - points[3]).max() < 1e-9
 
 
 def test_overlapping_or_missing_areas_are_named(half_turn):

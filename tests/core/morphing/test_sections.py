@@ -112,28 +112,6 @@ def test_loops_are_those_of_vtk(seed):
         assert sum(area(loop) for loop in mine) > 0
 
 
-def test_areas_add_up_to_the_volume():
-    points, triangles = torus()
-    points = points @ Rotation.from_euler("xyz", [0.3, 0.7, 0.1]).as_matrix().T
-    low, high = points[:, 2].min(), points[:, 2].max()
-    levels = low + (high - low) * (np.arange(2000) + 0.5) / 2000
-    sections = cut(points, triangles, levels)
-    areas = [sum(area(loop) for loop in loops(sections, i)) for i in range(2000)]
-    assert np.sum(areas) * (high - low) / 2000 == pytest.approx(signed_volume(points, triangles), rel=1e-4)
-
-
-def test_many_levels_at_once_give_the_same_as_one_by_one():
-    points, triangles = torus()
-    points = points @ Rotation.from_euler("xyz", [1.3, 0.7, 0.1]).as_matrix().T
-    levels = np.linspace(-2, 2, 9)
-    together = cut(points, triangles, levels)
-    for i, level in enumerate(levels):
-        alone = cut(points, triangles, [level])
-        assert len(loops(together, i)) == len(loops(alone, 0))
-        for a, b in zip(loops(together, i), loops(alone, 0), strict=True):
-            assert np.array_equal(a, b)
-
-
 def test_a_level_through_points_and_edges_gives_one_loop_of_their_points():
     points, triangles = sphere(16)
     level = np.unique(points[:, 2].round(12))[5]

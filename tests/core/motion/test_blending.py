@@ -2,9 +2,8 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.spatial.transform import Rotation
 
-from vtkmuscle.core.motion.blending import blend_motions, quaternions, screw_between
+from vtkmuscle.core.motion.blending import blend_motions, screw_between
 from vtkmuscle.core.motion.rigid import apply_transform, inverse, is_rigid, rotation_about
 
 
@@ -86,11 +85,3 @@ def test_a_hinge_stays_on_its_hinge():
     centre = np.array([[10.0, 20, 30]])
     half = screw_between(np.eye(4), rotation_about(centre[0], [0, 1, 0], 80), 0.5)
     assert np.allclose(half, rotation_about(centre[0], [0, 1, 0], 40))
-
-
-def test_quaternions_are_those_of_the_rotations():
-    turns = Rotation.random(200, random_state=3)
-    halves = Rotation.from_rotvec(np.pi * np.eye(3))
-    for rotations in (turns, halves, Rotation.identity(1)):
-        again = Rotation.from_quat(quaternions(rotations.as_matrix()))
-        np.testing.assert_allclose(again.as_matrix(), rotations.as_matrix(), rtol=0.0, atol=1e-14)

@@ -28,12 +28,6 @@ def test_the_way_from_rest_to_the_start_of_a_sweep_is_left_out():
     assert not kept[: len(LEAD_IN) - 1].any()  # the last one is nearly there
 
 
-def test_so_is_the_way_back_at_the_end():
-    kept = frames_of_sweep(motion_of(np.vstack([DOWN_AND_UP, 10 * LEAD_IN[::-1]])), "flexion")
-    assert kept[: len(DOWN_AND_UP)].all()
-    assert not kept[-3:].any()
-
-
 def test_a_way_on_which_the_coordinate_stands_still_is_left_out():
     lead = np.array([[0.0, 10.0, 0.0], [0.0, 5.0, 0.0]])
     kept = frames_of_sweep(motion_of(np.vstack([lead, DOWN_AND_UP])), "flexion")

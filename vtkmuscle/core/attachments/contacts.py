@@ -195,8 +195,7 @@ def _surface_distances(graph: csr_array, start: int | Ints) -> Floats:
 
 def _outer(distances: Floats, attached: Bools) -> Bools:
     """Return the points in the last part of the distance."""
-    outer: Bools = distances >= (1.0 - TENDON_END) * distances[attached].max()
-    return outer
+    return np.asarray(distances >= (1.0 - TENDON_END) * distances[attached].max())
 
 
 def _parts(edges: Ints, mask: Bools, far: int) -> list[Ints]:

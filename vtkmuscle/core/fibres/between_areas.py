@@ -1,8 +1,10 @@
 """Straight fibres between two areas, such as a muscle's aponeuroses.
 
 Measured fibres of a gastrocnemius are straight (length over chord 1.006, median). Equal shares of one
-aponeurosis go to equal shares of the other, in order (:mod:`vtkmuscle.core.fibres.equal_shares`), without
-axis or template. An area may have several pieces.
+aponeurosis go to equal shares of the other, in order, without axis or template. An area may have several
+pieces. Pairs with the least sum of squared distances do not cross: (x_i - x_j) . (y_i - y_j) >= 0 for any two
+fibres, or exchanging their ends would reduce the sum (cyclic monotonicity: Villani 2009, *Optimal Transport*,
+doi:10.1007/978-3-540-71050-9, chapter 5).
 
 Fibres keep their thickness between aponeuroses. So the area with the larger cross-section, seen along the
 fibres, keeps a bare part from which fibres would have to converge.
@@ -18,7 +20,6 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 from scipy.spatial import cKDTree
 
-from vtkmuscle.core.fibres.equal_shares import CANDIDATES, even_positions, matched_ends
 from vtkmuscle.core.mesh.normals import triangle_normals, unit_vectors
 from vtkmuscle.core.mesh.polylines import smooth_polylines
 from vtkmuscle.core.mesh.sampling import PatchSamples
@@ -83,8 +84,7 @@ class EndSurface:
         if not len(self.faces):
             return np.zeros(len(positions))
         normals = unit_vectors(triangle_normals(self.points, self.faces))[self.tree.nearest(positions)[0]]
-        crossed: Floats = self.samples.area * np.abs(directions @ normals[:, :, None]).mean(axis=(1, 2))
-        return crossed
+        return np.asarray(self.samples.area * np.abs(directions @ normals[:, :, None]).mean(axis=(1, 2)))
 
 
 def straight_fibres(origin: EndSurface, insertion: EndSurface, count: int, resolution: int) -> Floats:
@@ -172,3 +172,163 @@ def bend_inside(fibres: Floats, into_muscle: Callable[[Floats], Floats]) -> tupl
         lines[:, 1:-1] = into_muscle(lines[:, 1:-1].reshape(-1, 3)).reshape(len(bent), -1, 3)
     result[bent] = lines
     return result, departures
+
+
+#: Largest random extra weight of a position in the axes that divide an area: decides between equal axes.
+UNEVEN = 0.1
+#: Positions that sample each share of an area.
+CANDIDATES = 16
+#: Passes of Lloyd's relaxation. For 333 positions on plates of 30 x 10 and 5 x 60 mm cell sizes have a
+#: standard deviation of 0.33 of the mean without passes, 0.18 with 2, 0.14 with 16; between equal plates with
+#: different samples fibres deviate by 0.19 spacings (median) without passes, 0.21 with 2, 0.25 with 16.
+RELAXATIONS = 2
+#: Positions matched at once: time grows with the cube of the number, 0.1 s for a thousand.
+AT_ONCE = 512
+#: Neighbouring fibres that may exchange ends, after matching in parts.
+NEIGHBOURS = 8
+#: Thickness of a flat area, as a part of its extent: keeps the map between flat areas free of rounding.
+FLAT = 0.01
+
+
+def even_positions(areas: Sequence[Floats], count: int) -> list[Floats]:
+    """Return positions of equal shares of areas. Positions (count, 3) on each of one or two areas.
+
+    An area is given by positions (m, 3) of even density, m >= count, from which results are taken. Two areas
+    are halved across their longest common axis, each half again, down to `count` parts, which a few passes of
+    Lloyd's relaxation make round. The axis is turned to each area by half of the optimal map between their
+    normal distributions. So similar areas have similar positions, whichever area is first.
+    """
+    return [_relaxed(area, part, count) for area, part in zip(areas, halved(areas, count), strict=True)]
+
+
+def _relaxed(candidates: Floats, part: Ints, count: int) -> Floats:
+    """Return the candidates nearest to the relaxed centres of parts."""
+    centres = _means(candidates, part, count)
+    for _ in range(RELAXATIONS):
+        centres = _means(candidates, cKDTree(centres).query(candidates)[1], count, centres)
+    return np.asarray(candidates[cKDTree(candidates).query(centres)[1]])
+
+
+def halved(areas: Sequence[Floats], count: int) -> list[Ints]:
+    """Return the part (m,) of each position, per area. There are `count` parts by repeated halving."""
+    parts = [np.zeros(len(area), dtype=np.int64) for area in areas]
+    shares = np.array([count])  # number of final parts in each part
+    # Fixed random weights, not rounding, decide between axes of equal length and between opposite directions.
+    weights = [np.random.default_rng(0).random(len(area)) for area in areas]
+    while shares.max() > 1:
+        centred, spreads = [], []
+        for area, part, weight in zip(areas, parts, weights, strict=True):
+            centred.append(area - _means(area, part, len(shares))[part])
+            x = np.ascontiguousarray(centred[-1].T)
+            products = ((1.0 + UNEVEN * weight) * x)[:, None] * x
+            spreads.append(_means(products.reshape(9, -1).T, part, len(shares)).reshape(-1, 3, 3))
+        axes = np.linalg.eigh(spreads[0] + spreads[-1])[1][..., -1]
+        along = (centred[0] * axes[parts[0]]).sum(axis=1)
+        axes *= np.where(np.bincount(parts[0], weights[0] * along, len(shares)) < 0.0, -1.0, 1.0)[:, None]
+        turned_axes = [axes]
+        if len(areas) > 1:
+            forth = _normal_map(*spreads)
+            turned_axes = [(_power(forth, half) @ axes[..., None])[..., 0] for half in (0.5, -0.5)]
+        lower, pieces = shares // 2, 1 + (shares > 1)
+        for number, (part, axis) in enumerate(zip(parts, turned_axes, strict=True)):
+            along = np.einsum("ij,ij->i", centred[number], axis[part])
+            sizes = np.bincount(part, minlength=len(shares))
+            order = np.argsort(along + 2.0 * np.ptp(along) * part, kind="stable")
+            rank = np.empty(len(part), dtype=np.int64)
+            rank[order] = np.arange(len(part)) - np.repeat(np.cumsum(sizes) - sizes, sizes)
+            above = (rank >= (sizes * lower // shares)[part]) & (shares > 1)[part]
+            parts[number] = (np.cumsum(pieces) - pieces)[part] + above
+        halves = np.column_stack([lower, shares - lower]).reshape(-1)
+        shares = halves[halves > 0]
+    return parts
+
+
+def _means(values: Floats, part: Ints, count: int, default: Floats | None = None) -> Floats:
+    """Return mean values (count, k) of parts; the default for empty parts."""
+    sizes = np.bincount(part, minlength=count)[:, None]
+    sums = np.column_stack([np.bincount(part, x, count) for x in values.T])
+    means = np.zeros(sums.shape) if default is None else default.copy()
+    return np.divide(sums, sizes, out=means, where=sizes > 0)
+
+
+def matched_ends(starts: Floats, ends: Floats) -> Ints:
+    """Return the end of each start (n,), by optimal transport.
+
+    The result is exact for up to :data:`AT_ONCE` positions (n, 3). More positions are halved, both sets by
+    the same share, along directions paired by the optimal map between their normal distributions. After exact
+    matching of the parts, neighbours exchange ends as long as the sum falls.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from vtkmuscle.core.fibres.between_areas import matched_ends
+    >>> starts = np.array([(0.0, 0, 0), (1, 0, 0), (2, 0, 0)])
+    >>> matched_ends(starts, starts[::-1] + [0.5, 0, 9])
+    array([2, 1, 0])
+    """
+    end_of = np.empty(len(starts), dtype=np.int64)
+    waiting = [(np.arange(len(starts)), np.arange(len(ends)))]
+    while waiting:
+        first, second = waiting.pop()
+        x, y = starts[first] - starts[first].mean(axis=0), ends[second] - ends[second].mean(axis=0)
+        forth = _normal_map(x.T @ x / len(x), y.T @ y / len(y))
+        back = np.linalg.inv(forth)
+        if len(first) <= AT_ONCE:
+            # Terms of a start or an end alone do not change the best pairs. With the terms of the optimal map
+            # for normal distributions good pairs cost about 0, which takes a quarter of the time.
+            costs = np.einsum("ij,jk,ik->i", x, forth, x)[:, None] - 2.0 * x @ y.T
+            costs += np.einsum("ij,jk,ik->i", y, back, y)
+            end_of[first] = second[linear_sum_assignment(costs)[1]]
+            continue
+        axis = np.linalg.eigh(x.T @ x)[1][:, -1]
+        by_start, by_end = np.argsort(x @ axis, kind="stable"), np.argsort(y @ back @ axis, kind="stable")
+        half = len(first) // 2
+        waiting += [(first[by_start[p]], second[by_end[p]]) for p in (slice(half), slice(half, None))]
+    if len(starts) > AT_ONCE:
+        _uncross(starts, ends, end_of)
+    return end_of
+
+
+def _normal_map(a: Floats, b: Floats) -> Floats:
+    """Return optimal maps (..., 3, 3) between normal distributions. Covariances a and b.
+
+    T = a^-1/2 (a^1/2 b a^1/2)^1/2 a^-1/2 is optimal (Olkin, Pukelsheim 1982,
+    doi:10.1016/0024-3795(82)90112-4).
+    """
+    root, inverse = _power(_spread(a), 0.5), _power(_spread(a), -0.5)
+    return inverse @ _power(root @ _spread(b) @ root, 0.5) @ inverse
+
+
+def _spread(covariance: Floats) -> Floats:
+    """Return regularised covariances: flat sets of points have no inverse."""
+    sizes = np.trace(covariance, axis1=-2, axis2=-1)[..., None, None]
+    return covariance + FLAT**2 * np.where(sizes > 0.0, sizes, 1.0) * np.eye(3)
+
+
+def _power(matrix: Floats, exponent: float) -> Floats:
+    """Return the power of positive definite matrices (..., 3, 3)."""
+    values, vectors = np.linalg.eigh(matrix)
+    powers = np.maximum(values, np.finfo(float).tiny) ** exponent
+    return np.asarray((vectors * powers[..., None, :]) @ np.swapaxes(vectors, -1, -2))
+
+
+def _uncross(starts: Floats, ends: Floats, end_of: Ints) -> None:
+    """Exchange ends of crossing neighbours, in place, until none cross."""
+    neighbours = cKDTree(starts).query(starts, NEIGHBOURS + 1)[1][:, 1:]
+    pairs = np.column_stack([np.repeat(np.arange(len(starts)), NEIGHBOURS), neighbours.reshape(-1)])
+    pairs = pairs[pairs[:, 0] != pairs[:, 1]]
+    apart = starts[pairs[:, 0]] - starts[pairs[:, 1]]
+    slack = np.finfo(float).eps * np.abs(starts).max() * np.abs(ends).max()
+    while True:
+        along = (apart * (ends[end_of[pairs[:, 0]]] - ends[end_of[pairs[:, 1]]])).sum(axis=1)
+        crossing = np.flatnonzero(along < -slack)
+        if not len(crossing):
+            return
+        # The worst crossings first, one exchange per fibre: each exchange reduces the sum, so the loop ends.
+        crossing = crossing[np.argsort(along[crossing], kind="stable")]
+        rank = np.full(len(starts), len(crossing))
+        np.minimum.at(rank, pairs[crossing].reshape(-1), np.repeat(np.arange(len(crossing)), 2))
+        first = rank[pairs[crossing]]
+        chosen = crossing[(first == np.arange(len(crossing))[:, None]).all(axis=1)]
+        i, j = pairs[chosen].T
+        end_of[i], end_of[j] = end_of[j], end_of[i]

@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csc_array, csr_array, vstack
 
-from vtkmuscle.core.fibres.mean_value import mean_value_coordinates, transport
-from vtkmuscle.core.fibres.sparse_weights import (
-    SparseWeights,
-    sparse_mean_value_coordinates,
-    sparse_transport,
-)
+from vtkmuscle.core.fibres.between_areas import halved
+from vtkmuscle.core.fibres.mean_value import coordinate_mesh, mean_value_coordinates, transport, weights_of
+from vtkmuscle.core.jit import reduction
 from vtkmuscle.core.mesh.solids import points_inside, solids_of
 from vtkmuscle.core.mesh.triangle_tree import TriangleTree, shared_tree, tree_of_deformed
-from vtkmuscle.core.types import Floats, Ints
+from vtkmuscle.core.types import Bools, Floats, Ints
 
 #: Points in a block of weights: a step of progress, and the time until an abort.
 _BLOCK = 256
@@ -38,7 +39,7 @@ class EmbeddedPoints:
         The closed surface at rest [mm]; point ids.
     weight_tolerance : float
         Tolerance for merging vertices into groups of equal weight; 0 merges nothing
-        (:func:`~vtkmuscle.core.fibres.sparse_weights.sparse_mean_value_coordinates`).
+        (:func:`~vtkmuscle.core.fibres.embedding.sparse_mean_value_coordinates`).
     """
 
     def __init__(self, positions: Floats, points: Floats, triangles: Ints, weight_tolerance: float) -> None:
@@ -57,8 +58,7 @@ class EmbeddedPoints:
     def gap(self) -> Floats:
         """Distances (p,) from the muscle at rest [mm]; 0 inside."""
         within = solids_of(self.points, self.triangles).into(self.positions)
-        distances: Floats = np.linalg.norm(within - self.positions, axis=1)
-        return distances
+        return np.asarray(np.linalg.norm(within - self.positions, axis=1))
 
     @cached_property
     def _tree(self) -> TriangleTree:
@@ -110,3 +110,206 @@ class EmbeddedPoints:
         if weights.nbytes + sum(kept.nbytes for kept in self._weights.values()) <= _LARGEST_CACHE:
             self._weights[first] = weights
         return weights
+
+
+#: Added to the unit diagonal of the correction's equations: means may lie in one plane.
+_RIDGE = 1e-12
+#: An error after the correction is rounding below this part of its terms.
+_CORRECTED = 1e-10
+#: Largest change of weights by the correction, as a part of their sum; beyond, a row keeps all its weights.
+LARGEST_CHANGE = 1.0
+#: Points whose weights are grouped at once.
+AT_ONCE = 128
+#: Halvings from a group to its subgroups.
+HALVINGS = 2
+
+#: Indices of a sparse matrix.
+Small = NDArray[np.int32]
+
+
+class Groups(NamedTuple):
+    """Groups (g,) of consecutive vertices, each followed by its subgroups.
+
+    Arrays have the first vertex of a group, its number of vertices, the largest distance of a vertex from the
+    mean [mm], and the number of the next group outside of this group.
+    """
+
+    starts: Ints
+    sizes: Ints
+    radii: Floats
+    following: Ints
+
+
+class VertexGroups(NamedTuple):
+    """Vertices in groups: all, quarters, and so on to single vertices.
+
+    Vertices of a group are consecutive in `order` (n,); the matrix `means` (g, n) takes vertex values, in
+    mesh order, to group means.
+    """
+
+    order: Ints
+    groups: Groups
+    means: csc_array
+
+
+def vertex_groups(points: Floats) -> VertexGroups:
+    """Return vertex groups, halved across their longest axes. Points (n, 3) [mm]."""
+    n = len(points)
+    depth = -(-max(n - 1, 0).bit_length() // HALVINGS) * HALVINGS
+    part = halved([points], 2 ** (depth - HALVINGS))[0] << HALVINGS if depth else np.zeros(n, dtype=np.int64)
+    order = np.argsort(part, kind="stable")
+    ancestors = (part[order] >> depth - level for level in range(0, depth, HALVINGS))
+    bounds = [*(np.unique(each, return_index=True)[1] for each in ancestors), np.arange(n)]
+    extents = [first * (n + 1) + n - np.diff(np.append(first, n)) for first in bounds]
+    starts, rest = np.divmod(np.unique(np.concatenate(extents)), n + 1)  # the largest first, each once
+    sizes = n - rest
+    ends = np.concatenate([[0], np.cumsum(sizes)])
+    members = order[np.arange(ends[-1]) - np.repeat(ends[:-1] - starts, sizes)]
+    means = csc_array(csr_array((np.repeat(1.0 / sizes, sizes), members, ends)))
+    apart = np.linalg.norm(points[members] - np.repeat(means @ points, sizes, axis=0), axis=1)
+    radii = np.maximum.reduceat(apart, ends[:-1])
+    return VertexGroups(order, Groups(starts, sizes, radii, np.searchsorted(starts, starts + sizes)), means)
+
+
+@dataclass(frozen=True, eq=False)
+class SparseWeights:
+    """Mean value coordinates in the means of vertex groups.
+
+    Rows of the matrix (q, g) sum to 1 and reproduce linear functions. `error` is the largest distance of a
+    point from its dense transport, for a mesh bent by the quadratic x_i^2 / (2 d) along each axis, with the
+    mesh's diagonal d [mm]: about one radian.
+    """
+
+    matrix: csc_array  # by columns, a product with three of them takes half the time of one by rows
+    error: float
+    means: csc_array
+
+
+def sparse_mean_value_coordinates(
+    points: Floats,
+    triangles: Ints,
+    queries: Floats,
+    *,
+    prune: float,
+    threads: int = 0,
+    report: Callable[[float], None] = lambda part: None,
+) -> SparseWeights:
+    """Return mean value coordinates with merged weights.
+
+    Far from a point the weights vary slowly: in a group of vertices they differ little from their mean w, and
+    sum w_j p_j differs from w sum p_j by at most sum abs(w_j - w) times the group's radius. The least-squares
+    change of weights restores the sum 1 and the point, so rigid and affine motions are exact, and only
+    bending costs accuracy.
+
+    Parameters
+    ----------
+    points, triangles, queries, threads
+        As for :func:`~vtkmuscle.core.fibres.mean_value.mean_value_coordinates`.
+    prune : float
+        A group has one weight if sum abs(w_j - w) r < 2 prune R / n, with its radius r and the radius R of
+        all n vertices; >= 0.
+    report : callable, optional
+        Receives the fraction of points done.
+    """
+    order, groups, means_of = vertex_groups(points)
+    # Vertices in the order of the groups: a group's weights are next to each other.
+    mesh = coordinate_mesh(points[order], np.argsort(order)[triangles])
+    centred = points - mesh.centre
+    bent = centred**2 / (2.0 * mesh.diagonal)
+    means, means_of_bent = means_of @ centred, means_of @ bent
+    threshold = 2.0 * prune * groups.radii[0] / len(points)
+
+    ordered_bent = np.ascontiguousarray(bent[order].T)
+    parts, error = [csr_array((0, len(means)))], 0.0
+    for first in range(0, len(queries), AT_ONCE):
+        block = queries[first : first + AT_ONCE]
+        weights = weights_of(mesh, block, threads, first=first)
+        grouped = _grouped(weights, groups, threshold)
+        corrected = _reproduce_points(grouped, means, groups.sizes, block - mesh.centre)
+        if not corrected.all():
+            whole = _grouped(weights[~corrected], groups, -np.inf)
+            row = np.argsort(np.argsort(~corrected, kind="stable"))
+            grouped = csr_array(vstack([grouped[corrected], whole]))[row]
+        missed = grouped @ means_of_bent - np.einsum("qn,kn->qk", weights, ordered_bent)
+        error = max(error, float(np.linalg.norm(missed, axis=1).max()))
+        parts.append(grouped)
+        report(min(1.0, (first + AT_ONCE) / len(queries)))
+    return SparseWeights(csc_array(vstack(parts)), error, means_of)
+
+
+def sparse_transport(weights: SparseWeights, points: Floats) -> Floats:
+    """Return moved points (q, 3), from vertices (n, 3) [mm]."""
+    centre = points.mean(axis=0)
+    return np.asarray(weights.matrix @ (weights.means @ (points - centre)) + centre)
+
+
+def _grouped(weights: Floats, groups: Groups, threshold: float) -> csr_array:
+    """Return weights in the largest groups of similar weights. Weights (q, n) of ordered vertices."""
+    values, columns = np.empty(weights.size), np.empty(weights.size, dtype=np.int32)
+    ends = np.zeros(len(weights) + 1, dtype=np.int32)
+    _group(weights, groups, threshold, values, columns, ends)
+    kept = values[: ends[-1]].copy(), columns[: ends[-1]].copy(), ends
+    return csr_array(kept, shape=(len(weights), len(groups.starts)))
+
+
+@reduction
+def _group(
+    weights: Floats, groups: Groups, threshold: float, values: Floats, columns: Small, ends: Small
+) -> None:
+    """Write summed weights and numbers of kept groups.
+
+    A group is kept if its weights differ by at most the threshold, times the radius. Row q ends before ends[q
+    + 1].
+    """
+    entry = 0
+    for q in range(len(weights)):
+        g = 0
+        while g < len(groups.starts):
+            first, size = groups.starts[g], groups.sizes[g]
+            total, off = 0.0, 0.0
+            for i in range(first, first + size):
+                total += weights[q, i]
+            mean = total / size
+            for i in range(first, first + size):
+                off += abs(weights[q, i] - mean)
+            if size > 1 and groups.radii[g] * off > threshold:
+                g += 1
+                continue
+            if total != 0.0:
+                values[entry], columns[entry] = total, g
+                entry += 1
+            g = groups.following[g]
+        ends[q + 1] = entry
+
+
+def _reproduce_points(weights: csr_array, means: Floats, sizes: Ints, queries: Floats) -> Bools:
+    """Correct weights (q, g) to reproduce points; return success.
+
+    The weights sum to 1; points (q, 3), success (q,).
+
+    With c_j vertices in group j, minimise sum_j d_j^2 / c_j for weights w + d.
+    """
+    row = np.repeat(np.arange(len(queries)), np.diff(weights.indptr))
+    terms = np.ones((4, len(row)))
+    terms[1:] = means.T.take(weights.indices, axis=1) - queries.T.take(row, axis=1)
+    counts, starts = sizes.take(weights.indices), weights.indptr[:-1]
+
+    def summed(values: Floats) -> Floats:
+        return np.add.reduceat(values, starts, axis=-1).T
+
+    # Term by term: an array of all products at once would not stay in the processor's cache.
+    matrices = np.array([[summed(a * b) for a in counts * terms] for b in terms])
+    matrices = matrices.transpose(2, 0, 1)
+    scales = np.sqrt(np.maximum(np.diagonal(matrices, axis1=1, axis2=2), np.finfo(float).tiny))
+    matrices = matrices / (scales[:, :, None] * scales[:, None]) + _RIDGE * np.eye(4)
+    target = np.array([1.0, 0.0, 0.0, 0.0])
+    missing = (target - summed(weights.data * terms)) / scales
+    multipliers = np.linalg.solve(matrices, missing[..., None])[..., 0] / scales
+    change = counts * sum(
+        term * factors.take(row) for term, factors in zip(terms, multipliers.T, strict=True)
+    )
+    most = LARGEST_CHANGE * summed(np.abs(weights.data))
+    weights.data += change
+    products = weights.data * terms
+    left = np.abs(target - summed(products)) <= _CORRECTED * (target + summed(np.abs(products)))
+    return left.all(axis=1) & (summed(np.abs(change)) <= most)

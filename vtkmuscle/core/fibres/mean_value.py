@@ -164,8 +164,7 @@ def transport(weights: Floats, points: Floats) -> Floats:
         New positions of the vertices [mm].
     """
     centre = points.mean(axis=0)
-    moved: Floats = weights @ (points - centre) + centre
-    return moved
+    return np.asarray(weights @ (points - centre) + centre)
 
 
 def weights_of_lanes(mesh: CoordinateMesh, queries: Floats, tolerance: float) -> tuple[Floats, Floats]:
@@ -311,8 +310,7 @@ def _see_near(
 
 def _dot(a: Floats, b: Floats) -> Floats:
     """Return dot products of vectors (3, ...)."""
-    products: Floats = a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-    return products
+    return np.asarray(a[0] * b[0] + a[1] * b[1] + a[2] * b[2])
 
 
 def _flat_excess(h: Floats, b: Floats, g: Floats, sides: Floats, ea: Floats, eb: Floats) -> Floats:
@@ -335,5 +333,4 @@ def _flat_excess(h: Floats, b: Floats, g: Floats, sides: Floats, ea: Floats, eb:
     bracket = np.arctan2(x * length, y + sa * sb) / x + sb / (y + sb * sb) - sa / (y + sa * sa)
     series = 0.5 * h * h * delta / y * bracket
     plain = np.arctan2(delta * length, delta * delta + sa * sb) - 2.0 * g * b
-    excess: Floats = np.where(h * h < FLAT * delta * delta, series, plain).sum(axis=0)
-    return excess
+    return np.asarray(np.where(h * h < FLAT * delta * delta, series, plain).sum(axis=0))

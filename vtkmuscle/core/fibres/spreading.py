@@ -45,8 +45,7 @@ def smooth_about_course(points: Floats, offsets: Ints, k: float, passes: int) ->
         return smoothed
     course = points.reshape(len(counts), -1, 3).mean(axis=0)
     drawn_in = course - smooth_polylines(course, offsets[:2], k, passes)
-    kept: Floats = smoothed + np.tile(drawn_in, (len(counts), 1))
-    return kept
+    return np.asarray(smoothed + np.tile(drawn_in, (len(counts), 1)))
 
 
 #: Stations along a fibre that are moved; points between stations follow.
@@ -133,8 +132,7 @@ def _between(points: Floats, offsets: Ints, shifts: Floats) -> Floats:
     at *= STATIONS - 1
     station = np.minimum(at.astype(np.int64), STATIONS - 2)
     share = np.minimum(at - station, 1.0)[:, None]
-    between: Floats = (1.0 - share) * shifts[line, station] + share * shifts[line, station + 1]
-    return between
+    return np.asarray((1.0 - share) * shifts[line, station] + share * shifts[line, station + 1])
 
 
 def _across(lines: Floats, pulls: Floats, weights: Floats, blur: Floats) -> Floats:
@@ -144,8 +142,7 @@ def _across(lines: Floats, pulls: Floats, weights: Floats, blur: Floats) -> Floa
     ends = np.pad(lines, ((0, 0), (1, 1), (0, 0)), mode="edge")
     ahead = ends[:, 2:] - ends[:, :-2]
     squares = np.maximum((ahead * ahead).sum(axis=2, keepdims=True), 1e-300)
-    across: Floats = mean - (mean * ahead).sum(axis=2, keepdims=True) / squares * ahead
-    return across
+    return np.asarray(mean - (mean * ahead).sum(axis=2, keepdims=True) / squares * ahead)
 
 
 @lru_cache

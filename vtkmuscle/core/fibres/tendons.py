@@ -82,8 +82,7 @@ class _EndNeighbours:
         axis, cosine = np.cross(self._ahead, ahead), (self._ahead * ahead).sum(axis=-1, keepdims=True)
         about = (axis * self._offsets).sum(axis=-1, keepdims=True) / np.maximum(1.0 + cosine, 1e-3)
         turned = cosine * self._offsets + np.cross(axis, self._offsets) + about * axis
-        result: Floats = (self._weights[..., None] * (feet + turned)).sum(axis=1)
-        return result
+        return np.asarray((self._weights[..., None] * (feet + turned)).sum(axis=1))
 
     def _along(self, paths: Floats) -> tuple[Floats, Floats]:
         """Return feet (m, c, 3) on paths, and directions. Directions span a segment to either side."""
@@ -94,8 +93,7 @@ class _EndNeighbours:
             segment = np.maximum((starts <= arcs[..., None]).sum(axis=-1) - 1, 0)[..., None, None]
             since = arcs[..., None] - np.take_along_axis(starts, segment[..., 0], axis=-1)
             begin, on = (np.take_along_axis(x, segment, axis=2)[:, :, 0] for x in (points[:, :, :-1], ahead))
-            positions: Floats = begin + since * on
-            return positions
+            return np.asarray(begin + since * on)
 
         reach = lengths.mean(axis=-1)
         return at(self._arcs), unit_vectors(at(self._arcs + reach) - at(self._arcs - reach))

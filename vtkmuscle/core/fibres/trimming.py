@@ -216,8 +216,7 @@ def _ends_on_area(ends: Floats, area: EndArea, tolerance: float) -> Bools:
         on_area |= area.distance(ends) <= tolerance
     if len(ends) > 1:
         on_area &= cKDTree(ends).query(ends, 2)[0][:, 1] >= LEAST_SPREAD * np.sqrt(size / len(ends))
-    kept: Bools = on_area & bool(on_area.mean() > 0.5)
-    return kept
+    return np.asarray(on_area & bool(on_area.mean() > 0.5))
 
 
 def _sharpest_turns(points: Floats, offsets: Ints) -> Floats:
@@ -239,8 +238,7 @@ def _sharpest_turns(points: Floats, offsets: Ints) -> Floats:
 def _cosines(a: Floats, b: Floats) -> Floats:
     """Return cosines (k,) of angles between vectors (k, 3). They are 1 for a vector of no length."""
     scale = np.linalg.norm(a, axis=1) * np.linalg.norm(b, axis=1)
-    cosines: Floats = np.divide((a * b).sum(axis=1), scale, out=np.ones(len(a)), where=scale > 0)
-    return cosines
+    return np.asarray(np.divide((a * b).sum(axis=1), scale, out=np.ones(len(a)), where=scale > 0))
 
 
 def assign_positions(departures: Floats, positions: Floats) -> Ints:
@@ -257,8 +255,7 @@ def assign_positions(departures: Floats, positions: Floats) -> Ints:
     costs -= costs.min(axis=1, keepdims=True)
     if len(departures) == len(positions):
         costs -= costs.min(axis=0)
-    taken: Ints = linear_sum_assignment(costs)[1].astype(np.int64)
-    return taken
+    return np.asarray(linear_sum_assignment(costs)[1].astype(np.int64))
 
 
 def beyond_plane(points: Floats, offsets: Ints, heights: Floats) -> Floats:
@@ -354,8 +351,7 @@ def closest_to_ray(start: Floats, ahead: Floats, corners: Floats) -> Floats:
     along.append(t)
     distances.append(np.linalg.norm(start + t[:, None] * ahead - closest[-1], axis=1))
     best = np.lexsort((np.concatenate(along), np.concatenate(distances)))[0]
-    point: Floats = np.vstack(closest)[best]
-    return point
+    return np.asarray(np.vstack(closest)[best])
 
 
 def _nearest_to_ray(to_start: Floats, ahead: Floats, edges: Floats) -> tuple[Floats, Floats]:

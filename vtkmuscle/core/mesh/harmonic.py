@@ -111,9 +111,8 @@ def triangle_gradients(points: Floats, triangles: Ints, field: Floats) -> Floats
     """
     a, b, c = (points[triangles[:, i]] for i in range(3))
     fa, fb, fc = (field[triangles[:, i]][:, None] for i in range(3))
-    normals = np.cross(b - a, c - a)
+    normals = triangle_normals(points, triangles)
     squares = np.einsum("ij,ij->i", normals, normals)[:, None]
     # With fb - fa and fc - fa a constant function has a gradient of exactly zero.
     numerators = np.cross(normals, (fb - fa) * (a - c) + (fc - fa) * (b - a))
-    gradients: Floats = np.divide(numerators, squares, out=np.zeros_like(normals), where=squares > 0)
-    return gradients
+    return np.asarray(np.divide(numerators, squares, out=np.zeros_like(normals), where=squares > 0))

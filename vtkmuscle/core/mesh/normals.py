@@ -100,15 +100,13 @@ def _shares(corners: Floats, positions: Floats, normals: Floats) -> Floats:
     following, last = np.roll(corners, -1, axis=1), np.roll(corners, -2, axis=1)
     across = np.cross(following - positions[:, None], last - positions[:, None])
     areas = np.maximum(np.einsum("kij,kj->ki", across, normals), 0.0)
-    result: Floats = areas / np.maximum(areas.sum(axis=1, keepdims=True), np.finfo(float).tiny)
-    return result
+    return np.asarray(areas / np.maximum(areas.sum(axis=1, keepdims=True), np.finfo(float).tiny))
 
 
 def unit_vectors(vectors: Floats) -> Floats:
     """Return vectors (..., 3) of length 1. 0 for a zero vector."""
     lengths = np.linalg.norm(vectors, axis=-1, keepdims=True)
-    unit: Floats = np.divide(vectors, lengths, out=np.zeros_like(vectors), where=lengths > 0)
-    return unit
+    return np.asarray(np.divide(vectors, lengths, out=np.zeros_like(vectors), where=lengths > 0))
 
 
 def perpendiculars(axis: Floats) -> tuple[Floats, Floats]:

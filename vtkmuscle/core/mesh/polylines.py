@@ -51,8 +51,7 @@ def points_at_arcs(points: Floats, offsets: Ints, arcs: Floats) -> Floats:
     share = np.divide(wanted - along[before], whole, out=np.zeros(arcs.shape), where=whole > 0.0)
     share = share.clip(0.0, 1.0)[..., None]
     # In this form shares of 0 and 1 give the end points bit for bit.
-    between: Floats = (1.0 - share) * points[before] + share * points[after]
-    return between
+    return np.asarray((1.0 - share) * points[before] + share * points[after])
 
 
 def segment_lengths(points: Floats, offsets: Ints) -> tuple[Floats, Floats]:
@@ -125,10 +124,9 @@ def proper_segments(points: Floats, offsets: Ints) -> tuple[Floats, Floats, Floa
     """Return ends and lengths of proper segments. Ends (s, 3), lengths (s,) > 0; at least one segment."""
     a, b = segments(points, offsets)
     lengths = np.linalg.norm(b - a, axis=1)
-    proper = lengths > 0.0
-    if not proper.any():
+    if not lengths.any():
         raise InputError("", "no fibre has a length, so that fibres have no direction")
-    return a[proper], b[proper], lengths[proper]
+    return a[lengths > 0.0], b[lengths > 0.0], lengths[lengths > 0.0]
 
 
 def segment_distances(points: Floats, a: Floats, b: Floats) -> Floats:
@@ -137,8 +135,7 @@ def segment_distances(points: Floats, a: Floats, b: Floats) -> Floats:
     squares = np.einsum("...i,...i->...", along, along)
     dots = np.einsum("...i,...i->...", points - a, along)
     t = np.clip(np.divide(dots, squares, out=np.zeros_like(dots), where=squares > 0), 0.0, 1.0)
-    distances: Floats = np.linalg.norm(points - a - t[..., None] * along, axis=-1)
-    return distances
+    return np.asarray(np.linalg.norm(points - a - t[..., None] * along, axis=-1))
 
 
 def fibre_directions_at(queries: Floats, fibre_points: Floats, offsets: Ints) -> Floats:

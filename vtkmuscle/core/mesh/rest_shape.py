@@ -3,18 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from vtkmuscle.core.jit import lane, vector_kernel
-from vtkmuscle.core.mesh.surface import (
-    MeshTopology,
-    check_volume,
-    edge_lengths,
-)
+from vtkmuscle.core.mesh.surface import MeshTopology, check_volume, edge_lengths
 from vtkmuscle.core.types import Bools, Floats, Ints
 
 #: Least tangent of a triangle's corner at an edge, for a usable normal.
@@ -158,10 +153,6 @@ def beside_slivers(points: Floats, quads: Ints) -> Bools:
     return sliver
 
 
-#: Cosines of 18 and 72 degrees: edges along fibres have a larger |u . v|, edges across fibres a smaller.
-ALONG, ACROSS = math.cos(math.radians(18.0)), math.cos(math.radians(72.0))
-
-
 @dataclass(frozen=True)
 class ShapeReport:
     """Deviations of a deformed surface from its rest shape."""
@@ -172,20 +163,15 @@ class ShapeReport:
     #: 95th percentile of the absolute change of the angles at edges without a sliver at rest [degrees].
     dihedral_error_p95: float
     degenerate_edges: int  # edges with an angle at rest, at a collapsed triangle
-    #: 5th percentile, median and 95th percentile of l / l0 of edges along the fibres (18 degrees), and across
-    #: (72 degrees); None without directions or without edges.
-    along: tuple[float, float, float] | None = None
-    across: tuple[float, float, float] | None = None
 
 
 class RestShape:
     """Lengths, angles and volume of a closed surface at rest.
 
-    Points (n, 3) [mm]. Directions (k, 3) are unit fibre directions at the edges, or 0: edges along and across
-    fibres are compared apart. A ValueError says that the surface is open or encloses no volume.
+    Points (n, 3) [mm]. A ValueError says that the surface is open or encloses no volume.
     """
 
-    def __init__(self, points: Floats, topology: MeshTopology, directions: Floats | None = None) -> None:
+    def __init__(self, points: Floats, topology: MeshTopology) -> None:
         if topology.n_boundary_edges:
             raise ValueError(
                 f"the surface is open: {topology.n_boundary_edges} edges belong to one triangle only; "
@@ -206,15 +192,6 @@ class RestShape:
         self.volume_gradient: Floats = np.empty_like(points)
         self.volume: float = volume_and_gradient(points, topology.triangles, self.volume_gradient)
         check_volume(points, self.volume)
-        self._directed = None if directions is None else self._along_and_across(directions[long])
-
-    def _along_and_across(self, v: Floats) -> tuple[Ints, Ints]:
-        """Return long edges along and across fibre directions (k, 3)."""
-        ends = self.points[self._long_edges]
-        u = (ends[:, 1] - ends[:, 0]) / self._long_lengths[:, None]
-        cosines = np.abs(np.einsum("ij,ij->i", u, v))
-        directed = (v != 0.0).any(axis=1)
-        return np.flatnonzero(directed & (cosines > ALONG)), np.flatnonzero(directed & (cosines < ACROSS))
 
     def compare(self, positions: Floats) -> ShapeReport:
         """Return the deviations of positions from rest. Positions (n, 3) [mm]."""
@@ -223,18 +200,14 @@ class RestShape:
             positions, self._long_edges, self._long_lengths, self._bent_quads, self._turned, stretch, tangents
         )
         turns = tangents[tangents >= 0.0]
-        # Of half angles by their tangents, which grow with them.
-        half = float(_percentiles(turns, 95.0, np.arctan)[0]) if len(turns) else 0.0
-        along, across = self._directed or (None, None)
+        half = float(np.percentile(np.arctan(turns), 95.0)) if len(turns) else 0.0
         volume = volume_and_gradient(positions, self.topology.triangles, np.empty_like(positions))
         return ShapeReport(
             volume_ratio=volume / self.volume,
-            edge_stretch_p95=float(_percentiles(stretch, 95.0)[0]),
+            edge_stretch_p95=float(np.percentile(stretch, 95.0)),
             edge_stretch_max=float(stretch.max()),
             dihedral_error_p95=math.degrees(2.0 * half),
             degenerate_edges=len(tangents) - len(turns),
-            along=_spread(stretch, along),
-            across=_spread(stretch, across),
         )
 
 
@@ -260,23 +233,3 @@ def _compare(
         tangents[q] = -1.0
         if geometry[0]:
             tangents[q] = across / (size + along) if along >= 0.0 else (size - along) / across
-
-
-def _percentiles(
-    values: Floats, percents: float | tuple[float, ...], of: Callable[[Floats], Floats] = np.asarray
-) -> Floats:
-    """Return percentiles of a monotonic function of values. Linear between two sorted values."""
-    at = np.atleast_1d(percents) / 100.0 * (len(values) - 1)
-    low = at.astype(np.int64)
-    high = np.minimum(low + 1, len(values) - 1)
-    sorted_there = np.partition(values, np.unique(np.concatenate([low, high])))
-    ends = of(sorted_there[low]), of(sorted_there[high])
-    result: Floats = ends[0] + (at - low) * (ends[1] - ends[0])
-    return result
-
-
-def _spread(stretch: Floats, edges: Ints | None) -> tuple[float, float, float] | None:
-    if edges is None or not len(edges):
-        return None
-    low, median, high = _percentiles(stretch[edges], (5.0, 50.0, 95.0)).tolist()
-    return low, median, high

@@ -109,11 +109,9 @@ class PatchSamples:
             return self._points[self._parts[:, 0]]
         a, b, *third = self._points[self._parts[_shares(self._sizes, u[:, 0])]].transpose(1, 0, 2)
         if not third:
-            on_edges: Floats = (1.0 - u[:, 1:2]) * a + u[:, 1:2] * b
-            return on_edges
+            return np.asarray((1.0 - u[:, 1:2]) * a + u[:, 1:2] * b)
         root = np.sqrt(u[:, 1:2])  # uniform over it: Osada et al. 2002, doi:10.1145/571647.571648
-        on_faces: Floats = (1.0 - root) * a + root * (1.0 - u[:, 2:]) * b + root * u[:, 2:] * third[0]
-        return on_faces
+        return np.asarray((1.0 - root) * a + root * (1.0 - u[:, 2:]) * b + root * u[:, 2:] * third[0])
 
 
 @lru_cache(maxsize=16)
@@ -131,8 +129,7 @@ def uneven_weights(count: int) -> Floats:
     about choices left open by a body's symmetry, such as the sign of an axis; rounding would choose anew
     after a motion.
     """
-    fractions: Floats = np.modf(0.5 * (1.0 + 5.0**0.5) * np.arange(count))[0]
-    return fractions
+    return np.asarray(np.modf(0.5 * (1.0 + 5.0**0.5) * np.arange(count))[0])
 
 
 def skewed_direction(points: Floats) -> Floats:
@@ -143,8 +140,7 @@ def skewed_direction(points: Floats) -> Floats:
     arms = points - points.mean(axis=0)
     squares = (arms**2).sum(axis=1)
     uneven = UNEVEN * squares.mean() * (uneven_weights(len(arms)) - 0.5)
-    side: Floats = (squares + uneven) @ arms
-    return side
+    return np.asarray((squares + uneven) @ arms)
 
 
 def own_axes(points: Floats) -> tuple[Floats, Floats]:
@@ -214,42 +210,15 @@ def _shares(sizes: Floats, u: Floats) -> Ints:
     return chosen.clip(max=len(sizes) - 1)
 
 
-#: Binary digits of each number.
-_DIGITS = 30
-
-
-def _direction_numbers() -> Ints:
-    """Return the direction numbers (3, 30). Odd numbers less than 2^(k + 1), for 3 coordinates.
-
-    The first row is van der Corput's sequence; the next rows follow from the primitive polynomials x + 1 and
-    x^2 + x + 1 (Joe and Kuo 2008, doi:10.1137/070709359).
-    """
-    numbers = np.ones((3, _DIGITS), dtype=np.int64)
-    numbers[2, 1] = 3
-    for k in range(1, _DIGITS):
-        numbers[1, k] = numbers[1, k - 1] ^ (numbers[1, k - 1] << 1)
-    for k in range(2, _DIGITS):
-        numbers[2, k] = numbers[2, k - 2] ^ (numbers[2, k - 2] << 2) ^ (numbers[2, k - 1] << 1)
-    return numbers
-
-
-_DIRECTIONS = _direction_numbers()
-
-
 def sobol(count: int, dimension: int, *, first: int = 0) -> Floats:
-    """Return points (count, dimension) of Sobol's sequence in [0, 1).
+    """Return points (count, dimension) of Sobol's sequence in [0, 1), from number `first`."""
+    from scipy.stats import qmc  # noqa: PLC0415 -- takes half a second to import
 
-    From number `first`, for dimensions 1 to 3. In the order of Gray's code (Antonov and Saleev 1979)
-    consecutive points differ in one direction number per coordinate; point i is the sum, without carries, of
-    the direction numbers of the digits of i in Gray's code. SciPy's version takes half a second to import.
-    """
-    index = np.arange(first, first + count)
-    code = index ^ (index >> 1)
-    points = np.zeros((count, dimension), dtype=np.int64)
-    for digit in range(int(code.max(initial=0)).bit_length()):
-        chosen = (code >> digit) & 1
-        points ^= chosen[:, None] * (_DIRECTIONS[:dimension, digit] << (_DIGITS - 1 - digit))
-    return points / 2.0**_DIGITS
+    sequence = qmc.Sobol(dimension, scramble=False)
+    if first:
+        sequence.fast_forward(first)
+    # SciPy warns of numbers of points that are no power of two.
+    return np.asarray(sequence.random(2 ** max(count - 1, 0).bit_length())[:count])
 
 
 #: Halvings of the longest side of the box around positions.

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import wraps
 from hashlib import sha1
-from threading import Lock
+from threading import RLock
 from typing import Any, ParamSpec, TypeVar, cast
 from weakref import WeakValueDictionary
 
@@ -18,7 +18,7 @@ T = TypeVar("T")
 P = ParamSpec("P")
 
 
-_lock = Lock()
+_lock = RLock()
 #: Results of shared functions per active :func:`keep_shared` context.
 _kept: list[list[object]] = []
 
@@ -46,35 +46,28 @@ def shared(make: Callable[P, T], *, last: int = 0) -> Callable[P, T]:
     results.
     """
     results: WeakValueDictionary[bytes, T] = WeakValueDictionary()
-    making: dict[bytes, Lock] = {}
     latest: deque[T] = deque(maxlen=last)
 
     @wraps(make)
     def shared_result(*arrays: NDArray[Any]) -> T:
         key = digest(*arrays)
-        with making.setdefault(key, Lock()):
+        with _lock:
             result = results.get(key)
             if result is None:
                 copies: Any = [array.copy() for array in arrays]  # the caller's may change
                 result = results[key] = make(*copies)  # type: ignore[call-arg]
-                with _lock:
-                    for kept in _kept:
-                        kept.append(result)
-            with _lock:
-                if result in latest:
-                    latest.remove(result)
-                latest.append(result)
-        making.pop(key, None)
+                for kept in _kept:
+                    kept.append(result)
+            if result in latest:
+                latest.remove(result)
+            latest.append(result)
         return result
 
     return cast(Callable[P, T], shared_result)
 
 
 def digest(*arrays: NDArray[Any]) -> bytes:
-    """Return a key of arrays' content, by SHA-1.
-
-    Processors have instructions for SHA-1.
-    """
+    """Return a key of arrays' content, by SHA-1. Processors have instructions for SHA-1."""
     content = sha1(usedforsecurity=False)
     for array in arrays:
         content.update(f"{array.dtype.str}{array.shape}".encode())

@@ -39,10 +39,7 @@ def points_inside(queries: Floats, tree: TriangleTree) -> Bools:
 def _count(
     queries: Floats, corners: Floats, boxes: Floats, along: int, slack: float, stack: Ints, inside: Bools
 ) -> None:
-    """Write whether an odd number of triangles is above each point.
-
-    stack : (64,), working memory.
-    """
+    """Write whether an odd number of triangles is above each point. stack : (64,), working memory."""
     n, n_leaves = len(corners), (len(boxes) + 1) // 2
     u, v = (along + 1) % 3, (along + 2) % 3
     for q in range(len(queries)):
@@ -70,10 +67,7 @@ def _count(
 
 @kernel
 def _is_below(query: Floats, a: Floats, b: Floats, c: Floats, along: int) -> bool:
-    """Return True for a triangle above a point. Along an axis.
-
-    An edge belongs to one side.
-    """
+    """Return True for a triangle above a point. Along an axis. An edge belongs to one side."""
     u, v = (along + 1) % 3, (along + 2) % 3
     x, y = query[u], query[v]
     ax, ay, bx, by, cx, cy = a[u], a[v], b[u], b[v], c[u], c[v]
@@ -127,14 +121,12 @@ def closed_shells(points: Floats, triangles: Ints) -> ClosedShells:
     """
     points = np.asarray(points, dtype=np.float64)
     triangles = _proper(np.asarray(triangles, dtype=np.int64).reshape(-1, 3))
-    _check_any(triangles)
     if not np.isfinite(points[triangles]).all():
         raise InputError("", "the surface has a coordinate that is not finite")
     remarks = []
     rim = _excess(triangles)
     if len(rim):
         points, triangles = welded(points, triangles)
-        _check_any(triangles)
         rim = _excess(triangles)
     if len(rim):
         triangles, n_turned = _consistent(triangles)
@@ -162,15 +154,12 @@ def closed_shells(points: Floats, triangles: Ints) -> ClosedShells:
     return ClosedShells(points, tuple(shells), tuple(solid), tuple(remarks))
 
 
-def _check_any(triangles: Ints) -> None:
-    if not len(triangles):
-        raise InputError("", "the surface has no triangles of three different points")
-
-
 def _proper(triangles: Ints) -> Ints:
-    """Return the triangles of three different points."""
+    """Return the triangles of three different points; a ValueError for none."""
     a, b, c = triangles.T
     proper: Bools = (a != b) & (b != c) & (c != a)
+    if not proper.any():
+        raise InputError("", "the surface has no triangles of three different points")
     return triangles[proper]
 
 
@@ -181,15 +170,11 @@ def _directions(triangles: Ints) -> Ints:
 
 def _excess(triangles: Ints) -> Ints:
     """Return directed edges (k, 2) without an opposite edge."""
-    numbers, directions = numbered_edges(triangles)[1], _directions(triangles).reshape(-1)
-    balance = np.rint(np.bincount(numbers, weights=directions)).astype(np.int64)
-    first = np.zeros(len(balance), dtype=np.int64)
-    first[numbers] = np.arange(len(numbers))
-    edges = np.flatnonzero(balance)
-    ends = np.column_stack([triangles.reshape(-1), np.roll(triangles, -1, axis=1).reshape(-1)])[first[edges]]
-    backward = (ends[:, 0] < ends[:, 1]) != (balance[edges] > 0)
-    ends[backward] = ends[backward][:, ::-1]
-    return np.repeat(ends, np.abs(balance[edges]), axis=0)
+    edges, numbers = numbered_edges(triangles)
+    balance = np.rint(np.bincount(numbers, weights=_directions(triangles).reshape(-1))).astype(np.int64)
+    alone = np.flatnonzero(balance)
+    ends = np.where(balance[alone, None] > 0, edges[alone], edges[alone, ::-1])
+    return np.repeat(ends, np.abs(balance[alone]), axis=0)
 
 
 def welded(points: Floats, triangles: Ints) -> tuple[Floats, Ints]:
@@ -305,8 +290,7 @@ class Solids:
         """Return the depth (n,) of points, 0 outside. Points (n, 3); the deepest of overlapping parts."""
         positions = _checked(points)
         depths = [np.zeros(len(positions)), *(tree.depth(positions) for tree in self.trees)]
-        deepest: Floats = np.max(depths, axis=0)
-        return deepest
+        return np.asarray(np.max(depths, axis=0))
 
     def inside(self, points: ArrayLike) -> Bools:
         """Return which points (n, 3) are inside. Either on the surface."""

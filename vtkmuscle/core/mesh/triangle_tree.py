@@ -40,12 +40,11 @@ class TriangleTree:
 
     def _nearest(self, queries: Floats) -> tuple[Ints, Floats, Floats, Ints]:
         """Return the nearest triangle, its nearest point, distance and region."""
-        queries = np.ascontiguousarray(queries)
         nearest, regions = np.zeros((2, len(queries)), dtype=np.int64)
         closest, distances = np.zeros((len(queries), 3)), np.zeros(len(queries))
         memory = np.empty(64, dtype=np.int64), np.empty(64)
-        search_tree(self.corners, self.boxes, queries, nearest, *memory)
-        measure_nearest(self.corners, queries, nearest, closest, distances, regions)
+        queries = np.ascontiguousarray(queries)
+        search_tree(self.corners, self.boxes, queries, nearest, closest, distances, regions, *memory)
         return self.order[nearest], closest, distances, regions
 
     def _sided(self, queries: Floats) -> tuple[Floats, Floats, Floats]:
@@ -125,14 +124,14 @@ def tree_of_deformed(rest: TriangleTree | None, points: Floats, triangles: Ints)
     neighbouring triangles stay neighbours, so boxes stay small. Results equal those of a new tree, except
     among equally near triangles.
     """
-    key = digest(points)
+    key = digest(points, triangles)
     tree = _deformed.get(key)
-    if tree is None or not np.array_equal(tree.triangles, triangles):
-        points = points.copy()  # the caller's may change
+    if tree is None:
+        points, triangles = points.copy(), triangles.copy()  # the caller's may change
         if rest is not None and np.array_equal(rest.triangles, triangles):
-            tree = _filled(points, rest.triangles, rest.order)
+            tree = _filled(points, triangles, rest.order)
         else:
-            tree = triangle_tree(points, triangles.copy())
+            tree = triangle_tree(points, triangles)
         _deformed[key] = tree
     return tree
 
@@ -153,8 +152,7 @@ def _filled(points: Floats, triangles: Ints, order: Ints) -> TriangleTree:
 def _leaf_starts(count: int) -> Ints:
     """Return the first triangle of each leaf, (2^k,)."""
     n_leaves = 2 ** max(int(np.ceil(np.log2(count / PER_LEAF))), 0)
-    starts: Ints = np.arange(n_leaves) * count // n_leaves
-    return starts
+    return np.asarray(np.arange(n_leaves) * count // n_leaves)
 
 
 #: Regions of a triangle: its face, the edge from corner k to the next, or corner k.
@@ -258,28 +256,14 @@ def _foot(corners: Floats, query: Floats, foot: Floats) -> float:
 
 
 @kernel
-def measure_nearest(
-    corners: Floats, queries: Floats, nearest: Ints, closest: Floats, distances: Floats, regions: Ints
-) -> None:
-    """Write nearest points, distances and regions. Points (q, 3) on triangles, distances and regions (q,)."""
-    for q in range(len(queries)):
-        x, y, z = queries[q, 0], queries[q, 1], queries[q, 2]
-        at = corners[nearest[q]]
-        cx, cy, cz, regions[q] = nearest_on_triangle(x, y, z, at[0], at[1], at[2])
-        closest[q, 0], closest[q, 1], closest[q, 2] = cx, cy, cz
-        distances[q] = np.sqrt((cx - x) ** 2 + (cy - y) ** 2 + (cz - z) ** 2)
-        if regions[q] == FACE:
-            distances[q] = _foot(at, queries[q], closest[q])
-
-
-@kernel
 def search_tree(
-    corners: Floats, boxes: Floats, queries: Floats, nearest: Ints, stack: Ints, to_box: Floats
-) -> None:
-    """Write the nearest triangle to each query.
+    corners: Floats, boxes: Floats, queries: Floats, nearest: Ints, closest: Floats, distances: Floats,
+    regions: Ints, stack: Ints, to_box: Floats,
+) -> None:  # fmt: skip
+    """Write the nearest triangle to each query, with its nearest point, distance and region.
 
-    corners, boxes : of a :class:`TriangleTree`; queries : (q, 3); nearest
-    : (q,), in the tree's order; stack, to_box : (64,), working memory, as deep as the tree.
+    corners, boxes : of a :class:`TriangleTree`; queries, closest : (q, 3); nearest, distances, regions : (q,),
+    triangles in the tree's order; stack, to_box : (64,), working memory, as deep as the tree.
     """
     n, n_leaves = len(corners), (len(boxes) + 1) // 2
     guess = 0  # the last query's triangle: consecutive queries are neighbours along a fibre
@@ -309,7 +293,12 @@ def search_tree(
                 distance2 = _distance2(corners[i], x, y, z)
                 if distance2 < best:
                     best, guess = distance2, i
-        nearest[q] = guess
+        nearest[q], at = guess, corners[guess]
+        cx, cy, cz, regions[q] = nearest_on_triangle(x, y, z, at[0], at[1], at[2])
+        closest[q, 0], closest[q, 1], closest[q, 2] = cx, cy, cz
+        distances[q] = np.sqrt((cx - x) ** 2 + (cy - y) ** 2 + (cz - z) ** 2)
+        if regions[q] == FACE:
+            distances[q] = _foot(at, queries[q], closest[q])
 
 
 @kernel

@@ -19,23 +19,21 @@ from vtkmuscle.core.mesh.solids import points_inside
 from vtkmuscle.core.mesh.surface import faces_between
 from vtkmuscle.core.mesh.triangle_tree import TriangleTree, triangle_tree
 from vtkmuscle.core.morphing.correspondence import (
-    N_STARTS,
-    LoopStack,
-    cyclic_products,
-    followed_starts,
-    sampled_loop,
-)
-from vtkmuscle.core.morphing.sections import Branch, ClosedSurface
-from vtkmuscle.core.morphing.slices import (
     GRAIN,
+    N_STARTS,
     SAME_HEIGHT,
     Box,
+    LoopStack,
     Morph,
     SliceMaps,
     Slicing,
+    cyclic_products,
+    followed_starts,
     guide_levels,
+    sampled_loop,
     shared_levels,
 )
+from vtkmuscle.core.morphing.sections import Branch, ClosedSurface
 from vtkmuscle.core.types import Floats, Ints
 
 #: Classes of function values for the mean gradient.
@@ -238,8 +236,7 @@ def _distances_from_rectangle(sides: Floats, areas: Floats) -> Callable[[Floats]
         squares = (centred**2).sum(axis=2).mean(axis=1) + (rectangle**2).sum(axis=1).mean()
         products = cyclic_products(np.broadcast_to(rectangle, centred.shape), centred)
         weights = np.maximum(along, 0.0) ** 2
-        result: Floats = weights[:, None] * (squares[:, None] - 2.0 * products)
-        return result
+        return np.asarray(weights[:, None] * (squares[:, None] - 2.0 * products))
 
     return costs
 

@@ -26,7 +26,7 @@ def blend_motions(transforms: Floats, weights: Floats, points: Floats) -> Floats
     do not collapse towards the axis of far motions; for small motions both agree. The result is independent
     of the origin. Any two motions turn by less than 180 degrees against each other.
     """
-    real = quaternions(transforms[:, :3, :3])
+    real = Rotation.from_matrix(transforms[:, :3, :3].copy()).as_quat()
     # q and -q are the same rotation: the sign nearer to the first blends the short way.
     real[real @ real[0] < 0.0] *= -1.0
     shift = transforms[:, :3, 3]
@@ -57,26 +57,6 @@ def _blend(motions: Floats, weights: Floats, points: Floats, mean: Floats, moved
         moved[i, 0] = p + 2.0 * (y * t - z * v + w * a - e * x) / square
         moved[i, 1] = q + 2.0 * (z * u - x * t + w * b - e * y) / square
         moved[i, 2] = r + 2.0 * (x * v - y * u + w * c - e * z) / square
-
-
-def quaternions(turns: Floats) -> Floats:
-    """Return the quaternions (b, 4), the scalar last, of rotations (b, 3, 3).
-
-    Of the products of its components, 4 q_i q_j, the row of the largest component: Shepperd 1978, *Quaternion
-    from rotation matrix*, doi:10.2514/3.55767b.
-    """
-    products = np.empty((len(turns), 4, 4))
-    products[:, :3, :3] = turns + turns.swapaxes(1, 2)
-    trace = turns.trace(axis1=1, axis2=2)
-    for k in range(3):
-        i, j = (k + 1) % 3, (k + 2) % 3
-        products[:, k, k] += 1.0 - trace
-        products[:, k, 3] = products[:, 3, k] = turns[:, j, i] - turns[:, i, j]
-    products[:, 3, 3] = 1.0 + trace
-    largest = products.diagonal(axis1=1, axis2=2).argmax(axis=1)
-    rows = products[np.arange(len(turns)), largest]
-    result: Floats = rows / np.linalg.norm(rows, axis=1, keepdims=True)
-    return result
 
 
 def screw_between(start: Floats, end: Floats, fraction: float) -> Floats:
@@ -191,8 +171,7 @@ def origin_weights(offsets: Ints, a: float) -> Floats:
     counts = np.diff(offsets)
     number = np.arange(offsets[-1]) - np.repeat(offsets[:-1], counts)
     t = number / np.repeat(np.maximum(counts - 1, 1), counts)
-    weights: Floats = a * t**2 - (a + 1.0) * t + 1.0
-    return weights
+    return np.asarray(a * t**2 - (a + 1.0) * t + 1.0)
 
 
 def blend_fibres(points: Floats, offsets: Ints, origin: Floats, insertion: Floats, a: float) -> Floats:

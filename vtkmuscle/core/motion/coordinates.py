@@ -15,20 +15,14 @@ from vtkmuscle.core.types import Floats, Ints
 
 
 def twist_about(centre: ArrayLike, axis: ArrayLike) -> Floats:
-    """Return the twist (6,) of a turn by a radian.
-
-    The axis passes the centre; the turn is right-handed.
-    """
+    """Return the twist (6,) of a turn by a radian. The axis passes the centre; the turn is right-handed."""
     direction = np.asarray(axis, dtype=np.float64)
     direction = direction / np.linalg.norm(direction)
     return np.concatenate([np.cross(np.asarray(centre, dtype=np.float64), direction), direction])
 
 
 def carried_twists(twists: Floats, transform: Floats) -> Floats:
-    """Return twists (..., 6) after an isometry (4, 4).
-
-    Mirrors are allowed.
-    """
+    """Return twists (..., 6) after an isometry (4, 4). Mirrors are allowed."""
     linear, shift = transform[:3, :3], transform[:3, 3]
     angular = np.linalg.det(linear) * twists[..., 3:] @ linear.T
     return np.concatenate([twists[..., :3] @ linear.T + np.cross(shift, angular), angular], axis=-1)

@@ -16,12 +16,8 @@ from vtkmuscle.core.types import Floats
 
 
 def turns(axis: Floats, angles: Floats) -> Floats:
-    """Return right-handed turns (f, 3, 3) about a unit axis.
-
-    Angles (f,) [radians].
-    """
-    matrices: Floats = Rotation.from_rotvec(np.multiply.outer(angles, axis)).as_matrix()
-    return matrices
+    """Return right-handed turns (f, 3, 3) about a unit axis. Angles (f,) [radians]."""
+    return np.asarray(Rotation.from_rotvec(np.multiply.outer(angles, axis)).as_matrix())
 
 
 def inverses(transforms: Floats) -> Floats:
@@ -33,10 +29,7 @@ def inverses(transforms: Floats) -> Floats:
 
 
 def frame_at(centre: ArrayLike, angles: ArrayLike = (0.0, 0.0, 0.0)) -> Floats:
-    """Return a turned frame (4, 4) at a position.
-
-    Intrinsic rotations by angles (3,) [radians].
-    """
+    """Return a turned frame (4, 4) at a position. Intrinsic rotations by angles (3,) [radians]."""
     result = np.eye(4)
     result[:3, :3] = Rotation.from_euler("XYZ", angles).as_matrix()
     result[:3, 3] = centre
@@ -48,10 +41,7 @@ ORTHOGONALITY_TOLERANCE = 1e-5
 
 
 def is_rigid(transform: Floats) -> bool:
-    """Return True for a finite rotation and translation (4, 4).
-
-    No scale, shear or mirror.
-    """
+    """Return True for a finite rotation and translation (4, 4). No scale, shear or mirror."""
     transform = np.asarray(transform, dtype=np.float64)
     if transform.shape != (4, 4) or not np.isfinite(transform).all():
         return False
@@ -86,8 +76,7 @@ def transform_points(transform: Floats, points: Floats, moved: Floats) -> None:
 
 def inverse(transform: Floats) -> Floats:
     """Return the inverse of a rigid transform (4, 4)."""
-    inverted: Floats = inverses(transform[None])[0]
-    return inverted
+    return np.asarray(inverses(transform[None])[0])
 
 
 def rotation_about(centre: ArrayLike, axis: ArrayLike, angle: float) -> Floats:

@@ -187,7 +187,7 @@ class PBDSolver:
         directions = muscle.directions(topology)
         if directions is None and parameters.anisotropy == "always":
             directions = harmonic_directions(points, topology, fixed_to)
-        self.shape = shape = RestShape(points, topology, directions)
+        self.shape = shape = RestShape(points, topology)
         self.centre: Floats = (points.min(axis=0) + points.max(axis=0)) / 2.0
         self.rest: Floats = points - self.centre
         self._free = free = fixed_to < 0

@@ -8,13 +8,10 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
 from vtkmuscle.core.bones.bone import Bone
 from vtkmuscle.core.fixed_muscle import FixedMuscle, Lines
 from vtkmuscle.core.mesh.harmonic import harmonic_weights
 from vtkmuscle.core.mesh.neighbours import Neighbour
-from vtkmuscle.core.mesh.polylines import fibre_directions_at
 from vtkmuscle.core.mesh.rest_shape import RestShape
 from vtkmuscle.core.mesh.surface import mean_thickness
 from vtkmuscle.core.motion.blending import blend_motions
@@ -55,7 +52,7 @@ class CarriedMuscle:
     Parameters
     ----------
     muscle : FixedMuscle
-        The muscle at rest; the fibres give the directions of the shape report.
+        The muscle at rest.
     paths : (f, n, 3) array or None
         The muscle's paths at rest [mm].
     bones : mapping of int to Bone
@@ -75,17 +72,12 @@ class CarriedMuscle:
         points, fixed_to, topology = muscle.points, muscle.fixed_to, muscle.topology()
         self._points = points
         self._skinning = self._weights = None
-        directions = muscle.directions(topology)
         if paths is not None:
             ends, thickness = bones_at_ends(paths, points, fixed_to), mean_thickness(points, muscle.triangles)
             self._skinning = Skinning(paths, ends, points, fixed_to, thickness)
-            if directions is None:
-                offsets = paths.shape[1] * np.arange(len(paths) + 1)
-                middles = points[topology.edges].mean(axis=1)
-                directions = fibre_directions_at(middles, paths.reshape(-1, 3), offsets)
         elif (fixed_to >= 0).any():
             self._weights = harmonic_weights(points, muscle.triangles, fixed_to)
-        self.shape = RestShape(points, topology, directions)
+        self.shape = RestShape(points, topology)
         self._settling = Settling(self.shape, fixed_to, bones, clearance)
 
     def pose(

@@ -152,10 +152,7 @@ def fit_box(
 
 @dataclass(frozen=True, eq=False)
 class SuperficialFibres:
-    """Short pieces of superficial fibres.
-
-    Middles (m, 3) [mm], unit directions (m, 3), lengths (m,) [mm].
-    """
+    """Short pieces of superficial fibres. Middles (m, 3) [mm], unit directions (m, 3), lengths (m,) [mm]."""
 
     middles: Floats
     directions: Floats

@@ -55,7 +55,6 @@ from numpy.typing import ArrayLike
 from vtkmuscle.core.errors import MOST_TEXT, InputError, check_is_file, fault_of
 from vtkmuscle.core.mesh.sampling import sobol
 from vtkmuscle.core.types import Floats
-from vtkmuscle.core.words import quoted
 
 #: Degrees of the Bezier curves.
 DEGREES = (2, 3, 4)
@@ -91,8 +90,7 @@ class FibreTemplate:
         part = np.minimum(along.astype(np.int64), n_parts - 1)
         u, v = along - part, np.asarray(s, dtype=np.float64)
         weights = np.stack([(1 - u) * (1 - v), u * (1 - v), u * v, (1 - u) * v], axis=-1)
-        polygons: Floats = np.einsum("nc,nkcd->nkd", weights, np.array(self.parts)[part])
-        return polygons
+        return np.asarray(np.einsum("nc,nkcd->nkd", weights, np.array(self.parts)[part]))
 
     def fibres(self, r: ArrayLike, s: ArrayLike, t: ArrayLike) -> Floats:
         """Return points (n, m, 3) of fibres. They run from origin to insertion.
@@ -100,8 +98,7 @@ class FibreTemplate:
         Parameters r, s (n,) of the fibres and t (m,) of the points in [0, 1]; points are in the unit cube.
         """
         # Rounding must not lift a point out of the cube.
-        points: Floats = np.clip(bezier(self.control_polygons(r, s), t), 0.0, 1.0)
-        return points
+        return np.asarray(np.clip(bezier(self.control_polygons(r, s), t), 0.0, 1.0))
 
 
 def bezier(polygons: Floats, t: ArrayLike) -> Floats:
@@ -113,8 +110,7 @@ def bezier(polygons: Floats, t: ArrayLike) -> Floats:
     degree = polygons.shape[1] - 1
     parameters = np.asarray(t, dtype=np.float64)
     basis = [comb(degree, k) * (1 - parameters) ** (degree - k) * parameters**k for k in range(degree + 1)]
-    points: Floats = np.einsum("km,nkd->nmd", np.array(basis), polygons)
-    return points
+    return np.asarray(np.einsum("km,nkd->nmd", np.array(basis), polygons))
 
 
 def sobol_points(n: int) -> Floats:
@@ -125,8 +121,7 @@ def sobol_points(n: int) -> Floats:
     would lie in the muscle's surface.
     """
     exponent = max(n - 1, 0).bit_length()
-    points: Floats = sobol(n, 2) + 0.5 / 2**exponent
-    return points
+    return np.asarray(sobol(n, 2) + 0.5 / 2**exponent)
 
 
 def _level(z: float, *, x: Range = (0.0, 1.0), y: Range = (0.0, 1.0)) -> Floats:
@@ -193,52 +188,38 @@ def template_from(content: Any, where: str | Path) -> FibreTemplate:
     The content is a mapping with ``sheets``, or with ``parts``, a list of mappings with ``sheets``. A
     ValueError names the wrong key.
     """
-    if not isinstance(content, Mapping) or set(content) not in ({"sheets"}, {"parts"}):
-        keys = ", ".join(map(repr, content)) if isinstance(content, Mapping) else "no table"
-        raise InputError(where, f"{keys or 'no key'}, but must be either the key 'sheets' or the key 'parts'")
-    if "sheets" in content:
-        return FibreTemplate((_sheets(content["sheets"], where, "sheets"),))
-    tables = content["parts"]
-    if not isinstance(tables, list) or not tables:
-        raise InputError(where, "parts must be a list of at least one table with the key 'sheets'")
-    parts = []
-    for number, table in enumerate(tables):
+    parts = content.get("parts", [content]) if isinstance(content, Mapping) else None
+    if not isinstance(parts, list) or not parts:
+        raise InputError(where, "there must be the key 'sheets', or the key 'parts' with a list of tables")
+    template = []
+    for number, table in enumerate(parts):
+        key = f"parts[{number}]" if "parts" in content else "the template"
         if not isinstance(table, Mapping) or set(table) != {"sheets"}:
-            raise InputError(where, f"parts[{number}] must be a table with the key 'sheets', and no other")
-        parts.append(_sheets(table["sheets"], where, f"parts[{number}].sheets"))
-        if len(parts[-1]) != len(parts[0]):
-            problem = f"parts[{number}] has {len(parts[-1])} sheets and parts[0] {len(parts[0])}"
+            raise InputError(where, f"{key} must be a table with the key 'sheets', and no other")
+        template.append(_sheets(table["sheets"], where, key))
+        if len(template[-1]) != len(template[0]):
+            problem = f"parts[{number}] has {len(template[-1])} sheets and parts[0] {len(template[0])}"
             raise InputError(where, problem, "all parts must have the same number")
-    return FibreTemplate(tuple(parts))
+    return FibreTemplate(tuple(template))
 
 
 def _sheets(value: Any, where: str | Path, key: str) -> Floats:
     """Return control sheets (degree + 1, 4, 3)."""
     least, most = DEGREES[0] + 1, DEGREES[-1] + 1
-    if not isinstance(value, list) or not least <= len(value) <= most:
-        content = f"{len(value)} sheets" if isinstance(value, list) else quoted(value)
-        problem = (
-            f"{key}: {content}, but must be a list of {least} to {most} sheets, for Bezier curves of degree"
-        )
-        raise InputError(where, f"{problem} {DEGREES[0]} to {DEGREES[-1]}")
-    for i, sheet in enumerate(value):
-        if not isinstance(sheet, list) or len(sheet) != 4:
-            problem = f"{key}[{i}] must be a list of 4 corners, at (r, s) = (0, 0), (1, 0), (1, 1), (0, 1)"
-            raise InputError(where, problem)
-        for j, corner in enumerate(sheet):
-            if not isinstance(corner, list) or len(corner) != 3 or not all(map(_is_part, corner)):
-                problem = f"{key}[{i}][{j}] is {quoted(corner)}, but must be three numbers from 0 to 1"
-                raise InputError(where, f"{problem}, a point of the unit cube")
-    sheets = np.array(value, dtype=np.float64)
+    try:
+        sheets = np.array(value, dtype=np.float64)
+    except (TypeError, ValueError):  # no numbers, or lists of different lengths
+        sheets = np.empty(0)
+    if sheets.ndim != 3 or sheets.shape[1:] != (4, 3) or not least <= len(sheets) <= most:
+        problem = f"{key}: sheets must be a list of {least} to {most} sheets, for Bezier curves of degree"
+        problem += f" {DEGREES[0]} to {DEGREES[-1]}, each of 4 corners with three numbers"
+        raise InputError(where, problem, "the corners are at (r, s) = (0, 0), (1, 0), (1, 1), (0, 1)")
+    if not ((sheets >= 0.0) & (sheets <= 1.0)).all():
+        raise InputError(where, f"{key}: corners must be points of the unit cube, from 0 to 1")
     for i, name in ((0, "origin"), (-1, "insertion")):
         first, second = sheets[i, 2] - sheets[i, 0], sheets[i, 3] - sheets[i, 1]
         if not np.linalg.norm(np.cross(first, second)) > 0.0:
-            problem = f"{key}[{i % len(sheets)}] is the {name} area, but its corners enclose none"
-            raise InputError(where, problem)
+            raise InputError(where, f"{key}: the corners of the {name} area enclose no area")
     if np.array_equal(sheets[0], sheets[-1]):
         raise InputError(where, f"{key}: the origin area and the insertion area are the same")
     return sheets
-
-
-def _is_part(value: Any) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and 0 <= value <= 1

@@ -12,9 +12,6 @@ from vtkmuscle.core.mesh.rest_shape import ShapeReport
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import field_array
 
-#: Percentiles of the ratios of edges along and across the fibres.
-_SPREAD = ("P5", "P50", "P95")
-
 #: Lengths among the field arrays, and their keys in a row of figures [mm].
 LENGTHS = {
     "PenetrationMax": "penetration_max_mm",
@@ -26,8 +23,6 @@ FIGURES = {
     "VolumeRatio": "volume_ratio",
     "EdgeStretchP95": "edge_stretch_p95",
     "EdgeStretchMax": "edge_stretch_max",
-    **{f"AlongFibres{part}": f"along_fibres_{part.lower()}" for part in _SPREAD},
-    **{f"AcrossFibres{part}": f"across_fibres_{part.lower()}" for part in _SPREAD},
     "DihedralErrorP95": "dihedral_error_p95_deg",
     "DegenerateEdges": "degenerate_edges",
     "CollidingPoints": "colliding_points",
@@ -37,17 +32,13 @@ FIGURES = {
 
 def shape_fields(shape: ShapeReport) -> dict[str, float]:
     """Return the field arrays of a shape report."""
-    fields: dict[str, float] = {
+    return {
         "VolumeRatio": shape.volume_ratio,
         "EdgeStretchP95": shape.edge_stretch_p95,
         "EdgeStretchMax": shape.edge_stretch_max,
         "DihedralErrorP95": shape.dihedral_error_p95,
         "DegenerateEdges": shape.degenerate_edges,
     }
-    for name, spread in (("Along", shape.along), ("Across", shape.across)):
-        if spread is not None:
-            fields.update({f"{name}Fibres{part}": value for part, value in zip(_SPREAD, spread, strict=True)})
-    return fields
 
 
 def penetration_fields(depths: Floats) -> dict[str, float]:
@@ -89,9 +80,6 @@ _COLUMNS = (
     ("V/V0", "volume_ratio", ".4f", 7),
     ("l/l0 p95", "edge_stretch_p95", ".2f", 8),
     ("max", "edge_stretch_max", ".2f", 6),
-    ("along", "along_fibres_p50", ".2f", 5),
-    ("across p5", "across_fibres_p5", ".2f", 9),
-    ("p95", "across_fibres_p95", ".2f", 5),
     ("angle p95", "dihedral_error_p95_deg", ".1f", 9),
     ("degen.", "degenerate_edges", "d", 6),
     ("hits", "colliding_points", "d", 6),
