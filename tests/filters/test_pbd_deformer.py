@@ -531,21 +531,10 @@ def test_a_free_body_falls_in_the_published_model_if_there_is_a_force():
 
 
 @pytest.mark.parametrize(
-    "settings",
-    [{}, {"quality": "published", "iterations": 3}, {"anisotropy": "off"}],
-    ids=["default", "published", "isotropic"],
+    "settings", [{}, {"quality": "published", "iterations": 3}], ids=["default", "published"]
 )
-def test_edges_along_and_across_the_fibres_are_in_the_report(settings):
-    deformer = deformer_of(measure_penetration=True, **settings)
-    out = deformer.update(5.0).output
-    row = read_shape(out)
-    for way in ("along", "across"):
-        spread = [row.get(f"{way}_fibres_{part}") for part in ("p5", "p50", "p95")]
-        if not settings:  # without fibres they are those of the harmonic function, where edges follow it
-            assert spread == sorted(spread)
-            assert 0.2 < spread[0] < spread[2] < 4.0
-        else:
-            assert spread == [None] * 3
+def test_shape_and_penetration_are_reported(settings):
+    row = read_shape(deformer_of(measure_penetration=True, **settings).update(5.0).output)
     assert set(row) >= {"volume_ratio", "dihedral_error_p95_deg", "penetration_max_mm"}
     assert np.isfinite(list(row.values())).all()
 
