@@ -170,3 +170,18 @@ def test_a_coordinate_of_the_name_of_another_column_is_refused(name, tmp_path):
     motion = replace(hinge("b", (0, 0, 0), (1, 0, 0), [0, 10]), coordinates={name: Coordinate([5.0, 6.0])})
     with pytest.raises(ValueError, match="rename it"):
         write_motion_table(tmp_path / "m.csv", motion, "b")
+
+
+def test_a_table_of_several_bones_is_read_as_written(tmp_path):
+    femur, tibia = (hinge(name, (0, 0, 0), (1, 0, 0), [0, 10, 20]) for name in ("femur", "tibia"))
+    moved = {**femur.transforms, "tibia": tibia.transforms["tibia"][[0, 0, 2]]}
+    both = RigidMotion(femur.times, moved, None, femur.coordinates)
+    path = tmp_path / "bones.csv"
+    write_motion_table(path, both)
+    again = read_motion_table(path, time="time")
+    assert list(again.transforms) == ["femur", "tibia"]
+    for name, transforms in both.transforms.items():
+        np.testing.assert_array_equal(again.transforms[name], transforms)
+    path.write_text(path.read_text().replace("tibia,20.0", "tibia,21.0"))
+    with pytest.raises(ValueError, match="the times of the bones 'femur' and 'tibia' differ"):
+        read_motion_table(path, time="time")

@@ -20,7 +20,7 @@ def pipeline_of_proxies(folder):
         pv.XMLPolyDataReader(FileName=[str(folder / "muscle.vtp")]),
         pv.XMLMultiBlockDataReader(FileName=[str(folder / "bones.vtm")]),
         pv.XMLMultiBlockDataReader(FileName=[str(folder / "attachments.vtm")]),
-        str(folder / "scene/scene.toml"),
+        str(folder / "motion.csv"),
     )
 
 

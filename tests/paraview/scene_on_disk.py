@@ -4,7 +4,7 @@ from vtkmodules.vtkIOXML import vtkXMLMultiBlockDataReader, vtkXMLMultiBlockData
 
 from vtkmuscle import Scene, filters
 from vtkmuscle.data.arrays import points_of
-from vtkmuscle.io import read_polydata, write_polydata
+from vtkmuscle.io import read_polydata, write_motion_table, write_polydata
 from vtkmuscle.scene.reading import read_motion
 
 #: Pipeline times that are asked for [degrees]; the last lies between two steps of the motion.
@@ -13,7 +13,7 @@ N_FIBRES, RADIUS = 20, 0.8
 
 
 def write(folder, phantom):
-    """Write the phantom's only muscle as .vtp, its bones and attachments as .vtm, its motion as a scene."""
+    """Write the phantom's only muscle as .vtp, bones and attachments as .vtm, the motion as scene and table."""
     ((name, muscle),) = phantom.muscles.items()
     write_polydata(folder / "muscle.vtp", muscle)
     for file, blocks in (("bones", phantom.bones), ("attachments", phantom.attachments[name])):
@@ -22,6 +22,7 @@ def write(folder, phantom):
         writer.SetInputData(blocks)
         assert writer.Write() == 1
     Scene.from_phantom(phantom).save(folder / "scene")
+    write_motion_table(folder / "motion.csv", phantom.motion)
 
 
 def blocks(path):

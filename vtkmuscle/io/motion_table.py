@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from os import PathLike
 from pathlib import Path
 
@@ -32,13 +32,13 @@ _COUNTS = ("frame", "frames", "row", "rows", "step", "steps", "index", "number",
 
 def read_motion_table(
     path: str | PathLike[str],
-    bone: str,
+    bone: str | None = None,
     *,
     time: str | None = None,
     centre: ArrayLike | None = None,
     coordinates: Sequence[str] | Mapping[str, Mapping[str, str]] | None = None,
 ) -> RigidMotion:
-    """Read a bone's motion from a CSV table.
+    """Read the motion of a bone, or of several, from a CSV table.
 
     Parameters
     ----------
@@ -46,8 +46,9 @@ def read_motion_table(
         A CSV file with a header line. Columns ``T00`` to ``T23`` (optionally ``T30`` to ``T33``, 0 0 0 1)
         are the transform from rest to the pose, row major. Further columns, empty lines and comments (#)
         are ignored.
-    bone : str
-        Name of the bone.
+    bone : str, optional
+        Name of the bone; by default the table has a column ``bone``, and the rows of each bone have the same
+        times.
     time : str, optional
         Column of pipeline times; by default rows are numbered from 0.
     centre : (3,) array_like, optional
@@ -60,13 +61,13 @@ def read_motion_table(
     Returns
     -------
     RigidMotion
-        Motion of the bone, with its coordinates.
+        Motion of the bone or bones, with coordinates.
 
     Raises
     ------
     FileNotFoundError, ValueError
-        If the file does not exist, a column is missing, a number is not finite, times do not ascend or a
-        transform is not rigid; the message names the file and the line.
+        If the file does not exist, a column is missing, a number is not finite, times do not ascend or differ
+        from bone to bone, or a transform is not rigid; the message names the file and the line.
 
     Examples
     --------
@@ -80,7 +81,7 @@ def read_motion_table(
     [0.0, 10.0, 20.0]
     """
     path = Path(path)
-    needed = [name for name in TRANSFORM_COLUMNS if name not in _LAST_ROW]
+    needed = [name for name in TRANSFORM_COLUMNS if name not in _LAST_ROW] + ["bone"] * (bone is None)
     rows = table_rows(path, needed=needed, most=MOST_FRAMES, remedy=_FORM)
     header = list(rows[0][1])
     if time is not None and time not in header:
@@ -89,8 +90,34 @@ def read_motion_table(
     for name in kinds:
         if name not in header or name in TRANSFORM_COLUMNS:
             raise InputError(path, f"there is no column {name!r} for a coordinate", _further(header))
-    times, transforms = [], []
-    values: dict[str, list[float]] = {name: [] for name in kinds}
+    by_bone: dict[str, list[tuple[int, dict[str, str]]]] = {}
+    for line, cells in rows:
+        by_bone.setdefault(cells["bone"] if bone is None else bone, []).append((line, cells))
+    times, values, transforms = np.empty(0), dict[str, list[float]](), {}
+    for name, lines in by_bone.items():
+        moments, transforms[name], numbers = _poses(path, lines, time, kinds)
+        if transforms.keys() == {name}:  # the first
+            times, values = moments, numbers
+        elif not np.array_equal(times, moments):
+            problem = f"the times of the bones {next(iter(by_bone))!r} and {name!r} differ"
+            raise InputError(path, problem, "give each bone a row per time")
+    changing = {
+        name: coordinate
+        for name, kind in kinds.items()
+        if coordinates is not None or not _counts_rows(values[name])
+        if (coordinate := Coordinate(np.array(values[name]), kind["unit"], kind["positive"])).changes
+    }
+    position = None if centre is None else np.asarray(centre, dtype=np.float64)
+    return RigidMotion(times, transforms, position, changing)
+
+
+def _poses(
+    path: Path, rows: Sequence[tuple[int, Mapping[str, str]]], time: str | None, columns: Iterable[str]
+) -> tuple[Floats, Floats, dict[str, list[float]]]:
+    """Return times (t,), transforms (t, 4, 4), and the values of further columns, of a bone's rows."""
+    times: list[float] = []
+    transforms: list[Floats] = []
+    values: dict[str, list[float]] = {name: [] for name in columns}
     for row, (line, cells) in enumerate(rows):
 
         def number(name: str) -> float:
@@ -106,16 +133,9 @@ def read_motion_table(
         if not is_rigid(transform):
             raise InputError(path, f"{where}: the transform is not rigid: {_why_not_rigid(transform)}")
         transforms.append(transform)
-        for name in kinds:
-            values[name].append(number(name))
-    changing = {
-        name: coordinate
-        for name, kind in kinds.items()
-        if coordinates is not None or not _counts_rows(values[name])
-        if (coordinate := Coordinate(np.array(values[name]), kind["unit"], kind["positive"])).changes
-    }
-    position = None if centre is None else np.asarray(centre, dtype=np.float64)
-    return RigidMotion(np.array(times), {bone: np.array(transforms)}, position, changing)
+        for name, column in values.items():
+            column.append(number(name))
+    return np.array(times), np.array(transforms), values
 
 
 def motion_columns(path: str | PathLike[str]) -> list[str]:
@@ -124,8 +144,8 @@ def motion_columns(path: str | PathLike[str]) -> list[str]:
     return [name for name in rows[0][1] if name not in TRANSFORM_COLUMNS]
 
 
-def write_motion_table(path: str | PathLike[str], motion: RigidMotion, bone: str) -> None:
-    """Write a bone's motion for :func:`read_motion_table`, with all digits.
+def write_motion_table(path: str | PathLike[str], motion: RigidMotion, bone: str | None = None) -> None:
+    """Write the motion of a bone, or of all, for :func:`read_motion_table`, with all digits.
 
     Raises
     ------
@@ -136,11 +156,14 @@ def write_motion_table(path: str | PathLike[str], motion: RigidMotion, bone: str
     if "time" in columns and np.array_equal(columns["time"], motion.times):
         del columns["time"]
     for name in columns:
-        if name in ("time", *TRANSFORM_COLUMNS) or set(name) & set(',"\r\n') or name != name.strip():
+        if name in ("time", "bone", *TRANSFORM_COLUMNS) or set(name) & set(',"\r\n') or name != name.strip():
             raise InputError(Path(path), f"a coordinate cannot be a column {name!r}", "rename it")
-    transforms = motion.transforms[bone].reshape(-1, 16)
-    table = np.column_stack([motion.times, transforms, *columns.values()])
-    write_rows(Path(path), [("time", *TRANSFORM_COLUMNS, *columns), *table.tolist()])
+    header, rows = ("time", *TRANSFORM_COLUMNS, *columns), list[list[object]]()
+    for name, transforms in motion.transforms.items():
+        if bone in (None, name):
+            numbers = np.column_stack([motion.times, transforms.reshape(-1, 16), *columns.values()]).tolist()
+            rows += [[name, *row] for row in numbers] if bone is None else numbers
+    write_rows(Path(path), [("bone", *header) if bone is None else header, *rows])
 
 
 def _kinds(

@@ -15,6 +15,7 @@ from vtkmuscle.filters.base.docstrings import described, split_docstring
 from vtkmuscle.filters.base.filter import Filter
 from vtkmuscle.filters.base.parameters import Parameter
 from vtkmuscle.filters.base.ports import InputPort
+from vtkmuscle.io.motion_table import motion_columns, read_motion_table
 from vtkmuscle.scene.reading import read_motion
 from vtkmuscle.scenes import Scene
 
@@ -30,9 +31,16 @@ class _File(NamedTuple):
     description: str
 
 
+def motion_of_file(path: Path) -> RigidMotion:
+    """Read the motion of a scene, or of a CSV table with the columns ``bone``, ``T00`` ... and ``time``."""
+    if path.suffix.lower() != ".csv":
+        return read_motion(path)
+    return read_motion_table(path, time="time" if "time" in motion_columns(path) else None)
+
+
 #: Kinds of parameters given by a file.
 FILES: dict[type, _File] = {
-    RigidMotion: _File(read_motion, "toml", "the motion of a scene.toml"),
+    RigidMotion: _File(motion_of_file, "toml csv", "the motion of a scene.toml, or a table of transforms"),
     Scene: _File(Scene.load, "toml", "a scene.toml"),
 }
 
