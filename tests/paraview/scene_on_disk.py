@@ -13,7 +13,7 @@ N_FIBRES, RADIUS = 20, 0.8
 
 
 def write(folder, phantom):
-    """Write the phantom's only muscle as .vtp, bones and attachments as .vtm, the motion as scene and table."""
+    """Write a phantom's muscle as .vtp, bones and attachments as .vtm, the motion as scene and table."""
     ((name, muscle),) = phantom.muscles.items()
     write_polydata(folder / "muscle.vtp", muscle)
     for file, blocks in (("bones", phantom.bones), ("attachments", phantom.attachments[name])):
