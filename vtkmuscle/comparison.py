@@ -1,12 +1,8 @@
-"""Comparison of runs, muscle by muscle.
-
-Runs differ in settings, sides or subjects; published moment arms and OpenSim's own paths are compared too.
-"""
+"""Comparison of runs of other settings, sides or subjects, and of published moment arms."""
 
 from __future__ import annotations
 
 import math
-import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from os import PathLike
@@ -19,8 +15,6 @@ from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.motion.coordinates import ANGLES
 from vtkmuscle.core.types import Floats
 from vtkmuscle.io.literature import LiteratureCurve, curves_for, read_literature, side_apart
-from vtkmuscle.opensim.model import OsimModel, read_osim
-from vtkmuscle.opensim.muscle_paths import moment_arm
 from vtkmuscle.run.result import Result
 from vtkmuscle.run.table import Table
 
@@ -33,8 +27,6 @@ COLUMNS = (
     *("muscle", "quantity", "unit", "run", "verdict", "mean"),
     *("difference", "difference_rms", "difference_largest", "at"),
 )
-#: Millimetres in OpenSim's unit of length.
-_MILLIMETRES = 1000.0
 _LENGTH = "length, bone to bone"
 #: Size of a panel of the figure [inches].
 _WIDTH, _HEIGHT = 4.8, 3.2
@@ -84,17 +76,11 @@ class Comparison:
         return f"Comparison of {', '.join(self.names)}: {', '.join(self.curves)}"
 
     def table(self) -> Table:
-        """Return means and differences to the first run.
-
-        A row per muscle, quantity and run.
-        """
+        """Return means and differences to the first run. A row per muscle, quantity and run."""
         return Table(COLUMNS, self._rows())
 
     def figure(self) -> Figure:
-        """Return a figure of all curves.
-
-        A row of panels per muscle, a panel per quantity.
-        """
+        """Return a figure of all curves. A row of panels per muscle, a panel per quantity."""
         from vtkmuscle.plotting.figures import draw_literature  # noqa: PLC0415 -- a table needs no figure
         from vtkmuscle.plotting.sheets import blank_figure  # noqa: PLC0415
 
@@ -156,7 +142,6 @@ def compare(
     results: Mapping[str, Result] | Sequence[Result | str | PathLike[str]],
     *,
     literature: str | PathLike[str] | None = None,
-    opensim: str | PathLike[str] | None = None,
 ) -> Comparison:
     """Compare runs and published values.
 
@@ -169,8 +154,6 @@ def compare(
         Runs by a name, or runs and folders of results, named by default. The first run is the reference.
     literature : path, optional
         Published moment arms as of :func:`vtkmuscle.io.read_literature`; by default the arms of the runs.
-    opensim : path, optional
-        An .osim; muscles of equal names form a further run, in the poses of the first run.
 
     Returns
     -------
@@ -181,11 +164,6 @@ def compare(
     ------
     ValueError
         If no muscle is in two of the runs, or a file cannot be read.
-
-    Warns
-    -----
-    UserWarning
-        For muscles of the model with paths around surfaces; such paths are not computed.
 
     Examples
     --------
@@ -206,8 +184,6 @@ def compare(
             compared.add(name, muscle, curves_of(result, muscle), result.verdicts[muscle])
             curves = result.literature.get(muscle, ()) if published is None else published
             compared.literature.setdefault(side_apart(muscle), curves_for(curves, muscle=muscle))
-    if opensim is not None:
-        _add_model(compared, Path(opensim), next(iter(named.values())))
     shared = any(len(runs) > 1 for curves in compared.curves.values() for runs in curves.values())
     if not shared and not any(compared.literature.values()):
         listed = "; ".join(f"{name}: {', '.join(result.muscle_names)}" for name, result in named.items())
@@ -227,18 +203,6 @@ def _named(results: Sequence[Result | str | PathLike[str]]) -> dict[str, Result]
     return named
 
 
-def _add_model(compared: Comparison, path: Path, result: Result) -> None:
-    model, left_out = read_osim(path), []
-    for muscle in model.muscles:
-        if side_apart(muscle) in compared.curves:
-            try:
-                compared.add(path.name, muscle, curves_of_model(model, muscle, result))
-            except InputError as error:
-                left_out.append(f"{muscle}: {error}")
-    if left_out:
-        warnings.warn(f"{path.name} is not compared for {'; '.join(left_out)}", stacklevel=3)
-
-
 def curves_of(result: Result, muscle: str) -> list[Curve]:
     """Return the curves of a muscle of a run.
 
@@ -252,34 +216,6 @@ def curves_of(result: Result, muscle: str) -> list[Curve]:
     arms = result.moment_arms() if result.has_moment_arms else {}
     for name, joint in arms[muscle].items() if muscle in arms else ():
         curves.append(_curve(_arm_labels(name, joint.unit), joint.values, joint.arms))
-    return curves
-
-
-def curves_of_model(model: OsimModel, muscle: str, result: Result) -> list[Curve]:
-    """Return the curves of a muscle of an OpenSim model.
-
-    Path lengths and moment arms, in the poses of a run with coordinates of the model. A path around surfaces
-    is not computed and raises a ValueError.
-    """
-    path, tree = model.muscle(muscle).path, model.tree
-    frames, coordinates = list(result.frames), result.motion.coordinates
-    values = {
-        name: np.asarray(coordinate.values)[frames] * (ANGLES.get(coordinate.unit) or 1.0 / _MILLIMETRES)
-        for name, coordinate in coordinates.items()
-        if name in tree.free
-    }
-    if not values:
-        raise InputError("", f"the model has none of the run's coordinates {', '.join(coordinates)}")
-    lengths = _MILLIMETRES * path.lengths(tree, values)[:, None]
-    times = np.asarray(result.times, dtype=np.float64)
-    curves = [_curve((_LENGTH, _without_side(result.time_label), "mm"), times, lengths)]
-    for name in values:
-        coordinate = coordinates[name]
-        if coordinate.changes and coordinate.unit in ANGLES:
-            arms = _MILLIMETRES * moment_arm(path, tree, values, name)[:, None]
-            curves.append(
-                _curve(_arm_labels(name, coordinate.unit), np.asarray(coordinate.values)[frames], arms)
-            )
     return curves
 
 
@@ -317,9 +253,6 @@ def _figures(apart: Curve) -> tuple[float, ...]:
 
 
 def _without_side(label: str) -> str:
-    """Return the label of an axis without a side.
-
-    ``hip flexion [deg]`` of ``hip flexion r [deg]``.
-    """
+    """Return the label of an axis without a side. ``hip flexion [deg]`` of ``hip flexion r [deg]``."""
     name, bracket, unit = label.partition(" [")
     return side_apart(name.replace(" ", "_")).replace("_", " ") + bracket + unit

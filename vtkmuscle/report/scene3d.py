@@ -1,9 +1,11 @@
-"""The scene of a page as packed arrays."""
+"""Content of a run's page, and its scene as packed arrays."""
 
 from __future__ import annotations
 
 import base64
 import gzip
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -11,12 +13,83 @@ from scipy.spatial import cKDTree
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 from vtkmodules.vtkFiltersCore import vtkQuadricDecimation
 
+from vtkmuscle.core.moment_arms.of_joints import JointArms
+from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.core.types import Floats, Ints
 from vtkmuscle.data.arrays import points_of, polylines_of, triangles_of
+from vtkmuscle.data.drawn_bones import DrawnBones
+from vtkmuscle.io.literature import LiteratureCurve
 from vtkmuscle.plotting.colours import PALETTE
 from vtkmuscle.plotting.views import clearest_view, merged
-from vtkmuscle.report.contents import MuscleContent, RunContent
 from vtkmuscle.scene.data import MILLIMETRES
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class MuscleContent:
+    """A muscle on a page.
+
+    Attributes
+    ----------
+    rest : vtkPolyData
+        Surface at rest.
+    surfaces, fibres : sequence of vtkPolyData
+        Surface and fibres in each finished frame; possibly empty.
+    lengths, fibre_lengths : (f, k) array or None
+        Lengths of paths and of fibres in each finished frame [mm].
+    arms : mapping of str to JointArms
+        By coordinate.
+    literature : sequence of LiteratureCurve
+        Published moment arms.
+    """
+
+    rest: vtkPolyData
+    surfaces: Sequence[vtkPolyData] = ()
+    fibres: Sequence[vtkPolyData] = ()
+    lengths: Floats | None = None
+    fibre_lengths: Floats | None = None
+    arms: Mapping[str, JointArms]
+    literature: Sequence[LiteratureCurve] = ()
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class RunContent:
+    """A run on a page.
+
+    Attributes
+    ----------
+    report : mapping
+        Report of the run.
+    motion : RigidMotion
+        Motion of the bones.
+    bones : DrawnBones
+        Bones at rest.
+    frames, times : sequence of int, sequence of float
+        Numbers and pipeline times of the kept frames.
+    time_label : str
+        Label of the times, with the unit in brackets.
+    muscles : mapping of str to MuscleContent
+        In the order of the scene.
+    limits : mapping of str to (float, float)
+        By check: the limits of the verdicts ``"look"`` and ``"failed"``.
+    """
+
+    report: Mapping[str, Any]
+    motion: RigidMotion
+    bones: DrawnBones
+    frames: Sequence[int]
+    times: Sequence[float]
+    time_label: str
+    muscles: Mapping[str, MuscleContent]
+    limits: Mapping[str, tuple[float, float]]
+
+    def finished(self, name: str) -> int:
+        """Return the number of finished frames of a muscle."""
+        return len(self.report["muscles"][name]["frames"])
+
+    def verdict(self, name: str) -> str:
+        """Return the verdict on a muscle: ``"ok"``, ``"look"`` or ``"failed"``."""
+        return str(self.report["muscles"][name]["verdict"]["verdict"])
+
 
 #: Steps along the longest side of moving points: 0.03 mm for 0.5 m.
 STEPS = 20_000
@@ -46,10 +119,7 @@ class Pack:
         self._size = 0
 
     def add(self, values: Any, kind: str) -> dict[str, Any]:
-        """Append an array of a known type; return its position.
-
-        Types are in :data:`TYPES`.
-        """
+        """Append an array of a known type; return its position. Types are in :data:`TYPES`."""
         array = np.ascontiguousarray(np.asarray(values), dtype=TYPES[kind])
         at, padding = self._size, -array.nbytes % 4
         self._parts += [array.tobytes(), bytes(padding)]
@@ -87,10 +157,7 @@ class Pack:
 
 
 def packed(data: bytes) -> str:
-    """Return bytes compressed by gzip, in base64.
-
-    Higher levels save 1 to 4 % and take twice the time.
-    """
+    """Return bytes compressed by gzip, in base64. Higher levels save 1 to 4 % and take twice the time."""
     return base64.b64encode(gzip.compress(data, 4, mtime=0)).decode("ascii")
 
 

@@ -24,7 +24,7 @@ from vtkmuscle.core.motion.rigid import apply_transform
 from vtkmuscle.core.types import Floats, Ints
 from vtkmuscle.data.arrays import checked_surface, point_array, points_of, triangles_of
 from vtkmuscle.filters.deformer.neighbours import outward_tree
-from vtkmuscle.run.limits import BEYOND, LONGEST, SHORTEST
+from vtkmuscle.run.verdict import BEYOND, LONGEST, SHORTEST
 
 #: An edge is folded back where its triangles are within 30 degrees of lying on each other; it counts where it
 #: was at least 60 degrees off that at rest [degrees between their normals].
@@ -179,9 +179,6 @@ class MuscleMeasure:
 
     def _largest(self, depths: Floats) -> tuple[float, float]:
         """Return the largest and 95th percentile depth [mm]."""
-        deep = depths[depths > 0.0]
-        if 20 * len(deep) < len(depths):  # fewer than one in twenty: the percentile is between zeros
-            return float(deep.max(initial=0.0)) * self._millimetres, 0.0
         millimetres = depths * self._millimetres
         return float(millimetres.max()), float(np.percentile(millimetres, 95))
 

@@ -151,10 +151,7 @@ def _pennations(
 
 
 def architecture_table(muscles: Mapping[str, Mapping[str, Any]]) -> Table:
-    """Return the architecture table of a report.
-
-    A row per muscle with fibres.
-    """
+    """Return the architecture table of a report. A row per muscle with fibres."""
     columns = ["muscle", "tendon_from", *(f"{quantity}_{unit}" for quantity, unit, _ in _COLUMNS)]
     known = {name: muscle for name, muscle in muscles.items() if "architecture" in muscle}
     return Table(columns, (_row(name, muscle) for name, muscle in known.items()))
@@ -206,10 +203,7 @@ _PACKAGES = ("vtkmuscle", "numpy", "scipy", "numba", "vtk", "pyvista")
 
 
 def versions() -> dict[str, str]:
-    """Return the versions of Python and packages.
-
-    All packages with a part in the numbers.
-    """
+    """Return the versions of Python and packages. All packages with a part in the numbers."""
     found = {"python": platform.python_version(), "platform": platform.platform()}
     return found | {package: version_of(package) for package in _PACKAGES}
 
@@ -223,10 +217,7 @@ def version_of(package: str) -> str:
 
 
 def fibres_at_rest(fibres: vtkPolyData, muscle: vtkPolyData, millimetres: float) -> dict[str, Any]:
-    """Return the numbers of the fibres at rest.
-
-    JSON-able; see :data:`DEFINITIONS`.
-    """
+    """Return the numbers of the fibres at rest. JSON-able; see :data:`DEFINITIONS`."""
     points = points_of(fibres)
     outside = np.maximum(solids_of(*checked_surface(muscle, "muscle")).distances(points), 0.0) * millimetres
     inside = int((outside <= FIBRE_TOLERANCE).sum())
@@ -261,10 +252,7 @@ def measures_of_fibres(fibres: vtkPolyData, millimetres: float) -> dict[str, dic
 
 
 def _scale(name: str, millimetres: float) -> float:
-    """Return the factor from scene to measure unit.
-
-    The unit of a measure is in the measure's name.
-    """
+    """Return the factor from scene to measure unit. The unit of a measure is in the measure's name."""
     if name.endswith("_per_mm"):
         return 1.0 / millimetres
     return millimetres if name.endswith("_mm") else 1.0

@@ -11,10 +11,9 @@ from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.moment_arms.of_joints import JointArms
 from vtkmuscle.core.types import Floats
 from vtkmuscle.core.words import suggestion
-from vtkmuscle.run.limits import CHECKS
 from vtkmuscle.run.result_data import ResultData
 from vtkmuscle.run.store import ResultFolder
-from vtkmuscle.run.verdict import VERDICTS
+from vtkmuscle.run.verdict import CHECKS, VERDICTS
 
 if TYPE_CHECKING:
     from vtkmuscle.report import RunContent
@@ -173,7 +172,7 @@ class Result(ResultData):
         ValueError
             If there is no such muscle or kept frame.
         """
-        from vtkmuscle.run.display import ResultDisplay  # noqa: PLC0415 -- only pictures need PyVista
+        from vtkmuscle.run.figures import ResultDisplay  # noqa: PLC0415 -- only pictures need PyVista
 
         position = 0 if frame is None and time is None else self._position(frame, time)
         shown = ResultDisplay(self, muscles, off_screen=off_screen)
@@ -198,24 +197,22 @@ class Result(ResultData):
         Parameters
         ----------
         path : path
-            A .gif, or an .mp4, which needs the extra ``movie``; replaced where it exists.
+            A .gif; replaced where it exists.
         fps : float, optional
             Frames per second.
         muscles : str or sequence of str, optional
             Which to show; default all.
         size : (int, int), optional
-            Width and height [pixels], even numbers.
+            Width and height [pixels].
 
         Raises
         ------
         ValueError
             For another suffix, rate or size, or if there is no such muscle.
-        ImportError
-            For an .mp4 without the extra.
         RuntimeError
             If no picture can be rendered here.
         """
-        from vtkmuscle.run.display import film_of  # noqa: PLC0415 -- only pictures need PyVista
+        from vtkmuscle.run.figures import film_of  # noqa: PLC0415 -- only pictures need PyVista
 
         return film_of(self, Path(path), fps=fps, muscles=muscles, size=size)
 

@@ -13,7 +13,6 @@ import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkMultiBlockDataSet
 
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.core.fibres.measures import smoothed_curve
 from vtkmuscle.core.moment_arms.of_joints import JointArms, joint_arms
 from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.core.types import Floats
@@ -272,9 +271,8 @@ class ResultData:
         """
         muscles = self.report["muscles"]
         rows = [{"muscle": name, **row} for name in self.muscle_names for row in muscles[name]["frames"]]
-        known = {
-            key: None for row in rows for key, value in row.items() if not isinstance(value, dict | list)
-        }
+        numbers = (key for row in rows for key, value in row.items() if not isinstance(value, dict | list))
+        known = dict.fromkeys(numbers)
         return Table(tuple(known), ([row.get(key) for key in known] for row in rows))
 
     def architecture(self) -> Table:
@@ -333,27 +331,10 @@ class ResultData:
         other.literature = {**self.literature, **found}
         return other
 
-    def smoothed_lengths(self, *, passes: int = 5) -> dict[str, Floats]:
-        """Return the lengths of the paths without their noise over the frames.
 
-        Each of the ``passes`` replaces l_i by (l_{i-1} + 4 l_i + l_{i+1}) / 6, the ends kept; Kohout and
-        Cervenka 2021, section 4.4, has five.
-        """
-        return {name: smoothed_curve(lengths, passes=passes) for name, lengths in self.lengths.items()}
-
-
-class ByMuscle(dict[str, Floats]):
-    """Arrays by the name of a muscle, printed in a line each."""
-
-    def __repr__(self) -> str:
-        return "\n".join(
-            f"{name}: {one.shape} array, {one.min():.4g} to {one.max():.4g}" for name, one in self.items()
-        )
-
-
-def _read_only(rows: Mapping[str, Sequence[Floats]]) -> ByMuscle:
+def _read_only(rows: Mapping[str, Sequence[Floats]]) -> dict[str, Floats]:
     """Return arrays of rows per frame. They are read-only, for moment arms are computed from them once."""
-    arrays = ByMuscle({name: np.array(one) for name, one in rows.items() if one})
+    arrays = {name: np.array(one) for name, one in rows.items() if one}
     for array in arrays.values():
         array.setflags(write=False)
     return arrays

@@ -173,9 +173,7 @@ class MomentArmTable(Mapping[str, Mapping[str, JointArms]]):
     """
 
     def __init__(
-        self,
-        arms: Mapping[str, Mapping[str, JointArms]],
-        refused: Mapping[str, str] | None = None,
+        self, arms: Mapping[str, Mapping[str, JointArms]], refused: Mapping[str, str] | None = None
     ) -> None:
         self._arms = {muscle: dict(found) for muscle, found in arms.items()}
         self.refused = dict(refused or {})
@@ -204,10 +202,7 @@ class MomentArmTable(Mapping[str, Mapping[str, JointArms]]):
         return "\n".join(lines if len(lines) > 1 else ["MomentArmTable: empty"])
 
     def table(self) -> Table:
-        """Return the whole table, with the columns :data:`ARMS`.
-
-        NaN without a quartic.
-        """
+        """Return the whole table, with the columns :data:`ARMS`. NaN without a quartic."""
         return Table.stacked(
             ARMS,
             (
@@ -251,10 +246,7 @@ class MomentArmTable(Mapping[str, Mapping[str, JointArms]]):
         )
 
     def report(self, muscle: str) -> dict[str, Any]:
-        """Return range and mean of a muscle's moment arms.
-
-        By coordinate, JSON-able.
-        """
+        """Return range and mean of a muscle's moment arms. By coordinate, JSON-able."""
         return {
             name: {
                 "unit": found.unit,
@@ -277,10 +269,7 @@ class MomentArmTable(Mapping[str, Mapping[str, JointArms]]):
 
 
 def length_table(
-    lengths: Mapping[str, Floats],
-    errors: Mapping[str, Floats],
-    frames: Sequence[int],
-    times: Sequence[float],
+    lengths: Mapping[str, Floats], errors: Mapping[str, Floats], frames: Sequence[int], times: Sequence[float]
 ) -> Table:
     """Return the table of lengths and segment errors [mm].
 
