@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Collection, Iterator, Mapping
 from difflib import get_close_matches
 from pathlib import Path
@@ -74,6 +75,8 @@ def _problem_and_remedy(error: ErrorDetails, name: str) -> tuple[str, str]:
         case "extra_forbidden":
             near = [other for other in get_close_matches(name, _NAMES) if other != name]
             return "there is no such key", f"did you mean {' or '.join(map(repr, near))}?" if near else remedy
+        case "literal_error":
+            remedy = suggestion(str(error["input"]), re.findall("'(.*?)'", error["ctx"]["expected"]))
         case "model_type":
             return f"must be a table, not {quoted(error['input'])}", remedy
     problem = error["msg"].replace("Input should be", "must be").replace(" after validation", "")
