@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -134,8 +134,7 @@ class Comparison:
                 first = next(iter(runs.values()))
                 for name, curve in runs.items():
                     row = (muscle, quantity, curve.unit, name, self.verdicts[muscle, name])
-                    apart = None if curve is first else difference(curve, first)
-                    yield *row, float(curve.mean.mean()), *(_figures(apart) if apart else (None,) * 4)
+                    yield *row, float(curve.mean.mean()), *difference(curve, first)
 
 
 def compare(
@@ -219,16 +218,19 @@ def curves_of(result: Result, muscle: str) -> list[Curve]:
     return curves
 
 
-def difference(curve: Curve, reference: Curve) -> Curve | None:
-    """Return a curve minus a reference curve.
+def difference(curve: Curve, reference: Curve) -> tuple[float | None, ...]:
+    """Return figures of a curve minus a reference curve, within the reference's range.
 
-    At the positions of the curve within the reference's range; None without such positions.
+    Mean, root mean square, largest value, and its position; None if the ranges do not overlap.
     """
     inside = (curve.x >= reference.x[0] - 1e-9) & (curve.x <= reference.x[-1] + 1e-9)
-    if not inside.any():
-        return None
+    if curve is reference or not inside.any():
+        return (None,) * 4
     x = curve.x[inside]
-    return replace(curve, x=x, mean=curve.mean[inside] - np.interp(x, reference.x, reference.mean))
+    apart = curve.mean[inside] - np.interp(x, reference.x, reference.mean)
+    worst = int(np.abs(apart).argmax())
+    root = math.sqrt(float(np.mean(np.square(apart))))
+    return float(apart.mean()), root, float(apart[worst]), float(x[worst])
 
 
 def _arm_labels(coordinate: str, unit: str) -> tuple[str, str, str]:
@@ -240,16 +242,6 @@ def _arm_labels(coordinate: str, unit: str) -> tuple[str, str, str]:
 def _curve(labels: tuple[str, str, str], x: Floats, rows: Floats) -> Curve:
     order = np.argsort(x, kind="stable")
     return Curve(*labels, x[order], rows[order].mean(axis=1))
-
-
-def _figures(apart: Curve) -> tuple[float, ...]:
-    """Return the figures of a difference.
-
-    Mean, root mean square, largest value, and the position of the largest value.
-    """
-    worst = int(np.abs(apart.mean).argmax())
-    root = math.sqrt(float(np.mean(np.square(apart.mean))))
-    return float(apart.mean.mean()), root, float(apart.mean[worst]), float(apart.x[worst])
 
 
 def _without_side(label: str) -> str:

@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from pathlib import Path
-from typing import Any, NamedTuple, Self, overload
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkPolyData
@@ -173,13 +173,7 @@ class Frames(Sequence[vtkPolyData]):
     def __init__(self, frames: Iterable[vtkPolyData | WrittenFile] = ()) -> None:
         self._frames = list(frames)
 
-    @overload
-    def __getitem__(self, index: int) -> vtkPolyData: ...
-    @overload
-    def __getitem__(self, index: slice) -> Frames: ...
-    def __getitem__(self, index: int | slice) -> vtkPolyData | Frames:
-        if isinstance(index, slice):
-            return Frames(self._frames[index])
+    def __getitem__(self, index: Any) -> Any:
         frame = self._frames[index]
         return frame.read() if isinstance(frame, WrittenFile) else frame
 
