@@ -34,14 +34,9 @@ _WIDTH, _HEIGHT = 4.8, 3.2
 
 @dataclass(frozen=True, eq=False)
 class Curve:
-    """A quantity of a muscle over coordinate or time.
+    """A quantity of a muscle over a coordinate or time: mean (n,) of all paths or fibres at positions x (n,).
 
-    Attributes
-    ----------
-    quantity, over, unit : str
-        Name of the quantity, name and unit of the horizontal axis, and unit of the quantity.
-    x, mean : (n,) array
-        Positions on the axis, ascending, and the mean of all paths or fibres at each position.
+    ``over`` is the name and unit of the horizontal axis, ``unit`` that of the quantity.
     """
 
     quantity: str

@@ -35,18 +35,10 @@ def _largest(values: Floats) -> float:
 
 
 class Measure(NamedTuple):
-    """A shape measure on a page.
+    """A shape measure on a page: key in the rows, check with the limits, titles of curve and column.
 
-    Attributes
-    ----------
-    key, check : str
-        Key in the rows of frames, and the check with the limits, or "".
-    curve, head : str
-        Titles of the curve and of the column; "" for none.
-    factor, offset : float
-        ``factor`` times the value plus ``offset`` has the unit of the limits.
-    of_all : callable
-        Returns the value in the table from the values of all frames.
+    ``factor`` times the value plus ``offset`` has the unit of the limits; ``of_all`` returns the value in the
+    table from the values of all frames.
     """
 
     key: str

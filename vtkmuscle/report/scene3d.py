@@ -26,20 +26,9 @@ from vtkmuscle.scene.data import MILLIMETRES
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class MuscleContent:
-    """A muscle on a page.
+    """A muscle on a page: its surface at rest, surfaces and fibres in each finished frame, and curves.
 
-    Attributes
-    ----------
-    rest : vtkPolyData
-        Surface at rest.
-    surfaces, fibres : sequence of vtkPolyData
-        Surface and fibres in each finished frame; possibly empty.
-    lengths, fibre_lengths : (f, k) array or None
-        Lengths of paths and of fibres in each finished frame [mm].
-    arms : mapping of str to JointArms
-        By coordinate.
-    literature : sequence of LiteratureCurve
-        Published moment arms.
+    Lengths of paths and of fibres are (f, k) [mm], moment arms by coordinate.
     """
 
     rest: vtkPolyData
@@ -53,24 +42,9 @@ class MuscleContent:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class RunContent:
-    """A run on a page.
+    """A run on a page: its report, motion, bones at rest, kept frames and their times, and muscles in order.
 
-    Attributes
-    ----------
-    report : mapping
-        Report of the run.
-    motion : RigidMotion
-        Motion of the bones.
-    bones : DrawnBones
-        Bones at rest.
-    frames, times : sequence of int, sequence of float
-        Numbers and pipeline times of the kept frames.
-    time_label : str
-        Label of the times, with the unit in brackets.
-    muscles : mapping of str to MuscleContent
-        In the order of the scene.
-    limits : mapping of str to (float, float)
-        By check: the limits of the verdicts ``"look"`` and ``"failed"``.
+    ``limits`` are those of the verdicts look and failed, by check.
     """
 
     report: Mapping[str, Any]
@@ -99,20 +73,7 @@ TYPES = {"u8": np.uint8, "i8": np.int8, "u16": np.uint16, "u32": np.uint32, "f32
 
 
 class Pack:
-    """Arrays in sequence, found by position and type.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from vtkmuscle.report.scene3d import Pack
-    >>> pack = Pack()
-    >>> pack.add(np.arange(3), "u16")
-    {'at': 0, 'count': 3, 'type': 'u16'}
-    >>> pack.add(np.ones(2), "f32")
-    {'at': 8, 'count': 2, 'type': 'f32'}
-    >>> len(pack.text()) > 0
-    True
-    """
+    """Arrays in sequence, found by position and type."""
 
     def __init__(self) -> None:
         self._parts: list[bytes] = []

@@ -25,20 +25,10 @@ class Cell(NamedTuple):
 
 @dataclass(frozen=True)
 class Section:
-    """A section of a page.
+    """A section of a page: a table with a header, in which verdicts are marked, SVG drawings and pictures.
 
-    Attributes
-    ----------
-    title, note : str
-        Heading, and explanation.
-    rows : sequence of sequence of (str or Cell)
-        A table with a header, in which verdicts are marked.
-    words : bool
-        Whether the cells are words rather than numbers.
-    drawings : sequence of (str, str)
-        Titles and SVG.
-    pictures : sequence of (str, str)
-        Captions, and PNG in base 64.
+    ``words`` says that cells are words rather than numbers; drawings are titles and SVG, pictures captions
+    and PNG in base 64.
     """
 
     title: str

@@ -135,10 +135,9 @@ RUN_AGAIN = "run the scene again: finished muscles are kept"
 
 @dataclass(frozen=True, eq=False)
 class WrittenFile:
-    """A .vtp file in a run's folder.
+    """A .vtp file in a run's folder, with its state when written or discovered.
 
-    ``state`` is the file's state when written or discovered. An ``own`` file was written by this run. A
-    foreign file may be damaged, and is read in a separate process.
+    An ``own`` file was written by this run; another one may be damaged, and is read in a separate process.
     """
 
     path: Path
@@ -195,11 +194,7 @@ _COLUMNS = {*FIBRE_MEASURES, PATH_LENGTH}
 
 
 class FibreNumbers(NamedTuple):
-    """Numbers of the fibres in a frame.
-
-    ``columns`` are the measures (k,) by name. ``levers`` are the levers of the paths by coordinate, None
-    without paths.
-    """
+    """Measures (k,) of the fibres in a frame, and levers of the paths by coordinate, None without paths."""
 
     columns: dict[str, Floats]
     levers: dict[str, Floats] | None = None
@@ -216,22 +211,10 @@ class FibreNumbers(NamedTuple):
 class MuscleTrack:
     """The finished frames of one muscle.
 
-    Attributes
-    ----------
-    rest : vtkPolyData or None
-        The muscle at rest, with the point array ``FixedTo``.
-    rest_fibres : vtkPolyData or None
-        The fibres at rest.
-    surfaces, fibres : Frames
-        The deformed muscle and its fibres; empty without a deformer and for a muscle without fibres.
-    lengths, fibre_lengths : list of (k,) array
-        Lengths of paths and of fibres per frame [mm]; a muscle on a single bone has no paths.
-    length_errors, fibre_length_errors : list of (k,) array
-        Segment errors [mm], see :func:`~vtkmuscle.core.fibres.measures.segment_errors`.
-    report : dict
-        The muscle's part of the report, JSON-able.
-    failure : (int, float, Exception) or None
-        Frame and time of the failure, and the reason; earlier frames are present.
+    ``rest`` has the point array ``FixedTo``; ``surfaces`` are empty without a deformer, ``fibres`` where a
+    muscle has none. Lengths of paths and of fibres are (k,) per frame [mm], with segment errors; a muscle on
+    a single bone has no paths. ``report`` is the muscle's part of the report, JSON-able, and ``failure`` the
+    frame and time of a failure, and the reason.
     """
 
     rest: vtkPolyData | None = None

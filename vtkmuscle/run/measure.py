@@ -34,16 +34,8 @@ FOLDED, NOT_FOLDED = 150.0, 120.0
 class MuscleMeasure:
     """Measures of a deformed muscle against rest and bones.
 
-    Parameters
-    ----------
-    rest : vtkPolyData
-        The muscle at rest with the point array ``FixedTo``, indices into ``bones``.
-    bones : sequence of str
-        Names of the bones.
-    shapes : mapping of str to Bone
-        Bones with an inside, at rest.
-    millimetres : float
-        Millimetres per unit of length.
+    ``rest`` has the point array ``FixedTo``, indices into the names of ``bones``; ``shapes`` are the bones
+    with an inside, at rest.
     """
 
     def __init__(

@@ -108,8 +108,7 @@ def _tables(scene: SceneData, what: str, numbers: range, tell: Callable[[str, st
             tell(name, "pulling paths", done / len(times))
             lines = path_lines_of(taut.update(time=time).output, name)
             if lines is None:
-                problem = "it is fixed to one bone and has no fibres, so it has no paths"
-                raise InputError(f"muscles.{name}", problem, "leave it out with --muscle, or give it fibres")
+                raise InputError(f"muscles.{name}", "it has no paths", "leave it out, or give it fibres")
             found = paths_of(lines.data, name)
             assert found is not None
             offsets = lines.points.shape[1] * np.arange(len(lines.points) + 1)
@@ -118,12 +117,9 @@ def _tables(scene: SceneData, what: str, numbers: range, tell: Callable[[str, st
             levers.append(found.levers)
         lengths[name], errors[name] = np.array(rows), np.array(row_errors)
         if what == "moment_arms":
+            over_time = levers_over_time(levers)
             arms[name], without = joint_arms(
-                lengths[name],
-                levers_over_time(levers),
-                motion,
-                crossed=muscle.crosses,
-                millimetres=scene.millimetres,
+                lengths[name], over_time, motion, crossed=muscle.crosses, millimetres=scene.millimetres
             )
             refused |= without
         tell(name, "done", 1.0)

@@ -50,18 +50,8 @@ def pool_size(scene: SceneData, workers: int | None) -> int:
 class Pool:
     """Processes that solve muscles and draw figures, until the end of the pool's context.
 
-    Parameters
-    ----------
-    size : int
-        Number of processes; a process starts on demand.
-    scene : SceneData
-        The scene of the run.
-    numbers : range
-        Frames to keep.
-    clock : callable
-        The clock of the stages, a function of a module [s].
-    store : ResultWriter or None
-        Where frames are written; None keeps them in memory.
+    At most ``size`` processes, each started on demand. ``clock`` is a function of a module [s]; without a
+    ``store`` frames stay in memory.
     """
 
     def __init__(

@@ -61,20 +61,10 @@ def architecture_of(
     hill: Mapping[str, float] | None = None,
     aponeuroses: vtkMultiBlockDataSet | None = None,
 ) -> dict[str, Any]:
-    """Return the architecture of a muscle at rest.
+    """Return the architecture of a muscle at rest, JSON-able; see :data:`DEFINITIONS`.
 
-    The published quantities, JSON-able; see :data:`DEFINITIONS`.
-
-    Parameters
-    ----------
-    fibres, muscle, attachments : vtkPolyData, vtkPolyData, vtkMultiBlockDataSet or None
-        At rest.
-    millimetres : float
-        Length of the scene's unit.
-    hill : mapping of str to float, optional
-        Of the muscle; ``tendon_slack_length`` in the scene's unit, ``sarcomere_length`` in micrometres.
-    aponeuroses : vtkMultiBlockDataSet, optional
-        Surfaces at the ends of the fibres.
+    ``hill`` may have ``tendon_slack_length`` in the scene's unit and ``sarcomere_length`` in micrometres;
+    ``aponeuroses`` are the surfaces at the ends of the fibres.
     """
     metrics = FibreMetrics(architecture=True, sections=SECTIONS)
     summary = muscle_summary(metrics(fibres, muscle, None, attachments))

@@ -27,10 +27,10 @@ BEYOND = 1.5
 
 @dataclass(frozen=True)
 class Check:
-    """A check of each frame against two limits.
+    """A check of each frame: beyond ``look`` results need a look, beyond ``failed`` they are useless.
 
-    Results beyond ``look`` need a look; results beyond ``failed`` are useless. ``says`` is the problem, with
-    the value as ``{}``, and ``do`` the remedy. With ``smaller``, small values are bad.
+    ``says`` is the problem, with the value as ``{}``, and ``do`` the remedy. With ``smaller``, small values
+    are bad.
     """
 
     look: float
@@ -162,10 +162,9 @@ _OF_FIBRES = (
 
 @dataclass(frozen=True)
 class Reason:
-    """A reason of a verdict: the worst frame of a check.
+    """A reason of a verdict: the worst frame of a check, its ``value`` and the ``limit`` in ``unit``.
 
-    ``value`` of the frame is beyond ``limit``, both in ``unit``. ``says`` is the problem in words, and
-    ``do`` the remedy.
+    ``says`` is the problem in words, and ``do`` the remedy.
     """
 
     check: str
@@ -186,10 +185,9 @@ class Reason:
 
 @dataclass(frozen=True, eq=False)
 class FibreHistory:
-    """A muscle's fibre lengths over the frames [mm].
+    """A muscle's fibre lengths (f, k) over the frames and at rest (k,) [mm].
 
-    Lengths (f, k) and lengths at rest (k,). ``at_rest`` is the result of
-    :func:`~vtkmuscle.run.report_values.fibres_at_rest`.
+    ``at_rest`` is the result of :func:`~vtkmuscle.run.report_values.fibres_at_rest`.
     """
 
     lengths: Floats
@@ -206,30 +204,12 @@ def judge(
     size: float = FULL_SIZE,
     failure: tuple[int, float, Exception] | None = None,
 ) -> dict[str, Any]:
-    """Return the verdict on a muscle from report rows.
+    """Return the verdict on a muscle from report rows, a row per frame.
 
-    A row per frame.
-
-    Parameters
-    ----------
-    rows : sequence of mapping
-        As in the report.
-    fibres : FibreHistory, optional
-        The fibres in these frames.
-    motion : RigidMotion, optional
-        At the times of the rows; lengths may turn back where the motion turns back.
-    n_edges : int, optional
-        Number of edges of the surface.
-    size : float, optional
-        Diagonal of the muscle's box at rest [mm].
-    failure : (int, float, Exception), optional
-        Frame and time of the failure to compute the muscle, and the reason.
-
-    Returns
-    -------
-    dict
-        JSON-able: ``verdict``, the worst of the ``reasons``; ``reasons``, :class:`Reason` as mappings,
-        the worst first; and ``not_checked``, the omitted checks with reasons.
+    ``motion`` is at the times of the rows (lengths may turn back where it turns back), ``n_edges`` of the
+    surface, ``size`` the diagonal of the muscle's box at rest [mm], and ``failure`` the frame and time that
+    could not be computed, and why. JSON-able: ``verdict``, the worst of the ``reasons``; ``reasons``,
+    :class:`Reason` as mappings, the worst first; and ``not_checked``, the omitted checks with reasons.
     """
     values, missing = _series(rows, fibres, motion, n_edges)
     reasons = [

@@ -29,13 +29,7 @@ _LARGEST = 1e60
 
 
 def checked(scene: SceneData) -> tuple[dict[str, vtkPolyData], dict[str, Muscle]]:
-    """Return a scene's checked bones and muscles, muscles facing outward.
-
-    Raises
-    ------
-    SceneError
-        With a fault for each unusable key, surface, landmark or line.
-    """
+    """Return a scene's checked bones and muscles, muscles facing outward; SceneError for all faults."""
     validated(tables_of(scene), scene.files.get(""))
     faults, muscles = Faults(), {}
     again = "correct them, or export the surface again"

@@ -69,21 +69,7 @@ def errors_at(key: str, file: Path | None, remedy: str = "") -> Iterator[None]:
 
 
 class Faults:
-    """Collector of faults from several checks, for a common report.
-
-    Examples
-    --------
-    >>> from vtkmuscle.scene.faults import Faults, SceneError
-    >>> faults = Faults()
-    >>> for key in ("a", "b"):
-    ...     with faults.gathered():
-    ...         raise SceneError("this is wrong", key)
-    >>> faults.raise_any()
-    Traceback (most recent call last):
-        ...
-    vtkmuscle.scene.faults.SceneError: scene: a: this is wrong
-    scene: b: this is wrong
-    """
+    """Collector of faults from several checks, for a common report."""
 
     def __init__(self, errors: Iterable[SceneError] = ()) -> None:
         self.errors = list(errors)

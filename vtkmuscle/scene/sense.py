@@ -57,13 +57,7 @@ class Finding(NamedTuple):
 
 
 def check_sense(scene: SceneData, anatomy: Anatomy | None = None) -> list[str]:
-    """Warn about each probable mistake in a scene, and return the warnings.
-
-    Raises
-    ------
-    SceneError
-        For the first certain mistake.
-    """
+    """Warn about probable mistakes in a scene, and return the warnings; SceneError for a certain mistake."""
     messages = []
     mistakes = findings(scene, anatomy or Anatomy.of(scene))
     for key, problem, remedy, certain in sorted(mistakes, key=lambda finding: not finding.certain):

@@ -36,13 +36,7 @@ _Fault = tuple[str, str, str]
 
 
 def validated(values: Mapping[str, Any], file: Path | None) -> SceneTable:
-    """Return the checked tables of a scene file.
-
-    Raises
-    ------
-    SceneError
-        With a fault for each unknown, missing, forbidden or conflicting key.
-    """
+    """Return the checked tables of a scene file; SceneError with a fault for each key at fault."""
     try:
         table = SceneTable.model_validate(values)
     except ValidationError as error:

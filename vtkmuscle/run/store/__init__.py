@@ -114,13 +114,7 @@ Note = TypeVar("Note", MuscleNote, RunNote)
 
 
 def read_note(path: Path, kind: type[Note]) -> Note:
-    """Return the note in a file.
-
-    Raises
-    ------
-    InputError
-        If the file is missing, damaged, or of a different version of vtkmuscle.
-    """
+    """Return the note in a file; InputError if missing, damaged, or of a different version."""
     try:
         values = json.loads(path.read_text(encoding="utf-8"))
         if isinstance(values, dict) and values.get("format") != FORMAT:

@@ -41,15 +41,9 @@ _FOLDERS = ("bones", "figures", FINISHED)
 def claimed(folder: Path, scene: SceneData, *, overwrite: bool) -> Iterator[None]:
     """Make a folder for the results of a scene, and hold it against concurrent runs.
 
-    Half-written files of killed runs are removed; further files stay unchanged. With ``overwrite``, results
-    of a different scene and files from outside of runs may be replaced; inputs of the scene never are.
-
-    Raises
-    ------
-    OSError
-        If the folder cannot be made, a concurrent run writes to the folder, or content is in the way.
-    ValueError
-        If content would be lost.
+    Half-written files of killed runs are removed; further files stay. With ``overwrite``, results of a
+    different scene and files of no run may be replaced; inputs of the scene never are. OSError if the folder
+    cannot be made or held, or content is in the way; ValueError if content would be lost.
     """
     if folder.is_symlink() and not folder.exists():
         raise FileNotFoundError(f"{folder} is a link to {os.readlink(folder)}, which does not exist")
