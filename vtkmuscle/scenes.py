@@ -122,19 +122,9 @@ class Scene(SceneData):
         return cls(phantom.name, phantom.bones, muscles, phantom.motion)
 
     def save(self, folder: str | PathLike[str]) -> Path:
-        """Write the scene to a folder.
+        """Write the scene to a folder, as :meth:`load` reads it, and return the scene.toml.
 
-        The files are scene.toml, surfaces, landmarks and the motion.
-
-        Parameters
-        ----------
-        folder : path
-            Created if missing; files of equal names are replaced.
-
-        Returns
-        -------
-        Path
-            The scene.toml; :meth:`load` of the file gives an equal scene.
+        The folder is created if missing; files of equal names are replaced.
         """
         return write_scene(self, Path(folder))
 
@@ -233,18 +223,8 @@ class Scene(SceneData):
         return replace(self, muscles=kept)
 
     def with_quality(self, quality: str) -> Self:
-        """Return the scene with a different preset.
+        """Return the scene with another preset; its settings stay. SceneError if the preset is unknown.
 
-        The scene's settings stay.
-
-        Parameters
-        ----------
-        quality : str
-            ``"preview"``, ``"balanced"``, ``"accurate"``, or ``"published"`` with deformer ``"pbd"``.
-
-        Raises
-        ------
-        SceneError
-            If the preset is unknown.
+        ``"preview"``, ``"balanced"``, ``"accurate"``, or ``"published"`` with deformer ``"pbd"``.
         """
         return replace(self, quality=quality)

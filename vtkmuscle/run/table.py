@@ -155,21 +155,12 @@ class Table(Mapping[str, NDArray[Any]]):
 
 
 class MomentArmTable(Mapping[str, Mapping[str, JointArms]]):
-    """Moment arms of muscles by coordinates.
-
-    As in ``table["iliacus"]["hip_flexion_r"].mean``.
-
-    Parameters
-    ----------
-    arms : mapping of str to mapping of str to JointArms
-        Per muscle, per coordinate.
-    refused : mapping of str to str, optional
-        Coordinates without moment arms, and the reasons.
+    """Moment arms of muscles by coordinates, as in ``table["iliacus"]["hip_flexion_r"].mean``.
 
     Attributes
     ----------
     refused : dict of str to str
-        As given.
+        Coordinates without moment arms, and the reasons.
     """
 
     def __init__(

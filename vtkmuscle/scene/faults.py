@@ -12,20 +12,16 @@ from vtkmuscle.core.errors import MOST_TEXT, InputError, check_is_file, fault_of
 
 
 class SceneError(InputError):
-    """A scene that cannot be run, with location, problem and remedy.
-
-    A single error covers all faults of a check; the fields belong to the first fault.
+    """A scene that cannot be run, with location, problem and remedy of each fault.
 
     Attributes
     ----------
-    problem, remedy : str
-        Fault, and correction.
+    problem, remedy, where : str
+        Fault, correction, and file and key, of the first fault.
     key : str
         The dotted key, e.g. ``muscles.iliacus.attachments[1].bone``.
     file : Path or None
         The file at fault.
-    where : str
-        The file and the key.
     faults : tuple of SceneError
         All faults, starting with the error itself. The message has a line for each.
 
