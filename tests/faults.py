@@ -15,7 +15,7 @@ from pathlib import Path
 import pytest
 
 from vtkmuscle.io import read_polydata, read_series
-from vtkmuscle.run.store.notes import MuscleNote, RunNote, read_note
+from vtkmuscle.run.store import MuscleNote, RunNote, read_note
 
 #: The program, in a process of its own, with this one's packages.
 PROGRAM = (sys.executable, "-m", "vtkmuscle")

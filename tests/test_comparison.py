@@ -1,19 +1,16 @@
 """Runs over one another: differences by known answers, and a figure of them."""
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from osim_texts import LAST, axis, model_4, muscle
 from typer.testing import CliRunner
 
 import vtkmuscle
 from vtkmuscle.cli import app
-from vtkmuscle.comparison import Curve, difference
 from vtkmuscle.core.moment_arms.of_joints import JointArms
 from vtkmuscle.core.motion.coordinates import Coordinate
-from vtkmuscle.io.literature import side_apart
 
 ANGLES = np.linspace(0.0, 60.0, 7)
 
@@ -81,36 +78,6 @@ def test_both_sides_of_one_run_are_two_runs():
     table = vtkmuscle.compare({"walk": both}).table().where(quantity="moment arm, knee angle")
     assert list(table["run"]) == ["walk", "walk, vastus_l"]
     assert table["difference_largest"][1] == pytest.approx(0.2 * 60.0)
-
-
-def test_curves_that_do_not_overlap_have_no_difference():
-    one = Curve("q", "x", "mm", np.array([0.0, 1.0]), np.zeros(2))
-    assert difference(one, replace(one, x=one.x + 2.0)) is None
-    assert difference(one, replace(one, x=one.x + 1.0)).x.tolist() == [1.0]
-
-
-@pytest.mark.parametrize(("name", "without"), [("a_r", "a"), ("a_L", "a"), ("atlas", "atlas"), ("r", "r")])
-def test_a_side_is_the_end_of_a_name(name, without):
-    assert side_apart(name) == without
-
-
-def test_opensims_own_muscle_is_a_run_of_its_own(tmp_path):
-    """A muscle from the thigh to the shank over a plain hinge: its length is that of a straight line."""
-    axes = [axis("rotation1", "0 0 1", "knee_angle", "LinearFunction", "<coefficients>1 0</coefficients>")]
-    axes += [axis(f"rotation{k}", direction) for k, direction in ((2, "0 1 0"), (3, "1 0 0"))]
-    axes += [axis(f"translation{k}", d) for k, d in ((1, "1 0 0"), (2, "0 1 0"), (3, "0 0 1"))]
-    model = tmp_path / "leg.osim"
-    model.write_text(model_4(forces=muscle("", LAST), axes=axes))
-    table = vtkmuscle.compare({"run": Made(muscle="vastus", coordinate="knee_angle")}, opensim=model)
-    curves = table.curves["vastus"]
-    turn = np.radians(ANGLES)
-    shank = np.array([0.04 * np.cos(turn) + 0.05 * np.sin(turn), 0.04 * np.sin(turn) - 0.05 * np.cos(turn)])
-    apart = shank - np.array([[0.03], [0.3]])
-    length = np.hypot(*apart)
-    np.testing.assert_allclose(curves["length, bone to bone"]["leg.osim"].mean, 1000.0 * length, rtol=1e-9)
-    pulled = (apart[0] * -shank[1] + apart[1] * shank[0]) / length  # of the last point, by the angle
-    arm = curves["moment arm, knee angle"]["leg.osim"].mean
-    np.testing.assert_allclose(arm, -1000.0 * pulled, rtol=1e-6)
 
 
 def test_nothing_in_common_is_one_clear_error():

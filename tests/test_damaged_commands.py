@@ -51,16 +51,11 @@ COMMANDS = {
     ),
     "report": (["report", "results", "--literature", "published.csv"], [RESULTS, "published.csv"], 60),
     "compare": (
-        ["compare", "results", "others", "--literature", "published.csv", "--opensim", "4.osim"],
-        [RESULTS, "published.csv", "4.osim"],
+        ["compare", "results", "others", "--literature", "published.csv"],
+        [RESULTS, "published.csv"],
         60,
     ),
     "figures": (["figures", "results"], [RESULTS], 15),
-    "export of a series": (
-        ["export", "results/spindle.pvd", "all.vtkhdf"],
-        ["results/spindle*", RESULTS],
-        60,
-    ),
     "export to OpenSim": (["export", "joints", "joints.osim", "--groups", "2"], ["joints/**/*"], 60),
     "export to MuJoCo": (["export", "joints", "joints.xml"], ["joints/**/*"], 60),
     "export into a model": (

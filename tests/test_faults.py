@@ -42,6 +42,7 @@ def moments(pytestconfig, seconds, short, long):
     return [rng.uniform(0.2, 1.05) * seconds for _ in range(count)]
 
 
+@pytest.mark.long
 def test_kills_leave_no_damaged_file_and_the_same_command_the_same_result(
     scene_file, whole, tmp_path, pytestconfig, tried
 ):
@@ -97,22 +98,6 @@ def test_finished_frames_are_listed_after_a_signal(scene_file, tmp_path, pytestc
         tried.add(f"a run, stopped by {signal.Signals(number).name}", "used")
 
 
-@pytest.mark.long
-def test_which_frames_are_there_after_a_kill_is_said(scene_file, tmp_path):
-    out = tmp_path / "out"
-    process = started("run", scene_file, "--out", out, *QUIET)
-    deadline = time.monotonic() + 60.0
-    while not (out / "spindle/spindle_0004.vtp").exists() and time.monotonic() < deadline:
-        time.sleep(0.01)
-    process.kill()
-    process.communicate()
-    count = (out / "spindle.pvd").read_text().count("<DataSet")
-    status, words, _ = ended(started("info", out))
-    assert status == 0
-    assert "no: it was killed" in words
-    assert f"{count} frames" in words
-
-
 def full(status, errors, path):
     """Check that a full disk is one line of error that names a file."""
     assert status == 2, errors
@@ -136,48 +121,6 @@ def test_a_disk_that_runs_full_is_one_line_and_nothing_damaged(scene_file, tmp_p
             check_whole(out)
             if (out / "report.json").exists():
                 assert json.loads((out / "report.json").read_text())["complete"] is False
-
-
-@pytest.mark.parametrize("how", [pytest.param("disk", marks=pytest.mark.long), "limit"])
-def test_an_export_to_a_full_disk_is_one_line(scene_file, tmp_path, how):
-    Scene.load(scene_file).run(tmp_path / "out", frames="0:4", figures=False)
-    source, name = tmp_path / "out/spindle.pvd", "all.vtkhdf"
-    if how == "limit":
-        target, limit = tmp_path / name, 20_000
-        status, _, errors = ended(started("export", source, target, limit=limit))
-        full(status, errors, target)
-        assert not target.exists()
-        return
-    with small_disk(tmp_path / "disk", 20) as disk:
-        status, _, errors = ended(started("export", source, disk / name))
-        full(status, errors, disk / name)
-        assert not list(disk.iterdir())
-
-
-@pytest.mark.long
-@pytest.mark.parametrize("limit", [200, 2_000, 30_000])
-def test_a_limit_of_the_size_of_files_is_one_line(scene_file, tmp_path, limit):
-    out = tmp_path / "out"
-    status, _, errors = ended(
-        started("run", scene_file, "--out", out, "--frames", "0:8", *QUIET, limit=limit)
-    )
-    if status:
-        full(status, errors, out)
-        check_whole(out)
-
-
-@pytest.mark.long
-def test_figures_that_find_no_room_are_said_and_the_run_is_not_complete(scene_file, tmp_path):
-    out = tmp_path / "out"
-    arguments = ("run", scene_file, "--out", out, "--frames", "0:1", "--quiet")
-    status, _, errors = ended(started(*arguments, limit=30_000), timeout=120.0)
-    if "no figures were drawn" in errors:
-        pytest.skip("no pictures here")
-    full(status, errors, out / "figures")
-    report = json.loads((out / "report.json").read_text())
-    assert report["complete"] is False
-    assert "OSError" in report["stopped_by"]
-    assert not list(out.glob(".*"))
 
 
 @pytest.mark.long

@@ -1,12 +1,10 @@
 """Long runs, killed on the way: the same result, and memory that grows by what is kept and by no more."""
 
 import gc
-import random
 import sys
 from pathlib import Path
 
 import pytest
-from faults import check_whole, ended, killed_at, results, started
 from tiny_scene import HINGE, TOML, write_tiny_scene
 
 from vtkmuscle import Scene
@@ -64,19 +62,3 @@ def test_memory_grows_by_the_frames_that_are_kept_and_all_is_given_back(whole):
         # VTK does not count what an array needs beside its numbers.
         assert used[name, 1000] - used[name, 200] < 4.0 * used["kept"], (name, used)
     assert used["after"] - used["before"] < NOISE, used
-
-
-def test_a_thousand_frames_killed_on_the_way_are_those_of_a_whole_run(scene_file, whole, tmp_path, tried):
-    rng, out = random.Random(20261123), tmp_path / "out"
-    command = ("run", scene_file, "--out", out, "--no-figures", "--quiet")
-    for _ in range(5):
-        process = started(*command)
-        assert killed_at(process, rng.uniform(5.0, 25.0))
-        process.communicate()
-        tried.add(f"a run of {FRAMES} frames, killed at a random moment", "used")
-        check_whole(out)
-    assert ended(started(*command), timeout=900.0)[0] == 0
-    found, expected = results(out), results(whole[0])
-    assert found.keys() == expected.keys()
-    for name, content in expected.items():
-        assert found[name] == content, name

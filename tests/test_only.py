@@ -1,12 +1,13 @@
 """One output alone: the numbers of a whole run, by a shorter chain, and no other file."""
 
-import numpy as np
+from dataclasses import replace
+
 import pytest
 from numpy.testing import assert_allclose
 
 from vtkmuscle import Scene, phantoms
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.data.arrays import points_of
+from vtkmuscle.core.paths.sheet import PathState
 from vtkmuscle.filters import FibreMetrics, PathDeformer
 from vtkmuscle.run import ONLY, run_only
 from vtkmuscle.run.table import Table
@@ -32,36 +33,19 @@ def test_lengths_and_moment_arms_are_those_of_a_run(scene, whole, tmp_path):
     assert sorted(path.name for path in tmp_path.iterdir()) == ["lengths.csv", "moment_arms.csv"]
 
 
-def test_surfaces_are_those_of_a_run(scene, whole, tmp_path):
-    surfaces = run_only(scene, "surfaces", tmp_path, frames="0:9:4")["spindle"]
-    for frame, surface in zip(whole.frames, surfaces, strict=True):
-        assert_allclose(points_of(surface), points_of(whole.muscle("spindle", frame=frame)), atol=1e-9)
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["spindle", "spindle.pvd"]
-
-
 @pytest.mark.parametrize("what", ["lengths", "moment_arms"])
-def test_no_muscle_is_deformed_and_no_fibre_measured_for_the_paths(scene, what, monkeypatch):
+def test_only_what_is_needed_is_computed(scene, what, monkeypatch):
     def fail(*_):
         raise AssertionError("computed, though nobody asked")
 
     monkeypatch.setattr(PathDeformer, "execute", fail)
     monkeypatch.setattr(FibreMetrics, "execute", fail)
+    if what == "lengths":
+        monkeypatch.setattr(PathState, "levers", fail)
     run_only(scene, what, frames="0:2")
 
 
-def test_levers_are_left_out_of_lengths(scene, monkeypatch):
-    from vtkmuscle.core.paths.sheet import PathState
-
-    def fail(*_):
-        raise AssertionError("computed, though nobody asked")
-
-    monkeypatch.setattr(PathState, "levers", fail)
-    assert np.isfinite(run_only(scene, "lengths", frames="0:2")["length_mm"]).all()
-
-
 def test_the_paths_of_a_scene_by_position_based_dynamics_are_the_same(scene):
-    from dataclasses import replace
-
     lengths = run_only(scene, "lengths", frames="0:2")["length_mm"]
     by_pbd = run_only(replace(scene, deformer="pbd"), "lengths", frames="0:2")["length_mm"]
     assert_allclose(by_pbd, lengths, rtol=0, atol=1e-12)
@@ -69,7 +53,7 @@ def test_the_paths_of_a_scene_by_position_based_dynamics_are_the_same(scene):
 
 @pytest.mark.parametrize("what", ONLY)
 def test_a_file_of_the_users_is_not_replaced(scene, what, tmp_path):
-    file = tmp_path / ("spindle.pvd" if what == "surfaces" else f"{what}.csv")
+    file = tmp_path / f"{what}.csv"
     file.write_text("mine")
     with pytest.raises(InputError, match="the file is there"):
         run_only(scene, what, tmp_path, frames="0:1")

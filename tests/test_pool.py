@@ -8,21 +8,17 @@ import sys
 import time
 import warnings
 from dataclasses import replace
+from multiprocessing.context import SpawnProcess
 
-import numpy as np
 import pytest
-import pyvista
-from faults import children
+from faults import children, results
 from tiny_scene import write_tiny_scene
 
 from vtkmuscle import Scene
-from vtkmuscle.data.arrays import points_of
-from vtkmuscle.io import read_polydata
-from vtkmuscle.run import pool
 from vtkmuscle.run.pool import pool_size
 from vtkmuscle.scene.faults import SceneError
 
-FIRST, SECOND, THIRD = NAMES = ("first", "second", "third")
+FIRST, SECOND, _ = NAMES = ("first", "second", "third")
 FRAMES = 5
 OPTIONS = {"workers": 2, "figures": False, "report": False}
 
@@ -40,13 +36,13 @@ def scene(tmp_path_factory):
 def started(monkeypatch):
     """The processes that pools have started."""
     processes = []
+    start = SpawnProcess.start
 
-    class Noted(pool._Context):
-        def __init__(self):
-            super().__init__()
-            self.started = processes
+    def noted(process):
+        processes.append(process)
+        start(process)
 
-    monkeypatch.setattr(pool, "_Context", Noted)
+    monkeypatch.setattr(SpawnProcess, "start", noted)
     return processes
 
 
@@ -60,27 +56,6 @@ def without_times(report):
         for row in muscle["frames"]:
             del row["ms"], row["ms_fibres"]
     return report["muscles"]
-
-
-def content_of(path):
-    """Return what a file of a run holds: of data their points, cells and arrays, bit for bit."""
-    if path.suffix != ".vtp":
-        return path.read_bytes()
-    data = read_polydata(path)
-    one = pyvista.wrap(data)
-    arrays = {
-        (kind, name): np.asarray(values[name]).tobytes()
-        for kind, values in (("point", one.point_data), ("cell", one.cell_data), ("field", one.field_data))
-        for name in values
-        if name != "Milliseconds"
-    }
-    return arrays | {"points": one.points.tobytes(), "cells": one.faces.tobytes() + one.lines.tobytes()}
-
-
-def files(folder):
-    """Return the content of the files of a folder, but for those that have times or digests of such."""
-    found = (path for path in folder.rglob("*") if path.suffix in (".vtp", ".pvd", ".csv"))
-    return {path.relative_to(folder): content_of(path) for path in found}
 
 
 def test_other_processes_write_and_warn_as_this_one_does(scene, tmp_path, started):
@@ -102,7 +77,7 @@ def test_other_processes_write_and_warn_as_this_one_does(scene, tmp_path, starte
     assert len(started) == 2
     assert not any(process.is_alive() for process in started)
     assert rows == {name: 2 * list(range(FRAMES)) for name in NAMES}
-    one, other = files(tmp_path / "1"), files(tmp_path / "2")
+    one, other = results(tmp_path / "1"), results(tmp_path / "2")
     assert one.keys() == other.keys()
     assert not [path for path in one if one[path] != other[path]]
     assert without_times(report_of(tmp_path / "1")) == without_times(report_of(tmp_path / "2"))
@@ -110,22 +85,7 @@ def test_other_processes_write_and_warn_as_this_one_does(scene, tmp_path, starte
     assert kept.report["taken_over"] == list(NAMES)
 
 
-def test_other_processes_give_what_this_one_gives(scene):
-    bones = {name: pyvista.wrap(bone) for name, bone in scene.bones.items()}
-    alone, result = scene.run(), replace(scene, bones=bones).run(workers=2)
-    for name in NAMES:
-        assert alone.lengths[name].tobytes() == result.lengths[name].tobytes()
-        for frame in range(FRAMES):
-            for kind in ("muscle", "fibres"):
-                one, other = (getattr(run, kind)(name, frame=frame) for run in (alone, result))
-                np.testing.assert_array_equal(points_of(one), points_of(other))
-            assert other.GetCellData().GetNumberOfArrays() > 5
-        track = result._tracks[name]  # what is kept in memory shares the triangles
-        rest, bent = (data.GetPolys() for data in (track.rest, track.surfaces[-1]))
-        assert rest.GetConnectivityArray() is bent.GetConnectivityArray()
-        assert np.array(alone.fibre_lengths[name]).tobytes() == np.array(result.fibre_lengths[name]).tobytes()
-
-
+@pytest.mark.long
 def test_a_fault_there_is_the_one_here(scene, tmp_path):
     far = replace(scene.muscles[SECOND], fixing={"method": "proximity", "distance": 1e-9})
     faulty = replace(scene, muscles={**scene.muscles, SECOND: far})
@@ -138,6 +98,7 @@ def test_a_fault_there_is_the_one_here(scene, tmp_path):
     assert report_of(tmp_path)["stopped_by"].startswith("SceneError: ")
 
 
+@pytest.mark.long
 def test_a_stop_ends_all_processes_and_keeps_the_muscles_that_are_finished(scene, tmp_path, started):
     def stop(muscle, stage, fraction):
         if stage == "done":
@@ -161,6 +122,7 @@ def wait_for_end(processes):
         time.sleep(0.05)
 
 
+@pytest.mark.long
 def test_ctrl_c_ends_all_processes(scene, tmp_path):
     """As a terminal does it: every process of the group gets the signal."""
     path = scene.save(tmp_path / "scene")
@@ -183,19 +145,7 @@ def test_ctrl_c_ends_all_processes(scene, tmp_path):
     wait_for_end(processes)
 
 
-def test_processes_end_with_the_one_that_started_them(scene, tmp_path):
-    path = scene.save(tmp_path / "scene")
-    command = [sys.executable, "-m", "vtkmuscle", "run", str(path), "--out", str(tmp_path / "out")]
-    program = subprocess.Popen([*command, "--workers", "2", "--no-figures", "--quiet"])
-    while not list(tmp_path.glob("out/first/*.vtp")):
-        assert program.poll() is None
-        time.sleep(0.01)
-    processes = children(program.pid)
-    program.kill()
-    program.wait()
-    wait_for_end(processes)
-
-
+@pytest.mark.long
 def test_a_process_that_is_killed_ends_the_run_with_a_remedy(scene, tmp_path, started):
     def kill(muscle, row):
         started[0].kill()
@@ -203,17 +153,6 @@ def test_a_process_that_is_killed_ends_the_run_with_a_remedy(scene, tmp_path, st
     with pytest.raises(ChildProcessError, match=r"ended early: .* use fewer workers"):
         scene.run(tmp_path, **OPTIONS, observe=kill)
     assert report_of(tmp_path)["complete"] is False
-
-
-def test_a_script_is_not_run_again_by_its_processes(scene, tmp_path):
-    path = scene.save(tmp_path / "scene")
-    script = tmp_path / "script.py"
-    script.write_text(
-        f"print('begun')\nfrom vtkmuscle import Scene\n"
-        f"print(Scene.load({str(path)!r}).run(workers=2, frames=0).report['complete'], __name__)\n"
-    )
-    done = subprocess.run([sys.executable, str(script)], capture_output=True, text=True, check=False)
-    assert (done.returncode, done.stdout) == (0, "begun\nTrue __main__\n"), done.stderr
 
 
 def test_muscles_that_may_meet_and_a_single_muscle_stay_in_one_process(scene):

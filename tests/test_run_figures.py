@@ -57,18 +57,6 @@ def test_a_process_that_hangs_before_it_can_draw_is_given_up(asked_anew, scene, 
     assert result.report["figures"]["written"] == []
 
 
-def test_figures_are_moved_into_place(renders, scene, tmp_path):
-    scene.run(tmp_path, frames=0)
-    (tmp_path / "figures/mine.png").write_bytes(b"")
-    result = scene.run(tmp_path, frames=0, fresh=True)
-    of_spindle = [f"spindle_{name}.png" for name in ("fibre_lengths", "frames", "lengths")]
-    names = ["rest_pose.png", *of_spindle]
-    assert result.report["figures"] == {"written": names}
-    assert sorted(p.name for p in (tmp_path / "figures").iterdir()) == ["mine.png", *names]
-    assert result.report["seconds"]["figures"] > 0.0
-    assert not list(tmp_path.glob(".*"))
-
-
 def test_figures_of_muscles_that_are_taken_over_are_drawn(renders, scene, tmp_path):
     first = scene.run(tmp_path, frames=0).report["figures"]
     shutil.rmtree(tmp_path / "figures")
@@ -84,6 +72,7 @@ def pair(scene):
     return replace(scene, muscles=dict.fromkeys(("one", "other"), scene.muscles["spindle"]))
 
 
+@pytest.mark.long
 def test_figures_that_another_process_draws_are_those_that_this_one_draws(renders, pair, tmp_path):
     result = pair.run(tmp_path / "out", frames="0:3", workers=2)
     written = result.write_figures(tmp_path / "again")
@@ -93,29 +82,7 @@ def test_figures_that_another_process_draws_are_those_that_this_one_draws(render
         np.testing.assert_array_equal(there, here, err_msg=path.name)
 
 
-def test_a_picture_that_cannot_be_written_loses_no_muscle(renders, scene, tmp_path):
-    (tmp_path / "figures/rest_pose.png").mkdir(parents=True)
-    with pytest.raises(OSError, match=r"figures/rest_pose\.png"):
-        scene.run(tmp_path, frames="0:3", overwrite=True)
-    report = json.loads((tmp_path / "report.json").read_text())
-    assert len(report["muscles"]["spindle"]["frames"]) == 3
-    assert not report["complete"]
-    assert "IsADirectoryError" in report["stopped_by"]
-    assert not list(tmp_path.rglob(".*"))
-
-
-@pytest.mark.parametrize("workers", [1, 2])
-def test_an_error_in_drawing_is_told(renders, pair, tmp_path, monkeypatch, workers):
-    def upside_down(result, name):
-        return [FigureOrder("upside_down", "plot_lengths", {"times": [1.0], "lengths": "none"})]
-
-    monkeypatch.setattr(run_figures, "figures_of_muscle", upside_down)
-    with pytest.raises(ValueError, match="could not convert"):
-        pair.run(tmp_path, frames=0, workers=workers)
-    assert json.loads((tmp_path / "report.json").read_text())["complete"] is False
-    assert not list(tmp_path.glob(".*"))
-
-
+@pytest.mark.long
 def test_a_crash_of_a_process_that_draws_takes_no_run_with_it(renders, pair, tmp_path, monkeypatch):
     """The reason is said, and all else is written."""
 

@@ -1,4 +1,4 @@
-"""Joints in a scene: pins, balls and custom ones, models of OpenSim, files, grids and mirrors."""
+"""Joints in a scene: pins, balls and custom ones, models of OpenSim, files and grids."""
 
 import numpy as np
 import osim_texts as texts
@@ -8,9 +8,7 @@ from phantoms.two_joint_strap import AXIS
 from two_joint_scene import CENTRE, JOINTS, save_strap, scene_with
 
 from vtkmuscle import Scene, SceneError
-from vtkmuscle.core.mesh.surface import signed_volume
 from vtkmuscle.core.motion.rigid import rotation_about
-from vtkmuscle.data.arrays import points_of, triangles_of
 from vtkmuscle.scene.reading import read_motion
 
 
@@ -150,27 +148,6 @@ def test_the_walk_of_the_real_hip_is_its_table(lhdl_hip, strap_folder, tmp_path)
     np.testing.assert_allclose(motion.transforms["middle"], table.transforms["femur_r"], atol=2e-3)
 
 
-def test_the_left_side_is_the_right_one_in_a_mirror(strap_folder, tmp_path):
-    motion = {"grid": {"upper": [0, 20, 10], "lower": [0, 30, 15]}}
-    right = Scene.load(scene_with(strap_folder, tmp_path / "right", motion=motion))
-    left = Scene.load(scene_with(strap_folder, tmp_path / "left", motion=motion, mirror="y"))
-    signs = np.array([1.0, -1.0, 1.0])
-    for name, bone in right.bones.items():
-        np.testing.assert_array_equal(points_of(left.bones[name]), points_of(bone) * signs)
-    for scene in (right, left):
-        surface = scene.muscles["strap"].surface
-        assert signed_volume(points_of(surface), triangles_of(surface, "")) > 0
-    for name, area in zip(("origin", "insertion"), left.muscles["strap"].attachments, strict=True):
-        assert area.role == name
-    for time in right.motion.times:
-        points = points_of(right.bones["distal"])[:5]
-        moved = points @ right.motion.at(time)["distal"][:3, :3].T + right.motion.at(time)["distal"][:3, 3]
-        there = left.motion.at(time)["distal"]
-        np.testing.assert_allclose(
-            (points * signs) @ there[:3, :3].T + there[:3, 3], moved * signs, atol=1e-9
-        )
-
-
 def test_a_scene_with_joints_is_saved_as_tables_that_move_alike(strap_folder, tmp_path):
     path = scene_with(strap_folder, tmp_path, motion={"grid": {"upper": [0, 20, 10], "lower": [0, 30, 15]}})
     scene = Scene.load(path)
@@ -234,7 +211,6 @@ FOLLOWER = {"lower": {"follows": "uper", "polynomial": [1, 0]}}
         ({"motion": {**GRID["motion"], "coordinates": ["elbow"]}}, "motion", "no coordinate 'elbow'"),
         ({**GRID, "opensim": {"model": "leg.osim"}}, "opensim", "cannot be combined with"),
         ({**GRID, "joints": None, "opensim": {"model": "leg.osim"}}, "opensim.model", "no such file"),
-        ({**GRID, "mirror": "w"}, "mirror", "not 'w'"),
     ],
 )  # fmt: skip
 def test_what_cannot_be_of_joints_is_named_by_its_key(strap_folder, tmp_path, changes, key, words):

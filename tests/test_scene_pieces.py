@@ -8,27 +8,6 @@ import pyvista as pv
 
 from vtkmuscle import Scene, phantoms
 
-MUSCLES = ("gluteus_maximus", "gluteus_medius", "iliacus", "adductor_brevis")
-
-
-@pytest.fixture(scope="module")
-def real_scene(lhdl_hip):
-    return Scene.load(lhdl_hip / "scene_lite.toml")
-
-
-@pytest.mark.parametrize(
-    "names",
-    [*(pytest.param((name,), marks=pytest.mark.long) for name in MUSCLES), MUSCLES[:2], MUSCLES[2:]],
-    ids="+".join,
-)
-def test_each_muscle_of_the_real_hip_runs_alone_and_beside_another(real_scene, names):
-    muscles = {name: replace(real_scene.muscles[name], fibres=None) for name in names}
-    result = replace(real_scene, muscles=muscles).run(frames="0:3", figures=False)
-    for name in names:
-        for row in result.report["muscles"][name]["frames"]:
-            assert abs(row["volume_ratio"] - 1.0) < 1e-6
-            assert row["penetration_max_mm"] < 0.2
-
 
 def pieces_of(kind, femur):
     if kind == "out of reach":

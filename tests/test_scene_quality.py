@@ -10,7 +10,6 @@ from typer.testing import CliRunner
 
 from vtkmuscle import Result, Scene, SceneError
 from vtkmuscle.cli import app
-from vtkmuscle.data.arrays import cell_array
 from vtkmuscle.filters.taut_paths import RESOLUTIONS
 from vtkmuscle.run import muscle_pipeline
 
@@ -43,12 +42,6 @@ def with_deformer(scene_file, deformer, setting="iterations = 3", more=""):
     return scene_file
 
 
-def test_the_deformer_survives_a_round_trip(scene_file, tmp_path):
-    scene = Scene.load(with_deformer(scene_file, "none", setting=""))
-    assert scene.deformer == "none"
-    assert Scene.load(scene.save(tmp_path / "again")).deformer == "none"
-
-
 @pytest.mark.parametrize(
     ("deformer", "setting", "more", "told"),
     [
@@ -67,15 +60,6 @@ def test_the_deformer_survives_a_round_trip(scene_file, tmp_path):
 def test_settings_of_another_deformer_are_refused(scene_file, deformer, setting, more, told):
     with pytest.raises(SceneError, match=told):
         Scene.load(with_deformer(scene_file, deformer, setting, more))
-
-
-def test_a_muscles_own_setting_of_another_deformer_is_refused(scene_file):
-    text = scene_file.read_text().replace(
-        "[solver]", "[muscles.spindle.solver]\nvelocity_kept = 1.0\n[solver]"
-    )
-    scene_file.write_text(text)
-    with pytest.raises(SceneError, match=r"muscles.spindle.solver.velocity_kept: deformer 'paths'"):
-        Scene.load(scene_file)
 
 
 def ran(scene_file, out, *options):
@@ -109,12 +93,3 @@ def test_the_option_of_the_deformer_takes_the_keys_place_and_gives_the_same_path
     refused, _ = ran(scene_file, tmp_path / "other", "--deformer", "pbx")
     assert refused.exit_code == 2
     assert "did you mean 'pbd'" in refused.output
-
-
-def test_lengths_of_a_scene_without_a_deformer_are_those_of_taut_paths(scene_file):
-    scene = Scene.load(with_deformer(scene_file, "none", setting=""))
-    result = scene.run(figures=False)
-    paths = muscle_pipeline(scene, "spindle").taut_paths
-    for lengths, time in zip(result.lengths["spindle"], result.times, strict=True):
-        known = cell_array(paths.update(time=time).output, "Length", "paths")
-        np.testing.assert_array_equal(lengths, known)

@@ -2,7 +2,6 @@
 
 from concurrent.futures import Future, ThreadPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
-from dataclasses import replace
 from multiprocessing import active_children
 from pathlib import Path
 
@@ -13,7 +12,7 @@ from typer.testing import CliRunner
 
 import vtkmuscle
 from vtkmuscle import Scene, phantoms
-from vtkmuscle.cli import FAILED, INTERRUPTED, app
+from vtkmuscle.cli import FAILED, app
 from vtkmuscle.run.store import ResultFolder
 
 
@@ -60,12 +59,6 @@ def test_a_row_has_the_numbers_of_a_run(scene):
     assert (table["subject"][0], table["muscle"][0], table["verdict"][0]) == ("anna", "spindle", "ok")
 
 
-def test_names_that_differ_by_little_have_folders_of_their_own(scene, tmp_path):
-    table = vtkmuscle.cohort(dict.fromkeys(("a b", "a_b", "A_b"), scene), tmp_path, workers=1, frames="0:1")
-    assert len({folder.casefold() for folder in table["folder"]}) == 3
-    assert all((tmp_path / folder / "report.json").is_file() for folder in table["folder"])
-
-
 def test_a_finished_folder_is_read_and_a_changed_scene_is_run(scene, tmp_path, solved):
     first = vtkmuscle.cohort({"anna": scene, "ben": scene}, tmp_path, workers=1, frames="0:2")
     text = (tmp_path / "cohort.csv").read_text()
@@ -80,14 +73,6 @@ def test_a_finished_folder_is_read_and_a_changed_scene_is_run(scene, tmp_path, s
     solved.clear()
     vtkmuscle.cohort({"anna": scene}, tmp_path, workers=1, frames="0:3")
     assert solved == [first["folder"][0]], "other frames are another run"
-
-
-def test_a_damaged_folder_is_run_again(scene, tmp_path, solved):
-    first = vtkmuscle.cohort({"anna": scene}, tmp_path, workers=1, frames="0:2")
-    (tmp_path / first["folder"][0] / "spindle" / "spindle_0001.vtp").write_text("damaged")
-    solved.clear()
-    same_numbers(vtkmuscle.cohort({"anna": scene}, tmp_path, workers=1, frames="0:2"), first)
-    assert solved == list(first["folder"])
 
 
 def test_a_scene_that_cannot_be_run_is_a_row(tmp_path):
@@ -138,6 +123,7 @@ def test_a_client_works_and_a_lost_process_is_a_row(scene):
     assert "run it again" in table["message"][0]
 
 
+@pytest.mark.long
 def test_a_client_of_dask_gives_the_same_table(scene, tmp_path):
     distributed = pytest.importorskip("distributed", reason="the extra cohort is not installed")
     here = vtkmuscle.cohort({"anna": scene, "ben": scene}, workers=1, frames="0:2")
@@ -154,21 +140,6 @@ def test_settings_of_scene_and_fibres_are_varied(scene):
     few = Scene.from_phantom(phantoms.spindle_over_hinge(), n_fibres=4, resolution=5)
     lengths = few.run(frames="0:2").lengths["spindle"]
     assert table.where(deformer="paths", n_fibres=4)["length_mm"] == pytest.approx(lengths.mean(), rel=1e-12)
-
-
-def test_settings_of_the_solver_are_varied_over_those_of_a_muscle(scene):
-    own = replace(scene.muscles["spindle"], solver={"iterations": 2})
-    scene = replace(scene, muscles={"spindle": own}, deformer="pbd")
-    table = vtkmuscle.vary(scene, workers=1, frames="0:2", iterations=[1, 2, 30])
-    assert len(set(table["fibre_length_mm"])) == 3
-    lengths = scene.run(frames="0:2").fibre_lengths["spindle"]
-    assert table["fibre_length_mm"][1] == pytest.approx(lengths.mean(), rel=1e-12)
-
-
-def test_settings_of_the_paths_are_varied(scene):
-    tables = [{"resolution": 24}, {"resolution": 48}]
-    lengths = vtkmuscle.vary(scene, workers=1, frames="0:2", paths=tables)["length_mm"]
-    assert lengths[0] != lengths[1]
 
 
 @pytest.mark.parametrize(
@@ -198,22 +169,7 @@ def test_the_command_writes_the_table_and_ends_with_the_status_of_the_worst(tmp_
     assert [line.split(",")[0] for line in lines] == ["subject", str(good), str(tmp_path / "none.toml")]
 
 
-def test_a_cohort_that_is_stopped_keeps_finished_subjects(tmp_path, monkeypatch):
-    first, second = (write_tiny_scene(tmp_path / name) for name in ("first", "second"))
-    run = Scene.run
-
-    def stopped(self, out=None, **options):
-        if self.files[""] == second:
-            raise KeyboardInterrupt
-        return run(self, out, **options)
-
-    monkeypatch.setattr(Scene, "run", stopped)
-    command = ("cohort", first, second, "--out", tmp_path / "out", "--frames", "0:1", "--workers", "1")
-    done = CliRunner().invoke(app, [str(word) for word in command])
-    assert done.exit_code == INTERRUPTED
-    assert f"finished in {tmp_path / 'out'} are kept" in done.stderr
-
-
+@pytest.mark.long
 def test_a_stop_ends_the_processes(scene, tmp_path):
     def stop(rows):
         raise KeyboardInterrupt

@@ -15,7 +15,6 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from vtkmuscle._version import __version__
 from vtkmuscle.core.words import suggestion
 
 if TYPE_CHECKING:
@@ -30,6 +29,8 @@ if TYPE_CHECKING:
     from vtkmuscle.scene.faults import SceneError
     from vtkmuscle.scenes import Scene
     from vtkmuscle.studies import cohort, vary
+
+__version__ = "0.1.0"
 
 _MODULES = ("filters", "phantoms", "pipelines", "plotting")
 _SOURCES = {

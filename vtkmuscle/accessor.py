@@ -154,19 +154,11 @@ class MuscleAccessor:
         return decompose(self._mesh, areas, **settings).apply()
 
     def fibre_lengths(self) -> Floats:
-        """Return the length of each polyline (n,) [mm].
-
-        By FibreMetrics.
-        """
+        """Return the length of each polyline (n,) [mm]. By FibreMetrics."""
         return np.array(FibreMetrics().apply(self._mesh)["Length"])
 
     def plot(
-        self,
-        *,
-        fibres: Any = None,
-        bones: Any = None,
-        show: bool = True,
-        off_screen: bool | None = None,
+        self, *, fibres: Any = None, bones: Any = None, show: bool = True, off_screen: bool | None = None
     ) -> Any:
         """Show the muscle, with fibres and bones.
 
@@ -199,26 +191,17 @@ class MuscleAccessor:
         return None
 
     def tubes(self, **parameters: Any) -> Any:
-        """Return tubes around polylines.
-
-        By :class:`~vtkmuscle.filters.FibreTubes`.
-        """
+        """Return tubes around polylines. By :class:`~vtkmuscle.filters.FibreTubes`."""
         return FibreTubes(**parameters).apply(self._mesh)
 
 
 def _names(bones: Any) -> list[str]:
-    """Return the names of bones.
-
-    From a mapping or from named blocks.
-    """
+    """Return the names of bones. From a mapping or from named blocks."""
     return list(bones) if isinstance(bones, Mapping) else [name for name, _ in blocks_of(bones)]
 
 
 def _areas(origin: Any, insertion: Any, attachments: Any, bones: list[str] | None) -> Any:
-    """Return attachment areas for filters.
-
-    With bone names, each area needs a bone.
-    """
+    """Return attachment areas for filters. With bone names, each area needs a bone."""
     roles = {"origin": origin, "insertion": insertion}
     by_role = {role: landmarks for role, landmarks in roles.items() if landmarks is not None}
     if attachments is not None:

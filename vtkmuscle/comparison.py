@@ -1,14 +1,10 @@
-"""Comparison of runs, muscle by muscle.
-
-Runs differ in settings, sides or subjects; published moment arms and OpenSim's own paths are compared too.
-"""
+"""Comparison of runs of other settings, sides or subjects, and of published moment arms."""
 
 from __future__ import annotations
 
 import math
-import warnings
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -19,8 +15,6 @@ from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.motion.coordinates import ANGLES
 from vtkmuscle.core.types import Floats
 from vtkmuscle.io.literature import LiteratureCurve, curves_for, read_literature, side_apart
-from vtkmuscle.opensim.model import OsimModel, read_osim
-from vtkmuscle.opensim.muscle_paths import moment_arm
 from vtkmuscle.run.result import Result
 from vtkmuscle.run.table import Table
 
@@ -33,8 +27,6 @@ COLUMNS = (
     *("muscle", "quantity", "unit", "run", "verdict", "mean"),
     *("difference", "difference_rms", "difference_largest", "at"),
 )
-#: Millimetres in OpenSim's unit of length.
-_MILLIMETRES = 1000.0
 _LENGTH = "length, bone to bone"
 #: Size of a panel of the figure [inches].
 _WIDTH, _HEIGHT = 4.8, 3.2
@@ -42,14 +34,9 @@ _WIDTH, _HEIGHT = 4.8, 3.2
 
 @dataclass(frozen=True, eq=False)
 class Curve:
-    """A quantity of a muscle over coordinate or time.
+    """A quantity of a muscle over a coordinate or time: mean (n,) of all paths or fibres at positions x (n,).
 
-    Attributes
-    ----------
-    quantity, over, unit : str
-        Name of the quantity, name and unit of the horizontal axis, and unit of the quantity.
-    x, mean : (n,) array
-        Positions on the axis, ascending, and the mean of all paths or fibres at each position.
+    ``over`` is the name and unit of the horizontal axis, ``unit`` that of the quantity.
     """
 
     quantity: str
@@ -84,17 +71,11 @@ class Comparison:
         return f"Comparison of {', '.join(self.names)}: {', '.join(self.curves)}"
 
     def table(self) -> Table:
-        """Return means and differences to the first run.
-
-        A row per muscle, quantity and run.
-        """
+        """Return means and differences to the first run. A row per muscle, quantity and run."""
         return Table(COLUMNS, self._rows())
 
     def figure(self) -> Figure:
-        """Return a figure of all curves.
-
-        A row of panels per muscle, a panel per quantity.
-        """
+        """Return a figure of all curves. A row of panels per muscle, a panel per quantity."""
         from vtkmuscle.plotting.figures import draw_literature  # noqa: PLC0415 -- a table needs no figure
         from vtkmuscle.plotting.sheets import blank_figure  # noqa: PLC0415
 
@@ -148,15 +129,13 @@ class Comparison:
                 first = next(iter(runs.values()))
                 for name, curve in runs.items():
                     row = (muscle, quantity, curve.unit, name, self.verdicts[muscle, name])
-                    apart = None if curve is first else difference(curve, first)
-                    yield *row, float(curve.mean.mean()), *(_figures(apart) if apart else (None,) * 4)
+                    yield *row, float(curve.mean.mean()), *difference(curve, first)
 
 
 def compare(
     results: Mapping[str, Result] | Sequence[Result | str | PathLike[str]],
     *,
     literature: str | PathLike[str] | None = None,
-    opensim: str | PathLike[str] | None = None,
 ) -> Comparison:
     """Compare runs and published values.
 
@@ -169,8 +148,6 @@ def compare(
         Runs by a name, or runs and folders of results, named by default. The first run is the reference.
     literature : path, optional
         Published moment arms as of :func:`vtkmuscle.io.read_literature`; by default the arms of the runs.
-    opensim : path, optional
-        An .osim; muscles of equal names form a further run, in the poses of the first run.
 
     Returns
     -------
@@ -181,11 +158,6 @@ def compare(
     ------
     ValueError
         If no muscle is in two of the runs, or a file cannot be read.
-
-    Warns
-    -----
-    UserWarning
-        For muscles of the model with paths around surfaces; such paths are not computed.
 
     Examples
     --------
@@ -206,8 +178,6 @@ def compare(
             compared.add(name, muscle, curves_of(result, muscle), result.verdicts[muscle])
             curves = result.literature.get(muscle, ()) if published is None else published
             compared.literature.setdefault(side_apart(muscle), curves_for(curves, muscle=muscle))
-    if opensim is not None:
-        _add_model(compared, Path(opensim), next(iter(named.values())))
     shared = any(len(runs) > 1 for curves in compared.curves.values() for runs in curves.values())
     if not shared and not any(compared.literature.values()):
         listed = "; ".join(f"{name}: {', '.join(result.muscle_names)}" for name, result in named.items())
@@ -227,18 +197,6 @@ def _named(results: Sequence[Result | str | PathLike[str]]) -> dict[str, Result]
     return named
 
 
-def _add_model(compared: Comparison, path: Path, result: Result) -> None:
-    model, left_out = read_osim(path), []
-    for muscle in model.muscles:
-        if side_apart(muscle) in compared.curves:
-            try:
-                compared.add(path.name, muscle, curves_of_model(model, muscle, result))
-            except InputError as error:
-                left_out.append(f"{muscle}: {error}")
-    if left_out:
-        warnings.warn(f"{path.name} is not compared for {'; '.join(left_out)}", stacklevel=3)
-
-
 def curves_of(result: Result, muscle: str) -> list[Curve]:
     """Return the curves of a muscle of a run.
 
@@ -255,44 +213,19 @@ def curves_of(result: Result, muscle: str) -> list[Curve]:
     return curves
 
 
-def curves_of_model(model: OsimModel, muscle: str, result: Result) -> list[Curve]:
-    """Return the curves of a muscle of an OpenSim model.
+def difference(curve: Curve, reference: Curve) -> tuple[float | None, ...]:
+    """Return figures of a curve minus a reference curve, within the reference's range.
 
-    Path lengths and moment arms, in the poses of a run with coordinates of the model. A path around surfaces
-    is not computed and raises a ValueError.
-    """
-    path, tree = model.muscle(muscle).path, model.tree
-    frames, coordinates = list(result.frames), result.motion.coordinates
-    values = {
-        name: np.asarray(coordinate.values)[frames] * (ANGLES.get(coordinate.unit) or 1.0 / _MILLIMETRES)
-        for name, coordinate in coordinates.items()
-        if name in tree.free
-    }
-    if not values:
-        raise InputError("", f"the model has none of the run's coordinates {', '.join(coordinates)}")
-    lengths = _MILLIMETRES * path.lengths(tree, values)[:, None]
-    times = np.asarray(result.times, dtype=np.float64)
-    curves = [_curve((_LENGTH, _without_side(result.time_label), "mm"), times, lengths)]
-    for name in values:
-        coordinate = coordinates[name]
-        if coordinate.changes and coordinate.unit in ANGLES:
-            arms = _MILLIMETRES * moment_arm(path, tree, values, name)[:, None]
-            curves.append(
-                _curve(_arm_labels(name, coordinate.unit), np.asarray(coordinate.values)[frames], arms)
-            )
-    return curves
-
-
-def difference(curve: Curve, reference: Curve) -> Curve | None:
-    """Return a curve minus a reference curve.
-
-    At the positions of the curve within the reference's range; None without such positions.
+    Mean, root mean square, largest value, and its position; None if the ranges do not overlap.
     """
     inside = (curve.x >= reference.x[0] - 1e-9) & (curve.x <= reference.x[-1] + 1e-9)
-    if not inside.any():
-        return None
+    if curve is reference or not inside.any():
+        return (None,) * 4
     x = curve.x[inside]
-    return replace(curve, x=x, mean=curve.mean[inside] - np.interp(x, reference.x, reference.mean))
+    apart = curve.mean[inside] - np.interp(x, reference.x, reference.mean)
+    worst = int(np.abs(apart).argmax())
+    root = math.sqrt(float(np.mean(np.square(apart))))
+    return float(apart.mean()), root, float(apart[worst]), float(x[worst])
 
 
 def _arm_labels(coordinate: str, unit: str) -> tuple[str, str, str]:
@@ -306,20 +239,7 @@ def _curve(labels: tuple[str, str, str], x: Floats, rows: Floats) -> Curve:
     return Curve(*labels, x[order], rows[order].mean(axis=1))
 
 
-def _figures(apart: Curve) -> tuple[float, ...]:
-    """Return the figures of a difference.
-
-    Mean, root mean square, largest value, and the position of the largest value.
-    """
-    worst = int(np.abs(apart.mean).argmax())
-    root = math.sqrt(float(np.mean(np.square(apart.mean))))
-    return float(apart.mean.mean()), root, float(apart.mean[worst]), float(apart.x[worst])
-
-
 def _without_side(label: str) -> str:
-    """Return the label of an axis without a side.
-
-    ``hip flexion [deg]`` of ``hip flexion r [deg]``.
-    """
+    """Return the label of an axis without a side. ``hip flexion [deg]`` of ``hip flexion r [deg]``."""
     name, bracket, unit = label.partition(" [")
     return side_apart(name.replace(" ", "_")).replace("_", " ") + bracket + unit

@@ -1,7 +1,4 @@
-"""The right hip of the LHDL data set as a scene.
-
-Pelvis, femur, four muscles, landmarks, and the joint.
-"""
+"""The right hip of the LHDL data set as a scene: pelvis, femur, four muscles, landmarks, joint."""
 
 from __future__ import annotations
 
@@ -58,36 +55,18 @@ _HIP = "modenaxe/3d-muscles/b4e8f62a82440354280225172287ceb2ffad7678/_LHDL_hip_r
 _PBD = "cervenkam/muscle-deformation-PBD/66cce66944a8e81cb9bbc82f845bd45beccf0d9b/data"
 _MSK = "modenaxe/3d-muscles/778f2e6f3bcf78455b96decc1dda94d34c84dff0/a_MSK_model/a_MSK_model"
 _MODEL, _TREE = "LHDL_hip_r.osim", "landmarks.nms"
-#: Path of each surface at the host, and its number of triangles.
-_BONES = {
-    "sacrum": (f"{_HIP}.523.vtk", 89944),
-    "iliac_l": (f"{_HIP}.524.vtk", 89998),
-    "iliac_r": (f"{_HIP}.525.vtk", 89992),
-    "femur_r": (f"{_HIP}.123.vtk", 84998),
-}
-#: The pelvis is three closed pieces.
-_PELVIS = ("sacrum", "iliac_l", "iliac_r")
+#: Path of each bone at the host; the pelvis is three closed pieces.
+_PELVIS = {f"pelvis_{number}": f"{_HIP}.{number}.vtk" for number in (523, 524, 525)}
+_FEMUR = {"femur_r": f"{_HIP}.123.vtk"}
 _MUSCLES = {
-    "gluteus_maximus": (f"{_PBD}/muscle0_s1.vtk", 19752),
-    "gluteus_medius": (f"{_PBD}/muscle1_s1.vtk", 10622),
-    "iliacus": (f"{_PBD}/muscle2_s1.vtk", 13858),
-    "adductor_brevis": (f"{_PBD}/muscle3_s1.vtk", 17124),
+    name: f"{_PBD}/muscle{number}_s1.vtk"
+    for number, name in enumerate(("gluteus_maximus", "gluteus_medius", "iliacus", "adductor_brevis"))
 }
 #: Path of each file at the host, pinned to a commit, and its SHA-256 where that is known.
 FILES: dict[str, tuple[str, str | None]] = {
-    **{f"{name}.vtk": (path, None) for name, (path, _) in (_BONES | _MUSCLES).items()},
+    **{f"{name}.vtk": (path, None) for name, path in (_PELVIS | _FEMUR | _MUSCLES).items()},
     _TREE: (f"{_HIP}.nms", None),
     _MODEL: (f"{_MSK}/{_MODEL}", "18c6d750bfccb9f9ec16324bef866bb9aab247d70e45ada12f570c964cb2edcc"),
-}
-#: Number of landmarks of each cloud.
-_CLOUDS = {
-    "Ori_1_R_M081_Glut_Max": 21,
-    "Ori_2_R_M081_Glut_Max": 22,
-    "Ins_1_R_M081_Glut_Max": 11,
-    "Ori_1_R_M082_Glut_Med": 38,
-    "Ins_1_R_M082_Glut_Med": 17,
-    "Ori_1_R_M091_Iliacus": 40,
-    "Ins_1_R_M091_Iliacus": 7,
 }
 #: Cloud of each area, and its landmarks: in the order of the file a ring, or a line if the area is open.
 #: The second cloud of the gluteus maximus is a ring of 16 and six more, here in the order of the
@@ -181,10 +160,7 @@ def fetch(
 
 
 def _download(url: str, folder: Path, name: str, sha256: str | None) -> None:
-    """Download a file into a folder.
-
-    A known SHA-256 is checked.
-    """
+    """Download a file into a folder; a known SHA-256 is checked."""
     pooch.get_logger().setLevel("ERROR")  # failures are raised here
     registry = {name: sha256 and f"sha256:{sha256}"}
     source = pooch.create(folder, "", registry=registry, urls={name: url}, retry_if_failed=RETRIES)
@@ -192,31 +168,23 @@ def _download(url: str, folder: Path, name: str, sha256: str | None) -> None:
     downloader = pooch.HTTPDownloader(timeout=PATIENCE, stream=False)
     try:
         source.fetch(name, downloader=downloader)
-    except OSError as error:  # of requests too
+    except (OSError, ValueError) as error:  # of requests too; of the checksum
         remedy = "check the network and the address, then try again"
         raise InputError(url, f"the download failed: {error}", remedy) from error
-    except ValueError as error:  # the checksum
-        raise _changed(url, str(error)) from error
 
 
 def write_scene(files: Path, folder: Path) -> None:
-    """Write the scene of the downloaded files.
-
-    Four muscles over flexion of the hip.
-    """
-    pieces = {name: _bone(files / f"{name}.vtk", count) for name, (_, count) in _BONES.items()}
+    """Write the scene of the downloaded files: four muscles over flexion of the hip."""
     pelvis = vtkAppendPolyData()
     for name in _PELVIS:
-        pelvis.AddInputData(pieces[name])
+        pelvis.AddInputData(_bone(files / f"{name}.vtk"))
     pelvis.Update()
     write_polydata(folder / "bones/pelvis.vtp", pelvis.GetOutput())
-    write_polydata(folder / "bones/femur_r.vtp", pieces["femur_r"])
-    clouds = _checked_clouds(files / _TREE)
+    write_polydata(folder / "bones/femur_r.vtp", _bone(files / "femur_r.vtk"))
+    clouds = landmarks_of(read_msf(files / _TREE))
     muscles: dict[str, Any] = {}
-    for name, (_, count) in _MUSCLES.items():
-        surface = read_surface(files / f"{name}.vtk")
-        _check_count(f"{name}.vtk", surface.GetNumberOfPolys(), count)
-        write_polydata(folder / f"muscles/{name}.vtp", surface)
+    for name in _MUSCLES:
+        write_polydata(folder / f"muscles/{name}.vtp", read_surface(files / f"{name}.vtk"))
         muscles[name] = {
             "surface": f"muscles/{name}.vtp",
             "fibres": {"template": "parallel", "n_fibres": 100, "resolution": 15},
@@ -236,53 +204,22 @@ def write_scene(files: Path, folder: Path) -> None:
     write_text(folder / "scene.toml", header + tomli_w.dumps(tables, indent=2))
 
 
-def _attachments(muscle: str, clouds: Mapping[str, Floats], folder: Path) -> Any:
-    """Write a muscle's landmarks; return the ``attachments``.
-
-    The ``attachments`` are an entry of the scene.
-    """
+def _attachments(muscle: str, clouds: Mapping[str, Mapping[str, Floats]], folder: Path) -> Any:
+    """Write a muscle's landmarks; return the ``attachments``, an entry of the scene."""
     if muscle not in _AREAS:
         return {"estimate": ["pelvis", "femur_r"]}
     areas = []
     for cloud, which in _AREAS[muscle]:
         role, bone = ("origin", "pelvis") if cloud.startswith("Ori") else ("insertion", "femur_r")
-        areas.append(AttachmentArea(role, bone, clouds[cloud][which], cloud not in _OPEN))
+        points = np.array(list(clouds[f"LC_SET_{cloud}"].values()))
+        areas.append(AttachmentArea(role, bone, points[which], cloud not in _OPEN))
     return write_areas(folder, muscle, areas)
 
 
-def _checked_clouds(tree: Path) -> dict[str, Floats]:
-    """Return the landmarks of each cloud (n, 3) [mm]."""
-    published = landmarks_of(read_msf(tree))
-    clouds = {}
-    for name, count in _CLOUDS.items():
-        points = published.get(f"LC_SET_{name}", {})
-        _check_count(f"{tree.name}, LC_SET_{name}", len(points), count)
-        clouds[name] = np.array(list(points.values()))
-    return clouds
-
-
-def _bone(path: Path, count: int) -> vtkPolyData:
-    """Return a clean bone with outward triangles.
-
-    Repeated and loose points are removed.
-    """
+def _bone(path: Path) -> vtkPolyData:
+    """Return a clean bone with outward triangles, without repeated and loose points."""
     clean = vtkCleanPolyData(input_data=read_surface(path), tolerance=0.0, convert_polys_to_lines=False)
     clean.Update()
     points = points_of(clean.GetOutput())
     triangles = triangles_of(clean.GetOutput(), path.name)
-    _check_count(path.name, len(triangles), count)
     return surface_from(points, triangles if signed_volume(points, triangles) > 0 else triangles[:, ::-1])
-
-
-def _check_count(name: str, count: int, published: int) -> None:
-    """Raise an InputError for a deviating count.
-
-    The count is of triangles or landmarks; the published count is expected.
-    """
-    if count != published:
-        raise _changed(name, f"it has {count} elements, not {published}")
-
-
-def _changed(where: str, words: str) -> InputError:
-    remedy = "try again; if it stays so, the published file has changed, or something on the way changes it"
-    return InputError(where, f"this is not the published file: {words}", remedy)

@@ -13,7 +13,7 @@ from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet
 from vtkmuscle.core.words import names as as_names
 from vtkmuscle.core.words import suggestion
 from vtkmuscle.data.arrays import blocks_of
-from vtkmuscle.run.options import RunOptions
+from vtkmuscle.run.frames import run_options
 from vtkmuscle.run.result import Result
 from vtkmuscle.run.steps import run_scene
 from vtkmuscle.scene.checks import checked
@@ -122,19 +122,9 @@ class Scene(SceneData):
         return cls(phantom.name, phantom.bones, muscles, phantom.motion)
 
     def save(self, folder: str | PathLike[str]) -> Path:
-        """Write the scene to a folder.
+        """Write the scene to a folder, as :meth:`load` reads it, and return the scene.toml.
 
-        The files are scene.toml, surfaces, landmarks and the motion.
-
-        Parameters
-        ----------
-        folder : path
-            Created if missing; files of equal names are replaced.
-
-        Returns
-        -------
-        Path
-            The scene.toml; :meth:`load` of the file gives an equal scene.
+        The folder is created if missing; files of equal names are replaced.
         """
         return write_scene(self, Path(folder))
 
@@ -176,13 +166,10 @@ class Scene(SceneData):
         if out is not None and not str(out):
             raise ValueError("out is empty; give the name of a folder")
         target = None if out is None else Path(out)
-        return run_scene(self, target, RunOptions.of(options))
+        return run_scene(self, target, run_options(options))
 
     def __getitem__(self, name: str) -> Any:
-        """Return a muscle or bone at rest.
-
-        The data are PyVista's: ``scene["iliacus"].plot()``.
-        """
+        """Return a muscle or bone at rest. The data are PyVista's: ``scene["iliacus"].plot()``."""
         import pyvista  # noqa: PLC0415 -- a run needs none
 
         muscles = {muscle_name: muscle.surface for muscle_name, muscle in self.muscles.items()}
@@ -212,11 +199,10 @@ class Scene(SceneData):
         pyvista.Plotter or None
             The plotter with ``show=False``.
         """
-        from vtkmuscle.run.display import plotter_at_rest  # noqa: PLC0415 -- only pictures need PyVista
+        from vtkmuscle.run.figures import plotter_at_rest  # noqa: PLC0415 -- only pictures need PyVista
 
-        plotter = plotter_at_rest(
-            self if muscles is None else self.with_muscles(*as_names(muscles)), off_screen
-        )
+        shown = self if muscles is None else self.with_muscles(*as_names(muscles))
+        plotter = plotter_at_rest(shown, off_screen)
         return plotter.show() if show else plotter
 
     def __repr__(self) -> str:
@@ -226,10 +212,7 @@ class Scene(SceneData):
         return f"Scene({self.name!r}: {listed}; bones {', '.join(self.bones)}; {times}; {self.units})"
 
     def with_muscles(self, *names: str) -> Self:
-        """Return the scene with selected muscles, in order.
-
-        Unknown names raise a SceneError.
-        """
+        """Return the scene with selected muscles, in order. Unknown names raise a SceneError."""
         if not names:
             raise SceneError("no muscle is named", "muscles", f"there are: {', '.join(self.muscles)}")
         for name in names:
@@ -240,18 +223,8 @@ class Scene(SceneData):
         return replace(self, muscles=kept)
 
     def with_quality(self, quality: str) -> Self:
-        """Return the scene with a different preset.
+        """Return the scene with another preset; its settings stay. SceneError if the preset is unknown.
 
-        The scene's settings stay.
-
-        Parameters
-        ----------
-        quality : str
-            ``"preview"``, ``"balanced"``, ``"accurate"``, or ``"published"`` with deformer ``"pbd"``.
-
-        Raises
-        ------
-        SceneError
-            If the preset is unknown.
+        ``"preview"``, ``"balanced"``, ``"accurate"``, or ``"published"`` with deformer ``"pbd"``.
         """
         return replace(self, quality=quality)

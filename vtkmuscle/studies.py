@@ -20,7 +20,8 @@ from vtkmuscle.core.machine import processors
 from vtkmuscle.filters.path_deformer import PathDeformer
 from vtkmuscle.filters.pbd_deformer import PBDDeformer
 from vtkmuscle.io.writing import locked
-from vtkmuscle.run import Result, RunOptions, frame_numbers
+from vtkmuscle.run import Result, frame_numbers
+from vtkmuscle.run.frames import run_options
 from vtkmuscle.run.store import ResultFolder
 from vtkmuscle.run.store.keys import muscle_keys
 from vtkmuscle.run.table import Table
@@ -167,11 +168,8 @@ def _run_all(
     progress: Callable[[Sequence[Row]], None] | None,
     options: Mapping[str, Any],
 ) -> Table:
-    """Run labelled scenes, and write the table.
-
-    The labels are the first columns of the table.
-    """
-    RunOptions.of({**options, "workers": workers})
+    """Run labelled scenes, and write the table. The labels are the first columns of the table."""
+    run_options({**options, "workers": workers})
     asked = {"figures": False, "report": False, **options, "workers": 1}
     names = [", ".join(map(str, labels.values())) for labels, _ in labelled]
     if not names or len(set(names)) < len(names):
@@ -182,10 +180,8 @@ def _run_all(
             scene.save(target / "scene") if isinstance(scene, Scene) else Path(scene).absolute()
             for target, (_, scene) in zip(targets, labelled, strict=True)
         ]
-        tasks = [
-            (file, None if out is None else target, asked)
-            for file, target in zip(files, targets, strict=True)
-        ]
+        folders = [None] * len(files) if out is None else targets
+        tasks = [(file, target, asked) for file, target in zip(files, folders, strict=True)]
         rows: dict[int, list[Row]] = {}
         for number, solved in _solved(tasks, client, workers or processors()):
             rows[number] = [dict(labelled[number][0]) | row for row in solved]
@@ -233,10 +229,7 @@ def _solved(tasks: Sequence[tuple[Any, ...]], client: Any, workers: int) -> Iter
 
 
 def _rows(file: Path, out: Path | None, options: Mapping[str, Any]) -> list[Row]:
-    """Return the rows of a scene's muscles.
-
-    A scene without a finished folder is run.
-    """
+    """Return the rows of a scene's muscles. A scene without a finished folder is run."""
     try:
         scene = Scene.load(file)
         result = None if out is None or options.get("fresh") else _finished(scene, out, options.get("frames"))

@@ -150,12 +150,7 @@ def test_another_unit_of_length(exponent, ledger):
     for mode in scenes.MODES:
         expected, _ = run(tube(), bending(10, 20), **mode)
         bones = [scaled_mesh(bone, factor) for bone in scenes.BONES]
-        now, _ = run(
-            scaled_mesh(tube(), factor),
-            scaled(bending(10, 20), factor),
-            bones=bones,
-            **mode,
-        )
+        now, _ = run(scaled_mesh(tube(), factor), scaled(bending(10, 20), factor), bones=bones, **mode)
         error = np.abs(now / factor - expected).max() / 100.0
         what = f"scale 1e{exponent:+d}"
         ledger.passed("Units and positions", what, "difference / length of the muscle", error)

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 import pyvista as pv
 
-from vtkmuscle.cli.info import facts_of
 from vtkmuscle.core.motion.rigid import apply_transform, rotation_about
 from vtkmuscle.data.arrays import points_of
 from vtkmuscle.io import landmarks_of, read_msf, surfaces_of
@@ -106,14 +105,6 @@ def test_landmarks_are_in_the_frames_of_cloud_and_parent(there):
     expected = apply_transform(TURNED @ SHIFTED, np.array([[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]]))
     np.testing.assert_allclose(list(found["origin"].values()), expected, atol=1e-9)
     np.testing.assert_allclose(list(found["old"].values()), [[1.0, 0, 0], [0, 2, 0]])
-
-
-def test_info_reads_it(there):
-    facts = facts_of(there[0])
-    assert (facts["tree"], facts["surfaces"], facts["not there"]) == ("hip", "pelvis", "hip.2.vtk")
-    assert facts["landmarks"] == "2: origin (2), old (2)"
-    assert facts["not used"] == "CT (VolumeGray)"
-    assert facts["times"] == "2, 0 .. 1 s"
 
 
 def test_a_file_in_an_archive_of_its_own_is_read(there):

@@ -2,7 +2,6 @@
 
 import itertools
 
-import numpy as np
 import pytest
 from browser import Page, needs_chromium
 
@@ -90,63 +89,6 @@ def test_it_draws_and_the_slider_moves_the_muscles(page):
     assert picture(page)["sum"] == first["sum"], "the same frame is the same picture"
 
 
-def test_what_is_drawn_is_where_the_result_has_it(page, run_folder):
-    """Muscles alone: their outline on the canvas is as wide as the points of the frame are."""
-    import numpy as np
-
-    from vtkmuscle.data.arrays import points_of
-
-    result = run_folder[1]
-    for box in ("show-bones", "show-surfaces"):
-        choose(page, box, "hidden" if box == "show-bones" else "solid")
-    page.value("report.viewer.look([1, 0, 0])")
-    choose(page, "time", 4)
-    columns = page.value("""(() => {
-      const pixels = report.viewer.pixels(), { width, height } = document.getElementById("canvas");
-      let low = Infinity, high = -1;
-      for (let i = 0; i < width * height; i++) {
-        if (pixels[4 * i] !== pixels[0]) { low = Math.min(low, i % width); high = Math.max(high, i % width); }
-      }
-      const { focus } = report.viewer.camera, half = heightOf(report.viewer.camera, width / height);
-      return [low, high + 1].map((x) => focus[1] + ((x / width) * 2 - 1) * half * (width / height));
-    })()""")
-    points = np.vstack([points_of(result.muscle(name, frame=4)) for name in result.muscle_names])
-    for name in ("show-bones", "show-surfaces"):
-        choose(page, name, "solid" if name == "show-bones" else "translucent")
-    page.value("report.viewer.look(null)")
-    choose(page, "time", 0)
-    assert columns == pytest.approx([points[:, 1].min(), points[:, 1].max()], abs=0.6)
-
-
-@pytest.mark.parametrize("towards", ["null", "[1, 0, 0]", "[0, -1, 0]", "[0.001, 0, 1]"])
-def test_a_view_cuts_nothing_off(page, towards):
-    """Muscles and bones of the first frame are inside the canvas, and fill it in one direction."""
-    page.value(f"report.viewer.look({towards})")
-    rim, width, height = page.value("""(() => {
-      const pixels = report.viewer.pixels(), { width, height } = document.getElementById("canvas");
-      const there = (x, y) => pixels[4 * (y * width + x)] !== 243;
-      let low = [width, height], high = [-1, -1];
-      for (let y = 0; y < height; y++) for (let x = 0; x < width; x++) if (there(x, y)) {
-        low = [Math.min(low[0], x), Math.min(low[1], y)]; high = [Math.max(high[0], x), Math.max(high[1], y)];
-      }
-      return [[...low, width - 1 - high[0], height - 1 - high[1]], width, height];
-    })()""")
-    page.value("report.viewer.look(null)")
-    assert min(rim) > 2
-    assert min((rim[0] + rim[2]) / width, (rim[1] + rim[3]) / height) < 0.35
-
-
-def test_a_measure_that_stays_is_said_and_not_drawn(page):
-    shown = """["checks", "check-words"].map((id) => document.getElementById(id).checkVisibility())"""
-    flat = page.value(
-        "Object.fromEntries(report.data.curves.checks.map((one) => [one.key, Boolean(one.flat)]))"
-    )
-    assert {True, False} <= set(flat.values())
-    for key, stays in flat.items():
-        choose(page, "check", key)
-        assert page.value(shown) == [not stays, stays], key
-
-
 @pytest.mark.parametrize("colour", ["strain", "length", "depth", "stretch"])
 def test_colours_change_and_have_a_scale(page, colour):
     choose(page, "time", 4)
@@ -196,14 +138,6 @@ def test_the_scene_turns_and_zooms_by_keys_and_by_the_pointer(page):
     page.value("report.viewer.look(null)")
 
 
-def test_the_slider_is_moved_by_keys(page):
-    page.value("document.getElementById('time').focus()")
-    page.key("ArrowRight")
-    assert page.value("report.viewer.state.frame") == 1
-    page.key("Home")
-    assert page.value("report.viewer.state.frame") == 0
-
-
 def test_curves_are_drawn_and_follow_what_is_chosen(page, run_folder):
     names = "(id) => document.getElementById(id).data.map((one) => one.name)"
     assert set(page.value(f"({names})('lengths')")) >= {"spindle", "second one"}
@@ -214,57 +148,6 @@ def test_curves_are_drawn_and_follow_what_is_chosen(page, run_folder):
     page.wait(f"({names})('arms').includes('Somebody1985, fibres')")
     tick(page, "input[name=which][value='']")
     page.wait(f"!({names})('arms').includes('Somebody1985, fibres')")
-
-
-CHART = """const chart = document.getElementById('lengths'), svg = chart.querySelector('svg');
-  const box = chart.getBoundingClientRect()"""
-CURSOR = (
-    "document.getElementById('lengths').value(document.querySelector('#lengths .cursor').x1.baseVal.value)"
-)
-
-
-def drag(page, chart, start, end):
-    """Press the mouse at a place on a chart's axis, and let it go at another."""
-    places = {"pointerdown": start, "pointerup": end}
-    events = "; ".join(
-        f"document.querySelector('#{chart} svg').dispatchEvent(new PointerEvent('{name}', "
-        f"{{ bubbles: true, pointerType: 'mouse', clientX: box.left + chart.X({place}) }}))"
-        for name, place in places.items()
-    )
-    page.value(f"{{ {CHART.replace('lengths', chart)}; {events}; null }}")
-
-
-def test_a_click_on_a_curve_shows_that_frame(page):
-    drag(page, "lengths", 14.0, 14.0)
-    assert page.value("report.viewer.state.frame") == 3
-    page.wait(f"{CURSOR} === 15")
-    choose(page, "time", 0)
-
-
-def test_the_pointer_shows_values_and_a_drag_zooms(page):
-    move = "new PointerEvent('pointermove', { bubbles: true, clientX: box.left + chart.X(5) })"
-    page.value(f"{{ {CHART}; svg.dispatchEvent({move}); null }}")
-    words = page.value("[...document.querySelectorAll('#lengths .tip div')].map((one) => one.textContent)")
-    mean = page.value("document.getElementById('lengths').data.find((one) => one.name === 'spindle').y[1]")
-    assert words[0] == "5"
-    assert f"spindle: {mean:.4g}" in words
-    drag(page, "lengths", 4.0, 12.0)
-    assert page.value("document.getElementById('lengths').zoom") == pytest.approx([4.0, 12.0])
-    page.value(f"{{ {CHART}; svg.dispatchEvent(new MouseEvent('dblclick', {{ bubbles: true }})); null }}")
-    assert page.value("document.getElementById('lengths').zoom") is None
-    assert page.value("report.viewer.state.frame") == 0
-
-
-def test_a_name_below_a_chart_hides_its_curve(page):
-    curves = "document.querySelectorAll('#lengths svg path').length"
-    before = page.value(curves)
-    buttons = "[...document.querySelectorAll('#lengths .names button')]"
-    name = f"{buttons}.find((one) => one.textContent === 'spindle')"
-    page.value(f"{name}.click()")
-    assert page.value(curves) == before - 1
-    assert page.value(f"{name}.getAttribute('aria-pressed')") == "false"
-    page.value(f"{name}.click()")
-    assert page.value(curves) == before
 
 
 def test_it_plays_and_stops(page):
@@ -278,14 +161,6 @@ def test_it_plays_and_stops(page):
     choose(page, "time", 0)
 
 
-def test_a_link_leads_to_a_frame_and_follows_the_slider(page, run_folder):
-    page.value("(() => { location.hash = '#frame=2'; })()")
-    page.wait("report.viewer.state.frame === 2")
-    choose(page, "time", 1)
-    assert page.value("location.hash") == "#frame=1"
-    choose(page, "time", 0)
-
-
 def test_moment_arms_on_the_cards_are_those_of_the_frame(page, run_folder):
     result = run_folder[1]
     arms = result.moment_arms()["spindle"]["knee_angle"]
@@ -295,26 +170,6 @@ def test_moment_arms_on_the_cards_are_those_of_the_frame(page, run_folder):
         assert float(said.split()[0]) == pytest.approx(arms.mean[position], abs=0.06)
         assert said.endswith(f"at {arms.values[position]:.1f} deg")
     choose(page, "time", 0)
-
-
-def test_a_chart_is_saved_as_numbers(page, run_folder):
-    rows = page.value("csvOf(document.getElementById('lengths'))").splitlines()
-    assert rows[0] == 'series,knee angle [deg],"length, bone to bone [mm]",low,high'
-    means = [float(row.split(",")[2]) for row in rows if row.startswith("spindle,")]
-    np.testing.assert_allclose(means, run_folder[1].lengths["spindle"].mean(axis=1), rtol=1e-4)
-    bands = [row.split(",") for row in rows if row.startswith("spindle: all paths,")]
-    np.testing.assert_allclose(
-        [float(row[4]) for row in bands], run_folder[1].lengths["spindle"].max(axis=1), rtol=1e-4
-    )
-
-
-def test_one_spike_does_not_flatten_an_axis(page):
-    parts = """[{ y: Array.from({ length: 40 }, (_, i) => 30 + i % 3) },
-      { low: Array(40).fill(25), high: [...Array(39).fill(40), 800] }]"""
-    low, high = page.value(f"rangeOf({parts})")
-    assert low <= 25
-    assert 40 <= high < 50
-    assert page.value("rangeOf([{ y: [1, null, 3] }])") == pytest.approx([0.88, 3.12])
 
 
 def test_a_picture_is_saved_larger_and_says_what_it_shows(page):
@@ -341,16 +196,6 @@ def test_a_picture_is_saved_larger_and_says_what_it_shows(page):
         assert time > 50 * times
         assert background == 255
     choose(page, "colour-by", "muscle")
-
-
-def test_views_have_the_names_of_the_body_where_its_front_is_said(page):
-    choose(page, "front", "0 -1")
-    buttons = "[...document.querySelectorAll('[data-side]')]"
-    views = f"Object.fromEntries({buttons}.map((one) => [one.dataset.side, one.textContent]))"
-    # Of somebody who looks along -y with z up, the left hand is at +x.
-    assert page.value(views) == {"1 0": "left", "-1 0": "right", "0 1": "back", "0 -1": "front"}
-    choose(page, "front", "")
-    assert page.value(views)["1 0"] == "+x"
 
 
 def test_it_prints_whole(page, tmp_path):

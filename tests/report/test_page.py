@@ -11,8 +11,6 @@ from typer.testing import CliRunner
 from vtkmuscle import Result
 from vtkmuscle.cli import app
 from vtkmuscle.report import page_of
-from vtkmuscle.report.curves import curves_of
-from vtkmuscle.report.scene3d import Pack
 
 #: Whatever a browser would load: in attributes of HTML, or in a style.
 LOADS = re.compile(r"""(?:src|href|action)\s*=\s*["']?(?!#|data:)[^"'\s>]+|url\(|@import""")
@@ -53,15 +51,6 @@ def test_the_command_writes_it_again(run_folder, tmp_path):
     assert refused.exit_code != 0
 
 
-def test_without_a_report_there_is_no_page(two_muscles, tmp_path):
-    two_muscles.run(tmp_path, frames="0:2", figures=False, report=False)
-    assert not (tmp_path / "report.html").exists()
-    two_muscles.run(tmp_path, frames="0:2", figures=False)
-    assert (tmp_path / "report.html").exists()
-    two_muscles.run(tmp_path, frames="0:2", figures=False, report=False)
-    assert not (tmp_path / "report.html").exists(), "an old page would speak of another run"
-
-
 def test_nothing_is_loaded_from_anywhere(page):
     assert LOADS.findall(re.sub(r"<script.*?</script>", "", page, flags=re.DOTALL)) == []
     assert not re.search(r"<script[^>]+src", page)
@@ -97,16 +86,6 @@ def test_of_many_muscles_a_line_is_shown_and_the_numbers_on_demand(run_folder, m
     assert set(few.split()) == set(words_of(many).split()), "nothing is lost"
 
 
-def test_a_measure_that_stays_is_said_and_another_is_drawn(run_folder):
-    other = changed(run_folder[1])
-    for muscle in other.report["muscles"].values():
-        for i, row in enumerate(muscle["frames"]):
-            row |= {"volume_ratio": 1.0 - 2e-12 * i, "misshapen_area": 0.001 * i}
-    checks = {one["key"]: one["flat"] for one in curves_of(other._content(), Pack())["checks"]}
-    assert checks["volume_ratio"].startswith("\u22128e\u221210 to 0 in all frames")
-    assert checks["misshapen_area"] is None
-
-
 def test_names_are_text_and_no_html(run_folder):
     odd = '</script><script>alert("x")</script>&amp;'
     other = changed(run_folder[1])
@@ -114,12 +93,6 @@ def test_names_are_text_and_no_html(run_folder):
     page = page_of(other._content())
     assert 'alert("x")' not in page
     assert html.escape(odd, quote=False) in page.replace("&#34;", '"')
-
-
-def test_what_was_odd_about_the_scene_is_said(run_folder):
-    other = changed(run_folder[1])
-    other.report["sense"] = ["muscles.spindle: it is in <metres>"]
-    assert "it is in <metres>" in words_of(page_of(other._content()))
 
 
 def test_errors_of_mean_lengths_are_a_table(run_folder):
@@ -144,17 +117,6 @@ def test_a_muscle_that_failed_on_the_way_shows_the_frames_it_has(run_folder):
     assert "frames 2 of 5" in words
 
 
-def test_a_muscle_without_any_frame_has_a_page_too(run_folder):
-    _, result = run_folder
-    track = copy.copy(result._tracks["spindle"])
-    track.report = {**track.report, "frames": []}
-    track.surfaces, track.fibres, track.lengths = [], [], []
-    report = copy.deepcopy(dict(result.report))
-    report["muscles"]["spindle"] |= {"frames": [], "fibre_measures": []}
-    other = Result(result.rest_bones(), result.motion, {**result._tracks, "spindle": track}, report)
-    assert "spindle" in words_of(page_of(other._content()))
-
-
 @pytest.mark.parametrize("case", ["no deformer", "no fibres", "no coordinate"])
 def test_scenes_without_surfaces_fibres_or_coordinates_have_a_page(case, two_muscles):
     from dataclasses import replace
@@ -170,11 +132,6 @@ def test_scenes_without_surfaces_fibres_or_coordinates_have_a_page(case, two_mus
     assert ('id="show-surfaces"' in page) == (case != "no deformer")
     assert ('id="lengths"' in page) == (case != "no fibres")
     assert ('id="arms"' in page) == (case == "no deformer")
-
-
-def test_one_frame_has_a_page(two_muscles):
-    page = page_of(two_muscles.run(frames="2")._content())
-    assert 'max="0"' in page
 
 
 def test_a_page_ends_in_html(run_folder, tmp_path):

@@ -34,31 +34,3 @@ def test_moving_points_come_out_within_half_a_step(frames, rng):
     error = np.abs(moving_of(unpacked(pack.text()), place) - points).max()
     assert error <= 0.5 * step * (1 + 1e-6)
     assert place["step"] == pytest.approx(step)
-
-
-def test_smooth_motion_takes_little_room(rng):
-    """A frame is told by how much it differs from where the two before it lead to."""
-
-    def size(points):
-        pack = Pack()
-        pack.add_moving(points)
-        return len(pack.text())
-
-    turn = np.linspace(0, 1.5, 50)[:, None]
-    circle = rng.random((1, 2000, 3)) * 200.0
-    x, y, z = circle[..., 0], circle[..., 1], circle[..., 2]
-    smooth = np.stack(
-        [np.cos(turn) * x - np.sin(turn) * y, np.sin(turn) * x + np.cos(turn) * y, z + 0 * turn], -1
-    )
-    rough = smooth + rng.normal(size=smooth.shape) * 20.0
-    assert size(smooth) < 0.3 * size(rough)
-    assert size(smooth) < 1.2 * smooth.size, "not more than a byte or so per coordinate"
-
-
-def test_the_same_arrays_give_the_same_text():
-    texts = set()
-    for _ in range(2):
-        pack = Pack()
-        pack.add(np.arange(100), "u16")
-        texts.add(pack.text())
-    assert len(texts) == 1

@@ -15,12 +15,32 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
+from typer import Argument, Option
 
-from vtkmuscle._version import __version__
-from vtkmuscle.cli.labels import from_labels, init
-from vtkmuscle.cli.messages import BAD_INPUT, FAILED, INTERRUPTED, Command, TerminatedError, say
-from vtkmuscle.cli.options import OutOption, QuietOption, RunArguments, named, with_options
-from vtkmuscle.cli.results import ExportOptions, check, compare, export_muscles, figures, report
+from vtkmuscle import __version__
+from vtkmuscle.cli.options import (
+    BAD_INPUT,
+    FAILED,
+    INTERRUPTED,
+    Command,
+    OutOption,
+    QuietOption,
+    RunArguments,
+    TerminatedError,
+    named,
+    say,
+    with_options,
+)
+from vtkmuscle.cli.results import (
+    ExportOptions,
+    check,
+    compare,
+    export_muscles,
+    figures,
+    from_labels,
+    init,
+    report,
+)
 from vtkmuscle.cli.running import cohort, run_and_report
 from vtkmuscle.core.errors import InputError
 
@@ -74,7 +94,7 @@ def _show_version(wanted: bool) -> None:
 @app.callback()
 def _options(
     version: Annotated[
-        bool, typer.Option("--version", callback=_show_version, is_eager=True, help="Show the version.")
+        bool, Option("--version", callback=_show_version, is_eager=True, help="Show the version.")
     ] = False,
 ) -> None:
     pass
@@ -83,10 +103,7 @@ def _options(
 @command()
 @with_options
 def run(
-    scene: Annotated[Path, typer.Argument(help="A scene.toml.")],
-    out: OutOption = None,
-    *,
-    options: RunArguments,
+    scene: Annotated[Path, Argument(help="A scene.toml.")], out: OutOption = None, *, options: RunArguments
 ) -> None:
     """Run a scene: deform muscles, move their fibres, measure and write results.
 
@@ -103,17 +120,14 @@ def run(
 @command()
 @with_options
 def demo(out: OutOption = None, *, options: RunArguments) -> None:
-    """Run a phantom hip, and write its scene as a template.
-
-    Without --out results go to vtkmuscle_demo.
-    """
+    """Run a phantom hip, and write its scene as a template. Without --out results go to vtkmuscle_demo."""
     folder = out or Path("vtkmuscle_demo")
     from vtkmuscle import phantoms
-    from vtkmuscle.scene.writing import save_unless_changed
+    from vtkmuscle.scene.writing import save_unless_there
     from vtkmuscle.scenes import Scene
 
     scene = Scene.from_phantom(phantoms.hip(angles=DEMO_ANGLES))
-    loaded = Scene.load(path := save_unless_changed(scene, folder / "scene", overwrite=options.overwrite))
+    loaded = Scene.load(path := save_unless_there(scene, folder / "scene", overwrite=options.overwrite))
     say(options.quiet, f"The scene is {path}: edit it, or put your own surfaces there, and run it with")
     say(options.quiet, f"  vtkmuscle run {path}")
     run_and_report(loaded, folder, options)
@@ -122,19 +136,14 @@ def demo(out: OutOption = None, *, options: RunArguments) -> None:
 @command()
 def info(
     files: Annotated[
-        list[Path],
-        typer.Argument(
-            help="Meshes, landmarks, OpenSim models or motions, MAF trees, or folders of results."
-        ),
+        list[Path], Argument(help="Meshes, landmarks, OpenSim models or motions, or folders of results.")
     ],
-    draw: Annotated[
-        Path | None, typer.Option(metavar="PNG", help="Draw the first file, of landmarks.")
-    ] = None,
+    draw: Annotated[Path | None, Option(metavar="PNG", help="Draw the first file, of landmarks.")] = None,
 ) -> None:
     """Describe meshes: size, topology, pieces, volume, likely unit.
 
     Landmarks: number, ring, frame. OpenSim models: bodies, joints, coordinates, muscles. Motions: columns.
-    MAF or ALBA trees (.msf): surfaces, landmarks. Folders of results: frames.
+    Folders of results: frames.
     """
     from vtkmuscle.cli.info import facts_of
 
@@ -152,26 +161,19 @@ def info(
 @command()
 @with_options
 def export(
-    source: Annotated[Path, typer.Argument(help="Folder of a run's results, a scene.toml, or a .pvd file.")],
-    out: Annotated[Path, typer.Argument(help=".osim, .xml for MuJoCo, or .vtkhdf.")],
+    source: Annotated[Path, Argument(help="Folder of a run's results, or a scene.toml.")],
+    out: Annotated[Path, Argument(help=".osim, or .xml for MuJoCo.")],
     *,
     options: ExportOptions,
 ) -> None:
     """Export the muscles of a scene with joints to OpenSim or MuJoCo.
 
     The source is a folder of results, or a scene, which is run first. Differences of lengths and moment arms
-    from the run are printed and written. A .pvd series becomes a single .vtkhdf file.
+    from the run are printed and written.
     """
-    if out.suffix.lower() in (".osim", ".xml"):
-        export_muscles(source, out, options)
-    elif out.suffix.lower() == ".vtkhdf":
-        from vtkmuscle.io import read_series, write_vtkhdf
-        from vtkmuscle.run.store.writing import merged
-
-        series = read_series(source)
-        write_vtkhdf(out, series.times, lambda number: merged(series.frame(number)))
-    else:
-        raise InputError(out, "this is no format of an export", "end its name in .osim, .xml or .vtkhdf")
+    if out.suffix.lower() not in (".osim", ".xml"):
+        raise InputError(out, "this is no format of an export", "end its name in .osim or .xml")
+    export_muscles(source, out, options)
 
 
 for one in (report, figures, compare, cohort, from_labels, init, check):
@@ -180,12 +182,12 @@ for one in (report, figures, compare, cohort, from_labels, init, check):
 
 @command()
 def fetch(
-    name: Annotated[str | None, typer.Argument(help="A data set. Without a name, list all of them.")] = None,
+    name: Annotated[str | None, Argument(help="A data set. Without a name, list all of them.")] = None,
     out: OutOption = None,
     accept_licence: Annotated[
-        bool, typer.Option("--accept-licence", help="Accept the licence without being asked.")
+        bool, Option("--accept-licence", help="Accept the licence without being asked.")
     ] = False,
-    host: Annotated[str | None, typer.Option(metavar="URL", help="A mirror of GitHub's raw files.")] = None,
+    host: Annotated[str | None, Option(metavar="URL", help="A mirror of GitHub's raw files.")] = None,
     quiet: QuietOption = False,
 ) -> None:
     """Download a public data set as a scene, under its own licence.
@@ -213,9 +215,7 @@ def fetch(
 def paraview_path(
     folder: Annotated[
         Path | None,
-        typer.Option(
-            metavar="PATH", parser=named, help="Folder for the links; by default one in your cache."
-        ),
+        Option(metavar="PATH", parser=named, help="Folder for the links; by default one in your cache."),
     ] = None,
 ) -> None:
     """Print the environment variables for the filters in ParaView.

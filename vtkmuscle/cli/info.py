@@ -11,15 +11,7 @@ from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.mesh.surface import survey
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import points_of, triangles_of
-from vtkmuscle.io import (
-    TREE_SUFFIXES,
-    MsfNode,
-    landmarks_of,
-    read_landmarks,
-    read_msf,
-    read_named_points,
-    read_polydata,
-)
+from vtkmuscle.io import read_landmarks, read_named_points, read_polydata
 from vtkmuscle.joints.motion_file import read_motion_file
 from vtkmuscle.labels.guesses import LOOK
 from vtkmuscle.labels.meshes import likely_unit
@@ -41,8 +33,6 @@ def facts_of(file: Path) -> Mapping[str, str]:
         return _of_landmarks(file)
     if suffix in MOTIONS:
         return _of_motion(file)
-    if suffix in TREE_SUFFIXES:
-        return _of_tree(read_msf(file))
     return _of_model(read_osim(file)) if suffix == ".osim" else _of_mesh(file)
 
 
@@ -116,25 +106,6 @@ def _of_model(model: OsimModel) -> dict[str, str]:
         "wrapped": _listed([name for name, one in model.muscles.items() if getattr(one.path, "wraps", ())]),
         "meshes": _listed([mesh.file for mesh in model.meshes]),
         "not used": _listed(list(model.not_used)),
-    }
-    return {word: value for word, value in facts.items() if value != "none"}
-
-
-def _of_tree(root: MsfNode) -> dict[str, str]:
-    nodes = [node for node, _ in root.walk()]
-    with_files = [node for node in nodes if node.files and node.kind != "LandmarkCloud"]
-    shapes = [node.name for node in with_files if node.files[0].kind == "vtkPolyData"]
-    missing = [file.path.name for node in nodes for file in node.files if not file.path.is_file()]
-    clouds = [f"{name} ({len(points)})" for name, points in landmarks_of(root).items()]
-    times = np.unique([time for node in nodes for time in node.times])
-    facts = {
-        "tree": root.name,
-        "nodes": str(len(nodes)),
-        "surfaces": _listed(shapes),
-        "landmarks": _listed(clouds),
-        "times": f"{len(times)}, {times[0]:g} .. {times[-1]:g} s" if len(times) > 1 else "none",
-        "not used": _listed([f"{node.name} ({node.kind})" for node in with_files if node.name not in shapes]),
-        "not there": _listed(missing),
     }
     return {word: value for word, value in facts.items() if value != "none"}
 

@@ -1,15 +1,25 @@
-"""Options shared by commands."""
+"""What commands share: options, messages, interruptions, exit statuses."""
 
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable
+import signal
+import sys
+import threading
+import warnings
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, fields
 from functools import wraps
 from pathlib import Path
 from typing import Annotated, Any, get_type_hints
 
 import typer
+from rich.console import Console
+from typer import Option
+from typer.core import TyperCommand
+
+from vtkmuscle.core.errors import InputError, check_name, in_words
 
 
 def named(text: str) -> Path:
@@ -21,25 +31,17 @@ def named(text: str) -> Path:
 
 def out_option(metavar: str, help: str) -> Any:  # noqa: A002 -- typer's word
     """Return the option of the output path."""
-    return typer.Option("--out", "-o", metavar=metavar, parser=named, help=help)
+    return Option("--out", "-o", metavar=metavar, parser=named, help=help)
 
 
 OutOption = Annotated[Path | None, out_option("PATH", "Folder to write to.")]
 FolderOption = Annotated[Path, out_option("PATH", "Folder to write to.")]
-FramesOption = Annotated[
-    str | None,
-    typer.Option(metavar="A:B", help="Frames to write, counted from 0; B is not included. Default: all."),
-]
-FreshOption = Annotated[
-    bool, typer.Option("--fresh", help="Compute again what is finished in the folder of results.")
-]
+FramesOption = Annotated[str | None, Option(metavar="A:B", help="Frames, from 0, without B. Default: all.")]
+FreshOption = Annotated[bool, Option("--fresh", help="Compute finished muscles again.")]
 LiteratureOption = Annotated[
-    Path | None,
-    typer.Option(
-        "--literature", metavar="CSV", help="Published moment arms to draw beside those of the run."
-    ),
+    Path | None, Option("--literature", metavar="CSV", help="Published moment arms.")
 ]
-QuietOption = Annotated[bool, typer.Option("--quiet", "-q", help="Print errors and warnings only.")]
+QuietOption = Annotated[bool, Option("--quiet", "-q", help="Print errors and warnings only.")]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,59 +50,23 @@ class RunArguments:
 
     frames: FramesOption = None
     quiet: QuietOption = False
-    figures: Annotated[bool, typer.Option("--figures/--no-figures", help="Draw figures.")] = True
-    report: Annotated[
-        bool, typer.Option("--report/--no-report", help="Write report.html, the page with all results.")
-    ] = True
+    figures: Annotated[bool, Option("--figures/--no-figures", help="Draw figures.")] = True
+    report: Annotated[bool, Option("--report/--no-report", help="Write report.html.")] = True
     workers: Annotated[
-        int | None,
-        typer.Option(
-            metavar="N",
-            min=1,
-            help="Number of processes that deform muscles at the same time; it does not change the results. "
-            "Default: one per processor.",
-        ),
+        int | None, Option(metavar="N", min=1, help="Number of processes. Default: one per processor.")
     ] = None
-    verbose: Annotated[
-        bool,
-        typer.Option(
-            "--verbose",
-            help="Print figures of each frame as it is done: how far the solve got, how the shape was kept.",
-        ),
-    ] = False
     overwrite: Annotated[
-        bool,
-        typer.Option(
-            "--overwrite",
-            help="Replace results of another scene, and files that no run has written; never the inputs.",
-        ),
+        bool, Option("--overwrite", help="Replace other results, and files of no run; never inputs.")
     ] = False
     fresh: FreshOption = False
-    only: Annotated[
-        str | None,
-        typer.Option(
-            metavar="lengths|moment_arms|surfaces",
-            help="Compute and write this alone: lengths.csv, moment_arms.csv, or the deformed muscles.",
-        ),
-    ] = None
-    muscle: Annotated[
-        list[str] | None,
-        typer.Option(metavar="NAME", help="Run this muscle of the scene alone; may be repeated."),
-    ] = None
-    deformer: Annotated[
-        str | None,
-        typer.Option(
-            metavar="paths|pbd|none",
-            help="How muscles are deformed, in place of the scene's: carried by taut paths, by position "
-            "based dynamics, or not at all (paths alone).",
-        ),
-    ] = None
+    only: Annotated[str | None, Option(metavar="lengths|moment_arms", help="Write this table alone.")] = None
+    muscle: Annotated[list[str] | None, Option(metavar="NAME", help="A muscle to run; repeatable.")] = None
+    deformer: Annotated[str | None, Option(metavar="paths|pbd|none", help="In place of the scene's.")] = None
     quality: Annotated[
         str | None,
-        typer.Option(
+        Option(
             metavar="preview|balanced|accurate|published",
-            help="Preset of numbers, in place of the scene's; settings in the scene's tables stay. published "
-            "is the 2021 paper's, for the deformer pbd.",
+            help="Preset, in place of the scene's. published is the 2021 paper's, for pbd.",
         ),
     ] = None
 
@@ -126,3 +92,120 @@ def with_options(command: Callable[..., None]) -> Callable[..., None]:
     with_single.__signature__ = signature.replace(parameters=[*before, *single])  # type: ignore[attr-defined]
     with_single.__annotations__ = {one.name: one.annotation for one in (*before, *single)}
     return with_single
+
+
+#: Exit status if a muscle failed and all else was written, of input that cannot be used, and of Ctrl-C
+#: (128 + SIGINT, as in shells).
+FAILED = 1
+BAD_INPUT = 2
+INTERRUPTED = 130
+
+#: Set by Ctrl-C: a callback of a library may swallow the KeyboardInterrupt.
+_pressed = threading.Event()
+
+
+class TerminatedError(KeyboardInterrupt):
+    """A signal asked the process to end: batch system, container, closed terminal."""
+
+    def __init__(self, number: int) -> None:
+        super().__init__(number)
+        self.number = number
+
+
+class Command(TyperCommand):
+    """A command that prints each error as one clear message."""
+
+    def invoke(self, ctx: Any) -> Any:
+        """Run the command."""
+        with one_clear_error(ctx.params.get("out")):
+            return super().invoke(ctx)
+
+
+@contextmanager
+def one_clear_error(out: Path | None) -> Iterator[None]:
+    """Turn errors and Ctrl-C into a message and an exit status."""
+
+    def show(message: Warning | str, *_: Any, **__: Any) -> None:
+        print_error(f"warning: {one_line(str(message))}", style="yellow")
+
+    try:
+        with warnings.catch_warnings(), _interrupts_noted():
+            warnings.simplefilter("default", UserWarning)
+            warnings.showwarning = show
+            if out is not None:
+                check_name(out)
+            yield
+    except (ValueError, OSError) as error:
+        # ValueErrors of the package say what was wrong with the input; a fault in it has a traceback.
+        for fault in getattr(error, "faults", (error,)):
+            print_error(f"error: {_words(fault)}")
+        raise typer.Exit(BAD_INPUT) from error
+    except MemoryError as error:
+        print_error("error: there is not enough memory for this")
+        raise typer.Exit(BAD_INPUT) from error
+    except KeyboardInterrupt as stop:
+        print_error(f"stopped. {_what_is_finished(out)}", style="yellow")
+        status = 128 + stop.number if isinstance(stop, TerminatedError) else INTERRUPTED
+        raise typer.Exit(status) from None
+
+
+@contextmanager
+def _interrupts_noted() -> Iterator[None]:
+    """Note each Ctrl-C until the command ends, in the main thread."""
+    if (
+        threading.current_thread() is not threading.main_thread()
+        or signal.getsignal(signal.SIGINT) is not signal.default_int_handler
+    ):
+        yield
+        return
+
+    def press(*_: Any) -> None:
+        _pressed.set()
+        raise KeyboardInterrupt
+
+    _pressed.clear()
+    signal.signal(signal.SIGINT, press)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+def stop_if_interrupted() -> None:
+    """Raise the KeyboardInterrupt of an earlier Ctrl-C, which a callback may have swallowed."""
+    if _pressed.is_set():
+        raise KeyboardInterrupt
+
+
+def _words(error: Exception) -> str:
+    words = str(error)
+    if isinstance(error, InputError):
+        words = in_words(error.where, error.problem, error.remedy)
+    elif isinstance(error, OSError) and error.strerror:
+        words = f"{error.filename}: {error.strerror}" if error.filename else error.strerror
+    return one_line(words)
+
+
+def _what_is_finished(out: Path | None) -> str:
+    if out is not None and any(out.glob("*/report.json")):  # of a cohort
+        return f"Subjects that are finished in {out} are kept: the same command continues"
+    store = sys.modules.get("vtkmuscle.run.store")  # a run that has not loaded it has written nothing
+    left = None if out is None or store is None else store.ResultFolder(out).unfinished()
+    return "Nothing was written." if left is None else f"{out} {left}"
+
+
+def one_line(words: str) -> str:
+    """Return a text with escaped control characters."""
+    return "".join(letter if letter.isprintable() else ascii(letter)[1:-1] for letter in words)
+
+
+def say(quiet: bool, text: str) -> None:
+    """Print a text unless quiet."""
+    if not quiet:
+        typer.echo(text)
+
+
+def print_error(text: str, *, style: str = "bold red", console: Console | None = None) -> None:
+    """Print a text to standard error, above progress bars."""
+    to = console or Console(stderr=True)
+    to.print(text, markup=False, highlight=False, style=style, soft_wrap=True)

@@ -1,4 +1,4 @@
-"""Reports, figures, comparisons and models from a run's results."""
+"""Models, reports and figures of results, and scenes from label maps, meshes and landmarks."""
 
 from __future__ import annotations
 
@@ -9,11 +9,21 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+from typer import Argument, Option
 
-from vtkmuscle.cli.options import LiteratureOption, OutOption, out_option
+from vtkmuscle.cli.options import (
+    FolderOption,
+    LiteratureOption,
+    OutOption,
+    QuietOption,
+    out_option,
+    say,
+    with_options,
+)
 from vtkmuscle.core.errors import InputError
 
 if TYPE_CHECKING:
+    from vtkmuscle.labels.draft import Draft
     from vtkmuscle.run import Result
 
 
@@ -21,24 +31,15 @@ if TYPE_CHECKING:
 class ExportOptions:
     """The options of an export of muscles."""
 
-    form: Annotated[
-        str, typer.Option(help="For OpenSim: functions of coordinates, or points and cylinders.")
-    ] = "functions"
-    groups: Annotated[int, typer.Option(min=1, help="For OpenSim: groups of fibres per muscle, at most.")] = 1
-    into: Annotated[Path | None, typer.Option(help="For OpenSim: a model to put the muscles into.")] = None
+    form: Annotated[str, Option(help="For OpenSim: functions, or points.")] = "functions"
+    groups: Annotated[int, Option(min=1, help="For OpenSim: groups of fibres per muscle, at most.")] = 1
+    into: Annotated[Path | None, Option(help="For OpenSim: a model to put the muscles into.")] = None
     replace: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="OURS=THEIRS", help="A muscle of the scene, and that of the model which it replaces."
-        ),
+        list[str] | None, Option(metavar="OURS=THEIRS", help="A muscle, and the model's that it replaces.")
     ] = None
-    specific_tension: Annotated[float, typer.Option(help="Force per cross-section, in N/cm^2.")] = 60.0
-    mass: Annotated[
-        list[str] | None, typer.Option(metavar="BODY=KG", help="Mass of a body of a new model.")
-    ] = None
-    geometry_only: Annotated[
-        bool, typer.Option("--geometry-only", help="Paths without muscles' properties.")
-    ] = False
+    specific_tension: Annotated[float, Option(help="Force per cross-section, in N/cm^2.")] = 60.0
+    mass: Annotated[list[str] | None, Option(metavar="BODY=KG", help="Mass of a new body.")] = None
+    geometry_only: Annotated[bool, Option("--geometry-only", help="Paths alone.")] = False
 
 
 def export_muscles(source: Path, out: Path, options: ExportOptions) -> None:
@@ -90,21 +91,12 @@ def pairs(texts: Sequence[str] | None, option: str = "--replace") -> dict[str, s
 
 
 def check(
-    model: Annotated[Path, typer.Argument(help="A model of OpenSim, .osim.")],
-    out: Annotated[
-        Path | None, out_option("HTML", "The page, .html. Default: MODEL_check.html here.")
-    ] = None,
-    repair: Annotated[
-        Path | None, typer.Option(help="Write the model with paths fitted to those of a scene.")
-    ] = None,
-    scene: Annotated[
-        Path | None, typer.Option(help="For --repair: a scene.toml, or the folder of its results.")
-    ] = None,
+    model: Annotated[Path, Argument(help="A model of OpenSim, .osim.")],
+    out: Annotated[Path | None, out_option("HTML", "The page. Default: MODEL_check.html here.")] = None,
+    repair: Annotated[Path | None, Option(help="Write the model with a scene's paths.")] = None,
+    scene: Annotated[Path | None, Option(help="For --repair: a scene.toml, or its results.")] = None,
     replace: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="OURS=THEIRS", help="For --repair: a muscle of the scene, and that of the model."
-        ),
+        list[str] | None, Option(metavar="OURS=THEIRS", help="For --repair: as for an export.")
     ] = None,
 ) -> None:
     """Find jumps and sign changes in OpenSim muscles.
@@ -113,15 +105,11 @@ def check(
     their poses. With the surfaces of a scene, fitted paths can replace the model's paths.
     """
     if model.suffix.lower() == ".toml":
-        raise InputError(
-            model, "this is no model of OpenSim", "a scene is checked as it is run: vtkmuscle run"
-        )
+        raise InputError(model, "this is no model of OpenSim", "a run checks a scene: vtkmuscle run")
     from vtkmuscle.opensim import check_model, write_opensim
 
     if (repair is None) != (scene is None) or (repair is not None and not replace):
-        raise InputError(
-            "--repair", "a repair takes a scene and muscles to replace", "give --scene and --replace too"
-        )
+        raise InputError("--repair", "a repair takes a scene and muscles", "give --scene and --replace too")
     page = out or Path(f"{model.stem}_check.html")
     if repair is not None and scene is not None:
         for new in write_opensim(scene, repair, into=model, replace=pairs(replace)):
@@ -139,7 +127,7 @@ def check(
 
 
 def report(
-    results: Annotated[Path, typer.Argument(help="Folder of a run's results.")],
+    results: Annotated[Path, Argument(help="Folder of a run's results.")],
     out: Annotated[Path | None, out_option("HTML", "Default: report.html in that folder.")] = None,
     literature: LiteratureOption = None,
 ) -> None:
@@ -158,10 +146,10 @@ def _loaded(results: Path, literature: Path | None) -> Result:
 
 
 def figures(
-    results: Annotated[Path, typer.Argument(help="Folder of a run's results.")],
+    results: Annotated[Path, Argument(help="Folder of a run's results.")],
     out: Annotated[Path | None, out_option("PATH", "Default: figures in that folder.")] = None,
-    form: Annotated[str, typer.Option(metavar="png|pdf|svg", help="Of the files.")] = "png",
-    dpi: Annotated[float, typer.Option(help="Pixels per inch of pictures.")] = 300.0,
+    form: Annotated[str, Option(metavar="png|pdf|svg", help="Of the files.")] = "png",
+    dpi: Annotated[float, Option(help="Pixels per inch of pictures.")] = 300.0,
     literature: LiteratureOption = None,
 ) -> None:
     """Draw the figures of a finished run again."""
@@ -170,12 +158,9 @@ def figures(
 
 
 def compare(
-    results: Annotated[list[Path], typer.Argument(help="Folders of results; the first is the reference.")],
+    results: Annotated[list[Path], Argument(help="Folders of results; the first is the reference.")],
     out: OutOption = None,
     literature: LiteratureOption = None,
-    opensim: Annotated[
-        Path | None, typer.Option(metavar="OSIM", help="A model whose muscles are compared, too.")
-    ] = None,
 ) -> None:
     """Compare runs: a table of differences, and a figure of curves.
 
@@ -184,5 +169,96 @@ def compare(
     """
     from vtkmuscle.comparison import compare as compared
 
-    for path in compared(results, literature=literature, opensim=opensim).write(out or Path("comparison")):
+    for path in compared(results, literature=literature).write(out or Path("comparison")):
         typer.echo(f"wrote {path}")
+
+
+FrameOption = Annotated[str, Option("--frame", metavar="LPS|RAS", help="Frame: x to the left, or right.")]
+OverwriteOption = Annotated[bool, Option("--overwrite", help="Replace a scene.toml.")]
+
+
+@dataclass(frozen=True, kw_only=True)
+class LabelOptions:
+    """The options of a scene from labels."""
+
+    names: Annotated[str | None, Option(help="musclemap, a task of TotalSegmentator, or a .csv.")] = None
+    edge: Annotated[float, Option(min=0.1, help="Length of triangles' edges [mm].")] = 3.0
+    frame: FrameOption = "LPS"
+    overwrite: OverwriteOption = False
+    quiet: QuietOption = False
+
+
+@with_options
+def from_labels(
+    label_map: Annotated[
+        Path, Argument(metavar="MAP", help="A .nii.gz, .nrrd, .mha or .dcm file, or a folder of files.")
+    ],
+    out: FolderOption,
+    landmarks: Annotated[
+        list[Path] | None, Argument(help="Landmarks called MUSCLE_origin or MUSCLE_insertion.")
+    ] = None,
+    *,
+    options: LabelOptions,
+) -> None:
+    """Make a scene from a segmentation: surfaces, attachment areas, fitted joints.
+
+    Missing input is guessed: guesses.csv and comments in scene.toml list each guess with its certainty. A
+    tendon is drawn to landmarks beyond a muscle's label. A muscle that fails is reported with the reason; the
+    scene has the remaining muscles.
+    """
+    from vtkmuscle.labels.maps import draft_of_labels
+
+    _check_free(out, options.overwrite)
+    draft = draft_of_labels(
+        label_map,
+        landmarks=landmarks or (),
+        names=options.names,
+        frame=options.frame,
+        edge=options.edge,
+        announce=lambda words: say(options.quiet, words),
+    )
+    _write(draft, out, options.quiet)
+
+
+def init(
+    files: Annotated[
+        list[Path], Argument(help="Meshes, and landmarks called MUSCLE_origin or MUSCLE_insertion.")
+    ],
+    out: FolderOption = Path(),
+    bone: Annotated[list[str] | None, Option(metavar="NAME", help="A bone.")] = None,
+    muscle: Annotated[list[str] | None, Option(metavar="NAME", help="A muscle.")] = None,
+    frame: FrameOption = "LPS",
+    overwrite: OverwriteOption = False,
+    quiet: QuietOption = False,
+) -> None:
+    """Write a scene.toml from meshes and landmarks, guessing missing input.
+
+    Names identify bones and muscles, sizes the unit, contact or landmarks the areas, fits to bones the
+    joints. guesses.csv and comments in scene.toml list each guess with its certainty.
+    """
+    from vtkmuscle.labels.meshes import draft_of_files
+
+    _check_free(out, overwrite)
+    draft = draft_of_files(files, out, bones=bone or (), muscles=muscle or (), frame=frame)
+    draft.complete()
+    _write(draft, out, quiet)
+
+
+def _check_free(out: Path, overwrite: bool) -> None:
+    if (out / "scene.toml").exists() and not overwrite:
+        raise InputError(out / "scene.toml", "it is there already", "say --overwrite, or another --out")
+
+
+def _write(draft: Draft, out: Path, quiet: bool) -> None:
+    from vtkmuscle.labels.guesses import LEFT_OUT, LOOK, table_of
+    from vtkmuscle.labels.page import write_page
+
+    path, page = draft.write(out), write_page(draft, out)
+    unsure = [guess for guess in draft.guesses if guess.confidence < LOOK and guess.value != LEFT_OUT]
+    say(quiet, f"{len(draft.guesses)} guesses are in {page}" + ("; check these:" if unsure else ""))
+    for confidence, what, guess, why in table_of(unsure)[1:]:
+        say(quiet, f"  {confidence}  {what}: {guess}; {why}")
+    for name, why in draft.left_out.items():
+        typer.echo(f"left out: {name}: {why}", err=True)
+    say(quiet, f"wrote {path}, with {', '.join(draft.muscles)}: check the guesses, then run")
+    say(quiet, f"  vtkmuscle run {path}")

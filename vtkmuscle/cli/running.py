@@ -11,9 +11,21 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.console import Console
+from typer import Argument, Option
 
-from vtkmuscle.cli.messages import FAILED, one_clear_error, one_line, print_error, say, stop_if_interrupted
-from vtkmuscle.cli.options import FolderOption, FramesOption, FreshOption, QuietOption, RunArguments
+from vtkmuscle.cli.options import (
+    FAILED,
+    FolderOption,
+    FramesOption,
+    FreshOption,
+    QuietOption,
+    RunArguments,
+    one_clear_error,
+    one_line,
+    print_error,
+    say,
+    stop_if_interrupted,
+)
 
 if TYPE_CHECKING:
     from vtkmuscle.run import Result
@@ -77,8 +89,6 @@ def _run(scene: Scene, out: Path, options: RunArguments) -> Result:
         name: getattr(options, name)
         for name in ("frames", "figures", "report", "workers", "overwrite", "fresh")
     }
-    if options.verbose:
-        settings["observe"] = _table(muscles, console)
     with _progress_bars(muscles, console, quiet=options.quiet) as progress:
         return scene.run(out, progress=progress, **settings)
 
@@ -98,15 +108,6 @@ def _summary(muscle: Mapping[str, Any]) -> str:
         at_rest = f", where it is {rest:.2f} mm" if rest else ""
         words.append(f"at most {max(depths):.2f} mm deeper in a bone than at rest{at_rest}")
     return f"{', '.join(words)}: {muscle['verdict']['verdict']}"
-
-
-def _table(muscles: list[str], console: Console) -> Callable[[str, Mapping[str, Any]], None]:
-    """Return a function that prints a frame's figures above the progress bars."""
-    from vtkmuscle.filters.deformer.shape_report import FrameTable
-
-    width = max(map(len, muscles))
-    table = FrameTable(console, label_width=width + 8)
-    return lambda muscle, row: table.add(f"{muscle:<{width}} {row['time']:g}", row)
 
 
 @contextmanager
@@ -139,14 +140,13 @@ def _progress_bars(
 
 
 def cohort(
-    scenes: Annotated[list[Path], typer.Argument(help="The scene.toml of each subject.")],
+    scenes: Annotated[list[Path], Argument(help="The scene.toml of each subject.")],
     out: FolderOption,
     frames: FramesOption = None,
     workers: Annotated[
-        int | None,
-        typer.Option(metavar="N", min=1, help="Number of processes. Default: one per processor."),
+        int | None, Option(metavar="N", min=1, help="Number of processes. Default: one per processor.")
     ] = None,
-    report: Annotated[bool, typer.Option("--report", help="Write a page for each subject.")] = False,
+    report: Annotated[bool, Option("--report", help="Write a page for each subject.")] = False,
     fresh: FreshOption = False,
     quiet: QuietOption = False,
 ) -> None:

@@ -11,7 +11,7 @@ from vtkmodules.vtkCommonCore import vtkGarbageCollector, vtkStringArray
 from vtkmodules.vtkCommonDataModel import vtkDataObject
 from vtkmodules.vtkCommonExecutionModel import vtkStreamingDemandDrivenPipeline
 
-from vtkmuscle._version import __version__
+from vtkmuscle import __version__
 from vtkmuscle.data.arrays import field_strings, string_array
 
 _STEPS = vtkStreamingDemandDrivenPipeline.TIME_STEPS()

@@ -16,9 +16,8 @@ from vtkmuscle.labels.draft import Draft
 from vtkmuscle.labels.guesses import LOOK, table_of
 from vtkmuscle.plotting import can_render
 from vtkmuscle.plotting.studio import x_server_warning_off
-from vtkmuscle.report.sections import Section
+from vtkmuscle.report.sections import Cell, Section
 from vtkmuscle.report.sections import write_page as page_of_sections
-from vtkmuscle.report.tables import Cell
 
 
 def write_page(draft: Draft, out: Path) -> Path:

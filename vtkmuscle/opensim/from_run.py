@@ -31,10 +31,8 @@ from vtkmuscle.opensim.osim_text import MuscleOut, enriched, osim_of
 from vtkmuscle.run.result import Result
 from vtkmuscle.run.table import Table
 from vtkmuscle.scene.data import MILLIMETRES
-from vtkmuscle.scene.faults import SceneError
-from vtkmuscle.scene.files import SceneFiles, parsed
-from vtkmuscle.scene.joints import SceneJoints, coordinate_values
-from vtkmuscle.scene.motion import joints_of
+from vtkmuscle.scene.faults import SceneError, SceneFiles, parsed
+from vtkmuscle.scene.joints import SceneJoints, coordinate_values, joints_of
 from vtkmuscle.scene.validation import validated
 from vtkmuscle.scenes import Scene
 
@@ -174,7 +172,7 @@ def write_opensim(
     Raises
     ------
     SceneError, ValueError
-        If the scene has no joints or is mirrored; if a muscle failed, has no fibres, crosses a constant
+        If the scene has no joints; if a muscle failed, has no fibres, crosses a constant
         coordinate or leaves no tendon; or if the model is not of version 4.
     """
     export, names, reused = Export(**options), dict(replace or {}), {}
@@ -277,8 +275,6 @@ def _run_of(source: Path, result: Result | None) -> _Run:
     joints = joints_of(table, files)
     if joints is None:
         raise SceneError("the scene has no joints", "joints", "add [joints.NAME] or [opensim]", path)
-    if table.mirror is not None:
-        raise SceneError("mirrored scenes are not exported", "mirror", "export the other side", path)
     scene = Scene.load(path)
     metres = MILLIMETRES[scene.units] / 1000.0
     tree, factors = joints.tree.in_metres(metres)

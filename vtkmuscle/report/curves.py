@@ -13,8 +13,7 @@ from vtkmuscle.core.motion.coordinates import ANGLES
 from vtkmuscle.core.types import Floats
 from vtkmuscle.io.literature import LiteratureCurve, curves_for, drawn
 from vtkmuscle.plotting.colours import PALETTE
-from vtkmuscle.report.contents import MuscleContent, RunContent
-from vtkmuscle.report.scene3d import Pack
+from vtkmuscle.report.scene3d import MuscleContent, Pack, RunContent
 
 #: Single fibres drawn per muscle, at most.
 MOST_FIBRES = 100
@@ -36,18 +35,10 @@ def _largest(values: Floats) -> float:
 
 
 class Measure(NamedTuple):
-    """A shape measure on a page.
+    """A shape measure on a page: key in the rows, check with the limits, titles of curve and column.
 
-    Attributes
-    ----------
-    key, check : str
-        Key in the rows of frames, and the check with the limits, or "".
-    curve, head : str
-        Titles of the curve and of the column; "" for none.
-    factor, offset : float
-        ``factor`` times the value plus ``offset`` has the unit of the limits.
-    of_all : callable
-        Returns the value in the table from the values of all frames.
+    ``factor`` times the value plus ``offset`` has the unit of the limits; ``of_all`` returns the value in the
+    table from the values of all frames.
     """
 
     key: str
@@ -79,10 +70,7 @@ MEASURES = (
 
 
 def curves_of(run: RunContent, pack: Pack) -> dict[str, Any]:
-    """Return the curves of a page, ready for JSON.
-
-    Single fibres are added to the pack.
-    """
+    """Return the curves of a page, ready for JSON. Single fibres are added to the pack."""
     time_name, _, unit = run.time_label.partition(" [")
     muscles = [
         _muscle(name, muscle, run.report["muscles"][name]["frames"], colour_of(index), pack)
@@ -186,9 +174,8 @@ def published_curves(curves: Sequence[LiteratureCurve], per_degree: float = 1.0)
 
 def _coordinates(run: RunContent) -> list[dict[str, Any]]:
     """Return the coordinates of moment arms, with values."""
-    coordinates = {
-        name: run.motion.coordinates[name] for muscle in run.muscles.values() for name in muscle.arms
-    }
+    every = run.motion.coordinates
+    coordinates = {name: every[name] for muscle in run.muscles.values() for name in muscle.arms}
     return [
         {
             "name": name,

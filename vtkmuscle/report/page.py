@@ -12,9 +12,8 @@ from markupsafe import Markup
 
 from vtkmuscle.core.motion.coordinates import ANGLES
 from vtkmuscle.io.writing import write_text
-from vtkmuscle.report.contents import RunContent
 from vtkmuscle.report.curves import colour_of, curves_of, label_of
-from vtkmuscle.report.scene3d import Pack, scene_of
+from vtkmuscle.report.scene3d import Pack, RunContent, scene_of
 from vtkmuscle.report.sections import part, rendered
 from vtkmuscle.report.tables import errors_of, number, run_tables_of, settings_of, tables_of
 
@@ -44,10 +43,7 @@ _SCRIPTS = (
 
 
 def write_page(path: str | PathLike[str], run: RunContent) -> Path:
-    """Write the page of a run as an .html file.
-
-    The file needs no external resources.
-    """
+    """Write the page of a run as an .html file. The file needs no external resources."""
     write_text(Path(path), page_of(run))
     return Path(path)
 

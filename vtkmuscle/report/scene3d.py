@@ -1,9 +1,11 @@
-"""The scene of a page as packed arrays."""
+"""Content of a run's page, and its scene as packed arrays."""
 
 from __future__ import annotations
 
 import base64
 import gzip
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -11,12 +13,57 @@ from scipy.spatial import cKDTree
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 from vtkmodules.vtkFiltersCore import vtkQuadricDecimation
 
+from vtkmuscle.core.moment_arms.of_joints import JointArms
+from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.core.types import Floats, Ints
 from vtkmuscle.data.arrays import points_of, polylines_of, triangles_of
+from vtkmuscle.data.drawn_bones import DrawnBones
+from vtkmuscle.io.literature import LiteratureCurve
 from vtkmuscle.plotting.colours import PALETTE
 from vtkmuscle.plotting.views import clearest_view, merged
-from vtkmuscle.report.contents import MuscleContent, RunContent
 from vtkmuscle.scene.data import MILLIMETRES
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class MuscleContent:
+    """A muscle on a page: its surface at rest, surfaces and fibres in each finished frame, and curves.
+
+    Lengths of paths and of fibres are (f, k) [mm], moment arms by coordinate.
+    """
+
+    rest: vtkPolyData
+    surfaces: Sequence[vtkPolyData] = ()
+    fibres: Sequence[vtkPolyData] = ()
+    lengths: Floats | None = None
+    fibre_lengths: Floats | None = None
+    arms: Mapping[str, JointArms]
+    literature: Sequence[LiteratureCurve] = ()
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class RunContent:
+    """A run on a page: its report, motion, bones at rest, kept frames and their times, and muscles in order.
+
+    ``limits`` are those of the verdicts look and failed, by check.
+    """
+
+    report: Mapping[str, Any]
+    motion: RigidMotion
+    bones: DrawnBones
+    frames: Sequence[int]
+    times: Sequence[float]
+    time_label: str
+    muscles: Mapping[str, MuscleContent]
+    limits: Mapping[str, tuple[float, float]]
+
+    def finished(self, name: str) -> int:
+        """Return the number of finished frames of a muscle."""
+        return len(self.report["muscles"][name]["frames"])
+
+    def verdict(self, name: str) -> str:
+        """Return the verdict on a muscle: ``"ok"``, ``"look"`` or ``"failed"``."""
+        return str(self.report["muscles"][name]["verdict"]["verdict"])
+
 
 #: Steps along the longest side of moving points: 0.03 mm for 0.5 m.
 STEPS = 20_000
@@ -26,30 +73,14 @@ TYPES = {"u8": np.uint8, "i8": np.int8, "u16": np.uint16, "u32": np.uint32, "f32
 
 
 class Pack:
-    """Arrays in sequence, found by position and type.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from vtkmuscle.report.scene3d import Pack
-    >>> pack = Pack()
-    >>> pack.add(np.arange(3), "u16")
-    {'at': 0, 'count': 3, 'type': 'u16'}
-    >>> pack.add(np.ones(2), "f32")
-    {'at': 8, 'count': 2, 'type': 'f32'}
-    >>> len(pack.text()) > 0
-    True
-    """
+    """Arrays in sequence, found by position and type."""
 
     def __init__(self) -> None:
         self._parts: list[bytes] = []
         self._size = 0
 
     def add(self, values: Any, kind: str) -> dict[str, Any]:
-        """Append an array of a known type; return its position.
-
-        Types are in :data:`TYPES`.
-        """
+        """Append an array of a known type; return its position. Types are in :data:`TYPES`."""
         array = np.ascontiguousarray(np.asarray(values), dtype=TYPES[kind])
         at, padding = self._size, -array.nbytes % 4
         self._parts += [array.tobytes(), bytes(padding)]
@@ -87,10 +118,7 @@ class Pack:
 
 
 def packed(data: bytes) -> str:
-    """Return bytes compressed by gzip, in base64.
-
-    Higher levels save 1 to 4 % and take twice the time.
-    """
+    """Return bytes compressed by gzip, in base64. Higher levels save 1 to 4 % and take twice the time."""
     return base64.b64encode(gzip.compress(data, 4, mtime=0)).decode("ascii")
 
 

@@ -6,33 +6,29 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import jinja2
 from markupsafe import Markup
 from numpy.typing import NDArray
 
-from vtkmuscle._version import __version__
+from vtkmuscle import __version__
 from vtkmuscle.io.writing import write_text
-from vtkmuscle.report.tables import Cell
+
+
+class Cell(NamedTuple):
+    """A cell with a mark, ``"look"``, ``"failed"`` or ""."""
+
+    text: str
+    mark: str
 
 
 @dataclass(frozen=True)
 class Section:
-    """A section of a page.
+    """A section of a page: a table with a header, in which verdicts are marked, SVG drawings and pictures.
 
-    Attributes
-    ----------
-    title, note : str
-        Heading, and explanation.
-    rows : sequence of sequence of (str or Cell)
-        A table with a header, in which verdicts are marked.
-    words : bool
-        Whether the cells are words rather than numbers.
-    drawings : sequence of (str, str)
-        Titles and SVG.
-    pictures : sequence of (str, str)
-        Captions, and PNG in base 64.
+    ``words`` says that cells are words rather than numbers; drawings are titles and SVG, pictures captions
+    and PNG in base 64.
     """
 
     title: str
@@ -51,10 +47,7 @@ def write_page(path: Path, name: str, kind: str, lead: str, sections: Sequence[S
 
 
 def part(name: str) -> Markup:
-    """Return a file of the page unescaped.
-
-    The package's files contain no end of a script.
-    """
+    """Return a file of the page unescaped. The package's files contain no end of a script."""
     return Markup((files("vtkmuscle.report") / "page" / name).read_text(encoding="utf-8"))
 
 
@@ -73,10 +66,7 @@ def rendered(template: str, **values: Any) -> str:
 
 
 def shown_rows(table: Mapping[str, NDArray[Any]]) -> list[Sequence[str]]:
-    """Return a table's header and rows as text, with four digits.
-
-    A missing number is "".
-    """
+    """Return a table's header and rows as text, with four digits. A missing number is ""."""
     return [tuple(table), *zip(*(map(_shown, column.tolist()) for column in table.values()), strict=True)]
 
 

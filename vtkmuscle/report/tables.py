@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from vtkmuscle.report.curves import MEASURES, MINUS, label_of
+from vtkmuscle.report.sections import Cell, Section
 
 #: Architecture: key in a report, title of the column, and factor to its unit.
 ARCHITECTURE = (
@@ -39,28 +39,6 @@ FIBRES = (
 DASH = "\u2013"
 
 
-class Cell(NamedTuple):
-    """A cell with a mark, ``"look"``, ``"failed"`` or ""."""
-
-    text: str
-    mark: str
-
-
-@dataclass(frozen=True)
-class PageTable:
-    """A table of a page, with a header.
-
-    ``words`` marks a table of words rather than numbers.
-
-    Cells with the words look and failed are marked.
-    """
-
-    title: str
-    rows: Sequence[Sequence[str | Cell]]
-    note: str = ""
-    words: bool = False
-
-
 def number(value: Any, digits: int = 3) -> str:
     """Return a number as text, or a dash."""
     if value is None or (isinstance(value, float) and not np.isfinite(value)):
@@ -75,14 +53,14 @@ def number(value: Any, digits: int = 3) -> str:
     return text.replace("-", MINUS)
 
 
-def tables_of(report: Mapping[str, Any]) -> list[PageTable]:
+def tables_of(report: Mapping[str, Any]) -> list[Section]:
     """Return the non-empty tables of results, from a run's report."""
     muscles = report["muscles"]
     sheets = (_architecture(muscles), _moment_arms(muscles), _quality(muscles))
     return [sheet for sheet in sheets if len(sheet.rows) > 1]
 
 
-def errors_of(report: Mapping[str, Any]) -> list[PageTable]:
+def errors_of(report: Mapping[str, Any]) -> list[Section]:
     """Return tables of length errors and omitted checks."""
     muscles = report["muscles"]
     rows: list[tuple[str, ...]] = [("muscle", "mean of", "segment error [mm]", "sampling error [mm]")]
@@ -97,13 +75,13 @@ def errors_of(report: Mapping[str, Any]) -> list[PageTable]:
     )
     checks = {name: muscle.get("verdict", {}).get("not_checked", {}) for name, muscle in muscles.items()}
     sheets = (
-        PageTable("Errors of mean lengths", rows, note),
+        Section("Errors of mean lengths", note, rows),
         _reasons("What was not checked", "check", checks),
     )
     return [sheet for sheet in sheets if len(sheet.rows) > 1]
 
 
-def _reasons(title: str, what: str, of_muscles: Mapping[str, Mapping[str, str]]) -> PageTable:
+def _reasons(title: str, what: str, of_muscles: Mapping[str, Mapping[str, str]]) -> Section:
     muscles: dict[tuple[str, str], list[str]] = {}
     for name, reasons in of_muscles.items():
         for check, why in reasons.items():
@@ -112,22 +90,22 @@ def _reasons(title: str, what: str, of_muscles: Mapping[str, Mapping[str, str]])
         (label_of(check), why, "all muscles" if len(names) == len(of_muscles) else ", ".join(names))
         for (check, why), names in muscles.items()
     ]
-    return PageTable(title, [(what, "why", "muscles"), *rows], words=True)
+    return Section(title, rows=[(what, "why", "muscles"), *rows], words=True)
 
 
-def run_tables_of(report: Mapping[str, Any]) -> list[PageTable]:
+def run_tables_of(report: Mapping[str, Any]) -> list[Section]:
     """Return the tables of versions, times and input files with hashes."""
     versions = [(name, str(version)) for name, version in report["versions"].items()]
-    sheets = [PageTable("Versions", [("of", "version"), *versions], words=True)]
+    sheets = [Section("Versions", rows=[("of", "version"), *versions], words=True)]
     if report.get("seconds"):
         seconds = [(name, f"{number(value)} s") for name, value in report["seconds"].items()]
-        sheets.append(PageTable("Time", [("for", "by the clock"), *seconds], words=True))
+        sheets.append(Section("Time", rows=[("for", "by the clock"), *seconds], words=True))
     if report["files"]:
         hashes = report.get("sha256", {})
         files = [(key, Path(path).name, hashes.get(key, DASH)) for key, path in report["files"].items()]
         rows = [("key of the scene", "file", "SHA-256"), *files]
         note = f"Read from {report['scene_file']}." if report.get("scene_file") else ""
-        sheets.append(PageTable("Inputs", rows, note, words=True))
+        sheets.append(Section("Inputs", note, rows, words=True))
     return sheets
 
 
@@ -148,7 +126,7 @@ def _flat(values: Mapping[str, Any], before: str = "") -> Iterable[tuple[str, st
             yield f"{before}{key}", "none" if value is None else str(value)
 
 
-def _architecture(muscles: Mapping[str, Any]) -> PageTable:
+def _architecture(muscles: Mapping[str, Any]) -> Section:
     wholes = {name: muscle.get("architecture") or {} for name, muscle in muscles.items()}
     measures = {name: (muscle.get("fibre_measures") or [{}])[0] for name, muscle in muscles.items()}
     columns = [column for column in ARCHITECTURE if any(column[0] in keys for keys in wholes.values())]
@@ -165,14 +143,14 @@ def _architecture(muscles: Mapping[str, Any]) -> PageTable:
             cells.append(f"{number(row['mean'] * scale)} ± {number(row['sd'] * scale, 2)}" if row else DASH)
         rows.append((label_of(name), str(count or DASH), *cells))
     note = "The muscle at rest; fibre lengths, pennation and tortuosity in the first frame, mean ± standard "
-    return PageTable("Architecture", rows, f"{note}deviation over the fibres.")
+    return Section("Architecture", f"{note}deviation over the fibres.", rows)
 
 
 def _mean(value: Any) -> float:
     return float(value["mean"]) if isinstance(value, Mapping) else float(value)
 
 
-def _moment_arms(muscles: Mapping[str, Any]) -> PageTable:
+def _moment_arms(muscles: Mapping[str, Any]) -> Section:
     ends = ("mean", "least", "largest", "sampling error", "difference from -dl/dq", "residual of a quartic")
     rows: list[tuple[str, ...]] = [("muscle", "coordinate", "range", *ends)]
     for name, muscle in muscles.items():
@@ -187,10 +165,10 @@ def _moment_arms(muscles: Mapping[str, Any]) -> PageTable:
         "Levers of all paths in all frames; positive for a muscle that increases the coordinate. "
         "-dl/dq is taken between frames; the difference is a root mean square."
     )
-    return PageTable("Moment arms [mm]", rows, note)
+    return Section("Moment arms [mm]", note, rows)
 
 
-def _quality(muscles: Mapping[str, Any]) -> PageTable:
+def _quality(muscles: Mapping[str, Any]) -> Section:
     listed = [measure for measure in MEASURES if measure.head]
     series = {
         name: {measure: measure(_column(muscle["frames"], measure.key)) for measure in listed}
@@ -208,7 +186,7 @@ def _quality(muscles: Mapping[str, Any]) -> PageTable:
             for measure in columns
         ]
         rows.append((label_of(name), str(len(muscle["frames"])), *cells))
-    return PageTable("Quality", rows, "Worst frame unless stated otherwise; a coloured value needs a check.")
+    return Section("Quality", "Worst frame unless stated otherwise; a coloured value needs a check.", rows)
 
 
 def _column(frames: Iterable[Mapping[str, Any]], key: str) -> Any:

@@ -1,26 +1,34 @@
-"""The figures of a run, a file per figure."""
+"""Pictures: the figures of a run, scenes and results on a plotter, films."""
 
 from __future__ import annotations
 
 import math
 import time
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
+from vtkmuscle import plotting
 from vtkmuscle.core.errors import InputError
+from vtkmuscle.core.words import names, suggestion
+from vtkmuscle.data.arrays import blocks_of, points_of
 from vtkmuscle.data.drawn_bones import DrawnBones
+from vtkmuscle.io.writing import replacing
 from vtkmuscle.plotting.drawing import FigureOrder, MuscleFrame, can_render
 from vtkmuscle.plotting.views import fibre_surface
+from vtkmuscle.scene.data import SceneData
 
 if TYPE_CHECKING:
     from vtkmuscle.run.pool import Pool
     from vtkmuscle.run.result import Result
+    from vtkmuscle.run.result_data import ResultData
 
 #: Formats of figures.
 FORMS = ("png", "pdf", "svg")
@@ -94,19 +102,13 @@ def figures_of(result: Result) -> list[FigureOrder]:
 
 
 def rest_pose(scene: str, units: str, muscles: Mapping[str, vtkPolyData]) -> FigureOrder:
-    """Return the figure of a scene at rest.
-
-    Muscles with fixed points.
-    """
+    """Return the figure of a scene at rest. Muscles with fixed points."""
     given = {"muscles": dict(muscles), "title": f"{scene}: fixed points at rest", "units": units}
     return FigureOrder("rest_pose", "plot_rest_pose", given, rendered=True)
 
 
 def figures_of_muscle(result: Result, name: str) -> list[FigureOrder]:
-    """Return the frame and length figures of a muscle.
-
-    Empty for a muscle without frames.
-    """
+    """Return the frame and length figures of a muscle. Empty for a muscle without frames."""
     if not result.finished(name):
         return []
     figures = [FigureOrder(f"{name}_frames", "plot_muscle", _frames(result, name), rendered=True)]
@@ -123,10 +125,7 @@ def figures_of_muscle(result: Result, name: str) -> list[FigureOrder]:
 
 
 def _moment_arms(result: Result) -> list[FigureOrder]:
-    """Return each muscle's figure of moment arms.
-
-    The moment arms need all muscles.
-    """
+    """Return each muscle's figure of moment arms. The moment arms need all muscles."""
     figures = []
     for name, arms in (result.moment_arms() if result.has_moment_arms else {}).items():
         if result.finished(name):
@@ -177,3 +176,113 @@ def _at(result: Result, frame: int) -> str:
     name, _, unit = result.time_label.partition(" [")
     rounded = round(float(times[frame]), max(0, 2 - math.ceil(math.log10(span)))) + 0.0
     return f"{name} {rounded:g} {unit.removesuffix(']')}".strip()
+
+
+def film_of(
+    result: ResultData, path: Path, *, fps: float, muscles: str | Sequence[str] | None, size: tuple[int, int]
+) -> Path:
+    """Write a film of all kept frames, all or nothing; see :meth:`vtkmuscle.Result.movie`."""
+    from PIL import Image  # noqa: PLC0415 -- matplotlib has it; only films need it
+
+    if path.suffix.lower() != ".gif":
+        raise InputError(str(path), "a film is a .gif", "give it this suffix")
+    if not fps > 0:
+        raise InputError("", f"fps is {fps}, but must be a number > 0")
+    if min(size) < 1:
+        raise InputError("", f"size is {size}, but must be two numbers of pixels, e.g. (1024, 768)")
+    reason = can_render()
+    if reason is not None:
+        raise RuntimeError(f"no film can be made: {reason}")
+    shown = ResultDisplay(result, muscles, off_screen=True, size=size)
+    with closing(shown.scene.plotter), replacing(path) as beside:
+        # One palette for all: colours that change from picture to picture flicker.
+        first, *others = (Image.fromarray(picture).quantize(128) for picture in shown.pictures())
+        pause = round(1000 / fps)
+        first.save(beside, format="GIF", save_all=True, append_images=others, duration=pause, loop=0)
+    return path
+
+
+#: Colours of landmarks by their role.
+_ROLES = {"origin": "black", "insertion": "red", "via": "white"}
+
+
+def plotter_at_rest(scene: SceneData, off_screen: bool | None) -> Any:
+    """Return a plotter with a scene at rest. Bones, muscles and landmarks."""
+    import pyvista  # noqa: PLC0415 -- a run needs none
+
+    surfaces = {name: muscle.surface for name, muscle in scene.muscles.items()}
+    plotter = plotting.MovingScene(scene.bones, surfaces, {}, off_screen=off_screen, opacity=0.4).plotter
+    for area in (area for muscle in scene.muscles.values() for area in muscle.attachments):
+        look = {"color": _ROLES[area.role], "reset_camera": False}
+        plotter.add_points(area.landmarks, render_points_as_spheres=True, point_size=11, **look)
+        if len(area.landmarks) > 1:
+            line = pyvista.lines_from_points(area.landmarks, close=area.closed)
+            plotter.add_mesh(line, line_width=4, **look)
+    return plotter
+
+
+class ResultDisplay:
+    """A result on a plotter: muscles, fibres and bones.
+
+    The plotter is the attribute ``scene``. ``muscles`` are the shown muscles, default all; ``options`` go to
+    :class:`~vtkmuscle.plotting.MovingScene`.
+    """
+
+    def __init__(
+        self, result: ResultData, muscles: str | Sequence[str] | None = None, **options: Any
+    ) -> None:
+        self._result = result
+        self.times, self.time_label = list(result.times), result.time_label
+        self._names = names(result.muscle_names if muscles is None else muscles)
+        for name in self._names:
+            if name not in result.muscle_names:
+                known = suggestion(name, result.muscle_names)
+                raise InputError("", f"there is no muscle {name!r} in the result", known)
+        self._volumes = result.report["deformer"] != "none"
+        fibres = {name: lines for name in self._names if (lines := result.rest_fibres(name)) is not None}
+        self.scene = plotting.MovingScene(
+            dict(blocks_of(result.rest_bones())),
+            {name: result.rest_muscle(name) for name in self._names} if self._volumes else {},
+            fibres,
+            **options,
+        )
+        self._fibres = list(fibres)
+        self.show(0)
+
+    def show(self, position: int) -> None:
+        """Show the kept frame at a position."""
+        result, frame = self._result, self._result.frames[position]
+        there = [name for name in self._names if position < result.finished(name)]
+        moving = result.motion.transforms
+        self.scene.show(
+            plotting.ScenePose(
+                {bone: table[frame] for bone, table in moving.items()},
+                {n: points_of(result.muscle(n, frame=frame)) for n in there} if self._volumes else {},
+                {n: points_of(result.fibres(n, frame=frame)) for n in there if n in self._fibres},
+            )
+        )
+
+    def pictures(self) -> Iterator[NDArray[np.uint8]]:
+        """Give a picture (height, width, 3) of each kept frame."""
+        for position in range(len(self._result.frames)):
+            self.show(position)
+            self.scene.plotter.render()
+            yield np.asarray(self.scene.plotter.screenshot(return_img=True))[..., :3]
+
+    def add_slider(self) -> None:
+        """Add a slider over the frame times."""
+        times = np.asarray(self.times)
+
+        def moved(time: float) -> None:
+            self.show(int(np.abs(times - time).argmin()))
+
+        self.scene.plotter.add_slider_widget(
+            moved,
+            (float(times.min()), float(times.max())),
+            value=float(times[0]),
+            title=self.time_label,
+            pointa=(0.25, 0.08),
+            pointb=(0.75, 0.08),
+            title_height=0.022,
+            style="modern",
+        )

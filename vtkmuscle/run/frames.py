@@ -1,11 +1,12 @@
-"""The frames of a muscle, in memory or in files."""
+"""The options of a run, and the frames of a muscle, in memory or in files."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+import time
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, fields
 from pathlib import Path
-from typing import Any, NamedTuple, Self, overload
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkPolyData
@@ -13,11 +14,116 @@ from vtkmodules.vtkCommonDataModel import vtkPolyData
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.fibres.measures import root_mean_square, sampling_errors, segment_errors
 from vtkmuscle.core.types import Floats
+from vtkmuscle.core.words import suggestion
 from vtkmuscle.data.arrays import polylines_of
 from vtkmuscle.data.paths import PATH_LENGTH, levers_over_time, paths_of
 from vtkmuscle.io.fibre_table import fibre_columns
 from vtkmuscle.io.surfaces import read_own_polydata, read_polydata
 from vtkmuscle.run.report_values import FIBRE_MEASURES
+
+Progress = Callable[[str, str, float], None]
+#: Frames to keep, in the words of a user.
+FrameChoice = str | slice | range | int | None
+Observe = Callable[[str, Mapping[str, Any]], None]
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunOptions:
+    """The options of a run.
+
+    Attributes
+    ----------
+    frames : str, slice, range, int or None
+        Frames to keep and write, e.g. ``"0:10"`` for the first ten (the end is not included, as in Python);
+        default all. The deformer ``"pbd"`` goes on from frame to frame, so earlier frames are computed too.
+    workers : int or None
+        Number of processes for solving muscles side by side and drawing figures; None: one per processor.
+        Muscles that may meet, and a single muscle, are solved in this process. So are all muscles by default.
+        The result does not depend on the number of processes. A script that starts processes needs
+        ``if __name__ == "__main__":``.
+    figures : bool
+        Draw figures. Without OpenGL a warning is given and the remaining output is written.
+    report : bool
+        Write report.html: the scene to be turned and moved, curves, tables and verdicts, for a browser.
+    overwrite : bool
+        Whether results of a different scene in the folder, or files from outside of runs, may be replaced.
+        The scene's own files are never replaced.
+    fresh : bool
+        Compute the folder's finished muscles again.
+    sense : bool
+        Check before the run whether the scene is plausible.
+    progress : callable or None
+        Called with the muscle's name, the stage, and the finished part, 0 to 1; from any thread.
+    observe : callable or None
+        Called with the muscle's name and the report's numbers of each finished frame; from any thread.
+    clock : callable
+        Clock for the stages of muscles [s]; a function of a module, because all processes use the clock.
+
+    Raises
+    ------
+    ValueError
+        If an option is not allowed; the message names the allowed options.
+    """
+
+    frames: FrameChoice = None
+    workers: int | None = 1
+    figures: bool = True
+    report: bool = True
+    overwrite: bool = False
+    fresh: bool = False
+    sense: bool = True
+    progress: Progress | None = None
+    observe: Observe | None = None
+    clock: Callable[[], float] = time.perf_counter
+
+    def __post_init__(self) -> None:
+        if self.workers is not None and self.workers < 1:
+            raise InputError("", f"workers is {self.workers}, but must be an integer >= 1")
+
+
+def run_options(given: Mapping[str, Any]) -> RunOptions:
+    """Return options by name; an unknown name raises a TypeError."""
+    names = [field.name for field in fields(RunOptions)]
+    for name in given:
+        if name not in names:
+            raise TypeError(f"a run has no option {name!r}; {suggestion(name, names)}")
+    return RunOptions(**given)
+
+
+def frame_numbers(frames: FrameChoice, count: int) -> range:
+    """Return the frame numbers selected from ``count`` frames.
+
+    Ascending and not empty. ``frames`` is ``"A:B"`` or ``"A:B:STEP"`` as in Python (B is not included),
+    ``"A"`` or an int for a single frame, a slice or range, or None for all. Invalid values raise a
+    ValueError.
+
+    Examples
+    --------
+    >>> from vtkmuscle.run import frame_numbers
+    >>> frame_numbers("40:", 46)
+    range(40, 46)
+    """
+    allowed = f"give A:B with 0 <= A < B <= {count} (B is not included), or one frame, 0 to {count - 1}"
+    wanted = frames
+    if isinstance(wanted, str):
+        parts = wanted.split(":")
+        try:
+            bounds = [int(part) if part.strip() else None for part in parts]
+            wanted = slice(*bounds) if len(parts) > 1 else int(parts[0])
+        except (ValueError, TypeError):
+            raise InputError("", f"frames {frames!r} cannot be understood", allowed) from None
+    if wanted is None:
+        return range(count)
+    if isinstance(wanted, slice):
+        if wanted.step is not None and wanted.step <= 0:
+            raise InputError("", f"frames {frames!r} must ascend", allowed)
+        numbers = range(*wanted.indices(count))
+    else:
+        numbers = wanted if isinstance(wanted, range) else range(wanted, wanted + 1)
+    if not len(numbers) or numbers.step < 0 or numbers[0] < 0 or numbers[-1] >= count:
+        raise InputError("", f"frames {frames!r}: the motion has {count} frames", allowed)
+    return numbers
+
 
 #: Field arrays of a written frame: its scene, the unit of length and the version of the package.
 STAMPS = ("Scene", "Units", "Version")
@@ -29,10 +135,9 @@ RUN_AGAIN = "run the scene again: finished muscles are kept"
 
 @dataclass(frozen=True, eq=False)
 class WrittenFile:
-    """A .vtp file in a run's folder.
+    """A .vtp file in a run's folder, with its state when written or discovered.
 
-    ``state`` is the file's state when written or discovered. An ``own`` file was written by this run. A
-    foreign file may be damaged, and is read in a separate process.
+    An ``own`` file was written by this run; another one may be damaged, and is read in a separate process.
     """
 
     path: Path
@@ -45,10 +150,7 @@ class WrittenFile:
         return cls(path.absolute(), _state(path), own)
 
     def read(self) -> vtkPolyData:
-        """Return the file's data without the run's stamps.
-
-        Raises an InputError for a changed file.
-        """
+        """Return the file's data without the run's stamps. Raises an InputError for a changed file."""
         if not self.path.is_file():
             raise InputError(self.path, "the file is missing", RUN_AGAIN)
         if _state(self.path) != self.state:
@@ -65,21 +167,12 @@ def _state(path: Path) -> tuple[int, ...]:
 
 
 class Frames(Sequence[vtkPolyData]):
-    """Frames of a surface or of fibres.
-
-    Frames in files are read at every access.
-    """
+    """Frames of a surface or of fibres. Frames in files are read at every access."""
 
     def __init__(self, frames: Iterable[vtkPolyData | WrittenFile] = ()) -> None:
         self._frames = list(frames)
 
-    @overload
-    def __getitem__(self, index: int) -> vtkPolyData: ...
-    @overload
-    def __getitem__(self, index: slice) -> Frames: ...
-    def __getitem__(self, index: int | slice) -> vtkPolyData | Frames:
-        if isinstance(index, slice):
-            return Frames(self._frames[index])
+    def __getitem__(self, index: Any) -> Any:
         frame = self._frames[index]
         return frame.read() if isinstance(frame, WrittenFile) else frame
 
@@ -101,11 +194,7 @@ _COLUMNS = {*FIBRE_MEASURES, PATH_LENGTH}
 
 
 class FibreNumbers(NamedTuple):
-    """Numbers of the fibres in a frame.
-
-    ``columns`` are the measures (k,) by name. ``levers`` are the levers of the paths by coordinate, None
-    without paths.
-    """
+    """Measures (k,) of the fibres in a frame, and levers of the paths by coordinate, None without paths."""
 
     columns: dict[str, Floats]
     levers: dict[str, Floats] | None = None
@@ -122,22 +211,10 @@ class FibreNumbers(NamedTuple):
 class MuscleTrack:
     """The finished frames of one muscle.
 
-    Attributes
-    ----------
-    rest : vtkPolyData or None
-        The muscle at rest, with the point array ``FixedTo``.
-    rest_fibres : vtkPolyData or None
-        The fibres at rest.
-    surfaces, fibres : Frames
-        The deformed muscle and its fibres; empty without a deformer and for a muscle without fibres.
-    lengths, fibre_lengths : list of (k,) array
-        Lengths of paths and of fibres per frame [mm]; a muscle on a single bone has no paths.
-    length_errors, fibre_length_errors : list of (k,) array
-        Segment errors [mm], see :func:`~vtkmuscle.core.fibres.measures.segment_errors`.
-    report : dict
-        The muscle's part of the report, JSON-able.
-    failure : (int, float, Exception) or None
-        Frame and time of the failure, and the reason; earlier frames are present.
+    ``rest`` has the point array ``FixedTo``; ``surfaces`` are empty without a deformer, ``fibres`` where a
+    muscle has none. Lengths of paths and of fibres are (k,) per frame [mm], with segment errors; a muscle on
+    a single bone has no paths. ``report`` is the muscle's part of the report, JSON-able, and ``failure`` the
+    frame and time of a failure, and the reason.
     """
 
     rest: vtkPolyData | None = None
@@ -154,34 +231,17 @@ class MuscleTrack:
 
     @property
     def numbers(self) -> Sequence[FibreNumbers]:
-        """The fibre numbers per frame.
-
-        A run takes the numbers before writing the frame to a file.
-        """
+        """The fibre numbers per frame. A run takes the numbers before writing the frame to a file."""
         if len(self._numbers) != len(self.fibres):
             self._numbers = [FibreNumbers.of(fibres) for fibres in self.fibres]
         return self._numbers
 
-    def fibre_points(self, position: int) -> Floats:
-        """Return the fibre points (k, n, 3) of a frame.
-
-        All fibres have equally many points.
-        """
-        lines = polylines_of(self.fibres[position], "fibres")
-        return lines.points.reshape(len(lines), -1, 3)
-
     def levers(self) -> dict[str, Floats]:
-        """Return the levers (f, k) of the paths by coordinate.
-
-        NaN in frames with unknown levers.
-        """
+        """Return the levers (f, k) of the paths by coordinate. NaN in frames with unknown levers."""
         return levers_over_time([one.levers for one in self.numbers if one.levers is not None])
 
     def errors(self) -> dict[str, dict[str, float | None]]:
-        """Return segment and sampling errors of mean lengths.
-
-        Root mean squares over the frames.
-        """
+        """Return segment and sampling errors of mean lengths. Root mean squares over the frames."""
         measured = {
             "length": (self.lengths, self.length_errors),
             "fibre_length": (self.fibre_lengths, self.fibre_length_errors),
@@ -196,10 +256,7 @@ class MuscleTrack:
         }
 
     def add_lengths(self, fibres: vtkPolyData, millimetres: float) -> None:
-        """Add the fibre and path lengths of a frame.
-
-        The numbers of the fibres are added too.
-        """
+        """Add the fibre and path lengths of a frame. The numbers of the fibres are added too."""
         numbers = FibreNumbers.of(fibres)
         self._numbers.append(numbers)
         lines, paths = polylines_of(fibres, "fibres"), paths_of(fibres, "fibres")

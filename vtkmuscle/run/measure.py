@@ -24,7 +24,7 @@ from vtkmuscle.core.motion.rigid import apply_transform
 from vtkmuscle.core.types import Floats, Ints
 from vtkmuscle.data.arrays import checked_surface, point_array, points_of, triangles_of
 from vtkmuscle.filters.deformer.neighbours import outward_tree
-from vtkmuscle.run.limits import BEYOND, LONGEST, SHORTEST
+from vtkmuscle.run.verdict import BEYOND, LONGEST, SHORTEST
 
 #: An edge is folded back where its triangles are within 30 degrees of lying on each other; it counts where it
 #: was at least 60 degrees off that at rest [degrees between their normals].
@@ -34,16 +34,8 @@ FOLDED, NOT_FOLDED = 150.0, 120.0
 class MuscleMeasure:
     """Measures of a deformed muscle against rest and bones.
 
-    Parameters
-    ----------
-    rest : vtkPolyData
-        The muscle at rest with the point array ``FixedTo``, indices into ``bones``.
-    bones : sequence of str
-        Names of the bones.
-    shapes : mapping of str to Bone
-        Bones with an inside, at rest.
-    millimetres : float
-        Millimetres per unit of length.
+    ``rest`` has the point array ``FixedTo``, indices into the names of ``bones``; ``shapes`` are the bones
+    with an inside, at rest.
     """
 
     def __init__(
@@ -179,9 +171,6 @@ class MuscleMeasure:
 
     def _largest(self, depths: Floats) -> tuple[float, float]:
         """Return the largest and 95th percentile depth [mm]."""
-        deep = depths[depths > 0.0]
-        if 20 * len(deep) < len(depths):  # fewer than one in twenty: the percentile is between zeros
-            return float(deep.max(initial=0.0)) * self._millimetres, 0.0
         millimetres = depths * self._millimetres
         return float(millimetres.max()), float(np.percentile(millimetres, 95))
 

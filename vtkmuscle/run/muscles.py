@@ -34,13 +34,11 @@ from vtkmuscle.filters.deformer.shape_report import read_shape
 from vtkmuscle.filters.path_deformer import PathDeformer
 from vtkmuscle.filters.pbd_deformer import PBDDeformer
 from vtkmuscle.pipelines import MusclePipeline
-from vtkmuscle.run.frames import MuscleTrack, WrittenFile
-from vtkmuscle.run.limits import CHECKS, FULL_SIZE
+from vtkmuscle.run.frames import MuscleTrack, RunOptions, WrittenFile
 from vtkmuscle.run.measure import MuscleMeasure
-from vtkmuscle.run.options import RunOptions
 from vtkmuscle.run.report_values import architecture_of, fibres_at_rest, measures_of_fibres
 from vtkmuscle.run.store.writing import ResultWriter
-from vtkmuscle.run.verdict import FibreHistory, judge, slides_of
+from vtkmuscle.run.verdict import FibreHistory, judge
 from vtkmuscle.scene.data import SceneData
 
 
@@ -48,8 +46,7 @@ from vtkmuscle.scene.data import SceneData
 class SceneRun:
     """The data shared by the muscles of a run.
 
-    ``numbers`` are the kept frames, ``bones`` the bones with an inside, at rest. ``stop`` is set to end the
-    run early.
+    ``numbers`` are the kept frames, ``bones`` the bones with an inside, at rest; ``stop`` ends the run early.
     """
 
     scene: SceneData
@@ -82,10 +79,7 @@ class MuscleRun:
         track.report["seconds"] = self.seconds
 
     def go(self) -> None:
-        """Run all stages.
-
-        A stopped run raises an AbortedError and keeps the complete earlier frames.
-        """
+        """Run all stages; a stopped run raises an AbortedError and keeps its complete frames."""
         scene, track, last = self.scene, self.track, self.run.numbers[-1] + 1
         neighbours = self._deformers() if scene.muscle_contact == "on" else None
         pipeline = muscle_pipeline(scene, self.name, neighbours=neighbours)
@@ -108,13 +102,9 @@ class MuscleRun:
         if pipeline.fibres is not None:
             self._fill(rest, pipeline.fibres, measure)
         track.report |= {"parameters": self._parameters(pipeline), "frames": []}
-        deforms = pipeline.deformer is not None
         for number in self.run.numbers:
-            self._report_progress("deforming" if deforms else "pulling paths", number / last)
-            if deforms:
-                self._deform(number, pipeline, measure)
-            else:
-                self._pull(number, pipeline, measure)
+            self._report_progress("pulling paths" if self.deformer is None else "deforming", number / last)
+            self._compute(number, pipeline, measure)
             if track.failure is not None:
                 break
         self._judge(measure)
@@ -150,44 +140,36 @@ class MuscleRun:
                 "fibre_measures": [],
             }
 
-    def _pull(self, number: int, pipeline: MusclePipeline, measure: MuscleMeasure) -> None:
-        """Pull the paths in a frame, and keep the frame.
-
-        Without a deformer.
-        """
-        assert pipeline.metrics is not None
+    def _compute(self, number: int, pipeline: MusclePipeline, measure: MuscleMeasure) -> None:
+        """Compute, measure and keep the muscle in a frame."""
         now = float(self.scene.motion.times[number])
-        with self._timed("pulling paths", pipeline.metrics) as took:
-            fibres = shallow_copy(pipeline.metrics.update(time=now).output)
-        _add_penetration(fibres, measure, self.scene.motion.at(now))
-        row = {"frame": number, "time": now, **_unsettled(pipeline)}
-        self._keep(row | {"ms": 1000.0 * took()}, None, fibres)
-
-    def _deform(self, number: int, pipeline: MusclePipeline, measure: MuscleMeasure) -> None:
-        """Deform, measure and keep the muscle in a frame."""
-        assert pipeline.deformer is not None
-        now = float(self.scene.motion.times[number])
-        try:
-            with self._timed("deforming", pipeline.deformer) as took:
-                deformed = pipeline.deformer.update(time=now).output
-            points = points_of(deformed)
-            _check_finite(points, number)
-        except ValueError as error:
-            # In the first frame the input is wrong; later the muscle has gone astray.
-            if number == 0:
-                raise
-            self.track.failure = number, now, error
-            return
-        transforms, fibres = self.scene.motion.at(now), None
+        transforms, row = self.scene.motion.at(now), {"frame": number, "time": now}
+        deformed = fibres = None
+        if pipeline.deformer is not None:
+            try:
+                with self._timed("deforming", pipeline.deformer) as took:
+                    deformed = pipeline.deformer.update(time=now).output
+                points = points_of(deformed)
+                _check_finite(points, number)
+            except ValueError as error:
+                # In the first frame the input is wrong; later the muscle has gone astray.
+                if number == 0:
+                    raise
+                self.track.failure = number, now, error
+                return
         if pipeline.metrics is not None:
-            with self._timed("carrying fibres", pipeline.metrics) as carried:
+            stage = "pulling paths" if deformed is None else "carrying fibres"
+            with self._timed(stage, pipeline.metrics) as carried:
                 fibres = shallow_copy(pipeline.metrics.update(time=now).output)
         with self._timed("measuring"):
-            row = {"frame": number, "time": now, **read_shape(deformed, self.scene.millimetres)}
+            depths = None if fibres is None else _add_penetration(fibres, measure, transforms)
+            if deformed is None:
+                self._keep(row | _unsettled(pipeline) | {"ms": 1000.0 * carried()}, None, fibres)
+                return
+            row |= read_shape(deformed, self.scene.millimetres)
             row |= _unsettled(pipeline)
             row |= measure.frame(points, transforms)
             if fibres is not None:
-                depths = _add_penetration(fibres, measure, transforms)
                 lines = polylines_of(fibres, "fibres")
                 row |= measure.fibres(lines.points, lines.offsets, points, depths)
                 row["ms_fibres"] = 1000.0 * carried()
@@ -198,19 +180,14 @@ class MuscleRun:
         self._keep(row | {"ms": 1000.0 * took()}, deformed, fibres)
 
     def _keep(self, row: dict[str, Any], deformed: vtkPolyData | None, fibres: vtkPolyData | None) -> None:
-        """Keep a frame, all or nothing.
-
-        In files if the run has a folder, else in memory.
-        """
+        """Keep a frame, all or nothing, in files if the run has a folder, else in memory."""
         number, now = row["frame"], row["time"]
         kept: tuple[vtkPolyData | WrittenFile | None, vtkPolyData | WrittenFile | None]
         if self.run.store is not None:
             with self._timed("writing"):
                 kept = self.run.store.write_frame(self.name, number, deformed, fibres)
-        elif deformed is not None:
-            kept = with_points(self.track.rest, points_of(deformed)), fibres
         else:
-            kept = None, fibres
+            kept = deformed and with_points(self.track.rest, points_of(deformed)), fibres
         for frames, frame in zip((self.track.surfaces, self.track.fibres), kept, strict=True):
             if frame is not None:
                 frames.append(frame)
@@ -227,19 +204,13 @@ class MuscleRun:
 
     def _judge(self, measure: MuscleMeasure) -> None:
         """Add the verdict on the computed frames to the report."""
-        track, millimetres = self.track, self.scene.millimetres
-        rows = track.report["frames"]
+        track, rows = self.track, self.track.report["frames"]
         motion = self.scene.motion.part(self.run.numbers[: len(rows)]) if rows else None
         history = None
         if track.fibre_lengths and track.rest_fibres is not None and motion is not None:
             rest = polylines_of(track.rest_fibres, "fibres")
-            lengths, slides = np.array(track.fibre_lengths), list[tuple[float, str] | None]()
-            if len({*np.diff(polylines_of(track.fibres[0], "fibres").offsets).tolist()}) == 1:
-                jump = CHECKS["jumps"].look * min(1.0, measure.size / FULL_SIZE)
-                bones, lines = self.run.bones, track.fibre_points
-                slides = slides_of(lengths, lines, motion, bones, jump=jump, millimetres=millimetres)
-            rest_lengths = polyline_lengths(rest.points, rest.offsets) * millimetres
-            history = FibreHistory(lengths, rest_lengths, track.report["fibres"], slides)
+            rest_lengths = polyline_lengths(rest.points, rest.offsets) * self.scene.millimetres
+            history = FibreHistory(np.array(track.fibre_lengths), rest_lengths, track.report["fibres"])
         track.report["verdict"] = judge(
             rows, history, motion=motion, n_edges=measure.n_edges, size=measure.size, failure=track.failure
         )
@@ -256,10 +227,7 @@ class MuscleRun:
 
     @contextmanager
     def _timed(self, stage: str, last: Filter | None = None) -> Iterator[Callable[[], float]]:
-        """Add the time to a stage, and watch the stop flag.
-
-        The stop flag aborts the stage's filters. Yields a function for the time.
-        """
+        """Add the time to a stage, whose filters the stop flag aborts; yield a function for the time."""
         before = after = self.clock()
         observed = [
             (one, one.AddObserver("ProgressEvent", self._on_progress))
@@ -315,10 +283,7 @@ def muscle_pipeline(
 
 
 def _unsettled(pipeline: MusclePipeline) -> dict[str, int]:
-    """Return whether the paths failed to settle.
-
-    Of the last frame; empty without paths.
-    """
+    """Return whether the paths failed to settle in the last frame; empty without paths."""
     if pipeline.taut_paths is None:
         return {}
     unsettled = field_array(pipeline.taut_paths.GetOutputDataObject(0), "Unsettled")
@@ -328,9 +293,7 @@ def _unsettled(pipeline: MusclePipeline) -> dict[str, int]:
 def _check_finite(points: Floats, number: int) -> None:
     if not np.isfinite(points).all():
         problem = "the deformed muscle has coordinates that are not finite"
-        raise InputError(
-            f"frame {number}", problem, "lower the stiffnesses, or use smaller steps of the motion"
-        )
+        raise InputError(f"frame {number}", problem, "lower the stiffnesses, or use smaller steps")
 
 
 def _warn_if_none_is_free(name: str, muscle: vtkPolyData) -> None:
@@ -346,10 +309,9 @@ def _warn_if_none_is_free(name: str, muscle: vtkPolyData) -> None:
 def _add_penetration(
     fibres: vtkPolyData, measure: MuscleMeasure, transforms: Mapping[str, Any]
 ) -> Floats | None:
-    """Add the cell array ``Penetration`` to fibres.
+    """Add the depth of each fibre's deepest point in a bone, the cell array ``Penetration``.
 
-    ``Penetration`` is the depth of each fibre's deepest point in a bone. Returns the depth of every point,
-    None without a bone with an inside.
+    Returns the depth of every point, None without a bone with an inside.
     """
     lines = polylines_of(fibres, "fibres")
     depths = measure.depths(lines.points, transforms)

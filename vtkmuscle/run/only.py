@@ -1,32 +1,27 @@
-"""One output of a scene by the shortest filter chain."""
+"""Lengths or moment arms alone, by the shortest filter chain."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import fields, replace
 from os import PathLike
 from pathlib import Path
 
 import numpy as np
-from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.fibres.measures import segment_errors
 from vtkmuscle.core.mesh.shared import keep_shared
 from vtkmuscle.core.moment_arms.of_joints import JointArms, joint_arms
 from vtkmuscle.core.types import Floats
-from vtkmuscle.data.arrays import shallow_copy
 from vtkmuscle.data.paths import levers_over_time, path_lines_of, paths_of
-from vtkmuscle.io.temporal import Series
+from vtkmuscle.run.frames import FrameChoice, frame_numbers
 from vtkmuscle.run.muscles import muscle_pipeline
-from vtkmuscle.run.options import Frames, frame_numbers
 from vtkmuscle.run.table import MomentArmTable, Table, length_table
 from vtkmuscle.scene.data import SceneData
 
 #: The outputs that can be asked for alone.
-ONLY = ("lengths", "moment_arms", "surfaces")
-
-Surfaces = dict[str, list[vtkPolyData]]
+ONLY = ("lengths", "moment_arms")
 
 
 def run_only(
@@ -34,24 +29,23 @@ def run_only(
     what: str,
     out: str | PathLike[str] | None = None,
     *,
-    frames: Frames = None,
+    frames: FrameChoice = None,
     overwrite: bool = False,
     progress: Callable[[str, str, float], None] | None = None,
-) -> Table | Surfaces:
-    """Compute a single output of a scene.
+) -> Table:
+    """Compute the lengths or the moment arms of a scene's paths alone.
 
-    Nothing further is written. Lengths and moment arms take the paths alone; no muscle is deformed, no fibre
-    is moved and no frame is measured. Moment arms need levers, lengths do not. Surfaces take the deformer
-    without fibres.
+    No muscle is deformed, no fibre is moved and no frame is measured. Moment arms need levers, lengths do
+    not.
 
     Parameters
     ----------
     scene : Scene
-        The scene; every muscle needs a deformer for surfaces, fibres for lengths and moment arms.
+        The scene; every muscle needs fibres.
     what : str
-        ``"lengths"``, ``"moment_arms"`` or ``"surfaces"``.
+        ``"lengths"`` or ``"moment_arms"``.
     out : path, optional
-        Folder for ``lengths.csv``, ``moment_arms.csv`` or a ``NAME.pvd`` per muscle.
+        Folder for ``lengths.csv`` or ``moment_arms.csv``.
     frames : str, slice, range, int or None, optional
         Frames to compute, as of :class:`~vtkmuscle.run.RunOptions`; default all.
     overwrite : bool, optional
@@ -63,8 +57,6 @@ def run_only(
     -------
     Table
         A row per muscle, path and frame; lengths and moment arms in mm.
-    dict of str to list of vtkPolyData
-        For surfaces: the muscles in the frames.
 
     Raises
     ------
@@ -81,48 +73,16 @@ def run_only(
     """
     if what not in ONLY:
         raise InputError("", f"only is {what!r}, but must be one of {', '.join(map(repr, ONLY))}")
-    if what == "surfaces" and scene.deformer == "none":
-        raise InputError("deformer", "it is 'none', so there are no surfaces", "use 'paths' or 'pbd'")
+    file = None if out is None else Path(out) / f"{what}.csv"
+    if file is not None and file.exists() and not overwrite:
+        raise InputError(file, "the file is there", "give another folder with --out, or --overwrite")
     numbers = frame_numbers(frames, len(scene.motion.times))
-    folder = None if out is None else Path(out)
-    if folder is not None and not overwrite:
-        _check_free(folder, scene, what)
     tell = progress or (lambda _muscle, _stage, _part: None)
     with keep_shared():
-        if what == "surfaces":
-            return {name: list(_surfaces(scene, name, numbers, folder, tell)) for name in scene.muscles}
         table = _tables(scene, what, numbers, tell)
-    if folder is not None:
-        table.to_csv(folder / f"{what}.csv", digits=None if what == "lengths" else 10)
+    if file is not None:
+        table.to_csv(file, digits=None if what == "lengths" else 10)
     return table
-
-
-def _check_free(folder: Path, scene: SceneData, what: str) -> None:
-    """Raise an InputError for a file in a result's place."""
-    files = [f"{name}.pvd" for name in scene.muscles] if what == "surfaces" else [f"{what}.csv"]
-    for file in map(folder.joinpath, files):
-        if file.exists():
-            raise InputError(file, "the file is there", "give another folder with --out, or --overwrite")
-
-
-def _surfaces(
-    scene: SceneData, name: str, numbers: range, folder: Path | None, tell: Callable[[str, str, float], None]
-) -> Iterator[vtkPolyData]:
-    """Give the surfaces of a muscle, written in turn.
-
-    A surface is written as soon as computed.
-    """
-    deformer = muscle_pipeline(scene, name).deformer
-    assert deformer is not None
-    series = None if folder is None else Series(folder, name)
-    for done, number in enumerate(numbers):
-        tell(name, "deforming", done / len(numbers))
-        time = float(scene.motion.times[number])
-        surface = shallow_copy(deformer.update(time=time).output)
-        if series is not None:
-            series.add(number, time, surface)
-        yield surface
-    tell(name, "done", 1.0)
 
 
 def _tables(scene: SceneData, what: str, numbers: range, tell: Callable[[str, str, float], None]) -> Table:
@@ -148,8 +108,7 @@ def _tables(scene: SceneData, what: str, numbers: range, tell: Callable[[str, st
             tell(name, "pulling paths", done / len(times))
             lines = path_lines_of(taut.update(time=time).output, name)
             if lines is None:
-                problem = "it is fixed to one bone and has no fibres, so it has no paths"
-                raise InputError(f"muscles.{name}", problem, "leave it out with --muscle, or give it fibres")
+                raise InputError(f"muscles.{name}", "it has no paths", "leave it out, or give it fibres")
             found = paths_of(lines.data, name)
             assert found is not None
             offsets = lines.points.shape[1] * np.arange(len(lines.points) + 1)
@@ -158,12 +117,9 @@ def _tables(scene: SceneData, what: str, numbers: range, tell: Callable[[str, st
             levers.append(found.levers)
         lengths[name], errors[name] = np.array(rows), np.array(row_errors)
         if what == "moment_arms":
+            over_time = levers_over_time(levers)
             arms[name], without = joint_arms(
-                lengths[name],
-                levers_over_time(levers),
-                motion,
-                crossed=muscle.crosses,
-                millimetres=scene.millimetres,
+                lengths[name], over_time, motion, crossed=muscle.crosses, millimetres=scene.millimetres
             )
             refused |= without
         tell(name, "done", 1.0)

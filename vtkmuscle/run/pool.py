@@ -1,7 +1,6 @@
-"""Processes that solve muscles and draw figures.
+"""Processes that solve muscles and draw figures side by side.
 
-The processes work side by side. Python's lock is held for 0.72 of the time of a frame, so threads gain
-little: each worker is a process.
+Python's lock is held for 0.72 of the time of a frame, so threads gain little.
 """
 
 from __future__ import annotations
@@ -9,18 +8,15 @@ from __future__ import annotations
 import os
 import pickle
 import signal
-import sys
 import time
 import warnings
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ProcessPoolExecutor
 from contextlib import ExitStack, contextmanager
-from multiprocessing import parent_process
-from multiprocessing.context import SpawnContext, SpawnProcess
+from multiprocessing import active_children, get_context, parent_process
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from threading import Event, Thread
-from types import ModuleType
 from typing import TYPE_CHECKING, Any, Self
 
 from vtkmuscle.core.machine import is_python, processors
@@ -28,9 +24,8 @@ from vtkmuscle.core.mesh.shared import keep_shared
 from vtkmuscle.data.arrays import points_of, with_points
 from vtkmuscle.data.drawn_bones import DrawnBones
 from vtkmuscle.plotting.drawing import FigureOrder
-from vtkmuscle.run.frames import Frames, MuscleTrack
+from vtkmuscle.run.frames import Frames, MuscleTrack, RunOptions
 from vtkmuscle.run.muscles import MuscleRun, SceneRun
-from vtkmuscle.run.options import RunOptions
 from vtkmuscle.run.store.writing import ResultWriter
 from vtkmuscle.scene.data import Anatomy, SceneData
 
@@ -53,22 +48,10 @@ def pool_size(scene: SceneData, workers: int | None) -> int:
 
 
 class Pool:
-    """Processes that solve muscles and draw figures.
+    """Processes that solve muscles and draw figures, until the end of the pool's context.
 
-    A pool belongs to a run. As a context, the processes end with the context.
-
-    Parameters
-    ----------
-    size : int
-        Number of processes; a process starts on demand.
-    scene : SceneData
-        The scene of the run.
-    numbers : range
-        Frames to keep.
-    clock : callable
-        The clock of the stages, a function of a module [s].
-    store : ResultWriter or None
-        Where frames are written; None keeps them in memory.
+    At most ``size`` processes, each started on demand. ``clock`` is a function of a module [s]; without a
+    ``store`` frames stay in memory.
     """
 
     def __init__(
@@ -82,42 +65,35 @@ class Pool:
         # VTK's data sets are pickled by this module of VTK. ParaView's VTK lacks it, and uses no pool.
         import vtkmodules.util.pickle_support  # noqa: F401, PLC0415
 
-        self._context = _Context()
-        self._messages = self._context.SimpleQueue()
+        context = get_context("spawn")
+        self._messages, self._before = context.SimpleQueue(), active_children()
         self._warned: dict[Any, Any] = {}
         # What is large goes through files: a pipe that nobody reads any more would be written to for ever.
         self._files = TemporaryDirectory()
         given = self._file("scene", (scene, numbers, clock, store))
-        self._executor = ProcessPoolExecutor(size, self._context, _begin, (given, self._messages))
+        self._executor = ProcessPoolExecutor(size, context, _begin, (given, self._messages))
 
     def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *_: object) -> None:
-        for process in self._context.started:
+        for process in set(active_children()).difference(self._before):
             process.kill()
         self._executor.shutdown(cancel_futures=True)
         self._files.cleanup()
 
     def solve(self, muscle: str) -> Future[Path]:
-        """Solve a muscle in the next free process.
-
-        The result is for :func:`track_in`.
-        """
-        return self._executor.submit(_solve, muscle, Path(self._files.name, f"muscle {muscle}"))
+        """Solve a muscle in the next free process; the result is for :func:`track_in`."""
+        with _interrupts_blocked():
+            return self._executor.submit(_solve, muscle, Path(self._files.name, f"muscle {muscle}"))
 
     def draw(self, order: FigureOrder, folder: Path) -> Future[float]:
-        """Draw a figure in the next free process.
-
-        The result is the drawing time [s].
-        """
-        return self._executor.submit(_draw, self._file(f"figure {order.name}", order), folder)
+        """Draw a figure in the next free process; the result is the drawing time [s]."""
+        with _interrupts_blocked():
+            return self._executor.submit(_draw, self._file(f"figure {order.name}", order), folder)
 
     def pass_on(self, options: RunOptions) -> None:
-        """Pass on reports of the processes.
-
-        Progress, frames and warnings are reported.
-        """
+        """Pass on progress, frames and warnings of the processes."""
         while not self._messages.empty():
             kind, *content = self._messages.get()
             if kind == "warning":
@@ -135,10 +111,7 @@ class Pool:
 
 
 def track_in(path: Path) -> MuscleTrack:
-    """Return the track written by a process of a pool.
-
-    Frames in memory share triangles.
-    """
+    """Return the track written by a process of a pool; frames in memory share triangles."""
     track: MuscleTrack = pickle.loads(path.read_bytes())
     path.unlink()
     if track.rest is not None and not track.surfaces.files:
@@ -146,41 +119,9 @@ def track_in(path: Path) -> MuscleTrack:
     return track
 
 
-class _Process(SpawnProcess):
-    """A process without Ctrl-C and without the main script."""
-
-    def start(self) -> None:
-        main, root = sys.modules["__main__"], str(Path(__file__).parents[2])
-        added = root not in sys.path  # the package may be in the working folder
-        sys.path += [root] * added
-        sys.modules["__main__"] = ModuleType("__main__")  # a script would be run again
-        try:
-            with _interrupts_blocked():
-                super().start()
-        finally:
-            sys.modules["__main__"] = main
-            sys.path[:] = sys.path[:-1] if added else sys.path
-
-
-class _Context(SpawnContext):
-    """Starts and lists the processes of a pool."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.started: list[_Process] = []
-
-    def Process(self, *arguments: Any, **named: Any) -> _Process:  # type: ignore[override]  # noqa: N802
-        process = _Process(*arguments, **named)
-        self.started.append(process)
-        return process
-
-
 @contextmanager
 def _interrupts_blocked() -> Iterator[None]:
-    """Block Ctrl-C in this thread.
-
-    In started processes the block is permanent. Windows has no such block.
-    """
+    """Block Ctrl-C in this thread, and for good in processes that start meanwhile; not on Windows."""
     if not hasattr(signal, "pthread_sigmask"):
         yield
         return
@@ -204,10 +145,7 @@ _open = ExitStack()
 
 
 def _begin(given: Path, messages: Any) -> None:
-    """Prepare a process of the pool.
-
-    The process ends with its parent process.
-    """
+    """Prepare a process of the pool, which ends with its parent process."""
     scene, numbers, clock, store = pickle.loads(given.read_bytes())
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     Thread(target=_end_with_parent, daemon=True).start()

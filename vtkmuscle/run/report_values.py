@@ -61,20 +61,10 @@ def architecture_of(
     hill: Mapping[str, float] | None = None,
     aponeuroses: vtkMultiBlockDataSet | None = None,
 ) -> dict[str, Any]:
-    """Return the architecture of a muscle at rest.
+    """Return the architecture of a muscle at rest, JSON-able; see :data:`DEFINITIONS`.
 
-    The published quantities, JSON-able; see :data:`DEFINITIONS`.
-
-    Parameters
-    ----------
-    fibres, muscle, attachments : vtkPolyData, vtkPolyData, vtkMultiBlockDataSet or None
-        At rest.
-    millimetres : float
-        Length of the scene's unit.
-    hill : mapping of str to float, optional
-        Of the muscle; ``tendon_slack_length`` in the scene's unit, ``sarcomere_length`` in micrometres.
-    aponeuroses : vtkMultiBlockDataSet, optional
-        Surfaces at the ends of the fibres.
+    ``hill`` may have ``tendon_slack_length`` in the scene's unit and ``sarcomere_length`` in micrometres;
+    ``aponeuroses`` are the surfaces at the ends of the fibres.
     """
     metrics = FibreMetrics(architecture=True, sections=SECTIONS)
     summary = muscle_summary(metrics(fibres, muscle, None, attachments))
@@ -151,10 +141,7 @@ def _pennations(
 
 
 def architecture_table(muscles: Mapping[str, Mapping[str, Any]]) -> Table:
-    """Return the architecture table of a report.
-
-    A row per muscle with fibres.
-    """
+    """Return the architecture table of a report. A row per muscle with fibres."""
     columns = ["muscle", "tendon_from", *(f"{quantity}_{unit}" for quantity, unit, _ in _COLUMNS)]
     known = {name: muscle for name, muscle in muscles.items() if "architecture" in muscle}
     return Table(columns, (_row(name, muscle) for name, muscle in known.items()))
@@ -206,10 +193,7 @@ _PACKAGES = ("vtkmuscle", "numpy", "scipy", "numba", "vtk", "pyvista")
 
 
 def versions() -> dict[str, str]:
-    """Return the versions of Python and packages.
-
-    All packages with a part in the numbers.
-    """
+    """Return the versions of Python and packages. All packages with a part in the numbers."""
     found = {"python": platform.python_version(), "platform": platform.platform()}
     return found | {package: version_of(package) for package in _PACKAGES}
 
@@ -223,10 +207,7 @@ def version_of(package: str) -> str:
 
 
 def fibres_at_rest(fibres: vtkPolyData, muscle: vtkPolyData, millimetres: float) -> dict[str, Any]:
-    """Return the numbers of the fibres at rest.
-
-    JSON-able; see :data:`DEFINITIONS`.
-    """
+    """Return the numbers of the fibres at rest. JSON-able; see :data:`DEFINITIONS`."""
     points = points_of(fibres)
     outside = np.maximum(solids_of(*checked_surface(muscle, "muscle")).distances(points), 0.0) * millimetres
     inside = int((outside <= FIBRE_TOLERANCE).sum())
@@ -261,10 +242,7 @@ def measures_of_fibres(fibres: vtkPolyData, millimetres: float) -> dict[str, dic
 
 
 def _scale(name: str, millimetres: float) -> float:
-    """Return the factor from scene to measure unit.
-
-    The unit of a measure is in the measure's name.
-    """
+    """Return the factor from scene to measure unit. The unit of a measure is in the measure's name."""
     if name.endswith("_per_mm"):
         return 1.0 / millimetres
     return millimetres if name.endswith("_mm") else 1.0

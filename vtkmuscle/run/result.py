@@ -11,10 +11,9 @@ from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.moment_arms.of_joints import JointArms
 from vtkmuscle.core.types import Floats
 from vtkmuscle.core.words import suggestion
-from vtkmuscle.run.limits import CHECKS
 from vtkmuscle.run.result_data import ResultData
 from vtkmuscle.run.store import ResultFolder
-from vtkmuscle.run.verdict import VERDICTS
+from vtkmuscle.run.verdict import CHECKS, VERDICTS
 
 if TYPE_CHECKING:
     from vtkmuscle.report import RunContent
@@ -26,45 +25,30 @@ _MOST_LISTED = 8
 class Result(ResultData):
     """The muscles, fibres and bones of a run, frame by frame, and its report.
 
-    Frames of a run that wrote to a folder stay in its files, and are read from there when they are asked for;
-    numbers are in memory.
-
-    Parameters
-    ----------
-    bones : vtkMultiBlockDataSet
-        The bones at rest.
-    motion : RigidMotion
-        How they move.
-    tracks : dict of str to MuscleTrack
-        The finished frames of each muscle.
-    report : dict
-        The report of the run; ``report["definitions"]`` says what each number means.
-    literature : mapping of str to sequence of LiteratureCurve, optional
-        Published moment arms per muscle.
-    crosses : mapping of str to sequence of str, optional
-        Coordinates of the motion that each muscle crosses, where that is known.
+    :meth:`vtkmuscle.Scene.run` and :meth:`load` make it. Frames of a run that wrote to a folder stay in its
+    files, and are read when they are asked for; numbers are in memory.
 
     Attributes
     ----------
-    report, motion, literature, crosses
-        As given.
     name, units : str
         Of the scene; the unit is that of all coordinates.
-    frames : list of int
-        Numbers of the kept frames in the motion, counted from 0.
-    times : list of float
-        Their pipeline times.
+    report : dict
+        The report of the run; ``report["definitions"]`` says what each number means.
+    motion : RigidMotion
+        How the bones move.
+    frames, times : list of int, list of float
+        Numbers of the kept frames in the motion, counted from 0, and their pipeline times.
     time_label : str
         The label of the times: a coordinate with its unit where they are one.
     muscle_names : list of str
         In the order of the scene.
     verdicts : dict of str to str
         Of each muscle ``"ok"``, ``"look"`` or ``"failed"``; ``report["muscles"][NAME]["verdict"]`` says why.
-    lengths : dict of str to (frames, fibres) array
-        Of the paths of the muscles that have fibres [mm]: musculotendon lengths, bone to bone; a row per
-        finished frame. A path has the number of its fibre.
-    fibre_lengths : dict of str to (frames, fibres) array
-        Of the fibres themselves, likewise.
+    lengths, fibre_lengths : dict of str to (frames, fibres) array
+        Musculotendon lengths of the paths, bone to bone, and lengths of the fibres [mm]; a row per finished
+        frame. A path has the number of its fibre.
+    literature, crosses : dict of str to sequence
+        Published moment arms per muscle, and the coordinates that it crosses, where that is known.
 
     Examples
     --------
@@ -77,16 +61,12 @@ class Result(ResultData):
 
     >>> result.lengths["spindle"].shape
     (3, 8)
-    >>> result.muscle("spindle", time=result.times[1]).plot()  # doctest: +SKIP
     >>> result.fibres("spindle", frame=2).n_cells
     8
 
     As tables, which ``to_frame()`` gives to pandas:
 
-    >>> table = result.length_table()
-    >>> table
-    Table: 24 rows of muscle, fibre, frame, time, length_mm, segment_error_mm
-    >>> table.where(frame=2)["length_mm"].shape
+    >>> result.length_table().where(frame=2)["length_mm"].shape
     (8,)
     >>> result.frame_table().where(muscle="spindle")["volume_ratio"].round(6)
     array([1., 1., 1.])
@@ -94,17 +74,9 @@ class Result(ResultData):
 
     @classmethod
     def load(cls, folder: str | PathLike[str]) -> Self:
-        """Read the result of a finished run back from its folder.
+        """Read the result of a finished run back from its folder, the ``out`` of the run.
 
-        Parameters
-        ----------
-        folder : path
-            The ``out`` of :meth:`vtkmuscle.Scene.run`, or the ``--out`` of ``vtkmuscle run``.
-
-        Returns
-        -------
-        Result
-            The same as the run gave. All files are checked; frames are read when they are first asked for.
+        All files are checked; frames are read when they are first asked for.
 
         Raises
         ------
@@ -157,23 +129,13 @@ class Result(ResultData):
         frame, time : int, float, optional
             Of one kept frame; without either, a slider goes through all of them.
         muscles : str or sequence of str, optional
-            Which to show; default all.
+            Which to show; default all. ValueError if there is no such muscle or kept frame.
         show : bool, optional
-            False to get the plotter before it is shown, to add to it or to capture it.
+            False to return the plotter before it is shown, to add to it or to capture it.
         off_screen : bool, optional
             Draw without a window; PyVista's own setting by default.
-
-        Returns
-        -------
-        pyvista.Plotter or None
-            The plotter where it is not shown.
-
-        Raises
-        ------
-        ValueError
-            If there is no such muscle or kept frame.
         """
-        from vtkmuscle.run.display import ResultDisplay  # noqa: PLC0415 -- only pictures need PyVista
+        from vtkmuscle.run.figures import ResultDisplay  # noqa: PLC0415 -- only pictures need PyVista
 
         position = 0 if frame is None and time is None else self._position(frame, time)
         shown = ResultDisplay(self, muscles, off_screen=off_screen)
@@ -198,31 +160,29 @@ class Result(ResultData):
         Parameters
         ----------
         path : path
-            A .gif, or an .mp4, which needs the extra ``movie``; replaced where it exists.
+            A .gif; replaced where it exists.
         fps : float, optional
             Frames per second.
         muscles : str or sequence of str, optional
             Which to show; default all.
         size : (int, int), optional
-            Width and height [pixels], even numbers.
+            Width and height [pixels].
 
         Raises
         ------
         ValueError
             For another suffix, rate or size, or if there is no such muscle.
-        ImportError
-            For an .mp4 without the extra.
         RuntimeError
             If no picture can be rendered here.
         """
-        from vtkmuscle.run.display import film_of  # noqa: PLC0415 -- only pictures need PyVista
+        from vtkmuscle.run.figures import film_of  # noqa: PLC0415 -- only pictures need PyVista
 
         return film_of(self, Path(path), fps=fps, muscles=muscles, size=size)
 
     def write_figures(
         self, folder: str | PathLike[str], *, form: str = "png", dpi: float = 150.0
     ) -> list[Path]:
-        """Draw the figures of a run again: rest pose, muscles, lengths, moment arms.
+        """Draw the figures of a run again, and return the files.
 
         Parameters
         ----------
@@ -232,12 +192,6 @@ class Result(ResultData):
             ``"png"``; or ``"pdf"`` or ``"svg"``, in which curves and letters are drawn as such.
         dpi : float, optional
             Pixels per inch of pictures, 20 to 2400; their size on paper stays.
-
-        Returns
-        -------
-        list of Path
-            ``rest_pose.png``, per muscle ``NAME_frames.png`` and (where it has fibres) ``NAME_lengths.png``
-            of its paths, ``NAME_fibre_lengths.png``, and ``NAME_moment_arms.png`` where there are some.
 
         Raises
         ------
@@ -253,15 +207,8 @@ class Result(ResultData):
     def write_report(self, path: str | PathLike[str]) -> Path:
         """Write the page of the run: the scene to be turned and moved, curves, tables and verdicts.
 
-        Parameters
-        ----------
-        path : path
-            The .html file; replaced where it exists. It holds all that it shows and needs no network.
-
-        Raises
-        ------
-        ValueError
-            If the name does not end in .html.
+        The .html file holds all that it shows and needs no network; it is replaced where it exists. Another
+        suffix is a ValueError.
         """
         from vtkmuscle.report import write_page  # noqa: PLC0415 -- only a page needs its parts
 
@@ -302,14 +249,7 @@ One = TypeVar("One")
 
 
 class MuscleResult:
-    """One muscle of a result, as ``result["iliacus"]`` gives it.
-
-    Parameters
-    ----------
-    result : Result
-        The result of all muscles.
-    name : str
-        The name of this one.
+    """One muscle of a result, as ``result["iliacus"]`` gives it; ValueError if there is no such muscle.
 
     Attributes
     ----------
@@ -324,19 +264,12 @@ class MuscleResult:
     architecture : mapping of str to object
         At rest, by the names of ``report["definitions"]``.
 
-    Raises
-    ------
-    ValueError
-        If there is no such muscle.
-
     Examples
     --------
     >>> from vtkmuscle import Scene, phantoms
     >>> result = Scene.from_phantom(phantoms.spindle_over_hinge(), n_fibres=8).run(frames="0:2")
     >>> result["spindle"].verdict, result["spindle"].lengths.shape
     ('ok', (2, 8))
-    >>> result["spindle"].architecture["pcsa_mm2"] > 0.0
-    True
     """
 
     def __init__(self, result: Result, name: str) -> None:

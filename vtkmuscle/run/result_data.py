@@ -13,7 +13,6 @@ import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkMultiBlockDataSet
 
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.core.fibres.measures import smoothed_curve
 from vtkmuscle.core.moment_arms.of_joints import JointArms, joint_arms
 from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.core.types import Floats
@@ -114,11 +113,8 @@ class ResultData:
         """
         i, track = self._position(frame, time), self._track(name)
         if self.report["deformer"] == "none":
-            raise InputError(
-                "",
-                f"the scene's deformer is 'none', so that {name!r} was not deformed",
-                f"fibres({name!r}, frame={self.frames[i]}) has its fibres, and deformer 'paths' deforms it",
-            )
+            remedy = f"fibres({name!r}, frame={self.frames[i]}) has its fibres; deformer 'paths' deforms it"
+            raise InputError("", f"the scene's deformer is 'none', so {name!r} was not deformed", remedy)
         self._check_finished(name, i)
         return self._wrap(with_points(track.rest, points_of(track.surfaces[i])))
 
@@ -185,11 +181,8 @@ class ResultData:
 
     def _check_finished(self, name: str, i: int) -> None:
         if i >= self.finished(name):
-            raise InputError(
-                "",
-                f"{name!r} failed before frame {self.frames[i]}, so that it is not there",
-                f"it has {self.finished(name)} of {len(self.frames)} frames",
-            )
+            remedy = f"it has {self.finished(name)} of {len(self.frames)} frames"
+            raise InputError("", f"{name!r} failed before frame {self.frames[i]}", remedy)
 
     def moment_arms(self, *coordinates: str) -> MomentArmTable:
         """Return the moment arms of all paths in the kept frames: the levers of their pulls.
@@ -212,8 +205,7 @@ class ResultData:
             coordinates change together only, and their joints are not known.
         """
         if not self.lengths:
-            problem = "no muscle of the run has fibres, so there are no moment arms"
-            raise InputError("", problem, "give it fibres")
+            raise InputError("", "no muscle of the run has fibres, so no moment arms", "give it fibres")
         if coordinates not in self._known_arms:
             self._known_arms[coordinates] = self._joint_arms(coordinates)
         arms, refused = self._known_arms[coordinates]
@@ -225,27 +217,19 @@ class ResultData:
         """Return the moment arms per muscle and coordinate, and why there are none by others."""
         motion = self.motion.part(self.frames)
         among = coordinates or tuple(motion.coordinates)
-        useful = {
-            name
-            for name in among
-            if (one := self.motion.coordinates.get(name)) and (one.changes or one.twists)
-        }
+        every = self.motion.coordinates
+        useful = {name for name in among if name in every and (every[name].changes or every[name].twists)}
         arms: dict[str, dict[str, JointArms]] = {}
         refused: dict[str, str] = {}
         problems: list[InputError] = []
         for name, lengths in self.lengths.items():
             crossed = self.crosses.get(name)
-            failed = len(lengths) < len(self.frames)
-            if failed or (crossed is not None and useful.isdisjoint(crossed)):
+            if len(lengths) < len(self.frames) or (crossed is not None and useful.isdisjoint(crossed)):
                 continue
             try:
+                levers, scale = self._track(name).levers(), MILLIMETRES[self.units]
                 arms[name], without = joint_arms(
-                    lengths,
-                    self._track(name).levers(),
-                    motion,
-                    coordinates or None,
-                    crossed=crossed,
-                    millimetres=MILLIMETRES[self.units],
+                    lengths, levers, motion, coordinates or None, crossed=crossed, millimetres=scale
                 )
             except InputError as error:  # of this muscle alone, where others cross other coordinates
                 problems.append(error)
@@ -272,9 +256,8 @@ class ResultData:
         """
         muscles = self.report["muscles"]
         rows = [{"muscle": name, **row} for name in self.muscle_names for row in muscles[name]["frames"]]
-        known = {
-            key: None for row in rows for key, value in row.items() if not isinstance(value, dict | list)
-        }
+        numbers = (key for row in rows for key, value in row.items() if not isinstance(value, dict | list))
+        known = dict.fromkeys(numbers)
         return Table(tuple(known), ([row.get(key) for key in known] for row in rows))
 
     def architecture(self) -> Table:
@@ -327,33 +310,15 @@ class ResultData:
         found = {name: mine for name in self.muscle_names if (mine := curves_for(curves, muscle=name))}
         if not found:
             theirs = ", ".join(sorted({curve.muscle for curve in curves}))
-            problem = "it has moment arms of none of the muscles"
-            raise InputError(str(path), problem, f"it has those of {theirs}")
+            raise InputError(str(path), "it has none of the muscles", f"it has those of {theirs}")
         other = copy(self)
         other.literature = {**self.literature, **found}
         return other
 
-    def smoothed_lengths(self, *, passes: int = 5) -> dict[str, Floats]:
-        """Return the lengths of the paths without their noise over the frames.
 
-        Each of the ``passes`` replaces l_i by (l_{i-1} + 4 l_i + l_{i+1}) / 6, the ends kept; Kohout and
-        Cervenka 2021, section 4.4, has five.
-        """
-        return {name: smoothed_curve(lengths, passes=passes) for name, lengths in self.lengths.items()}
-
-
-class ByMuscle(dict[str, Floats]):
-    """Arrays by the name of a muscle, printed in a line each."""
-
-    def __repr__(self) -> str:
-        return "\n".join(
-            f"{name}: {one.shape} array, {one.min():.4g} to {one.max():.4g}" for name, one in self.items()
-        )
-
-
-def _read_only(rows: Mapping[str, Sequence[Floats]]) -> ByMuscle:
+def _read_only(rows: Mapping[str, Sequence[Floats]]) -> dict[str, Floats]:
     """Return arrays of rows per frame. They are read-only, for moment arms are computed from them once."""
-    arrays = ByMuscle({name: np.array(one) for name, one in rows.items() if one})
+    arrays = {name: np.array(one) for name, one in rows.items() if one}
     for array in arrays.values():
         array.setflags(write=False)
     return arrays

@@ -17,9 +17,8 @@ from vtkmuscle.core.mesh.shared import keep_shared
 from vtkmuscle.data.drawn_bones import DrawnBones
 from vtkmuscle.io.digests import file_digest
 from vtkmuscle.run.figures import draw_run
-from vtkmuscle.run.frames import MuscleTrack
+from vtkmuscle.run.frames import MuscleTrack, RunOptions, frame_numbers
 from vtkmuscle.run.muscles import MuscleRun, SceneRun
-from vtkmuscle.run.options import RunOptions, frame_numbers
 from vtkmuscle.run.pool import ENDED, Pool, pool_size, track_in
 from vtkmuscle.run.report_values import DEFINITIONS, versions
 from vtkmuscle.run.result import Result
@@ -70,7 +69,12 @@ def run_scene(scene: SceneData, out: Path | None, options: RunOptions) -> Result
             _measure(result, tracks, report)
             if store is not None:
                 _write_tables(store, result)
-                _write(store, result, pool, options, report)
+                write_page = partial(_write_page, store, result, options, report)
+                if options.figures:
+                    drawn = draw_run(result, store.path / "figures", pool, write_page)
+                    report["figures"], report["seconds"]["figures"] = drawn
+                else:
+                    write_page()
             report["complete"] = True
             report["seconds"]["total"] = time.perf_counter() - began
             if store is not None:
@@ -79,10 +83,7 @@ def run_scene(scene: SceneData, out: Path | None, options: RunOptions) -> Result
 
 
 def _solve(run: SceneRun, tracks: Tracks, report: dict[str, Any], pool: Pool | None) -> None:
-    """Solve the muscles without a track.
-
-    The tracks and reports are added to ``tracks`` and ``report``.
-    """
+    """Solve the muscles without a track. The tracks and reports are added to ``tracks`` and ``report``."""
     began = time.perf_counter()
     for name in tracks:
         run.report_progress(name, "done", 1.0)
@@ -127,10 +128,7 @@ def _solve_here(run: SceneRun, name: str, others: list[MuscleRun]) -> MuscleTrac
 
 
 def _outcome(job: Future[Any], name: str, scene: SceneData) -> Any:
-    """Return the result of a muscle's job.
-
-    Faulty input raises a SceneError with the name of the muscle.
-    """
+    """Return the result of a muscle's job. Faulty input raises a SceneError with the name of the muscle."""
     try:
         return job.result()
     except BrokenProcessPool as error:
@@ -143,10 +141,7 @@ def _outcome(job: Future[Any], name: str, scene: SceneData) -> Any:
 
 
 def _measure(result: Result, tracks: Tracks, report: dict[str, Any]) -> None:
-    """Report the errors of lengths and the moment arms.
-
-    Without moment arms the reason is reported.
-    """
+    """Report the errors of lengths and the moment arms. Without moment arms the reason is reported."""
     for track in tracks.values():
         track.report["errors"] = track.errors()
     if result.lengths and result.motion.coordinates:
@@ -169,22 +164,11 @@ def _write_tables(store: ResultWriter, result: Result) -> None:
         store.write_table(f"{name}_fibres", table)
 
 
-def _write(
-    store: ResultWriter, result: Result, pool: Pool | None, options: RunOptions, report: dict[str, Any]
-) -> None:
-    """Write the page and the figures."""
-
-    def write_page() -> None:
-        if options.report:
-            before = time.perf_counter()
-            result.write_report(store.path / PAGE)
-            report["seconds"]["page"] = time.perf_counter() - before
-
-    if not options.figures:
-        write_page()
-        return
-    report["figures"], seconds = draw_run(result, store.path / "figures", pool, write_page)
-    report["seconds"]["figures"] = seconds
+def _write_page(store: ResultWriter, result: Result, options: RunOptions, report: dict[str, Any]) -> None:
+    if options.report:
+        before = time.perf_counter()
+        result.write_report(store.path / PAGE)
+        report["seconds"]["page"] = time.perf_counter() - before
 
 
 def _result(run: SceneRun, report: dict[str, Any], drawn_bones: DrawnBones, tracks: Tracks) -> Result:
@@ -220,15 +204,9 @@ def _first_report(run: SceneRun, tracks: Tracks) -> dict[str, Any]:
 
 @contextmanager
 def _reported(
-    store: ResultWriter | None,
-    report: dict[str, Any],
-    tracks: Tracks,
-    result_of: Callable[[Tracks], Result],
+    store: ResultWriter | None, report: dict[str, Any], tracks: Tracks, result_of: Callable[[Tracks], Result]
 ) -> Iterator[None]:
-    """Report the reason of a failed or stopped run.
-
-    The tables of finished muscles are written too.
-    """
+    """Report the reason of a failed or stopped run. The tables of finished muscles are written too."""
     try:
         yield
     except BaseException as error:

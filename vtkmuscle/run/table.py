@@ -155,27 +155,16 @@ class Table(Mapping[str, NDArray[Any]]):
 
 
 class MomentArmTable(Mapping[str, Mapping[str, JointArms]]):
-    """Moment arms of muscles by coordinates.
-
-    As in ``table["iliacus"]["hip_flexion_r"].mean``.
-
-    Parameters
-    ----------
-    arms : mapping of str to mapping of str to JointArms
-        Per muscle, per coordinate.
-    refused : mapping of str to str, optional
-        Coordinates without moment arms, and the reasons.
+    """Moment arms of muscles by coordinates, as in ``table["iliacus"]["hip_flexion_r"].mean``.
 
     Attributes
     ----------
     refused : dict of str to str
-        As given.
+        Coordinates without moment arms, and the reasons.
     """
 
     def __init__(
-        self,
-        arms: Mapping[str, Mapping[str, JointArms]],
-        refused: Mapping[str, str] | None = None,
+        self, arms: Mapping[str, Mapping[str, JointArms]], refused: Mapping[str, str] | None = None
     ) -> None:
         self._arms = {muscle: dict(found) for muscle, found in arms.items()}
         self.refused = dict(refused or {})
@@ -204,10 +193,7 @@ class MomentArmTable(Mapping[str, Mapping[str, JointArms]]):
         return "\n".join(lines if len(lines) > 1 else ["MomentArmTable: empty"])
 
     def table(self) -> Table:
-        """Return the whole table, with the columns :data:`ARMS`.
-
-        NaN without a quartic.
-        """
+        """Return the whole table, with the columns :data:`ARMS`. NaN without a quartic."""
         return Table.stacked(
             ARMS,
             (
@@ -251,10 +237,7 @@ class MomentArmTable(Mapping[str, Mapping[str, JointArms]]):
         )
 
     def report(self, muscle: str) -> dict[str, Any]:
-        """Return range and mean of a muscle's moment arms.
-
-        By coordinate, JSON-able.
-        """
+        """Return range and mean of a muscle's moment arms. By coordinate, JSON-able."""
         return {
             name: {
                 "unit": found.unit,
@@ -277,10 +260,7 @@ class MomentArmTable(Mapping[str, Mapping[str, JointArms]]):
 
 
 def length_table(
-    lengths: Mapping[str, Floats],
-    errors: Mapping[str, Floats],
-    frames: Sequence[int],
-    times: Sequence[float],
+    lengths: Mapping[str, Floats], errors: Mapping[str, Floats], frames: Sequence[int], times: Sequence[float]
 ) -> Table:
     """Return the table of lengths and segment errors [mm].
 

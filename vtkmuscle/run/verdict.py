@@ -1,22 +1,146 @@
-"""Verdicts on the results of a muscle.
-
-A verdict is ok, look or failed, with reasons.
-"""
+"""Verdicts on the results of a muscle. A verdict is ok, look or failed, with reasons."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from vtkmuscle.core.bones.bone import Bone
 from vtkmuscle.core.errors import fault_of
 from vtkmuscle.core.moment_arms.levers import even_stretches, largest_turns, length_jumps
-from vtkmuscle.core.motion.rigid import RigidMotion, apply_transform, inverse
+from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.core.types import Floats
-from vtkmuscle.run.limits import CHECKS, FULL_SIZE
+
+#: Limits that are lengths hold for muscles of this size or larger (diagonal of the box at rest) [mm], and are
+#: in proportion less for smaller ones.
+FULL_SIZE = 100.0
+
+# A muscle exerts no active force below half of its optimal length, nor above 1.6 to 1.7 times of it: Zajac
+# 1989, "Muscle and tendon", Crit Rev Biomed Eng 17:359; Gordon, Huxley, Julian 1966,
+# doi:10.1113/jphysiol.1966.sp007909 (sarcomeres of 1.27 and 3.65 um, where the optimum is 2.05 to 2.2). Half
+# as much again is what no fibre survives.
+SHORTEST, LONGEST = 0.5, 1.6
+BEYOND = 1.5
+
+
+@dataclass(frozen=True)
+class Check:
+    """A check of each frame: beyond ``look`` results need a look, beyond ``failed`` they are useless.
+
+    ``says`` is the problem, with the value as ``{}``, and ``do`` the remedy. With ``smaller``, small values
+    are bad.
+    """
+
+    look: float
+    failed: float
+    unit: str
+    says: str
+    do: str
+    smaller: bool = False
+
+
+#: Remedies of several checks.
+ROUGH = "look at its surface there; quality = 'accurate' makes it smoother, and a mesh of even triangles"
+MOTION = "check its attachments, and whether the motion is one that the joint can do"
+FIBRES = "check its attachments, or take other fibres (method = 'harmonic', or aponeuroses)"
+CLOSED = "look whether the bone is closed, and whether the muscle is squeezed between two bones"
+
+#: The limits of each check, with the reasons for them: from where on results need a look, from where on they
+#: are of no use, and the unit.
+LIMITS = {
+    # Kohout and Cervenka 2021 (doi:10.1007/978-3-030-72379-8_24), Fig. 11: less than 1 % with few iterations;
+    # 5 % is seen by eye.
+    "volume": (1.0, 5.0, "%"),
+    # They are set, not solved for: anything but rounding is a fault.
+    "fixed points": (0.01, 1.0, "mm"),
+    # A surface is stretched and squeezed as the fibres in it. Of muscles that move well up to 3.2 % of the
+    # area is beyond what no fibre survives; where they crumpled or have a crease it was 6.6 to 10.4 %.
+    "misshapen": (5.0, 25.0, "%"),
+    # Where muscles move well the 95th percentile is up to 20 degrees over 90 of the joint; where they crumple
+    # it is 36 to 61.
+    "crumpled": (30.0, 45.0, "deg"),
+    # An edge whose triangles lie on each other, and did not at rest. Few are a crease, as in a groin.
+    "folded": (0.5, 3.0, "%"),
+    "long fibres": (LONGEST, BEYOND * LONGEST, ""),
+    "short fibres": (SHORTEST, SHORTEST / BEYOND, ""),
+    # A jump of 1 mm from one frame to the next is a moment arm that is wrong by 57 mm at steps of 1 degree.
+    # One fibre of a hundred may snap over an edge, and hardly changes the mean.
+    "jumps": (1.0, 100.0, "mm"),
+    # A muscle that buckled made jumps of 18 mm in all of its fibres.
+    "widespread jumps": (1.0, 5.0, "mm"),
+    # Of muscles whose fibres are well by eye up to a sixth of the neighbours change sides, where they run
+    # together in a tip; of a sheet whose fibres go to the other edge nine tenths do.
+    "crossed fibres": (30.0, 60.0, "%"),
+    "hooked fibres": (5.0, 50.0, "%"),
+    # A muscle that winds once round a bone turns by 360 degrees, and none does: the iliacus turns by 195.
+    "winding fibres": (270.0, 540.0, "deg"),
+    # Farther from any fibre than neighbours are from each other in the belly. Fibres that fill their muscle
+    # leave up to a twentieth, in its corners; those between aponeuroses a quarter, beyond these.
+    "bare": (50.0, 90.0, "%"),
+    # A path that bends round a bone of 16 mm sinks into it by 0.01 mm; ten times that and it is pressed ten
+    # times harder than by its own pull. Of the muscles of a hip, a knee and an elbow none lacks any room; one
+    # under a roof of bone lacks 1.1 mm, if the arm is raised and the shoulder blade does not turn with it.
+    "squeezed": (0.1, 5.0, "mm"),
+    # FibreTransport keeps points to rounding inside where the muscle does not fold; at rest 0.5 mm counts as
+    # inside. A fibre that is 15 mm off is anywhere.
+    "fibres outside": (0.5, 15.0, "mm"),
+    # 15 mm deep is the middle of a femur's shaft.
+    "fibres in bone": (1.0, 15.0, "mm"),
+    # What is promised is 0.1 mm (95th percentile); a point 5 mm deep has gone through a thin bone.
+    "penetration": (0.5, 5.0, "mm"),
+    "widespread penetration": (0.1, 1.0, "mm"),
+}
+
+#: The words of each check: the problem, with the value as ``{}``, and the remedy.
+WORDS = {
+    "volume": ("its volume is off by {}", ROUGH),
+    "fixed points": ("a point that is fixed to a bone is {} off it", "report this: it is a fault"),
+    "misshapen": (
+        f"{{}} of its surface is stretched {BEYOND * LONGEST:g} times in a direction, or squeezed to a third",
+        "look at the surface there; spikes come from badly shaped triangles, so remesh it",
+    ),
+    "crumpled": ("the surface is crumpled: one in twenty edges is bent by {} since rest, or more", ROUGH),
+    "folded": ("{} of its edges are folded back and were not at rest", ROUGH),
+    "long fibres": ("one in twenty fibres is {} times as long as at rest, or more", MOTION),
+    "short fibres": ("one in twenty fibres is {} times as long as at rest, or less", MOTION),
+    "jumps": ("a fibre's length jumps by {}: it snaps over a bone", "do not use its moment arms about there"),
+    "widespread jumps": (
+        "the lengths of one in twenty fibres jump by {} or more: the muscle buckles or snaps over a bone",
+        "do not use moment arms about there; its attachments, or a via ring (role = 'via'), may hold it",
+    ),
+    "crossed fibres": ("{} of neighbouring fibres change sides at an end of the muscle, at rest", FIBRES),
+    "hooked fibres": ("{} of the fibres have a hook at rest", FIBRES),
+    "winding fibres": ("one fibre in twenty turns by {} in all at rest, or more", FIBRES),
+    "bare": (
+        "{} of its volume have no fibres at rest",
+        "check its attachments; without aponeuroses take course = 'sections'",
+    ),
+    "squeezed": (
+        "one in twenty of its paths lacks {} of room between two bones, or more",
+        "check the motion there: a bone that should go along stands still, or a joint's centre is off",
+    ),
+    "fibres outside": (
+        "a fibre is {} outside of the muscle",
+        "look at the fibres there, and do not use those that are outside",
+    ),
+    "fibres in bone": (
+        "a fibre is {} deeper in a bone than at rest",
+        "look at the fibres there, and do not use those that run through the bone",
+    ),
+    "penetration": ("a point is {} deeper in a bone than at rest", CLOSED),
+    "widespread penetration": (
+        "one in twenty free points is {} deeper in a bone than at rest, or more",
+        CLOSED,
+    ),
+}
+
+#: The checks by name; of fibres that are too short small values are bad.
+CHECKS = {
+    name: Check(*limits, *WORDS[name], smaller=name == "short fibres") for name, limits in LIMITS.items()
+}
+
 
 OK, LOOK, FAILED = "ok", "look", "failed"
 #: Verdicts, the better one first.
@@ -32,22 +156,15 @@ _AT_REST = {
 #: The checks that need fibres.
 _OF_FIBRES = (
     *("long fibres", "short fibres", "jumps", "widespread jumps"),
-    *("slid off", "fibres outside", "fibres in bone", "squeezed"),
+    *("fibres outside", "fibres in bone", "squeezed"),
 )
-
-
-#: A point of a fibre lies on a bone, with nothing but muscle between them, if it is nearer than this [mm].
-_ON_BONE = 12.0
-#: Part of a fibre at each end, where it is attached, that is left out.
-_ENDS = 0.15
 
 
 @dataclass(frozen=True)
 class Reason:
-    """A reason of a verdict: the worst frame of a check.
+    """A reason of a verdict: the worst frame of a check, its ``value`` and the ``limit`` in ``unit``.
 
-    ``value`` of the frame is beyond ``limit``, both in ``unit``. ``says`` is the problem in words, and
-    ``do`` the remedy.
+    ``says`` is the problem in words, and ``do`` the remedy.
     """
 
     check: str
@@ -68,16 +185,14 @@ class Reason:
 
 @dataclass(frozen=True, eq=False)
 class FibreHistory:
-    """A muscle's fibre lengths over the frames [mm].
+    """A muscle's fibre lengths (f, k) over the frames and at rest (k,) [mm].
 
-    Lengths (f, k) and lengths at rest (k,). ``at_rest`` is the result of
-    :func:`~vtkmuscle.run.report_values.fibres_at_rest`, ``slides`` the result of :func:`slides_of`.
+    ``at_rest`` is the result of :func:`~vtkmuscle.run.report_values.fibres_at_rest`.
     """
 
     lengths: Floats
     rest_lengths: Floats
     at_rest: Mapping[str, Any] | None = None
-    slides: Sequence[tuple[float, str] | None] = ()
 
 
 def judge(
@@ -89,30 +204,12 @@ def judge(
     size: float = FULL_SIZE,
     failure: tuple[int, float, Exception] | None = None,
 ) -> dict[str, Any]:
-    """Return the verdict on a muscle from report rows.
+    """Return the verdict on a muscle from report rows, a row per frame.
 
-    A row per frame.
-
-    Parameters
-    ----------
-    rows : sequence of mapping
-        As in the report.
-    fibres : FibreHistory, optional
-        The fibres in these frames.
-    motion : RigidMotion, optional
-        At the times of the rows; lengths may turn back where the motion turns back.
-    n_edges : int, optional
-        Number of edges of the surface.
-    size : float, optional
-        Diagonal of the muscle's box at rest [mm].
-    failure : (int, float, Exception), optional
-        Frame and time of the failure to compute the muscle, and the reason.
-
-    Returns
-    -------
-    dict
-        JSON-able: ``verdict``, the worst of the ``reasons``; ``reasons``, :class:`Reason` as mappings,
-        the worst first; and ``not_checked``, the omitted checks with reasons.
+    ``motion`` is at the times of the rows (lengths may turn back where it turns back), ``n_edges`` of the
+    surface, ``size`` the diagonal of the muscle's box at rest [mm], and ``failure`` the frame and time that
+    could not be computed, and why. JSON-able: ``verdict``, the worst of the ``reasons``; ``reasons``,
+    :class:`Reason` as mappings, the worst first; and ``not_checked``, the omitted checks with reasons.
     """
     values, missing = _series(rows, fibres, motion, n_edges)
     reasons = [
@@ -120,11 +217,6 @@ def judge(
         for name, series in values.items()
         if (reason := _reason(name, series, rows, min(1.0, size / FULL_SIZE))) is not None
     ]
-    for number, reason in enumerate(reasons):
-        if reason.check == "slid off":
-            slides = () if fibres is None else fibres.slides
-            bone = next(one[1] for one in slides if one is not None and one[0] == reason.value)
-            reasons[number] = replace(reason, says=reason.says.replace("a bone", f"the bone {bone!r}"))
     if failure is not None:
         frame, time, why = failure
         problem, remedy = fault_of(why, placed=True)
@@ -140,10 +232,7 @@ def judge(
 
 
 def reasons_of(verdict: Mapping[str, Any]) -> list[Reason]:
-    """Return the reasons of a verdict.
-
-    The verdict is from :func:`judge` or from a report.
-    """
+    """Return the reasons of a verdict. The verdict is from :func:`judge` or from a report."""
     return [Reason(**reason) for reason in verdict["reasons"]]
 
 
@@ -184,9 +273,6 @@ def _series(
         for name, share in (("jumps", 100), ("widespread jumps", 95)):
             values[name] = np.zeros(len(times))
             values[name][1:] = np.percentile(jumps, share, axis=1) if len(jumps) else 0.0
-        values["slid off"] = np.array(
-            [0.0 if one is None else one[0] for one in fibres.slides or [None] * len(times)]
-        )
     if fibres is not None and fibres.at_rest is not None:  # the same in all frames: the first is named
         for name, (key, scale) in _AT_REST.items():
             values[name] = np.full(len(rows), scale * fibres.at_rest[key])
@@ -226,78 +312,3 @@ def _worded(value: float, unit: str) -> str:
     if not unit:
         return f"{value:.2f}"
     return f"{value:.2g} %" if unit == "%" else f"{value:.3g} {unit.replace('deg', 'degrees')}"
-
-
-def slides_of(
-    lengths: Floats,
-    lines: Callable[[int], Floats],
-    motion: RigidMotion,
-    shapes: Mapping[str, Bone],
-    *,
-    jump: float,
-    millimetres: float = 1.0,
-) -> list[tuple[float, str] | None]:
-    """Return the sideways slides of fibres on bones.
-
-    Frame by frame; in each step the fibre with the largest jump in length counts.
-
-    Parameters
-    ----------
-    lengths : (f, k) array
-        Lengths of the fibres in each frame [mm].
-    lines : callable
-        From the position of a frame to the points (k, n, 3) of the fibres, in the scene's unit.
-    motion : RigidMotion
-        At the times of the frames.
-    shapes : mapping of str to Bone
-        The bones at rest.
-    jump : float
-        Jump in length [mm]; steps without a larger jump are left out.
-    millimetres : float, optional
-        Length of the scene's unit.
-
-    Returns
-    -------
-    list of (float, str) or None
-        Per frame millimetres since the frame before, and the bone; None without a jump in length, or for a
-        fibre off the bones.
-    """
-    found: list[tuple[float, str] | None] = [None] * len(lengths)
-    jumps = length_jumps(lengths, motion.times, even_stretches(motion), largest_turns(motion))
-    for step in np.flatnonzero(jumps.max(axis=1, initial=0.0) > jump).tolist():
-        fibre = int(jumps[step].argmax())
-        before, after = (motion.at(time) for time in motion.times[step : step + 2])
-        old, new = lines(step)[fibre], lines(step + 1)[fibre]
-        slid = {}
-        for bone, shape in shapes.items():
-            here = apply_transform(inverse(before.get(bone, np.eye(4))), old)
-            there = apply_transform(inverse(after.get(bone, np.eye(4))), new)
-            slid[bone] = millimetres * _aside(here, there, shape, _ON_BONE / millimetres)
-        if slid and max(slid.values()) > 0.0:
-            bone = max(slid, key=lambda name: slid[name])
-            found[step + 1] = slid[bone], bone
-    return found
-
-
-def _aside(before: Floats, after: Floats, shape: Bone, near: float) -> float:
-    """Return the sideways movement of points (n, 3).
-
-    The movement of points of a line on a bone, across the line and along the bone. Both positions are in the
-    frame of the bone. A line may slide lengthwise and lift off the bone.
-    """
-    skip = int(np.ceil(_ENDS * len(before)))
-    inner = slice(skip, len(before) - skip)
-    low, high = shape.box
-    places = before[inner]
-    if ((places < low - near) | (places > high + near)).any(axis=1).all():
-        return 0.0
-    apart, outward = shape.exact(places)
-    on = (np.abs(apart) < near) & (apart != 0.0)
-    if not on.any():
-        return 0.0
-    along = np.gradient(before, axis=0)[inner][on]
-    aside = np.cross(along, outward[on])
-    sizes = np.linalg.norm(aside, axis=1)
-    moved = (after[inner] - places)[on]
-    steps = np.abs(np.einsum("ij,ij->i", moved, aside)) / np.maximum(sizes, 1e-300)
-    return float(steps[sizes > 0.0].max(initial=0.0))

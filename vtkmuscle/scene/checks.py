@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkPolyData
+from vtkmodules.vtkFiltersCore import vtkReverseSense
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.mesh.surface import survey
@@ -18,7 +19,6 @@ from vtkmuscle.data.attachments import VIA, AttachmentArea
 from vtkmuscle.data.paths import checked_superficial
 from vtkmuscle.scene.data import Muscle, SceneData
 from vtkmuscle.scene.faults import Faults, errors_at
-from vtkmuscle.scene.mirror import turned_over
 from vtkmuscle.scene.validation import validated
 from vtkmuscle.scene.writing import tables_of
 
@@ -29,13 +29,7 @@ _LARGEST = 1e60
 
 
 def checked(scene: SceneData) -> tuple[dict[str, vtkPolyData], dict[str, Muscle]]:
-    """Return a scene's checked bones and muscles, muscles facing outward.
-
-    Raises
-    ------
-    SceneError
-        With a fault for each unusable key, surface, landmark or line.
-    """
+    """Return a scene's checked bones and muscles, muscles facing outward; SceneError for all faults."""
     validated(tables_of(scene), scene.files.get(""))
     faults, muscles = Faults(), {}
     again = "correct them, or export the surface again"
@@ -86,14 +80,9 @@ def _closed(surface: vtkPolyData) -> tuple[vtkPolyData, bool]:
     problem = remedy = ""
     if not report.closed:
         problem = f"the surface is open: {report.n_boundary_edges} edges belong to one triangle only"
-        remedy = (
-            "fill its holes (pyvista: mesh.fill_holes(size)); if none are visible, merge coincident points "
-        )
-        remedy += "(pyvista: mesh.clean())"
+        remedy = "fill its holes (pyvista: mesh.fill_holes(size)), or merge points (mesh.clean())"
     elif not report.manifold:
-        problem = (
-            f"the surface is not manifold: {report.n_nonmanifold_edges} edges have more than two triangles"
-        )
+        problem = f"it is not manifold: {report.n_nonmanifold_edges} edges have more than two triangles"
         remedy = "delete the extra triangles, e.g. with MeshLab's 'repair non manifold edges'"
     elif not report.oriented:
         problem = f"neighbouring triangles disagree on their side at {report.n_misoriented_edges} edges"
@@ -108,7 +97,16 @@ def _closed(surface: vtkPolyData) -> tuple[vtkPolyData, bool]:
         remedy = "remove them (pyvista: mesh.clean())"
     if problem:
         raise InputError("", problem, remedy)
-    return (surface, False) if report.volume > 0 else (turned_over(surface), True)
+    return (surface, False) if report.volume > 0 else (_turned_over(surface), True)
+
+
+def _turned_over(surface: vtkPolyData) -> vtkPolyData:
+    """Return a surface with reversed triangles."""
+    reverse = vtkReverseSense()
+    reverse.SetInputData(surface)
+    reverse.Update()
+    result: vtkPolyData = reverse.GetOutput()
+    return result
 
 
 def _check_area(area: AttachmentArea, surface: vtkPolyData, units: str) -> None:
@@ -138,8 +136,6 @@ def _check_distance(subject: str, positions: Floats, points: Floats, units: str)
     gaps = np.linalg.norm(np.maximum(np.maximum(lowest - positions, positions - highest), 0), axis=1)
     diagonal = np.linalg.norm(highest - lowest)
     if gaps.min() > _FARTHEST_LANDMARKS * diagonal:
-        problem = (
-            f"{subject} {gaps.min():.4g} {units} away from the muscle, which is {diagonal:.4g} {units} long"
-        )
+        problem = f"{subject} {gaps.min():.4g} {units} away from the muscle of {diagonal:.4g} {units}"
         remedy = "check that they belong to this muscle and are in the same unit and frame"
         raise InputError("", problem, remedy)

@@ -1,29 +1,27 @@
-"""Errors of scenes: all faults together, each with key, problem and remedy."""
+"""Errors of scenes and of their files: all faults together, each with key, problem and remedy."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+import tomllib
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any, TypeVar
 
-from vtkmuscle.core.errors import InputError, fault_of, in_words
+from vtkmuscle.core.errors import MOST_TEXT, InputError, check_is_file, fault_of, in_words
 
 
 class SceneError(InputError):
-    """A scene that cannot be run, with location, problem and remedy.
-
-    A single error covers all faults of a check; the fields belong to the first fault.
+    """A scene that cannot be run, with location, problem and remedy of each fault.
 
     Attributes
     ----------
-    problem, remedy : str
-        Fault, and correction.
+    problem, remedy, where : str
+        Fault, correction, and file and key, of the first fault.
     key : str
         The dotted key, e.g. ``muscles.iliacus.attachments[1].bone``.
     file : Path or None
         The file at fault.
-    where : str
-        The file and the key.
     faults : tuple of SceneError
         All faults, starting with the error itself. The message has a line for each.
 
@@ -67,21 +65,7 @@ def errors_at(key: str, file: Path | None, remedy: str = "") -> Iterator[None]:
 
 
 class Faults:
-    """Collector of faults from several checks, for a common report.
-
-    Examples
-    --------
-    >>> from vtkmuscle.scene.faults import Faults, SceneError
-    >>> faults = Faults()
-    >>> for key in ("a", "b"):
-    ...     with faults.gathered():
-    ...         raise SceneError("this is wrong", key)
-    >>> faults.raise_any()
-    Traceback (most recent call last):
-        ...
-    vtkmuscle.scene.faults.SceneError: scene: a: this is wrong
-    scene: b: this is wrong
-    """
+    """Collector of faults from several checks, for a common report."""
 
     def __init__(self, errors: Iterable[SceneError] = ()) -> None:
         self.errors = list(errors)
@@ -99,3 +83,45 @@ class Faults:
         if self.errors:
             first, *more = self.errors
             raise SceneError(first.problem, first.key, first.remedy, first.file, more)
+
+
+T = TypeVar("T")
+
+
+def parsed(path: Path) -> dict[str, Any]:
+    """Return the content of a scene.toml; SceneError if unreadable."""
+    if path.is_dir():
+        remedy = f"give its scene file, e.g. {path / 'scene.toml'}"
+        raise SceneError("this is a folder, not a scene file", "", remedy, path)
+    try:
+        check_is_file(path, most=MOST_TEXT)
+        return tomllib.loads(path.read_text(encoding="utf-8-sig"))
+    except FileNotFoundError as error:
+        problem = "there is no such file" if not path.exists() else "is a pipe or a device, not a file"
+        raise SceneError(problem, "", "check the path", path) from error
+    except OSError as error:
+        raise SceneError(f"cannot be read: {error.strerror}", "", "", path) from error
+    except UnicodeDecodeError as error:
+        raise SceneError("is not text in UTF-8", "", "save it as UTF-8", path) from error
+    except tomllib.TOMLDecodeError as error:
+        remedy = "correct that line; put texts in double quotes"
+        raise SceneError(f"is not valid TOML: {error}", "", remedy, path) from error
+    except (ValueError, RecursionError) as error:  # too large, an endless number, or too many brackets
+        raise SceneError(f"cannot be read: {fault_of(error)[0]}", "", "correct it", path) from error
+
+
+class SceneFiles:
+    """Paths of a scene's files by dotted key.
+
+    Texts in the scene are paths relative to the folder of the scene file.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.paths = {"": path}
+
+    def read(self, key: str, text: str, reader: Callable[[Path], T]) -> T:
+        """Read the file of a key by a reader; SceneError if unreadable."""
+        path = self.paths[""].parent / text
+        self.paths[key] = path
+        with errors_at(key, path, f"check {key.rpartition('.')[2]} = {text!r} and the file it names"):
+            return reader(path)

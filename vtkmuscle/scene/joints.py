@@ -1,29 +1,89 @@
-"""A scene's joints as a kinematic tree."""
+"""A scene's motion, and its joints as a kinematic tree."""
 
 from __future__ import annotations
 
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from math import pi
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from vtkmuscle.core.motion.blending import screws
 from vtkmuscle.core.motion.coordinates import TRANSLATIONS, Coordinate
-from vtkmuscle.core.motion.rigid import RigidMotion, frame_at, inverses
+from vtkmuscle.core.motion.rigid import RigidMotion, frame_at, hinge, inverses
 from vtkmuscle.core.types import Floats
+from vtkmuscle.core.words import suggestion
+from vtkmuscle.io import motion_columns, read_motion_table
 from vtkmuscle.joints import grid_of, steps_of
-from vtkmuscle.joints.functions import IDENTITY, CoordinateFunction, CubicSpline, PiecewiseLinear, Polynomial
+from vtkmuscle.joints.functions import IDENTITY, CoordinateFunction, CubicSpline, Polynomial
 from vtkmuscle.joints.motion_file import read_motion_file
 from vtkmuscle.joints.osim import read_tree
 from vtkmuscle.joints.tree import Coupling, Joint, JointAxis, JointCoordinate, KinematicTree
 from vtkmuscle.scene.data import MILLIMETRES
-from vtkmuscle.scene.faults import SceneError, errors_at
-from vtkmuscle.scene.files import SceneFiles
-from vtkmuscle.scene.joint_schema import Axis, Function, JointTable, OpenSimTable
-from vtkmuscle.scene.schema import MOST_FRAMES, SceneTable
+from vtkmuscle.scene.faults import Faults, SceneError, SceneFiles, errors_at
+from vtkmuscle.scene.schema import ALONE, MOST_FRAMES, Motion, SceneTable
+from vtkmuscle.scene.schema_types import Axis, Function, JointTable, OpenSimTable
+
+
+def motion_from(scene: SceneTable, files: SceneFiles, joints: SceneJoints | None) -> RigidMotion:
+    """Return a scene's motion; SceneError for unreadable or inconsistent tables."""
+    table = scene.motion
+    if joints is not None:
+        return joints.motion(scene, files)
+    if (turn := table.hinge) is not None:
+        return hinge(turn.bone, turn.centre, turn.axis, steps_of(*turn.angles), coordinate=turn.coordinate)
+    columns = None
+    if table.coordinates is not None:
+        columns = {name: kind.model_dump(exclude_unset=True) for name, kind in table.coordinates.items()}
+    centres, transforms = table.centre or {}, table.transforms or {}
+    if ALONE in transforms:
+        bone = str(table.bone)
+        centre = centres.get(ALONE, centres.get(bone))
+        read = partial(read_motion_table, bone=bone, time=table.time, centre=centre, coordinates=columns)
+        return files.read("motion.transforms", transforms[ALONE], read)
+    return _of_several(table, columns, files)
+
+
+def _of_several(
+    table: Motion, columns: Mapping[str, Mapping[str, str]] | None, files: SceneFiles
+) -> RigidMotion:
+    """Return the motion of bones with a table each."""
+    motions: list[RigidMotion] = []
+    seen: set[str] = set()
+    centres, scene, faults = table.centre or {}, files.paths[""], Faults()
+
+    def read(path: Path, bone: str) -> RigidMotion:
+        present = motion_columns(path)
+        seen.update(present)
+        own = columns and {name: kind for name, kind in columns.items() if name in present}
+        centre = centres.get(ALONE, centres.get(bone))
+        return read_motion_table(path, bone, time=table.time, centre=centre, coordinates=own)
+
+    for bone, text in (table.transforms or {}).items():
+        with faults.gathered():
+            key = f"motion.transforms.{bone}"
+            motions.append(files.read(key, text, partial(read, bone=bone)))
+            if not np.array_equal(motions[-1].times, motions[0].times):
+                problem = "its times differ from those of the first table"
+                raise SceneError(problem, key, "give all tables the same times", scene)
+    faults.raise_any()
+    coordinates: dict[str, Coordinate] = {}
+    for motion in motions:
+        for name, coordinate in motion.coordinates.items():
+            if not np.array_equal(coordinates.setdefault(name, coordinate).values, coordinate.values):
+                remedy = "give it the same values in all tables, or another name in one"
+                raise SceneError(f"{name!r} differs from table to table", "motion.coordinates", remedy, scene)
+    if missing := sorted(set(columns or ()) - seen):
+        problem = f"no table has the column {missing[0]!r}"
+        raise SceneError(problem, "motion.coordinates", suggestion(missing[0], sorted(seen)), scene)
+    moving = {bone: poses for motion in motions for bone, poses in motion.transforms.items()}
+    centre = {bone: motion.centre_of(bone) for motion in motions for bone in motion.transforms}
+    return RigidMotion(motions[0].times, moving, centre if centres else None, coordinates)
+
 
 #: Body of bones without a joint.
 GROUND = "ground"
@@ -57,9 +117,7 @@ class SceneJoints:
         with errors_at("motion", files.paths[""], "correct it"):
             moved = self.motion_of(times, values, list(table.motion.coordinates or ()) or None)
         if not moved.transforms:
-            raise SceneError(
-                "no bone moves", key, "name coordinates of joints between bones", files.paths[""]
-            )
+            raise SceneError("no bone moves", key, "name coordinates between bones", files.paths[""])
         return moved
 
     def motion_of(
@@ -119,10 +177,12 @@ class SceneJoints:
         return RigidMotion(times, transforms, centres, coordinates_of_motion)
 
 
-def joints_in(table: SceneTable, files: SceneFiles) -> SceneJoints:
-    """Return a scene's joints; SceneError if the joints form no tree."""
+def joints_of(table: SceneTable, files: SceneFiles) -> SceneJoints | None:
+    """Return a scene's joints, None without joints; SceneError if the joints form no tree."""
     if table.opensim is not None:
         return _of_opensim(table.opensim, table, files)
+    if not table.joints:
+        return None
     hung = {joint.child for joint in table.joints.values()}
     bodies = dict.fromkeys([*table.bones, *(joint.parent for joint in table.joints.values())])
     joints = [Joint(f"{GROUND}_{name}", GROUND, name, kind="weld") for name in bodies if name not in hung]
@@ -161,9 +221,7 @@ def coordinate_values(
         with errors_at(f"{key}.{name}", where):
             tree.coordinate(name)
         if name not in tree.free:
-            raise SceneError(
-                f"the coordinate {name!r} follows another one", f"{key}.{name}", "leave it out", where
-            )
+            raise SceneError(f"{name!r} follows another coordinate", f"{key}.{name}", "leave it out", where)
     count = int(np.prod([len(column) for column in grid.values()]))
     if count > MOST_FRAMES:
         raise SceneError(f"the grid has {count} poses", key, "choose larger steps", where)
@@ -240,17 +298,14 @@ def _joint(name: str, joint: JointTable, factors: Mapping[str, float]) -> Joint:
 
 
 def _axis(axis: Axis, factors: Mapping[str, float], result: float) -> JointAxis:
-    direction = np.array(axis.axis)
-    if axis.coordinate is None:
-        return JointAxis(direction, Polynomial(np.array([result * (axis.constant or 0.0)])))
-    return JointAxis(direction, _function(axis).rescaled(factors[axis.coordinate], result), axis.coordinate)
+    function = _function(axis).rescaled(factors[axis.coordinate], result)
+    return JointAxis(np.array(axis.axis), function, axis.coordinate)
 
 
 def _function(table: Function) -> CoordinateFunction:
     """Return a function of a scene, in the scene's units."""
-    for knots, kind in ((table.spline, CubicSpline), (table.piecewise, PiecewiseLinear)):
-        if knots is not None:
-            return kind(np.array(knots.x), np.array(knots.y))
+    if table.spline is not None:
+        return CubicSpline(np.array(table.spline.x), np.array(table.spline.y))
     return Polynomial(np.array(table.polynomial or [1.0, 0.0]))
 
 

@@ -29,10 +29,8 @@ from vtkmuscle.io import (
     read_surface,
 )
 from vtkmuscle.scene.data import MILLIMETRES, Muscle
-from vtkmuscle.scene.faults import Faults, SceneError, errors_at
-from vtkmuscle.scene.files import SceneFiles, parsed
-from vtkmuscle.scene.mirror import mirrored_fields
-from vtkmuscle.scene.motion import joints_of, motion_from
+from vtkmuscle.scene.faults import Faults, SceneError, SceneFiles, errors_at, parsed
+from vtkmuscle.scene.joints import joints_of, motion_from
 from vtkmuscle.scene.schema import Aponeuroses, Area, Estimate, SceneTable
 from vtkmuscle.scene.validation import validated
 
@@ -63,7 +61,7 @@ def read_fields(path: Path, values: Mapping[str, Any] | None = None) -> dict[str
         with faults.gathered():
             muscles[name] = _muscle(name, table, files, bones, motion, crossed)
     faults.raise_any()
-    fields = {
+    return {
         "name": table.name or path.stem,
         "bones": bones,
         "muscles": muscles,
@@ -77,7 +75,6 @@ def read_fields(path: Path, values: Mapping[str, Any] | None = None) -> dict[str
         "quality": table.quality,
         "files": files.paths,
     }
-    return fields if table.mirror is None else mirrored_fields(fields, table.mirror)
 
 
 def read_motion(path: Path) -> RigidMotion:
@@ -100,13 +97,9 @@ def _muscle(
     """
     key, table, faults = f"muscles.{name}", scene.muscles[name], Faults()
     fibres = None if table.fibres is None else table.fibres.given()
-    areas = (
-        []
-        if isinstance(table.attachments, Estimate)
-        else _areas(key, table.attachments, files, faults, scene)
-    )
+    estimated = isinstance(table.attachments, Estimate)
     fields: dict[str, Any] = {
-        "attachments": areas,
+        "attachments": [] if estimated else _areas(key, table.attachments, files, faults, scene),
         "fibres": fibres,
         "solver": table.solver.given(),
         "fixing": table.fixing.given(),
@@ -157,7 +150,7 @@ def _areas(
                 problem += "end with its first landmark"
                 remedy = "write closed = true for the area within, closed = false for the curve alone"
                 warnings.warn(str(SceneError(problem, where, remedy, files.paths[""])), stacklevel=2)
-            closed = closed or area.role == VIA if area.closed is None else area.closed
+            closed = area.role == VIA or (closed if area.closed is None else area.closed)
             areas.append(AttachmentArea(area.role, area.bone, landmarks, closed, area.estimated))
     return areas
 

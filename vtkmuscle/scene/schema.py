@@ -14,19 +14,22 @@ from vtkmuscle.data.attachments import ROLES, VIA
 from vtkmuscle.io.slicer import FRAMES
 from vtkmuscle.pipelines import DEFORMERS, QUALITIES
 from vtkmuscle.scene.data import MILLIMETRES
-from vtkmuscle.scene.joint_schema import Hill, JointTable, OpenSimTable, names_or_tables
 from vtkmuscle.scene.schema_types import (
     Direction,
     Fibres,
     Fixing,
+    Hill,
+    JointTable,
     Name,
     OneOf,
+    OpenSimTable,
     Paths,
     SchemaTable,
     Solver,
     Text,
     Triple,
     key,
+    names_or_tables,
 )
 
 #: Text in place of attachments, for estimates.
@@ -227,9 +230,9 @@ class SceneTable(SchemaTable):
     muscle_contact: Annotated[str, OneOf(("off", "on", "measure"))] = key("on", "off")
     """on keeps each muscle out of those before it in the file, measure reports how deep it is in
     them."""
-    bones: dict[Name, BoneTable] = Field()
+    bones: dict[Name, BoneTable] = key({"NAME": {"surface": "FILE.vtp"}}, ...)
     """The bones, by name; at least one."""
-    motion: Motion = Field()
+    motion: Motion = key({"bone": "NAME", "transforms": "FILE.csv"}, ...)
     """How the bones move."""
     joints: dict[str, JointTable] = Field(default_factory=dict)
     """Joints between the bones, by name, which [motion] moves."""
@@ -238,10 +241,7 @@ class SceneTable(SchemaTable):
     frame: Annotated[str, OneOf(FRAMES)] = key("LPS", "LPS")
     """The frame of the surfaces: LPS (x to the left, y to the back), as 3D Slicer saves them, or RAS.
     Landmarks whose file states its frame, as those of 3D Slicer, are converted; others stay as they are."""
-    mirror: Annotated[str, OneOf("xyz")] | None = key("x")
-    """x, y or z: the whole scene, with its motion, is mirrored along this axis, to make the other side of the
-    body. Names and coordinates stay."""
-    muscles: dict[Name, MuscleTable] = Field()
+    muscles: dict[Name, MuscleTable] = key({"NAME": {"surface": "FILE.vtp"}}, ...)
     """The muscles, by name; at least one."""
     paths: Paths | None = None
     """Parameters of TautPaths for all muscles."""
@@ -249,3 +249,7 @@ class SceneTable(SchemaTable):
     """Parameters of the deformer, PathDeformer or PBDDeformer, for all muscles."""
     fixing: Fixing = Field(default_factory=Fixing)
     """Parameters of FixedPointDetector for all muscles."""
+
+
+#: The tables with examples; of two fields of a name the last counts.
+TABLES = (JointTable, Motion, Hinge, BoneTable, Area, MuscleTable, SceneTable)

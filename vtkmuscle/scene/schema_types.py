@@ -1,4 +1,4 @@
-"""Value types of a scene file: texts, names, numbers, choices, filter settings."""
+"""Value types of a scene file, and its tables of settings, joints and Hill's parameters."""
 
 from __future__ import annotations
 
@@ -10,12 +10,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 from pydantic import (
     AfterValidator,
     BaseModel,
+    BeforeValidator,
     ConfigDict,
     Field,
     FiniteFloat,
     PlainValidator,
     StringConstraints,
     create_model,
+    model_validator,
 )
 from pydantic_core import CoreSchema
 from pydantic_core.core_schema import literal_schema
@@ -48,9 +50,8 @@ class Settings(BaseModel):
 
     def given(self) -> dict[str, Any]:
         """Return the settings in the file."""
-        return {
-            name: getattr(self, name) for name in type(self).model_fields if name in self.model_fields_set
-        }
+        present = self.model_fields_set
+        return {name: getattr(self, name) for name in type(self).model_fields if name in present}
 
 
 def _checked(declaration: Parameter[Any], value: Any) -> Any:
@@ -83,12 +84,8 @@ else:
 
 #: Letters, digits, and signs allowed by every file system.
 _NAME = re.compile(r"\w[\w .+-]*(?<![ .])")
-#: Device names of Windows, forbidden with any suffix.
-_DEVICES = re.compile(r"(con|prn|aux|nul|com[0-9]|lpt[0-9])(\..*)?", re.IGNORECASE)
 #: Suffixes of results: a folder with such a name could collide with a file.
 _RESULTS = (".pvd", ".vtkhdf", ".vtp", ".csv", ".json", ".png", ".toml", ".html", ".partial")
-#: Bytes of a name: file systems allow 255 with suffixes.
-_LONGEST = 150
 
 
 def checked_name(name: str) -> str:
@@ -96,13 +93,8 @@ def checked_name(name: str) -> str:
     if not _NAME.fullmatch(name):
         remedy = "use only letters, digits, spaces and _ - + .; begin and end with a letter or digit"
         raise InputError("", f"{quoted(name)} cannot be part of a file name", remedy)
-    if _DEVICES.fullmatch(name):
-        raise InputError("", f"Windows allows no file of the name {name!r}", "give it another name")
     if name.casefold().endswith(_RESULTS):
         raise InputError("", f"the name {quoted(name)} ends like a file of results", "leave out the suffix")
-    if len(name.encode()) > _LONGEST:
-        remedy = f"use at most {_LONGEST} bytes"
-        raise InputError("", f"a name of {len(name)} letters is too long for a file", remedy)
     return name
 
 
@@ -127,3 +119,148 @@ Name = Annotated[Text, AfterValidator(checked_name)]
 Positive = Annotated[FiniteFloat, Field(gt=0.0)]
 Triple = Annotated[list[FiniteFloat], Field(min_length=3, max_length=3)]
 Direction = Annotated[Triple, AfterValidator(_direction)]
+
+
+#: Coordinates of each kind of joint; None for any number.
+JOINT_KINDS = {"pin": 1, "ball": 3, "weld": 0, "custom": None}
+
+
+def _ascending(ends: list[float]) -> list[float]:
+    if ends[0] >= ends[1]:
+        raise InputError("", f"must be a least and a largest value, not {quoted(ends)}")
+    return ends
+
+
+def names_or_tables(value: Any) -> Any:
+    """Return a list of names as a mapping to empty tables."""
+    if isinstance(value, list) and all(isinstance(name, str) and name for name in value):
+        return {name: {} for name in value}
+    if not isinstance(value, dict):
+        remedy = 'write ["NAME"], or { NAME = { positive = "flexion" } }'
+        raise InputError("", f"must be a list of names, not {quoted(value)}", remedy)
+    return value
+
+
+_Numbers = Annotated[list[FiniteFloat], Field(min_length=1)]
+_Range = Annotated[list[FiniteFloat], Field(min_length=2, max_length=2), AfterValidator(_ascending)]
+
+
+class KnotsTable(SchemaTable):
+    """Knots of a function."""
+
+    x: _Numbers = key([0.0, 60.0, 120.0], ...)
+    """Values of the coordinate, ascending."""
+    y: _Numbers = key([0.0, 2.0, 5.0], ...)
+    """Values of the function, one for each x."""
+
+
+class Function(SchemaTable):
+    """A function of a coordinate, by a single key."""
+
+    polynomial: _Numbers | None = key([0.5, 0.0])
+    """Coefficients of a polynomial, highest power first: [0.5, 0] is half the coordinate."""
+    spline: KnotsTable | None = None
+    """A cubic spline through knots { x = [...], y = [...] }, straight beyond them: OpenSim's SimmSpline."""
+
+
+class JointCoordinateTable(Function):
+    """A coordinate of a joint; with a function it follows another coordinate."""
+
+    range: _Range | None = key([0.0, 120.0])
+    """Least and largest value: a motion beyond them gives a warning."""
+    rest: FiniteFloat = key(0.0, 0.0)
+    """Value in the rest pose."""
+    positive: Text | None = key("flexion")
+    """The positive direction, in words."""
+    follows: Text | None = key("knee_angle")
+    """The independent coordinate, e.g. the knee's for a patella; polynomial or spline gives the function."""
+
+
+class Axis(Function):
+    """A rotation or a translation of a custom joint."""
+
+    axis: Direction = key([1.0, 0.0, 0.0], ...)
+    """Direction, of any length; rotations are right-handed about it."""
+    coordinate: Text = key("knee_angle", ...)
+    """The independent coordinate."""
+
+
+_Axes = Annotated[list[Axis], Field(max_length=3)]
+
+
+class JointTable(SchemaTable):
+    """A joint between two bones."""
+
+    parent: Text = key("femur", ...)
+    """The fixed bone of the joint."""
+    child: Text = key("tibia", ...)
+    """The moving bone. A bone is the child of at most one joint; a bone without a joint does not move. A body
+    between two joints need not be a bone of the scene."""
+    type: Annotated[str, OneOf(JOINT_KINDS)] = key("pin", ...)
+    """pin turns about one axis; ball about three, each carried by those before it; weld does not move; custom
+    has rotations and translations."""
+    centre: Triple | None = key([0.0, 0.0, 0.0])
+    """A point on the axes, in the rest pose; translations are counted from there. A weld needs none."""
+    axis: Direction | None = key([1.0, 0.0, 0.0])
+    """Axis of a pin: positive angles turn right-handed about it."""
+    axes: Annotated[list[Direction], Field(min_length=3, max_length=3)] | None = key(
+        [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
+    )
+    """Axes of a ball where its coordinates are 0: the first carries the second, both carry the third.
+    Default: x, y and z."""
+    coordinates: Annotated[dict[str, JointCoordinateTable], BeforeValidator(names_or_tables)] | None = key(
+        ["knee_angle"]
+    )
+    """Names of its coordinates, one for a pin, three for a ball; or a table of them. Angles are in degrees,
+    translations in the scene's unit."""
+    rotations: _Axes | None = None
+    """Of a custom joint, three at most, each carried by those before it: { axis = [0, 0, 1], coordinate =
+    'knee_angle', polynomial = [1.0, 0.0] }. Without a function it is the coordinate itself [degrees]."""
+    translations: _Axes | None = None
+    """Of a custom joint, along axes of the parent, three at most, likewise [the scene's unit]."""
+
+
+class OpenSimTable(SchemaTable):
+    """An OpenSim model with the scene's joints."""
+
+    model: Text = key("leg.osim", ...)
+    """An .osim file, of version 3 or 4. OpenSim itself is not needed."""
+    bodies: dict[str, Text] | None = None
+    """The body of each bone, { femur = 'femur_r' }. Without an entry, the body that has the bone's name."""
+    frame: Text | None = key("pelvis")
+    """The body whose frame is the scene's, in the rest pose. Default: the ground."""
+    fixed: Text | None = key("pelvis")
+    """The fixed body; motion is relative to the fixed body. Default: the ground."""
+    rest: dict[str, FiniteFloat] | None = None
+    """Coordinates in the rest pose, { hip_flexion_r = 1.576 }, in degrees or metres. The others have their
+    default value."""
+
+
+class Hill(SchemaTable):
+    """Hill's parameters of a muscle, for exports; a run uses two lengths for its architecture."""
+
+    optimal_fibre_length: Positive | None = key(110.0)
+    """Fibre length of largest force, in ``units``."""
+    tendon_slack_length: Positive | None = key(310.0)
+    """Length of the tendon without force, in ``units``."""
+    sarcomere_length: Positive | None = key(2.6)
+    """Mean length of the sarcomeres in the rest pose, in micrometres, whatever ``units``."""
+    pennation: Annotated[FiniteFloat, Field(ge=0.0, lt=90.0)] | None = key(12.0)
+    """Angle of the fibres to the tendon at the optimal length, in degrees."""
+    max_isometric_force: Positive | None = key(1100.0)
+    """Greatest force, in newtons. Or give ``pcsa`` and ``specific_tension``."""
+    pcsa: Positive | None = key(18.0)
+    """Physiological cross-sectional area, in cm^2, whatever ``units``."""
+    specific_tension: Positive | None = key(61.0)
+    """Force per area, in N/cm^2; there is no default."""
+
+    @model_validator(mode="after")
+    def _check(self) -> Hill:
+        parts = [name for name in ("pcsa", "specific_tension") if getattr(self, name) is not None]
+        if len(parts) == 1:
+            remedy = "give pcsa and specific_tension, or max_isometric_force"
+            raise InputError("", f"{parts[0]} alone gives no force", remedy)
+        if parts and self.max_isometric_force is not None:
+            problem = "max_isometric_force cannot be combined with pcsa and specific_tension"
+            raise InputError("", problem, "give one or the other")
+        return self

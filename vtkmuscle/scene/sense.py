@@ -1,21 +1,17 @@
-"""Implausible scenes: certain mistakes are errors before the run, others warnings.
-
-docs/reference/sense.rst lists the checks.
-"""
+"""Implausible scenes: errors or warnings before the run; docs/reference/sense.rst lists the checks."""
 
 from __future__ import annotations
 
 import warnings
 from collections.abc import Iterator
-from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from vtkmuscle.core.attachments.patches import ring_area, ring_length, short_ring
+from vtkmuscle.core.attachments.patches import ring_length, short_ring
 from vtkmuscle.core.mesh.solids import solids_of
 from vtkmuscle.core.mesh.surface import signed_volume
-from vtkmuscle.core.motion.rigid import apply_transform, inverse
+from vtkmuscle.core.motion.rigid import apply_transform
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.attachments import ROLES, AttachmentArea
 from vtkmuscle.scene.data import MILLIMETRES, Anatomy, Muscle, RestSurface, SceneData
@@ -34,12 +30,6 @@ FAR_LANDMARKS, LOST_LANDMARKS = 10.0, 300.0
 OTHER_BONE, NEARER = 2.0, 2.0
 #: Length of a ring relative to the shortest order: probably, and certainly in wrong order.
 RING, SURE_RING = 1.05, 2.5
-#: 4 pi area / length^2 of a ring with hardly any area; 1 for a circle.
-FLAT_RING = 0.01
-#: Largest area of a self-crossing ring, relative to the shortest ring's area.
-CROSSED_RING = 0.6
-#: Distance of a point from the centre, in median distances: probably, and certainly wrong.
-STRAY, SURE_STRAY = 30.0, 1000.0
 #: Distance from the origin, in sizes of the surface, beyond double precision.
 LOST_PRECISION = 1e9
 #: Least confidence of an estimated attachment: below, the muscle reaches another bone but for this part of
@@ -49,8 +39,6 @@ SURE_ESTIMATE = 0.05
 #: overlap by up to 2.3 mm (LHDL hip). Also the least extent of a part of a bone within a muscle: a spur of
 #: that pelvis is 1.9 mm long.
 DEEP = 3.0
-#: Rotation of a bone from one frame to the next that is a jump rather than a step [degrees].
-JUMP = 60.0
 #: Distance of a muscle's areas, relative to rest or to half its length: probably, and certainly torn.
 TORN, SURE_TORN = 2.0, 5.0
 #: Most points of a bone that are checked: 2 mm apart, on the largest.
@@ -69,13 +57,7 @@ class Finding(NamedTuple):
 
 
 def check_sense(scene: SceneData, anatomy: Anatomy | None = None) -> list[str]:
-    """Warn about each probable mistake in a scene, and return the warnings.
-
-    Raises
-    ------
-    SceneError
-        For the first certain mistake.
-    """
+    """Warn about probable mistakes in a scene, and return the warnings; SceneError for a certain mistake."""
     messages = []
     mistakes = findings(scene, anatomy or Anatomy.of(scene))
     for key, problem, remedy, certain in sorted(mistakes, key=lambda finding: not finding.certain):
@@ -89,11 +71,10 @@ def check_sense(scene: SceneData, anatomy: Anatomy | None = None) -> list[str]:
 
 def findings(scene: SceneData, anatomy: Anatomy) -> Iterator[Finding]:
     """Yield the implausible parts of a scene."""
-    strayed = list(_strays(scene.units, anatomy))
-    yield from strayed
-    if any(finding.certain for finding in strayed):
+    sizes = list(_sizes(scene.units, anatomy))
+    yield from sizes
+    if any(finding.certain for finding in sizes):
         return  # all other measures would be meaningless
-    yield from _sizes(scene.units, anatomy)
     yield from _bones_without_inside(anatomy)
     for name, muscle in scene.muscles.items():
         surface = anatomy.muscles[name]
@@ -102,31 +83,8 @@ def findings(scene: SceneData, anatomy: Anatomy) -> Iterator[Finding]:
         yield from _on_bones(scene.millimetres, name, muscle, anatomy)
         yield from _estimates(name, muscle)
         yield from _in_bones(scene.millimetres, name, anatomy)
-    for bone in scene.motion.transforms:
-        yield from _jumps(scene, bone)
     for name, muscle in scene.muscles.items():
         yield from _torn(scene, name, muscle, anatomy.muscles[name])
-
-
-def _strays(units: str, anatomy: Anatomy) -> Iterator[Finding]:
-    """Yield surfaces with a stray point, or far from the origin."""
-    for key, surface in anatomy.surfaces.items():
-        points = surface.points
-        centre = np.median(points, axis=0)
-        with np.errstate(over="ignore"):
-            away = np.linalg.norm(points - centre, axis=1)
-            offset = float(np.linalg.norm(centre))
-        typical, farthest = float(np.median(away)), float(away.max())
-        if farthest > STRAY * typical > 0.0:
-            point = int(np.argmax(away))
-            ratio = farthest / typical
-            problem = (
-                f"point {point} at {_position(points[point])} is {ratio:.3g} times as far off as most points"
-            )
-            yield Finding(key, problem, "correct that point, or remove it", ratio > SURE_STRAY)
-        if offset > LOST_PRECISION * farthest > 0.0:
-            problem = f"it lies {offset:.3g} {units} from the origin, which leaves no digits for its shape"
-            yield Finding(key, problem, "move the scene to the origin", certain=True)
 
 
 def _position(point: Any) -> str:
@@ -135,6 +93,10 @@ def _position(point: Any) -> str:
 
 def _sizes(units: str, anatomy: Anatomy) -> Iterator[Finding]:
     longest = max(float(np.ptp(surface.points, axis=0).max()) for surface in anatomy.surfaces.values())
+    offset = max(float(np.abs(surface.points).max()) for surface in anatomy.surfaces.values())
+    if offset > LOST_PRECISION * longest > 0.0:
+        problem = f"it lies {offset:.3g} {units} from the origin, which leaves no digits for its shape"
+        yield Finding("", problem, "move the scene to the origin", certain=True)
     volumes = {name: abs(signed_volume(*surface)) for name, surface in anatomy.muscles.items()}
     largest = max(volumes, key=lambda name: volumes[name])
 
@@ -149,7 +111,7 @@ def _sizes(units: str, anatomy: Anatomy) -> Iterator[Finding]:
     if volumes[largest] * size**3 > LARGEST:
         problem += f" and {largest!r} has {volumes[largest] * size**3 / 1e6:.3g} litres"
     fitting = next((unit for unit in ("mm", "m", "cm") if fits(unit)), None)
-    remedy = "check the unit of the files"
+    remedy = "check the unit of the files, and that no point lies far from the others"
     if fitting is not None:
         remedy = f'if the files are in {fitting}, write units = "{fitting}"'
     yield Finding("units", f"{problem} in this unit", remedy, longest * size > SURE_LONGEST)
@@ -182,11 +144,6 @@ def _ring(key: str, area: AttachmentArea, muscle: RestSurface, units: str) -> It
             "times as long as in another order: they are not in the order of the boundary"
         )
         yield Finding(key, problem, remedy, length > SURE_RING * shortest)
-    elif 4.0 * np.pi * ring_area(best) < FLAT_RING * shortest**2:
-        problem = "the ring through the landmarks encloses hardly any area"
-        yield Finding(key, problem, "if it is a line and no area, write closed = false")
-    elif ring_area(landmarks) < CROSSED_RING * ring_area(best):
-        yield Finding(key, "the ring through the landmarks crosses itself, as an 8 does", remedy)
 
 
 def _estimates(name: str, muscle: Muscle) -> Iterator[Finding]:
@@ -251,30 +208,11 @@ def _on_bones(millimetres: float, name: str, muscle: Muscle, anatomy: Anatomy) -
             yield Finding(where, problem, f'if they are on that bone, write bone = "{other}"')
         elif own > FAR_LANDMARKS:
             problem = f"the landmarks are {own:.3g} mm from the bone {area.bone!r} that they are given for"
-            yield Finding(
-                where, problem, "check the bone, and that both are in the same unit and place", lost
-            )
+            yield Finding(where, problem, "check the bone, and that both have one unit and place", lost)
     bones = {area.bone for area in areas.values()}
     if len(areas) > 1 and len(bones) == 1:
         problem = f"all areas are on the bone {bones.pop()!r}: the muscle will move with it as it is"
         yield Finding(key, problem, "check the bones of its areas")
-
-
-def _jumps(scene: SceneData, bone: str) -> Iterator[Finding]:
-    """Yield the largest turn of a bone between consecutive frames."""
-    poses = np.concatenate([np.eye(4)[None], scene.motion.transforms[bone]])
-    angles = np.array([_angle(before, after) for before, after in pairwise(poses)])
-    step = int(np.argmax(angles))
-    if angles[step] > JUMP:
-        where = "from rest to the first frame" if step == 0 else f"from frame {step - 1} to frame {step}"
-        problem = f"{bone!r} turns by {angles[step]:.3g} degrees {where}"
-        yield Finding("motion", problem, "give more frames: muscles follow in small steps")
-
-
-def _angle(before: Floats, after: Floats) -> float:
-    """Return the angle between two poses [degrees]."""
-    cosine = 0.5 * (np.trace((after @ inverse(before))[:3, :3]) - 1.0)
-    return float(np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))))
 
 
 def _torn(scene: SceneData, name: str, muscle: Muscle, surface: RestSurface) -> Iterator[Finding]:

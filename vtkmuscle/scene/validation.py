@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import re
 from collections.abc import Collection, Iterator, Mapping
+from difflib import get_close_matches
 from pathlib import Path
-from typing import Any, get_args, get_origin
+from typing import Any
 
-from pydantic import BaseModel, ValidationError
+from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
 from vtkmuscle.core.errors import fault_of
@@ -17,107 +18,63 @@ from vtkmuscle.filters.fixed_point_detector import FixedPointDetector
 from vtkmuscle.filters.taut_paths import RESOLUTIONS
 from vtkmuscle.pipelines import DEFORMERS
 from vtkmuscle.scene.faults import Faults, SceneError
-from vtkmuscle.scene.joint_schema import JOINT_KINDS, Function, JointTable
-from vtkmuscle.scene.schema import ALONE, ESTIMATE, Estimate, Motion, MuscleTable, SceneTable
-from vtkmuscle.scene.schema_types import Settings
+from vtkmuscle.scene.schema import ALONE, ESTIMATE, TABLES, Estimate, Motion, MuscleTable, SceneTable
+from vtkmuscle.scene.schema_types import JOINT_KINDS, Fibres, Fixing, Function, JointTable, Paths, Solver
 from vtkmuscle.scene.writing import inline_toml
 
 #: File names of a run besides the muscles' names.
 _RESERVED = ("bones", "figures", "finished", "scene")
 
-#: Remedies for missing tables.
-_TABLES = {
-    "bones": "a table [bones.NAME]",
-    "muscles": "a table [muscles.NAME]",
-    "motion": "a table [motion] with bone and transforms, or with file or grid and [joints.NAME], or "
-    "[motion.hinge]",
-}
+#: The fields of all tables by name, for examples.
+_FIELDS = {name: field for table in TABLES for name, field in table.model_fields.items()}
+
+#: All names of keys, for hints.
+_NAMES = sorted({*_FIELDS, *(name for kind in (Solver, Paths, Fixing, Fibres) for name in kind.model_fields)})
 
 #: Key, problem and remedy.
 _Fault = tuple[str, str, str]
 
 
 def validated(values: Mapping[str, Any], file: Path | None) -> SceneTable:
-    """Return the checked tables of a scene file.
-
-    Raises
-    ------
-    SceneError
-        With a fault for each unknown, missing, forbidden or conflicting key.
-    """
+    """Return the checked tables of a scene file; SceneError with a fault for each key at fault."""
     try:
         table = SceneTable.model_validate(values)
     except ValidationError as error:
-        faults = faults_in_words(error.errors(include_url=False))
+        faults = _faults_in_words(error.errors(include_url=False))
     else:
         faults = _conflicts(table)
     Faults(SceneError(problem, key, remedy, file) for key, problem, remedy in faults).raise_any()
     return table
 
 
-def faults_in_words(errors: list[ErrorDetails], root: type[BaseModel] = SceneTable) -> Iterator[_Fault]:
-    """Yield key, problem and remedy of pydantic's errors, unknown keys first.
-
-    A missing key is omitted if an unknown key looks like its misspelling.
-    """
-    unknown = {error["loc"] for error in errors if error["type"] == "extra_forbidden"}
-    for error in sorted(errors, key=lambda error: len(error["loc"]) if error["loc"] in unknown else 99):
+def _faults_in_words(errors: list[ErrorDetails]) -> Iterator[_Fault]:
+    """Yield key, problem and remedy of pydantic's errors, unknown keys first."""
+    for error in sorted(errors, key=lambda error: (error["type"] != "extra_forbidden", len(error["loc"]))):
         path = [part for part in error["loc"] if part not in ("[key]", ALONE)]
-        table, name = _table_and_key(path, root)
-        misspelt = (str(loc[-1]) for loc in unknown if list(loc[:-1]) == path[:-1])
-        if error["type"] == "missing" and any(
-            suggestion(word, table.model_fields).startswith(f"did you mean {name!r}") for word in misspelt
-        ):
-            continue
-        yield (_dotted(path), *_problem_and_remedy(error, table, name))
+        key = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in path)
+        name = [part for part in path if isinstance(part, str)][-1]
+        yield (key.removeprefix("."), *_problem_and_remedy(error, name))
 
 
-def _problem_and_remedy(error: ErrorDetails, table: type[BaseModel], name: str) -> tuple[str, str]:
-    kind, context = error["type"], error.get("ctx", {})
-    field = table.model_fields.get(name)
+def _problem_and_remedy(error: ErrorDetails, name: str) -> tuple[str, str]:
+    field = _FIELDS.get(name)
     example = f"{name} = {inline_toml(field.examples[0])}" if field and field.examples else ""
     remedy = f"write {example}" if example else "see the format of a scene.toml"
-    if kind == "value_error":
-        problem, own = fault_of(context["error"])
-        return problem, own or remedy
-    if kind == "missing":
-        return "the key is missing", f"add {_TABLES.get(name) or example}"
-    if kind == "extra_forbidden":
-        return "there is no such key", suggestion(name, table.model_fields)
+    match error["type"]:
+        case "value_error":
+            problem, own = fault_of(error["ctx"]["error"])
+            return problem, own or remedy
+        case "missing":
+            return "the key is missing", f"add {example}"
+        case "extra_forbidden":
+            near = [other for other in get_close_matches(name, _NAMES) if other != name]
+            return "there is no such key", f"did you mean {' or '.join(map(repr, near))}?" if near else remedy
+        case "literal_error":
+            remedy = suggestion(str(error["input"]), re.findall("'(.*?)'", error["ctx"]["expected"]))
+        case "model_type":
+            return f"must be a table, not {quoted(error['input'])}", remedy
     problem = error["msg"].replace("Input should be", "must be").replace(" after validation", "")
-    if "must be" in problem:
-        problem += f", not {quoted(error['input'])}"
-    if kind == "literal_error":
-        remedy = suggestion(str(error["input"]), re.findall("'(.*?)'", context["expected"]))
-    elif kind == "model_type":
-        problem = f"must be a table, not {quoted(error['input'])}"
-    return problem, remedy
-
-
-def _table_and_key(path: list[int | str], table: type[BaseModel]) -> tuple[type[BaseModel], str]:
-    """Return the innermost model and key on a path."""
-    name = str(path[0])
-    field = table.model_fields.get(name)
-    kinds = [] if field is None else list(_kinds(field.annotation))
-    inner = next((kind for kind in kinds if isinstance(kind, type) and issubclass(kind, BaseModel)), None)
-    rest = path[2:] if dict in kinds or list in kinds else path[1:]  # without a table's name or number
-    return (table, name) if inner is None or not rest else _table_and_key(rest, inner)
-
-
-def _kinds(annotation: Any) -> Iterator[Any]:
-    """Yield the plain types in an annotation."""
-    yield get_origin(annotation) or annotation
-    for part in get_args(annotation):
-        yield from _kinds(part)
-
-
-def _dotted(path: list[int | str]) -> str:
-    """Return a dotted key with escaped control characters and short names."""
-    key = ""
-    for part in path:
-        text = str(part) if str(part).isprintable() else ascii(part)[1:-1]
-        key += f"[{part}]" if isinstance(part, int) else f".{text[:60]}"
-    return key.removeprefix(".")
+    return problem + (f", not {quoted(error['input'])}" if "must be" in problem else ""), remedy
 
 
 def _conflicts(scene: SceneTable) -> Iterator[_Fault]:
@@ -125,12 +82,6 @@ def _conflicts(scene: SceneTable) -> Iterator[_Fault]:
     for kind, names in (("bones", list(scene.bones)), ("muscles", list(scene.muscles))):
         if not names:
             yield kind, f"the scene has no {kind}", f"add a table [{kind}.NAME] with its surface"
-        seen: dict[str, str] = {}
-        for name in names:
-            other = seen.setdefault(name.casefold(), name)
-            if other != name:
-                problem = f"{name!r} and {other!r} are the same file name on some systems"
-                yield f"{kind}.{name}", problem, "rename one of them"
     yield from _of_joints(scene)
     yield from _of_motion(scene)
     if scene.deformer == "none" and scene.muscle_contact != "off":
@@ -141,19 +92,14 @@ def _conflicts(scene: SceneTable) -> Iterator[_Fault]:
         yield "quality", problem, "use 'preview', 'balanced' or 'accurate', or deformer 'pbd'"
     deformer = DEFORMERS[scene.deformer]
     allowed = {} if deformer is None else deformer.parameter_declarations
-    for key, table in _solver_tables(scene):
+    solvers = {f"muscles.{name}.solver": muscle.solver for name, muscle in scene.muscles.items()}
+    for key, table in ({"solver": scene.solver} | solvers).items():
         for setting in table.given():
             if setting not in allowed:
                 problem = f"deformer {scene.deformer!r} has no such setting"
                 yield f"{key}.{setting}", problem, suggestion(setting, allowed) if allowed else "leave it out"
     for name in scene.muscles:
         yield from _of_muscle(name, scene)
-
-
-def _solver_tables(scene: SceneTable) -> Iterator[tuple[str, Settings]]:
-    yield "solver", scene.solver
-    for name, muscle in scene.muscles.items():
-        yield f"muscles.{name}.solver", muscle.solver
 
 
 def _unknown_bone(key: str, bone: str, bones: Collection[str]) -> Iterator[_Fault]:
@@ -186,9 +132,6 @@ def _of_attachments(key: str, muscle: MuscleTable, scene: SceneTable) -> Iterato
         return
     for number, area in enumerate(muscle.attachments):
         yield from _unknown_bone(f"{key}[{number}].bone", area.bone, scene.bones)
-        if area.role == VIA and area.closed is False:
-            remedy = "leave closed out, or write closed = true"
-            yield f"{key}[{number}].closed", "a via ring is closed", remedy
     roles = {area.role for area in muscle.attachments} - {VIA}
     default = FixedPointDetector.parameter_declarations["method"].default
     method = {"method": default, **scene.fixing.given(), **muscle.fixing.given()}["method"]
@@ -247,17 +190,14 @@ def _of_motion(scene: SceneTable) -> Iterator[_Fault]:
         yield from _unknown_bone("motion.bone", motion.bone, scene.bones)
 
 
-#: Kinds of joints of each optional key.
-_JOINT_KEYS = {
-    "axis": ("pin",),
-    "axes": ("ball",),
-    "rotations": ("custom",),
-    "translations": ("custom",),
-    "coordinates": ("pin", "ball", "custom"),
+#: Required and optional keys of each kind of joint, and its coordinates.
+_JOINTS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
+    "pin": (("centre", "axis"), ("coordinates",)),
+    "ball": (("centre",), ("axes", "coordinates")),
+    "weld": ((), ("centre",)),
+    "custom": (("centre",), ("coordinates", "rotations", "translations")),
 }
-#: Required keys of each kind of joint.
-_NEEDED = {"pin": ("centre", "axis"), "ball": ("centre",), "weld": (), "custom": ("centre",)}
-_FUNCTIONS = ("polynomial", "spline", "piecewise")
+_FUNCTIONS = ("polynomial", "spline")
 
 
 def _of_joints(scene: SceneTable) -> Iterator[_Fault]:
@@ -281,13 +221,13 @@ def _of_joints(scene: SceneTable) -> Iterator[_Fault]:
 
 
 def _of_kind(key: str, joint: JointTable) -> Iterator[_Fault]:
-    kind = joint.type
-    for name, kinds in _JOINT_KEYS.items():
-        if kind not in kinds and getattr(joint, name) is not None:
-            yield f"{key}.{name}", f"is no key of a joint of type {kind!r}", "leave it out, or change type"
-    for name in _NEEDED[kind]:
-        if getattr(joint, name) is None:
+    kind, (needed, optional) = joint.type, _JOINTS[joint.type]
+    for name in ("centre", "axis", "axes", "coordinates", "rotations", "translations"):
+        missing = getattr(joint, name) is None
+        if missing and name in needed:
             yield f"{key}.{name}", "the key is missing", f"add {name} = [1.0, 0.0, 0.0]"
+        elif not missing and name not in (*needed, *optional):
+            yield f"{key}.{name}", f"is no key of a joint of type {kind!r}", "leave it out, or change type"
     wanted, count = JOINT_KINDS[kind], len(joint.coordinates or {})
     if wanted and count != wanted:
         names = ", ".join(f'"NAME_{number}"' for number in range(1, wanted + 1))
@@ -312,15 +252,11 @@ def _of_functions(key: str, joint: JointTable, coordinates: list[str]) -> Iterat
             yield f"{where}.follows", problem, suggestion(entry.follows, independent)
     for kind in ("rotations", "translations"):
         for number, axis in enumerate(getattr(joint, kind) or []):
-            where, functions = f"{key}.{kind}[{number}]", _functions(axis)
-            if axis.coordinate is None:
-                if functions:
-                    yield f"{where}.coordinate", "the key is missing", "name the coordinate of the function"
-                continue
+            where = f"{key}.{kind}[{number}]"
             if axis.coordinate not in coordinates:
                 problem = f"there is no coordinate {quoted(axis.coordinate)}"
                 yield f"{where}.coordinate", problem, suggestion(axis.coordinate, coordinates)
-            if len(functions) > 1 or axis.constant is not None:
+            if len(_functions(axis)) > 1:
                 yield where, "has more than one function", "leave all but one out"
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import shutil
 from collections.abc import Mapping, Sequence
-from filecmp import cmp
 from pathlib import Path
 from typing import Any
 
@@ -41,37 +40,27 @@ def write_scene(scene: SceneData, folder: Path) -> Path:
     return path
 
 
-def save_unless_changed(scene: SceneData, folder: Path, *, overwrite: bool) -> Path:
-    """Write a scene to a folder, and return the path of scene.toml.
+def save_unless_there(scene: SceneData, folder: Path, *, overwrite: bool) -> Path:
+    """Write a scene to a folder without a scene.toml, and return the path of scene.toml.
 
-    ValueError if a file in the folder was changed after writing, unless ``overwrite`` is true.
+    A scene.toml in the folder stays, unless ``overwrite`` is true. ValueError for a folder of other files.
     """
+    path = folder / "scene.toml"
+    if overwrite and folder.exists():
+        return write_scene(scene, folder)
+    if path.exists():
+        return path
+    if folder.exists() or folder.is_symlink():
+        remedy = "give another folder with --out, or --overwrite to write into it"
+        raise InputError(folder, "it is there already, without a scene.toml", remedy)
     folder.parent.mkdir(parents=True, exist_ok=True)
     fresh = partial_path(folder)
     try:
         write_scene(scene, fresh)
-        files = [path.relative_to(fresh) for path in fresh.rglob("*") if path.is_file()]
-        for file in sorted(files):
-            there = folder / file
-            if there.is_file() and cmp(there, fresh / file, shallow=False):
-                continue
-            if (there.exists() or there.is_symlink()) and not overwrite:
-                remedy = (
-                    f"run it with 'vtkmuscle run {folder / 'scene.toml'}', give another folder with --out, "
-                )
-                remedy += "or --overwrite to replace it"
-                raise InputError(there, "this has been changed since it was written", remedy)
-        for file in files:
-            (folder / file).parent.mkdir(parents=True, exist_ok=True)
-            (fresh / file).replace(folder / file)
-    except OSError as error:
-        named = str(error.filename or error).replace(str(fresh), str(folder))
-        if error.errno is None:
-            raise OSError(named) from error
-        raise OSError(error.errno, error.strerror, named) from error
+        fresh.rename(folder)
     finally:
         shutil.rmtree(fresh, ignore_errors=True)
-    return folder / "scene.toml"
+    return path
 
 
 def to_toml(scene: SceneData) -> str:

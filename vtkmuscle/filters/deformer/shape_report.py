@@ -1,10 +1,8 @@
-"""Shape report of a frame: field arrays, rows of figures, a table."""
+"""Shape report of a frame: field arrays and rows of figures."""
 
 from __future__ import annotations
 
-import threading
-from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -70,69 +68,3 @@ def read_shape(deformed: Any, millimetres: float = 1.0) -> dict[str, float]:
     arrays = {name: field_array(deformed, name) for name in (*FIGURES, *LENGTHS)}
     fields = {name: array[-1].item() for name, array in arrays.items() if array is not None}
     return shape_row(fields, millimetres)
-
-
-if TYPE_CHECKING:
-    from rich.console import Console
-
-#: Heading, key of :func:`~vtkmuscle.filters.deformer.shape_report.shape_row`, format, width.
-_COLUMNS = (
-    ("V/V0", "volume_ratio", ".4f", 7),
-    ("l/l0 p95", "edge_stretch_p95", ".2f", 8),
-    ("max", "edge_stretch_max", ".2f", 6),
-    ("angle p95", "dihedral_error_p95_deg", ".1f", 9),
-    ("degen.", "degenerate_edges", "d", 6),
-    ("hits", "colliding_points", "d", 6),
-    ("depth", "penetration_max_mm", ".2f", 5),
-    ("ms", "ms", ".1f", 7),
-)
-
-_GAP = "  "
-
-
-class FrameTable:
-    """Print a row per frame under a heading, thread-safe.
-
-    Lengths are in millimetres, angles in degrees; missing figures are blank.
-
-    Parameters
-    ----------
-    console : rich.console.Console, optional
-        Where to print to; standard error by default.
-    label_width : int, optional
-        Width of the first column.
-    """
-
-    def __init__(self, console: Console | None = None, *, label_width: int = 8) -> None:
-        if console is None:
-            from rich.console import Console as NewConsole  # noqa: PLC0415 -- only where a table is wanted
-
-            console = NewConsole(stderr=True)
-        self._console = console
-        self._width = label_width
-        self._lock = threading.Lock()
-        self._begun = False
-
-    def add(self, label: str, row: Mapping[str, float | None]) -> None:
-        """Print the figures of a frame.
-
-        Parameters
-        ----------
-        label : str
-            Name of the row.
-        row : mapping of str to float
-            See :func:`~vtkmuscle.filters.deformer.shape_report.shape_row`.
-        """
-        cells = [f"{label:<{self._width}}"]
-        for _, key, form, width in _COLUMNS:
-            value = row.get(key)
-            cells.append((" " if value is None else format(value, form)).rjust(width))
-        with self._lock:
-            if not self._begun:
-                heading = [" " * self._width, *(name.rjust(width) for name, _, _, width in _COLUMNS)]
-                self._print(_GAP.join(heading), "bold")
-                self._begun = True
-            self._print(_GAP.join(cells))
-
-    def _print(self, line: str, style: str | None = None) -> None:
-        self._console.print(line, style=style, markup=False, highlight=False, soft_wrap=True)

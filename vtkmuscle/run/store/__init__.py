@@ -1,27 +1,136 @@
-"""Folders of results, read: report, notes and result.
-
-A note per finished muscle.
-"""
+"""Folders of results, read: the report, a note per finished muscle, and the note of the finished run."""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from pathlib import Path
-from typing import Any
+from pathlib import Path, PurePosixPath
+from typing import Annotated, Any, TypeVar
 
+import numpy as np
+from pydantic import AfterValidator, BaseModel, ConfigDict, PlainSerializer, PlainValidator, ValidationError
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.errors import InputError, check_is_file
 from vtkmuscle.core.motion.coordinates import Coordinate
 from vtkmuscle.core.motion.rigid import RigidMotion
+from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import multiblock_from
-from vtkmuscle.io.digests import file_digest
+from vtkmuscle.io.digests import file_digest, plain
 from vtkmuscle.io.literature import LiteratureCurve
 from vtkmuscle.io.surfaces import read_polydata
 from vtkmuscle.io.temporal import read_series
+from vtkmuscle.io.writing import write_text
 from vtkmuscle.run.frames import RUN_AGAIN, TIME, Frames, MuscleTrack, WrittenFile
-from vtkmuscle.run.store.notes import MuscleNote, RunNote, Sizes, read_note
+
+#: Number of the schema. It grows by 1 with each change of a class below, so that no other schema is read.
+FORMAT = 2
+
+
+def _array(value: Any) -> Floats:
+    if value is None or isinstance(value, dict):
+        raise ValueError("this is no array")
+    try:
+        return np.array(value, dtype=np.float64)
+    except TypeError as error:
+        raise ValueError(str(error)) from error
+
+
+def _inside(name: str) -> str:
+    path = PurePosixPath(name)
+    if path.is_absolute() or ".." in path.parts:
+        raise ValueError("this file is outside of the folder of results")
+    return name
+
+
+Array = Annotated[Any, PlainValidator(_array), PlainSerializer(lambda array: np.asarray(array).tolist())]
+#: Sizes of files [bytes] by their paths in the folder.
+Sizes = dict[Annotated[str, AfterValidator(_inside)], int]
+
+
+class _Table(BaseModel):
+    model_config = ConfigDict(extra="forbid", from_attributes=True)
+
+
+class CoordinateNote(_Table):
+    """Fields of a :class:`~vtkmuscle.core.motion.coordinates.Coordinate`."""
+
+    values: Array
+    unit: str
+    positive: str
+    twists: dict[str, Array] | None
+
+
+class MotionNote(_Table):
+    """Fields of a :class:`~vtkmuscle.RigidMotion`."""
+
+    times: Array
+    transforms: dict[str, Array]
+    centre: dict[str, Array] | Array | None
+    coordinates: dict[str, CoordinateNote]
+
+
+class CurveNote(_Table):
+    """Fields of a :class:`~vtkmuscle.io.LiteratureCurve`."""
+
+    source: str
+    muscle: str
+    dof: str
+    part: str
+    angles: Array
+    arms: Array
+
+
+class MuscleNote(_Table):
+    """The note of a finished muscle.
+
+    A digest of the input, the part of the report, lengths per frame, and the files.
+    """
+
+    format: int = FORMAT
+    key: str
+    report: dict[str, Any]
+    has_fibres: bool
+    lengths: Array
+    fibre_lengths: Array
+    length_errors: Array
+    fibre_length_errors: Array
+    files: Sizes
+
+
+class RunNote(_Table):
+    """The note of a finished run. The digest of the report, and the parts of a result other than muscles."""
+
+    format: int = FORMAT
+    report: str
+    bones: list[str]
+    motion: MotionNote
+    literature: dict[str, list[CurveNote]]
+    crosses: dict[str, list[str]]
+    files: Sizes
+
+
+Note = TypeVar("Note", MuscleNote, RunNote)
+
+
+def read_note(path: Path, kind: type[Note]) -> Note:
+    """Return the note in a file; InputError if missing, damaged, or of a different version."""
+    try:
+        values = json.loads(path.read_text(encoding="utf-8"))
+        if isinstance(values, dict) and values.get("format") != FORMAT:
+            problem = f"another version of vtkmuscle has written this note (its format is not {FORMAT})"
+            raise InputError(path, problem, RUN_AGAIN)
+        return kind.model_validate(values)
+    except FileNotFoundError:
+        raise InputError(path, "the file is missing", RUN_AGAIN) from None
+    except (OSError, UnicodeDecodeError, json.JSONDecodeError, RecursionError, ValidationError) as error:
+        raise InputError(path, "the file is damaged", RUN_AGAIN) from error
+
+
+def write_note(path: Path, note: BaseModel) -> None:
+    """Write a note, all or nothing."""
+    write_text(path, json.dumps(note.model_dump(), default=plain) + "\n")
+
 
 #: The report of a run, and its page.
 REPORT, PAGE = "report.json", "report.html"
@@ -52,10 +161,7 @@ class ResultFolder:
         return report if good else None
 
     def frames_there(self) -> dict[str, int]:
-        """Return the number of listed frames per muscle.
-
-        The lists of frames count, not the report.
-        """
+        """Return the number of listed frames per muscle. The lists of frames count, not the report."""
 
         def count(name: str) -> int:
             try:
@@ -66,10 +172,7 @@ class ResultFolder:
         return {name: count(name) for name in (self.report() or {}).get("muscles", {})}
 
     def unfinished(self) -> str | None:
-        """Return the remains of an unfinished run in words.
-
-        None for a finished run or without a run.
-        """
+        """Return the remains of an unfinished run in words. None for a finished run or without a run."""
         report = self.report()
         if report is None or report["complete"]:
             return None
@@ -80,10 +183,7 @@ class ResultFolder:
         return f"holds a run that did not end ({why}); frames there: {listed or 'none'}"
 
     def result(self) -> dict[str, Any]:
-        """Return the arguments of a :class:`~vtkmuscle.Result`.
-
-        See :meth:`vtkmuscle.Result.load`.
-        """
+        """Return the arguments of a :class:`~vtkmuscle.Result`. See :meth:`vtkmuscle.Result.load`."""
         report = self._finished_report()
         noted = read_note(self.note_file(SCENE), RunNote)
         self._check_sizes(noted.files)
@@ -108,10 +208,7 @@ class ResultFolder:
         }
 
     def finished(self, keys: Mapping[str, str]) -> dict[str, MuscleTrack]:
-        """Return the finished muscles with these keys.
-
-        All files of the muscles are present.
-        """
+        """Return the finished muscles with these keys. All files of the muscles are present."""
         tracks = {}
         for name, key in keys.items():
             try:
@@ -136,10 +233,7 @@ class ResultFolder:
         return report
 
     def _check_sizes(self, files: Sizes) -> None:
-        """Raise an InputError for missing or resized files.
-
-        The files and sizes are from a note.
-        """
+        """Raise an InputError for missing or resized files. The files and sizes are from a note."""
         for name, size in files.items():
             if not (self.path / name).is_file():
                 raise InputError(self.path / name, "the file is missing", RUN_AGAIN)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import json
 from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
 from functools import cache
@@ -11,10 +12,10 @@ from types import MappingProxyType
 from typing import Any
 
 import numpy as np
-from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonCore import vtkDataArray
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
+from vtkmuscle.data.arrays import points_of
 from vtkmuscle.run.report_values import version_of
 from vtkmuscle.scene.data import Muscle, SceneData
 
@@ -29,8 +30,6 @@ IRRELEVANT: Mapping[str, str] = MappingProxyType(
 )
 #: Packages that have a part in the numbers.
 _PACKAGES = ("numpy", "scipy", "numba", "vtk")
-#: The key of a file of which the content counts, not the name.
-_FILE = "template_file"
 
 
 def muscle_keys(scene: SceneData, numbers: range) -> dict[str, str]:
@@ -43,11 +42,14 @@ def muscle_keys(scene: SceneData, numbers: range) -> dict[str, str]:
     """
     shared = _relevant(scene, SceneData)
     del shared["muscles"]  # each has a key of its own
+    shared["bones"] = list(scene.bones.items())  # in order: points are fixed to bones by number
     common = digest_of([code_digest(), list(numbers), shared])
     keys: dict[str, str] = {}
     for name, muscle in scene.muscles.items():
         before = list(keys.values()) if scene.muscle_contact != "off" else []
-        keys[name] = digest_of([common, before, name, _relevant(muscle, Muscle)])
+        template = (muscle.fibres or {}).get("template_file")
+        content = None if template is None else Path(template).read_text(encoding="utf-8")
+        keys[name] = digest_of([common, before, name, content, _relevant(muscle, Muscle)])
     return keys
 
 
@@ -57,68 +59,38 @@ def _relevant(value: Any, kind: type) -> dict[str, Any]:
 
 
 def digest_of(value: Any) -> str:
-    """Return a digest of a scene or value.
-
-    All parts of the value count.
-    """
-    digest = hashlib.sha256()
-    _feed(digest, value)
-    return digest.hexdigest()
+    """Return a digest of all parts of a value; the order of mappings does not count."""
+    return hashlib.sha256(json.dumps(value, default=_parts, sort_keys=True).encode()).hexdigest()
 
 
-def _feed(digest: Any, value: Any) -> None:
-    # Importing PyVista changes what VTK's own classes are called.
-    kind = "vtkPolyData" if isinstance(value, vtkPolyData) else type(value).__name__
-    digest.update(f"{kind}(".encode())
+def _parts(value: Any) -> Any:
+    """Return the parts of a value that JSON does not know."""
     if isinstance(value, vtkPolyData):
-        _feed_surface(digest, value)
-    elif isinstance(value, np.ndarray):
-        digest.update(f"{value.dtype} {value.shape}".encode())
-        digest.update(np.ascontiguousarray(value).tobytes())
-    elif is_dataclass(value):
-        for field in fields(value):
-            if not (isinstance(value, SceneData) and field.name == "files"):
-                _feed(digest, (field.name, getattr(value, field.name)))
-    elif isinstance(value, Mapping):
-        # In order: muscles yield to those before them, and points are fixed to bones by number. The order of
-        # settings says nothing, and differs from process to process.
-        ordered = any(isinstance(one, vtkPolyData) or is_dataclass(one) for one in value.values())
-        for key, one in value.items() if ordered else sorted(value.items(), key=lambda item: str(item[0])):
-            _feed(digest, (key, Path(one).read_bytes() if key == _FILE and one is not None else one))
-    elif isinstance(value, list | tuple):
-        for part in value:
-            _feed(digest, part)
-    else:
-        digest.update(repr(value).encode())
-    digest.update(b")")
+        cells = (value.GetVerts(), value.GetLines(), value.GetPolys(), value.GetStrips())
+        ids = [array for kind in cells for array in (kind.GetOffsetsArray(), kind.GetConnectivityArray())]
+        kinds = (value.GetPointData(), value.GetCellData(), value.GetFieldData())
+        named = [kind.GetAbstractArray(i) for kind in kinds for i in range(kind.GetNumberOfArrays())]
+        # VTK chooses how it keeps ids.
+        return [points_of(value), *(np.asarray(array, np.int64) for array in ids), *map(_named, named)]
+    if isinstance(value, np.ndarray):
+        digest = hashlib.sha256(np.ascontiguousarray(value).tobytes()).hexdigest()
+        return [str(value.dtype), value.shape, digest]
+    if is_dataclass(value):
+        return {field.name: getattr(value, field.name) for field in fields(value)}
+    return dict(value) if isinstance(value, Mapping) else repr(value)
 
 
-def _feed_surface(digest: Any, data: vtkPolyData) -> None:
-    points = data.GetPoints()
-    _feed(digest, None if points is None else vtk_to_numpy(points.GetData()).astype(np.float64))
-    for cells in (data.GetVerts(), data.GetLines(), data.GetPolys(), data.GetStrips()):
-        for ids in (cells.GetOffsetsArray(), cells.GetConnectivityArray()):
-            _feed(digest, vtk_to_numpy(ids).astype(np.int64))  # VTK chooses how it keeps them
-    for arrays in (data.GetPointData(), data.GetCellData(), data.GetFieldData()):
-        for number in range(arrays.GetNumberOfArrays()):
-            one = arrays.GetAbstractArray(number)
-            if isinstance(one, vtkDataArray):
-                _feed(digest, (one.GetName(), vtk_to_numpy(one)))
-            else:
-                values = [one.GetValue(i) for i in range(one.GetNumberOfValues())]
-                _feed(digest, (one.GetName(), values))
+def _named(array: Any) -> Any:
+    if isinstance(array, vtkDataArray):
+        return array.GetName(), np.asarray(array)
+    return array.GetName(), [array.GetValue(i) for i in range(array.GetNumberOfValues())]
 
 
 @cache
 def code_digest() -> str:
-    """Return a digest of the computing code.
-
-    Source without :data:`_SHOWING`, and further packages.
-    """
+    """Return a digest of the computing code: source without :data:`_SHOWING`, and further packages."""
     root = Path(__file__).parents[2]
-    digest = hashlib.sha256()
-    for package in _PACKAGES:
-        digest.update(f"{package} {version_of(package)}\n".encode())
+    digest = hashlib.sha256("".join(f"{package} {version_of(package)}\n" for package in _PACKAGES).encode())
     for file in sorted(root.rglob("*.py")):
         name = file.relative_to(root).as_posix()
         if not name.startswith(_SHOWING):

@@ -1,7 +1,4 @@
-"""A run's folder, written: frames, tables and notes.
-
-The folder is held against concurrent runs.
-"""
+"""A run's folder, written: frames, tables and notes."""
 
 from __future__ import annotations
 
@@ -15,22 +12,19 @@ from itertools import chain
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkPolyData
-from vtkmodules.vtkFiltersCore import vtkAppendPolyData
 
-from vtkmuscle._version import __version__
+from vtkmuscle import __version__
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.data.arrays import blocks_of, set_cell_array, set_field_array, shallow_copy
+from vtkmuscle.data.arrays import blocks_of, set_field_array, shallow_copy
 from vtkmuscle.filters.bone_motion import BoneMotion
 from vtkmuscle.io.digests import file_digest, plain
 from vtkmuscle.io.temporal import Collection as Pvd
 from vtkmuscle.io.temporal import Series
 from vtkmuscle.io.writing import check_no_links, left_behind, locked, write_polydata, write_text
 from vtkmuscle.run.frames import STAMPS, MuscleTrack, WrittenFile
-from vtkmuscle.run.store import FINISHED, PAGE, REPORT, SCENE, ResultFolder
+from vtkmuscle.run.store import FINISHED, PAGE, REPORT, SCENE, MuscleNote, ResultFolder, RunNote, write_note
 from vtkmuscle.run.store.keys import muscle_keys
-from vtkmuscle.run.store.notes import MuscleNote, RunNote, write_note
 from vtkmuscle.run.table import Table
 from vtkmuscle.scene.data import SceneData
 from vtkmuscle.scene.schema_types import checked_name
@@ -45,22 +39,15 @@ _FOLDERS = ("bones", "figures", FINISHED)
 
 @contextmanager
 def claimed(folder: Path, scene: SceneData, *, overwrite: bool) -> Iterator[None]:
-    """Make and hold a folder for the results of a scene.
+    """Make a folder for the results of a scene, and hold it against concurrent runs.
 
-    The folder is held against concurrent runs. Half-written files of killed runs are removed; further files
-    stay unchanged. With ``overwrite``, results of a different scene and files from outside of runs may be
-    replaced; inputs of the scene are never replaced.
-
-    Raises
-    ------
-    OSError
-        If the folder cannot be made, a concurrent run writes to the folder, or content is in the way.
-    ValueError
-        If content would be lost.
+    Half-written files of killed runs are removed; further files stay. With ``overwrite``, results of a
+    different scene and files of no run may be replaced; inputs of the scene never are. OSError if the folder
+    cannot be made or held, or content is in the way; ValueError if content would be lost.
     """
     if folder.is_symlink() and not folder.exists():
         raise FileNotFoundError(f"{folder} is a link to {os.readlink(folder)}, which does not exist")
-    if folder.exists() and not folder.is_dir():
+    if folder.is_file():
         raise NotADirectoryError(f"{folder} is a file; give another folder for the results")
     _check_inputs(folder, scene.files, {*_folders(scene.muscles), *_files(scene.muscles)})
     folder.mkdir(parents=True, exist_ok=True)
@@ -68,10 +55,10 @@ def claimed(folder: Path, scene: SceneData, *, overwrite: bool) -> Iterator[None
         report = ResultFolder(folder).report()
         for path in map(folder.joinpath, _folders([*scene.muscles, *_muscles_of(report)])):
             check_no_links(path)
-            if path.exists() and not path.is_dir():
+            if path.is_file():
                 raise NotADirectoryError(f"{path} is a file, where a folder of results goes; move it away")
         for path in map(folder.joinpath, _files(scene.muscles)):
-            if path.is_dir() and not path.is_symlink():
+            if path.is_dir():
                 raise IsADirectoryError(f"{path} is a folder, where a file of results goes; move it")
         _tidy(folder, scene)
         if not overwrite:
@@ -90,10 +77,10 @@ def _tidy(folder: Path, scene: SceneData) -> None:
 
 
 def remove_results(folder: Path, scene: SceneData, kept: Collection[str] = ()) -> None:
-    """Remove an earlier run from a claimed folder.
+    """Remove an earlier run, but for the muscles in ``kept``, from a claimed folder.
 
-    Muscles in ``kept`` stay. Removed are files by the names from runs: of the muscles of the scene and of
-    the report, of the noted bones, and the figures listed in the report.
+    Removed are files by the names from runs: of the muscles of the scene and of the report, of the noted
+    bones, and the figures listed in the report.
     """
     report = ResultFolder(folder).report() or {}
     notes = folder / FINISHED
@@ -120,20 +107,12 @@ def remove_results(folder: Path, scene: SceneData, kept: Collection[str] = ()) -
         if file.is_symlink() or file.is_file():
             file.unlink()
     for inside in (*folders, folder / "bones"):
-        remove_if_empty(inside)
-
-
-def remove_if_empty(folder: Path) -> None:
-    """Remove a folder if empty."""
-    if folder.is_dir() and not any(folder.iterdir()):
-        folder.rmdir()
+        if inside.is_dir() and not any(inside.iterdir()):
+            inside.rmdir()
 
 
 def scene_file(scene: SceneData) -> str | None:
-    """Return the full path of a scene's file.
-
-    None for a scene made in Python.
-    """
+    """Return the full path of a scene's file, None for a scene made in Python."""
     return str(scene.files[""].resolve()) if "" in scene.files else None
 
 
@@ -143,10 +122,7 @@ def _folders(muscles: Iterable[str]) -> list[str]:
 
 
 def _files(muscles: Iterable[str]) -> list[str]:
-    """Return the names of a run's files.
-
-    Files in sub-folders are left out.
-    """
+    """Return the names of a run's files beside its folders."""
     names = list(muscles)
     series = ["bones", *(part for name in names for part in (name, f"{name}_fibres"))]
     tables = (f"{name}_fibres.csv" for name in names)
@@ -154,10 +130,7 @@ def _files(muscles: Iterable[str]) -> list[str]:
 
 
 def _muscles_of(report: Mapping[str, Any] | None) -> Iterator[str]:
-    """Give the muscles of an earlier run.
-
-    Names impossible in a run are left out.
-    """
+    """Give the muscles of an earlier run, without names that no run has."""
     for name in (report or {}).get("muscles", ()):
         with suppress(ValueError):
             yield checked_name(name)
@@ -178,16 +151,11 @@ def _check_inputs(folder: Path, files: Mapping[str, Path], written: Collection[s
 
 
 def _check_results(folder: Path, scene: SceneData, report: Mapping[str, Any] | None) -> None:
-    """Raise a ValueError for content to be lost.
-
-    Content is the results of a different scene, or files from outside of runs.
-    """
+    """Raise a ValueError where results of a different scene, or files of no run, would be lost."""
     insist = "give another folder with --out, or --overwrite (overwrite=True) to replace them"
     if report is None:
         for path in map(folder.joinpath, (*_files(scene.muscles), *_folders(scene.muscles))):
-            inside = path.iterdir() if path.is_dir() else ()
-            lost = any(one.is_dir() or one.suffix.lower() in (".vtp", ".png") for one in inside)
-            if path.is_file() or path.is_symlink() or lost:
+            if path.is_file() or path.is_symlink() or (path.is_dir() and any(path.iterdir())):
                 raise InputError(path, "results would be written over what no run has made", insist)
         return
     before, now = report.get("scene_file"), scene_file(scene)
@@ -206,9 +174,6 @@ class ResultWriter(ResultFolder):
     ``NAME.pvd`` and ``NAME_fibres.pvd`` per muscle with frames in folders of these names, ``bones.pvd`` with
     ``bones/``, tables, ``report.json`` and ``figures/``; and ``finished/`` with a note of each finished
     muscle and of the run, and the muscles and bones at rest.
-
-    Results of an earlier run are replaced, except muscles finished with equal input; further files are left
-    alone.
     """
 
     def __init__(self, path: Path, scene: SceneData, numbers: range) -> None:
@@ -225,10 +190,7 @@ class ResultWriter(ResultFolder):
     def write_frame(
         self, muscle: str, number: int, surface: vtkPolyData | None, fibres: vtkPolyData | None
     ) -> tuple[WrittenFile | None, WrittenFile | None]:
-        """Write a frame of a muscle; return the files.
-
-        The fibres of the frame are written too.
-        """
+        """Write the surface and the fibres of a frame of a muscle; return the files."""
 
         def written(name: str, data: vtkPolyData | None) -> WrittenFile | None:
             if data is None:
@@ -262,10 +224,7 @@ class ResultWriter(ResultFolder):
         write_note(self.note_file(name), note)
 
     def write_bones(self, scene: SceneData) -> None:
-        """Write the bones over time.
-
-        A bone at rest throughout is written once.
-        """
+        """Write the bones over time; a bone at rest throughout is written once."""
         folder, mover = self.path / "bones", BoneMotion(motion=scene.motion)
         mover.connect(0, scene.bones_data())
         collection = Pvd(self.path / "bones.pvd")
@@ -284,10 +243,7 @@ class ResultWriter(ResultFolder):
             collection.add(time, parts)
 
     def write_table(self, name: str, table: Table) -> None:
-        """Write a table.
-
-        Tables of lengths have all digits.
-        """
+        """Write a table; tables of lengths have all digits."""
         table.to_csv(self.path / f"{name}.csv", digits=None if name in _EXACT else _DIGITS)
 
     def write_report(self, report: Mapping[str, Any]) -> None:
@@ -315,41 +271,12 @@ class ResultWriter(ResultFolder):
         write_note(self.note_file(SCENE), note)
 
     def _sizes(self, files: Iterable[Path]) -> dict[str, int]:
-        """Return the sizes of files by path.
-
-        The paths are relative to the folder.
-        """
+        """Return the sizes of files by their paths in the folder."""
         return {file.relative_to(self.path).as_posix(): file.stat().st_size for file in files}
 
     def _stamped(self, data: vtkPolyData) -> vtkPolyData:
-        """Return a shallow copy with the stamps of the run.
-
-        The field data name the run of the data set.
-        """
+        """Return a shallow copy whose field data name the run."""
         copy = shallow_copy(data)
         for name, value in zip(STAMPS, self._stamp, strict=True):
             set_field_array(copy, name, value)
         return copy
-
-
-def merged(data: Any) -> vtkPolyData:
-    """Return the blocks of a data set, merged.
-
-    The cell array ``Bone`` has the number of the block.
-    """
-    if isinstance(data, vtkPolyData):
-        return data
-    append = vtkAppendPolyData()
-    blocks = blocks_of(data)
-    for number, (_, block) in enumerate(blocks):
-        numbered = vtkPolyData()
-        numbered.ShallowCopy(block)
-        set_cell_array(numbered, "Bone", np.full(block.GetNumberOfCells(), number, dtype=np.int32))
-        append.AddInputData(numbered)
-    append.SetOutputPointsPrecision(vtkAppendPolyData.DOUBLE_PRECISION)
-    append.Update()
-    merged: vtkPolyData = append.GetOutput()
-    for name in STAMPS:
-        merged.GetFieldData().AddArray(blocks[0][1].GetFieldData().GetAbstractArray(name))
-    set_field_array(merged, "BoneNames", ", ".join(name for name, _ in blocks))
-    return merged
