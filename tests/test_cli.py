@@ -100,17 +100,6 @@ def test_workers_change_no_result_and_cannot_be_none(scene_file, tmp_path):
     assert vtkmuscle_("run", scene_file, "--workers", "0").exit_code == 2
 
 
-def test_verbose_prints_a_row_per_frame(scene_file, tmp_path):
-    common = ("--frames", "0:3", "--no-figures", "--quiet", "--verbose")
-    done = vtkmuscle_("run", scene_file, "--out", tmp_path / "out", *common)
-    heading, *rows = done.stderr.splitlines()
-    assert "V/V0" in heading
-    assert [row.split()[:2] for row in rows] == [["spindle", "0"], ["spindle", "5"], ["spindle", "10"]]
-    written = json.loads((tmp_path / "out/report.json").read_text())["muscles"]["spindle"]["frames"]
-    ratios = [frame["volume_ratio"] for frame in written]
-    assert [float(row.split()[2]) for row in rows] == pytest.approx(ratios, abs=5e-5)
-
-
 def test_without_out_the_folder_is_called_after_the_scene(scene_file, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     done = vtkmuscle_("run", scene_file, "--frames", "0:1", "--no-figures", "--quiet")

@@ -49,14 +49,6 @@ def test_without_opengl_all_but_the_figures_is_written(asked_anew, scene, tmp_pa
     assert not list(tmp_path.glob(".*"))
 
 
-def test_a_process_that_hangs_before_it_can_draw_is_given_up(asked_anew, scene, tmp_path, monkeypatch):
-    monkeypatch.setattr(drawing, "TEST_PICTURE", "import time; time.sleep(600)")
-    monkeypatch.setattr(drawing, "PREFLIGHT_TIMEOUT", 0.5)
-    with pytest.warns(UserWarning, match="a test picture was not finished within"):
-        result = scene.run(tmp_path, frames=0, report=False)
-    assert result.report["figures"]["written"] == []
-
-
 def test_figures_are_moved_into_place(renders, scene, tmp_path):
     scene.run(tmp_path, frames=0)
     (tmp_path / "figures/mine.png").write_bytes(b"")

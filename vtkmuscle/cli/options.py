@@ -61,13 +61,6 @@ class RunArguments:
             "Default: one per processor.",
         ),
     ] = None
-    verbose: Annotated[
-        bool,
-        typer.Option(
-            "--verbose",
-            help="Print figures of each frame as it is done: how far the solve got, how the shape was kept.",
-        ),
-    ] = False
     overwrite: Annotated[
         bool,
         typer.Option(

@@ -77,8 +77,6 @@ def _run(scene: Scene, out: Path, options: RunArguments) -> Result:
         name: getattr(options, name)
         for name in ("frames", "figures", "report", "workers", "overwrite", "fresh")
     }
-    if options.verbose:
-        settings["observe"] = _table(muscles, console)
     with _progress_bars(muscles, console, quiet=options.quiet) as progress:
         return scene.run(out, progress=progress, **settings)
 
@@ -98,15 +96,6 @@ def _summary(muscle: Mapping[str, Any]) -> str:
         at_rest = f", where it is {rest:.2f} mm" if rest else ""
         words.append(f"at most {max(depths):.2f} mm deeper in a bone than at rest{at_rest}")
     return f"{', '.join(words)}: {muscle['verdict']['verdict']}"
-
-
-def _table(muscles: list[str], console: Console) -> Callable[[str, Mapping[str, Any]], None]:
-    """Return a function that prints a frame's figures above the progress bars."""
-    from vtkmuscle.filters.deformer.shape_report import FrameTable
-
-    width = max(map(len, muscles))
-    table = FrameTable(console, label_width=width + 8)
-    return lambda muscle, row: table.add(f"{muscle:<{width}} {row['time']:g}", row)
 
 
 @contextmanager

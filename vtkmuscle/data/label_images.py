@@ -14,10 +14,9 @@ from vtkmodules.vtkCommonDataModel import vtkImageData
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.types import Bools, Floats, Ints
 from vtkmuscle.data.arrays import (
+    add_arrays,
     field_array,
     field_strings,
-    set_field_array,
-    set_field_strings,
     set_point_array,
 )
 
@@ -183,9 +182,8 @@ def label_image(voxels: NDArray[np.integer], frame: Floats, names: Mapping[int, 
     image.SetDirectionMatrix(*(frame[:3, :3] / spacing).ravel())
     set_point_array(image, "Label", voxels.ravel())
     image.GetPointData().SetActiveScalars("Label")
-    set_field_array(image, VALUES, np.array(list(names), dtype=np.int64))
-    set_field_strings(image, NAMES, names.values())
-    return image
+    fields = {VALUES: np.array(list(names), dtype=np.int64), NAMES: list(names.values())}
+    return add_arrays(image, fields=fields)
 
 
 @dataclass(frozen=True, eq=False)

@@ -21,6 +21,8 @@ from vtkmuscle.filters.base import Filter, OutputPort, Parameter, ports
 #: Largest distance between a fibre's end and an area, or a fibre and the muscle, in mean edges: below it a
 #: distance is the mesh's own roughness.
 TOLERANCE = 0.25
+#: Largest part of a fibre's length that is cut off at either end.
+LARGEST_CUT = 0.5
 
 
 class FibreTrimmer(Filter):
@@ -51,8 +53,6 @@ class FibreTrimmer(Filter):
         The muscle's surface, triangles.
     attachments
         Areas of both roles, landmarks near the muscle.
-    largest_cut
-        Largest part of a fibre's length to cut off at either end, for areas far along the muscle.
     end_rule
         End of a fibre: a share of the area, or the point of the area closest to the fibre's ray (Kohout et
         al. 2012), without new spacing of points.
@@ -93,7 +93,6 @@ class FibreTrimmer(Filter):
     (20, True)
     """
 
-    largest_cut = Parameter(float, default=0.5, minimum=0.0, maximum=0.5)
     end_rule = Parameter(str, default="shared", choices=("shared", "closest"))
 
     fibres = ports.Lines()
@@ -124,7 +123,7 @@ class FibreTrimmer(Filter):
             areas=(origin, insertion),
             into_muscle=geometry.solids.into,
             tolerance=TOLERANCE * geometry.mean_edge,
-            largest_cut=self.largest_cut,
+            largest_cut=LARGEST_CUT,
         )
         kept = (trimmed == points).all(axis=1)
         shares = np.array([kept[end].mean() for end in ends])
@@ -135,11 +134,7 @@ def _end_area(role: str, areas: Sequence[AttachmentArea], geometry: MuscleGeomet
     """Return a role's area for fibre ends (k, 3)."""
     covered = geometry.attached(areas, role)
     role_areas = [area for area in areas if area.role == role]
-    rings = b"".join(area.landmarks.tobytes() + bytes([area.closed]) for area in role_areas)
-    inner, outer = geometry.once(
-        ("end areas", rings),
-        lambda: (_inner_area(role_areas, geometry), _area_on_surface(role_areas, geometry, covered)),
-    )
+    inner, outer = _inner_area(role_areas, geometry), _area_on_surface(role_areas, geometry, covered)
     if inner is None or inner.distance is None:
         return outer
     # The area may be hollow, or the landmarks inexact: the template's fibre ends decide.

@@ -132,15 +132,12 @@ class FixedPointDetector(Filter):
             remedy = "connect attachments, or choose the method 'proximity' or 'collision'"
             raise InputError("", "the method 'attachment' needs attachments", remedy)
         names = list(bones)
-        solids: dict[str, Solids] = {}
         for number, area in enumerate(areas):
             if area.role == VIA:
                 continue
             where = f"attachments, area {number} ({area.role} on {area.bone!r})"
             if area.bone not in bones:
                 raise InputError(where, f"the bones are {', '.join(map(repr, names))}", "rename one of them")
-            if area.bone not in solids:
-                solids[area.bone] = _solids_of(area.bone, bones[area.bone])
             with errors_at(where):
                 patch = attachment_patch(
                     muscle.points,
@@ -148,7 +145,7 @@ class FixedPointDetector(Filter):
                     area.landmarks,
                     area.closed,
                     tolerance=self.distance,
-                    bone_distance=solids[area.bone].distances,
+                    bone_distance=_solids_of(area.bone, bones[area.bone]).distances,
                 )
             distances = cKDTree(area.landmarks).query(muscle.points[patch])[0]
             yield names.index(area.bone), patch, distances

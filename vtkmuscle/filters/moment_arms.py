@@ -17,8 +17,6 @@ from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import (
     Polylines,
-    cell_array,
-    field_array,
     polylines_of,
     set_cell_array,
     set_field_array,
@@ -26,9 +24,6 @@ from vtkmuscle.data.arrays import (
 from vtkmuscle.data.paths import paths_of
 from vtkmuscle.data.pipeline_times import input_at, requested_time, state_of_inputs, times_of
 from vtkmuscle.filters.base import Filter, OutputPort, Parameter, ports
-
-#: Arrays with the fibre lengths at all times.
-LENGTHS, TIMES = "Lengths", "Times"
 
 
 class MomentArms(Filter):
@@ -41,10 +36,9 @@ class MomentArms(Filter):
 
     Without paths a moment arm is the slope -dl/dq of fibre lengths, by differences between poses that differ
     in the coordinate alone (:func:`vtkmuscle.core.moment_arms.levers.differences_by`). Fibres are requested
-    at every announced time step; lengths are kept until something upstream changes. Fibres without time steps
-    need the cell array ``Lengths`` and the field array ``Times``. For a motion with a single coordinate,
-    frames count if the bones' rotation depends on the coordinate alone; frames on the path from rest to the
-    start of the sweep do not.
+    at every announced time step; lengths are kept until something upstream changes. For a motion with a
+    single coordinate, frames count if the bones' rotation depends on the coordinate alone; frames on the path
+    from rest to the start of the sweep do not.
 
     A positive moment arm means that the fibre shortens with growing q. The coordinate belongs to ``motion``,
     or is the pipeline's time without ``motion``.
@@ -52,8 +46,7 @@ class MomentArms(Filter):
     Parameters
     ----------
     fibres
-        Polylines, the same number at each time step; or, without time steps, with the cell array ``Lengths``
-        (n_fibres, f) [mm] and the field array ``Times`` (f,).
+        Polylines, the same number at each time step.
     motion
         Motion with coordinates; None takes the pipeline's time as the coordinate.
     coordinate
@@ -71,7 +64,7 @@ class MomentArms(Filter):
     Raises
     ------
     ValueError
-        If there are no fibres or a point is not finite; if there are neither time steps nor a history; if the
+        If there are no fibres or a point is not finite; if there are no time steps; if the
         number of fibres changes with time; if the motion lacks the coordinate; without paths also if the
         coordinate has too few different values (4 for a single coordinate), or if several coordinates only
         change together.
@@ -123,14 +116,10 @@ class MomentArms(Filter):
         data: Any = fibres.data
         if self.motion is not None and paths_of(data, "fibres") is not None:
             return self._of_paths(fibres, self.motion)
-        if data.GetCellData().HasArray(LENGTHS):
-            times, lengths = _history(data, len(fibres))
-        elif self._steps:
-            times, lengths = np.array(self._steps), self._lengths_over_time()
-        else:
-            problem = "they announce no time steps, and have no cell array 'Lengths'"
+        if not self._steps:
             remedy = "connect a filter over time, e.g. FibreTransport behind PBDDeformer, or a .pvd reader"
-            raise InputError("fibres", problem, remedy)
+            raise InputError("fibres", "they announce no time steps", remedy)
+        times, lengths = np.array(self._steps), self._lengths_over_time()
         now = float(times[-1]) if self.request_time is None else self.request_time
         result = self._at(now, fibres).copy()
         motion = RigidMotion(times, {}, None, {"time": Coordinate(times, self.unit)})
@@ -211,15 +200,3 @@ def _resampled(motion: RigidMotion, times: Floats) -> RigidMotion:
             for name, old in motion.coordinates.items()
         },
     )
-
-
-def _history(fibres: vtkPolyData, count: int) -> tuple[Floats, Floats]:
-    """Return the times (f,) and lengths (f, k) stored with fibres."""
-    lengths = np.asarray(cell_array(fibres, LENGTHS, "fibres"), dtype=np.float64)
-    times = field_array(fibres, TIMES)
-    if times is None or lengths.shape != (count, np.size(times)) or (np.diff(np.ravel(times)) <= 0).any():
-        shape = "missing" if times is None else f"of shape {times.shape}"
-        problem = f"the cell array 'Lengths' is of shape {lengths.shape}, the field array 'Times' {shape}"
-        remedy = f"for {count} fibre(s) and f ascending times they must be ({count}, f) and (f,)"
-        raise InputError("fibres", problem, remedy)
-    return np.ravel(np.asarray(times, dtype=np.float64)), lengths.T

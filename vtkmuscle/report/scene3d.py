@@ -13,8 +13,7 @@ from vtkmodules.vtkFiltersCore import vtkQuadricDecimation
 
 from vtkmuscle.core.types import Floats, Ints
 from vtkmuscle.data.arrays import points_of, polylines_of, triangles_of
-from vtkmuscle.plotting.colours import PALETTE
-from vtkmuscle.plotting.views import clearest_view, merged
+from vtkmuscle.plotting.views import PALETTE, clearest_view, merged
 from vtkmuscle.report.contents import MuscleContent, RunContent
 from vtkmuscle.scene.data import MILLIMETRES
 
