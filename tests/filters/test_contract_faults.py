@@ -118,8 +118,7 @@ def takes_any_value():
 
 IGNORES_ITS_PARAMETER = faulty("IgnoresItsParameter", Modified=lambda self: None)
 IS_RANDOM = executing(
-    "IsRandom",
-    lambda self, fibres: with_points(fibres, points_of(fibres) + np.random.default_rng().normal()),
+    "IsRandom", lambda self, fibres: with_points(fibres, points_of(fibres) + np.random.default_rng().normal())
 )
 LETS_NAN_THROUGH = executing("LetsNaNThrough", lambda self, fibres: with_points(fibres, points_of(fibres)))
 FAULTS = [

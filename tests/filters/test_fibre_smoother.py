@@ -186,11 +186,7 @@ def test_pennate_fibres_fill_real_muscles(template, body, request):
 
 
 @pytest.mark.realdata
-@pytest.mark.gap(
-    "distance to the nearest fibre relative to even fibres, iliacus",
-    "2.3",
-    "1.5",
-)
+@pytest.mark.gap("distance to the nearest fibre relative to even fibres, iliacus", "2.3", "1.5")
 @pytest.mark.parametrize(
     ("name", "bound"),
     [("gluteus_maximus", 1.5), ("gluteus_medius", 1.5), ("adductor_brevis", 1.5), ("iliacus", 2.4)],

@@ -13,13 +13,7 @@ from vtkmodules.vtkFiltersGeneral import vtkGroupDataSetsFilter
 from vtkmodules.vtkFiltersSources import vtkLineSource
 
 from vtkmuscle.data.arrays import blocks_of, multiblock_from, points_of, with_points
-from vtkmuscle.filters import (
-    FibreSmoother,
-    Filter,
-    InputPort,
-    OutputPort,
-    Parameter,
-)
+from vtkmuscle.filters import FibreSmoother, Filter, InputPort, OutputPort, Parameter
 from vtkmuscle.filters.base.chain import Chain
 
 

@@ -12,13 +12,7 @@ from vtkmuscle.core.motion.rigid import hinge
 from vtkmuscle.core.paths.poses import KeptPoses
 from vtkmuscle.core.paths.sheet import MusclePaths
 from vtkmuscle.core.skinning import carried_muscle
-from vtkmuscle.data.arrays import (
-    cell_array,
-    points_of,
-    set_point_array,
-    surface_from,
-    triangles_of,
-)
+from vtkmuscle.data.arrays import cell_array, points_of, set_point_array, surface_from, triangles_of
 from vtkmuscle.filters import (
     BoneMotion,
     FixedPointDetector,

@@ -13,12 +13,7 @@ from vtkmodules.vtkCommonDataModel import vtkImageData
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.types import Bools, Floats, Ints
-from vtkmuscle.data.arrays import (
-    add_arrays,
-    field_array,
-    field_strings,
-    set_point_array,
-)
+from vtkmuscle.data.arrays import add_arrays, field_array, field_strings, set_point_array
 
 #: Margin around a label [voxels], enough for the Gaussian and a Newton step.
 MARGIN = 4

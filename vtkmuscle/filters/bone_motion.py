@@ -16,13 +16,7 @@ from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.moment_arms.levers import MotionTwists
 from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.core.types import Floats
-from vtkmuscle.data.arrays import (
-    add_arrays,
-    array_of,
-    multiblock_from,
-    set_field_array,
-    shallow_copy,
-)
+from vtkmuscle.data.arrays import add_arrays, array_of, multiblock_from, set_field_array, shallow_copy
 from vtkmuscle.data.moving_bones import TWIST, bones_of
 from vtkmuscle.filters.base import Filter, InputPort, OutputPort, Parameter
 

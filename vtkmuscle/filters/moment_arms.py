@@ -15,12 +15,7 @@ from vtkmuscle.core.moment_arms.of_joints import checked_coordinates, known_coor
 from vtkmuscle.core.motion.coordinates import ANGLES, TRANSLATIONS, Coordinate
 from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.core.types import Floats
-from vtkmuscle.data.arrays import (
-    Polylines,
-    polylines_of,
-    set_cell_array,
-    set_field_array,
-)
+from vtkmuscle.data.arrays import Polylines, polylines_of, set_cell_array, set_field_array
 from vtkmuscle.data.paths import paths_of
 from vtkmuscle.data.pipeline_times import input_at, requested_time, state_of_inputs, times_of
 from vtkmuscle.filters.base import Filter, OutputPort, Parameter, ports

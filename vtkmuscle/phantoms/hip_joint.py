@@ -122,12 +122,7 @@ def iliacus(pelvis: Solid, femur: Solid) -> Sheet:
     return Sheet(np.array(rows), [5.0, 6.5, 8.5, 9.0, 9.0, 7.5, 5.5])
 
 
-def hip(
-    *,
-    angles: ArrayLike = ANGLES,
-    head_radius: float = HEAD_RADIUS,
-    detail: float = 1.0,
-) -> Phantom:
+def hip(*, angles: ArrayLike = ANGLES, head_radius: float = HEAD_RADIUS, detail: float = 1.0) -> Phantom:
     """Return a right hip with three muscles.
 
     The hip has pelvis and femur, three muscles of different shape, and flexion of 0 to 90 degrees. The frame

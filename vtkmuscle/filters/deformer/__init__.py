@@ -11,10 +11,7 @@ from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import field_array
 
 #: Lengths among the field arrays, and their keys in a row of figures [mm].
-LENGTHS = {
-    "PenetrationMax": "penetration_max_mm",
-    "PenetrationP95": "penetration_p95_mm",
-}
+LENGTHS = {"PenetrationMax": "penetration_max_mm", "PenetrationP95": "penetration_p95_mm"}
 
 #: The other field arrays of the report, and their keys.
 FIGURES = {
