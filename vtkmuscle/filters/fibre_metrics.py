@@ -218,8 +218,7 @@ def _strain(fibres: vtkPolyData, lengths: Floats) -> Floats:
     if rest.shape != lengths.shape:
         problem = f"the cell array 'RestLength' has the shape {rest.shape} for {len(lengths)} fibres"
         raise InputError("fibres", problem, "FibreTransport makes it")
-    bad = np.flatnonzero(~(np.isfinite(rest) & (rest >= 0)))
-    if len(bad):
-        problem = f"the rest length of fibre {bad[0]} is {rest[bad[0]]}, but must be finite and not negative"
+    for fibre in np.flatnonzero(~(np.isfinite(rest) & (rest >= 0))):
+        problem = f"the rest length of fibre {fibre} is {rest[fibre]}, but must be finite and not negative"
         raise InputError("fibres", problem)
     return np.divide(lengths - rest, rest, out=np.zeros_like(lengths), where=rest > 0)

@@ -15,7 +15,7 @@ from vtkmuscle.core.moment_arms.of_joints import checked_coordinates, known_coor
 from vtkmuscle.core.motion.coordinates import ANGLES, TRANSLATIONS, Coordinate
 from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.core.types import Floats
-from vtkmuscle.data.arrays import Polylines, polylines_of, set_cell_array, set_field_array
+from vtkmuscle.data.arrays import Polylines, add_arrays, polylines_of
 from vtkmuscle.data.paths import paths_of
 from vtkmuscle.data.pipeline_times import input_at, requested_time, state_of_inputs, times_of
 from vtkmuscle.filters.base import Filter, OutputPort, Parameter, ports
@@ -109,33 +109,41 @@ class MomentArms(Filter):
     def execute(self, fibres: Polylines) -> vtkPolyData:
         """Return the fibres at the requested time, with their moment arms."""
         data: Any = fibres.data
-        if self.motion is not None and paths_of(data, "fibres") is not None:
-            return self._of_paths(fibres, self.motion)
-        if not self._steps:
+        of_paths = self.motion is not None and paths_of(data, "fibres") is not None
+        if not of_paths and not self._steps:
             remedy = "connect a filter over time, e.g. FibreTransport behind PBDDeformer, or a .pvd reader"
             raise InputError("fibres", "they announce no time steps", remedy)
-        times, lengths = np.array(self._steps), self._lengths_over_time()
-        now = float(times[-1]) if self.request_time is None else self.request_time
-        result = self._at(now, fibres).copy()
-        motion = RigidMotion(times, {}, None, {"time": Coordinate(times, self.unit)})
-        if self.motion is not None:
-            motion = _resampled(self.motion, times)
-        now = float(np.clip(now, times.min(), times.max()))
+        motion = self._motion(of_paths)
+        lengths = None if of_paths else self._lengths_over_time()
+        now = float(motion.times[-1]) if self.request_time is None else self.request_time
+        again = input_at(self, 0, now) if self._steps else None
+        result = (fibres if again is None else polylines_of(again, "fibres")).copy()
+        now = float(np.clip(now, motion.times.min(), motion.times.max()))
         names = known_coordinates(motion)
-        arms = {}
+        arms: Mapping[str, Floats] = {}
+        if lengths is not None:
+            arms = _slopes(motion, names, lengths, now)
+        elif (paths := paths_of(result, "fibres")) is not None:
+            arms = paths.levers
+        wanted = None if self.motion is None else self.coordinate
+        checked_coordinates(motion, [wanted] if wanted else ())
         for name in names:
-            differences = differences_by(motion, name, names)
-            interval = interval_among(differences.frames, times, now)
-            if interval is not None:
-                (a, b, part), slopes = interval, differences.slopes(lengths)
-                arms[name] = -(1.0 - part) * slopes[a] - part * slopes[b]
-        self._add_arms(result, motion, now, arms)
+            if wanted not in (None, name) or name not in arms:
+                continue
+            suffix = f"_{name}" if len(names) > 1 and self.coordinate is None else ""
+            value = np.interp(now, motion.times, motion.coordinates[name].values)
+            fields = {f"Coordinate{suffix}": name, f"CoordinateValue{suffix}": float(value)}
+            add_arrays(result, cells={f"MomentArm{suffix}": arms[name]}, fields=fields)
         return result
 
-    def _at(self, now: float, fibres: Polylines) -> Polylines:
-        """Return the fibres at a time."""
-        again = input_at(self, 0, now) if self._steps else None
-        return fibres if again is None else polylines_of(again, "fibres")
+    def _motion(self, of_paths: bool) -> RigidMotion:
+        """Return the motion, for fibres without paths at the fibres' time steps."""
+        if self.motion is not None and of_paths:
+            return self.motion
+        times = np.array(self._steps)
+        if self.motion is None:
+            return RigidMotion(times, {}, None, {"time": Coordinate(times, self.unit)})
+        return _resampled(self.motion, times)
 
     def _lengths_over_time(self) -> Floats:
         """Return the lengths (f, k) of the fibres at all time steps."""
@@ -155,30 +163,17 @@ class MomentArms(Filter):
             self._measured = state_of_inputs(self, (0,)), np.array(rows)
         return self._measured[1]
 
-    def _of_paths(self, fibres: Polylines, motion: RigidMotion) -> vtkPolyData:
-        """Return fibres with the levers of their paths."""
-        now = float(motion.times[-1]) if self.request_time is None else self.request_time
-        result = self._at(now, fibres).copy()
-        paths = paths_of(result, "fibres")
-        assert paths is not None  # the input had paths at another time
-        self._add_arms(result, motion, now, paths.levers)
-        return result
 
-    def _add_arms(
-        self, result: vtkPolyData, motion: RigidMotion, now: float, arms: Mapping[str, Floats]
-    ) -> None:
-        """Add the defined moment arms (k,), by coordinates of the motion."""
-        wanted = None if self.motion is None else self.coordinate
-        checked_coordinates(motion, [wanted] if wanted else ())
-        names = known_coordinates(motion)
-        for name in names:
-            if wanted not in (None, name) or name not in arms:
-                continue
-            suffix = f"_{name}" if len(names) > 1 and self.coordinate is None else ""
-            set_cell_array(result, f"MomentArm{suffix}", arms[name])
-            set_field_array(result, f"Coordinate{suffix}", name)
-            value = np.interp(now, motion.times, motion.coordinates[name].values)
-            set_field_array(result, f"CoordinateValue{suffix}", float(value))
+def _slopes(motion: RigidMotion, names: tuple[str, ...], lengths: Floats, now: float) -> dict[str, Floats]:
+    """Return -dl/dq (k,) at a time by coordinate, where defined, of lengths (f, k)."""
+    arms = {}
+    for name in names:
+        differences = differences_by(motion, name, names)
+        interval = interval_among(differences.frames, motion.times, now)
+        if interval is not None:
+            (a, b, part), slopes = interval, differences.slopes(lengths)
+            arms[name] = -(1.0 - part) * slopes[a] - part * slopes[b]
+    return arms
 
 
 def _resampled(motion: RigidMotion, times: Floats) -> RigidMotion:
