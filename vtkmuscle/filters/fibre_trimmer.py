@@ -134,34 +134,21 @@ def _end_area(role: str, areas: Sequence[AttachmentArea], geometry: MuscleGeomet
     """Return a role's area for fibre ends (k, 3)."""
     covered = geometry.attached(areas, role)
     role_areas = [area for area in areas if area.role == role]
-    inner, outer = _inner_area(role_areas, geometry), _area_on_surface(role_areas, geometry, covered)
-    if inner is None or inner.distance is None:
-        return outer
-    # The area may be hollow, or the landmarks inexact: the template's fibre ends decide.
-    on_disc = inner.distance(ends) <= TOLERANCE * geometry.mean_edge
-    return inner if on_disc.mean() > 0.5 else outer
-
-
-def _inner_area(areas: Sequence[AttachmentArea], geometry: MuscleGeometry) -> EndArea | None:
-    """Return the area within the muscle, or None."""
-    points, triangles = inner_areas(areas, geometry)
-    if not len(triangles):
-        return None
-    landmarks = np.vstack([area.landmarks for area in areas])
-    return EndArea(landmarks, points, triangles, np.arange(len(points)), _distance_to(points, triangles))
-
-
-def _area_on_surface(areas: Sequence[AttachmentArea], geometry: MuscleGeometry, covered: Ints) -> EndArea:
+    landmarks = np.vstack([area.landmarks for area in role_areas])
+    tolerance = TOLERANCE * geometry.mean_edge
+    points, triangles = inner_areas(role_areas, geometry)
+    if len(triangles):
+        # The area may be hollow, or the landmarks inexact: the template's fibre ends decide.
+        distance = _distance_to(points, triangles)
+        if (distance(ends) <= tolerance).mean() > 0.5:
+            return EndArea(landmarks, points, triangles, np.arange(len(points)), distance)
     # Discs over rings around hollow or bulging areas do not belong to the surface.
     flat = []
-    for ring in (area.landmarks for area in areas if area.closed):
+    for ring in (area.landmarks for area in role_areas if area.closed):
         points, triangles = discs_over([ring])
-        away = np.abs(geometry.solids.distances(points[triangles].mean(axis=1)))
-        if away.max() <= TOLERANCE * geometry.mean_edge:
+        if np.abs(geometry.solids.distances(points[triangles].mean(axis=1))).max() <= tolerance:
             flat.append(ring)
-    points, triangles = discs_over(flat)
-    spanned = _distance_to(points, triangles) if flat else None
-    landmarks = np.vstack([area.landmarks for area in areas])
+    spanned = _distance_to(*discs_over(flat)) if flat else None
     return EndArea(landmarks, geometry.points, geometry.triangles, covered, spanned)
 
 
