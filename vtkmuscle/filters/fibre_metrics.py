@@ -42,9 +42,6 @@ class FibreMetrics(Filter):
     over the adjacent faces. An aponeurosis within the muscle, as in bipennate muscles, comes from the
     attachments.
 
-    :func:`vtkmuscle.io.write_fibre_table` writes the measures as a table, and
-    :func:`vtkmuscle.io.fibre_summary` computes mean, standard deviation and range.
-
     Parameters
     ----------
     fibres

@@ -30,12 +30,10 @@ class FibreSmoother(Filter):
     :func:`vtkmuscle.core.fibres.spreading.smooth_about_course`). Points that leave the muscle are projected
     to the surface.
 
-    The map from the template crowds fibres in the middle of a muscle, and straight ends leave the flanks
-    empty. With a muscle connected, each pass also moves every fibre towards the centroid of its Voronoi cell
-    in the muscle (Lloyd's relaxation), by ``spreading`` times the distance. Fibre ends move along connected
-    attachment areas, and stay without them. Spreading suits the parallel template, and templates whose fibres
-    were cut and led to the areas. Pennate fibres that end on the areas by themselves would be drawn into the
-    corners.
+    With a muscle connected, each pass also moves every fibre towards the centroid of its Voronoi cell in the
+    muscle (Lloyd's relaxation), by ``spreading`` times the distance. Fibre ends move along connected
+    attachment areas, and stay without them. Spreading suits parallel fibres, and fibres that were led to the
+    areas; pennate fibres would be drawn into the corners.
 
     Parameters
     ----------

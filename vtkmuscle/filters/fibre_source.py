@@ -35,9 +35,9 @@ class FibreSource(Filter):
     neighbouring positions. A straight line outside of the muscle is bent inwards. Between aponeuroses fibres
     keep their cross-section: a part of the larger aponeurosis stays empty.
 
-    Fibres through sections start from the parallel template and run through TemplateFitter, SliceMorpher,
-    FibreTrimmer and FibreSmoother. Sections are isolines, which follow a bent muscle and end at the areas, or
-    planes for overlapping areas. Such fibres fill muscles that are thicker than the attachment areas.
+    Fibres through sections start from the parallel template and run through TemplateFitter, SliceMorpher
+    (isolines, or planes for overlapping areas), FibreTrimmer and FibreSmoother. Such fibres fill muscles that
+    are thicker than the attachment areas.
 
     ``course="auto"`` takes straight fibres between aponeuroses, and for muscles of which straight fibres fill
     more than 60 % of the volume (cross-section at the areas times length) with at most a tenth of the fibres

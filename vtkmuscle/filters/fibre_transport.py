@@ -24,13 +24,9 @@ class FibreTransport(Filter):
     """Move fibres from a muscle at rest into the deformed muscle.
 
     A fibre point is a weighted mean of the muscle's vertices at rest (mean value coordinates), and moves to
-    the same mean of the deformed vertices. Weights are kept while the contents of the rest fibres and the
-    rest muscle are the same, so that a frame costs one matrix product. Fibre points outside of the muscle are
-    moved and counted.
-
+    the same mean of the deformed vertices. Weights are kept while rest fibres and rest muscle are the same.
     All weights of 1600 points on 9878 vertices take 126 MB. With ``weight_tolerance`` groups of vertices with
-    similar weights share a weight, and affine motions stay exact; 0.3 keeps a tenth of the weights.
-    ``WeightError`` is the cost.
+    similar weights share a weight, and affine motions stay exact; ``WeightError`` is the cost.
 
     Parameters
     ----------
@@ -41,8 +37,8 @@ class FibreTransport(Filter):
     deformed_muscle
         The same points as the muscle at rest, moved.
     weight_tolerance
-        Tolerance for merging vertices into groups with a common weight: a larger tolerance is faster, takes
-        less memory and is less exact. 0 merges nothing; 0.3 keeps a tenth of the weights.
+        Tolerance for merging vertices into groups with a common weight. 0 merges nothing; 0.3 keeps a tenth
+        of the weights.
 
     Attributes
     ----------

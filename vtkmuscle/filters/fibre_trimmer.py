@@ -30,20 +30,14 @@ class FibreTrimmer(Filter):
 
     Near a wide attachment area, template fibres meet in a point or run along the area. Two planes
     perpendicular to the muscle's axis, each through the landmark deepest in the muscle, cut the fibre ends
-    off. Straight segments to the areas replace the ends. The new ends are spread evenly over an area, with a
-    short total length and without crossings. The cut moves for a fibre whose new segment would leave the
-    muscle (by more than a quarter of a mean edge) or turn by more than 30 degrees. If most fibres end on an
-    area without meeting, as pennate fibres do, these fibres keep their ends.
-
-    An area may lie within the muscle, such as the tendon of a bipennate muscle: more than half of the disc
-    over the landmarks is then deeper than a mean edge. Fibres end on the disc if most template fibres do.
+    off. Straight segments to the areas replace the ends, spread evenly over an area and without crossings.
+    The cut moves for a fibre whose new segment would leave the muscle or turn by more than 30 degrees. If
+    most fibres end on an area without meeting, as pennate fibres do, these fibres keep their ends. An area
+    may lie within the muscle, such as the tendon of a bipennate muscle.
 
     The axis comes from the field array ``Transform`` of a fitted template, or else runs from the origin's to
     the insertion's centroid. Each fibre keeps its number of points, evenly spaced; points outside of the
     muscle move to the surface.
-
-    ``end_rule="closest"`` is the printed rule of the paper: each fibre is cut at the plane and ends at the
-    point of the area closest to the fibre's ray, without regard to other fibres.
 
     Parameters
     ----------

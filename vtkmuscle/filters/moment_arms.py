@@ -25,9 +25,7 @@ class MomentArms(Filter):
     """Add moment arms of a muscle's paths or fibres about joints.
 
     With paths (output of TautPaths, or of FibreMetrics with paths) and a ``motion``, a moment arm is the
-    lever of the path's pull about the coordinate's axis, ``Lever_COORDINATE``
-    (:mod:`vtkmuscle.core.paths.levers`). A lever needs a single pose, also for coordinates that change
-    together, if the joint is defined or poses differ in the coordinate alone.
+    lever of the path's pull about the coordinate's axis, ``Lever_COORDINATE``, in the pose alone.
 
     Without paths a moment arm is the slope -dl/dq of fibre lengths, by differences between poses that differ
     in the coordinate alone (:func:`vtkmuscle.core.moment_arms.levers.differences_by`). Fibres are requested

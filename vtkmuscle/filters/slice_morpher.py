@@ -31,22 +31,17 @@ class SliceMorpher(Filter):
     With ``method="plane"`` a plane across the box's long axis cuts the box in a rectangle and the muscle in a
     contour. The contour is divided into four parts, matched by length to the sides of the rectangle, and mean
     value coordinates map the rectangle to the contour. In sections with several loops, fibres fill the chain
-    of consecutive loops that encloses most of the muscle, and never change branches. Fibre parts beyond the
-    end of the main branch are compressed into its tip.
+    of consecutive loops that encloses most of the muscle.
 
     With ``method="harmonic"`` isolines cut the muscle: of a function that is 0 on the origin area, 1 on the
     insertion area and harmonic on the surface between. The Laplacian has cotangent weights, kept positive on
     bad triangles, so that every isoline runs around the muscle. Isolines are as many as planes through the
     template, and follow a bent muscle. Fibres end on the attachment areas.
 
-    ``method="auto"`` takes isolines for a muscle too bent for parallel planes: at 16 heights, the main branch
-    has less than 80 % of the muscle's volume, or the centre line is at more than 45 degrees to the box's axis
-    over more than 15 % of its length. Isolines need attachments, and a template with areas at bottom and top;
-    otherwise ``auto`` takes planes, with a warning. The choice is in ``MorphMethod``.
-
-    In the paper, the contour point of the rectangle's first corner is the nearest vertex in each slice. Here
-    the point is a new vertex, chosen for all slices together, so that neighbouring contours are not twisted;
-    ``continuity=0`` is the paper's rule.
+    ``method="auto"`` takes isolines for a muscle too bent for parallel planes: the main branch has less than
+    80 % of the muscle's volume, or more than 15 % of the centre line is at more than 45 degrees to the box's
+    axis. Isolines need attachments, and a template with areas at bottom and top; otherwise ``auto`` takes
+    planes, with a warning. ``continuity=0`` is the paper's rule for the first corner of a contour.
 
     Parameters
     ----------

@@ -30,16 +30,14 @@ class TemplateFitter(Filter):
 
     The box's z axis is the muscle's axis: with ``axis="attachments"`` the line between the centroids of the
     origin's and the insertion's landmarks, with ``axis="principal"`` the direction of largest variance of the
-    surface points. ``axis="auto"`` tries both and takes the smaller error. Centroids fail for a centroid off
-    the axis, and for areas beside each other (pennate, bipennate), where the line follows the fibres instead
-    of the muscle.
+    surface points. ``axis="auto"`` tries both and takes the smaller error: centroids fail for areas beside
+    each other (pennate, bipennate).
 
     The box is turned about the axis in steps; the best angle has the shortest distances between the corners
     of the template's areas and the landmarks. Several areas of a role count as a single area.
 
     With superficial fibres, the angle between them and the closest template fibres also counts: a mean
     landmark distance of a tenth of the muscle's length weighs as much as 6 degrees (root mean square).
-    Superficial fibres decide the side to which fibres lean or arch if landmarks leave the side open.
 
     Parameters
     ----------
