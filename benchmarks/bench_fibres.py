@@ -18,12 +18,13 @@ from real_hip import data_folder
 from scipy.spatial import cKDTree
 
 from vtkmuscle import Scene
+from vtkmuscle.core.bones.bone import bone_of, depth_in
 from vtkmuscle.core.fibres.embedding import sparse_mean_value_coordinates, sparse_transport
 from vtkmuscle.core.fibres.mean_value import transport
 from vtkmuscle.core.fibres.measures import filling_radius
 from vtkmuscle.core.mesh.polylines import polyline_lengths
 from vtkmuscle.core.mesh.surface import signed_volume
-from vtkmuscle.data.arrays import cell_array, checked_surface, field_array, polylines_of
+from vtkmuscle.data.arrays import blocks_of, checked_surface, field_array, polylines_of
 from vtkmuscle.data.muscle_geometry import MuscleGeometry, muscle_geometry
 from vtkmuscle.filters import (
     FibreMetrics,
@@ -119,7 +120,7 @@ def random_points(geometry: MuscleGeometry) -> Floats:
 
 def quality(name: str, fibres: object, muscle: object, bones: object) -> None:
     """Print lengths, turns, points outside, coverage and penetration of fibres."""
-    measured = FibreMetrics(architecture=True)(fibres, muscle, bones)
+    measured = FibreMetrics(architecture=True)(fibres, muscle)
     summary = fibre_summary(measured)
     lines = polylines_of(fibres, "fibres")
     steps = np.diff(lines.points.reshape(len(lines), -1, 3), axis=1)
@@ -129,7 +130,9 @@ def quality(name: str, fibres: object, muscle: object, bones: object) -> None:
     outside = np.maximum(signed, 0.0)
     found, ideal, even = coverage(fibres, muscle)
     length = summary["Length"]
-    entered = cell_array(measured, "Penetration", name)
+    shapes = [bone_of(*checked_surface(bone, label)) for label, bone in blocks_of(bones)]
+    depths = depth_in(((bone, np.eye(4)) for bone in shapes), lines.points)
+    entered = np.maximum.reduceat(depths, lines.offsets[:-1])
     print(
         f"{name:16s} length {length['mean']:6.1f} mm, sd {length['sd']:.1f}, {length['min']:.1f} to "
         f"{length['max']:.1f}; largest turn {turns.max():.0f} deg; {(outside > 0.1).sum()} of {outside.size} "

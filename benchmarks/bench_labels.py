@@ -20,9 +20,9 @@ from vtkmuscle.core.mesh.normals import triangle_normals
 from vtkmuscle.core.mesh.solids import solids_of
 from vtkmuscle.core.mesh.surface import signed_volume, survey
 from vtkmuscle.data.arrays import blocks_of, checked_surface
-from vtkmuscle.data.estimated_areas import estimated_areas
 from vtkmuscle.data.label_images import label_image
 from vtkmuscle.filters import LabelSurfaces
+from vtkmuscle.filters.attachment_estimator import estimated_areas
 from vtkmuscle.labels import maps
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))

@@ -28,7 +28,6 @@ from vtkmuscle.data.arrays import field_array, points_of, triangles_of, with_poi
 from vtkmuscle.filters import (
     FibreSmoother,
     FibreTemplateSource,
-    HarmonicField,
     SliceMorpher,
     TemplateFitter,
     attachments_from,
@@ -66,13 +65,10 @@ def real_muscles(n_fibres: int, resolution: int) -> None:
         surface = muscle.surface
         template = FibreTemplateSource(n_fibres=n_fibres, resolution=resolution).update().output
         fitted = TemplateFitter()(template, surface, areas)
-        with_field = HarmonicField()(surface, areas)
         points, triangles = points_of(surface), triangles_of(surface, "bench")
-        field = np.array(with_field.GetPointData().GetArray("HarmonicField"))
-        origin, insertion = np.flatnonzero(field == 0), np.flatnonzero(field == 1)
         morphers = {
             "plane": lambda: SliceMorpher(method="plane")(fitted, surface),
-            "harmonic": lambda: SliceMorpher(method="harmonic")(fitted, with_field),
+            "harmonic": lambda: SliceMorpher(method="harmonic")(fitted, surface, areas),
         }
         fibres = {label: run() for label, run in morphers.items()}
         times = interleaved(
@@ -80,7 +76,6 @@ def real_muscles(n_fibres: int, resolution: int) -> None:
                 "template": lambda: FibreTemplateSource(n_fibres=n_fibres, resolution=resolution).update(),
                 "fit, one axis": lambda: TemplateFitter(axis="attachments")(template, surface, areas),
                 "fit, auto": lambda: TemplateFitter()(template, surface, areas),
-                "field of given areas": lambda: attachment_field(points, triangles, origin, insertion),
                 **morphers,
                 "smooth": lambda: FibreSmoother()(fibres["plane"]),
             },
@@ -97,12 +92,9 @@ def real_muscles(n_fibres: int, resolution: int) -> None:
                 f"split error {float(field_array(morphed, 'SplitError')[0]):.4f}"
             )
         base = times["template"] + times["fit, one axis"] + times["smooth"]
-        again = times["harmonic"]
         print(
             f"  to smoothed fibres: plane {base + times['plane']:.1f} (bound {BOUND[n_fibres]}), harmonic "
-            f"{base + times['field of given areas'] + again:.1f} (bound 60), again on a deformed mesh "
-            f"{again:.1f} "
-            "(bound 25)"
+            f"{base + times['harmonic']:.1f} (bound 60)"
         )
 
 

@@ -15,7 +15,7 @@ from typing import Any
 
 from vtkmuscle import filters
 from vtkmuscle.filters.deformer.settings import PRESETS
-from vtkmuscle.pipelines.fibres import PUBLISHED_FIBRES
+from vtkmuscle.pipelines import PUBLISHED_FIBRES
 
 HERE = Path(__file__).resolve().parent
 DOCS = HERE.parent / "docs"

@@ -76,8 +76,8 @@ def test_sizes_are_within_the_budget():
 LONG_SIGNATURES = {
     "accessor.deformed",  # PyVista's style: one keyword for each input of the deformer
     "phantoms.phantom.phantom_from",  # the fields of a phantom
-    "pipelines.muscle.__init__",  # the inputs of a pipeline
-    "pipelines.muscle.deform",  # the inputs of a deformer
+    "pipelines.__init__.__init__",  # the inputs of a pipeline
+    "pipelines.__init__.deform",  # the inputs of a deformer
 }
 KERNELS = ("kernel", "array_kernel", "vector_kernel", "reduction", "lane")
 

@@ -21,7 +21,7 @@ from phantoms import (
 from vtkmodules.vtkFiltersCore import vtkImplicitPolyDataDistance
 
 from vtkmuscle.core.mesh.surface import survey
-from vtkmuscle.core.motion.rigid import apply_transform, is_rigid
+from vtkmuscle.core.motion.rigid import apply_transform
 from vtkmuscle.core.template.kinds import KINDS, TEMPLATES
 from vtkmuscle.data.arrays import (
     blocks_of,
@@ -35,8 +35,7 @@ from vtkmuscle.data.arrays import (
 )
 from vtkmuscle.data.attachments import attachments_of
 from vtkmuscle.filters import FibreMetrics, FibreSource
-from vtkmuscle.phantoms.hip_bones import femur
-from vtkmuscle.phantoms.implicit import ball, thick_curve, thick_sheet
+from vtkmuscle.phantoms.implicit import ball, thick_curve
 from vtkmuscle.phantoms.meshing import box, mesh_of, solid_of_revolution
 from vtkmuscle.pipelines import decompose
 
@@ -138,14 +137,6 @@ def test_each_part_belongs_together(make):
         np.testing.assert_allclose(transform, np.eye(4), atol=1e-12)
 
 
-def test_each_call_gives_data_of_its_own():
-    first, second = hip(), hip()
-    for name, surface in surfaces(first).items():
-        surface.GetPoints().SetPoint(0, 1e6, 0.0, 0.0)
-        assert surfaces(second)[name].GetPoint(0)[0] < 1e5
-        assert surfaces(hip())[name].GetPoint(0)[0] < 1e5
-
-
 @every_phantom
 def test_bones_do_not_meet_as_they_move(make):
     phantom = make()
@@ -191,33 +182,10 @@ def test_spindle_moment_arm_is_the_derivative_of_its_length(spindle):
 # -------------------------------------------------------------------- strap on a cylinder
 
 
-def test_strap_lies_on_the_cylinder(cylinder):
-    points = points_of(cylinder.muscles["strap"])
-    radius = np.hypot(points[:, 1], points[:, 2])
-    wrapped = (points[:, 1] > 5) & (points[:, 2] > 0)
-    assert radius[wrapped].min() == pytest.approx(25.0, abs=0.05)
-    assert radius[wrapped].max() == pytest.approx(35.0, abs=0.05)
-
-
 def test_strap_moment_arm_is_the_derivative_of_its_length(cylinder):
     length = cylinder.known["length"]
     slope = (length(20.0) - length(10.0)) / np.radians(10.0)
     assert cylinder.known["moment_arm"] == pytest.approx(-slope, rel=1e-12)
-
-
-def test_strap_touches_the_cylinder_from_end_to_end_of_its_range(cylinder):
-    wide = wrapping_cylinder(angles=np.arange(-60.0, 81.0, 5.0))
-    assert wide.known["moment_arm"] == cylinder.known["moment_arm"]
-    _, insertion = attachments_of(wide.attachments["strap"], "strap")
-    for angle in wide.motion.times:
-        moved = apply_transform(wide.motion.at(angle)["pulley"], insertion.landmarks)
-        turn = np.degrees(np.arctan2(moved[:, 1], moved[:, 2])) % 360.0
-        # On the cylinder past its top, where the straight part comes in, and not round to it again.
-        assert turn.min() == pytest.approx(80.0 + angle)
-        assert turn.min() > 15.0
-        assert turn.max() < 200.0
-    with pytest.raises(ValueError, match=r"-90 degrees.*from -80 to 180"):
-        wrapping_cylinder(angles=[-90.0, 0.0])
 
 
 @pytest.mark.parametrize("angle", [-79.0, -60.0, 0.0, 40.0, 80.0])
@@ -228,30 +196,7 @@ def test_strap_is_as_long_as_a_string_round_its_cylinder(cylinder, angle):
     assert cylinder.known["length"](angle) == pytest.approx(taut, rel=1e-6)
 
 
-def test_strap_is_wound_up_as_the_cylinder_turns(cylinder):
-    _, insertion = attachments_of(cylinder.attachments["strap"], "strap")
-    transform = cylinder.motion.at(40.0)["pulley"]
-    start = insertion.landmarks[[0, -1]].mean(axis=0)
-    moved = apply_transform(transform, start[None])[0]
-    turn = np.degrees(np.arctan2(moved[1], moved[2]) - np.arctan2(start[1], start[2]))
-    assert turn == pytest.approx(40.0, abs=1e-9)
-
-
 # -------------------------------------------------------------------- hip
-
-
-def test_hip_has_the_sizes_that_the_demo_needs(hip):
-    for name, surface in surfaces(hip).items():
-        low, high = (1500, 3100) if name in hip.muscles else (5000, 15000)
-        assert low <= surface.GetNumberOfCells() <= high, name
-
-
-def test_hip_is_of_an_adults_size(hip):
-    volumes = {name: survey(*mesh(surface)).volume / 1000 for name, surface in surfaces(hip).items()}
-    # Cubic centimetres; living adults have about 850 (maximus), 320 (medius), 180 (iliacus).
-    assert 400 < volumes["gluteus_maximus"] < 1000
-    assert 120 < volumes["gluteus_medius"] < 400
-    assert 80 < volumes["iliacus"] < 250
 
 
 def test_femoral_head_is_a_ball_about_the_origin(hip):
@@ -260,35 +205,6 @@ def test_femoral_head_is_a_ball_about_the_origin(hip):
     head = points[(points[:, 0] > 8) & (np.linalg.norm(points, axis=1) < 30)]
     assert len(head) > 100
     np.testing.assert_allclose(np.linalg.norm(head, axis=1), hip.known["head_radius"], atol=0.3)
-
-
-def test_femur_flexes_forward_and_up(hip):
-    knee = np.array([[-32.0, 4.0, -240.0]])
-    moved = apply_transform(hip.motion.at(90.0)["femur"], knee)[0]
-    assert is_rigid(hip.motion.at(90.0)["femur"])
-    assert moved[1] < -200
-    assert abs(moved[2]) < 10
-    assert moved[0] == pytest.approx(knee[0, 0])
-
-
-def test_gluteus_maximus_has_an_open_insertion(hip):
-    kinds = {
-        (name, area.role): area.closed
-        for name, data in hip.attachments.items()
-        for area in attachments_of(data, name)
-    }
-    assert [key for key, closed in kinds.items() if not closed] == [("gluteus_maximus", "insertion")]
-
-
-def test_iliacus_passes_in_front_of_the_femoral_head(hip):
-    points = points_of(hip.muscles["iliacus"])
-    at_the_joint = points[np.abs(points[:, 2]) < 15]
-    assert at_the_joint[:, 1].max() < -hip.known["head_radius"]
-
-
-def test_muscles_do_not_enter_each_other(hip):
-    depth = -signed_distances(points_of(hip.muscles["gluteus_maximus"]), hip.muscles["gluteus_medius"]).min()
-    assert depth < 0.5
 
 
 # -------------------------------------------------------------------- how they are made
@@ -306,23 +222,10 @@ def test_gradient_of_a_field_agrees_with_finite_differences(rng):
         np.testing.assert_allclose(slope[:, axis], difference, atol=0.05)
 
 
-def test_projected_points_lie_on_the_surface(rng):
-    solid = femur()
-    points = solid.projected(rng.normal((-50, 8, -100), 10.0, (100, 3)), steps=8)
-    assert np.abs(solid.values(points)).max() < 1e-3
-
-
 def test_thick_curve_of_two_equal_ends_is_a_capsule():
     solid = thick_curve([(0, 0, 0), (30, 0, 0)], [6.0, 6.0])
     report = survey(*mesh_of(solid, 1.5, 4000))
     assert report.volume == pytest.approx(np.pi * 36 * 30 + 4 / 3 * np.pi * 216, rel=0.015)
-
-
-def test_thick_sheet_has_its_thickness():
-    knots = [[(x, y, 0.0) for y in (0, 20, 40)] for x in (0, 30, 60)]
-    solid = thick_sheet(knots, np.full((3, 3), 4.0))
-    values = solid.values(np.array([(30.0, 20.0, z) for z in (0.0, 4.0, 6.0)]))
-    np.testing.assert_allclose(values, [-4.0, 0.0, 2.0], atol=1e-9)
 
 
 def test_solid_of_revolution_is_a_prism_where_its_radius_is_constant():
@@ -374,7 +277,7 @@ def test_the_chain_of_filters_gives_the_known_lengths_angles_and_volume(kind):
     muscle, attachments = phantom.muscles["block"], phantom.attachments["block"]
     fibres = decompose(muscle, attachments, phantom.superficial.get("block"), template=kind)
     metrics = FibreMetrics(architecture=True)
-    for port, value in enumerate((fibres, muscle, None, attachments)):
+    for port, value in enumerate((fibres, muscle, attachments)):
         metrics.connect(port, value)
     measured = metrics.update().output
     r, s = (cell_array(measured, name, kind) for name in ("r", "s"))

@@ -7,8 +7,7 @@ import pytest
 from tiny_scene import write_tiny_scene
 
 from vtkmuscle import Scene
-from vtkmuscle.core.motion.rigid import hinge
-from vtkmuscle.data.arrays import blocks_of, cell_array, multiblock_from, points_of
+from vtkmuscle.data.arrays import cell_array, points_of
 from vtkmuscle.data.attachments import attachments_from
 from vtkmuscle.filters import (
     FibreMetrics,
@@ -56,15 +55,6 @@ def test_settings_of_sections_do_not_go_with_straight_fibres(muscle, attachments
         decompose(muscle, attachments, template="fan", course="straight")
 
 
-def test_fibres_fill_the_muscle(muscle, attachments):
-    fibres = decompose(muscle, attachments, n_fibres=6, resolution=5).update().output
-    assert fibres.GetNumberOfCells() == 6
-    assert fibres.GetNumberOfPoints() == 6 * 6
-    inside = np.array(fibres.GetBounds()).reshape(3, 2), np.array(muscle.GetBounds()).reshape(3, 2)
-    assert (inside[0][:, 0] >= inside[1][:, 0] - 0.5).all()
-    assert (inside[0][:, 1] <= inside[1][:, 1] + 0.5).all()
-
-
 def chain(scene, muscle, attachments, **settings):
     fibres = decompose(muscle, attachments, n_fibres=6, resolution=5)
     return deform(muscle, scene.bones_data(), scene.motion, attachments, fibres=fibres, **settings)
@@ -86,39 +76,6 @@ def test_a_muscle_with_fixed_points_of_its_own_needs_no_attachments(scene, muscl
         deform(muscle, scene.bones_data(), scene.motion, attachments, iterations=2).update(time=5.0).output
     )
     np.testing.assert_array_equal(points_of(own), points_of(found))
-
-
-def test_settings_reach_their_filters(scene, muscle, attachments):
-    last = deform(
-        muscle,
-        scene.bones_data(),
-        scene.motion,
-        attachments,
-        fixing={"method": "proximity", "distance": 3.0},
-        iterations=4,
-    )
-    assert last.iterations == 4
-    assert (last.muscle.method, last.muscle.distance) == ("proximity", 3.0)
-    smoother = decompose(muscle, attachments, smoothing_passes=2, smoothing_weight=1.0)
-    assert (smoother.smoothing_passes, smoother.smoothing_weight) == (2, 1.0)
-
-
-def test_what_is_not_allowed_is_refused_at_once(scene, muscle, attachments):
-    with pytest.raises(
-        TypeError, match="PathDeformer has no parameter or input port 'iteration'; did you mean 'iterations'"
-    ):
-        deform(muscle, scene.bones_data(), scene.motion, attachments, iteration=3)
-    with pytest.raises(ValueError, match=r"FixedPointDetector: method is 'glue'"):
-        deform(muscle, scene.bones_data(), scene.motion, attachments, fixing={"method": "glue"})
-    with pytest.raises(ValueError, match=r"FibreTemplateSource: template is 'wavy'"):
-        decompose(muscle, attachments, template="wavy")
-
-
-def test_a_failure_upstream_surfaces_at_the_end(scene, muscle, attachments):
-    renamed = multiblock_from({f"{name}_r": bone for name, bone in blocks_of(scene.bones_data())})
-    motion = hinge("lower_r", (0, 0, 0), (1, 0, 0), [0, 5])
-    with pytest.raises(ValueError, match=r"FixedPointDetector: attachments, area 0 \(origin on 'upper'\)"):
-        deform(muscle, renamed, motion, attachments).update(time=5.0)
 
 
 FEW_FIBRES = {"n_fibres": 6, "resolution": 5}

@@ -12,7 +12,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from PIL import Image
 
-from vtkmuscle.core.motion.rigid import apply_transform, rotation_about
 from vtkmuscle.data.arrays import (
     Polylines,
     multiblock_from,
@@ -24,20 +23,17 @@ from vtkmuscle.data.arrays import (
 from vtkmuscle.data.drawn_bones import DrawnBones
 from vtkmuscle.plotting import (
     Studio,
-    View,
     can_render,
     choose_view,
     drawing,
     framed,
     make_plotter,
     plot_lengths,
-    plot_muscle,
     plot_rest_pose,
 )
-from vtkmuscle.plotting.actors import actors_of, position_colours, strain_colours
-from vtkmuscle.plotting.drawing import MuscleFrame
 from vtkmuscle.plotting.figures import positions_across, shown_range
 from vtkmuscle.plotting.sheets import Pixels
+from vtkmuscle.plotting.studio import actors_of, strain_colours
 from vtkmuscle.run import figures as run_figures
 from vtkmuscle.run.figures import write_figures
 
@@ -171,18 +167,6 @@ def test_a_muscle_is_seen_from_the_side_that_no_bone_hides():
     assert view.direction[1] > 0.65
 
 
-def test_the_view_turns_with_the_scene_about_the_vertical():
-    turn = rotation_about((0, 0, 0), (0, 0, 1), 60.0)
-    before = choose_view([spindle()], [two_bones()])
-    muscle = with_points(spindle(), apply_transform(turn, points_of(spindle())))
-    bones = two_bones()
-    for i in range(2):
-        bones.SetBlock(i, with_points(bones.GetBlock(i), apply_transform(turn, points_of(bones.GetBlock(i)))))
-    after = choose_view([muscle], [bones])
-    np.testing.assert_allclose(after.direction, turn[:3, :3] @ before.direction, atol=1e-6)
-    np.testing.assert_allclose(after.focus, turn[:3, :3] @ before.focus, atol=1e-6)
-
-
 @settings(deadline=None, max_examples=40)
 @given(st.floats(0.0, 360.0), st.floats(-60.0, 60.0), st.integers(0, 2**32 - 1))
 def test_a_frame_encloses_all_points(azimuth, elevation, seed):
@@ -224,77 +208,6 @@ def test_a_fibre_that_shortens_is_blue_and_one_that_lengthens_is_not(renders):
     longer = picture(make_plotter(bones, [muscle], view, fibres=fibres, colours=coloured(9.0, 9.0)))
     assert blue_pixels(shorter, by=20) > 2000
     assert blue_pixels(longer, by=20) == 0
-
-
-def hues(image):
-    """Share of red and of blue in the pixels that have a colour, whatever their brightness."""
-    coloured = image[np.ptp(image, axis=2) > 60].astype(float)
-    return coloured / coloured.sum(axis=1, keepdims=True)
-
-
-def test_fibres_have_the_colours_of_their_scale_with_and_without_a_muscle(renders):
-    bones, fibres = two_bones(), straight_fibres()
-    view, colours = choose_view([spindle()], [bones]), strain_colours(np.array([10.0, -10.0]), 10.0)
-    with Studio() as studio:
-        within = studio.picture(actors_of([spindle()], view, fibres=fibres, colours=colours), view)
-        alone = studio.picture(actors_of([], view, fibres=fibres, colours=colours), view)
-    coloured = np.ptp(alone, axis=2) > 60
-    inside = coloured & (np.roll(coloured, 1, 1) & np.roll(coloured, -1, 1))
-    assert inside.sum() > 500
-    np.testing.assert_array_equal(within[inside], alone[inside])
-    ends = colours / colours.sum(axis=1, keepdims=True)
-    apart = np.abs(hues(within)[:, None] - ends).max(axis=2).min(axis=1)
-    assert np.median(apart) < 0.05
-
-
-def test_a_drawn_fibre_goes_through_its_points_without_corners(renders):
-    angles = np.linspace(0.0, np.pi, 5)
-    arc = polylines_from(
-        Polylines(40.0 * np.column_stack([np.cos(angles), 0 * angles, np.sin(angles)]), np.array([0, 5]))
-    )
-    view = framed((0.0, -1.0, 0.0), points_of(arc))
-    with Studio() as studio:
-        image = studio.picture(actors_of([], view, fibres=arc), view)
-    rows, columns = np.nonzero(image.min(axis=2) < 250)
-    per_pixel = 2.0 * view.half_height / image.shape[0]
-    x = (columns - image.shape[1] / 2.0) * per_pixel + view.focus[0]
-    z = (image.shape[0] / 2.0 - rows) * per_pixel + view.focus[2]
-    # The chords of this arc come 3 mm nearer to its centre than the arc does.
-    assert np.hypot(x, z).min() > 40.0 - 0.7
-
-
-def test_a_picture_in_more_detail_is_the_same_picture(renders):
-    muscle, bones = spindle(), DrawnBones(two_bones())
-    view = choose_view([muscle], [two_bones()])
-    with Studio() as studio, Studio(2.0) as fine:
-        actors = [actors_of([muscle], view, fixed_points=True, finer=one.finer) for one in (studio, fine)]
-        once, twice = studio.picture(actors[0], view, bones=bones), fine.picture(actors[1], view, bones=bones)
-    assert twice.shape[0] == 2 * once.shape[0]
-    coarse = (
-        twice[: 2 * once.shape[0], : 2 * once.shape[1]].reshape(once.shape[0], 2, -1, 2, 3).mean(axis=(1, 3))
-    )
-    assert np.mean(np.abs(coarse - once).max(axis=2) > 40) < 0.02
-
-
-def test_a_fibre_is_as_wide_in_more_detail(renders):
-    fibres = straight_fibres()
-    view = framed((0.0, -1.0, 0.0), points_of(fibres))
-    covered = []
-    for detail in (1.0, 3.0):
-        with Studio(detail) as studio:
-            image = studio.picture(actors_of([], view, fibres=fibres, finer=studio.finer), view)
-        covered.append(np.mean(image.min(axis=2) < 250))
-    assert covered[0] > 0.005
-    assert covered[1] == pytest.approx(covered[0], rel=0.1)
-
-
-def test_the_same_frame_twice_gives_the_same_panel_twice(renders):
-    with Studio() as studio:
-        bones = DrawnBones(two_bones())
-        figure = plot_muscle([MuscleFrame(spindle(), {}, straight_fibres())] * 2, bones, studio)
-    one, other = (panel.image for panel in pixels_of(figure))
-    np.testing.assert_array_equal(one, other)
-    assert len(np.unique(one.reshape(-1, 3), axis=0)) > 100
 
 
 @pytest.mark.parametrize("form", ["png", "pdf", "svg"])
@@ -348,49 +261,6 @@ def test_a_picture_of_a_studio_is_that_of_a_plotter(renders):
     assert np.mean(difference > 40) < 0.03
 
 
-def test_bones_of_a_studio_move(renders):
-    bones, view = two_bones(), choose_view([spindle()], [two_bones()])
-    drawn, transform = DrawnBones(bones), rotation_about((0, 25, 0), (0, 1, 0), 30.0)
-    turned = with_points(bones.GetBlock(0), apply_transform(transform, points_of(bones.GetBlock(0))))
-    elsewhere = DrawnBones(multiblock_from({"lower": turned, "upper": bones.GetBlock(1)}))
-    with Studio() as studio:
-        rest = studio.picture([], view, bones=drawn)
-        moved = studio.picture([], view, bones=drawn, transforms={"lower": transform})
-        there = studio.picture([], view, bones=elsewhere)
-        np.testing.assert_array_equal(rest, studio.picture([], view, bones=drawn))
-    assert np.mean(np.abs(moved.astype(int) - there) > 5) < 0.002, "the rims apart"
-    assert np.mean(np.abs(moved.astype(int) - rest) > 5) > 0.02
-
-
-def test_an_open_bone_is_seen_from_inside(renders):
-    view = choose_view([spindle()], [two_bones()])
-    lid = pv.Plane(center=(0, 25, 0), direction=(0, 1, 0), i_size=90, j_size=90).triangulate()
-    with Studio() as studio:
-        for direction in (1.0, -1.0):
-            shown = View(direction * view.direction, view.focus, view.half_height, view.aspect)
-            image = studio.picture([], shown, bones=DrawnBones(multiblock_from({"lid": lid})))
-            assert np.mean(image.min(axis=2) < 250) > 0.2
-
-
-def test_data_sets_are_not_changed_by_drawing_them(renders):
-    muscle, bones, fibres = spindle(), two_bones(), straight_fibres()
-    before = [data.GetMTime() for data in (muscle, fibres, bones.GetBlock(0), bones.GetBlock(1))]
-    arrays = [muscle.GetPointData().GetNumberOfArrays(), fibres.GetCellData().GetNumberOfArrays()]
-    view = choose_view([muscle], [bones])
-    picture(make_plotter(bones, [muscle], view, fibres=fibres, colours=coloured(0.0, 0.0), fixed_points=True))
-    assert [data.GetMTime() for data in (muscle, fibres, bones.GetBlock(0), bones.GetBlock(1))] == before
-    assert [muscle.GetPointData().GetNumberOfArrays(), fibres.GetCellData().GetNumberOfArrays()] == arrays
-
-
-def test_a_surface_may_have_normals_of_another_name(renders):
-    """Tubes bring ``TubeNormals``, active; a surface of a reader may, too."""
-    tube = pv.Line((0, 0, 0), (0, 0, 30)).tube(radius=2.0).triangulate()
-    assert "TubeNormals" in tube.point_data
-    view = choose_view([tube], [two_bones()])
-    assert picture(make_plotter(two_bones(), [tube], view)).std() > 5.0
-    assert "TubeNormals" in tube.point_data
-
-
 # ---------------------------------------------------------------- places
 
 
@@ -404,10 +274,6 @@ def test_places_are_in_the_order_across_the_fibres(seed):
     points = [[[x, 0.2 * x, s + t] for t in (0.0, 40.0, 80.0)] for x, s in zip(across, starts, strict=True)]
     lines = polylines_from(Polylines(np.reshape(points, (-1, 3)), 3 * np.arange(13)))
     np.testing.assert_allclose(positions_across(lines), (across + 30.0) / 60.0, atol=1e-9)
-
-
-def test_colours_of_places_differ():
-    assert len(np.unique(position_colours(np.linspace(0.0, 1.0, 20)), axis=0)) == 20
 
 
 def test_one_spike_does_not_flatten_an_axis():
@@ -433,11 +299,6 @@ def test_the_length_figure_shows_each_fibre_and_the_mean():
     low, high = axes.get_ylim()
     assert low < 10.0
     assert high > 63.0
-
-
-def test_a_single_frame_is_drawn_as_points():
-    axes = plot_lengths([3.0], [[10.0, 12.0]]).axes[0]
-    assert axes.lines[0].get_marker() == "o"
 
 
 @pytest.mark.parametrize("n_fixed", [1, 2, 7])

@@ -51,17 +51,6 @@ def test_filters_and_what_vtk_makes_of_them_go_to_the_time(spindle, plotter, smo
     assert np.array_equal(shown(still), pv.Sphere().points)
 
 
-def test_actors_that_share_a_name_all_go_to_the_time(spindle, plotter):
-    """PyVista names an actor by an address; a later data set may lie where an earlier one was."""
-    actors = [
-        plotter.add_mesh(chain(spindle), name="PolyData(Addr=0x1)", remove_existing_actor=False)
-        for _ in range(3)
-    ]
-    show_time(plotter, 10.0)
-    expected = points_of(chain(spindle).update(time=10.0).output)
-    assert all(np.array_equal(shown(actor), expected) for actor in actors)
-
-
 def test_a_slider_moves_them(spindle, plotter):
     muscle = plotter.add_mesh(chain(spindle))
     slider = add_time_slider(plotter, spindle.motion.times, value=20.0)

@@ -23,7 +23,7 @@ from vtkmuscle.filters import (
     TemplateFitter,
 )
 from vtkmuscle.filters.base.filter import Filter
-from vtkmuscle.pipelines.fibres import PUBLISHED_FIBRES
+from vtkmuscle.pipelines import PUBLISHED_FIBRES
 
 NAME = "gluteus_medius"
 

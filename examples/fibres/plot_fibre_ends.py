@@ -44,12 +44,12 @@ for stage, fibres in (("morphed", morphed), ("trimmed", trimmed), ("smoothed", s
     print(f"; ends {nearest_ends(fibres):.2f} mm apart")
 
 # %%
-# Morphed, trimmed and smoothed fibres, in tubes that fill the muscle without overlap.
+# Morphed, trimmed and smoothed fibres.
 plotter = pv.Plotter(shape=(1, 3), border=False)
 for column, fibres in enumerate((morphed, trimmed, smoothed)):
     plotter.subplot(0, column)
     measured = FibreMetrics()(fibres, muscle)
-    tubes = FibreTubes(radius_by="fill", colour_by="Length")(measured, muscle)
+    tubes = FibreTubes(radius=1.5)(measured)
     plotter.add_mesh(pv.wrap(tubes), scalars="Length", smooth_shading=True, show_scalar_bar=column == 1)
     plotter.add_mesh(pv.wrap(muscle), color="darkred", opacity=0.15)
 plotter.link_views()

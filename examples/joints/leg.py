@@ -12,7 +12,7 @@ from vtkmuscle.core.types import Floats
 from vtkmuscle.data.attachments import AttachmentArea
 from vtkmuscle.joints.functions import IDENTITY
 from vtkmuscle.joints.tree import Joint, JointAxis, JointCoordinate, KinematicTree
-from vtkmuscle.phantoms.hip_bones import HEAD_RADIUS, NECK_ANGLE, pelvis, upper_femur
+from vtkmuscle.phantoms.hip_bones import HEAD_RADIUS, pelvis, upper_femur
 from vtkmuscle.phantoms.hip_joint import beside_bones, hip_parts
 from vtkmuscle.phantoms.implicit import Solid, ball, rod, thick_curve, union
 from vtkmuscle.phantoms.meshing import mesh_of
@@ -147,7 +147,7 @@ def leg(*, coordinates: ArrayLike | None = None) -> Phantom:
 
 @cache
 def _parts() -> tuple[dict[str, Surface], dict[str, Surface], dict[str, list[AttachmentArea]]]:
-    hip_bones, muscles, areas = hip_parts(HEAD_RADIUS, NECK_ANGLE, 1.0, 1.0)
+    hip_bones, muscles, areas = hip_parts(HEAD_RADIUS, 1.0)
     solids = {"pelvis": pelvis(), "femur": whole_femur(), "tibia": tibia(), "foot": foot()}
     counts = {"femur": 7000, "tibia": 4000, "foot": 3000}
     bones = {"pelvis": hip_bones["pelvis"]}

@@ -2,8 +2,7 @@
 
 import numpy as np
 import pytest
-from vtkmodules.util.numpy_support import vtk_to_numpy
-from vtkmodules.vtkCommonCore import VTK_DOUBLE, VTK_FLOAT, vtkPoints, vtkStringArray
+from vtkmodules.vtkCommonCore import VTK_DOUBLE, vtkPoints
 from vtkmodules.vtkCommonDataModel import vtkCellArray, vtkMultiBlockDataSet, vtkPolyData
 from vtkmodules.vtkFiltersSources import vtkPlaneSource
 
@@ -60,33 +59,6 @@ def lines_with_shared_points():
 def test_surface_keeps_points_and_triangles():
     surface = surface_from(POINTS, TRIANGLES)
     assert surface.GetPoints().GetDataType() == VTK_DOUBLE
-    np.testing.assert_array_equal(points_of(surface), POINTS)
-    np.testing.assert_array_equal(triangles_of(surface, "here"), TRIANGLES)
-
-
-def test_points_are_a_copy():
-    surface = surface_from(POINTS, TRIANGLES)
-    points_of(surface)[:] = 7.0
-    np.testing.assert_array_equal(points_of(surface), POINTS)
-
-
-def test_points_of_single_precision_become_double():
-    data = vtkPolyData()
-    data.SetPoints(vtkPoints())
-    data.GetPoints().SetDataType(VTK_FLOAT)
-    data.GetPoints().InsertNextPoint(0.1, 0.2, 0.3)
-    assert points_of(data).dtype == np.float64
-
-
-def test_points_of_an_empty_data_set_are_none():
-    assert points_of(vtkPolyData()).shape == (0, 3)
-
-
-def test_surface_does_not_share_memory_with_its_arrays():
-    points, triangles = POINTS.copy(), TRIANGLES.copy()
-    surface = surface_from(points, triangles)
-    points[:] = 7.0
-    triangles[:] = 0
     np.testing.assert_array_equal(points_of(surface), POINTS)
     np.testing.assert_array_equal(triangles_of(surface, "here"), TRIANGLES)
 
@@ -161,11 +133,6 @@ def test_lines_of_other_lengths_drops_point_arrays_only():
     np.testing.assert_array_equal(cell_array(result, "FibreId", "here"), [10, 11])
 
 
-def test_data_without_polylines_is_refused():
-    with pytest.raises(ValueError, match="here: there are no polylines"):
-        polylines_of(surface_from(POINTS, TRIANGLES), "here")
-
-
 def test_polylines_among_other_cells_are_refused():
     data = lines_with_shared_points()
     vertex = vtkCellArray()
@@ -173,13 +140,6 @@ def test_polylines_among_other_cells_are_refused():
     vertex.InsertCellPoint(0)
     data.SetVerts(vertex)
     with pytest.raises(ValueError, match=r"here: 1 cell\(s\) are not polylines"):
-        polylines_of(data, "here")
-
-
-def test_polylines_with_a_point_that_is_not_finite_are_refused():
-    data = lines_with_shared_points()
-    data.GetPoints().SetPoint(3, np.nan, 0, 0)
-    with pytest.raises(ValueError, match="here: some points are not finite"):
         polylines_of(data, "here")
 
 
@@ -194,14 +154,6 @@ def test_arrays_are_copied_in_and_read_only_out():
     np.testing.assert_array_equal(view, np.arange(4.0))
     with pytest.raises(ValueError, match="read-only"):
         view[0] = 1.0
-
-
-def test_array_of_the_same_name_is_replaced():
-    surface = surface_from(POINTS, TRIANGLES)
-    set_point_array(surface, "a", np.arange(4))
-    set_point_array(surface, "a", np.arange(4, 8))
-    np.testing.assert_array_equal(point_array(surface, "a", "here"), np.arange(4, 8))
-    assert surface.GetPointData().GetNumberOfArrays() == 1
 
 
 @pytest.mark.parametrize(("get", "kind"), [(point_array, "point"), (cell_array, "cell")])
@@ -219,13 +171,6 @@ def test_field_arrays_hold_numbers_and_strings():
     assert field_array(data, "nothing") is None
     assert field_string(data, "nothing") is None
     assert field_string(data, "FitError") is None
-
-
-def test_empty_string_array_is_no_string():
-    data, array = vtkPolyData(), vtkStringArray()
-    array.SetName("Bone")
-    data.GetFieldData().AddArray(array)
-    assert field_string(data, "Bone") is None
 
 
 # -------------------------------------------------------------------- blocks
@@ -288,19 +233,6 @@ def test_ends_and_via_rings_are_told_apart():
 def test_a_via_ring_that_is_none_is_refused_with_its_block(ring, message):
     with pytest.raises(ValueError, match=f"here, block 'via_0': .*{message}"):
         attachments_of(attachments_from([ring]), "here")
-
-
-def test_ring_is_a_polyline_whose_last_point_is_its_first():
-    block = attachments_from([AttachmentArea("origin", "pelvis", POINTS, closed=True)]).GetBlock(0)
-    points = points_of(block)[vtk_to_numpy(block.GetLines().GetConnectivityArray())]
-    np.testing.assert_array_equal(points[0], points[-1])
-
-
-def test_landmarks_without_a_line_are_an_open_area():
-    data = attachments_from([AttachmentArea("origin", "pelvis", POINTS, closed=True)])
-    data.GetBlock(0).SetLines(vtkCellArray())
-    (area,) = attachments_of(data, "here")
-    assert not area.closed
 
 
 @pytest.mark.parametrize(

@@ -72,8 +72,3 @@ def test_points_are_spread_over_bones_evenly_and_move_with_them(ball):
         np.testing.assert_allclose(np.linalg.norm(points - centre, axis=1), 30.0, atol=0.5)
         assert np.abs((points - centre).mean(axis=0)).max() < 1.0
     assert len(spread_over(points_of(ball), triangles_of(ball, "ball"), 77)) == 77
-
-
-def test_a_surface_without_area_is_its_points():
-    points = np.zeros((3, 3))
-    np.testing.assert_array_equal(spread_over(points, np.array([[0, 1, 2]])), points)

@@ -1,6 +1,3 @@
-import gc
-import weakref
-
 import numpy as np
 import pytest
 from vtkmodules.util.numpy_support import vtk_to_numpy
@@ -58,16 +55,3 @@ def test_a_patch_is_found_once(ball, monkeypatch):
     assert known.patch(AttachmentArea("insertion", "femur", 3 * ring, closed=True)) is first
     assert len(calls) == 1
     assert not np.array_equal(known.patch(AttachmentArea("origin", "pelvis", 3 * ring[:4], True)), first)
-
-
-def test_only_the_last_surfaces_are_remembered(ball):
-    points, triangles = points_of(ball), triangles_of(ball, "")
-    first = weakref.ref(muscle_geometry(surface_from(points, triangles), "test"))
-    for i in range(1, module.REMEMBERED):
-        muscle_geometry(surface_from(points + i, triangles), "test")
-    gc.collect()
-    assert first() is muscle_geometry(surface_from(points, triangles), "test")
-    for i in range(1, module.REMEMBERED + 1):
-        muscle_geometry(surface_from(points - i, triangles), "test")
-    gc.collect()
-    assert first() is None

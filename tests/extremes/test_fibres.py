@@ -146,7 +146,7 @@ def test_fibres_of_extreme_input_are_finite_and_in_the_muscle(case, method, ledg
     outside = finite_and_measured(rest, muscle)
     if rest.GetNumberOfCells() < 1000:
         measured = FibreMetrics()(rest, muscle)
-        assert np.isfinite(points_of(FibreTubes(radius_by="fill")(measured, muscle))).all()
+        assert np.isfinite(points_of(FibreTubes()(measured))).all()
     ledger.passed(GROUP, case, "farthest point outside [mm]", outside)
 
 

@@ -135,16 +135,6 @@ def paths(time=4.0):
     return data
 
 
-def fibres_over_time():
-    """Return fibres that have their lengths over the motion with them: a hinge with an arm of 20 to 25 mm."""
-    data = fibres()
-    times = PHANTOM.motion.times
-    arms = np.linspace(20.0, 25.0, data.GetNumberOfCells())
-    set_cell_array(data, "Lengths", 140.0 - arms[:, None] * np.radians(times))
-    set_field_array(data, "Times", times)
-    return data
-
-
 def aponeuroses():
     """Return two strips along the spindle, on its near and its far side."""
     z, half = np.linspace(-20.0, 40.0, 7), 6.0
@@ -194,7 +184,7 @@ EXAMPLES = {
     "fibres": fibres,
     "rest_fibres": fibres,
     "paths": paths,
-    "MomentArms.fibres": fibres_over_time,
+    "MomentArms.fibres": paths,
     "superficial": superficial_fibres,
     "aponeuroses": aponeuroses,
     "image": image,

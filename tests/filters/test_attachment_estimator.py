@@ -13,7 +13,6 @@ from vtkmuscle.data.arrays import (
     multiblock_from,
     point_array,
     points_of,
-    surface_from,
     with_points,
 )
 from vtkmuscle.data.attachments import attachments_from, attachments_of
@@ -117,19 +116,6 @@ def test_the_bone_of_the_origin_may_be_given(spindle):
         estimate(spindle.muscles["spindle"], spindle.bones, origin="ulna")
 
 
-def test_the_way_that_the_triangles_face_makes_no_difference(spindle):
-    muscle = spindle.muscles["spindle"]
-    points, triangles = checked_surface(muscle, "test")
-    inside_out = surface_from(points, triangles[:, ::-1])
-    for mine, yours in zip(
-        attachments_of(estimate(muscle, spindle.bones), "test"),
-        attachments_of(estimate(inside_out, spindle.bones), "test"),
-        strict=True,
-    ):
-        assert mine.bone == yours.bone
-        np.testing.assert_allclose(mine.landmarks.mean(axis=0), yours.landmarks.mean(axis=0), atol=0.5)
-
-
 def test_a_muscle_that_touches_one_bone_is_refused(spindle):
     name, bone = blocks_of(spindle.bones)[0]
     with pytest.raises(ValueError, match=f"comes near to fewer; .* '{name}' .*; .* or give landmarks"):
@@ -140,8 +126,9 @@ def test_a_muscle_that_touches_one_bone_is_refused(spindle):
 @pytest.mark.parametrize(
     "name",
     [
-        *("gluteus_maximus", "adductor_brevis"),
+        "adductor_brevis",
         *(pytest.param(name, marks=pytest.mark.long) for name in ("gluteus_medius", "iliacus")),
+        pytest.param("gluteus_maximus", marks=pytest.mark.long),
     ],
 )
 def test_estimates_of_a_real_muscle_cover_the_digitised_areas(lhdl_hip, name):

@@ -115,19 +115,7 @@ FAULTS = {
         (BAR[0], np.vstack([BAR[1][:1, ::-1], BAR[1][1:]])),
         r"block 'bar': 1 of 12 triangles faced the opposite side",
     ),
-    "a sheet": ((BAR[0], BAR[1][4:6]), r"block 'bar': the surface is open: .* enclose no volume"),
     "two overlapping": (joined(BAR, box([-30, 16, -5], [30, 30, 5])), None),
-    "zero area": (
-        (BAR[0], np.vstack([BAR[1], [[0, 0, 1], [2, 2, 2], [0, 1, 1]]])),
-        None,
-    ),
-    "4 triangles": (
-        (
-            np.array([[0.0, 13, 5], [-30, 40, -20], [30, 40, -20], [0, 40, 40]]),
-            np.array([[0, 1, 2], [0, 2, 3], [0, 3, 1], [1, 3, 2]]),
-        ),
-        None,
-    ),
     "5 mm off with a fin": (
         (np.vstack([BAR[0], [[0.0, 50, 5]]]), np.vstack([BAR[1], [[0, 1, 8]]])),
         r"block 'bar': the surface is open",
@@ -144,13 +132,6 @@ def test_a_bone_that_is_not_as_it_should_be(fault):
     messages = [str(w.message) for w in caught]
     assert (messages == []) == (told is None)
     assert all(re.search(told, message) for message in messages)
-    if fault != "a sheet":  # nothing is in it
-        assert field_array(out, "CollidingPoints")[0] > 0
-    if fault in ("open", "inside out", "one turned", "two overlapping", "zero area"):
-        assert depth_in_bar(free_points(out), press()[-1]) <= 0.1  # as from the bone in good order
-
-
-def test_fifty_bones():
-    more = [box([30 * k - 750, -300, -5], [30 * k - 730, -13.5, 5]) for k in range(48)]
-    out = deformed(BAR, press(), more=more)
     assert field_array(out, "CollidingPoints")[0] > 0
+    if fault != "5 mm off with a fin":
+        assert depth_in_bar(free_points(out), press()[-1]) <= 0.1  # as from the bone in good order

@@ -1,13 +1,12 @@
 import numpy as np
 import pytest
 import pyvista as pv
-from belly import ADVANCE, GAIN, THICKNESS
-from phantoms import fibre_block, pennate_belly
+from phantoms import fibre_block
 from phantoms.winding_spindle import LENGTH, winding_fibre, winding_fibres, winding_surface
 from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 
-from vtkmuscle.data.arrays import Polylines, points_of, polylines_from, with_points
-from vtkmuscle.filters import FibreField, FibreSource, FibreTransport
+from vtkmuscle.data.arrays import Polylines, points_of, polylines_from
+from vtkmuscle.filters import FibreField, FibreSource
 from vtkmuscle.phantoms import spindle_over_hinge
 
 #: The block's sides [mm].
@@ -63,15 +62,6 @@ def test_any_mesh_gets_the_known_direction(kind, at, pennate):
     assert (data["InMuscle"] == 1).all()
 
 
-def test_cells_have_the_direction_at_their_centres(pennate):
-    muscle, fibres, _ = pennate
-    mesh = meshes()["tetrahedra"]
-    cells = FibreField().apply(mesh, fibres, muscle)
-    centres = FibreField(at="points").apply(mesh.cell_centers(), fibres, muscle)
-    for name in ("FibreDirection", "FibreDistance", "InMuscle"):
-        assert np.abs(cells.cell_data[name] - centres.point_data[name]).max() < 1e-4
-
-
 def test_bipennate_fibres_lean_to_both_sides():
     phantom = fibre_block("bipennate")
     muscle = phantom.muscles["block"]
@@ -85,20 +75,6 @@ def test_bipennate_fibres_lean_to_both_sides():
     errors = off(field["FibreDirection"], truth)[where]
     assert np.median(errors) < 1.0
     assert np.percentile(errors, 95) < 3.0
-
-
-def test_where_fibres_differ_the_field_lies_between_them():
-    phantom = pennate_belly()
-    muscle = phantom.muscles["belly"]
-    fibres = FibreSource(n_fibres=200)(muscle, phantom.attachments["belly"])
-    field = FibreField().apply(pv.create_grid(pv.wrap(muscle), dimensions=(50, 16, 8)), fibres, muscle)
-    x, _, z = field.cell_centers().points.T
-    t = z / THICKNESS
-    way = ADVANCE + GAIN * (x - ADVANCE * t) / (1.0 + GAIN * t)
-    truth = np.column_stack([way, 0 * way, np.full(len(way), THICKNESS)])
-    errors = off(field["FibreDirection"], truth)[field["InMuscle"] == 1]
-    assert np.median(errors) < 1.5
-    assert np.percentile(errors, 95) < 4.0
 
 
 def test_a_winding_muscles_field_winds():
@@ -163,19 +139,6 @@ def test_distances_are_those_of_the_fibres(pennate):
     assert np.allclose(field["FibreDistance"], np.hypot(x, y))
 
 
-def test_a_deformed_muscles_field_follows_it(pennate):
-    """The field of fibres that a muscle carries is that of its elements where they are carried."""
-    muscle, fibres, truth = pennate
-    shear = np.array([[1.0, 0, 0], [0, 1, 0], [0.3, 0, 1]]).T
-    bent = with_points(muscle, points_of(muscle) @ shear.T)
-    carried = FibreTransport()(fibres, muscle, bent)
-    mesh = image(4.0).cast_to_unstructured_grid()
-    mesh.points = mesh.points @ shear.T
-    expected = shear @ truth
-    field = FibreField().apply(mesh, carried, bent)
-    assert off(field["FibreDirection"], expected / np.linalg.norm(expected)).max() < 2.0
-
-
 @pytest.mark.parametrize("with_muscle", [True, False])
 def test_a_mesh_that_is_elsewhere_is_refused(pennate, with_muscle):
     muscle, fibres, _ = pennate
@@ -210,28 +173,3 @@ def test_cells_without_points_have_no_directions(pennate):
     mesh = pv.UnstructuredGrid([0, 1, 0], [pv.CellType.EMPTY_CELL, pv.CellType.VERTEX], [[10.0, 20.0, 60.0]])
     with pytest.raises(ValueError, match="FibreField: mesh: some of its cells have no points"):
         FibreField()(mesh, fibres, muscle)
-
-
-def test_fibres_that_are_none_are_refused(pennate):
-    muscle, _, _ = pennate
-    with pytest.raises(ValueError, match="FibreField: fibres: there are no polylines"):
-        FibreField()(image(20.0), pv.PolyData(np.zeros((1, 3))), muscle)
-    point = pv.lines_from_points(np.ones((4, 3)))
-    with pytest.raises(ValueError, match="FibreField: fibres: no fibre has a length"):
-        FibreField()(image(20.0), point, muscle)
-
-
-def test_an_open_muscle_has_no_inside(pennate):
-    muscle, fibres, _ = pennate
-    half = pv.wrap(muscle).clip("x", origin=(10.0, 0, 0)).triangulate()
-    with pytest.raises(ValueError, match=r"FibreField: muscle: the surface has \d+ open edge"):
-        FibreField()(image(20.0), fibres, half)
-
-
-def test_the_output_takes_the_kind_of_the_mesh_when_that_changes(pennate):
-    muscle, fibres, _ = pennate
-    field = FibreField(fibres=fibres, muscle=muscle)
-    for mesh in (image(20.0), image(20.0).cast_to_unstructured_grid(), image(20.0)):
-        field.mesh = mesh
-        assert field.output.GetClassName() == mesh.GetClassName()
-        assert field.output.GetCellData().HasArray("FibreDirection")

@@ -19,9 +19,6 @@ from vtkmuscle.data.arrays import (
     points_of,
     polylines_from,
     polylines_of,
-    set_cell_array,
-    set_field_array,
-    set_point_array,
 )
 from vtkmuscle.data.attachments import attachments_of
 from vtkmuscle.data.muscle_geometry import muscle_geometry
@@ -48,27 +45,11 @@ def test_inner_points_follow_the_formula_and_end_points_stay():
     assert_array_equal(smoothed[:, [0, -1]], p[:, [0, -1]])
 
 
-def test_no_iteration_changes_nothing():
-    lines = noisy_fibres()
-    assert_array_equal(points_of(FibreSmoother(smoothing_passes=0)(polylines_from(lines))), lines.points)
-
-
 def test_many_iterations_straighten_the_fibres():
     smoothed = points_of(
         FibreSmoother(smoothing_passes=5000, smoothing_weight=0.0)(polylines_from(noisy_fibres()))
     ).reshape(4, 12, 3)
     assert_allclose(smoothed, np.linspace(smoothed[:, 0], smoothed[:, -1], 12, axis=1), atol=1e-6)
-
-
-def test_arrays_of_the_fibres_pass_through():
-    fibres = polylines_from(noisy_fibres())
-    set_point_array(fibres, "t", np.tile(np.linspace(0, 1, 12), 4))
-    set_cell_array(fibres, "FibreId", np.arange(4))
-    set_field_array(fibres, "FitError", 0.25)
-    smoothed = FibreSmoother()(fibres)
-    assert smoothed.GetPointData().GetArray("t").GetValue(11) == 1.0
-    assert smoothed.GetCellData().GetArray("FibreId").GetValue(3) == 3
-    assert smoothed.GetFieldData().GetArray("FitError").GetValue(0) == 0.25
 
 
 def test_points_stay_in_the_muscle_where_it_is_connected():
@@ -157,7 +138,9 @@ def bare_share(muscle, attachments, **settings):
     ("make", "name", "templates"),
     [
         (spindle_over_hinge, "spindle", ["pennate", "bipennate"]),
-        (hip, "gluteus_maximus", ["pennate", "bipennate", "curved", "fan"]),
+        pytest.param(
+            hip, "gluteus_maximus", ["pennate", "bipennate", "curved", "fan"], marks=pytest.mark.long
+        ),
     ],
     ids=["spindle", "gluteus maximus"],
 )
@@ -183,14 +166,15 @@ def test_what_a_template_leaves_free_in_a_muscle_of_its_own_architecture_stays_f
 
 
 @pytest.mark.realdata
+@pytest.mark.long
 @pytest.mark.filterwarnings("ignore:SliceMorpher")  # pennate templates have no isolines
 @pytest.mark.parametrize(
     ("template", "body"),
     [
         ("pennate", "bp3d_knee"),
         ("bipennate", "lhdl_hip"),
-        pytest.param("pennate", "lhdl_hip", marks=pytest.mark.long),
-        pytest.param("bipennate", "bp3d_knee", marks=pytest.mark.long),
+        ("pennate", "lhdl_hip"),
+        ("bipennate", "bp3d_knee"),
     ],
 )
 def test_pennate_fibres_fill_real_muscles(template, body, request):
@@ -202,11 +186,7 @@ def test_pennate_fibres_fill_real_muscles(template, body, request):
 
 
 @pytest.mark.realdata
-@pytest.mark.gap(
-    "distance to the nearest fibre relative to even fibres, iliacus",
-    "2.3",
-    "1.5",
-)
+@pytest.mark.gap("distance to the nearest fibre relative to even fibres, iliacus", "2.3", "1.5")
 @pytest.mark.parametrize(
     ("name", "bound"),
     [("gluteus_maximus", 1.5), ("gluteus_medius", 1.5), ("adductor_brevis", 1.5), ("iliacus", 2.4)],

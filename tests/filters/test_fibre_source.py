@@ -178,12 +178,6 @@ def test_without_areas_and_aponeuroses_there_is_nothing_to_end_on(block):
         FibreSource()(block[0])
 
 
-def test_fibres_are_the_same_again(block):
-    muscle, attachments = block
-    one, two = (points_of(FibreSource(n_fibres=50, course="straight")(muscle, attachments)) for _ in range(2))
-    assert np.array_equal(one, two)
-
-
 @pytest.mark.realdata
 def test_fibres_between_the_aponeuroses_of_a_gastrocnemius_are_as_long_as_measured_ones(dti_gastrocnemius):
     folder = dti_gastrocnemius

@@ -30,23 +30,6 @@ def test_areas_are_those_of_the_template(kind):
         assert np.array_equal(field_array(fibres, name), areas.reshape(-1, 3))
 
 
-def test_a_resolution_of_19_gives_20_points():
-    assert FibreTemplateSource(n_fibres=1, resolution=19).update().output.GetNumberOfPoints() == 20
-
-
-def test_a_new_setting_makes_new_fibres():
-    source = FibreTemplateSource(n_fibres=3)
-    assert source.update().output.GetNumberOfCells() == 3
-    source.n_fibres = 5
-    assert source.update().output.GetNumberOfCells() == 5
-
-
-@pytest.mark.parametrize(("name", "value"), [("template", "spiral"), ("n_fibres", 0), ("resolution", 0)])
-def test_a_value_that_is_not_allowed_is_refused(name, value):
-    with pytest.raises(ValueError, match=name):
-        FibreTemplateSource(**{name: value})
-
-
 def test_many_fibres_are_the_same_ones_neighbour_after_neighbour():
     template = FibreTemplateSource(n_fibres=3000, resolution=1)()
     places = np.column_stack([cell_array(template, name, "template") for name in "rs"])

@@ -16,7 +16,6 @@ from vtkmuscle.data.arrays import (
     triangles_of,
     with_points,
 )
-from vtkmuscle.data.pipeline_times import announce_times
 from vtkmuscle.filters.fibre_transport import FibreTransport
 
 
@@ -111,24 +110,6 @@ def test_a_change_of_the_rest_state_is_noticed_even_behind_vtks_back(monkeypatch
     assert_allclose(points_of(moved), scale * points_of(fibres), atol=1e-9)
 
 
-def test_weights_too_large_to_keep_are_computed_again_with_the_same_result(monkeypatch, fibres, muscle):
-    deformed = with_points(muscle, 0.7 * points_of(muscle))
-    expected = points_of(FibreTransport()(fibres, muscle, deformed))
-    calls = count_weight_computations(monkeypatch)
-    monkeypatch.setattr(embedding, "_LARGEST_CACHE", 0)
-    transport = FibreTransport()
-    for _ in range(2):
-        assert_array_equal(points_of(transport(fibres, muscle, deformed)), expected)
-    assert len(calls) == 2
-
-
-def test_blocks_of_points_do_not_show(monkeypatch, fibres, muscle):
-    deformed = with_points(muscle, points_of(muscle) ** 3 / 400)
-    expected = points_of(FibreTransport()(fibres, muscle, deformed))
-    monkeypatch.setattr(embedding, "_BLOCK", 4)
-    assert_allclose(points_of(FibreTransport()(fibres, muscle, deformed)), expected, atol=1e-12)
-
-
 def test_another_number_of_points_is_refused(fibres, muscle):
     points, triangles = points_of(muscle), triangles_of(muscle, "")
     other = surface_from(np.vstack([points, [[0, 0, 0]]]), triangles)
@@ -140,16 +121,6 @@ def test_an_open_muscle_is_refused(fibres, muscle):
     opened = surface_from(points_of(muscle), triangles_of(muscle, "")[5:])
     with pytest.raises(ValueError, match=r"rest_muscle: the surface has \d+ open edge"):
         FibreTransport()(fibres, opened, opened)
-
-
-def test_the_times_are_those_of_the_deformed_muscle():
-    from vtkmodules.vtkCommonCore import vtkInformation
-
-    information = [vtkInformation() for _ in range(3)]
-    announce_times(information[0], [5.0])
-    assert FibreTransport().time_steps(information) is None
-    announce_times(information[2], [0.0, 1.0, 2.0])
-    assert FibreTransport().time_steps(information) == (0.0, 1.0, 2.0)
 
 
 def test_points_outside_of_the_muscle_are_counted(fibres, muscle):

@@ -9,7 +9,6 @@ from vtkmodules.vtkFiltersSources import vtkCubeSource
 
 from vtkmuscle.data.arrays import (
     Polylines,
-    cell_array,
     checked_surface,
     field_array,
     points_of,
@@ -17,8 +16,6 @@ from vtkmuscle.data.arrays import (
     set_cell_array,
     set_field_array,
     set_point_array,
-    surface_from,
-    triangles_of,
 )
 from vtkmuscle.data.attachments import AttachmentArea, attachments_from
 from vtkmuscle.filters.fibre_trimmer import FibreTrimmer
@@ -92,16 +89,6 @@ def test_it_says_how_many_fibres_end_on_the_areas_as_they_are(muscle):
     assert field_array(again, "EndsKept").min() > 0.9
 
 
-def test_number_of_points_and_arrays_are_kept(muscle):
-    before = fibres()
-    trimmed = FibreTrimmer()(before, muscle, attachments_from(areas()))
-    assert trimmed.GetNumberOfPoints() == before.GetNumberOfPoints()
-    assert_array_equal(cell_array(trimmed, "FibreId", ""), np.arange(30))
-    assert_array_equal(field_array(trimmed, "FitError"), [0.5])
-    assert trimmed.GetPointData().HasArray("t")
-    assert trimmed.GetPoints().GetData().GetClassName() in ("vtkDoubleArray", "vtkTypeFloat64Array")
-
-
 def test_several_areas_of_a_role_are_used_together(muscle):
     # Two areas side by side on the bottom face.
     quarter = np.array([[1, 9], [1, -9], [9, -9], [9, 9.0]])
@@ -160,18 +147,6 @@ def test_a_fibre_of_one_point_is_refused(muscle):
     one = polylines_from(Polylines(np.array([[0, 0, 1.0], [0, 0, 70], [0, 0, 40]]), np.array([0, 2, 3])))
     with pytest.raises(ValueError, match="1 fibre\\(s\\) have fewer than two points, first 1"):
         FibreTrimmer()(one, muscle, attachments_from(areas()))
-
-
-def test_an_area_off_the_muscle_is_named(muscle):
-    away = AttachmentArea("insertion", "tibia", ring(570.0), True)
-    with pytest.raises(ValueError, match="insertion area 1"):
-        FibreTrimmer()(fibres(), muscle, attachments_from([*areas(), away]))
-
-
-def test_a_muscle_with_a_hole_is_refused(muscle):
-    opened = surface_from(points_of(muscle), triangles_of(muscle, "")[1:])
-    with pytest.raises(ValueError, match="3 open edge"):
-        FibreTrimmer()(fibres(), opened, attachments_from(areas()))
 
 
 @pytest.mark.realdata

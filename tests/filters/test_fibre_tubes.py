@@ -5,7 +5,6 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkFiltersCore import vtkMassProperties, vtkTriangleFilter
-from vtkmodules.vtkFiltersSources import vtkCubeSource
 
 from vtkmuscle.data.arrays import (
     Polylines,
@@ -78,32 +77,3 @@ def test_repeated_points_and_turns_back_make_no_nan(walk):
     assert np.isfinite(points_of(tubes)).all()
     normals = vtk_to_numpy(tubes.GetPointData().GetNormals())
     assert_allclose(np.linalg.norm(normals, axis=1), 1.0, atol=1e-5)
-
-
-def test_tubes_that_fill_a_muscle_do_so_without_overlap():
-    # A hexagonal lattice of lines, and a box of just their cells.
-    d = 4.0
-    rows, columns = np.mgrid[0:6, 0:6]
-    y, z = (columns + 0.5 * (rows % 2)).ravel() * d, rows.ravel() * d * np.sqrt(3) / 2
-    fibres = fibres_from(*(np.add(straight(50), [0, b, c]) for b, c in zip(y, z, strict=True)))
-    cell = d * d * np.sqrt(3) / 2
-    cube = vtkCubeSource(x_length=50.0, y_length=cell, z_length=36.0, output_points_precision=1)
-    muscle = (cube >> vtkTriangleFilter()).update().output
-    tubes = FibreTubes(radius_by="fill", sides=40)(fibres, muscle)
-    assert_allclose(point_array(tubes, "TubeRadius", ""), d / 2, rtol=1e-9)
-    # A pair that is nearer to each other than that gets thinner tubes.
-    close = FibreTubes(radius_by="fill")(fibres_from(straight(50), np.add(straight(50), [0, 1.0, 0])), muscle)
-    assert_allclose(point_array(close, "TubeRadius", ""), 0.5, rtol=1e-9)
-    with pytest.raises(ValueError, match="'muscle' is not connected"):
-        FibreTubes(radius_by="fill")(fibres)
-
-
-def test_the_colour_is_that_of_the_named_array():
-    fibres = fibres_from(straight(30), straight(10, 3) + np.array([0, 9, 0]))
-    set_cell_array(fibres, "Length", np.array([30.0, 10.0]))
-    set_point_array(fibres, "t", points_of(fibres)[:, 0])
-    assert FibreTubes(colour_by="Length")(fibres).GetCellData().GetScalars().GetName() == "Length"
-    tubes = FibreTubes(colour_by="t")(fibres)
-    assert tubes.GetPointData().GetScalars().GetName() == "t"
-    with pytest.raises(ValueError, match="colour_by is 'Strian', but the fibres have the arrays"):
-        FibreTubes(colour_by="Strian")(fibres)

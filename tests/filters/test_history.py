@@ -118,12 +118,6 @@ def test_progress_goes_up_to_the_whole_over_all_frames(total):
     assert parts == [0.125, 0.375, 0.625, 0.875]
 
 
-def test_the_times_are_those_of_the_moving_input(total):
-    total.UpdateInformation()
-    info = total.GetOutputInformation(0)
-    assert info.Get(total.GetExecutive().TIME_STEPS()) == (0.0, 1.0, 2.0, 3.0)
-
-
 class Turn(HistoryFilter[Total]):
     """Count the poses of bones."""
 

@@ -4,12 +4,7 @@ from numpy.testing import assert_allclose
 
 from examples import PHANTOM, fibres, moving_bones
 from vtkmuscle.core.motion.blending import blend_fibres
-from vtkmuscle.data.arrays import (
-    cell_array,
-    field_array,
-    points_of,
-    polylines_of,
-)
+from vtkmuscle.data.arrays import cell_array, field_array, points_of, polylines_of
 from vtkmuscle.filters.bone_motion import BoneMotion
 from vtkmuscle.filters.linear_blend_fibres import LinearBlendFibres
 

@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from vtkmodules.vtkFiltersGeneral import vtkGroupDataSetsFilter
 
 from examples import ball_beside
 from vtkmuscle import Muscle, Scene, SceneError
@@ -20,7 +19,7 @@ from vtkmuscle.data.arrays import (
     triangles_of,
     with_points,
 )
-from vtkmuscle.filters.deformer.neighbours import outward_tree
+from vtkmuscle.data.muscle_geometry import outward_tree
 from vtkmuscle.phantoms import spindle_over_hinge
 from vtkmuscle.pipelines import deform
 
@@ -95,36 +94,6 @@ def two_spindles(contact, *, apart=33.0):
     )
     muscles = {"front": front, "back": back}
     return Scene("two", phantom.bones, muscles, motion, muscle_contact=contact)
-
-
-def test_frames_do_not_depend_on_the_order_of_requests():
-    scene = two_spindles("on")
-    times = [float(time) for time in scene.motion.times]
-
-    def deformer():
-        made = []
-        for name in scene.muscles:
-            muscle = scene.muscles[name]
-            made.append(
-                deform(muscle.surface, scene.bones_data(), scene.motion, scene.attachments_data(name))
-            )
-        group = vtkGroupDataSetsFilter()
-        group.SetOutputTypeToMultiBlockDataSet()
-        group.AddInputConnection(made[0].GetOutputPort())
-        group.SetInputName(0, "front")
-        made[1].neighbours = group
-        return made[1], made[0]
-
-    forward, _front = deformer()
-    expected = [points_of(forward.update(time=time).output).copy() for time in times]
-    back, front = deformer()
-    for index in (3, 1, 0, 2):
-        now = points_of(back.update(time=times[index]).output)
-        np.testing.assert_allclose(now, expected[index], rtol=0.0, atol=0.02)
-    # A change of the neighbour makes frames anew.
-    before = points_of(back.update(time=times[3]).output)
-    front.iterations = 20
-    assert not np.array_equal(points_of(back.update(time=times[3]).output), before)
 
 
 @BESIDE_ITS_BONES

@@ -4,8 +4,7 @@ import json
 
 import numpy as np
 import pytest
-from filter_case import digest
-from vtkmodules.vtkFiltersCore import vtkPolyDataNormals
+from filter_case import count_calls
 
 from vtkmuscle.core.fibres.embedding import EmbeddedPoints
 from vtkmuscle.core.mesh.surface import signed_volume
@@ -28,7 +27,7 @@ from vtkmuscle.data.arrays import (
     with_points,
 )
 from vtkmuscle.filters import BoneMotion, FixedPointDetector, PathDeformer, TautPaths
-from vtkmuscle.filters.deformer.shape_report import read_shape
+from vtkmuscle.filters.deformer import read_shape
 from vtkmuscle.filters.path_deformer import ROUNDS
 from vtkmuscle.phantoms import spindle_over_hinge, wrapping_cylinder
 from vtkmuscle.pipelines import decompose
@@ -84,12 +83,6 @@ def test_fixed_points_follow_their_bone_and_the_volume_is_kept(parts, quality, p
         assert field_array(out, "VolumeRatio")[0] == pytest.approx(volume, rel=1e-9)
 
 
-def test_no_motion_leaves_the_muscle_where_it_is(parts):
-    still = RigidMotion(np.array([0.0, 1.0]), {"distal": np.array([np.eye(4)] * 2)})
-    moved = frame(chain(*parts, motion=still), 1.0)
-    np.testing.assert_allclose(moved, points_of(parts[0]), rtol=0.0, atol=1e-9)
-
-
 @pytest.mark.parametrize("paths", [True, False])
 def test_bones_that_move_together_take_the_muscle_along(parts, paths):
     move = rotation_about((3, 4, 5), (1, -1, 2), 77.0)
@@ -135,30 +128,6 @@ def test_without_paths_the_blended_motion_of_the_bones_carries_the_muscle(parts)
     assert np.linalg.norm(with_bones[middle].mean(axis=0) - halfway) < 0.2 * apart
 
 
-def test_the_frame_depends_on_the_pose_alone(parts):
-    times = [0.0, 0.3 * LAST, 0.5 * LAST, LAST]
-    alone = {time: frame(chain(*parts), time) for time in times}
-    deformer = chain(*parts)
-    first = {}
-    for index in (3, 0, 2, 1, 1, 3, 2, 0):
-        time = times[index]
-        now = frame(deformer, time)
-        np.testing.assert_allclose(now, alone[time], rtol=0.0, atol=0.05)
-        assert np.array_equal(now, first.setdefault(time, now))
-
-
-def test_arrays_of_the_input_pass_and_the_input_stays_as_it_is(parts):
-    fixed = shallow_copy(parts[0])
-    set_point_array(fixed, "Colour", np.arange(fixed.GetNumberOfPoints()))
-    before, modified = points_of(fixed), fixed.GetMTime()
-    out = chain(fixed).update(time=LAST).output
-    for name in ("Colour", "FixedTo"):
-        assert np.array_equal(point_array(out, name, ""), point_array(fixed, name, ""))
-    assert np.array_equal(points_of(fixed), before)
-    assert fixed.GetMTime() == modified
-    assert not fixed.GetPointData().HasArray("Displacement")
-
-
 def test_displacement_and_report_are_those_of_the_frame(parts):
     deformer = chain(*parts)
     out = deformer.update(time=LAST).output
@@ -180,59 +149,6 @@ def test_displacement_and_report_are_those_of_the_frame(parts):
     assert field_array(out, "PenetrationMax")[0] < 0.05
 
 
-def test_a_report_asks_for_no_new_pose(parts, monkeypatch):
-    poses = counted(monkeypatch, CarriedMuscle, "pose")
-    deformer = chain(*parts)
-    frame(deformer)
-    deformer.measure_shape = deformer.measure_penetration = True
-    frame(deformer)
-    fibres_of(deformer)
-    assert len(poses) == 1
-    frame(deformer, 0.5 * LAST)
-    deformer.iterations = 3
-    frame(deformer, 0.5 * LAST)
-    assert len(poses) == 3
-
-
-def test_the_muscle_is_made_again_where_what_it_is_made_from_changes(parts, monkeypatch):
-    made = counted(monkeypatch, CarriedMuscle, "__init__")
-    deformer = chain(*parts)
-    frame(deformer)
-    frame(deformer, 0.5 * LAST)
-    deformer.iterations = 3
-    frame(deformer)
-    deformer.muscle = shallow_copy(parts[0])
-    frame(deformer)
-    assert len(made) == 1
-    deformer.bone_clearance = 1.0
-    frame(deformer)
-    assert len(made) == 2
-    deformer.paths.resolution = 16
-    frame(deformer)
-    assert len(made) == 3
-
-
-def test_points_changed_in_place_are_seen(parts):
-    fixed = shallow_copy(parts[0])
-    deformer = chain(fixed, parts[1])
-    frame(deformer)
-    thinner = with_points(fixed, points_of(fixed) * [0.9, 1.0, 1.0])
-    fixed.SetPoints(thinner.GetPoints())
-    np.testing.assert_allclose(frame(deformer), frame(chain(thinner, parts[1])), rtol=0.0, atol=0.05)
-
-
-def test_more_rounds_leave_a_smoother_muscle():
-    fixed, fibres = fixed_and_fibres(wrapping_cylinder(), "strap")
-    phantom = wrapping_cylinder()
-    time = float(phantom.motion.times[-1])
-    posed = {"bones": phantom.bones, "motion": phantom.motion, "measure_shape": True}
-    rough, smooth = (
-        field_array(chain(fixed, fibres, **posed, iterations=n).update(time=time).output, "DihedralErrorP95")
-        for n in (1, 20)
-    )
-    assert smooth[0] <= rough[0]
-
-
 def test_the_clearance_keeps_free_points_off_the_bones():
     """The strap lies on the cylinder at rest and may stay as near there; elsewhere it keeps off."""
     phantom = wrapping_cylinder()
@@ -249,26 +165,12 @@ def test_the_clearance_keeps_free_points_off_the_bones():
     assert not (radii[0] > np.minimum(at_rest, 33.0) - 0.3).all()
 
 
-def test_a_filter_downstream_gets_the_frame_asked_for(parts):
-    deformer, expected = chain(*parts), frame(chain(*parts), 0.5 * LAST)
-    normals = vtkPolyDataNormals(splitting=False)
-    normals.SetInputConnection(deformer.GetOutputPort())
-    for time in (0.5 * LAST, LAST, 0.5 * LAST):
-        normals.UpdateTimeStep(time)
-    np.testing.assert_allclose(points_of(normals.GetOutput()), expected, rtol=0.0, atol=1e-4)
-
-
 # -------------------------------------------------------------------- the fibres
 
 
 def counted(monkeypatch, owner, name):
-    calls, original = [], getattr(owner, name)
-
-    def counting(*arguments, **keywords):
-        calls.append(name)
-        return original(*arguments, **keywords)
-
-    monkeypatch.setattr(owner, name, counting)
+    calls = []
+    count_calls(monkeypatch, calls, owner, name, name)
     return calls
 
 
@@ -296,14 +198,6 @@ def test_at_rest_fibres_are_the_own_fibres_with_their_arrays(parts):
     rest = [np.linalg.norm(np.diff(lines.line(i), axis=0), axis=1).sum() for i in range(len(lines))]
     np.testing.assert_allclose(cell_array(out, "RestLength", ""), rest, rtol=1e-9)
     assert "PointsOutside" in array_names(out.GetFieldData())
-
-
-def test_asking_for_fibres_changes_nothing_of_the_muscle(parts):
-    alone, both = chain(*parts), chain(*parts)
-    for time in (0.0, LAST, 0.5 * LAST):
-        fibres = digest(fibres_of(both, time))
-        assert digest(both.update(time=time).output) == digest(alone.update(time=time).output)
-        assert digest(fibres_of(both, time)) == fibres
 
 
 def test_fibres_go_with_their_paths_and_stay_in_the_muscle(parts):
@@ -337,13 +231,6 @@ def test_fibres_without_paths_are_refused_where_asked_for(parts):
     deformer = chain(*parts, paths=False)
     with pytest.raises(ValueError, match=r"PathDeformer: fibres: there are 8 for no paths; connect"):
         deformer.update(time=LAST, port=1)
-
-
-def test_the_second_output_reads_by_its_name(parts):
-    deformer = chain(*parts)
-    deformer.time = LAST
-    assert digest(deformer.carried_fibres) == digest(fibres_of(chain(*parts)))
-    assert digest(deformer.output) == digest(chain(*parts).update(time=LAST).output)
 
 
 # -------------------------------------------------------------------- what is refused

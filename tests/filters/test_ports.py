@@ -5,27 +5,15 @@ import pickle
 import numpy as np
 import pytest
 import pyvista as pv
+from test_base import Clock, line, x_of
 from vtkmodules.util.execution_model import select_ports
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
-from vtkmodules.vtkFiltersCore import vtkAppendPolyData, vtkCleanPolyData
+from vtkmodules.vtkFiltersCore import vtkCleanPolyData
 from vtkmodules.vtkFiltersGeneral import vtkGroupDataSetsFilter
 from vtkmodules.vtkFiltersSources import vtkLineSource
 
 from vtkmuscle.data.arrays import blocks_of, multiblock_from, points_of, with_points
-from vtkmuscle.filters import (
-    BoneMotion,
-    FibreSmoother,
-    FibreTemplateSource,
-    FibreTransport,
-    Filter,
-    FixedPointDetector,
-    InputPort,
-    OutputPort,
-    Parameter,
-    PathDeformer,
-    TautPaths,
-    attachments_of,
-)
+from vtkmuscle.filters import FibreSmoother, Filter, InputPort, OutputPort, Parameter
 from vtkmuscle.filters.base.chain import Chain
 
 
@@ -51,18 +39,6 @@ class Add(Filter):
         return with_points(first, points_of(first) + np.array([self.factor * more, 0.0, 0.0]))
 
 
-class Clock(Filter):
-    """Give the time asked for."""
-
-    output = OutputPort(vtkPolyData, doc="A line, x the time.")
-
-    def time_steps(self, inputs_information):
-        return (0.0, 0.5, 2.0)
-
-    def execute(self):
-        return line(self.request_time)
-
-
 class Blocks(Filter):
     """Give the blocks that it gets."""
 
@@ -71,16 +47,6 @@ class Blocks(Filter):
 
     def execute(self, blocks):
         return blocks
-
-
-def line(x):
-    source = vtkLineSource(point1=(x, 0, 0), point2=(x, 0, 5))
-    source.Update()
-    return source.GetOutput()
-
-
-def x_of(data):
-    return points_of(data)[0, 0]
 
 
 # -------------------------------------------------------------------- names
@@ -131,11 +97,6 @@ def test_an_unknown_name_is_refused_with_the_nearest_one(name):
         setattr(Add(), name, 1.0)
     with pytest.raises(TypeError, match=f"Add has no parameter or input port {name!r}; .*{meant}"):
         Add(**{name: 1.0})
-
-
-def test_an_output_cannot_be_assigned():
-    with pytest.raises(AttributeError):
-        Add().output = line(1.0)
 
 
 def test_an_unknown_port_is_refused():
@@ -191,36 +152,6 @@ def test_named_algorithms_may_be_a_dict():
         Blocks(blocks={"now": clock, "there": 3})
 
 
-def test_attachments_may_be_areas(spindle):
-    areas = attachments_of(spindle.attachments["spindle"], "")
-    bones = dict(blocks_of(spindle.bones))
-    expected = FixedPointDetector()(spindle.muscles["spindle"], spindle.bones, spindle.attachments["spindle"])
-    found = FixedPointDetector(muscle=spindle.muscles["spindle"], bones=bones, attachments=areas)
-    for name in ("FixedTo",):
-        arrays = [pv.wrap(data)[name] for data in (found.output, expected)]
-        assert np.array_equal(*arrays)
-
-
-def test_vtks_own_ways_work():
-    add = Add()
-    add.SetInputData(line(1.0))
-    add.SetInputData(1, line(2.0))
-    add.Update()
-    assert x_of(add.GetOutput()) == 3.0
-    source = vtkLineSource(point1=(7, 0, 0))
-    add.SetInputConnection(source.GetOutputPort())
-    append = vtkAppendPolyData()
-    append.SetInputConnection(add.GetOutputPort())
-    append.Update()
-    assert x_of(append.GetOutput()) == 9.0
-
-
-def test_names_of_ports_are_not_taken_by_vtk():
-    for name in ("debug", "time", "update", "information"):
-        with pytest.raises(TypeError, match=name):
-            type("Bad", (Filter,), {name: InputPort(vtkPolyData, doc="Bad.")})
-
-
 # -------------------------------------------------------------------- chains
 
 
@@ -240,15 +171,6 @@ def test_a_chain_is_made_of_algorithms():
     for wrong in (3, line(1.0), None):
         with pytest.raises(TypeError, match=r"Add\(.*>> .*: a chain is made of"):
             Add() >> wrong
-
-
-def test_a_chain_goes_on_as_a_chain():
-    for chain in (
-        Clock() >> Add() >> vtkCleanPolyData(),
-        Clock() >> (Add() >> vtkCleanPolyData()),
-        (Clock() >> Add()) >> (vtkCleanPolyData() >> Add()),
-    ):
-        assert x_of(chain.apply(time=0.5)) == 0.5
 
 
 def test_a_chain_on_data_leaves_its_connections():
@@ -336,27 +258,3 @@ def test_what_does_not_count_is_said_and_left_out():
 def test_a_declaration_that_refers_to_nothing_is_refused(wrong):
     with pytest.raises((TypeError, ValueError), match=r"Bad[:.]"):
         type("Bad", (Add,), {"odd": Parameter(str, default="a", choices=("a",), doc="Odd.", **wrong)})
-
-
-# -------------------------------------------------------------------- the whole chain
-
-
-def test_the_whole_chain_by_names_is_that_by_numbers(spindle):
-    muscle, attachments = spindle.muscles["spindle"], spindle.attachments["spindle"]
-    fixed = FixedPointDetector(muscle=muscle, bones=spindle.bones, attachments=attachments)
-    moving = BoneMotion(bones=dict(blocks_of(spindle.bones)), motion=spindle.motion)
-    fibres = FibreSmoother(fibres=FibreTemplateSource(n_fibres=3))
-    bones = spindle.bones
-    paths = TautPaths(rest_muscle=fixed, rest_bones=bones, bones=moving)
-    deformer = PathDeformer(muscle=fixed, paths=paths, rest_bones=bones, bones=moving, iterations=2)
-    carried = FibreTransport(rest_fibres=fibres, rest_muscle=muscle, deformed_muscle=deformer)
-    found = carried.apply(time=20.0)
-    by_number = TautPaths(), PathDeformer(iterations=2)
-    for port, value in ((1, fixed), (3, moving)):
-        by_number[0].SetInputConnection(port, value.GetOutputPort())
-    by_number[0].SetInputData(2, bones)
-    for port, value in ((0, fixed), (1, by_number[0]), (3, moving)):
-        by_number[1].SetInputConnection(port, value.GetOutputPort())
-    by_number[1].SetInputData(2, bones)
-    expected = FibreTransport()(fibres, muscle, by_number[1](time=20.0))
-    assert np.array_equal(found.points, points_of(expected))

@@ -10,17 +10,14 @@ from vtkmuscle import Scene
 from vtkmuscle.core.mesh.polylines import polyline_lengths
 from vtkmuscle.data.arrays import (
     Polylines,
-    cell_array,
     field_array,
     field_string,
-    point_array,
     points_of,
     polylines_from,
     polylines_of,
     set_field_array,
     surface_from,
     triangles_of,
-    with_points,
 )
 from vtkmuscle.data.attachments import AttachmentArea, attachments_from, landmarks_of
 from vtkmuscle.filters.fibre_template_source import FibreTemplateSource
@@ -76,32 +73,6 @@ def test_fibres_are_inside_of_the_phantoms_and_run_along_them(hip):
         assert np.median(largest_turns(lines)) < 45, name
 
 
-def test_arrays_pass_through(spindle):
-    muscle, areas = spindle.muscles["spindle"], spindle.attachments["spindle"]
-    fitted = fitted_to(muscle, areas)
-    fibres = SliceMorpher()(fitted, muscle)
-    assert np.array_equal(point_array(fibres, "t", "test"), point_array(fitted, "t", "test"))
-    for name in ("r", "s", "FibreId"):
-        assert np.array_equal(cell_array(fibres, name, "test"), cell_array(fitted, name, "test"))
-    for name in ("Transform", "FitError", "OriginArea", "InsertionArea"):
-        assert np.array_equal(field_array(fibres, name), field_array(fitted, name))
-
-
-def test_one_slice_per_height_is_no_other_result_where_heights_are_shared_anyway(spindle):
-    muscle, areas = spindle.muscles["spindle"], spindle.attachments["spindle"]
-    fitted = fitted_to(muscle, areas)
-    default, exact = (SliceMorpher(slice_tolerance=t)(fitted, muscle) for t in (None, 0.0))
-    assert np.allclose(points_of(default), points_of(exact), atol=1e-9)
-
-
-def test_the_papers_rule_is_available(hip):
-    muscle, areas = hip.muscles["gluteus_maximus"], hip.attachments["gluteus_maximus"]
-    fitted = fitted_to(muscle, areas)
-    ours, papers = (points_of(SliceMorpher(continuity=c)(fitted, muscle)) for c in (0.2, 0.0))
-    assert np.isfinite(papers).all()
-    assert np.abs(ours - papers).max() > 0
-
-
 def test_a_bent_muscle_is_followed_along_isolines_and_planes_say_that_they_cannot(hip):
     muscle, areas = hip.muscles["iliacus"], hip.attachments["iliacus"]
     fitted = fitted_to(muscle, areas)
@@ -119,28 +90,6 @@ def test_a_bent_muscle_is_followed_along_isolines_and_planes_say_that_they_canno
     assert starts[0].std(axis=0).max() > 5 * starts[1].std(axis=0).max()
 
 
-def test_slices_that_unequal_heights_share_move_points_by_less_than_the_tolerance(hip):
-    muscle, areas = hip.muscles["gluteus_maximus"], hip.attachments["gluteus_maximus"]
-    template = FibreTemplateSource(template="curved", n_fibres=60, resolution=15).update().output
-    points = points_of(template).reshape(60, -1, 3)
-    points[..., 2] **= np.linspace(0.8, 1.2, 60)[:, None]
-    fitted = TemplateFitter()(with_points(template, points.reshape(-1, 3)), muscle, areas)
-    exact = points_of(SliceMorpher(method="plane", slice_tolerance=0.0)(fitted, muscle))
-    for tolerance in (0.03, 0.1, 0.3, 1.0):
-        shared = points_of(SliceMorpher(method="plane", slice_tolerance=tolerance)(fitted, muscle))
-        errors = np.linalg.norm(shared - exact, axis=1)
-        assert 0 < np.percentile(errors, 95) < 0.1 * tolerance
-        assert errors.max() < tolerance
-
-
-def test_points_between_isolines_that_are_outside_are_counted(hip):
-    muscle, areas = hip.muscles["iliacus"], hip.attachments["iliacus"]
-    fibres = SliceMorpher(method="harmonic")(fitted_to(muscle, areas, n_fibres=200), muscle, areas)
-    count = int(field_array(fibres, "PointsOutside")[0])
-    inner = points_of(fibres).reshape(200, -1, 3)[:, 1:-1].reshape(-1, 3)
-    assert count == round(len(inner) * (1 - share_inside(inner, muscle, 0.0)))
-
-
 def test_points_outside_of_their_section_are_counted(hip):
     muscle, areas = hip.muscles["gluteus_maximus"], hip.attachments["gluteus_maximus"]
     fibres = SliceMorpher(method="plane")(fitted_to(muscle, areas, n_fibres=200), muscle)
@@ -153,7 +102,7 @@ def test_points_outside_of_their_section_are_counted(hip):
 def test_the_harmonic_method_needs_areas_and_an_upright_template(block, spindle):
     muscle, areas = spindle.muscles["spindle"], spindle.attachments["spindle"]
     morpher = SliceMorpher(method="harmonic")
-    with pytest.raises(ValueError, match="no attachments are connected"):
+    with pytest.raises(ValueError, match="the port 'attachments' is not connected"):
         morpher(fitted_to(muscle, areas), muscle)
     muscle, areas = block.muscles["block"], block.attachments["block"]
     with pytest.raises(ValueError, match="areas at bottom and top"):

@@ -17,7 +17,6 @@ from vtkmuscle.data.arrays import (
 )
 from vtkmuscle.data.attachments import AttachmentArea, attachments_from, attachments_of
 from vtkmuscle.filters.fibre_template_source import FibreTemplateSource
-from vtkmuscle.filters.slice_morpher import SliceMorpher
 from vtkmuscle.filters.template_fitter import TemplateFitter
 from vtkmuscle.phantoms.meshing import box
 
@@ -131,26 +130,6 @@ def test_a_template_without_areas_is_an_error(spindle):
         TemplateFitter()(bare, spindle.muscles["spindle"], spindle.attachments["spindle"])
 
 
-def test_a_mirrored_muscle_gets_mirrored_fibres(hip):
-    mirror = np.diag([-1.0, 1.0, 1.0, 1.0])
-    for name, muscle in hip.muscles.items():
-        areas = attachments_of(hip.attachments[name], "test")
-        other = surface_from(
-            apply_transform(mirror, points_of(muscle)), triangles_of(muscle, "test")[:, ::-1].copy()
-        )
-        other_areas = attachments_from(
-            [AttachmentArea(a.role, a.bone, apply_transform(mirror, a.landmarks), a.closed) for a in areas]
-        )
-        fitted = TemplateFitter()(template(), muscle, hip.attachments[name])
-        mirrored = TemplateFitter(mirror=True)(template(), other, other_areas)
-        assert np.abs(apply_transform(mirror, points_of(fitted)) - points_of(mirrored)).max() < 1e-9
-        assert np.linalg.det(transform_of(mirrored)) < 0 < np.linalg.det(transform_of(fitted))
-        fibres = SliceMorpher(method="harmonic")(fitted, muscle, hip.attachments[name])
-        mirrored_fibres = SliceMorpher(method="harmonic")(mirrored, other, other_areas)
-        difference = apply_transform(mirror, points_of(fibres)) - points_of(mirrored_fibres)
-        assert np.abs(difference).max() < 1e-6, name
-
-
 def test_auto_takes_the_axis_with_the_smaller_error(hip, block):
     for phantom in (hip, block):
         for name, muscle in phantom.muscles.items():
@@ -213,19 +192,3 @@ def test_arched_fibres_arch_to_the_side_that_was_seen(side):
     fitted = TemplateFitter()(cube, *square_block(), leaning_lines(side, 0.2))
     x_axis = transform_of(fitted)[:3, 0]
     assert np.allclose(x_axis / np.linalg.norm(x_axis), [side, 0, 0], atol=1e-9)
-
-
-def test_the_mirrored_muscle_gets_the_mirror_image_with_superficial_fibres_too():
-    cube = FibreTemplateSource(template="curved", n_fibres=50, resolution=15).update().output
-    muscle, attachments = square_block()
-    seen = leaning_lines(1.0, 0.2)
-    fitted = TemplateFitter()(cube, muscle, attachments, seen)
-    flip = np.diag([-1.0, 1, 1, 1])
-    other = surface_from(apply_transform(flip, points_of(muscle)), triangles_of(muscle, "test")[:, ::-1])
-    areas = [
-        AttachmentArea(a.role, a.bone, apply_transform(flip, a.landmarks), a.closed)
-        for a in attachments_of(attachments, "test")
-    ]
-    mirrored = with_points(seen, apply_transform(flip, points_of(seen)))
-    image = TemplateFitter(mirror=True)(cube, other, attachments_from(areas), mirrored)
-    assert np.allclose(points_of(image), apply_transform(flip, points_of(fitted)), atol=1e-9)

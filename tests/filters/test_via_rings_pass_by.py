@@ -53,7 +53,7 @@ def test_pennation_is_that_without_the_ring(spindle):
     fibre = polylines_from(Polylines(line, np.array([0, 3])))
     inner = attachments_from([AttachmentArea("insertion", "proximal", RINGS["within"], closed=True)])
     without, beside, as_area = (
-        cell_array(FibreMetrics()(fibre, muscle, None, a), "PennationInsertion", "test")[0]
+        cell_array(FibreMetrics()(fibre, muscle, a), "PennationInsertion", "test")[0]
         for a in (areas, with_ring(areas, RINGS["within"]), inner)
     )
     assert as_area == pytest.approx(90.0)

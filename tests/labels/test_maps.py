@@ -11,9 +11,9 @@ from vtkmuscle.core.mesh.normals import triangle_normals
 from vtkmuscle.core.mesh.solids import solids_of
 from vtkmuscle.core.mesh.surface import signed_volume, survey
 from vtkmuscle.data.arrays import blocks_of, checked_surface, field_array, surface_from
-from vtkmuscle.data.estimated_areas import estimated_areas
 from vtkmuscle.data.isosurface import label_surface
 from vtkmuscle.data.label_images import label_field, label_image, labels_in
+from vtkmuscle.filters.attachment_estimator import estimated_areas
 from vtkmuscle.io.writing import write_polydata
 from vtkmuscle.labels import maps
 from vtkmuscle.labels.maps import draft_of_labels, taut_line, with_tendon

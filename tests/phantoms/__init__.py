@@ -16,13 +16,7 @@ from phantoms.lifting_strap import lifting_strap
 from phantoms.ring_tendon import tendon_through_ring
 from phantoms.slivered_tendon import slivered_tendon
 from phantoms.two_joint_strap import strap_over_two_joints
-from vtkmuscle.phantoms import (
-    Phantom,
-    hip,
-    pennate_block,
-    spindle_over_hinge,
-    wrapping_cylinder,
-)
+from vtkmuscle.phantoms import Phantom, hip, pennate_block, spindle_over_hinge, wrapping_cylinder
 
 __all__ = [
     "Phantom",

@@ -28,12 +28,6 @@ def spindle_over_ball(*, coordinates: ArrayLike | None = None) -> Phantom:
     left as well. ``distal`` turns by flexion about -x, to the front, after abduction about y, to the right,
     away from the muscle: R = R(-x, flexion) R(y, abduction). No bone is in the way of the straight line.
 
-    Parameters
-    ----------
-    coordinates : (k, 2) array_like, optional
-        Angles of flexion and of abduction at each frame [degrees], -10 to 60 and -20 to 20. Default a net
-        from rest to 40 by 10 and from -20 to 20 by 10, row by row and back.
-
     Returns
     -------
     Phantom
@@ -42,11 +36,6 @@ def spindle_over_ball(*, coordinates: ArrayLike | None = None) -> Phantom:
         at angles [degrees], ``known["length"](flexion, abduction)`` [mm], and
         ``known["moment_arm_flexion"](flexion, abduction)`` and ``known["moment_arm_abduction"](flexion,
         abduction)`` [mm], -dl/dq by each.
-
-    Raises
-    ------
-    ValueError
-        For coordinates that are no pairs of numbers, or are out of range.
     """
     given = _net() if coordinates is None else coordinates
     poses = checked_poses(given, LIMITS, "spindle_over_ball")

@@ -39,24 +39,12 @@ def flexor_over_brim(*, groove: float = 8.0) -> Phantom:
     from end to end passes behind the hinge: it is that of an extensor. The muscle flexes, for the brim holds
     it in front. It lies in a groove of the brim.
 
-    Parameters
-    ----------
-    groove : float, optional
-        Depth of the groove [mm], -5 to 8. At 0 the brim is a cylinder; below 0 it is a ridge, off which a
-        string without friction slips sideways: the known answers are those of a muscle that does not, for
-        what lies beside it holds it.
-
     Returns
     -------
     Phantom
         Known answers, of the muscle's middle line: ``known["length"](angle)`` [mm] of its taut path over the
         brim at an angle [degrees]; ``known["moment_arm"](angle)`` [mm], -dl/dq: 18 mm at 0, 35 at 80; and
         ``known["straight_moment_arm"](angle)`` [mm], that of the straight way: -28 mm at 0.
-
-    Raises
-    ------
-    ValueError
-        If the depth of the groove is not allowed.
     """
     if not DEPTHS[0] <= groove <= DEPTHS[1]:
         raise InputError(

@@ -12,15 +12,7 @@ from vtkmuscle.phantoms.implicit import Solid, thick_curve
 
 
 def cord(line: Floats, radii: ArrayLike) -> Solid:
-    """Return a round muscle about a middle line, with flat ends across it.
-
-    Parameters
-    ----------
-    line : (k, 2) array
-        The middle line, (y, z) at x = 0 [mm].
-    radii : (j,) array_like
-        Evenly along the line, from its start to its end [mm].
-    """
+    """Return a round muscle about a middle line, with flat ends across it."""
     given = np.asarray(radii, dtype=np.float64)
     middle = evenly(longer(line, float(given[[0, -1]].max())), 2.0 * SPACING)
     along = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(middle, axis=0), axis=1)))

@@ -56,11 +56,6 @@ def fibre_block(kind: str) -> Phantom:
     superficial fibres on the face y = 0 show this one. ``"fan"``: from the whole bottom to a part in the
     middle of the top. The plate ``insertion_plate`` slides down along z, by the pipeline's time in mm.
 
-    Parameters
-    ----------
-    kind : str
-        One of :data:`vtkmuscle.core.template.kinds.KINDS`.
-
     Returns
     -------
     Phantom
@@ -69,11 +64,6 @@ def fibre_block(kind: str) -> Phantom:
         end; for the others ``known["fibre_length"](r, s)``, ``known["pennation_origin"](r, s)`` and
         ``known["pennation_insertion"](r, s)`` of the fibre with these parameters, by integration of the
         Bezier curve's derivative.
-
-    Raises
-    ------
-    ValueError
-        If there is no such kind.
 
     Examples
     --------

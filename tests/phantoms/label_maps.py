@@ -23,18 +23,6 @@ def label_map(
     A voxel has the label of the part that holds its centre; where two parts overlap, that of the bone, or of
     the muscle that comes first.
 
-    Parameters
-    ----------
-    phantom : Phantom
-        The phantom.
-    spacing : float or (3,) array_like, optional
-        Size of a voxel, by axis [mm].
-    noise : float, optional
-        Part of the voxels beside a boundary that take the label of a neighbour, 0 to 1, as a segmentation
-        is rough.
-    seed : int, optional
-        Of the noise.
-
     Examples
     --------
     >>> from phantoms import label_map, spindle_over_hinge

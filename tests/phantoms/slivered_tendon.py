@@ -37,23 +37,12 @@ def slivered_tendon(*, pulls: ArrayLike | None = None) -> Phantom:
     triangles of the tendon are slivers along it, as in the tendons of decimated scans: of aspect ratio 13,
     longest edge by least height.
 
-    Parameters
-    ----------
-    pulls : (k,) array_like, optional
-        The motion's times: by how much the way has grown at each frame, ascending, within 0 to 100 [mm].
-        Default 0 to 100 by 2.5, steps of 2.25 degrees. At times between them the motion is not exact.
-
     Returns
     -------
     Phantom
         Known answers: ``known["length"](pull)`` [mm] of the taut path of the muscle's middle line, 260 mm at
         rest, 360 at the end; ``known["volume"]`` [mm^3] of the muscle's mesh; ``known["tendon_start"]``, the
         height that the tendon's triangles lie below [mm].
-
-    Raises
-    ------
-    ValueError
-        If a pull is below 0 or above 100 mm, or if they do not ascend.
     """
     times = np.arange(0.0, PULL + 1.0, 2.5) if pulls is None else np.asarray(pulls, dtype=np.float64)
     outside = times[~((times >= 0.0) & (times <= PULL))]

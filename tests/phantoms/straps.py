@@ -16,15 +16,6 @@ SPACING = 2.5
 def strap(line: Floats, width: float, thickness: float) -> Solid:
     """Return a strap about a middle line, with flat ends across it.
 
-    Parameters
-    ----------
-    line : (k, 2) array
-        The middle line, (y, z) at x = 0 [mm].
-    width : float
-        Along x [mm]; the strap's edges are round, so that its faces are flat over ``width - thickness``.
-    thickness : float
-        Of the strap [mm].
-
     Returns
     -------
     Solid
@@ -38,15 +29,7 @@ def strap(line: Floats, width: float, thickness: float) -> Solid:
 
 
 def end_ring(centre: ArrayLike, along: ArrayLike, width: float, thickness: float) -> Floats:
-    """Return landmarks (8, 3) on the flat end of a strap.
-
-    Parameters
-    ----------
-    centre, along : (2,) array_like
-        Where the middle line ends [mm], and its direction there.
-    width, thickness : float
-        Of the strap [mm].
-    """
+    """Return landmarks (8, 3) on the flat end of a strap."""
     y, z = _unit(np.asarray(along, dtype=np.float64))
     side, up = np.array([1.0, 0.0, 0.0]), np.array([0.0, -z, y])
     corners = np.array([(-1, -1), (0, -1), (1, -1), (1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0)])

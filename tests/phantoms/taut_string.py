@@ -12,20 +12,7 @@ from vtkmuscle.core.types import Floats
 
 @dataclass(frozen=True)
 class String:
-    """A taut string past a circle, which it touches where the straight way is not free.
-
-    Attributes
-    ----------
-    start, end : (2,) float array
-        Its ends, both outside the circle [mm].
-    centre : (2,) float array
-        Of the circle [mm].
-    radius : float
-        Of the circle [mm].
-    sense : int
-        1 where the string runs counterclockwise round the circle, seen with y to the right and z up, -1
-        where it runs clockwise.
-    """
+    """A taut string past a circle, which it touches where the straight way is not free."""
 
     start: Floats
     end: Floats

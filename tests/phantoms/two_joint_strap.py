@@ -43,13 +43,6 @@ def strap_over_two_joints(*, coordinates: ArrayLike | None = None) -> Phantom:
     roller; ``lower`` is flexion of ``distal`` against ``middle`` to the back, which winds it up on the lower
     one.
 
-    Parameters
-    ----------
-    coordinates : (k, 2) array_like, optional
-        Angles of the upper and of the lower joint at each frame [degrees], from -40 to 60 and from -20 to
-        90. Default a loop in steps of 5 degrees: the upper joint to 50, the lower one to 60, and each back,
-        the upper one first.
-
     Returns
     -------
     Phantom
@@ -57,11 +50,6 @@ def strap_over_two_joints(*, coordinates: ArrayLike | None = None) -> Phantom:
         their values at each frame [degrees]; ``known["length"](upper, lower)`` [mm] of the strap's middle
         line at angles [degrees]; ``known["moment_arm_upper"]``, 26 mm, and ``known["moment_arm_lower"]``,
         -18 mm, -dl/dq by each angle, at every pose; ``known["centres"]``, points on both axes at rest [mm].
-
-    Raises
-    ------
-    ValueError
-        If coordinates are no pairs of numbers, or are out of range.
 
     Examples
     --------

@@ -187,16 +187,12 @@ def add_arrays(
 
 
 def set_field_array(data: Any, name: str, values: Any) -> None:
-    """Add numbers (a copy) or a string to the field data."""
-    if isinstance(values, str):
-        set_field_strings(data, name, [values])
+    """Add numbers (a copy), a string or a list of strings to the field data."""
+    strings = [values] if isinstance(values, str) else values
+    if isinstance(strings, list):
+        data.GetFieldData().AddArray(string_array(name, strings))
     else:
         data.GetFieldData().AddArray(vtk_array(np.atleast_1d(values), name))
-
-
-def set_field_strings(data: Any, name: str, values: Iterable[str]) -> None:
-    """Add strings to the field data."""
-    data.GetFieldData().AddArray(string_array(name, values))
 
 
 def string_array(name: str, values: Iterable[str]) -> vtkStringArray:
@@ -275,21 +271,16 @@ def names_of(kind: str, attributes: Any) -> dict[str, str]:
     return {unquote(array.removeprefix(kind)): array for array in names if array.startswith(kind)}
 
 
-def empty_array(kind: int, shape: tuple[int, ...], name: str | None = None) -> tuple[Any, NDArray[Any]]:
-    """Return an array of a VTK type and a writable view."""
-    array: Any = vtkDataArray.CreateDataArray(kind)
-    array.SetName(name)
-    array.SetNumberOfComponents(shape[1] if len(shape) > 1 else 1)
-    array.SetNumberOfTuples(shape[0])
-    # Not vtk_to_numpy, which takes ten times as long; NumPy refuses an empty buffer.
-    values = np.frombuffer(array if array.GetNumberOfValues() else bytearray(), get_numpy_array_type(kind))
-    return array, values.reshape(shape)
-
-
 def vtk_array(values: NDArray[Any], name: str | None = None, kind: int | None = None) -> Any:
     """Return a VTK array with a copy of values."""
-    array, view = empty_array(get_vtk_array_type(values.dtype) if kind is None else kind, values.shape, name)
-    view[...] = values
+    kind = get_vtk_array_type(values.dtype) if kind is None else kind
+    array: Any = vtkDataArray.CreateDataArray(kind)
+    array.SetName(name)
+    array.SetNumberOfComponents(values.shape[1] if values.ndim > 1 else 1)
+    array.SetNumberOfTuples(len(values))
+    if values.size:
+        # Not vtk_to_numpy, which takes ten times as long.
+        np.frombuffer(array, get_numpy_array_type(kind))[...] = values.reshape(-1)
     return array
 
 

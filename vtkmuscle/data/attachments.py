@@ -16,6 +16,7 @@ from vtkmuscle.core.paths.via_rings import ViaRing, via_ring
 from vtkmuscle.core.types import Floats, Ints
 from vtkmuscle.data.arrays import (
     Polylines,
+    add_arrays,
     blocks_of,
     checked_surface,
     field_array,
@@ -23,7 +24,6 @@ from vtkmuscle.data.arrays import (
     multiblock_from,
     points_of,
     polylines_from,
-    set_field_array,
     surface_from,
 )
 
@@ -67,13 +67,10 @@ def attachments_from(areas: Sequence[AttachmentArea]) -> vtkMultiBlockDataSet:
     """Return areas as a data set: rings are closed polylines, curves open."""
     blocks = {}
     for i, area in enumerate(areas):
+        fields = {"Bone": area.bone, "Role": area.role, "Estimated": int(area.estimated)}
+        sureness = {} if area.sureness is None else {"Sureness": area.sureness}
         block = _polyline(area.landmarks, closed=area.closed)
-        set_field_array(block, "Bone", area.bone)
-        set_field_array(block, "Role", area.role)
-        set_field_array(block, "Estimated", int(area.estimated))
-        if area.sureness is not None:
-            set_field_array(block, "Sureness", area.sureness)
-        blocks[f"{area.role}_{i}"] = block
+        blocks[f"{area.role}_{i}"] = add_arrays(block, fields=fields | sureness)
     return multiblock_from(blocks)
 
 
@@ -123,22 +120,23 @@ def attachments_of(data: vtkMultiBlockDataSet, where: str) -> list[AttachmentAre
             with errors_at(label):
                 via_ring(landmarks)
         estimated, sureness = field_array(block, "Estimated"), field_array(block, "Sureness")
-        areas.append(
-            AttachmentArea(
-                role,
-                bone,
-                landmarks,
-                closed,
-                estimated is not None and bool(estimated[0]),
-                None if sureness is None else float(sureness[0]),
-            )
-        )
+        is_estimated = estimated is not None and bool(estimated[0])
+        confidence = None if sureness is None else float(sureness[0])
+        areas.append(AttachmentArea(role, bone, landmarks, closed, is_estimated, confidence))
     return areas
 
 
 def end_areas(data: vtkMultiBlockDataSet, where: str) -> list[AttachmentArea]:
     """Return the areas of :func:`attachments_of` without via rings."""
     return [area for area in attachments_of(data, where) if area.role in ROLES]
+
+
+def areas_of_role(areas: Sequence[AttachmentArea], role: str) -> list[AttachmentArea]:
+    """Return the areas of a role; ValueError without an area."""
+    role_areas = [area for area in areas if area.role == role]
+    if not role_areas:
+        raise InputError("attachments", f"there is no area with the role {role!r}", "add its landmarks")
+    return role_areas
 
 
 def via_rings_of(data: vtkMultiBlockDataSet, where: str) -> list[AttachmentArea]:
@@ -238,8 +236,7 @@ def aponeuroses_data(aponeuroses: Sequence[Aponeurosis]) -> vtkMultiBlockDataSet
     for number, sheet in enumerate(aponeuroses):
         points, side = sheet.points, sheet.side
         block = _polyline(points, closed=True) if sheet.is_ring else surface_from(points, sheet.triangles)
-        set_field_array(block, "Side", side)
-        blocks[f"{side}_{number}"] = block
+        blocks[f"{side}_{number}"] = add_arrays(block, fields={"Side": side})
     return multiblock_from(blocks)
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet
 
 from vtkmuscle.core.mesh.normals import mean_normals, triangle_normals
+from vtkmuscle.core.mesh.surface import survey
 from vtkmuscle.core.types import Floats, Ints
 from vtkmuscle.data.arrays import blocks_of, points_of, triangles_of
 
@@ -60,11 +61,11 @@ class DrawnBones:
             points, triangles = points_of(block), triangles_of(block, name)
             facing = triangle_normals(points, triangles)
             normals = mean_normals(facing, triangles, len(points))
-            solid = _is_solid(points, triangles, facing)
+            report = survey(points, triangles)
+            solid = report.closed and report.oriented and report.volume > 0.0
             if total > TRIANGLES:
                 wanted = max(int(len(triangles) * TRIANGLES / total), _LEAST)
-                area = float(np.linalg.norm(facing, axis=1).sum()) / 2.0
-                kept, triangles = clustered(points, triangles, area, wanted)
+                kept, triangles = clustered(points, triangles, report.area, wanted)
                 points, normals = points[kept], normals[kept]
             drawn[name] = DrawnBone(points, triangles, normals, solid)
         return drawn
@@ -108,20 +109,3 @@ def clustered(points: Floats, triangles: Ints, area: float, wanted: int) -> tupl
     kept[cluster[nearest_last]] = nearest_last
     a, b, c = cluster[triangles.T]
     return kept, cluster[triangles][(a != b) & (b != c) & (c != a)]
-
-
-def _is_solid(points: Floats, triangles: Ints, normals: Floats) -> bool:
-    """Return whether triangles with outward normals (m, 3) enclose a volume.
-
-    On a closed surface each edge is used as often in one direction as in the other, so the sum over edges of
-    a quantity odd in the direction is zero. For a random quantity the probability of a zero by chance is
-    2^-63.
-    """
-    random = np.random.default_rng(0).integers(0, 2**63, (2, len(points)), dtype=np.uint64)
-    of_start, of_end = random[0][triangles], random[1][triangles]
-    onward = (of_start * np.roll(of_end, -1, axis=1)).sum()
-    back = (np.roll(of_start, -1, axis=1) * of_end).sum()
-    if onward != back:
-        return False
-    corners = points[triangles[:, 0]] - points.mean(axis=0)
-    return float(np.einsum("ij,ij", corners, normals)) > 0.0  # six times the volume

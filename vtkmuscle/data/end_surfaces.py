@@ -12,7 +12,7 @@ from vtkmuscle.core.fibres.between_areas import EndSurface
 from vtkmuscle.core.mesh.normals import triangle_normals
 from vtkmuscle.core.mesh.surface import extent
 from vtkmuscle.core.types import Floats, Ints
-from vtkmuscle.data.attachments import SIDES, Aponeurosis, AttachmentArea
+from vtkmuscle.data.attachments import ROLES, SIDES, Aponeurosis, AttachmentArea
 from vtkmuscle.data.muscle_geometry import MuscleGeometry
 
 #: Ratio of surface within a ring to the ring's disc above which the ring surrounds the muscle, and fibres end
@@ -33,10 +33,7 @@ SAMPLES = 512
 
 
 def inner_areas(areas: Sequence[AttachmentArea], geometry: MuscleGeometry) -> tuple[Floats, Ints]:
-    """Return the landmark discs within a muscle.
-
-    More than half of an inner disc is deeper in the muscle than a mean edge.
-    """
+    """Return the landmark discs with more than half deeper in the muscle than a mean edge."""
 
     def within(ring: Floats) -> bool:
         points, triangles = discs_over([ring])
@@ -55,21 +52,22 @@ def aponeurosis_surfaces(
     aponeuroses: Sequence[Aponeurosis],
     geometry: MuscleGeometry,
     where: str,
-    landmarks: tuple[Floats, Floats] | None = None,
+    areas: Sequence[AttachmentArea] = (),
 ) -> tuple[EndSurface, EndSurface]:
     """Return the proximal and the distal aponeurosis of a muscle.
 
     ValueError at `where` if a side is missing, if an aponeurosis is far from the muscle or covers the muscle,
-    or if both overlap; with the landmarks (n, 3) of origin and insertion also if proximal and distal are
-    exchanged.
+    or if both overlap; with areas of origin and insertion also if proximal and distal are exchanged.
     """
     proximal, distal = (_aponeurosis(aponeuroses, side, geometry, where) for side in SIDES)
     overlap = max(_share_in(proximal, distal, geometry), _share_in(distal, proximal, geometry))
     if overlap > OVERLAP:
         problem = f"the aponeuroses overlap: {100 * overlap:.0f} % of one is in the other"
         raise InputError(where, problem, "make an aponeurosis smaller; fibres run between both")
-    if landmarks is not None:
-        axis = landmarks[1].mean(axis=0) - landmarks[0].mean(axis=0)
+    landmarks = [[area.landmarks for area in areas if area.role == role] for role in ROLES]
+    if all(landmarks):
+        origin, insertion = (np.vstack(of_role).mean(axis=0) for of_role in landmarks)
+        axis = insertion - origin
         low, high = (surface.samples.dense(SAMPLES).mean(axis=0) @ axis for surface in (proximal, distal))
         if low > high:
             problem = "the proximal aponeurosis is closer to the insertion than the distal aponeurosis"

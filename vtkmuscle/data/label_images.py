@@ -13,13 +13,7 @@ from vtkmodules.vtkCommonDataModel import vtkImageData
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.types import Bools, Floats, Ints
-from vtkmuscle.data.arrays import (
-    field_array,
-    field_strings,
-    set_field_array,
-    set_field_strings,
-    set_point_array,
-)
+from vtkmuscle.data.arrays import add_arrays, field_array, field_strings, set_point_array
 
 #: Margin around a label [voxels], enough for the Gaussian and a Newton step.
 MARGIN = 4
@@ -183,9 +177,8 @@ def label_image(voxels: NDArray[np.integer], frame: Floats, names: Mapping[int, 
     image.SetDirectionMatrix(*(frame[:3, :3] / spacing).ravel())
     set_point_array(image, "Label", voxels.ravel())
     image.GetPointData().SetActiveScalars("Label")
-    set_field_array(image, VALUES, np.array(list(names), dtype=np.int64))
-    set_field_strings(image, NAMES, names.values())
-    return image
+    fields = {VALUES: np.array(list(names), dtype=np.int64), NAMES: list(names.values())}
+    return add_arrays(image, fields=fields)
 
 
 @dataclass(frozen=True, eq=False)

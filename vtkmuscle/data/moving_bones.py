@@ -21,8 +21,6 @@ TWIST = "Twist_"
 
 #: Remedy for a missing array.
 _MADE_BY = "BoneMotion adds it"
-#: The identity as bytes of a pipeline array.
-_AT_REST = np.eye(4).tobytes()
 
 
 def bones_of(data: vtkMultiBlockDataSet, where: str) -> dict[str, vtkPolyData]:
@@ -79,17 +77,16 @@ def moving_bones_of(data: vtkMultiBlockDataSet, where: str) -> MovingBones:
     numbers.
     """
     bones = _named_bones(data, where)
-    transforms = np.tile(np.eye(4), (len(bones), 1, 1))
+    transforms = np.empty((len(bones), 4, 4))
     twists: dict[str, Floats] = {}
     for index, (name, bone) in enumerate(bones.items()):
         here = f"{where}, block {name!r}"
         if (values := field_array(bone, "Transform")) is None:
             raise InputError(here, "the field array 'Transform' is missing", _MADE_BY)
-        if values.tobytes() != _AT_REST:  # most bones are at rest
-            if values.size != 16 or not is_rigid(values.reshape(4, 4)):
-                problem = "'Transform' must be 16 numbers, a rotation and a translation, last row 0 0 0 1"
-                raise InputError(here, problem)
-            transforms[index] = values.reshape(4, 4)
+        if values.size != 16 or not is_rigid(values.reshape(4, 4)):
+            problem = "'Transform' must be 16 numbers, a rotation and a translation, last row 0 0 0 1"
+            raise InputError(here, problem)
+        transforms[index] = values.reshape(4, 4)
         for coordinate, array in names_of(TWIST, bone.GetFieldData()).items():
             twist = field_array(bone, array)
             if twist is None or twist.shape != (6,) or not np.isfinite(twist).all():

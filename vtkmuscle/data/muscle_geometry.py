@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,7 @@ from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
 from vtkmuscle.core.attachments.patches import attachment_patch
 from vtkmuscle.core.errors import InputError, errors_at
+from vtkmuscle.core.mesh.neighbours import Neighbour
 from vtkmuscle.core.mesh.sampling import samples_inside
 from vtkmuscle.core.mesh.shared import shared
 from vtkmuscle.core.mesh.solids import Solids, solids_of
@@ -22,24 +23,25 @@ from vtkmuscle.core.mesh.surface import (
     faces_between,
     half_edges,
     opposite_half_edges,
+    signed_volume,
 )
 from vtkmuscle.core.mesh.triangle_tree import TriangleTree, triangle_tree
 from vtkmuscle.core.morphing.sections import ClosedSurface
 from vtkmuscle.core.types import Floats, Ints
 from vtkmuscle.data.arrays import blocks_of, checked_surface, point_array
-from vtkmuscle.data.attachments import AttachmentArea
-
-T = TypeVar("T")
+from vtkmuscle.data.attachments import AttachmentArea, areas_of_role
 
 #: Number of cached surfaces: the muscles of a limb; 20 000 triangles take about 10 MB.
 REMEMBERED = 8
 
 
-class SurfaceTopology:
-    """Properties of triangles (m, 3) that do not depend on positions."""
+class MuscleGeometry:
+    """A surface with properties computed on demand."""
 
-    def __init__(self, triangles: Ints) -> None:
-        self.triangles = triangles
+    def __init__(self, points: Floats, triangles: Ints) -> None:
+        self.points, self.triangles = points, triangles
+        self._patches: dict[tuple[bytes, bool], Ints] = {}
+        self._samples = np.empty((0, 3))
 
     @cached_property
     def n_open_edges(self) -> int:
@@ -47,30 +49,9 @@ class SurfaceTopology:
         return int((edge_uses(self.triangles) == 1).sum())
 
     @cached_property
-    def opposite(self) -> Ints:
-        """Opposite of each half-edge; ValueError for an open surface."""
-        return opposite_half_edges(self.triangles)
-
-
-class MuscleGeometry:
-    """A surface with properties computed on demand."""
-
-    def __init__(self, points: Floats, triangles: Ints) -> None:
-        self.points = points
-        self._topology = _topology(triangles)
-        self.triangles = self._topology.triangles
-        self._facts: dict[Hashable, Any] = {}
-        self._samples = np.empty((0, 3))
-
-    @property
-    def n_open_edges(self) -> int:
-        """Number of edges in a single triangle."""
-        return self._topology.n_open_edges
-
-    @property
     def closed(self) -> ClosedSurface:
         """The surface for cutting; ValueError if open or inconsistently oriented."""
-        return ClosedSurface(self.points, self.triangles, self._topology.opposite)
+        return ClosedSurface(self.points, self.triangles, opposite_half_edges(self.triangles))
 
     @cached_property
     def mean_edge(self) -> float:
@@ -84,9 +65,11 @@ class MuscleGeometry:
 
     def patch(self, area: AttachmentArea) -> Ints:
         """Return the point ids of an attachment area; ValueError off the surface."""
-        landmarks, closed = area.landmarks, area.closed
-        key = "patch", np.ascontiguousarray(landmarks).tobytes(), closed
-        return self.once(key, lambda: attachment_patch(self.points, self.triangles, landmarks, closed))
+        key = np.ascontiguousarray(area.landmarks).tobytes(), area.closed
+        if key not in self._patches:
+            surface = self.points, self.triangles
+            self._patches[key] = attachment_patch(*surface, area.landmarks, area.closed)
+        return self._patches[key]
 
     def attached(self, areas: Sequence[AttachmentArea], role: str) -> Ints:
         """Return the point ids of all areas of a role, ascending.
@@ -94,28 +77,15 @@ class MuscleGeometry:
         ValueError if the role has no area, or an area off the surface.
         """
         patches = []
-        for number, area in enumerate(area for area in areas if area.role == role):
+        for number, area in enumerate(areas_of_role(areas, role)):
             with errors_at(f"attachments: {role} area {number}"):
                 patches.append(self.patch(area))
-        if not patches:
-            raise InputError("attachments", f"there is no area with the role {role!r}")
         return np.unique(np.concatenate(patches))
-
-    def once(self, key: Hashable, compute: Callable[[], T]) -> T:
-        """Return a function's result, computed once per key."""
-        if key not in self._facts:
-            self._facts[key] = compute()
-        fact: T = self._facts[key]
-        return fact
 
     def patch_tree(self, patch: Ints) -> TriangleTree | None:
         """Return the hierarchy of triangles between points (j,), None without triangles."""
-
-        def tree() -> TriangleTree | None:
-            faces = faces_between(self.triangles, patch)
-            return triangle_tree(self.points, faces) if len(faces) else None
-
-        return self.once(("tree", patch.tobytes()), tree)
+        faces = faces_between(self.triangles, patch)
+        return triangle_tree(self.points, faces) if len(faces) else None
 
     def samples(self, count: int) -> Floats:
         """Return `count` inner positions [mm], evenly spread; fewer for flat surfaces."""
@@ -157,11 +127,6 @@ def surface_of(data: vtkPolyData, where: str) -> Surface:
     return Surface(data, *checked_surface(data, where), where)
 
 
-def surfaces_of(data: vtkMultiBlockDataSet, where: str) -> list[Surface]:
-    """Return the surfaces of all blocks; raises as :func:`muscle_geometry`."""
-    return [surface_of(block, f"{where}, block {name!r}") for name, block in blocks_of(data)]
-
-
 def muscle_geometry(surface: vtkPolyData, where: str) -> MuscleGeometry:
     """Return a surface's properties, the same object for the same content.
 
@@ -171,5 +136,46 @@ def muscle_geometry(surface: vtkPolyData, where: str) -> MuscleGeometry:
     return _geometry(*checked_surface(surface, where))
 
 
-_topology = shared(SurfaceTopology, last=REMEMBERED)
 _geometry = shared(MuscleGeometry, last=REMEMBERED)
+
+
+class Neighbours:
+    """The neighbours of one muscle over time.
+
+    Parameters
+    ----------
+    rest : (n, 3) array
+        The muscle at rest [mm].
+    """
+
+    def __init__(self, rest: Floats) -> None:
+        self._rest = rest
+        self._allowances: dict[int, Floats] = {}
+
+    def at(self, muscles: vtkMultiBlockDataSet) -> list[Neighbour]:
+        """Return the neighbours in the pose of a data set.
+
+        Raises
+        ------
+        ValueError
+            If a block is not a surface of triangles, or has no point array ``Displacement``.
+        """
+        neighbours = []
+        for number, (name, block) in enumerate(blocks_of(muscles)):
+            where = f"neighbours, block {name!r}"
+            if not isinstance(block, vtkPolyData):
+                raise InputError(where, "it is no vtkPolyData", "connect outputs of PBDDeformer")
+            points, triangles = checked_surface(block, where)
+            if number not in self._allowances:
+                displacement = np.array(point_array(block, "Displacement", where))
+                rest = outward_tree(points - displacement, triangles)
+                self._allowances[number] = rest.depth(self._rest)
+            neighbours.append(Neighbour(outward_tree(points, triangles), self._allowances[number]))
+        return neighbours
+
+
+def outward_tree(points: Floats, triangles: NDArray[np.int64]) -> TriangleTree:
+    """Return the hierarchy of a closed surface with outward triangles."""
+    if signed_volume(points, triangles) < 0.0:
+        triangles = np.ascontiguousarray(triangles[:, ::-1])
+    return triangle_tree(points, triangles)

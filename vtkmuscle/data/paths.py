@@ -18,14 +18,7 @@ from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.mesh.polylines import polyline_lengths
 from vtkmuscle.core.paths.neighbours import path_lengths
 from vtkmuscle.core.types import Floats
-from vtkmuscle.data.arrays import (
-    Polylines,
-    cell_array,
-    names_of,
-    point_array,
-    polylines_of,
-    set_cell_array,
-)
+from vtkmuscle.data.arrays import Polylines, cell_array, names_of, point_array, polylines_of, set_cell_array
 
 
 def checked_superficial(data: vtkPolyData, where: str) -> Polylines:

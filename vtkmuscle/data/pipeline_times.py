@@ -62,10 +62,7 @@ def vtk_collector() -> type[vtkGarbageCollector] | None:
 
 
 def input_at(algorithm: Any, port: int, time: float | None) -> Any:
-    """Return an input's data at a time, None on failure.
-
-    Data already present is not recomputed.
-    """
+    """Return an input's data at a time, computed if missing; None on failure."""
     if (collector := vtk_collector()) is not None:
         collector.Collect()  # leftovers of the time before
     connection = algorithm.GetInputConnection(port, 0)

@@ -1,6 +1,6 @@
 """VTK filters over :mod:`vtkmuscle.core`, imported on first use.
 
-The module ``fibre_smoother.py`` defines ``FibreSmoother``; there is no further list of filters.
+The module ``fibre_smoother.py`` defines ``FibreSmoother``; :data:`_MODULES` has the exception.
 
 Examples
 --------
@@ -28,7 +28,7 @@ _HELPERS = (
 #: Module of each filter by the filter's name in lower case.
 _MODULES = {
     module.name.replace("_", ""): module.name for module in iter_modules(__path__) if not module.ispkg
-}
+} | {"stifftendons": "fibre_transport"}
 
 
 def filter_classes() -> list[type[Filter]]:

@@ -6,61 +6,40 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from vtkmodules.util.numpy_support import vtk_to_numpy
-from vtkmodules.vtkCommonCore import VTK_DOUBLE, vtkPoints
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
+from vtkmodules.vtkCommonExecutionModel import vtkAlgorithm
+from vtkmodules.vtkCommonMath import vtkMatrix4x4
+from vtkmodules.vtkCommonTransforms import vtkMatrixToLinearTransform
+from vtkmodules.vtkFiltersGeneral import vtkTransformFilter
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.moment_arms.levers import MotionTwists
-from vtkmuscle.core.motion.rigid import RigidMotion, transform_points
+from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.core.types import Floats
-from vtkmuscle.data.arrays import (
-    add_arrays,
-    array_of,
-    empty_array,
-    multiblock_from,
-    set_field_array,
-    shallow_copy,
-)
+from vtkmuscle.data.arrays import add_arrays, array_of, multiblock_from, set_field_array, shallow_copy
 from vtkmuscle.data.moving_bones import TWIST, bones_of
 from vtkmuscle.filters.base import Filter, InputPort, OutputPort, Parameter
 
 
-class _RestPose:
-    """Bones at rest, with the identity as ``Transform``."""
+def _rest_pose(data: vtkMultiBlockDataSet, where: str) -> dict[str, vtkPolyData]:
+    """Return bones at rest, with the identity as ``Transform``."""
+    return {
+        name: add_arrays(shallow_copy(bone), fields={"Transform": np.eye(4).reshape(-1)})
+        for name, bone in bones_of(data, where).items()
+    }
 
-    def __init__(self, data: vtkMultiBlockDataSet, where: str) -> None:
-        self.blocks = {
-            name: add_arrays(shallow_copy(bone), fields={"Transform": np.eye(4).reshape(-1)})
-            for name, bone in bones_of(data, where).items()
-        }
-        self.still = multiblock_from(self.blocks)
-        self._vectors: dict[tuple[str, str], Floats] = {}
 
-    def moved(self, name: str, transform: Floats) -> vtkPolyData:
-        """Return a bone moved rigidly, with its normals and vectors."""
-        bone = shallow_copy(self.blocks[name])
-        turn = transform.copy()
-        turn[:3, 3] = 0.0
-        points = vtkPoints()
-        points.SetData(self._moved(name, "points", self.blocks[name].GetPoints().GetData(), transform))
-        bone.SetPoints(points)
-        for kind, attributes in (("point", bone.GetPointData()), ("cell", bone.GetCellData())):
-            for get, put in (
-                (attributes.GetNormals, attributes.SetNormals),
-                (attributes.GetVectors, attributes.SetVectors),
-            ):
-                if (vectors := get()) is not None:
-                    put(self._moved(name, f"{kind} {vectors.GetName()}", vectors, turn))
-        return add_arrays(bone, fields={"Transform": transform.reshape(-1)})
-
-    def _moved(self, bone: str, kind: str, vectors: Any, transform: Floats) -> Any:
-        if (bone, kind) not in self._vectors:
-            self._vectors[bone, kind] = np.array(vtk_to_numpy(vectors), dtype=np.float64)
-        rest = self._vectors[bone, kind]
-        array, values = empty_array(VTK_DOUBLE, rest.shape, vectors.GetName())
-        transform_points(transform, rest, values)
-        return array
+def _moved(bone: vtkPolyData, transform: Floats) -> vtkPolyData:
+    """Return a bone moved rigidly, with its normals and vectors."""
+    matrix = vtkMatrix4x4()
+    matrix.DeepCopy(transform.ravel().tolist())
+    mover = vtkTransformFilter()
+    mover.SetTransform(vtkMatrixToLinearTransform(input=matrix))
+    mover.SetOutputPointsPrecision(vtkAlgorithm.DOUBLE_PRECISION)
+    mover.SetInputData(bone)
+    mover.Update()
+    moved: vtkPolyData = mover.GetOutput()
+    return add_arrays(moved, fields={"Transform": transform.reshape(-1)})
 
 
 class BoneMotion(Filter):
@@ -107,7 +86,7 @@ class BoneMotion(Filter):
 
     motion: Parameter[RigidMotion | None] = Parameter(RigidMotion, default=None)
 
-    bones = InputPort(vtkMultiBlockDataSet, _RestPose)
+    bones = InputPort(vtkMultiBlockDataSet, _rest_pose)
     output = OutputPort(vtkMultiBlockDataSet)
 
     def __init__(self, **parameters: Any) -> None:
@@ -119,7 +98,7 @@ class BoneMotion(Filter):
         """Return the times of the motion."""
         return None if self.motion is None else [float(time) for time in self.motion.times]
 
-    def execute(self, bones: _RestPose) -> vtkMultiBlockDataSet:
+    def execute(self, bones: dict[str, vtkPolyData]) -> vtkMultiBlockDataSet:
         """Return the moved bones."""
         transforms: dict[str, Floats] = {}
         twists: dict[str, dict[str, Floats]] = {}
@@ -129,21 +108,17 @@ class BoneMotion(Filter):
                 self._twists = self.motion, MotionTwists(self.motion)
             transforms = self.motion.at(self.request_time)
             twists = self._twists[1].at(self.request_time)
-        unknown = sorted(set(transforms) - set(bones.blocks))
+        unknown = sorted(set(transforms) - set(bones))
         if unknown:
             raise InputError(
                 "",
                 f"the motion moves {', '.join(map(repr, unknown))}, but the bones are "
-                f"{', '.join(map(repr, bones.blocks))}",
+                f"{', '.join(map(repr, bones))}",
                 "rename the block or the motion's bone",
             )
-        # Bones that stay cost nothing, however many there are.
-        result = vtkMultiBlockDataSet()
-        result.CompositeShallowCopy(bones.still)
-        for number, name in enumerate(bones.blocks):
-            if name in transforms:
-                moved = bones.moved(name, transforms[name])
-                for coordinate, by_bone in twists.items():
-                    set_field_array(moved, array_of(TWIST, coordinate), by_bone.get(name, np.zeros(6)))
-                result.SetBlock(number, moved)
-        return result
+        blocks = dict(bones)
+        for name, transform in transforms.items():
+            blocks[name] = _moved(bones[name], transform)
+            for coordinate, by_bone in twists.items():
+                set_field_array(blocks[name], array_of(TWIST, coordinate), by_bone.get(name, np.zeros(6)))
+        return multiblock_from(blocks)

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
-from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
+from vtkmodules.vtkCommonDataModel import vtkPolyData
 
-from vtkmuscle.core.bones.bone import Bone, bone_of, depth_in
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.fibres.measures import (
     angles_to,
@@ -27,9 +24,9 @@ from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import Polylines, add_arrays, cell_array
 from vtkmuscle.data.attachments import AttachmentArea
 from vtkmuscle.data.end_surfaces import inner_areas
-from vtkmuscle.data.muscle_geometry import Surface, surfaces_of
+from vtkmuscle.data.muscle_geometry import Surface
 from vtkmuscle.data.paths import PathLines, add_path_arrays
-from vtkmuscle.filters.base import Filter, InputPort, OutputPort, Parameter, ports
+from vtkmuscle.filters.base import Filter, OutputPort, Parameter, ports
 
 #: Points of the centroid path: the shape (21, 3) of ``CentroidPath`` is part of the interface.
 PATH_POINTS = 21
@@ -38,15 +35,12 @@ PATH_POINTS = 21
 class FibreMetrics(Filter):
     """Measure length, strain, tortuosity, pennation, curvature and architecture.
 
-    The inputs select the measures: strain needs ``RestLength`` (from FibreTransport), pennation a muscle,
-    penetration bones. A pennation angle lies between a fibre's end segment and the muscle's surface: 0 along
-    the surface, 90 degrees at right angles. For a fibre on an aponeurosis the angle refers to the
-    aponeurosis. The surface normal is continuous except at creases of more than 45 to 75 degrees; on a crease
-    the angle is the mean over the adjacent faces. An aponeurosis within the muscle, as in bipennate muscles,
-    comes from the attachments.
-
-    :func:`vtkmuscle.io.write_fibre_table` writes the measures as a table, and
-    :func:`vtkmuscle.io.fibre_summary` computes mean, standard deviation and range.
+    The inputs select the measures: strain needs ``RestLength`` (from FibreTransport), pennation a muscle. A
+    pennation angle lies between a fibre's end segment and the muscle's surface: 0 along the surface, 90
+    degrees at right angles. For a fibre on an aponeurosis the angle refers to the aponeurosis. The surface
+    normal is continuous except at creases of more than 45 to 75 degrees; on a crease the angle is the mean
+    over the adjacent faces. An aponeurosis within the muscle, as in bipennate muscles, comes from the
+    attachments.
 
     Parameters
     ----------
@@ -54,8 +48,6 @@ class FibreMetrics(Filter):
         Polylines; with the cell array ``RestLength`` [mm] for strain.
     muscle
         The surface at the fibres' ends.
-    bones
-        Bones in the pose of the fibres.
     attachments
         Areas in the pose of the fibres. The disc over an area within the muscle counts as muscle surface.
     paths
@@ -72,15 +64,14 @@ class FibreMetrics(Filter):
     output
         The fibres with the cell arrays ``Length`` [mm], ``Tortuosity`` (length / distance of ends),
         ``Strain`` (length / rest length - 1, 0 for rest length 0), ``PennationOrigin`` and
-        ``PennationInsertion`` [degrees, 0 to 90], ``Penetration`` (of the deepest point into a bone) [mm],
-        and the field arrays ``LengthMean`` and ``LengthSD`` (of the population) [mm]. Curvature: the point
-        array ``Curvature``, the cell arrays ``CurvatureMean`` and ``CurvatureMax`` [1/mm]. Architecture: the
-        cell array ``LineAngle`` [degrees] between a fibre's chord and the line of action, and the field
-        arrays ``MuscleVolume`` [mm^3], ``LineOfAction`` (3), ``CentroidPath`` (21, 3) [mm], ``PCSA`` (volume
-        / mean length) and ``PCSALine`` (its part along the line of action) [mm^2]. Sections: the field arrays
-        ``SectionArea`` [mm^2], ``SectionFibres`` and ``SectionDensity`` [1/mm^2]. Paths: the cell arrays
-        ``PathLength`` [mm], ``PathPoints`` (3 n) [mm], ``Squeezed`` and ``Lever_COORDINATE``
-        (:mod:`vtkmuscle.data.paths`).
+        ``PennationInsertion`` [degrees, 0 to 90], and the field arrays ``LengthMean`` and ``LengthSD`` (of
+        the population) [mm]. Curvature: the point array ``Curvature``, the cell arrays ``CurvatureMean`` and
+        ``CurvatureMax`` [1/mm]. Architecture: the cell array ``LineAngle`` [degrees] between a fibre's chord
+        and the line of action, and the field arrays ``MuscleVolume`` [mm^3], ``LineOfAction`` (3),
+        ``CentroidPath`` (21, 3) [mm], ``PCSA`` (volume / mean length) and ``PCSALine`` (its part along the
+        line of action) [mm^2]. Sections: the field arrays ``SectionArea`` [mm^2], ``SectionFibres`` and
+        ``SectionDensity`` [1/mm^2]. Paths: the cell arrays ``PathLength`` [mm], ``PathPoints`` (3 n) [mm],
+        ``Squeezed`` and ``Lever_COORDINATE`` (:mod:`vtkmuscle.data.paths`).
 
     Raises
     ------
@@ -114,19 +105,16 @@ class FibreMetrics(Filter):
 
     fibres = ports.Lines()
     muscle = ports.Surface(optional=True)
-    bones = InputPort(vtkMultiBlockDataSet, surfaces_of, optional=True)
     attachments = ports.Areas(optional=True)
     paths = ports.Paths(optional=True)
     output = OutputPort(vtkPolyData)
 
     _bent: TriangleTree | None = None
-    _shapes: Sequence[Bone] = ()
 
     def execute(
         self,
         fibres: Polylines,
         muscle: Surface | None,
-        bones: list[Surface] | None,
         attachments: list[AttachmentArea] | None,
         paths: PathLines | None,
     ) -> vtkPolyData:
@@ -140,8 +128,6 @@ class FibreMetrics(Filter):
         if muscle is not None:
             ends = self._pennation(fibres, muscle, attachments)
             cells["PennationOrigin"], cells["PennationInsertion"] = ends
-        if bones is not None:
-            cells["Penetration"] = self._penetration(fibres, bones)
         if self.curvature:
             at_points, mean, largest = polyline_curvatures(fibres.points, fibres.offsets)
             points["Curvature"] = at_points
@@ -180,13 +166,6 @@ class FibreMetrics(Filter):
         each = np.degrees(np.arcsin(np.minimum(sines, 1.0)))
         angles = np.bincount(number, sizes * each) / np.bincount(number, sizes)
         return angles[: len(lines)], angles[len(lines) :]
-
-    def _penetration(self, lines: Polylines, bones: list[Surface]) -> Floats:
-        """Return the greatest depth of each fibre in a bone, (k,) [mm]."""
-        # Kept for the next frame: bones at rest reuse their hierarchy.
-        self._shapes = [bone_of(bone.points, bone.triangles) for bone in bones]
-        depths = depth_in(((bone, np.eye(4)) for bone in self._shapes), lines.points)
-        return np.maximum.reduceat(depths, lines.offsets[:-1])
 
     def _measure_muscle(
         self, result: vtkPolyData, lines: Polylines, lengths: Floats, muscle: Surface | None
@@ -236,8 +215,7 @@ def _strain(fibres: vtkPolyData, lengths: Floats) -> Floats:
     if rest.shape != lengths.shape:
         problem = f"the cell array 'RestLength' has the shape {rest.shape} for {len(lengths)} fibres"
         raise InputError("fibres", problem, "FibreTransport makes it")
-    bad = np.flatnonzero(~(np.isfinite(rest) & (rest >= 0)))
-    if len(bad):
-        problem = f"the rest length of fibre {bad[0]} is {rest[bad[0]]}, but must be finite and not negative"
+    for fibre in np.flatnonzero(~(np.isfinite(rest) & (rest >= 0))):
+        problem = f"the rest length of fibre {fibre} is {rest[fibre]}, but must be finite and not negative"
         raise InputError("fibres", problem)
     return np.divide(lengths - rest, rest, out=np.zeros_like(lengths), where=rest > 0)

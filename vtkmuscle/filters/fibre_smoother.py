@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.core.fibres.spreading import Cloud, cloud, move_ends, smooth_about_course, steps_to_centres
+from vtkmuscle.core.fibres.spreading import cloud, move_ends, smooth_about_course, steps_to_centres
 from vtkmuscle.core.mesh.polylines import polyline_lengths, smooth_polylines
 from vtkmuscle.core.mesh.triangle_tree import TriangleTree
 from vtkmuscle.core.types import Floats
@@ -32,12 +30,10 @@ class FibreSmoother(Filter):
     :func:`vtkmuscle.core.fibres.spreading.smooth_about_course`). Points that leave the muscle are projected
     to the surface.
 
-    The map from the template crowds fibres in the middle of a muscle, and straight ends leave the flanks
-    empty. With a muscle connected, each pass also moves every fibre towards the centroid of its Voronoi cell
-    in the muscle (Lloyd's relaxation), by ``spreading`` times the distance. Fibre ends move along connected
-    attachment areas, and stay without them. Spreading suits the parallel template, and templates whose fibres
-    were cut and led to the areas. Pennate fibres that end on the areas by themselves would be drawn into the
-    corners.
+    With a muscle connected, each pass also moves every fibre towards the centroid of its Voronoi cell in the
+    muscle (Lloyd's relaxation), by ``spreading`` times the distance. Fibre ends move along connected
+    attachment areas, and stay without them. Spreading suits parallel fibres, and fibres that were led to the
+    areas; pennate fibres would be drawn into the corners.
 
     Parameters
     ----------
@@ -116,13 +112,19 @@ class FibreSmoother(Filter):
         """Return smoothed and spread points, projected into the muscle."""
         spreading = self.spreading
         if spreading is None:
-            spreading = SPREADING if _fill_the_muscle(lines.data) else 0.0
-        areas = _areas(attachments, geometry)
+            # Parallel fibres, and fibres led to new ends, lack a course of their own.
+            kept = field_array(lines.data, "EndsKept")
+            led = kept is not None and float(kept.min()) <= 0.5
+            spreading = SPREADING if led or field_string(lines.data, "Template") == "parallel" else 0.0
+        areas: list[TriangleTree | None] = [None, None]
+        if attachments is not None:
+            areas = [geometry.patch_tree(geometry.attached(attachments, role)) for role in ROLES]
         ends = lines.offsets[:-1], lines.offsets[1:] - 1
         inner = np.ones(len(lines.points), dtype=np.bool_)
         inner[ends[0]] = inner[ends[1]] = False
         n_samples = max(SAMPLES * len(lines), LEAST_SAMPLES) if spreading and self.smoothing_passes else 0
-        within = _cloud(geometry, n_samples)
+        samples = geometry.samples(n_samples)
+        within = cloud(samples) if len(samples) else None
         points = lines.points
         for done in range(self.smoothing_passes):
             points = smooth_about_course(points, lines.offsets, self.smoothing_weight, 1)
@@ -138,22 +140,3 @@ class FibreSmoother(Filter):
             points[inner] = geometry.solids.into(points[inner])
             self.report_progress((done + 1) / self.smoothing_passes)
         return points
-
-
-def _cloud(geometry: MuscleGeometry, count: int) -> Cloud | None:
-    """Return samples of a muscle, None without volume."""
-    samples = geometry.samples(count)
-    return cloud(samples) if len(samples) else None
-
-
-def _fill_the_muscle(fibres: vtkPolyData | None) -> bool:
-    """Return whether fibres lack a course of their own."""
-    kept = field_array(fibres, "EndsKept")
-    return field_string(fibres, "Template") == "parallel" or (kept is not None and float(kept.min()) <= 0.5)
-
-
-def _areas(areas: list[AttachmentArea] | None, geometry: MuscleGeometry) -> Sequence[TriangleTree | None]:
-    """Return the triangles of origin and insertion, None for fixed fibre ends."""
-    if areas is None:
-        return None, None
-    return [geometry.patch_tree(geometry.attached(areas, role)) for role in ROLES]

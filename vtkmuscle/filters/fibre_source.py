@@ -10,7 +10,7 @@ from vtkmuscle.core.fibres.between_areas import EndSurface, bend_inside, filled_
 from vtkmuscle.core.mesh.surface import signed_volume
 from vtkmuscle.core.types import Bools, Floats
 from vtkmuscle.data.arrays import Polylines, add_arrays, polylines_from
-from vtkmuscle.data.attachments import ROLES, Aponeurosis, AttachmentArea, aponeuroses_of
+from vtkmuscle.data.attachments import ROLES, Aponeurosis, AttachmentArea, aponeuroses_of, areas_of_role
 from vtkmuscle.data.end_surfaces import aponeurosis_surfaces, attached_surface
 from vtkmuscle.data.muscle_geometry import MuscleGeometry, Surface
 from vtkmuscle.filters.base import Filter, InputPort, OutputPort, Parameter, ports
@@ -35,9 +35,9 @@ class FibreSource(Filter):
     neighbouring positions. A straight line outside of the muscle is bent inwards. Between aponeuroses fibres
     keep their cross-section: a part of the larger aponeurosis stays empty.
 
-    Fibres through sections start from the parallel template and run through TemplateFitter, SliceMorpher,
-    FibreTrimmer and FibreSmoother. Sections are isolines, which follow a bent muscle and end at the areas, or
-    planes for overlapping areas. Such fibres fill muscles that are thicker than the attachment areas.
+    Fibres through sections start from the parallel template and run through TemplateFitter, SliceMorpher
+    (isolines, or planes for overlapping areas), FibreTrimmer and FibreSmoother. Such fibres fill muscles that
+    are thicker than the attachment areas.
 
     ``course="auto"`` takes straight fibres between aponeuroses, and for muscles of which straight fibres fill
     more than 60 % of the volume (cross-section at the areas times length) with at most a tenth of the fibres
@@ -123,14 +123,13 @@ class FibreSource(Filter):
                 "connected",
                 "use course='auto' or 'straight', or leave the aponeuroses out",
             )
+        if attachments is None and aponeuroses is None:
+            raise InputError("", "no attachments are connected", "connect them, or aponeuroses")
         areas = attachments or []
-        by_role = [[area for area in areas if area.role == role] for role in ROLES]
-        if aponeuroses is None:
-            _check_roles(attachments, by_role)
-            if self.course == "sections" or superficial is not None:
-                return _passed_on(self._by_sections(muscle, areas, superficial), muscle)
+        if aponeuroses is None and (self.course == "sections" or superficial is not None):
+            return _passed_on(self._by_sections(muscle, areas, superficial), muscle)
         geometry = muscle.closed("and so no inside to keep fibres in")
-        origin, insertion = _ends(geometry, by_role, aponeuroses)
+        origin, insertion = _ends(geometry, areas, aponeuroses)
         self.report_progress(0.2)
         fibres = straight_fibres(origin, insertion, self.n_fibres, self.resolution)
         volume = abs(signed_volume(geometry.points, geometry.triangles))
@@ -181,27 +180,13 @@ def _passed_on(fibres: vtkPolyData, muscle: Surface) -> vtkPolyData:
     return fibres
 
 
-def _check_roles(areas: list[AttachmentArea] | None, by_role: list[list[AttachmentArea]]) -> None:
-    if areas is None:
-        raise InputError("", "no attachments are connected", "connect them, or aponeuroses")
-    for role, role_areas in zip(ROLES, by_role, strict=True):
-        if not role_areas:
-            problem = f"there is no area with the role {role!r}"
-            raise InputError("attachments", problem, "add its landmarks, or connect aponeuroses")
-
-
 def _ends(
-    geometry: MuscleGeometry,
-    by_role: list[list[AttachmentArea]],
-    aponeuroses: list[Aponeurosis] | None,
+    geometry: MuscleGeometry, areas: list[AttachmentArea], aponeuroses: list[Aponeurosis] | None
 ) -> tuple[EndSurface, EndSurface]:
     """Return the surfaces at the fibres' origins and insertions."""
     if aponeuroses is not None:
-        origin, insertion = ([area.landmarks for area in role_areas] for role_areas in by_role)
-        landmarks = (np.vstack(origin), np.vstack(insertion)) if all(by_role) else None
-        return aponeurosis_surfaces(aponeuroses, geometry, "aponeuroses", landmarks)
+        return aponeurosis_surfaces(aponeuroses, geometry, "aponeuroses", areas)
     first, last = (
-        attached_surface(role_areas, geometry, f"attachments: {role} area")
-        for role, role_areas in zip(ROLES, by_role, strict=True)
+        attached_surface(areas_of_role(areas, role), geometry, f"attachments: {role} area") for role in ROLES
     )
     return first, last

@@ -21,6 +21,8 @@ from vtkmuscle.filters.base import Filter, OutputPort, Parameter, ports
 #: Largest distance between a fibre's end and an area, or a fibre and the muscle, in mean edges: below it a
 #: distance is the mesh's own roughness.
 TOLERANCE = 0.25
+#: Largest part of a fibre's length that is cut off at either end.
+LARGEST_CUT = 0.5
 
 
 class FibreTrimmer(Filter):
@@ -28,20 +30,14 @@ class FibreTrimmer(Filter):
 
     Near a wide attachment area, template fibres meet in a point or run along the area. Two planes
     perpendicular to the muscle's axis, each through the landmark deepest in the muscle, cut the fibre ends
-    off. Straight segments to the areas replace the ends. The new ends are spread evenly over an area, with a
-    short total length and without crossings. The cut moves for a fibre whose new segment would leave the
-    muscle (by more than a quarter of a mean edge) or turn by more than 30 degrees. If most fibres end on an
-    area without meeting, as pennate fibres do, these fibres keep their ends.
-
-    An area may lie within the muscle, such as the tendon of a bipennate muscle: more than half of the disc
-    over the landmarks is then deeper than a mean edge. Fibres end on the disc if most template fibres do.
+    off. Straight segments to the areas replace the ends, spread evenly over an area and without crossings.
+    The cut moves for a fibre whose new segment would leave the muscle or turn by more than 30 degrees. If
+    most fibres end on an area without meeting, as pennate fibres do, these fibres keep their ends. An area
+    may lie within the muscle, such as the tendon of a bipennate muscle.
 
     The axis comes from the field array ``Transform`` of a fitted template, or else runs from the origin's to
     the insertion's centroid. Each fibre keeps its number of points, evenly spaced; points outside of the
     muscle move to the surface.
-
-    ``end_rule="closest"`` is the printed rule of the paper: each fibre is cut at the plane and ends at the
-    point of the area closest to the fibre's ray, without regard to other fibres.
 
     Parameters
     ----------
@@ -51,8 +47,6 @@ class FibreTrimmer(Filter):
         The muscle's surface, triangles.
     attachments
         Areas of both roles, landmarks near the muscle.
-    largest_cut
-        Largest part of a fibre's length to cut off at either end, for areas far along the muscle.
     end_rule
         End of a fibre: a share of the area, or the point of the area closest to the fibre's ray (Kohout et
         al. 2012), without new spacing of points.
@@ -93,7 +87,6 @@ class FibreTrimmer(Filter):
     (20, True)
     """
 
-    largest_cut = Parameter(float, default=0.5, minimum=0.0, maximum=0.5)
     end_rule = Parameter(str, default="shared", choices=("shared", "closest"))
 
     fibres = ports.Lines()
@@ -124,7 +117,7 @@ class FibreTrimmer(Filter):
             areas=(origin, insertion),
             into_muscle=geometry.solids.into,
             tolerance=TOLERANCE * geometry.mean_edge,
-            largest_cut=self.largest_cut,
+            largest_cut=LARGEST_CUT,
         )
         kept = (trimmed == points).all(axis=1)
         shares = np.array([kept[end].mean() for end in ends])
@@ -135,38 +128,21 @@ def _end_area(role: str, areas: Sequence[AttachmentArea], geometry: MuscleGeomet
     """Return a role's area for fibre ends (k, 3)."""
     covered = geometry.attached(areas, role)
     role_areas = [area for area in areas if area.role == role]
-    rings = b"".join(area.landmarks.tobytes() + bytes([area.closed]) for area in role_areas)
-    inner, outer = geometry.once(
-        ("end areas", rings),
-        lambda: (_inner_area(role_areas, geometry), _area_on_surface(role_areas, geometry, covered)),
-    )
-    if inner is None or inner.distance is None:
-        return outer
-    # The area may be hollow, or the landmarks inexact: the template's fibre ends decide.
-    on_disc = inner.distance(ends) <= TOLERANCE * geometry.mean_edge
-    return inner if on_disc.mean() > 0.5 else outer
-
-
-def _inner_area(areas: Sequence[AttachmentArea], geometry: MuscleGeometry) -> EndArea | None:
-    """Return the area within the muscle, or None."""
-    points, triangles = inner_areas(areas, geometry)
-    if not len(triangles):
-        return None
-    landmarks = np.vstack([area.landmarks for area in areas])
-    return EndArea(landmarks, points, triangles, np.arange(len(points)), _distance_to(points, triangles))
-
-
-def _area_on_surface(areas: Sequence[AttachmentArea], geometry: MuscleGeometry, covered: Ints) -> EndArea:
+    landmarks = np.vstack([area.landmarks for area in role_areas])
+    tolerance = TOLERANCE * geometry.mean_edge
+    points, triangles = inner_areas(role_areas, geometry)
+    if len(triangles):
+        # The area may be hollow, or the landmarks inexact: the template's fibre ends decide.
+        distance = _distance_to(points, triangles)
+        if (distance(ends) <= tolerance).mean() > 0.5:
+            return EndArea(landmarks, points, triangles, np.arange(len(points)), distance)
     # Discs over rings around hollow or bulging areas do not belong to the surface.
     flat = []
-    for ring in (area.landmarks for area in areas if area.closed):
+    for ring in (area.landmarks for area in role_areas if area.closed):
         points, triangles = discs_over([ring])
-        away = np.abs(geometry.solids.distances(points[triangles].mean(axis=1)))
-        if away.max() <= TOLERANCE * geometry.mean_edge:
+        if np.abs(geometry.solids.distances(points[triangles].mean(axis=1))).max() <= tolerance:
             flat.append(ring)
-    points, triangles = discs_over(flat)
-    spanned = _distance_to(points, triangles) if flat else None
-    landmarks = np.vstack([area.landmarks for area in areas])
+    spanned = _distance_to(*discs_over(flat)) if flat else None
     return EndArea(landmarks, geometry.points, geometry.triangles, covered, spanned)
 
 

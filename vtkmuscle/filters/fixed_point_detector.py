@@ -10,7 +10,7 @@ from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
 from vtkmuscle.core.attachments.patches import attachment_patch
 from vtkmuscle.core.errors import InputError, errors_at
-from vtkmuscle.core.mesh.solids import Solids, solids_of
+from vtkmuscle.core.mesh.solids import solids_of
 from vtkmuscle.core.mesh.surface import edge_lengths, points_in_box, unique_edges
 from vtkmuscle.core.pbd.voxels import DEFAULT_N_MAX, MOST_N_EQUAL, build_voxel_grid
 from vtkmuscle.core.types import Floats, Ints
@@ -103,25 +103,23 @@ class FixedPointDetector(Filter):
         self, muscle: Surface, bones: dict[str, vtkPolyData], attachments: list[AttachmentArea] | None
     ) -> vtkPolyData:
         """Return the muscle with its fixed points marked."""
-        claims: Iterator[Claim]
         if self.method == "attachment":
             claims = self._by_attachment(muscle, bones, attachments)
-        elif self.method == "proximity":
-            claims = self._by_proximity(muscle, bones)
         else:
-            claims = self._by_collision(muscle.points, bones)
+            claims = self._by_distance(muscle, bones)
         fixed_to = np.full(len(muscle.points), -1, dtype=np.int32)
         nearest = np.full(len(muscle.points), np.inf)
         for bone, ids, distances in claims:
             closer = distances < nearest[ids]
             nearest[ids[closer]] = distances[closer]
             fixed_to[ids[closer]] = bone
-        if self.method == "proximity" and (fixed_to < 0).all():
+        if self.method != "attachment" and (fixed_to < 0).all():
             problem = f"no point of the muscle is within {self._within(muscle):.4g} of a bone"
-            raise InputError("", problem, "give a larger distance, or landmarks and the method 'attachment'")
-        if self.method == "collision" and (fixed_to < 0).all():
-            problem = "no point of the muscle is in the voxels of a bone"
-            raise InputError("", problem, "lower n_voxels, or use the method 'proximity' or 'attachment'")
+            remedy = "give a larger distance, or landmarks and the method 'attachment'"
+            if self.method == "collision":
+                problem = "no point of the muscle is in the voxels of a bone"
+                remedy = "lower n_voxels, or use the method 'proximity' or 'attachment'"
+            raise InputError("", problem, remedy)
         return add_arrays(shallow_copy(muscle.data), points={"FixedTo": fixed_to})
 
     def _by_attachment(
@@ -132,15 +130,13 @@ class FixedPointDetector(Filter):
             remedy = "connect attachments, or choose the method 'proximity' or 'collision'"
             raise InputError("", "the method 'attachment' needs attachments", remedy)
         names = list(bones)
-        solids: dict[str, Solids] = {}
         for number, area in enumerate(areas):
             if area.role == VIA:
                 continue
             where = f"attachments, area {number} ({area.role} on {area.bone!r})"
             if area.bone not in bones:
                 raise InputError(where, f"the bones are {', '.join(map(repr, names))}", "rename one of them")
-            if area.bone not in solids:
-                solids[area.bone] = _solids_of(area.bone, bones[area.bone])
+            surface = checked_surface(bones[area.bone], f"bones, block {area.bone!r}")
             with errors_at(where):
                 patch = attachment_patch(
                     muscle.points,
@@ -148,47 +144,33 @@ class FixedPointDetector(Filter):
                     area.landmarks,
                     area.closed,
                     tolerance=self.distance,
-                    bone_distance=solids[area.bone].distances,
+                    bone_distance=solids_of(*surface).distances,
                 )
             distances = cKDTree(area.landmarks).query(muscle.points[patch])[0]
             yield names.index(area.bone), patch, distances
             self.report_progress((number + 1) / len(areas))
 
-    def _by_proximity(self, muscle: Surface, bones: dict[str, vtkPolyData]) -> Iterator[Claim]:
-        """Yield the points within the distance of each bone."""
+    def _by_distance(self, muscle: Surface, bones: dict[str, vtkPolyData]) -> Iterator[Claim]:
+        """Yield the points within the distance, or in the voxels, of each bone."""
         within = self._within(muscle)
         for index, (name, bone) in enumerate(bones.items()):
-            reachable = in_box(muscle.points, bone, within)
+            low, high = np.array(bone.GetBounds()).reshape(3, 2).T
+            reachable = points_in_box(muscle.points, low - within, high + within)
             if len(reachable):
-                distances = np.abs(_solids_of(name, bone).distances(muscle.points[reachable]))
+                points = muscle.points[reachable]
+                surface = checked_surface(bone, f"bones, block {name!r}")
+                distances = np.abs(solids_of(*surface).distances(points))
                 fixed = distances <= within
+                if self.method == "collision":
+                    grid = build_voxel_grid(*surface, n_max=self.n_voxels, n_equal=self.n_voxels_per_axis)
+                    fixed = grid.contains(points)
                 yield index, reachable[fixed], distances[fixed]
             self.report_progress((index + 1) / len(bones))
 
     def _within(self, muscle: Surface) -> float:
-        """Return the largest distance of fixed points from a bone [mm]."""
+        """Return the largest distance of fixed points from a bone, or from its voxels [mm]."""
+        if self.method == "collision":
+            return 0.0
         if self.distance is not None:
             return self.distance
         return float(edge_lengths(muscle.points, unique_edges(muscle.triangles)).mean())
-
-    def _by_collision(self, points: Floats, bones: dict[str, vtkPolyData]) -> Iterator[Claim]:
-        """Yield the points in the voxels of each bone, with their distances."""
-        for index, (name, bone) in enumerate(bones.items()):
-            reachable = in_box(points, bone, 0.0)
-            if len(reachable):
-                surface = checked_surface(bone, f"bones, block {name!r}")
-                grid = build_voxel_grid(*surface, n_max=self.n_voxels, n_equal=self.n_voxels_per_axis)
-                inside = reachable[grid.contains(points[reachable])]
-                if len(inside):
-                    yield index, inside, np.abs(_solids_of(name, bone).distances(points[inside]))
-            self.report_progress((index + 1) / len(bones))
-
-
-def _solids_of(name: str, bone: vtkPolyData) -> Solids:
-    return solids_of(*checked_surface(bone, f"bones, block {name!r}"))
-
-
-def in_box(points: Floats, bone: vtkPolyData, margin: float) -> Ints:
-    """Return the points in the bone's bounding box, enlarged by a margin."""
-    bounds = np.array(bone.GetBounds()).reshape(3, 2)
-    return points_in_box(points, bounds[:, 0] - margin, bounds[:, 1] + margin)

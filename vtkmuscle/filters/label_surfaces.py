@@ -23,10 +23,8 @@ class LabelSurfaces(Filter):
 
     The signed distance from the label is smoothed by a Gaussian, and contoured at the level that encloses the
     label's number of voxels. The triangles are evened out, reduced, and moved along their normals to the
-    label's volume. Voxels may have unequal sides and any orientation.
-
-    Only the largest piece of a label is taken, and cavities are filled. Field arrays report the omitted and
-    filled parts, and whether the image's border cuts the label.
+    label's volume. Voxels may have unequal sides and any orientation. Only the largest piece of a label is
+    taken, and cavities are filled.
 
     Parameters
     ----------

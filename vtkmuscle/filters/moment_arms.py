@@ -15,36 +15,23 @@ from vtkmuscle.core.moment_arms.of_joints import checked_coordinates, known_coor
 from vtkmuscle.core.motion.coordinates import ANGLES, TRANSLATIONS, Coordinate
 from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.core.types import Floats
-from vtkmuscle.data.arrays import (
-    Polylines,
-    cell_array,
-    field_array,
-    polylines_of,
-    set_cell_array,
-    set_field_array,
-)
+from vtkmuscle.data.arrays import Polylines, add_arrays, polylines_of
 from vtkmuscle.data.paths import paths_of
 from vtkmuscle.data.pipeline_times import input_at, requested_time, state_of_inputs, times_of
 from vtkmuscle.filters.base import Filter, OutputPort, Parameter, ports
-
-#: Arrays with the fibre lengths at all times.
-LENGTHS, TIMES = "Lengths", "Times"
 
 
 class MomentArms(Filter):
     """Add moment arms of a muscle's paths or fibres about joints.
 
     With paths (output of TautPaths, or of FibreMetrics with paths) and a ``motion``, a moment arm is the
-    lever of the path's pull about the coordinate's axis, ``Lever_COORDINATE``
-    (:mod:`vtkmuscle.core.paths.levers`). A lever needs a single pose, also for coordinates that change
-    together, if the joint is defined or poses differ in the coordinate alone.
+    lever of the path's pull about the coordinate's axis, ``Lever_COORDINATE``, in the pose alone.
 
     Without paths a moment arm is the slope -dl/dq of fibre lengths, by differences between poses that differ
     in the coordinate alone (:func:`vtkmuscle.core.moment_arms.levers.differences_by`). Fibres are requested
-    at every announced time step; lengths are kept until something upstream changes. Fibres without time steps
-    need the cell array ``Lengths`` and the field array ``Times``. For a motion with a single coordinate,
-    frames count if the bones' rotation depends on the coordinate alone; frames on the path from rest to the
-    start of the sweep do not.
+    at every announced time step; lengths are kept until something upstream changes. For a motion with a
+    single coordinate, frames count if the bones' rotation depends on the coordinate alone; frames on the path
+    from rest to the start of the sweep do not.
 
     A positive moment arm means that the fibre shortens with growing q. The coordinate belongs to ``motion``,
     or is the pipeline's time without ``motion``.
@@ -52,8 +39,7 @@ class MomentArms(Filter):
     Parameters
     ----------
     fibres
-        Polylines, the same number at each time step; or, without time steps, with the cell array ``Lengths``
-        (n_fibres, f) [mm] and the field array ``Times`` (f,).
+        Polylines, the same number at each time step.
     motion
         Motion with coordinates; None takes the pipeline's time as the coordinate.
     coordinate
@@ -71,7 +57,7 @@ class MomentArms(Filter):
     Raises
     ------
     ValueError
-        If there are no fibres or a point is not finite; if there are neither time steps nor a history; if the
+        If there are no fibres or a point is not finite; if there are no time steps; if the
         number of fibres changes with time; if the motion lacks the coordinate; without paths also if the
         coordinate has too few different values (4 for a single coordinate), or if several coordinates only
         change together.
@@ -121,37 +107,41 @@ class MomentArms(Filter):
     def execute(self, fibres: Polylines) -> vtkPolyData:
         """Return the fibres at the requested time, with their moment arms."""
         data: Any = fibres.data
-        if self.motion is not None and paths_of(data, "fibres") is not None:
-            return self._of_paths(fibres, self.motion)
-        if data.GetCellData().HasArray(LENGTHS):
-            times, lengths = _history(data, len(fibres))
-        elif self._steps:
-            times, lengths = np.array(self._steps), self._lengths_over_time()
-        else:
-            problem = "they announce no time steps, and have no cell array 'Lengths'"
+        of_paths = self.motion is not None and paths_of(data, "fibres") is not None
+        if not of_paths and not self._steps:
             remedy = "connect a filter over time, e.g. FibreTransport behind PBDDeformer, or a .pvd reader"
-            raise InputError("fibres", problem, remedy)
-        now = float(times[-1]) if self.request_time is None else self.request_time
-        result = self._at(now, fibres).copy()
-        motion = RigidMotion(times, {}, None, {"time": Coordinate(times, self.unit)})
-        if self.motion is not None:
-            motion = _resampled(self.motion, times)
-        now = float(np.clip(now, times.min(), times.max()))
+            raise InputError("fibres", "they announce no time steps", remedy)
+        motion = self._motion(of_paths)
+        lengths = None if of_paths else self._lengths_over_time()
+        now = float(motion.times[-1]) if self.request_time is None else self.request_time
+        again = input_at(self, 0, now) if self._steps else None
+        result = (fibres if again is None else polylines_of(again, "fibres")).copy()
+        now = float(np.clip(now, motion.times.min(), motion.times.max()))
         names = known_coordinates(motion)
-        arms = {}
+        arms: Mapping[str, Floats] = {}
+        if lengths is not None:
+            arms = _slopes(motion, names, lengths, now)
+        elif (paths := paths_of(result, "fibres")) is not None:
+            arms = paths.levers
+        wanted = None if self.motion is None else self.coordinate
+        checked_coordinates(motion, [wanted] if wanted else ())
         for name in names:
-            differences = differences_by(motion, name, names)
-            interval = interval_among(differences.frames, times, now)
-            if interval is not None:
-                (a, b, part), slopes = interval, differences.slopes(lengths)
-                arms[name] = -(1.0 - part) * slopes[a] - part * slopes[b]
-        self._add_arms(result, motion, now, arms)
+            if wanted not in (None, name) or name not in arms:
+                continue
+            suffix = f"_{name}" if len(names) > 1 and self.coordinate is None else ""
+            value = np.interp(now, motion.times, motion.coordinates[name].values)
+            fields = {f"Coordinate{suffix}": name, f"CoordinateValue{suffix}": float(value)}
+            add_arrays(result, cells={f"MomentArm{suffix}": arms[name]}, fields=fields)
         return result
 
-    def _at(self, now: float, fibres: Polylines) -> Polylines:
-        """Return the fibres at a time."""
-        again = input_at(self, 0, now) if self._steps else None
-        return fibres if again is None else polylines_of(again, "fibres")
+    def _motion(self, of_paths: bool) -> RigidMotion:
+        """Return the motion, for fibres without paths at the fibres' time steps."""
+        if self.motion is not None and of_paths:
+            return self.motion
+        times = np.array(self._steps)
+        if self.motion is None:
+            return RigidMotion(times, {}, None, {"time": Coordinate(times, self.unit)})
+        return _resampled(self.motion, times)
 
     def _lengths_over_time(self) -> Floats:
         """Return the lengths (f, k) of the fibres at all time steps."""
@@ -171,30 +161,17 @@ class MomentArms(Filter):
             self._measured = state_of_inputs(self, (0,)), np.array(rows)
         return self._measured[1]
 
-    def _of_paths(self, fibres: Polylines, motion: RigidMotion) -> vtkPolyData:
-        """Return fibres with the levers of their paths."""
-        now = float(motion.times[-1]) if self.request_time is None else self.request_time
-        result = self._at(now, fibres).copy()
-        paths = paths_of(result, "fibres")
-        assert paths is not None  # the input had paths at another time
-        self._add_arms(result, motion, now, paths.levers)
-        return result
 
-    def _add_arms(
-        self, result: vtkPolyData, motion: RigidMotion, now: float, arms: Mapping[str, Floats]
-    ) -> None:
-        """Add the defined moment arms (k,), by coordinates of the motion."""
-        wanted = None if self.motion is None else self.coordinate
-        checked_coordinates(motion, [wanted] if wanted else ())
-        names = known_coordinates(motion)
-        for name in names:
-            if wanted not in (None, name) or name not in arms:
-                continue
-            suffix = f"_{name}" if len(names) > 1 and self.coordinate is None else ""
-            set_cell_array(result, f"MomentArm{suffix}", arms[name])
-            set_field_array(result, f"Coordinate{suffix}", name)
-            value = np.interp(now, motion.times, motion.coordinates[name].values)
-            set_field_array(result, f"CoordinateValue{suffix}", float(value))
+def _slopes(motion: RigidMotion, names: tuple[str, ...], lengths: Floats, now: float) -> dict[str, Floats]:
+    """Return -dl/dq (k,) at a time by coordinate, where defined, of lengths (f, k)."""
+    arms = {}
+    for name in names:
+        differences = differences_by(motion, name, names)
+        interval = interval_among(differences.frames, motion.times, now)
+        if interval is not None:
+            (a, b, part), slopes = interval, differences.slopes(lengths)
+            arms[name] = -(1.0 - part) * slopes[a] - part * slopes[b]
+    return arms
 
 
 def _resampled(motion: RigidMotion, times: Floats) -> RigidMotion:
@@ -211,15 +188,3 @@ def _resampled(motion: RigidMotion, times: Floats) -> RigidMotion:
             for name, old in motion.coordinates.items()
         },
     )
-
-
-def _history(fibres: vtkPolyData, count: int) -> tuple[Floats, Floats]:
-    """Return the times (f,) and lengths (f, k) stored with fibres."""
-    lengths = np.asarray(cell_array(fibres, LENGTHS, "fibres"), dtype=np.float64)
-    times = field_array(fibres, TIMES)
-    if times is None or lengths.shape != (count, np.size(times)) or (np.diff(np.ravel(times)) <= 0).any():
-        shape = "missing" if times is None else f"of shape {times.shape}"
-        problem = f"the cell array 'Lengths' is of shape {lengths.shape}, the field array 'Times' {shape}"
-        remedy = f"for {count} fibre(s) and f ascending times they must be ({count}, f) and (f,)"
-        raise InputError("fibres", problem, remedy)
-    return np.ravel(np.asarray(times, dtype=np.float64)), lengths.T

@@ -19,11 +19,10 @@ from vtkmuscle.core.skinning.carried_muscle import CarriedMuscle, CarriedPose
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import Polylines, add_arrays, blocks_of, set_point_array, with_points
 from vtkmuscle.data.moving_bones import MovingBones, RestBones, check_same_bones, fixed_points_of
-from vtkmuscle.data.muscle_geometry import Surface
+from vtkmuscle.data.muscle_geometry import Neighbours, Surface
 from vtkmuscle.data.paths import PathLines
 from vtkmuscle.filters.base import Filter, InputPort, OutputPort, Parameter, ports
-from vtkmuscle.filters.deformer.neighbours import Neighbours
-from vtkmuscle.filters.deformer.shape_report import penetration_fields, shape_fields
+from vtkmuscle.filters.deformer import penetration_fields, shape_fields
 
 #: Rounds of settling by quality: time grows with the rounds.
 ROUNDS = {"preview": 2, "balanced": 5, "accurate": 20}

@@ -27,11 +27,10 @@ from vtkmuscle.data.arrays import (
     with_points,
 )
 from vtkmuscle.data.moving_bones import MovingBones, RestBones, check_same_bones, fixed_points_of
-from vtkmuscle.data.muscle_geometry import Surface
+from vtkmuscle.data.muscle_geometry import Neighbours, Surface
 from vtkmuscle.filters.base import HistoryFilter, InputPort, OutputPort, ports
-from vtkmuscle.filters.deformer.neighbours import Neighbours
+from vtkmuscle.filters.deformer import penetration_fields, shape_fields
 from vtkmuscle.filters.deformer.settings import DeformerSettings, solver_parameters
-from vtkmuscle.filters.deformer.shape_report import penetration_fields, shape_fields
 
 
 @dataclass(eq=False)

@@ -3,22 +3,21 @@
 from __future__ import annotations
 
 import warnings
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.morphing.correspondence import Box, Morph, Slicing
-from vtkmuscle.core.morphing.isolines import morph_by_isolines
+from vtkmuscle.core.morphing.isolines import attachment_field, morph_by_isolines
 from vtkmuscle.core.morphing.planes import morph_by_planes
 from vtkmuscle.core.template.fitting import angle_to_nearest, areas_are_opposite, superficial_pieces
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import Polylines, add_arrays, field_array
-from vtkmuscle.data.attachments import AttachmentArea
+from vtkmuscle.data.attachments import ROLES, AttachmentArea
 from vtkmuscle.data.muscle_geometry import Surface
 from vtkmuscle.filters.base import Filter, OutputPort, Parameter, ports
-from vtkmuscle.filters.harmonic_field import field_of, has_field
 
 #: Deviation of superficial fibres that gives a warning, root mean square [degrees].
 NOTICED = 10.0
@@ -32,31 +31,26 @@ class SliceMorpher(Filter):
     With ``method="plane"`` a plane across the box's long axis cuts the box in a rectangle and the muscle in a
     contour. The contour is divided into four parts, matched by length to the sides of the rectangle, and mean
     value coordinates map the rectangle to the contour. In sections with several loops, fibres fill the chain
-    of consecutive loops that encloses most of the muscle, and never change branches. Fibre parts beyond the
-    end of the main branch are compressed into its tip.
+    of consecutive loops that encloses most of the muscle.
 
     With ``method="harmonic"`` isolines cut the muscle: of a function that is 0 on the origin area, 1 on the
-    insertion area and harmonic on the surface between. Isolines are as many as planes through the template,
-    and follow a bent muscle. The function is the muscle's point array ``HarmonicField``
-    (:class:`HarmonicField`), or else comes from the attachments. Fibres end on the attachment areas.
+    insertion area and harmonic on the surface between. The Laplacian has cotangent weights, kept positive on
+    bad triangles, so that every isoline runs around the muscle. Isolines are as many as planes through the
+    template, and follow a bent muscle. Fibres end on the attachment areas.
 
-    ``method="auto"`` takes isolines for a muscle too bent for parallel planes: at 16 heights, the main branch
-    has less than 80 % of the muscle's volume, or the centre line is at more than 45 degrees to the box's axis
-    over more than 15 % of its length. Isolines need attachments or the function, and a template with areas at
-    bottom and top; otherwise ``auto`` takes planes, with a warning. The choice is in ``MorphMethod``.
-
-    In the paper, the contour point of the rectangle's first corner is the nearest vertex in each slice. Here
-    the point is a new vertex, chosen for all slices together, so that neighbouring contours are not twisted;
-    ``continuity=0`` is the paper's rule.
+    ``method="auto"`` takes isolines for a muscle too bent for parallel planes: the main branch has less than
+    80 % of the muscle's volume, or more than 15 % of the centre line is at more than 45 degrees to the box's
+    axis. Isolines need attachments, and a template with areas at bottom and top; otherwise ``auto`` takes
+    planes, with a warning. ``continuity=0`` is the paper's rule for the first corner of a contour.
 
     Parameters
     ----------
     template
         Fibres in the muscle's box, with the field array ``Transform`` (16, unit cube to box).
     muscle
-        The muscle's surface: triangles, closed; optionally with the point array ``HarmonicField``.
+        The muscle's surface: triangles, closed.
     attachments
-        Areas of both roles; only for the harmonic method on a muscle without ``HarmonicField``.
+        Areas of both roles, for the harmonic method.
     superficial
         Polylines on the muscle's surface, or close to the surface. The angle to the fibres is reported;
         TemplateFitter turns the box to fit.
@@ -91,8 +85,9 @@ class SliceMorpher(Filter):
     References
     ----------
     Kohout, Clapworthy, Martelli, Viceconti 2012, *Muscle Fibres Modelling*, section 3.3,
-    extended in doi:10.1007/978-3-642-38241-3_3; Hormann, Floater 2006, *Mean value coordinates for
-    arbitrary planar polygons*, doi:10.1145/1183287.1183295.
+    extended in doi:10.1007/978-3-642-38241-3_3; Kohout, Kukacka 2014, *Real-time modelling of fibrous
+    muscle*, doi:10.1111/cgf.12354; Hormann, Floater 2006, *Mean value coordinates for arbitrary planar
+    polygons*, doi:10.1145/1183287.1183295.
 
     Limitations
     -----------
@@ -143,18 +138,23 @@ class SliceMorpher(Filter):
         def morph(method: str) -> Morph:
             if method == "plane":
                 return morph_by_planes(*shape, slicing)
-            return morph_by_isolines(*shape, field_of(muscle, attachments), slicing)
+            return morph_by_isolines(*shape, _harmonic_field(muscle, attachments), slicing)
 
         if self.method == "harmonic" and not upright:
             problem = "method='harmonic' needs template areas at bottom and top (parallel, curved, fan)"
             raise InputError("", problem, "use method='plane' for other templates")
         method = "harmonic" if self.method == "harmonic" else "plane"
         result = morph(method)
-        has_ends = attachments is not None or has_field(muscle.data)
         steep_share = result.steep_share
-        if self.method == "auto" and not result.suits and upright and has_ends:
+        if self.method == "auto" and not result.suits and upright and attachments is not None:
             method, result = "harmonic", morph("harmonic")
-        _warn(result, method)
+        if method == "plane" and not result.suits:
+            warnings.warn(
+                "SliceMorpher: the muscle is bent too much for parallel planes: their main branch holds "
+                f"{100 * result.volume_share:.0f} % of it, and {100 * result.steep_share:.0f} % of its "
+                "course run at more than 45 degrees to the box's axis; use method='harmonic'",
+                stacklevel=2,
+            )
         fields: dict[str, str | float] = {
             "MorphMethod": method,
             "PointsOutside": result.n_outside,
@@ -165,33 +165,27 @@ class SliceMorpher(Filter):
         if superficial is not None:
             seen = superficial_pieces(superficial.points, superficial.offsets, geometry.points)
             angle = float(np.degrees(angle_to_nearest(seen, result.points, template.offsets)))
-            _warn_of_superficial(angle)
+            if angle > NOTICED:
+                warnings.warn(
+                    f"SliceMorpher: the superficial fibres deviate by {angle:.0f} degrees from the fibres "
+                    "next to them (root mean square); another template, or another axis of TemplateFitter, "
+                    "may do better",
+                    stacklevel=2,
+                )
             fields["SuperficialAngle"] = angle
         return add_arrays(template.moved(result.points), fields=fields)
 
 
-def _warn(result: Morph, method: str) -> None:
-    """Warn about a muscle too bent for planes."""
-    if method == "plane" and not result.suits:
-        warnings.warn(
-            "SliceMorpher: the muscle is bent too much for parallel planes: their main branch holds "
-            f"{100 * result.volume_share:.0f} % of it, and {100 * result.steep_share:.0f} % of its course "
-            "run at more than 45 degrees to the box's axis; use method='harmonic'",
-            stacklevel=2,
-        )
+def _harmonic_field(muscle: Surface, areas: list[AttachmentArea] | None) -> Floats:
+    """Return the harmonic function (n,), 0 at the origin and 1 at the insertion."""
+    if areas is None:
+        problem = "method='harmonic' needs attachment areas, but the port 'attachments' is not connected"
+        raise InputError("", problem, "connect attachments")
+    origin, insertion = (muscle.geometry.attached(areas, role) for role in ROLES)
+    return attachment_field(muscle.points, muscle.triangles, origin, insertion)
 
 
-def _warn_of_superficial(angle: float) -> None:
-    """Warn about superficial fibres that deviate from the nearest fibres."""
-    if angle > NOTICED:
-        warnings.warn(
-            f"SliceMorpher: the superficial fibres deviate by {angle:.0f} degrees from the fibres next to "
-            "them (root mean square); another template, or another axis of TemplateFitter, may do better",
-            stacklevel=3,
-        )
-
-
-def _runs_upwards(template: vtkPolyData | None, box: Floats) -> bool:
+def _runs_upwards(template: Any, box: Floats) -> bool:
     """Return whether the template's areas are bottom and top."""
     areas = [field_array(template, name) for name in ("OriginArea", "InsertionArea")]
     if any(area is None or area.ndim != 2 or area.shape[1] != 3 for area in areas):
@@ -201,21 +195,19 @@ def _runs_upwards(template: vtkPolyData | None, box: Floats) -> bool:
     return areas_are_opposite(origin, insertion)
 
 
-def _box(template: vtkPolyData | None) -> NDArray[np.float64]:
+def _box(template: Any) -> Floats:
     """Return the transform of the unit cube to the box, (4, 4)."""
     values = field_array(template, "Transform")
     if values is None:
         raise InputError("template", "the field array 'Transform' is missing", "run TemplateFitter")
     if values.size == 16 and np.isfinite(values).all():
-        box: NDArray[np.float64] = np.array(values, dtype=np.float64).reshape(4, 4)
-        gram = box[:3, :3].T @ box[:3, :3]
-        sides = np.sqrt(np.diag(gram))
-        right = sides.min() > 0.0 and np.abs(gram / np.outer(sides, sides) - np.eye(3)).max() < 1e-6
-        if right and np.array_equal(box[3], [0.0, 0.0, 0.0, 1.0]):
-            return box
-    raise InputError(
-        "template",
-        "the field array 'Transform' is not the matrix of a box: 16 finite numbers, row by row, a rotation "
-        "(or reflection) of a cube scaled along its axes",
-        "run TemplateFitter",
+        box: Floats = np.array(values, dtype=np.float64).reshape(4, 4)
+        sides = np.linalg.norm(box[:3, :3], axis=0)
+        if sides.min() > 0.0 and np.array_equal(box[3], [0.0, 0.0, 0.0, 1.0]):
+            axes = box[:3, :3] / sides
+            if np.abs(axes.T @ axes - np.eye(3)).max() < 1e-6:
+                return box
+    problem = (
+        "the field array 'Transform' is not the matrix of a box: a rotation of a scaled cube, row by row"
     )
+    raise InputError("template", problem, "run TemplateFitter")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
 from functools import partial
 
 import numpy as np
@@ -12,7 +11,6 @@ from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.motion.rigid import apply_transform
 from vtkmuscle.core.template.fitting import (
     TIE,
-    BoxFit,
     SuperficialFibres,
     angle_to_nearest,
     centroid_axis,
@@ -22,7 +20,7 @@ from vtkmuscle.core.template.fitting import (
 )
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import Polylines, add_arrays, field_array
-from vtkmuscle.data.attachments import ROLES, AttachmentArea
+from vtkmuscle.data.attachments import ROLES, AttachmentArea, areas_of_role
 from vtkmuscle.data.muscle_geometry import Surface
 from vtkmuscle.filters.base import Filter, OutputPort, Parameter, ports
 
@@ -32,19 +30,14 @@ class TemplateFitter(Filter):
 
     The box's z axis is the muscle's axis: with ``axis="attachments"`` the line between the centroids of the
     origin's and the insertion's landmarks, with ``axis="principal"`` the direction of largest variance of the
-    surface points. ``axis="auto"`` tries both and takes the smaller error. Centroids fail for a centroid off
-    the axis, and for areas beside each other (pennate, bipennate), where the line follows the fibres instead
-    of the muscle.
+    surface points. ``axis="auto"`` tries both and takes the smaller error: centroids fail for areas beside
+    each other (pennate, bipennate).
 
     The box is turned about the axis in steps; the best angle has the shortest distances between the corners
     of the template's areas and the landmarks. Several areas of a role count as a single area.
 
     With superficial fibres, the angle between them and the closest template fibres also counts: a mean
     landmark distance of a tenth of the muscle's length weighs as much as 6 degrees (root mean square).
-    Superficial fibres decide the side to which fibres lean or arch if landmarks leave the side open.
-
-    ``mirror=True`` is for the other side of the body: the fit is the mirror image of the fit to the mirrored
-    muscle.
 
     Parameters
     ----------
@@ -60,8 +53,6 @@ class TemplateFitter(Filter):
         The rule for the box's long axis.
     angle_step
         Step of the turn about the axis.
-    mirror
-        Mirror the template.
 
     Attributes
     ----------
@@ -101,7 +92,6 @@ class TemplateFitter(Filter):
 
     axis = Parameter(str, default="auto", choices=("auto", "attachments", "principal"))
     angle_step = Parameter(float, default=5.0, minimum=0.01, maximum=90.0, units="degrees")
-    mirror = Parameter(bool, default=False)
 
     template = ports.Lines()
     muscle = ports.Surface()
@@ -118,28 +108,21 @@ class TemplateFitter(Filter):
     ) -> vtkPolyData:
         """Return the fitted template."""
         areas = _area(template.data, "OriginArea"), _area(template.data, "InsertionArea")
-        reflection = np.diag([-1.0, 1.0, 1.0, 1.0]) if self.mirror else np.eye(4)
-        origin, insertion = (apply_transform(reflection, _landmarks(attachments, role)) for role in ROLES)
-        geometry = muscle.geometry
-
-        def points() -> Floats:
-            uses = np.bincount(geometry.triangles.reshape(-1), minlength=len(geometry.points))
-            return apply_transform(reflection, geometry.points[uses > 0])
-
+        origin, insertion = (
+            np.vstack([area.landmarks for area in areas_of_role(attachments, role)]) for role in ROLES
+        )
         landmarks = origin, insertion
+        points, guide = muscle.points[np.unique(muscle.triangles)], None
         if superficial is not None:
-            mirrored = apply_transform(reflection, superficial.points)
-            shape = points()
-            seen = superficial_pieces(mirrored, superficial.offsets, shape)
-            fits = self._fits(shape, landmarks, areas, partial(_angle, seen, template))
-        else:  # these boxes do not depend on the template's fibres
-            settings = self.axis, self.angle_step, self.mirror
-            arrays = (*landmarks, *areas)
-            key = "boxes", settings, *(np.ascontiguousarray(array).tobytes() for array in arrays)
-            fits = geometry.once(key, lambda: self._fits(points(), landmarks, areas, None))
+            seen = superficial_pieces(superficial.points, superficial.offsets, points)
+            guide = partial(_angle, seen, template)
+        fits = [
+            fit_box(points, axis, landmarks=landmarks, areas=areas, angle_step=self.angle_step, guide=guide)
+            for axis in self._axes(points, *landmarks)
+        ]
         least = min(fit.cost for fit in fits)
         best = next(fit for fit in fits if fit.cost <= least + TIE)
-        transform = reflection @ best.transform
+        transform = best.transform
         return add_arrays(
             template.moved(apply_transform(transform, template.points)),
             fields={
@@ -163,19 +146,6 @@ class TemplateFitter(Filter):
             axes.append(principal_axis(points, origin, insertion))
         return axes
 
-    def _fits(
-        self,
-        points: Floats,
-        landmarks: tuple[Floats, Floats],
-        areas: tuple[Floats, Floats],
-        guide: Callable[[Floats], float] | None,
-    ) -> list[BoxFit]:
-        """Return the best box for each axis."""
-        return [
-            fit_box(points, axis, landmarks=landmarks, areas=areas, angle_step=self.angle_step, guide=guide)
-            for axis in self._axes(points, *landmarks)
-        ]
-
 
 def _angle(seen: SuperficialFibres, lines: Polylines, box: Floats) -> float:
     """Return the angle of superficial fibres in a box."""
@@ -188,10 +158,3 @@ def _area(template: vtkPolyData | None, name: str) -> Floats:
         problem = f"the field array {name!r} (3 components: corners of an area in the unit cube) is missing"
         raise InputError("template", problem, "FibreTemplateSource makes it")
     return np.array(values, dtype=np.float64)
-
-
-def _landmarks(areas: Sequence[AttachmentArea], role: str) -> Floats:
-    landmarks = [area.landmarks for area in areas if area.role == role]
-    if not landmarks:
-        raise InputError("attachments", f"there is no area with the role {role!r}", "add its landmarks")
-    return np.vstack(landmarks)

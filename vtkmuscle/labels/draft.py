@@ -13,7 +13,7 @@ from vtkmodules.vtkCommonDataModel import vtkPolyData
 from vtkmuscle.core.errors import InputError, fault_of
 from vtkmuscle.data.arrays import points_of, with_points
 from vtkmuscle.data.attachments import ROLES, AttachmentArea
-from vtkmuscle.data.estimated_areas import NEAR, estimated_areas
+from vtkmuscle.filters.attachment_estimator import NEAR, estimated_areas
 from vtkmuscle.io.csv_table import write_rows
 from vtkmuscle.io.writing import write_polydata, write_text
 from vtkmuscle.labels.guesses import LEFT_OUT, Guess, table_of

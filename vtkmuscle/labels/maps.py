@@ -17,9 +17,9 @@ from vtkmuscle.core.mesh.surface import survey
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import blocks_of, checked_surface, field_array, field_string, surface_from
 from vtkmuscle.data.attachments import ROLES
-from vtkmuscle.data.estimated_areas import NEAR
 from vtkmuscle.data.isosurface import EVEN
 from vtkmuscle.data.label_images import Label, LabelField, labels_in
+from vtkmuscle.filters.attachment_estimator import NEAR
 from vtkmuscle.filters.label_surfaces import SMOOTHING, LabelSurfaces
 from vtkmuscle.labels.draft import Draft
 from vtkmuscle.labels.guesses import LEFT_OUT, Guess

@@ -17,11 +17,4 @@ from vtkmuscle.phantoms.hip_joint import hip
 from vtkmuscle.phantoms.one_hinge import spindle_over_hinge, wrapping_cylinder
 from vtkmuscle.phantoms.phantom import Phantom
 
-__all__ = [
-    "Phantom",
-    "fibre_block",
-    "hip",
-    "pennate_block",
-    "spindle_over_hinge",
-    "wrapping_cylinder",
-]
+__all__ = ["Phantom", "fibre_block", "hip", "pennate_block", "spindle_over_hinge", "wrapping_cylinder"]

@@ -23,10 +23,7 @@ LANDMARKS = 10.0
 
 
 def sliding(bone: str, direction: tuple[int, int, int]) -> RigidMotion:
-    """Return the motion of a sliding plate.
-
-    The plate goes 10 mm along a direction; the motion's times are the displacement in mm.
-    """
+    """Return the motion of a plate along a direction by 0 to 10 mm, which are the times."""
     shifts = np.arange(0.0, 11.0)
     table = np.tile(np.eye(4), (len(shifts), 1, 1))
     table[:, :3, 3] = np.outer(shifts, direction)
@@ -94,10 +91,7 @@ def block(
     known: Mapping[str, Answer],
     superficial: Mapping[str, vtkPolyData] | None = None,
 ) -> Phantom:
-    """Return the block between plates.
-
-    The origins by bone, and the insertion, have corners (4, 3).
-    """
+    """Return the block between plates; areas have corners (4, 3)."""
     areas = [AttachmentArea("origin", bone, _ring(corners), closed=True) for bone, corners in origins.items()]
     areas.append(AttachmentArea("insertion", "insertion_plate", _ring(insertion), closed=True))
     return phantom_from(
@@ -121,10 +115,7 @@ def plates_at_ends() -> dict[str, Surface]:
 
 
 def straight(width: float) -> dict[str, float]:
-    """Return the answers for fibres to a wall.
-
-    The wall is at the distance ``width``; fibres rise by half the length.
-    """
+    """Return the answers for fibres over a width, which rise by half the length."""
     rise = LENGTH / 2.0
     return {
         "fibre_length": float(np.hypot(width, rise)),
@@ -133,26 +124,17 @@ def straight(width: float) -> dict[str, float]:
 
 
 def level(z: float) -> Floats:
-    """Return the corners of the block's section.
-
-    Corners are (4, 3), at a height [mm].
-    """
+    """Return the corners (4, 3) of the block's section at a height [mm]."""
     return np.array([(0.0, 0.0, z), (WIDTH, 0.0, z), (WIDTH, DEPTH, z), (0.0, DEPTH, z)])
 
 
 def wall(x: float, low: float, high: float) -> Floats:
-    """Return the corners of a part of a plane.
-
-    Corners are (4, 3); the plane lies across x [mm].
-    """
+    """Return the corners (4, 3) of a part of the plane across x [mm]."""
     return np.array([(x, 0.0, low), (x, DEPTH, low), (x, DEPTH, high), (x, 0.0, high)])
 
 
 def _ring(corners: Floats) -> Floats:
-    """Return the boundary of an area, landmark by landmark.
-
-    The area has corners (4, 3).
-    """
+    """Return the landmarks (k, 3) around an area with corners (4, 3)."""
     sides = []
     for a, b in zip(corners, np.roll(corners, -1, axis=0), strict=True):
         count = int(np.ceil(np.linalg.norm(b - a) / LANDMARKS - 1e-9))

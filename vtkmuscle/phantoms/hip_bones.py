@@ -11,16 +11,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from vtkmuscle.core.motion.rigid import rotation_about
-from vtkmuscle.core.types import Floats
 from vtkmuscle.phantoms.implicit import Solid, ball, thick_curve, thick_sheet, union
 
 #: Radii of the femoral head and of the acetabulum [mm]: cartilage fills the gap.
 HEAD_RADIUS = 23.0
 SOCKET_RADIUS = 25.5
 
-#: Angle between neck and shaft [degrees], and the neck's points from head to shaft [mm].
-NECK_ANGLE = 127.0
+#: The neck's points from head to shaft [mm], at an angle of 127 degrees to the shaft.
 NECK = np.array([(-8.0, 1.0, -5.0), (-26.0, 5.0, -19.0), (-46.0, 9.0, -34.0)])
 
 #: Where the acetabulum opens to, and the centre of its rim [mm].
@@ -49,29 +46,8 @@ WING_HALF_THICKNESS = np.array(
 )
 
 
-def neck_shift(neck_angle: float = NECK_ANGLE) -> Floats:
-    """Return the shift of the shaft by a neck's angle.
-
-    The shift is (3,) [mm]: a neck of another angle to the shaft moves the shaft, and the head stays.
-    """
-    shift: Floats = _neck(neck_angle)[-1] - NECK[-1]
-    return shift
-
-
-def _neck(neck_angle: float) -> Floats:
-    """Return the points of the neck.
-
-    The neck is turned about the head in the plane of the body's front.
-    """
-    turn = rotation_about((0, 0, 0), (0, 1, 0), NECK_ANGLE - neck_angle)
-    return NECK @ turn[:3, :3].T
-
-
 def pelvis(head_radius: float = HEAD_RADIUS) -> Solid:
-    """Return the right hip bone and the sacrum.
-
-    Both form a single solid for a femoral head of a radius [mm].
-    """
+    """Return the right hip bone and the sacrum, a solid for a radius of the femoral head [mm]."""
     socket_radius = SOCKET_RADIUS + (head_radius - HEAD_RADIUS)
     wing = thick_sheet(WING, WING_HALF_THICKNESS)
     cup = ball((3, 2, 3), 36.0 + (head_radius - HEAD_RADIUS)).beside(RIM, OUTWARD, 5.0)
@@ -85,10 +61,7 @@ def pelvis(head_radius: float = HEAD_RADIUS) -> Solid:
 
 
 def sacrum() -> Solid:
-    """Return the sacrum, a thick sheet.
-
-    The sheet is wide above, bent backward, narrow below.
-    """
+    """Return the sacrum: wide above, bent backward, narrow below."""
     middle = np.array([(86, 52, 92), (86, 82, 62), (86, 100, 22), (86, 98, -18), (86, 84, -40)])
     half_widths = np.array([46, 42, 30, 16, 8.0])
     side = np.array([(-1, 0.12, 0), (-0.5, 0, 0), (0, 0, 0), (0.5, 0, 0), (1, 0.12, 0)])
@@ -100,32 +73,21 @@ def sacrum() -> Solid:
     return union([ala, first_body, spines], 12.0)
 
 
-def femur(head_radius: float = HEAD_RADIUS, neck_angle: float = NECK_ANGLE) -> Solid:
-    """Return the upper femur, sawn off below.
-
-    The head has a radius [mm], the neck an angle [degrees].
-    """
-    return upper_femur(head_radius, neck_angle).beside((0, 0, -240), (0, 0, -1), 3.0)
+def femur(head_radius: float = HEAD_RADIUS) -> Solid:
+    """Return the upper femur, sawn off below; the head has a radius [mm]."""
+    return upper_femur(head_radius).beside((0, 0, -240), (0, 0, -1), 3.0)
 
 
-def upper_femur(head_radius: float = HEAD_RADIUS, neck_angle: float = NECK_ANGLE) -> Solid:
-    """Return the upper femur, not yet sawn off.
-
-    The femur is to be cut or joined below z = -235.
-    """
+def upper_femur(head_radius: float = HEAD_RADIUS) -> Solid:
+    """Return the upper femur, to be cut or joined below z = -235."""
     head = ball((0, 0, 0), head_radius)
-    neck = thick_curve(_neck(neck_angle), [16, 14, 18])
-    shift = neck_shift(neck_angle)
-
-    def moved(*points: tuple[float, float, float]) -> Floats:
-        return np.array(points, dtype=np.float64) + shift
-
+    neck = thick_curve(NECK, [16, 14, 18])
     shaft = thick_curve(
-        moved((-50, 10, -34), (-47, 8, -72), (-42, 3, -130), (-36, 2, -190), (-30, 6, -260)),
+        [(-50, 10, -34), (-47, 8, -72), (-42, 3, -130), (-36, 2, -190), (-30, 6, -260)],
         [19, 16, 14, 14, 14.5],
     )
-    greater = thick_curve(moved((-57, 8, -36), (-62, 13, -18), (-57, 19, -3)), [17, 14.5, 11])
-    lesser = ball(moved((-30, 25, -62))[0], 9.0)
-    tuberosity = thick_curve(moved((-57, 17, -72), (-52, 15, -104), (-46, 11, -140)), [6, 6, 5])
-    crest = thick_curve(moved((-54, 24, -8), (-44, 26, -32), (-33, 25, -58)), [8, 7, 7])
+    greater = thick_curve([(-57, 8, -36), (-62, 13, -18), (-57, 19, -3)], [17, 14.5, 11])
+    lesser = ball((-30, 25, -62), 9.0)
+    tuberosity = thick_curve([(-57, 17, -72), (-52, 15, -104), (-46, 11, -140)], [6, 6, 5])
+    crest = thick_curve([(-54, 24, -8), (-44, 26, -32), (-33, 25, -58)], [8, 7, 7])
     return union([head, neck, shaft, greater, lesser, crest, tuberosity], 9.0)

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from vtkmuscle.core.motion.rigid import hinge
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.attachments import AttachmentArea
-from vtkmuscle.phantoms.hip_bones import HEAD_RADIUS, NECK_ANGLE, WING, femur, neck_shift, pelvis
+from vtkmuscle.phantoms.hip_bones import HEAD_RADIUS, WING, femur, pelvis
 from vtkmuscle.phantoms.implicit import Solid, spline_net, thick_sheet
 from vtkmuscle.phantoms.meshing import mesh_of
 from vtkmuscle.phantoms.phantom import Phantom, Surface, phantom_from
@@ -37,19 +37,13 @@ class Sheet:
     knots: Floats
     half_thickness: ArrayLike
 
-    def beside(self, volume: float, *bones: Solid) -> Solid:
-        """Return the muscle, cut at the bones.
-
-        The muscle is ``volume`` times as thick as the sheet.
-        """
-        half = volume * np.outer(np.asarray(self.half_thickness, dtype=np.float64), np.array(ACROSS))
+    def beside(self, *bones: Solid) -> Solid:
+        """Return the muscle, cut at the bones."""
+        half = np.outer(np.asarray(self.half_thickness, dtype=np.float64), np.array(ACROSS))
         return beside_bones(thick_sheet(self.knots, half), *bones)
 
     def ring(self, along: tuple[float, float], across: tuple[float, float], count: int) -> Floats:
-        """Return a closed curve on the sheet.
-
-        The curve (count, 3) [mm] is an ellipse-like loop in the sheet's parameters.
-        """
+        """Return a rounded loop (count, 3) in the sheet's parameters [mm]."""
         angles = np.linspace(0.0, 2.0 * np.pi, count, endpoint=False)
         # A superellipse: nearly a rectangle, with round corners.
         u, v = (np.sign(wave) * np.abs(wave) ** 0.55 for wave in (np.sin(angles), np.cos(angles)))
@@ -58,10 +52,7 @@ class Sheet:
         return self.points(rows, columns)
 
     def points(self, rows: Floats, columns: Floats) -> Floats:
-        """Return points of the sheet at pairs of parameters.
-
-        Parameters are in [0, 1], points (n, 3) [mm].
-        """
+        """Return points (n, 3) of the sheet at pairs of parameters in [0, 1] [mm]."""
         pairs = np.arange(len(rows))
         return spline_net(self.knots, rows, columns)[pairs, pairs]
 
@@ -74,65 +65,49 @@ def beside_bones(muscle: Solid, *bones: Solid) -> Solid:
 
 
 def _wing(height: float, span: tuple[float, float]) -> Floats:
-    """Return five points of the ilium's wing.
-
-    The points lie at a height, in the wing's middle [mm].
-    """
+    """Return five points (5, 3) in the middle of the ilium's wing, at a height."""
     return spline_net(WING, np.linspace(*span, 5), [height])[:, 0]
 
 
 def _on(bone: Solid, points: ArrayLike, offset: float, side: ArrayLike = (0, 0, 0)) -> Floats:
-    """Return points on the surface of a bone.
-
-    The points lie on the given side, lifted by an offset [mm].
-    """
+    """Return points on a side of a bone, lifted by an offset [mm]."""
     ground = bone.projected(np.asarray(points, dtype=np.float64) + 8.0 * np.asarray(side), steps=6)
     normals = bone.field(ground)[1]
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     return ground + offset * normals
 
 
-def gluteus_medius(pelvis: Solid, femur: Solid, shift: Floats) -> Sheet:
-    """Return the fan-shaped gluteus medius.
-
-    The fan runs from the outer face of the ilium to the side of the greater trochanter. As in the other
-    muscles, ``shift`` (3,) is the femur's displacement [mm], and draws the rows between the bones along.
-    """
+def gluteus_medius(pelvis: Solid, femur: Solid) -> Sheet:
+    """Return the gluteus medius, a fan from the outer ilium to the greater trochanter."""
     outer = (-0.9, 0.4, -0.2)
     trochanter = [(-76, 0, -13), (-79, 6, -15), (-80, 12, -16), (-79, 18, -14), (-74, 25, -10)]
     rows = [
         _on(pelvis, _wing(0.90, (0.08, 0.72)), 1.0, outer),
         _on(pelvis, _wing(0.64, (0.08, 0.72)), 4.5, outer),
         _on(pelvis, _wing(0.36, (0.12, 0.70)), 7.0, outer),
-        [(-46, -22, 26), (-50, -8, 28), (-49, 6, 30), (-44, 21, 32), (-35, 35, 34)] + 0.5 * shift,
-        [(-66, -5, 3), (-68, 3, 5), (-68, 11, 6), (-66, 19, 7), (-61, 28, 9)] + 0.9 * shift,
-        _on(femur, trochanter + shift, 1.0),
+        [(-46, -22, 26), (-50, -8, 28), (-49, 6, 30), (-44, 21, 32), (-35, 35, 34)],
+        [(-66, -5, 3), (-68, 3, 5), (-68, 11, 6), (-66, 19, 7), (-61, 28, 9)],
+        _on(femur, trochanter, 1.0),
     ]
     return Sheet(np.array(rows), [5.0, 8.0, 10.0, 9.5, 7.5, 5.0])
 
 
-def gluteus_maximus(pelvis: Solid, femur: Solid, shift: Floats) -> Sheet:
-    """Return the thick, quadrilateral gluteus maximus.
-
-    The muscle runs from the back of ilium and sacrum to the gluteal tuberosity.
-    """
+def gluteus_maximus(pelvis: Solid, femur: Solid) -> Sheet:
+    """Return the gluteus maximus, from ilium and sacrum to the gluteal tuberosity."""
     back = [(16, 95, 102), (37, 111, 82), (54, 106, 57), (65, 112, 29), (73, 111, 1)]
     tuberosity = [(-67, 25, -66), (-65, 26, -82), (-62, 26, -98), (-58, 25, -116), (-54, 23, -134)]
     rows = [
         _on(pelvis, back, 2.0),
-        [(-16, 82, 76), (6, 99, 56), (26, 106, 34), (42, 108, 8), (55, 102, -20)] + 0.25 * shift,
-        [(-50, 60, 28), (-30, 79, 16), (-8, 87, -2), (12, 86, -24), (30, 77, -50)] + 0.5 * shift,
-        [(-78, 34, -26), (-64, 53, -32), (-46, 62, -44), (-28, 60, -62), (-12, 51, -80)] + 0.75 * shift,
-        _on(femur, tuberosity + shift, 2.0),
+        [(-16, 82, 76), (6, 99, 56), (26, 106, 34), (42, 108, 8), (55, 102, -20)],
+        [(-50, 60, 28), (-30, 79, 16), (-8, 87, -2), (12, 86, -24), (30, 77, -50)],
+        [(-78, 34, -26), (-64, 53, -32), (-46, 62, -44), (-28, 60, -62), (-12, 51, -80)],
+        _on(femur, tuberosity, 2.0),
     ]
     return Sheet(np.array(rows), [6.5, 12.0, 14.5, 11.5, 6.0])
 
 
-def iliacus(pelvis: Solid, femur: Solid, shift: Floats) -> Sheet:
-    """Return the iliacus.
-
-    The muscle runs from the iliac fossa over the pelvic brim to the lesser trochanter.
-    """
+def iliacus(pelvis: Solid, femur: Solid) -> Sheet:
+    """Return the iliacus, from the iliac fossa over the brim to the lesser trochanter."""
     inner = (0.9, -0.4, 0.2)
     trochanter = [(-29, 6, -66), (-26, 10, -66), (-24, 14, -66), (-22, 18, -66), (-21, 22, -66)]
     rows = [
@@ -140,22 +115,14 @@ def iliacus(pelvis: Solid, femur: Solid, shift: Floats) -> Sheet:
         _on(pelvis, _wing(0.62, (0.10, 0.68)), 3.5, inner),
         _on(pelvis, _wing(0.34, (0.06, 0.56)), 6.0, inner),
         [(-3, -45, 20), (3, -44, 20), (8, -43, 20), (13, -41, 21), (18, -39, 22)],
-        [(-15, -44, -14), (-10, -45, -13), (-5, -45, -13), (0, -44, -12), (6, -41, -12)] + 0.4 * shift,
-        [(-22, -24, -43), (-18, -25, -43), (-14, -25, -43), (-10, -24, -43), (-6, -22, -43)] + 0.8 * shift,
-        _on(femur, trochanter + shift, 1.5),
+        [(-15, -44, -14), (-10, -45, -13), (-5, -45, -13), (0, -44, -12), (6, -41, -12)],
+        [(-22, -24, -43), (-18, -25, -43), (-14, -25, -43), (-10, -24, -43), (-6, -22, -43)],
+        _on(femur, trochanter, 1.5),
     ]
     return Sheet(np.array(rows), [5.0, 6.5, 8.5, 9.0, 9.0, 7.5, 5.5])
 
 
-def hip(
-    *,
-    angles: ArrayLike = ANGLES,
-    axis: ArrayLike = (-1, 0, 0),
-    head_radius: float = HEAD_RADIUS,
-    neck_angle: float = NECK_ANGLE,
-    muscle_volume: float = 1.0,
-    detail: float = 1.0,
-) -> Phantom:
+def hip(*, angles: ArrayLike = ANGLES, head_radius: float = HEAD_RADIUS, detail: float = 1.0) -> Phantom:
     """Return a right hip with three muscles.
 
     The hip has pelvis and femur, three muscles of different shape, and flexion of 0 to 90 degrees. The frame
@@ -169,14 +136,8 @@ def hip(
     ----------
     angles : (k,) array_like, optional
         Of flexion in each frame [degrees], ascending; every second degree by default.
-    axis : (3,) array_like, optional
-        Of flexion, through the centre of the head.
     head_radius : float, optional
         Of the femoral head [mm]; the socket goes with the head.
-    neck_angle : float, optional
-        Between neck and shaft of the femur [degrees]; the shaft is moved, and the head stays.
-    muscle_volume : float, optional
-        Of the muscles, as a part of the default, before the cut at the bones.
     detail : float, optional
         Number of triangles, as a part of the default.
 
@@ -196,31 +157,27 @@ def hip(
     >>> hip(head_radius=25.0, detail=0.3).known
     {'head_radius': 25.0}
     """
-    bones, muscles, areas = hip_parts(head_radius, neck_angle, muscle_volume, detail)
+    bones, muscles, areas = hip_parts(head_radius, detail)
     return phantom_from(
         "hip",
         bones=bones,
         muscles=muscles,
         areas=areas,
-        motion=hinge("femur", centre=(0, 0, 0), axis=axis, angles=angles),
+        motion=hinge("femur", centre=(0, 0, 0), axis=(-1, 0, 0), angles=angles),
         known={"head_radius": head_radius},
     )
 
 
 @lru_cache(maxsize=2)
 def hip_parts(
-    head_radius: float, neck_angle: float, muscle_volume: float, detail: float
+    head_radius: float, detail: float
 ) -> tuple[dict[str, Surface], dict[str, Surface], dict[str, list[AttachmentArea]]]:
-    """Return bones, muscles and attachment areas of a hip.
-
-    Bones, muscles and areas are by name, for the parameters of :func:`hip`.
-    """
-    pelvic, femoral = pelvis(head_radius), femur(head_radius, neck_angle)
-    shift = neck_shift(neck_angle)
+    """Return bones, muscles and areas of :func:`hip`, by name."""
+    pelvic, femoral = pelvis(head_radius), femur(head_radius)
     makers = gluteus_medius, gluteus_maximus, iliacus
-    medius, maximus, iliac = (make(pelvic, femoral, shift) for make in makers)
+    medius, maximus, iliac = (make(pelvic, femoral) for make in makers)
     medius_solid, maximus_solid, iliac_solid = (
-        sheet.beside(muscle_volume, pelvic, femoral) for sheet in (medius, maximus, iliac)
+        sheet.beside(pelvic, femoral) for sheet in (medius, maximus, iliac)
     )
     maximus_solid = maximus_solid.without(medius_solid, CUT, gap=1.0)
     bones = {

@@ -35,17 +35,11 @@ class Solid:
     upper: Floats
 
     def values(self, points: Floats) -> Floats:
-        """Return the field at points.
-
-        Values are negative inside, and at most the distance to the surface outside [mm].
-        """
+        """Return the field at points: negative inside, at most the distance outside [mm]."""
         return self.field(points)[0]
 
     def joined(self, other: Solid, blend: float) -> Solid:
-        """Return the union with another solid.
-
-        The crease is filled over a width ``blend`` [mm].
-        """
+        """Return the union with a solid, the crease filled over ``blend`` [mm]."""
 
         def field(points: Floats) -> tuple[Floats, Floats]:
             return smooth_minimum(self.field(points), other.field(points), blend)
@@ -53,10 +47,7 @@ class Solid:
         return Solid(field, np.minimum(self.lower, other.lower), np.maximum(self.upper, other.upper))
 
     def without(self, other: Solid, blend: float, gap: float = 0.0) -> Solid:
-        """Return the solid minus another solid.
-
-        The other solid is grown by ``gap`` [mm], and the new rim rounded over ``blend`` [mm].
-        """
+        """Return the solid minus another, grown by ``gap``, with a rim of ``blend`` [mm]."""
 
         def field(points: Floats) -> tuple[Floats, Floats]:
             value, slope = self.field(points)
@@ -67,10 +58,7 @@ class Solid:
         return Solid(field, self.lower, self.upper)
 
     def beside(self, centre: ArrayLike, normal: ArrayLike, blend: float) -> Solid:
-        """Return the part behind a plane.
-
-        The part lies against the plane's normal, the rim rounded over ``blend`` [mm].
-        """
+        """Return the part against a plane's normal, with a rim of ``blend`` [mm]."""
         c, n = _vector(centre), _vector(normal)
         n = n / np.linalg.norm(n)
 
@@ -80,10 +68,7 @@ class Solid:
         return self.without(Solid(half_space, self.lower, self.upper), blend)
 
     def projected(self, points: Floats, *, steps: int = 3) -> Floats:
-        """Return points moved onto the surface.
-
-        Newton steps move the points along the gradient.
-        """
+        """Return points moved onto the surface by Newton steps along the gradient."""
         for _ in range(steps):
             value, slope = self.field(points)
             squared = np.maximum(np.einsum("ij,ij->i", slope, slope), 0.04)
@@ -110,10 +95,7 @@ def smooth_minimum(
 
 
 def union(solids: Sequence[Solid], blend: float) -> Solid:
-    """Return the union of solids.
-
-    Solids are blended in turn [mm].
-    """
+    """Return the union of solids, blended in turn [mm]."""
     return reduce(lambda one, other: one.joined(other, blend), solids)
 
 
@@ -128,10 +110,7 @@ def ball(centre: ArrayLike, radius: float) -> Solid:
 
 
 def rod(start: ArrayLike, end: ArrayLike, radius: float, *, rim: float = 1.0) -> Solid:
-    """Return a round cylinder with flat ends.
-
-    The ends' edges are rounded over ``rim`` [mm].
-    """
+    """Return a cylinder with flat ends, edges rounded over ``rim`` [mm]."""
     a, b = _vector(start), _vector(end)
     axis = (b - a) / np.linalg.norm(b - a)
 

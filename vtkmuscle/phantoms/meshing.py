@@ -29,10 +29,7 @@ def mesh_of(solid: Solid, spacing: float, n_triangles: int) -> tuple[Floats, Int
 
 
 def _sampled(solid: Solid, spacing: float) -> tuple[Floats, Floats]:
-    """Return the field on a grid.
-
-    The field is computed only near the surface; elsewhere the sign is right.
-    """
+    """Return the field on a grid, exact near the surface, elsewhere right in sign."""
     stride = 4
     origin = solid.lower - 1.5 * spacing
     coarse_shape = np.ceil((solid.upper - solid.lower + 3.0 * spacing) / (stride * spacing)).astype(int) + 1
@@ -82,10 +79,7 @@ def solid_of_revolution(heights: ArrayLike, radii: ArrayLike, sides: int) -> tup
 
 
 def _hexagonal_disc(rings: int) -> tuple[Floats, Ints]:
-    """Return a unit disc of hexagonal rings.
-
-    The function returns the inner points, and triangles; border ids come last.
-    """
+    """Return inner points and triangles of a unit disc; border ids come last."""
     points = [np.zeros((1, 2))]
     first = [0, 1]
     for ring in range(1, rings + 1):
@@ -109,10 +103,7 @@ def _hexagonal_disc(rings: int) -> tuple[Floats, Ints]:
 
 
 def volume_of_revolution(heights: ArrayLike, radii: ArrayLike, sides: int) -> float:
-    """Return the volume of :func:`solid_of_revolution` [mm^3].
-
-    The volume is a sum over frustums, h (a + sqrt(a b) + b) / 3 each.
-    """
+    """Return the volume of :func:`solid_of_revolution`, a sum over frustums [mm^3]."""
     h, r = np.asarray(heights, dtype=np.float64), np.asarray(radii, dtype=np.float64)
     polygon = sides / 2.0 * np.sin(2.0 * np.pi / sides)
     squares = r[:-1] ** 2 + r[:-1] * r[1:] + r[1:] ** 2
@@ -120,10 +111,7 @@ def volume_of_revolution(heights: ArrayLike, radii: ArrayLike, sides: int) -> fl
 
 
 def box(lower: ArrayLike, upper: ArrayLike, spacing: float) -> tuple[Floats, Ints]:
-    """Return a box between two corners (3,).
-
-    The box has right-angled triangles with legs up to ``spacing`` [mm].
-    """
+    """Return a box of right-angled triangles with legs up to ``spacing`` [mm]."""
     low, high = np.asarray(lower, dtype=np.float64), np.asarray(upper, dtype=np.float64)
     counts = np.ceil((high - low) / spacing - 1e-9).astype(int)
     faces = []

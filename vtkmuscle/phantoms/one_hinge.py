@@ -66,18 +66,12 @@ def spindle_over_hinge() -> Phantom:
 
 
 def line_length(angle: float) -> float:
-    """Return the distance of the spindle's ends [mm].
-
-    The hinge angle is in degrees.
-    """
+    """Return the distance of the spindle's ends [mm] at an angle [degrees]."""
     return float(np.linalg.norm(_insertion(angle) - ORIGIN))
 
 
 def line_moment_arm(angle: float) -> float:
-    """Return -dl/dq of the straight line [mm].
-
-    The hinge angle is in degrees.
-    """
+    """Return -dl/dq of the straight line [mm] at an angle [degrees]."""
     insertion = _insertion(angle)
     velocity = np.cross(AXIS, insertion)
     return float(-velocity @ (insertion - ORIGIN) / np.linalg.norm(insertion - ORIGIN))
@@ -100,10 +94,7 @@ def spindle_profile() -> tuple[Floats, Floats]:
 
 @cache
 def spindle(middle: tuple[float, float]) -> tuple[dict[str, Surface], Surface, list[AttachmentArea]]:
-    """Return bones, muscle and areas.
-
-    The muscle is about the vertical line through (x, y) [mm].
-    """
+    """Return bones, muscle and areas about the vertical line through (x, y) [mm]."""
     origin, insertion = (np.array([*middle, end[2]]) for end in (ORIGIN, INSERTION))
     ring = circle(0.8 * END_RADIUS)
     bones = {
@@ -116,10 +107,7 @@ def spindle(middle: tuple[float, float]) -> tuple[dict[str, Surface], Surface, l
 
 
 def bone_with_arm(attachment: Floats, up: float) -> Solid:
-    """Return a shaft along z with an arm.
-
-    The arm's flat face carries the attachment.
-    """
+    """Return a shaft along z with an arm, flat at the attachment."""
     arm_centre = attachment + np.array([0.0, 0.0, 7.0 * up])
     arm = thick_curve([arm_centre * [0, 0, 1], arm_centre], [13.0, 13.0])
     arm = arm.beside(attachment, (0, 0, -up), 1.0)
@@ -200,10 +188,7 @@ def wrapping_cylinder(*, angles: ArrayLike | None = None) -> Phantom:
 
 
 def strap_length(angle: float) -> float:
-    """Return the length of the strap's middle line [mm].
-
-    The line ends at the start of the attachment; the angle is -80 degrees or above.
-    """
+    """Return the strap's length to its attachment [mm] at an angle >= -80 degrees."""
     return STRAIGHT + (RADIUS + THICKNESS / 2.0) * float(np.radians(WRAPPED - ATTACHED + angle))
 
 

@@ -71,10 +71,7 @@ def phantom_from(
     template: str = "parallel",
     superficial: Mapping[str, vtkPolyData] | None = None,
 ) -> Phantom:
-    """Return a phantom from points and triangles.
-
-    The phantom has VTK data sets of its own.
-    """
+    """Return a phantom from points and triangles, with data sets of its own."""
     return Phantom(
         name,
         multiblock_from({bone: surface_from(*surface) for bone, surface in bones.items()}),
@@ -88,10 +85,7 @@ def phantom_from(
 
 
 def ends(origin: str, origin_ring: Floats, insertion: str, insertion_ring: Floats) -> list[AttachmentArea]:
-    """Return the areas of both ends of a muscle.
-
-    The areas come from the bones, and rings of landmarks (k, 3) [mm].
-    """
+    """Return a muscle's areas from bones and rings of landmarks (k, 3) [mm]."""
     return [
         AttachmentArea("origin", origin, origin_ring, closed=True),
         AttachmentArea("insertion", insertion, insertion_ring, closed=True),
@@ -99,19 +93,13 @@ def ends(origin: str, origin_ring: Floats, insertion: str, insertion_ring: Float
 
 
 def circle(radius: float, count: int = 12) -> Floats:
-    """Return points on a circle about the z axis.
-
-    Points are (count, 3), at z = 0 [mm].
-    """
+    """Return points (count, 3) on a circle about the z axis, at z = 0 [mm]."""
     turns = 2.0 * np.pi * np.arange(count) / count
     return np.column_stack([radius * np.cos(turns), radius * np.sin(turns), np.zeros(count)])
 
 
 def checked_poses(coordinates: ArrayLike, limits: Mapping[str, tuple[float, float]], phantom: str) -> Floats:
-    """Return the checked angles of each frame [degrees].
-
-    Angles (k, c) must lie within the limits of c coordinates.
-    """
+    """Return the angles (k, c) of each frame; ValueError outside of their limits."""
     poses = np.array(coordinates, dtype=np.float64)
     where = f"{phantom}: coordinates"
     if poses.ndim != 2 or poses.shape[1] != len(limits) or not len(poses):

@@ -4,25 +4,389 @@
 last filter of a partial chain.
 """
 
-from vtkmuscle.pipelines.fibres import FIBRE_SETTINGS, decompose
-from vtkmuscle.pipelines.muscle import (
-    DEFORMERS,
-    QUALITIES,
-    TRANSPORT_SETTINGS,
-    WEIGHT_TOLERANCE,
-    MusclePipeline,
-    deform,
-    pull_taut,
+from __future__ import annotations
+
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Any
+
+from vtkmuscle.core.motion.rigid import RigidMotion
+from vtkmuscle.core.words import suggestion
+from vtkmuscle.filters.base import Filter, Parameter
+from vtkmuscle.filters.bone_motion import BoneMotion
+from vtkmuscle.filters.deformer.settings import PRESETS
+from vtkmuscle.filters.fibre_metrics import FibreMetrics
+from vtkmuscle.filters.fibre_smoother import FibreSmoother
+from vtkmuscle.filters.fibre_source import FibreSource
+from vtkmuscle.filters.fibre_template_source import FibreTemplateSource
+from vtkmuscle.filters.fibre_transport import FibreTransport, StiffTendons
+from vtkmuscle.filters.fibre_trimmer import FibreTrimmer
+from vtkmuscle.filters.fixed_point_detector import FixedPointDetector
+from vtkmuscle.filters.path_deformer import PathDeformer
+from vtkmuscle.filters.pbd_deformer import PBDDeformer
+from vtkmuscle.filters.slice_morpher import SliceMorpher
+from vtkmuscle.filters.taut_paths import RESOLUTIONS, TautPaths
+from vtkmuscle.filters.template_fitter import TemplateFitter
+
+_FILTERS: tuple[type[Filter], ...] = (
+    FibreSource, FibreTemplateSource, TemplateFitter, SliceMorpher, FibreTrimmer, FibreSmoother,
+)  # fmt: skip
+#: Settings of :func:`decompose`: the parameters of all filters.
+FIBRE_SETTINGS: dict[str, Parameter[Any]] = {
+    name: declared for kind in _FILTERS for name, declared in kind.parameter_declarations.items()
+}
+#: Settings of published fibres: planes, maps, ends and smoothing of Kohout et al. 2012 as printed, with
+#: the axis between the centroids; and slices along isolines of a harmonic function (Kohout and Kukacka 2014),
+#: also used by Kohout and Cervenka 2021. Both leave parts of the muscle empty.
+PUBLISHED_FIBRES: Mapping[str, Mapping[str, Any]] = MappingProxyType(
+    {
+        "kohout2012": {
+            "axis": "attachments",
+            "angle_step": 5.0,
+            "method": "plane",
+            "continuity": 0.0,
+            "end_rule": "closest",
+            "smoothing_weight": 4.0,
+            "spreading": 0.0,
+        },
+        "kohout2014": {"method": "harmonic", "spreading": 0.0},
+    }
 )
 
-__all__ = [
-    "DEFORMERS",
-    "FIBRE_SETTINGS",
-    "QUALITIES",
-    "TRANSPORT_SETTINGS",
-    "WEIGHT_TOLERANCE",
-    "MusclePipeline",
-    "decompose",
-    "deform",
-    "pull_taut",
-]
+
+def decompose(
+    muscle: Any,
+    attachments: Any,
+    superficial: Any = None,
+    *,
+    aponeuroses: Any = None,
+    published: str | None = None,
+    **settings: Any,
+) -> FibreSource | FibreSmoother:
+    """Return the filters that fill a muscle with fibres.
+
+    The result is a FibreSource, which chooses the course of fibres; or, with a setting of the template or of
+    sections, the chain of FibreTemplateSource, TemplateFitter, SliceMorpher, FibreTrimmer and FibreSmoother.
+    Filters compute on request.
+
+    Parameters
+    ----------
+    muscle : vtkPolyData or algorithm
+        Closed surface of triangles, in the rest pose.
+    attachments : vtkMultiBlockDataSet or algorithm
+        Attachment areas, at least one origin and one insertion; None is allowed with aponeuroses.
+    superficial : vtkPolyData or algorithm, optional
+        A few polylines seen on the muscle's surface: they orient the template.
+    aponeuroses : vtkMultiBlockDataSet or algorithm, optional
+        End surfaces of fibres in place of the attachment areas, see :mod:`vtkmuscle.data.attachments`.
+    published : str, optional
+        A name of :data:`PUBLISHED_FIBRES`: ``"kohout2012"`` or ``"kohout2014"``, fibres as in the papers,
+        smoothed without the muscle. Further settings take precedence.
+    **settings
+        ``n_fibres``, ``resolution``, and ``course`` of FibreSource; or parameters of the other five filters:
+        ``template``, ``smoothing_passes`` and so on.
+
+    Raises
+    ------
+    TypeError
+        For a keyword unknown to all filters.
+    ValueError
+        If a setting is not allowed, or does not go with another; the message says what does.
+
+    Examples
+    --------
+    >>> from vtkmuscle.phantoms import spindle_over_hinge
+    >>> from vtkmuscle.pipelines import decompose
+    >>> phantom = spindle_over_hinge()
+    >>> muscle, attachments = phantom.muscles["spindle"], phantom.attachments["spindle"]
+    >>> fibres = decompose(muscle, attachments, n_fibres=10).output
+    >>> fibres.GetNumberOfCells()
+    10
+    """
+    if published is not None:
+        if published not in PUBLISHED_FIBRES:
+            hint = suggestion(published, PUBLISHED_FIBRES)
+            raise ValueError(f"decompose has no published fibres {published!r}; {hint}")
+        settings = {**PUBLISHED_FIBRES[published], **settings}
+    for name in settings:
+        if name not in FIBRE_SETTINGS:
+            raise TypeError(f"decompose has no setting {name!r}; {suggestion(name, FIBRE_SETTINGS)}")
+    of_sections = [name for name in settings if name not in FibreSource.parameter_declarations]
+    where = {"muscle": muscle, "attachments": attachments}
+    if not of_sections:
+        return FibreSource(superficial=superficial, aponeuroses=aponeuroses, **where, **settings)
+    course = settings.pop("course", "sections")
+    if aponeuroses is not None or course != "sections":
+        why = f"course is {course!r}" if aponeuroses is None else "fibres between aponeuroses are straight"
+        raise ValueError(
+            f"decompose: {of_sections[0]} is a setting of fibres through sections, but {why}; "
+            f"leave out {', '.join(of_sections)}"
+        )
+
+    def own(kind: type[Filter]) -> dict[str, Any]:
+        return {name: value for name, value in settings.items() if name in kind.parameter_declarations}
+
+    source = FibreTemplateSource(**own(FibreTemplateSource))
+    fitted = TemplateFitter(template=source, superficial=superficial, **where, **own(TemplateFitter))
+    morphed = SliceMorpher(template=fitted, superficial=superficial, **where, **own(SliceMorpher))
+    trimmed = FibreTrimmer(fibres=morphed, **where, **own(FibreTrimmer))
+    # Without the muscle the smoother takes three-point means, as printed.
+    return FibreSmoother(fibres=trimmed, **({} if published else where), **own(FibreSmoother))
+
+
+#: Settings of fibres for the transport with the muscle.
+TRANSPORT_SETTINGS: dict[str, Parameter[Any]] = {
+    "weight_tolerance": FibreTransport.parameter_declarations["weight_tolerance"]
+}
+#: ``weight_tolerance`` in scenes. For 1600 points in 9878 vertices weights take 14 MB instead of 126, and
+#: a frame 4 ms instead of 24 to 48; in a muscle bent by a radian the mean error is 0.008 mm, the largest 0.03
+#: mm (``benchmarks/bench_fibres.py --transport``).
+WEIGHT_TOLERANCE = 0.3
+
+#: Deformers: taut paths with skinning, position based dynamics, no deformation.
+DEFORMERS: Mapping[str, type[PathDeformer] | type[PBDDeformer] | None] = MappingProxyType(
+    {"paths": PathDeformer, "pbd": PBDDeformer, "none": None}
+)
+#: Presets of TautPaths and PathDeformer, and further presets of PBDDeformer.
+QUALITIES = tuple(dict.fromkeys([*RESOLUTIONS, *PRESETS]))
+
+
+class MusclePipeline:
+    """The filters of a muscle, from surface to fibre measures.
+
+    Stages compute on request: ``pipeline.deformer.update(time=30.0).output`` is the muscle,
+    ``pipeline.metrics.update(time=30.0).output`` the fibres with their measures.
+
+    Parameters
+    ----------
+    surface : vtkPolyData or algorithm
+        Closed surface of triangles, in the rest pose.
+    bones : vtkMultiBlockDataSet or algorithm
+        Named blocks, in the rest pose.
+    motion : RigidMotion
+        Motion of the bones.
+    attachments : vtkMultiBlockDataSet or algorithm, optional
+        Attachment areas and via rings.
+    superficial : vtkPolyData or algorithm, optional
+        A few fibres seen on the surface at rest, to orient the template.
+    neighbours : mapping of str to algorithm, optional
+        Deformers of other muscles, as obstacles.
+    deformer : str, optional
+        ``"paths"``, skinning to taut paths (PathDeformer); ``"pbd"``, position based dynamics of the surface
+        (PBDDeformer), without paths; ``"none"``, the paths alone.
+    quality : str, optional
+        Preset of TautPaths and the deformer.
+    fixing : mapping or None, optional
+        Parameters of FixedPointDetector; None for a surface with the point array ``FixedTo``.
+    aponeuroses : vtkMultiBlockDataSet or algorithm, optional
+        End surfaces of fibres, on the muscle or within the muscle: fibres between aponeuroses move with the
+        muscle. Paths still run between bones.
+    fibres : mapping, vtkPolyData, algorithm or None, optional
+        Keyword arguments of :func:`decompose` and parameters of FibreTransport (``weight_tolerance``, by
+        default :data:`WEIGHT_TOLERANCE`); or fibres at rest; or None for a muscle without fibres.
+    paths : mapping, optional
+        Parameters of TautPaths. With ``deformer="pbd"`` paths are computed only with this argument.
+    solver : mapping, optional
+        Parameters of the deformer.
+
+    Attributes
+    ----------
+    fixed : FixedPointDetector, vtkPolyData or algorithm
+        The muscle at rest with the point array ``FixedTo``: the surface itself if ``fixing`` is None.
+    rest_paths : vtkPolyData, algorithm or None
+        Lines between bones at rest.
+    fibres : vtkPolyData, algorithm or None
+        Fibres at rest: between the aponeuroses if present, else the paths.
+    moving : BoneMotion
+        The bones in motion.
+    taut_paths : TautPaths or None
+        The paths in motion; None for ``deformer="pbd"`` without ``paths``.
+    deformer : PathDeformer, PBDDeformer or None
+        The muscle in motion; None for ``deformer="none"``.
+    metrics : FibreMetrics or None
+        The fibres in motion with their measures; None without fibres. With ``deformer="none"`` the paths.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For an unknown setting, or a value that is not allowed; the message lists the allowed values.
+
+    Examples
+    --------
+    >>> from vtkmuscle.phantoms import spindle_over_hinge
+    >>> from vtkmuscle.pipelines import MusclePipeline
+    >>> phantom = spindle_over_hinge()
+    >>> muscle, attachments = phantom.muscles["spindle"], phantom.attachments["spindle"]
+    >>> pipeline = MusclePipeline(
+    ...     muscle, phantom.bones, phantom.motion, attachments, fixing={}, fibres={"n_fibres": 8}
+    ... )
+    >>> pipeline.metrics.update(time=phantom.motion.times[1]).output.GetNumberOfCells()
+    8
+    """
+
+    def __init__(
+        self,
+        surface: Any,
+        bones: Any,
+        motion: RigidMotion,
+        attachments: Any = None,
+        *,
+        superficial: Any = None,
+        aponeuroses: Any = None,
+        neighbours: Mapping[str, Any] | None = None,
+        deformer: str = "paths",
+        quality: str | None = None,
+        fixing: Mapping[str, Any] | None = None,
+        fibres: Any = None,
+        paths: Mapping[str, Any] | None = None,
+        solver: Mapping[str, Any] | None = None,
+    ) -> None:
+        if deformer not in DEFORMERS:
+            allowed = ", ".join(map(repr, DEFORMERS))
+            raise ValueError(f"MusclePipeline: deformer is {deformer!r}, but must be one of {allowed}")
+        if deformer == "none" and aponeuroses is not None:
+            raise ValueError(
+                "MusclePipeline: fibres between aponeuroses need a deformed muscle, but deformer is 'none'; "
+                "leave aponeuroses out, or choose another deformer"
+            )
+        self.fixed = surface
+        if fixing is not None:
+            self.fixed = FixedPointDetector(muscle=surface, bones=bones, attachments=attachments, **fixing)
+        weight_tolerance = WEIGHT_TOLERANCE
+        self.rest_paths = self.fibres = fibres
+        if isinstance(fibres, Mapping):
+            shaping = dict(fibres)
+            weight_tolerance = shaping.pop("weight_tolerance", WEIGHT_TOLERANCE)
+            self.rest_paths = self.fibres = decompose(self.fixed, attachments, superficial, **shaping)
+            if aponeuroses is not None:
+                counts = {name: shaping[name] for name in ("n_fibres", "resolution") if name in shaping}
+                self.fibres = decompose(self.fixed, attachments, aponeuroses=aponeuroses, **counts)
+        self.moving = BoneMotion(bones=bones, motion=motion)
+        qualities = PRESETS if deformer == "pbd" else RESOLUTIONS
+        if quality not in (None, *qualities):
+            allowed = f"with deformer={deformer!r} must be one of {', '.join(map(repr, qualities))}"
+            raise ValueError(f"MusclePipeline: quality is {quality!r}, but {allowed}")
+        preset = {} if quality is None else {"quality": quality}
+        posed = {"rest_bones": bones, "bones": self.moving}
+        self.taut_paths: TautPaths | None = None
+        if deformer != "pbd" or (paths is not None and self.rest_paths is not None):
+            self.taut_paths = TautPaths(
+                rest_fibres=self.rest_paths,
+                rest_muscle=self.fixed,
+                attachments=attachments,
+                **posed,
+                **{**(preset if quality in RESOLUTIONS else {}), **(paths or {})},
+            )
+        inputs = {"muscle": self.fixed, "fibres": self.rest_paths, "neighbours": neighbours or None, **posed}
+        settings = {**inputs, **preset, **(solver or {})}
+        self.deformer: PathDeformer | PBDDeformer | None = None
+        if deformer == "paths":
+            self.deformer = PathDeformer(paths=self.taut_paths, **settings)
+        elif deformer == "pbd":
+            self.deformer = PBDDeformer(**settings)
+        self.metrics: FibreMetrics | None = None
+        if self.fibres is not None:
+            self.metrics = FibreMetrics(
+                fibres=self._moving_fibres(weight_tolerance),
+                muscle=self.deformer,
+                paths=self.taut_paths,
+                curvature=True,
+            )
+
+    def _moving_fibres(self, weight_tolerance: float) -> Any:
+        """Return the source of the fibres in motion."""
+        if self.deformer is None:
+            return self.taut_paths
+        if isinstance(self.deformer, PathDeformer) and self.fibres is self.rest_paths:
+            return self.deformer.GetOutputPort(1)
+        muscle = {"rest_muscle": self.fixed, "deformed_muscle": self.deformer}
+        moved = FibreTransport(rest_fibres=self.fibres, weight_tolerance=weight_tolerance, **muscle)
+        if self.fibres is self.rest_paths or self.taut_paths is None:
+            return moved
+        return StiffTendons(fibres=moved, rest_fibres=self.fibres, paths=self.taut_paths, **muscle)
+
+
+def deform(
+    muscle: Any,
+    bones: Any,
+    motion: RigidMotion,
+    attachments: Any = None,
+    *,
+    deformer: str = "paths",
+    fibres: Any = None,
+    superficial: Any = None,
+    fixing: Mapping[str, Any] | None = MappingProxyType({}),
+    **solver: Any,
+) -> PathDeformer | PBDDeformer:
+    """Return the chain that deforms a muscle with moving bones.
+
+    Request the output at a time of the motion: ``deform(...).update(time=30.0).output``.
+
+    Parameters
+    ----------
+    muscle, bones, motion, attachments, superficial, fixing
+        As of :class:`MusclePipeline`; by default ``fixing`` needs attachments.
+    deformer : str, optional
+        ``"paths"`` or ``"pbd"``.
+    fibres : vtkPolyData or algorithm, optional
+        Fibres at rest, for the paths, or for the directions of soft edges.
+    **solver
+        Parameters of the deformer.
+
+    Examples
+    --------
+    >>> from vtkmuscle.phantoms import spindle_over_hinge
+    >>> from vtkmuscle.pipelines import deform
+    >>> phantom = spindle_over_hinge()
+    >>> muscle, attachments = phantom.muscles["spindle"], phantom.attachments["spindle"]
+    >>> chain = deform(muscle, phantom.bones, phantom.motion, attachments, iterations=3)
+    >>> deformed = chain.update(time=phantom.motion.times[1]).output
+    >>> deformed.GetNumberOfPoints() == muscle.GetNumberOfPoints()
+    True
+    """
+    settings = {"superficial": superficial, "fixing": fixing, "fibres": fibres, "solver": solver}
+    pipeline = MusclePipeline(muscle, bones, motion, attachments, deformer=deformer, **settings)
+    if pipeline.deformer is None:
+        raise ValueError("deform: deformer is 'none', but must be 'paths' or 'pbd'")
+    return pipeline.deformer
+
+
+def pull_taut(
+    muscle: Any,
+    bones: Any,
+    motion: RigidMotion,
+    fibres: Any,
+    attachments: Any = None,
+    *,
+    fixing: Mapping[str, Any] | None = MappingProxyType({}),
+    **settings: Any,
+) -> TautPaths:
+    """Return the chain that computes taut paths around moving bones.
+
+    Request the output at a time of the motion: ``pull_taut(...).update(time=30.0).output``.
+
+    Parameters
+    ----------
+    muscle, bones, motion, attachments, fixing
+        As of :func:`deform`.
+    fibres : vtkPolyData or algorithm
+        Fibres at rest, as of :func:`decompose`.
+    **settings
+        Parameters of TautPaths.
+
+    Examples
+    --------
+    >>> from vtkmuscle import phantoms
+    >>> from vtkmuscle.pipelines import decompose, pull_taut
+    >>> phantom = phantoms.spindle_over_hinge()
+    >>> muscle, attachments = phantom.muscles["spindle"], phantom.attachments["spindle"]
+    >>> fibres = decompose(muscle, attachments, n_fibres=8)
+    >>> paths = pull_taut(muscle, phantom.bones, phantom.motion, fibres, attachments)
+    >>> paths.update(time=phantom.motion.times[1]).output.GetNumberOfCells()
+    8
+    """
+    pipeline = MusclePipeline(
+        muscle, bones, motion, attachments, deformer="none", fixing=fixing, fibres=fibres, paths=settings
+    )
+    assert pipeline.taut_paths is not None
+    return pipeline.taut_paths

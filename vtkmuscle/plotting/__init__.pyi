@@ -1,4 +1,3 @@
-from .actors import strain_colours as strain_colours
 from .drawing import MuscleFrame as MuscleFrame, can_render as can_render
 from .figures import (
     plot_lengths as plot_lengths,
@@ -13,5 +12,5 @@ from .plotters import (
     make_plotter as make_plotter,
     show_time as show_time,
 )
-from .studio import Studio as Studio
+from .studio import Studio as Studio, strain_colours as strain_colours
 from .views import View as View, choose_view as choose_view, framed as framed

@@ -26,8 +26,6 @@ from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import polylines_of
 from vtkmuscle.data.drawn_bones import DrawnBones
 from vtkmuscle.io.literature import LiteratureCurve, curves_for, drawn
-from vtkmuscle.plotting.actors import actors_of, fixed_bones, position_colours, strain_colours
-from vtkmuscle.plotting.colours import FIBRE_MAP, MUSCLE_RED, PALETTE, PLACE_MAP
 from vtkmuscle.plotting.drawing import MuscleFrame
 from vtkmuscle.plotting.sheets import (
     DOTS_PER_INCH,
@@ -38,8 +36,8 @@ from vtkmuscle.plotting.sheets import (
     legend_columns,
     sheet,
 )
-from vtkmuscle.plotting.studio import Studio
-from vtkmuscle.plotting.views import View, clearest_view
+from vtkmuscle.plotting.studio import Studio, actors_of, fixed_bones, position_colours, strain_colours
+from vtkmuscle.plotting.views import FIBRE_MAP, MUSCLE_RED, PALETTE, PLACE_MAP, View, clearest_view
 
 
 def plot_rest_pose(
@@ -198,10 +196,7 @@ def _with_fixed_points(
 
 
 def _lines(x: Floats, values: Floats, **look: Any) -> LineCollection:
-    """Return thin lines (n, k) over x (n,).
-
-    A collection is drawn much faster than single lines.
-    """
+    """Return thin lines (n, k) over x (n,), as a collection for speed."""
     points = np.stack([np.broadcast_to(x[:, None], values.shape), values], axis=2)
     return LineCollection(list(points.swapaxes(0, 1)), linewidths=0.7, **look)
 

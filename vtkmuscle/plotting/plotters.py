@@ -14,10 +14,16 @@ from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import blocks_of, multiblock_from
 from vtkmuscle.filters.base.filter import Filter
-from vtkmuscle.plotting.actors import actors_of, line_actor, move_points, surface_actor
-from vtkmuscle.plotting.colours import PALETTE
-from vtkmuscle.plotting.studio import look_from, matrix_of, x_server_warning_off
-from vtkmuscle.plotting.views import View, choose_view, fibre_surface, merged
+from vtkmuscle.plotting.studio import (
+    actors_of,
+    line_actor,
+    look_from,
+    matrix_of,
+    move_points,
+    surface_actor,
+    x_server_warning_off,
+)
+from vtkmuscle.plotting.views import PALETTE, View, choose_view, fibre_surface, merged
 
 if TYPE_CHECKING:
     import pyvista

@@ -1,4 +1,4 @@
-"""View directions on muscles with the least hidden area."""
+"""Colours, and view directions on muscles with the least hidden area."""
 
 from __future__ import annotations
 
@@ -14,6 +14,17 @@ from vtkmodules.vtkFiltersCore import vtkAppendPolyData, vtkTriangleFilter, vtkT
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import blocks_of, points_of, polylines_from, polylines_of, triangles_of
 from vtkmuscle.data.drawn_bones import spread_over
+
+IVORY = "#efe6d0"
+MUSCLE_RED = "#8b1a1a"
+#: A muscle around coloured fibres.
+NEUTRAL = "#9a9590"
+FIBRE_MAP = "coolwarm"
+#: Positions across a muscle.
+PLACE_MAP = "viridis"
+#: Colours of Okabe and Ito, distinguishable for colour-blind readers; bones and muscles use the colours in
+#: turn.
+PALETTE = ("#0072b2", "#e69f00", "#009e73", "#cc79a7", "#56b4e9", "#d55e00", "#f0e442")
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,10 +82,7 @@ def choose_view(muscles: Sequence[vtkPolyData], bones: Sequence[vtkMultiBlockDat
 
 
 def clearest_view(muscles: Sequence[vtkPolyData], hiding: Sequence[Floats]) -> View:
-    """Return the view of :func:`choose_view` from bone points.
-
-    ``hiding`` are points (k, 3) on the bones of each frame.
-    """
+    """Return the view of :func:`choose_view` from points (k, 3) on the bones of each frame."""
     everything = np.vstack([points_of(muscle) for muscle in muscles])
     cell = float(np.linalg.norm(np.ptp(everything, axis=0))) / 30.0
     pairs = [(_spread(muscle), points) for muscle, points in zip(muscles, hiding, strict=True)]
@@ -162,10 +170,7 @@ def _spread(surface: vtkPolyData) -> Floats:
 
 
 def _visible_cells(muscle: Floats, bones: Floats, cell: float) -> int:
-    """Count the picture's cells with visible muscle.
-
-    A cell counts if a muscle point (3, n) is in front of all bone points (3, k).
-    """
+    """Count the picture's cells with a muscle point (3, n) in front of all bone points (3, k)."""
     low = muscle[:2].min(axis=1)
     columns, rows = (np.floor((muscle[:2].max(axis=1) - low) / cell).astype(int) + 1).tolist()
     depth = np.full((2, columns * rows), -np.inf)

@@ -12,7 +12,7 @@ from vtkmuscle.core.moment_arms.of_joints import JointArms
 from vtkmuscle.core.motion.coordinates import ANGLES
 from vtkmuscle.core.types import Floats
 from vtkmuscle.io.literature import LiteratureCurve, curves_for, drawn
-from vtkmuscle.plotting.colours import PALETTE
+from vtkmuscle.plotting.views import PALETTE
 from vtkmuscle.report.scene3d import MuscleContent, Pack, RunContent
 
 #: Single fibres drawn per muscle, at most.

@@ -19,8 +19,7 @@ from vtkmuscle.core.types import Floats, Ints
 from vtkmuscle.data.arrays import points_of, polylines_of, triangles_of
 from vtkmuscle.data.drawn_bones import DrawnBones
 from vtkmuscle.io.literature import LiteratureCurve
-from vtkmuscle.plotting.colours import PALETTE
-from vtkmuscle.plotting.views import clearest_view, merged
+from vtkmuscle.plotting.views import PALETTE, clearest_view, merged
 from vtkmuscle.scene.data import MILLIMETRES
 
 

@@ -23,7 +23,7 @@ from vtkmuscle.core.mesh.triangle_tree import TriangleTree, tree_of_deformed
 from vtkmuscle.core.motion.rigid import apply_transform
 from vtkmuscle.core.types import Floats, Ints
 from vtkmuscle.data.arrays import checked_surface, point_array, points_of, triangles_of
-from vtkmuscle.filters.deformer.neighbours import outward_tree
+from vtkmuscle.data.muscle_geometry import outward_tree
 from vtkmuscle.run.verdict import BEYOND, LONGEST, SHORTEST
 
 #: An edge is folded back where its triangles are within 30 degrees of lying on each other; it counts where it

@@ -30,7 +30,7 @@ from vtkmuscle.data.paths import SQUEEZED
 from vtkmuscle.filters.base.algorithm import AbortedError
 from vtkmuscle.filters.base.filter import Filter
 from vtkmuscle.filters.base.running import upstream
-from vtkmuscle.filters.deformer.shape_report import read_shape
+from vtkmuscle.filters.deformer import read_shape
 from vtkmuscle.filters.path_deformer import PathDeformer
 from vtkmuscle.filters.pbd_deformer import PBDDeformer
 from vtkmuscle.pipelines import MusclePipeline

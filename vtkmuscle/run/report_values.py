@@ -67,7 +67,7 @@ def architecture_of(
     ``aponeuroses`` are the surfaces at the ends of the fibres.
     """
     metrics = FibreMetrics(architecture=True, sections=SECTIONS)
-    summary = muscle_summary(metrics(fibres, muscle, None, attachments))
+    summary = muscle_summary(metrics(fibres, muscle, attachments))
     result: dict[str, Any] = {}
     for array, (name, power) in ARCHITECTURE.items():
         found, scale = summary[array], millimetres**power

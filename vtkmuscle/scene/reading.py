@@ -18,7 +18,7 @@ from vtkmuscle.core.template.kinds import read_template
 from vtkmuscle.core.types import Floats
 from vtkmuscle.core.words import suggestion
 from vtkmuscle.data.attachments import SIDES, VIA, Aponeurosis, AttachmentArea
-from vtkmuscle.data.estimated_areas import NEAR, estimated_areas
+from vtkmuscle.filters.attachment_estimator import NEAR, estimated_areas
 from vtkmuscle.io import (
     LiteratureCurve,
     curves_for,

@@ -17,7 +17,6 @@ from vtkmuscle.core.mesh.polylines import (
     evenly_spaced,
     inner_points,
     polyline_lengths,
-    segment_distances,
     smooth_polylines,
 )
 from vtkmuscle.core.types import Bools, Floats, Ints
@@ -132,42 +131,12 @@ def smoothed_curve(values: Floats, *, passes: int = 5) -> Floats:
     return smooth_polylines(np.array(values, dtype=np.float64), np.array([0, len(values)]), 4.0, passes)
 
 
-#: Neighbours in the first search, some of them on the fibre itself.
-_FIRST_NEIGHBOURS = 12
-
-
 def filling_radius(volume: float, total_length: float) -> float:
     """Return the radius [mm] of hexagonally packed tubes. The tubes fill the volume.
 
     A tube's cell has the area 2 sqrt(3) r^2. Volume [mm^3]; total length of all fibres, > 0 [mm].
     """
     return float(np.sqrt(volume / (2.0 * np.sqrt(3.0) * total_length)))
-
-
-def room_between(points: Floats, offsets: Ints) -> Floats:
-    """Return each point's distance (n,) from the nearest other polyline.
-
-    Distances are to both segments at the nearest point of another line; infinite for a single line.
-    """
-    room = np.full(len(points), np.inf)
-    if len(offsets) <= 2:
-        return room
-    line_of = np.repeat(np.arange(len(offsets) - 1), np.diff(offsets))
-    nearest, tree = np.zeros(len(points), dtype=np.int64), cKDTree(points)
-    waiting, count = np.arange(len(points)), _FIRST_NEIGHBOURS
-    while len(waiting):
-        count = min(count, len(points))
-        neighbours = tree.query(points[waiting], k=[*range(1, count + 1)])[1]
-        foreign = line_of[neighbours] != line_of[waiting, None]
-        settled = foreign.any(axis=1)
-        nearest[waiting[settled]] = neighbours[settled, foreign[settled].argmax(axis=1)]
-        waiting = waiting[~settled]
-        count *= 4
-    for side in (-1, 1):
-        adjacent = np.clip(nearest + side, 0, len(points) - 1)
-        adjacent = np.where(line_of[adjacent] == line_of[nearest], adjacent, nearest)
-        room = np.minimum(room, segment_distances(points, points[nearest], points[adjacent]))
-    return room
 
 
 def group_fibres(lengths: Floats, count: int) -> Ints:
