@@ -35,7 +35,7 @@ def main(path: str | None) -> None:
         ):
             marked = FixedPointDetector().apply(muscle.surface, bones, areas)
             fixed.append(np.array(point_array(marked, "FixedTo", name)))
-        sure = {area.bone: area.sureness for area in attachments_of(guessed, name)}
+        sure = {area.bone: area.confidence for area in attachments_of(guessed, name)}
         for index, bone in enumerate(scene.bones):
             true, found = (array == index for array in fixed)
             if true.any() != found.any():

@@ -66,7 +66,7 @@ def test_landmarks_may_be_given_by_role(spindle, mesh):
 def test_what_is_missing_or_too_much_is_said(spindle, mesh):
     areas, by_role = spindle.attachments["spindle"], landmarks_by_role(spindle)
     ring = by_role["origin"]["proximal"]
-    with pytest.raises(ValueError, match=r"origin must say which bone.*'proximal', 'distal'"):
+    with pytest.raises(ValueError, match=r"origin needs a bone.*'proximal', 'distal'"):
         mesh.muscle.fixed(spindle.bones, origin=ring)
     with pytest.raises(ValueError, match=r"give origin= and insertion=, or attachments="):
         mesh.muscle.fibres()

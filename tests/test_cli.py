@@ -198,7 +198,7 @@ def test_ctrl_c_leaves_the_finished_frames(moment, scene_file, tmp_path):
     assert "Traceback" not in errors
     assert not [path for path in out.rglob("*") if "partial" in path.name]
     if moment == "in the middle":
-        assert "holds a run that did not end (KeyboardInterrupt); frames there: spindle" in errors
+        assert "contains an unfinished run (KeyboardInterrupt); finished frames: spindle" in errors
         reader = pyvista.get_reader(out / "spindle.pvd")
         assert len(reader.time_values) >= 3
         for value in reader.time_values:

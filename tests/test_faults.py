@@ -63,7 +63,7 @@ def test_kills_leave_no_damaged_file_and_the_same_command_the_same_result(
         status, _, errors = ended(started(*command, "--out", out), timeout=600.0 if long else 60.0)
         assert status == 0
         if met and (out / "report.json").exists() and errors:
-            assert "holds a run that did not end (it was killed); frames there: spindle " in errors
+            assert "contains an unfinished run (it was killed); finished frames: spindle " in errors
         assert results(out) == whole
         assert not list(out.rglob(".*"))
 

@@ -44,8 +44,8 @@ LINES = {
     "result.moment_arms('spindle')": "no coordinate 'spindle'",
     "result.plot(muscles='spindle', show=False, off_screen=True).close()": "",
     "result.plot(muscles='spindel')": "did you mean 'spindle'",
-    "result.write_figures(folder, form='jpg')": "png, pdf and svg",
-    "result.write_report('page.pdf')": "ends in .html",
+    "result.write_figures(folder, form='jpg')": "png, pdf, svg",
+    "result.write_report('page.pdf')": "in .html",
     "smoother.SetSmoothingPasses(3)": "did you mean 'smoothing_passes'",
     "smoother.GetPasses()": "allowed: smoothing_passes",
     "smoother.smothing_passes = 3": "did you mean 'smoothing_passes'",
@@ -133,5 +133,5 @@ def test_literature_is_laid_over_by_one_option(known, tmp_path):
     assert [curve.source for curve in with_it.literature["spindle"]] == ["A1999"]
     assert not known["result"].literature.get("spindle")
     table.write_text("source,muscle,dof,angle_deg,moment_arm_mm\nA1999,psoas,hip,5,30\n")
-    with pytest.raises(ValueError, match="it has those of psoas"):
+    with pytest.raises(ValueError, match="muscles in the file: psoas"):
         known["result"].with_literature(table)

@@ -100,7 +100,7 @@ def test_not_enough_memory_is_one_line(scene_file, monkeypatch):
         raise MemoryError
 
     monkeypatch.setattr(Scene, "load", fail)
-    assert "not enough memory" in run(scene_file)
+    assert "out of memory" in run(scene_file)
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no device that is full")
@@ -128,10 +128,10 @@ def test_output_that_cannot_be_written_is_no_traceback(scene_file, command):
 
 def test_a_path_that_is_no_text_is_refused_before_the_work(scene_file):
     out = scene_file.parent / "o\udcff"
-    with pytest.raises(ValueError, match=r"o\\udcff: this path is not text in UTF-8; rename"):
+    with pytest.raises(ValueError, match=r"o\\udcff: the path is not UTF-8 text; rename"):
         Scene.load(scene_file).run(out, figures=False)
     assert not out.exists()
-    with pytest.raises(ValueError, match="not text in UTF-8"):
+    with pytest.raises(ValueError, match="not UTF-8 text"):
         Scene.load(scene_file.parent / "s\udcff.toml")
-    assert r"o\udcff: this path is not text in UTF-8; rename" in refused("demo", "--out", out)
+    assert r"o\udcff: the path is not UTF-8 text; rename" in refused("demo", "--out", out)
     assert not out.exists()

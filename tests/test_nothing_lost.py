@@ -52,7 +52,7 @@ def test_a_run_is_not_written_over_its_inputs(scene_file):
     before = contents(scene_file.parent)
     for insist in ((), ("--overwrite",)):
         done = vtkmuscle_("run", scene_file, "--out", scene_file.parent, *QUICK, *insist)
-        assert refused(scene_file.parent, done, "over this input of the scene (bones.upper.surface)")
+        assert refused(scene_file.parent, done, "an input of the scene (bones.upper.surface)")
     assert contents(scene_file.parent) == before
 
 
@@ -60,7 +60,9 @@ def test_files_that_no_run_has_written_are_not_replaced(scene_file, tmp_path):
     mine = tmp_path / "out/bones/upper.vtp"
     mine.parent.mkdir(parents=True)
     mine.write_text("mine")
-    assert refused(mine, vtkmuscle_("run", scene_file, "--out", tmp_path / "out", *QUICK), "no run has made")
+    assert refused(
+        mine, vtkmuscle_("run", scene_file, "--out", tmp_path / "out", *QUICK), "not written by a run"
+    )
     assert mine.read_text() == "mine"
     done = vtkmuscle_("run", scene_file, "--out", tmp_path / "out", *QUICK, "--overwrite")
     assert done.exit_code == 0

@@ -55,7 +55,7 @@ def test_the_paths_of_a_scene_by_position_based_dynamics_are_the_same(scene):
 def test_a_file_of_the_users_is_not_replaced(scene, what, tmp_path):
     file = tmp_path / f"{what}.csv"
     file.write_text("mine")
-    with pytest.raises(InputError, match="the file is there"):
+    with pytest.raises(InputError, match="the file exists"):
         run_only(scene, what, tmp_path, frames="0:1")
     assert file.read_text() == "mine"
     run_only(scene, what, tmp_path, frames="0:1", overwrite=True)

@@ -226,7 +226,7 @@ def test_curves_are_lines_and_letters_where_the_form_has_such(renders, tmp_path,
 
 
 @pytest.mark.parametrize(
-    ("options", "words"), [({"form": "jpg"}, "png, pdf and svg"), ({"dpi": 0}, "20 to 2400")]
+    ("options", "words"), [({"form": "jpg"}, "png, pdf, svg"), ({"dpi": 0}, "20 to 2400")]
 )
 def test_a_figure_that_cannot_be_is_refused(tmp_path, options, words):
     with pytest.raises(ValueError, match=words):

@@ -119,7 +119,7 @@ def test_a_folder_without_a_finished_run_is_one_clear_error(scene, tmp_path):
             Result.load(folder)
 
     refused(tmp_path / "none", "there is no such folder")
-    refused(tmp_path, "no report.json")
+    refused(tmp_path, "no results of a run")
     (tmp_path / "file").write_text("")
     refused(tmp_path / "file", "this is a file")
     out = tmp_path / "out"
@@ -129,7 +129,7 @@ def test_a_folder_without_a_finished_run_is_one_clear_error(scene, tmp_path):
 
     with pytest.raises(KeyboardInterrupt):
         run(scene, out, observe=stop)
-    refused(out, r"did not end \(KeyboardInterrupt\); frames there")
+    refused(out, r"an unfinished run \(KeyboardInterrupt\); finished frames")
     run(scene, out)
     for damage, words in (
         (lambda file: file.unlink(), "missing"),
@@ -157,7 +157,7 @@ def test_notes_of_another_version_and_damaged_notes_are_one_clear_error(finished
     file = finished / "finished" / f"{name}.json"
     content = json.loads(file.read_text())
     for changed, words in (
-        ({**content, "format": store.FORMAT + 1}, "another version of vtkmuscle has written this note"),
+        ({**content, "format": store.FORMAT + 1}, "the note is of another version of vtkmuscle"),
         ({**content, "another": 1}, "the file is damaged; run the scene again"),
         ({key: value for key, value in content.items() if key != "files"}, "the file is damaged"),
         ({**content, "files": {"../../report.json": 1}}, "the file is damaged"),

@@ -39,7 +39,9 @@ def asked_anew():
 def test_without_opengl_all_but_the_figures_is_written(asked_anew, scene, tmp_path, monkeypatch):
     script = "import os, sys; print('no libOSMesa', file=sys.stderr, flush=True); os.abort()"
     monkeypatch.setattr(drawing, "TEST_PICTURE", script)
-    with pytest.warns(UserWarning, match="no figures were drawn, all else was written: .* crashed"):
+    with pytest.warns(
+        UserWarning, match="no figures were drawn; all further results were written: .* crashed"
+    ):
         result = scene.run(tmp_path, frames="0:2")
     assert result.report["figures"]["written"] == []
     assert result.report["figures"]["reason"].endswith("no libOSMesa")
@@ -92,7 +94,7 @@ def test_a_crash_of_a_process_that_draws_takes_no_run_with_it(renders, pair, tmp
     monkeypatch.setattr(run_figures, "figures_of_muscle", deadly)
     monkeypatch.setattr(run_figures, "rest_pose", lambda *_: deadly(None, "")[0])
     with pytest.warns(
-        UserWarning, match="no figures were drawn, all else was written: the process that drew"
+        UserWarning, match="no figures were drawn; all further results were written: the drawing process"
     ):
         result = pair.run(tmp_path, frames=0, workers=2)
     assert result.report["figures"]["written"] == []

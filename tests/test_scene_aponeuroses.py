@@ -95,9 +95,9 @@ def test_a_scene_keeps_its_aponeuroses(saved):
         ),
         (
             lambda muscle, scene: muscle.pop("fibres"),
-            "fibres end on aponeuroses, but this muscle has no fibres",
+            "the muscle has aponeuroses, but no fibres",
         ),
-        (lambda muscle, scene: scene.update(deformer="none"), "aponeuroses move with the muscle"),
+        (lambda muscle, scene: scene.update(deformer="none"), "aponeuroses need a deformed muscle"),
     ],
 )
 def test_what_is_wrong_in_the_file_is_named(saved, change, says):

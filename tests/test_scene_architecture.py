@@ -48,7 +48,7 @@ def test_the_scenes_tendon_shortens_every_fibre_by_itself():
     assert low <= estimated["fascicle_length_mm"]["mean"] <= high
 
 
-@pytest.mark.filterwarnings("ignore:.*landmarks are 30 mm from the bone")  # a tendon within the muscle
+@pytest.mark.filterwarnings("ignore:.*landmarks are 30 mm from their bone")  # a tendon within the muscle
 @pytest.mark.parametrize(("kind", "width"), [("pennate", 20.0), ("bipennate", 10.0)])
 def test_between_aponeuroses_fascicles_are_the_fibres_and_nothing_is_left_to_estimate(kind, width):
     phantom = fibre_block(kind)

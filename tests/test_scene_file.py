@@ -264,7 +264,7 @@ FAULTS = [
     ('time = "time"', 'time = "angle"', "motion.transforms", "no column 'angle'", "other columns are: time"),
     ("[0.0, -15.0, 0.0]", "[0.0, -15.0]", "motion.centre", "at least 3 items, not 2", "centre = "),
     ("[0.0, -15.0, 0.0]", "[0.0, nan, 0.0]", "motion.centre[1]", "must be a finite number", "centre = "),
-    (MOTION, MOTION + HINGE, "motion.bone", "cannot be combined with motion.hinge", "leave out one"),
+    (MOTION, MOTION + HINGE, "motion.bone", "cannot be combined with motion.hinge", "remove either"),
     (MOTION, HINGE.replace('"lower"', '"x"'), "motion.hinge.bone", "no bone 'x'", "upper, lower"),
     (MOTION, HINGE.replace("[1.0, 0.0, 0.0]", "[0, 0, 0]"), "motion.hinge.axis", "no length", "write axis"),
     (MOTION, HINGE.replace("[0, 20, 5]", "[0, 20, 0]"), "motion.hinge.angles", "not ascend", "step > 0"),
@@ -275,7 +275,7 @@ FAULTS = [
         MOTION.replace('"motion.csv"', '{ lower = "motion.csv" }'),
         "motion.bone",
         "cannot be combined with",
-        "leave out bone",
+        "remove bone",
     ),
     ("[muscles.spindle]", '[muscles."a/b"]', "muscles.a/b", "cannot be part of a file name", "letters"),
     ("[muscles.spindle]", "[muscles.bones]", "muscles.bones", "overwrite other results", "another name"),
@@ -410,12 +410,12 @@ def flat(points, triangles):
 
 
 SURFACE_FAULTS = [
-    (moved, "1 point(s) are not finite, the first is point 3", "correct them"),
+    (moved, "1 point(s) are not finite, the first is point 3", "correct the points"),
     (quads, "faces that are not triangles", "vtkTriangleFilter"),
-    (lambda p, t: surface_from(p, t[1:]), "open: 3 edges", "fill its holes"),
+    (lambda p, t: surface_from(p, t[1:]), "open: 3 edges", "fill the holes"),
     (a_fin, "not manifold: 1 edges", "delete the extra triangles"),
-    (one_turned, "disagree on their side at 3 edges", "orient them alike"),
-    (flat, "no volume", "export it again"),
+    (one_turned, "face opposite sides at 3 edges", "orient the triangles alike"),
+    (flat, "no volume", "export the surface again"),
     (two_pieces, "2 separate pieces", "extract_largest"),
     (
         lambda p, t: surface_from(np.vstack([p, [[0.0, 0, 0]]]), t),
@@ -445,7 +445,7 @@ def test_tables_of_several_bones_must_agree_in_time(scene_file):
     (scene_file.parent / "b.csv").write_text("\n".join(rows[:-1]))
     error = failure(scene_file)
     assert error.key == "motion.transforms.upper"
-    assert "same times" in error.remedy
+    assert "equal times" in error.remedy
 
 
 # ------------------------------------------------------------------------------- writing

@@ -51,10 +51,15 @@ def with_deformer(scene_file, deformer, setting="iterations = 3", more=""):
             "none",
             "iterations = 3",
             "",
-            r"solver.iterations: deformer 'none' has no such setting; leave it out",
+            r"solver.iterations: deformer 'none' has no such setting; remove it",
         ),
         ("paths", "", 'quality = "published"\n', r"quality: 'published' is a preset of deformer 'pbd'"),
-        ("none", "", 'muscle_contact = "on"\n', r"muscle_contact: deformer is 'none', so that no muscle has"),
+        (
+            "none",
+            "",
+            'muscle_contact = "on"\n',
+            r"muscle_contact: 'on' needs deformed muscles, but deformer is 'none'",
+        ),
     ],
 )
 def test_settings_of_another_deformer_are_refused(scene_file, deformer, setting, more, told):

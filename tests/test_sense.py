@@ -72,7 +72,7 @@ def sheet():
 #: What is tried: a name, how the scene is made, whether it is an error, and what is said.
 def unsure(scene):
     """Return a scene whose first muscle has an origin that was estimated, and may be on another bone."""
-    return areas(scene, lambda old: [replace(old[0], estimated=True, sureness=0.04), *old[1:]])
+    return areas(scene, lambda old: [replace(old[0], estimated=True, confidence=0.04), *old[1:]])
 
 
 def sunken(scene):
@@ -94,12 +94,16 @@ def pierced(scene):
 
 
 NONSENSE = {
-    "bone through a muscle": (pierced, False, r"the bone 'rod' is up to \d+(\.\d+)? mm deep in it, at \("),
-    "estimate that is not sure": (unsure, False, r"estimated to be on .* but is not sure \(0.04\)"),
+    "bone through a muscle": (
+        pierced,
+        False,
+        r"the bone 'rod' is up to \d+(\.\d+)? mm deep in the muscle, at \(",
+    ),
+    "estimate that is not sure": (unsure, False, r"estimated on .* with low confidence \(0.04\)"),
     "muscle deep in a bone": (
         sunken,
         False,
-        r"up to [56]\.\d* mm deep in the bone 'pelvis', at \(.*\), with \d+% of its points",
+        r"up to [56]\.\d* mm deep in the bone 'pelvis', at \(.*\), with \d+% of the points",
     ),
     "origin and insertion exchanged": (
         lambda s: areas(s, lambda a: [replace(a[0], bone=a[1].bone), replace(a[1], bone=a[0].bone)]),
@@ -114,12 +118,12 @@ NONSENSE = {
     "landmarks beside the bone": (
         lambda s: landmarks(s, lambda x: x + np.array([0, 0, 60])),
         False,
-        "that they are given for",
+        "from their bone",
     ),
     "bones 10 m away": (
         lambda s: replace(s, bones={n: moved(b, lambda x: x + 1e4) for n, b in s.bones.items()}),
         True,
-        "that they are given for",
+        "from their bone",
     ),
     "ring in random order": (lambda s: landmarks(s, shuffled), True, "not in the order of the boundary"),
     "two landmarks exchanged": (
@@ -127,7 +131,11 @@ NONSENSE = {
         False,
         "not in the order of the boundary",
     ),
-    "all landmarks equal": (lambda s: landmarks(s, lambda x: np.tile(x[0], (9, 1))), True, "are one point"),
+    "all landmarks equal": (
+        lambda s: landmarks(s, lambda x: np.tile(x[0], (9, 1))),
+        True,
+        "landmarks coincide",
+    ),
     "metres given as millimetres": (
         lambda s: scaled(s, 1e-3),
         False,
@@ -138,11 +146,11 @@ NONSENSE = {
         True,
         'if the files are in mm, write units = "mm"',
     ),
-    "bone without an inside": (lambda s: bones(s, plate=sheet()), False, "no muscle will be kept out of it"),
+    "bone without an inside": (lambda s: bones(s, plate=sheet()), False, "muscles will pass through"),
     "bone of one triangle": (
         lambda s: bones(s, chip=surface_from(np.eye(3) * 30, [[0, 1, 2]])),
         False,
-        "no muscle will be kept out of it",
+        "muscles will pass through",
     ),
     "coordinate of 1e12": (
         lambda s: bones(s, pelvis=moved(s.bones["pelvis"], one_point(1e12))),
@@ -162,16 +170,20 @@ NONSENSE = {
     "scene 1e15 mm from the origin": (
         lambda s: bones(s, pelvis=moved(s.bones["pelvis"], lambda x: x + 1e15)),
         True,
-        "leaves no digits for its shape",
+        "too far for its shape",
     ),
     "all areas on one bone": (
         lambda s: areas(s, lambda a: [replace(one, bone="pelvis") for one in a]),
         False,
-        "will move with it as it is",
+        "will move with the bone, undeformed",
     ),
-    "motion of 1e15 mm": (lambda s: translated(s, [0, 1e15]), True, "check the unit of its translations"),
-    "starts 3 m away": (lambda s: translated(s, [3000, 3001]), True, "a muscle would tear"),
-    "motion in another unit": (lambda s: translated(s, [0, 1, 300]), False, "a muscle would tear"),
+    "motion of 1e15 mm": (
+        lambda s: translated(s, [0, 1e15]),
+        True,
+        "check the unit of the motion's translations",
+    ),
+    "starts 3 m away": (lambda s: translated(s, [3000, 3001]), True, "the muscle would tear"),
+    "motion in another unit": (lambda s: translated(s, [0, 1, 300]), False, "the muscle would tear"),
 }
 
 
@@ -245,7 +257,7 @@ def test_a_run_says_it_and_writes_nothing_where_it_is_sure(good, tmp_path):
 
 def test_a_muscle_that_is_all_fixed_is_said_to_be(tmp_path):
     scene = Scene.load(write_tiny_scene(tmp_path))
-    with pytest.warns(UserWarning, match="none is free"):
+    with pytest.warns(UserWarning, match="no point is deformed"):
         replace(scene, fixing={"method": "proximity", "distance": 1000.0}).run(frames="0:1", figures=False)
 
 

@@ -146,7 +146,7 @@ def test_settings_of_scene_and_fibres_are_varied(scene):
     ("call", "words"),
     [
         (lambda scene: vtkmuscle.cohort({}), "there are none"),
-        (lambda scene: vtkmuscle.cohort(["a.toml", "a.toml"]), "two have one name"),
+        (lambda scene: vtkmuscle.cohort(["a.toml", "a.toml"]), "two have the same name"),
         (lambda scene: vtkmuscle.cohort({"anna": scene}, workers=0), "workers is 0"),
         (vtkmuscle.vary, "no setting is varied"),
         (lambda scene: vtkmuscle.vary(scene, workers=1, n_fibers=[3]), "n_fibers"),

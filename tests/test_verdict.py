@@ -146,7 +146,7 @@ def test_where_there_are_no_fibres_that_is_told():
             *("long fibres", "short fibres", "jumps", "widespread jumps"),
             *("crossed fibres", "hooked fibres", "winding fibres", "bare"),
         ),
-        "it has no fibres",
+        "the muscle has no fibres",
     )
 
 
@@ -177,7 +177,7 @@ def test_what_has_no_figure_is_not_judged_and_told():
     assert found["not_checked"] == {
         "penetration": "no bone has an inside",
         "widespread penetration": "no bone has an inside",
-        "volume": "it was not measured",
+        "volume": "not measured",
     }
 
 
@@ -358,7 +358,7 @@ def test_a_failed_muscle_is_exit_status_1_and_the_others_are_written(scene_file,
     done = run(scene_file, out, "--quiet", "--no-figures")
     assert done.exit_code == 1
     assert done.stdout == ""
-    assert "error: spindle: failed, frame 3 (time 15): it could not be computed" in done.stderr
+    assert "error: spindle: failed, frame 3 (time 15): the frame could not be computed" in done.stderr
     assert "use a smaller force" in done.stderr
     report = json.loads((out / "report.json").read_text())
     assert report["complete"] is True

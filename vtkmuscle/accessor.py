@@ -213,7 +213,7 @@ def _areas(origin: Any, insertion: Any, attachments: Any, bones: list[str] | Non
         if not isinstance(landmarks, Mapping) or isinstance(landmarks, vtkDataObject):
             if bones is not None:
                 raise ValueError(
-                    f"mesh.muscle: {role} must say which bone it is on: {{bone: landmarks}}, with a bone of "
+                    f"mesh.muscle: {role} needs a bone: {{bone: landmarks}}, with a bone of "
                     f"{', '.join(map(repr, bones))}"
                 )
             landmarks = {role: landmarks}  # noqa: PLW2901 -- fibres do not need the bone

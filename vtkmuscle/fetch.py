@@ -136,10 +136,10 @@ def fetch(
     if name != NAME:
         raise InputError("", f"there is no data set {name!r}; {suggestion(name, [NAME])}")
     if not accept_licence:
-        raise InputError(name, "its licence is not accepted", "if you accept it say accept_licence=True")
+        raise InputError(name, "the licence is not accepted", "pass accept_licence=True to accept")
     target = Path(folder or name)
     if target.exists() or target.is_symlink():
-        raise InputError(target, "this is in the way", "remove it, or name another folder")
+        raise InputError(target, "the folder exists", "remove the folder, or name another")
     target.parent.mkdir(parents=True, exist_ok=True)
     with TemporaryDirectory(prefix=f".{target.name}.", dir=target.parent) as temporary:
         downloads, staging = Path(temporary) / "downloads", Path(temporary) / "scene"

@@ -173,7 +173,7 @@ def _run_all(
     asked = {"figures": False, "report": False, **options, "workers": 1}
     names = [", ".join(map(str, labels.values())) for labels, _ in labelled]
     if not names or len(set(names)) < len(names):
-        raise InputError("scenes", "two have one name" if names else "there are none", "name each scene")
+        raise InputError("scenes", "two have the same name" if names else "there are none", "name each scene")
     with _folder(out) as folder:
         targets = [folder / _folder_name(name) for name in names]
         files = [
@@ -216,7 +216,7 @@ def _solved(tasks: Sequence[tuple[Any, ...]], client: Any, workers: int) -> Iter
             try:
                 yield jobs[job], job.result()
             except BrokenExecutor:
-                yield jobs[job], [_failed("its process was lost or ran out of memory; run it again")]
+                yield jobs[job], [_failed("the process was killed or out of memory; run it again")]
     except BaseException:  # Ctrl-C, or an error in progress(): nobody waits for the scenes that still run
         for process in set(active_children()).difference(before):
             process.terminate()

@@ -116,7 +116,7 @@ def test_without_a_network_there_is_one_clear_error(tiny, tmp_path):
 def test_a_folder_in_the_way_is_left_alone(tiny, tmp_path):
     (tmp_path / "here").mkdir()
     (tmp_path / "here" / "mine.txt").write_text("mine")
-    with serving(tiny) as (host, asked), pytest.raises(InputError, match="in the way"):
+    with serving(tiny) as (host, asked), pytest.raises(InputError, match="folder exists"):
         fetch("lhdl-hip", tmp_path / "here", accept_licence=True, host=host)
     assert asked == []
     assert [one.name for one in (tmp_path / "here").iterdir()] == ["mine.txt"]

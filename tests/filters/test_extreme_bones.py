@@ -103,7 +103,7 @@ def test_a_muscle_that_a_bone_drops_over_comes_out_again():
 
 def test_a_muscle_in_a_bone_at_rest_stays_and_that_is_told():
     block = box([-60, -60, -60], [60, 60, 60])
-    with pytest.warns(UserWarning, match=r"'bar': \d+ of the muscle's \d+ free points are in it"):
+    with pytest.warns(UserWarning, match=r"'bar': \d+ of the muscle's \d+ free points are inside"):
         out = deformed(block, [moved(0, 0, 0)])
     assert np.abs(point_array(out, "Displacement", "")).max() < 1e-6
 

@@ -163,7 +163,7 @@ def test_measures_of_the_muscle_need_a_closed_muscle_and_fibres_with_a_length(bo
     with pytest.raises(ValueError, match="needs a muscle"):
         FibreMetrics(**asked)(straight_bundle())
     opened = surface_from(points_of(box), triangles_of(box, "")[1:])
-    with pytest.raises(ValueError, match="needs a closed one"):
+    with pytest.raises(ValueError, match="needs a closed surface"):
         FibreMetrics(**asked)(straight_bundle(), opened)
 
 

@@ -137,7 +137,7 @@ def test_an_aponeurosis_may_be_several_rings_or_a_surface_within_the_muscle(bloc
         (lambda pair, corner: pair[:1], "there is no distal aponeurosis"),
         (
             lambda pair, corner: [pair[0], Aponeurosis("distal", pair[1].points + np.array([30.0, 0, 0]))],
-            "far from its muscle",
+            "from the muscle, of",
         ),
         (
             lambda pair, corner: [pair[0], Aponeurosis("distal", corner + ring(0.0, 20.0, 110.0))],
@@ -163,7 +163,7 @@ def test_a_surface_that_covers_the_muscle_is_no_aponeurosis(block):
     muscle, attachments = block
     shell = pv.wrap(muscle)
     whole = Aponeurosis("distal", points_of(shell), shell.regular_faces)
-    with pytest.raises(ValueError, match="covers the muscle"):
+    with pytest.raises(ValueError, match="aponeurosis covers"):
         FibreSource()(muscle, attachments, None, aponeuroses_data([two_rings(muscle)[0], whole]))
 
 
@@ -174,7 +174,7 @@ def test_sections_do_not_lead_from_aponeurosis_to_aponeurosis(block):
 
 
 def test_without_areas_and_aponeuroses_there_is_nothing_to_end_on(block):
-    with pytest.raises(ValueError, match="connect them, or aponeuroses"):
+    with pytest.raises(ValueError, match="connect attachments or aponeuroses"):
         FibreSource()(block[0])
 
 

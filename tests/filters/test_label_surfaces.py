@@ -75,7 +75,7 @@ def test_what_is_thin_or_rough_is_closed_and_manifold_too(shape, smoothing, edge
 def test_a_label_without_a_surface_is_refused_with_the_reason(monkeypatch):
     ball = label_field(np.pad(BALL, 1), np.eye(4), smoothing=0.7)
     half = replace(ball, values=ball.values[: len(ball.values) // 2])  # open where it was cut
-    with pytest.raises(ValueError, match=r"not closed and manifold at \d+ edges; smooth the label"):
+    with pytest.raises(ValueError, match=r"not closed and manifold at \d+ edges; smooth or remove the label"):
         label_surface(half, 3.0)
     monkeypatch.setattr(Label, "field", lambda *_: half)
     surface = surface_of(BALL)

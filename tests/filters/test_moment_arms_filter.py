@@ -146,13 +146,13 @@ def test_of_two_coordinates_each_has_its_arrays_where_it_is_determined():
 @pytest.mark.parametrize(
     ("parameters", "times", "message"),
     [
-        ({}, [1.0], "MomentArms: no coordinate of the motion changes .it has: 'time'."),
+        ({}, [1.0], "MomentArms: no coordinate of the motion changes .'time'."),
         (
             {"motion": hinge("b", (0, 0, 0), (1, 0, 0), ANGLES), "coordinate": "hip"},
             ANGLES,
             "no coordinate 'hip'",
         ),
-        ({"motion": RigidMotion(ANGLES, {})}, ANGLES, "no coordinate of the motion changes .it has: none"),
+        ({"motion": RigidMotion(ANGLES, {})}, ANGLES, "no coordinate of the motion changes .none"),
     ],
 )
 def test_what_cannot_be_is_refused_in_words(parameters, times, message):
@@ -161,7 +161,7 @@ def test_what_cannot_be_is_refused_in_words(parameters, times, message):
 
 
 def test_fibres_must_be_the_same_and_have_a_time():
-    with pytest.raises(ValueError, match="they announce no time steps"):
+    with pytest.raises(ValueError, match="the fibres have no time steps"):
         MomentArms()(lines_at(0.0))
     one = polylines_from(Polylines(np.array([[0.0, 0, 0], [1, 0, 0]]), np.array([0, 2])))
     with pytest.raises(ValueError, match="at time 10 there are 1, at first 2"):

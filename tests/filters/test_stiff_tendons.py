@@ -110,12 +110,12 @@ def test_a_pipeline_holds_fibres_between_aponeuroses_and_no_others():
 
 def test_fibres_of_different_numbers_of_points_are_refused(muscle):
     uneven = lines_of([np.eye(3), np.eye(3)[:2]])
-    with pytest.raises(ValueError, match=r"StiffTendons: rest_fibres: they have 2 to 3 points"):
+    with pytest.raises(ValueError, match=r"StiffTendons: rest_fibres: fibres have 2 to 3 points"):
         held(uneven, muscle, paths())
 
 
 def test_fibres_that_are_not_those_at_rest_are_refused(fibres, muscle):
-    with pytest.raises(ValueError, match=r"StiffTendons: fibres: their numbers of points differ"):
+    with pytest.raises(ValueError, match=r"StiffTendons: fibres: numbers of points differ"):
         held(fibres, muscle, paths(), rest=lines_of([np.eye(3)] * 2))
 
 

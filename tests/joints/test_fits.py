@@ -28,7 +28,7 @@ def test_the_head_of_a_bone_is_found_wherever_it_is_touched():
         fit = fitted_ball(points, normals, areas, touched)
         assert fit.centre == pytest.approx((3, 5, 7), abs=0.3)
         assert fit.radius == pytest.approx(22.0, abs=0.3)
-        assert fit.sureness > 0.7
+        assert fit.confidence > 0.7
 
 
 def test_the_axis_goes_through_both_condyles():
@@ -37,7 +37,7 @@ def test_the_axis_goes_through_both_condyles():
     assert fit.centre == pytest.approx(0.5 * (MEDIAL + LATERAL), abs=0.5)
     direction = (MEDIAL - LATERAL) / np.linalg.norm(MEDIAL - LATERAL)
     assert abs(fit.axis @ direction) > np.cos(np.radians(1.0))
-    assert fit.sureness > 0.5
+    assert fit.confidence > 0.5
 
 
 def test_the_fit_moves_with_the_bone():
@@ -49,13 +49,13 @@ def test_the_fit_moves_with_the_bone():
     moved = fitted_hinge(points @ turn.T + 100.0, normals @ turn.T, areas, touched)
     assert moved.centre == pytest.approx(turn @ fit.centre + 100.0, abs=1e-6)
     assert abs(moved.axis @ turn @ fit.axis) == pytest.approx(1.0)
-    assert moved.sureness == pytest.approx(fit.sureness)
+    assert moved.confidence == pytest.approx(fit.confidence)
 
 
 def test_what_is_not_round_is_refused():
     points, normals, areas = parts(thick_curve([(0, 0, 0), (0, 0, 100)], [12, 12]))
     flat = np.tile([0.0, 0.0, 1.0], (len(points), 1))
-    with pytest.raises(ValueError, match="no part of the bone is round"):
+    with pytest.raises(ValueError, match="the bone at the joint is not round"):
         fitted_ball(points, flat, areas, np.abs(points[:, 2] - 50) < 20)
-    with pytest.raises(ValueError, match="no part of the bone is round"):
+    with pytest.raises(ValueError, match="the bone at the joint is not round"):
         fitted_hinge(points, normals, areas, points[:, 2] > 1000.0)

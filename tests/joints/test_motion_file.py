@@ -39,7 +39,7 @@ def test_all_headers_give_the_same_rows(tmp_path, header, in_degrees):
 
 def test_rows_are_counted_and_not_believed(tmp_path):
     path = written(tmp_path, NEW.format("yes").replace("nRows=2", "nRows=51") + ROWS)
-    with pytest.warns(UserWarning, match=r"nrows=51, but there are 2 rows"):
+    with pytest.warns(UserWarning, match=r"nrows=51, but the file has 2 rows"):
         assert len(read_motion_file(path).times) == 2
 
 

@@ -117,9 +117,9 @@ def test_polynomial_terms_are_all_of_the_order_once():
 @pytest.mark.parametrize(
     ("joints", "words"),
     [
-        ([("a", "g", "x"), ("b", "g", "x")], "hangs on joint 'a' as well"),
+        ([("a", "g", "x"), ("b", "g", "x")], "is the child of 'a', too"),
         ([("a", "nobody", "x")], "there is no such body"),
-        ([("a", "y", "x"), ("b", "x", "y")], "a ring of joints"),
+        ([("a", "y", "x"), ("b", "x", "y")], "the joints form a loop"),
         ([("a", "x", "g")], "is the root"),
     ],
 )

@@ -82,7 +82,7 @@ def test_what_is_there_is_not_written_over(files, tmp_path):
     (tmp_path / "scene.toml").write_text("mine")
     done = init(*files, "--out", tmp_path)
     assert done.exit_code == 2
-    assert "say --overwrite" in done.output
+    assert "add --overwrite" in done.output
     assert (tmp_path / "scene.toml").read_text() == "mine"
     assert init(*files, "--out", tmp_path, "--overwrite").exit_code == 0
 
@@ -92,7 +92,7 @@ def test_what_is_there_is_not_written_over(files, tmp_path):
     [
         (("Femur R.vtp", "iliacus_r.vtp"), "no joint was found between the bones"),
         (("Pelvis.vtp", "Femur R.vtp"), "no muscle can be made: there is none"),
-        (("Pelvis.vtp", "iliacus_r_origin.csv"), "its name is not that of a muscle and a role"),
+        (("Pelvis.vtp", "iliacus_r_origin.csv"), "no known muscle and role"),
     ],
 )
 def test_what_is_missing_is_named(files, tmp_path, keep, words):
@@ -117,5 +117,5 @@ def test_a_muscle_that_cannot_be_made_is_named_and_the_others_are_there(files, t
     write_polydata(far, with_points(muscle, METRES * (points_of(muscle) + 400.0)))
     done = init(*files, far, "--out", tmp_path)
     assert done.exit_code == 0
-    assert "left out: sartorius: a muscle is attached to two bones" in " ".join(done.output.split())
+    assert "left out: sartorius: the muscle is near fewer than two bones" in " ".join(done.output.split())
     assert "sartorius" not in vtkmuscle.Scene.load(tmp_path / "scene.toml").muscles

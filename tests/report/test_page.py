@@ -135,7 +135,7 @@ def test_scenes_without_surfaces_fibres_or_coordinates_have_a_page(case, two_mus
 
 
 def test_a_page_ends_in_html(run_folder, tmp_path):
-    with pytest.raises(ValueError, match=r"ends in \.html"):
+    with pytest.raises(ValueError, match=r"in \.html"):
         run_folder[1].write_report(tmp_path / "report.json")
 
 

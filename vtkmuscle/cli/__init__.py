@@ -128,7 +128,7 @@ def demo(out: OutOption = None, *, options: RunArguments) -> None:
 
     scene = Scene.from_phantom(phantoms.hip(angles=DEMO_ANGLES))
     loaded = Scene.load(path := save_unless_there(scene, folder / "scene", overwrite=options.overwrite))
-    say(options.quiet, f"The scene is {path}: edit it, or put your own surfaces there, and run it with")
+    say(options.quiet, f"The scene is {path}: edit the file, or use your own surfaces, and run")
     say(options.quiet, f"  vtkmuscle run {path}")
     run_and_report(loaded, folder, options)
 
@@ -172,7 +172,7 @@ def export(
     from the run are printed and written.
     """
     if out.suffix.lower() not in (".osim", ".xml"):
-        raise InputError(out, "this is no format of an export", "end its name in .osim or .xml")
+        raise InputError(out, "unknown format of an export", "end its name in .osim or .xml")
     export_muscles(source, out, options)
 
 
@@ -202,12 +202,12 @@ def fetch(
     if name == public.NAME:
         typer.echo(public.LICENCE)
         if not accept_licence:
-            accept_licence = sys.stdin.isatty() and typer.confirm("Do you accept this licence?")
+            accept_licence = sys.stdin.isatty() and typer.confirm("Do you accept the licence?")
         if not accept_licence:
-            raise InputError(name, "its licence is not accepted", "say --accept-licence if you accept it")
+            raise InputError(name, "the licence is not accepted", "add --accept-licence to accept")
     announce = partial(say, quiet)
     path = public.fetch(name, out, accept_licence=True, host=host or public.HOST, announce=announce)
-    say(quiet, f"The scene is {path}: run it with")
+    say(quiet, f"The scene is {path}. Run")
     say(quiet, f"  vtkmuscle run {path}")
 
 
@@ -220,8 +220,8 @@ def paraview_path(
 ) -> None:
     """Print the environment variables for the filters in ParaView.
 
-    It fills a folder with links to vtkmuscle and what it needs there, for a ParaView whose Python is of the
-    same version as this one, and prints commands for your shell:
+    The command fills a folder with links to vtkmuscle and required packages, for a ParaView with the Python
+    version of this environment, and prints shell commands:
 
       eval "$(vtkmuscle paraview-path)"; paraview
     """

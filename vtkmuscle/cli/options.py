@@ -56,7 +56,7 @@ class RunArguments:
         int | None, Option(metavar="N", min=1, help="Number of processes. Default: one per processor.")
     ] = None
     overwrite: Annotated[
-        bool, Option("--overwrite", help="Replace other results, and files of no run; never inputs.")
+        bool, Option("--overwrite", help="Replace other results, and foreign files; never inputs.")
     ] = False
     fresh: FreshOption = False
     only: Annotated[str | None, Option(metavar="lengths|moment_arms", help="Write this table alone.")] = None
@@ -141,7 +141,7 @@ def one_clear_error(out: Path | None) -> Iterator[None]:
             print_error(f"error: {_words(fault)}")
         raise typer.Exit(BAD_INPUT) from error
     except MemoryError as error:
-        print_error("error: there is not enough memory for this")
+        print_error("error: out of memory")
         raise typer.Exit(BAD_INPUT) from error
     except KeyboardInterrupt as stop:
         print_error(f"stopped. {_what_is_finished(out)}", style="yellow")
@@ -188,7 +188,7 @@ def _words(error: Exception) -> str:
 
 def _what_is_finished(out: Path | None) -> str:
     if out is not None and any(out.glob("*/report.json")):  # of a cohort
-        return f"Subjects that are finished in {out} are kept: the same command continues"
+        return f"Finished subjects in {out} are kept: run the command again to continue"
     store = sys.modules.get("vtkmuscle.run.store")  # a run that has not loaded it has written nothing
     left = None if out is None or store is None else store.ResultFolder(out).unfinished()
     return "Nothing was written." if left is None else f"{out} {left}"

@@ -35,7 +35,8 @@ class ExportOptions:
     groups: Annotated[int, Option(min=1, help="For OpenSim: groups of fibres per muscle, at most.")] = 1
     into: Annotated[Path | None, Option(help="For OpenSim: a model to put the muscles into.")] = None
     replace: Annotated[
-        list[str] | None, Option(metavar="OURS=THEIRS", help="A muscle, and the model's that it replaces.")
+        list[str] | None,
+        Option(metavar="OURS=THEIRS", help="A muscle, and the replaced muscle."),
     ] = None
     specific_tension: Annotated[float, Option(help="Force per cross-section, in N/cm^2.")] = 60.0
     mass: Annotated[list[str] | None, Option(metavar="BODY=KG", help="Mass of a new body.")] = None
@@ -122,7 +123,7 @@ def check(
         if "jumps" in finding.what:
             where = ", ".join(f"{name} {value:.4g}" for name, value in checked.shown(finding).items())
             typer.echo(f"{finding.muscle}: {finding.what} by {1000.0 * finding.size:.1f} mm at {where}")
-    typer.echo(f"{kinds.count('moment arm changes sign')} moment arms change their sign")
+    typer.echo(f"{kinds.count('moment arm changes sign')} moment arms change sign")
     typer.echo(f"wrote {page}, {checked.write(page)}")
 
 
@@ -182,7 +183,7 @@ class LabelOptions:
     """The options of a scene from labels."""
 
     names: Annotated[str | None, Option(help="musclemap, a task of TotalSegmentator, or a .csv.")] = None
-    edge: Annotated[float, Option(min=0.1, help="Length of triangles' edges [mm].")] = 3.0
+    edge: Annotated[float, Option(min=0.1, help="Edge length of triangles, in mm.")] = 3.0
     frame: FrameOption = "LPS"
     overwrite: OverwriteOption = False
     quiet: QuietOption = False
@@ -202,7 +203,7 @@ def from_labels(
 ) -> None:
     """Make a scene from a segmentation: surfaces, attachment areas, fitted joints.
 
-    Missing input is guessed: guesses.csv and comments in scene.toml list each guess with its certainty. A
+    Missing input is guessed: guesses.csv and comments in scene.toml list each guess with a confidence. A
     tendon is drawn to landmarks beyond a muscle's label. A muscle that fails is reported with the reason; the
     scene has the remaining muscles.
     """
@@ -234,7 +235,7 @@ def init(
     """Write a scene.toml from meshes and landmarks, guessing missing input.
 
     Names identify bones and muscles, sizes the unit, contact or landmarks the areas, fits to bones the
-    joints. guesses.csv and comments in scene.toml list each guess with its certainty.
+    joints. guesses.csv and comments in scene.toml list each guess with a confidence.
     """
     from vtkmuscle.labels.meshes import draft_of_files
 
@@ -246,7 +247,7 @@ def init(
 
 def _check_free(out: Path, overwrite: bool) -> None:
     if (out / "scene.toml").exists() and not overwrite:
-        raise InputError(out / "scene.toml", "it is there already", "say --overwrite, or another --out")
+        raise InputError(out / "scene.toml", "the file exists", "add --overwrite, or choose another --out")
 
 
 def _write(draft: Draft, out: Path, quiet: bool) -> None:

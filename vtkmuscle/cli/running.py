@@ -50,12 +50,12 @@ def run_and_report(scene: Scene, out: Path, options: RunArguments) -> None:
     with one_clear_error(out):
         left = ResultFolder(out).unfinished()
         if left is not None:
-            then = "it is replaced" if options.fresh else "what it has finished is taken over"
+            then = "the run starts again" if options.fresh else "finished muscles are kept"
             print_error(one_line(f"{out} {left}; {then}"), style="yellow")
         result = _run(scene, out, options)
     if result.report["taken_over"]:
         words = ", ".join(result.report["taken_over"])
-        tell(f"taken over from an earlier run, for nothing they depend on has changed: {words}")
+        tell(f"kept from an earlier run with equal inputs: {words}")
     for name, muscle in result.report["muscles"].items():
         tell(f"{name}: {_summary(muscle)}")
         for reason in reasons_of(muscle["verdict"]):
@@ -68,7 +68,7 @@ def run_and_report(scene: Scene, out: Path, options: RunArguments) -> None:
     tell(f"{result.report['seconds']['total']:.1f} s. Results are in {out}:")
     tell(f"  {', '.join(written)}, and NAME.pvd, NAME_fibres.pvd, bones.pvd for ParaView")
     if options.report:
-        tell(f"Look at {out / PAGE} in a browser: the scene, curves, tables and what to make of them")
+        tell(f"Open {out / PAGE} in a browser: scene, curves, tables, validity")
     if "failed" in result.verdicts.values():
         raise typer.Exit(FAILED)
 
@@ -105,7 +105,7 @@ def _summary(muscle: Mapping[str, Any]) -> str:
         words.append(f"volume within {max(abs(volume - 1.0) for volume in volumes):.2%}")
     if depths:
         rest = muscle["rest"]["penetration_max_mm"]
-        at_rest = f", where it is {rest:.2f} mm" if rest else ""
+        at_rest = f" ({rest:.2f} mm)" if rest else ""
         words.append(f"at most {max(depths):.2f} mm deeper in a bone than at rest{at_rest}")
     return f"{', '.join(words)}: {muscle['verdict']['verdict']}"
 

@@ -89,7 +89,7 @@ def check_name(path: Path) -> None:
         str(path.absolute()).encode()
     except UnicodeEncodeError:
         where = ascii(str(path))[1:-1]
-        raise InputError(where, "this path is not text in UTF-8", "rename the file or folder") from None
+        raise InputError(where, "the path is not UTF-8 text", "rename the file or folder") from None
 
 
 def check_is_file(path: Path, *, most: int = MOST_BYTES) -> None:
@@ -105,10 +105,10 @@ def check_is_file(path: Path, *, most: int = MOST_BYTES) -> None:
     if not path.exists():
         folder = path.parent
         also = sorted(p.name for p in folder.iterdir() if p.suffix == path.suffix) if folder.is_dir() else []
-        hint = f"its folder holds {', '.join(also[:5])}" if also else ""
+        hint = f"similar files there: {', '.join(also[:5])}" if also else ""
         raise MissingFileError(path, "there is no such file", hint)
     if not path.is_file():
-        raise MissingFileError(path, "this is a pipe or a device, not a file", "copy its content to a file")
+        raise MissingFileError(path, "this is a pipe or a device, not a file", "copy the content to a file")
     size = path.stat().st_size
     if size > most:
         problem = f"the file takes {size / 1024**2:.0f} MB, but at most {most // 1024**2} MB are read"

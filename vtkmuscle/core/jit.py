@@ -125,8 +125,8 @@ def _numba_is_known() -> bool:
             attrgetter(name)(numba)
     except AttributeError as error:
         warnings.warn(
-            f"compiled kernels cannot be kept with numba {numba.__version__} ({error}), so they are compiled "
-            "anew each time, which takes minutes; install an older one",
+            f"compiled kernels cannot be kept with numba {numba.__version__} ({error}), and are compiled in "
+            "each run, for minutes; install an older numba",
             stacklevel=4,
         )
         return False

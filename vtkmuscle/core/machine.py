@@ -35,9 +35,8 @@ def warn_of_folder(folder: Path, error: OSError) -> None:
     if folder not in _unusable:
         _unusable.add(folder)
         warnings.warn(
-            f"compiled kernels cannot be kept in {folder} ({error.strerror or error}), so they are compiled "
-            f"anew each time, which takes minutes; set {FOLDER_VARIABLE} to a folder that can be written to, "
-            "or to nothing",
+            f"compiled kernels cannot be kept in {folder} ({error.strerror or error}), and are "
+            f"compiled in each run, for minutes; set {FOLDER_VARIABLE} to a writable folder, or to nothing",
             stacklevel=4,
         )
 

@@ -49,7 +49,7 @@ def checked_surface(surface: vtkPolyData, where: str) -> tuple[Floats, Ints]:
     if not finite.all():  # a check row by row is slower
         bad = np.flatnonzero(~finite.all(axis=1))
         problem = f"{len(bad)} point(s) are not finite, the first is point {bad[0]}"
-        raise InputError(where, problem, "correct them")
+        raise InputError(where, problem, "correct the points")
     return points, triangles
 
 
@@ -150,7 +150,7 @@ def polylines_of(data: vtkPolyData, where: str) -> Polylines:
         raise InputError(where, f"{n_other} cell(s) are not polylines", "keep the lines only")
     points = points_of(data).take(vtk_to_numpy(lines.GetConnectivityArray()), axis=0)
     if not np.isfinite(points).all():
-        raise InputError(where, "some points are not finite", "correct them")
+        raise InputError(where, "some points are not finite", "correct the points")
     return Polylines(points, np.array(vtk_to_numpy(lines.GetOffsetsArray()), dtype=np.int64), data)
 
 

@@ -51,7 +51,7 @@ class AttachmentArea:
         then the part of the muscle close to the curve. A via ring is closed.
     estimated : bool
         True for landmarks computed from contact between muscle and bone, False for digitised landmarks.
-    sureness : float or None
+    confidence : float or None
         Confidence of an estimate, 0 to 1; see :class:`~vtkmuscle.filters.AttachmentEstimator`.
     """
 
@@ -60,7 +60,7 @@ class AttachmentArea:
     landmarks: NDArray[np.float64]
     closed: bool
     estimated: bool = False
-    sureness: float | None = None
+    confidence: float | None = None
 
 
 def attachments_from(areas: Sequence[AttachmentArea]) -> vtkMultiBlockDataSet:
@@ -68,9 +68,9 @@ def attachments_from(areas: Sequence[AttachmentArea]) -> vtkMultiBlockDataSet:
     blocks = {}
     for i, area in enumerate(areas):
         fields = {"Bone": area.bone, "Role": area.role, "Estimated": int(area.estimated)}
-        sureness = {} if area.sureness is None else {"Sureness": area.sureness}
+        confidence = {} if area.confidence is None else {"Confidence": area.confidence}
         block = _polyline(area.landmarks, closed=area.closed)
-        blocks[f"{area.role}_{i}"] = add_arrays(block, fields=fields | sureness)
+        blocks[f"{area.role}_{i}"] = add_arrays(block, fields=fields | confidence)
     return multiblock_from(blocks)
 
 
@@ -119,9 +119,9 @@ def attachments_of(data: vtkMultiBlockDataSet, where: str) -> list[AttachmentAre
                 raise InputError(label, "a via ring must be closed", remedy)
             with errors_at(label):
                 via_ring(landmarks)
-        estimated, sureness = field_array(block, "Estimated"), field_array(block, "Sureness")
+        estimated, confidence = field_array(block, "Estimated"), field_array(block, "Confidence")
         is_estimated = estimated is not None and bool(estimated[0])
-        confidence = None if sureness is None else float(sureness[0])
+        confidence = None if confidence is None else float(confidence[0])
         areas.append(AttachmentArea(role, bone, landmarks, closed, is_estimated, confidence))
     return areas
 

@@ -62,7 +62,7 @@ def aponeurosis_surfaces(
     proximal, distal = (_aponeurosis(aponeuroses, side, geometry, where) for side in SIDES)
     overlap = max(_share_in(proximal, distal, geometry), _share_in(distal, proximal, geometry))
     if overlap > OVERLAP:
-        problem = f"the aponeuroses overlap: {100 * overlap:.0f} % of one is in the other"
+        problem = f"the aponeuroses overlap: {100 * overlap:.0f} % of an area is in both"
         raise InputError(where, problem, "make an aponeurosis smaller; fibres run between both")
     landmarks = [[area.landmarks for area in areas if area.role == role] for role in ROLES]
     if all(landmarks):
@@ -94,7 +94,7 @@ def _aponeurosis(
     if share > COVERS:
         raise InputError(
             label,
-            f"the aponeurosis covers the muscle: its area is {100 * share:.0f} % of the muscle's surface",
+            f"the aponeurosis covers {100 * share:.0f} % of the muscle's surface",
             "draw the ring around the fibre ends only",
         )
     return surface
@@ -152,9 +152,7 @@ def _check_distance(points: Floats, geometry: MuscleGeometry, where: str) -> Non
     allowed = max(FARTHEST * extent(geometry.points), geometry.mean_edge)
     worst = int(away.argmax())
     if away[worst] > allowed:
-        problem = (
-            f"the aponeurosis is far from its muscle: point {worst} by {away[worst]:.4g} of {allowed:.4g}"
-        )
+        problem = f"point {worst} is {away[worst]:.4g} from the muscle, of {allowed:.4g} allowed"
         raise InputError(where, problem, "check the muscle and the units")
 
 

@@ -108,7 +108,7 @@ def label_surface(field: LabelField, edge: float) -> tuple[Floats, Ints]:
     nodes = np.array(field.values.shape)
     longest = float(((nodes - 1) * field.spacing[::-1]).max())
     if longest > LONGEST:
-        raise InputError("", f"it is {longest / 1000.0:.3g} m long", "check the size of the map's voxels")
+        raise InputError("", f"the label is {longest / 1000.0:.3g} m long", "check the voxel size")
     pitch = max(min(0.5 * edge, -float(field.values.min())), float(field.spacing.min()))
     counts = np.ceil((nodes - 1) * field.spacing[::-1] / pitch).astype(int) + 1
     values = ndimage.zoom(field.values, counts / nodes, order=1)
@@ -126,12 +126,12 @@ def label_surface(field: LabelField, edge: float) -> tuple[Floats, Ints]:
     report = survey(points, triangles)
     bad = report.n_boundary_edges + report.n_nonmanifold_edges + report.n_misoriented_edges
     if bad or report.n_degenerate_triangles or report.n_components > 1:
-        problem = f"its surface is not closed and manifold at {bad} edges"
+        problem = f"the surface is not closed and manifold at {bad} edges"
     elif abs(report.volume - field.volume) > MOST_OFF * field.volume:
-        problem = f"its surface encloses {report.volume:.3g} mm^3, but its voxels {field.volume:.3g}"
+        problem = f"the surface encloses {report.volume:.3g} mm^3, but the voxels {field.volume:.3g}"
     else:
         return points, triangles
-    raise InputError("", problem, "smooth the label in the program that made it, or leave it out")
+    raise InputError("", problem, "smooth or remove the label in the segmentation program")
 
 
 def _largest(points: Floats, triangles: Ints) -> tuple[Floats, Ints]:

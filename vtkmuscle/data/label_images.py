@@ -217,7 +217,7 @@ def labels_in(image: vtkImageData, where: str) -> dict[str, Label]:
         raise InputError(where, "the image has no point scalars of whole numbers", "give a map of labels")
     least, most = int(voxels.min()), int(voxels.max())
     if least < 0 or not 0 < most <= MOST:
-        problem = f"its values go from {least} to {most}, but must be 0 (background) to {MOST}"
+        problem = f"labels go from {least} to {most}, but must be 0 (background) to {MOST}"
         raise InputError(where, problem, "give a map of labels")
     voxels.setflags(write=False)
     voxels = voxels.reshape(image.GetDimensions()[::-1])
@@ -227,7 +227,7 @@ def labels_in(image: vtkImageData, where: str) -> dict[str, Label]:
     frame = np.array([[matrix.GetElement(i, j) for j in range(4)] for i in range(4)])
     frame[:3, 3] += frame[:3, :3] @ image.GetExtent()[::2]
     if not (np.isfinite(frame).all() and abs(np.linalg.det(frame)) > 0.0):
-        raise InputError(where, "its origin, spacing and direction are not finite, or flat", "correct them")
+        raise InputError(where, "origin, spacing or direction are not finite, or flat", "correct the header")
     labels: dict[str, Label] = {}
     for value, box in enumerate(ndimage.find_objects(voxels), 1):
         name = names.get(value, f"label_{value}")

@@ -42,7 +42,7 @@ def _named_bones(data: vtkMultiBlockDataSet, where: str) -> dict[str, vtkPolyDat
             kind = "empty" if block is None else f"a {block.GetClassName()}"
             raise InputError(where, f"block {name!r} is {kind}, but a bone is a vtkPolyData")
         if name in bones:
-            raise InputError(where, f"two blocks are named {name!r}", "give each bone a name of its own")
+            raise InputError(where, f"two blocks are named {name!r}", "give each bone a separate name")
         bones[name] = block
     return bones
 
@@ -103,7 +103,7 @@ def fixed_points_of(muscle: Surface, bones: Sequence[str]) -> Ints:
     array = muscle.array("FixedTo")
     where = f"{muscle.where}, point array 'FixedTo'"
     if array.ndim != 1 or not np.isfinite(array).all() or (array != np.floor(array)).any():
-        raise InputError(where, "it must be one whole number per point", "FixedPointDetector makes it")
+        raise InputError(where, "must have a whole number per point", "run FixedPointDetector on the muscle")
     fixed_to = array.astype(np.int64)
     bad = fixed_to[(fixed_to < -1) | (fixed_to >= len(bones))]
     if len(bad):

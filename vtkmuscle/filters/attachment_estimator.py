@@ -47,8 +47,8 @@ class AttachmentEstimator(Filter):
     ----------
     output
         Attachments: a block per area, a closed polyline through the landmarks, with the field arrays
-        ``Bone``, ``Role``, ``Estimated`` (1) and ``Sureness``: 0 where another bone is as likely, 1 where no
-        other bone is close.
+        ``Bone``, ``Role``, ``Estimated`` (1) and ``Confidence``: 0 if a second bone is equally likely, 1 if
+        no second bone is close.
 
     Raises
     ------
@@ -139,7 +139,7 @@ def estimated_areas(
     for role, end in zip(ROLES, ends, strict=True):
         for bone, patch in end.contacts:
             landmarks, closed = outline(points, triangles, patch)
-            area = AttachmentArea(role, bone, landmarks, closed, estimated=True, sureness=end.confidence)
+            area = AttachmentArea(role, bone, landmarks, closed, estimated=True, confidence=end.confidence)
             areas.append(area)
     return areas
 

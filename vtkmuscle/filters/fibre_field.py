@@ -104,9 +104,9 @@ class FibreField(Filter):
         if not inside.any():
             raise InputError(
                 "mesh",
-                f"none of its {len(positions)} {self.at} is in the muscle; they are in {_box(positions)}, "
+                f"no {self.at} of {len(positions)} are in the muscle; the mesh is in {_box(positions)}, "
                 f"the fibres in {_box(fibres.points)}",
-                "bring both to the same place and unit of length",
+                "use the same frame and unit for both",
             )
         arrays: dict[str, NDArray[Any]] = {
             "FibreDirection": directions,
@@ -127,10 +127,10 @@ class FibreField(Filter):
         reader.Update()
         positions = points_of(reader.GetOutput())
         if not count:
-            raise InputError("mesh", f"it has no {self.at}")
+            raise InputError("mesh", f"the mesh has no {self.at}")
         if len(positions) != count or not np.isfinite(positions).all():
             wrong = "points are not finite" if len(positions) == count else "cells have no points"
-            raise InputError("mesh", f"some of its {wrong}", "correct them, or leave them out")
+            raise InputError("mesh", f"some {wrong}", f"correct or remove the {self.at}")
         return positions
 
 

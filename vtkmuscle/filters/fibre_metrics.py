@@ -173,7 +173,7 @@ class FibreMetrics(Filter):
         name = "architecture" if self.architecture else "sections"
         if muscle is None:
             raise InputError("", f"{name} needs a muscle, but the port 'muscle' is not connected")
-        muscle.closed(f"but {name} needs a closed one")
+        muscle.closed(f"but {name} needs a closed surface")
         if not lengths.max() > 0.0:
             raise InputError("", f"{name} needs fibres with a length, but all lengths are 0")
         if self.architecture:

@@ -124,7 +124,7 @@ class FibreSource(Filter):
                 "use course='auto' or 'straight', or leave the aponeuroses out",
             )
         if attachments is None and aponeuroses is None:
-            raise InputError("", "no attachments are connected", "connect them, or aponeuroses")
+            raise InputError("", "no attachments are connected", "connect attachments or aponeuroses")
         areas = attachments or []
         if aponeuroses is None and (self.course == "sections" or superficial is not None):
             return _passed_on(self._by_sections(muscle, areas, superficial), muscle)

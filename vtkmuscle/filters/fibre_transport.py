@@ -183,11 +183,11 @@ class StiffTendons(Filter):
         if paths is None:
             raise InputError("paths", "the data set has no paths", "fix the muscle to two bones")
         if not np.array_equal(fibres.offsets, rest_fibres.offsets):
-            problem = "their numbers of points differ from rest_fibres"
+            problem = "numbers of points differ from rest_fibres"
             raise InputError("fibres", problem, "connect the same fibres, at rest and moved")
         counts = np.unique(np.diff(rest_fibres.offsets))
         if len(counts) > 1:
-            problem = f"they have {counts[0]} to {counts[-1]} points, but must have equal numbers"
+            problem = f"fibres have {counts[0]} to {counts[-1]} points, but must have equal numbers"
             raise InputError("rest_fibres", problem, "FibreSource makes such fibres")
         shape = len(rest_fibres), int(counts[0]), 3
         rest = rest_fibres.points

@@ -110,7 +110,7 @@ class MomentArms(Filter):
         of_paths = self.motion is not None and paths_of(data, "fibres") is not None
         if not of_paths and not self._steps:
             remedy = "connect a filter over time, e.g. FibreTransport behind PBDDeformer, or a .pvd reader"
-            raise InputError("fibres", "they announce no time steps", remedy)
+            raise InputError("fibres", "the fibres have no time steps", remedy)
         motion = self._motion(of_paths)
         lengths = None if of_paths else self._lengths_over_time()
         now = float(motion.times[-1]) if self.request_time is None else self.request_time

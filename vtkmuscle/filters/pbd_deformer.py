@@ -193,7 +193,7 @@ class PBDDeformer(DeformerSettings, HistoryFilter[_Frame]):
         if (rest.fixed_to < 0).all() and not driven:
             raise InputError(
                 "muscle",
-                "no point is fixed to a bone, so nothing would hold or move the muscle",
+                "no point is fixed to a bone, so the muscle would not move",
                 "detect fixed points by another method or distance",
             )
         if not rest.same_as(self._muscle):
@@ -302,7 +302,7 @@ def _coarser(muscle: FixedMuscle, count: int) -> FixedMuscle | None:
     points = points * size + middle
     report = survey(points, triangles)
     if not (report.closed and report.manifold and report.oriented):
-        problem = f"its {len(muscle.triangles)} triangles cannot be decimated to {count}, so all are solved"
+        problem = f"{len(muscle.triangles)} triangles cannot be decimated to {count}; the full mesh is solved"
         warnings.warn(f"PBDDeformer: muscle: {problem}", stacklevel=2)
         return None
     fixed_to = coarse_fixed_points(muscle.points, muscle.fixed_to, points)

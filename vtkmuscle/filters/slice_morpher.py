@@ -150,9 +150,9 @@ class SliceMorpher(Filter):
             method, result = "harmonic", morph("harmonic")
         if method == "plane" and not result.suits:
             warnings.warn(
-                "SliceMorpher: the muscle is bent too much for parallel planes: their main branch holds "
-                f"{100 * result.volume_share:.0f} % of it, and {100 * result.steep_share:.0f} % of its "
-                "course run at more than 45 degrees to the box's axis; use method='harmonic'",
+                "SliceMorpher: the muscle is bent too much for parallel planes: the main branch holds "
+                f"{100 * result.volume_share:.0f} % of it, and {100 * result.steep_share:.0f} % of the "
+                "axis run at more than 45 degrees to the box's axis; use method='harmonic'",
                 stacklevel=2,
             )
         fields: dict[str, str | float] = {
@@ -167,9 +167,9 @@ class SliceMorpher(Filter):
             angle = float(np.degrees(angle_to_nearest(seen, result.points, template.offsets)))
             if angle > NOTICED:
                 warnings.warn(
-                    f"SliceMorpher: the superficial fibres deviate by {angle:.0f} degrees from the fibres "
-                    "next to them (root mean square); another template, or another axis of TemplateFitter, "
-                    "may do better",
+                    f"SliceMorpher: the superficial fibres deviate by {angle:.0f} degrees from the "
+                    "nearest fibres (root mean square); try another template, or another axis of "
+                    "TemplateFitter",
                     stacklevel=2,
                 )
             fields["SuperficialAngle"] = angle

@@ -62,7 +62,7 @@ class Element:
         """Return the only child with a tag, or None."""
         matches = [child for child in self.children if child.tag in tags]
         if len(matches) > 1:
-            raise matches[1].error(f"{self.tag} {quoted(self.name)} has it twice", "remove one")
+            raise matches[1].error(f"{self.tag} {quoted(self.name)} has two of them", "remove one")
         return matches[0] if matches else None
 
     def need(self, *tags: str) -> Element:

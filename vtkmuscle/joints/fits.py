@@ -35,8 +35,8 @@ class JointFit:
     covered: float  # area of the points as a part of the whole ball's, of two the smaller
 
     @property
-    def sureness(self) -> float:
-        """Sureness of the fit, 0 to 1.
+    def confidence(self) -> float:
+        """Confidence of the fit, 0 to 1.
 
         1 for points exactly on the ball and all round, 0 for points off the ball.
         """
@@ -114,7 +114,7 @@ def fitted_hinge(points: Floats, normals: Floats, areas: Floats, seeds: Bools) -
             found.append(JointFit(middle, axis / length, radius, rms, covered))
     if not found:
         raise problem or InputError("", "the bone has no two condyles", "give the axis yourself")
-    return max(found, key=lambda one: one.sureness)
+    return max(found, key=lambda one: one.confidence)
 
 
 def _on(away: Floats, radius: float, normals: Floats) -> Bools:
@@ -130,6 +130,4 @@ def _on(away: Floats, radius: float, normals: Floats) -> Bools:
 
 def _check_enough(chosen: Bools) -> None:
     if chosen.sum() < _FEWEST:
-        raise InputError(
-            "", "no part of the bone is round where it meets the other", "give the centre yourself"
-        )
+        raise InputError("", "the end of the bone at the joint is not round", "give the joint's centre")

@@ -193,7 +193,7 @@ def function_in(holder: Element) -> CoordinateFunction:
         raise holder.error(f"must hold one function, but holds {len(children)} elements")
     (element,) = children
     if element.tag not in FUNCTIONS:
-        raise element.error("this function is not understood", f"understood: {', '.join(FUNCTIONS)}")
+        raise element.error("unsupported function", f"understood: {', '.join(FUNCTIONS)}")
     try:
         return _function(element)
     except ValueError as error:

@@ -141,7 +141,7 @@ def read_motion_file(path: str | PathLike[str]) -> MotionFile:
     for what, count in (("rows", len(rows)), ("columns", len(labels))):
         for key in (f"n{what}", f"data{what}"):
             if header.get(key, str(count)) != str(count):
-                words = f"the header says {key}={header[key]}, but there are {count} {what}; these were read"
+                words = f"the header says {key}={header[key]}, but the file has {count} {what}; all were read"
                 warnings.warn(f"{path}: {words}", stacklevel=2)
     table = np.array(rows)
     return MotionFile(path, table[:, 0], tuple(labels[1:]), table[:, 1:], _in_degrees(header, path))

@@ -236,7 +236,7 @@ class KinematicTree:
             if not np.isfinite(result[joint.child]).all():
                 raise InputError(
                     "",
-                    f"joint {joint.name!r} puts {joint.child!r} beyond all numbers; check its frames, "
+                    f"joint {joint.name!r} moves {joint.child!r} to infinity; check the frames, "
                     "functions and coordinates",
                 )
         return result
@@ -326,8 +326,8 @@ def _joints_in_order(root: str, joints: Sequence[Joint]) -> Iterator[Joint]:
     seen: dict[str, str] = {root: ""}
     for joint in joints:
         if joint.child in seen:
-            other = f"hangs on joint {seen[joint.child]!r} as well" if seen[joint.child] else "is the root"
-            raise InputError("", f"joint {joint.name!r}: its child {joint.child!r} {other}")
+            other = f"is the child of {seen[joint.child]!r}, too" if seen[joint.child] else "is the root"
+            raise InputError("", f"joint {joint.name!r}: the child {joint.child!r} {other}")
         seen[joint.child] = joint.name
         waiting.setdefault(joint.parent, []).append(joint)
     todo = [root]
@@ -336,9 +336,9 @@ def _joints_in_order(root: str, joints: Sequence[Joint]) -> Iterator[Joint]:
             todo.append(joint.child)
             yield joint
     for parent, left in waiting.items():
-        ring = f"it does not hang on {root!r}: a ring of joints"
+        ring = f"no joint connects the parent to {root!r}: the joints form a loop"
         why = ring if parent in seen else "there is no such body"
-        raise InputError("", f"joint {left[0].name!r}: its parent is {parent!r}, but {why}")
+        raise InputError("", f"joint {left[0].name!r}: the parent is {parent!r}, but {why}")
 
 
 def _couplings_in_order(couplings: Sequence[Coupling]) -> Iterator[Coupling]:

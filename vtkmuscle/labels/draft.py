@@ -129,7 +129,7 @@ class Draft:
         for role in missing:
             ends = [area for area in areas if area.role == role]
             on = ", ".join(dict.fromkeys(area.bone for area in ends))
-            confidence = OVERLAP * min(area.sureness or 0.0 for area in ends)
+            confidence = OVERLAP * min(area.confidence or 0.0 for area in ends)
             why = f"{role} on {on}, in contact with the muscle's end"
             self.guesses.append(Guess(f"muscles.{muscle}.attachments", f"{role}: {on}", confidence, why))
         self.areas[muscle] = used

@@ -119,11 +119,11 @@ def _guesses_of(key: str, kind: JointKind, fit: JointFit, child: vtkPolyData, fr
     centre = ", ".join(f"{value:.1f}" for value in fit.centre)
     hanging = checked_surface(child, "bone")[0].mean(axis=0) - fit.centre
     down = max(0.0, -float(hanging[2]) / float(np.linalg.norm(hanging)))
-    confidence = down if fit.axis is None else down * fit.sureness
+    confidence = down if fit.axis is None else down * fit.confidence
     why = f"signs for a standing person in {frame}; the bone hangs down by {down:.2f} of its length"
     axes = f"{key}.{'axes' if fit.axis is None else 'axis'}"
     return [
-        Guess(f"{key}.centre", centre, fit.sureness, f"{shape}: {sizes}"),
+        Guess(f"{key}.centre", centre, fit.confidence, f"{shape}: {sizes}"),
         Guess(axes, ", ".join(kind.axes), confidence, why),
     ]
 

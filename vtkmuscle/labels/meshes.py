@@ -81,8 +81,8 @@ def draft_of_files(
             continue
         kind = stated.get(name) or kind_of(name)
         if kind is None or file.suffix.lower() not in SURFACE_SUFFIXES:
-            remedy = "name it in --bone or --muscle, or call landmarks MUSCLE_origin or MUSCLE_insertion"
-            problem = "its name is not that of a bone, a muscle, or an area of a muscle"
+            remedy = "use --bone NAME or --muscle NAME; call landmarks MUSCLE_origin or MUSCLE_insertion"
+            problem = "the file name has no known bone, muscle, or area of a muscle"
             raise InputError(file, problem, remedy)
         if name in meshes:
             raise InputError(file, f"another file has the name {name!r}", "remove or rename a file")
@@ -130,7 +130,7 @@ def add_landmarks(draft: Draft, files: Sequence[Path], *, scale: float = 1.0) ->
             remedy = (
                 f"rename it MUSCLE_origin or MUSCLE_insertion; muscles: {', '.join(draft.muscles) or 'none'}"
             )
-            raise InputError(file, "its name is not that of a muscle and a role", remedy)
+            raise InputError(file, "the file name has no known muscle and role", remedy)
         key, role = f"muscles.{muscle}.attachments", match[2]
         points, closed = read_landmarks(file, frame=draft.frame)
         points = scale * points

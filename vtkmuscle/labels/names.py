@@ -152,7 +152,7 @@ def name_table(source: str) -> dict[int, str]:
         return _tables()[source]
     path = Path(source)
     if path.suffix.lower() != ".csv":
-        raise InputError(source, "this is no table of names", suggestion(source, [*_tables(), "FILE.csv"]))
+        raise InputError(source, "unknown table of names", suggestion(source, [*_tables(), "FILE.csv"]))
     names = {}
     for number, cells in csv_rows(path):
         if len(cells) > 1 and cells[0].strip().isdigit():

@@ -107,7 +107,7 @@ def _read(file: Path) -> Iterator[Layer]:
     if not np.issubdtype(voxels.dtype, np.integer):
         whole = voxels.astype(np.int32)
         if not np.array_equal(whole, voxels):
-            raise InputError(file, "its values are not whole numbers", "give a map of labels, not an image")
+            raise InputError(file, "the values are not whole numbers", "give a map of labels, not an image")
         voxels = whole
     layers = voxels[..., None] if voxels.ndim == 3 else voxels
     names = _names(file, image)
@@ -141,7 +141,7 @@ def _dicom(file: Path) -> Layer:
         segmentation = highdicom.seg.segread(file)
         volume = segmentation.get_volume(combine_segments=True, skip_overlap_checks=True)
     except (ValueError, RuntimeError, TypeError, AttributeError) as error:
-        raise InputError(file, f"it is no DICOM Segmentation: {error}", "export it again") from error
+        raise InputError(file, f"not a DICOM Segmentation: {error}", "export it again") from error
     numbers = segmentation.segment_numbers
     names = {n: str(segmentation.get_segment_description(n).segment_label) for n in numbers}
     # highdicom's axes are planes, rows and columns, from voxel numbers in that order to LPS.

@@ -59,7 +59,7 @@ class MuscleOut:
         if self.kind not in MUSCLES:
             raise InputError("", f"there is no kind of muscle {self.kind!r}; allowed: {', '.join(MUSCLES)}")
         if isinstance(self.path, PointPath) and self.path.wraps:
-            raise InputError("", f"muscle {self.name!r} winds round surfaces, which cannot be written")
+            raise InputError("", f"muscle {self.name!r} has a wrapped path, which cannot be written")
 
 
 def osim_of(

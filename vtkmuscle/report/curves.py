@@ -23,7 +23,7 @@ _FLAT = 1e-3
 MINUS = "\u2212"
 
 #: Long titles of measures.
-_SHARE = "surface out of shape, largest share [%]"
+_SHARE = "distorted surface, largest share [%]"
 _BENT = "change of angles between triangles, 95th percentile [deg]"
 _DEEPER = "depth in a bone beyond the depth at rest [mm]"
 _OUTSIDE = "fibres outside the muscle [mm]"
@@ -57,13 +57,13 @@ class Measure(NamedTuple):
 #: Measures on a page.
 MEASURES = (
     Measure("volume_ratio", "volume", "change of volume [%]", "volume, largest change [%]", 100.0, -100.0),
-    Measure("misshapen_area", "misshapen", "surface out of shape, share of its area [%]", _SHARE, 100.0),
+    Measure("misshapen_area", "misshapen", "distorted surface, share of the area [%]", _SHARE, 100.0),
     Measure("dihedral_error_p95_deg", "crumpled", _BENT, "angles changed, 95th percentile [deg]"),
     Measure("penetration_new_max_mm", "penetration", _DEEPER, "deeper in a bone than at rest [mm]"),
     Measure("fibres_outside_max_mm", "fibres outside", _OUTSIDE, _OUTSIDE),
     Measure("fibres_penetration_new_max_mm", "fibres in bone", _IN_BONE, ""),
-    Measure("fixed_error_max_mm", "fixed points", "", "fixed points off their bone [mm]"),
-    Measure("overlap_max_mm", "", "", "in another muscle [mm]"),
+    Measure("fixed_error_max_mm", "fixed points", "", "error of fixed points [mm]"),
+    Measure("overlap_max_mm", "", "", "depth in an earlier muscle [mm]"),
     Measure("iterations", "", "", "iterations, mean", of_all=np.mean),
     Measure("ms", "", "", "time per frame [ms], median", of_all=np.median),
 )

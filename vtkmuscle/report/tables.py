@@ -24,7 +24,7 @@ ARCHITECTURE = (
     ("centroid_path_length_mm", "centroid path [mm]", 1.0),
     ("section_area_mm2", "section area, mean [cm²]", 1e-2),
     ("section_density_per_mm2", "fibres per cm² of section, mean", 1e2),
-    ("tendon_volume_share", "part of the volume that is tendon", 1.0),
+    ("tendon_volume_share", "tendon, part of the volume", 1.0),
     ("fascicle_length_normalised_mm", "fascicle length, normalised [mm]", 1.0),
 )
 #: Measures of fibres in the first frame, in the same form.
@@ -76,7 +76,7 @@ def errors_of(report: Mapping[str, Any]) -> list[Section]:
     checks = {name: muscle.get("verdict", {}).get("not_checked", {}) for name, muscle in muscles.items()}
     sheets = (
         Section("Errors of mean lengths", note, rows),
-        _reasons("What was not checked", "check", checks),
+        _reasons("Not checked", "check", checks),
     )
     return [sheet for sheet in sheets if len(sheet.rows) > 1]
 

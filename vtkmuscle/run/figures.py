@@ -53,7 +53,7 @@ def draw_run(
             seconds += job.result()
             written.append(f"{order.name}.png")
     except BrokenProcessPool:
-        reason = "the process that drew them ended early"
+        reason = "the drawing process ended early"
     if pool is None and orders:
         before = time.perf_counter()
         written = [path.name for path in _drawn(orders, folder, result.drawn_bones)]
@@ -62,16 +62,16 @@ def draw_run(
     if reason is None:
         return entry, seconds
     what = "no figures were drawn" if not written else "not all figures were drawn"
-    warnings.warn(f"{what}, all else was written: {reason}", stacklevel=5)
+    warnings.warn(f"{what}; all further results were written: {reason}", stacklevel=5)
     return entry | {"reason": reason}, seconds
 
 
 def write_figures(folder: str | Path, result: Result, *, form: str = "png", dpi: float = 150.0) -> list[Path]:
     """Write all figures; see :meth:`vtkmuscle.Result.write_figures`."""
     if form not in FORMS:
-        raise InputError(form, "a figure is one of png, pdf and svg", "choose one of these")
+        raise InputError(form, "unknown format of figures", "allowed: png, pdf, svg")
     if not 20.0 <= dpi <= 2400.0:
-        raise InputError("", f"dpi is {dpi:g}, but a figure has 20 to 2400 pixels to an inch", "e.g. 300")
+        raise InputError("", f"dpi is {dpi:g}, but must be 20 to 2400", "e.g. 300")
     reason = can_render()
     if reason is not None:
         raise RuntimeError(f"no figures can be made: {reason}")

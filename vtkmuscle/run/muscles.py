@@ -93,11 +93,11 @@ class MuscleRun:
         with self._timed("measuring"):
             measure = MuscleMeasure(rest, list(scene.bones), self.run.bones, scene.millimetres)
         areas = scene.muscles[self.name].attachments
-        sureness = [area.sureness for area in areas if area.sureness is not None]
+        confidence = [area.confidence for area in areas if area.confidence is not None]
         track.report |= {
             **measure.at_rest(),
             "estimated_attachments": sum(area.estimated for area in areas),
-            "attachment_sureness": min(sureness, default=None),
+            "attachment_confidence": min(confidence, default=None),
         }
         if pipeline.fibres is not None:
             self._fill(rest, pipeline.fibres, measure)
@@ -300,7 +300,7 @@ def _warn_if_none_is_free(name: str, muscle: vtkPolyData) -> None:
     fixed = point_array(muscle, "FixedTo", f"muscles.{name}") >= 0
     if fixed.all():
         warnings.warn(
-            f"muscles.{name}: all {len(fixed)} points are fixed to bones: none is free, and nothing is "
+            f"muscles.{name}: all {len(fixed)} points are fixed to bones, and no point is "
             "deformed; check fixing (method, tolerance) and the areas",
             stacklevel=2,
         )

@@ -75,7 +75,7 @@ def run_only(
         raise InputError("", f"only is {what!r}, but must be one of {', '.join(map(repr, ONLY))}")
     file = None if out is None else Path(out) / f"{what}.csv"
     if file is not None and file.exists() and not overwrite:
-        raise InputError(file, "the file is there", "give another folder with --out, or --overwrite")
+        raise InputError(file, "the file exists", "give another folder with --out, or --overwrite")
     numbers = frame_numbers(frames, len(scene.motion.times))
     tell = progress or (lambda _muscle, _stage, _part: None)
     with keep_shared():
@@ -108,7 +108,7 @@ def _tables(scene: SceneData, what: str, numbers: range, tell: Callable[[str, st
             tell(name, "pulling paths", done / len(times))
             lines = path_lines_of(taut.update(time=time).output, name)
             if lines is None:
-                raise InputError(f"muscles.{name}", "it has no paths", "leave it out, or give it fibres")
+                raise InputError(f"muscles.{name}", "the muscle has no paths", "add fibres")
             found = paths_of(lines.data, name)
             assert found is not None
             offsets = lines.points.shape[1] * np.arange(len(lines.points) + 1)

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from vtkmuscle.plotting.studio import Studio
 
 #: Said where a process of the pool ended before its work was done.
-ENDED = "a process that solves muscles ended early: it was killed, or memory ran out; use fewer workers"
+ENDED = "a worker process ended early: killed, or out of memory; use fewer workers"
 
 
 def pool_size(scene: SceneData, workers: int | None) -> int:

@@ -213,7 +213,7 @@ class Result(ResultData):
         from vtkmuscle.report import write_page  # noqa: PLC0415 -- only a page needs its parts
 
         if Path(path).suffix.lower() not in (".html", ".htm"):
-            raise InputError(str(path), "a report is a page of HTML", "give it a name that ends in .html")
+            raise InputError(str(path), "a report is an HTML page", "end the name in .html")
         return write_page(path, self._content())
 
     def _content(self) -> RunContent:

@@ -137,7 +137,7 @@ class ResultData:
         i, track = self._position(frame, time), self._track(name)
         found = paths_of(self.fibres(name, frame=self.frames[i]), name) if track.lengths else None
         if found is None:
-            raise InputError("", f"{name!r} has no paths", "give it fibres, and areas on two bones")
+            raise InputError("", f"{name!r} has no paths", "give the muscle fibres, and areas on two bones")
         return found
 
     def bones(self, *, frame: int | None = None, time: float | None = None) -> Any:
@@ -169,7 +169,7 @@ class ResultData:
     def _position(self, frame: int | None, time: float | None) -> int:
         """Return the position of a frame, given by number or time, among the kept frames."""
         if (frame is None) == (time is None):
-            raise InputError("", "give either the number of a frame (frame=10) or its time (time=20.0)")
+            raise InputError("", "give either the number of a frame (frame=10) or the time (time=20.0)")
         if frame is not None:
             if frame not in self.frames:
                 raise InputError("", f"frame {frame} was not kept", f"there are {_listed(self.frames)}")
@@ -181,7 +181,7 @@ class ResultData:
 
     def _check_finished(self, name: str, i: int) -> None:
         if i >= self.finished(name):
-            remedy = f"it has {self.finished(name)} of {len(self.frames)} frames"
+            remedy = f"{self.finished(name)} of {len(self.frames)} frames are there"
             raise InputError("", f"{name!r} failed before frame {self.frames[i]}", remedy)
 
     def moment_arms(self, *coordinates: str) -> MomentArmTable:
@@ -310,7 +310,7 @@ class ResultData:
         found = {name: mine for name in self.muscle_names if (mine := curves_for(curves, muscle=name))}
         if not found:
             theirs = ", ".join(sorted({curve.muscle for curve in curves}))
-            raise InputError(str(path), "it has none of the muscles", f"it has those of {theirs}")
+            raise InputError(str(path), "it has none of the muscles", f"muscles in the file: {theirs}")
         other = copy(self)
         other.literature = {**self.literature, **found}
         return other

@@ -146,7 +146,7 @@ class Table(Mapping[str, NDArray[Any]]):
             import pandas  # type: ignore[import-not-found, import-untyped, unused-ignore] # noqa: PLC0415
         except ImportError as error:
             raise ImportError(
-                "a DataFrame needs pandas: python -m pip install pandas; dict(table) gives the same as arrays"
+                "a DataFrame needs pandas: python -m pip install pandas; dict(table) gives arrays"
             ) from error
         return pandas.DataFrame(dict(self))
 
@@ -172,7 +172,7 @@ class MomentArmTable(Mapping[str, Mapping[str, JointArms]]):
     def __getitem__(self, muscle: str) -> Mapping[str, JointArms]:
         if muscle not in self._arms:
             known = ", ".join(self._arms) or "none"
-            raise KeyError(f"there are no moment arms of {muscle!r}; there are those of: {known}")
+            raise KeyError(f"there are no moment arms of {muscle!r}; available: {known}")
         return self._arms[muscle]
 
     def __iter__(self) -> Iterator[str]:

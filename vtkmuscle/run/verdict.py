@@ -42,10 +42,10 @@ class Check:
 
 
 #: Remedies of several checks.
-ROUGH = "look at its surface there; quality = 'accurate' makes it smoother, and a mesh of even triangles"
-MOTION = "check its attachments, and whether the motion is one that the joint can do"
-FIBRES = "check its attachments, or take other fibres (method = 'harmonic', or aponeuroses)"
-CLOSED = "look whether the bone is closed, and whether the muscle is squeezed between two bones"
+ROUGH = "check the surface there; quality = 'accurate' or a mesh of even triangles makes the surface smoother"
+MOTION = "check the attachments, and whether the joint allows the motion"
+FIBRES = "check the attachments, or change the fibres (method = 'harmonic', or aponeuroses)"
+CLOSED = "check whether the bone is closed, and whether two bones squeeze the muscle"
 
 #: The limits of each check, with the reasons for them: from where on results need a look, from where on they
 #: are of no use, and the unit.
@@ -95,43 +95,43 @@ LIMITS = {
 
 #: The words of each check: the problem, with the value as ``{}``, and the remedy.
 WORDS = {
-    "volume": ("its volume is off by {}", ROUGH),
-    "fixed points": ("a point that is fixed to a bone is {} off it", "report this: it is a fault"),
+    "volume": ("the volume has changed by {}", ROUGH),
+    "fixed points": ("a fixed point is {} off its position on the bone", "report a fault of vtkmuscle"),
     "misshapen": (
-        f"{{}} of its surface is stretched {BEYOND * LONGEST:g} times in a direction, or squeezed to a third",
-        "look at the surface there; spikes come from badly shaped triangles, so remesh it",
+        f"{{}} of the surface is stretched {BEYOND * LONGEST:g} times in a direction, or squeezed to a third",
+        "check the surface there; remesh badly shaped triangles, the cause of spikes",
     ),
-    "crumpled": ("the surface is crumpled: one in twenty edges is bent by {} since rest, or more", ROUGH),
-    "folded": ("{} of its edges are folded back and were not at rest", ROUGH),
-    "long fibres": ("one in twenty fibres is {} times as long as at rest, or more", MOTION),
-    "short fibres": ("one in twenty fibres is {} times as long as at rest, or less", MOTION),
-    "jumps": ("a fibre's length jumps by {}: it snaps over a bone", "do not use its moment arms about there"),
+    "crumpled": ("the surface is crumpled: 5 % of the edges are bent by {} or more since rest", ROUGH),
+    "folded": ("{} of the edges have folded over since rest", ROUGH),
+    "long fibres": ("5 % of the fibres are {} times as long as at rest, or longer", MOTION),
+    "short fibres": ("5 % of the fibres are {} times as long as at rest, or shorter", MOTION),
+    "jumps": ("a fibre snaps over a bone: its length jumps by {}", "do not use moment arms near the jump"),
     "widespread jumps": (
-        "the lengths of one in twenty fibres jump by {} or more: the muscle buckles or snaps over a bone",
-        "do not use moment arms about there; its attachments, or a via ring (role = 'via'), may hold it",
+        "the lengths of 5 % of the fibres jump by {} or more: the muscle buckles or snaps over a bone",
+        "do not use moment arms near the jump; check the attachments, or add a via ring (role = 'via')",
     ),
     "crossed fibres": ("{} of neighbouring fibres change sides at an end of the muscle, at rest", FIBRES),
     "hooked fibres": ("{} of the fibres have a hook at rest", FIBRES),
-    "winding fibres": ("one fibre in twenty turns by {} in all at rest, or more", FIBRES),
+    "winding fibres": ("5 % of the fibres turn by {} in total at rest, or more", FIBRES),
     "bare": (
-        "{} of its volume have no fibres at rest",
-        "check its attachments; without aponeuroses take course = 'sections'",
+        "{} of the volume has no fibres at rest",
+        "check the attachments; without aponeuroses take course = 'sections'",
     ),
     "squeezed": (
-        "one in twenty of its paths lacks {} of room between two bones, or more",
-        "check the motion there: a bone that should go along stands still, or a joint's centre is off",
+        "5 % of the paths lack {} or more of room between two bones",
+        "check the motion there: a bone may lack motion, or a joint's centre may be wrong",
     ),
     "fibres outside": (
         "a fibre is {} outside of the muscle",
-        "look at the fibres there, and do not use those that are outside",
+        "check the fibres there, and do not use fibres outside",
     ),
     "fibres in bone": (
         "a fibre is {} deeper in a bone than at rest",
-        "look at the fibres there, and do not use those that run through the bone",
+        "check the fibres there, and do not use fibres in the bone",
     ),
     "penetration": ("a point is {} deeper in a bone than at rest", CLOSED),
     "widespread penetration": (
-        "one in twenty free points is {} deeper in a bone than at rest, or more",
+        "5 % of the free points are {} deeper in a bone than at rest, or more",
         CLOSED,
     ),
 }
@@ -220,8 +220,8 @@ def judge(
     if failure is not None:
         frame, time, why = failure
         problem, remedy = fault_of(why, placed=True)
-        says = f"it could not be computed: {problem}"
-        do = remedy or "look at the frame before it"
+        says = f"the frame could not be computed: {problem}"
+        do = remedy or "check the frame before"
         reasons.append(Reason("computed", FAILED, frame, time, 0.0, 0.0, "", says, do))
     reasons.sort(key=lambda reason: -VERDICTS.index(reason.verdict))
     return {
@@ -262,7 +262,7 @@ def _series(
     }
     missing = {"penetration": "no bone has an inside", "widespread penetration": "no bone has an inside"}
     if fibres is None or not len(fibres.lengths):
-        missing |= dict.fromkeys((*_OF_FIBRES, *_AT_REST), "it has no fibres")
+        missing |= dict.fromkeys((*_OF_FIBRES, *_AT_REST), "the muscle has no fibres")
     else:
         ratios = fibres.lengths / np.maximum(fibres.rest_lengths, 1e-12)
         values["long fibres"] = np.percentile(ratios, 95, axis=1)
@@ -278,7 +278,7 @@ def _series(
             values[name] = np.full(len(rows), scale * fibres.at_rest[key])
     unknown = [name for name in CHECKS if name not in values or np.isnan(values[name]).all()]
     values = {name: series for name, series in values.items() if name not in unknown}
-    return values, {name: missing.get(name, "it was not measured") for name in unknown}
+    return values, {name: missing.get(name, "not measured") for name in unknown}
 
 
 def _reason(name: str, series: Floats, rows: Sequence[Mapping[str, Any]], scale: float) -> Reason | None:

@@ -32,7 +32,7 @@ def checked(scene: SceneData) -> tuple[dict[str, vtkPolyData], dict[str, Muscle]
     """Return a scene's checked bones and muscles, muscles facing outward; SceneError for all faults."""
     validated(tables_of(scene), scene.files.get(""))
     faults, muscles = Faults(), {}
-    again = "correct them, or export the surface again"
+    again = "correct the points, or export the surface again"
 
     def at(key: str, remedy: str = "") -> AbstractContextManager[None]:
         return errors_at(key, scene.files.get(key, scene.files.get("")), remedy)
@@ -56,7 +56,7 @@ def checked(scene: SceneData) -> tuple[dict[str, vtkPolyData], dict[str, Muscle]
                 with faults.gathered(), at(f"{key}.attachments[{number}].landmarks", remedy):
                     _check_area(area, surface, scene.units)
             if muscle.superficial_fibres is not None:
-                remedy = "give polylines, one for each fibre, two points or more"
+                remedy = "give a polyline of two points or more per fibre"
                 with at(f"{key}.superficial_fibres", remedy):
                     lines = checked_superficial(muscle.superficial_fibres, "")
                     _check_distance("the fibres are", lines.points, points_of(surface), scene.units)
@@ -80,21 +80,21 @@ def _closed(surface: vtkPolyData) -> tuple[vtkPolyData, bool]:
     problem = remedy = ""
     if not report.closed:
         problem = f"the surface is open: {report.n_boundary_edges} edges belong to one triangle only"
-        remedy = "fill its holes (pyvista: mesh.fill_holes(size)), or merge points (mesh.clean())"
+        remedy = "fill the holes (pyvista: mesh.fill_holes(size)), or merge points (mesh.clean())"
     elif not report.manifold:
         problem = f"it is not manifold: {report.n_nonmanifold_edges} edges have more than two triangles"
         remedy = "delete the extra triangles, e.g. with MeshLab's 'repair non manifold edges'"
     elif not report.oriented:
-        problem = f"neighbouring triangles disagree on their side at {report.n_misoriented_edges} edges"
-        remedy = "orient them alike (pyvista: mesh.compute_normals(consistent_normals=True))"
+        problem = f"neighbouring triangles face opposite sides at {report.n_misoriented_edges} edges"
+        remedy = "orient the triangles alike (pyvista: mesh.compute_normals(consistent_normals=True))"
     elif report.volume == 0:
-        problem, remedy = "the surface has no volume", "export it again"
+        problem, remedy = "the surface has no volume", "export the surface again"
     elif report.n_components > 1:
         problem = f"the surface falls into {report.n_components} separate pieces"
-        remedy = "keep the largest (pyvista: mesh.extract_largest()), or make each piece its own muscle"
+        remedy = "keep the largest (pyvista: mesh.extract_largest()), or make each piece a muscle"
     elif report.n_unused_points > 0:
         problem = f"{report.n_unused_points} points belong to no triangle"
-        remedy = "remove them (pyvista: mesh.clean())"
+        remedy = "remove unused points (pyvista: mesh.clean())"
     if problem:
         raise InputError("", problem, remedy)
     return (surface, False) if report.volume > 0 else (_turned_over(surface), True)
@@ -112,7 +112,7 @@ def _turned_over(surface: vtkPolyData) -> vtkPolyData:
 def _check_area(area: AttachmentArea, surface: vtkPolyData, units: str) -> None:
     landmarks = np.asarray(area.landmarks, dtype=np.float64)
     if landmarks.ndim != 2 or landmarks.shape[1] != 3 or not np.isfinite(landmarks).all():
-        raise InputError("", "the landmarks are not finite points x, y, z", "correct them")
+        raise InputError("", "the landmarks are not finite points x, y, z", "correct the landmarks")
     fewest = 3 if area.closed else 1
     if len(landmarks) < fewest:
         problem = f"there are {len(landmarks)} landmarks, but a ring needs {fewest}"
@@ -124,8 +124,8 @@ def _check_area(area: AttachmentArea, surface: vtkPolyData, units: str) -> None:
     ring = via_ring(area.landmarks)
     if not passes_through(ring, points, triangles):
         gap = np.linalg.norm(points - ring.centre, axis=1).min()
-        problem = f"the muscle does not pass through the via ring, whose centre is {gap:.4g} {units} from "
-        problem += "the muscle's nearest point"
+        problem = f"the muscle does not pass through the via ring; the centre is {gap:.4g} {units} from "
+        problem += "the nearest point of the muscle"
         remedy = "digitise the ring round the muscle at rest, in the same unit and frame"
         raise InputError("", problem, remedy)
 
@@ -137,5 +137,5 @@ def _check_distance(subject: str, positions: Floats, points: Floats, units: str)
     diagonal = np.linalg.norm(highest - lowest)
     if gaps.min() > _FARTHEST_LANDMARKS * diagonal:
         problem = f"{subject} {gaps.min():.4g} {units} away from the muscle of {diagonal:.4g} {units}"
-        remedy = "check that they belong to this muscle and are in the same unit and frame"
+        remedy = "check muscle, unit and frame"
         raise InputError("", problem, remedy)

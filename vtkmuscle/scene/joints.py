@@ -68,14 +68,14 @@ def _of_several(
             key = f"motion.transforms.{bone}"
             motions.append(files.read(key, text, partial(read, bone=bone)))
             if not np.array_equal(motions[-1].times, motions[0].times):
-                problem = "its times differ from those of the first table"
-                raise SceneError(problem, key, "give all tables the same times", scene)
+                problem = "times differ from the first table"
+                raise SceneError(problem, key, "use equal times in all tables", scene)
     faults.raise_any()
     coordinates: dict[str, Coordinate] = {}
     for motion in motions:
         for name, coordinate in motion.coordinates.items():
             if not np.array_equal(coordinates.setdefault(name, coordinate).values, coordinate.values):
-                remedy = "give it the same values in all tables, or another name in one"
+                remedy = "use equal values in all tables, or separate names"
                 raise SceneError(f"{name!r} differs from table to table", "motion.coordinates", remedy, scene)
     if missing := sorted(set(columns or ()) - seen):
         problem = f"no table has the column {missing[0]!r}"
@@ -221,7 +221,7 @@ def coordinate_values(
         with errors_at(f"{key}.{name}", where):
             tree.coordinate(name)
         if name not in tree.free:
-            raise SceneError(f"{name!r} follows another coordinate", f"{key}.{name}", "leave it out", where)
+            raise SceneError(f"{name!r} follows another coordinate", f"{key}.{name}", "remove the key", where)
     count = int(np.prod([len(column) for column in grid.values()]))
     if count > MOST_FRAMES:
         raise SceneError(f"the grid has {count} poses", key, "choose larger steps", where)
@@ -270,7 +270,7 @@ def _of_opensim(table: OpenSimTable, scene: SceneTable, files: SceneFiles) -> Sc
     for key, body in named.items():
         if body not in tree.bodies:
             problem = f"the model has no body {body!r}"
-            raise SceneError(problem, f"opensim.{key}", f"its bodies are {', '.join(tree.bodies)}", where)
+            raise SceneError(problem, f"opensim.{key}", f"bodies: {', '.join(tree.bodies)}", where)
     tree = replace(tree, coordinates=coordinates).scaled(1000.0 / MILLIMETRES[scene.units])
     return SceneJoints(tree, bodies, frame, fixed)
 

@@ -147,7 +147,7 @@ def _areas(
             landmarks, closed = files.read(where, area.landmarks, partial(read_landmarks, frame=scene.frame))
             if area.closed is None and not closed and area.role != VIA and _goes_round(landmarks):
                 problem = "the landmarks surround an area, but are read as an open curve: the file does not "
-                problem += "end with its first landmark"
+                problem += "repeat the first landmark at the end"
                 remedy = "write closed = true for the area within, closed = false for the curve alone"
                 warnings.warn(str(SceneError(problem, where, remedy, files.paths[""])), stacklevel=2)
             closed = area.role == VIA or (closed if area.closed is None else area.closed)
@@ -184,7 +184,7 @@ def _literature(key: str, muscle: str, text: str, files: SceneFiles) -> tuple[Li
     if not own:
         names = sorted({curve.muscle for curve in curves})
         problem = f"the file has no moment arms of {muscle!r}"
-        raise SceneError(problem, key, f"it has those of {', '.join(names)}", files.paths[key])
+        raise SceneError(problem, key, f"muscles in the file: {', '.join(names)}", files.paths[key])
     return own
 
 

@@ -43,10 +43,10 @@ MOST_FRAMES = 10_000
 def _steps(values: list[float]) -> list[float]:
     start, stop, step = values
     if not (step > 0 and stop >= start):
-        remedy = "write [start, stop, step] with step > 0 and stop >= start; for the other way, negate axis"
+        remedy = "write [start, stop, step] with step > 0 and stop >= start; to turn backwards, negate axis"
         raise InputError("", f"[{start:g}, {stop:g}, {step:g}] does not ascend", remedy)
     if (stop - start) / step > MOST_FRAMES:
-        raise InputError("", f"this makes {(stop - start) / step:.3g} frames", "choose a larger step")
+        raise InputError("", f"{(stop - start) / step:.3g} frames are too many", "choose a larger step")
     return values
 
 
@@ -95,14 +95,14 @@ class Hinge(SchemaTable):
     """A bone that turns about an axis."""
 
     bone: Text = key("NAME", ...)
-    """The bone that moves."""
+    """The moving bone."""
     centre: Triple = key([0.0, 0.0, 0.0], ...)
     """A point on the axis, in the rest pose."""
     axis: Direction = key([1.0, 0.0, 0.0], ...)
-    """Direction of the axis, of any length; positive angles turn right-handed about it."""
+    """Direction of the axis, of any length; positive angles are right-handed."""
     angles: _Steps = key([0, 90, 2], ...)
-    """Start, stop (included) and step, in degrees from rest. The angle is the pipeline's time. To turn the
-    other way, negate the axis."""
+    """Start, stop (included) and step, in degrees from rest. The angle is the pipeline's time. To turn
+    backwards, negate the axis."""
     coordinate: Text | None = key("knee_flexion")
     """Name of the angle, for moment arms. Default: BONE_angle."""
 
@@ -111,55 +111,55 @@ class Motion(SchemaTable):
     """How the bones move: coordinates of joints, a table of transforms, or a hinge."""
 
     file: Text | None = key("walk.mot")
-    """With [joints.NAME] or [opensim]: a .mot or .sto file of OpenSim with the coordinates of the joints. Its
-    time is the pipeline's."""
+    """With [joints.NAME] or [opensim]: a .mot or .sto file of OpenSim with the coordinates of the joints. The
+    file's time is the pipeline's."""
     every: Annotated[int, Field(ge=1)] = key(2, 1)
     """Take only every n-th row of the file."""
     grid: Annotated[dict[str, _Steps], Field(min_length=1)] | None = key({"knee_angle": [0, 90, 5]})
     """Or coordinates on a grid, { knee_angle = [0, 120, 5], hip_flexion = [0, 90, 10] }: start, stop
-    (included) and step, in degrees, or the scene's unit for a translation. The last coordinate runs through
-    its values, up and down in turn, for each value of the one before it."""
+    (included) and step, in degrees, or the scene's unit for a translation. The last coordinate changes
+    fastest, up and down in turn."""
     bone: Text | None = key("NAME")
-    """The bone that moves; every other bone stays where it is."""
+    """The moving bone; all further bones are fixed."""
     transforms: Annotated[dict[str, Text], BeforeValidator(_by_bone), Field(min_length=1)] | None = key(
         "FILE.csv"
     )
-    """A CSV file with the columns T00 to T33: the bone's 4 x 4 transform from rest to its pose, row major,
-    translations in the scene's unit. The last row (T30 to T33) may be left out. Other columns, empty lines
-    and lines that begin with # are ignored. Where several bones move: a table of such files, { femur =
-    'femur.csv', tibia = 'tibia.csv' }, with the same times in each, and without the key bone."""
+    """A CSV file with the columns T00 to T33: the bone's 4 x 4 transform from rest to the pose, row major,
+    translations in the scene's unit. The last row (T30 to T33) may be omitted. Further columns, empty lines
+    and comments (#) are ignored. For several moving bones: a table of files, { femur = 'femur.csv', tibia =
+    'tibia.csv' }, with equal times, and without the key bone."""
     time: Text | None = key("COLUMN")
-    """The column that is the pipeline's time; it must ascend (degrees, seconds, per cent of a gait cycle).
-    Default: rows are numbered from 0."""
+    """The column of the pipeline's time, ascending (degrees, seconds, per cent of a gait cycle). Default:
+    rows are numbered from 0."""
     centre: Annotated[dict[str, Triple], BeforeValidator(_by_bone)] | None = key([0.0, 0.0, 0.0])
     """The joint's centre in the rest pose, for poses between two rows; or a table of centres by bone."""
     coordinates: Annotated[dict[str, ColumnTable], BeforeValidator(names_or_tables)] | None = None
-    """The columns that are joint coordinates, for moment arms: ['hip_flexion_r'], in degrees, or {
-    hip_flexion_r = { unit = 'deg', positive = 'flexion' } }, with a unit (deg, rad, mm, cm or m) and the
-    positive direction in words. Columns that do not change are left out. Default: the column of the time,
-    unless it is called time, frame or the like, or counts the rows. With a file or a grid: which coordinates
-    of the joints count; by default all that move a bone of the scene."""
+    """The columns of joint coordinates, for moment arms: ['hip_flexion_r'], in degrees, or { hip_flexion_r =
+    { unit = 'deg', positive = 'flexion' } }, with a unit (deg, rad, mm, cm or m) and the positive direction
+    in words. Constant columns are ignored. Default: the column of the time, unless the column is called time
+    or frame, or counts the rows. With a file or a grid: the coordinates to use; by default all coordinates
+    that move a bone of the scene."""
     hinge: Hinge | None = None
     """A hinge, instead of all other keys."""
 
 
 class Area(SchemaTable):
-    """Where a muscle is attached, or a ring that it passes through."""
+    """An attachment area of a muscle, or a via ring."""
 
     role: Annotated[str, OneOf((*ROLES, VIA))] = key("origin", ...)
-    """origin or insertion; or via, a ring that the muscle passes through. Several areas may share a role."""
+    """origin or insertion; or via, a ring round the muscle. Several areas may share a role."""
     bone: Text = key("NAME", ...)
-    """The bone that the area is on, or that carries the ring."""
+    """The bone of the area or ring."""
     landmarks: Text = key("FILE.vtp", ...)
-    """A .vtp or .vtk file with one polyline, or with points; a .csv of x, y, z, or of name, x, y, z; a .json
-    list of [x, y, z]; a .mrk.json or .fcsv file of 3D Slicer; or a .nrrd array of 3 x n. Landmarks are in
-    the order of the boundary."""
+    """A .vtp or .vtk file with a polyline, or with points; a .csv of x, y, z, or of name, x, y, z; a .json
+    list of [x, y, z]; a .mrk.json or .fcsv file of 3D Slicer; or a .nrrd array of 3 x n. Landmarks are in the
+    order of the boundary."""
     closed: bool | None = key(True)
-    """Write true for a ring around an area, false for an open curve or loose points. Default: as in the file,
-    where a ring ends at the landmark that it began with. What lies near an open curve is attached. A via ring
-    is always closed."""
+    """Write true for a ring around an area, false for an open curve or loose points. Default: as in the file;
+    a ring repeats the first landmark at the end. Points near an open curve are attached. A via ring is always
+    closed."""
     estimated: bool = key(True, False)
-    """Write true where the landmarks were estimated, as Scene.save does."""
+    """True for estimated landmarks, as written by Scene.save."""
 
 
 class Estimate(list[Area]):
@@ -171,41 +171,41 @@ class Estimate(list[Area]):
 
 
 class Aponeuroses(SchemaTable):
-    """The surfaces that a muscle's fibres end on, in place of the attachment areas."""
+    """End surfaces of a muscle's fibres, in place of the attachment areas."""
 
     proximal: Annotated[_Texts, Field(min_length=1)] = key("FILE.vtp", ...)
-    """Where fibres begin: a file or several, with landmarks of a ring on the muscle, in order; or with a
-    surface of triangles within it (.vtp, .vtk, .stl, .obj, .ply)."""
+    """Start of the fibres: a file or several, with landmarks of a ring on the muscle, in order; or with a
+    surface of triangles within the ring (.vtp, .vtk, .stl, .obj, .ply)."""
     distal: Annotated[_Texts, Field(min_length=1)] = key("FILE.vtp", ...)
-    """Where they end."""
+    """End of the fibres, as proximal."""
 
 
 class MuscleTable(SchemaTable):
     """A muscle."""
 
     surface: Text = key("FILE.vtp", ...)
-    """A closed surface of triangles in one piece, in the rest pose."""
+    """A closed surface of triangles, in a single piece, in the rest pose."""
     attachments: Annotated[list[Area], WrapValidator(_list_or_estimate)] = Field(default_factory=list)
-    """A list of areas; fibres need an origin and an insertion. Or 'estimate', where there are no landmarks:
-    areas where the muscle touches the bones; or { estimate = ['hip_bone', 'shank'] }, with the bones of the
-    origin and of the insertion."""
+    """A list of areas; fibres need an origin and an insertion. Or 'estimate', without landmarks: areas in
+    contact with the bones; or { estimate = ['hip_bone', 'shank'] }, with the bones of the origin and of the
+    insertion."""
     aponeuroses: Aponeuroses | None = None
-    """The surfaces that fibres end on instead of areas: { proximal = 'FILE', distal = 'FILE' }."""
+    """End surfaces of the fibres, instead of areas: { proximal = 'FILE', distal = 'FILE' }."""
     fibres: Fibres | None = None
     """Settings of the fibres, e.g. { template = 'parallel', n_fibres = 100, resolution = 15 }: the kind of
     template, the number of fibres and of segments of each; or template_file = 'FILE.toml', a template of your
-    own. Without this table the muscle has no fibres."""
+    own. Without the table the muscle has no fibres."""
     superficial_fibres: Text | None = key("FILE.vtp")
     """A .vtp, .vtk, .obj or .ply file of polylines: fibres observed on the surface."""
     solver: Solver = Field(default_factory=Solver)
-    """Parameters that differ from [solver]."""
+    """Parameters in place of [solver]."""
     fixing: Fixing = Field(default_factory=Fixing)
-    """Parameters that differ from [fixing]."""
+    """Parameters in place of [fixing]."""
     literature: Text | None = key("FILE.csv")
-    """A .csv file of published moment arms, drawn beside those of the run."""
+    """A .csv file of published moment arms, drawn with the moment arms of the run."""
     crosses: list[Text] | None = key(["hip_flexion", "knee_angle"])
-    """Coordinates of the motion that its lengths depend on; it has moment arms by no others. Default: the
-    coordinates of the joints between its bones; without joints, all."""
+    """Coordinates with an effect on the muscle's length, for moment arms. Default: the coordinates of the
+    joints between the muscle's bones; without joints, all."""
     hill: Hill | None = None
     """Hill's parameters, for exports: see `Hill's parameters`_."""
 
@@ -216,31 +216,29 @@ class SceneTable(SchemaTable):
     name: Name | None = key("hip")
     """Name of the scene, for titles. Default: the name of the file."""
     units: Annotated[str, OneOf(MILLIMETRES)] = key("mm", "mm")
-    """Unit of all coordinates, translations and lengths in the scene. Results are in millimetres where their
-    names say so."""
+    """Unit of all coordinates, translations and lengths in the scene. Results with _mm in the name are in
+    millimetres."""
     deformer: Annotated[str, OneOf(DEFORMERS)] = key("paths", "paths")
-    """paths carries each muscle by its taut paths. pbd deforms it by position based dynamics, and pulls paths
-    only where there is a table [paths]. none pulls the paths alone: lengths, moment arms and pictures of the
-    fibres; then every muscle needs fibres, and muscle_contact must be off. On the command line --deformer
-    replaces it."""
+    """paths: taut paths carry each muscle. pbd: position based dynamics, with paths only for a table [paths].
+    none: paths alone, for lengths, moment arms and pictures of the fibres; all muscles need fibres, and
+    muscle_contact must be off. --deformer of the command line has priority."""
     quality: Annotated[str, OneOf(QUALITIES)] | None = key("balanced")
-    """A preset of the numbers of [paths] and [solver], whose settings override it; published needs the
-    deformer
-    pbd. On the command line --quality replaces it."""
+    """A preset for [paths] and [solver]; settings in the tables have priority. published needs the deformer
+    pbd. --quality of the command line has priority."""
     muscle_contact: Annotated[str, OneOf(("off", "on", "measure"))] = key("on", "off")
-    """on keeps each muscle out of those before it in the file, measure reports how deep it is in
-    them."""
+    """on: muscles stay outside of earlier muscles of the file. measure: reports the depth in earlier
+    muscles."""
     bones: dict[Name, BoneTable] = key({"NAME": {"surface": "FILE.vtp"}}, ...)
     """The bones, by name; at least one."""
     motion: Motion = key({"bone": "NAME", "transforms": "FILE.csv"}, ...)
     """How the bones move."""
     joints: dict[str, JointTable] = Field(default_factory=dict)
-    """Joints between the bones, by name, which [motion] moves."""
+    """Joints between the bones, by name, moved by [motion]."""
     opensim: OpenSimTable | None = None
-    """An OpenSim model that has the joints, in place of [joints.NAME]."""
+    """An OpenSim model with the joints, in place of [joints.NAME]."""
     frame: Annotated[str, OneOf(FRAMES)] = key("LPS", "LPS")
-    """The frame of the surfaces: LPS (x to the left, y to the back), as 3D Slicer saves them, or RAS.
-    Landmarks whose file states its frame, as those of 3D Slicer, are converted; others stay as they are."""
+    """The frame of the surfaces: LPS (x to the left, y to the back), as in 3D Slicer, or RAS. Landmarks are
+    converted if the file states the frame, as files of 3D Slicer do."""
     muscles: dict[Name, MuscleTable] = key({"NAME": {"surface": "FILE.vtp"}}, ...)
     """The muscles, by name; at least one."""
     paths: Paths | None = None

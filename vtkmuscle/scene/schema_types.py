@@ -58,7 +58,7 @@ def _checked(declaration: Parameter[Any], value: Any) -> Any:
     try:
         declaration.check(value, "")
     except ValueError:
-        raise InputError("", f"{quoted(value)} is not allowed", f"it must be {declaration.allowed}") from None
+        raise InputError("", f"{quoted(value)} is not allowed", f"allowed: {declaration.allowed}") from None
     return value
 
 
@@ -151,7 +151,7 @@ class KnotsTable(SchemaTable):
     x: _Numbers = key([0.0, 60.0, 120.0], ...)
     """Values of the coordinate, ascending."""
     y: _Numbers = key([0.0, 2.0, 5.0], ...)
-    """Values of the function, one for each x."""
+    """Values of the function at each x."""
 
 
 class Function(SchemaTable):
@@ -160,14 +160,15 @@ class Function(SchemaTable):
     polynomial: _Numbers | None = key([0.5, 0.0])
     """Coefficients of a polynomial, highest power first: [0.5, 0] is half the coordinate."""
     spline: KnotsTable | None = None
-    """A cubic spline through knots { x = [...], y = [...] }, straight beyond them: OpenSim's SimmSpline."""
+    """A cubic spline through knots { x = [...], y = [...] }, straight beyond the knots: OpenSim's
+    SimmSpline."""
 
 
 class JointCoordinateTable(Function):
     """A coordinate of a joint; with a function it follows another coordinate."""
 
     range: _Range | None = key([0.0, 120.0])
-    """Least and largest value: a motion beyond them gives a warning."""
+    """Least and largest value; a motion beyond gives a warning."""
     rest: FiniteFloat = key(0.0, 0.0)
     """Value in the rest pose."""
     positive: Text | None = key("flexion")
@@ -180,7 +181,7 @@ class Axis(Function):
     """A rotation or a translation of a custom joint."""
 
     axis: Direction = key([1.0, 0.0, 0.0], ...)
-    """Direction, of any length; rotations are right-handed about it."""
+    """Direction, of any length; rotations are right-handed."""
     coordinate: Text = key("knee_angle", ...)
     """The independent coordinate."""
 
@@ -197,43 +198,44 @@ class JointTable(SchemaTable):
     """The moving bone. A bone is the child of at most one joint; a bone without a joint does not move. A body
     between two joints need not be a bone of the scene."""
     type: Annotated[str, OneOf(JOINT_KINDS)] = key("pin", ...)
-    """pin turns about one axis; ball about three, each carried by those before it; weld does not move; custom
-    has rotations and translations."""
+    """pin turns about an axis; ball about three axes, each carried by earlier axes; weld does not move;
+    custom has rotations and translations."""
     centre: Triple | None = key([0.0, 0.0, 0.0])
-    """A point on the axes, in the rest pose; translations are counted from there. A weld needs none."""
+    """A point on the axes, in the rest pose; translations are relative to the point. Optional for a weld."""
     axis: Direction | None = key([1.0, 0.0, 0.0])
-    """Axis of a pin: positive angles turn right-handed about it."""
+    """Axis of a pin; positive angles are right-handed."""
     axes: Annotated[list[Direction], Field(min_length=3, max_length=3)] | None = key(
         [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
     )
-    """Axes of a ball where its coordinates are 0: the first carries the second, both carry the third.
-    Default: x, y and z."""
+    """Axes of a ball at coordinates of 0: the first carries the second, both carry the third. Default: x, y
+    and z."""
     coordinates: Annotated[dict[str, JointCoordinateTable], BeforeValidator(names_or_tables)] | None = key(
         ["knee_angle"]
     )
-    """Names of its coordinates, one for a pin, three for a ball; or a table of them. Angles are in degrees,
-    translations in the scene's unit."""
+    """Names of the coordinates: a name for a pin, three for a ball; or a table of coordinates. Angles are in
+    degrees, translations in the scene's unit."""
     rotations: _Axes | None = None
-    """Of a custom joint, three at most, each carried by those before it: { axis = [0, 0, 1], coordinate =
-    'knee_angle', polynomial = [1.0, 0.0] }. Without a function it is the coordinate itself [degrees]."""
+    """Of a custom joint, three at most, each carried by earlier rotations: { axis = [0, 0, 1], coordinate =
+    'knee_angle', polynomial = [1.0, 0.0] }. Without a function, the angle is the coordinate [degrees]."""
     translations: _Axes | None = None
-    """Of a custom joint, along axes of the parent, three at most, likewise [the scene's unit]."""
+    """Of a custom joint, along axes of the parent, three at most, in the form of rotations [the scene's
+    unit]."""
 
 
 class OpenSimTable(SchemaTable):
     """An OpenSim model with the scene's joints."""
 
     model: Text = key("leg.osim", ...)
-    """An .osim file, of version 3 or 4. OpenSim itself is not needed."""
+    """An .osim file of version 3 or 4; OpenSim is not needed."""
     bodies: dict[str, Text] | None = None
-    """The body of each bone, { femur = 'femur_r' }. Without an entry, the body that has the bone's name."""
+    """The body of each bone, { femur = 'femur_r' }. Default: the body with the bone's name."""
     frame: Text | None = key("pelvis")
-    """The body whose frame is the scene's, in the rest pose. Default: the ground."""
+    """The body with the scene's frame, in the rest pose. Default: the ground."""
     fixed: Text | None = key("pelvis")
     """The fixed body; motion is relative to the fixed body. Default: the ground."""
     rest: dict[str, FiniteFloat] | None = None
-    """Coordinates in the rest pose, { hip_flexion_r = 1.576 }, in degrees or metres. The others have their
-    default value."""
+    """Coordinates in the rest pose, { hip_flexion_r = 1.576 }, in degrees or metres. Default: the model's
+    default values."""
 
 
 class Hill(SchemaTable):
@@ -244,13 +246,13 @@ class Hill(SchemaTable):
     tendon_slack_length: Positive | None = key(310.0)
     """Length of the tendon without force, in ``units``."""
     sarcomere_length: Positive | None = key(2.6)
-    """Mean length of the sarcomeres in the rest pose, in micrometres, whatever ``units``."""
+    """Mean length of the sarcomeres in the rest pose, always in micrometres."""
     pennation: Annotated[FiniteFloat, Field(ge=0.0, lt=90.0)] | None = key(12.0)
     """Angle of the fibres to the tendon at the optimal length, in degrees."""
     max_isometric_force: Positive | None = key(1100.0)
     """Greatest force, in newtons. Or give ``pcsa`` and ``specific_tension``."""
     pcsa: Positive | None = key(18.0)
-    """Physiological cross-sectional area, in cm^2, whatever ``units``."""
+    """Physiological cross-sectional area, always in cm^2."""
     specific_tension: Positive | None = key(61.0)
     """Force per area, in N/cm^2; there is no default."""
 
@@ -262,5 +264,5 @@ class Hill(SchemaTable):
             raise InputError("", f"{parts[0]} alone gives no force", remedy)
         if parts and self.max_isometric_force is not None:
             problem = "max_isometric_force cannot be combined with pcsa and specific_tension"
-            raise InputError("", problem, "give one or the other")
+            raise InputError("", problem, "give either")
         return self

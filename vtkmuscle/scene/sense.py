@@ -95,7 +95,7 @@ def _sizes(units: str, anatomy: Anatomy) -> Iterator[Finding]:
     longest = max(float(np.ptp(surface.points, axis=0).max()) for surface in anatomy.surfaces.values())
     offset = max(float(np.abs(surface.points).max()) for surface in anatomy.surfaces.values())
     if offset > LOST_PRECISION * longest > 0.0:
-        problem = f"it lies {offset:.3g} {units} from the origin, which leaves no digits for its shape"
+        problem = f"the surface is {offset:.3g} {units} from the origin, too far for its shape"
         yield Finding("", problem, "move the scene to the origin", certain=True)
     volumes = {name: abs(signed_volume(*surface)) for name, surface in anatomy.muscles.items()}
     largest = max(volumes, key=lambda name: volumes[name])
@@ -111,16 +111,16 @@ def _sizes(units: str, anatomy: Anatomy) -> Iterator[Finding]:
     if volumes[largest] * size**3 > LARGEST:
         problem += f" and {largest!r} has {volumes[largest] * size**3 / 1e6:.3g} litres"
     fitting = next((unit for unit in ("mm", "m", "cm") if fits(unit)), None)
-    remedy = "check the unit of the files, and that no point lies far from the others"
+    remedy = "check the unit of the files, and remove stray points"
     if fitting is not None:
         remedy = f'if the files are in {fitting}, write units = "{fitting}"'
-    yield Finding("units", f"{problem} in this unit", remedy, longest * size > SURE_LONGEST)
+    yield Finding("units", f"{problem} in the scene's unit", remedy, longest * size > SURE_LONGEST)
 
 
 def _bones_without_inside(anatomy: Anatomy) -> Iterator[Finding]:
     for name in (name for name in anatomy.bones if name not in anatomy.solid_bones):
-        problem = "the bone encloses no volume: no muscle will be kept out of it"
-        remedy = "export it again as a closed surface, if a muscle can meet it"
+        problem = "the bone encloses no volume, so muscles will pass through"
+        remedy = "export a closed surface, if a muscle can touch the bone"
         yield Finding(f"bones.{name}.surface", problem, remedy)
 
 
@@ -129,7 +129,7 @@ def _ring(key: str, area: AttachmentArea, muscle: RestSurface, units: str) -> It
     landmarks = np.asarray(area.landmarks, dtype=np.float64)
     size = float(np.linalg.norm(np.ptp(landmarks, axis=0)))
     if len(landmarks) > 1 and size <= 1e-9 * float(np.linalg.norm(np.ptp(muscle.points, axis=0))):
-        problem = f"all {len(landmarks)} landmarks are one point"
+        problem = f"all {len(landmarks)} landmarks coincide"
         yield Finding(key, problem, "give the boundary of the area", certain=True)
         return
     if area.estimated or not area.closed or len(landmarks) < 4:
@@ -137,11 +137,11 @@ def _ring(key: str, area: AttachmentArea, muscle: RestSurface, units: str) -> It
     landmarks = landmarks[:: -(-len(landmarks) // _MOST_LANDMARKS)]
     best = landmarks[short_ring(landmarks)]
     length, shortest = ring_length(landmarks), ring_length(best)
-    remedy = "put them in order along the boundary"
+    remedy = "order the landmarks along the boundary"
     if length > RING * shortest:
         problem = (
             f"the ring through the landmarks is {length:.4g} {units} long, {length / shortest:.3g} "
-            "times as long as in another order: they are not in the order of the boundary"
+            "times as long as in another order: the landmarks are not in the order of the boundary"
         )
         yield Finding(key, problem, remedy, length > SURE_RING * shortest)
 
@@ -149,22 +149,22 @@ def _ring(key: str, area: AttachmentArea, muscle: RestSurface, units: str) -> It
 def _estimates(name: str, muscle: Muscle) -> Iterator[Finding]:
     """Yield the first estimated attachment that may be on another bone."""
     for area in muscle.attachments:
-        if area.sureness is not None and area.sureness < SURE_ESTIMATE:
-            problem = f"the {area.role} was estimated to be on {area.bone!r}, but is not sure"
+        if area.confidence is not None and area.confidence < SURE_ESTIMATE:
+            problem = f"the {area.role} is estimated on {area.bone!r} with low confidence"
             remedy = 'name both bones, { estimate = ["ORIGIN", "INSERTION"] }, or give landmarks'
-            yield Finding(f"muscles.{name}.attachments", f"{problem} ({area.sureness:.2f})", remedy)
+            yield Finding(f"muscles.{name}.attachments", f"{problem} ({area.confidence:.2f})", remedy)
             return
 
 
 def _in_bones(millimetres: float, name: str, anatomy: Anatomy) -> Iterator[Finding]:
     """Yield bones deep in a muscle at rest, or around a muscle."""
     muscle = anatomy.muscles[name]
-    remedy = "move its surface or the bone's until they meet; only what is attached stays inside"
+    remedy = "correct the surfaces until muscle and bone only touch; attached parts stay inside"
     for bone, surface in anatomy.bones.items():
         few = surface.points[:: 1 + len(surface.points) // _MOST_POINTS]
         for inner, outer, points, solids, spread in (
-            ("it", f"the bone {bone!r}", muscle.points, surface.solids, 0.0),
-            (f"the bone {bone!r}", "it", few, solids_of(*muscle), DEEP),
+            ("the muscle", f"the bone {bone!r}", muscle.points, surface.solids, 0.0),
+            (f"the bone {bone!r}", "the muscle", few, solids_of(*muscle), DEEP),
         ):
             within = np.flatnonzero(solids.inside(points))  # much faster than the depth of every point
             depths = np.zeros(len(points))
@@ -173,7 +173,7 @@ def _in_bones(millimetres: float, name: str, anatomy: Anatomy) -> Iterator[Findi
             if len(deep) and millimetres * np.linalg.norm(np.ptp(deep, axis=0)) >= spread:
                 where = _position(points[np.argmax(depths)])
                 problem = f"at rest {inner} is up to {depths.max():.2g} mm deep in {outer}, at {where}, "
-                problem += f"with {(depths > 0.0).mean():.0%} of its points"
+                problem += f"with {(depths > 0.0).mean():.0%} of the points"
                 yield Finding(f"muscles.{name}.surface", problem, remedy)
                 break
 
@@ -195,8 +195,8 @@ def _on_bones(millimetres: float, name: str, muscle: Muscle, anatomy: Anatomy) -
             nearest[number] = other
     exchanged = {(areas[number].bone, bone) for number, bone in nearest.items()}
     if len(areas) == len(nearest) > 1 and exchanged == {(b, a) for a, b in exchanged}:
-        problem = "origin and insertion are exchanged: each has its landmarks on the other's bone"
-        yield Finding(key, problem, "exchange their landmarks, or their bones", certain=True)
+        problem = "origin and insertion are exchanged: the landmarks of each are on the opposite bone"
+        yield Finding(key, problem, "exchange the landmarks, or the bones", certain=True)
         return
     for number, area in areas.items():
         where, own = f"{key}[{number}].landmarks", medians[number][area.bone]
@@ -205,14 +205,14 @@ def _on_bones(millimetres: float, name: str, muscle: Muscle, anatomy: Anatomy) -
             other = nearest[number]
             problem = f"the landmarks are {own:.3g} mm from {area.bone!r}, but "
             problem += f"{medians[number][other]:.3g} mm from {other!r}"
-            yield Finding(where, problem, f'if they are on that bone, write bone = "{other}"')
+            yield Finding(where, problem, f'if {other!r} is right, write bone = "{other}"')
         elif own > FAR_LANDMARKS:
-            problem = f"the landmarks are {own:.3g} mm from the bone {area.bone!r} that they are given for"
-            yield Finding(where, problem, "check the bone, and that both have one unit and place", lost)
+            problem = f"the landmarks are {own:.3g} mm from their bone {area.bone!r}"
+            yield Finding(where, problem, "check the bone, and unit and frame of both", lost)
     bones = {area.bone for area in areas.values()}
     if len(areas) > 1 and len(bones) == 1:
-        problem = f"all areas are on the bone {bones.pop()!r}: the muscle will move with it as it is"
-        yield Finding(key, problem, "check the bones of its areas")
+        problem = f"all areas are on the bone {bones.pop()!r}: the muscle will move with the bone, undeformed"
+        yield Finding(key, problem, "check the bones of the areas")
 
 
 def _torn(scene: SceneData, name: str, muscle: Muscle, surface: RestSurface) -> Iterator[Finding]:
@@ -226,10 +226,10 @@ def _torn(scene: SceneData, name: str, muscle: Muscle, surface: RestSurface) -> 
     ratio = spans[longest] / max(_span(middles, {}), 0.5 * length)
     if ratio > TORN:
         problem = (
-            f"its areas come {spans[longest]:.3g} {scene.units} apart in frame {longest}, {ratio:.3g} "
-            "times as far as at rest: a muscle would tear"
+            f"the areas are {spans[longest]:.3g} {scene.units} apart in frame {longest}, {ratio:.3g} "
+            "times as far as at rest: the muscle would tear"
         )
-        remedy = "check the unit of its translations, and that its transforms are from rest to the pose"
+        remedy = "check the unit of the motion's translations; transforms lead from rest to the pose"
         yield Finding(f"muscles.{name}.attachments", problem, remedy, ratio > SURE_TORN)
 
 

@@ -81,12 +81,12 @@ def _conflicts(scene: SceneTable) -> Iterator[_Fault]:
     """Yield the faults of keys that are valid alone, but not together."""
     for kind, names in (("bones", list(scene.bones)), ("muscles", list(scene.muscles))):
         if not names:
-            yield kind, f"the scene has no {kind}", f"add a table [{kind}.NAME] with its surface"
+            yield kind, f"the scene has no {kind}", f"add a table [{kind}.NAME] with a surface"
     yield from _of_joints(scene)
     yield from _of_motion(scene)
     if scene.deformer == "none" and scene.muscle_contact != "off":
-        problem = f"deformer is 'none', so that no muscle has a surface, but this is {scene.muscle_contact!r}"
-        yield "muscle_contact", problem, "leave it out, or use deformer 'paths'"
+        problem = f"{scene.muscle_contact!r} needs deformed muscles, but deformer is 'none'"
+        yield "muscle_contact", problem, "remove the key, or use deformer 'paths'"
     if scene.quality not in (None, *RESOLUTIONS) and scene.deformer != "pbd":
         problem = f"{scene.quality!r} is a preset of deformer 'pbd', but deformer is {scene.deformer!r}"
         yield "quality", problem, "use 'preview', 'balanced' or 'accurate', or deformer 'pbd'"
@@ -97,7 +97,7 @@ def _conflicts(scene: SceneTable) -> Iterator[_Fault]:
         for setting in table.given():
             if setting not in allowed:
                 problem = f"deformer {scene.deformer!r} has no such setting"
-                yield f"{key}.{setting}", problem, suggestion(setting, allowed) if allowed else "leave it out"
+                yield f"{key}.{setting}", problem, suggestion(setting, allowed) if allowed else "remove it"
     for name in scene.muscles:
         yield from _of_muscle(name, scene)
 
@@ -112,16 +112,16 @@ def _of_muscle(name: str, scene: SceneTable) -> Iterator[_Fault]:
     taken = {muscle_name.casefold() for muscle_name in scene.muscles} - {folded}
     if folded in _RESERVED or folded.removesuffix("_fibres") in taken:
         problem = f"the results of a muscle called {name!r} would overwrite other results"
-        yield key, problem, "give it another name"
+        yield key, problem, "choose another name"
     if scene.deformer == "none" and muscle.fibres is None:
-        problem = "deformer is 'none', which moves paths alone, but this muscle has no fibres to begin with"
+        problem = "deformer 'none' computes paths only, and the muscle has no fibres"
         yield f"{key}.fibres", problem, "add a table fibres, or use deformer 'paths'"
     if muscle.aponeuroses is not None and muscle.fibres is None:
-        problem = "fibres end on aponeuroses, but this muscle has no fibres"
+        problem = "the muscle has aponeuroses, but no fibres"
         yield f"{key}.aponeuroses", problem, "add a table fibres"
     if muscle.aponeuroses is not None and scene.deformer == "none":
-        problem = "aponeuroses move with the muscle, which deformer 'none' does not deform"
-        yield f"{key}.aponeuroses", problem, "leave them out, or use deformer 'paths'"
+        problem = "aponeuroses need a deformed muscle, but deformer is 'none'"
+        yield f"{key}.aponeuroses", problem, "remove the key, or use deformer 'paths'"
     yield from _of_attachments(f"{key}.attachments", muscle, scene)
 
 
@@ -140,7 +140,7 @@ def _of_attachments(key: str, muscle: MuscleTable, scene: SceneTable) -> Iterato
         if role not in roles:
             remedy = f'add {{ role = "{role}", bone = "...", landmarks = "..." }}'
             if not roles:
-                remedy += f', or write attachments = "{ESTIMATE}" (from where it touches the bones)'
+                remedy += f', or write attachments = "{ESTIMATE}" (from contact with the bones)'
             if muscle.fibres is not None:
                 remedy += ", or leave out fibres"
             yield key, f"there is no attachment with role {role!r}", remedy
@@ -170,17 +170,17 @@ def _of_motion(scene: SceneTable) -> Iterator[_Fault]:
         return
     for name in present:
         if name not in (kind, *_MOTIONS[kind]):
-            yield f"motion.{name}", f"cannot be combined with motion.{kind}", "leave out one of them"
+            yield f"motion.{name}", f"cannot be combined with motion.{kind}", "remove either"
     if kind in ("file", "grid") and not jointed:
         remedy = "add tables [joints.NAME], or [opensim] with a model"
-        yield f"motion.{kind}", "there are no joints that it could move", remedy
+        yield f"motion.{kind}", "the scene has no joints", remedy
     if motion.hinge is not None:
         yield from _unknown_bone("motion.hinge.bone", motion.hinge.bone, scene.bones)
     elif motion.transforms is None:
         return
     elif ALONE not in motion.transforms:
         if motion.bone is not None:
-            remedy = "leave out bone where transforms is a table of files by bone"
+            remedy = "remove bone for transforms with a table of files by bone"
             yield "motion.bone", "cannot be combined with a table of transforms", remedy
         for bone in motion.transforms:
             yield from _unknown_bone(f"motion.transforms.{bone}", bone, scene.bones)
@@ -202,7 +202,7 @@ _FUNCTIONS = ("polynomial", "spline")
 
 def _of_joints(scene: SceneTable) -> Iterator[_Fault]:
     if scene.joints and scene.opensim is not None:
-        yield "opensim", "cannot be combined with [joints.NAME]", "leave out one of them"
+        yield "opensim", "cannot be combined with [joints.NAME]", "remove either"
     bodies = {
         "parent": {*scene.bones, *(joint.child for joint in scene.joints.values())},
         "child": {*scene.bones, *(joint.parent for joint in scene.joints.values())},
@@ -210,7 +210,7 @@ def _of_joints(scene: SceneTable) -> Iterator[_Fault]:
     coordinates = [name for joint in scene.joints.values() for name in joint.coordinates or {}]
     for number, name in enumerate(coordinates):
         if name in coordinates[:number]:
-            yield "joints", f"there are two coordinates {quoted(name)}", "rename one of them"
+            yield "joints", f"there are two coordinates {quoted(name)}", "rename either"
     for name, joint in scene.joints.items():
         key = f"joints.{name}"
         for end, allowed in bodies.items():
@@ -227,7 +227,7 @@ def _of_kind(key: str, joint: JointTable) -> Iterator[_Fault]:
         if missing and name in needed:
             yield f"{key}.{name}", "the key is missing", f"add {name} = [1.0, 0.0, 0.0]"
         elif not missing and name not in (*needed, *optional):
-            yield f"{key}.{name}", f"is no key of a joint of type {kind!r}", "leave it out, or change type"
+            yield f"{key}.{name}", f"is not a key of a joint of type {kind!r}", "remove it, or change type"
     wanted, count = JOINT_KINDS[kind], len(joint.coordinates or {})
     if wanted and count != wanted:
         names = ", ".join(f'"NAME_{number}"' for number in range(1, wanted + 1))
@@ -242,10 +242,10 @@ def _of_functions(key: str, joint: JointTable, coordinates: list[str]) -> Iterat
     for name, entry in (joint.coordinates or {}).items():
         where = f"{key}.coordinates.{name}"
         if len(_functions(entry)) != (entry.follows is not None):
-            problem = f"needs exactly one of {', '.join(_FUNCTIONS)}, because it follows another coordinate"
+            problem = f"follows another coordinate, and needs exactly one of {', '.join(_FUNCTIONS)}"
             if entry.follows is None:
                 problem = f"follows no other coordinate, but has one of {', '.join(_FUNCTIONS)}"
-            yield where, problem, 'write follows = "NAME" and one function, or neither'
+            yield where, problem, 'write follows = "NAME" with a function, or remove both'
         independent = [coordinate for coordinate in coordinates if coordinate != name]
         if entry.follows is not None and entry.follows not in independent:
             problem = f"there is no other coordinate {quoted(entry.follows)}"
@@ -257,7 +257,7 @@ def _of_functions(key: str, joint: JointTable, coordinates: list[str]) -> Iterat
                 problem = f"there is no coordinate {quoted(axis.coordinate)}"
                 yield f"{where}.coordinate", problem, suggestion(axis.coordinate, coordinates)
             if len(_functions(axis)) > 1:
-                yield where, "has more than one function", "leave all but one out"
+                yield where, "has more than one function", "keep a single function"
 
 
 def _functions(table: Function) -> list[str]:

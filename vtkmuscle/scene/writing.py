@@ -52,7 +52,7 @@ def save_unless_there(scene: SceneData, folder: Path, *, overwrite: bool) -> Pat
         return path
     if folder.exists() or folder.is_symlink():
         remedy = "give another folder with --out, or --overwrite to write into it"
-        raise InputError(folder, "it is there already, without a scene.toml", remedy)
+        raise InputError(folder, "the folder exists, without a scene.toml", remedy)
     folder.parent.mkdir(parents=True, exist_ok=True)
     fresh = partial_path(folder)
     try:

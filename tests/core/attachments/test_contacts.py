@@ -55,7 +55,7 @@ def test_a_bone_that_the_muscle_passes_is_not_taken_however_much_lies_on_it():
     assert all(end.confidence == 1.0 for end in ends_of(distances, between=["lower", "upper"]))
 
 
-def test_two_bones_that_reach_as_far_leave_no_sureness():
+def test_two_bones_that_reach_as_far_leave_no_confidence():
     upper, lower = sorted(
         ends_of({"a": along(0, 5), "b": along(54, 60), "c": along(54, 60)}), key=lambda end: end.bone
     )
@@ -127,12 +127,15 @@ def test_neither_order_of_bones_nor_numbers_of_points_matter(rng):
 @pytest.mark.parametrize(
     ("distances", "words"),
     [
-        ({"upper": along(0, 5)}, r"comes near to fewer; .* 'upper' \(0\); join a separate tendon"),
+        ({"upper": along(0, 5)}, r"is near fewer than two bones; .* 'upper' \(0\); join a separate tendon"),
         (
             dict.fromkeys(["upper", "lower"], AWAY),
             "no connected part of the muscle is near 'upper' and 'lower'; join a separate tendon",
         ),
-        ({"upper": along(0, 5), "foot": 90 - X}, r"comes near to fewer; .* 'upper' \(0\), 'foot' \(30\)"),
+        (
+            {"upper": along(0, 5), "foot": 90 - X},
+            r"is near fewer than two bones; .* 'upper' \(0\), 'foot' \(30\)",
+        ),
         (
             {"upper": along(0, 5), "shank": along(20, 30)},
             r"extends 30 beyond .* nearest to 'shank', and ends at \(60, \d+, 0\), 30 from",

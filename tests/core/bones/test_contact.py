@@ -134,7 +134,7 @@ def test_points_in_two_bones_leave_both():
 def test_a_muscle_in_a_bone_at_rest_is_told(globe, rng):
     rest = rng.normal(size=(100, 3))
     globe.name = "block 'pelvis'"
-    with pytest.warns(UserWarning, match="'pelvis': 100 of the muscle's 100 free points are in it at rest"):
+    with pytest.warns(UserWarning, match="'pelvis': 100 of the muscle's 100 free points are inside at rest"):
         keep_out(globe, rest, rest=rest)
     with warnings.catch_warnings():
         warnings.simplefilter("error")

@@ -115,5 +115,5 @@ def test_a_single_fibre_and_fibres_equally_far():
 
 
 def test_fibres_without_length_are_an_error():
-    with pytest.raises(ValueError, match="no fibre has a length"):
+    with pytest.raises(ValueError, match="all fibres have length 0"):
         DirectionField(np.zeros((3, 3)), np.array([0, 3]))

@@ -90,7 +90,7 @@ def test_opposite_half_edges_join_the_same_points_the_other_way_round():
 
 @pytest.mark.parametrize("triangles", [FACES[:3], np.vstack([FACES[:3], FACES[3:, ::-1]])])
 def test_an_open_or_inconsistent_surface_is_refused(triangles):
-    with pytest.raises(ValueError, match="closed and its triangles must agree"):
+    with pytest.raises(ValueError, match="must be closed and oriented"):
         opposite_half_edges(triangles)
 
 

@@ -104,7 +104,7 @@ def test_what_a_muscle_passes_through():
         (SQUARE * [np.nan, 1.0, 1.0], "finite points"),
         (SQUARE * [1.0, 1e-6, 1.0], "on a line"),
         (SQUARE[[0, 2, 1, 3]], "crosses itself"),
-        (SQUARE + [[0, 0, 3.0], [0, 0, -3.0]] * 2, "off the ring's plane"),
+        (SQUARE + [[0, 0, 3.0], [0, 0, -3.0]] * 2, "off the plane of a ring"),
         (np.column_stack([STAR[[0, 1, 2, 4, 3, 5, 6, 7, 8, 9]], np.zeros(10)]), "turns back after landmark"),
     ],
 )

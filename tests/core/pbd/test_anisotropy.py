@@ -63,7 +63,7 @@ def test_steps_from_one_fibre_to_the_next_are_no_segments():
 
 
 def test_fibres_without_length_are_an_error():
-    with pytest.raises(ValueError, match="no fibre has a length"):
+    with pytest.raises(ValueError, match="all fibres have length 0"):
         fibre_directions_at(np.zeros((1, 3)), np.zeros((3, 3)), np.array([0, 3]))
 
 

@@ -13,7 +13,7 @@ def test_pieces_share_out_their_fibres():
     assert seen.lengths.max() <= 2.0
     assert np.allclose(np.abs(seen.directions @ [0, 0, 1]).round(12) @ seen.lengths, 10.0)
     assert np.allclose(seen.middles[:5], [[0, 0, z] for z in (1, 3, 5, 7, 9)])
-    with pytest.raises(ValueError, match="no fibre has a length"):
+    with pytest.raises(ValueError, match="all fibres have length 0"):
         superficial_pieces(lines[2:4], np.array([0, 2]), lines)
 
 

@@ -57,7 +57,7 @@ def strap(**changes):
     [
         ([], "there must be the key 'sheets', or the key 'parts'"),
         ({"parts": []}, "the key 'parts' with a list of tables"),
-        ({"sheet": []}, "must be a table with the key 'sheets'"),
+        ({"sheet": []}, "must be a table with the single key 'sheets'"),
         ({"sheets": 3}, "sheets must be a list of 3 to 5 sheets"),
         ({"sheets": strap()["sheets"][:2]}, "must be a list of 3 to 5"),
         (strap(_1_2=[0, 1]), "each of 4 corners with three numbers"),
@@ -65,7 +65,7 @@ def strap(**changes):
         (strap(_1_2=[0, 1, float("nan")]), "must be points of the unit cube"),
         (strap(_0=[[0, 0, 0]] * 4), "the corners of the origin area enclose no area"),
         (strap(_2=strap()["sheets"][0]), "the origin area and the insertion area are the same"),
-        ({"parts": [strap(), {}]}, r"parts\[1\] must be a table with the key 'sheets'"),
+        ({"parts": [strap(), {}]}, r"parts\[1\] must be a table with the single key 'sheets'"),
         ({"parts": [strap(), {"sheets": strap()["sheets"][:1] * 3 + strap()["sheets"][2:]}]}, "same number"),
     ],
 )

@@ -149,7 +149,7 @@ def _spans(graph: csr_array, gaps: Mapping[str, Floats], far: float, between: Se
     pairs = [pair for pair in combinations(in_reach, 2) if set(between) <= set(pair)]
     if not pairs:
         listed = ", ".join(f"{bone!r} ({least[bone]:.3g})" for bone in sorted(least, key=least.__getitem__))
-        problem = f"a muscle is attached to two bones, but comes near to fewer; its distances are {listed}"
+        problem = f"the muscle is near fewer than two bones; distances: {listed}"
         raise InputError("", problem, REMEDY)
     return sorted((_span(graph, gaps, pair) for pair in pairs), key=lambda span: -span.score)
 

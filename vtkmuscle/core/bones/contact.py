@@ -117,7 +117,7 @@ class BoneContact:
             inside = int((distance[self.free] < 0.0).sum())
             if inside > SWALLOWED * self.free.sum():
                 warnings.warn(
-                    f"{bone.name}: {inside} of the muscle's {self.free.sum()} free points are in it at rest "
+                    f"{bone.name}: {inside} of the muscle's {self.free.sum()} free points are inside at rest "
                     "and may stay as deep; check that bone and muscle are in the same frame and unit",
                     stacklevel=2,
                 )

@@ -62,7 +62,7 @@ class DirectionField:
         lengths = np.linalg.norm(steps, axis=1)
         proper = lengths > 0.0
         if not proper.any():
-            raise InputError("", "no fibre has a length, so that fibres have no direction")
+            raise InputError("", "all fibres have length 0, so there is no direction")
         starts, self._steps, lengths = starts[proper], steps[proper], lengths[proper]
         tangents = np.zeros_like(points)
         for end in (starts, starts + 1):

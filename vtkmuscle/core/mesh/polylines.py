@@ -125,7 +125,7 @@ def proper_segments(points: Floats, offsets: Ints) -> tuple[Floats, Floats, Floa
     a, b = segments(points, offsets)
     lengths = np.linalg.norm(b - a, axis=1)
     if not lengths.any():
-        raise InputError("", "no fibre has a length, so that fibres have no direction")
+        raise InputError("", "all fibres have length 0, so there is no direction")
     return a[lengths > 0.0], b[lengths > 0.0], lengths[lengths > 0.0]
 
 

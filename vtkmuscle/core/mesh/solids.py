@@ -150,7 +150,7 @@ def closed_shells(points: Floats, triangles: Ints) -> ClosedShells:
     if total < 0 and any(solid):
         remarks.append("the surface is inside out: its triangles face inward and were turned")
     if not all(solid):
-        remarks.append(f"{solid.count(False)} of {len(shells)} part(s) enclose no volume: nothing is in them")
+        remarks.append(f"{solid.count(False)} of {len(shells)} part(s) enclose no volume and have no inside")
     return ClosedShells(points, tuple(shells), tuple(solid), tuple(remarks))
 
 

@@ -188,7 +188,7 @@ def check_volume(points: Floats, volume: float) -> None:
     diagonal = float(np.linalg.norm(np.ptp(points, axis=0)))
     if abs(volume) <= LEAST_VOLUME * diagonal**3:
         problem = f"the surface encloses no volume ({volume:.3g} within a box of diagonal {diagonal:.3g})"
-        raise InputError("", problem, "it must be a closed surface with all triangles facing outward")
+        raise InputError("", problem, "give a closed surface with all triangles facing outward")
 
 
 @dataclass(frozen=True, eq=False)
@@ -246,7 +246,7 @@ def opposite_half_edges(triangles: Ints) -> Ints:
     up = directed[:, 0] < directed[:, 1]
     alone = int(np.abs(np.bincount(edge_of, np.where(up, 1, -1))).sum())
     if alone:
-        problem = "the surface must be closed and its triangles must agree on the outside, but"
+        problem = "the surface must be closed and oriented, but"
         remedy = "fill its holes and run vtkPolyDataNormals with ConsistencyOn"
         raise InputError("", f"{problem} {alone} triangle edge(s) have no counterpart", remedy)
     # The n-th half-edge forth along an edge pairs with the n-th back.

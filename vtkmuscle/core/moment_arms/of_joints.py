@@ -44,8 +44,8 @@ def known_coordinates(
     )
     if not names:
         listed = ", ".join(map(repr, coordinates)) or "none"
-        problem = f"no coordinate of the motion changes (it has: {listed}), so there are no moment arms"
-        raise InputError("", problem, "name a coordinate that changes, or use more frames of the motion")
+        problem = f"no coordinate of the motion changes ({listed}), so there are no moment arms"
+        raise InputError("", problem, "name a changing coordinate, or use more frames of the motion")
     return names
 
 
@@ -101,7 +101,7 @@ def joint_arms(
         frames = np.flatnonzero(np.isfinite(lever).all(axis=1))
         if not len(frames):
             rivals = ", ".join(rival for rival in candidates if rival != name) or "others"
-            refused[name] = f"it changes only together with {rivals}, so its effect alone is unknown"
+            refused[name] = f"the coordinate changes only together with {rivals}"
             continue
         quartic, residuals = _quartic(curves[frames], motion, candidates, name, frames)
         q = motion.coordinates[name]
@@ -109,8 +109,8 @@ def joint_arms(
         by_frame = frames, q.values[frames], millimetres * lever[frames], slopes
         arms[name] = JointArms(name, q.unit, q.positive, *by_frame, quartic, residuals)
     if not arms and refused:
-        problem = "the coordinates change only together, so the effect of each alone is unknown"
-        remedy = "use a motion that changes them in turn, or a grid, or give the scene its joints"
+        problem = "the coordinates change only together, so there are no moment arms"
+        remedy = "change the coordinates in turn or on a grid, or add joints to the scene"
         raise InputError("", problem, remedy)
     return arms, refused
 

@@ -236,7 +236,7 @@ def hinge(
         raise InputError("", f"the axis of a hinge must be finite and have a length, but is {axis!r}")
     times = np.asarray(angles, dtype=np.float64)
     if (np.diff(times) >= 180.0).any():
-        raise InputError("", "the angles of a hinge must follow each other by less than 180 degrees")
+        raise InputError("", "successive angles of a hinge must differ by less than 180 degrees")
     table = np.array([rotation_about(centre, axis, angle) for angle in times])
     written = ", ".join(f"{component:g}" for component in direction)
     twists = np.tile(twist_about(centre, axis), (len(times), 1))

@@ -75,7 +75,7 @@ def via_ring(landmarks: Floats) -> ViaRing:
         raise InputError(
             "",
             "the landmarks of a via ring lie on a line, or the ring crosses itself",
-            "give them in order, once round",
+            "give the landmarks in order, once round the muscle",
         )
     normal = area / size
     axes = _axes_across(normal, away)
@@ -88,9 +88,9 @@ def via_ring(landmarks: Floats) -> ViaRing:
     if heights[worst] > _LARGEST_BEND * radius:
         raise InputError(
             "",
-            f"landmark {worst} of a via ring is {heights[worst]:.4g} off the ring's plane, whose mean "
-            f"radius is {radius:.4g}",
-            "a ring is about flat",
+            f"landmark {worst} of a via ring is {heights[worst]:.4g} off the plane of a ring with "
+            f"mean radius {radius:.4g}",
+            "give landmarks near a common plane",
         )
     turns = _cross(corners, np.roll(corners, -1, axis=0))
     if not (turns > 0.0).all():
@@ -98,7 +98,7 @@ def via_ring(landmarks: Floats) -> ViaRing:
         raise InputError(
             "",
             f"a via ring turns back after landmark {side}",
-            "give the landmarks in order, once round, so that all sides are seen from the centre",
+            "give the landmarks in order, once round, with all sides visible from the centre",
         )
     return ViaRing(middle + centroid @ axes, normal, axes, np.ascontiguousarray(corners))
 

@@ -195,7 +195,7 @@ def template_from(content: Any, where: str | Path) -> FibreTemplate:
     for number, table in enumerate(parts):
         key = f"parts[{number}]" if "parts" in content else "the template"
         if not isinstance(table, Mapping) or set(table) != {"sheets"}:
-            raise InputError(where, f"{key} must be a table with the key 'sheets', and no other")
+            raise InputError(where, f"{key} must be a table with the single key 'sheets'")
         template.append(_sheets(table["sheets"], where, key))
         if len(template[-1]) != len(template[0]):
             problem = f"parts[{number}] has {len(template[-1])} sheets and parts[0] {len(template[0])}"

@@ -64,7 +64,7 @@ class Chain(Runnable):
 
     def GetClassName(self) -> str:
         """Raise TypeError: PyVista's ``add_mesh`` cannot draw chains."""
-        raise TypeError("PyVista draws algorithms, not chains; give it the last one: add_mesh(chain.last)")
+        raise TypeError("PyVista draws algorithms, not chains: use add_mesh(chain.last)")
 
     def __rshift__(self, right: Any) -> Chain:
         return Chain(self, right)

@@ -61,7 +61,7 @@ def update(algorithm: Any, time: float | None = None, port: int = 0) -> Output:
         if time is not None and steps and not steps[0] <= time <= steps[-1]:
             warnings.warn(
                 f"{type(algorithm).__name__}: time {time:g} is outside of the motion, {steps[0]:g} to "
-                f"{steps[-1]:g}: the pose at its end is taken; ask for a time within",
+                f"{steps[-1]:g}: the nearest end of the motion is used; request a time within",
                 stacklevel=3,
             )
         done = done and executive.Update(port)

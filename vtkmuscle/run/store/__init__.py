@@ -118,7 +118,7 @@ def read_note(path: Path, kind: type[Note]) -> Note:
     try:
         values = json.loads(path.read_text(encoding="utf-8"))
         if isinstance(values, dict) and values.get("format") != FORMAT:
-            problem = f"another version of vtkmuscle has written this note (its format is not {FORMAT})"
+            problem = f"the note is of another version of vtkmuscle (format {FORMAT} expected)"
             raise InputError(path, problem, RUN_AGAIN)
         return kind.model_validate(values)
     except FileNotFoundError:
@@ -180,7 +180,7 @@ class ResultFolder:
         total = f" of {len(frames)}" if isinstance(frames, list) else ""
         listed = ", ".join(f"{name} {count}{total}" for name, count in self.frames_there().items())
         why = report.get("stopped_by") or "it was killed"
-        return f"holds a run that did not end ({why}); frames there: {listed or 'none'}"
+        return f"contains an unfinished run ({why}); finished frames: {listed or 'none'}"
 
     def result(self) -> dict[str, Any]:
         """Return the arguments of a :class:`~vtkmuscle.Result`. See :meth:`vtkmuscle.Result.load`."""
@@ -226,10 +226,10 @@ class ResultFolder:
             what = "this is a file, not a folder" if self.path.exists() else "there is no such folder"
             raise InputError(self.path, what, _GIVE)
         if report is None:
-            what = "its report.json is damaged" if there else "it holds no results of a run: no report.json"
+            what = "report.json is damaged" if there else "the folder has no results of a run (report.json)"
             raise InputError(self.path, what, RUN_AGAIN if there else _GIVE)
         if not report["complete"]:
-            raise InputError(self.path, f"it {self.unfinished()}", RUN_AGAIN)
+            raise InputError(self.path, f"the folder {self.unfinished()}", RUN_AGAIN)
         return report
 
     def _check_sizes(self, files: Sizes) -> None:

@@ -56,10 +56,10 @@ def claimed(folder: Path, scene: SceneData, *, overwrite: bool) -> Iterator[None
         for path in map(folder.joinpath, _folders([*scene.muscles, *_muscles_of(report)])):
             check_no_links(path)
             if path.is_file():
-                raise NotADirectoryError(f"{path} is a file, where a folder of results goes; move it away")
+                raise NotADirectoryError(f"{path} is a file, not a folder for results; move the file")
         for path in map(folder.joinpath, _files(scene.muscles)):
             if path.is_dir():
-                raise IsADirectoryError(f"{path} is a folder, where a file of results goes; move it")
+                raise IsADirectoryError(f"{path} is a folder, not a file for results; move the folder")
         _tidy(folder, scene)
         if not overwrite:
             _check_results(folder, scene, report)
@@ -144,7 +144,7 @@ def _check_inputs(folder: Path, files: Mapping[str, Path], written: Collection[s
                 if base in path.parents and path.relative_to(base).parts[0] in written:
                     raise InputError(
                         file,
-                        f"the results in {folder} would be written over this input of the scene"
+                        f"the results in {folder} would replace an input of the scene"
                         f"{f' ({key})' if key else ''}",
                         "give another folder with --out",
                     )
@@ -152,16 +152,16 @@ def _check_inputs(folder: Path, files: Mapping[str, Path], written: Collection[s
 
 def _check_results(folder: Path, scene: SceneData, report: Mapping[str, Any] | None) -> None:
     """Raise a ValueError where results of a different scene, or files of no run, would be lost."""
-    insist = "give another folder with --out, or --overwrite (overwrite=True) to replace them"
+    insist = "give another folder with --out, or --overwrite (overwrite=True)"
     if report is None:
         for path in map(folder.joinpath, (*_files(scene.muscles), *_folders(scene.muscles))):
             if path.is_file() or path.is_symlink() or (path.is_dir() and any(path.iterdir())):
-                raise InputError(path, "results would be written over what no run has made", insist)
+                raise InputError(path, "results would replace a file that was not written by a run", insist)
         return
     before, now = report.get("scene_file"), scene_file(scene)
     if report.get("scene") != scene.name or (before and now and before != now):
         of = f" of {before}" if before else ""
-        raise InputError(folder, f"it holds the results of the scene {report.get('scene')!r}{of}", insist)
+        raise InputError(folder, f"the folder has results of the scene {report.get('scene')!r}{of}", insist)
 
 
 #: Digits of the numbers in tables, and the tables that have all digits.
