@@ -119,9 +119,9 @@ def attachments_of(data: vtkMultiBlockDataSet, where: str) -> list[AttachmentAre
                 raise InputError(label, "a via ring must be closed", remedy)
             with errors_at(label):
                 via_ring(landmarks)
-        estimated, confidence = field_array(block, "Estimated"), field_array(block, "Confidence")
+        estimated, stated = field_array(block, "Estimated"), field_array(block, "Confidence")
         is_estimated = estimated is not None and bool(estimated[0])
-        confidence = None if confidence is None else float(confidence[0])
+        confidence = None if stated is None else float(stated[0])
         areas.append(AttachmentArea(role, bone, landmarks, closed, is_estimated, confidence))
     return areas
 

@@ -262,8 +262,8 @@ def search_tree(
 ) -> None:  # fmt: skip
     """Write the nearest triangle to each query, with its nearest point, distance and region.
 
-    corners, boxes : of a :class:`TriangleTree`; queries, closest : (q, 3); nearest, distances, regions : (q,),
-    triangles in the tree's order; stack, to_box : (64,), working memory, as deep as the tree.
+    corners, boxes : of a :class:`TriangleTree`; queries, closest : (q, 3); nearest, distances, regions :
+    (q,), triangles in the tree's order; stack, to_box : (64,), working memory, as deep as the tree.
     """
     n, n_leaves = len(corners), (len(boxes) + 1) // 2
     guess = 0  # the last query's triangle: consecutive queries are neighbours along a fibre
