@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from vtkmuscle.scene.faults import SceneError
     from vtkmuscle.scenes import Scene
     from vtkmuscle.studies import cohort, vary
+    from vtkmuscle.tradeoffs import Tradeoff, tradeoff
 
 __version__ = "0.1.0"
 
@@ -49,6 +50,8 @@ _SOURCES = {
     "Scene": "vtkmuscle.scenes",
     "SceneError": "vtkmuscle.scene.faults",
     "Table": "vtkmuscle.run.table",
+    "Tradeoff": "vtkmuscle.tradeoffs",
+    "tradeoff": "vtkmuscle.tradeoffs",
 }
 
 __all__ = [
@@ -63,6 +66,7 @@ __all__ = [
     "Scene",
     "SceneError",
     "Table",
+    "Tradeoff",
     "__version__",
     "cohort",
     "compare",
@@ -71,6 +75,7 @@ __all__ = [
     "phantoms",
     "pipelines",
     "plotting",
+    "tradeoff",
     "vary",
 ]
 

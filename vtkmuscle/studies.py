@@ -95,7 +95,7 @@ def cohort(
     """
     named = list(scenes.items()) if isinstance(scenes, Mapping) else [(str(path), path) for path in scenes]
     labelled = [({"subject": name}, scene) for name, scene in named]
-    return _run_all(labelled, out, client, workers, progress, options)
+    return run_labelled(labelled, out, client, workers, progress, options)
 
 
 def vary(
@@ -136,18 +136,18 @@ def vary(
     if not settings:
         raise InputError("", "no setting is varied", "give values: vary(scene, n_fibres=[50, 100])")
     combinations = [dict(zip(settings, values, strict=True)) for values in product(*settings.values())]
-    labelled = [(values, _with_settings(scene, values)) for values in combinations]
-    return _run_all(labelled, out, client, workers, None, {"frames": frames})
+    labelled = [(values, with_settings(scene, values)) for values in combinations]
+    return run_labelled(labelled, out, client, workers, None, {"frames": frames})
 
 
-def _with_settings(scene: Scene, values: Mapping[str, Any]) -> Scene:
+def with_settings(scene: Scene, values: Mapping[str, Any]) -> Scene:
     """Return the scene with changed settings.
 
     Settings of the scene, of the solver, or of the fibres of all muscles.
     """
     own = {field.name for field in fields(SceneData)} - {"name", "bones", "muscles", "motion", "files"}
     changed = {name: value for name, value in values.items() if name in own}
-    solver = {name: value for name, value in values.items() if name in DEFORMERS}
+    solver = {name: value for name, value in values.items() if name in DEFORMERS - own}
     fibres = {name: value for name, value in values.items() if name not in changed and name not in solver}
     muscles = {
         name: replace(
@@ -160,7 +160,7 @@ def _with_settings(scene: Scene, values: Mapping[str, Any]) -> Scene:
     return replace(scene, muscles=muscles, files={}, **changed)
 
 
-def _run_all(
+def run_labelled(
     labelled: Sequence[tuple[Mapping[str, Any], Any]],
     out: str | PathLike[str] | None,
     client: Any,
@@ -171,11 +171,11 @@ def _run_all(
     """Run labelled scenes, and write the table. The labels are the first columns of the table."""
     run_options({**options, "workers": workers})
     asked = {"figures": False, "report": False, **options, "workers": 1}
-    names = [", ".join(map(str, labels.values())) for labels, _ in labelled]
+    names = [folder_name(labels) for labels, _ in labelled]
     if not names or len(set(names)) < len(names):
         raise InputError("scenes", "two have the same name" if names else "there are none", "name each scene")
     with _folder(out) as folder:
-        targets = [folder / _folder_name(name) for name in names]
+        targets = [folder / name for name in names]
         files = [
             scene.save(target / "scene") if isinstance(scene, Scene) else Path(scene).absolute()
             for target, (_, scene) in zip(targets, labelled, strict=True)
@@ -281,11 +281,12 @@ def _row(result: Result, name: str, out: Path | None) -> Row:
     return row
 
 
-def _folder_name(name: str) -> str:
-    """Return the name of a subject's folder.
+def folder_name(labels: Mapping[str, Any]) -> str:
+    """Return the name of the folder of labels.
 
-    Readable letters of the subject's name, and a digest of the whole name.
+    Readable letters, and a digest of all.
     """
+    name = ", ".join(map(str, labels.values()))
     readable = re.sub(r"[^A-Za-z0-9.-]+", "_", name).strip("._")[-_LONGEST:]
     return f"{readable}-{hashlib.sha256(name.encode()).hexdigest()[:16]}"
 

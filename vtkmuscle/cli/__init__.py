@@ -41,7 +41,7 @@ from vtkmuscle.cli.results import (
     init,
     report,
 )
-from vtkmuscle.cli.running import cohort, run_and_report
+from vtkmuscle.cli.running import cohort, run_and_report, tradeoff
 from vtkmuscle.core.errors import InputError
 
 #: Flexion in the frames of the demo [degrees]: the range of the phantom, in fewer steps.
@@ -176,7 +176,7 @@ def export(
     export_muscles(source, out, options)
 
 
-for one in (report, figures, compare, cohort, from_labels, init, check):
+for one in (report, figures, compare, cohort, tradeoff, from_labels, init, check):
     command(one.__name__.replace("_", "-"))(one)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -26,6 +26,7 @@ from vtkmuscle.cli.options import (
     say,
     stop_if_interrupted,
 )
+from vtkmuscle.cli.results import pairs
 
 if TYPE_CHECKING:
     from vtkmuscle.run import Result
@@ -175,3 +176,66 @@ def cohort(
     say(quiet, f"wrote {out / 'cohort.csv'}, {len(table['muscle'])} rows")
     if "failed" in table["verdict"]:
         raise typer.Exit(FAILED)
+
+
+def tradeoff(
+    scene: Annotated[Path, Argument(help="A scene.toml.")],
+    out: FolderOption,
+    vary: Annotated[
+        list[str] | None,
+        Option(
+            metavar="SETTING=A,B",
+            help="Values of a setting, such as n_fibres=25,100; repeatable, all combinations are run. "
+            "Default: deformer=none,paths,pbd and quality=preview,balanced,accurate.",
+        ),
+    ] = None,
+    within: Annotated[
+        float | None, Option(metavar="MM", help="Print the cheapest setting within an error of moment arms.")
+    ] = None,
+    frames: FramesOption = None,
+    workers: Annotated[
+        int, Option(metavar="N", min=1, help="Number of processes; runs side by side disturb the times.")
+    ] = 1,
+    quiet: QuietOption = False,
+) -> None:
+    """Measure speed against accuracy of a scene's settings: a table and a figure.
+
+    The time is that of the processor a pose; errors are root mean squares to the limit of the deformer, and
+    to published moment arms of the scene. Finished runs in OUT are not run again.
+    """
+    from rich.table import Table
+
+    from vtkmuscle.scenes import Scene
+    from vtkmuscle.tradeoffs import ALL, ERRORS, TRIED
+    from vtkmuscle.tradeoffs import tradeoff as measure
+
+    settings = {
+        name: [_value(text) for text in texts.split(",")] for name, texts in pairs(vary, "--vary").items()
+    }
+
+    def show(rows: Sequence[Mapping[str, Any]]) -> None:
+        stop_if_interrupted()
+        words = [str(value) for name, value in rows[0].items() if name in (*settings, *TRIED, "limit")]
+        say(quiet, f"{', '.join(words)}: {rows[0]['message'] or rows[0]['verdict']}")
+
+    found = measure(Scene.load(scene), out, frames=frames, workers=workers, progress=show, **settings)
+    whole, shown = found.table.where(muscle=ALL), (*found.settings, "verdict", "ms", *ERRORS)
+    headings = (name.removesuffix("_rms_mm").replace("_", " ") for name in shown)
+    table = Table(*headings, box=None, caption="ms a pose; errors: RMS in mm, of the worst muscle")
+    for row in zip(*(whole[name] for name in shown), strict=True):
+        table.add_row(*(f"{cell:.3g}" if isinstance(cell, float) else str(cell) for cell in row))
+    if not quiet:
+        Console().print(table)
+    if within is not None:
+        best = found.cheapest(within)
+        typer.echo(", ".join(f"{name} = {best[name]}" for name in found.settings), nl=False)
+        typer.echo(f": {best['ms']:.3g} ms a pose, error {best['error_mm']:.2g} mm")
+    say(quiet, f"wrote {out / 'tradeoff.csv'}, {out / 'tradeoff.png'}")
+
+
+def _value(text: str) -> int | float | str:
+    """Return a number where the text is one."""
+    for kind in (int, float):
+        with suppress(ValueError):
+            return kind(text)
+    return text

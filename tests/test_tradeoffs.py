@@ -1,0 +1,80 @@
+"""Speed against accuracy: times, errors to the limit and to published curves, and the cheapest setting."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from tiny_scene import write_tiny_scene
+from typer.testing import CliRunner
+
+import vtkmuscle
+from vtkmuscle.cli import app
+from vtkmuscle.io.literature import LiteratureCurve
+from vtkmuscle.tradeoffs import ALL, ERRORS
+
+
+@pytest.fixture(scope="module")
+def measured(tmp_path_factory):
+    """A scene with its own moment arm, 3 mm higher, as the published curve; coarse and fine paths."""
+    folder = tmp_path_factory.mktemp("tradeoff")
+    scene = vtkmuscle.Scene.from_phantom(vtkmuscle.phantoms.spindle_over_hinge(), n_fibres=8)
+    ((name, muscle),) = scene.muscles.items()
+    ((coordinate, joint),) = scene.run(frames="0:3").moment_arms()[name].items()
+    curve = LiteratureCurve("own", name, coordinate, "", joint.values, joint.mean + 3.0)
+    scene = replace(scene, muscles={name: replace(muscle, literature=(curve,))}, files={})
+    settings = {"deformer": ["none"], "quality": ["preview", "accurate"], "n_fibres": [8]}
+    return scene, folder / "out", vtkmuscle.tradeoff(scene, folder / "out", frames="0:3", **settings)
+
+
+def test_finer_paths_come_nearer_to_the_limit(measured):
+    whole = measured[2].table.where(muscle=ALL)
+    coarse, fine = whole["moment_arm_rms_mm"]
+    assert 0.0 < fine < 0.5 * coarse < 1.0
+    assert (whole["ms"] > 0.0).all()
+    assert set(ERRORS) <= set(whole)
+
+
+def test_a_value_that_is_not_allowed_is_refused_before_anything_runs(measured):
+    with pytest.raises(ValueError, match="n_fibres: 0 is not allowed"):
+        vtkmuscle.tradeoff(measured[0], n_fibres=[8, 0])
+
+
+def test_published_curves_of_the_scene_are_compared(measured):
+    np.testing.assert_allclose(measured[2].table.where(muscle=ALL)["published_rms_mm"], 3.0, atol=0.2)
+
+
+def test_the_cheapest_setting_within_an_error_is_named_and_none_is_an_error(measured):
+    found = measured[2]
+    best = found.cheapest(within=100.0)
+    whole = found.table.where(muscle=ALL)
+    assert best["ms"] == np.nanmin(whole["ms"])
+    fine = whole["moment_arm_rms_mm"][1]
+    assert found.cheapest(within=fine)["quality"] == "accurate"
+    with pytest.raises(ValueError, match="no setting has an error of 1e-12 mm or less; the least is"):
+        found.cheapest(within=1e-12)
+
+
+def test_finished_runs_are_read_again_and_table_and_figure_are_written(measured):
+    scene, out, found = measured
+    settings = {"deformer": ["none"], "quality": ["preview", "accurate"], "n_fibres": [8]}
+    again = vtkmuscle.tradeoff(scene, out, frames="0:3", **settings)
+    first = found.table.where(muscle=ALL, n_fibres=8)
+    np.testing.assert_array_equal(again.table.where(muscle=ALL)["ms"], first["ms"])
+    assert (out / "tradeoff.csv").read_text().startswith("deformer,quality,n_fibres,muscle,verdict,ms,")
+    assert (out / "tradeoff.png").stat().st_size > 5000
+
+
+def test_the_command_prints_the_table_and_the_cheapest_setting(tmp_path):
+    scene = write_tiny_scene(tmp_path)
+    settings = ["--vary", "deformer=none", "--vary", "quality=preview,balanced", "--frames", "0:2"]
+    done = CliRunner().invoke(
+        app, ["tradeoff", str(scene), "--out", str(tmp_path / "out"), *settings, "--within", "5"]
+    )
+    assert done.exit_code == 0, done.output
+    assert "moment arm" in done.output
+    assert "deformer = none, quality = " in done.output
+    bad = CliRunner().invoke(
+        app, ["tradeoff", str(scene), "--out", str(tmp_path / "bad"), "--vary", "fibres"]
+    )
+    assert bad.exit_code == 2
+    assert "--vary: 'fibres' is no pair" in bad.stderr

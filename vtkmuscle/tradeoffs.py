@@ -1,0 +1,291 @@
+"""Speed against accuracy: a scene with many settings, in time a pose and in errors."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import product
+from os import PathLike
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from vtkmuscle.core.errors import InputError
+from vtkmuscle.data.arrays import points_of
+from vtkmuscle.filters.deformer.settings import PRESETS
+from vtkmuscle.filters.taut_paths import RESOLUTIONS
+from vtkmuscle.io.literature import curves_for, drawn
+from vtkmuscle.run import Result
+from vtkmuscle.run.table import Table
+from vtkmuscle.scene.data import MILLIMETRES
+from vtkmuscle.scenes import Scene
+from vtkmuscle.studies import Row, folder_name, run_labelled, with_settings
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+#: Settings that are tried where none are named.
+TRIED: Mapping[str, tuple[Any, ...]] = {
+    "deformer": ("none", "paths", "pbd"),
+    "quality": ("preview", "balanced", "accurate"),
+}
+
+#: The limit of a deformer: the numbers of ``"accurate"``, doubled.
+_FINEST_PATHS = {"paths": {"resolution": 2 * RESOLUTIONS["accurate"]}}
+LIMITS: Mapping[str, Mapping[str, Any]] = {
+    "none": _FINEST_PATHS,
+    "paths": _FINEST_PATHS,
+    "pbd": {"iterations": 2 * PRESETS["accurate"]["iterations"], "solved_triangles": 0},
+}
+
+#: Parameters that a quality sets: the scene's own would defeat it.
+_OF_QUALITY = {"resolution", "iterations", "solved_triangles"}
+
+#: Columns of errors [mm], root mean squares over frames: of mean lengths, mean moment arms and points against
+#: the limit of the deformer, and of mean moment arms against published curves of the scene.
+ERRORS = ("length_rms_mm", "moment_arm_rms_mm", "surface_rms_mm", "published_rms_mm")
+
+#: Name of all muscles together: the sum of times, the largest error.
+ALL = "all"
+
+
+@dataclass(frozen=True, eq=False)
+class Tradeoff:
+    """The result of :func:`tradeoff`.
+
+    Attributes
+    ----------
+    table : Table
+        A row per setting for all muscles together, and one per muscle: settings, ``muscle``, ``verdict``,
+        ``ms`` (processor time a pose after the first [ms]), the errors :data:`ERRORS`, and ``message``. A
+        missing quantity is NaN.
+    settings : tuple of str
+        Names of the settings.
+    """
+
+    table: Table
+    settings: tuple[str, ...]
+
+    def cheapest(self, within: float) -> dict[str, Any]:
+        """Return the settings with the least time within an error [mm].
+
+        The error is that of moment arms, or else lengths, to the deformer's limit, of the worst muscle. A
+        ValueError names the least error where no setting is within.
+        """
+        whole = self.table.where(muscle=ALL)
+        arms = whole["moment_arm_rms_mm"]
+        errors = np.where(np.isnan(arms), whole["length_rms_mm"], arms)
+        allowed = np.flatnonzero((errors <= within) & (whole["verdict"] != "failed"))
+        if not len(allowed):
+            least = "none has one" if np.isnan(errors).all() else f"the least is {np.nanmin(errors):.3g} mm"
+            raise InputError("within", f"no setting has an error of {within:g} mm or less; {least}")
+        best = int(allowed[np.argmin(whole["ms"][allowed])])
+        return {name: whole[name][best].item() for name in (*self.settings, "ms")} | {
+            "error_mm": float(errors[best])
+        }
+
+    def figure(self) -> Figure:
+        """Return a figure of time against errors, a point per setting."""
+        from vtkmuscle.plotting.sheets import blank_figure  # noqa: PLC0415 -- a table needs no figure
+
+        whole = self.table.where(muscle=ALL)
+        shown = [name for name in ERRORS if np.isfinite(whole[name]).any()]
+        figure = blank_figure(5.2 * max(len(shown), 1), 4.4)
+        figure.set_layout_engine("constrained")
+        panels = figure.subplots(1, max(len(shown), 1), squeeze=False)[0]
+        labels = [", ".join(str(whole[name][i]) for name in self.settings) for i in range(len(whole["ms"]))]
+        for axes, name in zip(panels, shown, strict=False):
+            for i, label in enumerate(labels):
+                if np.isfinite(whole[name][i]):
+                    (point,) = axes.plot(whole["ms"][i], whole[name][i], "o")
+                    axes.annotate(
+                        label,
+                        (whole["ms"][i], whole[name][i]),
+                        (4, 4),
+                        textcoords="offset points",
+                        fontsize=7,
+                        color=point.get_color(),
+                    )
+            most = np.nanmax(whole["ms"]), np.nanmax(whole[name])
+            axes.set(xlim=(0.0, 1.4 * most[0]), ylim=(0.0, 1.1 * most[1] or 1.0))  # room for the labels
+            axes.set(xlabel="processor time a pose [ms]", ylabel=_TITLES[name])
+        return figure
+
+    def write(self, folder: str | PathLike[str]) -> list[Path]:
+        """Write ``tradeoff.csv`` and ``tradeoff.png`` to a folder; return both paths."""
+        from vtkmuscle.plotting.sheets import save_figure  # noqa: PLC0415 -- a table needs no figure
+
+        table = self.table.to_csv(Path(folder) / "tradeoff.csv", digits=4)
+        save_figure(self.figure(), Path(folder) / "tradeoff.png")
+        return [table, Path(folder) / "tradeoff.png"]
+
+
+_TITLES = {
+    "length_rms_mm": "mean length, to the limit, RMS [mm]",
+    "moment_arm_rms_mm": "mean moment arm, to the limit, RMS [mm]",
+    "surface_rms_mm": "points, to the limit, RMS [mm]",
+    "published_rms_mm": "mean moment arm, to published curves, RMS [mm]",
+}
+
+
+def tradeoff(
+    scene: Scene,
+    out: str | PathLike[str] | None = None,
+    *,
+    frames: str | slice | range | int | None = None,
+    workers: int | None = 1,
+    client: Any = None,
+    progress: Callable[[Sequence[Row]], None] | None = None,
+    **settings: Iterable[Any],
+) -> Tradeoff:
+    """Measure speed against accuracy of a scene's settings.
+
+    All combinations are run, and the limit of each deformer: ``"accurate"`` with twice its segments of
+    paths or iterations.
+
+    Parameters
+    ----------
+    scene : Scene
+    out : path, optional
+        Folder for the runs, the table and the figure; finished runs in the folder are read instead of run
+        again. Default: no files are kept.
+    frames, client, progress
+        As of :func:`vtkmuscle.cohort`.
+    workers : int, optional
+        Number of processes; runs side by side disturb each other's times.
+    **settings : iterable
+        Values as of :func:`vtkmuscle.vary`; default: :data:`TRIED`.
+
+    Returns
+    -------
+    Tradeoff
+        Table, figure and :meth:`Tradeoff.cheapest`.
+
+    Raises
+    ------
+    ValueError
+        If a setting is unknown or a value is not allowed.
+
+    Limitations
+    -----------
+    The error to the limit is that of the numbers, not of the model; published curves are means of other
+    subjects.
+
+    Examples
+    --------
+    >>> import vtkmuscle
+    >>> scene = vtkmuscle.Scene.from_phantom(vtkmuscle.phantoms.spindle_over_hinge(), n_fibres=8)
+    >>> result = vtkmuscle.tradeoff(scene, frames="0:3", deformer=["none"], quality=["preview", "accurate"])
+    >>> result.cheapest(within=1.0)["deformer"]
+    'none'
+    """
+    varied = {name: tuple(values) for name, values in (settings or TRIED).items()}
+    tried = [dict(zip(varied, values, strict=True)) for values in product(*varied.values())]
+    plain = _without(scene, _OF_QUALITY) if "quality" in varied else scene
+    deformers = dict.fromkeys(values.get("deformer", scene.deformer) for values in tried)
+    finest = {name: max(values) for name, values in varied.items() if name == "n_fibres"}
+    limits = {name: {"deformer": name, "quality": "accurate", **finest, **LIMITS[name]} for name in deformers}
+    bare = _without(scene, _OF_QUALITY)
+    labelled = [(values, with_settings(plain, values)) for values in tried]
+    labelled += [({"limit": name}, with_settings(bare, values)) for name, values in limits.items()]
+    options = {"frames": frames, "clock": time.process_time, "sense": False}
+    with TemporaryDirectory() as temporary:
+        folder = Path(temporary if out is None else out)
+        table = run_labelled(labelled, folder, client, workers, progress, options)
+        messages = dict(zip(table["folder"], table["message"], strict=True))
+        results = [_result(folder / folder_name(labels)) for labels, _ in labelled]
+        at_limit = dict(zip(deformers, results[len(tried) :], strict=True))
+        rows: list[list[Any]] = []
+        for values, result in zip(tried, results, strict=False):
+            limit = at_limit[values.get("deformer", scene.deformer)]
+            message = messages.get(folder_name(values), "")
+            measured = (
+                {} if result is None else {name: _measured(result, limit, name) for name in scene.muscles}
+            )
+            for name, row in ({ALL: _together(measured)} | measured).items():
+                rows.append([*values.values(), name, *row.values(), message])
+        columns = (*varied, "muscle", "verdict", "ms", *ERRORS, "message")
+        found = Tradeoff(Table(columns, rows), tuple(varied))
+        if out is not None:
+            found.write(folder)
+    return found
+
+
+def _without(scene: Scene, names: set[str]) -> Scene:
+    """Return the scene without its own values of parameters."""
+
+    def rest(own: Mapping[str, Any] | None) -> dict[str, Any]:
+        return {name: value for name, value in (own or {}).items() if name not in names}
+
+    muscles = {name: replace(muscle, solver=rest(muscle.solver)) for name, muscle in scene.muscles.items()}
+    return replace(
+        scene, muscles=muscles, solver=rest(scene.solver), paths=rest(scene.paths) or None, files={}
+    )
+
+
+def _result(folder: Path) -> Result | None:
+    """Return the result in a folder, None where the run has failed as a whole."""
+    return Result.load(folder) if (folder / "report.json").is_file() else None
+
+
+def _measured(result: Result, limit: Result | None, name: str) -> dict[str, Any]:
+    """Return verdict, time and errors of a muscle by column."""
+    muscle = result.report["muscles"][name]
+    frames = muscle["frames"][1:] or muscle["frames"]
+    times = [row.get("ms", 0.0) + row.get("ms_fibres", 0.0) for row in frames]
+    row = {"verdict": muscle["verdict"]["verdict"], "ms": float(np.median(times)) if times else np.nan}
+    row |= dict.fromkeys(ERRORS, np.nan)
+    arms = result.moment_arms().get(name, {}) if result.has_moment_arms else {}
+    curves = result.literature.get(name, ())
+    off = [
+        joint.mean[inside] - np.interp(joint.values[inside], curve.angles, _middle(curve))
+        for coordinate, joint in arms.items()
+        for curve in drawn(curves_for(curves, coordinate=coordinate))
+        if (inside := (joint.values >= curve.angles[0]) & (joint.values <= curve.angles[-1])).any()
+    ]
+    row["published_rms_mm"] = _rms(off)
+    whole = len(result.frames)
+    if limit is None or result.finished(name) < whole or limit.finished(name) < whole:
+        return row
+    for lengths, reference in (
+        (result.lengths, limit.lengths),
+        (result.fibre_lengths, limit.fibre_lengths),
+    ):
+        if name in lengths and name in reference:
+            row["length_rms_mm"] = _rms([lengths[name].mean(axis=1) - reference[name].mean(axis=1)])
+            break
+    finest = limit.moment_arms().get(name, {}) if limit.has_moment_arms else {}
+    row["moment_arm_rms_mm"] = _rms([arms[axis].mean - finest[axis].mean for axis in arms if axis in finest])
+    if result.report["deformer"] != "none":
+        row["surface_rms_mm"] = MILLIMETRES[result.units] * _rms(
+            [
+                np.linalg.norm(
+                    points_of(result.muscle(name, time=at)) - points_of(limit.muscle(name, time=at)), axis=1
+                )
+                for at in result.times
+            ]
+        )
+    return row
+
+
+def _middle(curve: Any) -> Any:
+    return curve.arms if curve.upper is None else 0.5 * (curve.arms + curve.upper)
+
+
+def _rms(parts: Sequence[Any]) -> float:
+    """Return the root mean square of all numbers, NaN of none."""
+    return float(np.sqrt(np.mean(np.concatenate(parts) ** 2))) if parts else float("nan")
+
+
+def _together(muscles: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
+    """Return the worst verdict, the sum of times and the largest errors of muscles."""
+    verdicts = [row["verdict"] for row in muscles.values()]
+    worst = next((verdict for verdict in ("failed", "look", "ok") if verdict in verdicts), "failed")
+    row: dict[str, Any] = {"verdict": worst, "ms": sum(row["ms"] for row in muscles.values()) or np.nan}
+    for name in ERRORS:
+        known = [row[name] for row in muscles.values() if np.isfinite(row[name])]
+        row[name] = max(known, default=np.nan)
+    return row
