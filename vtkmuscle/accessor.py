@@ -77,11 +77,6 @@ class MuscleAccessor:
             All areas, instead of ``origin`` and ``insertion``.
         **parameters
             Of :class:`~vtkmuscle.filters.FixedPointDetector`: ``method``, ``distance``.
-
-        Returns
-        -------
-        pyvista.PolyData
-            The muscle.
         """
         areas = _areas(origin, insertion, attachments, _names(bones))
         return FixedPointDetector(muscle=self._mesh, bones=bones, attachments=areas, **parameters).apply()
@@ -132,21 +127,14 @@ class MuscleAccessor:
     def fibres(
         self, *, origin: Any = None, insertion: Any = None, attachments: Any = None, **settings: Any
     ) -> Any:
-        """Return fibres filling the muscle.
-
-        By :func:`vtkmuscle.pipelines.decompose`.
+        """Return fibres filling the muscle, polylines from origin to insertion.
 
         Parameters
         ----------
         origin, insertion, attachments
             As of :meth:`fixed`; the landmarks of a single area need no bone.
         **settings
-            Of ``decompose``: ``template``, ``n_fibres``, ``resolution`` and so on.
-
-        Returns
-        -------
-        pyvista.PolyData
-            Polylines from origin to insertion.
+            Of :func:`vtkmuscle.pipelines.decompose`: ``template``, ``n_fibres``, ``resolution`` and so on.
         """
         areas = _areas(origin, insertion, attachments, None)
         if areas is None:
@@ -160,25 +148,10 @@ class MuscleAccessor:
     def plot(
         self, *, fibres: Any = None, bones: Any = None, show: bool = True, off_screen: bool | None = None
     ) -> Any:
-        """Show the muscle, with fibres and bones.
+        """Show the muscle, with fibres and bones in the same pose, in a window or a cell of a notebook.
 
-        In a window or in a cell of a notebook.
-
-        Parameters
-        ----------
-        fibres : pyvista.PolyData, optional
-            Polylines, drawn inside the muscle.
-        bones : pyvista.MultiBlock or mapping of str to vtkPolyData, optional
-            In the same pose.
-        show : bool, optional
-            False to get the plotter before it is shown.
-        off_screen : bool, optional
-            Draw without a window; PyVista's own setting by default.
-
-        Returns
-        -------
-        pyvista.Plotter or None
-            The plotter with ``show=False``.
+        With ``show=False`` the plotter is returned before it is shown; ``off_screen`` is PyVista's own
+        setting by default.
         """
         named = {} if bones is None else bones
         lines_alone = self._mesh.GetNumberOfPolys() == 0

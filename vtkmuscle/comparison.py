@@ -56,10 +56,8 @@ class Comparison:
         Of the runs; the first is the reference.
     curves : dict of str to dict of str to dict of str to Curve
         By muscle, quantity and run.
-    literature : dict of str to tuple of LiteratureCurve
-        Published moment arms by muscle.
-    verdicts : dict of (str, str) to str
-        By muscle and run.
+    literature, verdicts : dict
+        Published moment arms by muscle; verdicts by muscle and run.
     """
 
     names: list[str] = field(default_factory=list)

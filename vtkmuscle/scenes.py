@@ -181,23 +181,11 @@ class Scene(SceneData):
     def plot(
         self, *, muscles: str | Sequence[str] | None = None, show: bool = True, off_screen: bool | None = None
     ) -> Any:
-        """Show bones, muscles and landmarks at rest.
+        """Show bones, muscles and landmarks at rest, in a window or a cell of a notebook.
 
-        In a window or in a cell of a notebook. Origins are black, insertions red, via rings white.
-
-        Parameters
-        ----------
-        muscles : str or sequence of str, optional
-            Muscles to show; default all. SceneError for unknown names.
-        show : bool, optional
-            False returns the plotter without showing, for additions or captures.
-        off_screen : bool, optional
-            Draw without a window; PyVista's own setting by default.
-
-        Returns
-        -------
-        pyvista.Plotter or None
-            The plotter with ``show=False``.
+        Origins are black, insertions red, via rings white. ``muscles`` are shown, default all; SceneError for
+        unknown names. With ``show=False`` the plotter is returned before it is shown; ``off_screen`` is
+        PyVista's own setting by default.
         """
         from vtkmuscle.run.figures import plotter_at_rest  # noqa: PLC0415 -- only pictures need PyVista
 

@@ -124,16 +124,10 @@ class Result(ResultData):
     ) -> Any:
         """Show the scene in a window, or in a cell of a notebook.
 
-        Parameters
-        ----------
-        frame, time : int, float, optional
-            Of one kept frame; without either, a slider goes through all of them.
-        muscles : str or sequence of str, optional
-            Which to show; default all. ValueError if there is no such muscle or kept frame.
-        show : bool, optional
-            False to return the plotter before it is shown, to add to it or to capture it.
-        off_screen : bool, optional
-            Draw without a window; PyVista's own setting by default.
+        A kept frame by number or time; without either, a slider goes through all of them. ``muscles`` are
+        shown, default all. With ``show=False`` the plotter is returned before it is shown, to add to it or to
+        capture it; ``off_screen`` is PyVista's own setting by default. ValueError if there is no such muscle
+        or kept frame.
         """
         from vtkmuscle.run.figures import ResultDisplay  # noqa: PLC0415 -- only pictures need PyVista
 

@@ -280,17 +280,10 @@ class ResultData:
                 yield name, fibre_table(columns, self.times, MILLIMETRES[self.units])
 
     def to_csv(self, folder: str | PathLike[str]) -> list[Path]:
-        """Write the tables of the result: lengths, moment arms, architecture, and the checks by frame.
+        """Write the tables of the result to a folder, and return the .csv files.
 
-        Parameters
-        ----------
-        folder : path
-            Made where it does not exist; files of the same names are replaced.
-
-        Returns
-        -------
-        list of Path
-            The .csv files.
+        Lengths, moment arms, architecture, and the checks by frame. The folder is made where it does not
+        exist; files of the same names are replaced.
         """
         Path(folder).mkdir(parents=True, exist_ok=True)
         tables = self.tables() | {"frames": self.frame_table()}

@@ -138,16 +138,13 @@ def _muscles_of(report: Mapping[str, Any] | None) -> Iterator[str]:
 
 def _check_inputs(folder: Path, files: Mapping[str, Path], written: Collection[str]) -> None:
     """Raise a ValueError for a scene's input among results."""
+    base = folder.resolve()
     for key, file in files.items():
-        for path in {file.resolve(), Path(os.path.abspath(file))}:
-            for base in {folder.resolve(), Path(os.path.abspath(folder))}:
-                if base in path.parents and path.relative_to(base).parts[0] in written:
-                    raise InputError(
-                        file,
-                        f"the results in {folder} would replace an input of the scene"
-                        f"{f' ({key})' if key else ''}",
-                        "give another folder with --out",
-                    )
+        for path in {file.resolve(), file.parent.resolve() / file.name}:
+            if base in path.parents and path.relative_to(base).parts[0] in written:
+                problem = f"the results in {folder} would replace an input of the scene"
+                remedy = "give another folder with --out"
+                raise InputError(file, f"{problem}{f' ({key})' if key else ''}", remedy)
 
 
 def _check_results(folder: Path, scene: SceneData, report: Mapping[str, Any] | None) -> None:
