@@ -102,12 +102,11 @@ class FibreField(Filter):
             self.report_progress(0.9 * min(1.0, part.stop / len(positions)))
         inside = distances <= SPACINGS * field.spacing if muscle is None else _in_muscle(positions, muscle)
         if not inside.any():
-            raise InputError(
-                "mesh",
-                f"none of its {len(positions)} {self.at} is in the muscle; they are in {_box(positions)}, "
-                f"the fibres in {_box(fibres.points)}",
-                "bring both to the same place and unit of length",
+            problem = (
+                f"none of its {len(positions)} {self.at} is in the muscle; they are in {_box(positions)}"
             )
+            remedy = "bring both to the same place and unit of length"
+            raise InputError("mesh", f"{problem}, the fibres in {_box(fibres.points)}", remedy)
         arrays: dict[str, NDArray[Any]] = {
             "FibreDirection": directions,
             "FibreDistance": distances,
