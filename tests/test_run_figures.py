@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import pyvista as pv
 from PIL import Image
 from tiny_scene import write_tiny_scene
 
@@ -68,6 +69,33 @@ def test_figures_of_muscles_that_are_taken_over_are_drawn(renders, scene, tmp_pa
     assert again.report["taken_over"] == ["spindle"]
     assert again.report["figures"] == first
     assert {p.name for p in (tmp_path / "figures").iterdir()} == set(first["written"])
+
+
+def test_figures_are_written_in_each_form_or_not_at_all(renders, scene, tmp_path, monkeypatch):
+    result, theme = scene.run(frames="0:2", figures=False), pv.global_theme.to_dict()
+    for form in ("png", "pdf", "svg"):
+        written = {path.stem: path for path in result.write_figures(tmp_path / form, form=form, dpi=75)}
+        assert set(written.values()) == set((tmp_path / form).iterdir())
+        assert set(written) == {
+            "rest_pose",
+            *(f"spindle_{n}" for n in ("fibre_lengths", "frames", "lengths")),
+        }
+        text = written["spindle_lengths"].read_bytes()
+        assert form == "png" or b"<image" not in text
+        assert b"/Subtype /Image" not in text
+    assert b"path length [mm]" in text
+    assert b"<image" in written["spindle_frames"].read_bytes()
+    for path in (tmp_path / "png").iterdir():
+        assert pv.read(path).point_data.active_scalars.std() > 5.0, f"{path.name} is blank"
+    assert pv.read(tmp_path / "png/spindle_lengths.png").dimensions == (525, 345, 1)
+    assert pv.global_theme.to_dict() == theme
+    for options, words in (({"form": "jpg"}, "png, pdf and svg"), ({"dpi": 0}, "20 to 2400")):
+        with pytest.raises(ValueError, match=words):
+            result.write_figures(tmp_path, **options)
+    monkeypatch.setattr(run_figures, "can_render", lambda: "there is no display card")
+    with pytest.raises(RuntimeError, match="there is no display card"):
+        result.write_figures(tmp_path / "none")
+    assert not (tmp_path / "none").exists()
 
 
 @pytest.fixture
