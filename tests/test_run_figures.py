@@ -124,7 +124,7 @@ def test_a_picture_that_cannot_be_written_loses_no_muscle(renders, scene, tmp_pa
     assert not list(tmp_path.rglob(".*"))
 
 
-@pytest.mark.parametrize("workers", [1, 2])
+@pytest.mark.parametrize("workers", [1, pytest.param(2, marks=pytest.mark.long)])
 def test_an_error_in_drawing_is_told(renders, pair, tmp_path, monkeypatch, workers):
     def upside_down(result, name):
         return [FigureOrder("upside_down", "plot_lengths", {"times": [1.0], "lengths": "none"})]
@@ -136,6 +136,7 @@ def test_an_error_in_drawing_is_told(renders, pair, tmp_path, monkeypatch, worke
     assert not list(tmp_path.glob(".*"))
 
 
+@pytest.mark.long
 def test_a_crash_of_a_process_that_draws_takes_no_run_with_it(renders, pair, tmp_path, monkeypatch):
     """The reason is said, and all else is written."""
 
