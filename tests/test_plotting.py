@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 import pyvista as pv
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from PIL import Image
 
 from vtkmuscle.data.arrays import (
     Polylines,
@@ -34,8 +30,6 @@ from vtkmuscle.plotting import (
 from vtkmuscle.plotting.figures import positions_across, shown_range
 from vtkmuscle.plotting.sheets import Pixels
 from vtkmuscle.plotting.studio import actors_of, strain_colours
-from vtkmuscle.run import figures as run_figures
-from vtkmuscle.run.figures import write_figures
 
 
 @pytest.fixture
@@ -68,42 +62,6 @@ def two_bones(y=25.0):
     lower = pv.Cube(center=(0, y, -40), x_length=80, y_length=8, z_length=70).triangulate()
     upper = pv.Cube(center=(0, y, 40), x_length=80, y_length=8, z_length=70).triangulate()
     return multiblock_from({"lower": lower, "upper": upper})
-
-
-@dataclass
-class FakeResult:
-    name: str = "fake"
-    units: str = "mm"
-    times: list = field(default_factory=lambda: [0.0, 10.0, 20.0, 30.0])
-    muscle_names: list = field(default_factory=lambda: ["with_fibres", "bare"])
-    literature: dict = field(default_factory=dict)
-    time_label: str = "time"
-    has_moment_arms: bool = False
-
-    def __post_init__(self):
-        self.lengths = {"with_fibres": np.array([[90.0, 90.0]]) * (1.0 + np.arange(4)[:, None] / 100.0)}
-        self.fibre_lengths = self.lengths
-        rows = [{"time": t, "volume_ratio": 1.001} for t in self.times]
-        self.report = {"deformer": "paths", "muscles": {name: {"frames": rows} for name in self.muscle_names}}
-        self.frames = list(range(len(self.times)))
-        self.motion = SimpleNamespace(times=self.times, at=lambda time: {})
-        self.drawn_bones = DrawnBones(two_bones())
-        self.verdicts = dict.fromkeys(self.muscle_names, "ok")
-
-    def finished(self, name):
-        return len(self.times)
-
-    def rest_muscle(self, name):
-        return spindle()
-
-    def rest_fibres(self, name):
-        return straight_fibres() if name == "with_fibres" else None
-
-    def muscle(self, name, *, frame):
-        return spindle()
-
-    def fibres(self, name, *, frame):
-        return straight_fibres(frame / 100.0) if name == "with_fibres" else None
 
 
 def picture(plotter):
@@ -148,13 +106,6 @@ def test_a_window_that_renders_nothing_is_not_taken_for_success(renders, monkeyp
     reason = can_render()
     can_render.cache_clear()
     assert "could not be rendered" in reason
-
-
-def test_without_opengl_the_writer_raises_the_reason_and_writes_nothing(monkeypatch, tmp_path):
-    monkeypatch.setattr(run_figures, "can_render", lambda: "there is no display card")
-    with pytest.raises(RuntimeError, match="there is no display card"):
-        write_figures(tmp_path / "figures", FakeResult())
-    assert not (tmp_path / "figures").exists()
 
 
 # ---------------------------------------------------------------- views
@@ -208,42 +159,6 @@ def test_a_fibre_that_shortens_is_blue_and_one_that_lengthens_is_not(renders):
     longer = picture(make_plotter(bones, [muscle], view, fibres=fibres, colours=coloured(9.0, 9.0)))
     assert blue_pixels(shorter, by=20) > 2000
     assert blue_pixels(longer, by=20) == 0
-
-
-@pytest.mark.parametrize("form", ["png", "pdf", "svg"])
-def test_curves_are_lines_and_letters_where_the_form_has_such(renders, tmp_path, form):
-    written = {path.stem: path for path in write_figures(tmp_path, FakeResult(), form=form, dpi=75)}
-    assert {path.suffix for path in written.values()} == {f".{form}"}
-    text = written["with_fibres_lengths"].read_bytes()
-    if form == "png":
-        with Image.open(written["with_fibres_lengths"]) as image:
-            assert image.size == (525, 345)
-    else:
-        assert (b"<image" in text) is (b"/Subtype /Image" in text) is False
-    if form == "svg":
-        assert b"path length [mm]" in text
-        assert b"<image" in written["with_fibres_frames"].read_bytes()
-
-
-@pytest.mark.parametrize(
-    ("options", "words"), [({"form": "jpg"}, "png, pdf, svg"), ({"dpi": 0}, "20 to 2400")]
-)
-def test_a_figure_that_cannot_be_is_refused(tmp_path, options, words):
-    with pytest.raises(ValueError, match=words):
-        write_figures(tmp_path, FakeResult(), **options)
-
-
-def test_all_figures_of_a_run_are_written(renders, tmp_path):
-    theme = pv.global_theme.to_dict()
-    written = write_figures(tmp_path / "figures", FakeResult())
-    of_fibres = {f"with_fibres_{name}" for name in ("frames", "lengths", "fibre_lengths")}
-    names = {"rest_pose", "bare_frames", *of_fibres}
-    assert {path.stem for path in written} == names
-    assert set(written) == set((tmp_path / "figures").iterdir())
-    for path in written:
-        pixels = pv.read(path).point_data.active_scalars
-        assert pixels.std() > 5.0, f"{path.name} is blank"
-    assert pv.global_theme.to_dict() == theme
 
 
 def test_a_picture_of_a_studio_is_that_of_a_plotter(renders):

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import pyvista as pv
 from PIL import Image
 from tiny_scene import write_tiny_scene
 
@@ -68,6 +69,33 @@ def test_figures_of_muscles_that_are_taken_over_are_drawn(renders, scene, tmp_pa
     assert {p.name for p in (tmp_path / "figures").iterdir()} == set(first["written"])
 
 
+def test_figures_are_written_in_each_form_or_not_at_all(renders, scene, tmp_path, monkeypatch):
+    result, theme = scene.run(frames="0:2", figures=False), pv.global_theme.to_dict()
+    for form in ("png", "pdf", "svg"):
+        written = {path.stem: path for path in result.write_figures(tmp_path / form, form=form, dpi=75)}
+        assert set(written.values()) == set((tmp_path / form).iterdir())
+        assert set(written) == {
+            "rest_pose",
+            *(f"spindle_{n}" for n in ("fibre_lengths", "frames", "lengths")),
+        }
+        text = written["spindle_lengths"].read_bytes()
+        assert form == "png" or b"<image" not in text
+        assert b"/Subtype /Image" not in text
+    assert b"path length [mm]" in text
+    assert b"<image" in written["spindle_frames"].read_bytes()
+    for path in (tmp_path / "png").iterdir():
+        assert pv.read(path).point_data.active_scalars.std() > 5.0, f"{path.name} is blank"
+    assert pv.read(tmp_path / "png/spindle_lengths.png").dimensions == (525, 345, 1)
+    assert pv.global_theme.to_dict() == theme
+    for options, words in (({"form": "jpg"}, "png, pdf and svg"), ({"dpi": 0}, "20 to 2400")):
+        with pytest.raises(ValueError, match=words):
+            result.write_figures(tmp_path, **options)
+    monkeypatch.setattr(run_figures, "can_render", lambda: "there is no display card")
+    with pytest.raises(RuntimeError, match="there is no display card"):
+        result.write_figures(tmp_path / "none")
+    assert not (tmp_path / "none").exists()
+
+
 @pytest.fixture
 def pair(scene):
     """A scene of two muscles, whose figures two processes draw."""
@@ -84,6 +112,32 @@ def test_figures_that_another_process_draws_are_those_that_this_one_draws(render
         np.testing.assert_array_equal(there, here, err_msg=path.name)
 
 
+<<<<<<< HEAD
+=======
+def test_a_picture_that_cannot_be_written_loses_no_muscle(renders, scene, tmp_path):
+    (tmp_path / "figures/rest_pose.png").mkdir(parents=True)
+    with pytest.raises(OSError, match=r"figures/rest_pose\.png"):
+        scene.run(tmp_path, frames="0:3", overwrite=True)
+    report = json.loads((tmp_path / "report.json").read_text())
+    assert len(report["muscles"]["spindle"]["frames"]) == 3
+    assert not report["complete"]
+    assert "IsADirectoryError" in report["stopped_by"]
+    assert not list(tmp_path.rglob(".*"))
+
+
+@pytest.mark.parametrize("workers", [1, pytest.param(2, marks=pytest.mark.long)])
+def test_an_error_in_drawing_is_told(renders, pair, tmp_path, monkeypatch, workers):
+    def upside_down(result, name):
+        return [FigureOrder("upside_down", "plot_lengths", {"times": [1.0], "lengths": "none"})]
+
+    monkeypatch.setattr(run_figures, "figures_of_muscle", upside_down)
+    with pytest.raises(ValueError, match="could not convert"):
+        pair.run(tmp_path, frames=0, workers=workers)
+    assert json.loads((tmp_path / "report.json").read_text())["complete"] is False
+    assert not list(tmp_path.glob(".*"))
+
+
+>>>>>>> 49779a23473f9600fe495f703bb7d4d8633fcff0
 @pytest.mark.long
 def test_a_crash_of_a_process_that_draws_takes_no_run_with_it(renders, pair, tmp_path, monkeypatch):
     """The reason is said, and all else is written."""

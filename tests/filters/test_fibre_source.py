@@ -169,7 +169,7 @@ def test_a_surface_that_covers_the_muscle_is_no_aponeurosis(block):
 
 def test_sections_do_not_lead_from_aponeurosis_to_aponeurosis(block):
     muscle, attachments = block
-    with pytest.raises(ValueError, match="course='sections' leads fibres from attachment area"):
+    with pytest.raises(ValueError, match="course='sections' leads fibres between attachment areas"):
         FibreSource(course="sections")(muscle, attachments, None, aponeuroses_data(two_rings(muscle)))
 
 

@@ -117,12 +117,8 @@ class FibreSource(Filter):
     ) -> vtkPolyData:
         """Return the fibres."""
         if self.course == "sections" and aponeuroses is not None:
-            raise InputError(
-                "",
-                "course='sections' leads fibres from attachment area to attachment area, but aponeuroses are "
-                "connected",
-                "use course='auto' or 'straight', or leave the aponeuroses out",
-            )
+            problem = "course='sections' leads fibres between attachment areas, but aponeuroses are connected"
+            raise InputError("", problem, "use course='auto' or 'straight', or leave the aponeuroses out")
         if attachments is None and aponeuroses is None:
             raise InputError("", "no attachments are connected", "connect attachments or aponeuroses")
         areas = attachments or []

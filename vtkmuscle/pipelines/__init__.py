@@ -290,7 +290,6 @@ class MusclePipeline:
                 fibres=self._moving_fibres(weight_tolerance),
                 muscle=self.deformer,
                 paths=self.taut_paths,
-                curvature=True,
             )
 
     def _moving_fibres(self, weight_tolerance: float) -> Any:

@@ -206,16 +206,10 @@ _LIGHTS = (
     ((-0.939693, 0.0, -0.34202), (0.214286, 0.214286, 0.214286)),
 )
 #: Diffuse lighting of a fragment by them, at half the cost of VTK's own shader where OpenGL is in software.
-_LIT = "\n".join(
-    [
-        "vec3 lit = vec3(0.0);",
-        *(
-            f"lit += max(dot(normalVCVSOutput, vec3{towards}), 0.0) * vec3{colour};"
-            for towards, colour in _LIGHTS
-        ),
-        "gl_FragData[0] = vec4(ambientColor + lit * diffuseColor, opacity);",
-    ]
-)
+_LIT = "vec3 lit = vec3(0.0);"
+for _towards, _colour in _LIGHTS:
+    _LIT += f"lit += max(dot(normalVCVSOutput, vec3{_towards}), 0.0) * vec3{_colour};"
+_LIT += "gl_FragData[0] = vec4(ambientColor + lit * diffuseColor, opacity);"
 
 
 class Studio:
