@@ -112,32 +112,6 @@ def test_figures_that_another_process_draws_are_those_that_this_one_draws(render
         np.testing.assert_array_equal(there, here, err_msg=path.name)
 
 
-<<<<<<< HEAD
-=======
-def test_a_picture_that_cannot_be_written_loses_no_muscle(renders, scene, tmp_path):
-    (tmp_path / "figures/rest_pose.png").mkdir(parents=True)
-    with pytest.raises(OSError, match=r"figures/rest_pose\.png"):
-        scene.run(tmp_path, frames="0:3", overwrite=True)
-    report = json.loads((tmp_path / "report.json").read_text())
-    assert len(report["muscles"]["spindle"]["frames"]) == 3
-    assert not report["complete"]
-    assert "IsADirectoryError" in report["stopped_by"]
-    assert not list(tmp_path.rglob(".*"))
-
-
-@pytest.mark.parametrize("workers", [1, pytest.param(2, marks=pytest.mark.long)])
-def test_an_error_in_drawing_is_told(renders, pair, tmp_path, monkeypatch, workers):
-    def upside_down(result, name):
-        return [FigureOrder("upside_down", "plot_lengths", {"times": [1.0], "lengths": "none"})]
-
-    monkeypatch.setattr(run_figures, "figures_of_muscle", upside_down)
-    with pytest.raises(ValueError, match="could not convert"):
-        pair.run(tmp_path, frames=0, workers=workers)
-    assert json.loads((tmp_path / "report.json").read_text())["complete"] is False
-    assert not list(tmp_path.glob(".*"))
-
-
->>>>>>> 49779a23473f9600fe495f703bb7d4d8633fcff0
 @pytest.mark.long
 def test_a_crash_of_a_process_that_draws_takes_no_run_with_it(renders, pair, tmp_path, monkeypatch):
     """The reason is said, and all else is written."""

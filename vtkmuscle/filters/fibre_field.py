@@ -102,9 +102,7 @@ class FibreField(Filter):
             self.report_progress(0.9 * min(1.0, part.stop / len(positions)))
         inside = distances <= SPACINGS * field.spacing if muscle is None else _in_muscle(positions, muscle)
         if not inside.any():
-            problem = (
-                f"no {self.at} of {len(positions)} are in the muscle; the mesh is in {_box(positions)}"
-            )
+            problem = f"no {self.at} of {len(positions)} are in the muscle; the mesh is in {_box(positions)}"
             remedy = "use the same frame and unit for both"
             raise InputError("mesh", f"{problem}, the fibres in {_box(fibres.points)}", remedy)
         arrays: dict[str, NDArray[Any]] = {
