@@ -87,7 +87,7 @@ def test_figures_are_written_in_each_form_or_not_at_all(renders, scene, tmp_path
         assert pv.read(path).point_data.active_scalars.std() > 5.0, f"{path.name} is blank"
     assert pv.read(tmp_path / "png/spindle_lengths.png").dimensions == (525, 345, 1)
     assert pv.global_theme.to_dict() == theme
-    for options, words in (({"form": "jpg"}, "png, pdf and svg"), ({"dpi": 0}, "20 to 2400")):
+    for options, words in (({"form": "jpg"}, "png, pdf, svg"), ({"dpi": 0}, "20 to 2400")):
         with pytest.raises(ValueError, match=words):
             result.write_figures(tmp_path, **options)
     monkeypatch.setattr(run_figures, "can_render", lambda: "there is no display card")
