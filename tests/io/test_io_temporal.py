@@ -6,7 +6,6 @@ import subprocess
 
 import numpy as np
 import pytest
-from vtkmodules.vtkIOHDF import vtkHDFReader
 
 from vtkmuscle.data.arrays import (
     blocks_of,
@@ -20,8 +19,6 @@ from vtkmuscle.data.arrays import (
     set_point_array,
     surface_from,
 )
-from vtkmuscle.data.pipeline_times import times_of
-from vtkmuscle.filters import FibreTemplateSource, provenance_of
 from vtkmuscle.io import Collection, Series, read_series, write_polydata, write_vtkhdf
 
 TIMES = (0.0, 2.5, 5.0)
@@ -60,28 +57,6 @@ def test_a_series_is_read_back_exactly(tmp_path, kind):
         assert field_array(found, "Transform").tolist() == (np.arange(16.0) * i).tolist()
         assert field_string(found, "Units") == "mm"
     assert np.array_equal(points_of(series.at(2.0)), points_of(frame(1)))
-
-
-def test_the_single_file_is_one_that_vtk_reads_with_its_times(tmp_path):
-    reader = vtkHDFReader()
-    reader.SetFileName(str(write("vtkhdf", tmp_path)))
-    reader.UpdateInformation()
-    assert times_of(reader.GetOutputInformation(0)) == TIMES
-    reader.UpdateTimeStep(5.0)
-    assert np.array_equal(points_of(reader.GetOutput()), points_of(frame(2)))
-    assert [path.name for path in tmp_path.iterdir()] == ["m.vtkhdf"]
-    assert (tmp_path / "m.vtkhdf").stat().st_size < 500_000
-
-
-def test_what_was_done_travels_with_the_file(tmp_path):
-    fibres = FibreTemplateSource(n_fibres=3).update().output
-    write_polydata(tmp_path / "f.vtp", fibres)
-    write_vtkhdf(tmp_path / "f.vtkhdf", [0.0], lambda _: fibres)
-    Collection(tmp_path / "f.pvd").add(0.0, {"f": tmp_path / "f.vtp"})
-    for name in ("f.pvd", "f.vtkhdf"):
-        (step,) = provenance_of(read_series(tmp_path / name).frame(0))
-        assert step["filter"] == "FibreTemplateSource"
-        assert step["parameters"]["n_fibres"] == 3
 
 
 def test_parts_of_a_step_are_blocks(tmp_path):
@@ -154,18 +129,12 @@ print("point", data.GetPoint(0)[0])
 """
 
 
+@pytest.mark.long
+@pytest.mark.skipif(not shutil.which("pvpython"), reason="ParaView's pvpython is not installed")
 def test_the_installed_paraview_reads_the_collection(tmp_path):
-    pvpython = shutil.which("pvpython")
-    if pvpython is None:
-        pytest.skip("ParaView's pvpython is not installed")
     (tmp_path / "read.py").write_text(PARAVIEW.format(path=str(write("pvd", tmp_path))))
-    done = subprocess.run(
-        [pvpython, "--force-offscreen-rendering", str(tmp_path / "read.py")],
-        capture_output=True,
-        text=True,
-        timeout=300,
-        check=False,
-    )
+    command = ["pvpython", "--force-offscreen-rendering", str(tmp_path / "read.py")]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
     assert done.returncode == 0, done.stderr
     assert f"times {list(TIMES)}" in done.stdout
     assert "point 1.0" in done.stdout

@@ -91,10 +91,10 @@ def serve() -> None:
 
 def _limit_memory(size: int) -> None:
     """Limit the process's memory by the file's size."""
-    try:
-        import resource  # noqa: PLC0415 -- not there in Windows
-    except ImportError:
+    if sys.platform == "win32":
         return
+    import resource  # noqa: PLC0415 -- not there in Windows
+
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     there = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
     _, hard = resource.getrlimit(resource.RLIMIT_AS)
@@ -139,10 +139,7 @@ _REMEDY = "export it again, and check that its suffix is that of its format"
 def read_in_child(path: Path, module: str, reader: str) -> vtkPolyData:
     """Read poly data by the module and class of a reader.
 
-    Raises
-    ------
-    InputError
-        If VTK complains, crashes or takes too long, or the file is no poly data.
+    If VTK complains, crashes or takes too long, or the file is no poly data, an InputError is raised.
     """
     kind, complaint, content = _child.ask(path, module, reader, wanted=True)
     if complaint:
@@ -170,7 +167,7 @@ class _Child:
 
     def __init__(self) -> None:
         self._lock = Lock()
-        self._process: subprocess.Popen[bytes] | None = None
+        self._process: Any = None
         self._owner = 0
 
     def ask(self, path: Path, module: str, reader: str, *, wanted: bool) -> tuple[str, str, bytes]:
@@ -180,21 +177,16 @@ class _Child:
         longest = LONGEST + path.stat().st_size / _SPEED
         question = json.dumps([os.path.abspath(path), module, reader, longest, wanted])
         with self._lock:
-            process = self._running()
-            assert process.stdin is not None
-            assert process.stdout is not None
-            began = time.monotonic()
+            process, began = self._running(), time.monotonic()
             try:
                 process.stdin.write(question.encode() + b"\n")
                 process.stdin.flush()
-                line = process.stdout.readline()
-                kind, complaint, length = json.loads(line) if line else ("", "", 0)
-                content = process.stdout.read(length)
+                if line := process.stdout.readline():
+                    kind, complaint, length = json.loads(line)
+                    return kind, complaint, process.stdout.read(length)
             except BaseException:  # the next question must not get this answer
                 process.kill()
                 raise
-            if line:
-                return kind, complaint, content
             code = process.wait()
         if time.monotonic() - began >= longest:
             raise InputError(path, f"the file was not read within {longest:.0f} s", _REMEDY)
@@ -202,26 +194,23 @@ class _Child:
         problem = f"the file is damaged, or takes too much memory: VTK's reader ended with {name}"
         raise InputError(path, problem, _REMEDY)
 
-    def _running(self) -> subprocess.Popen[bytes]:
+    def _running(self) -> Any:
         """Return a running process of this process; start one if necessary."""
         if self._process is None or self._owner != os.getpid() or self._process.poll() is not None:
             self.close()
             self._owner = os.getpid()
             # The package may be in the working folder, which this Python leaves out.
             root = str(Path(__file__).parents[2])
-            self._process = subprocess.Popen(
-                python_command(f"sys.path.append({root!r})\nfrom {read.__module__} import serve\nserve()"),
-                stdin=subprocess.PIPE,
-                stdout=subprocess.PIPE,
-                stderr=subprocess.DEVNULL,
-            )
+            code = f"sys.path.append({root!r})\nfrom {read.__module__} import serve\nserve()"
+            pipe, nothing = subprocess.PIPE, subprocess.DEVNULL
+            self._process = subprocess.Popen(python_command(code), stdin=pipe, stdout=pipe, stderr=nothing)
         return self._process
 
     def close(self) -> None:
         """End the process, if started by this process."""
-        process, self._process = self._process, None
-        if process is not None and self._owner == os.getpid():
-            process.communicate()
+        if self._process is not None and self._owner == os.getpid():
+            self._process.communicate()
+        self._process = None
 
 
 _child = _Child()

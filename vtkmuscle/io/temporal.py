@@ -29,12 +29,8 @@ from vtkmuscle.io.xml_elements import read_xml
 class Collection:
     """A ParaView collection (.pvd) that grows step by step.
 
-    Each step rewrites the file, so that an interrupted run leaves a list of exactly the finished steps.
-
-    Parameters
-    ----------
-    path : Path
-        The .pvd file; the first step replaces an existing file.
+    Each step rewrites the file, so that an interrupted run leaves a list of exactly the finished steps. The
+    first step replaces an existing file.
     """
 
     def __init__(self, path: Path) -> None:
@@ -42,21 +38,11 @@ class Collection:
         self._entries: list[str] = []
 
     def add(self, time: float, parts: Mapping[str, Path]) -> None:
-        """Add a time step.
-
-        Parameters
-        ----------
-        time : float
-            Pipeline time.
-        parts : mapping of str to Path
-            Existing files of the step, by name, in or below the folder of the .pvd.
-        """
+        """Add existing files of a time step by name, in or below the folder of the .pvd."""
         for number, (name, file) in enumerate(parts.items()):
             relative = file.relative_to(self.path.parent).as_posix()
-            self._entries.append(
-                f'    <DataSet timestep="{float(time)!r}" part="{number}" name="{escape(name)}" '
-                f'file="{escape(relative)}"/>\n'
-            )
+            names = f'part="{number}" name="{escape(name)}" file="{escape(relative)}"'
+            self._entries.append(f'    <DataSet timestep="{float(time)!r}" {names}/>\n')
         head = '<?xml version="1.0"?>\n<VTKFile type="Collection" version="0.1" byte_order="LittleEndian">\n'
         entries = "".join(self._entries)
         write_text(self.path, f"{head}  <Collection>\n{entries}  </Collection>\n</VTKFile>\n")
@@ -97,16 +83,9 @@ _one_writer = Lock()
 
 @dataclass(frozen=True)
 class TimeSeries:
-    """Frames in a file, read on demand.
+    """Frames in files, read on demand, at ascending pipeline times.
 
-    Attributes
-    ----------
-    times : tuple of float
-        Pipeline times, ascending.
-    frame : callable
-        Returns the vtkPolyData of a frame number, or a vtkMultiBlockDataSet of named parts.
-    files : tuple of Path
-        The files of the frames.
+    ``frame`` returns the vtkPolyData of a frame number, or a vtkMultiBlockDataSet of named parts.
     """
 
     times: tuple[float, ...]
@@ -115,8 +94,7 @@ class TimeSeries:
 
     def at(self, time: float) -> Any:
         """Return the frame nearest to a time."""
-        nearest = min(range(len(self.times)), key=lambda number: abs(self.times[number] - time))
-        return self.frame(nearest)
+        return self.frame(min(range(len(self.times)), key=lambda number: abs(self.times[number] - time)))
 
 
 def read_series(path: str | PathLike[str]) -> TimeSeries:
@@ -229,11 +207,8 @@ class _Frames(VTKPythonAlgorithmBase):
 
 
 def _arrays(data: vtkPolyData) -> set[tuple[str, str]]:
-    return {
-        (kind, name)
-        for kind in ("GetPointData", "GetCellData", "GetFieldData")
-        for name in array_names(getattr(data, kind)())
-    }
+    kinds = ("GetPointData", "GetCellData", "GetFieldData")
+    return {(kind, name) for kind in kinds for name in array_names(getattr(data, kind)())}
 
 
 def _from_pvd(path: Path) -> TimeSeries:
