@@ -17,7 +17,7 @@ from mutations import mutated, read_all
 from tiny_scene import ellipsoid
 
 from vtkmuscle.data.arrays import field_string, points_of, set_field_array, set_point_array, triangles_of
-from vtkmuscle.io import in_child, read_polydata, write_vtkhdf
+from vtkmuscle.io import in_child, read_polydata
 
 TRIANGLE = """ply
 format ascii 1.0
@@ -196,13 +196,3 @@ def test_mutated_meshes_are_a_result_or_one_clear_error(tmp_path, tried):
     paths = damaged(tmp_path, KINDS, 60, seed=1)
     read, refused = judged(read_all(paths, "vtkmuscle.io", "read_polydata"), tried)
     assert min(read, refused) > len(paths) // 20
-
-
-@pytest.mark.long
-def test_mutated_series_are_a_result_or_one_clear_error(tmp_path, tried):
-    write_vtkhdf(tmp_path / "whole.vtkhdf", (0.0, 1.0), lambda number: surface())
-    content, paths = (tmp_path / "whole.vtkhdf").read_bytes(), []
-    for number in range(100):
-        paths.append(tmp_path / f"{number}.vtkhdf")
-        paths[-1].write_bytes(mutated(content, number))
-    judged(read_all(paths, "vtkmuscle.io", "read_series"), tried)

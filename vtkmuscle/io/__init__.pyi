@@ -32,11 +32,9 @@ from .surfaces import (
     read_surface as read_surface,
 )
 from .temporal import (
-    SERIES_SUFFIXES as SERIES_SUFFIXES,
     Collection as Collection,
     Series as Series,
     TimeSeries as TimeSeries,
     read_series as read_series,
-    write_vtkhdf as write_vtkhdf,
 )
 from .writing import write_polydata as write_polydata, write_text as write_text

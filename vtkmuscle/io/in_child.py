@@ -25,7 +25,6 @@ from typing import Any
 
 from vtkmodules.vtkCommonCore import vtkLogger, vtkOutputWindow, vtkStringOutputWindow
 from vtkmodules.vtkCommonDataModel import vtkPolyData
-from vtkmodules.vtkCommonExecutionModel import vtkStreamingDemandDrivenPipeline
 from vtkmodules.vtkIOLegacy import vtkPolyDataReader, vtkPolyDataWriter
 
 from vtkmuscle.core.errors import InputError
@@ -63,25 +62,23 @@ def first_line(messages: str) -> str:
 #: text becomes 8 bytes, which are read, kept and written.
 _LEAST_MEMORY, _MEMORY_SIZES = 2 * 1024**3, 40
 
-_TIMES = vtkStreamingDemandDrivenPipeline.TIME_STEPS()
-
 
 def serve() -> None:
     """Answer the requests on standard input, until the end of input.
 
-    A request is a line with a JSON list: file, module and class of the reader, time limit [s], and whether
-    data are needed or only a check of all time steps. The answer is a line of JSON, ``[class of the data,
-    VTK's complaint, length]``, followed by poly data as a .vtk file of that length.
+    A request is a line with a JSON list: file, module and class of the reader, and time limit [s]. The answer
+    is a line of JSON, ``[class of the data, VTK's complaint, length]``, followed by poly data as a .vtk file
+    of that length.
     """
     answers = os.fdopen(os.dup(1), "wb")
     os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # VTK's readers print to standard output
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent handles an interrupt
     for line in sys.stdin.buffer:
-        path, module, name, longest, wanted = json.loads(line)
+        path, module, name, longest = json.loads(line)
         _limit_memory(os.path.getsize(path))
         faulthandler.dump_traceback_later(longest, exit=True)
         try:
-            kind, complaint, content = read(path, module, name, wanted=wanted)
+            kind, complaint, content = read(path, module, name)
         except MemoryError:
             kind, complaint, content = "", "it takes too much memory", b""
         faulthandler.cancel_dump_traceback_later()
@@ -103,20 +100,16 @@ def _limit_memory(size: int) -> None:
         resource.setrlimit(resource.RLIMIT_AS, (most, hard))
 
 
-def read(path: str, module: str, name: str, *, wanted: bool) -> tuple[str, str, bytes]:
+def read(path: str, module: str, name: str) -> tuple[str, str, bytes]:
     """Return class, VTK's complaint and data of a file."""
     reader: Any = getattr(import_module(module), name)()
     with vtk_messages() as messages:
         reader.SetFileName(os.fsencode(path))
-        reader.UpdateInformation()
-        info = reader.GetOutputInformation(0)
-        for time in () if wanted or not info.Has(_TIMES) else info.Get(_TIMES):
-            reader.UpdateTimeStep(time)
         reader.Update()
     data = reader.GetOutputDataObject(0)
     kind = data.GetClassName() if data is not None else ""
     complaint = first_line(messages()) or ("it is damaged" if reader.GetErrorCode() else "")
-    if complaint or not wanted or not isinstance(data, vtkPolyData):
+    if complaint or not isinstance(data, vtkPolyData):
         return kind, complaint, b""
     cells = (data.GetVerts(), data.GetLines(), data.GetPolys(), data.GetStrips())
     if not all(each.IsValid() for each in cells):
@@ -141,7 +134,7 @@ def read_in_child(path: Path, module: str, reader: str) -> vtkPolyData:
 
     If VTK complains, crashes or takes too long, or the file is no poly data, an InputError is raised.
     """
-    kind, complaint, content = _child.ask(path, module, reader, wanted=True)
+    kind, complaint, content = _child.ask(path, module, reader)
     if complaint:
         raise InputError(path, f"the file cannot be read as {path.suffix}: {complaint}", _REMEDY)
     if kind != "vtkPolyData":
@@ -155,13 +148,6 @@ def read_in_child(path: Path, module: str, reader: str) -> vtkPolyData:
     return result
 
 
-def check_in_child(path: Path, module: str, reader: str) -> None:
-    """Raise an InputError for an unreadable time step."""
-    _, complaint, _ = _child.ask(path, module, reader, wanted=False)
-    if complaint:
-        raise InputError(path, "the file is damaged", "write it again")
-
-
 class _Child:
     """The reading process, started on demand."""
 
@@ -170,12 +156,12 @@ class _Child:
         self._process: Any = None
         self._owner = 0
 
-    def ask(self, path: Path, module: str, reader: str, *, wanted: bool) -> tuple[str, str, bytes]:
+    def ask(self, path: Path, module: str, reader: str) -> tuple[str, str, bytes]:
         """Return class, VTK's complaint and data of a file."""
         if not is_python():
-            return read(os.path.abspath(path), module, reader, wanted=wanted)
+            return read(os.path.abspath(path), module, reader)
         longest = LONGEST + path.stat().st_size / _SPEED
-        question = json.dumps([os.path.abspath(path), module, reader, longest, wanted])
+        question = json.dumps([os.path.abspath(path), module, reader, longest])
         with self._lock:
             process, began = self._running(), time.monotonic()
             try:
