@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import pairwise
 from math import comb
@@ -13,7 +13,16 @@ from scipy.optimize import least_squares
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.types import Bools, Floats
 from vtkmuscle.joints.tree import KinematicTree
-from vtkmuscle.opensim.muscle_paths import STEP, Cylinder, FunctionPath, PathPoint, PointPath, powers, terms
+from vtkmuscle.opensim.muscle_paths import (
+    STEP,
+    Columns,
+    Cylinder,
+    FunctionPath,
+    PathPoint,
+    PointPath,
+    powers,
+    terms,
+)
 
 #: Largest number of held-out parts of each coordinate's values: the inner parts choose the polynomial's order
 #: by the errors of a fit to the remaining poses, so that the order holds between the levels of a grid.
@@ -24,9 +33,7 @@ WORTH = 0.05
 FILLED = 0.7
 
 
-def fit_length(
-    lengths: Floats, values: Mapping[str, Floats], arms: Mapping[str, Floats] | None = None
-) -> FunctionPath:
+def fit_length(lengths: Floats, values: Columns, arms: Columns | None = None) -> FunctionPath:
     """Fit a polynomial of coordinates to lengths (f,) and moment arms -dl/dq (f,).
 
     ``values`` (f,) are the coordinates [rad, or units of length]; constant coordinates are omitted. Moment
@@ -133,10 +140,10 @@ SCALES = (0.01, 0.3)
 def fit_points(
     line: Floats,
     tree: KinematicTree,
-    values: Mapping[str, Floats],
+    values: Columns,
     ends: tuple[str, str],
     lengths: Floats,
-    arms: Mapping[str, Floats],
+    arms: Columns,
     *,
     tolerance: float,
 ) -> PointPath:
@@ -186,9 +193,7 @@ def fit_points(
 class _Search:
     """Target lengths and moment arms, and the poses of bodies there."""
 
-    def __init__(
-        self, tree: KinematicTree, values: Mapping[str, Floats], lengths: Floats, arms: Mapping[str, Floats]
-    ) -> None:
+    def __init__(self, tree: KinematicTree, values: Columns, lengths: Floats, arms: Columns) -> None:
         full = tree.completed(values)
         self.frames = len(lengths)
         halves = {name: np.ptp(full[name]) / 2.0 for name in arms}

@@ -22,6 +22,12 @@ TINY = 1e-300
 STEP = 1e-4
 
 
+#: Columns (f,) or poses (f, 4, 4) by name; values of coordinates; ranges of coordinates.
+Columns = Mapping[str, Floats]
+Values = Mapping[str, ArrayLike]
+Ranges = Mapping[str, tuple[float, float] | None]
+
+
 @dataclass(frozen=True, eq=False)
 class PathPoint:
     """A point of a path: fixed, moving or conditional.
@@ -41,9 +47,7 @@ class PathPoint:
         """Whether the point moves on its body."""
         return any(function is not None for function in self.functions)
 
-    def positions(
-        self, values: Mapping[str, Floats], frames: int, ranges: Mapping[str, tuple[float, float] | None]
-    ) -> Floats:
+    def positions(self, values: Columns, frames: int, ranges: Ranges) -> Floats:
         """Return positions (f, 3) on the body, constant beyond a coordinate's range."""
         result = np.tile(np.asarray(self.position, dtype=np.float64), (frames, 1))
         for number, (function, name) in enumerate(zip(self.functions, self.coordinates, strict=True)):
@@ -53,7 +57,7 @@ class PathPoint:
                 result[:, number] = function(at if limits is None else np.clip(at, *limits))
         return result
 
-    def counts(self, values: Mapping[str, Floats], frames: int) -> Bools:
+    def counts(self, values: Columns, frames: int) -> Bools:
         """Return the frames (f,) with the point in the path."""
         if self.only_in is None:
             return np.ones(frames, dtype=np.bool_)
@@ -131,13 +135,7 @@ class PointPath:
         """Return the free coordinates that affect the length."""
         return tree.freed({*self.named, *tree.crossed([point.body for point in self.points])})
 
-    def lengths(
-        self,
-        tree: KinematicTree,
-        values: Mapping[str, ArrayLike],
-        *,
-        counted_at: Mapping[str, ArrayLike] | None = None,
-    ) -> Floats:
+    def lengths(self, tree: KinematicTree, values: Values, *, counted_at: Values | None = None) -> Floats:
         """Return the lengths (f,) for values (f,) of coordinates, in the tree's unit.
 
         ``counted_at`` are the values for conditional points, by default ``values``. A path that winds round
@@ -151,12 +149,7 @@ class PointPath:
         ranges = {coordinate.name: coordinate.range for coordinate in tree.coordinates}
         return self.lengths_at(tree.poses(full), full, switching, ranges)
 
-    def positions(
-        self,
-        poses: Mapping[str, Floats],
-        full: Mapping[str, Floats],
-        ranges: Mapping[str, tuple[float, float] | None],
-    ) -> Floats:
+    def positions(self, poses: Columns, full: Columns, ranges: Ranges) -> Floats:
         """Return the points (n, f, 3) in the root's frame, for poses of bodies (f, 4, 4)."""
         frames = len(next(iter(poses.values())))
         positions = [
@@ -166,13 +159,7 @@ class PointPath:
         ]
         return np.array(positions).reshape(-1, frames, 3)
 
-    def lengths_at(
-        self,
-        poses: Mapping[str, Floats],
-        full: Mapping[str, Floats],
-        switching: Mapping[str, Floats],
-        ranges: Mapping[str, tuple[float, float] | None],
-    ) -> Floats:
+    def lengths_at(self, poses: Columns, full: Columns, switching: Columns, ranges: Ranges) -> Floats:
         """Return the lengths (f,) for body poses (f, 4, 4).
 
         Values (f,) in ``full`` move points; values in ``switching`` decide on conditional points.
@@ -220,18 +207,15 @@ class FunctionPath:
         del tree
         return tuple(self.names)
 
-    def lengths(
-        self,
-        tree: KinematicTree,
-        values: Mapping[str, ArrayLike],
-        *,
-        counted_at: Mapping[str, ArrayLike] | None = None,
-    ) -> Floats:
+    def lengths(self, tree: KinematicTree, values: Values, *, counted_at: Values | None = None) -> Floats:
         """Return the lengths (f,) for values of the coordinates."""
         del counted_at
         full = tree.completed(values)
         samples = np.column_stack([full[name] for name in self.names])
         return terms(samples, self.order) @ self.coefficients
+
+
+MusclePath = PointPath | FunctionPath
 
 
 def powers(dimension: int, order: int) -> Ints:
@@ -251,7 +235,7 @@ def terms(samples: Floats, order: int) -> Floats:
 
 
 def moment_arm(
-    path: PointPath | FunctionPath, tree: KinematicTree, values: Mapping[str, ArrayLike], coordinate: str
+    path: PointPath | FunctionPath, tree: KinematicTree, values: Values, coordinate: str
 ) -> Floats:
     """Return the moment arm -dl/dq (f,) of a path, in the tree's unit of length, or 1 for a translation.
 
