@@ -44,7 +44,7 @@ def test_a_file_that_is_not_what_its_suffix_says_gives_one_error(suffix, content
 
 def test_a_missing_file_is_named_with_its_neighbours(tmp_path):
     (tmp_path / "ball.stl").touch()
-    with pytest.raises(FileNotFoundError, match=r"bal\.stl: there is no such file; files there: ball\.stl"):
+    with pytest.raises(FileNotFoundError, match=r"bal\.stl: there is no such file; .*ball\.stl"):
         read_surface(tmp_path / "bal.stl")
 
 
