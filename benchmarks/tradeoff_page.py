@@ -1,4 +1,4 @@
-"""Make the tables of the page on speed against accuracy: ``python benchmarks/tradeoff_page.py [--out FOLDER]``.
+"""Make the tables of the page on speed and accuracy: ``python benchmarks/tradeoff_page.py [--out FOLDER]``.
 
 Runs :func:`vtkmuscle.tradeoff` on the phantom hip and, with ``VTKMUSCLE_DATA``, on the real hip and knee, in
 steps of about 10 degrees; quality and deformer are varied, then the number of fibres. Written is a table for
