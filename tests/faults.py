@@ -64,7 +64,7 @@ def check_whole(folder: Path) -> int:
         count += 1
         if path.suffix == ".vtp":
             assert read_polydata(path).GetNumberOfPoints()
-        elif path.suffix in (".pvd", ".vtkhdf"):
+        elif path.suffix == ".pvd":
             series = read_series(path)
             assert all(file.is_file() for file in series.files), path
             for number in range(len(series.times)):
@@ -96,10 +96,6 @@ def results(folder: Path):
             found[name] = bytes(memoryview(data.GetPoints().GetData()))
         elif path.suffix in (".csv", ".pvd"):
             found[name] = path.read_bytes()
-        elif path.suffix == ".vtkhdf":
-            series = read_series(path)
-            frames = [series.frame(number) for number in range(len(series.times))]
-            found[name] = (series.times, [bytes(memoryview(one.GetPoints().GetData())) for one in frames])
     return found
 
 

@@ -24,6 +24,7 @@ RUN_BY_THE_BUILD = DOCS / "start" / "first_scene.rst"
 @pytest.fixture(scope="module")
 def page_examples():
     """The module that runs pages; it is beside the documentation, for its build runs them too."""
+    pytest.importorskip("sybil", reason="sybil is not installed")
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(sys, "path", [str(DOCS / "_ext"), *sys.path])
         yield importlib.import_module("page_examples")

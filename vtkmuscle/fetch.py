@@ -23,8 +23,8 @@ from vtkmuscle.core.words import suggestion
 from vtkmuscle.data.arrays import points_of, surface_from, triangles_of
 from vtkmuscle.data.attachments import AttachmentArea
 from vtkmuscle.io import read_surface, write_polydata, write_text
-from vtkmuscle.io.digests import file_digest
 from vtkmuscle.io.msf import landmarks_of, read_msf
+from vtkmuscle.io.writing import file_digest
 from vtkmuscle.scene.writing import write_areas
 from vtkmuscle.scenes import Scene
 

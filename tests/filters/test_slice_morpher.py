@@ -1,8 +1,8 @@
 import tomllib
 
-import igl
 import numpy as np
 import pytest
+from oracles import igl
 from phantoms import fibre_block
 from vtkmodules.vtkIOXML import vtkXMLPolyDataReader
 

@@ -1,13 +1,15 @@
 """A damaged file is a result or one clear error, never the end of the process."""
 
+import re
 import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
+from vtkmodules.util.vtkConstants import VTK_DOUBLE
 from vtkmodules.vtkIOGeometry import vtkOBJWriter, vtkSTLWriter
 from vtkmodules.vtkIOLegacy import vtkPolyDataWriter
-from vtkmodules.vtkIOPLY import vtkPLYReader, vtkPLYWriter
+from vtkmodules.vtkIOPLY import vtkPLYWriter
 from vtkmodules.vtkIOXML import vtkXMLPolyDataWriter
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
@@ -15,7 +17,7 @@ from mutations import mutated, read_all
 from tiny_scene import ellipsoid
 
 from vtkmuscle.data.arrays import field_string, points_of, set_field_array, set_point_array, triangles_of
-from vtkmuscle.io import in_child, read_polydata, write_vtkhdf
+from vtkmuscle.io import in_child, read_polydata
 
 TRIANGLE = """ply
 format ascii 1.0
@@ -63,27 +65,14 @@ def write(folder, kind):
     return path
 
 
-VTP = [
-    f"vtp-{data} {packed}"
-    for data in ("binary", "base64", "raw")
-    for packed in ("none", "zlib", "lzma", "lz4")
-]
-KINDS = [
-    "ply-ascii",
-    "ply-binary",
-    "vtk-ascii",
-    "vtk-binary",
-    "stl-ascii",
-    "stl-binary",
-    "obj",
-    "vtp-ascii",
-    *VTP,
-]
+KINDS = [f"{suffix}-{how}" for suffix in ("ply", "vtk", "stl") for how in ("ascii", "binary")]
+KINDS += ["obj", "vtp-ascii", "vtp-raw none", "vtp-raw zlib", "vtp-base64 lz4", "vtp-binary lzma"]
 
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_whole_files_of_every_kind_are_read(tmp_path, kind):
     expected, found = surface(), read_polydata(write(tmp_path, kind))
+    assert found.GetPoints().GetDataType() == VTK_DOUBLE
     assert found.GetNumberOfPolys() == expected.GetNumberOfPolys()
     corners = [points_of(data)[triangles_of(data, "")] for data in (found, expected)]
     assert np.allclose(*corners, atol=1e-4)
@@ -91,36 +80,6 @@ def test_whole_files_of_every_kind_are_read(tmp_path, kind):
         assert np.allclose(
             found.GetPointData().GetArray("Height"), expected.GetPointData().GetArray("Height")
         )
-
-
-def test_a_vtp_file_of_a_compression_that_there_is_not_is_refused(tmp_path):
-    path = write(tmp_path, "vtp-raw zlib")
-    path.write_bytes(path.read_bytes().replace(b"vtkZLibDataCompressor", b"vtkBrotDataCompressor"))
-    with pytest.raises(ValueError, match="vtkBrotDataCompressor"):
-        read_polydata(path)
-
-
-@pytest.mark.parametrize("kind", ["ply-ascii", "ply-binary"])
-def test_a_ply_file_is_read_as_vtk_reads_it(tmp_path, kind):
-    path = write(tmp_path, kind)
-    reader = vtkPLYReader()
-    reader.SetFileName(str(path))
-    reader.Update()
-    found = read_polydata(path)
-    assert np.array_equal(points_of(found), points_of(reader.GetOutput()))
-    assert np.array_equal(triangles_of(found, ""), triangles_of(reader.GetOutput(), ""))
-
-
-def test_a_ply_file_with_more_in_it_is_read(tmp_path):
-    (tmp_path / "a.ply").write_text(
-        "ply\nformat ascii 1.0\ncomment made by hand\nelement vertex 4\nproperty float x\nproperty float y\n"
-        "property float z\nproperty uchar quality\nelement face 2\nproperty uchar flag\n"
-        "property list uchar int vertex_index\nelement edge 1\nproperty int a\nproperty int b\nend_header\n"
-        "0 0 0 7\n1 0 0 8\n1 1 0 9\n0 1 0 10\n1 3 0 1 2\n0 4 0 1 2 3\n0 1\n"
-    )
-    data = read_polydata(tmp_path / "a.ply")
-    assert [data.GetCell(i).GetNumberOfPoints() for i in range(2)] == [3, 4]
-    assert points_of(data).tolist() == [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]
 
 
 @pytest.mark.parametrize(
@@ -131,13 +90,8 @@ def test_a_ply_file_with_more_in_it_is_read(tmp_path):
         ({"face": "3 0 1 -1"}, "names point -1"),
         ({"face": "255 0 1 2"}, "requires 265 numbers, but the file has 13"),
         ({"face": "2 0 1"}, "has 2 corners"),
-        ({"face": "3 0 1 nan"}, "requires 13 numbers, but the file has 12"),
-        ({"face": "nan 0 1 2"}, "has 0 corners"),
         ({"face": "3 0 1 two"}, "a word in place of a number"),
-        ({"face": ""}, "has 0 corners"),
         ({"vertices": "1000000000000"}, "damaged"),
-        ({"vertices": "-1"}, "damaged"),
-        ({"faces": "2147483647"}, "damaged"),
         ({"faces": "2"}, "has 0 corners"),
     ],
     ids=str,
@@ -151,37 +105,19 @@ def test_a_ply_file_that_says_what_is_not_so_is_refused(tmp_path, change, words)
     assert len(str(failure.value).splitlines()) == 1
 
 
-@pytest.mark.parametrize("part", [0.5, 0.9, 0.99])
-@pytest.mark.parametrize("kind", ["ply-ascii", "ply-binary", "vtp-ascii", "vtp-raw none", "vtp-raw zlib"])
-def test_a_file_that_is_cut_off_is_refused(tmp_path, kind, part):
+@pytest.mark.parametrize("kind", ["ply-ascii", "ply-binary", "vtp-ascii", "vtp-raw zlib"])
+def test_a_file_that_is_cut_off_is_refused(tmp_path, kind):
     path = write(tmp_path, kind)
-    content = path.read_bytes()
-    path.write_bytes(content[: int(part * len(content))])
+    path.write_bytes(path.read_bytes()[:-100])
     with pytest.raises(ValueError, match="export it again"):
         read_polydata(path)
 
 
-@pytest.mark.parametrize("kind", ["vtp-ascii", "vtp-raw zlib"])
-@pytest.mark.parametrize(
-    ("name", "value"),
-    [
-        ("NumberOfPoints", "9223372036854775807"),
-        ("NumberOfPoints", "-1"),
-        ("NumberOfPoints", "x"),
-        ("NumberOfPoints", "3"),
-        ("NumberOfPolys", "2147483647"),
-        ("NumberOfTuples", "2147483647"),
-        ("offset", "2147483647"),
-    ],
-)
-def test_a_vtp_file_that_says_more_than_it_holds_is_refused(tmp_path, kind, name, value):
-    path = write(tmp_path, kind)
-    content = path.read_bytes()
-    at = content.find(f'{name}="'.encode())
-    if at < 0:
-        pytest.skip("this kind has none")
-    end = content.index(b'"', at + len(name) + 2)
-    path.write_bytes(content[: at + len(name) + 2] + value.encode() + content[end:])
+@pytest.mark.parametrize("change", ["NumberOfPoints=-1", "NumberOfPolys=2147483647", "offset=2147483647"])
+def test_a_vtp_file_that_says_more_than_it_holds_is_refused(tmp_path, change):
+    path = write(tmp_path, "vtp-raw zlib")
+    name, value = change.encode().split(b"=")
+    path.write_bytes(re.sub(name + rb'="\d+"', name + b'="' + value + b'"', path.read_bytes(), count=1))
     with pytest.raises(ValueError, match=r"\.vtp: .*export it again"):
         read_polydata(path)
 
@@ -203,14 +139,6 @@ def test_entities_are_not_read_and_bombs_are_refused(tmp_path):
     last = (2**31 - 1).to_bytes(4, "little")  # what the last block is said to unpack to
     path.write_bytes(content[: start + 8] + last + content[start + 12 :])
     with pytest.raises(ValueError, match="takes too much memory"):
-        read_polydata(path)
-
-
-def test_a_small_file_that_claims_to_be_huge_is_refused(tmp_path):
-    path = tmp_path / "a.vtk"
-    head = b"# vtk DataFile Version 3.0\nx\nASCII\nDATASET POLYDATA\n"
-    path.write_bytes(head + b"POINTS 999999999999 double\n1 2 3\n")
-    with pytest.raises(ValueError, match=r"a\.vtk: .* (takes too much memory|cannot be read)"):
         read_polydata(path)
 
 
@@ -263,20 +191,8 @@ def judged(results, tried):
     return kinds.count("read"), kinds.count("refused")
 
 
-def test_mutated_meshes_are_a_result_or_one_clear_error(tmp_path, pytestconfig, tried):
-    long = pytestconfig.getoption("--long")
-    quick = [kind for kind in KINDS if not kind.startswith("vtk")]
-    paths = damaged(tmp_path, quick, 60 if long else 12, seed=1)
-    slow = ["vtk-ascii", "vtk-binary"]  # a process each
-    paths += damaged(tmp_path, slow, 60 if long else 2, seed=2)
+@pytest.mark.long
+def test_mutated_meshes_are_a_result_or_one_clear_error(tmp_path, tried):
+    paths = damaged(tmp_path, KINDS, 60, seed=1)
     read, refused = judged(read_all(paths, "vtkmuscle.io", "read_polydata"), tried)
     assert min(read, refused) > len(paths) // 20
-
-
-def test_mutated_series_are_a_result_or_one_clear_error(tmp_path, pytestconfig, tried):
-    write_vtkhdf(tmp_path / "whole.vtkhdf", (0.0, 1.0), lambda number: surface())
-    content, paths = (tmp_path / "whole.vtkhdf").read_bytes(), []
-    for number in range(100 if pytestconfig.getoption("--long") else 3):
-        paths.append(tmp_path / f"{number}.vtkhdf")
-        paths[-1].write_bytes(mutated(content, number))
-    judged(read_all(paths, "vtkmuscle.io", "read_series"), tried)

@@ -23,7 +23,6 @@ MOTION += "".join(f"{0.1 * i:.2f}\t{7 * i}\t{-2.5 * i}\n" for i in range(4))
 CONTROLS = [{"id": str(i), "label": f"F-{i}", "position": [i, 2.5, -3.0 * i]} for i in range(4)]
 MARKUPS = {"markups": [{"type": "Curve", "coordinateSystem": "LPS", "controlPoints": CONTROLS}]}
 FCSV = "# CoordinateSystem = LPS\n# columns = id,x,y,z,label\n1,2,3,4,a\n2,3,4,5,b\n3,4,5,7,c\n"
-NRRD = b"NRRD0004\ntype: double\nsizes: 3 3\nencoding: raw\nendian: little\n\n" + np.arange(9.0).tobytes()
 
 COUPLER = """<CoordinateCouplerConstraint name="c"><coupled_coordinates_function>
 <LinearFunction><coefficients>2 0.1</coefficients></LinearFunction></coupled_coordinates_function>
@@ -38,8 +37,7 @@ KINDS = {
     "walk.sto": MOTION.replace("inDegrees=yes", "inDegrees=no\nDataType=double").encode(),
     "F.mrk.json": json.dumps(MARKUPS).encode(),
     "F.fcsv": FCSV.encode(),
-    "F.nrrd": NRRD,
-    "hip.msf": trees.WHOLE.replace(trees.STATE, "").encode(),
+    "hip.msf": trees.WHOLE.encode(),
 }
 
 
@@ -52,11 +50,8 @@ def use(path):
         return [*model.tree.poses(sweep).values(), *lengths]
     if path.suffix == ".msf":
         root = read_msf(path)
-        clouds = landmarks_of(root, 0.5).values()
-        return [
-            *(pose for _, pose in root.walk(0.5)),
-            *(place for cloud in clouds for place in cloud.values()),
-        ]
+        landmarks = (place for cloud in landmarks_of(root).values() for place in cloud.values())
+        return [*(pose for _, pose in root.walk()), *landmarks]
     if path.suffix in (".mot", ".sto"):
         return [read_motion_file(path).table]
     return [read_landmarks(path)[0]]
@@ -64,7 +59,7 @@ def use(path):
 
 @pytest.mark.parametrize("name", KINDS)
 def test_damaged_files_are_a_result_or_one_clear_error(tmp_path, name, pytestconfig, tried):
-    count = 500 if pytestconfig.getoption("--long") else 120
+    count = 500 if pytestconfig.getoption("--long") else 60
     path = tmp_path / name
     used, refused = 0, []
     for seed in range(count):
@@ -93,15 +88,6 @@ def test_a_file_without_damage_is_used(tmp_path):
         assert use(tmp_path / name)
 
 
-@pytest.mark.parametrize(
-    ("middle", "words"), [("<b/>", "one of more than 1000000 elements"), ("x<b/>", ""), ("x\n", "")]
-)
-def test_large_xml_files_are_read_in_time_that_grows_with_them_or_refused(tmp_path, middle, words):
-    path = tmp_path / "a.osim"
-    count = 1_100_000 if words else 300_000
-    path.write_text("<a>" + count * middle + "</a>")
-    if words:
-        with pytest.raises(ValueError, match=words):
-            read_xml(path)
-    else:
-        assert len(read_xml(path).text) == count * len(middle.replace("<b/>", ""))
+def test_large_xml_files_are_read(tmp_path):
+    (tmp_path / "a.osim").write_text("<a>" + 100_000 * "x<b/>" + "</a>")
+    assert len(read_xml(tmp_path / "a.osim").text) == 100_000

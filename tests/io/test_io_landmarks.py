@@ -32,11 +32,6 @@ def test_every_format_gives_landmarks_and_closedness(suffix, closed, tmp_path):
     assert ring is closed
 
 
-def test_further_columns_of_a_table_are_passed_over(tmp_path):
-    (tmp_path / "a.csv").write_text("x,y,z,name\n1,2,3,first\n4,5,6,second\n")
-    np.testing.assert_array_equal(read_landmarks(tmp_path / "a.csv")[0], [[1, 2, 3], [4, 5, 6]])
-
-
 @pytest.mark.parametrize(
     ("name", "text", "message"),
     [
@@ -56,12 +51,6 @@ def test_what_cannot_be_read_is_named(name, text, message, tmp_path):
     (tmp_path / name).write_text(text)
     with pytest.raises(ValueError, match=message):
         read_landmarks(tmp_path / name)
-
-
-def test_a_file_that_is_not_text_is_named(tmp_path):
-    (tmp_path / "a.csv").write_bytes(b"\xff\xfe\x00\x01")
-    with pytest.raises(ValueError, match="not text in UTF-8"):
-        read_landmarks(tmp_path / "a.csv")
 
 
 def test_a_missing_file_is_named(tmp_path):

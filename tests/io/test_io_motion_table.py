@@ -27,7 +27,7 @@ def changed(table, line, column, value):
     table.write_text("\n".join(",".join(row) for row in rows) + "\n")
 
 
-@settings(deadline=None, max_examples=20)
+@settings(deadline=None, max_examples=5)
 @given(axis=AXES, centre=st.tuples(*[st.floats(-500, 500)] * 3), angle=st.floats(0.001, 170))
 def test_a_motion_comes_back_exactly(axis, centre, angle, tmp_path_factory):
     motion = hinge("femur", centre, axis, [0.0, angle])
@@ -37,10 +37,6 @@ def test_a_motion_comes_back_exactly(axis, centre, angle, tmp_path_factory):
     np.testing.assert_array_equal(again.times, motion.times)
     np.testing.assert_array_equal(again.transforms["femur"], motion.transforms["femur"])
     np.testing.assert_array_equal(again.centre, motion.centre)
-
-
-def test_without_a_time_column_rows_are_numbered(table):
-    assert read_motion_table(table, "femur").times.tolist() == [0.0, 1.0, 2.0]
 
 
 def test_the_last_row_of_the_matrix_may_be_left_out(table):
@@ -56,6 +52,7 @@ def test_a_byte_order_mark_and_other_columns_do_no_harm(table):
     text = "\n".join(["note," + rows[0], *("x," + row for row in rows[1:])])
     table.write_text(text, encoding="utf-8-sig")
     assert read_motion_table(table, "femur", time="time").times.tolist() == [0.0, 15.0, 30.0]
+    assert read_motion_table(table, "femur").times.tolist() == [0.0, 1.0, 2.0]
 
 
 @pytest.mark.parametrize(
@@ -63,7 +60,6 @@ def test_a_byte_order_mark_and_other_columns_do_no_harm(table):
     [
         (3, "T11", "zwei", r"m\.csv: line 3 \(row 1\): T11 is 'zwei', but must be a finite number"),
         (3, "T03", "nan", r"line 3 \(row 1\): T03 is 'nan'"),
-        (4, "T03", "", r"line 4 \(row 2\): T03 is ''"),
         (4, "T00", "1.5", r"line 4 \(row 2\): the transform is not rigid: .* scales or shears"),
         (2, "T33", "2", r"line 2 \(row 0\): the transform is not rigid: its last row"),
         (4, "time", "15.0", r"line 4 \(row 2\): the times \(time\) must ascend, but 15 comes after 15"),
@@ -87,34 +83,11 @@ def test_a_mirror_is_not_rigid(tmp_path):
         read_motion_table(tmp_path / "m.csv", "femur")
 
 
-def test_a_short_line_is_named(table):
-    table.write_text(table.read_text() + "45.0,1,0\n")
-    with pytest.raises(ValueError, match=r"line 5 has 3 cells, but the header has 18"):
-        read_motion_table(table, "femur")
-
-
 @pytest.mark.parametrize("content", [b"", b"T00,T01\n", b"\xff\xfe\x00"])
 def test_a_table_without_rows_is_named(content, tmp_path):
     (tmp_path / "m.csv").write_bytes(content)
     with pytest.raises(ValueError, match=r"m\.csv: "):
         read_motion_table(tmp_path / "m.csv", "femur")
-
-
-def test_a_missing_table_is_named(tmp_path):
-    with pytest.raises(FileNotFoundError, match=r"m\.csv"):
-        read_motion_table(tmp_path / "m.csv", "femur")
-
-
-def test_a_motion_of_several_bones_is_written_bone_by_bone(tmp_path):
-    one = hinge("a", (0, 0, 0), (1, 0, 0), [0, 10])
-    both = RigidMotion(one.times, {"a": one.transforms["a"], "b": np.array([np.eye(4)] * 2)})
-    write_motion_table(tmp_path / "b.csv", both, "b")
-    np.testing.assert_array_equal(
-        read_motion_table(tmp_path / "b.csv", "b").transforms["b"], both.transforms["b"]
-    )
-
-
-# ------------------------------------------------------------------------------- coordinates
 
 
 def test_the_angle_of_a_hinge_comes_back_as_a_coordinate(tmp_path):

@@ -1,4 +1,4 @@
-"""Time series come back from .pvd and .vtkhdf files as they went in, field data and all."""
+"""Time series come back from .pvd files as they went in, field data and all."""
 
 import re
 import shutil
@@ -6,7 +6,6 @@ import subprocess
 
 import numpy as np
 import pytest
-from vtkmodules.vtkIOHDF import vtkHDFReader
 
 from vtkmuscle.data.arrays import (
     blocks_of,
@@ -20,9 +19,7 @@ from vtkmuscle.data.arrays import (
     set_point_array,
     surface_from,
 )
-from vtkmuscle.data.pipeline_times import times_of
-from vtkmuscle.filters import FibreTemplateSource, provenance_of
-from vtkmuscle.io import Collection, Series, read_series, write_polydata, write_vtkhdf
+from vtkmuscle.io import Collection, Series, read_series, write_polydata
 
 TIMES = (0.0, 2.5, 5.0)
 
@@ -37,19 +34,15 @@ def frame(i):
     return surface
 
 
-def write(kind, folder):
-    if kind == "pvd":
-        series = Series(folder, "m")
-        for i, time in enumerate(TIMES):
-            series.add(i, time, frame(i))
-        return folder / "m.pvd"
-    write_vtkhdf(folder / "m.vtkhdf", TIMES, frame)
-    return folder / "m.vtkhdf"
+def write(folder):
+    series = Series(folder, "m")
+    for i, time in enumerate(TIMES):
+        series.add(i, time, frame(i))
+    return folder / "m.pvd"
 
 
-@pytest.mark.parametrize("kind", ["pvd", "vtkhdf"])
-def test_a_series_is_read_back_exactly(tmp_path, kind):
-    series = read_series(write(kind, tmp_path))
+def test_a_series_is_read_back_exactly(tmp_path):
+    series = read_series(write(tmp_path))
     assert series.times == TIMES
     for i in (2, 0, 1):
         expected, found = frame(i), series.frame(i)
@@ -62,28 +55,6 @@ def test_a_series_is_read_back_exactly(tmp_path, kind):
     assert np.array_equal(points_of(series.at(2.0)), points_of(frame(1)))
 
 
-def test_the_single_file_is_one_that_vtk_reads_with_its_times(tmp_path):
-    reader = vtkHDFReader()
-    reader.SetFileName(str(write("vtkhdf", tmp_path)))
-    reader.UpdateInformation()
-    assert times_of(reader.GetOutputInformation(0)) == TIMES
-    reader.UpdateTimeStep(5.0)
-    assert np.array_equal(points_of(reader.GetOutput()), points_of(frame(2)))
-    assert [path.name for path in tmp_path.iterdir()] == ["m.vtkhdf"]
-    assert (tmp_path / "m.vtkhdf").stat().st_size < 500_000
-
-
-def test_what_was_done_travels_with_the_file(tmp_path):
-    fibres = FibreTemplateSource(n_fibres=3).update().output
-    write_polydata(tmp_path / "f.vtp", fibres)
-    write_vtkhdf(tmp_path / "f.vtkhdf", [0.0], lambda _: fibres)
-    Collection(tmp_path / "f.pvd").add(0.0, {"f": tmp_path / "f.vtp"})
-    for name in ("f.pvd", "f.vtkhdf"):
-        (step,) = provenance_of(read_series(tmp_path / name).frame(0))
-        assert step["filter"] == "FibreTemplateSource"
-        assert step["parameters"]["n_fibres"] == 3
-
-
 def test_parts_of_a_step_are_blocks(tmp_path):
     write_polydata(tmp_path / "a.vtp", frame(0))
     write_polydata(tmp_path / "b.vtp", frame(1))
@@ -93,37 +64,6 @@ def test_parts_of_a_step_are_blocks(tmp_path):
     assert np.array_equal(points_of(blocks[1][1]), points_of(frame(1)))
 
 
-def test_an_array_that_a_frame_lacks_is_left_out_of_all(tmp_path):
-    def uneven(i):
-        surface = frame(i)
-        if i != 1:
-            set_field_array(surface, "PenetrationMax", 0.1)
-        return surface
-
-    write_vtkhdf(tmp_path / "m.vtkhdf", TIMES, uneven)
-    series = read_series(tmp_path / "m.vtkhdf")
-    for i in range(3):
-        assert field_array(series.frame(i), "PenetrationMax") is None
-        assert field_array(series.frame(i), "VolumeRatio").tolist() == [1.0 + i / 3.0]
-
-
-def test_a_fault_while_writing_leaves_the_old_file(tmp_path):
-    path = write("vtkhdf", tmp_path)
-    before = path.read_bytes()
-    asked = []
-
-    def failing(i):
-        asked.append(i)
-        if len(asked) > len(TIMES):
-            raise ValueError("no such frame")
-        return frame(i)
-
-    with pytest.raises(ValueError, match="no such frame"):
-        write_vtkhdf(path, TIMES, failing)
-    assert path.read_bytes() == before
-    assert [p.name for p in tmp_path.iterdir()] == [path.name]
-
-
 @pytest.mark.parametrize(
     ("name", "content", "words"),
     [
@@ -131,8 +71,7 @@ def test_a_fault_while_writing_leaves_the_old_file(tmp_path):
         ("m.pvd", "no xml", "the file is not XML"),
         ("m.pvd", "<VTKFile/>", "has no Collection"),
         ("m.pvd", "<VTKFile><Collection><DataSet/></Collection></VTKFile>", "no ParaView collection"),
-        ("m.vtkhdf", "no hdf", "no VTKHDF file"),
-        ("m.vtp", "", "must be a .pvd or .vtkhdf"),
+        ("m.vtp", "", "must be a .pvd file"),
     ],
 )
 def test_files_that_are_no_series_are_named(tmp_path, name, content, words):
@@ -154,18 +93,12 @@ print("point", data.GetPoint(0)[0])
 """
 
 
+@pytest.mark.long
+@pytest.mark.skipif(not shutil.which("pvpython"), reason="ParaView's pvpython is not installed")
 def test_the_installed_paraview_reads_the_collection(tmp_path):
-    pvpython = shutil.which("pvpython")
-    if pvpython is None:
-        pytest.skip("ParaView's pvpython is not installed")
-    (tmp_path / "read.py").write_text(PARAVIEW.format(path=str(write("pvd", tmp_path))))
-    done = subprocess.run(
-        [pvpython, "--force-offscreen-rendering", str(tmp_path / "read.py")],
-        capture_output=True,
-        text=True,
-        timeout=300,
-        check=False,
-    )
+    (tmp_path / "read.py").write_text(PARAVIEW.format(path=str(write(tmp_path))))
+    command = ["pvpython", "--force-offscreen-rendering", str(tmp_path / "read.py")]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
     assert done.returncode == 0, done.stderr
     assert f"times {list(TIMES)}" in done.stdout
     assert "point 1.0" in done.stdout

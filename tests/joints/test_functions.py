@@ -29,18 +29,8 @@ def test_spline_goes_on_straight_beyond_its_knots(rng):
         np.testing.assert_allclose(np.diff(beyond) * sign, slope, rtol=1e-4)
 
 
-def test_piecewise_linear_is_that_of_numpy_inside(rng):
-    x, y = np.sort(rng.uniform(0, 9, 8)), rng.normal(size=8)
-    values = np.linspace(x[0], x[-1], 50)
-    np.testing.assert_allclose(PiecewiseLinear(x, y)(values), np.interp(values, x, y), atol=1e-12)
-
-
 def test_knots_that_do_not_ascend_are_refused():
     with pytest.raises(ValueError, match="ascend"):
         CubicSpline([0.0, 0.0, 1.0], [0.0, 1.0, 2.0])
     with pytest.raises(ValueError, match="as many of each"):
         PiecewiseLinear([0.0, 1.0], [0.0])
-
-
-def test_a_multiple_is_that_many_times_its_function():
-    assert Polynomial([1.0, 2.0]).rescaled(1.0, 3.0)(np.array([1.0])).tolist() == [9.0]

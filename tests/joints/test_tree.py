@@ -6,7 +6,7 @@ import pytest
 from vtkmuscle.core.motion.rigid import frame_at, rotation_about
 from vtkmuscle.joints.functions import IDENTITY, Polynomial
 from vtkmuscle.joints.tree import Coupling, Joint, JointAxis, JointCoordinate, KinematicTree
-from vtkmuscle.opensim.muscle_paths import FunctionPath, PathPoint, PointPath, moment_arm, powers, terms
+from vtkmuscle.opensim.muscle_paths import PathPoint, PointPath, moment_arm
 
 
 def leg():
@@ -55,24 +55,6 @@ def test_a_coupled_coordinate_follows_whatever_it_is_given():
     assert leg().free == ("flexion", "adduction", "knee")
 
 
-def test_poses_of_many_frames_are_those_of_each(rng):
-    values = {name: rng.uniform(-1, 1, 7) for name in leg().free}
-    poses = leg().poses(values)
-    for i in range(7):
-        one = leg().poses({name: [value[i]] for name, value in values.items()})
-        for body in poses:
-            np.testing.assert_array_equal(poses[body][i], one[body][0])
-
-
-def test_a_tree_in_another_unit_has_its_lengths_in_it():
-    values = {"knee": [0.5], "flexion": [0.2]}
-    small, large = leg().poses(values), leg().scaled(1000.0).poses(values)
-    for body in small:
-        np.testing.assert_allclose(
-            large[body][0, :3, 3], 1000.0 * small[body][0, :3, 3], rtol=1e-12, atol=1e-9
-        )
-
-
 def test_crossed_coordinates_are_those_between_bodies():
     tree = leg()
     assert tree.crossed(["pelvis", "tibia"]) == ("flexion", "adduction", "knee")
@@ -103,15 +85,6 @@ def test_a_path_that_winds_round_surfaces_has_no_length_here():
     path = PointPath([PathPoint("femur"), PathPoint("tibia")], wraps=["condyles"])
     with pytest.raises(ValueError, match="condyles"):
         path.lengths(leg(), {})
-
-
-def test_polynomial_terms_are_all_of_the_order_once():
-    found = powers(3, 4)
-    assert len(found) == len({tuple(row) for row in found}) == 35
-    assert found.sum(axis=1).max() == 4
-    np.testing.assert_allclose(terms(np.array([[2.0, 3.0]]), 1), [[1.0, 3.0, 2.0]])
-    path = FunctionPath(("knee",), 2, np.array([0.3, 0.1, 0.5]))
-    np.testing.assert_allclose(moment_arm(path, leg(), {"knee": [0.2]}, "knee"), [-0.3], atol=1e-9)
 
 
 @pytest.mark.parametrize(

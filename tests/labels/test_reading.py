@@ -77,53 +77,26 @@ def test_a_folder_has_a_file_for_each_structure(write, tmp_path):
 
 def test_a_dicom_segmentation_is_read_where_it_is(tmp_path):
     highdicom, pydicom = pytest.importorskip("highdicom"), pytest.importorskip("pydicom")
-    code = pydicom.sr.codedict.codes
-    scheme = {
-        "segmented_property_category": code.SCT.Organ,
-        "segmented_property_type": code.SCT.Bone,
-        "algorithm_type": "MANUAL",
-    }
-    place = highdicom.Volume(
-        np.zeros(VOXELS.shape, np.uint8),
-        FRAME[:, [2, 1, 0, 3]],
-        "PATIENT",
-        frame_of_reference_uid=highdicom.UID(),
-    )
+    code = pydicom.sr.codedict.codes.SCT
+    scheme = {"segmented_property_category": code.Organ, "segmented_property_type": code.Bone}
+    scheme["algorithm_type"] = "MANUAL"
+    uid, axes = highdicom.UID, FRAME[:, [2, 1, 0, 3]]
+    volume = highdicom.Volume(VOXELS, axes, "PATIENT", frame_of_reference_uid=uid())
     source = pydicom.dataset.Dataset()
-    words = {
-        "PatientID": "1",
-        "PatientName": "A^B",
-        "StudyID": "1",
-        "Modality": "CT",
-        "Rows": 5,
-        "Columns": 6,
-    }
-    words |= {"SOPClassUID": pydicom.uid.CTImageStorage, "FrameOfReferenceUID": place.frame_of_reference_uid}
+    empty = ("PatientBirthDate", "PatientSex", "StudyDate", "StudyTime", "AccessionNumber")
+    words = dict.fromkeys([*empty, "ReferringPhysicianName"], "")
+    words |= {"PatientID": "1", "PatientName": "A^B", "StudyID": "1", "Modality": "CT"}
+    words |= {"SOPClassUID": pydicom.uid.CTImageStorage, "FrameOfReferenceUID": volume.frame_of_reference_uid}
     words |= {"Rows": 5, "Columns": 6, "ImagePositionPatient": [0, 0, 0], "PixelSpacing": [1, 1]}
     words |= {"ImageOrientationPatient": [1, 0, 0, 0, 1, 0], "SliceThickness": 1}
-    for empty in ("PatientBirthDate", "PatientSex", "StudyDate", "StudyTime", "AccessionNumber"):
-        words[empty] = ""
-    for one in ("StudyInstanceUID", "SeriesInstanceUID", "SOPInstanceUID"):
-        words[one] = highdicom.UID()
-    for key, value in {**words, "ReferringPhysicianName": ""}.items():
+    for key in ("StudyInstanceUID", "SeriesInstanceUID", "SOPInstanceUID"):
+        words[key] = uid()
+    for key, value in words.items():
         setattr(source, key, value)
-    segmentation = highdicom.seg.Segmentation(
-        source_images=[source],
-        pixel_array=place.with_array(VOXELS),
-        segmentation_type="BINARY",
-        segment_descriptions=[
-            highdicom.seg.SegmentDescription(segment_number=n, segment_label=name, **scheme)
-            for n, name in ((1, "femur"), (2, "sacrum"))
-        ],
-        series_instance_uid=highdicom.UID(),
-        series_number=2,
-        sop_instance_uid=highdicom.UID(),
-        instance_number=1,
-        manufacturer="us",
-        manufacturer_model_name="phantom",
-        software_versions="1",
-        device_serial_number="1",
-    )
+    segment = highdicom.seg.SegmentDescription
+    segments = [segment(n, name, **scheme) for n, name in ((1, "femur"), (2, "sacrum"))]
+    series = (uid(), 2, uid(), 1, "us", "phantom", "1", "1")
+    segmentation = highdicom.seg.Segmentation([source], volume, "BINARY", segments, *series)
     segmentation.save_as(tmp_path / "map.dcm")
     (image,) = read_labels(tmp_path / "map.dcm")
     found = labels_in(image, "")

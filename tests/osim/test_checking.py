@@ -4,10 +4,8 @@ import importlib.util
 
 import numpy as np
 import pytest
-from two_joint_scene import save_strap, scene_with
 from typer.testing import CliRunner
 
-from vtkmuscle import Scene
 from vtkmuscle.cli import app
 from vtkmuscle.joints.functions import IDENTITY, PiecewiseLinear, Polynomial
 from vtkmuscle.joints.tree import Joint, JointAxis, JointCoordinate, KinematicTree
@@ -29,8 +27,7 @@ def checked(tmp_path, *points):
 
 
 def test_a_smooth_muscle_has_no_findings(tmp_path):
-    via = PathPoint("thigh", (0.05, 0.15, 0.0))
-    assert checked(tmp_path, via)[1] == {}
+    assert checked(tmp_path, PathPoint("thigh", (0.05, 0.15, 0.0)))[1] == {}
 
 
 def test_a_jump_is_found_where_a_point_comes(tmp_path):
@@ -65,12 +62,9 @@ def test_a_moment_arm_that_changes_sign_is_found_there(tmp_path):
     assert one.arms[0] * one.arms[-1] < 0.0
 
 
-def test_a_model_is_repaired_with_the_paths_of_a_scene(tmp_path):
-    save_strap(tmp_path / "strap", n_fibres=10)
-    motion = {"grid": {"upper": [-10, 30, 10], "lower": [0, 40, 10]}}
-    scene = scene_with(tmp_path / "strap", tmp_path, motion=motion, deformer="none")
-    result = Scene.load(scene).run(tmp_path / "results", figures=False)
-    write_opensim(scene, tmp_path / "good.osim", result=result)
+def test_a_model_is_repaired_with_the_paths_of_a_scene(ran, tmp_path):
+    results = ran[0].parent / "results"
+    write_opensim(results, tmp_path / "good.osim")
     tree = read_osim(tmp_path / "good.osim").tree
     via = PathPoint("middle", (0.05, -0.1, 0.05), only_in=("upper", 0.2, 2.0))
     path = PointPath([PathPoint("proximal", (0, 0.1, 0)), via, PathPoint("distal", (0, -0.1, 0))])
@@ -80,7 +74,7 @@ def test_a_model_is_repaired_with_the_paths_of_a_scene(tmp_path):
     assert "theirs: length jumps by" in said.output
     assert "theirs,upper,length jumps," in (tmp_path / "bad.csv").read_text()
     assert "<svg" in (tmp_path / "bad.html").read_text()
-    repair = ["--repair", str(tmp_path / "new.osim"), "--scene", str(tmp_path / "results")]
+    repair = ["--repair", str(tmp_path / "new.osim"), "--scene", str(results)]
     call = ["check", str(tmp_path / "bad.osim"), "--out", str(tmp_path / "new.html"), *repair]
     said = CliRunner().invoke(app, [*call, "--replace", "strap=theirs"])
     assert said.exit_code == 0, said.output
@@ -90,6 +84,7 @@ def test_a_model_is_repaired_with_the_paths_of_a_scene(tmp_path):
     assert CliRunner().invoke(app, call).exit_code != 0  # replaces what?
 
 
+@pytest.mark.long
 def test_iliacus_and_psoas_of_gait2392_jump(opensim_data):
     found = check_model(opensim_data / "gait2392_thelen2003muscle.osim")
     assert not found.not_checked

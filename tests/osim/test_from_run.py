@@ -1,32 +1,35 @@
-"""Muscles of a run in OpenSim: lengths of fibres, and what groups and paths cost."""
-
-import importlib.util
+"""Muscles of a run in OpenSim and MuJoCo: lengths, moment arms, groups, properties, meshes, masses."""
 
 import numpy as np
+import osim_texts as texts
 import pytest
 from two_joint_scene import save_strap, scene_with
 from typer.testing import CliRunner
 
-from vtkmuscle import Scene, SceneError
+from vtkmuscle import InputError, Scene, SceneError
 from vtkmuscle.cli import app
-from vtkmuscle.core.errors import InputError
+from vtkmuscle.io import read_surface
 from vtkmuscle.opensim import read_osim, write_mujoco, write_opensim
+from vtkmuscle.opensim.export_parts import SPECIFIC_TENSION, completed_properties
 from vtkmuscle.opensim.muscle_paths import PointPath, moment_arm
 
-GRID = {"grid": {"upper": [-10, 30, 10], "lower": [0, 40, 10]}}
+ARCHITECTURE = {
+    "fascicle_length_mm": {"mean": 80.0},
+    "fascicle_pennation_origin_deg": {"mean": 10.0},
+    "fascicle_pennation_insertion_deg": {"mean": 20.0},
+    "pcsa_without_tendon_mm2": 1500.0,
+}
 
 
-@pytest.fixture(scope="module")
-def ran(tmp_path_factory):
-    """A scene of a strap over two joints, run by its paths: its file and the result."""
-    folder = tmp_path_factory.mktemp("strap")
-    save_strap(folder, n_fibres=10)
-    path = scene_with(folder, tmp_path_factory.mktemp("joints"), motion=GRID, deformer="none")
-    return path, Scene.load(path).run(figures=False)
+@pytest.fixture
+def results(ran, monkeypatch):
+    """The folder of the results; no scene is run again."""
+    monkeypatch.setattr(Scene, "run", lambda *_args, **_options: pytest.fail("it was run"))
+    return ran[0].parent / "results"
 
 
 def values_of(result):
-    return {name: one.natural for name, one in result.motion.coordinates.items()}
+    return {name: column.natural for name, column in result.motion.coordinates.items()}
 
 
 def rms(off):
@@ -35,122 +38,180 @@ def rms(off):
 
 def test_functions_have_the_lengths_of_the_run(ran, tmp_path):
     path, result = ran
-    (found,) = write_opensim(path, tmp_path / "strap.osim", result=result)
+    (muscle,) = write_opensim(path, tmp_path / "strap.osim", result=result)
     model = read_osim(tmp_path / "strap.osim")
     lengths = 1000.0 * model.muscle("strap").path.lengths(model.tree, values_of(result))
     mean = result.lengths["strap"].mean(axis=1)
-    np.testing.assert_allclose(found.length_errors, lengths - mean, atol=1e-6)
-    assert rms(found.length_errors) < 0.4
-    for name, off in found.arm_errors.items():
-        arms = 1000.0 * moment_arm(found.out.path, model.tree, values_of(result), name)
+    np.testing.assert_allclose(muscle.length_errors, lengths - mean, atol=1e-6)
+    assert rms(muscle.length_errors) < 0.4
+    for name, off in muscle.arm_errors.items():
+        arms = 1000.0 * moment_arm(muscle.out.path, model.tree, values_of(result), name)
         np.testing.assert_allclose(off, arms - result.moment_arms()["strap"][name].mean, atol=1e-3)
         assert rms(off) < 1.0
-    rows = (tmp_path / "strap_errors.csv").read_text().splitlines()
-    assert rows[0] == "muscle,of,rms_mm,largest_mm,mean_mm"
-    assert [row.split(",")[:2] for row in rows[1:]] == [
-        ["strap", "length"],
-        ["strap", "upper"],
-        ["strap", "lower"],
-    ]
-    assert set(found.out.path.names) == {"upper", "lower"}
-    assert len(found.fibres) == 10
+    head, *rows = (tmp_path / "strap_errors.csv").read_text().splitlines()
+    assert head == "muscle,of,rms_mm,largest_mm,mean_mm"
+    assert [row.split(",")[1] for row in rows] == ["length", "upper", "lower"]
+    assert set(muscle.out.path.names) == {"upper", "lower"}
 
 
 def test_more_groups_stand_for_the_fibres_better(ran, tmp_path):
     path, result = ran
     force = {"strap": {"max_isometric_force": 500.0}}
-    one = write_opensim(path, tmp_path / "one.osim", result=result, parameters=force)
-    four = write_opensim(path, tmp_path / "four.osim", result=result, groups=4, parameters=force)
-    assert sorted(fibre for group in four for fibre in group.fibres) == list(range(10))
-    assert max(group.group_error for group in four) < one[0].group_error
-    assert sum(group.out.parameters["max_isometric_force"] for group in four) == pytest.approx(500.0)
-    assert list(read_osim(tmp_path / "four.osim").muscles) == [f"strap_{i}" for i in range(1, len(four) + 1)]
-
-
-@pytest.mark.parametrize(
-    ("given", "words"),
-    [
-        ({"parameters": {"srap": {}}}, "no muscle 'srap'; its muscles are strap"),
-        ({"replace": {"strap": "theirs"}}, "no model to replace muscles in"),
-    ],
-)
-def test_what_would_change_nothing_in_a_model_is_refused(ran, tmp_path, given, words):
-    path, result = ran
-    with pytest.raises(InputError, match=words):
-        write_opensim(path, tmp_path / "one.osim", result=result, **given)
-    assert not (tmp_path / "one.osim").exists()
+    (whole,) = write_opensim(path, tmp_path / "whole.osim", result=result, parameters=force)
+    groups = write_opensim(path, tmp_path / "groups.osim", result=result, groups=4, parameters=force)
+    assert sorted(fibre for group in groups for fibre in group.fibres) == list(range(10))
+    assert max(group.group_error for group in groups) < whole.group_error
+    assert sum(group.out.parameters["max_isometric_force"] for group in groups) == pytest.approx(500.0)
+    assert [*read_osim(tmp_path / "groups.osim").muscles] == [f"strap_{i + 1}" for i in range(len(groups))]
 
 
 def test_points_and_cylinders_have_lengths_and_moment_arms(ran, tmp_path):
     path, result = ran
-    (found,) = write_opensim(path, tmp_path / "points.osim", result=result, form="points")
-    assert isinstance(found.out.path, PointPath)
-    assert {point.body for point in found.out.path.points} == {"proximal", "middle", "distal"}
-    assert rms(found.length_errors) < 0.7
-    assert all(rms(off) < 2.0 for off in found.arm_errors.values())
-    # No constant is left: the tendon's length is that of the path.
-    assert abs(found.length_errors.mean()) < 0.3
+    (muscle,) = write_opensim(path, tmp_path / "points.osim", result=result, form="points")
+    assert isinstance(muscle.out.path, PointPath)
+    assert {point.body for point in muscle.out.path.points} == {"proximal", "middle", "distal"}
+    assert rms(muscle.length_errors) < 0.7
+    assert all(rms(off) < 2.0 for off in muscle.arm_errors.values())
+    assert abs(muscle.length_errors.mean()) < 0.3  # the tendon's length is that of the path
 
 
-@pytest.mark.skipif(importlib.util.find_spec("opensim") is None, reason="the extra opensim is not installed")
-@pytest.mark.parametrize("form", ["functions", "points"])
-def test_opensim_gives_what_vtkmuscle_gave(ran, tmp_path, form):
-    import opensim
-
-    opensim.Logger.setLevelString("error")
-    path, result = ran
-    (found,) = write_opensim(path, tmp_path / "strap.osim", result=result, form=form)
-    ours = read_osim(tmp_path / "strap.osim")
-    model = opensim.Model(str(tmp_path / "strap.osim"))
-    state = model.initSystem()
-    values = values_of(result)
-    arms = result.moment_arms()["strap"]
-    for i in range(0, len(result.frames), 4):
-        for name, column in values.items():
-            model.updCoordinateSet().get(name).setValue(state, float(column[i]))
-        model.realizePosition(state)
-        now = {name: column[i : i + 1] for name, column in values.items()}
-        theirs = model.getMuscles().get("strap").getPath()
-        assert theirs.getLength(state) == pytest.approx(found.out.path.lengths(ours.tree, now)[0], abs=1e-5)
-        for name in values:
-            arm = theirs.computeMomentArm(state, model.getCoordinateSet().get(name))
-            assert arm == pytest.approx(moment_arm(found.out.path, ours.tree, now, name)[0], abs=1e-4)
-            if form == "functions" and i in arms[name].frames:
-                # Two ways to take slopes of the same lengths, a polynomial and local cubics.
-                mean = arms[name].mean[list(arms[name].frames).index(i)]
-                assert 1000.0 * arm == pytest.approx(mean, abs=4.0)
-
-
-def test_mujoco_gives_the_length_of_the_path(ran, tmp_path):
+def test_mujoco_has_the_path_and_the_properties(ran, results, tmp_path):
     mujoco = pytest.importorskip("mujoco", reason="the extra mujoco is not installed")
-    path, result = ran
-    (found,) = write_mujoco(path, tmp_path / "strap.xml", result=result)
-    assert not any(point.moves for point in found.out.path.points)
+    (muscle,) = write_mujoco(results, tmp_path / "strap.xml")
     model = mujoco.MjModel.from_xml_path(str(tmp_path / "strap.xml"))
     data = mujoco.MjData(model)
-    write_opensim(path, tmp_path / "strap.osim", result=result)
-    tree = read_osim(tmp_path / "strap.osim").tree
-    values = values_of(result)
-    lengths = found.out.path.lengths(tree, values)
+    write_opensim(results, tmp_path / "strap.osim")
+    values = values_of(ran[1])
+    lengths = muscle.out.path.lengths(read_osim(tmp_path / "strap.osim").tree, values)
     for i in range(0, len(lengths), 5):
         for name, column in values.items():
             data.qpos[model.joint(name).qposadr[0]] = column[i]
         mujoco.mj_forward(model, data)
         assert data.ten_length[0] == pytest.approx(lengths[i], abs=1e-9)
+    assert (model.nu, model.nmesh) == (1, 4)
+    low, high = model.actuator_lengthrange[0]
+    first, last, force = model.actuator_gainprm[0][:3]
+    along = (high - low) / (last - first)  # as MuJoCo has it
+    properties = muscle.out.parameters
+    cosine = np.cos(properties["pennation_angle_at_optimal"])
+    assert along == pytest.approx(properties["optimal_fiber_length"] * cosine)
+    assert low - first * along == pytest.approx(properties["tendon_slack_length"])
+    assert force == pytest.approx(properties["max_isometric_force"] * cosine)
+
+
+def test_properties_are_those_of_the_architecture():
+    plain = completed_properties({}, ARCHITECTURE, "m", length=0.3)
+    assert plain == pytest.approx(
+        {
+            "max_isometric_force": SPECIFIC_TENSION * 15.0,
+            "optimal_fiber_length": 0.08,
+            "pennation_angle_at_optimal": np.radians(15.0),
+            "tendon_slack_length": 0.3 - 0.08 * np.cos(np.radians(15.0)),
+        }
+    )
+    # Sarcomeres make another length optimal; tendon and thickness stay.
+    stretched = ARCHITECTURE | {"fascicle_length_normalised_mm": 60.0}
+    normalised = completed_properties({}, stretched, "m", length=0.3)
+    assert normalised["optimal_fiber_length"] == pytest.approx(0.06)
+    assert normalised["tendon_slack_length"] == pytest.approx(plain["tendon_slack_length"])
+    thickness = 0.08 * np.sin(np.radians(15.0))
+    assert 0.06 * np.sin(normalised["pennation_angle_at_optimal"]) == pytest.approx(thickness)
+
+
+def test_fixed_properties_stay_and_the_tendon_fits():
+    fixed = {"optimal_fiber_length": 0.1, "max_isometric_force": 700.0, "pennation_angle_at_optimal": 0.0}
+    properties = completed_properties(fixed, ARCHITECTURE, "m", length=0.3)
+    assert properties == pytest.approx(fixed | {"tendon_slack_length": 0.2})
+    with pytest.raises(
+        ValueError, match=r"'m' has a path of 70 mm and fibres of 80 mm at rest.*geometry only"
+    ):
+        completed_properties({}, ARCHITECTURE, "m", length=0.07)
+
+
+def test_results_are_exported_without_another_run(ran, results, tmp_path):
+    path, result = ran
+    (muscle,) = write_opensim(results, tmp_path / "strap.osim")
+    properties = read_osim(tmp_path / "strap.osim").muscle("strap").parameters
+    architecture = result.report["muscles"]["strap"]["architecture"]
+    fascicle = architecture["fascicle_length_mm"]["mean"] / 1000
+    assert properties["optimal_fiber_length"] == pytest.approx(fascicle)
+    force = SPECIFIC_TENSION * architecture["pcsa_without_tendon_mm2"] / 100.0
+    assert properties["max_isometric_force"] == pytest.approx(force)
+    tree = read_osim(tmp_path / "strap.osim").tree
+    rest = muscle.out.path.lengths(tree, {"upper": [0.0], "lower": [0.0]})[0]
+    along = properties["optimal_fiber_length"] * np.cos(properties["pennation_angle_at_optimal"])
+    assert along + properties["tendon_slack_length"] == pytest.approx(rest, abs=1e-6)
+    scene = path.read_text()
+    path.write_text(scene + "\n# changed\n")
+    with pytest.raises(ValueError, match="has changed"):
+        write_opensim(results, tmp_path / "strap.osim")
+    path.write_text(scene)
+
+
+def test_meshes_lie_on_their_bodies(ran, results, tmp_path):
+    write_opensim(results, tmp_path / "strap.osim", masses={"middle": 3.0})
+    scene, model = Scene.load(ran[0]), read_osim(tmp_path / "strap.osim")
+    bones = [(bone, f"{bone}.stl") for bone in scene.bones]
+    assert sorted(model.meshes) == sorted([*bones, ("proximal", "strap_at_rest.stl")])
+    for body, file in model.meshes:
+        pose = model.tree.poses({})[body][0]
+        surface = read_surface(tmp_path / "Geometry" / file)
+        bounds = np.array(surface.GetBounds()).reshape(3, 2).T @ pose[:3, :3].T + pose[:3, 3]
+        name = file.removesuffix(".stl").removesuffix("_at_rest")
+        original = scene.bones[name] if name in scene.bones else scene.muscles[name].surface
+        np.testing.assert_allclose(1000.0 * bounds, np.reshape(original.GetBounds(), (3, 2)).T, atol=1e-2)
+    text = (tmp_path / "strap.osim").read_text()
+    assert text.count("<mass>0.0</mass>") == len(model.tree.bodies) - 2
+    assert text.count("<mass>3.0</mass>") == 1
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"parameters": {"srap": {}}}, "no muscle 'srap'; its muscles are strap"),
+        ({"replace": {"strap": "theirs"}}, "no model to replace muscles in"),
+        ({"into": "leg.osim"}, r"has no coordinate 'upper'; use the model's names .* hip_x, "),
+    ],
+)
+def test_an_export_that_makes_no_sense_is_refused(results, tmp_path, monkeypatch, options, words):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "leg.osim").write_text(texts.model_4(forces=texts.muscle("")))
+    with pytest.raises(InputError, match=words):
+        write_opensim(results, tmp_path / "out.osim", **options)
+    assert not (tmp_path / "out.osim").exists()
+
+
+def test_a_crossed_coordinate_that_stands_still_is_named_before_a_run(ran, results, tmp_path):
+    still = scene_with(ran[0].parent, tmp_path, motion={"grid": {"upper": [-10, 30, 10]}}, deformer="none")
+    with pytest.raises(SceneError, match="does not move lower, crossed by muscle 'strap'"):
+        write_opensim(still, tmp_path / "strap.osim")
 
 
 def test_a_scene_without_joints_is_not_exported(tmp_path):
-    path = save_strap(tmp_path / "strap")
     with pytest.raises(SceneError, match="no joints"):
-        write_opensim(path, tmp_path / "strap.osim")
+        write_opensim(save_strap(tmp_path / "strap"), tmp_path / "strap.osim")
 
 
-def test_the_command_line_says_what_paths_cost(ran, tmp_path):
-    path, _ = ran
-    said = CliRunner().invoke(app, ["export", str(path), str(tmp_path / "strap.osim"), "--groups", "2"])
-    assert said.exit_code == 0, said.output
-    assert "strap_1: " in said.output
-    assert "fibres as a polynomial of" in said.output
-    assert "errors in mm: length" in said.output
-    assert "tendon_slack_length" in said.output
-    assert read_osim(tmp_path / "strap.osim").muscles
+def export(*words):
+    call = CliRunner().invoke(app, ["export", *map(str, words)])
+    return call.exit_code, " ".join(call.output.split())
+
+
+def test_the_command_line_prints_errors_and_properties(results, tmp_path):
+    code, words = export(results, tmp_path / "strap.osim", "--groups", "2")
+    assert code == 0, words
+    for part in ("strap_1: ", "fibres as a polynomial of", "errors in mm: length", "tendon_slack_length"):
+        assert part in words
+    code, words = export(results, tmp_path / "a.osim", "--geometry-only")
+    assert code == 0, words
+    muscle = read_osim(tmp_path / "a.osim").muscle("strap")
+    assert (muscle.kind, muscle.parameters) == ("PathActuator", {})
+
+
+@pytest.mark.parametrize(
+    ("mass", "words"), [("middle=-3", "no mass"), ("middle", "no pair"), ("nobody=3", "no body")]
+)
+def test_an_invalid_mass_is_refused(results, tmp_path, mass, words):
+    code, said = export(results, tmp_path / "a.osim", "--mass", mass)
+    assert code != 0
+    assert words in said

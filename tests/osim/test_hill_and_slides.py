@@ -88,8 +88,6 @@ def test_groups_share_the_force_and_what_is_asked_for_counts_more(drawn, tmp_pat
     groups = write_opensim(path, tmp_path / "two.osim", result=result, groups=2, parameters=asked)
     assert sum(one.out.parameters["max_isometric_force"] for one in groups) == pytest.approx(18.0 * 61.0)
     assert {one.out.parameters["optimal_fiber_length"] for one in groups} == {0.06}
-    (plain,) = write_opensim(path, tmp_path / "plain.osim", result=result, kind="PathActuator")
-    assert plain.out.parameters == {}
 
 
 @pytest.mark.parametrize(
@@ -98,10 +96,8 @@ def test_groups_share_the_force_and_what_is_asked_for_counts_more(drawn, tmp_pat
         ({"pcsa": 18.0}, "pcsa alone gives no force; give pcsa and specific_tension"),
         ({"pcsa": 18.0, "specific_tension": 61.0, "max_isometric_force": 900.0}, "cannot be combined"),
         ({"pennation": 95.0}, "less than 90"),
-        ({"optimal_fibre_length": 0.0}, "greater than 0"),
-        ({"optimal_fiber_length": 50.0}, "optimal_fibre_length"),
     ],
-    ids=["half", "twice", "angle", "zero", "misspelt"],
+    ids=["half", "twice", "angle"],
 )
 def test_what_makes_no_muscle_is_told(tmp_path, hill, words):
     with pytest.raises(SceneError, match=words):
@@ -121,12 +117,10 @@ def strap_folder(tmp_path_factory):
     return save_strap(tmp_path_factory.mktemp("strap")).parent
 
 
-@pytest.fixture(scope="module")
-def walked(strap_folder, tmp_path_factory):
-    """Moment arms of the strap by the coordinates that it crosses, and by one that it is said to cross."""
-    # Both joints move together: what each moves alone is known all the same, for the scene has the joints.
+def test_moment_arms_are_by_the_coordinates_that_a_muscle_crosses(strap_folder, tmp_path_factory):
+    # Both joints move together: the scene has the joints, so that each coordinate has its own moment arms.
     walk = "inDegrees=yes\nendheader\ntime upper lower\n"
-    walk += "".join(f"{i} {2 * i} {3 * i}\n" for i in range(9))
+    walk += "".join(f"{i} {4 * i} {6 * i}\n" for i in range(5))
     muscles = tomllib.loads((strap_folder / "scene.toml").read_text())["muscles"]
     results = []
     for crosses in (None, ["lower"]):
@@ -137,18 +131,11 @@ def walked(strap_folder, tmp_path_factory):
         scene = Scene.load(path)
         assert scene.muscles["strap"].crosses == tuple(crosses or ("upper", "lower"))
         results.append(scene.run(figures=False).moment_arms()["strap"])
-    return results
-
-
-def test_moment_arms_are_by_the_coordinates_that_a_muscle_crosses(walked):
-    both, one = walked
-    assert (set(both), set(one)) == ({"upper", "lower"}, {"lower"})
-    np.testing.assert_allclose(one["lower"].arms, both["lower"].arms, rtol=1e-12)
+    both, lower = results
+    assert (set(both), set(lower)) == ({"upper", "lower"}, {"lower"})
+    np.testing.assert_allclose(lower["lower"].arms, both["lower"].arms, rtol=1e-12)
     np.testing.assert_allclose(both["lower"].mean, -ARMS[1], rtol=0.05)
-
-
-def test_the_upper_moment_arm_is_that_of_the_roller(walked):
-    np.testing.assert_allclose(walked[0]["upper"].mean, ARMS[0], rtol=0.03)
+    np.testing.assert_allclose(both["upper"].mean, ARMS[0], rtol=0.03)
 
 
 def test_a_coordinate_that_is_crossed_and_not_there_is_told(strap_folder, tmp_path):

@@ -114,7 +114,7 @@ def test_opensim_has_the_same_lengths_and_moment_arms(tmp_path, way):
     state = model.initSystem()
     coordinates = model.updCoordinateSet()
     tree = leg()
-    for i in range(25):
+    for i in range(0, 25, 4):
         for name in GRID:
             coordinates.get(name).setValue(state, float(GRID[name][i]), False)
         model.assemble(state)
@@ -161,27 +161,3 @@ def test_what_opensim_cannot_take_is_told(tmp_path):
     (tmp_path / "old.osim").write_bytes(texts.model_3().encode("latin-1"))
     with pytest.raises(ValueError, match="version 30000"):
         enriched(tmp_path / "old.osim", [])
-
-
-@needs_opensim
-def test_gait2392_takes_a_muscle_of_functions(tmp_path, opensim_data):
-    import opensim
-
-    opensim.Logger.setLevelString("error")
-    bare = opensim_data / "gait2392_thelen2003muscle.osim"
-    model = read_osim(bare)
-    grid = grid_of({"hip_flexion_r": np.linspace(-0.3, 1.2, 9), "knee_angle_r": np.linspace(-1.6, 0.0, 9)})
-    path = model.muscle("semiten_r").path
-    fit = fit_length(path.lengths(model.tree, grid), grid)
-    (tmp_path / "more.osim").write_text(enriched(bare, [MuscleOut("semiten_function_r", fit)]))
-    theirs = opensim.Model(str(tmp_path / "more.osim"))
-    state = theirs.initSystem()
-    assert theirs.getMuscles().getSize() == 93
-    for i in range(0, 81, 10):
-        for name in grid:
-            theirs.updCoordinateSet().get(name).setValue(state, float(grid[name][i]))
-        theirs.realizePosition(state)
-        now = {name: column[i : i + 1] for name, column in grid.items()}
-        length = theirs.getMuscles().get("semiten_function_r").getPath().getLength(state)
-        assert length == pytest.approx(fit.lengths(model.tree, now)[0], abs=1e-9)
-    assert np.abs(fit.lengths(model.tree, grid) - path.lengths(model.tree, grid)).max() < 5e-3

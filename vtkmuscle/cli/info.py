@@ -12,14 +12,14 @@ from vtkmuscle.core.mesh.surface import survey
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import points_of, triangles_of
 from vtkmuscle.io import read_landmarks, read_named_points, read_polydata
-from vtkmuscle.joints.motion_file import read_motion_file
+from vtkmuscle.joints.osim import read_motion_file
+from vtkmuscle.labels.draft import likely_unit
 from vtkmuscle.labels.guesses import LOOK
-from vtkmuscle.labels.meshes import likely_unit
 from vtkmuscle.opensim.model import OsimModel, read_osim
 from vtkmuscle.run.store import ResultFolder
 
 #: Suffixes of landmarks and of motions.
-LANDMARKS, MOTIONS = (".csv", ".json", ".fcsv", ".nrrd"), (".mot", ".sto")
+LANDMARKS, MOTIONS = (".csv", ".json", ".fcsv"), (".mot", ".sto")
 #: Longest list of names that is printed whole.
 _MOST = 12
 

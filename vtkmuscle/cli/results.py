@@ -237,7 +237,7 @@ def init(
     Names identify bones and muscles, sizes the unit, contact or landmarks the areas, fits to bones the
     joints. guesses.csv and comments in scene.toml list each guess with a confidence.
     """
-    from vtkmuscle.labels.meshes import draft_of_files
+    from vtkmuscle.labels.draft import draft_of_files
 
     _check_free(out, overwrite)
     draft = draft_of_files(files, out, bones=bone or (), muscles=muscle or (), frame=frame)

@@ -1,5 +1,5 @@
-from .febio import febio_axes as febio_axes
 from .fibre_table import (
+    febio_axes as febio_axes,
     fibre_summary as fibre_summary,
     muscle_summary as muscle_summary,
     write_fibre_table as write_fibre_table,
@@ -22,11 +22,9 @@ from .motion_table import (
     write_motion_table as write_motion_table,
 )
 from .msf import (
-    TREE_SUFFIXES as TREE_SUFFIXES,
     MsfNode as MsfNode,
     landmarks_of as landmarks_of,
     read_msf as read_msf,
-    surfaces_of as surfaces_of,
 )
 from .surfaces import (
     SURFACE_SUFFIXES as SURFACE_SUFFIXES,
@@ -34,11 +32,9 @@ from .surfaces import (
     read_surface as read_surface,
 )
 from .temporal import (
-    SERIES_SUFFIXES as SERIES_SUFFIXES,
     Collection as Collection,
     Series as Series,
     TimeSeries as TimeSeries,
     read_series as read_series,
-    write_vtkhdf as write_vtkhdf,
 )
 from .writing import write_polydata as write_polydata, write_text as write_text

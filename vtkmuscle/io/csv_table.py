@@ -32,13 +32,8 @@ def table_rows(
 ) -> list[tuple[int, dict[str, str]]]:
     """Return line number and cells by column for each row.
 
-    ``remedy`` describes the table.
-
-    Raises
-    ------
-    InputError
-        Without rows, with more than ``most`` rows, for a missing, unnamed or repeated column, or a line
-        of another length.
+    An InputError tells of no rows, more than ``most`` rows, a missing, unnamed or repeated column, or a line
+    of another length. ``remedy`` describes the table.
     """
     rows = list(islice(csv_rows(path), None if most is None else most + 2))
     header = rows[0][1] if rows else []

@@ -25,7 +25,6 @@ from typing import Any
 
 from vtkmodules.vtkCommonCore import vtkLogger, vtkOutputWindow, vtkStringOutputWindow
 from vtkmodules.vtkCommonDataModel import vtkPolyData
-from vtkmodules.vtkCommonExecutionModel import vtkStreamingDemandDrivenPipeline
 from vtkmodules.vtkIOLegacy import vtkPolyDataReader, vtkPolyDataWriter
 
 from vtkmuscle.core.errors import InputError
@@ -63,25 +62,23 @@ def first_line(messages: str) -> str:
 #: text becomes 8 bytes, which are read, kept and written.
 _LEAST_MEMORY, _MEMORY_SIZES = 2 * 1024**3, 40
 
-_TIMES = vtkStreamingDemandDrivenPipeline.TIME_STEPS()
-
 
 def serve() -> None:
     """Answer the requests on standard input, until the end of input.
 
-    A request is a line with a JSON list: file, module and class of the reader, time limit [s], and whether
-    data are needed or only a check of all time steps. The answer is a line of JSON, ``[class of the data,
-    VTK's complaint, length]``, followed by poly data as a .vtk file of that length.
+    A request is a line with a JSON list: file, module and class of the reader, and time limit [s]. The answer
+    is a line of JSON, ``[class of the data, VTK's complaint, length]``, followed by poly data as a .vtk file
+    of that length.
     """
     answers = os.fdopen(os.dup(1), "wb")
     os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # VTK's readers print to standard output
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent handles an interrupt
     for line in sys.stdin.buffer:
-        path, module, name, longest, wanted = json.loads(line)
+        path, module, name, longest = json.loads(line)
         _limit_memory(os.path.getsize(path))
         faulthandler.dump_traceback_later(longest, exit=True)
         try:
-            kind, complaint, content = read(path, module, name, wanted=wanted)
+            kind, complaint, content = read(path, module, name)
         except MemoryError:
             kind, complaint, content = "", "it takes too much memory", b""
         faulthandler.cancel_dump_traceback_later()
@@ -91,10 +88,10 @@ def serve() -> None:
 
 def _limit_memory(size: int) -> None:
     """Limit the process's memory by the file's size."""
-    try:
-        import resource  # noqa: PLC0415 -- not there in Windows
-    except ImportError:
+    if sys.platform == "win32":
         return
+    import resource  # noqa: PLC0415 -- not there in Windows
+
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     there = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
     _, hard = resource.getrlimit(resource.RLIMIT_AS)
@@ -103,20 +100,16 @@ def _limit_memory(size: int) -> None:
         resource.setrlimit(resource.RLIMIT_AS, (most, hard))
 
 
-def read(path: str, module: str, name: str, *, wanted: bool) -> tuple[str, str, bytes]:
+def read(path: str, module: str, name: str) -> tuple[str, str, bytes]:
     """Return class, VTK's complaint and data of a file."""
     reader: Any = getattr(import_module(module), name)()
     with vtk_messages() as messages:
         reader.SetFileName(os.fsencode(path))
-        reader.UpdateInformation()
-        info = reader.GetOutputInformation(0)
-        for time in () if wanted or not info.Has(_TIMES) else info.Get(_TIMES):
-            reader.UpdateTimeStep(time)
         reader.Update()
     data = reader.GetOutputDataObject(0)
     kind = data.GetClassName() if data is not None else ""
     complaint = first_line(messages()) or ("it is damaged" if reader.GetErrorCode() else "")
-    if complaint or not wanted or not isinstance(data, vtkPolyData):
+    if complaint or not isinstance(data, vtkPolyData):
         return kind, complaint, b""
     cells = (data.GetVerts(), data.GetLines(), data.GetPolys(), data.GetStrips())
     if not all(each.IsValid() for each in cells):
@@ -139,12 +132,9 @@ _REMEDY = "export it again, and check that its suffix is that of its format"
 def read_in_child(path: Path, module: str, reader: str) -> vtkPolyData:
     """Read poly data by the module and class of a reader.
 
-    Raises
-    ------
-    InputError
-        If VTK complains, crashes or takes too long, or the file is no poly data.
+    If VTK complains, crashes or takes too long, or the file is no poly data, an InputError is raised.
     """
-    kind, complaint, content = _child.ask(path, module, reader, wanted=True)
+    kind, complaint, content = _child.ask(path, module, reader)
     if complaint:
         raise InputError(path, f"the file cannot be read as {path.suffix}: {complaint}", _REMEDY)
     if kind != "vtkPolyData":
@@ -158,43 +148,31 @@ def read_in_child(path: Path, module: str, reader: str) -> vtkPolyData:
     return result
 
 
-def check_in_child(path: Path, module: str, reader: str) -> None:
-    """Raise an InputError for an unreadable time step."""
-    _, complaint, _ = _child.ask(path, module, reader, wanted=False)
-    if complaint:
-        raise InputError(path, "the file is damaged", "write it again")
-
-
 class _Child:
     """The reading process, started on demand."""
 
     def __init__(self) -> None:
         self._lock = Lock()
-        self._process: subprocess.Popen[bytes] | None = None
+        self._process: Any = None
         self._owner = 0
 
-    def ask(self, path: Path, module: str, reader: str, *, wanted: bool) -> tuple[str, str, bytes]:
+    def ask(self, path: Path, module: str, reader: str) -> tuple[str, str, bytes]:
         """Return class, VTK's complaint and data of a file."""
         if not is_python():
-            return read(os.path.abspath(path), module, reader, wanted=wanted)
+            return read(os.path.abspath(path), module, reader)
         longest = LONGEST + path.stat().st_size / _SPEED
-        question = json.dumps([os.path.abspath(path), module, reader, longest, wanted])
+        question = json.dumps([os.path.abspath(path), module, reader, longest])
         with self._lock:
-            process = self._running()
-            assert process.stdin is not None
-            assert process.stdout is not None
-            began = time.monotonic()
+            process, began = self._running(), time.monotonic()
             try:
                 process.stdin.write(question.encode() + b"\n")
                 process.stdin.flush()
-                line = process.stdout.readline()
-                kind, complaint, length = json.loads(line) if line else ("", "", 0)
-                content = process.stdout.read(length)
+                if line := process.stdout.readline():
+                    kind, complaint, length = json.loads(line)
+                    return kind, complaint, process.stdout.read(length)
             except BaseException:  # the next question must not get this answer
                 process.kill()
                 raise
-            if line:
-                return kind, complaint, content
             code = process.wait()
         if time.monotonic() - began >= longest:
             raise InputError(path, f"the file was not read within {longest:.0f} s", _REMEDY)
@@ -202,26 +180,23 @@ class _Child:
         problem = f"the file is damaged, or takes too much memory: VTK's reader ended with {name}"
         raise InputError(path, problem, _REMEDY)
 
-    def _running(self) -> subprocess.Popen[bytes]:
+    def _running(self) -> Any:
         """Return a running process of this process; start one if necessary."""
         if self._process is None or self._owner != os.getpid() or self._process.poll() is not None:
             self.close()
             self._owner = os.getpid()
             # The package may be in the working folder, which this Python leaves out.
             root = str(Path(__file__).parents[2])
-            self._process = subprocess.Popen(
-                python_command(f"sys.path.append({root!r})\nfrom {read.__module__} import serve\nserve()"),
-                stdin=subprocess.PIPE,
-                stdout=subprocess.PIPE,
-                stderr=subprocess.DEVNULL,
-            )
+            code = f"sys.path.append({root!r})\nfrom {read.__module__} import serve\nserve()"
+            pipe, nothing = subprocess.PIPE, subprocess.DEVNULL
+            self._process = subprocess.Popen(python_command(code), stdin=pipe, stdout=pipe, stderr=nothing)
         return self._process
 
     def close(self) -> None:
         """End the process, if started by this process."""
-        process, self._process = self._process, None
-        if process is not None and self._owner == os.getpid():
-            process.communicate()
+        if self._process is not None and self._owner == os.getpid():
+            self._process.communicate()
+        self._process = None
 
 
 _child = _Child()

@@ -1,20 +1,55 @@
-"""Read the landmarks of an attachment or an aponeurosis."""
+"""Read landmarks of areas and aponeuroses, also those of 3D Slicer."""
 
 from __future__ import annotations
 
+import csv
 import json
+import re
 import warnings
+from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from vtkmuscle.core.errors import MOST_TEXT, InputError, check_is_file
 from vtkmuscle.core.types import Floats
+from vtkmuscle.core.words import quoted
 from vtkmuscle.data.attachments import Aponeurosis, aponeurosis_from, landmarks_of, ring_aponeurosis
-from vtkmuscle.io.csv_table import csv_rows
-from vtkmuscle.io.slicer import NamedPoints, markups_of, read_fcsv, read_nrrd_points
+from vtkmuscle.io.csv_table import csv_rows, number_in
 from vtkmuscle.io.surfaces import SURFACE_SUFFIXES, read_polydata
+
+#: Frames of the body with z up: x left and y back, or x right and y front.
+FRAMES = ("LPS", "RAS")
+#: Names of frames in files; numbers in old files of Slicer.
+_FRAME_WORDS = {"LPS": "LPS", "1": "LPS", "RAS": "RAS", "0": "RAS"}
+#: Kinds of markups with ordered points, and whether the curve is closed.
+_KINDS = {"Fiducial": False, "Line": False, "Curve": False, "ClosedCurve": True}
+_FCSV_COLUMNS = ["id", "x", "y", "z", "ow", "ox", "oy", "oz", "vis", "sel", "lock", "label"]
+_AS_SLICER = "save it again with 3D Slicer"
+_DECIMAL = "if numbers have a decimal comma, write a point instead"
+
+
+@dataclass(frozen=True, eq=False)
+class NamedPoints:
+    """Points (n, 3) with names, "" for no name.
+
+    ``closed`` tells whether the points form a ring. The frame is ``"LPS"``, ``"RAS"``, or None if
+    unspecified.
+    """
+
+    names: tuple[str, ...]
+    points: Floats
+    closed: bool = False
+    frame: str | None = None
+
+    def within(self, frame: str) -> Floats:
+        """Return the points (n, 3) in a frame; without an own frame unchanged."""
+        if frame not in FRAMES:
+            raise InputError("", f"there is no frame {frame!r}; allowed: {', '.join(FRAMES)}")
+        converted = self.frame is not None and self.frame != frame
+        return self.points * np.array([-1.0, -1.0, 1.0]) if converted else self.points
 
 
 def read_landmarks(path: str | PathLike[str], *, frame: str = "LPS") -> tuple[Floats, bool]:
@@ -25,8 +60,8 @@ def read_landmarks(path: str | PathLike[str], *, frame: str = "LPS") -> tuple[Fl
     path : path
         A .vtp or .vtk file with 1 polyline or only points; a .csv file of x, y, z or name, x, y, z (a
         header may name the columns; further columns are ignored); a .json file with a list of [x, y, z];
-        a .mrk.json or .fcsv file of 3D Slicer; or a .nrrd file of 3 x n numbers. In a ring, the last
-        point repeats the first, or the file is a closed curve of Slicer.
+        or a .mrk.json or .fcsv file of 3D Slicer. In a ring, the last point repeats the first, or the
+        file is a closed curve of Slicer.
     frame : str, optional
         ``"LPS"`` or ``"RAS"``: the frame of the scene. Files with a frame, such as Slicer's, are
         converted. Slicer saves surfaces in LPS.
@@ -73,14 +108,11 @@ def read_aponeurosis(path: str | PathLike[str], side: str, *, frame: str = "LPS"
     path = Path(path)
     if path.suffix.lower() in SURFACE_SUFFIXES:
         return aponeurosis_from(read_polydata(path), side, str(path))
-    landmarks, _ = read_landmarks(path, frame=frame)
-    return ring_aponeurosis(landmarks, side, str(path))
+    return ring_aponeurosis(read_landmarks(path, frame=frame)[0], side, str(path))
 
 
 def read_named_points(path: str | PathLike[str]) -> NamedPoints:
-    """Read points with names and a frame.
-
-    Files are .csv, .json, .mrk.json, .fcsv or .nrrd.
+    """Read points with names and a frame from .csv, .json, .mrk.json or .fcsv.
 
     See :func:`read_landmarks`.
 
@@ -90,29 +122,26 @@ def read_named_points(path: str | PathLike[str]) -> NamedPoints:
         If the file does not exist, cannot be read, or has no points.
     """
     path = Path(path)
-    suffix = path.suffix.lower()
-    readers = {".csv": _from_csv, ".json": _from_json, ".fcsv": read_fcsv, ".nrrd": read_nrrd_points}
-    if suffix not in readers:
+    readers = {".csv": _from_csv, ".json": _from_json, ".fcsv": _from_fcsv}
+    if path.suffix.lower() not in readers:
         allowed = ", ".join([".vtp", ".vtk", *readers])
         raise InputError(path, f"landmarks are read from {allowed} files, not from {path.suffix!r}")
     check_is_file(path, most=MOST_TEXT)
-    named = readers[suffix](path)
+    named = readers[path.suffix.lower()](path)
     finite = np.isfinite(named.points).all(axis=1)
     if not finite.all():
-        problem = f"landmark {finite.argmin()} has a coordinate that is not finite"
-        raise InputError(path, problem, "correct it")
+        raise InputError(path, f"landmark {finite.argmin()} has a coordinate that is not finite")
     return named
 
 
 def _from_csv(path: Path) -> NamedPoints:
-    rows: list[list[float]] = []
-    names: list[str] = []
     lines = list(csv_rows(path))
     header = [cell.casefold() for cell in lines[0][1]] if lines else []
     columns = tuple(map(header.index, "xyz")) if all(header.count(name) == 1 for name in "xyz") else None
     if columns or not all(_is_number(header[i]) for i in _columns(header) if i < len(header)):
         del lines[0]
-    decimal = "if numbers have a decimal comma, write a point instead"
+    rows: list[list[float]] = []
+    names: list[str] = []
     for number, cells in lines:
         at = columns or _columns(cells)
         try:
@@ -124,13 +153,13 @@ def _from_csv(path: Path) -> NamedPoints:
             raise InputError(path, f"line {number} has fewer than three numbers", "give x, y, z")
         if len(cells) != len(lines[0][1]):
             problem = f"line {number} has {len(cells)} cells, but earlier lines have {len(lines[0][1])}"
-            raise InputError(path, problem, decimal)
+            raise InputError(path, problem, _DECIMAL)
         names.append(cells[0] if 0 not in at else "")
     if not rows:
         raise InputError(path, "the file has no landmarks", "give a line x, y, z for each landmark")
     if len(lines[0][1]) >= 6 and all(value == int(value) for row in rows for value in row):
         problem = f"each line has {len(lines[0][1])} cells, beginning with whole numbers"
-        warnings.warn(f"{path}: {problem}; {decimal}", stacklevel=4)
+        warnings.warn(f"{path}: {problem}; {_DECIMAL}", stacklevel=4)
     return NamedPoints(tuple(names), np.array(rows, dtype=np.float64))
 
 
@@ -140,18 +169,14 @@ def _columns(cells: list[str]) -> tuple[int, ...]:
 
 
 def _is_number(cell: str) -> bool:
-    try:
-        float(cell)
-    except ValueError:
-        return False
-    return True
+    return not np.isnan(number_in(cell)) or cell.strip().casefold().lstrip("+-") == "nan"
 
 
 def _from_json(path: Path) -> NamedPoints:
     try:
         content = json.loads(path.read_text(encoding="utf-8-sig"))
         if isinstance(content, dict) and "markups" in content:
-            return markups_of(content, path)
+            return _from_markups(content, path)
         points = np.array(content, dtype=np.float64)
     except InputError:
         raise
@@ -161,3 +186,77 @@ def _from_json(path: Path) -> NamedPoints:
     if points.ndim != 2 or points.shape[1] != 3 or not len(points):
         raise InputError(path, "the file must hold a list of [x, y, z], one per landmark")
     return NamedPoints(("",) * len(points), points)
+
+
+def _from_markups(content: dict[str, Any], path: Path) -> NamedPoints:
+    """Return the control points of the only list in a .mrk.json file."""
+    lists = content.get("markups")
+    if not isinstance(lists, list) or len(lists) != 1 or not isinstance(lists[0], dict):
+        raise InputError(path, "the file must have 1 list of markups", "save each list in a separate file")
+    kind = lists[0].get("type", "Fiducial")
+    if not isinstance(kind, str) or kind not in _KINDS:
+        problem = f"markups of type {quoted(kind)} are not supported"
+        raise InputError(path, problem, f"supported: {', '.join(_KINDS)}")
+    unit = lists[0].get("coordinateUnits", "mm")
+    if unit not in ("mm", ["mm", "mm", "mm"]):
+        raise InputError(path, f"coordinates are in {quoted(unit)}, but must be in mm", _AS_SLICER)
+    controls = lists[0].get("controlPoints")
+    if not isinstance(controls, list) or not controls:
+        raise InputError(path, "the file holds no control points", _AS_SLICER)
+    names, points = [], []
+    for number, control in enumerate(controls):
+        keys = control if isinstance(control, dict) else {}
+        names.append(str(keys.get("label", "") or keys.get("id", "") or ""))
+        where = f"control point {number} ({quoted(names[-1])})"
+        status = keys.get("positionStatus", "defined")
+        if status != "defined":
+            problem = f"{where} has no position: its status is {quoted(status)}"
+            raise InputError(path, problem, "place the point, or remove it")
+        points.append(_position(keys.get("position"), where, path))
+    frame = _frame(lists[0].get("coordinateSystem", "LPS"), path)
+    return NamedPoints(tuple(names), np.array(points), _KINDS[kind], frame)
+
+
+def _from_fcsv(path: Path) -> NamedPoints:
+    """Return the points of an older list of 3D Slicer."""
+    try:
+        lines = path.read_text(encoding="utf-8-sig").splitlines()
+    except UnicodeDecodeError as error:
+        raise InputError(path, "the file is not text in UTF-8", _AS_SLICER) from error
+    frame, columns = None, _FCSV_COLUMNS
+    names, points = [], []
+    for number, line in enumerate(lines, start=1):
+        where = f"line {number}"
+        header = re.match(r"#\s*(CoordinateSystem|columns)\s*=\s*(.*)", line)
+        if header is not None and header[1] == "CoordinateSystem":
+            frame = _frame(header[2].strip(), path)
+        elif header is not None:
+            columns = [name.strip() for name in header[2].split(",")]
+        elif line.strip() and not line.startswith("#"):
+            try:
+                row = dict(zip(columns, next(csv.reader([line])), strict=False))
+            except csv.Error as error:
+                raise InputError(path, f"{where}: {error}", _AS_SLICER) from error
+            points.append(_position([number_in(row.get(name, "")) for name in "xyz"], where, path))
+            names.append(row.get("label", "") or row.get("id", ""))
+    if not points:
+        raise InputError(path, "the file holds no landmarks", _AS_SLICER)
+    if frame is None:
+        problem = "the file does not state its frame, LPS or RAS"
+        raise InputError(path, problem, "add a line # CoordinateSystem = LPS, or RAS")
+    return NamedPoints(tuple(names), np.array(points), frame=frame)
+
+
+def _frame(word: Any, path: Path) -> str:
+    frame = _FRAME_WORDS.get(str(word).strip().upper())
+    if frame is None:
+        raise InputError(path, f"the frame {quoted(word)} is not supported", "save it in LPS or RAS")
+    return frame
+
+
+def _position(values: Any, where: str, path: Path) -> list[float]:
+    numbers = isinstance(values, list) and all(type(value) in (int, float) for value in values)
+    position = [number_in(value) for value in values] if numbers else []
+    if len(position) != 3 or not np.isfinite(position).all():
+        raise InputError(path, f"{where}: {quoted(values)} is not a finite position x, y, z", "correct it")
+    return position

@@ -23,12 +23,8 @@ LOWER, UPPER = "lower_bound", "upper_bound"
 class LiteratureCurve:
     """Moment arms of a muscle by a coordinate, from a publication.
 
-    Attributes
-    ----------
-    source, muscle, dof, part : str
-        Publication, muscle, coordinate, and part of the muscle or kind of value; ``part`` may be "".
-    angles, arms : (n,) arrays
-        Ascending angles [degrees], and moment arms -dl/dq [mm].
+    ``dof`` is the coordinate, ``part`` a part of the muscle or kind of value, or "". ``angles`` (n,)
+    [degrees] ascend; ``arms`` (n,) are moment arms -dl/dq [mm].
     """
 
     source: str
@@ -101,9 +97,9 @@ def write_literature(path: str | PathLike[str], curves: Sequence[LiteratureCurve
 def curves_for(
     curves: Sequence[LiteratureCurve], *, muscle: str = "", coordinate: str = ""
 ) -> tuple[LiteratureCurve, ...]:
-    """Return the curves of a muscle, a coordinate, or both.
+    """Return the curves of a muscle, a coordinate, or both, "" for any.
 
-    Names are as in the scene, "" for any; a side, ``_r`` or ``_l``, is optional in the curve's names.
+    Names are as in the scene; a side, ``_r`` or ``_l``, is optional in the curve's names.
     """
     return tuple(
         curve
@@ -115,10 +111,9 @@ def curves_for(
 
 @dataclass(frozen=True, eq=False)
 class DrawnCurve:
-    """A line or a band in a figure.
+    """A line or a band in a figure: angles (n,) [degrees] and arms (n,) [mm].
 
-    ``angles`` (n,) [degrees] and ``arms`` (n,) [mm] are the line, or the lower side of the band; ``upper``
-    (n,) is the upper side of a band, None for a line.
+    ``upper`` (n,) is the upper side of a band, None for a line.
     """
 
     source: str

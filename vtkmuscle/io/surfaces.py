@@ -119,10 +119,7 @@ def read_surface(path: str | PathLike[str]) -> vtkPolyData:
 
 
 def _check_cells(data: vtkPolyData, path: Path) -> None:
-    """Raise an InputError for invalid cells.
-
-    A cell may lack a point, or a polygon have fewer than 3 corners.
-    """
+    """Raise an InputError for a cell without a point, or a polygon with fewer than 3 corners."""
     for cells in (data.GetVerts(), data.GetLines(), data.GetPolys(), data.GetStrips()):
         ids = vtk_to_numpy(cells.GetConnectivityArray())
         if len(ids) and (ids.min() < 0 or ids.max() >= data.GetNumberOfPoints()):
@@ -135,10 +132,7 @@ def _check_cells(data: vtkPolyData, path: Path) -> None:
 
 
 def _check_words(data: vtkPolyData, path: Path) -> None:
-    """Raise an InputError for missing numbers in a text .ply file.
-
-    VTK replaces missing numbers by zeros, or by earlier numbers.
-    """
+    """Raise an InputError for missing numbers in a text .ply file, which VTK replaces by others."""
     head, _, body = path.read_bytes().partition(b"end_header")
     if b"format ascii" not in head:
         return

@@ -1,40 +1,28 @@
-"""Time series on disk: .pvd with .vtp files, or .vtkhdf."""
+"""Time series on disk: .pvd with .vtp files."""
 
 from __future__ import annotations
 
-import errno
-import os
-import shutil
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from html import escape  # that of xml.sax would load an HTTP client
 from os import PathLike
 from pathlib import Path
-from threading import Lock
 from typing import Any
 
-from vtkmodules.util.vtkAlgorithm import VTKPythonAlgorithmBase
-from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
-from vtkmodules.vtkCommonExecutionModel import vtkStreamingDemandDrivenPipeline
+from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.errors import InputError, check_is_file
-from vtkmuscle.data.arrays import array_names, multiblock_from
-from vtkmuscle.data.pipeline_times import announce_times, times_of
-from vtkmuscle.io.in_child import check_in_child, vtk_messages
+from vtkmuscle.data.arrays import multiblock_from
 from vtkmuscle.io.surfaces import read_polydata
-from vtkmuscle.io.writing import replacing, write_polydata, write_text
+from vtkmuscle.io.writing import write_polydata, write_text
 from vtkmuscle.io.xml_elements import read_xml
 
 
 class Collection:
     """A ParaView collection (.pvd) that grows step by step.
 
-    Each step rewrites the file, so that an interrupted run leaves a list of exactly the finished steps.
-
-    Parameters
-    ----------
-    path : Path
-        The .pvd file; the first step replaces an existing file.
+    Each step rewrites the file, so that an interrupted run leaves a list of exactly the finished steps. The
+    first step replaces an existing file.
     """
 
     def __init__(self, path: Path) -> None:
@@ -42,21 +30,11 @@ class Collection:
         self._entries: list[str] = []
 
     def add(self, time: float, parts: Mapping[str, Path]) -> None:
-        """Add a time step.
-
-        Parameters
-        ----------
-        time : float
-            Pipeline time.
-        parts : mapping of str to Path
-            Existing files of the step, by name, in or below the folder of the .pvd.
-        """
+        """Add existing files of a time step by name, in or below the folder of the .pvd."""
         for number, (name, file) in enumerate(parts.items()):
             relative = file.relative_to(self.path.parent).as_posix()
-            self._entries.append(
-                f'    <DataSet timestep="{float(time)!r}" part="{number}" name="{escape(name)}" '
-                f'file="{escape(relative)}"/>\n'
-            )
+            names = f'part="{number}" name="{escape(name)}" file="{escape(relative)}"'
+            self._entries.append(f'    <DataSet timestep="{float(time)!r}" {names}/>\n')
         head = '<?xml version="1.0"?>\n<VTKFile type="Collection" version="0.1" byte_order="LittleEndian">\n'
         entries = "".join(self._entries)
         write_text(self.path, f"{head}  <Collection>\n{entries}  </Collection>\n</VTKFile>\n")
@@ -78,35 +56,11 @@ class Series:
         return path
 
 
-#: Suffixes of files for :func:`read_series`.
-SERIES_SUFFIXES = (".pvd", ".vtkhdf")
-
-#: First bytes of an HDF5 file.
-_HDF = b"\x89HDF\r\n\x1a\n"
-
-#: Values per chunk, since VTK's 25 000 inflate a file of many small arrays; and compression level.
-_CHUNK, _COMPRESSION = 1000, 4
-
-#: Disk space reserved for a file, relative to its uncompressed content, plus a constant [bytes].
-_ROOM = 1.2
-_LEAST_ROOM = 2_000_000
-
-#: HDF5 is not thread-safe.
-_one_writer = Lock()
-
-
 @dataclass(frozen=True)
 class TimeSeries:
-    """Frames in a file, read on demand.
+    """Frames in files, read on demand, at ascending pipeline times.
 
-    Attributes
-    ----------
-    times : tuple of float
-        Pipeline times, ascending.
-    frame : callable
-        Returns the vtkPolyData of a frame number, or a vtkMultiBlockDataSet of named parts.
-    files : tuple of Path
-        The files of the frames.
+    ``frame`` returns the vtkPolyData of a frame number, or a vtkMultiBlockDataSet of named parts.
     """
 
     times: tuple[float, ...]
@@ -115,12 +69,11 @@ class TimeSeries:
 
     def at(self, time: float) -> Any:
         """Return the frame nearest to a time."""
-        nearest = min(range(len(self.times)), key=lambda number: abs(self.times[number] - time))
-        return self.frame(nearest)
+        return self.frame(min(range(len(self.times)), key=lambda number: abs(self.times[number] - time)))
 
 
 def read_series(path: str | PathLike[str]) -> TimeSeries:
-    """Open a time series from a .pvd or .vtkhdf file.
+    """Open a time series from a .pvd file.
 
     Raises
     ------
@@ -128,115 +81,9 @@ def read_series(path: str | PathLike[str]) -> TimeSeries:
         If the file does not exist, is no time series, or cannot be read.
     """
     path = Path(path)
-    if path.suffix.lower() not in SERIES_SUFFIXES:
-        raise InputError(path, f"a time series must be a {' or '.join(SERIES_SUFFIXES)} file")
+    if path.suffix.lower() != ".pvd":
+        raise InputError(path, "a time series must be a .pvd file")
     check_is_file(path)
-    return _from_pvd(path) if path.suffix.lower() == ".pvd" else _from_vtkhdf(path)
-
-
-def write_vtkhdf(
-    path: str | PathLike[str], times: Sequence[float], frame: Callable[[int], vtkPolyData]
-) -> None:
-    """Write poly data over time as a temporal VTKHDF file.
-
-    A failed write leaves no file.
-
-    Parameters
-    ----------
-    path : path
-        The .vtkhdf file; replaced if existing.
-    times : sequence of float
-        Ascending.
-    frame : callable
-        Returns the vtkPolyData of a frame number. Only arrays of all frames are written, because VTK's
-        reader gives all frames the same arrays.
-
-    Raises
-    ------
-    OSError
-        If VTK could not write the file.
-    """
-    from vtkmodules.vtkIOHDF import vtkHDFWriter  # noqa: PLC0415 -- not in the VTK of ParaView 5.11
-
-    path = Path(path)
-    source = _Frames(tuple(float(time) for time in times), frame)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    writer = vtkHDFWriter()
-    writer.SetInputConnection(source.GetOutputPort())
-    writer.SetWriteAllTimeSteps(True)
-    writer.SetChunkSize(_CHUNK)
-    writer.SetCompressionLevel(_COMPRESSION)
-    with _one_writer, replacing(path) as partial:
-        _check_room(path, partial, source.nbytes)
-        writer.SetFileName(str(partial))
-        with vtk_messages():
-            written = writer.Write()
-        if source.error is not None:
-            raise source.error
-        if not written or writer.GetErrorCode():
-            raise OSError(f"{path}: the file could not be written; is the disk full?")
-
-
-def _check_room(path: Path, partial: Path, nbytes: int) -> None:
-    """Raise an OSError if HDF5 would exceed the disk.
-
-    The space is reserved and released, so that quotas and limits count, too.
-    """
-    needed = int(_ROOM * nbytes) + _LEAST_ROOM
-    try:
-        if hasattr(os, "posix_fallocate"):
-            with partial.open("r+b") as file:
-                os.posix_fallocate(file.fileno(), 0, needed)
-                file.truncate(0)
-        elif needed > shutil.disk_usage(path.parent).free:
-            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-    except OSError as error:
-        words = f"{error.strerror}: the file may take {needed / 1e6:.1f} MB"
-        raise OSError(error.errno, words, str(path)) from error
-
-
-class _Frames(VTKPythonAlgorithmBase):
-    """A source of frames that announces times."""
-
-    def __init__(self, times: tuple[float, ...], frame: Callable[[int], vtkPolyData]) -> None:
-        super().__init__(nInputPorts=0, nOutputPorts=1, outputType="vtkPolyData")
-        self._times, self._frame = times, frame
-        self.error: Exception | None = None
-        parts = [(_arrays(data), int(data.GetActualMemorySize())) for data in map(frame, range(len(times)))]
-        self._common = set.intersection(*(arrays for arrays, _ in parts))
-        #: Memory of all frames [bytes].
-        self.nbytes = 1024 * sum(size for _, size in parts)
-
-    def RequestInformation(self, request: Any, inInfo: Any, outInfo: Any) -> int:  # noqa: N802, N803
-        announce_times(outInfo.GetInformationObject(0), self._times)
-        return 1
-
-    def RequestData(self, request: Any, inInfo: Any, outInfo: Any) -> int:  # noqa: N802, N803
-        info = outInfo.GetInformationObject(0)
-        key = vtkStreamingDemandDrivenPipeline.UPDATE_TIME_STEP()
-        time = info.Get(key) if info.Has(key) else self._times[0]
-        try:
-            frame = self._frame(self._times.index(time))
-        except Exception as error:  # write_vtkhdf raises the error again; VTK would only print the error
-            self.error = error
-            return 0
-        output = vtkPolyData.GetData(outInfo)
-        output.ShallowCopy(frame)
-        for kind, name in _arrays(frame) - self._common:
-            getattr(output, kind)().RemoveArray(name)
-        output.GetInformation().Set(output.DATA_TIME_STEP(), time)
-        return 1
-
-
-def _arrays(data: vtkPolyData) -> set[tuple[str, str]]:
-    return {
-        (kind, name)
-        for kind in ("GetPointData", "GetCellData", "GetFieldData")
-        for name in array_names(getattr(data, kind)())
-    }
-
-
-def _from_pvd(path: Path) -> TimeSeries:
     steps: dict[float, dict[str, Path]] = {}
     for entry in read_xml(path).need("Collection").children:
         try:
@@ -255,30 +102,3 @@ def _from_pvd(path: Path) -> TimeSeries:
 
     files = dict.fromkeys(file for parts in steps.values() for file in parts.values())
     return TimeSeries(times, frame, tuple(files))
-
-
-def _from_vtkhdf(path: Path) -> TimeSeries:
-    with path.open("rb") as file:
-        if file.read(len(_HDF)) != _HDF:
-            raise InputError(path, "the file is no VTKHDF file", "write it again")
-    check_in_child(path, "vtkmodules.vtkIOHDF", "vtkHDFReader")
-    from vtkmodules.vtkIOHDF import vtkHDFReader  # noqa: PLC0415 -- not needed to write .pvd
-
-    reader = vtkHDFReader()
-    reader.SetFileName(str(path))
-    if not reader.CanReadFile(str(path)):
-        raise InputError(path, "the file is no VTKHDF file", "write it again")
-    reader.UpdateInformation()
-    times = times_of(reader.GetOutputInformation(0)) or (0.0,)
-
-    def frame(number: int) -> Any:
-        reader.UpdateTimeStep(times[number])
-        data = reader.GetOutputDataObject(0)
-        if not isinstance(data, vtkPolyData | vtkMultiBlockDataSet):
-            raise InputError(path, f"the file holds a {data.GetClassName()}, not poly data")
-        copy = data.NewInstance()
-        copy.DeepCopy(data)
-        copy.GetFieldData().RemoveArray("Time")  # the reader's own
-        return copy
-
-    return TimeSeries(times, frame, (path,))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
 import re
 import secrets
@@ -57,11 +58,9 @@ def check_no_links(folder: Path) -> None:
     Links to files are harmless: they are replaced or removed, not their targets.
     """
     inside = (Path(parent, name) for parent, names, _ in os.walk(folder) for name in sorted(names))
-    for path in (folder, *inside):
-        if path.is_symlink():
-            target = os.readlink(path)
-            words = f"{path} is a link to {target}; results are not written through links"
-            raise NotADirectoryError(f"{words}, remove the link")
+    for path in filter(Path.is_symlink, (folder, *inside)):
+        words = f"{path} is a link to {os.readlink(path)}; results are not written through links"
+        raise NotADirectoryError(f"{words}, remove the link")
 
 
 def left_behind(folder: Path, *, deep: bool = False) -> list[Path]:
@@ -80,16 +79,14 @@ def left_behind(folder: Path, *, deep: bool = False) -> list[Path]:
 
 
 def _alive(process: int, path: Path) -> bool:
-    if process == os.getpid():
-        return True
     if os.name != "posix":  # no signal tests for a process
-        return time.time() - path.stat().st_mtime < 86400.0  # a day
+        return process == os.getpid() or time.time() - path.stat().st_mtime < 86400.0  # a day
     try:
         os.kill(process, 0)
     except (ProcessLookupError, OverflowError):
         return False
     except PermissionError:
-        return True
+        pass
     return True
 
 
@@ -106,14 +103,9 @@ def write_text(path: Path, text: str) -> None:
 
 
 def write_polydata(path: Path, data: vtkPolyData) -> None:
-    """Write a .vtp file, all or nothing: binary, with exact doubles.
+    """Write a .vtp file, all or nothing: binary, with exact doubles; OSError if VTK cannot.
 
     Point numbers have 32 bits, without compression: as small as 64 bits with LZ4, in half the time.
-
-    Raises
-    ------
-    OSError
-        If VTK could not write the file (full disk, no permission).
     """
     narrow = vtkPolyData()
     narrow.ShallowCopy(data)
@@ -128,6 +120,11 @@ def write_polydata(path: Path, data: vtkPolyData) -> None:
     writer.EncodeAppendedDataOff()
     writer.SetHeaderTypeToUInt64()
     writer.SetCompressorTypeToNone()
+    write_with(writer, path)
+
+
+def write_with(writer: Any, path: Path) -> None:
+    """Write a file by a writer of VTK, all or nothing; OSError if it fails."""
     with replacing(path) as partial:
         writer.SetFileName(str(partial))
         with vtk_messages():
@@ -138,10 +135,7 @@ def write_polydata(path: Path, data: vtkPolyData) -> None:
 
 @contextmanager
 def locked(folder: Path) -> Iterator[None]:
-    """Hold the lock of a folder.
-
-    The system releases the lock of a killed process.
-    """
+    """Hold the lock of a folder; the system releases the lock of a killed process."""
     path = folder / LOCK
     if os.name != "posix":
         yield
@@ -173,3 +167,16 @@ def locked(folder: Path) -> Iterator[None]:
     finally:
         path.unlink(missing_ok=True)
         os.close(descriptor)
+
+
+def file_digest(path: Path) -> str:
+    """Return the SHA-256 of a file's content."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def plain(value: Any) -> Any:
+    """Return a value for JSON in place of one that JSON does not know."""
+    if isinstance(value, Path):
+        return str(value)
+    return value.tolist() if hasattr(value, "tolist") else repr(value)

@@ -19,9 +19,6 @@ from vtkmuscle.io.csv_table import number_in
 #: Deepest nesting of elements.
 DEEPEST = 100
 
-#: Elements in a file, at most: the largest models have tens of thousands.
-MOST_ELEMENTS = 1_000_000
-
 
 @dataclass(slots=True)
 class Element:
@@ -83,10 +80,7 @@ class Element:
         return "" if child is None else child.text.strip()
 
     def numbers(self, count: int | None = None) -> Floats:
-        """Return the finite numbers in the text.
-
-        Other text, or another count, raises an InputError.
-        """
+        """Return the finite numbers in the text; other text, or another count, raises an InputError."""
         values = np.array([number_in(cell) for cell in self.text.replace(",", " ").split()])
         if not np.isfinite(values).all() or (count is not None and len(values) != count):
             what = "finite numbers" if count is None else f"{count} finite number{'s' * (count > 1)}"
@@ -98,12 +92,10 @@ class Element:
         child = self.find(tag)
         return default if child is None else float(child.numbers(1)[0])
 
-    def vector(self, tag: str, count: int = 3, default: Sequence[float] | None = None) -> Floats:
-        """Return the numbers in a child, or the default (zeros)."""
+    def vector(self, tag: str) -> Floats:
+        """Return the 3 numbers in a child, or zeros."""
         child = self.find(tag)
-        if child is None:
-            return np.zeros(count) if default is None else np.array(default, dtype=np.float64)
-        return child.numbers(count)
+        return np.zeros(3) if child is None else child.numbers(3)
 
     def flag(self, tag: str, *, default: bool = False) -> bool:
         """Return the boolean in a child, or the default."""
@@ -131,10 +123,7 @@ class Element:
 
 
 def decoded(path: Path) -> str:
-    """Return the text of a file in UTF-8 or Latin-1.
-
-    The size is limited.
-    """
+    """Return the text of a file of limited size in UTF-8 or Latin-1."""
     check_is_file(path, most=MOST_TEXT)
     data = path.read_bytes()
     try:
@@ -154,15 +143,11 @@ def read_xml(path: Path) -> Element:
     outermost = Element("", path, 0)
     stack = [outermost]
     words: list[list[str]] = [[]]  # by open element
-    count = 0
 
     def start(tag: str, attributes: dict[str, str]) -> None:
-        nonlocal count
         element = Element(tag, path, parser.CurrentLineNumber, attributes)
-        count += 1
-        if len(stack) > DEEPEST or count > MOST_ELEMENTS:
-            what = f"deeper than {DEEPEST}" if len(stack) > DEEPEST else f"one of more than {MOST_ELEMENTS}"
-            raise element.error(f"is {what} elements", "give a smaller file")
+        if len(stack) > DEEPEST:
+            raise element.error(f"is deeper than {DEEPEST} elements")
         stack[-1].children.append(element)
         stack.append(element)
         words.append([])
@@ -170,15 +155,12 @@ def read_xml(path: Path) -> Element:
     def end(_: str) -> None:
         stack.pop().text = "".join(words.pop())
 
-    def characters(part: str) -> None:
-        words[-1].append(part)
-
     def refused(*_: object) -> None:
         problem = f"line {parser.CurrentLineNumber}: the file has a document type (<!DOCTYPE>)"
         raise InputError(path, problem, "remove it: entities are not read")
 
     parser.StartElementHandler, parser.EndElementHandler = start, end
-    parser.CharacterDataHandler = characters
+    parser.CharacterDataHandler = lambda part: words[-1].append(part)  # noqa: PLW0108 -- words grow
     parser.StartDoctypeDeclHandler = refused
     try:
         parser.Parse(text.encode("utf-8"), True)
@@ -192,15 +174,7 @@ def read_xml(path: Path) -> Element:
 
 
 def made(tag: str, *parts: ElementTree.Element | str | ArrayLike, **attributes: str) -> ElementTree.Element:
-    """Return an element with elements, text or numbers inside.
-
-    Examples
-    --------
-    >>> from xml.etree.ElementTree import tostring
-    >>> from vtkmuscle.io.xml_elements import made
-    >>> tostring(made("Point", made("at", [0.5, 1, 2]), made("on", "a < b"), name="p"), encoding="unicode")
-    '<Point name="p"><at>0.5 1.0 2.0</at><on>a &lt; b</on></Point>'
-    """
+    """Return an element with elements, text or numbers inside."""
     element = ElementTree.Element(tag, attributes)
     for part in parts:
         if isinstance(part, ElementTree.Element):

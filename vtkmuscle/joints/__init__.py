@@ -1,7 +1,4 @@
-"""Joints: trees, fits, OpenSim files, and coordinate grids.
-
-Trees of bodies on joints; fits of joints to bones.
-"""
+"""Joints: trees of bodies on joints, OpenSim files, and coordinate grids."""
 
 from __future__ import annotations
 
@@ -15,8 +12,6 @@ from vtkmuscle.core.types import Floats
 
 def steps_of(start: float, stop: float, step: float) -> Floats:
     """Return values from start to stop, stop included.
-
-    The stop is always the last value.
 
     Examples
     --------
@@ -46,8 +41,7 @@ def grid_of(axes: Mapping[str, Floats]) -> dict[str, Floats]:
     sizes = [len(values) for values in axes.values()]
     rows = np.array(list(product(*(range(size) for size in sizes))), dtype=np.int64)
     for column in range(1, len(sizes)):
-        # Which way a coordinate goes depends on how many turns those before it have made.
-        block = int(np.prod(sizes[column:]))
-        back = (np.arange(len(rows)) // block) % 2 == 1
+        # A coordinate goes to and fro by the number of turns of the coordinates before.
+        back = (np.arange(len(rows)) // int(np.prod(sizes[column:]))) % 2 == 1
         rows[back, column] = sizes[column] - 1 - rows[back, column]
     return {name: values[rows[:, column]] for column, (name, values) in enumerate(axes.items())}

@@ -1,9 +1,4 @@
-"""Functions of a single coordinate, as of OpenSim.
-
-A function gives the turn or slide of a joint, or the position of a path point. The kinds are the kinds of
-OpenSim's models, with OpenSim's conventions at the ends of splines. The functions are read from OpenSim's
-files and written to OpenSim's files.
-"""
+"""Functions of a single coordinate with OpenSim's conventions, read from and written to its files."""
 
 from __future__ import annotations
 
@@ -22,9 +17,7 @@ from vtkmuscle.io.xml_elements import Element, made
 
 @dataclass(frozen=True, eq=False)
 class Polynomial:
-    """A polynomial with coefficients (n,).
-
-    The coefficients run from the highest power to the constant.
+    """A polynomial with coefficients (n,), from the highest power to the constant.
 
     Examples
     --------
@@ -41,8 +34,7 @@ class Polynomial:
 
     def __call__(self, values: Floats) -> Floats:
         """Return the polynomial at each value."""
-        result = np.polyval(self.coefficients, np.asarray(values, dtype=np.float64))
-        return np.asarray(result, dtype=np.float64)
+        return np.asarray(np.polyval(self.coefficients, np.asarray(values, dtype=np.float64)))
 
     def rescaled(self, x: float, y: float) -> Polynomial:
         """Return the function y f(q / x) of q."""
@@ -51,10 +43,7 @@ class Polynomial:
 
 @dataclass(frozen=True, eq=False)
 class Knots:
-    """A curve through knots, straight beyond the ends.
-
-    Two knots (x, y) or more, x ascending.
-    """
+    """A curve through 2 knots (x, y) or more, straight beyond the ends."""
 
     x: Floats
     y: Floats
@@ -63,18 +52,17 @@ class Knots:
     def __post_init__(self) -> None:
         x, y = _checked("x of knots", self.x), _checked("y of knots", self.y)
         if len(x) != len(y) or len(x) < 2:
-            problem = f"a curve has {len(x)} x and {len(y)} y, but needs as many of each, two or more"
-            raise InputError("", problem)
+            raise InputError("", f"a curve has {len(x)} x and {len(y)} y, but needs as many of each, from 2")
         if (np.diff(x) <= 0.0).any():
             raise InputError("", "the x of a curve's knots must ascend")
+        apart = InputError("", "the knots of a curve are too close, or too far apart")
         try:
             with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
                 curve = self._through(x, y)
-            good = np.isfinite(curve.c).all()
-        except (ValueError, np.linalg.LinAlgError):
-            good = False
-        if not good:
-            raise InputError("", "the knots of a curve are too close, or too far apart")
+        except (ValueError, np.linalg.LinAlgError) as error:
+            raise apart from error
+        if not np.isfinite(curve.c).all():
+            raise apart
         for name, value in (("x", x), ("y", y), ("_curve", curve)):
             object.__setattr__(self, name, value)
 
@@ -98,11 +86,11 @@ class PiecewiseLinear(Knots):
 
 
 class CubicSpline(Knots):
-    """A cubic spline through knots: OpenSim's SimmSpline.
+    """A cubic spline through knots, straight beyond them: OpenSim's SimmSpline.
 
-    The spline goes on straight beyond the knots. At either end the third derivative is the third derivative
-    of the cubic through the four outermost knots (Forsythe, Malcolm, Moler 1977, *Computer methods for
-    mathematical computations*, section 4.4), or, for three knots, zero.
+    At either end the third derivative is that of the cubic through the four outermost knots (Forsythe,
+    Malcolm, Moler 1977, *Computer methods for mathematical computations*, section 4.4), or, for three knots,
+    zero.
 
     Examples
     --------
@@ -170,10 +158,7 @@ FUNCTIONS = (*_PARTS, "MultiplierFunction")
 
 
 def function_of(element: Element) -> CoordinateFunction:
-    """Return the function of an element.
-
-    The function is in the child ``function``, or in the element directly.
-    """
+    """Return the function in the child ``function``, or in the element itself."""
     holder = element.find("function")
     if holder is None:
         holder = replace(element, children=[child for child in element.children if child.tag in FUNCTIONS])
@@ -181,13 +166,7 @@ def function_of(element: Element) -> CoordinateFunction:
 
 
 def function_in(holder: Element) -> CoordinateFunction:
-    """Return the function in an element of OpenSim.
-
-    Raises
-    ------
-    InputError
-        If the element holds no function, several functions, or an unsupported function.
-    """
+    """Return the only function in an element of OpenSim; otherwise raise an InputError."""
     children = [child for child in holder.children if child.tag != "default"]
     if len(children) != 1:
         raise holder.error(f"must hold one function, but holds {len(children)} elements")
@@ -209,9 +188,7 @@ def _function(element: Element) -> CoordinateFunction:
     if element.tag == "Constant":
         return Polynomial(np.array([element.number("value", 0.0)]))
     if element.tag == "Sine":
-        return Wave(
-            *(element.number(name, default) for name, default in zip(_SINE, (1, 1, 0, 0), strict=True))
-        )
+        return Wave(*map(element.number, _SINE, (1.0, 1.0, 0.0, 0.0)))
     if parts == ("coefficients",):
         count = 2 if element.tag == "LinearFunction" else None
         return Polynomial(element.need("coefficients").numbers(count))

@@ -1,8 +1,11 @@
-"""Bodies, joints and couplings in files of OpenSim 3 and 4."""
+"""Bodies, joints, couplings and motions in files of OpenSim and SIMM."""
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
+from dataclasses import dataclass
+from os import PathLike
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +13,10 @@ import numpy as np
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.motion.rigid import frame_at
 from vtkmuscle.core.types import Floats
-from vtkmuscle.io.xml_elements import Element, read_xml
+from vtkmuscle.core.words import quoted
+from vtkmuscle.io.csv_table import finite_number
+from vtkmuscle.io.motion_table import MOST_FRAMES
+from vtkmuscle.io.xml_elements import Element, decoded, read_xml
 from vtkmuscle.joints.functions import FUNCTIONS, IDENTITY, function_in, function_of
 from vtkmuscle.joints.tree import Coupling, Joint, JointAxis, JointCoordinate, KinematicTree
 
@@ -27,6 +33,7 @@ _PLAIN = {
 }
 _AXES = dict(zip("xyz", np.eye(3), strict=True))
 JOINTS = ("CustomJoint", *_PLAIN)
+ENDS = ("parent", "child")
 #: Names of a CustomJoint's axes, in the order of the transform.
 AXES = tuple(kind + number for kind in ("rotation", "translation") for number in "123")
 
@@ -35,27 +42,12 @@ _JOINT_KEYS = (
     *("coordinates", "CoordinateSet", "frames", "SpatialTransform", "reverse", "components"),
     *("parent_body", "location_in_parent", "orientation_in_parent", "location", "orientation"),
 )
-_COORDINATE_KEYS = (
-    *("motion_type", "default_value", "default_speed_value", "initial_value", "initial_speed_value", "range"),
-    *("clamped", "locked", "prescribed", "prescribed_function", "is_free_to_satisfy_constraints"),
-)
-_FRAME_KEYS = (
-    *("FrameGeometry", "attached_geometry", "WrapObjectSet", "socket_parent", "translation", "orientation"),
-    *("components",),
-)
-
-
 #: Parts of a model that affect neither body poses nor paths; only their contents are listed.
 NOT_USED = ("ControllerSet", "ContactGeometrySet", "ProbeSet")
 _MODEL_KEYS = (
     *("credits", "publications", "length_units", "force_units", "gravity", "assembly_accuracy", "defaults"),
     *("Ground", "BodySet", "JointSet", "ConstraintSet", "ForceSet", "MarkerSet", "ComponentSet"),
     *("ModelVisualPreferences", "components", "FrameGeometry", *NOT_USED),
-)
-_INERTIA = [f"inertia_{a}{b}" for a, b in ("xx", "yy", "zz", "xy", "xz", "yz")]
-_BODY_KEYS = (
-    *("mass", "mass_center", "inertia", *_INERTIA, "Joint", "VisibleObject", "WrapObjectSet"),
-    *("FrameGeometry", "attached_geometry", "components", "frames"),
 )
 #: Accepted length units; a file may leave the unit empty.
 _METRES = ("meters", "metres", "m", "")
@@ -66,10 +58,7 @@ GROUND = "ground"
 
 
 def of_kind(tag: str, elements: Sequence[Element]) -> Sequence[Element]:
-    """Return elements with a tag.
-
-    Elements with a different tag raise an InputError.
-    """
+    """Return elements with a tag; a different tag raises an InputError."""
     for element in elements:
         if element.tag != tag:
             raise element.error(f"is not supported: only {tag} may be here")
@@ -79,11 +68,9 @@ def of_kind(tag: str, elements: Sequence[Element]) -> Sequence[Element]:
 def frame_of(element: Element, frames: Frames) -> tuple[str, Floats]:
     """Return the body and frame (4, 4) at an element's path."""
     name = last_part(element.text.strip().rstrip("/"))
-    if name in frames:
-        return frames[name]
-    if name == GROUND:
-        return name, np.eye(4)
-    raise element.error(f"there is no body or frame {name!r}")
+    if name not in frames and name != GROUND:
+        raise element.error(f"there is no body or frame {name!r}")
+    return frames.get(name, (name, np.eye(4)))
 
 
 def point_on(element: Element, frames: Frames) -> tuple[str, Floats]:
@@ -96,7 +83,6 @@ def offset_frames(elements: Sequence[Element], frames: Frames) -> Frames:
     """Return frames with the PhysicalOffsetFrames among elements."""
     extended = dict(frames)
     for element in of_kind("PhysicalOffsetFrame", elements):
-        element.only(_FRAME_KEYS)
         body, frame = frame_of(element.need("socket_parent"), extended)
         offset = frame_at(element.vector("translation"), element.vector("orientation"))
         extended[element.name] = (body, frame @ offset)
@@ -109,11 +95,6 @@ def joint_in(
     """Return a joint and its coordinates.
 
     Before version 4 the child body contains the joint; ``child`` is the body's name.
-
-    Raises
-    ------
-    InputError
-        For an unsupported element; the message names the element.
     """
     if element.tag not in JOINTS:
         raise element.error("this kind of joint is not supported", f"supported: {', '.join(JOINTS)}")
@@ -133,10 +114,8 @@ def joint_in(
         rotations, translations = axes[: len(turns)], axes[len(turns) :]
     if child is None:
         own = offset_frames(element.within("frames"), frames)
-        parent, parent_frame = frame_of(
-            element.need("socket_parent_frame", "socket_parent_offset_frame"), own
-        )
-        child, child_frame = frame_of(element.need("socket_child_frame", "socket_child_offset_frame"), own)
+        sockets = [element.need(f"socket_{end}_frame", f"socket_{end}_offset_frame") for end in ENDS]
+        (parent, parent_frame), (child, child_frame) = (frame_of(socket, own) for socket in sockets)
     else:
         parent, _ = frame_of(element.need("parent_body"), frames)
         parent_frame = frame_at(element.vector("location_in_parent"), element.vector("orientation_in_parent"))
@@ -148,7 +127,6 @@ def joint_in(
 
 
 def _coordinate(element: Element, unit: str) -> JointCoordinate:
-    element.only(_COORDINATE_KEYS)
     if element.flag("prescribed"):
         raise element.error("coordinates prescribed by a function of time are not supported")
     rest = element.number("default_value" if element.find("default_value") else "initial_value", 0.0)
@@ -162,18 +140,14 @@ def _spatial_transform(element: Element) -> tuple[list[JointAxis], list[JointAxi
     transform.only(("TransformAxis", "objects", "groups"))
     holder = transform if transform.find("objects") is None else transform.need("objects")
     axes = {axis.name: _transform_axis(axis) for axis in of_kind("TransformAxis", holder.children)}
-    for name in axes:
-        if name not in AXES:
-            raise transform.error(f"there is no axis {name!r}", f"the axes are {', '.join(AXES)}")
+    if wrong := [name for name in axes if name not in AXES]:
+        raise transform.error(f"there is no axis {wrong[0]!r}", f"the axes are {', '.join(AXES)}")
     rotations, translations = ([axes[name] for name in part if name in axes] for part in (AXES[:3], AXES[3:]))
     return rotations, translations
 
 
 def _only_coordinate(element: Element, tag: str) -> str | None:
-    """Return the name in a child, or None.
-
-    Several names raise an InputError.
-    """
+    """Return the only name in a child, or None."""
     names = element.words(tag)
     if len(names) > 1:
         raise element.error(f"depends on {len(names)} coordinates, but only functions of 1 are supported")
@@ -190,15 +164,11 @@ def _transform_axis(element: Element) -> JointAxis:
 
 
 def coupling_in(element: Element) -> Coupling | None:
-    """Return the coupling of a CoordinateCouplerConstraint.
-
-    None if switched off.
-    """
+    """Return the coupling of a CoordinateCouplerConstraint; None if switched off."""
     if not element.flag("isEnforced", default=True) or element.flag("isDisabled"):
         return None
     if element.tag != "CoordinateCouplerConstraint":
-        remedy = "supported: CoordinateCouplerConstraint; or switch it off"
-        raise element.error("this constraint is not supported", remedy)
+        raise element.error("this constraint is not supported", "use a CoordinateCouplerConstraint")
     keys = ("isEnforced", "isDisabled", "coupled_coordinates_function", "independent_coordinate_names")
     element.only((*keys, "dependent_coordinate_name", "scale_factor"))
     independent = _only_coordinate(element, "independent_coordinate_names")
@@ -215,33 +185,20 @@ def last_part(path: str) -> str:
 
 
 def model_element(path: Path) -> Element:
-    """Return the model in an OpenSim file.
-
-    A model with lengths not in metres raises an InputError.
-    """
+    """Return the model in an OpenSim file, if in metres."""
     document = read_xml(path)
     if document.tag != "OpenSimDocument":
-        problem = f"this is XML of {document.tag!r}, not a model of OpenSim"
-        raise InputError(path, problem, "give an .osim file")
+        raise InputError(path, f"this is XML of {document.tag!r}, not a model of OpenSim")
     model = document.need("Model")
     model.only(_MODEL_KEYS)
     units = model.word("length_units")
     if units not in _METRES:
-        problem = f"there is no unit {units!r} here: lengths must be in metres"
-        raise model.need("length_units").error(problem, "convert the model to meters")
+        raise model.need("length_units").error(f"there is no unit {units!r} here", "convert it to meters")
     return model
 
 
 def read_tree(path: Path) -> KinematicTree:
-    """Return the bodies and joints of an OpenSim model.
-
-    In metres, without muscles.
-
-    Raises
-    ------
-    FileNotFoundError, ValueError
-        As of :func:`vtkmuscle.opensim.read_osim`.
-    """
+    """Return the bodies and joints of an OpenSim model, in metres; raises as ``read_osim``."""
     model = model_element(path)
     return tree_in(model, bodies_in(model)[1], [])[0]
 
@@ -253,7 +210,6 @@ def bodies_in(model: Element) -> tuple[list[tuple[str, Element]], Frames]:
     for name, body in bodies:
         if name in frames:
             raise body.error("another body has this name")
-        body.only(_BODY_KEYS)
         frames[name] = (name, np.eye(4))
     ground = model.find("Ground")
     if ground is not None:
@@ -266,9 +222,9 @@ def bodies_in(model: Element) -> tuple[list[tuple[str, Element]], Frames]:
 
 
 def tree_in(model: Element, frames: Frames, not_used: list[str]) -> tuple[KinematicTree, dict[str, str]]:
-    """Return the tree of a model.
+    """Return the tree of a model, and the joint of each coordinate.
 
-    The second result has the joint of each coordinate. The list of unused parts is extended.
+    The list of unused parts is extended.
     """
     joints = [joint_in(element, frames) for element in model.within("JointSet")]
     for body in model.within("BodySet"):
@@ -285,3 +241,141 @@ def tree_in(model: Element, frames: Frames, not_used: list[str]) -> tuple[Kinema
     except ValueError as error:
         raise model.placed(error) from error
     return tree, {coordinate.name: joint.name for joint, own in joints for coordinate in own}
+
+
+#: Lines of a header, at most.
+_LONGEST_HEADER = 1000
+#: Header keys that are read; OpenSim and SIMM use different keys for rows.
+_KEYS = ("nrows", "datarows", "indegrees", "version", "datatype")
+
+
+@dataclass(frozen=True, eq=False)
+class MotionFile:
+    """The table of a .mot or .sto file.
+
+    ``times`` (f,) [s] ascend; ``labels`` of the further columns, in ``table`` (f, k), may repeat; ``degrees``
+    tells whether angles are in degrees, None if unspecified.
+    """
+
+    path: Path
+    times: Floats
+    labels: tuple[str, ...]
+    table: Floats
+    degrees: bool | None
+
+    def values(self, tree: KinematicTree, *, degrees: bool | None = None) -> dict[str, Floats]:
+        """Return the values (f,) of a tree's coordinates.
+
+        Angles are in radians, translations as in the file. The label of a column is the coordinate's name,
+        or its path (``/jointset/knee_r/knee_angle_r/value``); further columns are ignored. ``degrees`` tells
+        whether the file's angles are in degrees; by default the header decides.
+
+        Raises
+        ------
+        ValueError
+            If no column is a coordinate, two columns are the same coordinate, or the unit of angles is
+            unknown.
+        """
+        kinds = {coordinate.name: coordinate for coordinate in tree.coordinates}
+        result: dict[str, Floats] = {}
+        in_degrees = self.degrees if degrees is None else degrees
+        for label, column in zip(self.labels, self.table.T, strict=True):
+            parts = label.split("/")
+            name = parts[-2] if len(parts) > 2 and parts[-1] == "value" else parts[-1]
+            if name not in kinds or (len(parts) > 1 and parts[-1] not in ("value", name)):
+                continue
+            if name in result:
+                raise InputError(self.path, f"two columns are the coordinate {name!r}", "remove one")
+            if kinds[name].is_angle and in_degrees is None:
+                remedy = "add a line inDegrees=yes, or inDegrees=no"
+                raise InputError(self.path, "the header lacks the unit of angles", remedy)
+            result[name] = np.radians(column) if kinds[name].is_angle and in_degrees else column
+        if not result:
+            problem = f"no column is a coordinate; the columns are {', '.join(self.labels[:8])}"
+            raise InputError(self.path, problem, f"the coordinates are {', '.join(kinds) or 'none'}")
+        return result
+
+
+def read_motion_file(path: str | PathLike[str]) -> MotionFile:
+    r"""Read a .mot or .sto file of OpenSim or SIMM.
+
+    The header may have the lines of either program; labels follow ``endheader``, rows follow the labels. A
+    warning reports a wrong count of rows. As in OpenSim, a file without a version has angles in degrees.
+
+    Raises
+    ------
+    FileNotFoundError, ValueError
+        If the file does not exist or is no such table, a number is not finite, or times do not ascend; the
+        message names the line.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tempfile import mkdtemp
+    >>> from vtkmuscle.opensim import read_motion_file
+    >>> file = Path(mkdtemp()) / "knee.mot"
+    >>> _ = file.write_text("knee\ninDegrees=yes\nendheader\ntime knee_angle\n0 10\n0.1 20\n")
+    >>> read_motion_file(file).table.tolist()
+    [[10.0], [20.0]]
+    """
+    path = Path(path)
+    lines = decoded(path).splitlines()
+    header, start = _header(lines, path)
+    labels = _labels(lines, start, path)
+    shown = list(map(quoted, labels))
+    rows: list[list[float]] = []
+    for number, line in enumerate(lines[start + 1 :], start=start + 2):
+        where, cells = f"line {number}", line.replace(",", " ").split()
+        if not cells:
+            continue
+        if len(cells) != len(labels):
+            raise InputError(path, f"{where} has {len(cells)} numbers, but there are {len(labels)} labels")
+        if len(rows) == MOST_FRAMES:
+            raise InputError(path, f"the table has more than {MOST_FRAMES} rows", "leave some out")
+        row = [finite_number(cell, label, path, where) for cell, label in zip(cells, shown, strict=True)]
+        if rows and row[0] <= rows[-1][0]:
+            raise InputError(path, f"{where}: time {row[0]:g} comes after {rows[-1][0]:g}", "sort the rows")
+        rows.append(row)
+    if not rows:
+        raise InputError(path, "the table has no rows", "export it again")
+    for key in ("nrows", "datarows"):
+        if header.get(key, str(len(rows))) != str(len(rows)):
+            words = f"the header says {key}={header[key]}, but the file has {len(rows)} rows; all were read"
+            warnings.warn(f"{path}: {words}", stacklevel=2)
+    table = np.array(rows)
+    return MotionFile(path, table[:, 0], tuple(labels[1:]), table[:, 1:], _in_degrees(header, path))
+
+
+def _header(lines: list[str], path: Path) -> tuple[dict[str, str], int]:
+    """Return header values by key, and the number of lines."""
+    header: dict[str, str] = {}
+    for number, line in enumerate(lines[:_LONGEST_HEADER]):
+        plain = line.strip()
+        if plain.lower() == "endheader":
+            return header, number + 1
+        key, _, value = plain.partition("=" if "=" in plain else " ")
+        if key.strip().lower() in _KEYS:
+            header[key.strip().lower()] = value.strip()
+    raise InputError(path, "there is no line 'endheader'", "export it again as a .mot or .sto file")
+
+
+def _labels(lines: list[str], start: int, path: Path) -> list[str]:
+    line = lines[start].strip() if start < len(lines) else ""
+    labels = [label.strip() for label in (line.split("\t") if "\t" in line else line.split())]
+    where = f"line {start + 1}"
+    if len(labels) < 2 or labels[0].lower() != "time":
+        problem = f"{where}: the labels begin with {quoted(line[:40])}, but must be time and further labels"
+        raise InputError(path, problem, "export it again, without empty lines after the header")
+    return labels
+
+
+def _in_degrees(header: dict[str, str], path: Path) -> bool | None:
+    kind = header.get("datatype", "double")
+    if kind.lower() != "double":
+        raise InputError(path, f"the file holds {quoted(kind)}, but numbers are read", "export joint angles")
+    word = header.get("indegrees")
+    if word is None:
+        return None if "version" in header else True
+    if word.lower() not in ("yes", "no", "true", "false"):
+        raise InputError(path, f"inDegrees is {quoted(word)}, but must be yes or no")
+    return word.lower() in ("yes", "true")

@@ -22,10 +22,10 @@ from vtkmuscle.joints.functions import CoordinateFunction
 
 @dataclass(frozen=True)
 class JointCoordinate:
-    """A coordinate of a joint.
+    """A coordinate of a joint, in radians, or in mm, cm or m for a translation.
 
-    In radians, or in mm, cm or m for a translation. ``rest`` is the value by default, ``range`` the least
-    and largest value, ``positive`` the positive direction in words.
+    ``rest`` is the value by default, ``range`` the least and largest value, ``positive`` the direction in
+    words.
     """
 
     name: str
@@ -41,16 +41,16 @@ class JointCoordinate:
 
     def scaled(self, factor: float) -> JointCoordinate:
         """Return the coordinate with scaled rest and range."""
-        limits = None if self.range is None else (factor * self.range[0], factor * self.range[1])
+        limits = self.range and (factor * self.range[0], factor * self.range[1])
         return replace(self, rest=factor * self.rest, range=limits)
 
 
 @dataclass(frozen=True, eq=False)
 class JointAxis:
-    """A turn or slide about or along an axis (3,).
+    """A turn or slide about or along an axis (3,) of any length.
 
-    The axis has any length. The amount [radians, or the tree's unit of length] is a function of a
-    coordinate; the coordinate is None for a constant.
+    The amount [radians, or the tree's unit of length] is a function of a coordinate; the coordinate is None
+    for a constant.
     """
 
     axis: Floats
@@ -62,9 +62,7 @@ class JointAxis:
         with np.errstate(over="ignore"):
             length = float(np.linalg.norm(axis)) if axis.shape == (3,) else np.nan
         if not (np.isfinite(length) and length > 0.0):
-            raise InputError(
-                "", f"the axis of a joint must be 3 finite numbers and have a length, but is {axis}"
-            )
+            raise InputError("", f"a joint's axis must be 3 finite numbers and have a length, but is {axis}")
         object.__setattr__(self, "axis", axis / length)
 
     def at(self, values: Mapping[str, Floats], frames: int) -> Floats:
@@ -76,8 +74,8 @@ class JointAxis:
 class Joint:
     """The movement of a body against the parent body.
 
-    The child's joint frame is turned against the parent's about each axis in turn, the later axes going
-    along with the earlier turns, and is shifted along axes of the parent's joint frame. ``parent_frame`` and
+    The child's joint frame is turned against the parent's about each axis in turn, the later axes going along
+    with the earlier turns, and is shifted along axes of the parent's joint frame. ``parent_frame`` and
     ``child_frame`` (4, 4) are the joint's frames in either body, ``kind`` is the joint's type in a file.
     """
 
@@ -96,10 +94,7 @@ class Joint:
         return (*self.rotations, *self.translations)
 
     def transforms(self, values: Mapping[str, Floats], frames: int) -> Floats:
-        """Return the child's frame in the parent (f, 4, 4).
-
-        For values (f,) of the coordinates.
-        """
+        """Return the child's frame in the parent (f, 4, 4) for values (f,)."""
         result = np.tile(np.eye(4), (frames, 1, 1))
         for axis in self.rotations:
             result[:, :3, :3] = result[:, :3, :3] @ turns(axis.axis, axis.at(values, frames))
@@ -111,10 +106,7 @@ class Joint:
 
 @dataclass(frozen=True, eq=False)
 class Coupling:
-    """A coordinate as a function of an independent coordinate.
-
-    For example, the angle of a patella follows the angle of the knee.
-    """
+    """A coordinate as a function of an independent coordinate, as of a patella."""
 
     dependent: str
     independent: str
@@ -151,20 +143,18 @@ class KinematicTree:
     def __post_init__(self) -> None:
         object.__setattr__(self, "joints", tuple(_joints_in_order(self.root, self.joints)))
         for what, names in (
-            ("coordinate", [one.name for one in self.coordinates]),
-            ("joint", [one.name for one in self.joints]),
-            ("coupled coordinate", [one.dependent for one in self.couplings]),
+            ("coordinate", [coordinate.name for coordinate in self.coordinates]),
+            ("joint", [joint.name for joint in self.joints]),
+            ("coupled coordinate", [coupling.dependent for coupling in self.couplings]),
         ):
-            twice = next((name for name in names if names.count(name) > 1), None)
-            if twice is not None:
-                raise InputError("", f"there are two of the {what} {twice!r}")
+            if twice := [name for name in names if names.count(name) > 1]:
+                raise InputError("", f"there are two of the {what} {twice[0]!r}")
         for joint in self.joints:
-            for axis in joint.axes:
-                if axis.coordinate is not None:
-                    self.coordinate(axis.coordinate, f"joint {joint.name!r}: ")
-        for one in self.couplings:
-            for name in (one.dependent, one.independent):
-                self.coordinate(name, "a coupling: ")
+            for name in filter(None, (axis.coordinate for axis in joint.axes)):
+                self.coordinate(name, f"joint {joint.name!r}: ")
+        for coupling in self.couplings:
+            self.coordinate(coupling.dependent, "a coupling: ")
+            self.coordinate(coupling.independent, "a coupling: ")
         object.__setattr__(self, "couplings", tuple(_couplings_in_order(self.couplings)))
 
     @property
@@ -175,70 +165,60 @@ class KinematicTree:
     @property
     def free(self) -> tuple[str, ...]:
         """Coordinates without a coupling."""
-        dependent = {one.dependent for one in self.couplings}
-        return tuple(one.name for one in self.coordinates if one.name not in dependent)
+        dependent = {coupling.dependent for coupling in self.couplings}
+        return tuple(each.name for each in self.coordinates if each.name not in dependent)
 
     def coordinate(self, name: str, where: str = "") -> JointCoordinate:
-        """Return a coordinate by name.
-
-        An unknown name raises a ValueError, with ``where`` before the message.
-        """
-        for one in self.coordinates:
-            if one.name == name:
-                return one
-        known = sorted(one.name for one in self.coordinates)
-        raise InputError("", f"{where}there is no coordinate {name!r}; {suggestion(name, known)}")
+        """Return a coordinate by name; an unknown name raises a ValueError."""
+        by_name = {coordinate.name: coordinate for coordinate in self.coordinates}
+        if name not in by_name:
+            problem = f"{where}there is no coordinate {name!r}; {suggestion(name, sorted(by_name))}"
+            raise InputError("", problem)
+        return by_name[name]
 
     def completed(self, values: Mapping[str, ArrayLike]) -> dict[str, Floats]:
         """Return the values (f,) of all coordinates.
 
         Coupled coordinates follow the couplings; coordinates without a value are at rest. Input values (f,)
-        are by coordinate, in the coordinate's unit; numbers hold for all frames. An unknown coordinate,
-        unequal lengths, or a value that is not finite raise a ValueError.
+        are by coordinate, in its unit; numbers hold for all frames. An unknown coordinate, unequal lengths,
+        or a value that is not finite raise a ValueError.
         """
-        given = {name: np.asarray(value, dtype=np.float64) for name, value in values.items()}
-        lengths = {value.shape for value in given.values() if value.ndim}
-        if len(lengths) > 1 or any(len(shape) != 1 for shape in lengths):
-            raise InputError(
-                "", f"coordinates have values of the shapes {sorted(lengths)}, but must be alike"
-            )
-        frames = lengths.pop()[0] if lengths else 1
-        for name, value in given.items():
+        columns = {name: np.asarray(value, dtype=np.float64) for name, value in values.items()}
+        shapes = {column.shape for column in columns.values() if column.ndim}
+        if len(shapes) > 1 or any(len(shape) != 1 for shape in shapes):
+            raise InputError("", f"coordinates have values of the shapes {sorted(shapes)}, but must be alike")
+        frames = shapes.pop()[0] if shapes else 1
+        for name, column in columns.items():
             self.coordinate(name)
-            if not np.isfinite(value).all():
+            if not np.isfinite(column).all():
                 raise InputError("", f"coordinate {name!r} has a value that is not finite")
-        result = {one.name: np.full(frames, one.rest) for one in self.coordinates}
-        result |= {name: np.broadcast_to(value, (frames,)) for name, value in given.items()}
-        for one in self.couplings:
+        result = {coordinate.name: np.full(frames, coordinate.rest) for coordinate in self.coordinates}
+        result |= {name: np.broadcast_to(column, (frames,)) for name, column in columns.items()}
+        for coupling in self.couplings:
+            dependent, independent = coupling.dependent, coupling.independent
             with np.errstate(over="ignore", invalid="ignore"):
-                result[one.dependent] = one.function(result[one.independent])
-            if not np.isfinite(result[one.dependent]).all():
-                raise InputError(
-                    "", f"coordinate {one.dependent!r} follows {one.independent!r} beyond all numbers"
-                )
+                result[dependent] = coupling.function(result[independent])
+            if not np.isfinite(result[dependent]).all():
+                raise InputError("", f"coordinate {dependent!r} follows {independent!r} beyond all numbers")
         return result
 
     def poses(
         self, values: Mapping[str, ArrayLike], bodies: Iterable[str] | None = None
     ) -> dict[str, Floats]:
-        """Return each body's frame in the root (f, 4, 4).
+        """Return each body's frame in the root (f, 4, 4), for values as in :meth:`completed`.
 
-        Values of the coordinates are as in :meth:`completed`; values of coupled coordinates do not count.
-        Named bodies, if any, are placed alone, along with the bodies up to the root.
+        With ``bodies``, these bodies alone are placed, along with the bodies up to the root.
         """
-        wanted = self.bodies if bodies is None else {one.child for on in bodies for one in self.way_up(on)}
+        on = self.bodies if bodies is None else bodies
+        wanted = {joint.child for body in on for joint in self.way_up(body)}
         full = self.completed(values)
         frames = len(next(iter(full.values()))) if full else 1
         result = {self.root: np.tile(np.eye(4), (frames, 1, 1))}
-        for joint in (one for one in self.joints if one.child in wanted):
+        for joint in (joint for joint in self.joints if joint.child in wanted):
             with np.errstate(over="ignore", invalid="ignore"):
                 result[joint.child] = result[joint.parent] @ joint.transforms(full, frames)
             if not np.isfinite(result[joint.child]).all():
-                raise InputError(
-                    "",
-                    f"joint {joint.name!r} moves {joint.child!r} to infinity; check the frames, "
-                    "functions and coordinates",
-                )
+                raise InputError("", f"joint {joint.name!r} moves {joint.child!r} to infinity")
         return result
 
     def scaled(self, length: float, coordinates: Mapping[str, float] | None = None) -> KinematicTree:
@@ -246,48 +226,44 @@ class KinematicTree:
 
         ``length`` is the factor of lengths; ``coordinates`` are factors of coordinates by name.
         """
-        factors = {one.name: 1.0 for one in self.coordinates} | dict(coordinates or {})
+        factors = {each.name: 1.0 for each in self.coordinates} | dict(coordinates or {})
 
         def scaled_axis(axis: JointAxis, result: float) -> JointAxis:
             own = 1.0 if axis.coordinate is None else factors[axis.coordinate]
             return replace(axis, function=axis.function.rescaled(own, result))
 
+        scale = np.ones((4, 4))
+        scale[:3, 3] = length
         joints = [
             replace(
                 joint,
                 rotations=[scaled_axis(axis, 1.0) for axis in joint.rotations],
                 translations=[scaled_axis(axis, length) for axis in joint.translations],
-                parent_frame=_scaled(joint.parent_frame, length),
-                child_frame=_scaled(joint.child_frame, length),
+                parent_frame=scale * joint.parent_frame,
+                child_frame=scale * joint.child_frame,
             )
             for joint in self.joints
         ]
         couplings = [
-            replace(one, function=one.function.rescaled(factors[one.independent], factors[one.dependent]))
-            for one in self.couplings
+            replace(each, function=each.function.rescaled(factors[each.independent], factors[each.dependent]))
+            for each in self.couplings
         ]
-        return KinematicTree(
-            self.root, joints, [one.scaled(factors[one.name]) for one in self.coordinates], couplings
-        )
+        own = [each.scaled(factors[each.name]) for each in self.coordinates]
+        return KinematicTree(self.root, joints, own, couplings)
 
     def in_metres(self, metres: float) -> tuple[KinematicTree, dict[str, float]]:
-        """Return the tree in metres.
+        """Return the tree in metres, and the factors for values of coordinates, 1 for angles.
 
-        ``metres`` are the metres per unit of length. Sliding coordinates are in metres. The second result
-        has the factors for values of coordinates; 1 for angles.
+        ``metres`` are the metres per unit of length. Sliding coordinates are in metres.
         """
-        factors = {
-            one.name: 1.0 if one.is_angle else TRANSLATIONS[one.unit] / 1000.0 for one in self.coordinates
-        }
+        units = {coordinate.name: coordinate.unit for coordinate in self.coordinates}
+        factors = {name: TRANSLATIONS.get(unit, 1000.0) / 1000.0 for name, unit in units.items()}
         tree = self.scaled(metres, factors)
-        coordinates = [one if one.is_angle else replace(one, unit="m") for one in tree.coordinates]
+        coordinates = [each if each.is_angle else replace(each, unit="m") for each in tree.coordinates]
         return replace(tree, coordinates=coordinates), factors
 
     def crossed(self, bodies: Sequence[str]) -> tuple[str, ...]:
-        """Return the free coordinates between some bodies.
-
-        The coordinates move the bodies against each other.
-        """
+        """Return the free coordinates that move bodies against each other."""
         ways = [{joint.name: joint for joint in self.way_up(body)} for body in bodies]
         common = set.intersection(*map(set, ways)) if ways else set()
         moving = [joint for way in ways for name, joint in way.items() if name not in common]
@@ -296,28 +272,22 @@ class KinematicTree:
     def way_up(self, body: str) -> list[Joint]:
         """Return the joints from a body to the root."""
         parents = {joint.child: joint for joint in self.joints}
-        found = []
+        joints = []
         while body in parents:
-            found.append(parents[body])
+            joints.append(parents[body])
             body = parents[body].parent
-        return found
+        return joints
 
     def freed(self, coordinates: Iterable[str | None]) -> tuple[str, ...]:
         """Return the free coordinates behind some coordinates.
 
-        Free coordinates count directly, coupled coordinates by the independent coordinates of the couplings.
+        Coupled coordinates count by the independent coordinates of the couplings.
         """
-        found = set(coordinates)
-        for one in reversed(self.couplings):
-            if one.dependent in found:
-                found.add(one.independent)
-        return tuple(name for name in self.free if name in found)
-
-
-def _scaled(frame: Floats, factor: float) -> Floats:
-    result = np.array(frame)
-    result[:3, 3] *= factor
-    return result
+        names = set(coordinates)
+        for coupling in reversed(self.couplings):
+            if coupling.dependent in names:
+                names.add(coupling.independent)
+        return tuple(name for name in self.free if name in names)
 
 
 def _joints_in_order(root: str, joints: Sequence[Joint]) -> Iterator[Joint]:
@@ -342,14 +312,11 @@ def _joints_in_order(root: str, joints: Sequence[Joint]) -> Iterator[Joint]:
 
 
 def _couplings_in_order(couplings: Sequence[Coupling]) -> Iterator[Coupling]:
-    """Give the couplings in order of dependence.
-
-    A coupling comes after the coupling of the independent coordinate.
-    """
-    found = {one.dependent: one for one in couplings}
-    sorter = TopologicalSorter({one.dependent: (one.independent,) for one in couplings})
+    """Yield each coupling after that of its independent coordinate."""
+    by_name = {coupling.dependent: coupling for coupling in couplings}
+    sorter = TopologicalSorter({coupling.dependent: (coupling.independent,) for coupling in couplings})
     try:
         order = list(sorter.static_order())
     except CycleError as error:
         raise InputError("", f"couplings go round in a ring: {', '.join(error.args[1][1:])}") from None
-    return (found[name] for name in order if name in found)
+    return (by_name[name] for name in order if name in by_name)

@@ -1,9 +1,11 @@
-"""Draft of a scene from surfaces and landmarks."""
+"""Draft of a scene, and drafts from mesh and landmark files, recognised by name."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import re
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from os.path import relpath
 from pathlib import Path
 from typing import Any
 
@@ -11,14 +13,17 @@ import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.errors import InputError, fault_of
-from vtkmuscle.data.arrays import points_of, with_points
-from vtkmuscle.data.attachments import ROLES, AttachmentArea
+from vtkmuscle.core.mesh.solids import solids_of
+from vtkmuscle.core.types import Floats
+from vtkmuscle.data.arrays import checked_surface, points_of, with_points
+from vtkmuscle.data.attachments import ROLES, VIA, AttachmentArea
 from vtkmuscle.filters.attachment_estimator import NEAR, estimated_areas
+from vtkmuscle.io import read_landmarks, read_surface
 from vtkmuscle.io.csv_table import write_rows
+from vtkmuscle.io.surfaces import SURFACE_SUFFIXES
 from vtkmuscle.io.writing import write_polydata, write_text
-from vtkmuscle.labels.guesses import LEFT_OUT, Guess, table_of
-from vtkmuscle.labels.joints import bodies_of, guessed_joints, moving_chain
-from vtkmuscle.labels.names import side_of
+from vtkmuscle.labels.guesses import LEFT_OUT, Guess, bodies_of, guessed_joints, moving_chain, table_of
+from vtkmuscle.labels.names import kind_of, plain_name, side_of
 from vtkmuscle.scene.data import MILLIMETRES
 from vtkmuscle.scene.writing import inline_toml, write_areas
 
@@ -38,26 +43,11 @@ GIVE = "give landmarks of the area: a file MUSCLE_origin or MUSCLE_insertion, as
 class Draft:
     """A scene in preparation, in mm.
 
-    Attributes
-    ----------
-    name : str
-        Name of the scene.
-    bones, muscles : dict of str to vtkPolyData
-        Surfaces at rest.
-    areas : dict of str to list of AttachmentArea
-        By muscle: areas from landmarks, later with estimated areas.
-    frame, units : str
-        Frame of the surfaces, and unit of the written scene.
-    surfaces : dict of str to str
-        Existing surface files, relative to the scene; missing files are written.
-    within : float
-        Largest distance between a muscle and a bone in contact [mm].
-    guesses : list of Guess
-        All guesses.
-    left_out : dict of str to str
-        Reasons, by muscle that cannot be made.
-    joints, sweep : dict
-        As of :func:`~vtkmuscle.labels.joints.guessed_joints`.
+    ``bones`` and ``muscles`` are surfaces at rest, ``areas`` are by muscle, from landmarks or estimated.
+    ``frame`` is of the surfaces, ``units`` of the written scene. ``surfaces`` are existing files, relative to
+    the scene; missing files are written. Up to ``within`` [mm] a muscle and a bone are in contact.
+    ``left_out`` has reasons, by muscle that cannot be made; ``joints`` and ``sweep`` are as of
+    :func:`~vtkmuscle.labels.guesses.guessed_joints`.
     """
 
     name: str
@@ -76,10 +66,7 @@ class Draft:
     def complete(self) -> None:
         """Guess joints and missing areas; leave out muscles without areas.
 
-        Raises
-        ------
-        ValueError
-            If there are no joints, or no muscle remains, with the reasons.
+        Without joints, or without muscles, a ValueError has the reasons.
         """
         self.joints, self.sweep, guesses = guessed_joints(self.bones, frame=self.frame)
         self.guesses += guesses
@@ -105,8 +92,8 @@ class Draft:
 
     def candidate_bones(self, muscle: str) -> dict[str, vtkPolyData]:
         """Return the bones on a muscle's side of the body."""
-        sides = {side_of(muscle), None} if side_of(muscle) else {"left", "right", None}
-        return {name: bone for name, bone in self.bones.items() if side_of(name) in sides}
+        side = side_of(muscle)
+        return {name: bone for name, bone in self.bones.items() if not side or side_of(name) in (side, None)}
 
     def _attach(self, muscle: str) -> None:
         """Estimate the areas of a muscle without landmarks."""
@@ -135,10 +122,7 @@ class Draft:
         self.areas[muscle] = used
 
     def write(self, out: Path) -> Path:
-        """Write the scene to a folder; return the scene.toml.
-
-        The folder also gets surfaces, landmarks, the motion and guesses.csv.
-        """
+        """Write the scene with all its files to a folder; return the scene.toml."""
         scale = 1.0 / MILLIMETRES[self.units]
 
         def written(file: str, surface: vtkPolyData) -> str:
@@ -183,3 +167,120 @@ def _sweep(limits: Mapping[str, float]) -> str:
     rows = ["\t".join(f"{value:g}" for value in row) for row in np.transpose(columns)]
     head = ["sweep", "inDegrees=yes", f"nRows={len(rows)}", f"nColumns={len(columns)}", "endheader"]
     return "\n".join([*head, "\t".join(["time", *limits]), *rows]) + "\n"
+
+
+#: The longest side of a scene's bones is 20 mm to 2 m, so a smaller number is not in mm.
+SHORTEST_IN_MILLIMETRES = 10.0
+LONGEST_IN_METRES = 2.5
+#: Largest gap between last and first landmark of a ring, in median steps.
+RING_GAP = 2.0
+_AREA = re.compile(rf"^(.+)_({'|'.join((*ROLES, VIA))})(?:_(.*))?$")
+
+
+def likely_unit(longest: float) -> tuple[str, float]:
+    """Return the likely unit of a longest side, and the confidence."""
+    if longest >= SHORTEST_IN_MILLIMETRES:
+        return "mm", 0.9
+    return ("m", 0.9) if longest <= LONGEST_IN_METRES else ("cm", 0.3)
+
+
+def draft_of_files(
+    files: Sequence[Path],
+    out: Path,
+    *,
+    bones: Sequence[str] = (),
+    muscles: Sequence[str] = (),
+    frame: str = "LPS",
+) -> Draft:
+    """Return an incomplete scene of meshes and landmarks.
+
+    Parameters
+    ----------
+    files : sequence of Path
+        Surfaces, recognised by name, and landmarks called MUSCLE_origin, MUSCLE_insertion or MUSCLE_via,
+        optionally with _SUFFIX for several.
+    out : Path
+        Folder of the scene.
+    bones, muscles : sequence of str
+        File names, without endings, of bones and muscles with unrecognised names.
+    frame : str, optional
+        ``"LPS"`` or ``"RAS"``.
+
+    Raises
+    ------
+    FileNotFoundError, ValueError
+        If a file cannot be read, or its name is not recognised.
+    """
+    draft = Draft(out.resolve().name or "scene", frame=frame)
+    landmarks, meshes = [], {}
+    stated = dict.fromkeys(map(plain_name, bones), "bone") | dict.fromkeys(map(plain_name, muscles), "muscle")
+    for file in files:
+        name = plain_name(file.name.partition(".")[0])
+        if _AREA.match(_roles_name(file)):
+            landmarks.append(file)
+            continue
+        kind = stated.get(name) or kind_of(name)
+        if kind is None or file.suffix.lower() not in SURFACE_SUFFIXES:
+            remedy = "use --bone NAME or --muscle NAME; call landmarks MUSCLE_origin or MUSCLE_insertion"
+            raise InputError(file, "the file name has no known bone, muscle, or area of a muscle", remedy)
+        if name in meshes:
+            raise InputError(file, f"another file has the name {name!r}", "remove or rename a file")
+        meshes[name] = kind, read_surface(file)
+        confidence, why = 1.0 if name in stated else 0.8, f"a {kind} by its name, {file.name}"
+        draft.guesses.append(Guess(f"{kind}s.{name}", kind, confidence, why))
+        draft.surfaces[f"{kind}s/{name}.vtp"] = Path(relpath(file, out)).as_posix()
+    if not meshes:
+        raise InputError("", "there is no surface of a bone or a muscle", "give mesh files")
+    longest = float(max(np.ptp(points_of(mesh), axis=0).max() for _, mesh in meshes.values()))
+    draft.units, confidence = likely_unit(longest)
+    why = f"the longest side of all surfaces is {longest:.4g}"
+    draft.guesses.append(Guess("units", draft.units, confidence, why))
+    scale = MILLIMETRES[draft.units]
+    for name, (kind, mesh) in meshes.items():
+        getattr(draft, f"{kind}s")[name] = with_points(mesh, scale * points_of(mesh))
+    add_landmarks(draft, landmarks, scale=scale)
+    return draft
+
+
+def _roles_name(file: Path) -> str:
+    return "_".join(re.findall(r"[a-z0-9]+", file.name.partition(".")[0].casefold()))
+
+
+def add_landmarks(draft: Draft, files: Sequence[Path], *, scale: float = 1.0) -> None:
+    """Add landmarks to a draft by file names: muscle, role, and possibly the bone after the role.
+
+    By default the closest bone is taken. Landmarks that end near their start are a ring. ``scale`` converts
+    to mm.
+    """
+    for file in files:
+        match = _AREA.match(_roles_name(file))
+        muscle = plain_name(match[1]) if match else ""
+        side = side_of(match[3]) if match and match[3] else None
+        muscle = next((name for name in (muscle, f"{muscle}_{side}") if name in draft.muscles), "")
+        if match is None or not muscle:
+            remedy = f"rename it MUSCLE_origin or MUSCLE_insertion, of {', '.join(draft.muscles) or 'none'}"
+            raise InputError(file, "the file name has no known muscle and role", remedy)
+        key, role = f"muscles.{muscle}.attachments", match[2]
+        points, closed = read_landmarks(file, frame=draft.frame)
+        points = scale * points
+        named = [bone for bone in draft.bones if match[3] and bone in plain_name(match[3])]
+        gaps = _gaps(points, draft.candidate_bones(muscle))
+        bone, *further = named or sorted(gaps, key=gaps.__getitem__)
+        if not named:
+            confidence = 1.0 - min(1.0, gaps[bone] / gaps[further[0]]) if further else 1.0
+            why = f"{role} on {bone!r}, {gaps[bone]:.1f} mm from the landmarks in {file.name}"
+            draft.guesses.append(Guess(key, f"{role}: {bone}", confidence, why))
+        if not closed and len(points) > 3:
+            steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
+            gap = float(np.linalg.norm(points[-1] - points[0]) / max(float(np.median(steps)), 1e-9))
+            closed = gap <= RING_GAP or role == VIA
+            why = f"{role}: the last landmark is {gap:.1f} median steps from the first"
+            confidence = min(1.0, abs(gap - RING_GAP))
+            draft.guesses.append(Guess(key, "a ring" if closed else "an open curve", confidence, why))
+        draft.areas.setdefault(muscle, []).append(AttachmentArea(role, bone, points, closed))
+
+
+def _gaps(points: Floats, bones: Mapping[str, vtkPolyData]) -> dict[str, float]:
+    """Return the mean distance of points from each bone [mm]."""
+    solids = {name: solids_of(*checked_surface(bone, name)) for name, bone in bones.items()}
+    return {name: float(np.abs(solid.distances(points)).mean()) for name, solid in solids.items()}

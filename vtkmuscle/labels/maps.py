@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from os import PathLike
 from pathlib import Path
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.mesh.solids import Solids, solids_of
@@ -21,9 +20,8 @@ from vtkmuscle.data.isosurface import EVEN
 from vtkmuscle.data.label_images import Label, LabelField, labels_in
 from vtkmuscle.filters.attachment_estimator import NEAR
 from vtkmuscle.filters.label_surfaces import SMOOTHING, LabelSurfaces
-from vtkmuscle.labels.draft import Draft
+from vtkmuscle.labels.draft import Draft, add_landmarks
 from vtkmuscle.labels.guesses import LEFT_OUT, Guess
-from vtkmuscle.labels.meshes import add_landmarks
 from vtkmuscle.labels.names import kind_of, plain_name
 from vtkmuscle.labels.reading import read_labels
 from vtkmuscle.phantoms.implicit import Solid, thick_curve
@@ -35,43 +33,21 @@ INSIDE = 5.0
 _POINTS, _ROUNDS = 24, 600
 
 
-@dataclass(frozen=True, eq=False)
-class Tendon:
-    """A belly with tendon: surface, line (k, 3), radius [mm].
-
-    The line runs from the belly to the bone.
-    """
+class Tendon(NamedTuple):
+    """A belly with tendon: surface, length from belly to bone [mm], radius [mm]."""
 
     surface: vtkPolyData
-    line: Floats
+    length: float
     radius: float
-
-    @property
-    def length(self) -> float:
-        """Length from the belly to the bone [mm]."""
-        return float(np.linalg.norm(np.diff(self.line, axis=0), axis=1).sum())
 
 
 def with_tendon(
     belly: LabelField, surface: vtkPolyData, target: Floats, bones: Sequence[Solids], edge: float
 ) -> Tendon:
-    """Return a belly with a tendon to a bone.
+    """Return a belly with a tendon to ``target`` (3,), the middle of the area on the bone [mm].
 
-    The tendon is a tube as thick as the belly's end. It starts at the point of the belly closest to the bone
-    point, and follows the shortest line outside the bones.
-
-    Parameters
-    ----------
-    belly : LabelField
-        Of the label.
-    surface : vtkPolyData
-        Surface of the belly [mm].
-    target : (3,) array
-        Middle of the area on the bone [mm].
-    bones : sequence of Solids
-        Bones to avoid.
-    edge : float
-        Edge length of triangles [mm].
+    The tendon is a tube as thick as the belly's end. It starts at the point of the belly closest to the
+    target, and follows the shortest line outside the bones. ``edge`` is the edge length of triangles [mm].
     """
     points, triangles = checked_surface(surface, "belly")
     tip = points[np.argmin(np.linalg.norm(points - target, axis=1))]
@@ -81,13 +57,13 @@ def with_tendon(
     depth = -float(belly.at(tip[None] + INSIDE * inward)[0][0])
     radius = float(np.clip(depth, thinnest, max(thinnest, 5.0)))  # 5 mm: an Achilles tendon of 80 mm^2
     line = taut_line(tip, target, bones, radius)
+    length = float(np.linalg.norm(np.diff(line, axis=0), axis=1).sum())
     tube = np.vstack([tip + radius * inward, line])
     solid = Solid(belly.at, points.min(axis=0), points.max(axis=0))
     solid = solid.joined(thick_curve(tube, np.full(len(tube), radius)), radius)
-    report = survey(points, triangles)
-    area = report.area + 2.0 * np.pi * radius * float(np.linalg.norm(np.diff(line, axis=0), axis=1).sum())
-    made = mesh_of(solid, min(0.5 * edge, 0.7 * radius), round(area / (EVEN * edge * edge)))
-    return Tendon(surface_from(*made), line, radius)
+    area = survey(points, triangles).area + 2.0 * np.pi * radius * length
+    mesh = mesh_of(solid, min(0.5 * edge, 0.7 * radius), round(area / (EVEN * edge * edge)))
+    return Tendon(surface_from(*mesh), length, radius)
 
 
 def taut_line(start: Floats, end: Floats, bones: Sequence[Solids], radius: float) -> Floats:
@@ -150,9 +126,9 @@ def draft_of_labels(
     labels: dict[str, Label] = {}
     for image in read_labels(path, names=names, frame=frame):
         by_name = labels_in(image, str(path))
-        for name in (name for name in by_name if kind_of(name) is None):
+        used = [name for name in by_name if kind_of(name)]
+        for name in (name for name in by_name if name not in used):
             announce(f"{name}: ignored, no bone or muscle has this name")
-        used = [name for name in by_name if kind_of(name) is not None]
         if not used:
             continue
         for name, surface in blocks_of(LabelSurfaces(labels=",".join(used), edge=edge)(image)):
@@ -173,7 +149,7 @@ def draft_of_labels(
 
 def _figures(surface: vtkPolyData) -> str:
     """Return a surface's accuracy in words."""
-    error, distance = _values(surface, "VolumeError")[0], _values(surface, "BoundaryDistance")[1]
+    error, distance = _value(surface, "VolumeError"), _value(surface, "BoundaryDistance", 1)
     sizes = f"{surface.GetNumberOfCells()} triangles, volume {100.0 * error:+.2f} %"
     return f"{sizes}, 95 % of the surface within {distance:.2f} mm of the label"
 
@@ -186,12 +162,9 @@ def _faults(draft: Draft, name: str, kind: str, surface: vtkPolyData) -> str:
         if kind == "muscles":
             draft.left_out[name] = reason
         return f"left out: {reason}"
-    left_out, cut, pieces = (_values(surface, key)[0] for key in ("LeftOut", "Cut", "Pieces"))
+    left_out, cut, pieces = (_value(surface, key) for key in ("LeftOut", "Cut", "Pieces"))
     if left_out > MOST_LEFT_OUT:
-        why = (
-            f"the largest of {pieces:.0f} pieces lacks {100 * left_out:.0f} % of the label; a label of both "
-        )
-        why += "sides must be split"
+        why = f"the largest of {pieces:.0f} pieces lacks {100 * left_out:.0f} % of the label; split sides"
         draft.guesses.append(Guess(f"{kind}.{name}.surface", "the largest piece", 0.5 - 0.5 * left_out, why))
     if cut:
         why = f"the image's border cuts the label in {cut:.0f} voxels; the part beyond is missing"
@@ -199,11 +172,9 @@ def _faults(draft: Draft, name: str, kind: str, surface: vtkPolyData) -> str:
     return ""
 
 
-def _values(surface: vtkPolyData, name: str) -> NDArray[Any]:
-    """Return a field array of a label's surface."""
-    values = field_array(surface, name)
-    assert values is not None
-    return values
+def _value(surface: vtkPolyData, name: str, number: int = 0) -> float:
+    """Return a value in a field array of a label's surface."""
+    return float(np.asarray(field_array(surface, name), dtype=np.float64).ravel()[number])
 
 
 def _draw_tendons(draft: Draft, muscle: str, label: Label, edge: float) -> None:

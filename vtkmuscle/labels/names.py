@@ -29,29 +29,18 @@ _MUSCLES = re.compile(
     r"longus|brevis|scalen|levator|oblique|compartment|longissimus|iliocost|hamstring|transversospin)"
 )
 _NEITHER = re.compile(
-    r"(?:^|_)(?:trunk|vein|vena|vessel|artery|nerve|disc|discs|cartilage|cartilages|cord|skin|fat|marrow)(?:_|$)"
+    r"(?:^|_)(?:trunk|vein|vena|vessel|artery|nerve|discs?|cartilages?|cord|skin|fat|marrow)(?:_|$)"
 )
 _SIDES = {"left": "left", "l": "left", "right": "right", "r": "right"}
 
 
 @dataclass(frozen=True)
 class JointKind:
-    """A kind of joint between bones with certain names.
+    """A kind of joint between bones with certain words in their names; the first existing bone counts.
 
-    Attributes
-    ----------
-    name : str
-        Name of the joint.
-    children, parents : tuple of str
-        Words in bone names; the first existing bone counts.
-    form : str
-        ``"ball"``, ``"pin"`` or ``"weld"``.
-    round_end : str
-        ``"child"`` or ``"parent"``: the bone with the round surface.
-    axes : dict of str to (3,) tuple
-        Axes in LPS by coordinate, for a hanging right limb. A left limb reverses all axes but the first.
-    most : float
-        Largest angle of the first coordinate [degrees].
+    ``form`` is ``"ball"``, ``"pin"`` or ``"weld"``; ``round_end``, ``"child"`` or ``"parent"``, has the round
+    surface; ``axes`` (3,) are in LPS by coordinate, for a hanging right limb: a left limb reverses all axes
+    but the first; ``most`` is the largest angle of the first coordinate [degrees].
     """
 
     name: str
@@ -88,14 +77,7 @@ JOINTS = (
 
 
 def plain_name(name: str) -> str:
-    """Return a lower-case name with underscores, the side at the end.
-
-    Examples
-    --------
-    >>> from vtkmuscle.labels.names import plain_name
-    >>> plain_name("Left Gluteus Maximus"), plain_name("femur R")
-    ('gluteus_maximus_left', 'femur_right')
-    """
+    """Return a lower-case name with underscores, the side at the end."""
     words = re.findall(r"[a-z0-9]+", name.casefold())
     side = next((_SIDES[word] for word in words if word in _SIDES), None)
     rest = [word for word in words if word not in _SIDES]
@@ -113,14 +95,7 @@ def stem_of(name: str) -> str:
 
 
 def kind_of(name: str) -> str | None:
-    """Return ``"bone"``, ``"muscle"``, or None for other names.
-
-    Examples
-    --------
-    >>> from vtkmuscle.labels.names import kind_of
-    >>> [kind_of(name) for name in ("Femur_R", "rectus femoris", "tibialis_anterior_left", "liver")]
-    ['bone', 'muscle', 'muscle', None]
-    """
+    """Return ``"bone"``, ``"muscle"``, or None for other names."""
     plain = plain_name(name)
     if _NEITHER.search(plain):
         return None
@@ -139,14 +114,9 @@ def _tables() -> dict[str, dict[int, str]]:
 
 
 def name_table(source: str) -> dict[int, str]:
-    """Return names by label from a built-in or .csv table.
+    """Return names by label from a built-in or .csv table with lines of label, name.
 
-    Lines of a file are label, name.
-
-    Raises
-    ------
-    FileNotFoundError, ValueError
-        If there is no such table or file, or a line is not a label and a name.
+    A missing table or file, or a line without label and name, raises a FileNotFoundError or ValueError.
     """
     if source in _tables():
         return _tables()[source]

@@ -17,7 +17,7 @@ from vtkmodules.vtkCommonDataModel import vtkImageData
 from vtkmuscle.core.errors import InputError, MissingFileError
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.label_images import label_image
-from vtkmuscle.io.slicer import FRAMES
+from vtkmuscle.io.landmarks import FRAMES
 from vtkmuscle.labels.names import name_table
 
 #: Endings of supported files.
@@ -60,27 +60,21 @@ def read_labels(
         raise InputError("frame", f"there is no frame {frame!r}", f"allowed: {', '.join(FRAMES)}")
     if not source.exists():
         raise MissingFileError(source, "there is no such file or folder")
-    files = [source]
-    if source.is_dir():
-        files = sorted(file for file in source.iterdir() if file.name.lower().endswith(SUFFIXES))
-    if not files or not files[0].name.lower().endswith(SUFFIXES):
+    files = sorted(source.iterdir()) if source.is_dir() else [source]
+    files = [file for file in files if file.name.lower().endswith(SUFFIXES)]
+    if not files:
         raise InputError(source, "there is no label map", f"files end in {', '.join(SUFFIXES)}")
     table = None if names is None else name_table(names)
     to_frame = np.diag([-1.0, -1.0, 1.0, 1.0]) if frame == "RAS" else np.eye(4)
     images = []
     for file in files:
         for voxels, transform, own in _read(file):
+            by_label = own if table is None else table
             if source.is_dir() and file.suffix.lower() != ".dcm":
-                images.append(
-                    label_image((voxels > 0).astype(np.uint8), to_frame @ transform, {1: _stem(file)})
-                )
-            else:
-                images.append(label_image(voxels, to_frame @ transform, own if table is None else table))
+                by_label = {1: re.sub(r"(\.seg)?\.(nii\.gz|\w+)$", "", file.name)}
+                np.clip(voxels, 0, 1, out=voxels)
+            images.append(label_image(voxels, to_frame @ transform, by_label))
     return images
-
-
-def _stem(file: Path) -> str:
-    return re.sub(r"(\.seg)?\.(nii\.gz|\w+)$", "", file.name)
 
 
 Layer = tuple[NDArray[np.integer], Floats, Mapping[int, str]]

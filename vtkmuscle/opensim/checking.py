@@ -40,20 +40,10 @@ Lengths = Callable[[Sequence[str], Mapping[str, Floats]], dict[str, Floats]]
 class PathFault:
     """Largest fault of a kind, for a muscle and a coordinate.
 
-    Attributes
-    ----------
-    muscle, coordinate : str
-        Names in the model.
-    what : str
-        A kind in :data:`KINDS`.
-    size : float
-        Jump [m]; for a change of sign, the smaller of the largest positive and negative moment arms.
-    pose : dict of str to float
-        The muscle's coordinates at the fault [rad or m].
-    sweeps : float
-        Fraction of sweeps with a fault of the kind.
-    values, arms : (n,) array
-        Coordinate and moment arms [m] in the worst sweep.
+    ``what`` is a kind in :data:`KINDS`; ``size`` the jump [m], for a change of sign the smaller of the
+    largest positive and negative moment arms; ``pose`` the muscle's coordinates at the fault [rad or m];
+    ``sweeps`` the fraction of sweeps with a fault of the kind; ``values``, ``arms`` (n,) the coordinate and
+    moment arms [m] in the worst sweep.
     """
 
     muscle: str
@@ -68,16 +58,10 @@ class PathFault:
 
 @dataclass(frozen=True, eq=False)
 class ModelCheck:
-    """The faults of a model's muscles.
+    """The faults of a model's muscles, the largest jumps first.
 
-    Attributes
-    ----------
-    model : OsimModel
-        As it was read.
-    findings : tuple of PathFault
-        The largest jumps first.
-    by_opensim, not_checked : tuple of str
-        Muscles that wind round surfaces: evaluated by OpenSim, or not at all without OpenSim.
+    Muscles that wind round surfaces are ``by_opensim``, evaluated by OpenSim, or ``not_checked`` without
+    OpenSim.
     """
 
     model: OsimModel
@@ -88,8 +72,7 @@ class ModelCheck:
     def __str__(self) -> str:
         """Return the number of muscles evaluated here and by OpenSim."""
         count = len(self.model.muscles)
-        own = count - len(self.by_opensim) - len(self.not_checked)
-        words = f"{own} of {count} muscles evaluated here"
+        words = f"{count - len(self.by_opensim + self.not_checked)} of {count} muscles evaluated here"
         if self.by_opensim:
             words += f", {len(self.by_opensim)} with wrapping surfaces by OpenSim"
         if self.not_checked:
@@ -102,12 +85,10 @@ class ModelCheck:
 
     def write(self, page: Path) -> Path:
         """Write a page and a table; return the table's path."""
-        drawings = [
-            (f"{each.muscle}, {each.coordinate}: {each.what}", _curve(each)) for each in self.findings
-        ]
+        curves = [(f"{each.muscle}, {each.coordinate}: {each.what}", _curve(each)) for each in self.findings]
         sections = [
             Section("Findings", str(self), shown_rows(self.table()), words=True),
-            Section("Moment arms", "Each over the sweep with its largest fault.", drawings=drawings),
+            Section("Moment arms", "Each over the sweep with its largest fault.", drawings=curves),
         ]
         lead = "Jumps of muscle lengths and moment arms, and sign changes of moment arms."
         write_page(page, self.model.name, "check", lead, sections)
@@ -127,21 +108,11 @@ class ModelCheck:
 
 
 def check_model(path: str | PathLike[str]) -> ModelCheck:
-    """Check the muscles of a model over the crossed coordinates.
+    """Check the muscles of an .osim model over the crossed coordinates.
 
     Lengths of point paths and polynomials are computed here, lengths with wrapping surfaces by OpenSim if
-    installed.
-
-    Parameters
-    ----------
-    path : path
-        An .osim file.
-
-    Returns
-    -------
-    ModelCheck
-        Jumps of lengths and moment arms, and sign changes of moment arms. A coordinate without a range is
-        not swept.
+    installed. The result has jumps of lengths and moment arms, and sign changes of moment arms. A coordinate
+    without a range is not swept.
 
     Raises
     ------
@@ -171,87 +142,71 @@ def _findings(model: OsimModel, muscles: Sequence[str], lengths: Lengths) -> Ite
         fixed = {coordinate.name: _fixed_values(coordinate, random) for coordinate in free}
         values = {name: np.repeat(column, POSES) for name, column in fixed.items()}
         values[swept.name] = np.tile(sweep, SWEEPS)
-        swept_lengths = lengths(crossing, values)
-        for muscle in crossing:
-            sweeps = _Sweeps(muscle, swept.name, lengths, fixed, crossed[muscle], sweep)
-            yield from sweeps.findings(swept_lengths[muscle].reshape(SWEEPS, POSES))
+        for muscle, column in lengths(crossing, values).items():
+            table = column.reshape(SWEEPS, POSES)
+
+            def length(sweeps: Ints, at: Floats, muscle: str = muscle) -> Floats:
+                chosen = {name: start[sweeps] for name, start in fixed.items()}  # noqa: B023
+                return lengths([muscle], chosen | {swept.name: at})[muscle]  # noqa: B023
+
+            middles, arms = (sweep[1:] + sweep[:-1]) / 2.0, -np.diff(table) / (sweep[1] - sweep[0])
+            for what, least, sizes, sweeps, at in _faults(length, sweep, table):
+                if not (real := sizes > least).any():
+                    continue
+                i = int(np.where(real, sizes, 0.0).argmax())
+                pose = {name: float(fixed[name][sweeps[i]]) for name in crossed[muscle]}
+                pose[swept.name] = float(at[i])
+                curve = len(np.unique(sweeps[real])) / SWEEPS, middles, arms[sweeps[i]]
+                yield PathFault(muscle, swept.name, what, float(sizes[i]), pose, *curve)
 
 
 def _fixed_values(coordinate: JointCoordinate, random: np.random.Generator) -> Floats:
-    """Return a fixed coordinate's values (s,): the default, then random values."""
+    """Return a fixed coordinate's values (s,): the default, then random ones."""
     away, rest = AWAY[coordinate.is_angle], coordinate.rest
     low, high = np.clip(coordinate.range or (rest, rest), rest - away, rest + away)
     return np.append(rest, random.uniform(low, high, SWEEPS - 1))
 
 
-@dataclass(frozen=True)
-class _Sweeps:
-    """Sweeps (s,) of a muscle over coordinate values (n,).
+def _faults(
+    length: Callable[[Ints, Floats], Floats], values: Floats, lengths: Floats
+) -> Iterator[tuple[str, float, Floats, Ints, Floats]]:
+    """Yield candidates (k,) by kind: kind, least size, sizes, sweeps, and values of the coordinate.
 
-    ``fixed`` are the further coordinates (s,).
+    ``length`` returns lengths (k,) in sweeps (k,) at values (k,); ``lengths`` (s, n) are those at the swept
+    values (n,).
     """
+    step = values[1] - values[0]
+    steps = np.diff(lengths, axis=1)
+    arms, middles = -steps / step, (values[1:] + values[:-1]) / 2.0
 
-    muscle: str
-    coordinate: str
-    lengths: Lengths
-    fixed: Mapping[str, Floats]
-    crossed: Sequence[str]
-    values: Floats
-
-    def length(self, sweeps: Ints, at: Floats) -> Floats:
-        """Return the lengths (k,) in sweeps (k,) at coordinate values (k,)."""
-        values = {name: column[sweeps] for name, column in self.fixed.items()} | {self.coordinate: at}
-        return self.lengths([self.muscle], values)[self.muscle]
-
-    def arm(self, sweeps: Ints, at: Floats) -> Floats:
-        """Return the moment arms (k,) as in :meth:`length`."""
-        ends = self.length(np.tile(sweeps, 2), np.concatenate([at - STEP, at + STEP])).reshape(2, -1)
-        result: Floats = (ends[0] - ends[1]) / (2.0 * STEP)
+    def arm(sweeps: Ints, at: Floats) -> Floats:
+        result: Floats = (length(sweeps, at - STEP) - length(sweeps, at + STEP)) / (2.0 * STEP)
         return result
 
-    def findings(self, lengths: Floats) -> Iterator[PathFault]:
-        """Yield the worst fault of each kind, for lengths (s, n)."""
-        step = self.values[1] - self.values[0]
-        steps = np.diff(lengths, axis=1)
-        arms, middles = -steps / step, (self.values[1:] + self.values[:-1]) / 2.0
-
-        def worst(what: str, sizes: Floats, least: float, sweeps: Ints, at: Floats) -> Iterator[PathFault]:
-            real = sizes > least
-            if not real.any():
-                return
-            sizes, sweeps, at = sizes[real], sweeps[real], at[real]
-            i = int(sizes.argmax())
-            pose = {name: float(self.fixed[name][sweeps[i]]) for name in self.crossed}
-            pose[self.coordinate] = float(at[i])
-            curve = len(np.unique(sweeps)) / SWEEPS, middles, arms[sweeps[i]]
-            yield PathFault(self.muscle, self.coordinate, what, float(sizes[i]), pose, *curve)
-
-        # A step larger than both neighbouring steps may contain a jump, and so may a change of slope.
-        bends = np.abs(np.diff(steps, axis=1))
-        nearby = np.pad(bends, ((0, 0), (1, 1)))
-        jumped = np.zeros(steps.shape, dtype=np.bool_)
-        sweeps, columns = np.nonzero(np.maximum(nearby[:, 1:], nearby[:, :-1]) > JUMP / 2.0)
-        if len(sweeps):
-            ends = self.values[columns], self.values[columns + 1]
-            sizes, at = _halved(self.length, sweeps, ends, _neighbour_mean(steps)[sweeps, columns] / step)
-            jumped[sweeps, columns] = sizes > JUMP
-            yield from worst(KINDS[0], sizes, JUMP, sweeps, at)
-        sweeps, columns = np.nonzero((bends / step > ARM_JUMP) & ~(jumped[:, 1:] | jumped[:, :-1]))
-        if len(sweeps):
-            ends = middles[columns], middles[columns + 1]
-            slopes = _neighbour_mean(np.diff(arms, axis=1))[sweeps, columns] / step
-            _, at = _halved(self.arm, sweeps, ends, slopes)
-            low, high = (self.arm(sweeps, at + side) for side in (-ARM_DISTANCE, ARM_DISTANCE))
-            # A jump of the slope appears at most twice in neighbouring steps; an excess is noise.
-            sizes = np.minimum(np.abs(high - low), 2.0 * bends[sweeps, columns] / step)
-            yield from worst(KINDS[1], sizes, ARM_JUMP, sweeps, at)
-        calm = np.where(jumped, 0.0, arms)
-        sizes = np.minimum(calm.max(axis=1), -calm.min(axis=1))
-        sweeps = np.flatnonzero(sizes > ARM)
-        if len(sweeps):
-            moving = [(row != 0.0, np.sign(row)) for row in calm[sweeps]]
-            at = np.array([middles[some][np.flatnonzero(np.diff(signs[some]))[0]] for some, signs in moving])
-            yield from worst(KINDS[2], sizes[sweeps], ARM, sweeps, at)
+    # A step larger than both neighbouring steps may contain a jump, and so may a change of slope.
+    bends = np.abs(np.diff(steps, axis=1))
+    nearby = np.pad(bends, ((0, 0), (1, 1)))
+    jumped = np.zeros(steps.shape, dtype=np.bool_)
+    sweeps, columns = np.nonzero(np.maximum(nearby[:, 1:], nearby[:, :-1]) > JUMP / 2.0)
+    if len(sweeps):
+        ends = values[columns], values[columns + 1]
+        sizes, at = _halved(length, sweeps, ends, _neighbour_mean(steps)[sweeps, columns] / step)
+        jumped[sweeps, columns] = sizes > JUMP
+        yield KINDS[0], JUMP, sizes, sweeps, at
+    sweeps, columns = np.nonzero((bends / step > ARM_JUMP) & ~(jumped[:, 1:] | jumped[:, :-1]))
+    if len(sweeps):
+        slopes = _neighbour_mean(np.diff(arms, axis=1))[sweeps, columns] / step
+        _, at = _halved(arm, sweeps, (middles[columns], middles[columns + 1]), slopes)
+        change = np.abs(arm(sweeps, at + ARM_DISTANCE) - arm(sweeps, at - ARM_DISTANCE))
+        # A jump of the slope appears at most twice in neighbouring steps; an excess is noise.
+        yield KINDS[1], ARM_JUMP, np.minimum(change, 2.0 * bends[sweeps, columns] / step), sweeps, at
+    calm = np.where(jumped, 0.0, arms)
+    sizes = np.minimum(calm.max(axis=1), -calm.min(axis=1))
+    sweeps = np.flatnonzero(sizes > ARM)
+    if len(sweeps):
+        moving = [(row != 0.0, np.sign(row)) for row in calm[sweeps]]
+        at = np.array([middles[some][np.flatnonzero(np.diff(signs[some]))[0]] for some, signs in moving])
+        yield KINDS[2], ARM, sizes[sweeps], sweeps, at
 
 
 def _neighbour_mean(steps: Floats) -> Floats:

@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 from vtkmodules.vtkFiltersCore import vtkQuadricDecimation
+from vtkmodules.vtkIOGeometry import vtkSTLWriter
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.motion.rigid import apply_transform, inverses
-from vtkmuscle.core.types import Floats
-from vtkmuscle.data.arrays import points_of, triangles_of
-from vtkmuscle.io.writing import replacing
+from vtkmuscle.data.arrays import points_of, with_points
+from vtkmuscle.io.writing import write_with
 from vtkmuscle.joints.tree import KinematicTree
 
 #: Default force per physiological cross-section [N/cm^2]: Rajagopal et al. 2016,
@@ -25,16 +25,7 @@ NEEDED = ("max_isometric_force", "optimal_fiber_length", "tendon_slack_length")
 
 
 def opensim_properties(hill: Mapping[str, float], metres: float) -> dict[str, float]:
-    """Return OpenSim properties for a scene's Hill parameters.
-
-    ``metres`` is the scene's unit of length.
-
-    Examples
-    --------
-    >>> from vtkmuscle.opensim.export_parts import opensim_properties
-    >>> opensim_properties({"optimal_fibre_length": 110.0, "pcsa": 20.0, "specific_tension": 61.0}, 0.001)
-    {'optimal_fiber_length': 0.11, 'max_isometric_force': 1220.0}
-    """
+    """Return OpenSim properties for a scene's Hill parameters, ``metres`` per unit of length."""
     units = {
         "optimal_fibre_length": ("optimal_fiber_length", metres),
         "tendon_slack_length": ("tendon_slack_length", metres),
@@ -54,33 +45,15 @@ def completed_properties(
     share: float = 1.0,
     specific_tension: float = SPECIFIC_TENSION,
 ) -> dict[str, float]:
-    """Return OpenSim properties of a muscle, completed from its architecture.
+    """Return OpenSim properties of a muscle, ``fixed`` properties completed from its architecture.
 
     Fibre length and pennation at rest are taken as optimal, unless the sarcomere length is in the
-    architecture. The tendon is slack at rest: fibres and tendon make up the path.
-
-    Parameters
-    ----------
-    fixed : mapping of str to float
-        Properties that stay as they are.
-    architecture : mapping of str to object
-        From the report of a run.
-    name : str
-        The muscle, for errors.
-    length : float
-        Path length at rest [m].
-    share : float
-        Mean fibre length of the group relative to all fibres.
-    specific_tension : float
-        [N/cm^2].
-
-    Raises
-    ------
-    InputError
-        If no length remains for a tendon.
+    architecture. The tendon is slack at rest: fibres and tendon make up the path, ``length`` [m] at rest; if
+    no length remains, an InputError is raised. ``share`` is the group's mean fibre length relative to all
+    fibres; ``specific_tension`` is in N/cm^2.
     """
-    area = architecture["pcsa_without_tendon_mm2"] / 100.0
-    properties = {**fixed, "max_isometric_force": fixed.get("max_isometric_force", specific_tension * area)}
+    force = specific_tension * (architecture["pcsa_without_tendon_mm2"] / 100.0)
+    properties = {"max_isometric_force": force, **fixed}
     mean = architecture["fascicle_length_mm"]["mean"]
     fibre = share * mean / 1000.0
     ends = [architecture[f"fascicle_pennation_{end}_deg"]["mean"] for end in ("origin", "insertion")]
@@ -96,9 +69,9 @@ def completed_properties(
     if "tendon_slack_length" not in properties:
         tendon = length - fibre * float(np.cos(pennation))
         if tendon <= 0.0:
-            sizes = f"a path of {1000 * length:.4g} mm and fibres of {1000 * fibre:.4g} mm at rest"
+            problem = f"muscle {name!r} has a path of {1000 * length:.4g} mm and fibres of "
             remedy = "give hill.optimal_fibre_length or hill.tendon_slack_length, or export geometry only"
-            raise InputError("", f"muscle {name!r} has {sizes}, which leaves no tendon", remedy)
+            raise InputError("", f"{problem}{1000 * fibre:.4g} mm at rest, so no tendon", remedy)
         properties["tendon_slack_length"] = tendon
     return properties
 
@@ -107,8 +80,6 @@ def completed_properties(
 FOLDER = "Geometry"
 #: Triangles per mesh, at most; MuJoCo reads up to 200 000.
 MOST_TRIANGLES = 100_000
-#: Record of a triangle in a binary .stl file.
-_TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 
 
 def write_meshes(
@@ -118,47 +89,23 @@ def write_meshes(
     frame: str,
     metres: float,
 ) -> dict[str, list[str]]:
-    """Write surfaces in ``Geometry``; return file names by body.
+    """Write surfaces in ``Geometry``, in metres and in frames of bodies; return file names by body.
 
-    Files are in metres and in the frames of bodies.
-
-    Parameters
-    ----------
-    folder : Path
-        Folder of the model.
-    surfaces : mapping of str to (str, vtkPolyData)
-        By file name without suffix: body, and surface in the scene.
-    tree : KinematicTree
-        In metres, at rest as the scene.
-    frame : str
-        Body whose frame at rest is the scene's frame.
-    metres : float
-        Metres per unit of the scene.
+    ``surfaces`` are by file name without suffix: body, and surface in the scene. ``tree`` is in metres, at
+    rest as the scene; ``frame`` is the body whose frame at rest is the scene's; ``metres`` are per unit of
+    the scene.
     """
     rest = tree.poses({})
     names: dict[str, list[str]] = {}
     for name, (body, surface) in surfaces.items():
         placed = (inverses(rest[body]) @ rest[frame])[0]
-        reduced = _with_fewer_triangles(surface)
-        points = apply_transform(placed, metres * points_of(reduced))
-        corners: Floats = points[triangles_of(reduced, name)]
-        records = np.zeros(len(corners), dtype=_TRIANGLE)
-        records["corners"] = corners
-        records["normal"] = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-        with replacing(folder / FOLDER / f"{name}.stl") as partial:
-            head = b"vtkmuscle, metres".ljust(80) + np.uint32(len(records)).tobytes()
-            partial.write_bytes(head + records.tobytes())
+        mesh, count = surface, surface.GetNumberOfCells()
+        if count > MOST_TRIANGLES:
+            reduction = 1.0 - MOST_TRIANGLES / count
+            mesh = vtkQuadricDecimation(input_data=surface, target_reduction=reduction).update().output
+        moved = with_points(mesh, apply_transform(placed, metres * points_of(mesh)))
+        writer = vtkSTLWriter(input_data=moved, header="vtkmuscle, metres")
+        writer.SetFileTypeToBinary()
+        write_with(writer, folder / FOLDER / f"{name}.stl")
         names.setdefault(body, []).append(name)
     return names
-
-
-def _with_fewer_triangles(surface: vtkPolyData) -> vtkPolyData:
-    count = surface.GetNumberOfCells()
-    if count <= MOST_TRIANGLES:
-        return surface
-    decimation = vtkQuadricDecimation()
-    decimation.SetInputData(surface)
-    decimation.SetTargetReduction(1.0 - MOST_TRIANGLES / count)
-    decimation.Update()
-    reduced: vtkPolyData = decimation.GetOutput()
-    return reduced

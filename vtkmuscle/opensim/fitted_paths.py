@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import pairwise
 from math import comb
@@ -13,7 +13,16 @@ from scipy.optimize import least_squares
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.types import Bools, Floats
 from vtkmuscle.joints.tree import KinematicTree
-from vtkmuscle.opensim.muscle_paths import STEP, Cylinder, FunctionPath, PathPoint, PointPath, powers, terms
+from vtkmuscle.opensim.muscle_paths import (
+    STEP,
+    Columns,
+    Cylinder,
+    FunctionPath,
+    PathPoint,
+    PointPath,
+    powers,
+    terms,
+)
 
 #: Largest number of held-out parts of each coordinate's values: the inner parts choose the polynomial's order
 #: by the errors of a fit to the remaining poses, so that the order holds between the levels of a grid.
@@ -24,20 +33,13 @@ WORTH = 0.05
 FILLED = 0.7
 
 
-def fit_length(
-    lengths: Floats, values: Mapping[str, Floats], arms: Mapping[str, Floats] | None = None
-) -> FunctionPath:
-    """Fit a polynomial of coordinates to lengths (f,) and moment arms.
+def fit_length(lengths: Floats, values: Columns, arms: Columns | None = None) -> FunctionPath:
+    """Fit a polynomial of coordinates to lengths (f,) and moment arms -dl/dq (f,).
 
     ``values`` (f,) are the coordinates [rad, or units of length]; constant coordinates are omitted. Moment
-    arms -dl/dq (f,) are fitted by the polynomial's derivatives, weighted by half the coordinate's range; with
-    moment arms, few poses of a grid suffice for several coordinates. The order is the lowest whose held-out
-    error is within 5 % of the best.
-
-    Raises
-    ------
-    ValueError
-        If no coordinate changes, or there are too few poses for order 1.
+    arms are fitted by the polynomial's derivatives, weighted by half the coordinate's range: few poses of a
+    grid suffice. The order is the lowest whose held-out error is within 5 % of the best. If no coordinate
+    changes, or poses are too few for order 1, a ValueError is raised.
 
     Examples
     --------
@@ -58,9 +60,8 @@ def fit_length(
     targets = np.concatenate([lengths, *slopes.values()])
     masks = [np.tile(mask, 1 + len(slopes)) for mask in _held_back(samples)]
     # k values of a coordinate determine a polynomial of order k - 1, with slopes of order 2 k - 1.
-    levels = min(
-        (2 if i in slopes else 1) * len(np.unique(column.round(9))) for i, column in enumerate(samples.T)
-    )
+    counts = [len(np.unique(column)) for column in samples.T.round(9)]
+    levels = min((1 + (i in slopes)) * count for i, count in enumerate(counts))
 
     def rows_of(order: int) -> Floats:
         return np.vstack([terms(scaled, order), *(_slopes(scaled, order, i) for i in slopes)])
@@ -74,8 +75,7 @@ def fit_length(
         off = [rows[mask] @ _solved(rows[~mask], targets[~mask]) - targets[mask] for mask in masks]
         errors[order] = _rms(np.concatenate(off))
     if not errors:
-        problem = f"{len(lengths)} poses are too few for a polynomial of {samples.shape[1]} coordinates"
-        raise InputError("", problem)
+        raise InputError("", f"{len(lengths)} poses are too few for {samples.shape[1]} coordinates")
     bound = (1.0 + WORTH) * min(errors.values()) + 1e-12 * float(np.abs(lengths).max())
     order = next(order for order, error in errors.items() if error <= bound)
     coefficients = _solved(rows_of(order), targets)
@@ -89,10 +89,8 @@ def _held_back(samples: Floats) -> list[Bools]:
         levels = np.unique(column)
         parts = np.array_split(levels, min(PARTS, len(levels)))
         masks += [np.isin(column, part) for part in parts[1:-1]]
-    if masks:
-        return masks
     numbers = np.random.default_rng(0).permutation(len(samples)) % PARTS
-    return [numbers == number for number in range(PARTS) if number in numbers]
+    return masks or [numbers == number for number in range(PARTS) if number in numbers]
 
 
 def _slopes(samples: Floats, order: int, variable: int) -> Floats:
@@ -100,8 +98,7 @@ def _slopes(samples: Floats, order: int, variable: int) -> Floats:
     table = powers(samples.shape[1], order)
     factors = table[:, variable].astype(np.float64)
     table[:, variable] = np.maximum(table[:, variable] - 1, 0)
-    result: Floats = factors * np.prod(samples[:, None, :] ** table, axis=2)
-    return result
+    return np.asarray(factors * np.prod(samples[:, None, :] ** table, axis=2))
 
 
 def _solved(rows: Floats, targets: Floats) -> Floats:
@@ -143,10 +140,10 @@ SCALES = (0.01, 0.3)
 def fit_points(
     line: Floats,
     tree: KinematicTree,
-    values: Mapping[str, Floats],
+    values: Columns,
     ends: tuple[str, str],
     lengths: Floats,
-    arms: Mapping[str, Floats],
+    arms: Columns,
     *,
     tolerance: float,
 ) -> PointPath:
@@ -157,22 +154,8 @@ def fit_points(
     moment arms, these times half the coordinate's range. Until the error is within tolerance, the best
     cylinder is added, provided that the path stays on one side in all poses.
 
-    Parameters
-    ----------
-    line : (f, n, 3) array
-        Mean fibre in each pose, in the frame of the tree's root [m].
-    tree : KinematicTree
-        In metres.
-    values : mapping of str to (f,) array
-        Coordinates in the poses.
-    ends : (str, str)
-        Bodies of origin and insertion.
-    lengths : (f,) array
-        Mean fibre lengths [m].
-    arms : mapping of str to (f,) array
-        Moment arms by coordinate [m, or 1 for a translation].
-    tolerance : float
-        Root mean square error [m].
+    ``line`` (f, n, 3) is the mean fibre in the root's frame [m], ``ends`` the bodies of origin and insertion;
+    ``lengths`` (f,) and ``tolerance`` (root mean square) are in metres, ``arms`` by coordinate [m, or 1].
     """
     search = _Search(tree, values, lengths, arms)
     poses = tree.poses(tree.completed(values))
@@ -210,41 +193,34 @@ def fit_points(
 class _Search:
     """Target lengths and moment arms, and the poses of bodies there."""
 
-    def __init__(
-        self, tree: KinematicTree, values: Mapping[str, Floats], lengths: Floats, arms: Mapping[str, Floats]
-    ) -> None:
+    def __init__(self, tree: KinematicTree, values: Columns, lengths: Floats, arms: Columns) -> None:
         full = tree.completed(values)
         self.frames = len(lengths)
         halves = {name: np.ptp(full[name]) / 2.0 for name in arms}
         self.halves = np.array([halves[name] for name in arms])
         self.targets = np.concatenate([lengths, *(halves[name] * arm for name, arm in arms.items())])
         moves = [{}, *({name: sign * STEP} for name in arms for sign in (-1.0, 1.0))]
-        columns = {
-            name: np.concatenate([full[name] + move.get(name, 0.0) for move in moves]) for name in tree.free
-        }
-        self.full = tree.completed(columns)
+        free = {name: full[name] for name in tree.free}
+        self.full = tree.completed(
+            {name: np.concatenate([at + move.get(name, 0.0) for move in moves]) for name, at in free.items()}
+        )
         self.poses = tree.poses(self.full)
 
     def off(self, path: PointPath) -> Floats:
         """Return the errors of lengths and scaled moment arms [m]."""
         lengths = path.lengths_at(self.poses, self.full, self.full, {}).reshape(-1, self.frames)
-        slopes = (lengths[1::2] - lengths[2::2]) / (2.0 * STEP)
-        result: Floats = np.concatenate([lengths[0], (self.halves[:, None] * slopes).ravel()]) - self.targets
-        return result
+        arms = (lengths[1::2] - lengths[2::2]) / (2.0 * STEP)
+        return np.asarray(np.append(lengths[0], self.halves[:, None] * arms) - self.targets)
 
     def error(self, path: PointPath) -> float:
         """Return the root mean square error."""
         return _rms(self.off(path))
 
     def flips(self, path: PointPath) -> bool:
-        """Return whether a path takes both sides of a cylinder.
-
-        The moment arm jumps between the sides.
-        """
+        """Return whether a path takes both sides of a cylinder: its moment arm jumps."""
         points = path.positions(self.poses, self.full, {})
-        for cylinder in path.cylinders:
-            ends = points[cylinder.after : cylinder.after + 2]
-            sides = cylinder.segments(self.poses[cylinder.body], *ends)[1]
+        for each in path.cylinders:
+            sides = each.segments(self.poses[each.body], *points[each.after : each.after + 2])[1]
             if sides.min() < 0.0 < sides.max():
                 return True
         return False
@@ -258,22 +234,16 @@ class _Search:
         def path_of(numbers: Floats) -> PointPath:
             rows = SCALES[0] * numbers[: 3 * middle].reshape(-1, 3)
             points = [PathPoint(body, row) for body, row in zip(bodies[1:-1], rows, strict=True)]
-            cylinders = [
-                replace(
-                    cylinder,
-                    centre=SCALES[0] * row[:3],
-                    axis=row[3:6] / np.linalg.norm(row[3:6]),
-                    radius=SCALES[0] * abs(row[6]),
-                )
-                for cylinder, row in zip(path.cylinders, numbers[3 * middle :].reshape(-1, 7), strict=True)
-            ]
+            cylinders = []
+            for each, row in zip(path.cylinders, numbers[3 * middle :].reshape(-1, 7), strict=True):
+                axis = row[3:6] / np.linalg.norm(row[3:6])
+                centre, radius = SCALES[0] * row[:3], SCALES[0] * abs(row[6])
+                cylinders.append(Cylinder(each.body, centre, axis, radius, each.after))
             return PointPath([first, *points, last], (), cylinders)
 
         parts = [np.asarray(point.position) / SCALES[0] for point in path.points[1:-1]]
-        parts += [
-            np.array([*each.centre / SCALES[0], *each.axis / SCALES[1], each.radius / SCALES[0]])
-            for each in path.cylinders
-        ]
+        for each in path.cylinders:
+            parts += [each.centre / SCALES[0], each.axis / SCALES[1], np.array([each.radius / SCALES[0]])]
         initial = np.concatenate(parts)
         solution = least_squares(lambda x: self.off(path_of(x)) / SCALES[0], initial, max_nfev=40)
         return path_of(solution.x)

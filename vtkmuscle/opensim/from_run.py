@@ -15,7 +15,7 @@ from vtkmuscle.core.fibres.measures import group_errors, group_fibres
 from vtkmuscle.core.motion.rigid import inverses
 from vtkmuscle.core.types import Bools, Floats
 from vtkmuscle.io import write_text
-from vtkmuscle.io.digests import file_digest
+from vtkmuscle.io.writing import file_digest
 from vtkmuscle.joints.tree import KinematicTree
 from vtkmuscle.opensim.export_parts import (
     SPECIFIC_TENSION,
@@ -48,20 +48,10 @@ GEOMETRY_ONLY = "PathActuator"
 class ExportedMuscle:
     """A group of fibres as written, with errors.
 
-    Attributes
-    ----------
-    muscle : str
-        Name in the scene.
-    out : MuscleOut
-        The muscle as written [m].
-    fibres : tuple of int
-        Fibres of the group; the muscle is fitted to their mean.
-    group_error : float
-        RMS of the fibres' length changes against the group's mean [mm].
-    length_errors : (f,) array
-        Errors of the path's length in the poses of the run [mm].
-    arm_errors : dict of str to (f,) array
-        Errors of moment arms by coordinate [mm, 1 for a translation].
+    ``muscle`` is the name in the scene, ``out`` the muscle as written [m], fitted to the mean of ``fibres``.
+    ``group_error`` is the RMS of the fibres' length changes against the mean [mm]; in the poses of the run,
+    ``length_errors`` (f,) are of the path's length [mm], ``arm_errors`` (f,) of moment arms by coordinate
+    [mm, 1 for a translation].
     """
 
     muscle: str
@@ -82,20 +72,15 @@ class ExportedMuscle:
             what = f"a polynomial of {', '.join(path.names)}, order {path.order}"
         else:
             what = f"{len(path.points)} points and {len(path.cylinders)} cylinders"
-        errors = [
-            f"{name} {_rms(off):.2g} (max {np.abs(off).max():.2g})" for name, off in self.errors.items()
-        ]
-        listed = ", ".join([*errors, f"group {self.group_error:.2g}"])
+        sizes = [f"{of} {_rms(off):.2g} (max {np.abs(off).max():.2g})" for of, off in self.errors.items()]
+        listed = ", ".join([*sizes, f"group {self.group_error:.2g}"])
         return f"{len(self.fibres)} fibres as {what}; errors in mm: {listed}"
 
 
 def errors_table(muscles: Sequence[ExportedMuscle]) -> Table:
     """Return path errors, a row per muscle and length or coordinate."""
-    rows = (
-        (muscle.out.name, name, _rms(off), float(np.abs(off).max()), float(off.mean()))
-        for muscle in muscles
-        for name, off in muscle.errors.items()
-    )
+    errors = [(muscle.out.name, *item) for muscle in muscles for item in muscle.errors.items()]
+    rows = ((*of, _rms(off), float(np.abs(off).max()), float(off.mean())) for *of, off in errors)
     return Table(("muscle", "of", "rms_mm", "largest_mm", "mean_mm"), rows)
 
 
@@ -195,9 +180,7 @@ def write_opensim(
 def write_mujoco(
     source: str | PathLike[str], out: str | PathLike[str], *, result: Result | None = None, **options: Any
 ) -> list[ExportedMuscle]:
-    """Write the muscles of a scene as a MuJoCo model.
-
-    Muscles become tendons with actuators.
+    """Write the muscles of a scene as a MuJoCo model: tendons with actuators.
 
     Parameters
     ----------
@@ -223,9 +206,8 @@ def write_mujoco(
     run = _run_of(Path(source), result)
     muscles = _exported(run, export, {}, {})
     outs = [muscle.out for muscle in muscles]
-    meshes = _meshes(run, Path(out))
     lengths = {muscle.name: muscle.path.lengths(run.tree, run.values) for muscle in outs}
-    name, masses = run.result.name, export.masses
+    name, masses, meshes = run.result.name, export.masses, _meshes(run, Path(out))
     text = mjcf_of(run.tree, outs, name=name, masses=masses, meshes=meshes, lengths=lengths)
     return _written(Path(out), text, muscles)
 
@@ -262,14 +244,14 @@ class _Run(NamedTuple):
 
 
 def _run_of(source: Path, result: Result | None) -> _Run:
-    """Return a scene and its results, run if necessary."""
+    """Return a scene with its results, run if necessary."""
     path = source
     if source.is_dir():
         result = result or Result.load(source)
         path = Path(result.report["scene_file"])
         if not path.is_file() or file_digest(path) != result.report["sha256"]["scene"]:
             problem = f"the scene of these results, {path}, has changed or is missing"
-            raise InputError(source, problem, "export the scene.toml, which runs the scene again")
+            raise InputError(source, problem, "export the scene.toml")
     table = validated(parsed(path), path)
     files = SceneFiles(path)
     joints = joints_of(table, files)
@@ -284,11 +266,9 @@ def _run_of(source: Path, result: Result | None) -> _Run:
         bones = {area.role: area.bone for area in reversed(muscle.attachments)}
         ends[name] = (joints.bodies[bones["origin"]], joints.bodies[bones["insertion"]])
         crossed[name] = tuple(each for each in tree.crossed(ends[name]) if each in (muscle.crosses or ()))
-        constant = [each for each in crossed[name] if each not in values or np.ptp(values[each]) < 1e-9]
-        if constant:
+        if still := [each for each in crossed[name] if each not in values or np.ptp(values[each]) < 1e-9]:
             grid = ", ".join(f"{each} = [FIRST, LAST, STEP]" for each in crossed[name])
-            problem = f"the motion does not move {', '.join(constant)}, crossed by muscle {name!r}: the "
-            problem += "model would lack moment arms"
+            problem = f"the motion does not move {', '.join(still)}, crossed by muscle {name!r}"
             remedy = f"extend the motion, e.g. grid = {{ {grid} }}, or shorten muscles.{name}.crosses"
             raise SceneError(problem, "motion", remedy, path)
     result = result or scene.run(figures=False)
@@ -299,28 +279,22 @@ def _run_of(source: Path, result: Result | None) -> _Run:
 def _exported(
     run: _Run, export: Export, reused: Mapping[str, Mapping[str, float]], names: Mapping[str, str]
 ) -> list[ExportedMuscle]:
-    """Return the muscles of a run as paths.
-
-    ``names`` are the replaced muscles by muscle of the scene, ``reused`` their properties.
-    """
+    """Return the muscles of a run as paths, with the names and properties of replaced muscles."""
     result, muscles = run.result, run.scene.muscles
     if unknown := sorted({*reused, *export.parameters} - {*muscles}):
-        raise InputError(
-            "", f"the scene has no muscle {unknown[0]!r}", f"its muscles are {', '.join(muscles)}"
-        )
+        problem = f"the scene has no muscle {unknown[0]!r}"
+        raise InputError("", problem, f"its muscles are {', '.join(muscles)}")
     exported: list[ExportedMuscle] = []
     for name, lengths in result.lengths.items():
         if len(lengths) < len(result.frames):
-            problem = f"muscle {name!r} failed after {len(lengths)} of {len(result.frames)} frames"
-            raise InputError("", problem)
+            raise InputError("", f"muscle {name!r} has {len(lengths)} of {len(result.frames)} frames")
         own = opensim_properties(muscles[name].hill, run.metres)
         properties = {**reused.get(name, {}), **own, **export.parameters.get(name, {})}
-        labels = group_fibres(lengths, export.groups)
+        groups = group_fibres(lengths, export.groups)
         lines = _lines(run, name) if export.form == "points" else None
-        for group in range(int(labels.max()) + 1):
-            label = names.get(name, name) + ("" if labels.max() == 0 else f"_{group + 1}")
-            parts = (labels == group, lines, properties)
-            exported.append(_exported_group(run, export, name, label, *parts))
+        for group in range(int(groups.max()) + 1):
+            label = names.get(name, name) + ("" if groups.max() == 0 else f"_{group + 1}")
+            exported.append(_exported_group(run, export, name, label, groups == group, lines, properties))
     return exported
 
 
@@ -348,10 +322,8 @@ def _exported_group(
         path = fit_points(line, tree, values, run.ends[name], mean, mean_arms, tolerance=TOLERANCE)
     properties: dict[str, float] = {}
     if export.kind != GEOMETRY_ONLY:
-        rest = {
-            each: np.clip([tree.coordinate(each).rest], column.min(), column.max())
-            for each, column in values.items()
-        }
+        spans = {each: (column.min(), column.max()) for each, column in values.items()}
+        rest = {each: np.clip([tree.coordinate(each).rest], *span) for each, span in spans.items()}
         properties = completed_properties(
             fixed,
             run.result.report["muscles"][name]["architecture"],
@@ -372,18 +344,13 @@ def _exported_group(
 
 
 def _lines(run: _Run, name: str) -> Floats:
-    """Return the fibre paths (f, n, p, 3) in the root's frame.
-
-    Positions are in metres.
-    """
+    """Return the fibre paths (f, n, p, 3) in the root's frame [m]."""
     tree, joints = run.tree, run.joints
     rest, now = tree.poses({}), tree.poses(run.values)
     hold = rest[joints.fixed] @ inverses(now[joints.fixed])
     to_root = inverses(hold) @ rest[joints.frame]
-    frames = []
-    for position, frame in enumerate(run.result.frames):
-        points = run.metres * run.result.paths(name, frame=frame).points
-        frames.append(points @ to_root[position, :3, :3].T + to_root[position, :3, 3])
+    points = (run.metres * run.result.paths(name, frame=frame).points for frame in run.result.frames)
+    frames = [at @ pose[:3, :3].T + pose[:3, 3] for at, pose in zip(points, to_root, strict=True)]
     return np.array(frames)
 
 

@@ -111,10 +111,8 @@ class _Joints(NamedTuple):
     equalities: list[Element]
 
     def couple(self, dependent: str, independent: str, function: CoordinateFunction) -> None:
-        low_first = np.zeros(_HIGHEST + 1)
-        coefficients = _polynomial(function, dependent)[::-1]
-        low_first[: len(coefficients)] = coefficients
-        numbers = _numbers(low_first)
+        high_first = _polynomial(function, dependent)
+        numbers = _numbers(np.pad(high_first[::-1], (0, _HIGHEST + 1 - len(high_first))))
         self.equalities.append(made("joint", joint1=dependent, joint2=independent, polycoef=numbers))
 
 
@@ -127,11 +125,9 @@ def _body(joint: Joint, inner: Iterable[Element], joints: _Joints, mass: float) 
         for number, axis in enumerate(axes, start=1):
             if axis.coordinate is not None:
                 parts.append(_axis(joint, f"{kind}{number}", axis, axis.coordinate, joints))
-                continue
-            constant = float(axis.at({}, 1)[0])
-            if kind == "slide":
-                shift = shift + constant * axis.axis
-            elif constant:
+            elif kind == "slide":
+                shift = shift + axis.at({}, 1)[0] * axis.axis
+            elif axis.at({}, 1)[0]:
                 raise InputError("", f"joint {joint.name!r}: constant rotations are not supported for MuJoCo")
     position = joint.parent_frame[:3, 3] + joint.parent_frame[:3, :3] @ shift
     turn, own = (_quaternion(frame[:3, :3]) for frame in (joint.parent_frame, back))
@@ -160,8 +156,7 @@ def _polynomial(function: CoordinateFunction, what: str) -> Floats:
 def _path_of(muscle: MuscleOut) -> PointPath:
     path = muscle.path
     if not isinstance(path, PointPath):
-        problem = f"muscle {muscle.name!r} is a function of coordinates, which MuJoCo does not support"
-        raise InputError("", problem, "give points")
+        raise InputError("", f"muscle {muscle.name!r} is a function of coordinates: MuJoCo needs points")
     if any(point.moves or point.only_in is not None for point in path.points):
         raise InputError("", f"muscle {muscle.name!r}: MuJoCo has no moving or conditional points")
     return path

@@ -1,4 +1,4 @@
-"""Models of OpenSim."""
+"""Models of OpenSim: bodies, joints and muscles in files of versions 3 and 4."""
 
 from __future__ import annotations
 
@@ -6,66 +6,69 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from os import PathLike
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.core.motion.rigid import frame_at
-from vtkmuscle.core.types import Floats
 from vtkmuscle.core.words import suggestion
 from vtkmuscle.io.xml_elements import Element, read_xml
-from vtkmuscle.joints.motion_file import MotionFile, read_motion_file
-from vtkmuscle.joints.osim import NOT_USED, Frames, bodies_in, model_element, of_kind, point_on, tree_in
+from vtkmuscle.joints.functions import function_in
+from vtkmuscle.joints.osim import (
+    NOT_USED,
+    Frames,
+    MotionFile,
+    bodies_in,
+    frame_of,
+    last_part,
+    model_element,
+    of_kind,
+    point_on,
+    read_motion_file,
+    tree_in,
+)
 from vtkmuscle.joints.tree import KinematicTree
-from vtkmuscle.opensim.muscle_elements import OsimMuscle, muscle_in
+from vtkmuscle.opensim.muscle_paths import FunctionPath, PathPoint, PointPath, powers
 
-__all__ = ["BodyMesh", "Marker", "MotionFile", "OsimModel", "checked_model", "read_motion_file", "read_osim"]
+__all__ = ["BodyMesh", "MotionFile", "OsimModel", "checked_model", "read_motion_file", "read_osim"]
+
+
+#: Muscle properties that are read.
+PARAMETERS = (
+    *("max_isometric_force", "optimal_fiber_length", "tendon_slack_length"),
+    *("pennation_angle_at_optimal", "max_contraction_velocity"),
+)
 
 
 @dataclass(frozen=True, eq=False)
-class Marker:
-    """A marker with its position (3,) on a body [m]."""
+class OsimMuscle:
+    """A muscle, or another actuator along a path, with its class in OpenSim."""
 
     name: str
-    body: str
-    position: Floats
+    kind: str
+    path: PointPath | FunctionPath
+    parameters: dict[str, float] = field(default_factory=dict)
 
 
-@dataclass(frozen=True, eq=False)
-class BodyMesh:
-    """A mesh file on a body: scale (3,), frame (4, 4)."""
+class BodyMesh(NamedTuple):
+    """A mesh file on a body."""
 
     body: str
     file: str
-    scale: Floats
-    frame: Floats
 
 
 @dataclass(frozen=True, eq=False)
 class OsimModel:
     """A model of OpenSim, in metres and radians.
 
-    Attributes
-    ----------
-    name : str
-        Name of the model.
-    tree : KinematicTree
-        Bodies and joints; the root is the ground.
-    markers : tuple of Marker
-        Points on bodies.
-    muscles : dict of str to OsimMuscle
-        Muscles and other actuators along a path, by name.
-    meshes : tuple of BodyMesh
-        Names of mesh files.
-    joint_of : dict of str to str
-        Joint of each coordinate.
-    not_used : tuple of str
-        Parts of the file without effect here: forces without a path, controllers, contact geometry, probes.
+    ``tree`` has bodies and joints, its root is the ground; ``muscles`` are all actuators along a path, by
+    name; ``joint_of`` is the joint of each coordinate; ``not_used`` are parts of the file without effect
+    here: forces without a path, controllers, contact geometry, probes.
     """
 
     name: str
     tree: KinematicTree
-    markers: tuple[Marker, ...]
+    markers: tuple[str, ...]
     muscles: dict[str, OsimMuscle]
     meshes: tuple[BodyMesh, ...]
     joint_of: dict[str, str] = field(default_factory=dict)
@@ -106,18 +109,7 @@ def read_osim(path: str | PathLike[str]) -> OsimModel:
     Seth et al. 2018, *OpenSim: Simulating musculoskeletal dynamics and neuromuscular control to study human
     and animal movement*, doi:10.1371/journal.pcbi.1006223.
     """
-    return _model_in(model_element(Path(path)))
-
-
-def checked_model(path: Path) -> OsimModel:
-    """Return a model for further muscles; ValueError before version 4."""
-    version = read_xml(path).attributes.get("Version", "0")
-    if not version.isdecimal() or int(version) < 40000:
-        raise InputError(path, f"the model is of version {version}", "save it again with OpenSim 4")
-    return read_osim(path)
-
-
-def _model_in(model: Element) -> OsimModel:
+    model = model_element(Path(path))
     not_used: list[str] = []
     bodies, frames = bodies_in(model)
     meshes = [mesh for name, body in bodies for mesh in _meshes(name, body, not_used)]
@@ -129,32 +121,27 @@ def _model_in(model: Element) -> OsimModel:
     not_used += [f"{tag}: {part}" for tag in NOT_USED for part in model.within(tag)]
     for component in [*model.within("ComponentSet"), *model.within("components")]:
         raise component.error("further components are not supported", "remove it")
-    markers = _markers(model, frames)
+    markers = tuple(marker.name for marker in of_kind("Marker", model.within("MarkerSet")))
     return OsimModel(model.name, tree, markers, muscles, tuple(meshes), joint_of, tuple(not_used))
+
+
+def checked_model(path: Path) -> OsimModel:
+    """Return a model for further muscles; ValueError before version 4."""
+    version = read_xml(path).attributes.get("Version", "0")
+    if not version.isdecimal() or int(version) < 40000:
+        raise InputError(path, f"the model is of version {version}", "save it again with OpenSim 4")
+    return read_osim(path)
 
 
 def _meshes(name: str, body: Element, not_used: list[str]) -> Iterator[BodyMesh]:
     for mesh in body.within("attached_geometry"):
         if mesh.tag == "Mesh":
-            scale = mesh.vector("scale_factors", default=[1, 1, 1])
-            yield BodyMesh(name, mesh.word("mesh_file"), scale, np.eye(4))
+            yield BodyMesh(name, mesh.word("mesh_file"))
         else:
             not_used.append(f"geometry of {name!r}: {mesh}")
     visible = body.find("VisibleObject")
-    if visible is not None:
-        scale = visible.vector("scale_factors", default=[1, 1, 1])
-        for mesh in visible.within("GeometrySet"):
-            own = mesh.vector("scale_factors", default=[1, 1, 1])
-            transform = mesh.vector("transform", 6)
-            frame = frame_at(transform[3:], transform[:3])
-            yield BodyMesh(name, mesh.word("geometry_file"), scale * own, frame)
-
-
-def _markers(model: Element, frames: Frames) -> tuple[Marker, ...]:
-    markers = of_kind("Marker", model.within("MarkerSet"))
-    for marker in markers:
-        marker.only(("socket_parent_frame", "body", "location", "fixed", "VisibleObject", "display"))
-    return tuple(Marker(marker.name, *point_on(marker, frames)) for marker in markers)
+    for mesh in visible.within("GeometrySet") if visible is not None else ():
+        yield BodyMesh(name, mesh.word("geometry_file"))
 
 
 def _muscles(
@@ -163,7 +150,7 @@ def _muscles(
     coordinates = {coordinate.name for coordinate in tree.coordinates}
     muscles: dict[str, OsimMuscle] = {}
     for force in model.within("ForceSet"):
-        muscle = muscle_in(force, frames)
+        muscle = _muscle(force, frames)
         if muscle is None:
             not_used.append(f"ForceSet: {force}")
             continue
@@ -173,3 +160,61 @@ def _muscles(
             raise force.error(f"there is no coordinate {name!r}", suggestion(name, sorted(coordinates)))
         muscles[force.name] = muscle
     return muscles
+
+
+def _muscle(element: Element, frames: Frames) -> OsimMuscle | None:
+    """Return the muscle of a force element; None without a path."""
+    geometry = (element.find("path") or element).find("GeometryPath", "FunctionBasedPath")
+    if geometry is None:
+        return None
+    path = _function_path(geometry) if geometry.tag == "FunctionBasedPath" else _point_path(geometry, frames)
+    parameters = {name: element.number(name, 0.0) for name in PARAMETERS if element.find(name) is not None}
+    return OsimMuscle(element.name, element.tag, path, parameters)
+
+
+def _point_path(element: Element, frames: Frames) -> PointPath:
+    element.only(("PathPointSet", "PathWrapSet", "Appearance", "default_color", "VisibleObject", "display"))
+    points = [_point(point, frames) for point in element.need("PathPointSet").objects()]
+    if len(points) < 2:
+        raise element.error(f"has {len(points)} points, but a path needs two or more")
+    wraps = element.within("PathWrapSet")
+    return PointPath(points, [wrap.word("wrap_object") or wrap.name for wrap in wraps])
+
+
+_POINTS = ("PathPoint", "ConditionalPathPoint", "MovingPathPoint")
+
+
+def _point(element: Element, frames: Frames) -> PathPoint:
+    if element.tag not in _POINTS:
+        raise element.error("this kind of path point is not supported", f"supported: {', '.join(_POINTS)}")
+    if element.tag == "PathPoint":
+        return PathPoint(*point_on(element, frames))
+    if element.tag == "ConditionalPathPoint":
+        low, high = element.need("range").numbers(2)
+        name = last_part(element.need("coordinate", "socket_coordinate").text)
+        return PathPoint(*point_on(element, frames), only_in=(name, float(low), float(high)))
+    body, frame = frame_of(element.need("socket_parent_frame", "body"), frames)
+    if not np.array_equal(frame, np.eye(4)):
+        raise element.error("points that move on an offset frame are not supported", "give its body")
+    functions = [function_in(element.need(f"{axis}_location")) for axis in "xyz"]
+    paths = [element.word(f"{axis}_coordinate", f"socket_{axis}_coordinate") for axis in "xyz"]
+    return PathPoint(body, np.zeros(3), functions, [last_part(path) or None for path in paths])
+
+
+def _function_path(element: Element) -> FunctionPath:
+    names = [last_part(path) for path in element.words("coordinate_paths")]
+    bare = [child for child in element.children if child.name == "length_function"]
+    functions = element.within("length_function") or bare
+    if [each.tag for each in functions] != ["MultivariatePolynomialFunction"]:
+        remedy = "supported: MultivariatePolynomialFunction"
+        raise element.error("its length function is not supported", remedy)
+    (function,) = functions
+    function.only(("coefficients", "dimension", "order"))
+    dimension, order = function.number("dimension", 0.0), function.number("order", 0.0)
+    if dimension != len(names) or order != int(order) or not 0 <= order <= 20:
+        raise function.error(f"has dimension {dimension:g} and order {order:g} for {len(names)} coordinates")
+    coefficients = function.need("coefficients").numbers()
+    expected = len(powers(len(names), int(order)))
+    if len(coefficients) != expected:
+        raise function.error(f"has {len(coefficients)} coefficients, but needs {expected}")
+    return FunctionPath(tuple(names), int(order), coefficients)

@@ -22,21 +22,18 @@ TINY = 1e-300
 STEP = 1e-4
 
 
+#: Columns (f,) or poses (f, 4, 4) by name; values of coordinates; ranges of coordinates.
+Columns = Mapping[str, Floats]
+Values = Mapping[str, ArrayLike]
+Ranges = Mapping[str, tuple[float, float] | None]
+
+
 @dataclass(frozen=True, eq=False)
 class PathPoint:
-    """A fixed or moving point of a path.
+    """A point of a path: fixed, moving or conditional.
 
-    Attributes
-    ----------
-    body : str
-        The point's body.
-    position : (3,) array
-        Position in the body's frame.
-    functions, coordinates : sequence of 3
-        For a moving point: functions of coordinates for x, y and z, or None for a fixed component.
-    only_in : (str, float, float) or None
-        For a conditional point: the coordinate, with the least and the largest value with the point in
-        the path.
+    A moving point has functions of coordinates for x, y and z. A conditional point is in the path while the
+    coordinate in ``only_in`` lies between two values. ``position`` (3,) is in the body's frame.
     """
 
     body: str
@@ -50,22 +47,17 @@ class PathPoint:
         """Whether the point moves on its body."""
         return any(function is not None for function in self.functions)
 
-    def positions(
-        self, values: Mapping[str, Floats], frames: int, ranges: Mapping[str, tuple[float, float] | None]
-    ) -> Floats:
-        """Return positions (f, 3) in the body's frame.
-
-        Beyond the coordinate's range the position is constant.
-        """
+    def positions(self, values: Columns, frames: int, ranges: Ranges) -> Floats:
+        """Return positions (f, 3) on the body, constant beyond a coordinate's range."""
         result = np.tile(np.asarray(self.position, dtype=np.float64), (frames, 1))
         for number, (function, name) in enumerate(zip(self.functions, self.coordinates, strict=True)):
             if function is not None:
                 at = np.zeros(frames) if name is None else values[name]
-                limits = None if name is None else ranges.get(name)
+                limits = ranges.get(name or "")
                 result[:, number] = function(at if limits is None else np.clip(at, *limits))
         return result
 
-    def counts(self, values: Mapping[str, Floats], frames: int) -> Bools:
+    def counts(self, values: Columns, frames: int) -> Bools:
         """Return the frames (f,) with the point in the path."""
         if self.only_in is None:
             return np.ones(frames, dtype=np.bool_)
@@ -75,18 +67,9 @@ class PathPoint:
 
 @dataclass(frozen=True, eq=False)
 class Cylinder:
-    """An endless cylinder: a path takes the shorter side round it.
+    """An endless cylinder on a body: a path takes the shorter side round it.
 
-    Attributes
-    ----------
-    body : str
-        The cylinder's body.
-    centre, axis : (3,) array
-        A point on the axis and its direction, in the body's frame.
-    radius : float
-        In the path's unit of length.
-    after : int
-        Index of the path point before the cylinder.
+    ``centre`` and ``axis`` (3,) are in the body's frame; ``after`` is the index of the path point before.
     """
 
     body: str
@@ -134,14 +117,8 @@ class Cylinder:
 class PointPath:
     """Straight lines from origin to insertion, over points and round cylinders.
 
-    Attributes
-    ----------
-    points : sequence of PathPoint
-        In order.
-    wraps : sequence of str
-        Names of OpenSim's wrapping surfaces, without lengths here.
-    cylinders : sequence of Cylinder
-        At most 1 between two points.
+    ``wraps`` are names of OpenSim's wrapping surfaces, without lengths here. At most 1 cylinder lies between
+    two points.
     """
 
     points: Sequence[PathPoint]
@@ -158,22 +135,11 @@ class PointPath:
         """Return the free coordinates that affect the length."""
         return tree.freed({*self.named, *tree.crossed([point.body for point in self.points])})
 
-    def lengths(
-        self,
-        tree: KinematicTree,
-        values: Mapping[str, ArrayLike],
-        *,
-        counted_at: Mapping[str, ArrayLike] | None = None,
-    ) -> Floats:
-        """Return the lengths (f,) for values (f,) of the coordinates.
+    def lengths(self, tree: KinematicTree, values: Values, *, counted_at: Values | None = None) -> Floats:
+        """Return the lengths (f,) for values (f,) of coordinates, in the tree's unit.
 
-        Lengths are in the tree's unit. ``counted_at`` are the values for conditional points; by default
-        ``values``.
-
-        Raises
-        ------
-        ValueError
-            If the path winds round surfaces, or a coordinate is unknown.
+        ``counted_at`` are the values for conditional points, by default ``values``. A path that winds round
+        surfaces, or an unknown coordinate, raises a ValueError.
         """
         if self.wraps:
             problem = f"the path winds round {', '.join(self.wraps)}: wrapping is not computed here"
@@ -183,16 +149,8 @@ class PointPath:
         ranges = {coordinate.name: coordinate.range for coordinate in tree.coordinates}
         return self.lengths_at(tree.poses(full), full, switching, ranges)
 
-    def positions(
-        self,
-        poses: Mapping[str, Floats],
-        full: Mapping[str, Floats],
-        ranges: Mapping[str, tuple[float, float] | None],
-    ) -> Floats:
-        """Return the points (n, f, 3) in the root's frame.
-
-        ``poses`` are the bodies' (f, 4, 4).
-        """
+    def positions(self, poses: Columns, full: Columns, ranges: Ranges) -> Floats:
+        """Return the points (n, f, 3) in the root's frame, for poses of bodies (f, 4, 4)."""
         frames = len(next(iter(poses.values())))
         positions = [
             np.einsum("fij,fj->fi", poses[point.body][:, :3, :3], point.positions(full, frames, ranges))
@@ -201,16 +159,10 @@ class PointPath:
         ]
         return np.array(positions).reshape(-1, frames, 3)
 
-    def lengths_at(
-        self,
-        poses: Mapping[str, Floats],
-        full: Mapping[str, Floats],
-        switching: Mapping[str, Floats],
-        ranges: Mapping[str, tuple[float, float] | None],
-    ) -> Floats:
+    def lengths_at(self, poses: Columns, full: Columns, switching: Columns, ranges: Ranges) -> Floats:
         """Return the lengths (f,) for body poses (f, 4, 4).
 
-        Coordinate values (f,) in ``full`` move points; values in ``switching`` decide on conditional points.
+        Values (f,) in ``full`` move points; values in ``switching`` decide on conditional points.
         """
         frames = len(next(iter(poses.values())))
         cylinders = {cylinder.after: cylinder for cylinder in self.cylinders}
@@ -236,10 +188,9 @@ class PointPath:
 
 @dataclass(frozen=True, eq=False)
 class FunctionPath:
-    """A path with a polynomial of d coordinates as length.
+    """A path with a polynomial of coordinates as length.
 
-    Coordinates are in rad or units of length. ``order`` is the highest sum of powers; the coefficients (m,)
-    are in the order of :func:`powers`.
+    ``order`` is the highest sum of powers; the coefficients (m,) are in the order of :func:`powers`.
     """
 
     names: Sequence[str]
@@ -256,13 +207,7 @@ class FunctionPath:
         del tree
         return tuple(self.names)
 
-    def lengths(
-        self,
-        tree: KinematicTree,
-        values: Mapping[str, ArrayLike],
-        *,
-        counted_at: Mapping[str, ArrayLike] | None = None,
-    ) -> Floats:
+    def lengths(self, tree: KinematicTree, values: Values, *, counted_at: Values | None = None) -> Floats:
         """Return the lengths (f,) for values of the coordinates."""
         del counted_at
         full = tree.completed(values)
@@ -270,15 +215,11 @@ class FunctionPath:
         return terms(samples, self.order) @ self.coefficients
 
 
-def powers(dimension: int, order: int) -> Ints:
-    """Return the powers (m, d) of polynomial terms in OpenSim's order.
+MusclePath = PointPath | FunctionPath
 
-    Examples
-    --------
-    >>> from vtkmuscle.opensim.muscle_paths import powers
-    >>> powers(2, 2).tolist()
-    [[0, 0], [0, 1], [0, 2], [1, 0], [1, 1], [2, 0]]
-    """
+
+def powers(dimension: int, order: int) -> Ints:
+    """Return the powers (m, d) of polynomial terms in OpenSim's order."""
     rows = [
         tuple(np.bincount(chosen, minlength=dimension)) if chosen else (0,) * dimension
         for total in range(order + 1)
@@ -294,17 +235,14 @@ def terms(samples: Floats, order: int) -> Floats:
 
 
 def moment_arm(
-    path: PointPath | FunctionPath, tree: KinematicTree, values: Mapping[str, ArrayLike], coordinate: str
+    path: PointPath | FunctionPath, tree: KinematicTree, values: Values, coordinate: str
 ) -> Floats:
-    """Return the moment arm -dl/dq (f,) of a path.
+    """Return the moment arm -dl/dq (f,) of a path, in the tree's unit of length, or 1 for a translation.
 
-    The unit is the tree's unit of length for an angle, 1 for a translation. The central difference keeps the
-    conditional points of ``values``; coupled coordinates follow.
+    The central difference keeps the conditional points of ``values``; coupled coordinates follow.
     """
     tree.coordinate(coordinate)
     full = tree.completed(values)
-    ends = [
-        path.lengths(tree, full | {coordinate: full[coordinate] + step}, counted_at=full)
-        for step in (-STEP, STEP)
-    ]
-    return (ends[0] - ends[1]) / (2.0 * STEP)
+    near = (full | {coordinate: full[coordinate] + step} for step in (-STEP, STEP))
+    before, after = (path.lengths(tree, values, counted_at=full) for values in near)
+    return (before - after) / (2.0 * STEP)

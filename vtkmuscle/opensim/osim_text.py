@@ -34,19 +34,11 @@ _Paths = dict[tuple[str, str], str]
 
 @dataclass(frozen=True, eq=False)
 class MuscleOut:
-    """A muscle to be written.
+    """A muscle to be written, with a path in metres.
 
-    Attributes
-    ----------
-    name : str
-        Without spaces and slashes.
-    path : PointPath or FunctionPath
-        In metres.
-    parameters : mapping of str to float
-        OpenSim properties such as ``max_isometric_force`` [N], ``optimal_fiber_length`` [m],
-        ``tendon_slack_length`` [m] and ``pennation_angle_at_optimal`` [rad]; by default OpenSim's values.
-    kind : str
-        One of :data:`MUSCLES`.
+    ``name`` has no spaces and slashes, ``kind`` is in :data:`MUSCLES`. ``parameters`` are OpenSim properties
+    such as ``max_isometric_force`` [N], ``optimal_fiber_length`` [m], ``tendon_slack_length`` [m] and
+    ``pennation_angle_at_optimal`` [rad]; by default OpenSim's values.
     """
 
     name: str
@@ -156,8 +148,7 @@ def enriched(model: Path, muscles: Sequence[MuscleOut], *, replace: Sequence[str
     read = checked_model(model)
     for name in replace:
         read.muscle(name)  # raises for an unknown muscle
-    names = {muscle.name for muscle in muscles}
-    for name in sorted(names & (set(read.muscles) - set(replace))):
+    for name in sorted({muscle.name for muscle in muscles} & (set(read.muscles) - set(replace))):
         problem = f"the model has a muscle {name!r} already"
         raise InputError(model, problem, "rename the new muscle, or replace the model's")
     paths = _component_paths(read.tree, read.joint_of)
@@ -198,11 +189,10 @@ def _set(tag: str, objects: Iterable[Element], **attributes: str) -> Element:
 
 def _objects_in(body: Element) -> Element:
     """Return the element for a body's cylinders, made if missing."""
-    holder = body
     for tag in ("WrapObjectSet", "objects"):
-        inner = holder.find(tag)
-        holder = SubElement(holder, tag) if inner is None else inner
-    return holder
+        inner = body.find(tag)
+        body = SubElement(body, tag) if inner is None else inner
+    return body
 
 
 def _mesh(name: str) -> Element:
@@ -284,29 +274,24 @@ def _transform_axes(joint: Joint) -> Iterator[Element]:
 
 def _further(axes: list[Floats]) -> list[Floats]:
     """Return unit vectors that complete axes to 3, without parallel pairs."""
-    complete = list(axes)
+    complete = np.array(axes).reshape(-1, 3)
     while len(complete) < 3:
-        table = np.array(complete).reshape(-1, 3)
-        complete.append(np.eye(3)[np.abs(table).max(axis=0, initial=0.0).argmin()])
-    return complete[len(axes) :]
+        complete = np.vstack([complete, np.eye(3)[np.abs(complete).max(axis=0, initial=0.0).argmin()]])
+    return list(complete[len(axes) :])
 
 
 def _angles(frame: Floats) -> Floats:
-    angles: Floats = Rotation.from_matrix(frame[:3, :3].copy()).as_euler("XYZ")
-    return angles
+    return np.asarray(Rotation.from_matrix(frame[:3, :3].copy()).as_euler("XYZ"))
 
 
 def _muscle(muscle: MuscleOut, paths: _Paths) -> Element:
-    path = muscle.path
-    if isinstance(path, FunctionPath):
-        element = _function_path(path, paths)
-    else:
-        element = _point_path(muscle.name, path, paths)
     properties = (made(name, value) for name, value in muscle.parameters.items())
-    return made(muscle.kind, element, *properties, name=muscle.name)
+    return made(muscle.kind, _muscle_path(muscle.name, muscle.path, paths), *properties, name=muscle.name)
 
 
-def _function_path(path: FunctionPath, paths: _Paths) -> Element:
+def _muscle_path(muscle: str, path: PointPath | FunctionPath, paths: _Paths) -> Element:
+    if isinstance(path, PointPath):
+        return _point_path(muscle, path, paths)
     polynomial = made(
         "MultivariatePolynomialFunction",
         made("coefficients", path.coefficients),

@@ -15,7 +15,7 @@ from typing import Any
 from vtkmuscle.core.errors import InputError, check_name, fault_of
 from vtkmuscle.core.mesh.shared import keep_shared
 from vtkmuscle.data.drawn_bones import DrawnBones
-from vtkmuscle.io.digests import file_digest
+from vtkmuscle.io.writing import file_digest
 from vtkmuscle.run.figures import draw_run
 from vtkmuscle.run.frames import MuscleTrack, RunOptions, frame_numbers
 from vtkmuscle.run.muscles import MuscleRun, SceneRun

@@ -20,8 +20,7 @@ from vtkmuscle.core.words import suggestion
 from vtkmuscle.io import motion_columns, read_motion_table
 from vtkmuscle.joints import grid_of, steps_of
 from vtkmuscle.joints.functions import IDENTITY, CoordinateFunction, CubicSpline, Polynomial
-from vtkmuscle.joints.motion_file import read_motion_file
-from vtkmuscle.joints.osim import read_tree
+from vtkmuscle.joints.osim import read_motion_file, read_tree
 from vtkmuscle.joints.tree import Coupling, Joint, JointAxis, JointCoordinate, KinematicTree
 from vtkmuscle.scene.data import MILLIMETRES
 from vtkmuscle.scene.faults import Faults, SceneError, SceneFiles, errors_at

@@ -11,7 +11,7 @@ from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.motion.coordinates import ANGLES, TRANSLATIONS
 from vtkmuscle.core.words import quoted
 from vtkmuscle.data.attachments import ROLES, VIA
-from vtkmuscle.io.slicer import FRAMES
+from vtkmuscle.io.landmarks import FRAMES
 from vtkmuscle.pipelines import DEFORMERS, QUALITIES
 from vtkmuscle.scene.data import MILLIMETRES
 from vtkmuscle.scene.schema_types import (
@@ -152,7 +152,7 @@ class Area(SchemaTable):
     """The bone of the area or ring."""
     landmarks: Text = key("FILE.vtp", ...)
     """A .vtp or .vtk file with a polyline, or with points; a .csv of x, y, z, or of name, x, y, z; a .json
-    list of [x, y, z]; a .mrk.json or .fcsv file of 3D Slicer; or a .nrrd array of 3 x n. Landmarks are in the
+    list of [x, y, z]; or a .mrk.json or .fcsv file of 3D Slicer. Landmarks are in the
     order of the boundary."""
     closed: bool | None = key(True)
     """Write true for a ring around an area, false for an open curve or loose points. Default: as in the file;

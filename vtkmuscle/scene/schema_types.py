@@ -85,7 +85,7 @@ else:
 #: Letters, digits, and signs allowed by every file system.
 _NAME = re.compile(r"\w[\w .+-]*(?<![ .])")
 #: Suffixes of results: a folder with such a name could collide with a file.
-_RESULTS = (".pvd", ".vtkhdf", ".vtp", ".csv", ".json", ".png", ".toml", ".html", ".partial")
+_RESULTS = (".pvd", ".vtp", ".csv", ".json", ".png", ".toml", ".html", ".partial")
 
 
 def checked_name(name: str) -> str:

@@ -2,11 +2,11 @@
 
 import threading
 
-import igl
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from oracles import igl
 from scipy.spatial.transform import Rotation
 from shapes import ball, box, distance_to_box, ring, sphere, union
 

@@ -1,7 +1,7 @@
 from __future__ import annotations
 
-import igl
 import numpy as np
+from oracles import igl
 
 from vtkmuscle.core.mesh.solids import points_inside
 from vtkmuscle.core.mesh.triangle_tree import triangle_tree

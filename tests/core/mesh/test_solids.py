@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import igl
 import numpy as np
 import pytest
+from oracles import igl
 from vtkmodules.vtkCommonComputationalGeometry import vtkParametricTorus
 from vtkmodules.vtkFiltersCore import vtkCleanPolyData, vtkTriangleFilter
 from vtkmodules.vtkFiltersSources import (

@@ -1,10 +1,10 @@
 """What a triangle mesh is."""
 
-import igl
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from oracles import igl
 
 from vtkmuscle.core.mesh.normals import triangle_normals, vertex_normals
 from vtkmuscle.core.mesh.surface import (

@@ -1,7 +1,7 @@
 """Nearest points on triangles, and pseudonormals."""
 
-import igl
 import numpy as np
+from oracles import igl
 from shapes import box
 
 from vtkmuscle.core.mesh.triangle_tree import (

@@ -1,7 +1,7 @@
-import igl
 import numpy as np
 import pytest
 from bent_muscle import bent_tube, half_circle, letter_s
+from oracles import igl
 from shapes import closed_surface
 
 from vtkmuscle.core.morphing.correspondence import Slicing

@@ -1,8 +1,8 @@
-import igl
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from oracles import igl
 
 from vtkmuscle.core.morphing.correspondence import mean_value_weights as mean_value_coordinates
 

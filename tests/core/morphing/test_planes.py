@@ -1,6 +1,6 @@
-import igl
 import numpy as np
 import pytest
+from oracles import igl
 from scipy.spatial.transform import Rotation
 from shapes import closed_surface
 

@@ -1,10 +1,10 @@
 from __future__ import annotations
 
-import igl
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from oracles import igl
 from scipy.ndimage import binary_dilation, label
 from shapes import ball, box, ring
 from vtkmodules.vtkIOXML import vtkXMLPolyDataReader

@@ -16,11 +16,10 @@ from vtkmuscle.core.motion.coordinates import Coordinate
 from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import multiblock_from
-from vtkmuscle.io.digests import file_digest, plain
 from vtkmuscle.io.literature import LiteratureCurve
 from vtkmuscle.io.surfaces import read_polydata
 from vtkmuscle.io.temporal import read_series
-from vtkmuscle.io.writing import write_text
+from vtkmuscle.io.writing import file_digest, plain, write_text
 from vtkmuscle.run.frames import RUN_AGAIN, TIME, Frames, MuscleTrack, WrittenFile
 
 #: Number of the schema. It grows by 1 with each change of a class below, so that no other schema is read.

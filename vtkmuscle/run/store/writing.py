@@ -18,10 +18,17 @@ from vtkmuscle import __version__
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.data.arrays import blocks_of, set_field_array, shallow_copy
 from vtkmuscle.filters.bone_motion import BoneMotion
-from vtkmuscle.io.digests import file_digest, plain
 from vtkmuscle.io.temporal import Collection as Pvd
 from vtkmuscle.io.temporal import Series
-from vtkmuscle.io.writing import check_no_links, left_behind, locked, write_polydata, write_text
+from vtkmuscle.io.writing import (
+    check_no_links,
+    file_digest,
+    left_behind,
+    locked,
+    plain,
+    write_polydata,
+    write_text,
+)
 from vtkmuscle.run.frames import STAMPS, MuscleTrack, WrittenFile
 from vtkmuscle.run.store import FINISHED, PAGE, REPORT, SCENE, MuscleNote, ResultFolder, RunNote, write_note
 from vtkmuscle.run.store.keys import muscle_keys
