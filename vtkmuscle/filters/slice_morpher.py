@@ -68,8 +68,7 @@ class SliceMorpher(Filter):
     output
         The fibres in the muscle, with the arrays of the template and the field arrays ``MorphMethod``
         (``plane`` or ``harmonic``), ``PointsOutside`` (for planes: points mapped outside of their section;
-        for isolines: outside of the muscle), ``SplitError`` (largest deviation of a section's four parts from
-        the rectangle's sides, as a part of the perimeter), ``VolumeShare`` (part of the muscle in the filled
+        for isolines: outside of the muscle), ``VolumeShare`` (part of the muscle in the filled
         branch), ``SteepShare`` (part of the planes' branch at more than 45 degrees to the axis, also if
         isolines were taken; 0 if planes were not tried); with superficial fibres ``SuperficialAngle``, to the
         nearest fibres, root mean square [degrees]. Angles above 10 degrees give a warning.
@@ -158,7 +157,6 @@ class SliceMorpher(Filter):
         fields: dict[str, str | float] = {
             "MorphMethod": method,
             "PointsOutside": result.n_outside,
-            "SplitError": result.split_error,
             "VolumeShare": result.volume_share,
             "SteepShare": steep_share,
         }

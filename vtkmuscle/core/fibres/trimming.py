@@ -24,7 +24,7 @@ from vtkmuscle.core.mesh.polylines import (
     segment_lengths,
 )
 from vtkmuscle.core.mesh.sampling import PatchSamples
-from vtkmuscle.core.mesh.surface import faces_between
+from vtkmuscle.core.mesh.surface import patch_triangles
 from vtkmuscle.core.types import Bools, Floats, Ints
 
 #: Largest turn from a fibre into its new end segment [degrees].
@@ -61,6 +61,11 @@ class EndArea:
     def samples(self) -> PatchSamples:
         """Positions on the area."""
         return PatchSamples(self.points, self.triangles, self.patch)
+
+    @property
+    def corners(self) -> Floats:
+        """Corners (m, 3, 3) of the area's triangles; points without triangles are repeated."""
+        return np.ascontiguousarray(self.points[patch_triangles(self.triangles, self.patch)])
 
 
 def trim_fibres(
@@ -284,21 +289,13 @@ def ends_as_printed(
     axis is the unit vector (3,) from origin to insertion; each fibre has at least two points.
     """
     lines = []
-    sides = [(_area_triangles(insertion), axis, insertion), (_area_triangles(origin), -axis, origin)]
+    sides = [(insertion.corners, axis, insertion), (origin.corners, -axis, origin)]
     for first, last in pairwise(offsets):
         line = points[first:last]
         for corners, direction, area in sides:
             line = _extended(line, direction, float((area.landmarks @ direction).min()), corners)[::-1]
         lines.append(line)
     return np.vstack(lines), np.append(0, np.cumsum([len(line) for line in lines]))
-
-
-def _area_triangles(area: EndArea) -> Floats:
-    """Return triangle corners (m, 3, 3) of an area. Without triangles, points are repeated."""
-    triangles = faces_between(area.triangles, area.patch)
-    if not len(triangles):
-        triangles = np.repeat(area.patch[:, None], 3, axis=1)
-    return np.ascontiguousarray(area.points[triangles])
 
 
 def _extended(line: Floats, direction: Floats, height: float, corners: Floats) -> Floats:

@@ -65,7 +65,7 @@ def differences_by(motion: RigidMotion, name: str, among: Sequence[str] = ()) ->
         used = np.flatnonzero(frames_of_sweep(motion, name))
     own, q = _numbered(coordinates[name].values), coordinates[name].natural
     groups = np.array([own * 0, *(_numbered(coordinates[other].values) for other in constant)]).T
-    rows: list[tuple[int, list[int], list[float]]] = []
+    neighbours, weights = np.zeros((len(own), 2), dtype=np.int64), np.zeros((len(own), 2))
     group = np.unique(groups, axis=0, return_inverse=True)[1].reshape(-1)
     order = used[np.lexsort((own[used], group[used]))]
     for members in np.split(order, np.flatnonzero(np.diff(group[order])) + 1):
@@ -77,14 +77,10 @@ def differences_by(motion: RigidMotion, name: str, among: Sequence[str] = ()) ->
                     poses[i][np.abs(poses[i] - frame).argmin()] for i in _adjacent(index, len(values))
                 ]
                 if adjacent:
-                    weights = _weights([float(q[other] - q[frame]) for other in adjacent])
-                    rows.append((int(frame), [int(adjacent[0]), int(adjacent[-1])], weights))
-    rows.sort(key=lambda row: row[0])
-    return Differences(
-        np.array([row[0] for row in rows], dtype=np.int64),
-        np.array([row[1] for row in rows], dtype=np.int64).reshape(-1, 2),
-        np.array([row[2] for row in rows], dtype=np.float64).reshape(-1, 2),
-    )
+                    neighbours[frame] = adjacent[0], adjacent[-1]
+                    weights[frame] = _weights([float(q[other] - q[frame]) for other in adjacent])
+    frames = np.flatnonzero(weights[:, 0])
+    return Differences(frames, neighbours[frames], weights[frames])
 
 
 def _numbered(values: Floats) -> Ints:

@@ -293,13 +293,11 @@ def mean_value_weights(polygon: Floats, points: Floats) -> Floats:
 class SectionMap:
     """Map of the template's rectangle to a section.
 
-    `ring` (n, k) is the section's boundary, `rectangle` (n, 2) its counterpart [mm]; `split_error` is the
-    root of the four parts' squared errors, as a part of the rectangle's perimeter.
+    `ring` (n, k) is the section's boundary, `rectangle` (n, 2) its counterpart [mm].
     """
 
     ring: Floats
     rectangle: Floats
-    split_error: float
 
     def positions(self, points: Floats) -> Floats:
         """Return rectangle points in the section [mm]. Points (m, 2), result (m, k).
@@ -324,9 +322,8 @@ def section_map(loop: Floats, target: Floats, sides: Floats, *, as_printed: bool
     else:
         ring = cornered_loop(refined_loop(loop, N_STARTS), target, width, depth)
     lengths = loop_lengths(ring)
-    splits, error = split_chain(lengths, width, depth)
-    rectangle = subdivided_rectangle(lengths, splits, width, depth)
-    return SectionMap(ring, rectangle, float(np.sqrt(error)) / (2.0 * (width + depth)))
+    splits = split_chain(lengths, width, depth)[0]
+    return SectionMap(ring, subdivided_rectangle(lengths, splits, width, depth))
 
 
 def count_outside(loop: Floats, points: Floats) -> int:
@@ -358,14 +355,12 @@ class Morph:
     """Fibre points (n, 3) in a muscle [mm], with measures.
 
     `n_outside` counts points outside of their section (planes), or outside of the muscle except ends on
-    attachment areas (isolines, not flat). `split_error` is the largest of a section, `volume_share` the part
-    of the muscle's volume in the branch with fibres, `steep_share` the part of the branch's course at more
-    than :data:`STEEP` degrees to the axis.
+    attachment areas (isolines, not flat). `volume_share` is the part of the muscle's volume in the branch
+    with fibres, `steep_share` the part of the branch's course at more than :data:`STEEP` degrees to the axis.
     """
 
     points: Floats
     n_outside: int
-    split_error: float
     volume_share: float
     steep_share: float
 
@@ -419,7 +414,7 @@ class SliceMaps:
 
     def positions(
         self, inside: Floats, heights: Floats, levels: Floats, slice_of: Ints
-    ) -> tuple[Floats, int, float]:
+    ) -> tuple[Floats, int]:
         """Return template points in the muscle's sections.
 
         A point off its slice's level is interpolated between the maps of the slice and of the next slice on
@@ -433,8 +428,6 @@ class SliceMaps:
             Points in the muscle, in their order [mm].
         n_outside : int
             Points outside of their section, seen along z.
-        split_error : float
-            Largest split error of a section.
         """
         above = heights - levels[slice_of]
         adjacent = slice_of + np.sign(above).astype(np.int64)
@@ -448,18 +441,16 @@ class SliceMaps:
         order = np.argsort(at_level, kind="stable")
         positions = np.zeros((len(inside), self._loops[0].shape[1]))
         flat = np.ascontiguousarray(inside[:, :2])
-        n_outside, split_error = 0, 0.0
+        n_outside = 0
         for level, members in enumerate(
             np.split(order, np.searchsorted(at_level[order], np.arange(1, len(levels))))
         ):
             number = int(np.abs(self._hits - level).argmin())
-            section = self._maps[number]
-            mapped = section.positions(flat[points[members]])
+            mapped = self._maps[number].positions(flat[points[members]])
             turned = mapped if self._views is None else mapped @ self._views[number]
             positions[points[members]] += weights[members, None] * turned
-            split_error = max(split_error, section.split_error)
             n_outside += count_outside(self._loops[number], mapped[members < len(inside)])
-        return positions, n_outside, split_error
+        return positions, n_outside
 
 
 class Box:

@@ -16,7 +16,7 @@ from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.mesh.harmonic import harmonic_extension, triangle_gradients
 from vtkmuscle.core.mesh.normals import perpendiculars, triangle_normals
 from vtkmuscle.core.mesh.solids import points_inside
-from vtkmuscle.core.mesh.surface import faces_between
+from vtkmuscle.core.mesh.surface import patch_triangles
 from vtkmuscle.core.mesh.triangle_tree import TriangleTree, triangle_tree
 from vtkmuscle.core.morphing.correspondence import (
     GRAIN,
@@ -104,14 +104,14 @@ def morph_by_isolines(
     slicing.report_progress(0.4)
     mapped = _mapped(box, course, levels, slicing)
     heights = course.begin + fractions * course.span
-    result, _, split_error = mapped.positions(inside, heights, levels, slice_of)
+    result, _ = mapped.positions(inside, heights, levels, slice_of)
     slicing.report_progress(1.0)
     at_origin, at_insertion = fractions <= SAME_HEIGHT, fractions >= 1.0 - SAME_HEIGHT
     between = result[~(at_origin | at_insertion)]
     n_outside = int((~points_inside(between, course.tree)).sum())
     for value, ends in ((0.0, at_origin), (1.0, at_insertion)):
         result[ends] = course.onto_area(value, result[ends])
-    return Morph(box.positions(result), n_outside, split_error, course.share, 0.0)
+    return Morph(box.positions(result), n_outside, course.share, 0.0)
 
 
 class _IsolineCourse:
@@ -147,9 +147,7 @@ class _IsolineCourse:
     def onto_area(self, value: float, ends: Floats) -> Floats:
         """Return nearest points on an area [mm]. Ends (j, 3); the area has a function value."""
         area = np.flatnonzero(self.field == value)
-        faces = faces_between(self.surface.triangles, area)
-        if not len(faces):
-            faces = np.repeat(area[:, None], 3, axis=1)
+        faces = patch_triangles(self.surface.triangles, area)
         return triangle_tree(self.surface.points, faces).nearest(ends)[1]
 
 

@@ -73,9 +73,9 @@ def morph_by_planes(
     slicing.report_progress(0.35)
     mapped = _mapped(box, branch, levels, course.guides, slicing)
     result = np.column_stack([inside[:, :2], heights])
-    result[:, :2], n_outside, split_error = mapped.positions(inside, heights, levels, slice_of)
+    result[:, :2], n_outside = mapped.positions(inside, heights, levels, slice_of)
     slicing.report_progress(1.0)
-    return Morph(box.positions(result), n_outside, split_error, volume_share, steep_share)
+    return Morph(box.positions(result), n_outside, volume_share, steep_share)
 
 
 class _PlaneCourse:
