@@ -81,24 +81,15 @@ def attached_ends(
     last quarter of the distance count, as muscles insert by tendons. Bones that move with the chosen bone
     count in the last quarter as well, if the muscle's end is near them.
 
-    Parameters
-    ----------
-    points, triangles : (n, 3) array, (m, 3) int array
-        The muscle [mm]; point ids.
-    distances : mapping of str to (n,) array
-        Distance of each point from each bone, negative inside [mm].
-    within : float
-        Distance within which a point is near a bone, > 0 [mm]; at least half an edge, plus the gap of the
-        end.
-    between : sequence of str
-        Bones of attachment, if given: up to two.
-    bodies : sequence of sequence of str
-        Groups of bones that move together.
+    points, triangles : (n, 3), (m, 3), the muscle [mm]; point ids;
+    distances : mapping of str to (n,), distance of each point from each bone, negative inside [mm];
+    within : distance within which a point is near a bone, > 0 [mm]; at least half an edge, plus the gap of
+        the end;
+    between : sequence of str, bones of attachment, if given: up to two;
+    bodies : sequence of sequence of str, groups of bones that move together.
 
-    Raises
-    ------
-    ValueError
-        If fewer than two bones are near, the muscle connects no two bones, or ends far from them.
+    Raises a ValueError if fewer than two bones are near, the muscle connects no two bones, or ends far from
+    them.
     """
     edges = unique_edges(triangles)
     lengths = edge_lengths(points, edges)

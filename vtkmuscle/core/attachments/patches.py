@@ -116,25 +116,16 @@ def attachment_patch(
     a line, and a ring that cuts nothing off give the points within a tolerance of the projected curve, on its
     side of the muscle.
 
-    Parameters
-    ----------
-    points, triangles : (n, 3) array, (m, 3) int array
-        The muscle [mm].
-    landmarks : (k, 3) array
-        In boundary order [mm], on or off the muscle.
-    closed : bool
-        True for a ring of landmarks.
-    tolerance : float, optional
-        Largest distance of a point from the projected curve, for curves [mm]. Default: the mean edge length.
-    bone_distance : callable, optional
-        From points (j, 3) to distances (j,) from the bone, negative inside; by default landmarks go to either
-        side of the muscle, and the smaller side of a ring is its inside.
+    points, triangles : (n, 3), (m, 3), the muscle [mm];
+    landmarks : (k, 3), in boundary order [mm], on or off the muscle;
+    closed : true for a ring of landmarks;
+    tolerance : largest distance of a point from the projected curve, for curves [mm]. Default: the mean edge
+        length;
+    bone_distance : callable, from points (j, 3) to distances (j,) from the bone, negative inside; by default
+        landmarks go to either side of the muscle, and the smaller side of a ring is its inside.
 
-    Raises
-    ------
-    ValueError
-        If there are no landmarks, a landmark is too far from the muscle, or neighbours are on unconnected
-        parts of the muscle.
+    Raises a ValueError if there are no landmarks, a landmark is too far from the muscle, or neighbours are on
+    unconnected parts of the muscle.
     """
     edges, edge_of = numbered_edges(triangles)
     usual = float(edge_lengths(points, edges).mean())

@@ -31,14 +31,9 @@ class EmbeddedPoints:
 
     Kohout, Cervenka 2021, eq. 8, doi:10.1007/978-3-030-72379-8_24.
 
-    Parameters
-    ----------
-    positions : (p, 3) array
-        Points at rest [mm].
-    points, triangles : (n, 3) array, (m, 3) int array
-        The closed surface at rest [mm]; point ids.
-    weight_tolerance : float
-        Tolerance for merging vertices into groups of equal weight; 0 merges nothing
+    positions : (p, 3), points at rest [mm];
+    points, triangles : (n, 3), (m, 3), the closed surface at rest [mm]; point ids;
+    weight_tolerance : tolerance for merging vertices into groups of equal weight; 0 merges nothing
         (:func:`~vtkmuscle.core.fibres.embedding.sparse_mean_value_coordinates`).
     """
 
@@ -201,15 +196,11 @@ def sparse_mean_value_coordinates(
     change of weights restores the sum 1 and the point, so rigid and affine motions are exact, and only
     bending costs accuracy.
 
-    Parameters
-    ----------
-    points, triangles, queries, threads
-        As for :func:`~vtkmuscle.core.fibres.mean_value.mean_value_coordinates`.
-    prune : float
-        A group has one weight if sum abs(w_j - w) r < 2 prune R / n, with its radius r and the radius R of
-        all n vertices; >= 0.
-    report : callable, optional
-        Receives the fraction of points done.
+    points, triangles, queries, threads : as for
+        :func:`~vtkmuscle.core.fibres.mean_value.mean_value_coordinates`;
+    prune : a group has one weight if sum abs(w_j - w) r < 2 prune R / n, with its radius r and the radius R
+        of all n vertices; >= 0;
+    report : callable, receives the fraction of points done.
     """
     order, groups, means_of = vertex_groups(points)
     # Vertices in the order of the groups: a group's weights are next to each other.

@@ -30,14 +30,9 @@ def smooth_about_course(points: Floats, offsets: Ints, k: float, passes: int) ->
     passes without a course.) A single line, and lines with different numbers of points, have no common
     course.
 
-    Parameters
-    ----------
-    points, offsets : (n, 3) array, (m + 1,) int array
-        Positions [mm]; first point of each line, and n.
-    k : float
-        Weight of the middle point, >= 0.
-    passes : int
-        Number of passes, >= 0.
+    points, offsets : (n, 3), (m + 1,), positions [mm]; first point of each line, and n;
+    k : weight of the middle point, >= 0;
+    passes : number of passes, >= 0.
     """
     smoothed: Floats = smooth_polylines(points, offsets, k, passes)
     counts = np.diff(offsets)

@@ -24,14 +24,10 @@ STRAIGHT = 1e-6
 class Tendons:
     """Fibre ends at constant distances from bones, along paths.
 
-    Parameters
-    ----------
-    fibres : (k, r, 3) array
-        Fibres at rest, from the aponeurosis on the origin's side to the opposite aponeurosis [mm].
-    paths : (p, n, 3) array
-        Paths of the muscle at rest, from bone to bone [mm].
-    fixed : (k, 2) bool array
-        Ends on a part of the muscle that is fixed to a bone, and moves with the bone.
+    fibres : (k, r, 3), fibres at rest, from the aponeurosis on the origin's side to the opposite aponeurosis
+        [mm];
+    paths : (p, n, 3), paths of the muscle at rest, from bone to bone [mm];
+    fixed : (k, 2), ends on a part of the muscle that is fixed to a bone, and moves with the bone.
     """
 
     def __init__(self, fibres: Floats, paths: Floats, fixed: Bools) -> None:

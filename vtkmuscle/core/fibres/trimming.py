@@ -87,20 +87,14 @@ def trim_fibres(
     over it, are kept. Points are then spaced evenly along each fibre, and points outside move to the nearest
     point of the muscle.
 
-    Parameters
-    ----------
-    points, offsets : (n, 3) array, (k + 1,) int array
-        Fibres from origin to insertion [mm]; first point of each fibre, of two or more points, and n.
-    axis : (3,) array
-        Unit vector from origin to insertion.
-    areas : EndArea, EndArea
-        Areas of the origin and of the insertion.
-    into_muscle : callable
-        From points (j, 3) to the nearest points (j, 3) of the muscle; inner points stay [mm].
-    tolerance : float
-        Largest distance of a new segment outside the muscle [mm].
-    largest_cut : float
-        Largest part of a fibre's length cut off at either end, at most 0.5.
+    points, offsets : (n, 3), (k + 1,), fibres from origin to insertion [mm]; first point of each fibre, of
+        two or more points, and n;
+    axis : (3,), unit vector from origin to insertion;
+    areas : EndArea, EndArea, areas of the origin and of the insertion;
+    into_muscle : callable, from points (j, 3) to the nearest points (j, 3) of the muscle; inner points stay
+        [mm];
+    tolerance : largest distance of a new segment outside the muscle [mm];
+    largest_cut : largest part of a fibre's length cut off at either end, at most 0.5.
     """
     backwards = points[np.repeat(offsets[:-1] + offsets[1:] - 1, np.diff(offsets)) - np.arange(offsets[-1])]
     limits = into_muscle, tolerance, largest_cut

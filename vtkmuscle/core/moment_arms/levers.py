@@ -126,10 +126,7 @@ def twists_by(motion: RigidMotion, name: str, among: Sequence[str] = ()) -> tupl
 class MotionTwists:
     """Twists of bones by each coordinate, at any time.
 
-    Parameters
-    ----------
-    motion : RigidMotion
-        Its coordinates count that change, or have a modelled joint.
+    motion : RigidMotion, its coordinates count that change, or have a modelled joint.
     """
 
     def __init__(self, motion: RigidMotion) -> None:
@@ -238,17 +235,11 @@ def length_jumps(
     neighbouring step for bones that turn by a radians in a step, as the cosine of a moment arm bends. Without
     enough steps the result is 0.
 
-    Parameters
-    ----------
-    lengths : (f, k) array
-        Per frame [mm].
-    times : (f,) array
-        Ascending.
-    stretches : (f - 1,) int array, optional
-        Stretch of each step, see :func:`even_stretches`; only steps of a stretch are compared. Default: a
-        single stretch.
-    turns : (f - 1,) array, optional
-        Turns of the bones in each step [rad], see :func:`largest_turns`. Default: 0.
+    lengths : (f, k), per frame [mm];
+    times : (f,), ascending;
+    stretches : (f - 1,), stretch of each step, see :func:`even_stretches`; only steps of a stretch are
+        compared. Default: a single stretch;
+    turns : (f - 1,), turns of the bones in each step [rad], see :func:`largest_turns`. Default: 0.
     """
     count = max(len(lengths) - 1, 0)
     jumps = np.zeros((count, lengths.shape[1]))

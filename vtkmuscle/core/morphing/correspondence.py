@@ -46,18 +46,13 @@ def starting_points(
     depends on the difference of the starts alone, and a cyclic correlation gives all values at once; dynamic
     programming finds the exact minimum.
 
-    Parameters
-    ----------
-    loops : sequence of (n, k) arrays
-        Vertices of each loop, counterclockwise [mm].
-    levels : (l,) array
-        Heights of the loops, strictly ascending [mm].
-    continuity : float
-        Height over which the start may drift towards Q0 [mm]; 0: each loop has its start of least cost.
-    corner : (k,) array
-        Q0: candidates are counted from the point of each loop nearest to Q0 [mm].
-    start_costs : callable, optional
-        From the candidates (l, N_STARTS, k) of the loops to their costs (l, N_STARTS) [mm^2].
+    loops : sequence of (n, k)s, vertices of each loop, counterclockwise [mm];
+    levels : (l,), heights of the loops, strictly ascending [mm];
+    continuity : height over which the start may drift towards Q0 [mm]; 0: each loop has its start of least
+        cost;
+    corner : (k,), Q0: candidates are counted from the point of each loop nearest to Q0 [mm];
+    start_costs : callable, from the candidates (l, N_STARTS, k) of the loops to their costs (l, N_STARTS)
+        [mm^2].
     """
     if continuity == 0.0 and start_costs is None:
         return np.tile(corner, (len(loops), 1))
@@ -206,19 +201,11 @@ def split_chain(lengths: Floats, width: float, depth: float) -> tuple[Ints, floa
     length up to i_1, with its minimum at (width + l_{i_2} - depth) / 2: the best i_1 is the nearest vertex,
     and likewise i_3. Trying every i_2 gives the exact minimum.
 
-    Parameters
-    ----------
-    lengths : (n + 1,) array
-        Length of the chain up to each vertex, the last the whole length [mm]; n >= 4.
-    width, depth : float
-        Sides of the rectangle [mm].
+    lengths : (n + 1,), length of the chain up to each vertex, the last the whole length [mm]; n >= 4;
+    width, depth : sides of the rectangle [mm].
 
-    Returns
-    -------
-    splits : (5,) int array
-        Vertices at the corners: 0, i_1, i_2, i_3, n; no part is empty.
-    error : float
-        The least error [mm^2].
+    Returns splits : (5,), vertices at the corners: 0, i_1, i_2, i_3, n; no part is empty;
+    error : the least error [mm^2].
     """
     n, scaled = len(lengths) - 1, lengths * (2.0 * (width + depth) / lengths[-1])
     middle = np.arange(2, n - 1)
@@ -255,12 +242,8 @@ def mean_value_weights(polygon: Floats, points: Floats) -> Floats:
     a / (1 + cos a) for acute and (1 - cos a) / sin a for obtuse angles, free of cancellation. On an edge,
     with an infinite tangent, the coordinates interpolate linearly.
 
-    Parameters
-    ----------
-    polygon : (n, 2) array
-        Vertices in order, convex or not, n >= 3; equal neighbours are allowed.
-    points : (m, 2) array
-        Points of the plane.
+    polygon : (n, 2), vertices in order, convex or not, n >= 3; equal neighbours are allowed;
+    points : (m, 2), points of the plane.
 
     References
     ----------
@@ -422,12 +405,8 @@ class SliceMaps:
         2) or wider are in the rectangle; heights (n,) and ascending levels (h,) have one unit; `slice_of`
         (n,) is the level of each point.
 
-        Returns
-        -------
-        positions : (n, k) array
-            Points in the muscle, in their order [mm].
-        n_outside : int
-            Points outside of their section, seen along z.
+        Returns positions : (n, k), points in the muscle, in their order [mm];
+        n_outside : points outside of their section, seen along z.
         """
         above = heights - levels[slice_of]
         adjacent = slice_of + np.sign(above).astype(np.int64)

@@ -81,17 +81,10 @@ def morph_by_isolines(
     distances count less in parts of the muscle bent away from the box's axis. Fibre ends at the template's
     bottom and top go to the nearest points of the areas.
 
-    Parameters
-    ----------
-    fibre_points, transform, muscle, slicing
-        As for :func:`vtkmuscle.core.morphing.planes.morph_by_planes`.
-    field : (n,) array
-        Function of :func:`attachment_field`, for the muscle in any pose.
+    fibre_points, transform, muscle, slicing : as for :func:`vtkmuscle.core.morphing.planes.morph_by_planes`;
+    field : (n,), function of :func:`attachment_field`, for the muscle in any pose.
 
-    Raises
-    ------
-    ValueError
-        If the function has no isolines with an inside.
+    Raises a ValueError if the function has no isolines with an inside.
     """
     box = Box(transform)
     inside = box.coordinates(fibre_points)

@@ -42,21 +42,12 @@ def morph_by_planes(
     matched, and the rectangle's points mapped to the loop (:mod:`vtkmuscle.core.morphing.correspondence`).
     Points keep their heights, but heights beyond the last loop are squeezed into the rest of the muscle.
 
-    Parameters
-    ----------
-    fibre_points : (n, 3) array
-        Points of the fitted template [mm].
-    transform : (4, 4) array
-        Unit cube to box, from :func:`vtkmuscle.core.template.fitting.fit_box`.
-    muscle : ClosedSurface
-        The muscle.
-    slicing : Slicing
-        Settings of slices and maps.
+    fibre_points : (n, 3), points of the fitted template [mm];
+    transform : (4, 4), Unit cube to box, from :func:`vtkmuscle.core.template.fitting.fit_box`;
+    muscle : ClosedSurface, the muscle;
+    slicing : Slicing, settings of slices and maps.
 
-    Raises
-    ------
-    ValueError
-        If no slice through the template has an inside.
+    Raises a ValueError if no slice through the template has an inside.
     """
     box = Box(transform)
     inside = box.coordinates(fibre_points)

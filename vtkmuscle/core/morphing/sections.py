@@ -24,13 +24,10 @@ class Sections:
     loop's left: about the direction of growing values, the outer boundary of a section runs counterclockwise
     and a hole clockwise.
 
-    Attributes
-    ----------
-    points, loop_offsets, level_offsets : (n, 3) array, (k + 1,) int array, (l + 1,) int array
-        Intersections of surface edges and levels; first point of each loop, and n; first loop of each level,
-        and k.
-    parts_below, parts_above, vertex_parts : (k,) int arrays, (v,) int array
-        Part of the surface, cut along all loops, on either side of each loop, and at each surface point.
+    points, loop_offsets, level_offsets : (n, 3), (k + 1,), (l + 1,), intersections of surface edges and
+        levels; first point of each loop, and n; first loop of each level, and k;
+    parts_below, parts_above, vertex_parts : (k,)s, (v,), part of the surface, cut along all loops, on either
+        side of each loop, and at each surface point.
     """
 
     points: Floats

@@ -96,26 +96,16 @@ def fit_box(
     axis; here the sweep starts from the least rectangle around the muscle seen along the axis, exact for a
     box-shaped muscle.
 
-    Parameters
-    ----------
-    points : (n, 3) array
-        Points of the muscle's surface.
-    axis : (3,) array
-        Unit vector from origin to insertion.
-    landmarks : (k, 3) array, (l, 3) array
-        Landmarks of all origins, and of all insertions.
-    areas : (i, 3) array, (j, 3) array
-        Points of the template's origin and insertion areas in the unit cube.
-    angle_step : float
-        Step of the sweep [degrees].
-    guide : callable, optional
-        From a box (4, 4) to the angle between the template's and superficial fibres [rad], added to the mean
-        distance as a part of the muscle's extent: a tenth of the muscle counts as 6 degrees.
+    points : (n, 3), points of the muscle's surface;
+    axis : (3,), unit vector from origin to insertion;
+    landmarks : (k, 3), (l, 3), landmarks of all origins, and of all insertions;
+    areas : (i, 3), (j, 3), points of the template's origin and insertion areas in the unit cube;
+    angle_step : step of the sweep [degrees];
+    guide : callable, from a box (4, 4) to the angle between the template's and superficial fibres [rad],
+        added to the mean distance as a part of the muscle's extent: a tenth of the muscle counts as 6
+        degrees.
 
-    Raises
-    ------
-    ValueError
-        If all points lie in one plane.
+    Raises a ValueError if all points lie in one plane.
     """
     heights = points @ axis
     first, second = perpendiculars(axis)
