@@ -130,7 +130,7 @@ class SliceMorpher(Filter):
         if tolerance is None:
             tolerance = DEFAULT_TOLERANCE * float(np.linalg.norm(box[:3, 2]))
         upright = _runs_upwards(template.data, box)
-        slicing = Slicing(tolerance, self.continuity, self.report_progress)
+        slicing = Slicing(tolerance, self.continuity)
 
         shape = (template.points, box, geometry.closed)
 

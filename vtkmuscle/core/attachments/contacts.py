@@ -7,8 +7,8 @@ at its end are the attachment.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from itertools import combinations, permutations
+from typing import NamedTuple
 
 import numpy as np
 from scipy.sparse import coo_array, csr_array
@@ -37,8 +37,7 @@ LEAST_SHARE = 0.05
 REMEDY = "join a separate tendon to the muscle's surface, add a missing bone, or give landmarks"
 
 
-@dataclass(frozen=True, eq=False)
-class Span:
+class Span(NamedTuple):
     """Longest distance along a muscle between points near two bones.
 
     `tips` has the muscle's end point near each bone, `distances` (n,) its distances to all points along the
@@ -50,8 +49,7 @@ class Span:
     score: float
 
 
-@dataclass(frozen=True, eq=False)
-class AttachedEnd:
+class AttachedEnd(NamedTuple):
     """End of a muscle: its nearest bone, and contacts by size.
 
     Contacts are bones and connected points (k,) near them. The confidence is 1 - (score of the best span with

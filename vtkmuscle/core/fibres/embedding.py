@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
 
@@ -166,8 +165,7 @@ def vertex_groups(points: Floats) -> VertexGroups:
     return VertexGroups(order, Groups(starts, sizes, radii, np.searchsorted(starts, starts + sizes)), means)
 
 
-@dataclass(frozen=True, eq=False)
-class SparseWeights:
+class SparseWeights(NamedTuple):
     """Mean value coordinates in the means of vertex groups.
 
     Rows of the matrix (q, g) sum to 1 and reproduce linear functions. `error` is the largest distance of a

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 from numpy.polynomial import Polynomial
@@ -142,8 +142,7 @@ MEET = 0.25
 HOOKED = 90.0
 
 
-@dataclass(frozen=True)
-class Arrangement:
+class Arrangement(NamedTuple):
     """Measures of fibres at rest.
 
     `crossing` is the part of neighbours that change sides in the last eighth of their length, at the worse
@@ -225,8 +224,7 @@ NODES, DEGREE, PASSES, SECTIONS = 17, 2, 8, 40
 POINTS, END = 121, 0.1
 
 
-@dataclass(frozen=True, eq=False)
-class AreaProfile:
+class AreaProfile(NamedTuple):
     """Areas of muscle cross-sections along a medial curve. Areas (s,) [mm^2], curve (c, 3) [mm].
 
     `arcs` (s,) are the middles of equal pieces of the curve, which passes both ends of the muscle.
@@ -259,8 +257,7 @@ class AreaProfile:
         return float(self.arcs[last] + step * share * (self.arcs[1] - self.arcs[0]))
 
 
-@dataclass(frozen=True, eq=False)
-class Fascicles:
+class Fascicles(NamedTuple):
     """Fascicles: the parts of fibres within the muscle, without tendon.
 
     Lengths (k,) [mm] are 0 for a fibre without a part in the muscle. Angles (k,) are between the ends of

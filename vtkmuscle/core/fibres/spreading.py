@@ -9,8 +9,8 @@ of the muscle's sections.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 
@@ -61,8 +61,7 @@ FINEST = 256
 ALONG_ROWS = 2
 
 
-@dataclass(frozen=True, eq=False)
-class Cloud:
+class Cloud(NamedTuple):
     """Samples (j, 3) in a muscle, with box and volume. The density is even.
 
     `low` and `high` are the corners of the box [mm]; `volume` is that of a box with the same covariance, the

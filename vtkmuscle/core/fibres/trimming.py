@@ -98,8 +98,8 @@ def trim_fibres(
     """
     backwards = points[np.repeat(offsets[:-1] + offsets[1:] - 1, np.diff(offsets)) - np.arange(offsets[-1])]
     limits = into_muscle, tolerance, largest_cut
-    starts = _new_ends(backwards, offsets, -axis, areas[0], *limits)
-    ends = _new_ends(points, offsets, axis, areas[1], *limits)
+    starts = _new_ends(backwards, offsets, -axis, areas[0], limits)
+    ends = _new_ends(points, offsets, axis, areas[1], limits)
     result = _replaced_ends(points, offsets, starts, ends)
     inner = inner_points(offsets)
     result[inner] = into_muscle(result[inner])
@@ -108,6 +108,8 @@ def trim_fibres(
 
 #: Lengths to cut off an end of fibres (k,), and new ends (k, 3) [mm].
 _Ends = tuple[Floats, Floats]
+#: Map into the muscle, tolerance and largest cut, as of :func:`trim_fibres`.
+_Limits = tuple[Callable[[Floats], Floats], float, float]
 
 
 def _replaced_ends(points: Floats, offsets: Ints, starts: _Ends, ends: _Ends) -> Floats:
@@ -128,16 +130,9 @@ def _replaced_ends(points: Floats, offsets: Ints, starts: _Ends, ends: _Ends) ->
     return result
 
 
-def _new_ends(
-    points: Floats,
-    offsets: Ints,
-    direction: Floats,
-    area: EndArea,
-    into_muscle: Callable[[Floats], Floats],
-    tolerance: float,
-    largest_cut: float,
-) -> _Ends:
+def _new_ends(points: Floats, offsets: Ints, direction: Floats, area: EndArea, limits: _Limits) -> _Ends:
     """Return cut lengths and new ends at the last points."""
+    into_muscle, tolerance, largest_cut = limits
     lengths = polyline_lengths(points, offsets)
     ends = points[offsets[1:] - 1]
     kept = _ends_on_area(ends, area, tolerance) & (_sharpest_turns(points, offsets) <= LARGEST_TURN)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -17,8 +17,7 @@ _SURELY_CLEAR = 0.9
 _FLAT = 0.25
 
 
-@dataclass(frozen=True, eq=False)
-class Neighbour:
+class Neighbour(NamedTuple):
     """A neighbouring muscle: its tree now, and allowed depths.
 
     The surface faces outward [mm]; the allowance (n,) is the depth in the neighbour of each point of the

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from scipy.sparse import coo_array
@@ -135,8 +136,7 @@ def point_components(n_points: int, edges: Ints) -> Ints:
     return np.asarray(connected_components(graph, directed=False)[1].astype(np.int64))
 
 
-@dataclass(frozen=True)
-class SurfaceReport:
+class SurfaceReport(NamedTuple):
     """Facts about a triangle mesh."""
 
     n_points: int

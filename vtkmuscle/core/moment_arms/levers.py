@@ -8,8 +8,8 @@ of q, without a motion.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import combinations
+from typing import NamedTuple
 
 import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
@@ -22,8 +22,7 @@ from vtkmuscle.core.types import Bools, Floats, Ints
 SAME_VALUE = 1e-6
 
 
-@dataclass(frozen=True, eq=False)
-class Differences:
+class Differences(NamedTuple):
     """Poses and weights of slopes by a coordinate.
 
     A slope is of the parabola through a pose and two neighbours, on both sides if possible, else the next two

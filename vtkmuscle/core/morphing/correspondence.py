@@ -11,7 +11,6 @@ doi:10.1007/978-3-642-38241-3_3.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -272,8 +271,7 @@ def mean_value_weights(polygon: Floats, points: Floats) -> Floats:
     return weights
 
 
-@dataclass(frozen=True, eq=False)
-class SectionMap:
+class SectionMap(NamedTuple):
     """Map of the template's rectangle to a section.
 
     `ring` (n, k) is the section's boundary, `rectangle` (n, 2) its counterpart [mm].
@@ -333,8 +331,7 @@ LARGEST_STEEP_SHARE, STEEP, LEAST_SHARE = 0.15, 45.0, 0.8
 N_GUIDES, GUIDE_MARGIN = 33, 0.02
 
 
-@dataclass(frozen=True, eq=False)
-class Morph:
+class Morph(NamedTuple):
     """Fibre points (n, 3) in a muscle [mm], with measures.
 
     `n_outside` counts points outside of their section (planes), or outside of the muscle except ends on
@@ -353,18 +350,16 @@ class Morph:
         return self.volume_share >= LEAST_SHARE and self.steep_share <= LARGEST_STEEP_SHARE
 
 
-@dataclass(frozen=True, eq=False)
-class Slicing:
+class Slicing(NamedTuple):
     """Settings of slices through a muscle, by planes or isolines.
 
     Fibre points within `slice_tolerance` [mm] of height share a slice. `continuity` is the part of the
     muscle's length over which neighbouring slices resist twisting; 0 is the paper's rule, with sections
-    started and split at their vertices. `report_progress` receives the fraction of work done.
+    started and split at their vertices.
     """
 
     slice_tolerance: float
     continuity: float
-    report_progress: Callable[[float], None] = lambda fraction: None
 
 
 class SliceMaps:
@@ -384,16 +379,15 @@ class SliceMaps:
         slicing: Slicing,
         views: Floats | None = None,
     ) -> None:
-        slicing.report_progress(0.5)
         if views is not None:
             loops = [loop @ view.T for loop, view in zip(loops, views, strict=True)]
             starts = np.einsum("lij,lj->li", views, starts)
         self._loops, self._views, self._hits = loops, views, hits
-        self._maps = []
-        for number, loop in enumerate(loops):
-            printed = slicing.continuity == 0.0
-            self._maps.append(section_map(loop, starts[number], sides, as_printed=printed))
-            slicing.report_progress(0.5 + 0.4 * (number + 1) / len(loops))
+        printed = slicing.continuity == 0.0
+        self._maps = [
+            section_map(loop, start, sides, as_printed=printed)
+            for loop, start in zip(loops, starts, strict=True)
+        ]
 
     def positions(
         self, inside: Floats, heights: Floats, levels: Floats, slice_of: Ints

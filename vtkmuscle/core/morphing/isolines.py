@@ -89,16 +89,13 @@ def morph_by_isolines(
     box = Box(transform)
     inside = box.coordinates(fibre_points)
     course = _IsolineCourse(box.surface(muscle), field)
-    slicing.report_progress(0.3)
     fractions = np.clip(inside[:, 2] / box.length, 0.0, 1.0)
     tolerance = max(slicing.slice_tolerance / box.length, SAME_HEIGHT)
     levels, slice_of = shared_levels(fractions, tolerance, GRAIN)
     levels = course.begin + levels * course.span
-    slicing.report_progress(0.4)
     mapped = _mapped(box, course, levels, slicing)
     heights = course.begin + fractions * course.span
     result, _ = mapped.positions(inside, heights, levels, slice_of)
-    slicing.report_progress(1.0)
     at_origin, at_insertion = fractions <= SAME_HEIGHT, fractions >= 1.0 - SAME_HEIGHT
     between = result[~(at_origin | at_insertion)]
     n_outside = int((~points_inside(between, course.tree)).sum())

@@ -61,11 +61,9 @@ def morph_by_planes(
         heights = course.squeezed(heights, branch)
         levels, slice_of = shared_levels(heights, tolerance, grain)
         branch = course.branch(np.union1d(levels, course.guides))
-    slicing.report_progress(0.35)
     mapped = _mapped(box, branch, levels, course.guides, slicing)
     result = np.column_stack([inside[:, :2], heights])
     result[:, :2], n_outside = mapped.positions(inside, heights, levels, slice_of)
-    slicing.report_progress(1.0)
     return Morph(box.positions(result), n_outside, volume_share, steep_share)
 
 

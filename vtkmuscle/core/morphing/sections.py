@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -16,8 +17,7 @@ from vtkmuscle.core.mesh.surface import point_components, signed_volume, sorted_
 from vtkmuscle.core.types import Floats, Ints
 
 
-@dataclass(frozen=True, eq=False)
-class Sections:
+class Sections(NamedTuple):
     """Loops of a surface at ascending levels, in sequence.
 
     The last point of a loop differs from the first. Seen from outside, the surface above the level is on the

@@ -7,7 +7,7 @@ doi:10.1007/978-3-642-38241-3_3.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from scipy.spatial import ConvexHull, cKDTree
@@ -28,8 +28,7 @@ SHORTEST_EDGE = 1e-6
 LONGEST_PIECE = 0.02
 
 
-@dataclass(frozen=True, eq=False)
-class BoxFit:
+class BoxFit(NamedTuple):
     """Fitted box around a muscle.
 
     The `transform` (4, 4) from the unit cube is a right-handed rotation of a scaled cube, and a translation;
@@ -140,8 +139,7 @@ def fit_box(
     return BoxFit(boxes[best], float(errors[best]), float(steps[best]), float(costs[best]))
 
 
-@dataclass(frozen=True, eq=False)
-class SuperficialFibres:
+class SuperficialFibres(NamedTuple):
     """Short pieces of superficial fibres. Middles (m, 3) [mm], unit directions (m, 3), lengths (m,) [mm]."""
 
     middles: Floats
