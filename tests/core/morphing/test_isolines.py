@@ -118,17 +118,6 @@ def test_neighbours_stay_neighbours_at_every_isoline(double_bend):
         assert distances.max() < 0.8 * RADIUS
 
 
-def test_a_mirrored_box_gives_the_mirrored_fibres(half_turn):
-    points, triangles, origin, insertion = half_turn
-    transform, cube = fitted(points, origin, insertion)
-    field = attachment_field(points, triangles, origin, insertion)
-    mirror = np.diag([1.0, -1.0, 1.0, 1.0])
-    here = by_isolines(cube, transform, (points, triangles), field).points
-    moved = apply_transform(mirror, cube.reshape(-1, 3)), mirror @ transform
-    there = by_isolines(*moved, (apply_transform(mirror, points), triangles[:, ::-1]), field).points
-    assert np.abs(there - apply_transform(mirror, here)).max() < 1e-6
-
-
 def test_ways_along_a_tube_are_those_of_its_centre_line_or_a_little_more():
     path = np.column_stack([np.zeros(50), np.zeros(50), np.linspace(0, 100, 50)])
     points, triangles, origin, insertion = bent_tube(path, RADIUS)

@@ -7,7 +7,7 @@ Kohout, Kukacka 2014, doi:10.1111/cgf.12354.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
@@ -26,7 +26,7 @@ from vtkmuscle.core.mesh.surface import (
     points_in_box,
     signed_volume,
 )
-from vtkmuscle.core.types import Floats, Ints
+from vtkmuscle.core.types import FloatMap, Floats, Ints
 
 #: Penalty s on edges away from the chord: at a distance of a chords an edge counts (1 + s a^2) times its
 #: length. On a sphere of equal triangles paths deviate by 6 % of the chord from the great circle with 10, by
@@ -105,7 +105,7 @@ def attachment_patch(
     closed: bool,
     *,
     tolerance: float | None = None,
-    bone_distance: Callable[[Floats], Floats] | None = None,
+    bone_distance: FloatMap | None = None,
 ) -> Ints:
     """Return the muscle's points in an attachment area, (k,), ascending.
 
@@ -146,7 +146,7 @@ def _nearest_vertices(
     triangles: Ints,
     landmarks: Floats,
     lengths: tuple[float, float],
-    bone_distance: Callable[[Floats], Floats] | None,
+    bone_distance: FloatMap | None,
 ) -> Ints:
     """Return the nearest used point of each landmark.
 
@@ -178,7 +178,7 @@ def _prefer_facing(
     landmarks: Floats,
     nearest: Ints,
     among: tuple[cKDTree, Ints, float, float],
-    bone_distance: Callable[[Floats], Floats],
+    bone_distance: FloatMap,
 ) -> None:
     """Give each landmark the nearest point facing the bone.
 
@@ -208,11 +208,7 @@ def _on_a_line(landmarks: Floats) -> bool:
 
 
 def _enclosed(
-    points: Floats,
-    triangles: Ints,
-    loop: Ints,
-    parts: tuple[Ints, Ints],
-    bone_distance: Callable[[Floats], Floats] | None,
+    points: Floats, triangles: Ints, loop: Ints, parts: tuple[Ints, Ints], bone_distance: FloatMap | None
 ) -> Ints:
     """Return the points inside a closed loop of edges.
 

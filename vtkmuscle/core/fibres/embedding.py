@@ -134,20 +134,12 @@ class Groups(NamedTuple):
     following: Ints
 
 
-class VertexGroups(NamedTuple):
-    """Vertices in groups: all, quarters, and so on to single vertices.
+def vertex_groups(points: Floats) -> tuple[Ints, Groups, csc_array]:
+    """Return groups of vertices: all, quarters, and so on to single vertices. Points (n, 3) [mm].
 
-    Vertices of a group are consecutive in `order` (n,); the matrix `means` (g, n) takes vertex values, in
-    mesh order, to group means.
+    Groups are halved across their longest axes. Vertices of a group are consecutive in the order (n,); the
+    matrix (g, n) takes vertex values, in mesh order, to group means.
     """
-
-    order: Ints
-    groups: Groups
-    means: csc_array
-
-
-def vertex_groups(points: Floats) -> VertexGroups:
-    """Return vertex groups, halved across their longest axes. Points (n, 3) [mm]."""
     n = len(points)
     depth = -(-max(n - 1, 0).bit_length() // HALVINGS) * HALVINGS
     part = halved([points], 2 ** (depth - HALVINGS))[0] << HALVINGS if depth else np.zeros(n, dtype=np.int64)
@@ -162,7 +154,7 @@ def vertex_groups(points: Floats) -> VertexGroups:
     means = csc_array(csr_array((np.repeat(1.0 / sizes, sizes), members, ends)))
     apart = np.linalg.norm(points[members] - np.repeat(means @ points, sizes, axis=0), axis=1)
     radii = np.maximum.reduceat(apart, ends[:-1])
-    return VertexGroups(order, Groups(starts, sizes, radii, np.searchsorted(starts, starts + sizes)), means)
+    return order, Groups(starts, sizes, radii, np.searchsorted(starts, starts + sizes)), means
 
 
 class SparseWeights(NamedTuple):

@@ -6,7 +6,6 @@ doi:10.1007/978-3-642-38241-3_3.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -25,7 +24,7 @@ from vtkmuscle.core.mesh.polylines import (
 )
 from vtkmuscle.core.mesh.sampling import PatchSamples
 from vtkmuscle.core.mesh.surface import patch_triangles
-from vtkmuscle.core.types import Bools, Floats, Ints
+from vtkmuscle.core.types import Bools, FloatMap, Floats, Ints
 
 #: Largest turn from a fibre into its new end segment [degrees].
 LARGEST_TURN = 60.0
@@ -55,7 +54,7 @@ class EndArea:
     points: Floats
     triangles: Ints
     patch: Ints
-    distance: Callable[[Floats], Floats] | None = None
+    distance: FloatMap | None = None
 
     @cached_property
     def samples(self) -> PatchSamples:
@@ -74,7 +73,7 @@ def trim_fibres(
     *,
     axis: Floats,
     areas: tuple[EndArea, EndArea],
-    into_muscle: Callable[[Floats], Floats],
+    into_muscle: FloatMap,
     tolerance: float,
     largest_cut: float,
 ) -> Floats:
@@ -109,7 +108,7 @@ def trim_fibres(
 #: Lengths to cut off an end of fibres (k,), and new ends (k, 3) [mm].
 _Ends = tuple[Floats, Floats]
 #: Map into the muscle, tolerance and largest cut, as of :func:`trim_fibres`.
-_Limits = tuple[Callable[[Floats], Floats], float, float]
+_Limits = tuple[FloatMap, float, float]
 
 
 def _replaced_ends(points: Floats, offsets: Ints, starts: _Ends, ends: _Ends) -> Floats:
@@ -165,7 +164,7 @@ def _new_ends(points: Floats, offsets: Ints, direction: Floats, area: EndArea, l
 
 
 def _best_cut(
-    departures: Floats, rays: Floats, ends: Floats, into_muscle: Callable[[Floats], Floats], tolerance: float
+    departures: Floats, rays: Floats, ends: Floats, into_muscle: FloatMap, tolerance: float
 ) -> Ints:
     """Return the index into CUTS of each fibre's best cut.
 

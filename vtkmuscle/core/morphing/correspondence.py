@@ -10,13 +10,13 @@ doi:10.1007/978-3-642-38241-3_3.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from vtkmuscle.core.morphing.sections import ClosedSurface
-from vtkmuscle.core.types import Floats, Ints
+from vtkmuscle.core.types import FloatMap, Floats, Ints
 
 #: Candidate starts of a loop, and the least number of its segments.
 N_STARTS = 128
@@ -26,13 +26,15 @@ SHORTEST = 1e-9
 CLOSEST = 1e-6
 
 
-def starting_points(
-    loops: Sequence[Floats],
-    levels: Floats,
-    continuity: float,
-    corner: Floats,
-    start_costs: Callable[[Floats], Floats] | None = None,
-) -> Floats:
+class LoopStack(NamedTuple):
+    """Loops of a muscle, with levels and costs. Levels (l,) ascend [mm]."""
+
+    loops: Sequence[Floats]
+    levels: Floats
+    start_costs: FloatMap | None = None
+
+
+def starting_points(stack: LoopStack, continuity: float, corner: Floats) -> Floats:
     """Return a start (l, k) for each loop. It is near Q0, without twist between loops.
 
     The paper takes the vertex nearest to Q0, slice by slice: if a section turns past Q0 the vertex jumps, and
@@ -45,14 +47,11 @@ def starting_points(
     depends on the difference of the starts alone, and a cyclic correlation gives all values at once; dynamic
     programming finds the exact minimum.
 
-    loops : sequence of (n, k)s, vertices of each loop, counterclockwise [mm];
-    levels : (l,), heights of the loops, strictly ascending [mm];
     continuity : height over which the start may drift towards Q0 [mm]; 0: each loop has its start of least
         cost;
-    corner : (k,), Q0: candidates are counted from the point of each loop nearest to Q0 [mm];
-    start_costs : callable, from the candidates (l, N_STARTS, k) of the loops to their costs (l, N_STARTS)
-        [mm^2].
+    corner : (k,), Q0: candidates are counted from the point of each loop nearest to Q0 [mm].
     """
+    loops, levels, start_costs = stack
     if continuity == 0.0 and start_costs is None:
         return np.tile(corner, (len(loops), 1))
     samples = np.array([sampled_loop(loop, corner, N_STARTS) for loop in loops])
@@ -68,14 +67,6 @@ def starting_points(
     return samples[number, _cheapest_chain(costs, twists)]
 
 
-class LoopStack(NamedTuple):
-    """Loops of a muscle, with levels and costs. Levels (l,) ascend [mm]."""
-
-    loops: Sequence[Floats]
-    levels: Floats
-    start_costs: Callable[[Floats], Floats] | None = None
-
-
 def followed_starts(stack: LoopStack, guides: LoopStack, continuity: float, corner: Floats) -> Floats:
     """Return starts (l, k) interpolated between guiding loops.
 
@@ -85,8 +76,8 @@ def followed_starts(stack: LoopStack, guides: LoopStack, continuity: float, corn
     of :func:`starting_points`.
     """
     if continuity == 0.0 or not len(guides.loops):
-        return starting_points(stack.loops, stack.levels, continuity, corner, stack.start_costs)
-    starts = starting_points(guides.loops, guides.levels, continuity, corner, guides.start_costs)
+        return starting_points(stack, continuity, corner)
+    starts = starting_points(guides, continuity, corner)
     offsets = starts - np.array([boundary_centroid(loop) for loop in guides.loops])
     centroids = np.array([boundary_centroid(loop) for loop in stack.loops])
     between = [np.interp(stack.levels, guides.levels, column) for column in offsets.T]

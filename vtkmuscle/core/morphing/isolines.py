@@ -7,7 +7,6 @@ However the muscle bends, isolines cross the muscle.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import cached_property
 
 import numpy as np
@@ -34,7 +33,7 @@ from vtkmuscle.core.morphing.correspondence import (
     shared_levels,
 )
 from vtkmuscle.core.morphing.sections import Branch, ClosedSurface
-from vtkmuscle.core.types import Floats, Ints
+from vtkmuscle.core.types import FloatMap, Floats, Ints
 
 #: Classes of function values for the mean gradient.
 N_CLASSES = 256
@@ -206,7 +205,7 @@ def _single_branch(branch: Branch) -> tuple[int, int]:
     return int(first), int(end) - 1
 
 
-def _distances_from_rectangle(sides: Floats, areas: Floats) -> Callable[[Floats], Floats]:
+def _distances_from_rectangle(sides: Floats, areas: Floats) -> FloatMap:
     """Return the cost function of isoline starts.
 
     From positions (l, n, 3) on isolines to costs (l, n) [mm^2]: mean squared distances of an isoline, started

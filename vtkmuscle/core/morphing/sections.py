@@ -6,7 +6,6 @@ value equal to a level counts as above: so levels through points or along edges 
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -14,7 +13,7 @@ import numpy as np
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.mesh.surface import point_components, signed_volume, sorted_into_bins
-from vtkmuscle.core.types import Floats, Ints
+from vtkmuscle.core.types import FloatMap, Floats, Ints
 
 
 class Sections(NamedTuple):
@@ -235,12 +234,7 @@ class Branch:
     """
 
     def __init__(
-        self,
-        surface: ClosedSurface,
-        values: Floats,
-        levels: Floats,
-        heights: Floats,
-        size: Callable[[Floats], Floats],
+        self, surface: ClosedSurface, values: Floats, levels: Floats, heights: Floats, size: FloatMap
     ) -> None:
         self.heights, self.sections = heights, cut_surface(surface, values, levels)
         self.areas = loop_areas(self.sections.points, self.sections.loop_offsets)
