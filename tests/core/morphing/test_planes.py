@@ -4,8 +4,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 from shapes import closed_surface
 
-from vtkmuscle.core.morphing.correspondence import Slicing, section_map
-from vtkmuscle.core.morphing.planes import morph_by_planes
+from vtkmuscle.core.morphing.correspondence import section_map
+from vtkmuscle.core.morphing.slices import Slicing, morph_by_planes
 from vtkmuscle.core.motion.rigid import apply_transform
 from vtkmuscle.core.template.kinds import TEMPLATES, sobol_points
 from vtkmuscle.phantoms.implicit import thick_curve, union
