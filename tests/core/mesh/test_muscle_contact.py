@@ -4,22 +4,15 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from vtkmodules.vtkFiltersSources import vtkSphereSource
+from shapes import sphere
 
 from vtkmuscle.core.mesh.neighbours import MuscleContact, Neighbour
 from vtkmuscle.core.mesh.triangle_tree import triangle_tree
-from vtkmuscle.data.arrays import checked_surface
 
 RADIUS = 20.0
 
 
-def ball_tree():
-    source = vtkSphereSource(radius=RADIUS, theta_resolution=120, phi_resolution=80)
-    source.Update()
-    return triangle_tree(*checked_surface(source.GetOutput(), "ball"))
-
-
-BALL = ball_tree()
+BALL = triangle_tree(*sphere(RADIUS))
 #: How far the ball's triangles are inside the sphere.
 SAGITTA = 0.03
 
