@@ -6,8 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from shapes import sphere
 
-from vtkmuscle.core.mesh.neighbours import MuscleContact, Neighbour
-from vtkmuscle.core.mesh.triangle_tree import triangle_tree
+from vtkmuscle.core.mesh.triangle_tree import MuscleContact, Neighbour, triangle_tree
 
 RADIUS = 20.0
 
