@@ -21,7 +21,6 @@ from vtkmuscle import Scene
 from vtkmuscle.core.bones.bone import bone_of, depth_in
 from vtkmuscle.core.fibres.embedding import sparse_mean_value_coordinates, sparse_transport
 from vtkmuscle.core.fibres.mean_value import transport
-from vtkmuscle.core.fibres.measures import filling_radius
 from vtkmuscle.core.mesh.polylines import polyline_lengths
 from vtkmuscle.core.mesh.surface import signed_volume
 from vtkmuscle.data.arrays import blocks_of, checked_surface, field_array, polylines_of
@@ -92,7 +91,7 @@ def coverage(fibres: object, muscle: object) -> tuple[float, float, float]:
     place = rng.uniform(-1.2, 1.2, (4 * SAMPLES, 2))
     turned = [np.abs(place @ [np.cos(t), np.sin(t)]) <= 1 for t in np.pi / 3 * np.arange(3)]
     in_hexagon = np.linalg.norm(place[np.all(turned, axis=0)], axis=1)
-    even = filling_radius(volume, polyline_lengths(lines.points, lines.offsets).sum())
+    even = np.sqrt(volume / (12.0**0.5 * polyline_lengths(lines.points, lines.offsets).sum()))
     side = np.linalg.svd(inside - inside.mean(axis=0), full_matrices=False)[2][0]
     heights = inside @ side
     edges = np.linspace(heights.min(), heights.max(), SECTIONS + 1)

@@ -153,7 +153,6 @@ def test_the_architecture_at_rest_and_smoothed_lengths_are_those_of_the_fibres(r
     assert found["muscle_volume_mm3"] == pytest.approx(volume)
     assert found["pcsa_mm2"] == pytest.approx(volume / lengths.mean())
     assert 0.8 * found["pcsa_mm2"] < found["pcsa_along_line_of_action_mm2"] <= found["pcsa_mm2"]
-    assert found["section_fibres"]["max"] <= 6
     assert found["centroid_path_length_mm"] == pytest.approx(lengths.mean(), rel=0.1)
     assert "architecture" not in result.report["muscles"]["plain"]
 
@@ -277,7 +276,6 @@ def test_the_tables_hold_the_result(result, out):
         rest = known[0, fibre]
         assert float(row["strain"]) == pytest.approx(float(row["length_mm"]) / rest - 1, abs=1e-3)
         assert 0 <= float(row["pennation_origin_deg"]) <= 90
-        assert 0 <= float(row["curvature_mean_per_mm"]) <= float(row["curvature_max_per_mm"]) < 0.2
         assert 0 <= float(row["penetration_mm"]) < 5
     report = json.loads((out / "report.json").read_text())
     for row in report["muscles"]["spindle"]["fibre_measures"]:

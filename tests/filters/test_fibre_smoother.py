@@ -8,7 +8,6 @@ from scipy.spatial import ConvexHull, Delaunay, cKDTree
 from vtkmodules.vtkFiltersSources import vtkSphereSource
 
 from vtkmuscle import Scene
-from vtkmuscle.core.fibres.measures import filling_radius
 from vtkmuscle.core.mesh.polylines import polyline_lengths
 from vtkmuscle.core.mesh.solids import solids_of
 from vtkmuscle.core.mesh.surface import signed_volume
@@ -204,7 +203,7 @@ def test_a_hundred_fibres_cover_real_muscles_nearly_as_well_as_evenly_spaced_one
     found = np.percentile(cKDTree(np.vstack(dense)).query(inside)[0], 95)
     # 95 % of a hexagon of inner radius r is nearer than 1.035 r to its centre.
     volume = abs(signed_volume(geometry.points, geometry.triangles))
-    even = 1.035 * filling_radius(volume, polyline_lengths(lines.points, lines.offsets).sum())
+    even = 1.035 * np.sqrt(volume / (12.0**0.5 * polyline_lengths(lines.points, lines.offsets).sum()))
     assert found <= bound * even
 
 

@@ -16,13 +16,13 @@ def measured():
     lines = np.array([[[0, 0, 0], [3, 0, 0], [3, 4, 0]], [[0, 0, 0], [0, 6, 0], [0, 11, 0.0]]])
     fibres = polylines_from(Polylines(lines.reshape(-1, 3), np.array([0, 3, 6])))
     set_cell_array(fibres, "FibreId", np.array([4, 5]))
-    return FibreMetrics(curvature=True)(fibres)
+    return FibreMetrics()(fibres)
 
 
 def test_the_table_has_a_row_per_fibre_and_a_column_per_measure(measured, tmp_path):
     path = write_fibre_table(measured, tmp_path / "fibres.csv")
     rows = list(csv.DictReader(path.read_text().splitlines()))
-    assert set(rows[0]) == {"FibreId", "Length", "Tortuosity", "CurvatureMean", "CurvatureMax"}
+    assert set(rows[0]) == {"FibreId", "Length", "Tortuosity"}
     assert [row["FibreId"] for row in rows] == ["4", "5"]
     for name in rows[0]:
         assert_allclose([float(row[name]) for row in rows], cell_array(measured, name, ""), rtol=1e-9)
@@ -38,21 +38,13 @@ def test_the_summary_of_a_muscle_is_that_of_a_block():
     phantom = fibre_block("parallel")
     muscle, attachments = phantom.muscles["block"], phantom.attachments["block"]
     fibres = decompose(muscle, attachments, n_fibres=64).update().output
-    summary = muscle_summary(FibreMetrics(architecture=True, sections=6)(fibres, muscle))
+    summary = muscle_summary(FibreMetrics(architecture=True)(fibres, muscle))
     assert summary["MuscleVolume"] == pytest.approx(96_000)
     assert summary["PCSA"] == pytest.approx(800, rel=1e-3)
     assert summary["PCSALine"] == pytest.approx(800, rel=2e-3)
     assert_allclose(np.abs(summary["LineOfAction"]), [0, 0, 1], atol=1e-2)
     assert summary["CentroidPathLength"] == pytest.approx(120, rel=1e-3)
-    assert summary["SectionArea"] == pytest.approx({"mean": 800, "sd": 0, "min": 800, "max": 800}, abs=1.0)
-    assert summary["SectionFibres"] == {"mean": 64.0, "sd": 0.0, "min": 64.0, "max": 64.0}
-    assert summary["SectionDensity"]["mean"] == pytest.approx(64 / 800, rel=1e-3)
     assert muscle_summary(FibreMetrics()(fibres, muscle)) == {}
-    assert set(muscle_summary(FibreMetrics(sections=2)(fibres, muscle))) == {
-        "SectionArea",
-        "SectionFibres",
-        "SectionDensity",
-    }
 
 
 def test_fibres_without_measures_are_refused(tmp_path):

@@ -1,5 +1,7 @@
 """Array types of functions; docstrings give the shapes."""
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -8,3 +10,5 @@ Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
 #: Row of each block of a bone's field.
 Table = NDArray[np.int32]
+#: Function of arrays, such as a map of positions.
+FloatMap = Callable[[Floats], Floats]

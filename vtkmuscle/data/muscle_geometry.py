@@ -13,7 +13,6 @@ from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
 from vtkmuscle.core.attachments.patches import attachment_patch
 from vtkmuscle.core.errors import InputError, errors_at
-from vtkmuscle.core.mesh.neighbours import Neighbour
 from vtkmuscle.core.mesh.sampling import samples_inside
 from vtkmuscle.core.mesh.shared import shared
 from vtkmuscle.core.mesh.solids import Solids, solids_of
@@ -25,7 +24,7 @@ from vtkmuscle.core.mesh.surface import (
     opposite_half_edges,
     signed_volume,
 )
-from vtkmuscle.core.mesh.triangle_tree import TriangleTree, triangle_tree
+from vtkmuscle.core.mesh.triangle_tree import Neighbour, TriangleTree, triangle_tree
 from vtkmuscle.core.morphing.sections import ClosedSurface
 from vtkmuscle.core.types import Floats, Ints
 from vtkmuscle.data.arrays import blocks_of, checked_surface, point_array

@@ -12,9 +12,6 @@ from vtkmuscle.core.fibres.measures import (
     have_area,
     line_of_action,
     physiological_cross_section,
-    plane_crossings,
-    polyline_curvatures,
-    section_areas,
 )
 from vtkmuscle.core.mesh.normals import faces_that_meet, smooth_normals, triangle_normals
 from vtkmuscle.core.mesh.polylines import end_directions, polyline_lengths
@@ -33,7 +30,7 @@ PATH_POINTS = 21
 
 
 class FibreMetrics(Filter):
-    """Measure length, strain, tortuosity, pennation, curvature and architecture.
+    """Measure length, strain, tortuosity, pennation and architecture.
 
     The inputs select the measures: strain needs ``RestLength`` (from FibreTransport), pennation a muscle. A
     pennation angle lies between a fibre's end segment and the muscle's surface: 0 along the surface, 90
@@ -52,12 +49,8 @@ class FibreMetrics(Filter):
         Areas in the pose of the fibres. The disc over an area within the muscle counts as muscle surface.
     paths
         The paths of the same fibres in the pose, from TautPaths: lengths and levers are added.
-    curvature
-        Measure curvature.
     architecture
         Measure the muscle: volume, line of action, centroid path, physiological cross-sectional area.
-    sections
-        Number of cross-sections in which fibres are counted, evenly along the centroid path.
 
     Attributes
     ----------
@@ -65,19 +58,17 @@ class FibreMetrics(Filter):
         The fibres with the cell arrays ``Length`` [mm], ``Tortuosity`` (length / distance of ends),
         ``Strain`` (length / rest length - 1, 0 for rest length 0), ``PennationOrigin`` and
         ``PennationInsertion`` [degrees, 0 to 90], and the field arrays ``LengthMean`` and ``LengthSD`` (of
-        the population) [mm]. Curvature: the point array ``Curvature``, the cell arrays ``CurvatureMean`` and
-        ``CurvatureMax`` [1/mm]. Architecture: the cell array ``LineAngle`` [degrees] between a fibre's chord
+        the population) [mm]. Architecture: the cell array ``LineAngle`` [degrees] between a fibre's chord
         and the line of action, and the field arrays ``MuscleVolume`` [mm^3], ``LineOfAction`` (3),
         ``CentroidPath`` (21, 3) [mm], ``PCSA`` (volume / mean length) and ``PCSALine`` (its part along the
-        line of action) [mm^2]. Sections: the field arrays ``SectionArea`` [mm^2], ``SectionFibres`` and
-        ``SectionDensity`` [1/mm^2]. Paths: the cell arrays ``PathLength`` [mm], ``PathPoints`` (3 n) [mm],
+        line of action) [mm^2]. Paths: the cell arrays ``PathLength`` [mm], ``PathPoints`` (3 n) [mm],
         ``Squeezed`` and ``Lever_COORDINATE`` (:mod:`vtkmuscle.data.paths`).
 
     Raises
     ------
     ValueError
-        If a value of ``RestLength`` is negative or not finite; with ``architecture`` or ``sections``, if
-        there is no closed muscle, or no fibre has a length; if the numbers of paths and fibres differ.
+        If a value of ``RestLength`` is negative or not finite; with ``architecture``, if there is no
+        closed muscle, or no fibre has a length; if the numbers of paths and fibres differ.
 
     References
     ----------
@@ -99,9 +90,7 @@ class FibreMetrics(Filter):
     5.0
     """
 
-    curvature = Parameter(bool, default=False)
     architecture = Parameter(bool, default=False)
-    sections = Parameter(int, default=0, minimum=0)
 
     fibres = ports.Lines()
     muscle = ports.Surface(optional=True)
@@ -121,21 +110,16 @@ class FibreMetrics(Filter):
         """Return the fibres with their measures."""
         lengths = polyline_lengths(fibres.points, fibres.offsets)
         cells = {"Length": lengths, "Tortuosity": _tortuosity(fibres, lengths)}
-        points = {}
         result = fibres.copy()
         if result.GetCellData().HasArray("RestLength"):
             cells["Strain"] = _strain(result, lengths)
         if muscle is not None:
             ends = self._pennation(fibres, muscle, attachments)
             cells["PennationOrigin"], cells["PennationInsertion"] = ends
-        if self.curvature:
-            at_points, mean, largest = polyline_curvatures(fibres.points, fibres.offsets)
-            points["Curvature"] = at_points
-            cells |= {"CurvatureMean": mean, "CurvatureMax": largest}
-        add_arrays(result, points=points, cells=cells)
+        add_arrays(result, cells=cells)
         if paths is not None:
             add_path_arrays(result, paths, "paths")
-        if self.architecture or self.sections:
+        if self.architecture:
             self._measure_muscle(result, fibres, lengths, muscle)
         return add_arrays(result, fields={"LengthMean": lengths.mean(), "LengthSD": lengths.std()})
 
@@ -170,36 +154,23 @@ class FibreMetrics(Filter):
     def _measure_muscle(
         self, result: vtkPolyData, lines: Polylines, lengths: Floats, muscle: Surface | None
     ) -> None:
-        name = "architecture" if self.architecture else "sections"
         if muscle is None:
-            raise InputError("", f"{name} needs a muscle, but the port 'muscle' is not connected")
-        muscle.closed(f"but {name} needs a closed surface")
+            raise InputError("", "architecture needs a muscle, but the port 'muscle' is not connected")
+        muscle.closed("but architecture needs a closed surface")
         if not lengths.max() > 0.0:
-            raise InputError("", f"{name} needs fibres with a length, but all lengths are 0")
-        if self.architecture:
-            direction = line_of_action(lines.points, lines.offsets)
-            angles = angles_to(lines.points, lines.offsets, direction)
-            volume = abs(signed_volume(muscle.points, muscle.triangles))
-            area, along = physiological_cross_section(volume, lengths, angles)
-            fields = {
-                "MuscleVolume": volume,
-                "LineOfAction": direction,
-                "CentroidPath": centroid_path(lines.points, lines.offsets, PATH_POINTS),
-                "PCSA": area,
-                "PCSALine": along,
-            }
-            add_arrays(result, cells={"LineAngle": angles}, fields=fields)
-        if self.sections:
-            path = centroid_path(lines.points, lines.offsets, 2 * self.sections + 1)
-            centres, normals = path[1::2], path[2::2] - path[:-1:2]
-            lengths = np.linalg.norm(normals, axis=1, keepdims=True)
-            normals = np.divide(normals, lengths, out=np.zeros_like(normals), where=lengths > 0)
-            areas = section_areas(muscle.points, muscle.triangles, centres, normals)
-            planes = zip(centres, normals, strict=True)
-            counts = np.array([plane_crossings(lines.points, lines.offsets, *plane) for plane in planes])
-            density = np.divide(counts, areas, out=np.zeros(len(areas)), where=areas > 0)
-            fields = {"SectionArea": areas, "SectionFibres": counts, "SectionDensity": density}
-            add_arrays(result, fields=fields)
+            raise InputError("", "architecture needs fibres with a length, but all lengths are 0")
+        direction = line_of_action(lines.points, lines.offsets)
+        angles = angles_to(lines.points, lines.offsets, direction)
+        volume = abs(signed_volume(muscle.points, muscle.triangles))
+        area, along = physiological_cross_section(volume, lengths, angles)
+        fields = {
+            "MuscleVolume": volume,
+            "LineOfAction": direction,
+            "CentroidPath": centroid_path(lines.points, lines.offsets, PATH_POINTS),
+            "PCSA": area,
+            "PCSALine": along,
+        }
+        add_arrays(result, cells={"LineAngle": angles}, fields=fields)
 
 
 def _tortuosity(lines: Polylines, lengths: Floats) -> Floats:

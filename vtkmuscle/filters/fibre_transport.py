@@ -6,8 +6,7 @@ import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.core.fibres.embedding import EmbeddedPoints
-from vtkmuscle.core.fibres.tendons import Tendons
+from vtkmuscle.core.fibres.embedding import EmbeddedPoints, Tendons
 from vtkmuscle.core.mesh.polylines import polyline_lengths
 from vtkmuscle.core.mesh.triangle_tree import shared_tree
 from vtkmuscle.core.types import Bools, Floats

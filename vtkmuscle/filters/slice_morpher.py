@@ -9,9 +9,14 @@ import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.core.morphing.correspondence import Box, Morph, Slicing
-from vtkmuscle.core.morphing.isolines import attachment_field, morph_by_isolines
-from vtkmuscle.core.morphing.planes import morph_by_planes
+from vtkmuscle.core.morphing.slices import (
+    Box,
+    Morph,
+    Slicing,
+    attachment_field,
+    morph_by_isolines,
+    morph_by_planes,
+)
 from vtkmuscle.core.template.fitting import angle_to_nearest, areas_are_opposite, superficial_pieces
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import Polylines, add_arrays, field_array
@@ -68,8 +73,7 @@ class SliceMorpher(Filter):
     output
         The fibres in the muscle, with the arrays of the template and the field arrays ``MorphMethod``
         (``plane`` or ``harmonic``), ``PointsOutside`` (for planes: points mapped outside of their section;
-        for isolines: outside of the muscle), ``SplitError`` (largest deviation of a section's four parts from
-        the rectangle's sides, as a part of the perimeter), ``VolumeShare`` (part of the muscle in the filled
+        for isolines: outside of the muscle), ``VolumeShare`` (part of the muscle in the filled
         branch), ``SteepShare`` (part of the planes' branch at more than 45 degrees to the axis, also if
         isolines were taken; 0 if planes were not tried); with superficial fibres ``SuperficialAngle``, to the
         nearest fibres, root mean square [degrees]. Angles above 10 degrees give a warning.
@@ -131,7 +135,7 @@ class SliceMorpher(Filter):
         if tolerance is None:
             tolerance = DEFAULT_TOLERANCE * float(np.linalg.norm(box[:3, 2]))
         upright = _runs_upwards(template.data, box)
-        slicing = Slicing(tolerance, self.continuity, self.report_progress)
+        slicing = Slicing(tolerance, self.continuity)
 
         shape = (template.points, box, geometry.closed)
 
@@ -158,7 +162,6 @@ class SliceMorpher(Filter):
         fields: dict[str, str | float] = {
             "MorphMethod": method,
             "PointsOutside": result.n_outside,
-            "SplitError": result.split_error,
             "VolumeShare": result.volume_share,
             "SteepShare": steep_share,
         }

@@ -16,9 +16,8 @@ from vtkmuscle.core.errors import InputError
 from vtkmuscle.data.arrays import cell_array, field_array
 from vtkmuscle.io.csv_table import write_rows
 
-#: Field arrays with a value per muscle, then with a value per section.
+#: Field arrays with a value per muscle.
 _WHOLE = ("MuscleVolume", "PCSA", "PCSALine")
-_SECTIONS = ("SectionArea", "SectionFibres", "SectionDensity")
 
 
 def fibre_columns(fibres: vtkPolyData) -> dict[str, NDArray[np.float64]]:
@@ -58,14 +57,13 @@ def muscle_summary(fibres: vtkPolyData) -> dict[str, Any]:
     Parameters
     ----------
     fibres : vtkPolyData
-        From :class:`~vtkmuscle.filters.FibreMetrics` with ``architecture``, ``sections`` or both.
+        From :class:`~vtkmuscle.filters.FibreMetrics` with ``architecture``.
 
     Returns
     -------
     dict
-        The available measures of ``MuscleVolume``, ``PCSA``, ``PCSALine``, ``LineOfAction`` (3 numbers),
-        ``CentroidPathLength``, and ``SectionArea``, ``SectionFibres`` and ``SectionDensity`` as in
-        :func:`fibre_summary`, over the sections.
+        The available measures of ``MuscleVolume``, ``PCSA``, ``PCSALine``, ``LineOfAction`` (3 numbers) and
+        ``CentroidPathLength``.
 
     Examples
     --------
@@ -82,7 +80,7 @@ def muscle_summary(fibres: vtkPolyData) -> dict[str, Any]:
     """
     arrays = {
         name: np.asarray(values, dtype=np.float64)
-        for name in (*_WHOLE, *_SECTIONS, "LineOfAction", "CentroidPath")
+        for name in (*_WHOLE, "LineOfAction", "CentroidPath")
         if (values := field_array(fibres, name)) is not None
     }
     summary: dict[str, Any] = {name: float(arrays[name][0]) for name in _WHOLE if name in arrays}
@@ -91,7 +89,7 @@ def muscle_summary(fibres: vtkPolyData) -> dict[str, Any]:
     if "CentroidPath" in arrays:
         steps = np.diff(arrays["CentroidPath"].reshape(-1, 3), axis=0)
         summary["CentroidPathLength"] = float(np.linalg.norm(steps, axis=1).sum())
-    return summary | {name: spread(arrays[name]) for name in _SECTIONS if name in arrays}
+    return summary
 
 
 def spread(values: NDArray[np.float64]) -> dict[str, float]:

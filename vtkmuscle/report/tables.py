@@ -22,8 +22,6 @@ ARCHITECTURE = (
     ("fascicle_length_mm", "fascicle length [mm]", 1.0),
     ("volume_without_tendon_mm3", "volume without tendon [cm³]", 1e-3),
     ("centroid_path_length_mm", "centroid path [mm]", 1.0),
-    ("section_area_mm2", "section area, mean [cm²]", 1e-2),
-    ("section_density_per_mm2", "fibres per cm² of section, mean", 1e2),
     ("tendon_volume_share", "tendon, part of the volume", 1.0),
     ("fascicle_length_normalised_mm", "fascicle length, normalised [mm]", 1.0),
 )

@@ -32,8 +32,6 @@ from vtkmuscle.filters.fibre_metrics import FibreMetrics
 from vtkmuscle.io.fibre_table import fibre_summary, muscle_summary, spread
 from vtkmuscle.run.table import Table
 
-#: Sections across the centroid path in which fibres are counted.
-SECTIONS = 10
 #: Length at which sarcomeres of human muscle are strongest, to which dissections normalise [um]: Ward et al.
 #: 2009, doi:10.1007/s11999-008-0594-8.
 OPTIMAL_SARCOMERE = 2.7
@@ -47,9 +45,6 @@ ARCHITECTURE = {
     "PCSALine": ("pcsa_along_line_of_action_mm2", 2),
     "LineOfAction": ("line_of_action", 0),
     "CentroidPathLength": ("centroid_path_length_mm", 1),
-    "SectionArea": ("section_area_mm2", 2),
-    "SectionFibres": ("section_fibres", 0),
-    "SectionDensity": ("section_density_per_mm2", -2),
 }
 
 
@@ -66,15 +61,12 @@ def architecture_of(
     ``hill`` may have ``tendon_slack_length`` in the scene's unit and ``sarcomere_length`` in micrometres;
     ``aponeuroses`` are the surfaces at the ends of the fibres.
     """
-    metrics = FibreMetrics(architecture=True, sections=SECTIONS)
+    metrics = FibreMetrics(architecture=True)
     summary = muscle_summary(metrics(fibres, muscle, attachments))
     result: dict[str, Any] = {}
     for array, (name, power) in ARCHITECTURE.items():
         found, scale = summary[array], millimetres**power
-        if isinstance(found, dict):
-            result[name] = {word: value * scale for word, value in found.items()}
-        else:
-            result[name] = found if isinstance(found, list) else found * scale
+        result[name] = found if isinstance(found, list) else found * scale
     given = hill or {}
     result |= _without_tendon(fibres, muscle, aponeuroses, millimetres, given.get("tendon_slack_length"))
     if "sarcomere_length" in given:
@@ -184,8 +176,6 @@ FIBRE_MEASURES = {
     "PennationOrigin": "pennation_origin_deg",
     "PennationInsertion": "pennation_insertion_deg",
     "Tortuosity": "tortuosity",
-    "CurvatureMean": "curvature_mean_per_mm",
-    "CurvatureMax": "curvature_max_per_mm",
     "Penetration": "penetration_mm",
 }
 

@@ -29,14 +29,6 @@ def test_places_stand_for_equal_shares_and_keep_apart(count):
             assert cKDTree(places).query(places, 2)[0][:, 1].min() > 0.3 * np.sqrt(300.0 / count)
 
 
-def test_equal_areas_have_equal_places():
-    shift = np.array([7.0, -3.0, 25.0])
-    one, two = even_positions([plate(1600), plate(1600) + shift], 100)
-    assert np.allclose(one + shift, two)
-    one, other = even_positions([plate(1600), plate(1600, first=1600) + shift], 100)
-    assert np.percentile(np.linalg.norm(one + shift - other, axis=1), 90) < 0.5 * np.sqrt(300.0 / 100)
-
-
 def test_places_move_with_the_areas(rng):
     # Not quite regular: rounding would decide which of two equal axes is the longer one.
     areas = [plate(2048) * [1.0, 1.0, 0.0], plate(2048, sides=(12.0, 25.0), lift=30.0)]

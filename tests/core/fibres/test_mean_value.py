@@ -3,6 +3,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
+from shapes import sphere
 from vtkmodules.vtkCommonCore import vtkPoints
 from vtkmodules.vtkCommonDataModel import vtkCellArray, vtkMeanValueCoordinatesInterpolator
 
@@ -168,14 +169,4 @@ def test_far_from_the_origin_transport_loses_no_digits(ball):
 @pytest.fixture
 def ball():
     """Return a sphere of radius 10, 162 evenly spread points, outward oriented."""
-    from scipy.spatial import ConvexHull
-
-    i = np.arange(162) + 0.5
-    polar, around = np.arccos(1 - 2 * i / 162), np.pi * (1 + 5**0.5) * i
-    ring = np.sin(polar)
-    points = 10 * np.column_stack([ring * np.cos(around), ring * np.sin(around), np.cos(polar)])
-    triangles = ConvexHull(points).simplices.astype(np.int64)
-    a, b, c = (points[triangles[:, k]] for k in range(3))
-    inward = (np.cross(b - a, c - a) * a).sum(axis=1) < 0
-    triangles[inward] = triangles[inward][:, ::-1]
-    return points, triangles
+    return sphere(10.0, 162)

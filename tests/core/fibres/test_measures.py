@@ -7,8 +7,6 @@ from vtkmuscle.core.fibres.measures import (
     centroid_path,
     line_of_action,
     physiological_cross_section,
-    plane_crossings,
-    polyline_curvatures,
     section_areas,
     smoothed_curve,
 )
@@ -18,16 +16,6 @@ from vtkmuscle.phantoms.meshing import box
 def arc(radius, turn, n=40):
     t = np.linspace(0, turn, n)
     return radius * np.column_stack([np.cos(t), np.sin(t), 0 * t])
-
-
-def test_curvature_of_arcs_and_straight_lines():
-    lines = [arc(20.0, 2.0), arc(5.0, 3.0), np.linspace([0, 0, 0], [7, 8, 9], 10), np.zeros((4, 3))]
-    offsets = np.append(0, np.cumsum([len(line) for line in lines]))
-    at_points, mean, largest = polyline_curvatures(np.vstack(lines), offsets)
-    assert_allclose(mean, [1 / 20, 1 / 5, 0, 0], atol=1e-9)
-    assert_allclose(largest, mean, atol=1e-6)
-    assert_allclose(at_points[1:39], 1 / 20, rtol=1e-9)
-    assert_array_equal(at_points[[0, 39]], 0)
 
 
 def test_the_centroid_path_of_parallel_arcs_is_the_middle_one():
@@ -60,16 +48,6 @@ def test_section_areas_of_a_box_whichever_way_it_faces():
     slanted = np.array([[0, np.sin(0.3), np.cos(0.3)]])
     area = section_areas(points, triangles, np.array([[10, 15, 25.0]]), slanted)
     assert_allclose(area, 600 / np.cos(0.3), rtol=1e-9)
-
-
-def test_fibres_that_cross_a_plane_are_counted_once_each():
-    lines = np.array(
-        [[[0, 0, 0], [0, 0, 2], [0, 0, 0.5], [0, 0, 3]], [[0, 0, 2.0], [0, 0, 3], [1, 0, 4], [1, 0, 5]]]
-    )
-    offsets = np.array([0, 4, 8])
-    up = np.array([0, 0, 1.0])
-    crossings = [plane_crossings(lines.reshape(-1, 3), offsets, np.array([0, 0, z]), up) for z in (1, 2.5, 9)]
-    assert crossings == [1, 2, 0]
 
 
 def test_smoothing_of_length_curves_keeps_lines_and_ends_and_removes_noise():

@@ -79,6 +79,6 @@ def test_no_points_have_no_weights(mesh):
 
 @pytest.mark.parametrize("points", [np.zeros((1, 3)), np.zeros((5, 3)), np.eye(3)[:2]])
 def test_few_or_equal_points_have_groups(points):
-    groups = vertex_groups(points)
-    assert sorted(groups.order) == list(range(len(points)))
-    assert (groups.groups.sizes == 1).sum() == len(points)
+    order, groups, _ = vertex_groups(points)
+    assert sorted(order) == list(range(len(points)))
+    assert (groups.sizes == 1).sum() == len(points)

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from vtkmuscle.core.fibres.tendons import Tendons
+from vtkmuscle.core.fibres.embedding import Tendons
 
 X = np.linspace(0.0, 100.0, 21)
 

@@ -1,3 +1,4 @@
+import igl
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -11,25 +12,15 @@ from vtkmuscle.core.fibres.trimming import (
     trim_fibres,
 )
 from vtkmuscle.core.motion.rigid import apply_transform, rotation_about
+from vtkmuscle.phantoms.meshing import solid_of_revolution
 
 RADIUS, LENGTH = 10.0, 100.0
 AXIS = np.array([0.0, 0.0, 1.0])
 
 
 def rod():
-    """Return a cylinder along z, from 0 to 100 mm, closed by fans of triangles."""
-    around, along = 24, 41
-    angles = np.arange(around) * 2 * np.pi / around
-    circle = RADIUS * np.column_stack([np.cos(angles), np.sin(angles)])
-    rings = [np.column_stack([circle, np.full(around, z)]) for z in np.linspace(0, LENGTH, along)]
-    points = np.vstack([*rings, [[0, 0, 0], [0, 0, LENGTH]]])
-    i, j = np.meshgrid(np.arange(around), np.arange(along - 1))
-    a, b = (i + around * j).ravel(), ((i + 1) % around + around * j).ravel()
-    sides = np.vstack([np.column_stack([a, b, b + around]), np.column_stack([a, b + around, a + around])])
-    ring, top = np.arange(around), around * (along - 1)
-    bottom_fan = np.column_stack([np.roll(ring, -1), ring, np.full(around, len(points) - 2)])
-    top_fan = np.column_stack([top + ring, top + np.roll(ring, -1), np.full(around, len(points) - 1)])
-    return points, np.vstack([sides, bottom_fan, top_fan]).astype(np.int64)
+    """Return a cylinder along z, from 0 to 100 mm."""
+    return solid_of_revolution(np.linspace(0, LENGTH, 41), np.full(41, RADIUS), 24)
 
 
 def area(where, extremal):
@@ -80,18 +71,8 @@ def pinched(n=40, count=17):
 
 
 def distance_to_patch(places, end):
-    member = np.isin(np.arange(len(end.points)), end.patch)
-    a, b, c = np.moveaxis(end.points[end.triangles[member[end.triangles].all(axis=1)]], 1, 0)
-    normals = np.cross(b - a, c - a)
-    best = []
-    for place in places:
-        q = place - a
-        height = np.abs((q * normals).sum(1)) / np.linalg.norm(normals, axis=1)
-        v = (np.cross(q, c - a) * normals).sum(1) / (normals**2).sum(1)
-        w = (np.cross(b - a, q) * normals).sum(1) / (normals**2).sum(1)
-        within = (v >= -1e-9) & (w >= -1e-9) & (v + w <= 1 + 1e-9)
-        best.append(np.where(within, height, np.inf).min())
-    return np.array(best)
+    faces = end.triangles[np.isin(end.triangles, end.patch).all(axis=1)]
+    return np.sqrt(igl.point_mesh_squared_distance(np.ascontiguousarray(places), end.points, faces)[0])
 
 
 def nearest_other(places):

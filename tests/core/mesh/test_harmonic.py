@@ -96,15 +96,3 @@ def test_gradient_of_a_linear_function_is_its_tangential_part():
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     assert np.allclose(gradients, direction - (normals @ direction)[:, None] * normals, atol=1e-9)
     assert (triangle_gradients(points, triangles, np.full(len(points), 0.1)) == 0).all()
-
-
-@pytest.mark.parametrize("n_functions", [1, 3])
-def test_functions_are_harmonic_and_have_the_values_that_are_given(n_functions):
-    points, triangles = flat_grid(60)
-    points += np.random.default_rng(1).normal(0, 0.1, points.shape)
-    known = np.flatnonzero((points[:, 0] < 3) | (points[:, 0] > 56))
-    values = np.random.default_rng(0).random((len(known), n_functions))
-    found = harmonic_extension(points, triangles, known, values)
-    assert np.array_equal(found[known], values)
-    free = np.setdiff1d(np.arange(len(points)), known)
-    assert np.abs((cotangent_laplacian(points, triangles) @ found)[free]).max() < 1e-12

@@ -5,60 +5,29 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from oracles import igl
-from vtkmodules.vtkCommonComputationalGeometry import vtkParametricTorus
-from vtkmodules.vtkFiltersCore import vtkCleanPolyData, vtkTriangleFilter
-from vtkmodules.vtkFiltersSources import (
-    vtkConeSource,
-    vtkCubeSource,
-    vtkParametricFunctionSource,
-    vtkSphereSource,
-)
+from shapes import box, convex, ring, sphere, union
 
 from vtkmuscle.core.mesh.solids import solids_of
-from vtkmuscle.core.mesh.surface import point_components, signed_volume, unique_edges
+from vtkmuscle.core.mesh.surface import point_components, unique_edges
 from vtkmuscle.data.arrays import checked_surface
 
 
-def mesh_of(source):
-    """Return points and triangles of a source, with equal points made one."""
-    clean, triangles = vtkCleanPolyData(), vtkTriangleFilter()
-    clean.SetInputConnection(source.GetOutputPort())
-    triangles.SetInputConnection(clean.GetOutputPort())
-    triangles.Update()
-    return checked_surface(triangles.GetOutput(), "test")
+def needle():
+    turn = np.linspace(0.0, 2.0 * np.pi, 60, endpoint=False)
+    base = np.column_stack([np.full(60, -25.0), 0.5 * np.cos(turn), 0.5 * np.sin(turn)])
+    return convex(np.vstack([base, [[25.0, 0.0, 0.0]]]))
 
 
 def ball(*, radius=10.0, centre=(0.0, 0.0, 0.0)):
-    return mesh_of(vtkSphereSource(radius=radius, center=centre, theta_resolution=40, phi_resolution=30))
+    points, triangles = sphere(radius, 1200)
+    return points + np.array(centre), triangles
 
 
-def cube(side=20.0):
-    return mesh_of(vtkCubeSource(x_length=side, y_length=side, z_length=side))
+def cube():
+    return box((-10.0, -10.0, -10.0), (10.0, 10.0, 10.0))
 
 
-def torus():
-    source = vtkParametricFunctionSource()
-    source.SetParametricFunction(vtkParametricTorus(ring_radius=10.0, cross_section_radius=3.0))
-    clean = vtkCleanPolyData(tolerance=1e-5)
-    clean.SetInputConnection(source.GetOutputPort())
-    points, triangles = mesh_of(clean)
-    return points, triangles if signed_volume(points, triangles) > 0 else triangles[:, ::-1]
-
-
-SHAPES = {
-    "ball": ball(),
-    "cube": cube(),
-    "needle": mesh_of(vtkConeSource(height=50.0, radius=0.5, resolution=60)),
-    "torus": torus(),
-}
-
-
-def together(*meshes):
-    starts = np.cumsum([0] + [len(points) for points, _ in meshes])
-    return (
-        np.vstack([points for points, _ in meshes]),
-        np.vstack([triangles + start for (_, triangles), start in zip(meshes, starts, strict=False)]),
-    )
+SHAPES = {"ball": ball(), "cube": cube(), "needle": needle(), "torus": ring()}
 
 
 def near_points(points, triangles, *, n=2000, seed=1):
@@ -112,7 +81,7 @@ def test_points_outside_go_to_the_nearest_place_on_the_surface():
 def test_where_shells_overlap_the_deepest_counts():
     a, b = ball(), ball(centre=(12.0, 0.0, 0.0))
     positions = np.random.default_rng(0).uniform(-12.0, 24.0, (2000, 3)) * [1, 0.6, 0.6]
-    both = solids_of(*together(a, b)).depth(positions)
+    both = solids_of(*union(a, b)).depth(positions)
     each = [solids_of(*mesh).depth(positions) for mesh in (a, b)]
     np.testing.assert_allclose(both, np.maximum(*each), atol=1e-12)
     assert ((each[0] > 0) & (each[1] > 0)).sum() > 20
@@ -121,7 +90,7 @@ def test_where_shells_overlap_the_deepest_counts():
 
 def test_a_hollow_counts_as_bone():
     inner_points, inner = ball(radius=6.0)
-    surface = solids_of(*together(ball(), (inner_points, inner[:, ::-1])))
+    surface = solids_of(*union(ball(), (inner_points, inner[:, ::-1])))
     depth = surface.depth([[0.0, 0, 0], [8.0, 0, 0], [12.0, 0, 0]])
     assert depth[0] == pytest.approx(10.0, abs=0.1)
     assert depth[1] == pytest.approx(2.0, abs=0.1)
@@ -140,7 +109,7 @@ def test_triangles_with_points_of_their_own_are_joined():
 
 
 def test_a_part_with_a_hole_is_closed():
-    points, triangles = together(ball(), ball(centre=(50.0, 0.0, 0.0)))
+    points, triangles = union(ball(), ball(centre=(50.0, 0.0, 0.0)))
     solids = solids_of(points, triangles[1:])
     assert "1 hole(s)" in solids.remarks[0]
     np.testing.assert_allclose(solids.depth([[0.0, 0, 0], [50.0, 0, 0]]), 10.0, atol=0.1)

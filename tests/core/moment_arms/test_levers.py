@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vtkmuscle.core.moment_arms.levers import MotionTwists, differences_by, twists_by
+from vtkmuscle.core.moment_arms.levers import MotionTwists, differences_by
 from vtkmuscle.core.moment_arms.of_joints import joint_arms
 from vtkmuscle.core.motion.coordinates import Coordinate
 from vtkmuscle.core.motion.rigid import RigidMotion, apply_transform, hinge, rotation_about
@@ -238,14 +238,6 @@ def test_a_sweep_that_comes_back_is_taken_from_the_poses_next_to_each():
     near = differences_by(motion, "q")
     assert near.neighbours[2].tolist() == [1, 3]
     assert near.neighbours[6].tolist() == [7, 5]
-
-
-def test_of_two_poses_there_is_a_line():
-    motion = hinge("shank", CENTRE, AXIS, [0.0, 90.0])
-    (name,) = motion.coordinates
-    frames, twists = twists_by(as_table(motion), name)
-    assert frames.tolist() == [0, 1]
-    np.testing.assert_allclose(twists["shank"], motion.coordinates[name].twists["shank"], atol=1e-12)
 
 
 def test_between_two_poses_twists_are_interpolated_and_beside_one_without_there_are_none():

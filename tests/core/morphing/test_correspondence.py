@@ -6,6 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from vtkmuscle.core.morphing.correspondence import (
+    LoopStack,
     cornered_loop,
     loop_lengths,
     refined_loop,
@@ -71,7 +72,7 @@ def test_samples_are_equally_spaced_and_begin_nearest_to_the_corner():
 
 
 def test_without_continuity_every_loop_starts_nearest_to_the_corner():
-    starts = starting_points([ellipse(), ellipse(turn=1.0)], np.array([0.0, 5.0]), 0.0, Q0)
+    starts = starting_points(LoopStack([ellipse(), ellipse(turn=1.0)], np.array([0.0, 5.0])), 0.0, Q0)
     assert np.array_equal(starts, np.zeros((2, 2)))
     loop = ellipse(first=20)
     start = cornered_loop(loop, Q0, 3.0, 2.0)[0]
@@ -126,7 +127,7 @@ def test_a_section_that_leans_to_the_other_side_does_not_make_the_start_jump(n_l
     levels = np.linspace(0, 100, n_levels)
     jumps = {}
     for continuity in (0.0, 20.0):
-        targets = starting_points(loops, levels, continuity, Q0)
+        targets = starting_points(LoopStack(loops, levels), continuity, Q0)
         starts = np.array(
             [cornered_loop(loop, target, 3.0, 2.0)[0] for loop, target in zip(loops, targets, strict=True)]
         )

@@ -4,9 +4,13 @@ from bent_muscle import bent_tube, half_circle, letter_s
 from oracles import igl
 from shapes import closed_surface
 
-from vtkmuscle.core.morphing.correspondence import Slicing
-from vtkmuscle.core.morphing.isolines import attachment_field, isoline_distances, morph_by_isolines
-from vtkmuscle.core.morphing.planes import morph_by_planes
+from vtkmuscle.core.morphing.slices import (
+    Slicing,
+    attachment_field,
+    isoline_distances,
+    morph_by_isolines,
+    morph_by_planes,
+)
 from vtkmuscle.core.motion.rigid import apply_transform
 from vtkmuscle.core.template.fitting import centroid_axis, fit_box
 from vtkmuscle.core.template.kinds import TEMPLATES, sobol_points
@@ -116,17 +120,6 @@ def test_neighbours_stay_neighbours_at_every_isoline(double_bend):
     for level in range(1, 15):
         distances = np.linalg.norm(fibres[close[:, 0], level] - fibres[close[:, 1], level], axis=1)
         assert distances.max() < 0.8 * RADIUS
-
-
-def test_a_mirrored_box_gives_the_mirrored_fibres(half_turn):
-    points, triangles, origin, insertion = half_turn
-    transform, cube = fitted(points, origin, insertion)
-    field = attachment_field(points, triangles, origin, insertion)
-    mirror = np.diag([1.0, -1.0, 1.0, 1.0])
-    here = by_isolines(cube, transform, (points, triangles), field).points
-    moved = apply_transform(mirror, cube.reshape(-1, 3)), mirror @ transform
-    there = by_isolines(*moved, (apply_transform(mirror, points), triangles[:, ::-1]), field).points
-    assert np.abs(there - apply_transform(mirror, here)).max() < 1e-6
 
 
 def test_ways_along_a_tube_are_those_of_its_centre_line_or_a_little_more():

@@ -5,14 +5,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
-from shapes import closed_surface
+from shapes import closed_surface, ring
 from vtkmodules.util.numpy_support import vtk_to_numpy
-from vtkmodules.vtkCommonComputationalGeometry import vtkParametricTorus
 from vtkmodules.vtkCommonDataModel import vtkPlane
 from vtkmodules.vtkFiltersCore import vtkPolyDataPlaneCutter, vtkStripper
-from vtkmodules.vtkFiltersSources import vtkParametricFunctionSource, vtkSphereSource
+from vtkmodules.vtkFiltersSources import vtkSphereSource
 
-from vtkmuscle.core.mesh.surface import opposite_half_edges, signed_volume
+from vtkmuscle.core.mesh.surface import opposite_half_edges
 from vtkmuscle.core.morphing.sections import cut_surface
 from vtkmuscle.data.arrays import points_of, surface_from, triangles_of
 
@@ -27,17 +26,7 @@ def sphere(resolution=24):
 
 
 def torus():
-    function = vtkParametricTorus(ring_radius=2.0, cross_section_radius=0.7)
-    source = vtkParametricFunctionSource(u_resolution=40, v_resolution=20)
-    source.SetParametricFunction(function)
-    source.Update()
-    points = points_of(source.GetOutput())
-    triangles = triangles_of(source.GetOutput(), "torus")
-    # The source repeats the points of its seams.
-    _, first, same = np.unique(points.round(9), axis=0, return_index=True, return_inverse=True)
-    points, triangles = points[first], same.reshape(-1)[triangles]
-    triangles = triangles[(triangles != np.roll(triangles, 1, axis=1)).all(axis=1)]
-    return points, triangles if signed_volume(points, triangles) > 0 else triangles[:, ::-1].copy()
+    return ring(big=2.0, small=0.7, n_around=40, n_across=20)
 
 
 def cut(points, triangles, levels, values=None):

@@ -2,7 +2,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from vtkmuscle.core.morphing.correspondence import shared_levels
+from vtkmuscle.core.morphing.slices import shared_levels
 
 
 @settings(deadline=None, max_examples=50)

@@ -1,7 +1,5 @@
 """Rigid motions."""
 
-import pickle
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -112,11 +110,6 @@ def test_motion_copies_what_it_is_given():
     np.testing.assert_array_equal(motion.at(1.0)["bone"], np.eye(4))
     with pytest.raises(ValueError, match="read-only"):
         motion.transforms["bone"][0] = 7.0
-
-
-def test_motion_survives_pickling(motion):
-    copy = pickle.loads(pickle.dumps(motion))
-    np.testing.assert_array_equal(copy.at(7.0)["bone"], motion.at(7.0)["bone"])
 
 
 @pytest.mark.parametrize(

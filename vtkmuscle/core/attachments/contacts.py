@@ -7,8 +7,8 @@ at its end are the attachment.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from itertools import combinations, permutations
+from typing import NamedTuple
 
 import numpy as np
 from scipy.sparse import coo_array, csr_array
@@ -37,8 +37,7 @@ LEAST_SHARE = 0.05
 REMEDY = "join a separate tendon to the muscle's surface, add a missing bone, or give landmarks"
 
 
-@dataclass(frozen=True, eq=False)
-class Span:
+class Span(NamedTuple):
     """Longest distance along a muscle between points near two bones.
 
     `tips` has the muscle's end point near each bone, `distances` (n,) its distances to all points along the
@@ -50,8 +49,7 @@ class Span:
     score: float
 
 
-@dataclass(frozen=True, eq=False)
-class AttachedEnd:
+class AttachedEnd(NamedTuple):
     """End of a muscle: its nearest bone, and contacts by size.
 
     Contacts are bones and connected points (k,) near them. The confidence is 1 - (score of the best span with
@@ -81,24 +79,15 @@ def attached_ends(
     last quarter of the distance count, as muscles insert by tendons. Bones that move with the chosen bone
     count in the last quarter as well, if the muscle's end is near them.
 
-    Parameters
-    ----------
-    points, triangles : (n, 3) array, (m, 3) int array
-        The muscle [mm]; point ids.
-    distances : mapping of str to (n,) array
-        Distance of each point from each bone, negative inside [mm].
-    within : float
-        Distance within which a point is near a bone, > 0 [mm]; at least half an edge, plus the gap of the
-        end.
-    between : sequence of str
-        Bones of attachment, if given: up to two.
-    bodies : sequence of sequence of str
-        Groups of bones that move together.
+    points, triangles : (n, 3), (m, 3), the muscle [mm]; point ids;
+    distances : mapping of str to (n,), distance of each point from each bone, negative inside [mm];
+    within : distance within which a point is near a bone, > 0 [mm]; at least half an edge, plus the gap of
+        the end;
+    between : sequence of str, bones of attachment, if given: up to two;
+    bodies : sequence of sequence of str, groups of bones that move together.
 
-    Raises
-    ------
-    ValueError
-        If fewer than two bones are near, the muscle connects no two bones, or ends far from them.
+    Raises a ValueError if fewer than two bones are near, the muscle connects no two bones, or ends far from
+    them.
     """
     edges = unique_edges(triangles)
     lengths = edge_lengths(points, edges)

@@ -7,7 +7,7 @@ Kohout, Kukacka 2014, doi:10.1111/cgf.12354.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
@@ -26,7 +26,7 @@ from vtkmuscle.core.mesh.surface import (
     points_in_box,
     signed_volume,
 )
-from vtkmuscle.core.types import Floats, Ints
+from vtkmuscle.core.types import FloatMap, Floats, Ints
 
 #: Penalty s on edges away from the chord: at a distance of a chords an edge counts (1 + s a^2) times its
 #: length. On a sphere of equal triangles paths deviate by 6 % of the chord from the great circle with 10, by
@@ -105,7 +105,7 @@ def attachment_patch(
     closed: bool,
     *,
     tolerance: float | None = None,
-    bone_distance: Callable[[Floats], Floats] | None = None,
+    bone_distance: FloatMap | None = None,
 ) -> Ints:
     """Return the muscle's points in an attachment area, (k,), ascending.
 
@@ -116,25 +116,16 @@ def attachment_patch(
     a line, and a ring that cuts nothing off give the points within a tolerance of the projected curve, on its
     side of the muscle.
 
-    Parameters
-    ----------
-    points, triangles : (n, 3) array, (m, 3) int array
-        The muscle [mm].
-    landmarks : (k, 3) array
-        In boundary order [mm], on or off the muscle.
-    closed : bool
-        True for a ring of landmarks.
-    tolerance : float, optional
-        Largest distance of a point from the projected curve, for curves [mm]. Default: the mean edge length.
-    bone_distance : callable, optional
-        From points (j, 3) to distances (j,) from the bone, negative inside; by default landmarks go to either
-        side of the muscle, and the smaller side of a ring is its inside.
+    points, triangles : (n, 3), (m, 3), the muscle [mm];
+    landmarks : (k, 3), in boundary order [mm], on or off the muscle;
+    closed : true for a ring of landmarks;
+    tolerance : largest distance of a point from the projected curve, for curves [mm]. Default: the mean edge
+        length;
+    bone_distance : callable, from points (j, 3) to distances (j,) from the bone, negative inside; by default
+        landmarks go to either side of the muscle, and the smaller side of a ring is its inside.
 
-    Raises
-    ------
-    ValueError
-        If there are no landmarks, a landmark is too far from the muscle, or neighbours are on unconnected
-        parts of the muscle.
+    Raises a ValueError if there are no landmarks, a landmark is too far from the muscle, or neighbours are on
+    unconnected parts of the muscle.
     """
     edges, edge_of = numbered_edges(triangles)
     usual = float(edge_lengths(points, edges).mean())
@@ -155,7 +146,7 @@ def _nearest_vertices(
     triangles: Ints,
     landmarks: Floats,
     lengths: tuple[float, float],
-    bone_distance: Callable[[Floats], Floats] | None,
+    bone_distance: FloatMap | None,
 ) -> Ints:
     """Return the nearest used point of each landmark.
 
@@ -187,7 +178,7 @@ def _prefer_facing(
     landmarks: Floats,
     nearest: Ints,
     among: tuple[cKDTree, Ints, float, float],
-    bone_distance: Callable[[Floats], Floats],
+    bone_distance: FloatMap,
 ) -> None:
     """Give each landmark the nearest point facing the bone.
 
@@ -217,11 +208,7 @@ def _on_a_line(landmarks: Floats) -> bool:
 
 
 def _enclosed(
-    points: Floats,
-    triangles: Ints,
-    loop: Ints,
-    parts: tuple[Ints, Ints],
-    bone_distance: Callable[[Floats], Floats] | None,
+    points: Floats, triangles: Ints, loop: Ints, parts: tuple[Ints, Ints], bone_distance: FloatMap | None
 ) -> Ints:
     """Return the points inside a closed loop of edges.
 

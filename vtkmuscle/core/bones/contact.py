@@ -10,8 +10,7 @@ import numpy as np
 from vtkmuscle.core.bones.bone import Bone
 from vtkmuscle.core.bones.lookup import Field, distance_at, least_distance_at, normal_at
 from vtkmuscle.core.jit import kernel
-from vtkmuscle.core.mesh.neighbours import MuscleContact, Neighbour
-from vtkmuscle.core.mesh.triangle_tree import distance2_to_box
+from vtkmuscle.core.mesh.triangle_tree import MuscleContact, Neighbour, distance2_to_box
 from vtkmuscle.core.motion.rigid import inverse, transform_point
 from vtkmuscle.core.types import Bools, Floats
 

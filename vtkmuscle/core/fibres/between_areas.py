@@ -12,7 +12,7 @@ fibres, keeps a bare part from which fibres would have to converge.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -25,7 +25,7 @@ from vtkmuscle.core.mesh.polylines import smooth_polylines
 from vtkmuscle.core.mesh.sampling import PatchSamples
 from vtkmuscle.core.mesh.surface import faces_between
 from vtkmuscle.core.mesh.triangle_tree import TriangleTree, triangle_tree
-from vtkmuscle.core.types import Floats, Ints
+from vtkmuscle.core.types import FloatMap, Floats, Ints
 
 #: Positions on the smaller area that decide which part of the larger area stays bare. With 64 to 400
 #: positions fibres in the measured gastrocnemius deviate by 10.0 to 11.0 degrees from the tracts (median).
@@ -151,7 +151,7 @@ def filled_share(fibres: Floats, origin: EndSurface, insertion: EndSurface, volu
     return float(section * np.linalg.norm(chords, axis=1).mean() / volume)
 
 
-def bend_inside(fibres: Floats, into_muscle: Callable[[Floats], Floats]) -> tuple[Floats, Floats]:
+def bend_inside(fibres: Floats, into_muscle: FloatMap) -> tuple[Floats, Floats]:
     """Return fibres bent into the muscle, and departures.
 
     Fibres (k, r, 3); largest distances outside (k,) [mm].

@@ -63,20 +63,13 @@ def mean_value_coordinates(points: Floats, triangles: Ints, queries: Floats, *, 
     The weights of a point sum to 1 and reproduce linear functions; on the surface they are barycentric, and
     they extend outside.
 
-    Parameters
-    ----------
-    points, triangles : (n, 3) array, (m, 3) int array
-        The closed mesh [mm], facing either side. Triangles without area contribute nothing.
-    queries : (q, 3) array
-        Query points, inside or outside of the mesh [mm].
-    threads : int, optional
-        Number of threads, without effect on the result; 0: one per processor.
+    points, triangles : (n, 3), (m, 3), the closed mesh [mm], facing either side. Triangles without area
+        contribute nothing;
+    queries : (q, 3), query points, inside or outside of the mesh [mm];
+    threads : number of threads, without effect on the result; 0: one per processor.
 
-    Raises
-    ------
-    ValueError
-        If weights do not reproduce their point: the surface is open, its triangles disagree about the
-        outside, or the point is too far away.
+    Raises a ValueError if weights do not reproduce their point: the surface is open, its triangles disagree
+    about the outside, or the point is too far away.
     """
     return weights_of(coordinate_mesh(points, triangles), queries, threads)
 
@@ -156,12 +149,8 @@ def transport(weights: Floats, points: Floats) -> Floats:
     Kohout, Cervenka 2021, eq. 8 (doi:10.1007/978-3-030-72379-8_24). Sums are about the vertices' centre, so a
     mesh far from the origin loses no digits.
 
-    Parameters
-    ----------
-    weights : (q, n) array
-        Rows that sum to 1.
-    points : (n, 3) array
-        New positions of the vertices [mm].
+    weights : (q, n), rows that sum to 1;
+    points : (n, 3), new positions of the vertices [mm].
     """
     centre = points.mean(axis=0)
     return np.asarray(weights @ (points - centre) + centre)

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 from numpy.polynomial import Polynomial
@@ -15,31 +15,10 @@ from vtkmuscle.core.mesh.normals import triangle_normals, unit_vectors
 from vtkmuscle.core.mesh.polylines import (
     curve_segments,
     evenly_spaced,
-    inner_points,
     polyline_lengths,
     smooth_polylines,
 )
 from vtkmuscle.core.types import Bools, Floats, Ints
-
-
-def polyline_curvatures(points: Floats, offsets: Ints) -> tuple[Floats, Floats, Floats]:
-    """Return curvatures of polylines [1/mm]. The circle passes a point and both neighbours.
-
-    At each point (n,), 0 at ends and between coincident neighbours; mean of each line (k,), weighted by
-    segment lengths; largest of each line (k,).
-    """
-    i, firsts = inner_points(offsets), offsets[:-1]
-    before, after = points[i] - points[i - 1], points[i + 1] - points[i]
-    a, b, chord = (np.linalg.norm(step, axis=1) for step in (before, after, before + after))
-    sines, sides = np.linalg.norm(np.cross(before, after), axis=1), a * b * chord
-    curvature, weights = np.zeros((2, len(points)))
-    # 4 area / product of the sides (Menger).
-    curvature[i] = np.divide(2.0 * sines, sides, out=np.zeros(len(i)), where=sides > 0.0)
-    weights[i] = a + b
-    total = np.add.reduceat(weights, firsts)
-    mean = np.add.reduceat(weights * curvature, firsts)
-    mean = np.divide(mean, total, out=np.zeros(len(total)), where=total > 0.0)
-    return curvature, mean, np.maximum.reduceat(curvature, firsts)
 
 
 def centroid_path(points: Floats, offsets: Ints, count: int) -> Floats:
@@ -102,13 +81,6 @@ def section_areas(points: Floats, triangles: Ints, centres: Floats, normals: Flo
     return np.array(areas)
 
 
-def plane_crossings(points: Floats, offsets: Ints, centre: Floats, normal: Floats) -> int:
-    """Return the number of polylines that cross a plane. The plane has a point and a normal (3,)."""
-    below = (points - centre) @ normal < 0.0
-    partly, wholly = np.logical_or.reduceat(below, offsets[:-1]), np.logical_and.reduceat(below, offsets[:-1])
-    return int((partly & ~wholly).sum())
-
-
 def smoothed_curve(values: Floats, *, passes: int = 5) -> Floats:
     """Return curves over time, smoothed. l'_i = (l_{i-1} + 4 l_i + l_{i+1}) / 6, ends kept.
 
@@ -129,14 +101,6 @@ def smoothed_curve(values: Floats, *, passes: int = 5) -> Floats:
     array([0., 4., 0.])
     """
     return smooth_polylines(np.array(values, dtype=np.float64), np.array([0, len(values)]), 4.0, passes)
-
-
-def filling_radius(volume: float, total_length: float) -> float:
-    """Return the radius [mm] of hexagonally packed tubes. The tubes fill the volume.
-
-    A tube's cell has the area 2 sqrt(3) r^2. Volume [mm^3]; total length of all fibres, > 0 [mm].
-    """
-    return float(np.sqrt(volume / (2.0 * np.sqrt(3.0) * total_length)))
 
 
 def group_fibres(lengths: Floats, count: int) -> Ints:
@@ -178,8 +142,7 @@ MEET = 0.25
 HOOKED = 90.0
 
 
-@dataclass(frozen=True)
-class Arrangement:
+class Arrangement(NamedTuple):
     """Measures of fibres at rest.
 
     `crossing` is the part of neighbours that change sides in the last eighth of their length, at the worse
@@ -261,8 +224,7 @@ NODES, DEGREE, PASSES, SECTIONS = 17, 2, 8, 40
 POINTS, END = 121, 0.1
 
 
-@dataclass(frozen=True, eq=False)
-class AreaProfile:
+class AreaProfile(NamedTuple):
     """Areas of muscle cross-sections along a medial curve. Areas (s,) [mm^2], curve (c, 3) [mm].
 
     `arcs` (s,) are the middles of equal pieces of the curve, which passes both ends of the muscle.
@@ -295,8 +257,7 @@ class AreaProfile:
         return float(self.arcs[last] + step * share * (self.arcs[1] - self.arcs[0]))
 
 
-@dataclass(frozen=True, eq=False)
-class Fascicles:
+class Fascicles(NamedTuple):
     """Fascicles: the parts of fibres within the muscle, without tendon.
 
     Lengths (k,) [mm] are 0 for a fibre without a part in the muscle. Angles (k,) are between the ends of

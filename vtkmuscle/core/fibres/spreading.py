@@ -9,8 +9,8 @@ of the muscle's sections.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 
@@ -30,14 +30,9 @@ def smooth_about_course(points: Floats, offsets: Ints, k: float, passes: int) ->
     passes without a course.) A single line, and lines with different numbers of points, have no common
     course.
 
-    Parameters
-    ----------
-    points, offsets : (n, 3) array, (m + 1,) int array
-        Positions [mm]; first point of each line, and n.
-    k : float
-        Weight of the middle point, >= 0.
-    passes : int
-        Number of passes, >= 0.
+    points, offsets : (n, 3), (m + 1,), positions [mm]; first point of each line, and n;
+    k : weight of the middle point, >= 0;
+    passes : number of passes, >= 0.
     """
     smoothed: Floats = smooth_polylines(points, offsets, k, passes)
     counts = np.diff(offsets)
@@ -66,8 +61,7 @@ FINEST = 256
 ALONG_ROWS = 2
 
 
-@dataclass(frozen=True, eq=False)
-class Cloud:
+class Cloud(NamedTuple):
     """Samples (j, 3) in a muscle, with box and volume. The density is even.
 
     `low` and `high` are the corners of the box [mm]; `volume` is that of a box with the same covariance, the

@@ -6,7 +6,6 @@ doi:10.1007/978-3-642-38241-3_3.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -24,8 +23,8 @@ from vtkmuscle.core.mesh.polylines import (
     segment_lengths,
 )
 from vtkmuscle.core.mesh.sampling import PatchSamples
-from vtkmuscle.core.mesh.surface import faces_between
-from vtkmuscle.core.types import Bools, Floats, Ints
+from vtkmuscle.core.mesh.surface import patch_triangles
+from vtkmuscle.core.types import Bools, FloatMap, Floats, Ints
 
 #: Largest turn from a fibre into its new end segment [degrees].
 LARGEST_TURN = 60.0
@@ -55,12 +54,17 @@ class EndArea:
     points: Floats
     triangles: Ints
     patch: Ints
-    distance: Callable[[Floats], Floats] | None = None
+    distance: FloatMap | None = None
 
     @cached_property
     def samples(self) -> PatchSamples:
         """Positions on the area."""
         return PatchSamples(self.points, self.triangles, self.patch)
+
+    @property
+    def corners(self) -> Floats:
+        """Corners (m, 3, 3) of the area's triangles; points without triangles are repeated."""
+        return np.ascontiguousarray(self.points[patch_triangles(self.triangles, self.patch)])
 
 
 def trim_fibres(
@@ -69,7 +73,7 @@ def trim_fibres(
     *,
     axis: Floats,
     areas: tuple[EndArea, EndArea],
-    into_muscle: Callable[[Floats], Floats],
+    into_muscle: FloatMap,
     tolerance: float,
     largest_cut: float,
 ) -> Floats:
@@ -82,25 +86,19 @@ def trim_fibres(
     over it, are kept. Points are then spaced evenly along each fibre, and points outside move to the nearest
     point of the muscle.
 
-    Parameters
-    ----------
-    points, offsets : (n, 3) array, (k + 1,) int array
-        Fibres from origin to insertion [mm]; first point of each fibre, of two or more points, and n.
-    axis : (3,) array
-        Unit vector from origin to insertion.
-    areas : EndArea, EndArea
-        Areas of the origin and of the insertion.
-    into_muscle : callable
-        From points (j, 3) to the nearest points (j, 3) of the muscle; inner points stay [mm].
-    tolerance : float
-        Largest distance of a new segment outside the muscle [mm].
-    largest_cut : float
-        Largest part of a fibre's length cut off at either end, at most 0.5.
+    points, offsets : (n, 3), (k + 1,), fibres from origin to insertion [mm]; first point of each fibre, of
+        two or more points, and n;
+    axis : (3,), unit vector from origin to insertion;
+    areas : EndArea, EndArea, areas of the origin and of the insertion;
+    into_muscle : callable, from points (j, 3) to the nearest points (j, 3) of the muscle; inner points stay
+        [mm];
+    tolerance : largest distance of a new segment outside the muscle [mm];
+    largest_cut : largest part of a fibre's length cut off at either end, at most 0.5.
     """
     backwards = points[np.repeat(offsets[:-1] + offsets[1:] - 1, np.diff(offsets)) - np.arange(offsets[-1])]
     limits = into_muscle, tolerance, largest_cut
-    starts = _new_ends(backwards, offsets, -axis, areas[0], *limits)
-    ends = _new_ends(points, offsets, axis, areas[1], *limits)
+    starts = _new_ends(backwards, offsets, -axis, areas[0], limits)
+    ends = _new_ends(points, offsets, axis, areas[1], limits)
     result = _replaced_ends(points, offsets, starts, ends)
     inner = inner_points(offsets)
     result[inner] = into_muscle(result[inner])
@@ -109,6 +107,8 @@ def trim_fibres(
 
 #: Lengths to cut off an end of fibres (k,), and new ends (k, 3) [mm].
 _Ends = tuple[Floats, Floats]
+#: Map into the muscle, tolerance and largest cut, as of :func:`trim_fibres`.
+_Limits = tuple[FloatMap, float, float]
 
 
 def _replaced_ends(points: Floats, offsets: Ints, starts: _Ends, ends: _Ends) -> Floats:
@@ -129,16 +129,9 @@ def _replaced_ends(points: Floats, offsets: Ints, starts: _Ends, ends: _Ends) ->
     return result
 
 
-def _new_ends(
-    points: Floats,
-    offsets: Ints,
-    direction: Floats,
-    area: EndArea,
-    into_muscle: Callable[[Floats], Floats],
-    tolerance: float,
-    largest_cut: float,
-) -> _Ends:
+def _new_ends(points: Floats, offsets: Ints, direction: Floats, area: EndArea, limits: _Limits) -> _Ends:
     """Return cut lengths and new ends at the last points."""
+    into_muscle, tolerance, largest_cut = limits
     lengths = polyline_lengths(points, offsets)
     ends = points[offsets[1:] - 1]
     kept = _ends_on_area(ends, area, tolerance) & (_sharpest_turns(points, offsets) <= LARGEST_TURN)
@@ -171,7 +164,7 @@ def _new_ends(
 
 
 def _best_cut(
-    departures: Floats, rays: Floats, ends: Floats, into_muscle: Callable[[Floats], Floats], tolerance: float
+    departures: Floats, rays: Floats, ends: Floats, into_muscle: FloatMap, tolerance: float
 ) -> Ints:
     """Return the index into CUTS of each fibre's best cut.
 
@@ -284,21 +277,13 @@ def ends_as_printed(
     axis is the unit vector (3,) from origin to insertion; each fibre has at least two points.
     """
     lines = []
-    sides = [(_area_triangles(insertion), axis, insertion), (_area_triangles(origin), -axis, origin)]
+    sides = [(insertion.corners, axis, insertion), (origin.corners, -axis, origin)]
     for first, last in pairwise(offsets):
         line = points[first:last]
         for corners, direction, area in sides:
             line = _extended(line, direction, float((area.landmarks @ direction).min()), corners)[::-1]
         lines.append(line)
     return np.vstack(lines), np.append(0, np.cumsum([len(line) for line in lines]))
-
-
-def _area_triangles(area: EndArea) -> Floats:
-    """Return triangle corners (m, 3, 3) of an area. Without triangles, points are repeated."""
-    triangles = faces_between(area.triangles, area.patch)
-    if not len(triangles):
-        triangles = np.repeat(area.patch[:, None], 3, axis=1)
-    return np.ascontiguousarray(area.points[triangles])
 
 
 def _extended(line: Floats, direction: Floats, height: float, corners: Floats) -> Floats:

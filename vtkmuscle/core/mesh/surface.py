@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from scipy.sparse import coo_array
@@ -26,6 +27,12 @@ def faces_between(triangles: Ints, ids: Ints) -> Ints:
     member = np.zeros(int(triangles.max(initial=-1)) + 1, dtype=np.bool_)
     member[ids[ids < len(member)]] = True
     return triangles[member[triangles].all(axis=1)]
+
+
+def patch_triangles(triangles: Ints, patch: Ints) -> Ints:
+    """Return the triangles (k, 3) between points; without triangles, each point as a triangle."""
+    faces = faces_between(triangles, patch)
+    return faces if len(faces) else np.repeat(patch[:, None], 3, axis=1)
 
 
 def unique_edges(triangles: Ints) -> Ints:
@@ -129,8 +136,7 @@ def point_components(n_points: int, edges: Ints) -> Ints:
     return np.asarray(connected_components(graph, directed=False)[1].astype(np.int64))
 
 
-@dataclass(frozen=True)
-class SurfaceReport:
+class SurfaceReport(NamedTuple):
     """Facts about a triangle mesh."""
 
     n_points: int

@@ -8,8 +8,8 @@ of q, without a motion.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import combinations
+from typing import NamedTuple
 
 import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
@@ -22,8 +22,7 @@ from vtkmuscle.core.types import Bools, Floats, Ints
 SAME_VALUE = 1e-6
 
 
-@dataclass(frozen=True, eq=False)
-class Differences:
+class Differences(NamedTuple):
     """Poses and weights of slopes by a coordinate.
 
     A slope is of the parabola through a pose and two neighbours, on both sides if possible, else the next two
@@ -65,7 +64,7 @@ def differences_by(motion: RigidMotion, name: str, among: Sequence[str] = ()) ->
         used = np.flatnonzero(frames_of_sweep(motion, name))
     own, q = _numbered(coordinates[name].values), coordinates[name].natural
     groups = np.array([own * 0, *(_numbered(coordinates[other].values) for other in constant)]).T
-    rows: list[tuple[int, list[int], list[float]]] = []
+    neighbours, weights = np.zeros((len(own), 2), dtype=np.int64), np.zeros((len(own), 2))
     group = np.unique(groups, axis=0, return_inverse=True)[1].reshape(-1)
     order = used[np.lexsort((own[used], group[used]))]
     for members in np.split(order, np.flatnonzero(np.diff(group[order])) + 1):
@@ -77,14 +76,10 @@ def differences_by(motion: RigidMotion, name: str, among: Sequence[str] = ()) ->
                     poses[i][np.abs(poses[i] - frame).argmin()] for i in _adjacent(index, len(values))
                 ]
                 if adjacent:
-                    weights = _weights([float(q[other] - q[frame]) for other in adjacent])
-                    rows.append((int(frame), [int(adjacent[0]), int(adjacent[-1])], weights))
-    rows.sort(key=lambda row: row[0])
-    return Differences(
-        np.array([row[0] for row in rows], dtype=np.int64),
-        np.array([row[1] for row in rows], dtype=np.int64).reshape(-1, 2),
-        np.array([row[2] for row in rows], dtype=np.float64).reshape(-1, 2),
-    )
+                    neighbours[frame] = adjacent[0], adjacent[-1]
+                    weights[frame] = _weights([float(q[other] - q[frame]) for other in adjacent])
+    frames = np.flatnonzero(weights[:, 0])
+    return Differences(frames, neighbours[frames], weights[frames])
 
 
 def _numbered(values: Floats) -> Ints:
@@ -130,10 +125,7 @@ def twists_by(motion: RigidMotion, name: str, among: Sequence[str] = ()) -> tupl
 class MotionTwists:
     """Twists of bones by each coordinate, at any time.
 
-    Parameters
-    ----------
-    motion : RigidMotion
-        Its coordinates count that change, or have a modelled joint.
+    motion : RigidMotion, its coordinates count that change, or have a modelled joint.
     """
 
     def __init__(self, motion: RigidMotion) -> None:
@@ -242,17 +234,11 @@ def length_jumps(
     neighbouring step for bones that turn by a radians in a step, as the cosine of a moment arm bends. Without
     enough steps the result is 0.
 
-    Parameters
-    ----------
-    lengths : (f, k) array
-        Per frame [mm].
-    times : (f,) array
-        Ascending.
-    stretches : (f - 1,) int array, optional
-        Stretch of each step, see :func:`even_stretches`; only steps of a stretch are compared. Default: a
-        single stretch.
-    turns : (f - 1,) array, optional
-        Turns of the bones in each step [rad], see :func:`largest_turns`. Default: 0.
+    lengths : (f, k), per frame [mm];
+    times : (f,), ascending;
+    stretches : (f - 1,), stretch of each step, see :func:`even_stretches`; only steps of a stretch are
+        compared. Default: a single stretch;
+    turns : (f - 1,), turns of the bones in each step [rad], see :func:`largest_turns`. Default: 0.
     """
     count = max(len(lengths) - 1, 0)
     jumps = np.zeros((count, lengths.shape[1]))

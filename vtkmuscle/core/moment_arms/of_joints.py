@@ -60,33 +60,18 @@ def joint_arms(
 ) -> tuple[dict[str, JointArms], dict[str, str]]:
     """Return moment arms of paths by each coordinate.
 
-    Parameters
-    ----------
-    lengths : (f, k) array_like
-        Path lengths in each frame of the motion [mm].
-    levers : mapping of str to (f, k) array
-        Levers of the paths by the coordinates, in the unit of the motion's translations; NaN in frames
-        without levers.
-    motion : RigidMotion
-        Motion with coordinates, and a time for each of the f frames.
-    names : sequence of str, optional
-        Wanted coordinates; default: all.
-    crossed : sequence of str, optional
-        Coordinates of the joints that the muscle crosses; default: all.
-    millimetres : float, optional
-        Millimetres per unit of the motion's translations.
+    lengths : (f, k)_like, path lengths in each frame of the motion [mm];
+    levers : mapping of str to (f, k), levers of the paths by the coordinates, in the unit of the motion's
+        translations; NaN in frames without levers;
+    motion : RigidMotion, motion with coordinates, and a time for each of the f frames;
+    names : sequence of str, wanted coordinates; default: all;
+    crossed : sequence of str, coordinates of the joints that the muscle crosses; default: all;
+    millimetres : millimetres per unit of the motion's translations.
 
-    Returns
-    -------
-    arms : dict of str to JointArms
-        Moment arms [mm, or without unit by a translation].
-    refused : dict of str to str
-        Reasons for missing moment arms by further coordinates.
+    Returns arms : dict of str to JointArms, moment arms [mm, or without unit by a translation];
+    refused : dict of str to str, reasons for missing moment arms by further coordinates.
 
-    Raises
-    ------
-    ValueError
-        If the motion lacks a named coordinate, or has no coordinate with moment arms.
+    Raises a ValueError if the motion lacks a named coordinate, or has no coordinate with moment arms.
     """
     checked_coordinates(motion, names or ())
     with_levers = [name for name, lever in levers.items() if np.isfinite(lever).any()]
@@ -148,14 +133,9 @@ def quartic_moment_arms(
     muscle that lifts off a bone, or a curve with more than three bends, shown by the residual. Raises a
     ValueError for fewer than 6 different values of the coordinate.
 
-    Parameters
-    ----------
-    lengths : (f, k) array
-        Lengths of k fibres in f poses.
-    coordinate : (f,) array
-        Value in each pose, in any order; in radians for an angle.
-    at : (m,) array, optional
-        Coordinate values of the results; default: of the poses.
+    lengths : (f, k), lengths of k fibres in f poses;
+    coordinate : (f,), value in each pose, in any order; in radians for an angle;
+    at : (m,), coordinate values of the results; default: of the poses.
     """
     low, high = coordinate.min(), coordinate.max()
     n_values = len(np.unique(np.round((coordinate - low) / max(SAME_VALUE * (high - low), 1e-300))))

@@ -6,31 +6,27 @@ value equal to a level counts as above: so levels through points or along edges 
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.mesh.surface import point_components, signed_volume, sorted_into_bins
-from vtkmuscle.core.types import Floats, Ints
+from vtkmuscle.core.types import FloatMap, Floats, Ints
 
 
-@dataclass(frozen=True, eq=False)
-class Sections:
+class Sections(NamedTuple):
     """Loops of a surface at ascending levels, in sequence.
 
     The last point of a loop differs from the first. Seen from outside, the surface above the level is on the
     loop's left: about the direction of growing values, the outer boundary of a section runs counterclockwise
     and a hole clockwise.
 
-    Attributes
-    ----------
-    points, loop_offsets, level_offsets : (n, 3) array, (k + 1,) int array, (l + 1,) int array
-        Intersections of surface edges and levels; first point of each loop, and n; first loop of each level,
-        and k.
-    parts_below, parts_above, vertex_parts : (k,) int arrays, (v,) int array
-        Part of the surface, cut along all loops, on either side of each loop, and at each surface point.
+    points, loop_offsets, level_offsets : (n, 3), (k + 1,), (l + 1,), intersections of surface edges and
+        levels; first point of each loop, and n; first loop of each level, and k;
+    parts_below, parts_above, vertex_parts : (k,)s, (v,), part of the surface, cut along all loops, on either
+        side of each loop, and at each surface point.
     """
 
     points: Floats
@@ -238,12 +234,7 @@ class Branch:
     """
 
     def __init__(
-        self,
-        surface: ClosedSurface,
-        values: Floats,
-        levels: Floats,
-        heights: Floats,
-        size: Callable[[Floats], Floats],
+        self, surface: ClosedSurface, values: Floats, levels: Floats, heights: Floats, size: FloatMap
     ) -> None:
         self.heights, self.sections = heights, cut_surface(surface, values, levels)
         self.areas = loop_areas(self.sections.points, self.sections.loop_offsets)

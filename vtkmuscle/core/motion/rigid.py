@@ -129,17 +129,14 @@ class RigidMotion:
         checked = {}
         for bone, table in self.transforms.items():
             array = np.array(table, dtype=np.float64)
-            problem = ""
             if array.shape != (len(times), 4, 4):
                 problem = f"transforms of shape {array.shape}, expected {(len(times), 4, 4)}"
-            elif not all(rigid := [is_rigid(transform) for transform in array]):
-                row = rigid.index(False)
-                problem = (
-                    f"the transform of row {row} (time {times[row]:g}) is not rigid: it must be a rotation"
-                )
-                problem += " and a translation, with last row 0 0 0 1"
-            if problem:
                 raise InputError(f"bone {bone!r}", problem)
+            if not all(rigid := [is_rigid(transform) for transform in array]):
+                row = rigid.index(False)
+                problem = f"the transform of row {row} (time {times[row]:g}) is not rigid"
+                remedy = "it must be a rotation and a translation, with last row 0 0 0 1"
+                raise InputError(f"bone {bone!r}", problem, remedy)
             checked[bone] = _frozen(array)
         object.__setattr__(self, "transforms", checked)
         centre = self.centre

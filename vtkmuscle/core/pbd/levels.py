@@ -14,7 +14,7 @@ from scipy.spatial import cKDTree
 
 from vtkmuscle.core.jit import kernel, vector_kernel
 from vtkmuscle.core.mesh.harmonic import cotangent_laplacian
-from vtkmuscle.core.mesh.neighbours import Neighbour
+from vtkmuscle.core.mesh.triangle_tree import Neighbour
 from vtkmuscle.core.motion.blending import nearest_rotations
 from vtkmuscle.core.motion.rigid import apply_transform
 from vtkmuscle.core.pbd.solver import PBDSolver, State

@@ -18,8 +18,8 @@ from vtkmuscle.core.bones.bone import Bone
 from vtkmuscle.core.bones.contact import BoneBoxes, boxes_met
 from vtkmuscle.core.errors import InputError, errors_at
 from vtkmuscle.core.jit import array_kernel, kernel
-from vtkmuscle.core.mesh.neighbours import MuscleContact, Neighbour
 from vtkmuscle.core.mesh.solids import closed_shells
+from vtkmuscle.core.mesh.triangle_tree import MuscleContact, Neighbour
 from vtkmuscle.core.motion.rigid import inverse, transform_point
 from vtkmuscle.core.types import Bools, Floats, Ints
 

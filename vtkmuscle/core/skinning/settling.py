@@ -14,9 +14,9 @@ import numpy as np
 from vtkmuscle.core.bones.bone import Bone
 from vtkmuscle.core.bones.contact import BoneContact, PoseContact
 from vtkmuscle.core.jit import kernel
-from vtkmuscle.core.mesh.neighbours import Neighbour
 from vtkmuscle.core.mesh.rest_shape import VOLUME_FLOOR, RestShape, project_volume
 from vtkmuscle.core.mesh.surface import mean_thickness
+from vtkmuscle.core.mesh.triangle_tree import Neighbour
 from vtkmuscle.core.motion.rigid import apply_transform
 from vtkmuscle.core.skinning.diffusion import Diffusion
 from vtkmuscle.core.types import Bools, Floats, Ints

@@ -7,7 +7,7 @@ doi:10.1007/978-3-642-38241-3_3.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from scipy.spatial import ConvexHull, cKDTree
@@ -28,8 +28,7 @@ SHORTEST_EDGE = 1e-6
 LONGEST_PIECE = 0.02
 
 
-@dataclass(frozen=True, eq=False)
-class BoxFit:
+class BoxFit(NamedTuple):
     """Fitted box around a muscle.
 
     The `transform` (4, 4) from the unit cube is a right-handed rotation of a scaled cube, and a translation;
@@ -96,26 +95,16 @@ def fit_box(
     axis; here the sweep starts from the least rectangle around the muscle seen along the axis, exact for a
     box-shaped muscle.
 
-    Parameters
-    ----------
-    points : (n, 3) array
-        Points of the muscle's surface.
-    axis : (3,) array
-        Unit vector from origin to insertion.
-    landmarks : (k, 3) array, (l, 3) array
-        Landmarks of all origins, and of all insertions.
-    areas : (i, 3) array, (j, 3) array
-        Points of the template's origin and insertion areas in the unit cube.
-    angle_step : float
-        Step of the sweep [degrees].
-    guide : callable, optional
-        From a box (4, 4) to the angle between the template's and superficial fibres [rad], added to the mean
-        distance as a part of the muscle's extent: a tenth of the muscle counts as 6 degrees.
+    points : (n, 3), points of the muscle's surface;
+    axis : (3,), unit vector from origin to insertion;
+    landmarks : (k, 3), (l, 3), landmarks of all origins, and of all insertions;
+    areas : (i, 3), (j, 3), points of the template's origin and insertion areas in the unit cube;
+    angle_step : step of the sweep [degrees];
+    guide : callable, from a box (4, 4) to the angle between the template's and superficial fibres [rad],
+        added to the mean distance as a part of the muscle's extent: a tenth of the muscle counts as 6
+        degrees.
 
-    Raises
-    ------
-    ValueError
-        If all points lie in one plane.
+    Raises a ValueError if all points lie in one plane.
     """
     heights = points @ axis
     first, second = perpendiculars(axis)
@@ -150,8 +139,7 @@ def fit_box(
     return BoxFit(boxes[best], float(errors[best]), float(steps[best]), float(costs[best]))
 
 
-@dataclass(frozen=True, eq=False)
-class SuperficialFibres:
+class SuperficialFibres(NamedTuple):
     """Short pieces of superficial fibres. Middles (m, 3) [mm], unit directions (m, 3), lengths (m,) [mm]."""
 
     middles: Floats

@@ -1,0 +1,493 @@
+"""Template fibres into the muscle, along parallel planes or isolines.
+
+Planes: Kohout, Clapworthy, Martelli, Viceconti 2012, *Muscle Fibres Modelling*, section 3.3, extended in
+doi:10.1007/978-3-642-38241-3_3. Isolines: Kohout, Kukacka 2014, *Real-time modelling of fibrous muscle*,
+doi:10.1111/cgf.12354, of a function that is 0 on the origin area, 1 on the insertion area, and harmonic on
+the surface between. However the muscle bends, isolines cross the muscle.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from vtkmuscle.core.errors import InputError
+from vtkmuscle.core.mesh.harmonic import harmonic_extension, triangle_gradients
+from vtkmuscle.core.mesh.normals import perpendiculars, triangle_normals
+from vtkmuscle.core.mesh.solids import points_inside
+from vtkmuscle.core.mesh.surface import patch_triangles
+from vtkmuscle.core.mesh.triangle_tree import TriangleTree, triangle_tree
+from vtkmuscle.core.morphing.correspondence import (
+    N_STARTS,
+    LoopStack,
+    boundary_centroid,
+    count_outside,
+    cyclic_products,
+    followed_starts,
+    sampled_loop,
+    section_map,
+)
+from vtkmuscle.core.morphing.sections import Branch, ClosedSurface
+from vtkmuscle.core.types import FloatMap, Floats, Ints
+
+#: Heights within this part of the box's length are equal but for rounding.
+SAME_HEIGHT = 1e-9
+#: Heights of slices are multiples of this part of the box's length, between rounding and `SAME_HEIGHT`.
+GRAIN = 1e-12
+#: Parallel planes do not suit a muscle whose course exceeds an angle to the box's axis [degrees] over more
+#: than a share of its length, or whose main branch has less than a share of the volume.
+LARGEST_STEEP_SHARE, STEEP, LEAST_SHARE = 0.15, 45.0, 0.8
+#: Guiding sections at fixed heights, between which starts are interpolated: their number, and the distance of
+#: the first and last from the ends, as a part of the length.
+N_GUIDES, GUIDE_MARGIN = 33, 0.02
+
+
+class Morph(NamedTuple):
+    """Fibre points (n, 3) in a muscle [mm], with measures.
+
+    `n_outside` counts points outside of their section (planes), or outside of the muscle except ends on
+    attachment areas (isolines, not flat). `volume_share` is the part of the muscle's volume in the branch
+    with fibres, `steep_share` the part of the branch's course at more than :data:`STEEP` degrees to the axis.
+    """
+
+    points: Floats
+    n_outside: int
+    volume_share: float
+    steep_share: float
+
+    @property
+    def suits(self) -> bool:
+        """False if parallel planes do not follow the course."""
+        return self.volume_share >= LEAST_SHARE and self.steep_share <= LARGEST_STEEP_SHARE
+
+
+class Slicing(NamedTuple):
+    """Settings of slices through a muscle, by planes or isolines.
+
+    Fibre points within `slice_tolerance` [mm] of height share a slice. `continuity` is the part of the
+    muscle's length over which neighbouring slices resist twisting; 0 is the paper's rule, with sections
+    started and split at their vertices.
+    """
+
+    slice_tolerance: float
+    continuity: float
+
+
+class SliceMaps:
+    """Maps of the template's rectangle to sections of a muscle.
+
+    The boundaries `loops` (j, k) of the sections run counterclockwise about z from `starts` (l, k) [mm];
+    `hits` (l,) are the numbers of their levels, `sides` (2,) or longer the rectangle's sides. Sections in
+    space are viewed along z after the rotations `views` (l, 3, 3).
+    """
+
+    def __init__(
+        self,
+        loops: Sequence[Floats],
+        starts: Floats,
+        hits: Ints,
+        sides: Floats,
+        slicing: Slicing,
+        views: Floats | None = None,
+    ) -> None:
+        if views is not None:
+            loops = [loop @ view.T for loop, view in zip(loops, views, strict=True)]
+            starts = np.einsum("lij,lj->li", views, starts)
+        self._loops, self._views, self._hits = loops, views, hits
+        printed = slicing.continuity == 0.0
+        self._maps = [
+            section_map(loop, start, sides, as_printed=printed)
+            for loop, start in zip(loops, starts, strict=True)
+        ]
+
+    def positions(
+        self, inside: Floats, heights: Floats, levels: Floats, slice_of: Ints
+    ) -> tuple[Floats, int]:
+        """Return template points in the muscle's sections.
+
+        A point off its slice's level is interpolated between the maps of the slice and of the next slice on
+        its side. A level without a section, by rounding, takes the section of the nearest level. Points (n,
+        2) or wider are in the rectangle; heights (n,) and ascending levels (h,) have one unit; `slice_of`
+        (n,) is the level of each point.
+
+        Returns positions : (n, k), points in the muscle, in their order [mm];
+        n_outside : points outside of their section, seen along z.
+        """
+        above = heights - levels[slice_of]
+        adjacent = slice_of + np.sign(above).astype(np.int64)
+        apart = np.abs(above) > SAME_HEIGHT * (levels[-1] - levels[0])
+        shared = np.flatnonzero(apart & (adjacent >= 0) & (adjacent < len(levels)))
+        shares = above[shared] / (levels[adjacent[shared]] - levels[slice_of[shared]])
+        weights = np.concatenate([np.ones(len(inside)), shares])
+        weights[shared] -= shares
+        points = np.concatenate([np.arange(len(inside)), shared])
+        at_level = np.concatenate([slice_of, adjacent[shared]])
+        order = np.argsort(at_level, kind="stable")
+        positions = np.zeros((len(inside), self._loops[0].shape[1]))
+        flat = np.ascontiguousarray(inside[:, :2])
+        n_outside = 0
+        for level, members in enumerate(
+            np.split(order, np.searchsorted(at_level[order], np.arange(1, len(levels))))
+        ):
+            number = int(np.abs(self._hits - level).argmin())
+            mapped = self._maps[number].positions(flat[points[members]])
+            turned = mapped if self._views is None else mapped @ self._views[number]
+            positions[points[members]] += weights[members, None] * turned
+            n_outside += count_outside(self._loops[number], mapped[members < len(inside)])
+        return positions, n_outside
+
+
+class Box:
+    """Fitted template's box, with coordinates along its sides.
+
+    A mirroring transform (4, 4) of the unit cube gives left-handed sides, and coordinates of the muscle's
+    mirror image.
+    """
+
+    def __init__(self, transform: Floats) -> None:
+        self.sides: Floats = np.linalg.norm(transform[:3, :3], axis=0)
+        self._frame: Floats = transform[:3, :3] / self.sides
+        self._corner: Floats = transform[:3, 3]
+
+    @property
+    def length(self) -> float:
+        """Length along z [mm]."""
+        return float(self.sides[2])
+
+    def coordinates(self, points: Floats) -> Floats:
+        """Return points (n, 3) along the sides [mm]. From corner Q0."""
+        return (points - self._corner) @ self._frame
+
+    def surface(self, muscle: ClosedSurface) -> ClosedSurface:
+        """Return a muscle in box coordinates, facing outward."""
+        return ClosedSurface(self.coordinates(muscle.points), muscle.triangles, muscle.opposite).outward()
+
+    def positions(self, coordinates: Floats) -> Floats:
+        """Return the points (n, 3) of coordinates [mm]."""
+        return coordinates @ self._frame.T + self._corner
+
+
+def guide_levels(length: float) -> Floats:
+    """Return heights (k,) of guiding sections [mm]."""
+    return length * np.linspace(GUIDE_MARGIN, 1.0 - GUIDE_MARGIN, N_GUIDES)
+
+
+def shared_levels(heights: Floats, tolerance: float, grain: float = 0.0) -> tuple[Floats, Ints]:
+    """Return slice levels (k,) [mm] and each height's slice (n,).
+
+    From the lowest height on, a slice takes all heights within the tolerance [mm] of its lowest. Its level is
+    half way between its lowest and highest height, rounded to a multiple of the grain, far below the
+    tolerance: heights that differ by rounding share their slices.
+    """
+    order = np.argsort(heights, kind="stable")
+    slice_of = np.empty(len(heights), dtype=np.int64)
+    ascending = heights[order]
+    levels: list[float] = []
+    first = 0
+    while first < len(ascending):
+        last = int(np.searchsorted(ascending, ascending[first] + tolerance, side="right"))
+        slice_of[order[first:last]] = len(levels)
+        levels.append(0.5 * (ascending[first] + ascending[last - 1]))
+        first = last
+    exact = np.array(levels)
+    return np.round(exact / grain) * grain if grain > 0.0 else exact, slice_of
+
+
+#: Distance of the first and last slice from the muscle's ends, as a part of its length: far enough to cut a
+#: flat, slightly tilted end, too near to be seen.
+PLANE_MARGIN = 1e-6
+#: Slices that measure the muscle's course.
+N_PLANES = 16
+
+
+def morph_by_planes(
+    fibre_points: Floats, transform: Floats, muscle: ClosedSurface, slicing: Slicing
+) -> Morph:
+    """Return template fibres moved into the muscle by planes.
+
+    A plane at each height of fibre points along the box's z axis cuts the box in a rectangle and the muscle
+    in loops, of which :func:`vtkmuscle.core.morphing.sections.main_loops` chooses one. Rectangle and loop are
+    matched, and the rectangle's points mapped to the loop (:mod:`vtkmuscle.core.morphing.correspondence`).
+    Points keep their heights, but heights beyond the last loop are squeezed into the rest of the muscle.
+
+    fibre_points : (n, 3), points of the fitted template [mm];
+    transform : (4, 4), Unit cube to box, from :func:`vtkmuscle.core.template.fitting.fit_box`;
+    muscle : ClosedSurface, the muscle;
+    slicing : Slicing, settings of slices and maps.
+
+    Raises a ValueError if no slice through the template has an inside.
+    """
+    box = Box(transform)
+    inside = box.coordinates(fibre_points)
+    tolerance, grain = max(slicing.slice_tolerance, SAME_HEIGHT * box.length), GRAIN * box.length
+    course = _PlaneCourse(box.surface(muscle))
+    volume_share, steep_share = course.shares()
+    heights = np.clip(inside[:, 2], course.bottom + course.margin, course.top - course.margin)
+    levels, slice_of = shared_levels(heights, tolerance, grain)
+    branch = course.branch(np.union1d(levels, course.guides))
+    if (branch.at(levels[[0, -1]]) < 0).any():
+        heights = course.squeezed(heights, branch)
+        levels, slice_of = shared_levels(heights, tolerance, grain)
+        branch = course.branch(np.union1d(levels, course.guides))
+    mapped = _sections_at(box, branch, levels, course.guides, slicing)
+    result = np.column_stack([inside[:, :2], heights])
+    result[:, :2], n_outside = mapped.positions(inside, heights, levels, slice_of)
+    return Morph(box.positions(result), n_outside, volume_share, steep_share)
+
+
+class _PlaneCourse:
+    """Muscle in the coordinates of its box, cut at heights."""
+
+    def __init__(self, surface: ClosedSurface) -> None:
+        self.surface, self.heights = surface, np.ascontiguousarray(surface.points[:, 2])
+        used = self.heights[surface.triangles]
+        self.bottom, self.top = float(used.min()), float(used.max())
+        self.margin = PLANE_MARGIN * (self.top - self.bottom)
+        self.guides = self.bottom + guide_levels(self.top - self.bottom)
+
+    def branch(self, heights: Floats) -> Branch:
+        """Return the main branch at some heights."""
+        return Branch(self.surface, self.heights, heights, heights, lambda areas: areas[:, 2])
+
+    def shares(self) -> tuple[float, float]:
+        """Return the main branch's volume share, and its steep share."""
+        branch = self.branch(self.bottom + (self.top - self.bottom) * (np.arange(N_PLANES) + 0.5) / N_PLANES)
+        sections, numbers = branch.sections, branch.numbers[branch.numbers >= 0]
+        levels = range(len(branch.heights))
+        whole = sum(float(branch.sizes[sections.loops_of(level)].sum()) for level in levels)
+        share = float(branch.sizes[numbers].sum() / whole)
+        steps = np.diff([boundary_centroid(sections.loop(int(number))) for number in numbers], axis=0)
+        if not len(steps):
+            return share, 0.0
+        lengths = np.linalg.norm(steps, axis=1)
+        steep = steps[:, 2] < np.cos(np.radians(STEEP)) * lengths
+        return share, float(lengths[steep].sum() / lengths.sum())
+
+    def squeezed(self, heights: Floats, branch: Branch) -> Floats:
+        """Return heights with those beyond the branch's loops squeezed into the muscle's ends."""
+        sections, hits = branch.sections, np.flatnonzero(branch.numbers >= 0)
+        (lower, upper), (first, last) = branch.numbers[hits[[0, -1]]], branch.heights[hits[[0, -1]]]
+        low = self.heights[sections.vertex_parts == sections.parts_below[lower]].min() + self.margin
+        high = self.heights[sections.vertex_parts == sections.parts_above[upper]].max() - self.margin
+        result = heights.copy()
+        below, above = heights < first, heights > last
+        if below.any():
+            result[below] = first - (first - heights[below]) * (first - low) / (first - heights.min())
+        if above.any():
+            result[above] = last + (heights[above] - last) * (high - last) / (heights.max() - last)
+        return result
+
+
+def _sections_at(box: Box, branch: Branch, levels: Floats, guides: Floats, slicing: Slicing) -> SliceMaps:
+    """Return sections at levels, matched to the template's rectangle."""
+
+    def stack(heights: Floats) -> tuple[LoopStack, Ints]:
+        loops, hits = branch.loops_at(heights)
+        return LoopStack([np.ascontiguousarray(loop[:, :2]) for loop in loops], heights[hits]), hits
+
+    slices, hits = stack(levels)
+    starts = followed_starts(slices, stack(guides)[0], slicing.continuity * box.length, np.zeros(2))
+    return SliceMaps(slices.loops, starts, hits, box.sides, slicing)
+
+
+#: Classes of function values for the mean gradient.
+N_CLASSES = 256
+#: Isolines that measure the muscle's course.
+N_ISOLINES = 65
+#: Distance of the first and last isoline from the attachment areas, as a part of the muscle's length:
+#: isolines at an area's rim have many coincident points.
+ISOLINE_MARGIN = 1e-3
+#: Least area of a second branch, as a part of the main isoline's area.
+OTHER_BRANCH = 0.05
+
+
+def attachment_field(points: Floats, triangles: Ints, origin: Ints, insertion: Ints) -> Floats:
+    """Return the harmonic function from origin (0) to insertion (1).
+
+    Points (n, 3), triangles (m, 3), areas as point ids (k,); values (n,) in [0, 1]. Raises a ValueError if a
+    role has no points, the areas overlap, or no connected part of the muscle has both areas.
+    """
+    for role, area in (("origin", origin), ("insertion", insertion)):
+        if not len(area):
+            problem = f"no point of the muscle is in the {role} area, and the function needs both areas"
+            raise InputError("", problem)
+    both = np.intersect1d(origin, insertion)
+    if len(both):
+        problem = f"the origin and the insertion area overlap: {len(both)} point(s) of the muscle are in both"
+        raise InputError("", f"{problem}, the first is point {both[0]}", "make an area smaller")
+    fixed = np.concatenate([origin, insertion])
+    values = np.repeat([0.0, 1.0], [len(origin), len(insertion)])
+    extension = harmonic_extension(points, triangles, fixed, values[:, None])
+    corners = extension[triangles, 0]
+    if not (np.ptp(corners, axis=1) > 0.0).any():
+        raise InputError("", "no connected part of the muscle has both an origin and an insertion area")
+    return extension[:, 0]
+
+
+def morph_by_isolines(
+    fibre_points: Floats, transform: Floats, muscle: ClosedSurface, field: Floats, slicing: Slicing
+) -> Morph:
+    """Return template fibres moved into the muscle by isolines.
+
+    A plane at a height of the template, as a part of its length, goes to the isoline at the same part of the
+    distance from origin to insertion, measured on the surface and averaged around the isoline. Isolines and
+    the planes' rectangles are matched with least twist between neighbours and least squared distances; the
+    distances count less in parts of the muscle bent away from the box's axis. Fibre ends at the template's
+    bottom and top go to the nearest points of the areas.
+
+    fibre_points, transform, muscle, slicing : as for :func:`morph_by_planes`;
+    field : (n,), function of :func:`attachment_field`, for the muscle in any pose.
+
+    Raises a ValueError if the function has no isolines with an inside.
+    """
+    box = Box(transform)
+    inside = box.coordinates(fibre_points)
+    course = _IsolineCourse(box.surface(muscle), field)
+    fractions = np.clip(inside[:, 2] / box.length, 0.0, 1.0)
+    tolerance = max(slicing.slice_tolerance / box.length, SAME_HEIGHT)
+    levels, slice_of = shared_levels(fractions, tolerance, GRAIN)
+    levels = course.begin + levels * course.span
+    mapped = _isolines_at(box, course, levels, slicing)
+    heights = course.begin + fractions * course.span
+    result, _ = mapped.positions(inside, heights, levels, slice_of)
+    at_origin, at_insertion = fractions <= SAME_HEIGHT, fractions >= 1.0 - SAME_HEIGHT
+    between = result[~(at_origin | at_insertion)]
+    n_outside = int((~points_inside(between, course.tree)).sum())
+    for value, ends in ((0.0, at_origin), (1.0, at_insertion)):
+        result[ends] = course.onto_area(value, result[ends])
+    return Morph(box.positions(result), n_outside, course.share, 0.0)
+
+
+class _IsolineCourse:
+    """Muscle in its box, with a function's isolines.
+
+    The isolines at `values` of the function are at `distances` along the muscle, see
+    :func:`isoline_distances`. The main branch, with the part `share` of the muscle, is single from `begin`
+    on, over `span` [mm].
+    """
+
+    def __init__(self, surface: ClosedSurface, field: Floats) -> None:
+        self.surface, self.field = surface, field
+        self.values, self.distances = isoline_distances(surface.points, surface.triangles, field)
+        self.length = float(self.distances[-1])
+        regular = self.length * np.linspace(ISOLINE_MARGIN, 1.0 - ISOLINE_MARGIN, N_ISOLINES)
+        branch = self.branch(regular)
+        first, last = _single_branch(branch)
+        self.begin, self.span = regular[first], regular[last] - regular[first]
+        self.share = float(branch.sizes[branch.numbers[branch.numbers >= 0]].sum() / branch.sizes.sum())
+
+    def branch(self, at: Floats) -> Branch:
+        """Return the main branch at some distances."""
+        levels = np.interp(at, self.distances, self.values)
+        for i in range(1, len(levels)):  # strictly ascending, even after rounding
+            levels[i] = max(levels[i], np.nextafter(levels[i - 1], 2.0))
+        return Branch(self.surface, self.field, levels, at, lambda areas: np.linalg.norm(areas, axis=1))
+
+    @cached_property
+    def tree(self) -> TriangleTree:
+        """Tree of the muscle's triangles."""
+        return triangle_tree(self.surface.points, self.surface.triangles)
+
+    def onto_area(self, value: float, ends: Floats) -> Floats:
+        """Return nearest points on an area [mm]. Ends (j, 3); the area has a function value."""
+        area = np.flatnonzero(self.field == value)
+        faces = patch_triangles(self.surface.triangles, area)
+        return triangle_tree(self.surface.points, faces).nearest(ends)[1]
+
+
+def _isolines_at(box: Box, course: _IsolineCourse, levels: Floats, slicing: Slicing) -> SliceMaps:
+    """Return isolines at some distances, matched to the template's rectangle."""
+    guides = course.begin + guide_levels(course.span)
+    branch = course.branch(np.union1d(levels, guides))
+
+    def stack(at: Floats) -> tuple[LoopStack, Floats, Ints]:
+        """Return loops, vector areas, and numbers of hit levels."""
+        loops, hits = branch.loops_at(at)
+        areas = branch.areas[branch.at(at[hits])]
+        rings = [np.ascontiguousarray(loop) for loop in loops]
+        return LoopStack(rings, at[hits], _distances_from_rectangle(box.sides, areas)), areas, hits
+
+    rings, areas, hits = stack(levels)
+    starts = followed_starts(rings, stack(guides)[0], slicing.continuity * course.length, np.zeros(3))
+    views = np.array([_view_along(area) for area in areas])
+    return SliceMaps(rings.loops, starts, hits, box.sides, slicing, views)
+
+
+def isoline_distances(points: Floats, triangles: Ints, field: Floats) -> tuple[Floats, Floats]:
+    """Return mean distances of isolines along the surface. From the least value.
+
+    ds/df is the length-weighted mean of 1 / |grad f| along an isoline: by the coarea formula, the ratio of
+    the area to the integral of |grad f| between neighbouring isolines. The function (n,) in [0, 1] is linear
+    on each triangle; values (k,) from 0 to 1 and distances (k,) from 0 on [mm] ascend strictly.
+    """
+    areas, slopes = _per_class(points, triangles, field)
+    steps = np.divide(areas, slopes, out=np.zeros(N_CLASSES), where=slopes > 0.0)
+    # A class without triangles is as steep as the mean.
+    steps[slopes <= 0.0] = areas.sum() / slopes.sum()
+    return np.linspace(0.0, 1.0, N_CLASSES + 1), np.append(0.0, np.cumsum(steps)) / N_CLASSES
+
+
+def _per_class(points: Floats, triangles: Ints, field: Floats) -> tuple[Floats, Floats]:
+    """Return area and integrated gradient per class of values."""
+    areas = np.linalg.norm(triangle_normals(points, triangles), axis=1) / 2.0
+    slopes = areas * np.linalg.norm(triangle_gradients(points, triangles, field), axis=1)
+    low, high = field[triangles].min(axis=1), field[triangles].max(axis=1)
+    first = (low * N_CLASSES).astype(np.int64)
+    last = np.minimum((high * N_CLASSES).astype(np.int64), N_CLASSES - 1)
+    counts = np.where(slopes > 0.0, last - first + 1, 0)
+    t = np.repeat(np.arange(len(triangles)), counts)
+    k = first[t] + np.arange(len(t)) - np.repeat(np.cumsum(counts) - counts, counts)
+    shares = (np.minimum(high[t], (k + 1) / N_CLASSES) - np.maximum(low[t], k / N_CLASSES)) / (high - low)[t]
+    of_areas, of_slopes = (np.bincount(k, shares * sizes[t], N_CLASSES) for sizes in (areas, slopes))
+    return of_areas.astype(np.float64), of_slopes.astype(np.float64)
+
+
+def _single_branch(branch: Branch) -> tuple[int, int]:
+    """Return the first and last level of the single branch.
+
+    An origin of several areas has an isoline around each; the isolines join towards the insertion.
+    """
+    sizes, numbers = branch.sizes, branch.numbers
+    single = numbers >= 0
+    for level in np.flatnonzero(single):
+        rivals = [n for n in branch.sections.loops_of(int(level)) if n != numbers[level]]
+        single[level] = not rivals or sizes[rivals].max() <= OTHER_BRANCH * sizes[numbers[level]]
+    if not single.any():
+        single = numbers >= 0
+    # The longest run of levels with one branch.
+    runs = np.flatnonzero(np.diff(single.astype(np.int64), prepend=0, append=0)).reshape(-1, 2)
+    first, end = runs[np.diff(runs, axis=1)[:, 0].argmax()]
+    return int(first), int(end) - 1
+
+
+def _distances_from_rectangle(sides: Floats, areas: Floats) -> FloatMap:
+    """Return the cost function of isoline starts.
+
+    From positions (l, n, 3) on isolines to costs (l, n) [mm^2]: mean squared distances of an isoline, started
+    at the position, from the rectangle, both about their centres. They count less for isolines with a vector
+    area (3,) inclined to z.
+    """
+    width, depth = sides[:2]
+    corners = np.array([(0.0, 0.0), (width, 0.0), (width, depth), (0.0, depth)])
+    rectangle = np.zeros((N_STARTS, 3))
+    rectangle[:, :2] = sampled_loop(corners, np.zeros(2), N_STARTS) - [width / 2.0, depth / 2.0]
+    along = areas[:, 2] / np.maximum(np.linalg.norm(areas, axis=1), np.finfo(float).tiny)
+
+    def costs(positions: Floats) -> Floats:
+        centred = positions - positions.mean(axis=1, keepdims=True)
+        squares = (centred**2).sum(axis=2).mean(axis=1) + (rectangle**2).sum(axis=1).mean()
+        products = cyclic_products(np.broadcast_to(rectangle, centred.shape), centred)
+        weights = np.maximum(along, 0.0) ** 2
+        return np.asarray(weights[:, None] * (squares[:, None] - 2.0 * products))
+
+    return costs
+
+
+def _view_along(area: Floats) -> Floats:
+    """Return the frame, in rows, along a vector area (3,). Along z for a zero area."""
+    length = float(np.linalg.norm(area))
+    axis = area / length if length > 0.0 else np.array([0.0, 0.0, 1.0])
+    return np.array([*perpendiculars(axis), axis])
