@@ -211,7 +211,7 @@ def variants(value):
         yield "points", with_points(value, points_of(value) + 1e-12)
         named = vtkPolyData()
         named.ShallowCopy(value)
-        set_field_array(named, "Mine", [1.0])
+        set_field_array(named, "Mine", np.ones(1))
         yield "arrays", named
     elif isinstance(value, np.ndarray | bool | int | float):
         yield "number", value == 0 if isinstance(value, bool) else value * 2 + 1
