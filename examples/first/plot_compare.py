@@ -3,8 +3,8 @@ Two hips compared
 =================
 
 Does a larger femoral head move the iliacus away from the joint? :func:`vtkmuscle.compare` matches muscles and
-coordinates by name and gives the differences; ``write`` writes a table and a figure. Settings, sides,
-published moment arms and OpenSim's own muscles are compared in the same way.
+coordinates by name and gives the differences; ``write`` writes a table and a figure. Settings, sides
+and published moment arms are compared in the same way.
 """
 
 import matplotlib.pyplot as plt

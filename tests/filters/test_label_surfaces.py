@@ -108,4 +108,4 @@ def test_labels_are_chosen_by_name():
 def test_a_label_of_ten_metres_is_refused_before_it_is_made():
     surface = surface_of(BALL, np.diag([1.0, 500.0, 1.0, 1.0]))
     assert surface.GetNumberOfPoints() == 0
-    assert field_string(surface, "Refused").endswith("m long; check the size of the map's voxels")
+    assert field_string(surface, "Refused").endswith("m long; check the voxel size")

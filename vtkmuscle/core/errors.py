@@ -105,7 +105,7 @@ def check_is_file(path: Path, *, most: int = MOST_BYTES) -> None:
     if not path.exists():
         folder = path.parent
         also = sorted(p.name for p in folder.iterdir() if p.suffix == path.suffix) if folder.is_dir() else []
-        hint = f"similar files there: {', '.join(also[:5])}" if also else ""
+        hint = f"files there: {', '.join(also[:5])}" if also else ""
         raise MissingFileError(path, "there is no such file", hint)
     if not path.is_file():
         raise MissingFileError(path, "this is a pipe or a device, not a file", "copy the content to a file")
