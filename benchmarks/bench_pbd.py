@@ -24,7 +24,8 @@ import numpy as np
 import pyvista as pv
 
 from vtkmuscle import Scene
-from vtkmuscle.core.mesh.rest_shape import FixedMuscle, dihedral_angles
+from vtkmuscle.core.fixed_muscle import FixedMuscle
+from vtkmuscle.core.mesh.rest_shape import dihedral_angles
 from vtkmuscle.core.mesh.shared import keep_shared
 from vtkmuscle.core.mesh.surface import mesh_topology
 from vtkmuscle.core.pbd.solver import Parameters, PBDSolver

@@ -18,7 +18,7 @@ from real_hip import data_folder
 
 from vtkmuscle import Scene
 from vtkmuscle.core.bones.bone import depth_in
-from vtkmuscle.core.mesh.rest_shape import FixedMuscle
+from vtkmuscle.core.fixed_muscle import FixedMuscle
 from vtkmuscle.core.skinning import settling
 from vtkmuscle.core.skinning.carried_muscle import CarriedMuscle
 from vtkmuscle.data.moving_bones import RestBones, bones_of, fixed_points_of

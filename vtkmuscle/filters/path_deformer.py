@@ -12,8 +12,8 @@ from vtkmodules.vtkCommonExecutionModel import vtkDemandDrivenPipeline, vtkExecu
 from vtkmuscle.core.bones.bone import Bone, depth_in
 from vtkmuscle.core.errors import InputError, errors_at
 from vtkmuscle.core.fibres.embedding import EmbeddedPoints
+from vtkmuscle.core.fixed_muscle import FixedMuscle
 from vtkmuscle.core.mesh.polylines import polyline_lengths
-from vtkmuscle.core.mesh.rest_shape import FixedMuscle
 from vtkmuscle.core.mesh.triangle_tree import Neighbour
 from vtkmuscle.core.skinning.carried_muscle import CarriedMuscle, CarriedPose
 from vtkmuscle.core.types import Floats

@@ -13,7 +13,8 @@ from vtkmodules.vtkFiltersCore import vtkQuadricDecimation
 
 from vtkmuscle.core.bones.bone import Bone, depth_in
 from vtkmuscle.core.errors import InputError, errors_at
-from vtkmuscle.core.mesh.rest_shape import FixedMuscle, ShapeReport
+from vtkmuscle.core.fixed_muscle import FixedMuscle
+from vtkmuscle.core.mesh.rest_shape import ShapeReport
 from vtkmuscle.core.mesh.surface import survey
 from vtkmuscle.core.pbd.levels import FINE_ITERATIONS, TwoLevels, coarse_fixed_points
 from vtkmuscle.core.pbd.solver import PBDSolver, State

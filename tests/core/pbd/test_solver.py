@@ -5,7 +5,7 @@ import pytest
 from spindle import spindle
 
 from vtkmuscle.core.bones.bone import bone_of
-from vtkmuscle.core.mesh.rest_shape import FixedMuscle
+from vtkmuscle.core.fixed_muscle import FixedMuscle
 from vtkmuscle.core.motion.rigid import apply_transform, inverse, rotation_about
 from vtkmuscle.core.pbd.solver import PUBLISHED, Parameters, PBDSolver
 from vtkmuscle.core.pbd.voxels import _GRIDS

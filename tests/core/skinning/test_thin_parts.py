@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from vtkmuscle.core.bones.bone import bone_of
-from vtkmuscle.core.mesh.rest_shape import FixedMuscle, RestShape
+from vtkmuscle.core.fixed_muscle import FixedMuscle
+from vtkmuscle.core.mesh.rest_shape import RestShape
 from vtkmuscle.core.mesh.surface import edge_lengths, signed_volume
 from vtkmuscle.core.motion.rigid import rotation_about
 from vtkmuscle.core.paths.lines import bones_at_ends, evenly_spread

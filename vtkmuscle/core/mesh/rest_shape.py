@@ -7,12 +7,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from vtkmuscle.core.jit import lane, vector_kernel
-from vtkmuscle.core.mesh.polylines import fibre_directions_at
-from vtkmuscle.core.mesh.surface import MeshTopology, check_volume, edge_lengths, mesh_topology, signed_volume
-from vtkmuscle.core.paths.via_rings import ViaRing
+from vtkmuscle.core.mesh.surface import MeshTopology, check_volume, edge_lengths
 from vtkmuscle.core.types import Bools, Floats, Ints
 
 #: Least tangent of a triangle's corner at an edge, for a usable normal.
@@ -236,41 +233,3 @@ def _compare(
         tangents[q] = -1.0
         if geometry[0]:
             tangents[q] = across / (size + along) if along >= 0.0 else (size - along) / across
-
-
-#: Points (n, 3) of polylines in sequence [mm]; the first point of each, and n, (k + 1,).
-Lines = tuple[Floats, Ints]
-
-
-@dataclass(frozen=True, eq=False)
-class FixedMuscle:
-    """A muscle at rest, with fixed points and fibres."""
-
-    points: Floats  # (n, 3) [mm]
-    triangles: Ints  # (m, 3), a closed surface that faces outward
-    fixed_to: Ints  # (n,), index of the bone each point is fixed to, -1 for free points
-    fibres: Lines | None = None
-    #: Via rings that the fibres pass through, each with its bone.
-    rings: tuple[tuple[int, ViaRing], ...] = ()
-
-    def same_as(self, other: FixedMuscle | None) -> bool:
-        """Return whether ``other`` has equal content."""
-        if other is None or [bone for bone, _ in self.rings] != [bone for bone, _ in other.rings]:
-            return False
-        pair = self._arrays(), other._arrays()
-        return len(pair[0]) == len(pair[1]) and all(map(np.array_equal, *pair))
-
-    def _arrays(self) -> list[NDArray[Any]]:
-        rings = (part for _, ring in self.rings for part in ring)
-        return [self.points, self.triangles, self.fixed_to, *(self.fibres or ()), *rings]
-
-    def topology(self) -> MeshTopology:
-        """Return the surface's edges. A surface without volume raises a ValueError."""
-        check_volume(self.points, signed_volume(self.points, self.triangles))
-        return mesh_topology(len(self.points), self.triangles)
-
-    def directions(self, topology: MeshTopology) -> Floats | None:
-        """Return unit fibre directions at edges (k, 3). None without fibres."""
-        if self.fibres is None:
-            return None
-        return fibre_directions_at(self.points[topology.edges].mean(axis=1), *self.fibres)

@@ -19,8 +19,9 @@ import numpy as np
 from vtkmuscle.core.bones.bone import Bone
 from vtkmuscle.core.bones.contact import BoneContact
 from vtkmuscle.core.errors import InputError
+from vtkmuscle.core.fixed_muscle import FixedMuscle
 from vtkmuscle.core.mesh.harmonic import harmonic_weights
-from vtkmuscle.core.mesh.rest_shape import FixedMuscle, RestShape
+from vtkmuscle.core.mesh.rest_shape import RestShape
 from vtkmuscle.core.mesh.triangle_tree import Neighbour
 from vtkmuscle.core.motion.blending import blend_motions, screw_between
 from vtkmuscle.core.motion.rigid import apply_transform, centred, inverses

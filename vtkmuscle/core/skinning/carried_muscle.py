@@ -9,8 +9,9 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 from vtkmuscle.core.bones.bone import Bone
+from vtkmuscle.core.fixed_muscle import FixedMuscle, Lines
 from vtkmuscle.core.mesh.harmonic import harmonic_weights
-from vtkmuscle.core.mesh.rest_shape import FixedMuscle, Lines, RestShape
+from vtkmuscle.core.mesh.rest_shape import RestShape
 from vtkmuscle.core.mesh.surface import mean_thickness
 from vtkmuscle.core.mesh.triangle_tree import Neighbour
 from vtkmuscle.core.motion.blending import blend_motions
