@@ -1,5 +1,4 @@
 import numpy as np
-import pytest
 from oracles import igl
 from spindle import spindle
 
