@@ -102,6 +102,12 @@ def hip():
     return hip()
 
 
+#: Names in a test that takes a package of the extra ``test-all``.
+OPTIONAL = {"igl", "importorskip"}
+
+#: Marks of tests that are left out, and what brings them in.
+LEFT_OUT = {"slow": "--all", "long": "--long", "study": "-m study"}
+
 TRIED = pytest.StashKey[Tried]()
 
 
@@ -132,7 +138,8 @@ def pytest_sessionfinish(session, exitstatus):
 
 def pytest_addoption(parser):
     """Add the options of the extremes."""
-    parser.addoption("--long", action="store_true", help="run the extremes in their long form")
+    parser.addoption("--all", action="store_true", help="run slow tests, and those of optional programs")
+    parser.addoption("--long", action="store_true", help="run the extremes in their long form, and all tests")
     parser.addoption("--tried-table", metavar="FILE", help="write what was tried to this .rst")
     parser.addoption(
         "--extremes-table", metavar="FILE", help="write what became of the extremes to this .rst"
@@ -140,20 +147,19 @@ def pytest_addoption(parser):
 
 
 def pytest_collection_modifyitems(config, items):
-    """Leave out long measurements (-m study) and long tests (--long) unless asked for; begin with FIRST."""
+    """Leave out what is asked for by --all, --long or -m study, unless it is; begin with FIRST."""
     first, second = ([item for item in items if item.path.name == name] for name in FIRST)
     rest = [item for item in items if item.path.name not in FIRST]
     half = max(0, len(items) // 2 - len(first))  # each is given half of all, and then what the other left
     items[:] = [*first, *rest[:half], *second, *rest[half:]]
-    if not config.option.long:
-        for item in items:
-            if item.get_closest_marker("long"):
-                item.add_marker(pytest.mark.skip(reason="a long test; run it with --long"))
-    if "study" in config.option.markexpr:
-        return
+    option = config.option
+    asked = {"slow": option.all or option.long, "long": option.long, "study": "study" in option.markexpr}
     for item in items:
-        if item.get_closest_marker("study"):
-            item.add_marker(pytest.mark.skip(reason="a long measurement; run it with -m study"))
+        for mark, how in LEFT_OUT.items():
+            if item.get_closest_marker(mark) and not asked[mark]:
+                item.add_marker(pytest.mark.skip(reason=f"run it with {how}"))
+        if not OPTIONAL.isdisjoint(item.function.__code__.co_names):
+            item.add_marker("optional")
 
 
 def pytest_collection_finish():

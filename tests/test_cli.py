@@ -176,7 +176,7 @@ def test_ctrl_c_that_a_callback_swallows_ends_the_command_later():
     assert ended.value.exit_code == INTERRUPTED
 
 
-@pytest.mark.parametrize("moment", ["in the middle", pytest.param("at the start", marks=pytest.mark.long)])
+@pytest.mark.parametrize("moment", ["in the middle", pytest.param("at the start", marks=pytest.mark.slow)])
 def test_ctrl_c_leaves_the_finished_frames(moment, scene_file, tmp_path):
     scene_file.write_text(
         scene_file.read_text().replace(MOTION, HINGE.replace("[0, 20, 5]", "[0, 90, 0.05]"))

@@ -42,7 +42,7 @@ def moments(pytestconfig, seconds, short, long):
     return [rng.uniform(0.2, 1.05) * seconds for _ in range(count)]
 
 
-@pytest.mark.long
+@pytest.mark.slow
 def test_kills_leave_no_damaged_file_and_the_same_command_the_same_result(
     scene_file, whole, tmp_path, pytestconfig, tried
 ):

@@ -85,7 +85,7 @@ def test_other_processes_write_and_warn_as_this_one_does(scene, tmp_path, starte
     assert kept.report["taken_over"] == list(NAMES)
 
 
-@pytest.mark.long
+@pytest.mark.slow
 def test_a_fault_there_is_the_one_here(scene, tmp_path):
     far = replace(scene.muscles[SECOND], fixing={"method": "proximity", "distance": 1e-9})
     faulty = replace(scene, muscles={**scene.muscles, SECOND: far})
@@ -98,7 +98,7 @@ def test_a_fault_there_is_the_one_here(scene, tmp_path):
     assert report_of(tmp_path)["stopped_by"].startswith("SceneError: ")
 
 
-@pytest.mark.long
+@pytest.mark.slow
 def test_a_stop_ends_all_processes_and_keeps_the_muscles_that_are_finished(scene, tmp_path, started):
     def stop(muscle, stage, fraction):
         if stage == "done":
@@ -122,7 +122,7 @@ def wait_for_end(processes):
         time.sleep(0.05)
 
 
-@pytest.mark.long
+@pytest.mark.slow
 def test_ctrl_c_ends_all_processes(scene, tmp_path):
     """As a terminal does it: every process of the group gets the signal."""
     path = scene.save(tmp_path / "scene")
@@ -145,7 +145,7 @@ def test_ctrl_c_ends_all_processes(scene, tmp_path):
     wait_for_end(processes)
 
 
-@pytest.mark.long
+@pytest.mark.slow
 def test_a_process_that_is_killed_ends_the_run_with_a_remedy(scene, tmp_path, started):
     def kill(muscle, row):
         started[0].kill()

@@ -102,7 +102,7 @@ def pair(scene):
     return replace(scene, muscles=dict.fromkeys(("one", "other"), scene.muscles["spindle"]))
 
 
-@pytest.mark.long
+@pytest.mark.slow
 def test_figures_that_another_process_draws_are_those_that_this_one_draws(renders, pair, tmp_path):
     result = pair.run(tmp_path / "out", frames="0:3", workers=2)
     written = result.write_figures(tmp_path / "again")
@@ -112,7 +112,7 @@ def test_figures_that_another_process_draws_are_those_that_this_one_draws(render
         np.testing.assert_array_equal(there, here, err_msg=path.name)
 
 
-@pytest.mark.long
+@pytest.mark.slow
 def test_a_crash_of_a_process_that_draws_takes_no_run_with_it(renders, pair, tmp_path, monkeypatch):
     """The reason is said, and all else is written."""
 

@@ -356,7 +356,7 @@ def test_progress_goes_up_to_one_for_every_muscle(scene):
         assert steps[-1] == ("done", 1.0)
 
 
-@pytest.mark.parametrize("unit", ["cm", pytest.param("m", marks=pytest.mark.long)])
+@pytest.mark.parametrize("unit", ["cm", pytest.param("m", marks=pytest.mark.slow)])
 def test_a_scene_in_another_unit_reports_the_same_millimetres(unit):
     flexor, factor = Scene.from_phantom(flexor_over_brim(), n_fibres=6, resolution=6), 1.0 / MILLIMETRES[unit]
     muscle, motion = flexor.muscles["flexor"], flexor.motion
@@ -451,7 +451,7 @@ def test_a_failure_of_a_filter_names_the_muscle(scene):
 # ------------------------------------------------------------------------------- real data
 
 
-@pytest.mark.long
+@pytest.mark.slow
 @pytest.mark.realdata
 def test_the_main_job_on_the_real_hip(lhdl_hip):
     """Four muscles at full resolution over 90 degrees of flexion, with the settings of the scene."""

@@ -123,7 +123,7 @@ def test_a_client_works_and_a_lost_process_is_a_row(scene):
     assert "run it again" in table["message"][0]
 
 
-@pytest.mark.long
+@pytest.mark.slow
 def test_a_client_of_dask_gives_the_same_table(scene, tmp_path):
     distributed = pytest.importorskip("distributed", reason="the extra cohort is not installed")
     here = vtkmuscle.cohort({"anna": scene, "ben": scene}, workers=1, frames="0:2")
@@ -169,7 +169,7 @@ def test_the_command_writes_the_table_and_ends_with_the_status_of_the_worst(tmp_
     assert [line.split(",")[0] for line in lines] == ["subject", str(good), str(tmp_path / "none.toml")]
 
 
-@pytest.mark.long
+@pytest.mark.slow
 def test_a_stop_ends_the_processes(scene, tmp_path):
     def stop(rows):
         raise KeyboardInterrupt

@@ -27,7 +27,7 @@ def scene_of(make, n_fibres=12, every=4, **settings):
     "make",
     [
         *("wrapping_cylinder", "slivered_tendon", "spindle_over_hinge"),
-        *(pytest.param(name, marks=pytest.mark.long) for name in LONGER),
+        *(pytest.param(name, marks=pytest.mark.slow) for name in LONGER),
     ],
 )
 def test_fibres_from_bone_to_bone_are_as_long_as_their_paths_in_every_frame(make):

@@ -153,7 +153,7 @@ def test_the_versions_used_last_are_kept(kernels, toy, loaded, monkeypatch):
     assert hits(kept) == 1
 
 
-@pytest.mark.long
+@pytest.mark.slow
 def test_processes_that_compile_at_once_find_what_each_made(kernels, toy, loaded):
     code = "import sys\nfrom toy.kernels import length\nsys.stdin.readline()\nlength({})"
     started = [

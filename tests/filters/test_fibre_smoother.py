@@ -138,7 +138,7 @@ def bare_share(muscle, attachments, **settings):
     [
         (spindle_over_hinge, "spindle", ["pennate", "bipennate"]),
         pytest.param(
-            hip, "gluteus_maximus", ["pennate", "bipennate", "curved", "fan"], marks=pytest.mark.long
+            hip, "gluteus_maximus", ["pennate", "bipennate", "curved", "fan"], marks=pytest.mark.slow
         ),
     ],
     ids=["spindle", "gluteus maximus"],

@@ -188,7 +188,7 @@ def test_patches_of_a_real_muscle_are_as_large_as_their_rings_and_face_the_bone(
 
 
 @pytest.mark.realdata
-@pytest.mark.long
+@pytest.mark.slow
 def test_landmarks_10_mm_off_leave_the_patch_of_the_real_iliacus_where_it_is(lhdl_hip):
     """Off towards the bone, and into the muscle, which is thinner than that in places."""
     scene = Scene.load(lhdl_hip / "scene.toml")

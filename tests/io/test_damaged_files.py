@@ -191,7 +191,7 @@ def judged(results, tried):
     return kinds.count("read"), kinds.count("refused")
 
 
-@pytest.mark.long
+@pytest.mark.slow
 def test_mutated_meshes_are_a_result_or_one_clear_error(tmp_path, tried):
     paths = damaged(tmp_path, KINDS, 60, seed=1)
     read, refused = judged(read_all(paths, "vtkmuscle.io", "read_polydata"), tried)

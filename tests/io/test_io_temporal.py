@@ -93,7 +93,7 @@ print("point", data.GetPoint(0)[0])
 """
 
 
-@pytest.mark.long
+@pytest.mark.slow
 @pytest.mark.skipif(not shutil.which("pvpython"), reason="ParaView's pvpython is not installed")
 def test_the_installed_paraview_reads_the_collection(tmp_path):
     (tmp_path / "read.py").write_text(PARAVIEW.format(path=str(write(tmp_path))))

@@ -26,7 +26,7 @@ def draft_of(image, monkeypatch, **options):
     return draft_of_labels("hip.nrrd", **options)
 
 
-@pytest.fixture(scope="module", params=[pytest.param(1.5, marks=pytest.mark.long), 3.0])
+@pytest.fixture(scope="module", params=[pytest.param(1.5, marks=pytest.mark.slow), 3.0])
 def spacing(request):
     """Size of voxels [mm]."""
     return request.param
@@ -66,7 +66,7 @@ def test_surfaces_are_those_of_the_phantom(drawn, spacing):
         assert field_array(surface, "BoundaryDistance")[1] < 0.5 * spacing
 
 
-@pytest.mark.long
+@pytest.mark.slow
 def test_paths_are_those_of_the_phantom(drawn, spacing, tmp_path):
     """At 1.5 mm, areas by the same rule: lengths within 1.5 %, arms within 2 mm."""
     if spacing > 1.5:

@@ -11,7 +11,7 @@ from vtkmuscle.filters import LabelSurfaces
 from vtkmuscle.labels import page
 from vtkmuscle.labels.reading import read_labels
 
-pytestmark = [pytest.mark.realdata, pytest.mark.long]
+pytestmark = [pytest.mark.realdata, pytest.mark.slow]
 
 
 @pytest.fixture(autouse=True)

@@ -84,7 +84,7 @@ def test_a_model_is_repaired_with_the_paths_of_a_scene(ran, tmp_path):
     assert CliRunner().invoke(app, call).exit_code != 0  # replaces what?
 
 
-@pytest.mark.long
+@pytest.mark.slow
 def test_iliacus_and_psoas_of_gait2392_jump(opensim_data):
     found = check_model(opensim_data / "gait2392_thelen2003muscle.osim")
     assert not found.not_checked

@@ -136,7 +136,7 @@ def test_the_way_round_a_cylinder_is_tangents_and_an_arc():
     assert lengths[3] == pytest.approx(5.5)  # from within: straight
 
 
-@pytest.mark.long
+@pytest.mark.slow
 def test_a_cylinder_that_is_passed_on_both_sides_is_not_taken():
     values = {"hip": np.zeros(9), "knee": np.linspace(-1.2, 0.2, 9)}  # through the middle on the way
     roller = Cylinder("femur", np.array([0.0, -0.4, 0.0]), np.array([0.0, 0.0, 1.0]), 0.04, 0)

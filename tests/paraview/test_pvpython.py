@@ -18,6 +18,8 @@ from vtkmuscle.phantoms import spindle_over_hinge
 
 HERE = Path(__file__).parent
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def environment(tmp_path_factory):

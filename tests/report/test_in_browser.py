@@ -5,7 +5,7 @@ import itertools
 import pytest
 from browser import Page, needs_chromium
 
-pytestmark = needs_chromium
+pytestmark = [needs_chromium, pytest.mark.slow]
 
 #: What is drawn of the scene, as a number for each picture, and the part that is not background.
 PICTURE = """(() => {

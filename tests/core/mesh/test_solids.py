@@ -140,7 +140,7 @@ def test_surfaces_without_triangles_or_with_nan_are_refused():
         solids_of(np.where(points > 9.0, np.nan, points), triangles)
 
 
-@pytest.mark.long
+@pytest.mark.slow
 @pytest.mark.realdata
 @pytest.mark.parametrize("bone", ["pelvis", "femur_r"])
 def test_real_bones_agree_with_winding_numbers_shell_by_shell(lhdl_hip, bone):
