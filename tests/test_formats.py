@@ -42,4 +42,4 @@ def test_files_say_what_they_are(results):
 
 def test_what_cannot_be_exported_is_said(results, tmp_path):
     said = call(["export", str(results), str(tmp_path / "page.gltf")], 2)
-    assert "unknown format of an export; end the name in .osim" in said
+    assert "unknown format of an export; end its name in .osim" in said

@@ -173,6 +173,8 @@ class Frames(Sequence[vtkPolyData]):
         self._frames = list(frames)
 
     def __getitem__(self, index: Any) -> Any:
+        if isinstance(index, slice):
+            return Frames(self._frames[index])
         frame = self._frames[index]
         return frame.read() if isinstance(frame, WrittenFile) else frame
 
