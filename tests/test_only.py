@@ -8,6 +8,7 @@ from numpy.testing import assert_allclose
 from vtkmuscle import Scene, phantoms
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.paths.sheet import PathState
+from vtkmuscle.data.arrays import points_of
 from vtkmuscle.filters import FibreMetrics, PathDeformer
 from vtkmuscle.run import ONLY, run_only
 from vtkmuscle.run.table import Table
@@ -33,6 +34,13 @@ def test_lengths_and_moment_arms_are_those_of_a_run(scene, whole, tmp_path):
     assert sorted(path.name for path in tmp_path.iterdir()) == ["lengths.csv", "moment_arms.csv"]
 
 
+def test_surfaces_are_those_of_a_run(scene, whole, tmp_path):
+    surfaces = run_only(scene, "surfaces", tmp_path, frames="0:9:4")["spindle"]
+    for frame, surface in zip(whole.frames, surfaces, strict=True):
+        assert_allclose(points_of(surface), points_of(whole.muscle("spindle", frame=frame)), atol=1e-9)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["spindle", "spindle.pvd"]
+
+
 @pytest.mark.parametrize("what", ["lengths", "moment_arms"])
 def test_only_what_is_needed_is_computed(scene, what, monkeypatch):
     def fail(*_):
@@ -53,7 +61,7 @@ def test_the_paths_of_a_scene_by_position_based_dynamics_are_the_same(scene):
 
 @pytest.mark.parametrize("what", ONLY)
 def test_a_file_of_the_users_is_not_replaced(scene, what, tmp_path):
-    file = tmp_path / f"{what}.csv"
+    file = tmp_path / ("spindle.pvd" if what == "surfaces" else f"{what}.csv")
     file.write_text("mine")
     with pytest.raises(InputError, match="the file exists"):
         run_only(scene, what, tmp_path, frames="0:1")

@@ -59,7 +59,9 @@ class RunArguments:
         bool, Option("--overwrite", help="Replace other results, and foreign files; never inputs.")
     ] = False
     fresh: FreshOption = False
-    only: Annotated[str | None, Option(metavar="lengths|moment_arms", help="Write this table alone.")] = None
+    only: Annotated[
+        str | None, Option(metavar="lengths|moment_arms|surfaces", help="Compute and write this alone.")
+    ] = None
     muscle: Annotated[list[str] | None, Option(metavar="NAME", help="A muscle to run; repeatable.")] = None
     deformer: Annotated[str | None, Option(metavar="paths|pbd|none", help="In place of the scene's.")] = None
     quality: Annotated[

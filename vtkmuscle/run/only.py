@@ -1,4 +1,4 @@
-"""Lengths or moment arms alone, by the shortest filter chain."""
+"""A single output of a scene, by the shortest filter chain."""
 
 from __future__ import annotations
 
@@ -8,20 +8,23 @@ from os import PathLike
 from pathlib import Path
 
 import numpy as np
+from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.fibres.measures import segment_errors
 from vtkmuscle.core.mesh.shared import keep_shared
 from vtkmuscle.core.moment_arms.of_joints import JointArms, joint_arms
 from vtkmuscle.core.types import Floats
+from vtkmuscle.data.arrays import shallow_copy
 from vtkmuscle.data.paths import levers_over_time, path_lines_of, paths_of
+from vtkmuscle.io.temporal import Series
 from vtkmuscle.run.frames import FrameChoice, frame_numbers
 from vtkmuscle.run.muscles import muscle_pipeline
 from vtkmuscle.run.table import MomentArmTable, Table, length_table
 from vtkmuscle.scene.data import SceneData
 
 #: The outputs that can be asked for alone.
-ONLY = ("lengths", "moment_arms")
+ONLY = ("lengths", "moment_arms", "surfaces")
 
 
 def run_only(
@@ -32,20 +35,20 @@ def run_only(
     frames: FrameChoice = None,
     overwrite: bool = False,
     progress: Callable[[str, str, float], None] | None = None,
-) -> Table:
-    """Compute the lengths or the moment arms of a scene's paths alone.
+) -> Table | dict[str, list[vtkPolyData]]:
+    """Compute the lengths, the moment arms or the surfaces of a scene alone.
 
-    No muscle is deformed, no fibre is moved and no frame is measured. Moment arms need levers, lengths do
-    not.
+    Lengths and moment arms take the paths alone: no muscle is deformed, no fibre is moved and no frame is
+    measured. Moment arms need levers, lengths do not. Surfaces take the deformer without fibres.
 
     Parameters
     ----------
     scene : Scene
-        The scene; every muscle needs fibres.
+        The scene; lengths and moment arms need fibres, surfaces a deformer.
     what : str
-        ``"lengths"`` or ``"moment_arms"``.
+        ``"lengths"``, ``"moment_arms"`` or ``"surfaces"``.
     out : path, optional
-        Folder for ``lengths.csv`` or ``moment_arms.csv``.
+        Folder for ``lengths.csv``, ``moment_arms.csv`` or a ``NAME.pvd`` per muscle.
     frames : str, slice, range, int or None, optional
         Frames to compute, as of :class:`~vtkmuscle.run.RunOptions`; default all.
     overwrite : bool, optional
@@ -57,6 +60,8 @@ def run_only(
     -------
     Table
         A row per muscle, path and frame; lengths and moment arms in mm.
+    dict of str to list of vtkPolyData
+        For surfaces: the muscles in the frames.
 
     Raises
     ------
@@ -73,16 +78,40 @@ def run_only(
     """
     if what not in ONLY:
         raise InputError("", f"only is {what!r}, but must be one of {', '.join(map(repr, ONLY))}")
-    file = None if out is None else Path(out) / f"{what}.csv"
-    if file is not None and file.exists() and not overwrite:
-        raise InputError(file, "the file exists", "give another folder with --out, or --overwrite")
+    if what == "surfaces" and scene.deformer == "none":
+        raise InputError("deformer", "it is 'none', so there are no surfaces", "use 'paths' or 'pbd'")
+    folder = None if out is None else Path(out)
+    names = [f"{name}.pvd" for name in scene.muscles] if what == "surfaces" else [f"{what}.csv"]
+    for file in () if folder is None or overwrite else map(folder.joinpath, names):
+        if file.exists():
+            raise InputError(file, "the file exists", "give another folder with --out, or --overwrite")
     numbers = frame_numbers(frames, len(scene.motion.times))
     tell = progress or (lambda _muscle, _stage, _part: None)
     with keep_shared():
+        if what == "surfaces":
+            return {name: _surfaces(scene, name, numbers, folder, tell) for name in scene.muscles}
         table = _tables(scene, what, numbers, tell)
-    if file is not None:
-        table.to_csv(file, digits=None if what == "lengths" else 10)
+    if folder is not None:
+        table.to_csv(folder / f"{what}.csv", digits=None if what == "lengths" else 10)
     return table
+
+
+def _surfaces(
+    scene: SceneData, name: str, numbers: range, folder: Path | None, tell: Callable[[str, str, float], None]
+) -> list[vtkPolyData]:
+    """Return the surfaces of a muscle, each written as soon as it is computed."""
+    deformer = muscle_pipeline(scene, name).deformer
+    assert deformer is not None  # the scene has one
+    series = None if folder is None else Series(folder, name)
+    surfaces = []
+    for done, number in enumerate(numbers):
+        tell(name, "deforming", done / len(numbers))
+        time = float(scene.motion.times[number])
+        surfaces.append(shallow_copy(deformer.update(time=time).output))
+        if series is not None:
+            series.add(number, time, surfaces[-1])
+    tell(name, "done", 1.0)
+    return surfaces
 
 
 def _tables(scene: SceneData, what: str, numbers: range, tell: Callable[[str, str, float], None]) -> Table:
