@@ -154,7 +154,7 @@ def test_a_step_of_newtons_method_solves_its_equations(rng, left_over, off):
     gradient[:, [0, -1]] = 0.0
     f, n, _ = gradient.shape
     pairs, inverses = sheet.neighbours.pairs, np.empty((f + 1, n, 6))
-    prepare_solve(blocks, sheet.neighbours.stations, couplings, inverses)
+    prepare_solve(blocks, pairs, couplings, inverses)
     slope = newton_step(
         gradient, blocks, pairs, couplings, inverses, left_over, np.empty((4, f + 1, n, 3)), step
     )

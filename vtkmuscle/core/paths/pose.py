@@ -235,7 +235,7 @@ class SheetPose:
         return self._solve(self.gradient)
 
     def _prepare_solve(self) -> None:
-        prepare_solve(self._blocks, self._sheet.neighbours.stations, self._couplings, self._inverses)
+        prepare_solve(self._blocks, self._sheet.neighbours.pairs, self._couplings, self._inverses)
 
     def _solve(self, gradient: Floats) -> float:
         """Write to ``way`` the step that zeroes a gradient.
