@@ -206,7 +206,7 @@ def test_the_load_of_a_ball_is_the_slope_of_its_force(rng):
     ways = rng.normal(size=(2, 200, 3))
     ways /= np.linalg.norm(ways, axis=2, keepdims=True)
     depth = rng.uniform(0.2, 1.0, (2, 200, 1))
-    contacts = BoneContacts({0: bone}, np.full((1, 2, 200), 6.0), 10.0)
+    contacts = BoneContacts([(0, bone)], np.full((1, 2, 200), 6.0), 10.0)
     transforms = np.eye(4)[None].copy()
     transforms[0, :3, :3] = Rotation.random(random_state=rng).as_matrix()
     transforms[0, :3, 3] = 5.0, -40.0, 70.0

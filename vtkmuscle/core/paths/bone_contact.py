@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -66,28 +66,28 @@ class Load(NamedTuple):
 
 
 class BoneContacts:
-    """The bones that paths keep away from.
+    """The pieces of bones that paths keep away from.
 
     Parameters
     ----------
-    bones : mapping of int to Bone
-        Bones at rest by number.
+    pieces : sequence of (int, Bone)
+        The bone that each piece belongs to, and the piece at rest.
     standoff : (b, f, n) array
-        Distance that each point of each path keeps from each bone [mm].
+        Distance that each point of each path keeps from each piece [mm].
     segment : float
         Mean distance of points along a path [mm].
 
     Attributes
     ----------
     numbers : list of int
-        Numbers of the bones.
+        Number of the bone of each piece.
     rounding : float
         See :data:`ROUNDING` [mm].
     """
 
-    def __init__(self, bones: Mapping[int, Bone], standoff: Floats, segment: float) -> None:
-        self.numbers, self._bones = list(bones), list(bones.values())
-        self._standoff = standoff.reshape(len(bones), math.prod(standoff.shape[1:]))
+    def __init__(self, pieces: Sequence[tuple[int, Bone]], standoff: Floats, segment: float) -> None:
+        self.numbers, self._bones = [number for number, _ in pieces], [piece for _, piece in pieces]
+        self._standoff = standoff.reshape(len(pieces), math.prod(standoff.shape[1:]))
         self.rounding = ROUNDING * segment
 
     def proximity(self) -> Proximity:
@@ -113,7 +113,7 @@ class BoneContacts:
             gaps[found], near.normals[k, found] = distance - standoff, outward @ transform[:3, :3].T
 
     def load(self, k: int, transforms: Floats, near: Proximity, pressure: Floats) -> Load:
-        """Return the load of the k-th bone on paths.
+        """Return the load of the k-th piece on paths.
 
         The paths have a known proximity, and the bone has a pressure (f, n) on the paths. Normals are
         compared over a cell of the bone's field: flat triangles curve as the bone's surface does. Over a

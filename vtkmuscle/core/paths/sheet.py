@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from vtkmuscle.core.bones.bone import Bone
-from vtkmuscle.core.mesh.surface import check_volume, signed_volume
+from vtkmuscle.core.mesh.surface import mean_thickness
 from vtkmuscle.core.mesh.triangle_tree import triangle_tree
 from vtkmuscle.core.motion.blending import screw_between
 from vtkmuscle.core.motion.rigid import inverse
@@ -163,16 +163,17 @@ class MusclePaths:
         lengths = path_lengths(self.fibres)
         if not (lengths > 0.0).all():
             raise ValueError(f"fibre {int(lengths.argmin())} has no length")
-        self.thickness = _thickness(surface, triangles)
+        self.thickness = mean_thickness(surface, triangles)
         self._lengths, self._segment = lengths, float(lengths.mean()) / (self.fibres.shape[1] - 1)
         # Sums over bones are rounded in their order: that of their sizes, which no names decide. Bones of
         # one size, to nine digits, stay as they come.
-        bones = dict(sorted(bones.items(), key=lambda one: float(f"{np.ptp(one[1].box_along_axes):.8e}")))
+        pieces = [(number, piece) for number, bone in bones.items() for piece in bone.pieces]
+        pieces.sort(key=lambda one: float(f"{np.ptp(one[1].box_along_axes):.8e}"))
         around = surroundings_of(
             self.fibres,
             start_bones,
             end_bones,
-            bones,
+            pieces,
             triangle_tree(surface, triangles),
             self.thickness,
         )
@@ -189,7 +190,7 @@ class MusclePaths:
             self.thickness,
             self._lengths,
             around,
-            BoneContacts(bones, around.standoff, self._segment),
+            BoneContacts(pieces, around.standoff, self._segment),
             neighbours_of(self.fibres),
             tuple(rings),
             outside,
@@ -315,18 +316,6 @@ class MusclePaths:
             pose.points - carried,
             weakref.ref(pose),
         )
-
-
-def _thickness(surface: Floats, triangles: Ints) -> float:
-    """Return 2 V / A of a closed surface [mm].
-
-    Raise a ValueError where the surface encloses no volume.
-    """
-    a, b, c = (surface[triangles[:, corner]] for corner in range(3))
-    twice_area = float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())
-    volume = signed_volume(surface, triangles)
-    check_volume(surface, volume)
-    return 4.0 * abs(volume) / twice_area
 
 
 def _padded(before: Floats, now: Floats) -> Floats:
