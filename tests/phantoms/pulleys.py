@@ -110,16 +110,15 @@ def _tendon_between() -> tuple[dict[str, Surface], Surface, list[AttachmentArea]
     return made, mesh_of(cord(line, [CORD] * 2), 1.5, 3000), areas
 
 
-#: Of the band: how far the tendon comes down in front of the bone, where the band is, round what radius, and the
-#: hinge, near the tendon's pull [mm].
+#: The band is so far in front of the bone, so high, so round; the hinge is near the tendon's pull [mm].
 FRONT, BAND, ROUND, HINGE = 10.0, 12.0, 8.0, np.array([-25.0, -20.0])
 
 
 def tendon_under_band() -> Phantom:
     """Return a tendon that bows by 45 degrees round nothing, as under a retinaculum.
 
-    The tendon, 3 mm in radius, runs down 7 mm in front of ``proximal``, bows away from it, held by a band that
-    is not in the scene, and pulls ``distal``, whose hinge is 12 mm from the tendon. The band goes with
+    The tendon, 3 mm in radius, runs down 7 mm in front of ``proximal``, bows away from it, held by a band
+    that is not in the scene, and pulls ``distal``, whose hinge is 12 mm from the tendon. The band goes with
     ``proximal``, by far the nearest bone. So near the hinge the tendon slides little under its band.
 
     Returns

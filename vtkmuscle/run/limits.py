@@ -80,6 +80,9 @@ LIMITS = {
     # times harder than by its own pull. Of the muscles of a hip, a knee and an elbow none lacks any room; one
     # under a roof of bone lacks 1.1 mm, if the arm is raised and the shoulder blade does not turn with it.
     "squeezed": (0.1, 5.0, "mm"),
+    # Lengths and moment arms of such a frame are left out: one in twenty leaves the curves whole. Where paths
+    # do not come to rest before the motion begins, all frames are left out.
+    "unsettled": (0.0, 5.0, "%"),
     # FibreTransport keeps points to rounding inside where the muscle does not fold; at rest 0.5 mm counts as
     # inside. A fibre that is 15 mm off is anywhere.
     "fibres outside": (0.5, 15.0, "mm"),
@@ -122,6 +125,10 @@ WORDS = {
     "squeezed": (
         "one in twenty of its paths lacks {} of room between two bones, or more",
         "check the motion there: a bone that should go along stands still, or a joint's centre is off",
+    ),
+    "unsettled": (
+        "its paths do not come to rest in {} of the frames, and have no lengths and moment arms there",
+        "check its attachments and the bones there: are they closed, and do they leave the muscle room?",
     ),
     "fibres outside": (
         "a fibre is {} outside of the muscle",

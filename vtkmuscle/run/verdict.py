@@ -32,7 +32,7 @@ _AT_REST = {
 #: The checks that need fibres.
 _OF_FIBRES = (
     *("long fibres", "short fibres", "jumps", "widespread jumps"),
-    *("slid off", "fibres outside", "fibres in bone", "squeezed"),
+    *("slid off", "fibres outside", "fibres in bone", "squeezed", "unsettled"),
 )
 
 
@@ -169,6 +169,7 @@ def _series(
         "fibres in bone": column("fibres_penetration_new_max_mm"),
         "penetration": column("penetration_new_max_mm"),
         "squeezed": column("squeezed_p95_mm"),
+        "unsettled": 100.0 * column("unsettled") * column("unsettled").mean(),
         "widespread penetration": column("penetration_new_p95_mm"),
     }
     missing = {"penetration": "no bone has an inside", "widespread penetration": "no bone has an inside"}
@@ -225,7 +226,9 @@ def _reason(name: str, series: Floats, rows: Sequence[Mapping[str, Any]], scale:
 def _worded(value: float, unit: str) -> str:
     if not unit:
         return f"{value:.2f}"
-    return f"{value:.2g} %" if unit == "%" else f"{value:.3g} {unit.replace('deg', 'degrees')}"
+    if unit == "%":
+        return f"{value:.2g} %" if value < 99.5 else f"{value:.0f} %"
+    return f"{value:.3g} {unit.replace('deg', 'degrees')}"
 
 
 def slides_of(

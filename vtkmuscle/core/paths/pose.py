@@ -115,6 +115,8 @@ class SheetPose:
         Gradient of the energy at x, and the step from x.
     ring_points
         As given, and as changed by :meth:`hold`.
+    steps : int
+        Steps of Newton's method so far.
     """
 
     def __init__(
@@ -143,7 +145,7 @@ class SheetPose:
         self.ring_points = np.zeros((len(sheet.rings), f), dtype=np.int64)
         if ring_points is not None:
             self.ring_points[:] = ring_points
-        self.gradient, self.way = np.zeros(shape), np.empty(shape)
+        self.gradient, self.way, self.steps = np.zeros(shape), np.empty(shape), 0
         self._blocks, self._couplings = np.zeros((f, n, 6)), np.empty((len(sheet.neighbours.pairs), 6))
         self._inverses, self._work = np.empty((f + 1, n, 6)), np.empty((4, f + 1, n, 3))
         self._pressure = np.zeros((len(sheet.contacts.numbers), f, n))
@@ -231,6 +233,7 @@ class SheetPose:
 
     def step(self) -> float:
         """Compute Newton's step, ``way``, and return its slope."""
+        self.steps += 1
         self._prepare_solve()
         return self._solve(self.gradient)
 

@@ -61,6 +61,8 @@ class PathState:
         Room that each path lacks between two bones [mm].
     settled : bool
         Whether the sheet came to rest.
+    steps : int
+        Steps of Newton's method since the pose that the paths began with.
     ends_moved : (2, f, 3) array
         Move of each end since the pose before, seen from the bone of the path's opposite end [mm].
     drift : (f, n, 3) array
@@ -76,6 +78,7 @@ class PathState:
     contacts: Ints
     squeezed: Floats
     settled: bool
+    steps: int
     ends_moved: Floats
     drift: Floats
     forces: Callable[[], SheetPose | None] = lambda: None
@@ -227,10 +230,10 @@ class MusclePaths:
                 self._with_bones(one, moves) for one in (before.points, before.points + before.drift)
             )
             drift, forces = drifted - points, PathState.forces
-            return replace(before, points=points, transforms=transforms, drift=drift, forces=forces)
+            return replace(before, points=points, transforms=transforms, steps=0, drift=drift, forces=forces)
         farthest = np.linalg.norm(self._ends_moved(known, transforms), axis=2).max()
         steps = max(math.ceil(farthest / (LARGEST_MOVE * self._segment)), 1)
-        state = replace(before, transforms=known)
+        state = replace(before, transforms=known, steps=0)
         for number in range(1, steps + 1):
             pose = transforms
             if number < steps:
@@ -254,9 +257,11 @@ class MusclePaths:
         start = self._with_bones(before.points + again * before.drift, moves)
         reach = farthest_of(start - carried) or math.inf
         state = self._settle(start, transforms, ends_moved, carried, reach)
+        steps = before.steps + state.steps
         if farthest_of(state.points - start) > reach:
             state = self._settle(carried, transforms, ends_moved, carried)
-        return state
+            steps += state.steps
+        return replace(state, steps=steps)
 
     def _ends_moved(self, before: Floats, now: Floats) -> Floats:
         """Return the bones' moves of starts and ends.
@@ -312,6 +317,7 @@ class MusclePaths:
             pose.contacts(),
             pose.squeezed(),
             settled,
+            pose.steps,
             ends_moved,
             pose.points - carried,
             weakref.ref(pose),

@@ -121,7 +121,7 @@ def surroundings_of(
         gap = np.clip((distance - kept) / thickness, 0.0, 1.0)
         pushes = (1.0 - gap**2) ** 2 * np.maximum(np.einsum("fni,fni->fn", rest, outward), 0.0)
         rest -= pushes[..., None] * outward
-        side = smoothed_along(np.cross(tangents, outward), THICKNESS_SMOOTHING)
+        side = np.cross(tangents, outward)
         side /= np.maximum(np.linalg.norm(side, axis=2), np.finfo(float).tiny)[..., None]
         aside[bone] += (pushes / thickness)[..., None, None] * side[..., :, None] * side[..., None, :]
     shares = shares_by_distance(distances)
