@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from scipy.spatial import cKDTree
+from scipy.spatial.distance import cdist
 
 from vtkmuscle.core.bones.bone import Bone
 from vtkmuscle.core.mesh.triangle_tree import TriangleTree
@@ -24,12 +24,8 @@ THICKNESS_SMOOTHING = 1.0 / 32.0
 #: thickness, and half of a rod's. More is muscle beside the path, which does not come between.
 LARGEST_STANDOFF = 1.5
 
-#: Width of the bundle whose bow tissue outside of the muscle holds, in thicknesses of the muscle, and its
-#: fibres, at most.
-BUNDLE, BESIDE = 2.0, 64
-
-#: Weights that differ by less are the same.
-SAME = 1e-9
+#: Width of the bundle whose bow tissue outside of the muscle holds, in thicknesses of the muscle.
+BUNDLE = 2.0
 
 #: A bone is ahead of a fibre, not beside it, where the sine between the fibre and the direction to the bone
 #: is less than this. The thickness of the tissue there is that of the nearest points beside the bone.
@@ -121,9 +117,7 @@ def surroundings_of(
         gap = np.clip((distance - kept) / thickness, 0.0, 1.0)
         pushes = (1.0 - gap**2) ** 2 * np.maximum(np.einsum("fni,fni->fn", rest, outward), 0.0)
         rest -= pushes[..., None] * outward
-        side = np.cross(tangents, outward)
-        side /= np.maximum(np.linalg.norm(side, axis=2), np.finfo(float).tiny)[..., None]
-        aside[bone] += (pushes / thickness)[..., None, None] * side[..., :, None] * side[..., None, :]
+        aside[bone] += stiffness_aside(pushes / thickness, np.cross(tangents, outward))
     shares = shares_by_distance(distances)
     if not bones:
         bones, along = tuple(sorted({*start_bones.tolist(), *end_bones.tolist()})), np.linspace(0.0, 1.0, n)
@@ -131,9 +125,21 @@ def surroundings_of(
         shares = starts * (1.0 - along) + ends * along
         aside = np.zeros((*shares.shape, 3, 3))
     bow = _bundle_means(rest, fibres, BUNDLE * thickness)
-    across_fibre = np.eye(3) - tangents[..., :, None] * tangents[..., None, :]
-    bed = (np.linalg.norm(bow, axis=2) / thickness)[..., None, None] * across_fibre
+    bed = stiffness_of_bow(np.linalg.norm(bow, axis=2) / thickness, tangents)
     return Surroundings(standoff, shares[..., None] * rest, aside + shares[..., None, None] * bed, bones)
+
+
+def stiffness_aside(size: Floats, side: Floats) -> Floats:
+    """Return a stiffness of given size along the side (f, n, 3) of fibres, (f, n, 3, 3)."""
+    unit = side / np.maximum(np.linalg.norm(side, axis=2), np.finfo(float).tiny)[..., None]
+    stiffness: Floats = size[..., None, None] * unit[..., :, None] * unit[..., None, :]
+    return stiffness
+
+
+def stiffness_of_bow(size: Floats, tangents: Floats) -> Floats:
+    """Return a stiffness of given size in all directions across fibres."""
+    stiffness: Floats = size[..., None, None] * (np.eye(3) - tangents[..., :, None] * tangents[..., None, :])
+    return stiffness
 
 
 def shares_by_distance(distances: Floats) -> Floats:
@@ -155,24 +161,9 @@ def _bundle_means(values: Floats, fibres: Floats, width: float) -> Floats:
     means = np.empty_like(values)
     for i in range(fibres.shape[1]):
         section = fibres[:, i]
-        apart, beside = cKDTree(section).query(section, k=range(1, min(BESIDE, len(section)) + 1))
-        weights = np.exp(-0.5 * (apart / width) ** 2)
-        if len(section) > BESIDE:
-            weights = less_the_last(weights)
-        weights /= weights.sum(axis=1, keepdims=True)
-        means[:, i] = np.einsum("pk,pkc->pc", weights, values[beside, i])
+        weights = np.exp(-0.5 * (cdist(section, section) / width) ** 2)
+        means[:, i] = weights @ values[:, i] / weights.sum(axis=1, keepdims=True)
     return means
-
-
-def less_the_last(weights: Floats) -> Floats:
-    """Return weights less the last of their row.
-
-    Weights (m, k) are descending: the farthest neighbour gets 0. Rounding decides the last of several
-    neighbours at an equal distance; with a weight of 0 the choice does not matter. Rows of equal weights stay
-    unchanged.
-    """
-    less: Floats = weights - weights[:, -1:]
-    return np.where(less[:, :1] > SAME, less, weights)
 
 
 def directions_along(points: Floats) -> Floats:
