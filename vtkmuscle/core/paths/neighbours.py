@@ -137,7 +137,7 @@ def path_widths(points: Floats, lengths: Floats) -> Floats:
 
     ``lengths`` (f,) are at rest; the paths keep their volume.
     """
-    widths: Floats = np.sqrt(lengths / path_lengths(points))
+    widths: Floats = np.sqrt(lengths / np.maximum(path_lengths(points), SAME * lengths))
     return widths
 
 
