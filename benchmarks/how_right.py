@@ -212,6 +212,15 @@ def known_phantoms() -> Iterator[Known]:
     pulls = sliver.motion.times
     length: Any = sliver.known["length"]
     yield Known("slivered_tendon", sliver, pulls, pulls, np.array([length(p) for p in pulls]), "length")
+    for make in (
+        phantoms.strap_along_bone,
+        phantoms.broad_origin,
+        phantoms.strap_beside_bone,
+        phantoms.tendon_between_bones,
+        phantoms.tendon_under_band,
+    ):
+        trap = make()
+        yield _by_angle(trap.name, trap, trap.motion.times)
 
 
 def phantom_tables(**fibre_settings: Any) -> tuple[Table, Table]:

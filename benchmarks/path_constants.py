@@ -1,83 +1,95 @@
-"""Measure what each constant of the paths decides, by half and by double.
+"""Measure what each term and constant of the paths decides: left out, by half and by double.
 
-Run as ``python benchmarks/path_constants.py [--write FILE]``. For each, the largest errors of the moment arm
-on the phantoms of ``how_right.py`` (their mean, and the worst phantom), and the largest change of the mean
-arm of each muscle of the real hip in flexion, every 10 degrees; without that data, the phantoms alone.
+Run as ``python benchmarks/path_constants.py [--write FILE]``. For each, the largest errors of the paths on
+the phantoms of ``how_right.py``: their mean, and the worst phantom.
 """
 
 from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import numpy as np
-from how_right import N_FIBRES, Measured, Table, known_phantoms, measured
-from real_hip import data_folder
+from how_right import N_FIBRES, Known, Table, known_phantoms
 
-from vtkmuscle import Scene
-from vtkmuscle.core.motion.rigid import RigidMotion
-from vtkmuscle.core.paths import bone_contact, neighbours, pose, surroundings
+from vtkmuscle.core.paths import bone_contact, neighbours, pose, ring_contact, surroundings
+from vtkmuscle.data.paths import paths_of
+from vtkmuscle.pipelines import MusclePipeline
 
-#: Modules that know a constant, its name, and what it is.
+#: Modules that know a constant, its name, what it is, and whether it may be 0.
 CONSTANTS = (
-    ((neighbours,), "MODULUS", "modulus across the paths"),
-    ((neighbours,), "SHEAR_MODULUS", "shear modulus along the paths"),
-    ((surroundings,), "MODULUS", "lateral modulus of the tissue at a bone"),
-    ((surroundings,), "LEAST_LAYER", "least thickness of the lateral tissue"),
-    ((surroundings,), "LEAST_ACROSS", "least sine of a bone's normal across the fibre"),
-    ((surroundings,), "BUNDLE", "width of a bowed bundle"),
-    ((surroundings,), "THICKNESS_SMOOTHING", "smoothing of the offset from a bone"),
-    ((bone_contact, pose), "PUSH", "stiffness of bones"),
-    ((bone_contact,), "ROUNDING", "rounding of bone contact"),
+    ((neighbours,), "MODULUS", "modulus across the paths", False),
+    ((neighbours,), "SHEAR_MODULUS", "shear modulus along the paths", True),
+    ((neighbours,), "LEAST_SPACING", "least distance of paths, for their stiffness", False),
+    ((surroundings,), "LARGEST_STANDOFF", "largest distance kept from a bone", False),
+    ((surroundings,), "BUNDLE", "width of a bundle that bows", False),
+    ((surroundings,), "THICKNESS_SMOOTHING", "smoothing of the tissue's thickness", True),
+    ((bone_contact, pose, ring_contact), "PUSH", "stiffness of bones", False),
+    ((bone_contact,), "ROUNDING", "rounding of their contact", False),
 )
-#: Frames of the hip between two that are looked at.
-EVERY = 5
+
+
+def _equal_shares(distances: Any) -> Any:
+    return np.full(distances.shape, 1.0 / max(len(distances), 1))
+
+
+def _own_values(values: Any, fibres: Any, width: float) -> Any:
+    return values
+
+
+#: Of the tissue: the function that a term is, what is left out, and what is in place of it.
+TERMS = (
+    ("shares_by_distance", "shares of tissue by distance (equal ones instead)", _equal_shares),
+    ("_bundle_means", "the bundle (each fibre's own bow instead)", _own_values),
+    (
+        "stiffness_aside",
+        "tissue aside of what lies on a bone",
+        lambda *given: 0.0 * surroundings_aside(*given),
+    ),
+    ("stiffness_of_bow", "stiffness of the bow", lambda *given: 0.0 * surroundings_bow(*given)),
+    ("stiffness_of_bow", "half of the bow's stiffness", lambda *given: 0.5 * surroundings_bow(*given)),
+)
+surroundings_aside, surroundings_bow = surroundings.stiffness_aside, surroundings.stiffness_of_bow
 
 
 @contextmanager
-def scaled(modules: tuple[object, ...], name: str, factor: float) -> Iterator[None]:
-    """Let a constant have a multiple of its value."""
+def changed(modules: Sequence[object], name: str, value: object) -> Iterator[None]:
+    """Let a name of modules have another value."""
     before = getattr(modules[0], name)
     try:
         for module in modules:
-            setattr(module, name, factor * before)
+            setattr(module, name, value)
         yield
     finally:
         for module in modules:
             setattr(module, name, before)
 
 
-def errors() -> list[float]:
-    """Return the largest error of the paths on each phantom [mm]."""
+def largest_error(case: Known) -> float:
+    """Return the largest error of the paths of a phantom over its poses [mm]."""
+    ((name, muscle),) = case.phantom.muscles.items()
+    given = muscle, case.phantom.bones, case.motion, case.phantom.attachments[name]
+    pulled = MusclePipeline(*given, fixing={}, fibres={"n_fibres": N_FIBRES}).taut_paths
+    assert pulled is not None  # it has fibres
     found = []
-    for case in known_phantoms():
-        ((name, muscle),) = case.phantom.muscles.items()
-        given = muscle, case.phantom.bones, case.phantom.attachments[name], case.motion
-        off = case.means(measured(*given, n_fibres=N_FIBRES))["paths"] - case.answers
-        found.append(float(np.abs(off).max()))
-    return found
+    for time in case.motion.times:
+        paths = paths_of(pulled.update(time=float(time)).output, case.name)
+        assert paths is not None
+        found.append(paths.lengths if case.quantity == "length" else paths.levers["way"])
+    return float(np.abs(np.mean(found, axis=1) - case.answers).max())
 
 
-def hip_arms(folder: Path) -> dict[str, np.ndarray]:
-    """Return the mean moment arms of the muscles of the hip, by name [mm]."""
-    scene = Scene.load(folder / "scene.toml")
-    motion = scene.motion
-    few = RigidMotion(
-        motion.times[::EVERY],
-        {bone: transforms[::EVERY] for bone, transforms in motion.transforms.items()},
-        motion.centre,
-    )
-    arms = {}
-    for name, muscle in scene.muscles.items():
-        found: Measured = measured(
-            muscle.surface, scene.bones_data(), scene.attachments_data(name), few, **(muscle.fibres or {})
-        )
-        slopes = -np.gradient(found.lengths["paths"].mean(axis=1), np.radians(few.times), edge_order=2)
-        arms[name] = slopes
-    return arms
+def row(what: str, value: str, times: str) -> tuple[str, ...]:
+    """Return a row of the table: the mean of the largest errors, and the worst phantom [mm]."""
+    largest = {case.name: largest_error(case) for case in known_phantoms()}
+    worst = max(largest, key=lambda name: largest[name])
+    mean = float(np.mean([*largest.values()]))
+    print(f"{what}, times {times}: {mean:.2f} mm", file=sys.stderr, flush=True)
+    return what, value, times, f"{mean:.2f}", f"{largest[worst]:.1f}", worst
 
 
 def main() -> None:
@@ -85,25 +97,16 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--write", type=Path, metavar="FILE", help="write it there as CSV")
     asked = parser.parse_args()
-    hip = data_folder()
-    muscles = hip_arms(hip) if hip.is_dir() else {}
-    known = errors()
-    header = ("constant", "value", "times", "mean [mm]", "worst [mm]", *(f"{name} [mm]" for name in muscles))
-    table = Table(asked.write.stem if asked.write else "constants", header, [])
-    table.rows.append(
-        ("defaults", "", "1", f"{np.mean(known):.2f}", f"{max(known):.1f}", *[""] * len(muscles))
-    )
-    for modules, name, what in CONSTANTS:
+    header = ("term or constant", "value", "times", "mean [mm]", "worst [mm]", "of")
+    table = Table(asked.write.stem if asked.write else "constants", header, [row("as it is", "", "1")])
+    for name, what, instead in TERMS:
+        with changed((surroundings,), name, instead):
+            table.rows.append(row(what, "", "0.5" if what.startswith("half") else "0"))
+    for modules, name, what, may_vanish in CONSTANTS:
         value = getattr(modules[0], name)
-        for factor in (0.5, 2.0):
-            print(f"{what}, {factor:g} times ...", file=sys.stderr, flush=True)
-            with scaled(modules, name, factor):
-                known = errors()
-                arms = hip_arms(hip) if muscles else {}
-            changes = [f"{np.abs(arms[one] - muscles[one]).max():.1f}" for one in muscles]
-            table.rows.append(
-                (what, f"{value:.3g}", f"{factor:g}", f"{np.mean(known):.2f}", f"{max(known):.1f}", *changes)
-            )
+        for factor in (*((0.0,) if may_vanish else ()), 0.5, 2.0):
+            with changed(modules, name, factor * value):
+                table.rows.append(row(what, f"{value:.3g}", f"{factor:g}"))
     print(table.text())
     if asked.write:
         table.write(asked.write.parent)

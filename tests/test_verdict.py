@@ -38,6 +38,7 @@ GOOD = {
     "penetration_new_max_mm": 0.1,
     "penetration_new_p95_mm": 0.0,
     "squeezed_p95_mm": 0.0,
+    "unsettled": 0,
     "fibres_outside_max_mm": 0.1,
     "fibres_penetration_new_max_mm": 0.1,
 }
@@ -75,6 +76,22 @@ def verdict(table=None, **given):
 
 def test_a_good_muscle_is_ok_and_all_was_checked():
     assert verdict() == {"verdict": "ok", "reasons": [], "not_checked": {}}
+
+
+def test_paths_that_do_not_come_to_rest_are_told_by_their_frames():
+    """One frame of 20 needs a look, two fail; all frames are unsettled where the rest pose is."""
+    assert verdict(rows())["verdict"] == "ok"
+    for frames, expected, says in (([7], "look", "in 5 %"), ([7, 13], "failed", "in 10 %")):
+        table = rows()
+        for frame in frames:
+            table[frame]["unsettled"] = 1
+        (reason,) = verdict(table)["reasons"]
+        assert (reason["check"], reason["verdict"], reason["frame"]) == ("unsettled", expected, 7)
+        assert says in reason["says"]
+    table = [{**row, "unsettled": 1} for row in rows()]
+    (reason,) = verdict(table)["reasons"]
+    assert (reason["verdict"], reason["frame"]) == ("failed", 0)
+    assert "in 100 %" in reason["says"]
 
 
 @pytest.mark.parametrize(

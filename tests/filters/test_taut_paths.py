@@ -10,10 +10,12 @@ from filter_case import digest
 
 from vtkmuscle import Scene
 from vtkmuscle.core.motion.rigid import RigidMotion, apply_transform
+from vtkmuscle.core.paths import pose
 from vtkmuscle.data.arrays import (
     array_names,
     blocks_of,
     cell_array,
+    field_array,
     multiblock_from,
     point_array,
     points_of,
@@ -259,3 +261,29 @@ def test_a_preset_is_its_resolution_and_an_explicit_one_counts_more():
         ValueError, match=r"quality is 'best', but must be one of 'preview', 'balanced', 'acc"
     ):
         TautPaths(quality="best")
+
+
+def test_a_frame_that_does_not_come_to_rest_says_so_and_has_no_lengths_and_arms(monkeypatch):
+    """With a step of Newton's method in place of all that the pose takes."""
+    times = times_of("wrapping_cylinder", 4)
+
+    def told(paths, time):
+        output = paths.update(time=time).output
+        unsettled, steps = (field_array(output, name)[0] for name in ("Unsettled", "PathSteps"))
+        levers = [name for name in array_names(output.GetCellData()) if name.startswith(LEVERS)]
+        return unsettled, steps, [cell_array(output, name, "test") for name in ("Length", "Ratio", *levers)]
+
+    paths = paths_of(*CASES[3])
+    unsettled, steps, values = told(paths, times[1])
+    assert not unsettled
+    assert steps > 1
+    assert len(values) == 3
+    assert np.isfinite(values).all()
+    monkeypatch.setattr(pose, "ITERATIONS", 1)
+    unsettled, steps, values = told(paths, times[3])
+    assert unsettled
+    assert np.isnan(values).all()
+    # Nor where the rest pose is unsettled.
+    unsettled, _, values = told(paths_of(*CASES[3]), times[1])
+    assert unsettled
+    assert np.isnan(values).all()

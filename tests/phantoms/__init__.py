@@ -13,6 +13,13 @@ from phantoms.brim_flexor import flexor_over_brim
 from phantoms.fibre_blocks import fibre_block
 from phantoms.label_maps import label_map
 from phantoms.lifting_strap import lifting_strap
+from phantoms.pulleys import (
+    broad_origin,
+    strap_along_bone,
+    strap_beside_bone,
+    tendon_between_bones,
+    tendon_under_band,
+)
 from phantoms.ring_tendon import tendon_through_ring
 from phantoms.slivered_tendon import slivered_tendon
 from phantoms.two_joint_strap import strap_over_two_joints
@@ -20,6 +27,7 @@ from vtkmuscle.phantoms import Phantom, hip, pennate_block, spindle_over_hinge, 
 
 __all__ = [
     "Phantom",
+    "broad_origin",
     "fibre_block",
     "flexor_over_brim",
     "hip",
@@ -31,7 +39,11 @@ __all__ = [
     "slivered_tendon",
     "spindle_over_ball",
     "spindle_over_hinge",
+    "strap_along_bone",
+    "strap_beside_bone",
     "strap_over_two_joints",
+    "tendon_between_bones",
     "tendon_through_ring",
+    "tendon_under_band",
     "wrapping_cylinder",
 ]

@@ -16,7 +16,6 @@ from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.mesh.polylines import polyline_lengths
-from vtkmuscle.core.paths.neighbours import path_lengths
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import Polylines, cell_array, names_of, point_array, polylines_of, set_cell_array
 
@@ -47,6 +46,8 @@ def checked_superficial(data: vtkPolyData, where: str) -> Polylines:
 REST_POSITION = "RestPosition"
 #: Cell arrays of paths, and of fibres with path data.
 SQUEEZED, LEVER = "Squeezed", "Lever_"
+#: Cell array of paths, and field arrays; lengths and levers of an unsettled sheet are NaN.
+LENGTH, UNSETTLED, PATH_STEPS = "Length", "Unsettled", "PathSteps"
 #: Cell arrays of fibres with path data.
 PATH_LENGTH, PATH_POINTS = "PathLength", "PathPoints"
 
@@ -114,7 +115,7 @@ def add_path_arrays(fibres: vtkPolyData, paths: PathLines, where: str) -> None:
     if len(paths.points) != count:
         problem = f"there are {len(paths.points)} paths, but {count} fibres"
         raise InputError(where, problem, "connect TautPaths for the same fibres")
-    set_cell_array(fibres, PATH_LENGTH, path_lengths(paths.points))
+    set_cell_array(fibres, PATH_LENGTH, np.array(cell_array(paths.data, LENGTH, where)))
     set_cell_array(fibres, PATH_POINTS, paths.points.reshape(count, -1))
     for name in (SQUEEZED, *names_of(LEVER, cells).values()):
         set_cell_array(fibres, name, np.array(cell_array(paths.data, name, where)))
@@ -127,7 +128,7 @@ def paths_of(fibres: vtkPolyData, where: str) -> Paths | None:
         lengths = np.array(cell_array(fibres, PATH_LENGTH, where))
         points = np.array(cell_array(fibres, PATH_POINTS, where))
     elif fibres.GetPointData().HasArray(REST_POSITION):
-        lengths, points = polyline_lengths(lines.points, lines.offsets), lines.points
+        lengths, points = np.array(cell_array(fibres, LENGTH, where)), lines.points
     else:
         return None
     levers = {

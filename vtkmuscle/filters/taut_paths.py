@@ -26,7 +26,7 @@ from vtkmuscle.data.arrays import (
 from vtkmuscle.data.attachments import rings_by_bone
 from vtkmuscle.data.moving_bones import MovingBones, RestBones, check_same_bones, fixed_points_of
 from vtkmuscle.data.muscle_geometry import Surface
-from vtkmuscle.data.paths import LEVER, REST_POSITION, SQUEEZED
+from vtkmuscle.data.paths import LENGTH, LEVER, PATH_STEPS, REST_POSITION, SQUEEZED, UNSETTLED
 from vtkmuscle.filters.base import Filter, InputPort, OutputPort, Parameter, ports
 
 #: Segments of a path by quality.
@@ -78,8 +78,9 @@ class TautPaths(Filter):
         The paths, with the cell and field arrays of the rest fibres; the point array ``RestPosition`` (3);
         the cell arrays ``Length``, ``RestLength`` [mm], ``Ratio`` (Length / RestLength), ``Contact`` (number
         of points under pressure from bones or rings), ``Squeezed``, missing room between two bones [mm], and
-        ``Lever_COORDINATE``, moment arm for each coordinate of the bones' twists [mm]; the field array
-        ``Unsettled``, 1 if the sheet did not converge.
+        ``Lever_COORDINATE``, moment arm for each coordinate of the bones' twists [mm]; the field arrays
+        ``Unsettled``, 1 if the sheet did not come to rest, here or at rest, and ``PathSteps``, steps of
+        Newton's method. Lengths, ratios and levers of an unsettled sheet are NaN.
 
     Raises
     ------
@@ -212,12 +213,11 @@ class TautPaths(Filter):
         result.GetPointData().AddArray(self._rest_arrays[REST_POSITION])
         result.GetCellData().AddArray(self._rest_arrays["RestLength"])
         assert self._poses is not None
-        lengths = state.lengths
-        cells = {
-            "Length": lengths,
-            "Ratio": lengths / self._poses.rest.lengths,
-            "Contact": state.contacts,
-            SQUEEZED: state.squeezed,
-        }
-        cells |= {array_of(LEVER, name): values for name, values in levers.items()}
-        return add_arrays(result, cells=cells, fields={"Unsettled": int(not state.settled)})
+        rest = self._poses.rest
+        settled = state.settled and rest.settled
+        measures = {LENGTH: state.lengths, "Ratio": state.lengths / rest.lengths}
+        measures |= {array_of(LEVER, name): values for name, values in levers.items()}
+        cells = {"Contact": state.contacts, SQUEEZED: state.squeezed}
+        cells |= {name: values if settled else np.full(count, np.nan) for name, values in measures.items()}
+        fields = {UNSETTLED: int(not settled), PATH_STEPS: state.steps}
+        return add_arrays(result, cells=cells, fields=fields)

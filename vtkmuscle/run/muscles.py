@@ -26,7 +26,7 @@ from vtkmuscle.data.arrays import (
     shallow_copy,
     with_points,
 )
-from vtkmuscle.data.paths import SQUEEZED
+from vtkmuscle.data.paths import PATH_STEPS, SQUEEZED, UNSETTLED
 from vtkmuscle.filters.base.algorithm import AbortedError
 from vtkmuscle.filters.base.filter import Filter
 from vtkmuscle.filters.base.running import upstream
@@ -164,10 +164,10 @@ class MuscleRun:
         with self._timed("measuring"):
             depths = None if fibres is None else _add_penetration(fibres, measure, transforms)
             if deformed is None:
-                self._keep(row | _unsettled(pipeline) | {"ms": 1000.0 * carried()}, None, fibres)
+                self._keep(row | _settling(pipeline) | {"ms": 1000.0 * carried()}, None, fibres)
                 return
             row |= read_shape(deformed, self.scene.millimetres)
-            row |= _unsettled(pipeline)
+            row |= _settling(pipeline)
             row |= measure.frame(points, transforms)
             if fibres is not None:
                 lines = polylines_of(fibres, "fibres")
@@ -246,6 +246,10 @@ class MuscleRun:
             algorithm.SetAbortExecute(1)
 
 
+#: Columns of a frame in the report, and the field arrays of paths that they are from.
+_SETTLING = {"unsettled": UNSETTLED, "path_steps": PATH_STEPS}
+
+
 def muscle_pipeline(
     scene: SceneData, name: str, *, neighbours: Mapping[str, Any] | None = None
 ) -> MusclePipeline:
@@ -282,12 +286,16 @@ def muscle_pipeline(
     )
 
 
-def _unsettled(pipeline: MusclePipeline) -> dict[str, int]:
-    """Return whether the paths failed to settle in the last frame; empty without paths."""
+def _settling(pipeline: MusclePipeline) -> dict[str, int]:
+    """Return whether the paths failed to settle, and their steps.
+
+    Of the last frame; empty without paths.
+    """
     if pipeline.taut_paths is None:
         return {}
-    unsettled = field_array(pipeline.taut_paths.GetOutputDataObject(0), "Unsettled")
-    return {} if unsettled is None else {"unsettled": int(unsettled[0])}
+    output = pipeline.taut_paths.GetOutputDataObject(0)
+    values = {name: field_array(output, of) for name, of in _SETTLING.items()}
+    return {name: int(value[0]) for name, value in values.items() if value is not None}
 
 
 def _check_finite(points: Floats, number: int) -> None:

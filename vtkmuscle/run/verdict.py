@@ -83,6 +83,9 @@ LIMITS = {
     # times harder than by its own pull. Of the muscles of a hip, a knee and an elbow none lacks any room; one
     # under a roof of bone lacks 1.1 mm, if the arm is raised and the shoulder blade does not turn with it.
     "squeezed": (0.1, 5.0, "mm"),
+    # Lengths and moment arms of such a frame are left out: one in twenty leaves the curves whole. Where paths
+    # do not come to rest before the motion begins, all frames are left out.
+    "unsettled": (0.0, 5.0, "%"),
     # FibreTransport keeps points to rounding inside where the muscle does not fold; at rest 0.5 mm counts as
     # inside. A fibre that is 15 mm off is anywhere.
     "fibres outside": (0.5, 15.0, "mm"),
@@ -121,6 +124,10 @@ WORDS = {
         "5 % of the paths lack {} or more of room between two bones",
         "check the motion there: a bone may lack motion, or a joint's centre may be wrong",
     ),
+    "unsettled": (
+        "the paths do not come to rest in {} of the frames, and have no lengths and moment arms there",
+        "check attachments and bones there: are the bones closed, and do they leave the muscle room?",
+    ),
     "fibres outside": (
         "a fibre is {} outside of the muscle",
         "check the fibres there, and do not use fibres outside",
@@ -156,7 +163,7 @@ _AT_REST = {
 #: The checks that need fibres.
 _OF_FIBRES = (
     *("long fibres", "short fibres", "jumps", "widespread jumps"),
-    *("fibres outside", "fibres in bone", "squeezed"),
+    *("fibres outside", "fibres in bone", "squeezed", "unsettled"),
 )
 
 
@@ -258,6 +265,7 @@ def _series(
         "fibres in bone": column("fibres_penetration_new_max_mm"),
         "penetration": column("penetration_new_max_mm"),
         "squeezed": column("squeezed_p95_mm"),
+        "unsettled": 100.0 * column("unsettled") * column("unsettled").mean(),
         "widespread penetration": column("penetration_new_p95_mm"),
     }
     missing = {"penetration": "no bone has an inside", "widespread penetration": "no bone has an inside"}
@@ -311,4 +319,6 @@ def _reason(name: str, series: Floats, rows: Sequence[Mapping[str, Any]], scale:
 def _worded(value: float, unit: str) -> str:
     if not unit:
         return f"{value:.2f}"
-    return f"{value:.2g} %" if unit == "%" else f"{value:.3g} {unit.replace('deg', 'degrees')}"
+    if unit == "%":
+        return f"{value:.2g} %" if value < 99.5 else f"{value:.0f} %"
+    return f"{value:.3g} {unit.replace('deg', 'degrees')}"

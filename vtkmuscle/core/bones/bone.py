@@ -25,8 +25,8 @@ from vtkmuscle.core.errors import InputError, errors_at
 from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.mesh.sampling import space_order, uneven_weights
 from vtkmuscle.core.mesh.shared import shared
-from vtkmuscle.core.mesh.solids import FAR, Solids, solids_of
-from vtkmuscle.core.mesh.surface import points_in_box
+from vtkmuscle.core.mesh.solids import FAR, Solids, solids_of, welded
+from vtkmuscle.core.mesh.surface import point_components, points_in_box, unique_edges
 from vtkmuscle.core.mesh.triangle_tree import distance2_to_box
 from vtkmuscle.core.motion.rigid import apply_transform, inverse, transform_point
 from vtkmuscle.core.types import Bools, Floats, Ints
@@ -36,6 +36,9 @@ CELLS_PER_DIAGONAL = 300.0
 
 #: Difference of the weights of a bone's points, which decide where symmetry leaves the axes open.
 UNEVENNESS = 1e-3
+
+#: Least part of a bone's triangles in a piece of its own: smaller ones are crumbs of a segmentation.
+LEAST_PIECE = 0.02
 
 #: Reach of the field beyond the bone's box, in diagonals of the box; farther away each point is measured.
 REACH = 0.5
@@ -89,6 +92,37 @@ class Bone:
         """The bone's parts, closed where open: the exact surface."""
         with errors_at(self.name):
             return solids_of(self.points, self.triangles)
+
+    @cached_property
+    def pieces(self) -> tuple[Bone, ...]:
+        """The bone's connected pieces, largest first.
+
+        Tibia and fibula in one surface are two pieces: a point between both has a direction from each. A
+        crumb, or a piece whose box is within the box of a larger piece, such as a hollow, stays with the
+        largest.
+        """
+        points, triangles = welded(self.points, self.triangles)
+        of_triangle = point_components(len(points), unique_edges(triangles))[triangles[:, 0]]
+        sizes = np.bincount(of_triangle)
+        boxes: list[tuple[Floats, Floats]] = []
+        piece_of = np.zeros(len(sizes), dtype=np.int64)
+        for label in np.argsort(-sizes, kind="stable"):
+            corners = points[triangles[of_triangle == label]].reshape(-1, 3)
+            if sizes[label] < LEAST_PIECE * len(triangles):
+                break
+            low, high = corners.min(axis=0), corners.max(axis=0)
+            if not any((low >= least).all() and (high <= most).all() for least, most in boxes):
+                piece_of[label] = len(boxes)
+                boxes.append((low, high))
+        if len(boxes) == 1:
+            return (self,)
+        pieces = []
+        for number in range(len(boxes)):
+            used, corners = np.unique(triangles[piece_of[of_triangle] == number], return_inverse=True)
+            piece = Bone(points[used], corners.reshape(-1, 3), cell=self.cell)
+            piece.name = self.name
+            pieces.append(piece)
+        return tuple(pieces)
 
     @cached_property
     def axes(self) -> Floats:

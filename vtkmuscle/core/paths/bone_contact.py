@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -20,12 +20,6 @@ PUSH = 100.0
 #: The force of a bone begins this far before a path touches it and is fully there as far behind, in segments:
 #: a point that comes and goes does so smoothly.
 ROUNDING = 0.02
-
-#: A bone's curvature counts fully at a point beside which the bone presses at least this part as hard.
-LEAST_BESIDE = 0.1
-
-#: Part of the springs' stiffness that the curvature of a bone may take away, at most.
-LARGEST_BEND = 0.5
 
 
 class Proximity(NamedTuple):
@@ -66,28 +60,28 @@ class Load(NamedTuple):
 
 
 class BoneContacts:
-    """The bones that paths keep away from.
+    """The pieces of bones that paths keep away from.
 
     Parameters
     ----------
-    bones : mapping of int to Bone
-        Bones at rest by number.
+    pieces : sequence of (int, Bone)
+        The bone that each piece belongs to, and the piece at rest.
     standoff : (b, f, n) array
-        Distance that each point of each path keeps from each bone [mm].
+        Distance that each point of each path keeps from each piece [mm].
     segment : float
         Mean distance of points along a path [mm].
 
     Attributes
     ----------
     numbers : list of int
-        Numbers of the bones.
+        Number of the bone of each piece.
     rounding : float
         See :data:`ROUNDING` [mm].
     """
 
-    def __init__(self, bones: Mapping[int, Bone], standoff: Floats, segment: float) -> None:
-        self.numbers, self._bones = list(bones), list(bones.values())
-        self._standoff = standoff.reshape(len(bones), math.prod(standoff.shape[1:]))
+    def __init__(self, pieces: Sequence[tuple[int, Bone]], standoff: Floats, segment: float) -> None:
+        self.numbers, self._bones = [number for number, _ in pieces], [piece for _, piece in pieces]
+        self._standoff = standoff.reshape(len(pieces), math.prod(standoff.shape[1:]))
         self.rounding = ROUNDING * segment
 
     def proximity(self) -> Proximity:
@@ -113,7 +107,7 @@ class BoneContacts:
             gaps[found], near.normals[k, found] = distance - standoff, outward @ transform[:3, :3].T
 
     def load(self, k: int, transforms: Floats, near: Proximity, pressure: Floats) -> Load:
-        """Return the load of the k-th bone on paths.
+        """Return the load of the k-th piece on paths.
 
         The paths have a known proximity, and the bone has a pressure (f, n) on the paths. Normals are
         compared over a cell of the bone's field: flat triangles curve as the bone's surface does. Over a
@@ -165,9 +159,7 @@ def add_contacts(
 ) -> None:
     """Add the bones' forces and write their pressures.
 
-    Pressures are (b, f, n) [mm]. Along the path a bone that curves away makes the springs less stiff, in
-    proportion to the bone's pressure: with the reduced stiffness Newton's method lets a sliding point go
-    along the bone.
+    Pressures are (b, f, n) [mm].
     """
     b, f, n = gaps.shape
     for k in range(b):
@@ -186,10 +178,6 @@ def add_contacts(
                 gradient[a, i, 2] -= force * w
                 stiff = pressure_at(gaps[k, a, i], push, rounding)[1]
                 add_direction(blocks[a, i], stiff, u, v, w)
-                # Where the bone lets go beside it, a point slides along no curve: that comes in smoothly.
-                beside = min(pressure[k, a, i - 1], pressure[k, a, i + 1])
-                if beside > 0.0:
-                    _bend(x[a], normals[k, a], i, min(force, beside / LEAST_BESIDE), blocks[a, i])
 
 
 @kernel
@@ -204,27 +192,3 @@ def pressure_at(gap: float, push: float, rounding: float) -> tuple[float, float]
     if gap <= -rounding:
         return -push * gap, push
     return push * (rounding - gap) ** 2 / (4.0 * rounding), push * (rounding - gap) / (2.0 * rounding)
-
-
-@kernel
-def _bend(p: Floats, normals: Floats, i: int, force: float, block: Floats) -> None:
-    """Reduce a point's stiffness by the bone's curvature.
-
-    The stiffness along the path falls.
-    """
-    u, v, w = p[i + 1, 0] - p[i - 1, 0], p[i + 1, 1] - p[i - 1, 1], p[i + 1, 2] - p[i - 1, 2]
-    length2 = u * u + v * v + w * w
-    curve = (
-        (normals[i + 1, 0] - normals[i - 1, 0]) * u
-        + (normals[i + 1, 1] - normals[i - 1, 1]) * v
-        + (normals[i + 1, 2] - normals[i - 1, 2]) * w
-    )
-    inward = 0.0
-    for c in range(3):
-        inward += normals[i, c] * (2.0 * p[i, c] - p[i - 1, c] - p[i + 1, c])
-    # No more than the springs press: what else does, in a pose that is not settled, must not turn them round.
-    bend = min(force, max(inward, 0.0)) * curve / length2
-    bend = min(max(bend, -LARGEST_BEND), LARGEST_BEND)
-    if length2 > 0.0:
-        length = np.sqrt(length2)
-        add_direction(block, -bend, u / length, v / length, w / length)

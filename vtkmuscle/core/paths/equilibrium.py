@@ -151,12 +151,12 @@ def add_direction(block: Floats, stiffness: float, u: float, v: float, w: float)
 
 
 @kernel
-def prepare_solve(blocks: Floats, stations: Ints, couplings: Floats, inverses: Floats) -> None:
+def prepare_solve(blocks: Floats, pairs: Ints, couplings: Floats, inverses: Floats) -> None:
     """Write the inverse blocks of each path's elimination.
 
     The inverse blocks are (f + 1, n, 6). The last row belongs to a sheet with equally moving paths, divided
-    by f: springs between neighbours drop out of the sheet's matrix. ``stations`` (m,) are the stations of the
-    pairs: a division to find the stations took three quarters of the time.
+    by f: springs between the points of ``pairs`` (m, 2) drop out of the sheet's matrix, exactly where the
+    points are equally far along their paths.
     """
     f, n, _ = blocks.shape
     for i in range(1, n - 1):
@@ -165,9 +165,11 @@ def prepare_solve(blocks: Floats, stations: Ints, couplings: Floats, inverses: F
             for k in range(f):
                 total += blocks[k, i, c]
             inverses[f, i, c] = total / f
-    for e in range(len(stations)):
+    for e in range(len(pairs)):
+        i, j = pairs[e, 0] % n, pairs[e, 1] % n
         for c in range(6):
-            inverses[f, stations[e], c] -= 2.0 / f * couplings[e, c]
+            inverses[f, i, c] -= couplings[e, c] / f
+            inverses[f, j, c] -= couplings[e, c] / f
     for i in range(1, n - 1):
         for k in range(f + 1):
             h = inverses[k, i]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from scipy.spatial import cKDTree
+from scipy.spatial.distance import cdist
 
 from vtkmuscle.core.types import Floats, Ints
 
@@ -22,19 +22,9 @@ SHEAR_MODULUS = 0.017
 #: Neighbours of a path in a section: those that a point of an even pattern has.
 NEIGHBOURS = 6
 
-#: Points beside one that are looked at for these: some may be in the same place.
-LOOKED_AT = 32
-
 #: Two points nearer than this part of the median distance are as stiff as two so far apart: where paths meet
 #: in a tendon's end a strain would be of nothing.
 LEAST_SPACING = 0.5
-
-#: Points nearer than this part of the median distance do not hold each other: where lines run together, their
-#: last digits would say in which direction.
-TOO_NEAR = 0.01
-
-#: Bounds of a path's stretch, beyond which none is sensible (a muscle works between about 0.5 and 1.6).
-LEAST_STRETCH, GREATEST_STRETCH = 0.25, 4.0
 
 #: Distances that differ by less than this part of the greater, or of a path's length, are the same.
 SAME = 1e-9
@@ -49,8 +39,6 @@ class Neighbours(NamedTuple):
     ----------
     pairs : (m, 2) int array
         Numbers of points, in the order of paths.
-    stations : (m,) int array
-        Number of both points of a pair along their paths.
     distances, ahead : (m,) arrays
         Distances at rest, across the paths and along the paths, of the first point from the second [mm].
     stiffness : (m, 2) array
@@ -58,7 +46,6 @@ class Neighbours(NamedTuple):
     """
 
     pairs: Ints
-    stations: Ints
     distances: Floats
     ahead: Floats
     stiffness: Floats
@@ -67,44 +54,75 @@ class Neighbours(NamedTuple):
 def neighbours_of(fibres: Floats) -> Neighbours:
     """Return the pairs of neighbouring points of fibres.
 
-    Fibres are (f, n, 3); the points of a pair are equally far along. A pair strained by e has the energy
-    m (L e)^2 / 2 per length of path, of a path of length L with a tension of 1 per length: m is
-    :data:`MODULUS`, and of the shear e :data:`SHEAR_MODULUS`. As paths shorten by l, the kept distances grow
-    by l^(-1/2): the muscle keeps its volume. The numbers of paths and of points on each do not matter.
+    Fibres are (f, n, 3); a point is paired with the nearest point of each path beside it. A pair strained by
+    e has the energy m (L e)^2 / 2 per length of path, of a path of length L with a tension of 1 per length: m
+    is :data:`MODULUS`, and of the shear e :data:`SHEAR_MODULUS`. As paths shorten by l, the kept distances
+    grow by l^(-1/2): the muscle keeps its volume. The numbers of paths and of points on each do not matter.
     """
-    f, n, _ = fibres.shape
+    n = fibres.shape[1]
     length = float(path_lengths(fibres).mean())
-    found = []
-    for i in range(1, n - 1):
-        tree = cKDTree(fibres[:, i])
-        near = tree.query(fibres[:, i], k=range(1, min(LOOKED_AT, f) + 1))[0]
-        # Lines that have run together count once: rounding would say in which direction they are apart.
-        apart = near > SAME * length
-        reach = np.where(apart & (apart.cumsum(axis=1) <= NEIGHBOURS), near, 0.0).max(axis=1)
-        # Of those equally far none is left out: the order of the fibres would choose.
-        beside = tree.query_ball_point(fibres[:, i], (1.0 + SAME) * reach)
-        both = np.stack(
-            [np.repeat(np.arange(f), [len(one) for one in beside]), np.concatenate(beside)], axis=1
-        )
-        both = np.unique(np.sort(both[both[:, 0] != both[:, 1]], axis=1), axis=0)
-        found.append(both * n + i)
-    pairs = np.concatenate(found) if found else np.empty((0, 2), dtype=np.int64)
-    points = fibres.reshape(-1, 3)
-    one, other = pairs.T
-    along = points[np.minimum(one + 1, len(points) - 1)] - points[one - 1]
-    along += points[np.minimum(other + 1, len(points) - 1)] - points[other - 1]
-    along /= np.maximum(np.linalg.norm(along, axis=1, keepdims=True), np.finfo(float).tiny)
-    ways = points[one] - points[other]
-    ahead = np.einsum("mi,mi->m", ways, along)
-    ways -= ahead[:, None] * along
-    distances = np.linalg.norm(ways, axis=1)
-    usual = float(np.median(distances)) if len(distances) else 0.0
-    apart = (distances > SAME * length) & (distances > TOO_NEAR * usual)
-    pairs, distances = pairs[apart], distances[apart]
-    spacing = np.maximum(distances, LEAST_SPACING * usual)
+    pairs = _nearest_across(fibres, SAME * length)
+    ahead, across = _ahead_and_across(fibres.reshape(-1, 3), _tangents(fibres).reshape(-1, 3), *pairs.T)
+    usual = float(np.median(across)) if len(across) else 0.0
+    # Where lines have run together, their last digits would say in which direction they are apart.
+    apart = across > SAME * length
+    spacing = np.maximum(across[apart], LEAST_SPACING * usual)
     stiffness = (length / (spacing * (n - 1))) ** 2
     moduli = np.outer(stiffness, (MODULUS, SHEAR_MODULUS))
-    return Neighbours(pairs, pairs[:, 0] % n, distances, ahead[apart], moduli)
+    return Neighbours(pairs[apart], across[apart], ahead[apart], moduli)
+
+
+def _nearest_across(fibres: Floats, same: float) -> Ints:
+    """Return pairs (m, 2) of points, nearest to each other's paths.
+
+    Points are inner points of fibres (f, n, 3), numbered in their order. Beside a point are the
+    :data:`NEIGHBOURS` nearest paths. A path that ends before the point, or comes no nearer than a segment
+    ahead, is not beside the point. Distances within ``same`` [mm] are equal.
+    """
+    f, n, _ = fibres.shape
+    inner, tangents = fibres[:, 1:-1], _tangents(fibres)
+    points = np.arange(f * n).reshape(f, n)[:, 1:-1]
+    segments = path_lengths(fibres) / (n - 1)
+    found = [np.empty((0, 2), dtype=np.int64)]
+    for path in range(f):
+        apart = cdist(inner[path], inner.reshape(-1, 3)).reshape(n - 2, f, n - 2)
+        nearest = apart.argmin(axis=2)
+        distance = np.take_along_axis(apart, nearest[..., None], axis=2)[..., 0]
+        numbers = np.take_along_axis(points[None], nearest[..., None], axis=2)[..., 0]
+        here = np.broadcast_to(points[path][:, None], numbers.shape)
+        ahead, _ = _ahead_and_across(
+            fibres.reshape(-1, 3), tangents.reshape(-1, 3), here.reshape(-1), numbers.reshape(-1)
+        )
+        ending = (nearest == 0) | (nearest == n - 3)
+        limit = np.where(ending, 0.5 * segments, segments.mean())
+        beside = np.abs(ahead).reshape(numbers.shape) <= limit
+        beside[:, path] = False
+        # Paths that have run together count once: rounding would say in which direction they are apart. Of
+        # paths equally far none is left out: the order of the fibres would choose.
+        distance[~beside] = np.inf
+        counted = np.where(distance > same, distance, np.inf)
+        last = min(NEIGHBOURS, f) - 1
+        reach = np.partition(counted, last, axis=1)[:, last, None]
+        beside &= distance <= (1.0 + SAME) * reach
+        found.append(np.column_stack([here[beside], numbers[beside]]))
+    return np.unique(np.sort(np.concatenate(found), axis=1), axis=0)
+
+
+def _tangents(fibres: Floats) -> Floats:
+    """Return the directions of fibres (f, n, 3), as of :func:`axes_of_pair`."""
+    tangents = np.zeros_like(fibres)
+    tangents[:, 1:-1] = fibres[:, 2:] - fibres[:, :-2]
+    return tangents
+
+
+def _ahead_and_across(points: Floats, tangents: Floats, one: Ints, other: Ints) -> tuple[Floats, Floats]:
+    """Return the distances of pairs along and across their mean tangents."""
+    along = tangents[one] + tangents[other]
+    along /= np.maximum(np.linalg.norm(along, axis=1, keepdims=True), np.finfo(float).tiny)
+    ways = points[one] - points[other]
+    ahead: Floats = np.einsum("mi,mi->m", ways, along)
+    across: Floats = np.linalg.norm(ways - ahead[:, None] * along, axis=1)
+    return ahead, across
 
 
 def path_lengths(points: Floats) -> Floats:
@@ -119,8 +137,7 @@ def path_widths(points: Floats, lengths: Floats) -> Floats:
 
     ``lengths`` (f,) are at rest; the paths keep their volume.
     """
-    stretch = path_lengths(points) / lengths
-    widths: Floats = 1.0 / np.sqrt(stretch.clip(LEAST_STRETCH, GREATEST_STRETCH))
+    widths: Floats = np.sqrt(lengths / np.maximum(path_lengths(points), SAME * lengths))
     return widths
 
 
@@ -129,7 +146,5 @@ def widening(points: Floats, lengths: Floats) -> Floats:
 
     Paths are (f, n, 3), the result (f,) [1/mm].
     """
-    widths = path_widths(points, lengths)
-    within = (widths > GREATEST_STRETCH**-0.5) & (widths < LEAST_STRETCH**-0.5)
-    change: Floats = np.where(within, -0.5 * widths**3 / lengths, 0.0)
+    change: Floats = -0.5 * path_widths(points, lengths) ** 3 / lengths
     return change

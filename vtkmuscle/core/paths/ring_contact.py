@@ -188,11 +188,10 @@ def outside_of(rings: Rings, x: Floats, outside: Floats) -> None:
             outside[ring, a] = max(way_to_edge(corners, s, t)[2], 0.0) if segment >= 0 else 0.0
 
 
-def ring_load(x: Floats, rings: Rings, ring: int, points: Ints, rounding: float, move: float) -> Load:
+def ring_load(x: Floats, rings: Rings, ring: int, points: Ints, rounding: float) -> Load:
     """Return the load of a ring on held points.
 
-    Paths x are (f, n, 3); the points' numbers are (f,), 0 for no point. Stiffness is by central differences
-    over points moved by ``move`` [mm].
+    Paths x are (f, n, 3); the points' numbers are (f,), 0 for no point.
     """
     first, last = rings.offsets[ring : ring + 2]
     alone = Rings(
@@ -201,9 +200,6 @@ def ring_load(x: Floats, rings: Rings, ring: int, points: Ints, rounding: float,
         np.array([0, last - first]),
         rings.outside[ring : ring + 1],
     )
-    forces = np.zeros((7, *x.shape))
-    unused = np.zeros((*x.shape[:2], 6)), np.zeros((1, *x.shape[:2]))
-    moves = move * np.concatenate([np.zeros((1, 3)), np.eye(3), -np.eye(3)])
-    for force, way in zip(forces, moves, strict=True):
-        add_rings(x + way, alone, points[None], PUSH, rounding, force, *unused)
-    return Load(-forces[0], (forces[1:4] - forces[4:]).transpose(1, 2, 3, 0) / (2.0 * move))
+    gradient, blocks = np.zeros(x.shape), np.zeros((*x.shape[:2], 6))
+    add_rings(x, alone, points[None], PUSH, rounding, gradient, blocks, np.zeros((1, *x.shape[:2])))
+    return Load(-gradient, blocks[..., [[0, 1, 2], [1, 3, 4], [2, 4, 5]]])

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from vtkmuscle.core.bones.bone import Bone
-from vtkmuscle.core.mesh.surface import check_volume, signed_volume
+from vtkmuscle.core.mesh.surface import mean_thickness
 from vtkmuscle.core.mesh.triangle_tree import triangle_tree
 from vtkmuscle.core.motion.blending import screw_between
 from vtkmuscle.core.motion.rigid import inverse
@@ -61,6 +61,8 @@ class PathState:
         Room that each path lacks between two bones [mm].
     settled : bool
         Whether the sheet came to rest.
+    steps : int
+        Steps of Newton's method since the pose that the paths began with.
     ends_moved : (2, f, 3) array
         Move of each end since the pose before, seen from the bone of the path's opposite end [mm].
     drift : (f, n, 3) array
@@ -76,6 +78,7 @@ class PathState:
     contacts: Ints
     squeezed: Floats
     settled: bool
+    steps: int
     ends_moved: Floats
     drift: Floats
     forces: Callable[[], SheetPose | None] = lambda: None
@@ -163,16 +166,17 @@ class MusclePaths:
         lengths = path_lengths(self.fibres)
         if not (lengths > 0.0).all():
             raise ValueError(f"fibre {int(lengths.argmin())} has no length")
-        self.thickness = _thickness(surface, triangles)
+        self.thickness = mean_thickness(surface, triangles)
         self._lengths, self._segment = lengths, float(lengths.mean()) / (self.fibres.shape[1] - 1)
         # Sums over bones are rounded in their order: that of their sizes, which no names decide. Bones of
         # one size, to nine digits, stay as they come.
-        bones = dict(sorted(bones.items(), key=lambda one: float(f"{np.ptp(one[1].box_along_axes):.8e}")))
+        pieces = [(number, piece) for number, bone in bones.items() for piece in bone.pieces]
+        pieces.sort(key=lambda one: float(f"{np.ptp(one[1].box_along_axes):.8e}"))
         around = surroundings_of(
             self.fibres,
             start_bones,
             end_bones,
-            bones,
+            pieces,
             triangle_tree(surface, triangles),
             self.thickness,
         )
@@ -189,7 +193,7 @@ class MusclePaths:
             self.thickness,
             self._lengths,
             around,
-            BoneContacts(bones, around.standoff, self._segment),
+            BoneContacts(pieces, around.standoff, self._segment),
             neighbours_of(self.fibres),
             tuple(rings),
             outside,
@@ -226,10 +230,10 @@ class MusclePaths:
                 self._with_bones(one, moves) for one in (before.points, before.points + before.drift)
             )
             drift, forces = drifted - points, PathState.forces
-            return replace(before, points=points, transforms=transforms, drift=drift, forces=forces)
+            return replace(before, points=points, transforms=transforms, steps=0, drift=drift, forces=forces)
         farthest = np.linalg.norm(self._ends_moved(known, transforms), axis=2).max()
         steps = max(math.ceil(farthest / (LARGEST_MOVE * self._segment)), 1)
-        state = replace(before, transforms=known)
+        state = replace(before, transforms=known, steps=0)
         for number in range(1, steps + 1):
             pose = transforms
             if number < steps:
@@ -253,9 +257,11 @@ class MusclePaths:
         start = self._with_bones(before.points + again * before.drift, moves)
         reach = farthest_of(start - carried) or math.inf
         state = self._settle(start, transforms, ends_moved, carried, reach)
+        steps = before.steps + state.steps
         if farthest_of(state.points - start) > reach:
             state = self._settle(carried, transforms, ends_moved, carried)
-        return state
+            steps += state.steps
+        return replace(state, steps=steps)
 
     def _ends_moved(self, before: Floats, now: Floats) -> Floats:
         """Return the bones' moves of starts and ends.
@@ -311,22 +317,11 @@ class MusclePaths:
             pose.contacts(),
             pose.squeezed(),
             settled,
+            pose.steps,
             ends_moved,
             pose.points - carried,
             weakref.ref(pose),
         )
-
-
-def _thickness(surface: Floats, triangles: Ints) -> float:
-    """Return 2 V / A of a closed surface [mm].
-
-    Raise a ValueError where the surface encloses no volume.
-    """
-    a, b, c = (surface[triangles[:, corner]] for corner in range(3))
-    twice_area = float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())
-    volume = signed_volume(surface, triangles)
-    check_volume(surface, volume)
-    return 4.0 * abs(volume) / twice_area
 
 
 def _padded(before: Floats, now: Floats) -> Floats:

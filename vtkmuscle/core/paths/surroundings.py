@@ -6,39 +6,26 @@ Bones, tissue and pressure hold the paths in every pose.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from scipy.spatial import cKDTree
+from scipy.spatial.distance import cdist
 
 from vtkmuscle.core.bones.bone import Bone
 from vtkmuscle.core.mesh.triangle_tree import TriangleTree
-from vtkmuscle.core.paths.neighbours import path_lengths
 from vtkmuscle.core.types import Floats, Ints
 
-#: What is measured between a fibre and the bones is smoothed along the fibre by a Gaussian of this standard
-#: deviation, as a part of its length: the thickness of the tissue, and the direction aside of the fibre.
-THICKNESS_SMOOTHING, ASIDE_SMOOTHING = 1.0 / 32.0, math.sqrt(2.0) / 32.0
+#: The thickness of the tissue between a fibre and a bone is smoothed along the fibre by a Gaussian of this
+#: standard deviation, as a part of its length.
+THICKNESS_SMOOTHING = 1.0 / 32.0
 
-#: A bone's normal must be this much across a fibre, as a sine, to tell which way is aside; from half more on
-#: it is sure.
-LEAST_ACROSS = 0.3
+#: A path keeps from a bone no more than this many thicknesses of the muscle: 2 V / A is a sheet's whole
+#: thickness, and half of a rod's. More is muscle beside the path, which does not come between.
+LARGEST_STANDOFF = 1.5
 
-#: Modulus by which tissue resists being sheared aside, as a part of the muscle's tension per area: that of
-#: passive muscle across its fibres (:data:`vtkmuscle.core.paths.neighbours.MODULUS`).
-MODULUS = 0.1
-
-#: The layer of tissue between a path and a bone that it is held aside over is at least so thick, in
-#: thicknesses of the muscle: its stiffness would be infinite where a fibre touches.
-LEAST_LAYER = 0.25
-
-#: Width of the bundle whose bow tissue outside of the muscle holds, in thicknesses of the muscle, and its
-#: fibres, at most.
-BUNDLE, BESIDE = 2.0, 64
-
-#: Weights that differ by less are the same.
-SAME = 1e-9
+#: Width of the bundle whose bow tissue outside of the muscle holds, in thicknesses of the muscle.
+BUNDLE = 2.0
 
 #: A bone is ahead of a fibre, not beside it, where the sine between the fibre and the direction to the bone
 #: is less than this. The thickness of the tissue there is that of the nearest points beside the bone.
@@ -59,10 +46,10 @@ class Surroundings(NamedTuple):
 
     Attributes
     ----------
-    standoff : (b, f, n) array
-        Least distance from each bone: the thickness of the tissue between [mm].
+    standoff : (p, f, n) array
+        Least distance from each piece of a bone: the thickness of the tissue between [mm].
     force : (b, f, n, 3) array
-        Force at rest, in the units of a path's springs [mm].
+        Force of each bone's tissue at rest, in the units of a path's springs [mm].
     stiffness : (b, f, n, 3, 3) array
         Fall of the force as the point leaves its place at rest, seen from the bone [1].
     bones : tuple of int
@@ -79,7 +66,7 @@ def surroundings_of(
     fibres: Floats,
     start_bones: Ints,
     end_bones: Ints,
-    bones: Mapping[int, Bone],
+    pieces: Sequence[tuple[int, Bone]],
     muscle: TriangleTree,
     thickness: float,
 ) -> Surroundings:
@@ -94,15 +81,10 @@ def surroundings_of(
     * the muscle's own pressure, where fibres beside each other bow apart. The pressure does not change;
     * tissue round the muscle, where all of a bundle bows and no bone is near: a hamstring lies on other
       muscles and under a fascia. The tissue is an elastic foundation (Winkler) at right angles to the fibre.
-      When the path goes aside by a thickness, the foundation's force changes by the force at rest.
 
-    Let a bone push a path with the force p, and turn away to the path's side with the curvature k. The path
-    is in unstable equilibrium: the force aside grows by k p. At rest the path stays in place, so the tissue
-    beside the path is at least as stiff: the tissue holds the path with k p.
-
-    A path that goes aside over the bones of the path's ends also shears the tissue between: a layer as thick
-    as the distance d, of the stiffness m (L / d)^2, with m of :data:`MODULUS`. The part of each of the two
-    bones falls along the fibre, from all at the bone's own end to zero at the opposite end.
+    Tissue beside the path holds a path on a bone: over a convex bone the path would else slide off. One law
+    gives both stiffnesses: when the path goes aside by a thickness, the force changes by what tissue or bone
+    bear at rest.
 
     Pressure and tissue go with the bones by nearness; where no bones are given, with the bones of the ends,
     from all of the first to all of the second along the fibre.
@@ -111,64 +93,53 @@ def surroundings_of(
     ----------
     fibres, start_bones, end_bones
         As of :class:`~vtkmuscle.core.paths.sheet.MusclePaths`.
-    bones : mapping of int to Bone
-        Bones at rest by number.
+    pieces : sequence of (int, Bone)
+        The bone that each piece belongs to, and the piece at rest.
     muscle : TriangleTree
         The muscle's surface at rest.
     thickness : float
         2 V / A of the muscle [mm].
     """
     f, n, _ = fibres.shape
-    shape = (len(bones), f, n)
-    standoff, aside = np.zeros(shape), np.zeros((*shape, 3, 3))
-    distances = np.zeros(shape)
+    bones = tuple(dict.fromkeys(number for number, _ in pieces))
+    standoff, distances = np.zeros((len(pieces), f, n)), np.full((len(bones), f, n), np.inf)
+    aside = np.zeros((len(bones), f, n, 3, 3))
     rest = np.zeros_like(fibres)
     rest[:, 1:-1] = 2.0 * fibres[:, 1:-1] - fibres[:, :-2] - fibres[:, 2:]
     tangents = directions_along(fibres)
-    lengths = path_lengths(fibres)[:, None]
     depth = muscle.depth(fibres.reshape(-1, 3)).reshape(f, n)
-    along = np.linspace(0.0, 1.0, n)[None]
-    for bone, (number, shape_of_bone) in enumerate(bones.items()):
-        distance, outward, tissue = tissue_between(fibres, tangents, depth, shape_of_bone, muscle)
-        standoff[bone] = np.minimum(smoothed_along(tissue, THICKNESS_SMOOTHING), distance)
-        distances[bone] = distance
-        gap = np.clip((distance - standoff[bone]) / thickness, 0.0, 1.0)
+    for kept, (number, piece) in zip(standoff, pieces, strict=True):
+        bone = bones.index(number)
+        distance, outward, tissue = tissue_between(fibres, tangents, depth, piece, muscle)
+        tissue = np.minimum(smoothed_along(tissue, THICKNESS_SMOOTHING), distance)
+        kept[:] = np.minimum(tissue, LARGEST_STANDOFF * thickness)
+        np.minimum(distances[bone], distance, out=distances[bone])
+        gap = np.clip((distance - kept) / thickness, 0.0, 1.0)
         pushes = (1.0 - gap**2) ** 2 * np.maximum(np.einsum("fni,fni->fn", rest, outward), 0.0)
         rest -= pushes[..., None] * outward
-        side = smoothed_along(np.cross(tangents, outward), ASIDE_SMOOTHING)
-        across = np.linalg.norm(side, axis=2)
-        side /= np.maximum(across, np.finfo(float).tiny)[..., None]
-        part = (start_bones == number)[:, None] * (1.0 - along) + (end_bones == number)[:, None] * along
-        layer = np.maximum(distance, LEAST_LAYER * thickness)
-        held = MODULUS * (lengths / (layer * (n - 1))) ** 2 * part
-        held = held * np.clip(2.0 * (across - LEAST_ACROSS), 0.0, 1.0)
-        pushed = pushes > 0.0
-        curvature = curvature_aside(shape_of_bone, fibres[pushed], side[pushed])
-        held[pushed] += pushes[pushed] * np.maximum(curvature, 0.0)
-        aside[bone] = held[..., None, None] * side[..., :, None] * side[..., None, :]
-    if bones:
-        held_by, shares = tuple(bones), shares_by_distance(distances)
-    else:
-        held_by = tuple(sorted({*start_bones.tolist(), *end_bones.tolist()}))
-        numbers = np.array(held_by)[:, None]
-        starts, ends = ((which == numbers)[..., None] for which in (start_bones, end_bones))
+        aside[bone] += stiffness_aside(pushes / thickness, np.cross(tangents, outward))
+    shares = shares_by_distance(distances)
+    if not bones:
+        bones, along = tuple(sorted({*start_bones.tolist(), *end_bones.tolist()})), np.linspace(0.0, 1.0, n)
+        starts, ends = ((which == np.array(bones)[:, None])[..., None] for which in (start_bones, end_bones))
         shares = starts * (1.0 - along) + ends * along
         aside = np.zeros((*shares.shape, 3, 3))
     bow = _bundle_means(rest, fibres, BUNDLE * thickness)
-    across_fibre = np.eye(3) - tangents[..., :, None] * tangents[..., None, :]
-    bed = (np.linalg.norm(bow, axis=2) / thickness)[..., None, None] * across_fibre
-    return Surroundings(standoff, shares[..., None] * rest, aside + shares[..., None, None] * bed, held_by)
+    bed = stiffness_of_bow(np.linalg.norm(bow, axis=2) / thickness, tangents)
+    return Surroundings(standoff, shares[..., None] * rest, aside + shares[..., None, None] * bed, bones)
 
 
-def curvature_aside(bone: Bone, points: Floats, side: Floats) -> Floats:
-    """Return the curvature of a bone's level sets.
+def stiffness_aside(size: Floats, side: Floats) -> Floats:
+    """Return a stiffness of given size along the side (f, n, 3) of fibres, (f, n, 3, 3)."""
+    unit = side / np.maximum(np.linalg.norm(side, axis=2), np.finfo(float).tiny)[..., None]
+    stiffness: Floats = size[..., None, None] * unit[..., :, None] * unit[..., None, :]
+    return stiffness
 
-    Points are (k, 3), with unit directions, the result (k,) [1/mm]. The curvature is positive where the bone
-    is convex, by central differences of the normals over a cell of the bone's field.
-    """
-    ahead, behind = (bone.field(points + way)[1] for way in (bone.cell * side, -bone.cell * side))
-    curvature: Floats = np.einsum("ki,ki->k", ahead - behind, side) / (2.0 * bone.cell)
-    return curvature
+
+def stiffness_of_bow(size: Floats, tangents: Floats) -> Floats:
+    """Return a stiffness of given size in all directions across fibres."""
+    stiffness: Floats = size[..., None, None] * (np.eye(3) - tangents[..., :, None] * tangents[..., None, :])
+    return stiffness
 
 
 def shares_by_distance(distances: Floats) -> Floats:
@@ -190,24 +161,9 @@ def _bundle_means(values: Floats, fibres: Floats, width: float) -> Floats:
     means = np.empty_like(values)
     for i in range(fibres.shape[1]):
         section = fibres[:, i]
-        apart, beside = cKDTree(section).query(section, k=range(1, min(BESIDE, len(section)) + 1))
-        weights = np.exp(-0.5 * (apart / width) ** 2)
-        if len(section) > BESIDE:
-            weights = less_the_last(weights)
-        weights /= weights.sum(axis=1, keepdims=True)
-        means[:, i] = np.einsum("pk,pkc->pc", weights, values[beside, i])
+        weights = np.exp(-0.5 * (cdist(section, section) / width) ** 2)
+        means[:, i] = weights @ values[:, i] / weights.sum(axis=1, keepdims=True)
     return means
-
-
-def less_the_last(weights: Floats) -> Floats:
-    """Return weights less the last of their row.
-
-    Weights (m, k) are descending: the farthest neighbour gets 0. Rounding decides the last of several
-    neighbours at an equal distance; with a weight of 0 the choice does not matter. Rows of equal weights stay
-    unchanged.
-    """
-    less: Floats = weights - weights[:, -1:]
-    return np.where(less[:, :1] > SAME, less, weights)
 
 
 def directions_along(points: Floats) -> Floats:

@@ -16,8 +16,8 @@ from scipy.spatial.distance import cdist
 from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.mesh.surface import sorted_into_bins
 from vtkmuscle.core.motion.blending import nearest_rotations
-from vtkmuscle.core.paths.neighbours import path_lengths, path_widths
-from vtkmuscle.core.paths.surroundings import directions_along, less_the_last
+from vtkmuscle.core.paths.neighbours import SAME, path_lengths, path_widths
+from vtkmuscle.core.paths.surroundings import directions_along
 from vtkmuscle.core.types import Floats, Ints
 
 #: Paths that take a point of the surface along, at most: those of the nearest points of paths, of which so
@@ -230,6 +230,17 @@ def falling_weights(distances: Floats, least: float) -> Floats:
     values = less_the_last(np.exp(-0.5 * (distances / width) ** 2))
     weights: Floats = values / values.sum(axis=1, keepdims=True)
     return weights
+
+
+def less_the_last(weights: Floats) -> Floats:
+    """Return weights less the last of their row.
+
+    Weights (m, k) are descending: the farthest neighbour gets 0. Rounding decides the last of several
+    neighbours at an equal distance; with a weight of 0 the choice does not matter. Rows of equal weights stay
+    unchanged.
+    """
+    less: Floats = weights - weights[:, -1:]
+    return np.where(less[:, :1] > SAME, less, weights)
 
 
 def _places_beside(points: Floats, paths: Floats, near: Ints, count: int) -> tuple[Ints, Floats, Floats]:
