@@ -19,8 +19,9 @@ from timing import interleaved
 
 from vtkmuscle import Scene
 from vtkmuscle.core.mesh.surface import opposite_half_edges
+from vtkmuscle.core.morphing.isolines import attachment_field, morph_by_isolines
 from vtkmuscle.core.morphing.sections import ClosedSurface
-from vtkmuscle.core.morphing.slices import Slicing, attachment_field, morph_by_isolines, morph_by_planes
+from vtkmuscle.core.morphing.slices import Slicing, morph_by_planes
 from vtkmuscle.core.template.kinds import TEMPLATES, sobol_points
 from vtkmuscle.data.arrays import points_of, triangles_of, with_points
 from vtkmuscle.filters import (

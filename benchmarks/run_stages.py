@@ -29,7 +29,7 @@ STAGES: dict[str, tuple[str, ...]] = {
     "reading": ("scenes:Scene.load", "scene/sense:check_sense", "run/store/writing:ResultWriter.__init__"),
     "fields": ("core/bones/bone:Bone.fill", "core/mesh/solids:solids_of"),
     "filling": ("run/muscles:MuscleRun.go",),
-    "steps": ("run/muscles:MuscleRun._deform", "run/muscles:MuscleRun._pull"),
+    "steps": ("run/muscles:MuscleRun._compute",),
     "fibres": (
         "filters/path_deformer:PathDeformer._fibres",
         "filters/fibre_transport:FibreTransport",

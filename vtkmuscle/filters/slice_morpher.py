@@ -9,14 +9,8 @@ import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.core.morphing.slices import (
-    Box,
-    Morph,
-    Slicing,
-    attachment_field,
-    morph_by_isolines,
-    morph_by_planes,
-)
+from vtkmuscle.core.morphing.isolines import attachment_field, morph_by_isolines
+from vtkmuscle.core.morphing.slices import Box, Morph, Slicing, morph_by_planes
 from vtkmuscle.core.template.fitting import angle_to_nearest, areas_are_opposite, superficial_pieces
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import Polylines, add_arrays, field_array

@@ -4,13 +4,8 @@ from bent_muscle import bent_tube, half_circle, letter_s
 from oracles import igl
 from shapes import closed_surface
 
-from vtkmuscle.core.morphing.slices import (
-    Slicing,
-    attachment_field,
-    isoline_distances,
-    morph_by_isolines,
-    morph_by_planes,
-)
+from vtkmuscle.core.morphing.isolines import attachment_field, isoline_distances, morph_by_isolines
+from vtkmuscle.core.morphing.slices import Slicing, morph_by_planes
 from vtkmuscle.core.motion.rigid import apply_transform
 from vtkmuscle.core.template.fitting import centroid_axis, fit_box
 from vtkmuscle.core.template.kinds import TEMPLATES, sobol_points

@@ -1,37 +1,25 @@
-"""Template fibres into the muscle, along parallel planes or isolines.
+"""Template fibres into the muscle, slice by slice, along parallel planes.
 
-Planes: Kohout, Clapworthy, Martelli, Viceconti 2012, *Muscle Fibres Modelling*, section 3.3, extended in
-doi:10.1007/978-3-642-38241-3_3. Isolines: Kohout, Kukacka 2014, *Real-time modelling of fibrous muscle*,
-doi:10.1111/cgf.12354, of a function that is 0 on the origin area, 1 on the insertion area, and harmonic on
-the surface between. However the muscle bends, isolines cross the muscle.
+Kohout, Clapworthy, Martelli, Viceconti 2012, *Muscle Fibres Modelling*, section 3.3, extended in
+doi:10.1007/978-3-642-38241-3_3.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 
-from vtkmuscle.core.errors import InputError
-from vtkmuscle.core.mesh.harmonic import harmonic_extension, triangle_gradients
-from vtkmuscle.core.mesh.normals import perpendiculars, triangle_normals
-from vtkmuscle.core.mesh.solids import points_inside
-from vtkmuscle.core.mesh.surface import patch_triangles
-from vtkmuscle.core.mesh.triangle_tree import TriangleTree, triangle_tree
 from vtkmuscle.core.morphing.correspondence import (
-    N_STARTS,
     LoopStack,
     boundary_centroid,
     count_outside,
-    cyclic_products,
     followed_starts,
-    sampled_loop,
     section_map,
 )
 from vtkmuscle.core.morphing.sections import Branch, ClosedSurface
-from vtkmuscle.core.types import FloatMap, Floats, Ints
+from vtkmuscle.core.types import Floats, Ints
 
 #: Heights within this part of the box's length are equal but for rounding.
 SAME_HEIGHT = 1e-9
@@ -291,203 +279,3 @@ def _sections_at(box: Box, branch: Branch, levels: Floats, guides: Floats, slici
     slices, hits = stack(levels)
     starts = followed_starts(slices, stack(guides)[0], slicing.continuity * box.length, np.zeros(2))
     return SliceMaps(slices.loops, starts, hits, box.sides, slicing)
-
-
-#: Classes of function values for the mean gradient.
-N_CLASSES = 256
-#: Isolines that measure the muscle's course.
-N_ISOLINES = 65
-#: Distance of the first and last isoline from the attachment areas, as a part of the muscle's length:
-#: isolines at an area's rim have many coincident points.
-ISOLINE_MARGIN = 1e-3
-#: Least area of a second branch, as a part of the main isoline's area.
-OTHER_BRANCH = 0.05
-
-
-def attachment_field(points: Floats, triangles: Ints, origin: Ints, insertion: Ints) -> Floats:
-    """Return the harmonic function from origin (0) to insertion (1).
-
-    Points (n, 3), triangles (m, 3), areas as point ids (k,); values (n,) in [0, 1]. Raises a ValueError if a
-    role has no points, the areas overlap, or no connected part of the muscle has both areas.
-    """
-    for role, area in (("origin", origin), ("insertion", insertion)):
-        if not len(area):
-            problem = f"no point of the muscle is in the {role} area, and the function needs both areas"
-            raise InputError("", problem)
-    both = np.intersect1d(origin, insertion)
-    if len(both):
-        problem = f"the origin and the insertion area overlap: {len(both)} point(s) of the muscle are in both"
-        raise InputError("", f"{problem}, the first is point {both[0]}", "make an area smaller")
-    fixed = np.concatenate([origin, insertion])
-    values = np.repeat([0.0, 1.0], [len(origin), len(insertion)])
-    extension = harmonic_extension(points, triangles, fixed, values[:, None])
-    corners = extension[triangles, 0]
-    if not (np.ptp(corners, axis=1) > 0.0).any():
-        raise InputError("", "no connected part of the muscle has both an origin and an insertion area")
-    return extension[:, 0]
-
-
-def morph_by_isolines(
-    fibre_points: Floats, transform: Floats, muscle: ClosedSurface, field: Floats, slicing: Slicing
-) -> Morph:
-    """Return template fibres moved into the muscle by isolines.
-
-    A plane at a height of the template, as a part of its length, goes to the isoline at the same part of the
-    distance from origin to insertion, measured on the surface and averaged around the isoline. Isolines and
-    the planes' rectangles are matched with least twist between neighbours and least squared distances; the
-    distances count less in parts of the muscle bent away from the box's axis. Fibre ends at the template's
-    bottom and top go to the nearest points of the areas.
-
-    fibre_points, transform, muscle, slicing : as for :func:`morph_by_planes`;
-    field : (n,), function of :func:`attachment_field`, for the muscle in any pose.
-
-    Raises a ValueError if the function has no isolines with an inside.
-    """
-    box = Box(transform)
-    inside = box.coordinates(fibre_points)
-    course = _IsolineCourse(box.surface(muscle), field)
-    fractions = np.clip(inside[:, 2] / box.length, 0.0, 1.0)
-    tolerance = max(slicing.slice_tolerance / box.length, SAME_HEIGHT)
-    levels, slice_of = shared_levels(fractions, tolerance, GRAIN)
-    levels = course.begin + levels * course.span
-    mapped = _isolines_at(box, course, levels, slicing)
-    heights = course.begin + fractions * course.span
-    result, _ = mapped.positions(inside, heights, levels, slice_of)
-    at_origin, at_insertion = fractions <= SAME_HEIGHT, fractions >= 1.0 - SAME_HEIGHT
-    between = result[~(at_origin | at_insertion)]
-    n_outside = int((~points_inside(between, course.tree)).sum())
-    for value, ends in ((0.0, at_origin), (1.0, at_insertion)):
-        result[ends] = course.onto_area(value, result[ends])
-    return Morph(box.positions(result), n_outside, course.share, 0.0)
-
-
-class _IsolineCourse:
-    """Muscle in its box, with a function's isolines.
-
-    The isolines at `values` of the function are at `distances` along the muscle, see
-    :func:`isoline_distances`. The main branch, with the part `share` of the muscle, is single from `begin`
-    on, over `span` [mm].
-    """
-
-    def __init__(self, surface: ClosedSurface, field: Floats) -> None:
-        self.surface, self.field = surface, field
-        self.values, self.distances = isoline_distances(surface.points, surface.triangles, field)
-        self.length = float(self.distances[-1])
-        regular = self.length * np.linspace(ISOLINE_MARGIN, 1.0 - ISOLINE_MARGIN, N_ISOLINES)
-        branch = self.branch(regular)
-        first, last = _single_branch(branch)
-        self.begin, self.span = regular[first], regular[last] - regular[first]
-        self.share = float(branch.sizes[branch.numbers[branch.numbers >= 0]].sum() / branch.sizes.sum())
-
-    def branch(self, at: Floats) -> Branch:
-        """Return the main branch at some distances."""
-        levels = np.interp(at, self.distances, self.values)
-        for i in range(1, len(levels)):  # strictly ascending, even after rounding
-            levels[i] = max(levels[i], np.nextafter(levels[i - 1], 2.0))
-        return Branch(self.surface, self.field, levels, at, lambda areas: np.linalg.norm(areas, axis=1))
-
-    @cached_property
-    def tree(self) -> TriangleTree:
-        """Tree of the muscle's triangles."""
-        return triangle_tree(self.surface.points, self.surface.triangles)
-
-    def onto_area(self, value: float, ends: Floats) -> Floats:
-        """Return nearest points on an area [mm]. Ends (j, 3); the area has a function value."""
-        area = np.flatnonzero(self.field == value)
-        faces = patch_triangles(self.surface.triangles, area)
-        return triangle_tree(self.surface.points, faces).nearest(ends)[1]
-
-
-def _isolines_at(box: Box, course: _IsolineCourse, levels: Floats, slicing: Slicing) -> SliceMaps:
-    """Return isolines at some distances, matched to the template's rectangle."""
-    guides = course.begin + guide_levels(course.span)
-    branch = course.branch(np.union1d(levels, guides))
-
-    def stack(at: Floats) -> tuple[LoopStack, Floats, Ints]:
-        """Return loops, vector areas, and numbers of hit levels."""
-        loops, hits = branch.loops_at(at)
-        areas = branch.areas[branch.at(at[hits])]
-        rings = [np.ascontiguousarray(loop) for loop in loops]
-        return LoopStack(rings, at[hits], _distances_from_rectangle(box.sides, areas)), areas, hits
-
-    rings, areas, hits = stack(levels)
-    starts = followed_starts(rings, stack(guides)[0], slicing.continuity * course.length, np.zeros(3))
-    views = np.array([_view_along(area) for area in areas])
-    return SliceMaps(rings.loops, starts, hits, box.sides, slicing, views)
-
-
-def isoline_distances(points: Floats, triangles: Ints, field: Floats) -> tuple[Floats, Floats]:
-    """Return mean distances of isolines along the surface. From the least value.
-
-    ds/df is the length-weighted mean of 1 / |grad f| along an isoline: by the coarea formula, the ratio of
-    the area to the integral of |grad f| between neighbouring isolines. The function (n,) in [0, 1] is linear
-    on each triangle; values (k,) from 0 to 1 and distances (k,) from 0 on [mm] ascend strictly.
-    """
-    areas, slopes = _per_class(points, triangles, field)
-    steps = np.divide(areas, slopes, out=np.zeros(N_CLASSES), where=slopes > 0.0)
-    # A class without triangles is as steep as the mean.
-    steps[slopes <= 0.0] = areas.sum() / slopes.sum()
-    return np.linspace(0.0, 1.0, N_CLASSES + 1), np.append(0.0, np.cumsum(steps)) / N_CLASSES
-
-
-def _per_class(points: Floats, triangles: Ints, field: Floats) -> tuple[Floats, Floats]:
-    """Return area and integrated gradient per class of values."""
-    areas = np.linalg.norm(triangle_normals(points, triangles), axis=1) / 2.0
-    slopes = areas * np.linalg.norm(triangle_gradients(points, triangles, field), axis=1)
-    low, high = field[triangles].min(axis=1), field[triangles].max(axis=1)
-    first = (low * N_CLASSES).astype(np.int64)
-    last = np.minimum((high * N_CLASSES).astype(np.int64), N_CLASSES - 1)
-    counts = np.where(slopes > 0.0, last - first + 1, 0)
-    t = np.repeat(np.arange(len(triangles)), counts)
-    k = first[t] + np.arange(len(t)) - np.repeat(np.cumsum(counts) - counts, counts)
-    shares = (np.minimum(high[t], (k + 1) / N_CLASSES) - np.maximum(low[t], k / N_CLASSES)) / (high - low)[t]
-    of_areas, of_slopes = (np.bincount(k, shares * sizes[t], N_CLASSES) for sizes in (areas, slopes))
-    return of_areas.astype(np.float64), of_slopes.astype(np.float64)
-
-
-def _single_branch(branch: Branch) -> tuple[int, int]:
-    """Return the first and last level of the single branch.
-
-    An origin of several areas has an isoline around each; the isolines join towards the insertion.
-    """
-    sizes, numbers = branch.sizes, branch.numbers
-    single = numbers >= 0
-    for level in np.flatnonzero(single):
-        rivals = [n for n in branch.sections.loops_of(int(level)) if n != numbers[level]]
-        single[level] = not rivals or sizes[rivals].max() <= OTHER_BRANCH * sizes[numbers[level]]
-    if not single.any():
-        single = numbers >= 0
-    # The longest run of levels with one branch.
-    runs = np.flatnonzero(np.diff(single.astype(np.int64), prepend=0, append=0)).reshape(-1, 2)
-    first, end = runs[np.diff(runs, axis=1)[:, 0].argmax()]
-    return int(first), int(end) - 1
-
-
-def _distances_from_rectangle(sides: Floats, areas: Floats) -> FloatMap:
-    """Return the cost function of isoline starts.
-
-    From positions (l, n, 3) on isolines to costs (l, n) [mm^2]: mean squared distances of an isoline, started
-    at the position, from the rectangle, both about their centres. They count less for isolines with a vector
-    area (3,) inclined to z.
-    """
-    width, depth = sides[:2]
-    corners = np.array([(0.0, 0.0), (width, 0.0), (width, depth), (0.0, depth)])
-    rectangle = np.zeros((N_STARTS, 3))
-    rectangle[:, :2] = sampled_loop(corners, np.zeros(2), N_STARTS) - [width / 2.0, depth / 2.0]
-    along = areas[:, 2] / np.maximum(np.linalg.norm(areas, axis=1), np.finfo(float).tiny)
-
-    def costs(positions: Floats) -> Floats:
-        centred = positions - positions.mean(axis=1, keepdims=True)
-        squares = (centred**2).sum(axis=2).mean(axis=1) + (rectangle**2).sum(axis=1).mean()
-        products = cyclic_products(np.broadcast_to(rectangle, centred.shape), centred)
-        weights = np.maximum(along, 0.0) ** 2
-        return np.asarray(weights[:, None] * (squares[:, None] - 2.0 * products))
-
-    return costs
-
-
-def _view_along(area: Floats) -> Floats:
-    """Return the frame, in rows, along a vector area (3,). Along z for a zero area."""
-    length = float(np.linalg.norm(area))
-    axis = area / length if length > 0.0 else np.array([0.0, 0.0, 1.0])
-    return np.array([*perpendiculars(axis), axis])
