@@ -100,16 +100,6 @@ def test_settling_step_transport_and_decomposition_are_no_slower_than_committed(
     assert guard.regressions({"ratios": now}, committed, margin=2.0) == []
 
 
-def test_time_of_settling_grows_with_the_triangles_and_the_root_of_their_number(guard):
-    """What diffuses goes over a length: over twice the edges where there are four times the triangles."""
-    from problems import settling_of
-    from timing import interleaved
-
-    times = interleaved({str(n): settling_of(n) for n in (5_000, 50_000)}, rounds=15)
-    (power,) = guard.growth({"triangles": {int(n): ms for n, ms in times.items()}}).values()
-    assert power < 1.6
-
-
 def test_growth_is_a_power(guard):
     sizes = {
         "triangles": {10: 2.0, 100: 18.0, 1000: 200.0},
