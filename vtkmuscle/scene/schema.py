@@ -152,8 +152,8 @@ class Area(SchemaTable):
     """The bone of the area or ring."""
     landmarks: Text = key("FILE.vtp", ...)
     """A .vtp or .vtk file with a polyline, or with points; a .csv of x, y, z, or of name, x, y, z; a .json
-    list of [x, y, z]; or a .mrk.json or .fcsv file of 3D Slicer. Landmarks are in the
-    order of the boundary."""
+    list of [x, y, z]; a .mrk.json or .fcsv file of 3D Slicer; or a .nrrd file of 3 x n numbers. Landmarks
+    are in the order of the boundary."""
     closed: bool | None = key(True)
     """Write true for a ring around an area, false for an open curve or loose points. Default: as in the file;
     a ring repeats the first landmark at the end. Points near an open curve are attached. A via ring is always
