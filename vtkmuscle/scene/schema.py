@@ -239,6 +239,9 @@ class SceneTable(SchemaTable):
     frame: Annotated[str, OneOf(FRAMES)] = key("LPS", "LPS")
     """The frame of the surfaces: LPS (x to the left, y to the back), as in 3D Slicer, or RAS. Landmarks are
     converted if the file states the frame, as files of 3D Slicer do."""
+    mirror: Annotated[str, OneOf("xyz")] | None = key("x")
+    """x, y or z: mirrors the whole scene, with the motion, along this axis, to make the other side of the
+    body. Names and coordinates stay."""
     muscles: dict[Name, MuscleTable] = key({"NAME": {"surface": "FILE.vtp"}}, ...)
     """The muscles, by name; at least one."""
     paths: Paths | None = None
