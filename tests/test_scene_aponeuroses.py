@@ -73,7 +73,7 @@ def saved(tmp_path):
     return scene_of("bipennate")[0].save(tmp_path)
 
 
-def test_a_scene_keeps_its_aponeuroses(saved):
+def test_a_scene_keeps_its_aponeuroses_and_mirrors_them(saved):
     tables = tomllib.loads(saved.read_text())
     assert {side: len(files) for side, files in tables["muscles"]["block"]["aponeuroses"].items()} == {
         "proximal": 2,
@@ -83,6 +83,9 @@ def test_a_scene_keeps_its_aponeuroses(saved):
     for one, two in zip(*(scene.muscles["block"].aponeuroses for scene in (before, after)), strict=True):
         assert one.side == two.side
         assert np.allclose(one.points, two.points)
+    saved.write_text(tomli_w.dumps(tables | {"mirror": "x"}))
+    mirrored = Scene.load(saved).muscles["block"].aponeuroses
+    assert np.allclose(mirrored[0].points, before.muscles["block"].aponeuroses[0].points * [-1, 1, 1])
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,6 @@
-"""Joints in a scene: pins, balls and custom ones, models of OpenSim, files and grids."""
+"""Joints in a scene: pins, balls and custom ones, models of OpenSim, files, grids and mirrors."""
+
+from dataclasses import replace
 
 import numpy as np
 import osim_texts as texts
@@ -8,7 +10,9 @@ from phantoms.two_joint_strap import AXIS
 from two_joint_scene import CENTRE, JOINTS, save_strap, scene_with
 
 from vtkmuscle import Scene, SceneError
-from vtkmuscle.core.motion.rigid import rotation_about
+from vtkmuscle.core.mesh.surface import signed_volume
+from vtkmuscle.core.motion.rigid import apply_transform, rotation_about
+from vtkmuscle.data.arrays import points_of, triangles_of
 from vtkmuscle.scene.reading import read_motion
 
 
@@ -148,6 +152,32 @@ def test_the_walk_of_the_real_hip_is_its_table(lhdl_hip, strap_folder, tmp_path)
     np.testing.assert_allclose(motion.transforms["middle"], table.transforms["femur_r"], atol=2e-3)
 
 
+def test_the_left_side_is_the_right_one_in_a_mirror(strap_folder, tmp_path):
+    motion = {"grid": {"upper": [0, 20, 10], "lower": [0, 30, 15]}}
+    right = Scene.load(scene_with(strap_folder, tmp_path / "right", motion=motion))
+    left = Scene.load(scene_with(strap_folder, tmp_path / "left", motion=motion, mirror="y"))
+    signs = np.array([1.0, -1.0, 1.0])
+    for name, bone in right.bones.items():
+        np.testing.assert_array_equal(points_of(left.bones[name]), points_of(bone) * signs)
+    surfaces = [scene.muscles["strap"].surface for scene in (right, left)]
+    right_volume, left_volume = (signed_volume(points_of(each), triangles_of(each, "")) for each in surfaces)
+    assert left_volume == pytest.approx(right_volume)
+    areas = (scene.muscles["strap"].attachments for scene in (right, left))
+    for area, mirrored in zip(*areas, strict=True):
+        assert (mirrored.role, mirrored.bone) == (area.role, area.bone)
+        np.testing.assert_array_equal(mirrored.landmarks, area.landmarks * signs)
+    points = points_of(right.bones["distal"])[:5]
+    for time in np.arange(0.0, right.motion.times[-1], 0.5):
+        moved = apply_transform(right.motion.at(time)["distal"], points)
+        there = apply_transform(left.motion.at(time)["distal"], points * signs)
+        np.testing.assert_allclose(there, moved * signs, atol=1e-9)
+    arms = [
+        replace(scene, deformer="none").run(figures=False).moment_arms()["strap"] for scene in (right, left)
+    ]
+    for name in ("upper", "lower"):  # the template is not mirrored: eight fibres are not the same fibres
+        np.testing.assert_allclose(arms[1][name].mean, arms[0][name].mean, atol=0.5)
+
+
 def test_a_scene_with_joints_is_saved_as_tables_that_move_alike(strap_folder, tmp_path):
     path = scene_with(strap_folder, tmp_path, motion={"grid": {"upper": [0, 20, 10], "lower": [0, 30, 15]}})
     scene = Scene.load(path)
@@ -211,6 +241,7 @@ FOLLOWER = {"lower": {"follows": "uper", "polynomial": [1, 0]}}
         ({"motion": {**GRID["motion"], "coordinates": ["elbow"]}}, "motion", "no coordinate 'elbow'"),
         ({**GRID, "opensim": {"model": "leg.osim"}}, "opensim", "cannot be combined with"),
         ({**GRID, "joints": None, "opensim": {"model": "leg.osim"}}, "opensim.model", "no such file"),
+        ({**GRID, "mirror": "w"}, "mirror", "not 'w'"),
     ],
 )  # fmt: skip
 def test_what_cannot_be_of_joints_is_named_by_its_key(strap_folder, tmp_path, changes, key, words):

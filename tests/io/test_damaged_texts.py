@@ -22,6 +22,7 @@ MOTION = "walk\nversion=1\nnRows=4\nnColumns=3\ninDegrees=yes\n\nwords\nendheade
 MOTION += "".join(f"{0.1 * i:.2f}\t{7 * i}\t{-2.5 * i}\n" for i in range(4))
 CONTROLS = [{"id": str(i), "label": f"F-{i}", "position": [i, 2.5, -3.0 * i]} for i in range(4)]
 MARKUPS = {"markups": [{"type": "Curve", "coordinateSystem": "LPS", "controlPoints": CONTROLS}]}
+NRRD = b"NRRD0004\ntype: double\nsizes: 3 3\nencoding: raw\nendian: little\n\n" + np.arange(9.0).tobytes()
 FCSV = "# CoordinateSystem = LPS\n# columns = id,x,y,z,label\n1,2,3,4,a\n2,3,4,5,b\n3,4,5,7,c\n"
 
 COUPLER = """<CoordinateCouplerConstraint name="c"><coupled_coordinates_function>
@@ -37,6 +38,7 @@ KINDS = {
     "walk.sto": MOTION.replace("inDegrees=yes", "inDegrees=no\nDataType=double").encode(),
     "F.mrk.json": json.dumps(MARKUPS).encode(),
     "F.fcsv": FCSV.encode(),
+    "F.nrrd": NRRD,
     "hip.msf": trees.WHOLE.encode(),
 }
 

@@ -1,5 +1,6 @@
-"""Landmarks of 3D Slicer: frames, names, rings, and refused lists."""
+"""Landmarks of 3D Slicer and in .nrrd: frames, names, rings, and refused lists."""
 
+import gzip
 import json
 
 import numpy as np
@@ -8,6 +9,7 @@ import pytest
 from vtkmuscle.io import read_landmarks, read_named_points
 
 POINTS = [[1.0, 2.0, 3.0], [4.0, 5.0, 6.0], [7.0, 8.0, 10.0]]
+NRRD = "NRRD0004\ntype: double\nsizes: 3 3\nencoding: raw\n\nabc"
 OTHER_SIDE = np.array(POINTS) * [-1, -1, 1]
 
 
@@ -22,7 +24,8 @@ def markups(kind="Fiducial", frame="LPS", **changes):
 
 def written(tmp_path, name, content):
     path = tmp_path / name
-    path.write_text(content if isinstance(content, str) else json.dumps(content))
+    text = content if isinstance(content, str | bytes) else json.dumps(content)
+    path.write_bytes(text if isinstance(text, bytes) else text.encode())
     return path
 
 
@@ -58,6 +61,27 @@ def test_a_list_that_does_not_say_its_frame_is_asked_for_it(tmp_path):
         read_landmarks(written(tmp_path, "F.fcsv", "1,2,3,4\n"))
 
 
+@pytest.mark.parametrize("encoding", ["raw", "gzip", "ascii"])
+def test_nrrd_lists_of_all_encodings_are_the_same(tmp_path, encoding):
+    head = "NRRD0004\n# made\ntype: double\ndimension: 2\nspace: RAS\nsizes: 3 3\nendian: little\n"
+    head += f"encoding: {encoding}\n\n"
+    body = np.array(POINTS, dtype="<f8").tobytes()
+    if encoding == "gzip":
+        body = gzip.compress(body)
+    elif encoding == "ascii":
+        body = " ".join(str(value) for row in POINTS for value in row).encode()
+    path = written(tmp_path, "F.nrrd", head.encode() + body)
+    np.testing.assert_array_equal(read_landmarks(path)[0], OTHER_SIDE)
+
+
+@pytest.mark.parametrize("line", ["\n", "\r\n"])
+def test_bytes_of_nrrd_numbers_that_end_lines_elsewhere_are_numbers(tmp_path, line):
+    points = np.frombuffer(b"\r\n\r\n\n\n\x14@" * 9, dtype="<f8").reshape(3, 3)
+    head = line.join(["NRRD0004", "type: double", "sizes: 3 3", "endian: little", "encoding: raw", "", ""])
+    path = written(tmp_path, "F.nrrd", head.encode() + points.tobytes() + b"\n")  # with a byte too many
+    np.testing.assert_array_equal(read_landmarks(path)[0], points)
+
+
 @pytest.mark.parametrize(
     "text",
     [
@@ -86,6 +110,15 @@ def test_plain_tables_may_have_names(tmp_path, text):
         ("a.mrk.json", markups(controlPoints=[{"positionStatus": "undefined"}]), "status is 'undefined'"),
         ("a.fcsv", "# CoordinateSystem = LPS\n1,2,x,4\n", "line 2"),
         ("a.fcsv", "# CoordinateSystem = LPS\n", "no landmarks"),
+        ("a.nrrd", "PNG", "not NRRD"),
+        ("a.nrrd", NRRD.replace("3 3", "10 10 10"), "not an image"),
+        ("a.nrrd", NRRD, "0 numbers, but the header says 9"),
+        ("a.nrrd", NRRD + 80 * "a", "10 numbers, but the header says 9"),
+        ("a.nrrd", NRRD.replace("raw", "gzip"), "damaged"),
+        ("a.nrrd", NRRD.replace("raw", "text"), "damaged"),
+        ("a.nrrd", NRRD.replace("raw", "bzip2"), "encoding: 'bzip2' is not supported"),
+        ("a.nrrd", NRRD.replace("raw\n", "raw\nbyte skip: 4\n"), "byteskip: '4' is not supported"),
+        ("a.nrrd", NRRD.replace("raw\n", "raw\ndata file: /etc/passwd\n"), "'/etc/passwd' is not supported"),
     ],
 )
 def test_what_is_no_list_of_landmarks_is_told(tmp_path, name, content, words):

@@ -192,6 +192,12 @@ def test_a_scene_without_joints_is_not_exported(tmp_path):
         write_opensim(save_strap(tmp_path / "strap"), tmp_path / "strap.osim")
 
 
+def test_a_mirrored_scene_is_not_exported(ran, tmp_path):
+    mirrored = scene_with(ran[0].parent, tmp_path, motion={"grid": {"upper": [-10, 30, 10]}}, mirror="x")
+    with pytest.raises(SceneError, match="mirrored scenes are not exported"):
+        write_opensim(mirrored, tmp_path / "strap.osim")
+
+
 def export(*words):
     call = CliRunner().invoke(app, ["export", *map(str, words)])
     return call.exit_code, " ".join(call.output.split())

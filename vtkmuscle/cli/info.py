@@ -19,7 +19,7 @@ from vtkmuscle.opensim.model import OsimModel, read_osim
 from vtkmuscle.run.store import ResultFolder
 
 #: Suffixes of landmarks and of motions.
-LANDMARKS, MOTIONS = (".csv", ".json", ".fcsv"), (".mot", ".sto")
+LANDMARKS, MOTIONS = (".csv", ".json", ".fcsv", ".nrrd"), (".mot", ".sto")
 #: Longest list of names that is printed whole.
 _MOST = 12
 

@@ -6,6 +6,7 @@ import csv
 import json
 import re
 import warnings
+import zlib
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
@@ -27,6 +28,17 @@ _FRAME_WORDS = {"LPS": "LPS", "1": "LPS", "RAS": "RAS", "0": "RAS"}
 #: Kinds of markups with ordered points, and whether the curve is closed.
 _KINDS = {"Fiducial": False, "Line": False, "Curve": False, "ClosedCurve": True}
 _FCSV_COLUMNS = ["id", "x", "y", "z", "ow", "ox", "oy", "oz", "vis", "sel", "lock", "label"]
+#: Allowed values of keys in .nrrd files, "" if missing, and their meaning.
+_NRRD = {
+    "type": {"float": "f4", "double": "f8", "int": "i4", "int32": "i4", "short": "i2", "int16": "i2"}
+    | {"signed char": "i1", "int8": "i1", "uchar": "u1", "unsigned char": "u1", "uint8": "u1"},
+    "encoding": {"raw": "raw", "gzip": "gzip", "gz": "gzip"}
+    | dict.fromkeys(("ascii", "text", "txt"), "text"),
+    "endian": {"": "<", "little": "<", "big": ">"},
+    "space": {"": "", "lps": "LPS", "left-posterior-superior": "LPS"}
+    | {"ras": "RAS", "right-anterior-superior": "RAS"},
+    **{key: {"": "", "0": ""} for key in ("datafile", "lineskip", "byteskip")},
+}
 _AS_SLICER = "save it again with 3D Slicer"
 _DECIMAL = "if numbers have a decimal comma, write a point instead"
 
@@ -60,8 +72,8 @@ def read_landmarks(path: str | PathLike[str], *, frame: str = "LPS") -> tuple[Fl
     path : path
         A .vtp or .vtk file with 1 polyline or only points; a .csv file of x, y, z or name, x, y, z (a
         header may name the columns; further columns are ignored); a .json file with a list of [x, y, z];
-        or a .mrk.json or .fcsv file of 3D Slicer. In a ring, the last point repeats the first, or the
-        file is a closed curve of Slicer.
+        a .mrk.json or .fcsv file of 3D Slicer; or a .nrrd file of 3 x n numbers. In a ring, the last
+        point repeats the first, or the file is a closed curve of Slicer.
     frame : str, optional
         ``"LPS"`` or ``"RAS"``: the frame of the scene. Files with a frame, such as Slicer's, are
         converted. Slicer saves surfaces in LPS.
@@ -112,7 +124,7 @@ def read_aponeurosis(path: str | PathLike[str], side: str, *, frame: str = "LPS"
 
 
 def read_named_points(path: str | PathLike[str]) -> NamedPoints:
-    """Read points with names and a frame from .csv, .json, .mrk.json or .fcsv.
+    """Read points with names and a frame from .csv, .json, .mrk.json, .fcsv or .nrrd.
 
     See :func:`read_landmarks`.
 
@@ -122,7 +134,7 @@ def read_named_points(path: str | PathLike[str]) -> NamedPoints:
         If the file does not exist, cannot be read, or has no points.
     """
     path = Path(path)
-    readers = {".csv": _from_csv, ".json": _from_json, ".fcsv": _from_fcsv}
+    readers = {".csv": _from_csv, ".json": _from_json, ".fcsv": _from_fcsv, ".nrrd": _from_nrrd}
     if path.suffix.lower() not in readers:
         allowed = ", ".join([".vtp", ".vtk", *readers])
         raise InputError(path, f"landmarks are read from {allowed} files, not from {path.suffix!r}")
@@ -245,6 +257,35 @@ def _from_fcsv(path: Path) -> NamedPoints:
         problem = "the file does not state its frame, LPS or RAS"
         raise InputError(path, problem, "add a line # CoordinateSystem = LPS, or RAS")
     return NamedPoints(tuple(names), np.array(points), frame=frame)
+
+
+def _from_nrrd(path: Path) -> NamedPoints:
+    """Return the points of a .nrrd file of 3 x n numbers after the header."""
+    head, *bodies = re.split(rb"\r?\n\r?\n", path.read_bytes(), maxsplit=1)
+    pairs = re.findall(r"^([a-z ]+):(?!=)(.*)$", head.decode("latin-1").casefold(), re.MULTILINE)
+    keys = {name.replace(" ", ""): value.strip() for name, value in pairs}
+    sizes = re.fullmatch(r"3\s+([1-9][0-9]{,6})", keys.get("sizes", ""))
+    if not head.startswith(b"NRRD") or not bodies or sizes is None:
+        raise InputError(path, "the file is not NRRD with the sizes 3 n", "export landmarks, not an image")
+    for name, words in _NRRD.items():
+        if (value := keys.get(name, "")) not in words:
+            remedy = "save numbers of type double after the header, raw or by gzip, in LPS or RAS"
+            raise InputError(path, f"{name}: {quoted(value)} is not supported", remedy)
+    kind, encoding, order, frame, *_ = (words[keys.get(name, "")] for name, words in _NRRD.items())
+    number, count = np.dtype(order + kind), 3 * int(sizes[1])
+    try:
+        body = bodies[0]
+        if encoding == "gzip":
+            body = zlib.decompressobj(31).decompress(body, (count + 1) * number.itemsize)
+        whole = body[: len(body) // number.itemsize * number.itemsize]
+        cells: Any = body.split(maxsplit=count) if encoding == "text" else np.frombuffer(whole, number)
+        points = np.array(cells, dtype=np.float64)
+    except (zlib.error, ValueError) as error:
+        raise InputError(path, f"the numbers are damaged: {error}", "export it again") from error
+    if len(points) != count:
+        problem = f"the file has {len(points)} numbers, but the header says {count}"
+        raise InputError(path, problem, "export it again")
+    return NamedPoints(("",) * (count // 3), points.reshape(-1, 3), frame=frame or None)
 
 
 def _frame(word: Any, path: Path) -> str:

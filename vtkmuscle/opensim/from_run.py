@@ -157,7 +157,7 @@ def write_opensim(
     Raises
     ------
     SceneError, ValueError
-        If the scene has no joints; if a muscle failed, has no fibres, crosses a constant
+        If the scene has no joints or is mirrored; if a muscle failed, has no fibres, crosses a constant
         coordinate or leaves no tendon; or if the model is not of version 4.
     """
     export, names, reused = Export(**options), dict(replace or {}), {}
@@ -257,6 +257,8 @@ def _run_of(source: Path, result: Result | None) -> _Run:
     joints = joints_of(table, files)
     if joints is None:
         raise SceneError("the scene has no joints", "joints", "add [joints.NAME] or [opensim]", path)
+    if table.mirror is not None:
+        raise SceneError("mirrored scenes are not exported", "mirror", "export the other side", path)
     scene = Scene.load(path)
     metres = MILLIMETRES[scene.units] / 1000.0
     tree, factors = joints.tree.in_metres(metres)

@@ -97,10 +97,10 @@ def _closed(surface: vtkPolyData) -> tuple[vtkPolyData, bool]:
         remedy = "remove unused points (pyvista: mesh.clean())"
     if problem:
         raise InputError("", problem, remedy)
-    return (surface, False) if report.volume > 0 else (_turned_over(surface), True)
+    return (surface, False) if report.volume > 0 else (turned_over(surface), True)
 
 
-def _turned_over(surface: vtkPolyData) -> vtkPolyData:
+def turned_over(surface: vtkPolyData) -> vtkPolyData:
     """Return a surface with reversed triangles."""
     reverse = vtkReverseSense()
     reverse.SetInputData(surface)

@@ -17,6 +17,7 @@ from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.core.template.kinds import read_template
 from vtkmuscle.core.types import Floats
 from vtkmuscle.core.words import suggestion
+from vtkmuscle.data.arrays import points_of, with_points
 from vtkmuscle.data.attachments import SIDES, VIA, Aponeurosis, AttachmentArea
 from vtkmuscle.filters.attachment_estimator import NEAR, estimated_areas
 from vtkmuscle.io import (
@@ -28,6 +29,7 @@ from vtkmuscle.io import (
     read_polydata,
     read_surface,
 )
+from vtkmuscle.scene.checks import turned_over
 from vtkmuscle.scene.data import MILLIMETRES, Muscle
 from vtkmuscle.scene.faults import Faults, SceneError, SceneFiles, errors_at, parsed
 from vtkmuscle.scene.joints import joints_of, motion_from
@@ -61,7 +63,7 @@ def read_fields(path: Path, values: Mapping[str, Any] | None = None) -> dict[str
         with faults.gathered():
             muscles[name] = _muscle(name, table, files, bones, motion, crossed)
     faults.raise_any()
-    return {
+    fields = {
         "name": table.name or path.stem,
         "bones": bones,
         "muscles": muscles,
@@ -75,6 +77,7 @@ def read_fields(path: Path, values: Mapping[str, Any] | None = None) -> dict[str
         "quality": table.quality,
         "files": files.paths,
     }
+    return fields if table.mirror is None else _mirrored(fields, table.mirror)
 
 
 def read_motion(path: Path) -> RigidMotion:
@@ -209,3 +212,37 @@ def _estimated(
         other = {"origin": "insertion", "insertion": "origin"}
         areas = [replace(area, role=other[area.role]) for area in areas]
     return areas
+
+
+def _mirrored(fields: dict[str, Any], axis: str) -> dict[str, Any]:
+    """Return a scene's fields mirrored along x, y or z; values of coordinates stay."""
+    signs = np.where(np.array(list("xyz")) == axis, -1.0, 1.0)
+    both, motion = np.diag([*signs, 1.0]), fields["motion"]
+    bones = {name: _mirrored_surface(bone, signs) for name, bone in fields["bones"].items()}
+    muscles = {name: _mirrored_muscle(muscle, signs) for name, muscle in fields["muscles"].items()}
+    motion = replace(
+        motion,
+        transforms={bone: both @ table @ both for bone, table in motion.transforms.items()},
+        centre={bone: signs * motion.centre_of(bone) for bone in motion.transforms},
+        coordinates={name: old.carried(both) for name, old in motion.coordinates.items()},
+    )
+    return fields | {"bones": bones, "muscles": muscles, "motion": motion}
+
+
+def _mirrored_surface(surface: vtkPolyData, signs: Floats) -> vtkPolyData:
+    """Return a surface with points times signs (3,) and the same outward side."""
+    return turned_over(with_points(surface, signs * points_of(surface)))
+
+
+def _mirrored_muscle(muscle: Muscle, signs: Floats) -> Muscle:
+    lines = muscle.superficial_fibres
+    return replace(
+        muscle,
+        surface=_mirrored_surface(muscle.surface, signs),
+        attachments=tuple(replace(area, landmarks=signs * area.landmarks) for area in muscle.attachments),
+        aponeuroses=tuple(
+            replace(sheet, points=signs * sheet.points, triangles=sheet.triangles[:, ::-1])
+            for sheet in muscle.aponeuroses
+        ),
+        superficial_fibres=None if lines is None else with_points(lines, signs * points_of(lines)),
+    )

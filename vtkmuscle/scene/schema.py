@@ -152,8 +152,8 @@ class Area(SchemaTable):
     """The bone of the area or ring."""
     landmarks: Text = key("FILE.vtp", ...)
     """A .vtp or .vtk file with a polyline, or with points; a .csv of x, y, z, or of name, x, y, z; a .json
-    list of [x, y, z]; or a .mrk.json or .fcsv file of 3D Slicer. Landmarks are in the
-    order of the boundary."""
+    list of [x, y, z]; a .mrk.json or .fcsv file of 3D Slicer; or a .nrrd file of 3 x n numbers. Landmarks
+    are in the order of the boundary."""
     closed: bool | None = key(True)
     """Write true for a ring around an area, false for an open curve or loose points. Default: as in the file;
     a ring repeats the first landmark at the end. Points near an open curve are attached. A via ring is always
@@ -239,6 +239,9 @@ class SceneTable(SchemaTable):
     frame: Annotated[str, OneOf(FRAMES)] = key("LPS", "LPS")
     """The frame of the surfaces: LPS (x to the left, y to the back), as in 3D Slicer, or RAS. Landmarks are
     converted if the file states the frame, as files of 3D Slicer do."""
+    mirror: Annotated[str, OneOf("xyz")] | None = key("x")
+    """x, y or z: mirrors the whole scene, with the motion, along this axis, to make the other side of the
+    body. Names and coordinates stay."""
     muscles: dict[Name, MuscleTable] = key({"NAME": {"surface": "FILE.vtp"}}, ...)
     """The muscles, by name; at least one."""
     paths: Paths | None = None
