@@ -174,8 +174,8 @@ def test_the_left_side_is_the_right_one_in_a_mirror(strap_folder, tmp_path):
     arms = [
         replace(scene, deformer="none").run(figures=False).moment_arms()["strap"] for scene in (right, left)
     ]
-    for name in ("upper", "lower"):  # the template is not mirrored: eight fibres are not the same fibres
-        np.testing.assert_allclose(arms[1][name].mean, arms[0][name].mean, atol=0.5)
+    for name in ("upper", "lower"):  # the template is not mirrored: other fibres
+        np.testing.assert_allclose(arms[1][name].mean, arms[0][name].mean, rtol=0.1)
 
 
 def test_a_scene_with_joints_is_saved_as_tables_that_move_alike(strap_folder, tmp_path):
