@@ -130,6 +130,8 @@ def paths(time=4.0):
     data = with_points(data, moved)
     set_point_array(data, "RestPosition", rest)
     set_cell_array(data, "Squeezed", np.zeros(count))
+    steps = np.diff(moved.reshape(count, -1, 3), axis=1)
+    set_cell_array(data, "Length", np.linalg.norm(steps, axis=2).sum(axis=1))
     for name in PHANTOM.motion.coordinates:
         set_cell_array(data, f"Lever_{name}", np.full(count, -32.0))
     return data

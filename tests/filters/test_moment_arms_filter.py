@@ -183,6 +183,7 @@ class Paths(Fibres):
         points = np.array(data.GetPoints().GetData()).reshape(-1, 2, 3)
         pull = points[:, 0] - points[:, 1]
         set_point_array(data, "RestPosition", np.array(lines_at(0.0).GetPoints().GetData()))
+        set_cell_array(data, "Length", np.linalg.norm(pull, axis=1))
         pull /= np.linalg.norm(pull, axis=1)[:, None]
         set_cell_array(data, "Lever_knee", np.cross(points[:, 1], pull)[:, 0])
         return data

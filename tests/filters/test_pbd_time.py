@@ -9,7 +9,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from test_pbd_deformer import bones, spindle
 
-from vtkmuscle.core.mesh import rest_shape
+from vtkmuscle.core import fixed_muscle
 from vtkmuscle.core.motion.rigid import hinge
 from vtkmuscle.core.pbd import solver, voxels
 from vtkmuscle.filters.base.history import Checkpoints
@@ -139,7 +139,7 @@ def work(monkeypatch):
     done = []
 
     count = functools.partial(count_calls, monkeypatch, done)
-    count(rest_shape, "mesh_topology", "topology")
+    count(fixed_muscle, "mesh_topology", "topology")
     count(solver, "RestShape", "rest shape")
     count(solver, "harmonic_directions", "fibre directions")
     count(voxels, "build_voxel_grid", "voxels")
