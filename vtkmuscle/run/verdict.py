@@ -255,6 +255,7 @@ def _series(
         found = [row.get(name) for row in rows]
         return np.array([np.nan if value is None else float(value) for value in found], dtype=np.float64)
 
+    unsettled = column("unsettled")
     values = {
         "volume": 100.0 * np.abs(column("volume_ratio") - 1.0),
         "fixed points": column("fixed_error_max_mm"),
@@ -265,7 +266,7 @@ def _series(
         "fibres in bone": column("fibres_penetration_new_max_mm"),
         "penetration": column("penetration_new_max_mm"),
         "squeezed": column("squeezed_p95_mm"),
-        "unsettled": 100.0 * column("unsettled") * column("unsettled").mean(),
+        "unsettled": 100.0 * unsettled * unsettled.sum() / max(len(rows), 1),
         "widespread penetration": column("penetration_new_p95_mm"),
     }
     missing = {"penetration": "no bone has an inside", "widespread penetration": "no bone has an inside"}
