@@ -121,8 +121,8 @@ def flexed_hip(scene, name):
 @pytest.mark.parametrize(
     ("name", "straight", "back"),
     [
-        ("gluteus_medius", (LENGTHS, LEVERS), (LENGTHS, LEVERS)),
-        ("gluteus_maximus", (LENGTHS, LEVERS), (0.25, 0.2)),
+        ("gluteus_medius", (LENGTHS, LEVERS), (LENGTHS, 0.1)),
+        ("gluteus_maximus", (0.09, 0.2), (LENGTHS, LEVERS)),
         pytest.param("iliacus", (LENGTHS, LEVERS), (LENGTHS, LEVERS), marks=pytest.mark.long),
         pytest.param("adductor_brevis", (0.5, 1.0), (4.0, 5.0), marks=pytest.mark.long),
     ],
