@@ -86,10 +86,12 @@ def largest_error(case: Known) -> float:
 def row(what: str, value: str, times: str) -> tuple[str, ...]:
     """Return a row of the table: the mean of the largest errors, and the worst phantom [mm]."""
     largest = {case.name: largest_error(case) for case in known_phantoms()}
+    unsettled = [name for name, error in largest.items() if np.isnan(error)]
     worst = max(largest, key=lambda name: largest[name])
-    mean = float(np.mean([*largest.values()]))
-    print(f"{what}, times {times}: {mean:.2f} mm", file=sys.stderr, flush=True)
-    return what, value, times, f"{mean:.2f}", f"{largest[worst]:.1f}", worst
+    found = (f"{np.mean([*largest.values()]):.2f}", f"{largest[worst]:.1f}", worst)
+    found = ("", "", f"{unsettled[0]} does not come to rest") if unsettled else found
+    print(what, times, *found, file=sys.stderr, flush=True)
+    return what, value, times, *found
 
 
 def main() -> None:

@@ -190,6 +190,14 @@ def test_the_change_of_the_gradient_is_the_slope_of_springs_and_neighbours(rng):
     assert not change[:, [0, -1]].any()
 
 
+def test_a_path_beyond_any_sensible_stretch_gets_no_wider():
+    line = np.zeros((3, 5, 3))
+    line[:, :, 0] = np.outer([1.0, 10.0, 0.1], np.linspace(0.0, 4.0, 5))
+    rest = np.full(3, 4.0)
+    assert (widening(line, rest) < 0.0).tolist() == [True, False, False]
+    np.testing.assert_allclose(path_widths(line, rest) ** -2, [1.0, 4.0, 0.25])
+
+
 def test_the_load_of_a_ball_is_the_slope_of_its_force(rng):
     """In closed form, in a bone that is turned: it pushes along the radius, and its normals turn."""
     ball = pv.Icosphere(radius=30.0, nsub=5)
@@ -266,6 +274,8 @@ def test_what_a_round_bone_does_to_a_path_turns_with_it(rng):
         return gradient, full(blocks)
 
     gradient, blocks = pushed(np.eye(3))
+    along = np.stack([-np.sin(angle), np.cos(angle), 0.0 * angle], axis=-1)
+    assert (np.einsum("ni,nij,nj->n", along, blocks[0], along)[2:-2] < -1e-3).all()
     for turn in Rotation.random(5, random_state=rng).as_matrix():
         turned = pushed(turn)
         np.testing.assert_allclose(turned[0], gradient @ turn.T, atol=1e-12)

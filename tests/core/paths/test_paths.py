@@ -23,6 +23,7 @@ from phantom_paths import (
 )
 from phantoms import spindle_over_ball, strap_over_two_joints
 from phantoms.planar import flexed
+from phantoms.pulleys import HINGE
 from phantoms.two_joint_strap import LOWER, WRAPS
 from shapes import box
 
@@ -273,3 +274,25 @@ def test_a_fibre_of_no_length_is_refused():
     fibres[3] = fibres[3, 0]
     with pytest.raises(ValueError, match="fibre 3 has no length"):
         made.pulled(fibres=fibres)
+
+
+@pytest.mark.parametrize(
+    ("make", "centre", "axis", "bound"),
+    [
+        ("strap_along_bone", (0.0, 0.0, 0.0), -AXIS, 2.0),
+        ("broad_origin", (0.0, 0.0, 0.0), -AXIS, 0.7),
+        ("strap_beside_bone", (0.0, 0.0, 0.0), -AXIS, 3.0),
+        ("tendon_between_bones", (0.0, 0.0, 0.0), -AXIS, 1.0),
+        ("tendon_under_band", (0.0, *HINGE), AXIS, 1.0),
+    ],
+)
+def test_traps_do_not_catch_paths(make, centre, axis, bound):
+    """Their mean moment arm is as it is known, in every fourth pose of the motion, and all come to rest."""
+    made = strung_phantom(make)
+    moving = [made.names.index(name) for name in made.phantom.motion.transforms]
+    arm = made.phantom.known["moment_arm"]
+    states = swept(paths_of(make), made.poses()[::4])
+    for angle, state in zip(made.phantom.motion.times[::4], states, strict=True):
+        assert state.settled
+        known = arm(angle) if callable(arm) else arm
+        assert levers(state, moving, np.array(centre), axis).mean() == pytest.approx(known, abs=bound)

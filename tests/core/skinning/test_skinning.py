@@ -9,6 +9,7 @@ from phantom_paths import known_paths, off_lines, paths_of, strung_phantom, swep
 from vtkmuscle.core.mesh.surface import mean_thickness, mesh_topology, signed_volume
 from vtkmuscle.core.motion.rigid import apply_transform, hinge, rotation_about
 from vtkmuscle.core.paths.lines import bones_at_ends, evenly_spread, lines_on_surface
+from vtkmuscle.core.paths.neighbours import GREATEST_STRETCH
 from vtkmuscle.core.paths.sheet import POINTS, MusclePaths
 from vtkmuscle.core.skinning.skinning import Skinning
 
@@ -53,7 +54,7 @@ def as_lines(fibres):
 def test_at_rest_nothing_moves(make):
     """Though paths are pulled taut at rest and leave their fibres."""
     paths, made = paths_of(make), strung_phantom(make)
-    assert np.abs(paths.rest.points - made.fibres).max() > 0.1
+    assert np.abs(paths.rest.points - made.fibres).max() > 0.05
     skinning = skinning_of(make, paths)
     muscle = carried(skinning, paths.follow(paths.rest, paths.rest.transforms))
     np.testing.assert_allclose(muscle.surface, made.points, rtol=0.0, atol=1e-9)
@@ -183,15 +184,17 @@ def test_a_thin_tendon_that_is_stretched_is_a_thinner_cylinder(segments):
     assert volume == pytest.approx(1.0, abs=0.05)
 
 
-def test_a_tendon_ten_times_as_long_keeps_its_volume():
+def test_the_stretch_has_bounds():
+    """Ten times as long is no muscle any more; what is made of it is finite."""
     paths, points, triangles, fixed_to = tendon(32)
     pulled = np.array([np.eye(4)] * 2)
     pulled[1, 2, 3] = 9.0 * LENGTH
     skinning = skinned_by(paths, points, triangles, fixed_to)
     surface = carried(skinning, paths.follow(paths.rest, pulled)).surface
     middle = np.abs(points[:, 2] - LENGTH / 2.0) < 0.2 * LENGTH
+    assert np.isfinite(surface).all()
     radius = np.hypot(*surface[middle, :2].T)
-    assert radius.mean() == pytest.approx(RADIUS / np.sqrt(10.0), rel=0.05)
+    assert radius.mean() == pytest.approx(RADIUS / np.sqrt(GREATEST_STRETCH), rel=0.05)
 
 
 # -------------------------------------------------------------------- what may go wrong

@@ -21,6 +21,12 @@ PUSH = 100.0
 #: a point that comes and goes does so smoothly.
 ROUNDING = 0.02
 
+#: A bone's curvature counts fully at a point beside which the bone presses at least this part as hard.
+LEAST_BESIDE = 0.1
+
+#: Part of the springs' stiffness that the curvature of a bone may take away, at most.
+LARGEST_BEND = 0.5
+
 
 class Proximity(NamedTuple):
     """Distances of p points from b bones.
@@ -159,7 +165,9 @@ def add_contacts(
 ) -> None:
     """Add the bones' forces and write their pressures.
 
-    Pressures are (b, f, n) [mm].
+    Pressures are (b, f, n) [mm]. Along the path a bone that curves away makes the springs less stiff, in
+    proportion to the bone's pressure: with the reduced stiffness Newton's method lets a sliding point go
+    along the bone.
     """
     b, f, n = gaps.shape
     for k in range(b):
@@ -178,6 +186,10 @@ def add_contacts(
                 gradient[a, i, 2] -= force * w
                 stiff = pressure_at(gaps[k, a, i], push, rounding)[1]
                 add_direction(blocks[a, i], stiff, u, v, w)
+                # Where the bone lets go beside it, a point slides along no curve: that comes in smoothly.
+                beside = min(pressure[k, a, i - 1], pressure[k, a, i + 1])
+                if beside > 0.0:
+                    _bend(x[a], normals[k, a], i, min(force, beside / LEAST_BESIDE), blocks[a, i])
 
 
 @kernel
@@ -192,3 +204,27 @@ def pressure_at(gap: float, push: float, rounding: float) -> tuple[float, float]
     if gap <= -rounding:
         return -push * gap, push
     return push * (rounding - gap) ** 2 / (4.0 * rounding), push * (rounding - gap) / (2.0 * rounding)
+
+
+@kernel
+def _bend(p: Floats, normals: Floats, i: int, force: float, block: Floats) -> None:
+    """Reduce a point's stiffness by the bone's curvature.
+
+    The stiffness along the path falls.
+    """
+    u, v, w = p[i + 1, 0] - p[i - 1, 0], p[i + 1, 1] - p[i - 1, 1], p[i + 1, 2] - p[i - 1, 2]
+    length2 = u * u + v * v + w * w
+    curve = (
+        (normals[i + 1, 0] - normals[i - 1, 0]) * u
+        + (normals[i + 1, 1] - normals[i - 1, 1]) * v
+        + (normals[i + 1, 2] - normals[i - 1, 2]) * w
+    )
+    inward = 0.0
+    for c in range(3):
+        inward += normals[i, c] * (2.0 * p[i, c] - p[i - 1, c] - p[i + 1, c])
+    # No more than the springs press: what else does, in a pose that is not settled, must not turn them round.
+    bend = min(force, max(inward, 0.0)) * curve / length2
+    bend = min(max(bend, -LARGEST_BEND), LARGEST_BEND)
+    if length2 > 0.0:
+        length = np.sqrt(length2)
+        add_direction(block, -bend, u / length, v / length, w / length)

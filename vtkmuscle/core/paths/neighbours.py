@@ -26,6 +26,13 @@ NEIGHBOURS = 6
 #: in a tendon's end a strain would be of nothing.
 LEAST_SPACING = 0.5
 
+#: Points nearer than this part of the median distance do not hold each other: where lines run together, their
+#: last digits would say in which direction.
+TOO_NEAR = 0.01
+
+#: Bounds of a path's stretch, beyond which none is sensible (a muscle works between about 0.5 and 1.6).
+LEAST_STRETCH, GREATEST_STRETCH = 0.25, 4.0
+
 #: Distances that differ by less than this part of the greater, or of a path's length, are the same.
 SAME = 1e-9
 
@@ -64,8 +71,7 @@ def neighbours_of(fibres: Floats) -> Neighbours:
     pairs = _nearest_across(fibres, SAME * length)
     ahead, across = _ahead_and_across(fibres.reshape(-1, 3), _tangents(fibres).reshape(-1, 3), *pairs.T)
     usual = float(np.median(across)) if len(across) else 0.0
-    # Where lines have run together, their last digits would say in which direction they are apart.
-    apart = across > SAME * length
+    apart = (across > SAME * length) & (across > TOO_NEAR * usual)
     spacing = np.maximum(across[apart], LEAST_SPACING * usual)
     stiffness = (length / (spacing * (n - 1))) ** 2
     moduli = np.outer(stiffness, (MODULUS, SHEAR_MODULUS))
@@ -137,7 +143,8 @@ def path_widths(points: Floats, lengths: Floats) -> Floats:
 
     ``lengths`` (f,) are at rest; the paths keep their volume.
     """
-    widths: Floats = np.sqrt(lengths / np.maximum(path_lengths(points), SAME * lengths))
+    stretch = path_lengths(points) / lengths
+    widths: Floats = 1.0 / np.sqrt(stretch.clip(LEAST_STRETCH, GREATEST_STRETCH))
     return widths
 
 
@@ -146,5 +153,7 @@ def widening(points: Floats, lengths: Floats) -> Floats:
 
     Paths are (f, n, 3), the result (f,) [1/mm].
     """
-    change: Floats = -0.5 * path_widths(points, lengths) ** 3 / lengths
+    widths = path_widths(points, lengths)
+    within = (widths > GREATEST_STRETCH**-0.5) & (widths < LEAST_STRETCH**-0.5)
+    change: Floats = np.where(within, -0.5 * widths**3 / lengths, 0.0)
     return change

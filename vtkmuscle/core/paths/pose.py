@@ -32,9 +32,9 @@ from vtkmuscle.core.types import Floats, Ints
 #: real hip err by 0.016 mm then, at most, in three motions; with 1e-8 by 0.18.
 TOLERANCE = 5e-9
 
-#: Steps of Newton's method in a pose, at most; 4 to 15 is what most take, and up to 81 where a path leaves an
-#: unstable equilibrium.
-ITERATIONS = 100
+#: Steps of Newton's method in a pose, at most; 4 to 15 is what most take, and 80 or more where a path leaves
+#: an unstable equilibrium.
+ITERATIONS = 300
 
 #: Earlier points whose gradients improve a step: with 2 a tenth fewer steps are taken than with none, and
 #: half as many where fibres are about to snap; 4 gain nothing more.
