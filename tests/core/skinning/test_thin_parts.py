@@ -137,7 +137,7 @@ def test_a_tendon_bends_over_an_edge(section, mesh):
     known = bent(muscle.points, thickness, np.pi / 2.0)
     for rounds, segments in QUALITIES:
         off = np.linalg.norm(moved(muscle, poses, rounds, segments, bones) - known, axis=1)
-        assert np.percentile(off[inside(muscle, section)], 95) < 1.3
+        assert np.percentile(off[inside(muscle, section)], 95) < 1.4
 
 
 def belly(sides=24, rows=40):
