@@ -131,7 +131,7 @@ def fetch(
     >>> fetch("lhdl-hip")
     Traceback (most recent call last):
         ...
-    vtkmuscle.core.errors.InputError: lhdl-hip: the licence is not accepted; pass accept_licence=True to accept
+    vtkmuscle.core.errors.InputError: lhdl-hip: the licence is not accepted; pass ...
     """
     if name != NAME:
         raise InputError("", f"there is no data set {name!r}; {suggestion(name, [NAME])}")

@@ -14,6 +14,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from vtkmuscle.core.errors import InputError
+from vtkmuscle.core.moment_arms.of_joints import JointArms
+from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import points_of
 from vtkmuscle.filters.deformer.settings import PRESETS
 from vtkmuscle.filters.taut_paths import RESOLUTIONS
@@ -258,7 +260,7 @@ def _measured(result: Result, limit: Result | None, name: str) -> dict[str, Any]
             row["length_rms_mm"] = _rms([lengths[name].mean(axis=1) - reference[name].mean(axis=1)])
             break
     finest = limit.moment_arms().get(name, {}) if limit.has_moment_arms else {}
-    row["moment_arm_rms_mm"] = _rms([arms[axis].mean - finest[axis].mean for axis in arms if axis in finest])
+    row["moment_arm_rms_mm"] = _rms([_off(arms[axis], finest[axis]) for axis in arms if axis in finest])
     if result.report["deformer"] != "none":
         row["surface_rms_mm"] = MILLIMETRES[result.units] * _rms(
             [
@@ -271,13 +273,22 @@ def _measured(result: Result, limit: Result | None, name: str) -> dict[str, Any]
     return row
 
 
+def _off(arms: JointArms, limit: JointArms) -> Floats:
+    """Return the differences of mean moment arms, in the frames that have both."""
+    _, here, there = np.intersect1d(arms.frames, limit.frames, return_indices=True)
+    difference: Floats = arms.mean[here] - limit.mean[there]
+    return difference
+
+
 def _middle(curve: Any) -> Any:
     return curve.arms if curve.upper is None else 0.5 * (curve.arms + curve.upper)
 
 
 def _rms(parts: Sequence[Any]) -> float:
-    """Return the root mean square of all numbers, NaN of none."""
-    return float(np.sqrt(np.mean(np.concatenate(parts) ** 2))) if parts else float("nan")
+    """Return the root mean square of all numbers, NaN of none; a frame that did not settle has none."""
+    numbers = np.concatenate([*parts, np.empty(0)])
+    numbers = numbers[np.isfinite(numbers)]
+    return float(np.sqrt(np.mean(numbers**2))) if len(numbers) else float("nan")
 
 
 def _together(muscles: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
