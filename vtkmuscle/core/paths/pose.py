@@ -38,8 +38,8 @@ TOLERANCE = 5e-9
 ITERATIONS = 300
 
 #: A point on an edge of a bone, whose normal turns there from step to step, goes round for ever. The sheet is
-#: at rest where it comes back to a tenth of a step after so many steps at most, and no point leaves it by more
-#: than this part of a segment. Of an infraspinatus a point goes round by 0.001 mm.
+#: at rest where it comes back to a tenth of a step after so many steps at most, and no point leaves it by
+#: more than this part of a segment. Of an infraspinatus a point goes round by 0.001 mm.
 CYCLE, RATTLE = 12, 1e-3
 
 #: Earlier points whose gradients improve a step: with 2 a tenth fewer steps are taken than with none, and
