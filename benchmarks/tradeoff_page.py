@@ -1,6 +1,6 @@
 """Make the tables of speed against accuracy: ``python benchmarks/tradeoff_page.py [--out FOLDER]``.
 
-Runs :func:`vtkmuscle.tradeoff` on the phantom hip and, with ``VTKMUSCLE_DATA``, on the real hip and knee, in
+Runs :func:`vtkmuscle.tradeoff` on the phantom hip and, with ``VTKMUSCLE_DATA``, on the real hip, in
 steps of about 10 degrees; quality and deformer are varied, then the number of fibres. Written is a table for
 each scene: all muscles together, the sum of times and the largest error.
 """
@@ -28,10 +28,8 @@ HEADINGS = ("ms a pose", "length [mm]", "moment arm [mm]", "points [mm]", "momen
 def scenes() -> dict[str, Scene]:
     """Return the scenes by the names of their tables."""
     found = {"phantom_hip": Scene.from_phantom(phantoms.hip())}
-    for name in ("lhdl_hip", "bp3d_knee"):
-        path = data_folder().with_name(name) / "scene.toml"
-        if path.is_file():
-            found[name] = Scene.load(path)
+    if (path := data_folder() / "scene.toml").is_file():
+        found["lhdl_hip"] = Scene.load(path)
     return found
 
 
