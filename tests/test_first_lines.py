@@ -83,6 +83,8 @@ def known(tmp_path_factory):
 def test_a_line_works_or_says_what_to_write(known, line):
     if "off_screen" in line and (reason := can_render()):
         pytest.skip(reason)
+    if "to_frame" in line:
+        pytest.importorskip("pandas", reason="pandas is not installed")
     words = LINES[line]
     if not words:
         exec(line, dict(known))

@@ -63,6 +63,7 @@ def test_damaged_scenes_are_a_result_or_one_clear_error(whole, tmp_path, pytestc
     judged(kinds, "load_and_run", "a damaged {}, read and run", tried)
 
 
+@pytest.mark.slow
 def test_a_run_goes_on_from_damaged_results_or_says_one_clear_error(whole, tmp_path, pytestconfig, tried):
     shutil.copytree(whole, tmp_path / "scene")
     Scene.load(tmp_path / "scene/scene.toml").run(tmp_path / "whole", frames="0:2", figures=False)

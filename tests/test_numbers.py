@@ -38,6 +38,7 @@ def deviation(found, expected):
     )
 
 
+@pytest.mark.slow
 def test_of_the_order_of_muscles_and_of_workers(scene, expected):
     turned = replace(scene, muscles=dict(reversed(scene.muscles.items())))
     assert deviation(numbers(turned, workers=2), expected) == 0.0

@@ -7,7 +7,7 @@ import pytest
 
 from vtkmuscle import Scene
 
-pytestmark = pytest.mark.realdata
+pytestmark = [pytest.mark.realdata, pytest.mark.slow]
 
 MUSCLES = ("semitendinosus", "biceps_femoris_long")
 

@@ -259,6 +259,7 @@ def test_a_template_file_counts_by_its_content(scene, tmp_path):
     assert muscle_keys(data, range(5)) != before
 
 
+@pytest.mark.slow
 def test_a_muscle_whose_files_are_not_whole_is_computed_again(scene, finished, computed):
     whole = results(finished)
     for name in ("thin/thin_0002.vtp", "finished/thin.json", "finished/thin.vtp"):

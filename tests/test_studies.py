@@ -87,6 +87,7 @@ def test_a_scene_that_cannot_be_run_is_a_row(tmp_path):
     assert np.isnan(table["length_mm"][[0, 2]]).all()
 
 
+@pytest.mark.slow
 def test_processes_give_the_same_table(scene, tmp_path):
     scenes, seen = {"anna": scene, "ben": scene}, []
     here = vtkmuscle.cohort(scenes, workers=1, frames="0:2")

@@ -16,6 +16,8 @@ from vtkmuscle.filters import (
 from vtkmuscle.data.arrays import points_of
 from vtkmuscle.phantoms import spindle_over_hinge, wrapping_cylinder
 
+import pytest
+
 def connected(made, *inputs):
     for port, value in enumerate(inputs):
         made.connect(port, value)
@@ -62,6 +64,7 @@ print("same")
 """
 
 
+@pytest.mark.slow
 def test_two_pipelines_in_two_threads_give_what_they_give_one_after_the_other():
     done = subprocess.run(
         [sys.executable, "-c", SCRIPT], capture_output=True, text=True, check=False, timeout=900

@@ -68,6 +68,7 @@ def test_work_and_memory_are_no_more_than_committed(guard, work):
         pytest.param("bones as fine as they come", marks=pytest.mark.long),
     ],
 )
+@pytest.mark.slow
 def test_figures_and_page_take_no_more_than_committed(guard, monkeypatch, planted):
     """Windows, pictures, triangles, pixels, coarser bones and regressions, whatever the machine."""
     import work_counts
@@ -92,6 +93,7 @@ def test_figures_and_page_take_no_more_than_committed(guard, monkeypatch, plante
     assert told == expected.get(planted, ["triangles drawn"])
 
 
+@pytest.mark.slow
 def test_settling_step_transport_and_decomposition_are_no_slower_than_committed(guard):
     """By processor time in turns with a kernel that stays; other kinds of processor are left a factor 2."""
     committed = json.loads(guard.COMMITTED.read_text(encoding="utf-8"))

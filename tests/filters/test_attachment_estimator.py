@@ -133,6 +133,7 @@ def test_a_muscle_that_touches_one_bone_is_refused(spindle):
         pytest.param("gluteus_maximus", marks=pytest.mark.long),
     ],
 )
+@pytest.mark.slow
 def test_estimates_of_a_real_muscle_cover_the_digitised_areas(lhdl_hip, name):
     scene = Scene.load(lhdl_hip / "scene.toml")
     found = compared(scene.muscles[name].surface, scene.bones_data(), scene.attachments_data(name))

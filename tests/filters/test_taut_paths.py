@@ -92,6 +92,7 @@ def test_a_pose_asked_for_alone_is_the_pose_reached_through_all_frames(make, nam
     ("name", "bound"),
     [("adductor_brevis", 0.02), ("gluteus_maximus", 0.16), ("gluteus_medius", 0.02), ("iliacus", 0.02)],
 )
+@pytest.mark.slow
 def test_a_pose_of_the_real_hip_asked_for_alone_is_the_pose_reached_through_all_frames(lhdl_hip, name, bound):
     scene = replace(Scene.load(lhdl_hip / "scene.toml"), deformer="none")
     swept, alone = (muscle_pipeline(scene, name).taut_paths for _ in range(2))
@@ -131,6 +132,7 @@ def test_lengths_settle_as_paths_get_more_segments(make, name):
 
 
 @pytest.mark.realdata
+@pytest.mark.slow
 def test_paths_end_where_larger_steps_take_them(lhdl_hip):
     """Of the adductor brevis, where a path may snap."""
     scene = replace(Scene.load(lhdl_hip / "scene.toml"), deformer="none")

@@ -1,9 +1,9 @@
-import igl
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
+from oracles import igl
 from scipy.spatial import cKDTree
 
 from vtkmuscle.core.fibres.trimming import (

@@ -24,6 +24,7 @@ def hip_scene(lhdl_hip):
         *(pytest.param(name, marks=pytest.mark.long) for name in ("gluteus_medius", "adductor_brevis")),
     ],
 )
+@pytest.mark.slow
 def test_paths_of_a_real_muscle_have_lengths_and_come_to_rest(hip_scene, name):
     made = strung_muscle(
         hip_scene.muscles[name].surface,

@@ -127,6 +127,7 @@ def flexed_hip(scene, name):
         pytest.param("adductor_brevis", (0.5, 1.0), (4.0, 5.0), marks=pytest.mark.long),
     ],
 )
+@pytest.mark.slow
 def test_a_real_hip_may_be_flexed_straight_and_go_back(hip_scene, name, straight, back):
     paths, poses, twists = flexed_hip(hip_scene, name)
     found = differences(paths, poses, twists, (10, 20, 30, 45))
