@@ -5,6 +5,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 import vtkmuscle
 
 SCRIPT = """
@@ -15,8 +17,6 @@ from vtkmuscle.filters import (
 )
 from vtkmuscle.data.arrays import points_of
 from vtkmuscle.phantoms import spindle_over_hinge, wrapping_cylinder
-
-import pytest
 
 def connected(made, *inputs):
     for port, value in enumerate(inputs):
