@@ -33,8 +33,10 @@ def _moved(bone: vtkPolyData, transform: Floats) -> vtkPolyData:
     """Return a bone moved rigidly, with its normals and vectors."""
     matrix = vtkMatrix4x4()
     matrix.DeepCopy(transform.ravel().tolist())
+    to_pose = vtkMatrixToLinearTransform()
+    to_pose.SetInput(matrix)
     mover = vtkTransformFilter()
-    mover.SetTransform(vtkMatrixToLinearTransform(input=matrix))
+    mover.SetTransform(to_pose)
     mover.SetOutputPointsPrecision(vtkAlgorithm.DOUBLE_PRECISION)
     mover.SetInputData(bone)
     mover.Update()
