@@ -14,7 +14,7 @@ import pytest
 from faults import children, results
 from tiny_scene import write_tiny_scene
 
-from vtkmuscle import Scene
+from vtkmuscle import Scene, hinge
 from vtkmuscle.run.pool import pool_size
 from vtkmuscle.scene.faults import SceneError
 
@@ -125,7 +125,8 @@ def wait_for_end(processes):
 @pytest.mark.slow
 def test_ctrl_c_ends_all_processes(scene, tmp_path):
     """As a terminal does it: every process of the group gets the signal."""
-    path = scene.save(tmp_path / "scene")
+    slow = hinge("lower", (0, -15, 0), (1, 0, 0), [20.0 * i / 200 for i in range(201)])
+    path = replace(scene, motion=slow, files={}).save(tmp_path / "scene")
     command = [sys.executable, "-m", "vtkmuscle", "run", str(path), "--out", str(tmp_path / "out")]
     program = subprocess.Popen(
         [*command, "--workers", "2", "--no-figures"],
