@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +30,8 @@ from vtkmuscle.core.types import Floats, Ints
 from vtkmuscle.data.arrays import blocks_of, checked_surface, point_array
 from vtkmuscle.data.attachments import AttachmentArea, areas_of_role
 
+T = TypeVar("T")
+
 #: Number of cached surfaces: the muscles of a limb; 20 000 triangles take about 10 MB.
 REMEMBERED = 8
 
@@ -39,7 +41,7 @@ class MuscleGeometry:
 
     def __init__(self, points: Floats, triangles: Ints) -> None:
         self.points, self.triangles = points, triangles
-        self._patches: dict[tuple[bytes, bool], Ints] = {}
+        self._known: dict[Hashable, Any] = {}
         self._samples = np.empty((0, 3))
 
     @cached_property
@@ -64,11 +66,8 @@ class MuscleGeometry:
 
     def patch(self, area: AttachmentArea) -> Ints:
         """Return the point ids of an attachment area; ValueError off the surface."""
-        key = np.ascontiguousarray(area.landmarks).tobytes(), area.closed
-        if key not in self._patches:
-            surface = self.points, self.triangles
-            self._patches[key] = attachment_patch(*surface, area.landmarks, area.closed)
-        return self._patches[key]
+        surface, ring = (self.points, self.triangles), (area.landmarks, area.closed)
+        return self.once("patch", ring, lambda: attachment_patch(*surface, *ring))
 
     def attached(self, areas: Sequence[AttachmentArea], role: str) -> Ints:
         """Return the point ids of all areas of a role, ascending.
@@ -83,8 +82,20 @@ class MuscleGeometry:
 
     def patch_tree(self, patch: Ints) -> TriangleTree | None:
         """Return the hierarchy of triangles between points (j,), None without triangles."""
-        faces = faces_between(self.triangles, patch)
-        return triangle_tree(self.points, faces) if len(faces) else None
+
+        def tree() -> TriangleTree | None:
+            faces = faces_between(self.triangles, patch)
+            return triangle_tree(self.points, faces) if len(faces) else None
+
+        return self.once("tree", (patch,), tree)
+
+    def once(self, what: str, given: Sequence[Any], compute: Callable[[], T]) -> T:
+        """Return a result of the surface and of what is given, computed once; arrays count by content."""
+        key = what, *(part.tobytes() if isinstance(part, np.ndarray) else part for part in given)
+        if key not in self._known:
+            self._known[key] = compute()
+        result: T = self._known[key]
+        return result
 
     def samples(self, count: int) -> Floats:
         """Return `count` inner positions [mm], evenly spread; fewer for flat surfaces."""

@@ -24,6 +24,9 @@ TOLERANCE = 0.25
 #: Largest part of a fibre's length that is cut off at either end.
 LARGEST_CUT = 0.5
 
+#: Distances (n,) of positions (n, 3).
+Distance = Callable[[Floats], Floats]
+
 
 class FibreTrimmer(Filter):
     """End fibres on the attachment areas, evenly spread.
@@ -128,25 +131,34 @@ def _end_area(role: str, areas: Sequence[AttachmentArea], geometry: MuscleGeomet
     """Return a role's area for fibre ends (k, 3)."""
     covered = geometry.attached(areas, role)
     role_areas = [area for area in areas if area.role == role]
+    rings = [part for area in role_areas for part in (area.landmarks, area.closed)]
+    inner, outer = geometry.once("ends", rings, lambda: _discs_of(role_areas, geometry))
     landmarks = np.vstack([area.landmarks for area in role_areas])
-    tolerance = TOLERANCE * geometry.mean_edge
-    points, triangles = inner_areas(role_areas, geometry)
-    if len(triangles):
+    if inner is not None:
         # The area may be hollow, or the landmarks inexact: the template's fibre ends decide.
-        distance = _distance_to(points, triangles)
-        if (distance(ends) <= tolerance).mean() > 0.5:
+        points, triangles, distance = inner
+        if (distance(ends) <= TOLERANCE * geometry.mean_edge).mean() > 0.5:
             return EndArea(landmarks, points, triangles, np.arange(len(points)), distance)
+    return EndArea(landmarks, geometry.points, geometry.triangles, covered, outer)
+
+
+def _discs_of(
+    areas: Sequence[AttachmentArea], geometry: MuscleGeometry
+) -> tuple[tuple[Floats, Ints, Distance] | None, Distance | None]:
+    """Return the disc within a muscle, and the distance to discs on its surface; None for none."""
+    points, triangles = inner_areas(areas, geometry)
+    inner = (points, triangles, _distance_to(points, triangles)) if len(triangles) else None
     # Discs over rings around hollow or bulging areas do not belong to the surface.
     flat = []
-    for ring in (area.landmarks for area in role_areas if area.closed):
+    for ring in (area.landmarks for area in areas if area.closed):
         points, triangles = discs_over([ring])
-        if np.abs(geometry.solids.distances(points[triangles].mean(axis=1))).max() <= tolerance:
+        away = np.abs(geometry.solids.distances(points[triangles].mean(axis=1)))
+        if away.max() <= TOLERANCE * geometry.mean_edge:
             flat.append(ring)
-    spanned = _distance_to(*discs_over(flat)) if flat else None
-    return EndArea(landmarks, geometry.points, geometry.triangles, covered, spanned)
+    return inner, _distance_to(*discs_over(flat)) if flat else None
 
 
-def _distance_to(points: Floats, triangles: Ints) -> Callable[[Floats], Floats]:
+def _distance_to(points: Floats, triangles: Ints) -> Distance:
     """Return a function of positions (n, 3): their distances (n,) to triangles."""
     tree = triangle_tree(points, triangles)
     return lambda positions: tree.nearest(positions)[2]

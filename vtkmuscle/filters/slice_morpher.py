@@ -178,8 +178,9 @@ def _harmonic_field(muscle: Surface, areas: list[AttachmentArea] | None) -> Floa
     if areas is None:
         problem = "method='harmonic' needs attachment areas, but the port 'attachments' is not connected"
         raise InputError("", problem, "connect attachments")
-    origin, insertion = (muscle.geometry.attached(areas, role) for role in ROLES)
-    return attachment_field(muscle.points, muscle.triangles, origin, insertion)
+    ends = tuple(muscle.geometry.attached(areas, role) for role in ROLES)
+    surface = muscle.points, muscle.triangles
+    return muscle.geometry.once("harmonic", ends, lambda: attachment_field(*surface, *ends))
 
 
 def _runs_upwards(template: Any, box: Floats) -> bool:

@@ -11,6 +11,7 @@ from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.motion.rigid import apply_transform
 from vtkmuscle.core.template.fitting import (
     TIE,
+    BoxFit,
     SuperficialFibres,
     angle_to_nearest,
     centroid_axis,
@@ -116,10 +117,13 @@ class TemplateFitter(Filter):
         if superficial is not None:
             seen = superficial_pieces(superficial.points, superficial.offsets, points)
             guide = partial(_angle, seen, template)
-        fits = [
-            fit_box(points, axis, landmarks=landmarks, areas=areas, angle_step=self.angle_step, guide=guide)
-            for axis in self._axes(points, *landmarks)
-        ]
+
+        def fitted() -> list[BoxFit]:
+            fit = partial(fit_box, landmarks=landmarks, areas=areas, angle_step=self.angle_step, guide=guide)
+            return [fit(points, axis) for axis in self._axes(points, *landmarks)]
+
+        settings = self.axis, self.angle_step, *landmarks, *areas
+        fits = fitted() if guide is not None else muscle.geometry.once("boxes", settings, fitted)
         least = min(fit.cost for fit in fits)
         best = next(fit for fit in fits if fit.cost <= least + TIE)
         transform = best.transform
