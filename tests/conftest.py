@@ -70,6 +70,12 @@ def bp3d_knee():
     return data_folder("bp3d_knee", "scene.toml", "the second subject is")
 
 
+@pytest.fixture(scope="session")
+def bp3d_arm():
+    """Folder of a shoulder and an arm."""
+    return data_folder("bp3d_arm", "shoulder_abduction.toml", "the arm is")
+
+
 @pytest.fixture
 def spindle():
     """A new spindle over a hinge."""

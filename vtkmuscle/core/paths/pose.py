@@ -221,7 +221,7 @@ class SheetPose:
                 part *= max(0.1, min(0.7, slope / (slope - after)))
             recent.append(x)
             x = self.x
-            if number >= 2 * CYCLE and _goes_round(x, recent, RATTLE * segment):
+            if number >= 2 * CYCLE and goes_round(x, recent, RATTLE * segment):
                 return True
             if number >= _WHOLE_STEPS and farthest_of(x - start) > reach:
                 return False
@@ -341,7 +341,7 @@ class SheetPose:
         return together
 
 
-def _goes_round(x: Floats, recent: Sequence[Floats], rattle: float) -> bool:
+def goes_round(x: Floats, recent: Sequence[Floats], rattle: float) -> bool:
     """Return whether x comes back to an earlier position, and all recent ones are within ``rattle`` [mm]."""
     away = [farthest_of(x - earlier) for earlier in recent]
     return max(away) <= rattle and min(away[:-1]) <= 0.1 * max(away)
