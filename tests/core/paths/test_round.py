@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from vtkmuscle import Scene
@@ -29,6 +29,8 @@ def test_a_small_cycle_is_rest_and_a_large_one_is_not(period, part):
 
 
 @given(ratio=st.floats(0.0, 1.0), size=st.floats(1e-12, 1.0))
+@example(ratio=1.0, size=5e-5)
+@example(ratio=0.97, size=8e-5)
 def test_of_a_sheet_on_its_way_less_than_the_rattle_is_left(ratio, size):
     steps = size * ratio ** np.arange(CYCLE + 1.0)
     *recent, x = (sheet((way, 0.0, 0.0)) for way in np.cumsum(steps))
