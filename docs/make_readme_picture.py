@@ -24,7 +24,6 @@ def main() -> None:
     view = choose_view(
         [muscle for i in FRAMES for muscle in muscles[i]],
         [result.bones(frame=i) for i in FRAMES for _ in result.muscle_names],
-        margin=0.06,
     )
     strips = []
     for i in FRAMES:
