@@ -10,7 +10,7 @@ from vtkmuscle.cli import app
 from vtkmuscle.joints.functions import IDENTITY, PiecewiseLinear, Polynomial
 from vtkmuscle.joints.tree import Joint, JointAxis, JointCoordinate, KinematicTree
 from vtkmuscle.opensim import MuscleOut, check_model, osim_of, read_osim, write_opensim
-from vtkmuscle.opensim.muscle_paths import PathPoint, PointPath, moment_arm
+from vtkmuscle.opensim.muscle_paths import Cylinder, PathPoint, PointPath, moment_arm
 
 TREE = KinematicTree(
     "thigh",
@@ -103,3 +103,33 @@ def test_muscles_that_wind_are_opensims_or_named(opensim_data):
     else:
         assert set(found.by_opensim) == winding
         assert "TRIlong" in {one.muscle for one in found.findings if one.what == "length jumps"}
+
+
+def test_what_is_not_evaluated_is_said(tmp_path):
+    """A ligament counts apart, a plugin's force is left out, a coordinate without a range is not swept."""
+    sideways = JointAxis((1, 0, 0), IDENTITY, "adduction")
+    joint = Joint("knee", "thigh", "shank", [*TREE.joints[0].rotations, sideways])
+    tree = KinematicTree("thigh", [joint], [*TREE.coordinates, JointCoordinate("adduction")])
+    still = PointPath([START, PathPoint("thigh", (0, 0, 0))])
+    text = osim_of(tree, [MuscleOut("m", PointPath([START, END])), MuscleOut("still", still)])
+    passive = text[text.index("<Millard") : text.index("</Millard2012EquilibriumMuscle>")] + "</Ligament>"
+    passive = passive.replace('Millard2012EquilibriumMuscle name="m"', 'Ligament name="l"')
+    text = text.replace("<Millard", f'<MyPlugin name="p"/>{passive}<Millard', 1)
+    (tmp_path / "leg.osim").write_text(text)
+    words = str(check_model(tmp_path / "leg.osim"))
+    assert words.startswith("1 of 2 muscles and 1 of 1 ligaments evaluated")
+    assert "(no coordinate with a range): still; coordinates without a range, not swept: adduction" in words
+    assert "left out: ForceSet: line" in words
+    assert "MyPlugin 'p'" in words
+
+
+def test_a_wrapped_ligament_beside_a_plugins_force_is_opensims(tmp_path):
+    pytest.importorskip("opensim")
+    roll = Cylinder("thigh", np.zeros(3), np.array([0, 0, 1.0]), 0.03, 0)
+    text = osim_of(TREE, [MuscleOut("m", PointPath([START, END], cylinders=[roll]))])
+    text = text.replace("Millard2012EquilibriumMuscle", "Ligament").replace(
+        "<Ligament", "<MyPlugin/><Ligament", 1
+    )
+    (tmp_path / "leg.osim").write_text(text)
+    found = check_model(tmp_path / "leg.osim")
+    assert (found.by_opensim, found.not_checked) == (("m",), ())

@@ -103,7 +103,8 @@ def _of_model(model: OsimModel) -> dict[str, str]:
         "coupled": _listed([f"{one.dependent} to {one.independent}" for one in tree.couplings]),
         "markers": str(len(model.markers)),
         "muscles": _listed(list(model.muscles)),
-        "wrapped": _listed([name for name, one in model.muscles.items() if getattr(one.path, "wraps", ())]),
+        "ligaments": _listed(list(model.ligaments)),
+        "wrapped": _listed([name for name, one in model.paths.items() if getattr(one.path, "wraps", ())]),
         "meshes": _listed([mesh.file for mesh in model.meshes]),
         "not used": _listed(list(model.not_used)),
     }

@@ -6,14 +6,20 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
 
+from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.types import Floats, Ints
+from vtkmuscle.io.writing import write_text
+from vtkmuscle.io.xml_elements import xml_text
+from vtkmuscle.joints.osim import FURTHER, NOT_USED, OFFSET
 from vtkmuscle.joints.tree import JointCoordinate
 from vtkmuscle.opensim.model import OsimModel, read_osim
 from vtkmuscle.opensim.muscle_paths import STEP, PointPath
+from vtkmuscle.opensim.osim_text import model_tree
 from vtkmuscle.report.sections import Section, shown_rows, write_page
 from vtkmuscle.run.table import Table
 
@@ -58,25 +64,37 @@ class PathFault:
 
 @dataclass(frozen=True, eq=False)
 class ModelCheck:
-    """The faults of a model's muscles, the largest jumps first.
+    """The faults of a model's muscles and ligaments, the largest jumps first.
 
-    Muscles that wind round surfaces are ``by_opensim``, evaluated by OpenSim, or ``not_checked`` without
-    OpenSim.
+    Paths that wind round surfaces are ``by_opensim``, evaluated by OpenSim, or ``not_checked`` without
+    OpenSim. ``not_swept`` are coordinates without a range, ``still`` paths that no swept coordinate moves.
     """
 
     model: OsimModel
     findings: tuple[PathFault, ...]
     by_opensim: tuple[str, ...]
     not_checked: tuple[str, ...]
+    not_swept: tuple[str, ...] = ()
+    still: tuple[str, ...] = ()
 
     def __str__(self) -> str:
-        """Return the number of muscles evaluated here and by OpenSim."""
-        count = len(self.model.muscles)
-        words = f"{count - len(self.by_opensim + self.not_checked)} of {count} muscles evaluated here"
+        """Return the number of paths evaluated here and by OpenSim, and the parts left out."""
+        left_out = {*self.not_checked, *self.still}
+        counts = [
+            f"{len(paths.keys() - left_out)} of {len(paths)} {kind}"
+            for kind, paths in (("muscles", self.model.muscles), ("ligaments", self.model.ligaments))
+            if paths or kind == "muscles"
+        ]
+        words = f"{' and '.join(counts)} evaluated"
         if self.by_opensim:
             words += f", {len(self.by_opensim)} with wrapping surfaces by OpenSim"
-        if self.not_checked:
-            words += f"; not evaluated (wrapping needs OpenSim): {', '.join(self.not_checked)}"
+        for names, why in (
+            (self.not_checked, "not evaluated (wrapping needs OpenSim)"),
+            (self.still, "not evaluated (no coordinate with a range)"),
+            (self.not_swept, "coordinates without a range, not swept"),
+            ([part for part in self.model.not_used if part.startswith("ForceSet")], "left out"),
+        ):
+            words += f"; {why}: {', '.join(names)}" if names else ""
         return words + "."
 
     def table(self) -> Table:
@@ -120,18 +138,28 @@ def check_model(path: str | PathLike[str]) -> ModelCheck:
         As :func:`~vtkmuscle.opensim.read_osim`.
     """
     model = read_osim(path)
-    winding = tuple(name for name, muscle in model.muscles.items() if getattr(muscle.path, "wraps", ()))
-    by_opensim = _opensim_lengths(Path(path)) if winding else None
-    findings = list(_findings(model, [name for name in model.muscles if name not in winding], _own(model)))
+    winding = [name for name, each in model.paths.items() if getattr(each.path, "wraps", ())]
+    by_opensim = _opensim_lengths(Path(path), model, winding) if winding else None
+    swept = {each.name for each in model.tree.coordinates if each.range and each.range[0] < each.range[1]}
+    crossed = {name: set(each.path.coordinates(model.tree)) for name, each in model.paths.items()}
+    unswept = set().union(*crossed.values()) - swept
+    findings = list(_findings(model, [name for name in crossed if name not in winding], _own(model)))
     if by_opensim is not None:
         findings += _findings(model, winding, by_opensim)
     findings.sort(key=lambda finding: (KINDS.index(finding.what), -finding.size))
-    return ModelCheck(model, tuple(findings), *((), winding) if by_opensim is None else (winding, ()))
+    return ModelCheck(
+        model,
+        tuple(findings),
+        by_opensim=() if by_opensim is None else tuple(winding),
+        not_checked=tuple(winding) if by_opensim is None else (),
+        not_swept=tuple(name for name in model.tree.free if name in unswept),
+        still=tuple(name for name, names in crossed.items() if not names & swept),
+    )
 
 
 def _findings(model: OsimModel, muscles: Sequence[str], lengths: Lengths) -> Iterator[PathFault]:
     tree = model.tree
-    crossed = {name: model.muscles[name].path.coordinates(tree) for name in muscles}
+    crossed = {name: model.paths[name].path.coordinates(tree) for name in muscles}
     free = [coordinate for coordinate in tree.coordinates if coordinate.name in tree.free]
     random = np.random.default_rng(0)
     for swept in free:
@@ -241,7 +269,7 @@ def _own(model: OsimModel) -> Lengths:
 
     def lengths(muscles: Sequence[str], values: Mapping[str, Floats]) -> dict[str, Floats]:
         full = tree.completed(values)
-        paths = {name: model.muscles[name].path for name in muscles}
+        paths = {name: model.paths[name].path for name in muscles}
         points = [point for path in paths.values() for point in getattr(path, "points", ())]
         poses = tree.poses(full, {point.body for point in points})
         return {
@@ -254,30 +282,47 @@ def _own(model: OsimModel) -> Lengths:
     return lengths
 
 
-def _opensim_lengths(path: Path) -> Lengths | None:
-    """Return the function that gets lengths from OpenSim, None without OpenSim."""
+def _opensim_lengths(path: Path, model: OsimModel, names: Sequence[str]) -> Lengths | None:
+    """Return the function that gets lengths of paths from OpenSim, None without OpenSim.
+
+    All further forces and parts, maybe of plugins, are removed beforehand. Coupled coordinates are set here:
+    OpenSim's search for consistent coordinates would take a hundred times as long.
+    """
     try:
         import opensim  # noqa: PLC0415 -- an extra
     except ImportError:
         return None
     opensim.Logger.removeFileSink()  # no log in the working folder
     opensim.Logger.setLevelString("error")
-    model = opensim.Model(str(path))
-    state = model.initSystem()
-    coordinates = model.updCoordinateSet()
+    root = model_tree(path)
+    for tag in ("ForceSet/objects", *(f"{tag}/objects" for tag in (*NOT_USED, FURTHER[0])), FURTHER[1]):
+        kept = names if tag.startswith("ForceSet") else ()
+        if (holder := root.find(f"Model/{tag}")) is not None:
+            holder[:] = [each for each in holder if each.tag == OFFSET or each.get("name") in kept]
+    with TemporaryDirectory() as folder:
+        write_text(Path(folder) / path.name, xml_text(root, indented=False))
+        try:
+            theirs = opensim.Model(str(Path(folder) / path.name))
+            state = theirs.initSystem()
+        except RuntimeError as error:
+            problem = f"OpenSim does not read the model: {error}"
+            raise InputError(path, problem, "correct the model") from error
+    coordinates, paths = theirs.updCoordinateSet(), {}
+    for component in theirs.getComponentsList():
+        geometry = opensim.AbstractGeometryPath.safeDownCast(component)
+        if geometry is not None:
+            paths[geometry.getOwner().getName()] = geometry
+    for coordinate in model.tree.coordinates:
+        coordinates.get(coordinate.name).setLocked(state, False)
 
     def lengths(muscles: Sequence[str], values: Mapping[str, Floats]) -> dict[str, Floats]:
-        forces = [opensim.PathActuator.safeDownCast(model.getForceSet().get(name)) for name in muscles]
-        paths = [force.getPath() for force in forces]
-        columns = [(coordinates.get(name), column) for name, column in values.items()]
-        table = np.empty((len(next(iter(values.values()))), len(muscles)))
+        columns = [(coordinates.get(name), column) for name, column in model.tree.completed(values).items()]
+        table = np.empty((len(columns[0][1]), len(muscles)))
         for row in range(len(table)):
             for coordinate, column in columns:
-                if not coordinate.getLocked(state):
-                    coordinate.setValue(state, float(column[row]), False)
-            model.assemble(state)
-            model.realizePosition(state)
-            table[row] = [path.getLength(state) for path in paths]
+                coordinate.setValue(state, float(column[row]), False)
+            theirs.realizePosition(state)
+            table[row] = [paths[name].getLength(state) for name in muscles]
         return dict(zip(muscles, table.T, strict=True))
 
     return lengths
