@@ -10,8 +10,9 @@ import numpy as np
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.mesh.surface import survey
 from vtkmuscle.core.types import Floats
-from vtkmuscle.data.arrays import points_of, triangles_of
+from vtkmuscle.data.arrays import joined_triangles, points_of, triangles_of
 from vtkmuscle.io import read_landmarks, read_named_points, read_polydata
+from vtkmuscle.io.surfaces import stated_frame
 from vtkmuscle.joints.osim import read_motion_file
 from vtkmuscle.labels.draft import likely_unit
 from vtkmuscle.labels.guesses import LOOK
@@ -132,7 +133,9 @@ def _of_run(folder: Path) -> dict[str, str]:
 
 
 def _of_mesh(file: Path) -> dict[str, str]:
-    data = read_polydata(file)
+    data, changes = read_polydata(file), list[str]()
+    if data.GetNumberOfPolys() + data.GetNumberOfStrips():
+        data, changes = joined_triangles(data)
     points = points_of(data)
     if not np.isfinite(points).all():
         bad = int((~np.isfinite(points).all(axis=1)).sum())
@@ -140,19 +143,18 @@ def _of_mesh(file: Path) -> dict[str, str]:
     longest = float(np.ptp(points, axis=0).max())
     unit, confidence = likely_unit(longest)
     surely = "probably" if confidence > LOOK else "perhaps"
-    size = {"bounds": _bounds(points), "unit": f"{surely} {unit} (the longest side is {longest:.4g})"}
+    stated = stated_frame(file)
+    frame = {"frame": f"{stated}, by the header"} if stated else {}
+    size = frame | {"bounds": _bounds(points), "unit": f"{surely} {unit} (the longest side is {longest:.4g})"}
     if data.GetNumberOfPolys() == 0:
         return {"points": str(len(points)), "polylines": str(data.GetNumberOfLines()), **size}
-    try:
-        report = survey(points, triangles_of(data, str(file)))
-    except ValueError as error:
-        polygons = str(data.GetNumberOfPolys())
-        return {"points": str(len(points)), "polygons": polygons, "faces": str(error), **size}
+    report = survey(points, triangles_of(data, str(file)))
     loose = report.n_unused_points
     side = "outward" if report.volume > 0 else "inward: the surface is inside out"
     return {
         "triangles": str(report.n_triangles),
         "points": f"{report.n_points}" + (f", {loose} of them belong to no triangle" if loose else ""),
+        **({"changed": "; ".join(changes)} if changes else {}),
         "closed": _yes(report.closed, f"{report.n_boundary_edges} edges have one triangle"),
         "manifold": _yes(report.manifold, f"{report.n_nonmanifold_edges} edges have more than two triangles"),
         "oriented": _yes(report.oriented, f"{report.n_misoriented_edges} edges disagree")

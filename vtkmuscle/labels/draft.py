@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
-from vtkmuscle.core.errors import InputError, fault_of
+from vtkmuscle.core.errors import InputError, check_is_file, fault_of
 from vtkmuscle.core.mesh.solids import solids_of
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import checked_surface, points_of, with_points
@@ -20,10 +20,11 @@ from vtkmuscle.data.attachments import ROLES, VIA, AttachmentArea
 from vtkmuscle.filters.attachment_estimator import NEAR, estimated_areas
 from vtkmuscle.io import read_landmarks, read_surface
 from vtkmuscle.io.csv_table import write_rows
-from vtkmuscle.io.surfaces import SURFACE_SUFFIXES
+from vtkmuscle.io.surfaces import SURFACE_SUFFIXES, stated_frame
 from vtkmuscle.io.writing import write_polydata, write_text
 from vtkmuscle.labels.guesses import LEFT_OUT, Guess, bodies_of, guessed_joints, moving_chain, table_of
 from vtkmuscle.labels.names import kind_of, plain_name, side_of
+from vtkmuscle.scene.checks import closed_surface
 from vtkmuscle.scene.data import MILLIMETRES
 from vtkmuscle.scene.writing import inline_toml, write_areas
 
@@ -225,6 +226,11 @@ def draft_of_files(
             raise InputError(file, "the file name has no known bone, muscle, or area of a muscle", remedy)
         if name in meshes:
             raise InputError(file, f"another file has the name {name!r}", "remove or rename a file")
+        check_is_file(file)
+        if (header := stated_frame(file) or frame) != frame:
+            raise InputError(
+                file, f"the header says {header}, but the frame is {frame}", f"use --frame {header}"
+            )
         meshes[name] = kind, read_surface(file)
         confidence, why = 1.0 if name in stated else 0.8, f"a {kind} by its name, {file.name}"
         draft.guesses.append(Guess(f"{kind}s.{name}", kind, confidence, why))
@@ -238,6 +244,15 @@ def draft_of_files(
     scale = MILLIMETRES[draft.units]
     for name, (kind, mesh) in meshes.items():
         getattr(draft, f"{kind}s")[name] = with_points(mesh, scale * points_of(mesh))
+    for name, muscle in list(draft.muscles.items()):
+        try:
+            draft.muscles[name], turned = closed_surface(muscle)
+        except InputError as error:
+            draft.leave_out(name, "; ".join(fault_of(error)))
+            continue
+        if turned:
+            why = "the surface is inside out; a run turns its triangles"
+            draft.guesses.append(Guess(f"muscles.{name}.surface", "turned", 0.9, why))
     add_landmarks(draft, landmarks, scale=scale)
     return draft
 
@@ -256,7 +271,10 @@ def add_landmarks(draft: Draft, files: Sequence[Path], *, scale: float = 1.0) ->
         match = _AREA.match(_roles_name(file))
         muscle = plain_name(match[1]) if match else ""
         side = side_of(match[3]) if match and match[3] else None
-        muscle = next((name for name in (muscle, f"{muscle}_{side}") if name in draft.muscles), "")
+        there = (*draft.muscles, *draft.left_out)
+        muscle = next((name for name in (muscle, f"{muscle}_{side}") if name in there), "")
+        if muscle in draft.left_out:
+            continue
         if match is None or not muscle:
             remedy = f"rename it MUSCLE_origin or MUSCLE_insertion, of {', '.join(draft.muscles) or 'none'}"
             raise InputError(file, "the file name has no known muscle and role", remedy)
