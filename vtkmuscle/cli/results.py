@@ -183,7 +183,9 @@ class LabelOptions:
     """The options of a scene from labels."""
 
     names: Annotated[str | None, Option(help="musclemap, a task of TotalSegmentator, or a .csv.")] = None
-    edge: Annotated[float, Option(min=0.1, help="Edge length of triangles, in mm.")] = 3.0
+    edge: Annotated[
+        float | None, Option(help="Edge length of triangles, in mm. Default: 2 voxels, at most 3 mm.")
+    ] = None
     frame: FrameOption = "LPS"
     overwrite: OverwriteOption = False
     quiet: QuietOption = False
@@ -242,6 +244,8 @@ def init(
     _check_free(out, overwrite)
     draft = draft_of_files(files, out, bones=bone or (), muscles=muscle or (), frame=frame)
     draft.complete()
+    if draft.lacks:
+        raise InputError(draft.name, draft.lacks)
     _write(draft, out, quiet)
 
 
@@ -261,5 +265,9 @@ def _write(draft: Draft, out: Path, quiet: bool) -> None:
         say(quiet, f"  {confidence}  {what}: {guess}; {why}")
     for name, why in draft.left_out.items():
         typer.echo(f"left out: {name}: {why}", err=True)
+    if draft.lacks:
+        typer.echo(f"the scene cannot run yet: {draft.lacks}", err=True)
+        say(quiet, f"wrote {path}, surfaces (.vtp) in {out / 'bones'} and {out / 'muscles'}, and volumes.csv")
+        return
     say(quiet, f"wrote {path}, with {', '.join(draft.muscles)}: check the guesses, then run")
     say(quiet, f"  vtkmuscle run {path}")
