@@ -221,3 +221,29 @@ def test_an_invalid_mass_is_refused(results, tmp_path, mass, words):
     code, said = export(results, tmp_path / "a.osim", "--mass", mass)
     assert code != 0
     assert words in said
+
+
+def test_exports_and_checks_replace_their_own_files_only(ran, tmp_path):
+    """A user's model, mesh or table stays, and a check does not replace its own model."""
+    results, model = ran[0].parent / "results", tmp_path / "model.osim"
+    for _ in range(2):
+        done = CliRunner().invoke(app, ["export", str(results), str(model)])
+        assert done.exit_code == 0, done.output
+    before = model.read_bytes()
+    (tmp_path / "Geometry" / "middle.stl").write_text("mine")
+    call = ["export", str(results), str(model), "--groups", "2"]
+    done = CliRunner().invoke(app, call)
+    assert "middle.stl: the file exists" in done.output.replace("\n", "")
+    assert (model.read_bytes(), (tmp_path / "Geometry" / "middle.stl").read_text()) == (before, "mine")
+    assert CliRunner().invoke(app, [*call, "--overwrite"]).exit_code == 0
+    assert model.read_bytes() != before
+    before = model.read_bytes()
+    export = ["export", str(results), str(model), "--into", str(model)]
+    for arguments in (["check", str(model), "--out", str(model)], export):
+        done = CliRunner().invoke(app, [*arguments, "--overwrite"])
+        assert "would replace an input" in done.output.replace("\n", " ")
+        assert model.read_bytes() == before
+    (tmp_path / "page.csv").write_text("mine")
+    done = CliRunner().invoke(app, ["check", str(model), "--out", str(tmp_path / "page.html")])
+    assert done.exit_code == 2
+    assert not (tmp_path / "page.html").exists()

@@ -41,14 +41,13 @@ def draw_landmarks(file: Path, picture: Path) -> None:
     """Draw landmarks from three sides."""
     if file.suffix.lower() not in LANDMARKS:
         raise InputError(file, f"landmarks are drawn, not {file.suffix!r}", "Scene.plot() draws surfaces")
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
+    from vtkmuscle.plotting.sheets import blank_figure, save_figure
 
     points, closed = read_landmarks(file)
     line = np.vstack([points, points[:1]]) if closed else points
     names = read_named_points(file).names
-    figure = Figure(figsize=(12.0, 4.5), layout="constrained")
-    FigureCanvasAgg(figure)
+    figure = blank_figure(12.0, 4.5)
+    figure.set_layout_engine("constrained")
     figure.suptitle(file.name)
     for axes, (across, up) in zip(figure.subplots(1, 3), ((0, 1), (0, 2), (1, 2)), strict=True):
         axes.plot(line[:, across], line[:, up], "-", linewidth=1.0)
@@ -59,7 +58,8 @@ def draw_landmarks(file: Path, picture: Path) -> None:
         axes.set_xlabel("xyz"[across])
         axes.set_ylabel("xyz"[up])
         axes.set_aspect("equal", adjustable="datalim")
-    figure.savefig(picture, dpi=150)
+    form = picture.suffix.lower().lstrip(".")
+    save_figure(figure, picture, form if form in ("pdf", "svg") else "png")
 
 
 def _of_landmarks(file: Path) -> dict[str, str]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from math import inf
 from pathlib import Path
@@ -15,6 +15,7 @@ from vtkmuscle.cli.options import (
     FolderOption,
     LiteratureOption,
     OutOption,
+    OverwriteOption,
     QuietOption,
     out_option,
     say,
@@ -23,6 +24,7 @@ from vtkmuscle.cli.options import (
 from vtkmuscle.core.errors import InputError
 
 if TYPE_CHECKING:
+    from vtkmuscle.io.writing import Outputs
     from vtkmuscle.labels.draft import Draft
     from vtkmuscle.run import Result
 
@@ -41,6 +43,7 @@ class ExportOptions:
     specific_tension: Annotated[float, Option(help="Force per cross-section, in N/cm^2.")] = 60.0
     mass: Annotated[list[str] | None, Option(metavar="BODY=KG", help="Mass of a new body.")] = None
     geometry_only: Annotated[bool, Option("--geometry-only", help="Paths alone.")] = False
+    overwrite: OverwriteOption = False
 
 
 def export_muscles(source: Path, out: Path, options: ExportOptions) -> None:
@@ -55,20 +58,32 @@ def export_muscles(source: Path, out: Path, options: ExportOptions) -> None:
     }
     if options.geometry_only:
         settings["kind"] = GEOMETRY_ONLY
-    replace = pairs(options.replace)
-    if out.suffix.lower() == ".osim":
-        written = write_opensim(
-            source, out, into=options.into, replace=replace, form=options.form, **settings
-        )
-    elif options.into is not None or replace:
+    replace, is_osim = pairs(options.replace), out.suffix.lower() == ".osim"
+    if not is_osim and (options.into is not None or replace):
         raise InputError("--into", "muscles are put into models of OpenSim only", "leave it out")
-    else:
-        written = write_mujoco(source, out, **settings)
+    with _outputs(out, [source, options.into], overwrite=options.overwrite):
+        if is_osim:
+            written = write_opensim(
+                source, out, into=options.into, replace=replace, form=options.form, **settings
+            )
+        else:
+            written = write_mujoco(source, out, **settings)
     for muscle in written:
         typer.echo(f"{muscle.out.name}: {muscle}")
         if parameters := muscle.out.parameters:
             typer.echo("  " + ", ".join(f"{name} {value:.4g}" for name, value in parameters.items()))
     typer.echo(f"wrote {out}, and the errors in {out.stem}_errors.csv")
+
+
+def _outputs(
+    file: Path, inputs: Iterable[Path | None], *, overwrite: bool, ours: Iterable[Path] = ()
+) -> Outputs:
+    """Return the outputs of a command in the folder of a file, after a check of the file."""
+    from vtkmuscle.io.writing import Outputs
+
+    outputs = Outputs(file.parent, inputs=filter(None, inputs), overwrite=overwrite, ours=ours)
+    outputs.check(file)
+    return outputs
 
 
 def _kilograms(text: str) -> float:
@@ -99,6 +114,7 @@ def check(
     replace: Annotated[
         list[str] | None, Option(metavar="OURS=THEIRS", help="For --repair: as for an export.")
     ] = None,
+    overwrite: OverwriteOption = False,
 ) -> None:
     """Find jumps and sign changes in OpenSim muscles.
 
@@ -112,11 +128,17 @@ def check(
     if (repair is None) != (scene is None) or (repair is not None and not replace):
         raise InputError("--repair", "a repair takes a scene and muscles", "give --scene and --replace too")
     page = out or Path(f"{model.stem}_check.html")
+    pages = _outputs(page, [model, scene], overwrite=overwrite)
+    pages.check(page.with_suffix(".csv"))
     if repair is not None and scene is not None:
-        for new in write_opensim(scene, repair, into=model, replace=pairs(replace)):
+        with _outputs(repair, [model, scene], overwrite=overwrite):
+            repaired = write_opensim(scene, repair, into=model, replace=pairs(replace))
+        for new in repaired:
             typer.echo(f"{new.out.name}: {new}")
         model = repair
-    checked = check_model(model)
+    with pages:
+        checked = check_model(model)
+        table = checked.write(page)
     typer.echo(checked)
     kinds = [finding.what for finding in checked.findings]
     for finding in checked.findings:
@@ -124,18 +146,22 @@ def check(
             where = ", ".join(f"{name} {value:.4g}" for name, value in checked.shown(finding).items())
             typer.echo(f"{finding.muscle}: {finding.what} by {1000.0 * finding.size:.1f} mm at {where}")
     typer.echo(f"{kinds.count('moment arm changes sign')} moment arms change sign")
-    typer.echo(f"wrote {page}, {checked.write(page)}")
+    typer.echo(f"wrote {page}, {table}")
 
 
 def report(
     results: Annotated[Path, Argument(help="Folder of a run's results.")],
     out: Annotated[Path | None, out_option("HTML", "Default: report.html in that folder.")] = None,
     literature: LiteratureOption = None,
+    overwrite: OverwriteOption = False,
 ) -> None:
     """Write the page of a finished run again: scene, curves, tables, verdicts."""
     from vtkmuscle.run.store import PAGE
 
-    typer.echo(f"wrote {_loaded(results, literature).write_report(out or results / PAGE)}")
+    page = out or results / PAGE
+    with _outputs(page, [results, literature], overwrite=overwrite, ours=[results / PAGE]):
+        _loaded(results, literature).write_report(page)
+    typer.echo(f"wrote {page}")
 
 
 def _loaded(results: Path, literature: Path | None) -> Result:
@@ -152,9 +178,17 @@ def figures(
     form: Annotated[str, Option(metavar="png|pdf|svg", help="Of the files.")] = "png",
     dpi: Annotated[float, Option(help="Pixels per inch of pictures.")] = 300.0,
     literature: LiteratureOption = None,
+    overwrite: OverwriteOption = False,
 ) -> None:
     """Draw the figures of a finished run again."""
-    files = _loaded(results, literature).write_figures(out or results / "figures", form=form, dpi=dpi)
+    from vtkmuscle.io.writing import Outputs
+    from vtkmuscle.run.store import ResultFolder
+
+    drawn = (ResultFolder(results).report() or {}).get("figures") or {}
+    ours = [results / "figures" / name for name in drawn.get("written", ())]
+    folder = out or results / "figures"
+    with Outputs(folder, inputs=filter(None, [results, literature]), overwrite=overwrite, ours=ours):
+        files = _loaded(results, literature).write_figures(folder, form=form, dpi=dpi)
     typer.echo(f"wrote {len(files)} figures to {files[0].parent}")
 
 
@@ -162,6 +196,7 @@ def compare(
     results: Annotated[list[Path], Argument(help="Folders of results; the first is the reference.")],
     out: OutOption = None,
     literature: LiteratureOption = None,
+    overwrite: OverwriteOption = False,
 ) -> None:
     """Compare runs: a table of differences, and a figure of curves.
 
@@ -169,13 +204,16 @@ def compare(
     comparison in the working folder.
     """
     from vtkmuscle.comparison import compare as compared
+    from vtkmuscle.io.writing import Outputs
 
-    for path in compared(results, literature=literature).write(out or Path("comparison")):
+    folder = out or Path("comparison")
+    with Outputs(folder, inputs=filter(None, [*results, literature]), overwrite=overwrite):
+        written = compared(results, literature=literature).write(folder)
+    for path in written:
         typer.echo(f"wrote {path}")
 
 
 FrameOption = Annotated[str, Option("--frame", metavar="LPS|RAS", help="Frame: x to the left, or right.")]
-OverwriteOption = Annotated[bool, Option("--overwrite", help="Replace a scene.toml.")]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -211,7 +249,9 @@ def from_labels(
     """
     from vtkmuscle.labels.maps import draft_of_labels
 
-    _check_free(out, options.overwrite)
+    names = Path(options.names or "")
+    inputs = [label_map, *(landmarks or ()), *([names] if names.is_file() else [])]
+    outputs = _outputs(out / "scene.toml", inputs, overwrite=options.overwrite)
     draft = draft_of_labels(
         label_map,
         landmarks=landmarks or (),
@@ -220,7 +260,7 @@ def from_labels(
         edge=options.edge,
         announce=lambda words: say(options.quiet, words),
     )
-    _write(draft, out, options.quiet)
+    _write(draft, outputs, out, options.quiet)
 
 
 def init(
@@ -241,24 +281,20 @@ def init(
     """
     from vtkmuscle.labels.draft import draft_of_files
 
-    _check_free(out, overwrite)
+    outputs = _outputs(out / "scene.toml", files, overwrite=overwrite)
     draft = draft_of_files(files, out, bones=bone or (), muscles=muscle or (), frame=frame)
     draft.complete()
     if draft.lacks:
         raise InputError(draft.name, draft.lacks)
-    _write(draft, out, quiet)
+    _write(draft, outputs, out, quiet)
 
 
-def _check_free(out: Path, overwrite: bool) -> None:
-    if (out / "scene.toml").exists() and not overwrite:
-        raise InputError(out / "scene.toml", "the file exists", "add --overwrite, or choose another --out")
-
-
-def _write(draft: Draft, out: Path, quiet: bool) -> None:
+def _write(draft: Draft, outputs: Outputs, out: Path, quiet: bool) -> None:
     from vtkmuscle.labels.guesses import LEFT_OUT, LOOK, table_of
     from vtkmuscle.labels.page import write_page
 
-    path, page = draft.write(out), write_page(draft, out)
+    with outputs:
+        path, page = draft.write(out), write_page(draft, out)
     unsure = [guess for guess in draft.guesses if guess.confidence < LOOK and guess.value != LEFT_OUT]
     say(quiet, f"{len(draft.guesses)} guesses are in {page}" + ("; check these:" if unsure else ""))
     for confidence, what, guess, why in table_of(unsure)[1:]:
