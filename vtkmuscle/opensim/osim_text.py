@@ -261,8 +261,11 @@ def _joint(joint: Joint, tree: KinematicTree, owners: Mapping[str, str], paths: 
 
 
 def _coordinate(coordinate: JointCoordinate) -> Element:
-    limits = [] if coordinate.range is None else [made("range", coordinate.range)]
-    return made("Coordinate", made("default_value", coordinate.rest), *limits, name=coordinate.name)
+    rest, limits = coordinate.rest, []
+    if coordinate.range is not None:
+        limits = [made("range", coordinate.range), made("clamped", "true")]
+        rest = float(np.clip(rest, *coordinate.range))
+    return made("Coordinate", made("default_value", rest), *limits, name=coordinate.name)
 
 
 def _transform_axes(joint: Joint) -> Iterator[Element]:
