@@ -1,6 +1,7 @@
 """Muscles of models that jump, and moment arms that change sign: known answers."""
 
 import importlib.util
+import json
 
 import numpy as np
 import pytest
@@ -133,3 +134,41 @@ def test_a_wrapped_ligament_beside_a_plugins_force_is_opensims(tmp_path):
     (tmp_path / "leg.osim").write_text(text)
     found = check_model(tmp_path / "leg.osim")
     assert (found.by_opensim, found.not_checked) == (("m",), ())
+    call = ["check", str(tmp_path / "leg.osim"), "--out", str(tmp_path / "page.html"), "--json"]
+    assert json.loads(CliRunner().invoke(app, call).stdout)["by_opensim"] == ["m"]
+
+
+def test_fibres_that_leave_their_range_are_found_where_they_are_longest(tmp_path):
+    """A rigid tendon: the fibre's length is the path's without the tendon, by its pennation."""
+    path = PointPath([START, END])
+    angles = np.linspace(-0.5, 1.5, 91)
+    lengths = path.lengths(TREE, {"flexion": angles})
+    slack = 0.9 * lengths.min()
+    optimal = (lengths.max() - slack) / 1.7
+    hill = {"max_isometric_force": 1.0, "optimal_fiber_length": optimal, "tendon_slack_length": slack}
+    (tmp_path / "leg.osim").write_text(osim_of(TREE, [MuscleOut("m", path, hill)]))
+    found = {each.what: each for each in check_model(tmp_path / "leg.osim").findings}
+    above = found["fibre above 1.6 of optimal"]
+    assert above.size == pytest.approx(0.1 * optimal)
+    assert above.pose["flexion"] == pytest.approx(angles[lengths.argmax()])
+    below = 0.5 * optimal - (lengths.min() - slack)
+    assert found["fibre below 0.5 of optimal"].size == pytest.approx(below)
+
+
+def test_a_check_is_read_by_programs(tmp_path):
+    """JSON, and an exit code for jumps above a size."""
+    via = PathPoint("thigh", (0.08, 0.1, 0.0), only_in=("flexion", 0.3, 2.0))
+    checked(tmp_path, via)
+    call = [
+        "check",
+        str(tmp_path / "leg.osim"),
+        "--out",
+        str(tmp_path / "page.html"),
+        "--json",
+        "--fail-above",
+    ]
+    done = CliRunner().invoke(app, [*call, "1"])
+    found = json.loads(done.stdout)
+    assert (done.exit_code, found["muscles"], found["findings"][0]["what"]) == (1, ["m"], "length jumps")
+    assert found["findings"][0]["pose"]["flexion"] == pytest.approx(np.degrees(0.3), abs=0.01)
+    assert CliRunner().invoke(app, [*call, "500"]).exit_code == 0

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from json import dumps
 from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -12,6 +13,7 @@ import typer
 from typer import Argument, Option
 
 from vtkmuscle.cli.options import (
+    FAILED,
     FolderOption,
     LiteratureOption,
     OutOption,
@@ -114,9 +116,13 @@ def check(
     replace: Annotated[
         list[str] | None, Option(metavar="OURS=THEIRS", help="For --repair: as for an export.")
     ] = None,
+    fail_above: Annotated[
+        float | None, Option(metavar="MM", help="Exit with 1 if a jump or a change of sign is larger.")
+    ] = None,
+    json: Annotated[bool, Option("--json", help="Print findings as JSON.")] = False,
     overwrite: OverwriteOption = False,
 ) -> None:
-    """Find jumps and sign changes in OpenSim muscles.
+    """Find jumps and sign changes in OpenSim muscles, and fibres out of their range.
 
     Each muscle is swept over the ranges of its coordinates. A page and a table (.csv) list the findings with
     their poses. With the surfaces of a scene, fitted paths can replace the model's paths.
@@ -124,6 +130,7 @@ def check(
     if model.suffix.lower() == ".toml":
         raise InputError(model, "this is no model of OpenSim", "a run checks a scene: vtkmuscle run")
     from vtkmuscle.opensim import check_model, write_opensim
+    from vtkmuscle.opensim.checking import FIBRES_OUTSIDE
 
     if (repair is None) != (scene is None) or (repair is not None and not replace):
         raise InputError("--repair", "a repair takes a scene and muscles", "give --scene and --replace too")
@@ -134,19 +141,26 @@ def check(
         with _outputs(repair, [model, scene], overwrite=overwrite):
             repaired = write_opensim(scene, repair, into=model, replace=pairs(replace))
         for new in repaired:
-            typer.echo(f"{new.out.name}: {new}")
+            typer.echo(f"{new.out.name}: {new}", err=json)
         model = repair
+    checked = check_model(model)
     with pages:
-        checked = check_model(model)
         table = checked.write(page)
-    typer.echo(checked)
-    kinds = [finding.what for finding in checked.findings]
-    for finding in checked.findings:
-        if "jumps" in finding.what:
-            where = ", ".join(f"{name} {value:.4g}" for name, value in checked.shown(finding).items())
-            typer.echo(f"{finding.muscle}: {finding.what} by {1000.0 * finding.size:.1f} mm at {where}")
-    typer.echo(f"{kinds.count('moment arm changes sign')} moment arms change sign")
-    typer.echo(f"wrote {page}, {table}")
+    if json:
+        typer.echo(dumps(checked.to_dict(), indent=1))
+    else:
+        typer.echo(checked)
+        for finding in checked.findings:
+            if "jumps" in finding.what:
+                where = ", ".join(f"{name} {value:.4g}" for name, value in checked.shown(finding).items())
+                typer.echo(f"{finding.muscle}: {finding.what} by {1000.0 * finding.size:.1f} mm at {where}")
+        for word, words in (("sign", "moment arms change sign"), ("fibre", FIBRES_OUTSIDE)):
+            names = [finding.muscle for finding in checked.findings if word in finding.what]
+            typer.echo(f"{len(names if word == 'sign' else set(names))} {words}")
+        typer.echo(f"wrote {page}, {table}")
+    sizes = [1000.0 * finding.size for finding in checked.findings if "fibre" not in finding.what]
+    if fail_above is not None and max(sizes, default=0.0) > fail_above:
+        raise typer.Exit(FAILED)
 
 
 def report(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import chain
 from os import PathLike
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -36,7 +37,14 @@ _SIZE = (220, 50)
 #: Columns of the table of findings.
 COLUMNS = ("muscle", "coordinate", "what", "size_mm", "at", "unit", "sweeps", "pose")
 #: Kinds of findings, the worst first.
-KINDS = ("length jumps", "moment arm jumps", "moment arm changes sign")
+KINDS = (
+    *("length jumps", "moment arm jumps", "moment arm changes sign"),
+    *("fibre above 1.6 of optimal", "fibre below 0.5 of optimal"),
+)
+#: Fibre lengths [optimal lengths]: active force ends at the lower (Zajac 1989, Crit Rev Biomed Eng 17:359);
+#: passive force reaches the maximum isometric force at the upper (Thelen 2003, doi:10.1115/1.1531112).
+FIBRES = (0.5, 1.6)
+FIBRES_OUTSIDE = "fibres leave 0.5 to 1.6 of optimal"
 
 #: Lengths of muscles (f,) for values of coordinates (f,).
 Lengths = Callable[[Sequence[str], Mapping[str, Floats]], dict[str, Floats]]
@@ -47,9 +55,9 @@ class PathFault:
     """Largest fault of a kind, for a muscle and a coordinate.
 
     ``what`` is a kind in :data:`KINDS`; ``size`` the jump [m], for a change of sign the smaller of the
-    largest positive and negative moment arms; ``pose`` the muscle's coordinates at the fault [rad or m];
-    ``sweeps`` the fraction of sweeps with a fault of the kind; ``values``, ``arms`` (n,) the coordinate and
-    moment arms [m] in the worst sweep.
+    largest positive and negative moment arms, for a fibre the length beyond the limit; ``pose`` the muscle's
+    coordinates at the fault [rad or m]; ``sweeps`` the fraction of sweeps with a fault of the kind;
+    ``values``, ``arms`` (n,) the coordinate and moment arms [m] in the worst sweep.
     """
 
     muscle: str
@@ -64,7 +72,7 @@ class PathFault:
 
 @dataclass(frozen=True, eq=False)
 class ModelCheck:
-    """The faults of a model's muscles and ligaments, the largest jumps first.
+    """The faults of a model's muscles and ligaments, grouped by path, the largest jumps first.
 
     Paths that wind round surfaces are ``by_opensim``, evaluated by OpenSim, or ``not_checked`` without
     OpenSim. ``not_swept`` are coordinates without a range, ``still`` paths that no swept coordinate moves.
@@ -97,18 +105,39 @@ class ModelCheck:
             words += f"; {why}: {', '.join(names)}" if names else ""
         return words + "."
 
+    def to_dict(self) -> dict[str, Any]:
+        """Return findings and coverage for JSON."""
+        model = self.model
+        return {
+            "model": model.name,
+            "muscles": list(model.muscles),
+            "ligaments": list(model.ligaments),
+            "by_opensim": list(self.by_opensim),
+            "not_evaluated": [*self.not_checked, *self.still],
+            "coordinates_without_range": list(self.not_swept),
+            "not_used": list(model.not_used),
+            "findings": [
+                dict(zip(COLUMNS, self._row(each), strict=True)) | {"pose": self.shown(each)}
+                for each in self.findings
+            ],
+        }
+
     def table(self) -> Table:
         """Return the findings by row; angles in degrees, sizes in millimetres."""
         return Table(COLUMNS, map(self._row, self.findings))
 
     def write(self, page: Path) -> Path:
         """Write a page and a table; return the table's path."""
-        curves = [(f"{each.muscle}, {each.coordinate}: {each.what}", _curve(each)) for each in self.findings]
+        units = {each.name: "deg" if each.is_angle else "m" for each in self.model.tree.coordinates}
+        curves = [
+            (f"{each.muscle}, {each.coordinate}: {each.what}", _curve(each, units[each.coordinate]))
+            for each in self.findings
+        ]
         sections = [
             Section("Findings", str(self), shown_rows(self.table()), words=True),
             Section("Moment arms", "Each over the sweep with its largest fault.", drawings=curves),
         ]
-        lead = "Jumps of muscle lengths and moment arms, and sign changes of moment arms."
+        lead = "Jumps of lengths and moment arms, sign changes of moment arms, and fibres out of their range."
         write_page(page, self.model.name, "check", lead, sections)
         return self.table().to_csv(page.with_suffix(".csv"), digits=6)
 
@@ -146,7 +175,11 @@ def check_model(path: str | PathLike[str]) -> ModelCheck:
     findings = list(_findings(model, [name for name in crossed if name not in winding], _own(model)))
     if by_opensim is not None:
         findings += _findings(model, winding, by_opensim)
-    findings.sort(key=lambda finding: (KINDS.index(finding.what), -finding.size))
+    findings.sort(key=_worst_first)
+    worst = {each.muscle: _worst_first(each) for each in reversed(findings)}
+    once = {(each.muscle, each.what): each for each in reversed(findings)}  # of a fibre one coordinate tells
+    findings = [each for each in findings if "fibre" not in each.what or once[each.muscle, each.what] is each]
+    findings.sort(key=lambda each: (worst[each.muscle], each.muscle, _worst_first(each)))
     return ModelCheck(
         model,
         tuple(findings),
@@ -155,6 +188,10 @@ def check_model(path: str | PathLike[str]) -> ModelCheck:
         not_swept=tuple(name for name in model.tree.free if name in unswept),
         still=tuple(name for name, names in crossed.items() if not names & swept),
     )
+
+
+def _worst_first(finding: PathFault) -> tuple[int, float]:
+    return KINDS.index(finding.what), -finding.size
 
 
 def _findings(model: OsimModel, muscles: Sequence[str], lengths: Lengths) -> Iterator[PathFault]:
@@ -178,7 +215,8 @@ def _findings(model: OsimModel, muscles: Sequence[str], lengths: Lengths) -> Ite
                 return lengths([muscle], chosen | {swept.name: at})[muscle]  # noqa: B023
 
             middles, arms = (sweep[1:] + sweep[:-1]) / 2.0, -np.diff(table) / (sweep[1] - sweep[0])
-            for what, least, sizes, sweeps, at in _faults(length, sweep, table):
+            fibres = _fibre_faults(model.paths[muscle].parameters, sweep, table)
+            for what, least, sizes, sweeps, at in chain(_faults(length, sweep, table), fibres):
                 if not (real := sizes > least).any():
                     continue
                 i = int(np.where(real, sizes, 0.0).argmax())
@@ -235,6 +273,26 @@ def _faults(
         moving = [(row != 0.0, np.sign(row)) for row in calm[sweeps]]
         at = np.array([middles[some][np.flatnonzero(np.diff(signs[some]))[0]] for some, signs in moving])
         yield KINDS[2], ARM, sizes[sweeps], sweeps, at
+
+
+def _fibre_faults(
+    parameters: Mapping[str, float], values: Floats, lengths: Floats
+) -> Iterator[tuple[str, float, Floats, Ints, Floats]]:
+    """Yield candidates as of :func:`_faults` for fibres with a rigid tendon and a constant thickness.
+
+    A path that is shorter than the slack tendon gives a negative length.
+    """
+    optimal, slack = (parameters.get(name, 0.0) for name in ("optimal_fiber_length", "tendon_slack_length"))
+    if optimal <= 0.0 or slack <= 0.0:
+        return
+    along = lengths - slack
+    thickness = optimal * np.sin(parameters.get("pennation_angle_at_optimal", 0.0))
+    fibres = np.copysign(np.hypot(along, thickness), along)
+    low, high = (part * optimal for part in FIBRES)
+    for what, sizes in ((KINDS[3], fibres - high), (KINDS[4], low - fibres)):
+        columns = sizes.argmax(axis=1)
+        rows = np.arange(len(sizes))
+        yield what, 0.0, sizes[rows, columns], rows, values[columns]
 
 
 def _neighbour_mean(steps: Floats) -> Floats:
@@ -328,16 +386,22 @@ def _opensim_lengths(path: Path, model: OsimModel, names: Sequence[str]) -> Leng
     return lengths
 
 
-def _curve(finding: PathFault) -> str:
-    """Return a sweep's moment arms as SVG, without outliers at jumps."""
+def _curve(finding: PathFault, unit: str) -> str:
+    """Return a sweep's moment arms [mm] over the coordinate as SVG, without outliers at jumps."""
     low, high = np.clip(np.percentile(finding.arms, [2.0, 98.0]), [-np.inf, 0.0], [0.0, np.inf])
     width, height = _SIZE
     x = width * (finding.values - finding.values[0]) / np.ptp(finding.values)
     y = height * (high - np.clip(finding.arms, low, high)) / ((high - low) or 1.0)
     zero = height * high / ((high - low) or 1.0)
     points = " ".join(f"{a:.1f},{b:.1f}" for a, b in zip(x, y, strict=True))
+    ends = finding.values[[0, -1]] * (180.0 / np.pi if unit == "deg" else 1.0)
+    right, below = f"{ends[1]:.4g} {unit}", height + 13
+    labels = [(-4, 9, "end", f"{1e3 * high:.0f} mm"), (-4, height, "end", f"{1e3 * low:.0f}")]
+    labels += [(0, below, "start", f"{ends[0]:.4g}"), (width, below, "end", right)]
+    form = '<text x="{}" y="{}" text-anchor="{}" font-size="10">{}</text>'
+    texts = "".join(form.format(*label) for label in labels)
     return (
-        f'<svg width="{width}" height="{height + 2}" viewBox="0 -1 {width} {height + 2}">'
+        f'<svg width="{width + 45}" height="{height + 16}" viewBox="-45 -1 {width + 45} {height + 16}">'
         f'<line x1="0" x2="{width}" y1="{zero:.1f}" y2="{zero:.1f}" stroke="#bbb"/>'
-        f'<polyline points="{points}" fill="none" stroke="#06c"/></svg>'
+        f'<polyline points="{points}" fill="none" stroke="#06c"/>{texts}</svg>'
     )

@@ -22,8 +22,8 @@ from vtkmuscle.io.temporal import read_series
 from vtkmuscle.io.writing import file_digest, plain, write_text
 from vtkmuscle.run.frames import RUN_AGAIN, TIME, Frames, MuscleTrack, WrittenFile
 
-#: Number of the schema of notes and report. It grows by 1 with each change of a class below, or of the report's
-#: keys, so that no other schema is read.
+#: Number of the schema of notes and report. It grows by 1 with each change of a class below, or of a key of
+#: the report, so that no other schema is read.
 FORMAT = 3
 
 
