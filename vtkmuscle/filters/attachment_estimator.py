@@ -77,7 +77,7 @@ class AttachmentEstimator(Filter):
     insertion: Parameter[str | None] = Parameter(str, default=None)
 
     muscle = InputPort(vtkPolyData)
-    bones = ports.RestBones()
+    bones = ports.Bones()
     output = OutputPort(vtkMultiBlockDataSet)
 
     def execute(self, muscle: vtkPolyData, bones: dict[str, vtkPolyData]) -> vtkMultiBlockDataSet:

@@ -26,7 +26,7 @@ from vtkmuscle.data.arrays import (
     surface_from,
     with_points,
 )
-from vtkmuscle.data.moving_bones import MovingBones, RestBones, check_same_bones, fixed_points_of
+from vtkmuscle.data.moving_bones import MovingBones, RestBones, fixed_points_of
 from vtkmuscle.data.muscle_geometry import Neighbours, Surface
 from vtkmuscle.filters.base import HistoryFilter, InputPort, OutputPort, ports
 from vtkmuscle.filters.deformer import penetration_fields, shape_fields
@@ -150,7 +150,6 @@ class PBDDeformer(DeformerSettings, HistoryFilter[_Frame]):
         self._coarse: FixedMuscle | None = None
         self._solver: PBDSolver | TwoLevels | None = None
         self._made_from: tuple[object, ...] = ()
-        self._rest_bones = RestBones()
         self._bones: dict[int, Bone] = {}
         self._neighbours: list[Neighbours] = []
         super().__init__(**settings)
@@ -176,7 +175,7 @@ class PBDDeformer(DeformerSettings, HistoryFilter[_Frame]):
     def execute(
         self,
         muscle: Surface,
-        rest_bones: dict[str, vtkPolyData],
+        rest_bones: RestBones,
         bones: MovingBones,
         fibres: Polylines | None,
         start: Surface | None,
@@ -199,12 +198,10 @@ class PBDDeformer(DeformerSettings, HistoryFilter[_Frame]):
         if not rest.same_as(self._muscle):
             self._muscle = rest
             self.forget()
-        check_same_bones(rest_bones, bones, "rest_bones")
-        taken: dict[int, Bone] = {}
-        if self.collision != "off" or self.measure_penetration:
-            taken = self._rest_bones.shapes(rest_bones, "rest_bones")
-        if taken is not self._bones:
-            self._bones = taken
+        rest_bones.check_same(bones)
+        shapes = rest_bones.shapes if self.collision != "off" or self.measure_penetration else {}
+        if shapes != self._bones:
+            self._bones = shapes
             self.forget()
         self._make_solver()
         return self._result(muscle.data, self.frame((bones, start, neighbours), self._advance))
