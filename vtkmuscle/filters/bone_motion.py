@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 from vtkmodules.vtkCommonExecutionModel import vtkAlgorithm
-from vtkmodules.vtkCommonMath import vtkMatrix4x4
-from vtkmodules.vtkCommonTransforms import vtkMatrixToLinearTransform
+from vtkmodules.vtkCommonTransforms import vtkTransform
 from vtkmodules.vtkFiltersGeneral import vtkTransformFilter
 
 from vtkmuscle.core.errors import InputError
@@ -31,14 +30,10 @@ def _rest_pose(data: vtkMultiBlockDataSet, where: str) -> dict[str, vtkPolyData]
 
 def _moved(bone: vtkPolyData, transform: Floats) -> vtkPolyData:
     """Return a bone moved rigidly, with its normals and vectors."""
-    matrix = vtkMatrix4x4()
-    matrix.DeepCopy(transform.ravel().tolist())
-    to_pose = vtkMatrixToLinearTransform()
-    to_pose.SetInput(matrix)
-    mover = vtkTransformFilter()
-    mover.SetTransform(to_pose)
+    to_pose = vtkTransform()
+    to_pose.SetMatrix(transform.ravel().tolist())
+    mover = vtkTransformFilter(transform=to_pose, input_data=bone)
     mover.SetOutputPointsPrecision(vtkAlgorithm.DOUBLE_PRECISION)
-    mover.SetInputData(bone)
     mover.Update()
     moved: vtkPolyData = mover.GetOutput()
     return add_arrays(moved, fields={"Transform": transform.reshape(-1)})

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
-from vtkmodules.vtkFiltersCore import vtkQuadricDecimation
 
 from vtkmuscle.core.bones.bone import Bone, depth_in
 from vtkmuscle.core.errors import InputError, errors_at
@@ -18,14 +17,8 @@ from vtkmuscle.core.mesh.rest_shape import ShapeReport
 from vtkmuscle.core.mesh.surface import survey
 from vtkmuscle.core.pbd.levels import FINE_ITERATIONS, TwoLevels, coarse_fixed_points
 from vtkmuscle.core.pbd.solver import PBDSolver, State
-from vtkmuscle.data.arrays import (
-    Polylines,
-    add_arrays,
-    checked_surface,
-    set_point_array,
-    surface_from,
-    with_points,
-)
+from vtkmuscle.data.arrays import Polylines, add_arrays, set_point_array, with_points
+from vtkmuscle.data.isosurface import decimated
 from vtkmuscle.data.moving_bones import MovingBones, RestBones, fixed_points_of
 from vtkmuscle.data.muscle_geometry import Neighbours, Surface
 from vtkmuscle.filters.base import HistoryFilter, InputPort, OutputPort, ports
@@ -286,16 +279,9 @@ class PBDDeformer(DeformerSettings, HistoryFilter[_Frame]):
 
 
 def _coarser(muscle: FixedMuscle, count: int) -> FixedMuscle | None:
-    """Return a muscle of about so many triangles; None, and a warning, where its surface does not allow it.
-
-    Garland, Heckbert 1997, *Surface simplification using quadric error metrics*, doi:10.1145/258734.258849.
-    """
+    """Return a muscle of about `count` triangles; None, with a warning, if decimation tears the surface."""
     middle, size = muscle.points.mean(axis=0), float(np.ptp(muscle.points, axis=0).max())
-    decimation = vtkQuadricDecimation()
-    decimation.SetInputData(surface_from((muscle.points - middle) / size, muscle.triangles))
-    decimation.SetTargetReduction(1.0 - count / len(muscle.triangles))
-    decimation.Update()
-    points, triangles = checked_surface(decimation.GetOutput(), "the decimated muscle")
+    points, triangles = decimated((muscle.points - middle) / size, muscle.triangles, count)
     points = points * size + middle
     report = survey(points, triangles)
     if not (report.closed and report.manifold and report.oriented):
