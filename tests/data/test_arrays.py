@@ -2,8 +2,9 @@
 
 import numpy as np
 import pytest
+import pyvista as pv
 from vtkmodules.vtkCommonCore import VTK_DOUBLE, vtkPoints
-from vtkmodules.vtkCommonDataModel import vtkCellArray, vtkMultiBlockDataSet, vtkPolyData
+from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 from vtkmodules.vtkFiltersSources import vtkPlaneSource
 
 from vtkmuscle.data.arrays import (
@@ -37,20 +38,10 @@ POINTS = np.array([(0.0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)])
 TRIANGLES = np.array([(0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3)])
 
 
-def lines_with_shared_points():
+def lines_with_shared_points(**more):
     """Return two polylines of three points each that share one, listed out of order."""
-    data = vtkPolyData()
-    points = vtkPoints()
-    for point in [(0, 0, 0), (1, 0, 0), (2, 0, 0), (1, 1, 0), (1, 2, 0)]:
-        points.InsertNextPoint(point)
-    cells = vtkCellArray()
-    for ids in [(2, 1, 0), (1, 3, 4)]:
-        cells.InsertNextCell(3)
-        for i in ids:
-            cells.InsertCellPoint(i)
-    data.SetPoints(points)
-    data.SetLines(cells)
-    return data
+    points = np.array([(0.0, 0, 0), (1, 0, 0), (2, 0, 0), (1, 1, 0), (1, 2, 0)])
+    return pv.PolyData(points, lines=[3, 2, 1, 0, 3, 1, 3, 4], **more)
 
 
 # -------------------------------------------------------------------- points and surfaces
@@ -134,13 +125,8 @@ def test_lines_of_other_lengths_drops_point_arrays_only():
 
 
 def test_polylines_among_other_cells_are_refused():
-    data = lines_with_shared_points()
-    vertex = vtkCellArray()
-    vertex.InsertNextCell(1)
-    vertex.InsertCellPoint(0)
-    data.SetVerts(vertex)
     with pytest.raises(ValueError, match=r"here: 1 cell\(s\) are not polylines"):
-        polylines_of(data, "here")
+        polylines_of(lines_with_shared_points(verts=[1, 0]), "here")
 
 
 # -------------------------------------------------------------------- arrays

@@ -18,6 +18,7 @@ from vtkmuscle.data.arrays import (
 )
 from vtkmuscle.filters.bone_motion import BoneMotion
 from vtkmuscle.filters.pbd_deformer import PBDDeformer
+from vtkmuscle.phantoms.meshing import box
 
 #: The modes of the deformer: stable, as by default, and as printed.
 STABLE = [{}, {"collision": "off"}, {"anisotropy": "off"}, {"quality": "preview"}]
@@ -176,15 +177,8 @@ MESHES = {
 NO_MUSCLES = {"a vertex with 300 neighbours", "4 triangles"}
 
 
-def box(low, high):
-    corners = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], dtype=float)
-    faces = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
-    triangles = np.array([t for a, b, c, d in faces for t in ((a, b, c), (a, c, d))])
-    return np.asarray(low) + corners * (np.asarray(high) - np.asarray(low)), triangles
-
-
 #: Two bones behind the muscle that it is bent over.
-BONES = [box((-10, 16, -70), (10, 26, -5)), box((-10, 16, 5), (10, 26, 70))]
+BONES = [box((-10, 16, -70), (10, 26, -5), 100.0), box((-10, 16, 5), (10, 26, 70), 100.0)]
 HINGE = (0.0, 21.0, 0.0)
 
 

@@ -22,17 +22,11 @@ from vtkmuscle.io import read_surface
 
 
 def estimate(muscle, bones, **parameters):
-    estimator = AttachmentEstimator(**parameters)
-    estimator.connect(0, muscle)
-    estimator.connect(1, bones)
-    return estimator.update().output
+    return AttachmentEstimator(**parameters)(muscle, bones)
 
 
-def fixed(muscle, bones, attachments):
-    detector = FixedPointDetector()
-    for port, data in enumerate((muscle, bones, attachments)):
-        detector.connect(port, data)
-    return point_array(detector.update().output, "FixedTo", "test")
+def fixed(*inputs):
+    return point_array(FixedPointDetector()(*inputs), "FixedTo", "test")
 
 
 def compared(muscle, bones, known):

@@ -148,26 +148,36 @@ def test_a_mesh_that_is_elsewhere_is_refused(pennate, with_muscle):
         FibreField()(mesh, fibres, muscle if with_muscle else None)
 
 
-@pytest.mark.parametrize("at", ["cells", "points"])
-def test_a_mesh_with_points_that_are_not_finite_is_refused(pennate, at):
-    muscle, fibres, _ = pennate
+def without_cells():
+    mesh = vtkUnstructuredGrid()
+    mesh.SetPoints(image(20.0).cast_to_unstructured_grid().GetPoints())
+    return mesh
+
+
+def not_finite():
     mesh = image(20.0).cast_to_unstructured_grid()
     mesh.points[3] = np.nan
-    with pytest.raises(ValueError, match="FibreField: mesh: some points are not finite"):
-        FibreField(at=at)(mesh, fibres, muscle)
+    return mesh
 
 
-def test_points_without_cells_have_no_directions_of_cells(pennate):
+@pytest.mark.parametrize(
+    ("at", "make", "message"),
+    [
+        ("cells", not_finite, "some points are not finite"),
+        ("points", not_finite, "some points are not finite"),
+        ("cells", without_cells, "the mesh has no cells"),
+        (
+            "cells",
+            lambda: pv.UnstructuredGrid(
+                [0, 1, 0], [pv.CellType.EMPTY_CELL, pv.CellType.VERTEX], [[10.0, 20.0, 60.0]]
+            ),
+            "some cells have no points",
+        ),
+    ],
+)
+def test_a_mesh_without_positions_is_refused(pennate, at, make, message):
     muscle, fibres, _ = pennate
-    mesh = vtkUnstructuredGrid()
-    mesh.SetPoints(pv.wrap(image(20.0)).cast_to_unstructured_grid().GetPoints())
-    with pytest.raises(ValueError, match="FibreField: mesh: the mesh has no cells"):
-        FibreField()(mesh, fibres, muscle)
-    assert FibreField(at="points")(mesh, fibres, muscle).GetPointData().HasArray("InMuscle")
-
-
-def test_cells_without_points_have_no_directions(pennate):
-    muscle, fibres, _ = pennate
-    mesh = pv.UnstructuredGrid([0, 1, 0], [pv.CellType.EMPTY_CELL, pv.CellType.VERTEX], [[10.0, 20.0, 60.0]])
-    with pytest.raises(ValueError, match="FibreField: mesh: some cells have no points"):
-        FibreField()(mesh, fibres, muscle)
+    with pytest.raises(ValueError, match=f"FibreField: mesh: {message}"):
+        FibreField(at=at)(make(), fibres, muscle)
+    points = FibreField(at="points")(without_cells(), fibres, muscle)
+    assert points.GetPointData().HasArray("InMuscle")

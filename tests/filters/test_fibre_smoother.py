@@ -44,13 +44,6 @@ def test_inner_points_follow_the_formula_and_end_points_stay():
     assert_array_equal(smoothed[:, [0, -1]], p[:, [0, -1]])
 
 
-def test_many_iterations_straighten_the_fibres():
-    smoothed = points_of(
-        FibreSmoother(smoothing_passes=5000, smoothing_weight=0.0)(polylines_from(noisy_fibres()))
-    ).reshape(4, 12, 3)
-    assert_allclose(smoothed, np.linspace(smoothed[:, 0], smoothed[:, -1], 12, axis=1), atol=1e-6)
-
-
 def test_points_stay_in_the_muscle_where_it_is_connected():
     ball = vtkSphereSource(radius=10.0, theta_resolution=40, phi_resolution=40).update().output
     t = np.linspace(0, np.pi, 16)

@@ -167,15 +167,12 @@ def test_a_surface_that_covers_the_muscle_is_no_aponeurosis(block):
         FibreSource()(muscle, attachments, None, aponeuroses_data([two_rings(muscle)[0], whole]))
 
 
-def test_sections_do_not_lead_from_aponeurosis_to_aponeurosis(block):
+def test_fibres_need_ends_of_a_kind(block):
     muscle, attachments = block
     with pytest.raises(ValueError, match="course='sections' leads fibres between attachment areas"):
         FibreSource(course="sections")(muscle, attachments, None, aponeuroses_data(two_rings(muscle)))
-
-
-def test_without_areas_and_aponeuroses_there_is_nothing_to_end_on(block):
     with pytest.raises(ValueError, match="connect attachments or aponeuroses"):
-        FibreSource()(block[0])
+        FibreSource()(muscle)
 
 
 @pytest.mark.realdata

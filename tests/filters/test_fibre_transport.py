@@ -4,7 +4,6 @@ from numpy.testing import assert_allclose, assert_array_equal
 from vtkmodules.vtkFiltersSources import vtkSphereSource
 
 from vtkmuscle.core.fibres import embedding
-from vtkmuscle.core.motion.rigid import apply_transform, rotation_about
 from vtkmuscle.data.arrays import (
     Polylines,
     cell_array,
@@ -47,32 +46,6 @@ def count_weight_computations(monkeypatch):
 def test_without_a_deformation_fibres_come_back_also_those_outside(fibres, muscle):
     moved = FibreTransport()(fibres, muscle, muscle)
     assert_allclose(points_of(moved), points_of(fibres), atol=1e-9)
-
-
-def test_far_from_the_origin_no_digits_are_lost(fibres, muscle):
-    offset = [1e6, 1e6, -1e6]
-    far = with_points(muscle, points_of(muscle) + offset)
-    far_fibres = with_points(fibres, points_of(fibres) + offset)
-    assert_allclose(
-        points_of(FibreTransport()(far_fibres, far, far)), points_of(far_fibres), atol=1e-9, rtol=0
-    )
-
-
-def test_a_rigid_motion_of_the_muscle_moves_the_fibres_alike(fibres, muscle):
-    motion = rotation_about([5, 5, 5], [1, 2, 3], 130.0)
-    deformed = with_points(muscle, apply_transform(motion, points_of(muscle)))
-    moved = FibreTransport()(fibres, muscle, deformed)
-    assert_allclose(points_of(moved), apply_transform(motion, points_of(fibres)), atol=1e-9)
-
-
-def test_a_fibre_on_the_surface_moves_with_its_triangles(muscle):
-    points, triangles = points_of(muscle), triangles_of(muscle, "")
-    on = points[triangles[[3, 40, 77]]].mean(axis=1)
-    fibre = polylines_from(Polylines(on, np.array([0, 3])))
-    rng = np.random.default_rng(0)
-    crumpled = points + rng.normal(scale=2.0, size=points.shape)
-    moved = points_of(FibreTransport()(fibre, muscle, with_points(muscle, crumpled)))
-    assert_allclose(moved, crumpled[triangles[[3, 40, 77]]].mean(axis=1), atol=1e-10)
 
 
 def test_rest_lengths_are_added_and_other_arrays_kept(fibres, muscle):

@@ -36,11 +36,6 @@ def test_a_tube_is_closed_and_has_the_volume_of_its_prism():
     assert_allclose(mass.GetVolume(), 30 * polygon, rtol=1e-9)
 
 
-def test_points_are_double_and_at_the_radius():
-    points = points_of(FibreTubes(radius=0.5, sides=7)(fibres_from(straight(30))))
-    assert_allclose(np.hypot(points[:, 1], points[:, 2]), 0.5, atol=1e-12)
-
-
 def test_scalars_of_points_and_cells_are_passed_on():
     fibres = fibres_from(straight(30), straight(10, 3) + np.array([0, 9, 0]))
     set_point_array(fibres, "t", points_of(fibres)[:, 0])

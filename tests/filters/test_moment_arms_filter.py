@@ -66,9 +66,7 @@ ANGLES = np.arange(0.0, 91.0, 5.0)
 
 
 def arms_of(source, **parameters):
-    found = MomentArms(**parameters)
-    found.connect(0, source)
-    return found
+    return MomentArms(fibres=source, **parameters)
 
 
 @pytest.mark.gap(

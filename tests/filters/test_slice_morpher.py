@@ -1,10 +1,7 @@
-import tomllib
-
 import numpy as np
 import pytest
 from oracles import igl
 from phantoms import fibre_block
-from vtkmodules.vtkIOXML import vtkXMLPolyDataReader
 
 from vtkmuscle import Scene
 from vtkmuscle.core.mesh.polylines import polyline_lengths
@@ -19,7 +16,6 @@ from vtkmuscle.data.arrays import (
     surface_from,
     triangles_of,
 )
-from vtkmuscle.data.attachments import AttachmentArea, attachments_from, landmarks_of
 from vtkmuscle.filters.fibre_template_source import FibreTemplateSource
 from vtkmuscle.filters.slice_morpher import SliceMorpher
 from vtkmuscle.filters.template_fitter import TemplateFitter
@@ -130,27 +126,12 @@ def test_an_open_muscle_is_refused(spindle):
         SliceMorpher()(fitted_to(muscle, areas), hole)
 
 
-def real_muscle(folder, name):
-    """Return a muscle of the real hip and its attachments."""
-    entry = tomllib.loads((folder / "scene.toml").read_text())["muscles"][name]
-
-    def read(path):
-        reader = vtkXMLPolyDataReader(file_name=str(folder / path))
-        reader.Update()
-        return reader.GetOutput()
-
-    areas = [
-        AttachmentArea(a["role"], a["bone"], *landmarks_of(read(a["landmarks"]), a["landmarks"]))
-        for a in entry["attachments"]
-    ]
-    return read(entry["surface"]), attachments_from(areas)
-
-
 @pytest.mark.realdata
 @pytest.mark.parametrize("name", ["gluteus_maximus", "gluteus_medius", "iliacus", "adductor_brevis"])
 def test_fibres_of_real_muscles_are_inside_and_do_not_zigzag(lhdl_hip, name):
-    muscle, areas = real_muscle(lhdl_hip, name)
-    _, lines = fibres_in(muscle, areas, n_fibres=100)
+    scene = Scene.load(lhdl_hip / "scene.toml")
+    muscle = scene.muscles[name].surface
+    _, lines = fibres_in(muscle, scene.attachments_data(name), n_fibres=100)
     assert np.isfinite(lines.points).all()
     assert share_inside(lines.points, muscle, 0.5) >= 0.98
     assert np.percentile(largest_turns(lines), 90) < 60

@@ -108,17 +108,14 @@ def test_a_pipeline_holds_fibres_between_aponeuroses_and_no_others():
 # -------------------------------------------------------------------- what is refused
 
 
-def test_fibres_of_different_numbers_of_points_are_refused(muscle):
-    uneven = lines_of([np.eye(3), np.eye(3)[:2]])
-    with pytest.raises(ValueError, match=r"StiffTendons: rest_fibres: fibres have 2 to 3 points"):
-        held(uneven, muscle, paths())
-
-
-def test_fibres_that_are_not_those_at_rest_are_refused(fibres, muscle):
-    with pytest.raises(ValueError, match=r"StiffTendons: fibres: numbers of points differ"):
-        held(fibres, muscle, paths(), rest=lines_of([np.eye(3)] * 2))
-
-
-def test_a_muscle_without_paths_is_refused(fibres, muscle):
-    with pytest.raises(ValueError, match=r"StiffTendons: paths: the data set has no paths"):
-        held(fibres, muscle, vtkPolyData())
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"fibres": lines_of([np.eye(3), np.eye(3)[:2]])}, "rest_fibres: fibres have 2 to 3 points"),
+        ({"rest": lines_of([np.eye(3)] * 2)}, "fibres: numbers of points differ"),
+        ({"taut": vtkPolyData()}, "paths: the data set has no paths"),
+    ],
+)
+def test_fibres_and_paths_that_do_not_belong_together_are_refused(fibres, muscle, changes, message):
+    with pytest.raises(ValueError, match=f"StiffTendons: {message}"):
+        held(**{"fibres": fibres, "muscle": muscle, "taut": paths(), **changes})

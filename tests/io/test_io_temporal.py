@@ -1,8 +1,6 @@
 """Time series come back from .pvd files as they went in, field data and all."""
 
 import re
-import shutil
-import subprocess
 
 import numpy as np
 import pytest
@@ -79,26 +77,3 @@ def test_files_that_are_no_series_are_named(tmp_path, name, content, words):
     with pytest.raises(ValueError, match=re.escape(words)) as caught:
         read_series(tmp_path / name)
     assert str(tmp_path / name) in str(caught.value)
-
-
-PARAVIEW = """
-from paraview.simple import *
-reader = OpenDataFile({path!r})
-times = list(reader.TimestepValues)
-reader.UpdatePipeline(times[-1])
-data = servermanager.Fetch(reader)
-data = data.GetBlock(0) if data.IsA("vtkMultiBlockDataSet") else data
-print("times", times)
-print("point", data.GetPoint(0)[0])
-"""
-
-
-@pytest.mark.slow
-@pytest.mark.skipif(not shutil.which("pvpython"), reason="ParaView's pvpython is not installed")
-def test_the_installed_paraview_reads_the_collection(tmp_path):
-    (tmp_path / "read.py").write_text(PARAVIEW.format(path=str(write(tmp_path))))
-    command = ["pvpython", "--force-offscreen-rendering", str(tmp_path / "read.py")]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
-    assert done.returncode == 0, done.stderr
-    assert f"times {list(TIMES)}" in done.stdout
-    assert "point 1.0" in done.stdout

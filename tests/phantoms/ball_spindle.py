@@ -26,14 +26,9 @@ def spindle_over_ball(*, coordinates: ArrayLike | None = None) -> Phantom:
     left as well. ``distal`` turns by flexion about -x, to the front, after abduction about y, to the right,
     away from the muscle: R = R(-x, flexion) R(y, abduction). No bone is in the way of the straight line.
 
-    Returns
-    -------
-    Phantom
-        Its motion's times are the numbers of the frames. Known answers: ``known["coordinates"]``, by name,
-        their values at each frame [degrees]; of the straight line between the centres of the attachments,
-        at angles [degrees], ``known["length"](flexion, abduction)`` [mm], and
-        ``known["moment_arm_flexion"](flexion, abduction)`` and ``known["moment_arm_abduction"](flexion,
-        abduction)`` [mm], -dl/dq by each.
+    Times are frame numbers. Known: ``coordinates`` by name at each frame [degrees]; of the straight line
+    between the centres of the attachments ``length(flexion, abduction)``, and ``moment_arm_flexion`` and
+    ``moment_arm_abduction`` of both angles, -dl/dq by each [mm].
     """
     poses = np.array(_net() if coordinates is None else coordinates, dtype=np.float64)
     bones, muscle, areas = spindle((float(ORIGIN[0]), float(ORIGIN[1])))

@@ -36,12 +36,9 @@ def flexor_over_brim(*, groove: float = 8.0) -> Phantom:
     from end to end passes behind the hinge: it is that of an extensor. The muscle flexes, for the brim holds
     it in front. It lies in a groove of the brim.
 
-    Returns
-    -------
-    Phantom
-        Known answers, of the muscle's middle line: ``known["length"](angle)`` [mm] of its taut path over the
-        brim at an angle [degrees]; ``known["moment_arm"](angle)`` [mm], -dl/dq: 18 mm at 0, 35 at 80; and
-        ``known["straight_moment_arm"](angle)`` [mm], that of the straight way: -28 mm at 0.
+    Known of the muscle's middle line at an angle: ``length(angle)`` of its taut path over the brim,
+    ``moment_arm(angle)``, 18 mm at 0 and 35 at 80; ``straight_moment_arm(angle)`` of the straight way, -28 mm
+    at 0.
     """
     bones, muscle = _surfaces(float(groove))
     at_rest = taut(0.0)

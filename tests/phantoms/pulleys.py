@@ -70,10 +70,7 @@ def tendon_between_bones() -> Phantom:
     Like the tibialis posterior between tibia and fibula: the two rods are one surface of two pieces, which
     face each other.
 
-    Returns
-    -------
-    Phantom
-        Known answers: ``known["moment_arm"]``, -23 mm, -dl/dq at every angle.
+    The known moment arm is -23 mm at every angle.
     """
     bones, muscle, areas = _tendon_between()
     return _phantom("tendon_between_bones", bones, muscle, areas, RADIUS + CORD)
@@ -112,11 +109,8 @@ def tendon_under_band() -> Phantom:
     that is not in the scene, and pulls ``distal``, whose hinge is 12 mm from the tendon. The band goes with
     ``proximal``, by far the nearest bone. So near the hinge the tendon slides little under its band.
 
-    Returns
-    -------
-    Phantom
-        Known answers, of the middle line at an angle of ``distal`` to the front, -30 to 30 degrees:
-        ``known["moment_arm"](angle)`` and ``known["length"](angle)`` [mm].
+    Known of the middle line at an angle of ``distal`` to the front, -30 to 30 degrees: ``moment_arm(angle)``
+    and ``length(angle)`` [mm].
     """
     bones, muscle, areas = _tendon_under()
     return phantom_from(

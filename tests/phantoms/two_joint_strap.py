@@ -41,13 +41,9 @@ def strap_over_two_joints(*, coordinates: ArrayLike | None = None) -> Phantom:
     roller; ``lower`` is flexion of ``distal`` against ``middle`` to the back, which winds it up on the lower
     one.
 
-    Returns
-    -------
-    Phantom
-        Its motion's times are the numbers of the frames. Known answers: ``known["coordinates"]``, by name,
-        their values at each frame [degrees]; ``known["length"](upper, lower)`` [mm] of the strap's middle
-        line at angles [degrees]; ``known["moment_arm_upper"]``, 26 mm, and ``known["moment_arm_lower"]``,
-        -18 mm, -dl/dq by each angle, at every pose; ``known["centres"]``, points on both axes at rest [mm].
+    Times are frame numbers. Known: ``coordinates`` by name at each frame [degrees]; ``length(upper, lower)``
+    of the strap's middle line [mm]; ``moment_arm_upper``, 26 mm, and ``moment_arm_lower``, -18 mm, at every
+    pose; ``centres``, points on both axes at rest [mm].
     """
     poses = np.array(_loop() if coordinates is None else coordinates, dtype=np.float64)
     bones, muscle = _surfaces()
