@@ -29,6 +29,6 @@ def names(text: str | Iterable[str]) -> list[str]:
 def suggestion(word: str, allowed: Iterable[str]) -> str:
     """Return the remedy for an unknown word. The nearest and all allowed words."""
     allowed = list(allowed)
-    nearest = get_close_matches(word, allowed, n=1, cutoff=0.5)
+    nearest = get_close_matches(word, allowed, n=1, cutoff=0.5) or [each for each in allowed if word in each]
     meant = f"did you mean {nearest[0]!r}? " if nearest else ""
     return f"{meant}allowed: {', '.join(allowed) or 'none'}"
