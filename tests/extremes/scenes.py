@@ -8,11 +8,11 @@ from vtkmuscle.core.mesh.rest_shape import dihedral_angles
 from vtkmuscle.core.mesh.surface import edge_lengths, mesh_topology, signed_volume, unique_edges
 from vtkmuscle.core.motion.rigid import RigidMotion, rotation_about
 from vtkmuscle.data.arrays import (
+    add_arrays,
     field_array,
     multiblock_from,
     point_array,
     points_of,
-    set_point_array,
     surface_from,
     triangles_of,
 )
@@ -193,7 +193,7 @@ def run(mesh, path, *, fixed_to=None, bones=BONES, **settings):
     points, triangles = mesh
     muscle = surface_from(points, triangles)
     held = fixed_ends(points) if fixed_to is None else fixed_to
-    set_point_array(muscle, "FixedTo", np.asarray(held, dtype=np.int32))
+    add_arrays(muscle, points={"FixedTo": np.asarray(held, dtype=np.int32)})
     tables = {f"bone {k}": np.array([at[k] for at in path]) for k in range(len(bones))}
     rest_bones = multiblock_from({f"bone {k}": surface_from(*bone) for k, bone in enumerate(bones)})
     moving = BoneMotion(motion=RigidMotion(np.arange(float(len(path))), tables), bones=rest_bones)

@@ -30,7 +30,7 @@ from vtkmodules.vtkFiltersGeometry import vtkCompositeDataGeometryFilter
 
 import vtkmuscle
 from examples import OBJECTS, TIMES, example
-from vtkmuscle.data.arrays import points_of, set_cell_array, set_field_array, set_point_array
+from vtkmuscle.data.arrays import add_arrays, points_of
 from vtkmuscle.data.pipeline_times import joined_provenance, provenance_entry, provenance_of
 from vtkmuscle.filters.base.algorithm import AbortedError
 from vtkmuscle.plotting import can_render
@@ -54,9 +54,12 @@ def check_other_arrays_pass_through(case):
     inputs = case.inputs()
     marked = leaves(inputs[0]) if inputs else ()
     for leaf in marked:
-        set_point_array(leaf, "OfPoints", np.arange(leaf.GetNumberOfPoints(), dtype=np.float32))
-        set_cell_array(leaf, "OfCells", np.arange(3 * leaf.GetNumberOfCells()).reshape(-1, 3))
-        set_field_array(leaf, "OfAll", np.array([1.5, 2.5]))
+        add_arrays(
+            leaf,
+            points={"OfPoints": np.arange(leaf.GetNumberOfPoints(), dtype=np.float32)},
+            cells={"OfCells": np.arange(3 * leaf.GetNumberOfCells()).reshape(-1, 3)},
+            fields={"OfAll": np.array([1.5, 2.5])},
+        )
     output = case.filter(*inputs).update().output
     if not inputs or not isinstance(output, type(inputs[0])):
         pytest.skip("makes another kind of data than it takes")

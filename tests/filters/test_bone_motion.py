@@ -8,15 +8,7 @@ from vtkmodules.vtkFiltersCore import vtkPolyDataNormals
 from vtkmodules.vtkFiltersSources import vtkCubeSource
 
 from vtkmuscle.core.motion.rigid import apply_transform, hinge
-from vtkmuscle.data.arrays import (
-    blocks_of,
-    field_array,
-    multiblock_from,
-    point_array,
-    points_of,
-    set_field_array,
-    set_point_array,
-)
+from vtkmuscle.data.arrays import add_arrays, blocks_of, field_array, multiblock_from, point_array, points_of
 from vtkmuscle.filters.bone_motion import BoneMotion, bones_of
 
 KNEE = hinge("tibia", (0.0, 0.0, 5.0), (1.0, 2.0, 0.0), [0.0, 30.0, 60.0])
@@ -24,8 +16,7 @@ KNEE = hinge("tibia", (0.0, 0.0, 5.0), (1.0, 2.0, 0.0), [0.0, 30.0, 60.0])
 
 def bone(centre=(0.0, 0.0, 0.0)):
     surface = (vtkCubeSource(center=centre) >> vtkPolyDataNormals()).update().output
-    set_point_array(surface, "Density", np.arange(surface.GetNumberOfPoints()))
-    set_field_array(surface, "Side", "right")
+    add_arrays(surface, points={"Density": np.arange(surface.GetNumberOfPoints())}, fields={"Side": "right"})
     return surface
 
 

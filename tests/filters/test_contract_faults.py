@@ -8,7 +8,7 @@ from filter_case import Case, poisoned
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from examples import example
-from vtkmuscle.data.arrays import points_of, polylines_from, polylines_of, set_field_array, with_points
+from vtkmuscle.data.arrays import add_arrays, points_of, polylines_from, polylines_of, with_points
 from vtkmuscle.filters.base.filter import Filter
 from vtkmuscle.filters.base.parameters import Parameter
 from vtkmuscle.filters.base.ports import InputPort, OutputPort
@@ -64,7 +64,7 @@ def changes_its_input(self, fibres):
 
 
 def adds_to_its_input(self, fibres):
-    set_field_array(fibres, "Leftover", 1.0)
+    add_arrays(fibres, fields={"Leftover": 1.0})
     return Sound.execute(self, fibres)
 
 

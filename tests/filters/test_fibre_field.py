@@ -3,9 +3,10 @@ import pytest
 import pyvista as pv
 from phantoms import fibre_block
 from phantoms.winding_spindle import LENGTH, winding_fibre, winding_fibres, winding_surface
+from shapes import lines_of
 from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 
-from vtkmuscle.data.arrays import Polylines, points_of, polylines_from
+from vtkmuscle.data.arrays import points_of
 from vtkmuscle.filters import FibreField, FibreSource
 from vtkmuscle.phantoms import spindle_over_hinge
 
@@ -78,8 +79,7 @@ def test_bipennate_fibres_lean_to_both_sides():
 
 
 def test_a_winding_muscles_field_winds():
-    twist, lines = 90.0, winding_fibres(200)
-    fibres = polylines_from(Polylines(np.vstack(lines), np.arange(0, 201 * 31, 31)))
+    twist, fibres = 90.0, lines_of(winding_fibres(200))
     muscle = winding_surface()
     mesh = pv.ImageData(dimensions=(15, 15, 41), spacing=(2.5, 2.5, 2.5), origin=(-17.5, -17.5, 10.0))
     field = FibreField().apply(mesh, fibres, muscle)

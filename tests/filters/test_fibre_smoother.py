@@ -5,20 +5,14 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from phantoms import fibre_block
 from scipy.spatial import ConvexHull, Delaunay, cKDTree
+from shapes import lines_of
 from vtkmodules.vtkFiltersSources import vtkSphereSource
 
 from vtkmuscle import Scene
 from vtkmuscle.core.mesh.polylines import polyline_lengths
 from vtkmuscle.core.mesh.solids import solids_of
 from vtkmuscle.core.mesh.surface import signed_volume
-from vtkmuscle.data.arrays import (
-    Polylines,
-    cell_array,
-    checked_surface,
-    points_of,
-    polylines_from,
-    polylines_of,
-)
+from vtkmuscle.data.arrays import cell_array, checked_surface, points_of, polylines_of
 from vtkmuscle.data.attachments import attachments_of
 from vtkmuscle.data.muscle_geometry import muscle_geometry
 from vtkmuscle.filters.fibre_smoother import FibreSmoother
@@ -29,17 +23,16 @@ from vtkmuscle.pipelines import decompose
 def noisy_fibres():
     rng = np.random.default_rng(0)
     t = np.linspace(0, 1, 12)
-    lines = [np.column_stack([100 * t, 5 * np.sin(3 * t) + i, 0 * t]) for i in range(4)]
-    points = np.vstack(lines) + rng.normal(scale=0.5, size=(48, 3))
-    return Polylines(points, np.arange(0, 49, 12))
+    lines = np.array([np.column_stack([100 * t, 5 * np.sin(3 * t) + i, 0 * t]) for i in range(4)])
+    return lines + rng.normal(scale=0.5, size=(48, 3)).reshape(4, 12, 3)
 
 
 def test_inner_points_follow_the_formula_and_end_points_stay():
     lines = noisy_fibres()
-    smoothed = points_of(
-        FibreSmoother(smoothing_passes=1, smoothing_weight=4.0)(polylines_from(lines))
-    ).reshape(4, 12, 3)
-    p = lines.points.reshape(4, 12, 3)
+    smoothed = points_of(FibreSmoother(smoothing_passes=1, smoothing_weight=4.0)(lines_of(lines))).reshape(
+        4, 12, 3
+    )
+    p = lines
     assert_allclose(smoothed[:, 1:-1], (p[:, :-2] + 4 * p[:, 1:-1] + p[:, 2:]) / 6, atol=1e-12)
     assert_array_equal(smoothed[:, [0, -1]], p[:, [0, -1]])
 
@@ -50,7 +43,7 @@ def test_points_stay_in_the_muscle_where_it_is_connected():
     # From side to side just inside, with one point far out.
     arch = np.column_stack([9.9 * np.cos(t), 0 * t, 9.9 * np.sin(t)])
     arch[8] *= 1.5
-    fibres = polylines_from(Polylines(arch, np.array([0, 16])))
+    fibres = lines_of([arch])
     surface = solids_of(*checked_surface(ball, "test"))
     alone = points_of(FibreSmoother(smoothing_passes=1)(fibres))
     kept = points_of(FibreSmoother(smoothing_passes=1)(fibres, ball))
@@ -64,7 +57,7 @@ def test_points_stay_in_the_muscle_where_it_is_connected():
 def test_with_spreading_a_fibre_in_a_ball_runs_through_its_middle():
     ball = vtkSphereSource(radius=10.0, theta_resolution=40, phi_resolution=40).update().output
     t = np.linspace(-1, 1, 16)
-    fibre = polylines_from(Polylines(np.column_stack([9 * t, 3 + 0 * t, 0 * t]), np.array([0, 16])))
+    fibre = lines_of([np.column_stack([9 * t, 3 + 0 * t, 0 * t])])
     smoothed = points_of(FibreSmoother(spreading=1.0)(fibre, ball))
     assert np.abs(smoothed[3:-3, 1:]).max() < 0.8
     assert_array_equal(smoothed[[0, -1]], points_of(fibre)[[0, -1]])
@@ -90,7 +83,7 @@ def test_attachments_without_the_muscle_are_refused():
     phantom = spindle_over_hinge()
     (attachments,) = phantom.attachments.values()
     with pytest.raises(ValueError, match="the port 'muscle' is not connected"):
-        FibreSmoother()(polylines_from(noisy_fibres()), None, attachments)
+        FibreSmoother()(lines_of(noisy_fibres()), None, attachments)
 
 
 @pytest.mark.parametrize("phantom", [fibre_block("parallel"), spindle_over_hinge()], ids=lambda p: p.name)

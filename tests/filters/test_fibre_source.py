@@ -8,12 +8,12 @@ from vtkmodules.vtkCommonDataModel import vtkCellArray
 
 from vtkmuscle.core.mesh.polylines import polyline_lengths
 from vtkmuscle.data.arrays import (
+    add_arrays,
     cell_array,
     field_array,
     field_string,
     points_of,
     polylines_of,
-    set_field_array,
     surface_from,
 )
 from vtkmuscle.data.attachments import (
@@ -121,7 +121,7 @@ def test_an_aponeurosis_may_be_several_rings_or_a_surface_within_the_muscle(bloc
     ).triangulate()
     assert plane.bounds[0] == pytest.approx(plane.bounds[1])
     inner = surface_from(points_of(plane), plane.regular_faces)
-    set_field_array(inner, "Side", "distal")
+    add_arrays(inner, fields={"Side": "distal"})
     rings = [Aponeurosis("proximal", corner + ring(x, 0.0, 60.0)) for x in (0.0, WIDTH)]
     blocks = aponeuroses_data([*rings, Aponeurosis("distal", points_of(inner), plane.regular_faces)])
     assert [one.is_ring for one in aponeuroses_of(blocks, "test")] == [True, True, False]

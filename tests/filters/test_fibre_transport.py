@@ -1,16 +1,15 @@
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
+from shapes import lines_of
 from vtkmodules.vtkFiltersSources import vtkSphereSource
 
 from vtkmuscle.core.fibres import embedding
 from vtkmuscle.data.arrays import (
-    Polylines,
+    add_arrays,
     cell_array,
     field_array,
     points_of,
-    polylines_from,
-    set_cell_array,
     surface_from,
     triangles_of,
     with_points,
@@ -28,7 +27,7 @@ def muscle():
 def fibres():
     t = np.linspace(-1, 1, 9)
     lines = [np.column_stack([25 * t, 6 * np.sin(t + i), np.full(9, float(i))]) for i in range(3)]
-    return polylines_from(Polylines(np.vstack(lines), np.arange(0, 28, 9)))
+    return lines_of(lines)
 
 
 def count_weight_computations(monkeypatch):
@@ -49,7 +48,7 @@ def test_without_a_deformation_fibres_come_back_also_those_outside(fibres, muscl
 
 
 def test_rest_lengths_are_added_and_other_arrays_kept(fibres, muscle):
-    set_cell_array(fibres, "FibreId", np.array([4, 5, 6]))
+    add_arrays(fibres, cells={"FibreId": np.array([4, 5, 6])})
     deformed = with_points(muscle, 0.5 * points_of(muscle))
     moved = FibreTransport()(fibres, muscle, deformed)
     p = points_of(fibres).reshape(3, 9, 3)

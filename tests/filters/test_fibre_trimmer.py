@@ -1,30 +1,16 @@
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
+from shapes import lines_of
 from vtkmodules.vtkFiltersCore import vtkCleanPolyData, vtkTriangleFilter
 from vtkmodules.vtkFiltersModeling import vtkLinearSubdivisionFilter
 from vtkmodules.vtkFiltersSources import vtkCubeSource
 
 from vtkmuscle import Scene
 from vtkmuscle.core.mesh.solids import solids_of
-from vtkmuscle.data.arrays import (
-    Polylines,
-    checked_surface,
-    field_array,
-    points_of,
-    polylines_from,
-    set_cell_array,
-    set_field_array,
-    set_point_array,
-)
+from vtkmuscle.data.arrays import add_arrays, checked_surface, field_array, points_of
 from vtkmuscle.data.attachments import AttachmentArea, attachments_from
-from vtkmuscle.filters import (
-    FibreSmoother,
-    FibreTemplateSource,
-    FibreTrimmer,
-    SliceMorpher,
-    TemplateFitter,
-)
+from vtkmuscle.filters import FibreSmoother, FibreTemplateSource, FibreTrimmer, SliceMorpher, TemplateFitter
 
 LENGTH = 80.0
 
@@ -55,10 +41,8 @@ def fibres(n=30, count=16):
     radius, angle = 9 * np.sqrt(i / n), np.pi * (1 + 5**0.5) * i
     feet = np.column_stack([radius * np.cos(angle), radius * np.sin(angle), 0 * i])
     lines = feet[:, None] * np.sin(np.pi * t)[:, None] + LENGTH * t[:, None] * [0, 0, 1]
-    data = polylines_from(Polylines(lines.reshape(-1, 3), np.arange(0, n * count + 1, count)))
-    set_cell_array(data, "FibreId", np.arange(n))
-    set_point_array(data, "t", np.tile(t, n))
-    set_field_array(data, "FitError", 0.5)
+    data = lines_of(lines)
+    add_arrays(data, points={"t": np.tile(t, n)}, cells={"FibreId": np.arange(n)}, fields={"FitError": 0.5})
     return data
 
 
@@ -103,10 +87,10 @@ def test_the_axis_of_the_template_is_used_where_there_is_one(muscle):
     level = np.column_stack([np.full(4, -10.0), [-5, 5, 5, -5], [2, 2, 10, 10.0]])
     data = attachments_from([AttachmentArea("origin", "pelvis", level, True), areas()[1]])
     straight = np.linspace([0.0, 0, 0], [0, 0, LENGTH], 41)
-    fibre = polylines_from(Polylines(straight, np.array([0, 41])))
+    fibre = lines_of([straight])
     transform = np.eye(4)
     transform[:3, 2] = [0, 0, LENGTH]
-    set_field_array(fibre, "Transform", transform.reshape(-1))
+    add_arrays(fibre, fields={"Transform": transform.reshape(-1)})
     points = points_of(FibreTrimmer()(fibre, muscle, data))
     leaves = points[np.hypot(points[:, 0], points[:, 1]) > 1e-9]
     # The area is beside the fibre, so that twice the cut at the plane z = 10 turns least; with the slanted
@@ -122,7 +106,7 @@ def test_areas_with_one_centroid_are_refused(muscle):
 
 
 def test_a_fibre_of_one_point_is_refused(muscle):
-    one = polylines_from(Polylines(np.array([[0, 0, 1.0], [0, 0, 70], [0, 0, 40]]), np.array([0, 2, 3])))
+    one = lines_of([[[0, 0, 1.0], [0, 0, 70]], [[0, 0, 40]]])
     with pytest.raises(ValueError, match="1 fibre\\(s\\) have fewer than two points, first 1"):
         FibreTrimmer()(one, muscle, attachments_from(areas()))
 

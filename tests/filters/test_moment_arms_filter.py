@@ -2,20 +2,13 @@
 
 import numpy as np
 import pytest
+from shapes import lines_of
 from vtkmodules.util.vtkAlgorithm import VTKPythonAlgorithmBase
 from vtkmodules.vtkCommonDataModel import vtkDataObject
 
 from vtkmuscle.core.motion.coordinates import Coordinate
 from vtkmuscle.core.motion.rigid import RigidMotion, hinge, rotation_about
-from vtkmuscle.data.arrays import (
-    Polylines,
-    cell_array,
-    field_array,
-    field_string,
-    polylines_from,
-    set_cell_array,
-    set_point_array,
-)
+from vtkmuscle.data.arrays import add_arrays, cell_array, field_array, field_string
 from vtkmuscle.data.pipeline_times import announce_times
 from vtkmuscle.filters import MomentArms
 
@@ -27,8 +20,7 @@ ENDS = np.array([[0.0, 40.0, 20.0], [5.0, 50.0, 10.0]])
 def lines_at(angle):
     transform = rotation_about((0, 0, 0), (1, 0, 0), angle)
     ends = ENDS @ transform[:3, :3].T
-    points = np.stack([STARTS, ends], axis=1).reshape(-1, 3)
-    return polylines_from(Polylines(points, np.array([0, 2, 4])))
+    return lines_of(np.stack([STARTS, ends], axis=1))
 
 
 def known_arms(angle):
@@ -127,7 +119,7 @@ def test_of_two_coordinates_each_has_its_arrays_where_it_is_determined():
         turned = lines_at(np.interp(time, motion.times, angles))
         points = np.array(turned.GetPoints().GetData())
         points[::2, 1] -= np.interp(time, motion.times, shifts)
-        return polylines_from(Polylines(points, np.array([0, 2, 4])))
+        return lines_of(points.reshape(2, 2, 3))
 
     found = arms_of(Fibres(motion.times, lines), motion=motion)
     early = found.update(time=3.0).output.GetCellData()
@@ -161,7 +153,7 @@ def test_what_cannot_be_is_refused_in_words(parameters, times, message):
 def test_fibres_must_be_the_same_and_have_a_time():
     with pytest.raises(ValueError, match="the fibres have no time steps"):
         MomentArms()(lines_at(0.0))
-    one = polylines_from(Polylines(np.array([[0.0, 0, 0], [1, 0, 0]]), np.array([0, 2])))
+    one = lines_of([[[0.0, 0, 0], [1, 0, 0]]])
     with pytest.raises(ValueError, match="at time 10 there are 1, at first 2"):
         arms_of(Fibres(ANGLES, lambda time: one if time == 10.0 else lines_at(time))).update()
 
@@ -180,10 +172,13 @@ class Paths(Fibres):
         data = lines_at(angle)
         points = np.array(data.GetPoints().GetData()).reshape(-1, 2, 3)
         pull = points[:, 0] - points[:, 1]
-        set_point_array(data, "RestPosition", np.array(lines_at(0.0).GetPoints().GetData()))
-        set_cell_array(data, "Length", np.linalg.norm(pull, axis=1))
+        add_arrays(
+            data,
+            points={"RestPosition": np.array(lines_at(0.0).GetPoints().GetData())},
+            cells={"Length": np.linalg.norm(pull, axis=1)},
+        )
         pull /= np.linalg.norm(pull, axis=1)[:, None]
-        set_cell_array(data, "Lever_knee", np.cross(points[:, 1], pull)[:, 0])
+        add_arrays(data, cells={"Lever_knee": np.cross(points[:, 1], pull)[:, 0]})
         return data
 
 

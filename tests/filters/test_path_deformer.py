@@ -11,6 +11,7 @@ from vtkmuscle.core.mesh.surface import signed_volume
 from vtkmuscle.core.motion.rigid import apply_transform
 from vtkmuscle.core.skinning.carried_muscle import CarriedMuscle
 from vtkmuscle.data.arrays import (
+    add_arrays,
     array_names,
     blocks_of,
     cell_array,
@@ -18,8 +19,6 @@ from vtkmuscle.data.arrays import (
     point_array,
     points_of,
     polylines_of,
-    set_cell_array,
-    set_point_array,
     shallow_copy,
     surface_from,
     triangles_of,
@@ -161,7 +160,7 @@ def test_fibres_are_computed_only_when_asked_for(parts, monkeypatch):
 
 def test_at_rest_fibres_are_the_own_fibres_with_their_arrays(parts):
     fixed, fibres = parts[0], shallow_copy(parts[1])
-    set_cell_array(fibres, "Own", np.arange(float(fibres.GetNumberOfCells())))
+    add_arrays(fibres, cells={"Own": np.arange(float(fibres.GetNumberOfCells()))})
     out = fibres_of(chain(fixed, fibres), 0.0)
     np.testing.assert_allclose(points_of(out), polylines_of(fibres, "").points, rtol=0.0, atol=1e-6)
     assert np.array_equal(cell_array(out, "Own", ""), cell_array(fibres, "Own", ""))
@@ -209,7 +208,7 @@ def test_fibres_without_paths_are_refused_where_asked_for(parts):
 
 def test_an_open_muscle_is_refused(parts):
     fixed = surface_from(points_of(parts[0]), triangles_of(parts[0], "")[3:])
-    set_point_array(fixed, "FixedTo", point_array(parts[0], "FixedTo", ""))
+    add_arrays(fixed, points={"FixedTo": point_array(parts[0], "FixedTo", "")})
     with pytest.raises(ValueError, match=r"(?i)closed|open"):
         frame(chain(fixed, paths=False))
 

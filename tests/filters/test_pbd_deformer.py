@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from shapes import lines_of
 from vtkmodules.vtkFiltersCore import vtkTriangleFilter
 from vtkmodules.vtkFiltersSources import vtkCubeSource, vtkSphereSource
 
@@ -7,14 +8,11 @@ from vtkmuscle.core.mesh.surface import signed_volume
 from vtkmuscle.core.motion.rigid import RigidMotion, apply_transform, hinge, inverse
 from vtkmuscle.core.pbd.solver import PBDSolver
 from vtkmuscle.data.arrays import (
-    Polylines,
+    add_arrays,
     field_array,
     multiblock_from,
     point_array,
     points_of,
-    polylines_from,
-    set_field_array,
-    set_point_array,
     surface_from,
     triangles_of,
     with_points,
@@ -36,7 +34,7 @@ def spindle(radius=12.0):
     sphere.GetPointData().Initialize()
     points = points_of(sphere) * [2 * radius, 2 * radius, 100.0]
     muscle = with_points(sphere, points)
-    set_point_array(muscle, "FixedTo", fixed_to(points))
+    add_arrays(muscle, points={"FixedTo": fixed_to(points)})
     return muscle
 
 
@@ -132,8 +130,7 @@ def test_the_published_model_has_velocities():
 def test_edges_are_soft_along_the_fibres_given():
     z = np.linspace(-50, 50, 15)
     lines = [np.column_stack([0 * z + x, 0 * z + y, z]) for x in (-5, 0, 5) for y in (-5, 0, 5)]
-    along = polylines_from(Polylines(np.vstack(lines), np.arange(10) * 15))
-    across = polylines_from(Polylines(np.vstack(lines)[:, [2, 0, 1]], np.arange(10) * 15))
+    along, across = lines_of(lines), lines_of([line[:, [2, 0, 1]] for line in lines])
     results = [frame(deformer_of(fibres=fibres), 30.0) for fibres in (along, across, None)]
     assert np.abs(results[0] - results[1]).max() > 0.1
     # The harmonic function stands in for straight fibres.
@@ -164,7 +161,7 @@ def swinging(**parameters):
     """Return a deformer whose muscle the upper bone swings through, how it swings, and the free points."""
     muscle = spindle()
     marks = np.where(point_array(muscle, "FixedTo", "") == 0, 0, -1).astype(np.int32)
-    set_point_array(muscle, "FixedTo", marks)
+    add_arrays(muscle, points={"FixedTo": marks})
     swing = hinge("upper", (0.0, 25.0, 50.0), (1, 0, 0), np.arange(0.0, -61.0, -5.0)[::-1])
     swing = RigidMotion(np.arange(13.0), {"upper": swing.transforms["upper"][::-1]})
     return deformer_of(muscle, swing, **parameters), swing, marks < 0
@@ -256,7 +253,7 @@ def test_after_an_error_in_the_middle_the_filter_works_again(monkeypatch):
 def moved_block(**arrays):
     data = BoneMotion(motion=MOTION)(bones())
     for name, values in arrays.items():
-        set_field_array(data.GetBlock(1), name, values)
+        add_arrays(data.GetBlock(1), fields={name: values})
     return data
 
 
@@ -268,14 +265,14 @@ def without_transform():
 
 def marked(values):
     muscle = spindle()
-    set_point_array(muscle, "FixedTo", values)
+    add_arrays(muscle, points={"FixedTo": values})
     return muscle
 
 
 def open_muscle():
     muscle = spindle()
     result = surface_from(points_of(muscle), triangles_of(muscle, "")[1:])
-    set_point_array(result, "FixedTo", point_array(muscle, "FixedTo", ""))
+    add_arrays(result, points={"FixedTo": point_array(muscle, "FixedTo", "")})
     return result
 
 
@@ -357,7 +354,7 @@ def fine_spindle():
     source.Update()
     source.GetOutput().GetPointData().Initialize()
     muscle = with_points(source.GetOutput(), points_of(source.GetOutput()) * [24.0, 24.0, 100.0])
-    set_point_array(muscle, "FixedTo", fixed_to(points_of(muscle)))
+    add_arrays(muscle, points={"FixedTo": fixed_to(points_of(muscle))})
     return muscle
 
 

@@ -2,17 +2,16 @@ import numpy as np
 import pytest
 from oracles import igl
 from phantoms import fibre_block
+from shapes import lines_of
 
 from vtkmuscle import Scene
 from vtkmuscle.core.mesh.polylines import polyline_lengths
 from vtkmuscle.data.arrays import (
-    Polylines,
+    add_arrays,
     field_array,
     field_string,
     points_of,
-    polylines_from,
     polylines_of,
-    set_field_array,
     surface_from,
     triangles_of,
 )
@@ -114,7 +113,7 @@ def test_a_template_that_was_not_fitted_is_an_error_that_says_what_to_do(spindle
 def test_a_transform_that_is_not_a_box_is_refused(spindle, transform):
     muscle, areas = spindle.muscles["spindle"], spindle.attachments["spindle"]
     fitted = fitted_to(muscle, areas, n_fibres=3)
-    set_field_array(fitted, "Transform", transform.reshape(-1))
+    add_arrays(fitted, fields={"Transform": transform.reshape(-1)})
     with pytest.raises(ValueError, match="'Transform' is not the matrix of a box"):
         SliceMorpher()(fitted, muscle)
 
@@ -147,7 +146,7 @@ def test_the_angle_to_superficial_fibres_is_reported(method):
     fitted = fitted_to(*chain)
     z = np.linspace(30.0, 90.0, 5)
     lines = [np.column_stack([x + slope * (z - 60.0), 0.0 * z, z]) for slope, x in ((0.1, 8.0), (-0.1, 12.0))]
-    seen = polylines_from(Polylines(np.vstack(lines), np.arange(0, 11, 5)))
+    seen = lines_of(lines)
     fibres = SliceMorpher(method=method)(fitted, *chain, seen)
     assert field_array(fibres, "SuperficialAngle")[0] == pytest.approx(np.degrees(np.arctan(0.1)), abs=0.2)
     alone = SliceMorpher(method=method)(fitted, *chain)
@@ -172,7 +171,7 @@ def test_dissected_fibres_that_deviate_are_warned_of(method, largest, lhdl_hip):
 
 def test_superficial_fibres_without_length_are_named(block):
     chain = block.muscles["block"], block.attachments["block"]
-    point = polylines_from(Polylines(np.zeros((2, 3)), np.array([0, 2])))
+    point = lines_of(np.zeros((1, 2, 3)))
     message = "SliceMorpher: superficial: all fibres have length 0.*; digitise two points or more"
     with pytest.raises(ValueError, match=message):
         SliceMorpher()(fitted_to(*chain), *chain, point)

@@ -11,6 +11,7 @@ from vtkmuscle import Scene
 from vtkmuscle.core.motion.rigid import apply_transform
 from vtkmuscle.core.paths import pose
 from vtkmuscle.data.arrays import (
+    add_arrays,
     array_names,
     blocks_of,
     cell_array,
@@ -18,8 +19,6 @@ from vtkmuscle.data.arrays import (
     point_array,
     points_of,
     polylines_of,
-    set_cell_array,
-    set_point_array,
     shallow_copy,
 )
 from vtkmuscle.filters import BoneMotion, FixedPointDetector, PathDeformer, TautPaths
@@ -133,7 +132,7 @@ def test_paths_end_where_larger_steps_take_them(lhdl_hip):
 def test_paths_have_lengths_rest_and_the_arrays_of_their_fibres():
     fibres = shallow_copy(at_rest(*CASES[3])[2])
     own = np.arange(float(fibres.GetNumberOfCells()))
-    set_cell_array(fibres, "Own", own)
+    add_arrays(fibres, cells={"Own": own})
     paths = paths_of(*CASES[3], rest_fibres=fibres, resolution=20)
     rest = shallow_copy(paths.update(time=0.0).output)
     out = paths.update(time=30.0).output
@@ -176,11 +175,8 @@ def test_a_muscle_on_one_bone_has_no_paths_and_its_bone_carries_it():
     moved = phantom.motion.at(phantom.motion.times[-1])
     names = [name for name, _ in blocks_of(phantom.bones)]
     (bone,) = (names.index(name) for name in moved if (marks == names.index(name)).any())
-    set_point_array(alone, "FixedTo", np.where(marks == bone, bone, -1).astype(np.int32))
-    posed = {
-        "rest_bones": phantom.bones,
-        "bones": BoneMotion(bones=phantom.bones, motion=phantom.motion),
-    }
+    add_arrays(alone, points={"FixedTo": np.where(marks == bone, bone, -1).astype(np.int32)})
+    posed = {"rest_bones": phantom.bones, "bones": BoneMotion(bones=phantom.bones, motion=phantom.motion)}
     paths = TautPaths(rest_muscle=alone, **posed)
     time = float(phantom.motion.times[-1])
     assert paths.update(time=time).output.GetNumberOfCells() == 0

@@ -1,16 +1,9 @@
 import numpy as np
 import pytest
+from shapes import lines_of
 
 from vtkmuscle.core.motion.rigid import apply_transform
-from vtkmuscle.data.arrays import (
-    Polylines,
-    cell_array,
-    field_array,
-    points_of,
-    polylines_from,
-    polylines_of,
-    surface_from,
-)
+from vtkmuscle.data.arrays import cell_array, field_array, points_of, polylines_of, surface_from
 from vtkmuscle.data.attachments import AttachmentArea, attachments_from, attachments_of
 from vtkmuscle.filters.fibre_template_source import FibreTemplateSource
 from vtkmuscle.filters.template_fitter import TemplateFitter
@@ -135,7 +128,7 @@ def leaning_lines(side, slope):
     """Return lines on the front of a block (y = 0) that lean to one side of it."""
     z = np.linspace(10.0, 45.0, 4)
     lines = [np.column_stack([x + side * slope * (z - 10), 0 * z, z]) for x in (16.0, 20.0, 24.0)]
-    return polylines_from(Polylines(np.vstack(lines), np.arange(0, 13, 4)))
+    return lines_of(lines)
 
 
 def square_block():

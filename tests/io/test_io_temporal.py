@@ -6,15 +6,13 @@ import numpy as np
 import pytest
 
 from vtkmuscle.data.arrays import (
+    add_arrays,
     blocks_of,
     cell_array,
     field_array,
     field_string,
     point_array,
     points_of,
-    set_cell_array,
-    set_field_array,
-    set_point_array,
     surface_from,
 )
 from vtkmuscle.io import Collection, Series, read_series, write_polydata
@@ -24,11 +22,12 @@ TIMES = (0.0, 2.5, 5.0)
 
 def frame(i):
     surface = surface_from(np.eye(3) * (i + 1) / 3.0, np.array([[0, 1, 2]]))
-    set_point_array(surface, "Velocity", np.arange(9.0).reshape(3, 3) / 7.0 * i)
-    set_cell_array(surface, "Colour", np.array([i]))
-    set_field_array(surface, "VolumeRatio", 1.0 + i / 3.0)
-    set_field_array(surface, "Transform", np.arange(16.0) * i)
-    set_field_array(surface, "Units", "mm")
+    add_arrays(
+        surface,
+        points={"Velocity": np.arange(9.0).reshape(3, 3) / 7.0 * i},
+        cells={"Colour": np.array([i])},
+        fields={"VolumeRatio": 1.0 + i / 3.0, "Transform": np.arange(16.0) * i, "Units": "mm"},
+    )
     return surface
 
 

@@ -16,7 +16,7 @@ from vtkmuscle.core.mesh.normals import vertex_normals
 from vtkmuscle.core.mesh.surface import edge_uses, point_components, survey, unique_edges
 from vtkmuscle.core.motion.rigid import apply_transform
 from vtkmuscle.core.types import Floats, Ints
-from vtkmuscle.data.arrays import checked_surface, set_point_array, surface_from
+from vtkmuscle.data.arrays import add_arrays, checked_surface, surface_from
 from vtkmuscle.data.label_images import LabelField
 
 #: Area of an equilateral triangle with unit edges.
@@ -40,7 +40,7 @@ def isosurface(values: Floats, origin: Floats, spacing: float) -> tuple[Floats, 
     image.SetOrigin(*origin)
     image.SetSpacing(spacing, spacing, spacing)
     # VTK's isosurface faces falling values: the changed sign makes the surface face outward.
-    set_point_array(image, "inside", -values.ravel(order="F"))
+    add_arrays(image, points={"inside": -values.ravel(order="F")})
     image.GetPointData().SetActiveScalars("inside")
     contour = vtkFlyingEdges3D()
     contour.SetInputData(image)

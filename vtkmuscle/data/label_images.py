@@ -13,7 +13,7 @@ from vtkmodules.vtkCommonDataModel import vtkImageData
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.types import Bools, Floats, Ints
-from vtkmuscle.data.arrays import add_arrays, field_array, field_strings, set_point_array
+from vtkmuscle.data.arrays import add_arrays, field_array, field_strings
 
 #: Margin around a label [voxels], enough for the Gaussian and a Newton step.
 MARGIN = 4
@@ -148,7 +148,7 @@ def label_image(voxels: NDArray[np.integer], frame: Floats, names: Mapping[int, 
     image.SetSpacing(*spacing)
     image.SetOrigin(*frame[:3, 3])
     image.SetDirectionMatrix(*(frame[:3, :3] / spacing).ravel())
-    set_point_array(image, "Label", voxels.ravel())
+    add_arrays(image, points={"Label": voxels.ravel()})
     image.GetPointData().SetActiveScalars("Label")
     fields = {VALUES: np.array(list(names), dtype=np.int64), NAMES: list(names.values())}
     return add_arrays(image, fields=fields)

@@ -15,7 +15,7 @@ from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.moment_arms.levers import MotionTwists
 from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.core.types import Floats
-from vtkmuscle.data.arrays import add_arrays, array_of, multiblock_from, set_field_array, shallow_copy
+from vtkmuscle.data.arrays import add_arrays, array_of, multiblock_from, shallow_copy
 from vtkmuscle.data.moving_bones import TWIST, bones_of
 from vtkmuscle.filters.base import Filter, InputPort, OutputPort, Parameter
 
@@ -117,5 +117,5 @@ class BoneMotion(Filter):
         for name, transform in transforms.items():
             blocks[name] = _moved(bones[name], transform)
             for coordinate, by_bone in twists.items():
-                set_field_array(blocks[name], array_of(TWIST, coordinate), by_bone.get(name, np.zeros(6)))
+                add_arrays(blocks[name], fields={array_of(TWIST, coordinate): by_bone.get(name, np.zeros(6))})
         return multiblock_from(blocks)

@@ -17,7 +17,7 @@ from vtkmuscle.core.mesh.polylines import polyline_lengths
 from vtkmuscle.core.mesh.triangle_tree import Neighbour
 from vtkmuscle.core.skinning.carried_muscle import CarriedMuscle, CarriedPose
 from vtkmuscle.core.types import Floats
-from vtkmuscle.data.arrays import Polylines, add_arrays, blocks_of, set_point_array, with_points
+from vtkmuscle.data.arrays import Polylines, add_arrays, blocks_of, with_points
 from vtkmuscle.data.moving_bones import MovingBones, RestBones, fixed_points_of
 from vtkmuscle.data.muscle_geometry import Neighbours, Surface
 from vtkmuscle.data.paths import PathLines
@@ -239,7 +239,7 @@ class PathDeformer(Filter):
     ) -> vtkPolyData:
         """Return the muscle in a pose, with its report."""
         result: vtkPolyData = with_points(muscle.data, pose.surface)
-        set_point_array(result, "Displacement", pose.surface - muscle.points)
+        add_arrays(result, points={"Displacement": pose.surface - muscle.points})
         fields: dict[str, Any] = {}
         if self.measure_shape:
             assert self._carried is not None

@@ -14,11 +14,10 @@ from vtkmuscle.phantoms.implicit import Solid
 
 
 def mesh_of(solid: Solid, spacing: float, n_triangles: int) -> tuple[Floats, Ints]:
-    """Return the surface of a solid as even triangles.
+    """Return the surface of a solid as even triangles, closed, manifold, facing outward.
 
-    The surface has about ``n_triangles`` triangles, and is closed, manifold, facing outward. An isosurface on
-    a grid of a spacing [mm], nowhere larger than the solid is thick, is decimated, then relaxed along the
-    surface of the solid.
+    An isosurface on a grid of a spacing [mm], nowhere larger than the solid is thick, is decimated to about
+    ``n_triangles``, then relaxed along the surface of the solid.
     """
     values, origin = _sampled(solid, spacing)
 
@@ -50,11 +49,10 @@ def _grid(origin: Floats, shape: NDArray[np.int_], spacing: float) -> Floats:
 
 
 def solid_of_revolution(heights: ArrayLike, radii: ArrayLike, sides: int) -> tuple[Floats, Ints]:
-    """Return a stack of polygons about the z axis.
+    """Return a stack of regular polygons about the z axis, with flat ends, facing outward.
 
-    The regular polygons lie at ascending heights (k,), with circumscribed circles of radii (k,) [mm]. The
-    ends are flat, and triangles face outward. The polygons' number of sides is a multiple of 6: the ends are
-    hexagonal patterns of even triangles.
+    Polygons lie at ascending heights (k,), with circumscribed circles of radii (k,) [mm]. The number of sides
+    is a multiple of 6: the ends are hexagonal patterns of even triangles.
     """
     z, r = np.asarray(heights, dtype=np.float64), np.asarray(radii, dtype=np.float64)
     angles = 2.0 * np.pi * np.arange(sides) / sides
