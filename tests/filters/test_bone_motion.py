@@ -90,12 +90,6 @@ def test_before_and_after_the_motion_the_bones_stand_still(bones):
         np.testing.assert_array_equal(found, KNEE.at(end)["tibia"].reshape(-1))
 
 
-def test_a_bone_that_is_not_there_is_named(bones):
-    motion = BoneMotion(motion=hinge("fibula", (0, 0, 0), (1, 0, 0), [0.0, 1.0]))
-    with pytest.raises(ValueError, match=r"'fibula'.*'femur', 'tibia', 'patella'"):
-        at(motion, bones, 0.0)
-
-
 def test_blocks_that_are_no_bones_are_refused(bones):
     bones.SetBlock(1, vtkMultiBlockDataSet())
     with pytest.raises(ValueError, match="block 'tibia' is a vtkMultiBlockDataSet"):

@@ -4,7 +4,6 @@ import pyvista as pv
 from phantoms import fibre_block
 from phantoms.winding_spindle import LENGTH, winding_fibre, winding_fibres, winding_surface
 from shapes import lines_of
-from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 
 from vtkmuscle.data.arrays import points_of
 from vtkmuscle.filters import FibreField, FibreSource
@@ -137,47 +136,3 @@ def test_distances_are_those_of_the_fibres(pennate):
     field = FibreField(at="points").apply(image(10.0), lines, muscle)
     x, y, _ = field.points.T
     assert np.allclose(field["FibreDistance"], np.hypot(x, y))
-
-
-@pytest.mark.parametrize("with_muscle", [True, False])
-def test_a_mesh_that_is_elsewhere_is_refused(pennate, with_muscle):
-    muscle, fibres, _ = pennate
-    mesh = image(20.0)
-    mesh.origin = (500.0, 0.0, 0.0)
-    with pytest.raises(ValueError, match=r"FibreField: mesh: no cells of 12 are in .* 510\.\.510 x 10\.\.30"):
-        FibreField()(mesh, fibres, muscle if with_muscle else None)
-
-
-def without_cells():
-    mesh = vtkUnstructuredGrid()
-    mesh.SetPoints(image(20.0).cast_to_unstructured_grid().GetPoints())
-    return mesh
-
-
-def not_finite():
-    mesh = image(20.0).cast_to_unstructured_grid()
-    mesh.points[3] = np.nan
-    return mesh
-
-
-@pytest.mark.parametrize(
-    ("at", "make", "message"),
-    [
-        ("cells", not_finite, "some points are not finite"),
-        ("points", not_finite, "some points are not finite"),
-        ("cells", without_cells, "the mesh has no cells"),
-        (
-            "cells",
-            lambda: pv.UnstructuredGrid(
-                [0, 1, 0], [pv.CellType.EMPTY_CELL, pv.CellType.VERTEX], [[10.0, 20.0, 60.0]]
-            ),
-            "some cells have no points",
-        ),
-    ],
-)
-def test_a_mesh_without_positions_is_refused(pennate, at, make, message):
-    muscle, fibres, _ = pennate
-    with pytest.raises(ValueError, match=f"FibreField: mesh: {message}"):
-        FibreField(at=at)(make(), fibres, muscle)
-    points = FibreField(at="points")(without_cells(), fibres, muscle)
-    assert points.GetPointData().HasArray("InMuscle")

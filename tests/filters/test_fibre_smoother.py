@@ -79,13 +79,6 @@ def test_with_spreading_ends_move_on_their_areas():
         assert_allclose(on_area, 0.0, atol=1e-9)
 
 
-def test_attachments_without_the_muscle_are_refused():
-    phantom = spindle_over_hinge()
-    (attachments,) = phantom.attachments.values()
-    with pytest.raises(ValueError, match="the port 'muscle' is not connected"):
-        FibreSmoother()(lines_of(noisy_fibres()), None, attachments)
-
-
 @pytest.mark.parametrize("phantom", [fibre_block("parallel"), spindle_over_hinge()], ids=lambda p: p.name)
 def test_neighbours_by_their_parameters_stay_neighbours_in_every_slice_as_fibres_are_spread(phantom):
     ((name, muscle),) = phantom.muscles.items()

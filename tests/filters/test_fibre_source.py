@@ -167,14 +167,6 @@ def test_a_surface_that_covers_the_muscle_is_no_aponeurosis(block):
         FibreSource()(muscle, attachments, None, aponeuroses_data([two_rings(muscle)[0], whole]))
 
 
-def test_fibres_need_ends_of_a_kind(block):
-    muscle, attachments = block
-    with pytest.raises(ValueError, match="course='sections' leads fibres between attachment areas"):
-        FibreSource(course="sections")(muscle, attachments, None, aponeuroses_data(two_rings(muscle)))
-    with pytest.raises(ValueError, match="connect attachments or aponeuroses"):
-        FibreSource()(muscle)
-
-
 @pytest.mark.realdata
 def test_fibres_between_the_aponeuroses_of_a_gastrocnemius_are_as_long_as_measured_ones(dti_gastrocnemius):
     folder = dti_gastrocnemius

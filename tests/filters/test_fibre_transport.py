@@ -5,15 +5,7 @@ from shapes import lines_of
 from vtkmodules.vtkFiltersSources import vtkSphereSource
 
 from vtkmuscle.core.fibres import embedding
-from vtkmuscle.data.arrays import (
-    add_arrays,
-    cell_array,
-    field_array,
-    points_of,
-    surface_from,
-    triangles_of,
-    with_points,
-)
+from vtkmuscle.data.arrays import add_arrays, cell_array, field_array, points_of, with_points
 from vtkmuscle.filters.fibre_transport import FibreTransport
 
 
@@ -80,19 +72,6 @@ def test_a_change_of_the_rest_state_is_noticed_even_behind_vtks_back(monkeypatch
     assert len(calls) == 2
     scale = {"fibres": 1.0, "muscle": 2.0}[which]
     assert_allclose(points_of(moved), scale * points_of(fibres), atol=1e-9)
-
-
-def test_another_number_of_points_is_refused(fibres, muscle):
-    points, triangles = points_of(muscle), triangles_of(muscle, "")
-    other = surface_from(np.vstack([points, [[0, 0, 0]]]), triangles)
-    with pytest.raises(ValueError, match=f"has {len(points) + 1} points, but rest_muscle has {len(points)}"):
-        FibreTransport()(fibres, muscle, other)
-
-
-def test_an_open_muscle_is_refused(fibres, muscle):
-    opened = surface_from(points_of(muscle), triangles_of(muscle, "")[5:])
-    with pytest.raises(ValueError, match=r"rest_muscle: the surface has \d+ open edge"):
-        FibreTransport()(fibres, opened, opened)
 
 
 def test_points_outside_of_the_muscle_are_counted(fibres, muscle):

@@ -99,18 +99,6 @@ def test_the_axis_of_the_template_is_used_where_there_is_one(muscle):
     assert points[points[:, 2] > 20][:20, :2] == pytest.approx(0, abs=1e-9)
 
 
-def test_areas_with_one_centroid_are_refused(muscle):
-    same = [AttachmentArea(role, "femur", ring(40.0), True) for role in ("origin", "insertion")]
-    with pytest.raises(ValueError, match="no direction"):
-        FibreTrimmer()(fibres(), muscle, attachments_from(same))
-
-
-def test_a_fibre_of_one_point_is_refused(muscle):
-    one = lines_of([[[0, 0, 1.0], [0, 0, 70]], [[0, 0, 40]]])
-    with pytest.raises(ValueError, match="1 fibre\\(s\\) have fewer than two points, first 1"):
-        FibreTrimmer()(one, muscle, attachments_from(areas()))
-
-
 @pytest.mark.realdata
 @pytest.mark.parametrize("name", ["gluteus_medius", "iliacus"])
 def test_fibres_of_a_real_muscle_stay_in_it_and_end_apart_without_sharp_turns(lhdl_hip, name):

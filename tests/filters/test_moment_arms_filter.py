@@ -151,8 +151,6 @@ def test_what_cannot_be_is_refused_in_words(parameters, times, message):
 
 
 def test_fibres_must_be_the_same_and_have_a_time():
-    with pytest.raises(ValueError, match="the fibres have no time steps"):
-        MomentArms()(lines_at(0.0))
     one = lines_of([[[0.0, 0, 0], [1, 0, 0]]])
     with pytest.raises(ValueError, match="at time 10 there are 1, at first 2"):
         arms_of(Fibres(ANGLES, lambda time: one if time == 10.0 else lines_at(time))).update()

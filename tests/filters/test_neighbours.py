@@ -71,11 +71,6 @@ def test_a_neighbour_that_is_far_away_changes_nothing(spindle):
     np.testing.assert_array_equal(points_of(beside), alone)
 
 
-def test_a_neighbour_without_displacement_is_refused(spindle):
-    with pytest.raises(ValueError, match=r"PathDeformer: neighbours, block 'ball'.*Displacement"):
-        chain(spindle, multiblock_from({"ball": ball_beside()})).update(time=1.0)
-
-
 #: The second muscle is beside the bones that it is said to be on.
 BESIDE_ITS_BONES = pytest.mark.filterwarnings("ignore:scene. muscles.front.* the landmarks are")
 

@@ -20,7 +20,6 @@ from vtkmuscle.data.arrays import (
     points_of,
     polylines_of,
     shallow_copy,
-    surface_from,
     triangles_of,
 )
 from vtkmuscle.filters import BoneMotion, FixedPointDetector, PathDeformer, TautPaths
@@ -204,17 +203,3 @@ def test_fibres_without_paths_are_refused_where_asked_for(parts):
 
 
 # -------------------------------------------------------------------- what is refused
-
-
-def test_an_open_muscle_is_refused(parts):
-    fixed = surface_from(points_of(parts[0]), triangles_of(parts[0], "")[3:])
-    add_arrays(fixed, points={"FixedTo": point_array(parts[0], "FixedTo", "")})
-    with pytest.raises(ValueError, match=r"(?i)closed|open"):
-        frame(chain(fixed, paths=False))
-
-
-def test_paths_without_their_points_at_rest_are_refused(parts):
-    deformer = chain(*parts)
-    deformer.paths = parts[1]
-    with pytest.raises(ValueError, match=r"PathDeformer: paths: the point array 'RestPosition' is missing"):
-        frame(deformer)

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 from shapes import lines_of
-from vtkmodules.vtkCommonDataModel import vtkPolyData
 from vtkmodules.vtkFiltersSources import vtkSphereSource
 
 from examples import PHANTOM, aponeuroses
@@ -93,16 +92,3 @@ def test_a_pipeline_holds_fibres_between_aponeuroses_and_no_others():
 
 
 # -------------------------------------------------------------------- what is refused
-
-
-@pytest.mark.parametrize(
-    ("changes", "message"),
-    [
-        ({"fibres": lines_of([np.eye(3), np.eye(3)[:2]])}, "rest_fibres: fibres have 2 to 3 points"),
-        ({"rest": lines_of([np.eye(3)] * 2)}, "fibres: numbers of points differ"),
-        ({"taut": vtkPolyData()}, "paths: the data set has no paths"),
-    ],
-)
-def test_fibres_and_paths_that_do_not_belong_together_are_refused(fibres, muscle, changes, message):
-    with pytest.raises(ValueError, match=f"StiffTendons: {message}"):
-        held(**{"fibres": fibres, "muscle": muscle, "taut": paths(), **changes})

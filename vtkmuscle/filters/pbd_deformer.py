@@ -81,7 +81,8 @@ class PBDDeformer(DeformerSettings, HistoryFilter[State]):
     References
     ----------
     Kohout, Cervenka 2021, *Muscle Deformation Using Position Based Dynamics*,
-    doi:10.1007/978-3-030-72379-8_24; Müller, Heidelberger, Hennix, Ratcliff 2007, *Position based dynamics*, doi:10.1016/j.jvcir.2007.01.005.
+    doi:10.1007/978-3-030-72379-8_24; Müller, Heidelberger, Hennix, Ratcliff 2007, *Position based dynamics*,
+    doi:10.1016/j.jvcir.2007.01.005.
 
     Limitations
     -----------
