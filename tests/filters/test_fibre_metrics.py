@@ -77,18 +77,6 @@ def test_on_a_crease_it_is_the_mean_of_the_angles_to_the_faces_whatever_rounding
         assert_allclose(cell_array(measured, "PennationOrigin", ""), 45.0, atol=1e-6)
 
 
-@pytest.mark.realdata
-@pytest.mark.long
-@pytest.mark.parametrize("name", ["gluteus_medius", "iliacus"])
-def test_the_pennation_of_no_real_fibre_flickers_as_the_hip_flexes(name, lhdl_hip):
-    scene = Scene.load(lhdl_hip / "scene.toml")
-    pipeline, found = muscle_pipeline(scene, name), []
-    for time in scene.motion.times[:11]:  # 20 degrees
-        fibres = pipeline.metrics.update(time=float(time)).output
-        found.append([cell_array(fibres, f"Pennation{end}", name) for end in ("Origin", "Insertion")])
-    assert np.abs(np.diff(found, axis=0)).max() < 3.0
-
-
 def test_the_two_ends_are_told_apart_and_turning_a_fibre_around_swaps_them(box):
     bent = np.vstack([slanted(30)[:5], [[0, 0, 10.0]]])
     forth = FibreMetrics()(lines_of([bent]), box)

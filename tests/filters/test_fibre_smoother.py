@@ -144,26 +144,6 @@ def test_what_a_template_leaves_free_in_a_muscle_of_its_own_architecture_stays_f
 
 
 @pytest.mark.realdata
-@pytest.mark.long
-@pytest.mark.filterwarnings("ignore:SliceMorpher")  # pennate templates have no isolines
-@pytest.mark.parametrize(
-    ("template", "body"),
-    [
-        ("pennate", "bp3d_knee"),
-        ("bipennate", "lhdl_hip"),
-        ("pennate", "lhdl_hip"),
-        ("bipennate", "bp3d_knee"),
-    ],
-)
-def test_pennate_fibres_fill_real_muscles(template, body, request):
-    scene = Scene.load(request.getfixturevalue(body) / "scene.toml")
-    for name, muscle in scene.muscles.items():
-        bare = bare_share(muscle.surface, scene.attachments_data(name), template=template)
-        # The rectus femoris has a part far off its estimated attachments.
-        assert bare < (0.03 if name == "rectus_femoris" else 0.01), name
-
-
-@pytest.mark.realdata
 @pytest.mark.gap("distance to the nearest fibre relative to even fibres, iliacus", "2.3", "1.5")
 @pytest.mark.parametrize(
     ("name", "bound"),

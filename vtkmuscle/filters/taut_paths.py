@@ -16,13 +16,7 @@ from vtkmuscle.core.paths.lines import bones_at_ends, evenly_spread, lines_on_su
 from vtkmuscle.core.paths.poses import KeptPoses
 from vtkmuscle.core.paths.sheet import POINTS, MusclePaths, PathState
 from vtkmuscle.core.types import Floats
-from vtkmuscle.data.arrays import (
-    Polylines,
-    add_arrays,
-    array_of,
-    polylines_from,
-    vtk_array,
-)
+from vtkmuscle.data.arrays import Polylines, add_arrays, array_of, polylines_from, vtk_array
 from vtkmuscle.data.attachments import rings_by_bone
 from vtkmuscle.data.moving_bones import MovingBones, RestBones, fixed_points_of
 from vtkmuscle.data.muscle_geometry import Surface

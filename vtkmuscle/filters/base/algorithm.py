@@ -9,11 +9,7 @@ from typing import Any, ClassVar
 from vtkmodules.util.vtkAlgorithm import VTKPythonAlgorithmBase
 from vtkmodules.vtkCommonCore import vtkStringArray
 from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkDataSet
-from vtkmodules.vtkCommonExecutionModel import (
-    vtkAlgorithm,
-    vtkDemandDrivenPipeline,
-    vtkExecutive,
-)
+from vtkmodules.vtkCommonExecutionModel import vtkAlgorithm, vtkDemandDrivenPipeline, vtkExecutive
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.data.arrays import state_of
