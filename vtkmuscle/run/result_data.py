@@ -211,7 +211,8 @@ class ResultData(ByName):
             coordinates change together only, and their joints are not known.
         """
         if not self.lengths:
-            raise InputError("", "no muscle of the run has fibres, so no moment arms", "give it fibres")
+            remedy = "give the muscles fibres; with deformer 'pbd' set paths too"
+            raise InputError("", "no muscle of the run has paths, so no moment arms", remedy)
         if coordinates not in self._known_arms:
             self._known_arms[coordinates] = self._joint_arms(coordinates)
         arms, refused = self._known_arms[coordinates]
