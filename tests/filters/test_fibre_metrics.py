@@ -6,11 +6,9 @@ from shapes import lines_of
 from vtkmodules.vtkFiltersCore import vtkCleanPolyData, vtkTriangleFilter
 from vtkmodules.vtkFiltersSources import vtkCubeSource
 
-from vtkmuscle import Scene
 from vtkmuscle.data.arrays import add_arrays, cell_array, field_array, surface_from
 from vtkmuscle.filters.fibre_metrics import FibreMetrics
 from vtkmuscle.phantoms.meshing import box as meshed_box
-from vtkmuscle.run import muscle_pipeline
 
 
 @pytest.fixture

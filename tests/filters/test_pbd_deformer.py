@@ -1,8 +1,7 @@
 import numpy as np
 import pytest
 from shapes import lines_of
-from vtkmodules.vtkFiltersCore import vtkTriangleFilter
-from vtkmodules.vtkFiltersSources import vtkCubeSource, vtkSphereSource
+from vtkmodules.vtkFiltersSources import vtkSphereSource
 
 from vtkmuscle.core.mesh.surface import signed_volume
 from vtkmuscle.core.motion.rigid import RigidMotion, apply_transform, hinge, inverse
@@ -15,27 +14,23 @@ from vtkmuscle.data.arrays import (
     points_of,
     surface_from,
     triangles_of,
-    with_points,
 )
 from vtkmuscle.filters.bone_motion import BoneMotion
 from vtkmuscle.filters.deformer import read_shape
 from vtkmuscle.filters.pbd_deformer import PBDDeformer
+from vtkmuscle.phantoms.meshing import box
 
 ANGLES = [0.0, 5.0, 10.0, 20.0, 30.0]
 MOTION = hinge("upper", (0.0, 25.0, 0.0), (1, 0, 0), ANGLES)
 
 
-def spindle(radius=12.0):
+def spindle(radius=12.0, around=12, along=14):
     """Return a muscle along z, 100 mm long, fixed to bone 0 below and to bone 1 above."""
-    source = vtkSphereSource(radius=0.5, theta_resolution=12, phi_resolution=14)
-    source.SetOutputPointsPrecision(1)
-    source.Update()
-    sphere = source.GetOutput()
-    sphere.GetPointData().Initialize()
+    size = {"theta_resolution": around, "phi_resolution": along}
+    sphere = vtkSphereSource(radius=0.5, output_points_precision=1, **size).update().output
     points = points_of(sphere) * [2 * radius, 2 * radius, 100.0]
-    muscle = with_points(sphere, points)
-    add_arrays(muscle, points={"FixedTo": fixed_to(points)})
-    return muscle
+    surface = surface_from(points, triangles_of(sphere, "spindle"))
+    return add_arrays(surface, points={"FixedTo": fixed_to(points)})
 
 
 def fixed_to(points):
@@ -44,15 +39,9 @@ def fixed_to(points):
 
 def bones(y=25.0):
     """Return two bars behind the muscle, touching nothing at rest."""
-    blocks = {}
-    for name, z in (("lower", -30.0), ("upper", 30.0)):
-        cube = vtkCubeSource(x_length=10, y_length=10, z_length=40, center=(0, y, z))
-        triangles = vtkTriangleFilter()
-        triangles.SetInputConnection(cube.GetOutputPort())
-        triangles.Update()
-        surface = triangles.GetOutput()
-        blocks[name] = surface_from(points_of(surface), triangles_of(surface, "cube"))
-    return multiblock_from(blocks)
+    heights = {"lower": -30.0, "upper": 30.0}
+    blocks = {name: box((-5, y - 5, z - 20), (5, y + 5, z + 20), 40.0) for name, z in heights.items()}
+    return multiblock_from({name: surface_from(*bar) for name, bar in blocks.items()})
 
 
 def deformer_of(muscle=None, motion=MOTION, fibres=None, **parameters):
@@ -250,17 +239,9 @@ def test_after_an_error_in_the_middle_the_filter_works_again(monkeypatch):
     assert np.array_equal(frame(deformer, 30.0), frame(deformer_of(), 30.0))
 
 
-def marked(values):
-    muscle = spindle()
-    add_arrays(muscle, points={"FixedTo": values})
-    return muscle
-
-
-N = spindle().GetNumberOfPoints()
-
-
 def test_a_free_body_falls_in_the_published_model_if_there_is_a_force():
-    muscle = marked(np.full(N, -1, dtype=np.int32))
+    muscle = spindle()
+    add_arrays(muscle, points={"FixedTo": np.full(muscle.GetNumberOfPoints(), -1)})
     force = {"external_force": (0, 0, -1.0), "velocity_kept": 1.0}
     deformer = deformer_of(muscle, quality="published", collision="off", **force)
     assert np.allclose(frame(deformer, 10.0) - points_of(muscle), [0, 0, -6.0], atol=1e-9)
@@ -277,17 +258,6 @@ def test_lengths_of_the_report_are_in_millimetres():
 
 
 # ---------------------------------------------------------------- a start, two levels, bones at rest
-
-
-def fine_spindle():
-    """Return the spindle with about 2500 triangles."""
-    source = vtkSphereSource(radius=0.5, theta_resolution=40, phi_resolution=34)
-    source.SetOutputPointsPrecision(1)
-    source.Update()
-    source.GetOutput().GetPointData().Initialize()
-    muscle = with_points(source.GetOutput(), points_of(source.GetOutput()) * [24.0, 24.0, 100.0])
-    add_arrays(muscle, points={"FixedTo": fixed_to(points_of(muscle))})
-    return muscle
 
 
 def started(muscle, **parameters):
@@ -317,7 +287,7 @@ def test_with_a_start_a_frame_depends_on_its_pose_alone(counted_poses):
 
 
 def test_two_levels_keep_what_one_keeps_and_come_near_it():
-    muscle = fine_spindle()
+    muscle = spindle(around=40, along=34)  # of about 2500 triangles
     rest, marks, count = points_of(muscle), point_array(muscle, "FixedTo", ""), muscle.GetNumberOfPolys()
     two, one = deformer_of(muscle, solved_triangles=600), deformer_of(muscle, solved_triangles=0)
     assert np.abs(frame(two, 0.0) - rest).max() < 1e-9

@@ -83,7 +83,8 @@ def decimated(
 
     Garland, Heckbert 1997, *Surface simplification using quadric error metrics*, doi:10.1145/258734.258849.
     """
-    decimation = vtkQuadricDecimation(regularize=regular)
+    decimation = vtkQuadricDecimation()
+    decimation.SetRegularize(regular)
     decimation.SetInputData(surface_from(points, triangles))
     decimation.SetTargetReduction(1.0 - n_triangles / len(triangles))
     decimation.Update()
