@@ -17,12 +17,12 @@ from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.mesh.polylines import polyline_lengths
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import (
+    add_arrays,
     cell_array,
     field_array,
     point_array,
     points_of,
     polylines_of,
-    set_cell_array,
     shallow_copy,
     with_points,
 )
@@ -324,5 +324,5 @@ def _add_penetration(
     lines = polylines_of(fibres, "fibres")
     depths = measure.depths(lines.points, transforms)
     if depths is not None:
-        set_cell_array(fibres, "Penetration", np.maximum.reduceat(depths, lines.offsets[:-1]))
+        add_arrays(fibres, cells={"Penetration": np.maximum.reduceat(depths, lines.offsets[:-1])})
     return depths
