@@ -25,7 +25,7 @@ from vtkmuscle.core.mesh.rest_shape import RestShape
 from vtkmuscle.core.mesh.triangle_tree import Neighbour
 from vtkmuscle.core.motion.blending import blend_motions, screw_between
 from vtkmuscle.core.motion.rigid import apply_transform, centred, inverses
-from vtkmuscle.core.pbd.anisotropy import edge_stiffness, harmonic_directions
+from vtkmuscle.core.pbd.anisotropy import edge_stiffness, fibre_directions_at, harmonic_directions
 from vtkmuscle.core.pbd.sweep import WIDTH, edge_rows, measure_lengths, project_edges, project_volume
 from vtkmuscle.core.pbd.voxels import VoxelContact
 from vtkmuscle.core.skinning.settling import Volume
@@ -184,8 +184,10 @@ class PBDSolver:
     ) -> None:
         self.parameters = parameters
         points, fixed_to, topology = muscle.points, muscle.fixed_to, muscle.topology()
-        directions = muscle.directions(topology)
-        if directions is None and parameters.anisotropy == "always":
+        directions = None
+        if muscle.fibres is not None:
+            directions = fibre_directions_at(points[topology.edges].mean(axis=1), *muscle.fibres)
+        elif parameters.anisotropy == "always":
             directions = harmonic_directions(points, topology, fixed_to)
         self.shape = shape = RestShape(points, topology)
         self.centre: Floats = (points.min(axis=0) + points.max(axis=0)) / 2.0
