@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from numpy.testing import assert_allclose, assert_array_equal
+from numpy.testing import assert_allclose
 
 from vtkmuscle.core.fibres.measures import (
     angles_to,
@@ -8,7 +8,6 @@ from vtkmuscle.core.fibres.measures import (
     line_of_action,
     physiological_cross_section,
     section_areas,
-    smoothed_curve,
 )
 from vtkmuscle.phantoms.meshing import box
 
@@ -48,15 +47,3 @@ def test_section_areas_of_a_box_whichever_way_it_faces():
     slanted = np.array([[0, np.sin(0.3), np.cos(0.3)]])
     area = section_areas(points, triangles, np.array([[10, 15, 25.0]]), slanted)
     assert_allclose(area, 600 / np.cos(0.3), rtol=1e-9)
-
-
-def test_smoothing_of_length_curves_keeps_lines_and_ends_and_removes_noise():
-    ramp = np.linspace(100.0, 150.0, 30)
-    assert_allclose(smoothed_curve(ramp), ramp, atol=1e-12)
-    noise = np.where(np.arange(30) % 2, 1.0, -1.0)
-    smoothed = smoothed_curve(np.column_stack([ramp + noise, ramp]))
-    assert_array_equal(smoothed[[0, -1], 0], (ramp + noise)[[0, -1]])
-    # The alternating part is a third of itself after each pass.
-    assert np.abs(smoothed[8:-8, 0] - ramp[8:-8]).max() == pytest.approx(3.0**-5, rel=1e-6)
-    assert_array_equal(smoothed_curve(ramp, passes=0), ramp)
-    assert_array_equal(smoothed_curve(ramp[:2]), ramp[:2])

@@ -163,10 +163,7 @@ def normal_at(field: Field, at: Floats, out: Floats) -> bool:
 
 @lane
 def _slope_at(field: Field, x: float, y: float, z: float) -> tuple[float, float, float]:
-    """Return the growth of the distance along each axis, NaN where unknown and beyond the lattice.
-
-    The trilinear distance grows over a cell around a position, between the 27 nodes around.
-    """
+    """Return the growth over a cell along each axis, NaN where unknown and beyond the lattice."""
     u, v, w = _in_cells(field, x, y, z)
     a, b, c = np.floor(u - 0.5), np.floor(v - 0.5), np.floor(w - 0.5)
     if not _holds(field, a, b, c, 2):
@@ -185,10 +182,7 @@ def _slope_at(field: Field, x: float, y: float, z: float) -> tuple[float, float,
 def _over_plane(
     field: Field, i: Integer, j: Integer, k: Integer, v: float, w: float
 ) -> tuple[float, float, float]:
-    """Return the value in a plane, and its growth.
-
-    The value is at v, w between 3 x 3 nodes of the plane, and the growth is along v and w.
-    """
+    """Return the value at v, w between 3 x 3 nodes of a plane, and its growth along v and w."""
     here0, onward0 = _over_line(field, i, j, k, w)
     here1, onward1 = _over_line(field, i, j + 1, k, w)
     here2, onward2 = _over_line(field, i, j + 2, k, w)
@@ -214,8 +208,5 @@ def _value(p: float, q: float, r: float, t: float) -> float:
 
 @lane
 def _growth(p: float, q: float, r: float, t: float) -> float:
-    """Return the growth of the interpolation around t.
-
-    The growth of :func:`_value` is from half a cell before t to half a cell after.
-    """
+    """Return the growth of :func:`_value` from half a cell before t to half a cell after."""
     return (1.5 - t) * (q - p) + (t - 0.5) * (r - q)

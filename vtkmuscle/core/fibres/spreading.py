@@ -194,10 +194,7 @@ def _pull(
     pulls: Floats,
     weights: Floats,
 ) -> None:
-    """Add to the results of :func:`_pulls`.
-
-    The station before a node counts. candidates, squares : memory.
-    """
+    """Add to the results of :func:`_pulls`; candidates, squares : memory."""
     nodes, station_of, offsets, low, scales, shape = grid
     lx, ly, lz = low[0], low[1], low[2]
     nx, ny, nz = shape[0], shape[1], shape[2]

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.jit import kernel
+from vtkmuscle.core.mesh.sampling import part_means
 from vtkmuscle.core.mesh.shared import shared
 from vtkmuscle.core.mesh.surface import LEAST_VOLUME, numbered_edges, point_components, signed_volume
 from vtkmuscle.core.mesh.triangle_tree import TriangleTree, triangle_tree
@@ -220,9 +221,7 @@ def _capped(points: Floats, triangles: Ints, rim: Ints) -> tuple[Floats, Ints, i
     hole_of_point = point_components(len(used), ends)
     hole = hole_of_point[ends[:, 0]]
     n_holes = int(hole_of_point.max()) + 1
-    middles = points[rim].mean(axis=1)
-    sums = np.column_stack([np.bincount(hole, weights=middles[:, k], minlength=n_holes) for k in range(3)])
-    centres = sums / np.bincount(hole, minlength=n_holes)[:, None]
+    centres = part_means(points[rim].mean(axis=1), hole, n_holes)
     caps = np.column_stack([rim[:, 1], rim[:, 0], len(points) + hole])
     return np.vstack([points, centres]), np.vstack([triangles, caps]), n_holes
 

@@ -40,10 +40,7 @@ def blend_motions(transforms: Floats, weights: Floats, points: Floats) -> Floats
 
 @kernel
 def _blend(motions: Floats, weights: Floats, points: Floats, mean: Floats, moved: Floats) -> None:
-    """Move points by mean dual quaternions.
-
-    Points (n, 3), quaternions (b, 8), weights (n, b); mean : (8,), memory.
-    """
+    """Move points (n, 3) by mean dual quaternions (b, 8) of weights (n, b); mean : (8,), memory."""
     for i in range(len(points)):
         mean[:] = 0.0
         for k in range(len(motions)):

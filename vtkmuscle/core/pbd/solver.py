@@ -320,10 +320,7 @@ class PBDSolver:
         keep_out: Callable[[Floats], Bools],
         progress: Callable[[float], None] | None,
     ) -> Bools:
-        """Project all constraints of points in place.
-
-        Points are (n + 1, 3); return the points that met an obstacle.
-        """
+        """Project all constraints of points (n + 1, 3) in place; return the points that met an obstacle."""
         settings, met = self.parameters, np.zeros(len(p) - 1, dtype=np.bool_)
         rows, signed, buffer = (self.rows.points, constants), settings.signed_angles, self._buffer
         for iteration in range(settings.iterations):
@@ -340,10 +337,7 @@ class PBDSolver:
         return met
 
     def _parts(self, before: Floats, now: Floats) -> int:
-        """Return the number of parts of a step.
-
-        The number follows from the greatest turn of two bones against each other.
-        """
+        """Return the number of parts of a step, by the greatest turn of two bones against each other."""
         bones = [bone for bone, _ in self._fixed]
         turns = (now[bones] @ inverses(before[bones]))[:, :3, :3]
         most = 0.0
@@ -361,10 +355,7 @@ class PBDSolver:
         return blend_motions(motions, self._weights, x)
 
     def _with_fixed_points(self, points: Floats, transforms: Floats) -> Floats:
-        """Return points with the fixed points on their bones.
-
-        The result (n + 1, 3) has one extra point.
-        """
+        """Return points with the fixed points on their bones, and one more: (n + 1, 3)."""
         p = np.zeros((len(points) + 1, 3))
         p[:-1] = points
         now = centred(transforms, self.centre)
