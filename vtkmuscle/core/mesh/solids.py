@@ -256,17 +256,7 @@ class Solids:
 
     def distances(self, points: ArrayLike) -> Floats:
         """Return exact distances (n,) of points (n, 3), negative inside."""
-        positions = _checked(points)
-        least = np.full(len(positions), np.inf)
-        for tree in self._all:
-            beyond = np.maximum(tree.boxes[0, :3] - positions, positions - tree.boxes[0, 3:])
-            to_box = np.linalg.norm(np.maximum(beyond, 0.0), axis=1)
-            in_reach = np.flatnonzero(to_box <= np.maximum(least, 0.0))
-            distances = tree.signed(positions[in_reach])[0]
-            least[in_reach] = np.minimum(
-                least[in_reach], np.abs(distances) if tree is self.sheets else distances
-            )
-        return least
+        return self.exact(points)[0]
 
     def exact(self, points: ArrayLike) -> tuple[Floats, Floats]:
         """Return exact distances (n,) and directions away (n, 3). Distances are negative inside.
@@ -277,12 +267,16 @@ class Solids:
         positions = _checked(points)
         best, outward = np.full(len(positions), np.inf), np.zeros((len(positions), 3))
         for tree in self._all:
-            distance, _, normal = tree.tangent_planes(positions)
+            beyond = np.maximum(tree.boxes[0, :3] - positions, positions - tree.boxes[0, 3:])
+            in_reach = np.flatnonzero(
+                np.linalg.norm(np.maximum(beyond, 0.0), axis=1) <= np.maximum(best, 0.0)
+            )
+            distance, _, normal = tree.tangent_planes(positions[in_reach])
             if tree is self.sheets:
                 normal[distance < 0.0] *= -1.0
                 distance = np.abs(distance)
-            nearer = distance < best
-            best[nearer], outward[nearer] = distance[nearer], normal[nearer]
+            nearer = distance < best[in_reach]
+            best[in_reach[nearer]], outward[in_reach[nearer]] = distance[nearer], normal[nearer]
         return best, outward
 
     def depth(self, points: ArrayLike) -> Floats:

@@ -73,12 +73,7 @@ class EdgeRows(NamedTuple):
 
 
 def edge_rows(
-    quads: Ints,
-    mass: Floats,
-    lengths: Floats,
-    stiffness: Floats,
-    angles: Floats,
-    angle_stiffness: Floats,
+    quads: Ints, mass: Floats, lengths: Floats, stiffness: Floats, angles: Floats, angle_stiffness: Floats
 ) -> EdgeRows:
     """Return the edges of a surface of n points in rows.
 
