@@ -19,8 +19,6 @@ from vtkmuscle.core import jit, machine
 from vtkmuscle.core.jit import kernel, source_key
 
 posix = pytest.mark.skipif(os.name != "posix", reason="modes say who can write to a file on POSIX alone")
-#: The user that owns nothing.
-NOBODY = 65534
 
 CONSTANT = "LENGTH = 2.0\n"
 MIDDLE = """
@@ -110,13 +108,6 @@ def test_a_constant_of_a_file_behind_another_takes_effect(kernels, toy, loaded):
     old = loaded(toy)
     assert old(3.0) == 6.0
     assert hits(old) == 1
-
-
-def test_copies_of_a_package_share_what_is_compiled(kernels, toy, loaded):
-    loaded(toy)(3.0)
-    copy = loaded(Path(shutil.copytree(toy, toy.parents[1] / "there" / "toy")))
-    assert copy(3.0) == 6.0
-    assert hits(copy) == 1
 
 
 def test_without_a_cache_nothing_is_kept(kernels, toy, loaded, monkeypatch):

@@ -266,12 +266,3 @@ def test_paths_are_as_short_as_the_shortest_that_scipy_finds(seed):
     assert cost(points, path, start, end) == pytest.approx(
         dijkstra(graph, directed=False, indices=start)[end]
     )
-
-
-def test_a_ring_comes_back_to_its_start_and_has_its_landmarks():
-    points, triangles = box((0.0, 0.0, 0.0), (10.0, 10.0, 10.0), 2.0)
-    landmarks = np.array([0, len(points) // 3, len(points) // 2])
-    curve = geodesic_curve(points, unique_edges(triangles), landmarks, closed=True)
-    assert curve[0] == curve[-1] == 0
-    assert set(landmarks) <= set(curve)
-    assert (curve[1:] != curve[:-1]).all()

@@ -78,18 +78,6 @@ def test_threads_that_ask_one_bone_get_what_one_alone_gets(rng):
             np.testing.assert_array_equal(together[::-1] if number % 2 else together, alone[which])
 
 
-def test_only_blocks_that_are_asked_for_are_filled(rng):
-    bone = Bone(*sphere(50.0))
-    assert bone.nbytes == 0
-    near = np.array([50.0, 0.0, 0.0]) + rng.uniform(-1.0, 1.0, (200, 3))
-    bone.field(near)
-    few = bone.nbytes
-    bone.field(near)
-    assert bone.nbytes == few
-    bone.field(50.0 * (near - near.mean(axis=0)))
-    assert bone.nbytes > 10 * few
-
-
 def test_the_field_of_a_ball_is_as_near_as_its_curvature_says(rng):
     """Midway between nodes it is off by cell^2 / 8 times the sum of the curvatures, 2 / R."""
     radius, cell = 20.0, 2.0

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from shapes import ball, box, distance_to_box, sphere, union
+from shapes import box, distance_to_box, sphere, union
 
 from vtkmuscle.core.bones.bone import Bone
 from vtkmuscle.phantoms.meshing import box as meshed_box
@@ -32,30 +32,6 @@ def test_a_bone_far_from_the_origin_is_measured_as_one_near_it(rng, offset):
     here, there = Bone(points, triangles), Bone(points + offset, triangles)
     np.testing.assert_allclose(there.exact(at + offset)[0], here.exact(at)[0], atol=1e-8)
     np.testing.assert_allclose(there.field(at + offset)[0], here.field(at)[0], atol=1e-4)
-
-
-def specks(rng, count, spread):
-    """Return small tetrahedra, scattered."""
-    corners = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
-    faces = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]])
-    places = rng.uniform(-spread, spread, (count, 1, 3))
-    return (corners + places).reshape(-1, 3), (faces + 4 * np.arange(count)[:, None, None]).reshape(-1, 3)
-
-
-def test_pieces_of_every_kind_at_once_raise_nothing(rng):
-    sheet = np.array([[0.0, 0, 0], [10, 0, 0], [10, 10, 0]]), np.array([[0, 1, 2]])
-    kinds = [
-        box(*PLATE),
-        box(*FAR_PLATE),
-        (sheet[0] + 30.0, sheet[1]),
-        specks(rng, 20, 60.0),
-        ball(radius=30.0),
-    ]
-    bone = Bone(*union(*kinds), cell=1.0)
-    points = samples(rng, -60.0, 130.0, 500)
-    distance, outward = bone.field(points)
-    assert np.isfinite(outward).all()
-    assert np.abs(distance - bone.exact(points)[0]).max() < 0.87
 
 
 def test_a_bone_of_one_piece_is_its_piece():

@@ -195,16 +195,6 @@ def test_fewer_weights_cost_accuracy_and_the_error_says_how_much(mesh):
     assert (np.array(errors) >= 0.2 * bend * np.array(said)).all()
 
 
-def test_the_result_does_not_depend_on_threads(mesh):
-    points, triangles, queries = mesh
-    one, three = (
-        sparse_mean_value_coordinates(points, triangles, queries, prune=0.5, threads=n) for n in (1, 3)
-    )
-    assert_array_equal(one.matrix.indices, three.matrix.indices)
-    assert_array_equal(one.matrix.data, three.matrix.data)
-    assert one.error == three.error
-
-
 def test_no_points_have_no_weights(mesh):
     points, triangles, _ = mesh
     sparse = sparse_mean_value_coordinates(points, triangles, np.zeros((0, 3)), prune=1.0)

@@ -13,7 +13,6 @@ from vtkmuscle.core.fibres.trimming import (
     ends_as_printed,
     trim_fibres,
 )
-from vtkmuscle.core.motion.rigid import apply_transform, rotation_about
 from vtkmuscle.phantoms.meshing import solid_of_revolution
 
 RADIUS, LENGTH = 10.0, 100.0
@@ -191,29 +190,6 @@ def test_new_segments_stay_in_the_muscle_even_beside_a_hollow():
     assert max(pushed[:-1]) > 3  # cut where the plane is, the new segments would cross the hollow
     assert pushed[-1] < 0.8  # and the final ones do not
     assert_allclose(out_of_hollow(result), result, atol=1e-9)
-
-
-def test_a_rigid_motion_of_everything_moves_the_result():
-    rng = np.random.default_rng(0)
-    lines = parallel() + rng.normal(scale=0.3, size=(40, 17, 3)) * [1, 1, 0]
-    motion = rotation_about([1, 2, 3], [2, -1, 1], 63.0)
-    offsets = np.arange(0, 40 * 17 + 1, 17)
-
-    def moved_area(end):
-        move = apply_transform
-        return EndArea(move(motion, end.landmarks), move(motion, end.points), end.triangles, end.patch)
-
-    back = np.linalg.inv(motion)
-    result = trim_fibres(
-        apply_transform(motion, lines.reshape(-1, 3)),
-        offsets,
-        axis=motion[:3, :3] @ AXIS,
-        areas=(moved_area(area(**BOTTOM)), moved_area(area(**TOP))),
-        into_muscle=lambda places: apply_transform(motion, into_rod(apply_transform(back, places))),
-        tolerance=0.6,
-        largest_cut=0.4,
-    )
-    assert_allclose(apply_transform(back, result), trimmed(lines).reshape(-1, 3), atol=1e-6)
 
 
 @pytest.mark.parametrize("count", [2, 3])

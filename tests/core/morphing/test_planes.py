@@ -103,18 +103,6 @@ def test_neighbours_stay_neighbours_and_do_not_turn_about_each_other(banana):
     assert np.ptp(turned, axis=1).max() < np.radians(15)
 
 
-def test_everything_moved_gives_the_fibres_moved(banana):
-    points, triangles = banana
-    here = morph(points, triangles)
-    for seed in range(3):
-        move = np.eye(4)
-        move[:3, :3] = Rotation.random(random_state=seed).as_matrix()
-        move[:3, 3] = (100, 200 * seed, -300)
-        there = morph(apply_transform(move, points), triangles, transform=move @ upright_box(points))
-        expected = apply_transform(move, here.reshape(-1, 3)).reshape(here.shape)
-        assert np.abs(there - expected).max() < 1e-6
-
-
 def test_fibres_stay_in_the_head_that_holds_most(forked):
     points, triangles = forked
     cube = template("parallel", 40, 25)

@@ -89,18 +89,6 @@ def test_bones_that_move_together_take_the_muscle_along_unchanged():
     np.testing.assert_allclose(state.surface, expected, rtol=0.0, atol=1e-9)
 
 
-def test_a_frame_of_the_scene_that_moves_changes_nothing():
-    """All bones may move on top of what they do; the muscle goes with them."""
-    still, riding = solver_of(), solver_of()
-    state, moved = still.at_rest(2), riding.at_rest(2)
-    for number, angle in enumerate((3, 12, 30)):
-        frame = rotation_about([100.0, -40.0, 7.0], [3, 1, 2], 25.0 * (number + 1))
-        state = still.step(state, bent(angle))
-        moved = riding.step(moved, frame @ bent(angle))
-    # Steps are parted along the screws of the bones, which differ when all move on top.
-    assert np.abs(apply_transform(frame, state.surface) - moved.surface).max() <= 0.2
-
-
 @BOTH
 def test_fixed_points_follow_their_bone(published):
     solver = solver_of(published=published)

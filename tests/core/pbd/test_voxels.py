@@ -189,13 +189,6 @@ def test_a_surface_without_volume_is_all_boundary(flat):
     assert not (grid.cells == INSIDE).any()
 
 
-def test_the_order_of_the_triangles_does_not_matter():
-    points, triangles = ring()
-    shuffled = np.random.default_rng(2).permutation(triangles)[:, [1, 2, 0]]
-    a, b = build_voxel_grid(points, triangles, n_max=5000), build_voxel_grid(points, shuffled, n_max=5000)
-    np.testing.assert_array_equal(a.cells, b.cells)
-
-
 @pytest.mark.parametrize("wrong", [{"n_max": 0}, {"n_equal": 0}])
 def test_a_grid_of_no_cells_is_refused(wrong):
     with pytest.raises(ValueError, match="n_max >= 1"):
