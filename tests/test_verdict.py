@@ -250,6 +250,24 @@ def test_a_sweep_that_turns_back_is_no_jump():
     assert length_jumps(curve, motion.times, stretches).max() < 1e-9
 
 
+@pytest.mark.parametrize("size", [1 / 30, 1.0, 30.0])
+def test_rounding_cuts_no_even_sweep_and_hides_no_jump(size):
+    """200 hinges anywhere; the length jumps by 7 % of the arm's change over the sweep."""
+    rng = np.random.default_rng(50)
+    for _ in range(200):
+        count, step = int(rng.integers(6, 40)), rng.uniform(1.0, 9.0)
+        centre, axis = size * rng.normal(0.0, 300.0, 3), rng.normal(size=3)
+        motion = hinge("b", centre, axis, step * np.arange(count))
+        stretches, turns = even_stretches(motion), largest_turns(motion)
+        assert not stretches.any()
+        curve = size * (200.0 + 40.0 * np.sin(np.radians(motion.times)))[:, None]
+        assert length_jumps(curve, motion.times, stretches, turns).max() < 0.02 * size
+        curve[count // 2 :] += 7.0 * size * np.sign(curve[-1] - curve[0])
+        jumps = length_jumps(curve, motion.times, stretches, turns)
+        assert int(jumps.argmax()) == count // 2 - 1
+        assert jumps.max() > 1.0 * size
+
+
 # ------------------------------------------------------------------------------- what is measured
 
 
