@@ -15,6 +15,7 @@ from vtkmodules.vtkCommonDataModel import vtkPolyData
 from vtkmuscle.core.errors import InputError, fault_of
 from vtkmuscle.core.mesh.solids import solids_of
 from vtkmuscle.core.types import Floats
+from vtkmuscle.data.anatomy import plain_name, side_of
 from vtkmuscle.data.arrays import checked_surface, points_of, with_points
 from vtkmuscle.data.attachments import ROLES, VIA, AttachmentArea
 from vtkmuscle.filters.attachment_estimator import NEAR, estimated_areas
@@ -23,7 +24,7 @@ from vtkmuscle.io.csv_table import write_rows
 from vtkmuscle.io.surfaces import SURFACE_SUFFIXES
 from vtkmuscle.io.writing import write_polydata, write_text
 from vtkmuscle.labels.guesses import LEFT_OUT, Guess, bodies_of, guessed_joints, moving_chain, table_of
-from vtkmuscle.labels.names import kind_of, plain_name, side_of
+from vtkmuscle.labels.names import kind_of
 from vtkmuscle.scene.data import MILLIMETRES
 from vtkmuscle.scene.writing import inline_toml, write_areas
 

@@ -60,8 +60,8 @@ class MuscleMeasure:
 
     @property
     def size(self) -> float:
-        """Diagonal of the muscle's box at rest [mm]."""
-        return float(np.linalg.norm(np.ptp(self._rest, axis=0))) * self._millimetres
+        """Cube root of the muscle's volume at rest [mm]."""
+        return float(np.cbrt(abs(self._volume))) * self._millimetres
 
     def at_rest(self) -> dict[str, Any]:
         """Return the numbers of the muscle at rest."""

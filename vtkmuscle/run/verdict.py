@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,10 +12,7 @@ from vtkmuscle.core.errors import fault_of
 from vtkmuscle.core.moment_arms.levers import even_stretches, largest_turns, length_jumps
 from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.core.types import Floats
-
-#: Limits that are lengths hold for muscles of this size or larger (diagonal of the box at rest) [mm], and are
-#: in proportion less for smaller ones.
-FULL_SIZE = 100.0
+from vtkmuscle.scene.sense import FULL_SIZE
 
 # A muscle exerts no active force below half of its optimal length, nor above 1.6 to 1.7 times of it: Zajac
 # 1989, "Muscle and tendon", Crit Rev Biomed Eng 17:359; Gordon, Huxley, Julian 1966,
@@ -214,15 +211,15 @@ def judge(
     """Return the verdict on a muscle from report rows, a row per frame.
 
     ``motion`` is at the times of the rows (lengths may turn back where it turns back), ``n_edges`` of the
-    surface, ``size`` the diagonal of the muscle's box at rest [mm], and ``failure`` the frame and time that
-    could not be computed, and why. JSON-able: ``verdict``, the worst of the ``reasons``; ``reasons``,
+    surface, ``size`` the cube root of the muscle's volume at rest [mm], and ``failure`` the frame and time
+    that could not be computed, and why. JSON-able: ``verdict``, the worst of the ``reasons``; ``reasons``,
     :class:`Reason` as mappings, the worst first; and ``not_checked``, the omitted checks with reasons.
     """
     values, missing = _series(rows, fibres, motion, n_edges)
     reasons = [
         reason
         for name, series in values.items()
-        if (reason := _reason(name, series, rows, min(1.0, size / FULL_SIZE))) is not None
+        if (reason := _reason(name, series, rows, size / FULL_SIZE)) is not None
     ]
     if failure is not None:
         frame, time, why = failure
@@ -230,11 +227,17 @@ def judge(
         says = f"the frame could not be computed: {problem}"
         do = remedy or "check the frame before"
         reasons.append(Reason("computed", FAILED, frame, time, 0.0, 0.0, "", says, do))
-    reasons.sort(key=lambda reason: -VERDICTS.index(reason.verdict))
+    return with_reasons({"reasons": [], "not_checked": missing}, reasons)
+
+
+def with_reasons(verdict: Mapping[str, Any], reasons: Iterable[Reason]) -> dict[str, Any]:
+    """Return a verdict with further reasons, the worst first."""
+    every = [*reasons_of(verdict), *reasons]
+    every.sort(key=lambda reason: -VERDICTS.index(reason.verdict))
     return {
-        "verdict": reasons[0].verdict if reasons else OK,
-        "reasons": [vars(reason) for reason in reasons],
-        "not_checked": missing,
+        "verdict": every[0].verdict if every else OK,
+        "reasons": [vars(reason) for reason in every],
+        "not_checked": verdict["not_checked"],
     }
 
 

@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
+import re
 import warnings
 from collections.abc import Iterator
+from itertools import combinations, permutations, product
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from vtkmuscle.core.attachments.patches import ring_length, short_ring
+from vtkmuscle.core.mesh.sampling import samples_inside
 from vtkmuscle.core.mesh.solids import solids_of
 from vtkmuscle.core.mesh.surface import signed_volume
-from vtkmuscle.core.motion.rigid import apply_transform
+from vtkmuscle.core.moment_arms.levers import largest_turns, twists_by
+from vtkmuscle.core.motion.coordinates import ANGLES
+from vtkmuscle.core.motion.rigid import apply_transform, inverse
 from vtkmuscle.core.types import Floats
+from vtkmuscle.data.anatomy import JOINTS, stem_of
 from vtkmuscle.data.attachments import ROLES, AttachmentArea
 from vtkmuscle.scene.data import MILLIMETRES, Anatomy, Muscle, RestSurface, SceneData
 from vtkmuscle.scene.faults import SceneError
@@ -23,24 +29,46 @@ SHORTEST, LONGEST, SURE_LONGEST = 10.0, 3000.0, 30_000.0
 #: Largest plausible muscle [mm^3]: six times the largest muscles of adults, gluteus maximus and vastus
 #: lateralis (Handsfield et al. 2014, doi:10.1016/j.jbiomech.2013.12.002).
 LARGEST = 5e6
-#: Median distance of landmarks off their bone; least distance, also above the muscle's length, of landmarks
-#: from another scene [mm].
-FAR_LANDMARKS, LOST_LANDMARKS = 10.0, 300.0
+#: Limits that are lengths hold for muscles of this size, the cube root of the volume [mm], and are in
+#: proportion for other muscles, so that a mouse is judged as a man is. Muscles of a hip and a knee have 23
+#: (quadratus femoris) to 91 (gluteus maximus).
+FULL_SIZE = 50.0
+#: Median distance of landmarks off their bone, in sizes of the muscle: the far side of a ring round the end
+#: of a muscle is a thickness off. Of landmarks from another scene, in lengths of the muscle.
+FAR_LANDMARKS, LOST_LANDMARKS = 0.5, 1.5
 #: Landmarks belong to another bone at this distance from their own [mm], and closer to the other by a factor.
 OTHER_BONE, NEARER = 2.0, 2.0
 #: Length of a ring relative to the shortest order: probably, and certainly in wrong order.
 RING, SURE_RING = 1.05, 2.5
 #: Distance from the origin, in sizes of the surface, beyond double precision.
 LOST_PRECISION = 1e9
-#: Least confidence of an estimated attachment: below, the muscle reaches another bone but for this part of
-#: its length. On the right bones of 31 muscles the confidence is 0.12 or more.
-SURE_ESTIMATE = 0.05
+#: Least confidence of a guess that is used without a look: more likely right than wrong.
+SURE = 0.5
 #: Implausible depth of a muscle in a bone at rest [mm]: muscles and bones segmented from the same images
 #: overlap by up to 2.3 mm (LHDL hip). Also the least extent of a part of a bone within a muscle: a spur of
 #: that pelvis is 1.9 mm long.
 DEEP = 3.0
 #: Distance of a muscle's areas, relative to rest or to half its length: probably, and certainly torn.
 TORN, SURE_TORN = 2.0, 5.0
+#: Motions of a bone by a coordinate that is an angle, per unit: a knee's screw-home turns the shank by half a
+#: degree per degree of flexion, which makes 1.12 (Hallen, Lindahl 1966, doi:10.3109/17453676608989407); twice
+#: that beyond 1, either way. A unit that is mistaken makes 57 or 0.02.
+TURN = 1.25
+#: Least turn by a positive direction along its axis in anatomy, as a part of the turn: 120 degrees off.
+OPPOSITE = -0.5
+#: Angles within half a turn in radians [degrees].
+RADIANS = 3.2
+#: A jump of a motion is as many times its largest neighbouring step, of three on either side (a sine with
+#: eight samples has 2.4), and this part of the bone's size: 2 degrees about an end.
+JUMP, STEP = 5.0, 0.02
+#: Change of the gap between the bones of a joint, as a part of the moving bone's size. A healthy humeral head
+#: translates by up to 6 mm (Graichen et al. 2000, doi:10.1016/S0021-9290(99)00201-2), 2 % of a humerus; the
+#: head of a femur that moves by 2 % has left its socket by a third of its radius.
+JOINT_GAP = 0.02
+#: Poses and points of a bone for gaps between bones.
+_GAP_POSES, _GAP_POINTS = 8, 2000
+#: Share of a muscle inside of another one: half of it is two things in one position. Samples of a muscle.
+SHARED, _SHARED_SAMPLES = 0.5, 256
 #: Most points of a bone that are checked: 2 mm apart, on the largest.
 _MOST_POINTS = 20_000
 #: Most landmarks of a ring that are checked.
@@ -56,17 +84,17 @@ class Finding(NamedTuple):
     certain: bool = False
 
 
-def check_sense(scene: SceneData, anatomy: Anatomy | None = None) -> list[str]:
-    """Warn about probable mistakes in a scene, and return the warnings; SceneError for a certain mistake."""
-    messages = []
+def check_sense(scene: SceneData, anatomy: Anatomy | None = None) -> list[SceneError]:
+    """Warn about probable mistakes in a scene, and return them; SceneError for a certain mistake."""
+    odd = []
     mistakes = findings(scene, anatomy or Anatomy.of(scene))
     for key, problem, remedy, certain in sorted(mistakes, key=lambda finding: not finding.certain):
         error = SceneError(problem, key, remedy, scene.files.get(key, scene.files.get("")))
         if certain:
             raise error
-        messages.append(str(error))
-        warnings.warn(messages[-1], stacklevel=5)  # at the call that runs the scene
-    return messages
+        odd.append(error)
+        warnings.warn(str(error), stacklevel=5)  # at the call that runs the scene
+    return odd
 
 
 def findings(scene: SceneData, anatomy: Anatomy) -> Iterator[Finding]:
@@ -85,6 +113,12 @@ def findings(scene: SceneData, anatomy: Anatomy) -> Iterator[Finding]:
         yield from _in_bones(scene.millimetres, name, anatomy)
     for name, muscle in scene.muscles.items():
         yield from _torn(scene, name, muscle, anatomy.muscles[name])
+    if scene.muscle_contact != "off":
+        yield from _twice(anatomy)
+    yield from _guessed(scene)
+    yield from _coordinates(scene)
+    yield from _steps(scene, anatomy)
+    yield from _gaps(scene, anatomy)
 
 
 def _position(point: Any) -> str:
@@ -127,8 +161,8 @@ def _bones_without_inside(anatomy: Anatomy) -> Iterator[Finding]:
 def _ring(key: str, area: AttachmentArea, muscle: RestSurface, units: str) -> Iterator[Finding]:
     """Yield implausible orders and positions of an area's landmarks."""
     landmarks = np.asarray(area.landmarks, dtype=np.float64)
-    size = float(np.linalg.norm(np.ptp(landmarks, axis=0)))
-    if len(landmarks) > 1 and size <= 1e-9 * float(np.linalg.norm(np.ptp(muscle.points, axis=0))):
+    size = _size(landmarks)
+    if len(landmarks) > 1 and size <= 1e-9 * _size(muscle.points):
         problem = f"all {len(landmarks)} landmarks coincide"
         yield Finding(key, problem, "give the boundary of the area", certain=True)
         return
@@ -147,18 +181,164 @@ def _ring(key: str, area: AttachmentArea, muscle: RestSurface, units: str) -> It
 
 
 def _estimates(name: str, muscle: Muscle) -> Iterator[Finding]:
-    """Yield the first estimated attachment that may be on another bone."""
-    for area in muscle.attachments:
-        if area.confidence is not None and area.confidence < SURE_ESTIMATE:
+    """Yield the attachments that are guessed, and may be elsewhere."""
+    for number, area in enumerate(muscle.attachments):
+        if area.confidence is not None and area.confidence < SURE:
             problem = f"the {area.role} is estimated on {area.bone!r} with low confidence"
-            remedy = 'name both bones, { estimate = ["ORIGIN", "INSERTION"] }, or give landmarks'
-            yield Finding(f"muscles.{name}.attachments", f"{problem} ({area.confidence:.2f})", remedy)
-            return
+            remedy = (
+                "give landmarks; or compare the area with the muscle, and remove confidence from the area"
+            )
+            key = f"muscles.{name}.attachments[{number}]"
+            yield Finding(key, f"{problem} ({area.confidence:.2f})", remedy)
+
+
+def _guessed(scene: SceneData) -> Iterator[Finding]:
+    """Yield guesses of joints and of the unit that are not sure."""
+    for key, confidence in scene.guessed.items():
+        if confidence < SURE:
+            remedy = f"compare with the bones; then correct it, or remove {key!r} from [guessed]"
+            yield Finding(key, f"is a guess with low confidence ({confidence:.2f})", remedy)
+
+
+def _twice(anatomy: Anatomy) -> Iterator[Finding]:
+    """Yield muscles that lie in one another."""
+    boxes = {name: (m.points.min(axis=0), m.points.max(axis=0)) for name, m in anatomy.muscles.items()}
+    for (name, own), (other, theirs) in permutations(boxes.items(), 2):
+        if (np.minimum(own[1], theirs[1]) <= np.maximum(own[0], theirs[0])).any():
+            continue
+        points = anatomy.muscles[name].points
+        samples = samples_inside(solids_of(*anatomy.muscles[name]).inside, points, _SHARED_SAMPLES)
+        share = float(solids_of(*anatomy.muscles[other]).inside(samples).mean())
+        if share > SHARED:
+            problem = (
+                f"{share:.0%} of the muscle lies in the muscle {other!r}: the surfaces are the same, or "
+            )
+            remedy = "give each muscle its own surface, or leave out either"
+            yield Finding(f"muscles.{name}.surface", f"{problem}overlap", remedy)
+
+
+def _turns(scene: SceneData, name: str) -> dict[str, Floats]:
+    """Return each bone's angular velocity (m, 3) by a coordinate, per unit; 0 for bones at rest."""
+    frames, twists = twists_by(scene.motion, name)
+    still = np.zeros((len(frames), 3))
+    return {bone: twists[bone][:, 3:] if bone in twists else still for bone in scene.bones}
+
+
+def _coordinates(scene: SceneData) -> Iterator[Finding]:
+    """Yield coordinates that contradict the motion of the bones: in size, or in direction."""
+    angles = {name: q for name, q in scene.motion.coordinates.items() if q.unit in ANGLES and q.changes}
+    widest = np.degrees(max((float(np.ptp(q.natural)) for q in angles.values()), default=np.inf))
+    if widest < RADIANS and all(q.twists for q in angles.values()):
+        problem = f"the angles change by no more than {widest:.3g} degrees"
+        yield Finding("motion", problem, "write angles in degrees, not radians")
+    for name, q in angles.items():
+        key, turns = f"motion.coordinates.{name}", _turns(scene, name)
+        pairs = [np.linalg.norm(turns[a] - turns[b], axis=1) for a, b in combinations(turns, 2)]
+        sizes = [turn for turn in pairs if len(turn)]
+        if q.twists is None and sizes:  # else the joint itself turns the bones
+            best = min(sizes, key=lambda turn: float(np.abs(np.log(turn + 1e-9)).mean()))
+            low, high = np.percentile(best, (25, 75))
+            if low < 1.0 / TURN or high > TURN:
+                problem = f"the bones turn by {np.median(best):.3g} degrees per degree of the coordinate"
+                remedy = 'check the column, and its unit: { unit = "rad" } for radians'
+                yield Finding(key, problem, remedy)
+                continue
+        if sizes:
+            yield from _direction(key, name, q.positive, turns, scene)
+
+
+def _direction(
+    key: str, name: str, positive: str, turns: dict[str, Floats], scene: SceneData
+) -> Iterator[Finding]:
+    """Yield a coordinate that turns a bone against its name, as from a standing pose in the frame."""
+    words = set(re.findall("[a-z]+", f"{name} {positive}".casefold().replace("_", " ")))
+    for kind in JOINTS:
+        axis = next((np.array(kind.axes[one]) for one in kind.axes if "flexion" in one), None)
+        ends = [
+            [bone for bone in scene.bones if set(stem_of(bone).split("_")) & set(words_of)]
+            for words_of in (kind.children, kind.parents)
+        ]
+        if axis is None or "flexion" not in words or not all(ends):
+            continue
+        (child, *_), (parent, *_) = ends
+        if scene.frame == "RAS":
+            axis = axis * [-1.0, -1.0, 1.0]
+        turn = (turns[child] - turns[parent]).mean(axis=0)
+        if turn @ axis < OPPOSITE * np.linalg.norm(turn) < 0.0:
+            problem = f"its sign is not of flexion: by the coordinate {child!r} extends in {scene.frame}"
+            yield Finding(key, problem, "exchange the sign; or correct the frame, or the coordinate's name")
+        return
+
+
+def _steps(scene: SceneData, anatomy: Anatomy) -> Iterator[Finding]:
+    """Yield the largest jump of each bone's motion."""
+    for bone, table in scene.motion.transforms.items():
+        if bone not in anatomy.bones or len(table) < 4:
+            continue
+        low, high = anatomy.bones[bone].points.min(axis=0), anatomy.bones[bone].points.max(axis=0)
+        corners = np.array(list(product(*zip(low, high, strict=True))))
+        moved = np.einsum("fij,kj->fki", table[:, :3, :3], corners) + table[:, None, :3, 3]
+        steps = np.linalg.norm(np.diff(moved, axis=0), axis=2).mean(axis=1) / np.linalg.norm(high - low)
+        near = [np.delete(steps[max(0, i - 3) : i + 4], min(i, 3)).max() for i in range(len(steps))]
+        odd = np.where(steps > STEP, steps / np.maximum(near, STEP / JUMP), 0.0)
+        worst = int(odd.argmax())
+        if odd[worst] > JUMP:
+            angle = np.degrees(largest_turns(scene.motion)[worst])
+            problem = f"{bone!r} jumps from frame {worst} to frame {worst + 1}, by {angle:.3g} degrees: "
+            problem += f"the step is {odd[worst]:.2g} times as large as the steps beside it"
+            yield Finding("motion", problem, "add the missing frames, or correct the transforms")
+
+
+def _gaps(scene: SceneData, anatomy: Anatomy) -> Iterator[Finding]:
+    """Yield moving bones that leave the bones they touch at rest, or run into further bones."""
+    chosen = np.unique(np.linspace(0, len(scene.motion.times) - 1, _GAP_POSES).astype(np.int64))
+    bodies: dict[bytes, list[str]] = {}
+    for bone in anatomy.solid_bones:
+        bodies.setdefault(scene.motion.transforms.get(bone, np.eye(4)).tobytes(), []).append(bone)
+    for body, others in combinations(bodies.values(), 2):
+        tables = [scene.motion.transforms.get(one[0]) for one in (others, body)]
+        pairs = list(product(body, others))
+        gaps = np.empty((1 + len(chosen), len(pairs)))
+        for i, pose in enumerate((None, *chosen)):
+            now, fixed = (np.eye(4) if pose is None or table is None else table[pose] for table in tables)
+            for j, (bone, other) in enumerate(pairs):
+                placed = apply_transform(inverse(fixed) @ now, _thinned(anatomy.bones[other].points))
+                solids = anatomy.bones[bone].solids
+                within = placed[solids.inside(placed)]  # the sign of a distance fails at ragged holes
+                gaps[i, j] = (
+                    -solids.depth(within).max() if len(within) else np.abs(solids.distances(placed)).min()
+                )
+        size = min(max(_size(anatomy.bones[bone].points) for bone in names) for names in (body, others))
+        closest = gaps.min(axis=1)
+        deeper = np.maximum(0.0, -closest) - max(0.0, -closest[0])
+        apart = np.maximum(0.0, closest) - (max(0.0, closest[0]) if closest[0] < JOINT_GAP * size else np.inf)
+        way, change = max(
+            (("deeper in each other", deeper), ("farther apart", apart)), key=lambda c: c[1].max()
+        )
+        worst = int(change.argmax())
+        if change[worst] > JOINT_GAP * size:
+            far = f"{change[worst] * scene.millimetres:.3g} mm {way} than at rest"
+            bone, other = pairs[int(gaps[worst].argmin())]
+            problem = f"in frame {chosen[worst - 1]} the bones {bone!r} and {other!r} are {far}"
+            yield Finding("motion", problem, "check the joint's centre and axes, and the order of transforms")
+
+
+def _scale(muscle: RestSurface, millimetres: float) -> float:
+    return millimetres * float(np.cbrt(abs(signed_volume(*muscle)))) / FULL_SIZE
+
+
+def _size(points: Floats) -> float:
+    return float(np.linalg.norm(np.ptp(points, axis=0)))
+
+
+def _thinned(points: Floats) -> Floats:
+    return points[:: 1 + len(points) // _GAP_POINTS]
 
 
 def _in_bones(millimetres: float, name: str, anatomy: Anatomy) -> Iterator[Finding]:
     """Yield bones deep in a muscle at rest, or around a muscle."""
     muscle = anatomy.muscles[name]
+    scale = _scale(muscle, millimetres)
     remedy = "correct the surfaces until muscle and bone only touch; attached parts stay inside"
     for bone, surface in anatomy.bones.items():
         few = surface.points[:: 1 + len(surface.points) // _MOST_POINTS]
@@ -169,8 +349,8 @@ def _in_bones(millimetres: float, name: str, anatomy: Anatomy) -> Iterator[Findi
             within = np.flatnonzero(solids.inside(points))  # much faster than the depth of every point
             depths = np.zeros(len(points))
             depths[within] = millimetres * solids.depth(points[within])
-            deep = points[depths > DEEP]
-            if len(deep) and millimetres * np.linalg.norm(np.ptp(deep, axis=0)) >= spread:
+            deep = points[depths > DEEP * scale]
+            if len(deep) and millimetres * _size(deep) >= spread * scale:
                 where = _position(points[np.argmax(depths)])
                 problem = f"at rest {inner} is up to {depths.max():.2g} mm deep in {outer}, at {where}, "
                 problem += f"with {(depths > 0.0).mean():.0%} of the points"
@@ -181,7 +361,8 @@ def _in_bones(millimetres: float, name: str, anatomy: Anatomy) -> Iterator[Findi
 def _on_bones(millimetres: float, name: str, muscle: Muscle, anatomy: Anatomy) -> Iterator[Finding]:
     """Yield landmarks away from the bone named for them."""
     key = f"muscles.{name}.attachments"
-    length = float(np.linalg.norm(np.ptp(anatomy.muscles[name].points, axis=0))) * millimetres
+    length = _size(anatomy.muscles[name].points) * millimetres
+    scale = _scale(anatomy.muscles[name], millimetres)
     areas = {number: area for number, area in enumerate(muscle.attachments) if area.role in ROLES}
     away, medians, nearest = {}, {}, {}
     for number, area in areas.items():
@@ -191,7 +372,7 @@ def _on_bones(millimetres: float, name: str, muscle: Muscle, anatomy: Anatomy) -
         }
         far = medians[number] = {bone: float(np.median(gaps)) for bone, gaps in away[number].items()}
         other = min(far, key=far.__getitem__)
-        if far[area.bone] > max(OTHER_BONE, NEARER * far[other]):
+        if far[area.bone] > max(OTHER_BONE * scale, NEARER * far[other]):
             nearest[number] = other
     exchanged = {(areas[number].bone, bone) for number, bone in nearest.items()}
     if len(areas) == len(nearest) > 1 and exchanged == {(b, a) for a, b in exchanged}:
@@ -200,13 +381,13 @@ def _on_bones(millimetres: float, name: str, muscle: Muscle, anatomy: Anatomy) -
         return
     for number, area in areas.items():
         where, own = f"{key}[{number}].landmarks", medians[number][area.bone]
-        lost = float(away[number][area.bone].min()) > max(length, LOST_LANDMARKS)
+        lost = float(away[number][area.bone].min()) > LOST_LANDMARKS * length
         if number in nearest and not lost:
             other = nearest[number]
             problem = f"the landmarks are {own:.3g} mm from {area.bone!r}, but "
             problem += f"{medians[number][other]:.3g} mm from {other!r}"
             yield Finding(where, problem, f'if {other!r} is right, write bone = "{other}"')
-        elif own > FAR_LANDMARKS:
+        elif own > FAR_LANDMARKS * scale * FULL_SIZE:
             problem = f"the landmarks are {own:.3g} mm from their bone {area.bone!r}"
             yield Finding(where, problem, "check the bone, and unit and frame of both", lost)
     bones = {area.bone for area in areas.values()}
@@ -220,7 +401,7 @@ def _torn(scene: SceneData, name: str, muscle: Muscle, surface: RestSurface) -> 
     middles = [(area.bone, np.asarray(area.landmarks).mean(axis=0)) for area in muscle.attachments]
     if len({bone for bone, _ in middles}) < 2:
         return
-    length = float(np.linalg.norm(np.ptp(surface.points, axis=0)))
+    length = _size(surface.points)
     spans = np.array([_span(middles, scene.motion.at(float(time))) for time in scene.motion.times])
     longest = int(np.argmax(spans))
     ratio = spans[longest] / max(_span(middles, {}), 0.5 * length)

@@ -221,7 +221,7 @@ FEWEST_STEPS = 3
 KINK = 0.25
 #: Largest change of velocity within an even stretch of motion, as a part of the velocity.
 UNEVEN = 0.5
-#: Rounding of transforms in tables of six digits: of rotations [rad], and of positions as a part of the largest.
+#: Rounding of tables of six digits: of rotations [rad], and of positions as a part of the largest.
 ROUNDING = 1e-5
 
 
