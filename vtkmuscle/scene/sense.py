@@ -45,8 +45,8 @@ LOST_PRECISION = 1e9
 #: Least confidence of a guess that is used without a look: more likely right than wrong.
 SURE = 0.5
 #: Implausible depth of a muscle in a bone at rest [mm]: muscles and bones segmented from the same images
-#: overlap by up to 2.3 mm, where the limit is 3.0 (LHDL hip). Also the least extent of a part of a bone within
-#: a muscle: a spur of that pelvis is 1.9 mm long.
+#: overlap by up to 2.3 mm, where the limit is 3.0 (LHDL hip). Also the least extent of a part of a bone in a
+#: muscle: a spur of that pelvis is 1.9 mm long.
 DEEP = 4.0
 #: Distance of a muscle's areas, relative to rest or to half its length: probably, and certainly torn.
 TORN, SURE_TORN = 2.0, 5.0
@@ -284,7 +284,7 @@ def _steps(scene: SceneData, anatomy: Anatomy) -> Iterator[Finding]:
     near = [np.delete(steps[max(0, i - 3) : i + 4], min(i, 3)).max() for i in range(len(steps))]
     odd = np.where(steps > STEP, steps / np.maximum(near, STEP / JUMP), 0.0)
     worst = int(odd.argmax())
-    alone = (steps > 0.5 * steps[worst]).sum() <= 2  # the slow coordinate of a grid steps again and again
+    alone = (steps > 0.5 * steps[worst]).sum() == 1  # the slow coordinate of a grid steps again
     if odd[worst] > JUMP and alone:
         angle = np.degrees(largest_turns(scene.motion)[worst])
         problem = f"the bones jump from frame {worst} to frame {worst + 1}, by {angle:.3g} degrees: "
