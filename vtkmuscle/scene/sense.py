@@ -196,8 +196,8 @@ def _guessed(scene: SceneData) -> Iterator[Finding]:
     """Yield guesses of joints and of the unit that are not sure."""
     for key, confidence in scene.guessed.items():
         if confidence < SURE:
-            remedy = f"compare with the bones; then correct it, or remove {key!r} from [guessed]"
-            yield Finding(key, f"is a guess with low confidence ({confidence:.2f})", remedy)
+            remedy = "compare with the bones; then correct it, or remove the key from [guessed]"
+            yield Finding(f"guessed.{key}", f"is a guess with low confidence ({confidence:.2f})", remedy)
 
 
 def _twice(anatomy: Anatomy) -> Iterator[Finding]:
