@@ -38,6 +38,7 @@ GOOD = {
     "penetration_new_max_mm": 0.1,
     "penetration_new_p95_mm": 0.0,
     "squeezed_p95_mm": 0.0,
+    "hooked_paths": 0.0,
     "unsettled": 0,
     "fibres_outside_max_mm": 0.1,
     "fibres_penetration_new_max_mm": 0.1,
@@ -68,8 +69,10 @@ AT_REST = {"crossing_share": 0.1, "hooked_share": 0.0, "turning_p95_deg": 150.0,
 
 
 def verdict(table=None, **given):
-    fibres = {"lengths": lengths(), "rest_lengths": lengths()[0], "at_rest": AT_REST}
+    fibres = {"lengths": lengths(), "rest_lengths": lengths()[0], "at_rest": AT_REST, "paths": None}
     fibres |= {name: given.pop(name) for name in [*given] if name in fibres}
+    if fibres["lengths"] is not None and fibres["paths"] is None:
+        fibres["paths"] = 0.99 * fibres["lengths"]
     history = None if fibres["lengths"] is None else FibreHistory(**fibres)
     return judge(table or rows(), history, **{"motion": MOTION, "n_edges": 1000, **given})
 
@@ -104,6 +107,7 @@ def test_paths_that_do_not_come_to_rest_are_told_by_their_frames():
         ("folded", "folded_edges", 8, 40),
         ("penetration", "penetration_new_max_mm", 1.0, 8.0),
         ("squeezed", "squeezed_p95_mm", 0.5, 6.0),
+        ("hooked paths", "hooked_paths", 0.1, 0.6),
         ("widespread penetration", "penetration_new_p95_mm", 0.2, 1.5),
         ("fibres outside", "fibres_outside_max_mm", 7.0, 16.0),
         ("fibres in bone", "fibres_penetration_new_max_mm", 7.0, 16.0),
@@ -160,7 +164,7 @@ def test_where_there_are_no_fibres_that_is_told():
     assert bare["verdict"] == "ok"
     assert bare["not_checked"] == dict.fromkeys(
         (
-            *("long fibres", "short fibres", "jumps", "widespread jumps"),
+            *("long fibres", "short fibres", "jumps", "widespread jumps", "fibres and paths"),
             *("crossed fibres", "hooked fibres", "winding fibres", "bare"),
         ),
         "the muscle has no fibres",
@@ -173,7 +177,7 @@ def test_where_there_are_no_fibres_that_is_told():
         ("crossed fibres", "crossing_share", 0.4, 0.9),
         ("hooked fibres", "hooked_share", 0.1, 0.6),
         ("winding fibres", "turning_p95_deg", 300.0, 600.0),
-        ("bare", "bare_share", 0.6, 0.95),
+        ("bare", "bare_share", 0.2, 0.6),
     ],
 )
 def test_fibres_that_lie_badly_at_rest_are_not_ok(check, key, look, failed):
@@ -232,6 +236,17 @@ def test_the_limits_are_those_of_the_documentation(request):
         ), name
     assert (SHORTEST, LONGEST, BEYOND) == (0.5, 1.6, 1.5)
     assert "verdict" in DEFINITIONS
+
+
+def test_fibres_that_lengthen_otherwise_than_their_paths_are_told():
+    paths = lengths()
+    for factor, expected in ((1.04, "ok"), (1.1, "look"), (0.9, "look"), (1.4, "failed")):
+        paths[13] = factor * lengths()[13]
+        found = verdict(paths=paths)
+        assert found["verdict"] == expected
+        assert [(one.check, one.frame) for one in reasons_of(found)] == [("fibres and paths", 13)] * (
+            expected != "ok"
+        )
 
 
 # ------------------------------------------------------------------------------- jumps

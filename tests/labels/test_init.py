@@ -101,7 +101,6 @@ def test_a_guess_that_is_not_sure_is_looked_at_until_it_is_confirmed(files, tmp_
         says = " ".join(result["iliacus_right"].reasons)
         assert result.verdicts == {"iliacus_right": "look"}
         assert "low confidence" in says
-    assert vtkmuscle.Scene.load(scene.save(tmp_path / "saved")).guessed == scene.guessed
 
 
 def test_what_is_there_is_not_written_over(files, tmp_path):

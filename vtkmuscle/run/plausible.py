@@ -126,28 +126,26 @@ def _arms(muscle: Judged, arms: JointArms) -> Iterator[Reason]:
     length = published(muscle.anatomical, "path_length")
     if known is None or length is None:
         return
-    low, high = _published_range(known.low, known.high, muscle.path / np.array([length.high, length.low]))
-    within = (angles * sign >= known.values[0]) & (angles * sign <= known.values[1])
-    beyond = np.where(within, np.maximum(low - sign * mean, sign * mean - high), -np.inf)
-    worst = int(np.nanargmax(beyond))
-    if beyond[worst] > 0.0:
-        ends = min(sign * known.low, sign * known.high), max(sign * known.low, sign * known.high)
-        says = f"the mean moment arm by {arms.coordinate} is {mean[worst]:.3g} mm at {angles[worst]:.3g} "
-        says += f"degrees; published [mm]: {_span(*ends, known.source)}"
-        do = "check the attachments, the axis and the surface there"
-        limit = sign * (low if sign * mean[worst] < low else high)
-        yield _reason("published arms", mean[worst], limit, "mm", says, do, at(worst))
+    size = muscle.path / np.array([length.high * PERSONAL, length.low / PERSONAL])
+    low, high = ((known.low - MARGIN) * size).min(), ((known.high + MARGIN) * size).max()
+    own = sign * np.where(
+        (angles * sign >= known.values[0]) & (angles * sign <= known.values[1]), mean, np.nan
+    )
+    if not np.isfinite(own).any():
+        return
+    ends = min(sign * known.low, sign * known.high), max(sign * known.low, sign * known.high)
+    says = f"the mean moment arm by {arms.coordinate} is {{:.3g}} mm {{}}; published [mm]: "
+    says, do = says + _span(*ends, known.source), "check the attachments, the axis and the surface there"
+    worst, sweep = int(np.nanargmax(np.maximum(low - own, own - high))), float(np.nanmean(own))
+    if not low <= own[worst] <= high:
+        limit, words = sign * (low if own[worst] < low else high), f"at {angles[worst]:.3g} degrees"
+        yield _reason(
+            "published arms", mean[worst], limit, "mm", says.format(mean[worst], words), do, at(worst)
+        )
+    elif known.low * known.high > 0.0 > sweep * known.low:
+        words = says.format(sign * sweep, "over the whole motion, of the other sign")
+        yield _reason("published arms", sign * sweep, 0.0, "mm", words, do, at(worst))
 
 
 def _span(low: float, high: float, source: str) -> str:
     return f"{low:g} to {high:g} ({source})" if low < high else f"{low:g} ({source})"
-
-
-def _published_range(low: float, high: float, sizes: Floats) -> tuple[float, float]:
-    """Return the range of mean arms [mm] for muscles of these sizes relative to the published ones.
-
-    A sign of the whole published range is kept.
-    """
-    sizes = np.array([sizes.min() / PERSONAL, sizes.max() * PERSONAL])
-    least, most = ((low - MARGIN) * sizes).min(), ((high + MARGIN) * sizes).max()
-    return max(least, 0.0) if low > 0.0 else least, min(most, 0.0) if high < 0.0 else most

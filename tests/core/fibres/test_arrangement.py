@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from vtkmuscle.core.fibres.measures import arrangement
+from vtkmuscle.core.fibres.measures import arrangement, sharp_turns
 
 #: A sheet of 10 x 4 fibres, 2 mm from each other and 60 mm long, in the middle of what it fills.
 X, Y, Z = np.arange(10.0) * 2.0, np.arange(4.0) * 2.0, np.linspace(0.0, 60.0, 31)
@@ -17,7 +17,8 @@ def inside(rng, low=(-1.0, -1.0, 0.0), high=(19.0, 7.0, 60.0)):
 
 
 def found(lines, samples):
-    return arrangement(lines.reshape(-1, 3), np.arange(len(lines) + 1) * lines.shape[1], samples)
+    offsets, volume = np.arange(len(lines) + 1) * lines.shape[1], np.prod(np.ptp(samples, axis=0))
+    return arrangement(lines.reshape(-1, 3), offsets, samples, volume)
 
 
 def test_straight_fibres_neither_cross_nor_turn_and_leave_nothing_bare(rng):
@@ -61,6 +62,19 @@ def test_hooks_and_turns_are_counted(rng):
 
 def test_a_half_without_fibres_is_bare(rng):
     assert found(sheet(), inside(rng, high=(39.0, 7.0, 60.0))).bare == pytest.approx(0.45, abs=0.03)
+
+
+def test_a_path_that_hooks_turns_sharply_and_an_arc_does_not():
+    turn = np.pi * np.linspace(0.0, 1.0, 31)
+    arc = 60.0 * np.column_stack([np.cos(turn), 0.0 * turn, np.sin(turn)])
+    hook = np.vstack(
+        [np.linspace([0.0, 0, 0], [0, 0, 80], 21)[:-1], np.linspace([0.0, 0, 80], [40, 0, 80], 11)]
+    )
+    for size in (1 / 30, 1.0, 30.0):
+        path, position, reach = sharp_turns(size * np.array([arc, hook]))
+        assert set(path) == {1}
+        assert np.linalg.norm(position - size * np.array([0.0, 0.0, 80.0]), axis=1).max() < 12.0 * size
+        assert reach == pytest.approx(6.0 * size)
 
 
 def test_few_fibres_are_no_reason():

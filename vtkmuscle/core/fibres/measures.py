@@ -148,7 +148,8 @@ class Arrangement(NamedTuple):
     `crossing` is the part of neighbours that change sides in the last eighth of their length, at the worse
     end. `hooked` is the part of fibres with a turn of more than 90 degrees between two segments. `turning` is
     the 95th percentile of the summed turns along a fibre [degrees]. `bare` is the part of the muscle's volume
-    farther from any fibre than the largest median distance between neighbours; 0 for fewer than five fibres.
+    farther from any fibre than the side of a square with a fibre's share of the largest section: 0 for
+    parallel fibres in a square or hexagonal pattern, exp(-pi), 4 %, for a random pattern.
     """
 
     crossing: float
@@ -157,8 +158,8 @@ class Arrangement(NamedTuple):
     bare: float
 
 
-def arrangement(points: Floats, offsets: Ints, samples: Floats) -> Arrangement:
-    """Return the arrangement of fibres. Samples (m, 3) of the muscle have even density."""
+def arrangement(points: Floats, offsets: Ints, samples: Floats, volume: float) -> Arrangement:
+    """Return the arrangement of fibres in a muscle of a volume, with samples (m, 3) of even density."""
     fibres = [points[a:b] for a, b in pairwise(offsets)]
     lines = evenly_spaced(points, offsets, STATIONS)
     turns = [_turns(np.diff(fibre, axis=0)) for fibre in fibres]
@@ -168,7 +169,9 @@ def arrangement(points: Floats, offsets: Ints, samples: Floats) -> Arrangement:
         crossing=max(_crossing(lines, neighbours), _crossing(lines[:, ::-1], neighbours)),
         hooked=float(np.mean([turn.max(initial=0.0) > HOOKED for turn in turns])),
         turning=float(np.percentile([turn.sum() for turn in turns], 95.0)),
-        bare=float((distances > _spacing(lines, neighbours)).mean()) if len(samples) else 0.0,
+        bare=float((distances > _spacing(points, offsets, samples, abs(volume))).mean())
+        if len(samples)
+        else 0.0,
     )
 
 
@@ -189,12 +192,38 @@ def _neighbours(middle: Floats) -> Ints:
     return np.array([row[row != number][:count] for number, row in enumerate(nearest)])
 
 
-def _spacing(lines: Floats, neighbours: Ints) -> float:
-    """Return the largest median distance between neighbours. Infinite for too few."""
-    if neighbours.shape[1] < NEIGHBOURS:
-        return float("inf")
-    apart = np.linalg.norm(lines[neighbours] - lines[:, None], axis=-1)
-    return float(np.median(apart.mean(axis=1), axis=0).max())
+def _spacing(points: Floats, offsets: Ints, samples: Floats, volume: float) -> float:
+    """Return the spacing of an even pattern in the largest section [mm].
+
+    A fibre's share is the section by the number of fibres, or the volume by the length of all fibres, where
+    these are too short to pass the section.
+    """
+    arcs, _ = along(centroid_path(points, offsets, NODES), samples)
+    counts, edges = np.histogram(arcs, NODES - 1)
+    section = volume * counts.max() / len(samples) / float(edges[1] - edges[0])
+    share = volume / float(polyline_lengths(points, offsets).sum())
+    return float(np.sqrt(max(section / (len(offsets) - 1), share)))
+
+
+#: Part of a path on either side of a turn, and the turn [degrees]: half way between a hook by 90 and the
+#: sharpest turn of muscles of a hip in three motions, 63, without a bone or ring within half of that distance.
+TURNED_PART, TURNED = 0.1, 75.0
+
+
+def sharp_turns(paths: Floats) -> tuple[Ints, Floats, Floats]:
+    """Return positions of paths (k, n, 3) at which they turn sharply.
+
+    Their paths (t,), positions (t, 3) and distances (t,) [mm] within which a bone may press. The turn is
+    between the chords of a tenth of the path before and after.
+    """
+    points, offsets = paths.reshape(-1, 3), np.arange(len(paths) + 1) * paths.shape[1]
+    step = 4
+    lines = evenly_spaced(points, offsets, round(step / TURNED_PART) + 1)
+    chords = unit_vectors(lines[:, step:] - lines[:, :-step])
+    cosines = (chords[:, :-step] * chords[:, step:]).sum(axis=-1)
+    path, station = np.nonzero(cosines < np.cos(np.radians(TURNED)))
+    reach = 0.5 * TURNED_PART * polyline_lengths(points, offsets)
+    return path, lines[path, station + step], reach[path]
 
 
 def _crossing(lines: Floats, neighbours: Ints) -> float:
