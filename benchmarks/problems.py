@@ -106,5 +106,5 @@ class Hip:
         """Run the whole scene, its muscles, fibres and measures, over so many frames."""
         scene = replace(Scene.from_phantom(self.phantom, n_fibres=20), deformer=deformer)
         if quality is not None:
-            scene = scene.with_quality(quality)
+            scene = scene.with_settings(quality=quality)
         return scene.run(frames=slice(0, last + 1), figures=False, workers=1)

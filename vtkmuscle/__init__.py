@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from vtkmuscle.core.errors import InputError
     from vtkmuscle.core.motion.rigid import RigidMotion, hinge
     from vtkmuscle.data.attachments import AttachmentArea
+    from vtkmuscle.installation import selftest
     from vtkmuscle.run.result import MuscleResult, Result
     from vtkmuscle.run.table import MomentArmTable, Table
     from vtkmuscle.scene.data import Muscle
@@ -51,6 +52,7 @@ _SOURCES = {
     "SceneError": "vtkmuscle.scene.faults",
     "Table": "vtkmuscle.run.table",
     "Tradeoff": "vtkmuscle.tradeoffs",
+    "selftest": "vtkmuscle.installation",
     "tradeoff": "vtkmuscle.tradeoffs",
 }
 
@@ -75,6 +77,7 @@ __all__ = [
     "phantoms",
     "pipelines",
     "plotting",
+    "selftest",
     "tradeoff",
     "vary",
 ]

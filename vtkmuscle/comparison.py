@@ -161,7 +161,7 @@ def compare(
     --------
     >>> import vtkmuscle
     >>> scene = vtkmuscle.Scene.from_phantom(vtkmuscle.phantoms.spindle_over_hinge(), n_fibres=8)
-    >>> runs = {name: scene.with_quality(name).run(frames="0:2") for name in ("preview", "balanced")}
+    >>> runs = {name: scene.with_settings(quality=name).run(frames="0:2") for name in ("preview", "balanced")}
     >>> compared = vtkmuscle.compare(runs)
     >>> compared
     Comparison of preview, balanced: spindle

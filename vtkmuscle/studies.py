@@ -7,7 +7,6 @@ import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import BrokenExecutor, ProcessPoolExecutor, as_completed
 from contextlib import contextmanager
-from dataclasses import fields, replace
 from itertools import product
 from multiprocessing import active_children, get_context
 from os import PathLike
@@ -17,19 +16,13 @@ from typing import Any
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.machine import processors
-from vtkmuscle.filters.path_deformer import PathDeformer
-from vtkmuscle.filters.pbd_deformer import PBDDeformer
 from vtkmuscle.io.writing import locked
 from vtkmuscle.run import Result, frame_numbers
 from vtkmuscle.run.frames import run_options
 from vtkmuscle.run.store import ResultFolder
 from vtkmuscle.run.store.keys import muscle_keys
 from vtkmuscle.run.table import Table
-from vtkmuscle.scene.data import SceneData
 from vtkmuscle.scenes import Scene
-
-#: Parameters of a scene's deformers.
-DEFORMERS = PathDeformer.parameter_declarations.keys() | PBDDeformer.parameter_declarations.keys()
 
 #: Columns that every table has after the subject or the settings; columns of numbers follow.
 COLUMNS = ("muscle", "verdict", "message", "folder")
@@ -117,8 +110,7 @@ def vary(
     out, client, workers, frames
         As of :func:`cohort`.
     **settings : iterable
-        Values of a field of the scene (``deformer``, ``quality``, ``paths``), of a parameter of the deformer
-        (``iterations``), or of a setting of the fibres (``n_fibres``). A setting is a column.
+        Values of each setting, as of :meth:`vtkmuscle.Scene.with_settings`. A setting is a column.
 
     Raises
     ------
@@ -136,28 +128,8 @@ def vary(
     if not settings:
         raise InputError("", "no setting is varied", "give values: vary(scene, n_fibres=[50, 100])")
     combinations = [dict(zip(settings, values, strict=True)) for values in product(*settings.values())]
-    labelled = [(values, with_settings(scene, values)) for values in combinations]
+    labelled = [(values, scene.with_settings(**values)) for values in combinations]
     return run_labelled(labelled, out, client, workers, None, {"frames": frames})
-
-
-def with_settings(scene: Scene, values: Mapping[str, Any]) -> Scene:
-    """Return the scene with changed settings.
-
-    Settings of the scene, of the solver, or of the fibres of all muscles.
-    """
-    own = {field.name for field in fields(SceneData)} - {"name", "bones", "muscles", "motion", "files"}
-    changed = {name: value for name, value in values.items() if name in own}
-    solver = {name: value for name, value in values.items() if name in DEFORMERS - own}
-    fibres = {name: value for name, value in values.items() if name not in changed and name not in solver}
-    muscles = {
-        name: replace(
-            muscle,
-            solver={**muscle.solver, **solver},
-            fibres=None if muscle.fibres is None else {**muscle.fibres, **fibres},
-        )
-        for name, muscle in scene.muscles.items()
-    }
-    return replace(scene, muscles=muscles, files={}, **changed)
 
 
 def run_labelled(

@@ -24,7 +24,7 @@ from vtkmuscle.run import Result
 from vtkmuscle.run.table import Table
 from vtkmuscle.scene.data import MILLIMETRES
 from vtkmuscle.scenes import Scene
-from vtkmuscle.studies import Row, folder_name, run_labelled, with_settings
+from vtkmuscle.studies import Row, folder_name, run_labelled
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -191,8 +191,8 @@ def tradeoff(
     finest = {name: max(values) for name, values in varied.items() if name == "n_fibres"}
     limits = {name: {"deformer": name, "quality": "accurate", **finest, **LIMITS[name]} for name in deformers}
     bare = _without(scene, _OF_QUALITY)
-    labelled = [(values, with_settings(plain, values)) for values in tried]
-    labelled += [({"limit": name}, with_settings(bare, values)) for name, values in limits.items()]
+    labelled = [(values, plain.with_settings(**values)) for values in tried]
+    labelled += [({"limit": name}, bare.with_settings(**values)) for name, values in limits.items()]
     options = {"frames": frames, "clock": time.process_time, "sense": False}
     with TemporaryDirectory() as temporary:
         folder = Path(temporary if out is None else out)

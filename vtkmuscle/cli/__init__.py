@@ -134,6 +134,22 @@ def demo(out: OutOption = None, *, options: RunArguments) -> None:
 
 
 @command()
+def selftest() -> None:
+    """Test the installation with known answers, and print what a report of a problem needs."""
+    from vtkmuscle.installation import installation
+    from vtkmuscle.installation import selftest as tested
+
+    for word, fact in installation().items():
+        typer.echo(f"{word:<12}{fact}")
+    table = tested()
+    for quantity, measured, known, within, passed in zip(*table.values(), strict=True):
+        verdict = "passed" if passed else "FAILED"
+        typer.echo(f"{verdict}  {quantity}: {measured:.6g}, known {known:.6g}, within {within:g}")
+    if not table["passed"].all():
+        raise typer.Exit(FAILED)
+
+
+@command()
 def info(
     files: Annotated[
         list[Path], Argument(help="Meshes, landmarks, OpenSim models or motions, or folders of results.")

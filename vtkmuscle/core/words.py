@@ -11,6 +11,8 @@ _SHORT.maxstring = _SHORT.maxother = 80
 _SHORT.maxlong = 40
 _SHORT.maxlist = _SHORT.maxtuple = _SHORT.maxdict = 8
 _SHORT.maxlevel = 3
+#: Most words that a suggestion lists: a few lines of a terminal.
+_MOST = 20
 
 
 def quoted(value: object) -> str:
@@ -29,6 +31,7 @@ def names(text: str | Iterable[str]) -> list[str]:
 def suggestion(word: str, allowed: Iterable[str]) -> str:
     """Return the remedy for an unknown word. The nearest and all allowed words."""
     allowed = list(allowed)
-    nearest = get_close_matches(word, allowed, n=1, cutoff=0.5)
+    nearest = get_close_matches(word, allowed, n=1, cutoff=0.5) or [each for each in allowed if word in each]
     meant = f"did you mean {nearest[0]!r}? " if nearest else ""
-    return f"{meant}allowed: {', '.join(allowed) or 'none'}"
+    more = f" and {len(allowed) - _MOST} more" if len(allowed) > _MOST else ""
+    return f"{meant}allowed: {', '.join(allowed[:_MOST]) or 'none'}{more}"

@@ -81,12 +81,12 @@ class RunOptions:
             raise InputError("", f"workers is {self.workers}, but must be an integer >= 1")
 
 
-def run_options(given: Mapping[str, Any]) -> RunOptions:
-    """Return options by name; an unknown name raises a TypeError."""
+def run_options(given: Mapping[str, Any], settings: Iterable[str] = ()) -> RunOptions:
+    """Return options by name; an unknown name raises a TypeError, which names ``settings`` too."""
     names = [field.name for field in fields(RunOptions)]
     for name in given:
         if name not in names:
-            raise TypeError(f"a run has no option {name!r}; {suggestion(name, names)}")
+            raise TypeError(f"a run has no option {name!r}; {suggestion(name, [*names, *settings])}")
     return RunOptions(**given)
 
 

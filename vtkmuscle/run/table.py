@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from html import escape
 from os import PathLike
 from pathlib import Path
 from typing import Any, Self
@@ -17,6 +18,7 @@ from vtkmuscle.core.moment_arms.of_joints import JointArms
 from vtkmuscle.core.types import Floats
 from vtkmuscle.core.words import suggestion
 from vtkmuscle.io.writing import plain_cell, replacing
+from vtkmuscle.run.cells import html_table
 
 #: Columns of the tables of lengths: a row per muscle, fibre and frame. A path has the number of its fibre.
 LENGTHS = ("muscle", "fibre", "frame", "time", "length_mm", "segment_error_mm")
@@ -95,6 +97,10 @@ class Table(Mapping[str, NDArray[Any]]):
 
     def __repr__(self) -> str:
         return f"Table: {self._count()} rows of {', '.join(self)}"
+
+    def _repr_html_(self) -> str:
+        rows = zip(*(column.tolist() for column in self.values()), strict=True)
+        return html_table(tuple(self), rows) + escape(repr(self))
 
     def where(self, **wanted: Any) -> Self:
         """Return the rows with equal values in columns.
