@@ -79,8 +79,8 @@ def _hill(muscle: Judged) -> Iterator[Reason]:
         ("optimal_fibre_length", SHORTEST_FIBRE, LONGEST_FIBRE),
         ("tendon_slack_length", 0.0, 1.0),
     ):
-        ratio = hill.get(key, path * 0.5 * (least + most)) * muscle.scene.millimetres / path
-        if not least <= ratio <= most:
+        ratio = hill.get(key, np.nan) * muscle.scene.millimetres / path
+        if ratio < least or ratio > most:
             says = f"{key} is {ratio * path:.3g} mm, but the muscle's path is {path:.3g} mm long"
             do = f"check the unit; {least:g} to {most:g} of the path is plausible"
             yield _reason("hill", ratio, most if ratio > most else least, "", says, do)

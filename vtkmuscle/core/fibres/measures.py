@@ -206,7 +206,7 @@ def _spacing(points: Floats, offsets: Ints, samples: Floats, volume: float) -> f
 
 
 #: Part of a path on either side of a turn, and the turn [degrees]: half way between a hook by 90 and the
-#: sharpest turn of muscles of a hip in three motions, 63, without a bone or ring within half of that distance.
+#: sharpest turn of muscles of a hip in three motions, 63, without a bone or ring in half of that distance.
 TURNED_PART, TURNED = 0.1, 75.0
 
 
