@@ -9,7 +9,7 @@ import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.bones.bone import Bone, depth_in
-from vtkmuscle.core.fibres.measures import sharp_turns
+from vtkmuscle.core.mesh.polylines import sharp_turns
 from vtkmuscle.core.mesh.rest_shape import beside_slivers, dihedral_angles
 from vtkmuscle.core.mesh.solids import points_inside
 from vtkmuscle.core.mesh.surface import (

@@ -12,8 +12,8 @@ from vtkmuscle.core.mesh.polylines import polyline_lengths
 from vtkmuscle.core.moment_arms.of_joints import JointArms
 from vtkmuscle.core.motion.coordinates import ANGLES
 from vtkmuscle.core.types import Floats
+from vtkmuscle.data.anatomy import published, published_coordinate
 from vtkmuscle.data.arrays import polylines_of
-from vtkmuscle.data.population import published, published_coordinate
 from vtkmuscle.run.frames import MuscleTrack
 from vtkmuscle.run.verdict import LOOK, Reason
 from vtkmuscle.scene.data import SceneData

@@ -1,7 +1,8 @@
 import numpy as np
 import pytest
 
-from vtkmuscle.core.fibres.measures import arrangement, sharp_turns
+from vtkmuscle.core.fibres.measures import arrangement
+from vtkmuscle.core.mesh.polylines import sharp_turns
 
 #: A sheet of 10 x 4 fibres, 2 mm from each other and 60 mm long, in the middle of what it fills.
 X, Y, Z = np.arange(10.0) * 2.0, np.arange(4.0) * 2.0, np.linspace(0.0, 60.0, 31)

@@ -2,8 +2,8 @@
 
 import pytest
 
-from vtkmuscle.data import population
-from vtkmuscle.data.population import published, published_coordinate
+from vtkmuscle.data import anatomy
+from vtkmuscle.data.anatomy import published, published_coordinate
 
 
 @pytest.mark.parametrize(
@@ -54,7 +54,7 @@ def test_a_coordinate_is_found_by_joint_and_direction(name, positive, expected):
 
 
 def test_each_number_has_a_unit_and_a_source():
-    rows = [row for _, row in population._table()]
+    rows = [row for _, row in anatomy._table()]
     assert len(rows) > 500
     assert all(row.low <= row.high and row.unit and row.source for row in rows)
     assert {row.quantity for row in rows} == {
