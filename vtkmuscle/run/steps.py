@@ -23,7 +23,7 @@ from vtkmuscle.run.plausible import Judged, further_reasons
 from vtkmuscle.run.pool import ENDED, Pool, pool_size, track_in
 from vtkmuscle.run.report_values import DEFINITIONS, versions
 from vtkmuscle.run.result import Result
-from vtkmuscle.run.store import PAGE
+from vtkmuscle.run.store import FORMAT, PAGE
 from vtkmuscle.run.store.writing import ResultWriter, claimed, remove_results, scene_file
 from vtkmuscle.run.verdict import with_reasons
 from vtkmuscle.scene.data import Anatomy, SceneData
@@ -122,10 +122,7 @@ def _solve(run: SceneRun, tracks: Tracks, report: dict[str, Any], pool: Pool | N
 
 
 def _solve_here(run: SceneRun, name: str, others: list[MuscleRun]) -> MuscleTrack:
-    """Solve a muscle in this process.
-
-    The muscle is added to ``others`` if later muscles may meet the muscle.
-    """
+    """Solve a muscle in this process, and add the muscle to ``others`` if later muscles may meet it."""
     muscle = MuscleRun(run, name, MuscleTrack(), tuple(others))
     muscle.go()
     if run.scene.muscle_contact != "off":
@@ -201,6 +198,7 @@ def _result(run: SceneRun, report: dict[str, Any], drawn_bones: DrawnBones, trac
 def _first_report(run: SceneRun, tracks: Tracks) -> dict[str, Any]:
     scene = run.scene
     return {
+        "format": FORMAT,
         "scene": scene.name,
         "deformer": scene.deformer,
         "scene_file": scene_file(scene),
