@@ -12,7 +12,7 @@ from vtkmuscle.core.mesh.polylines import polyline_lengths
 from vtkmuscle.core.moment_arms.of_joints import JointArms
 from vtkmuscle.core.motion.coordinates import ANGLES
 from vtkmuscle.core.types import Floats
-from vtkmuscle.data.anatomy import published, published_coordinate
+from vtkmuscle.data.anatomy import PERSONAL, published, published_coordinate
 from vtkmuscle.data.arrays import polylines_of
 from vtkmuscle.run.frames import MuscleTrack
 from vtkmuscle.run.verdict import LOOK, Reason
@@ -24,9 +24,6 @@ SHORTEST_FIBRE, LONGEST_FIBRE = 0.1, 2.0
 #: Margin of published moment arms [mm]: the ranges are of single generic models, and from model to model
 #: their edges move by as much.
 MARGIN = 15.0
-#: Factor between a person's ratios and published means: two standard deviations of fibre lengths are 0.25 to
-#: 0.55 of the mean (Ward et al. 2009, doi:10.1007/s11999-008-0594-8); a belly without tendon has two thirds.
-PERSONAL = 1.5
 
 
 @dataclass(frozen=True, eq=False)
