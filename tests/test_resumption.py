@@ -17,7 +17,7 @@ from vtkmodules.vtkCommonDataModel import vtkPolyData
 from vtkmuscle import InputError, Result, Scene, SceneError
 from vtkmuscle.core.motion.coordinates import Coordinate
 from vtkmuscle.core.motion.rigid import RigidMotion
-from vtkmuscle.data.arrays import points_of, set_field_array, with_points
+from vtkmuscle.data.arrays import add_arrays, points_of, with_points
 from vtkmuscle.data.attachments import Aponeurosis, AttachmentArea
 from vtkmuscle.io import LiteratureCurve
 from vtkmuscle.run import store
@@ -211,7 +211,7 @@ def variants(value):
         yield "points", with_points(value, points_of(value) + 1e-12)
         named = vtkPolyData()
         named.ShallowCopy(value)
-        set_field_array(named, "Mine", np.ones(1))
+        add_arrays(named, fields={"Mine": np.ones(1)})
         yield "arrays", named
     elif isinstance(value, np.ndarray | bool | int | float):
         yield "number", value == 0 if isinstance(value, bool) else value * 2 + 1

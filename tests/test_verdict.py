@@ -13,7 +13,7 @@ from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.mesh.surface import unique_edges
 from vtkmuscle.core.moment_arms.levers import even_stretches, largest_turns, length_jumps
 from vtkmuscle.core.motion.rigid import RigidMotion
-from vtkmuscle.data.arrays import points_of, set_point_array, triangles_of, with_points
+from vtkmuscle.data.arrays import add_arrays, points_of, triangles_of, with_points
 from vtkmuscle.filters import PathDeformer
 from vtkmuscle.run.measure import MuscleMeasure
 from vtkmuscle.run.report_values import DEFINITIONS
@@ -255,7 +255,7 @@ def test_a_sweep_that_turns_back_is_no_jump():
 
 def ball(height=40, n=24):
     surface = ellipsoid((20, 20, height), (0, 0, 0), n)
-    set_point_array(surface, "FixedTo", np.full(surface.GetNumberOfPoints(), -1, dtype=np.int32))
+    add_arrays(surface, points={"FixedTo": np.full(surface.GetNumberOfPoints(), -1, dtype=np.int32)})
     return surface
 
 

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 import pyvista as pv
-from vtkmodules.vtkCommonDataModel import vtkPolyData
 from vtkmodules.vtkFiltersCore import vtkStripper
 from vtkmodules.vtkFiltersSources import vtkSphereSource
 from vtkmodules.vtkIOGeometry import vtkGLTFWriter
@@ -15,7 +14,6 @@ from vtkmuscle.data.arrays import (
     points_of,
     surface_from,
     triangles_of,
-    vtk_points,
 )
 from vtkmuscle.io import SURFACE_SUFFIXES, read_polydata, read_surface, write_polydata
 
@@ -126,19 +124,12 @@ def test_closed_pieces_that_touch_stay_apart(ball, tmp_path):
 
 
 def test_points_without_triangles_are_no_surface(tmp_path):
-    cloud = vtkPolyData()
-    cloud.SetPoints(vtk_points(np.eye(3)))
-    write_polydata(tmp_path / "cloud.vtp", cloud)
+    write_polydata(tmp_path / "cloud.vtp", pv.PolyData(np.eye(3)))
     with pytest.raises(ValueError, match="holds no triangles"):
         read_surface(tmp_path / "cloud.vtp")
 
 
-def test_doubles_come_back_bit_for_bit(rng_points, tmp_path):
-    surface = surface_from(rng_points, np.array([[0, 1, 2]]))
-    write_polydata(tmp_path / "exact.vtp", surface)
-    np.testing.assert_array_equal(points_of(read_surface(tmp_path / "exact.vtp")), rng_points)
-
-
-@pytest.fixture
-def rng_points():
-    return np.random.default_rng(1).normal(size=(50, 3)) * 10.0 ** np.arange(-25, 25)[:, None]
+def test_doubles_come_back_bit_for_bit(rng, tmp_path):
+    points = rng.normal(size=(50, 3)) * 10.0 ** np.arange(-25, 25)[:, None]
+    write_polydata(tmp_path / "exact.vtp", surface_from(points, np.array([[0, 1, 2]])))
+    np.testing.assert_array_equal(points_of(read_surface(tmp_path / "exact.vtp")), points)

@@ -175,7 +175,7 @@ class Polylines:
             for i in range(data.GetPointData().GetNumberOfArrays()):
                 array = data.GetPointData().GetArray(i)
                 if array is not None:
-                    set_point_array(result, array.GetName(), vtk_to_numpy(array)[order])
+                    add_arrays(result, points={array.GetName(): vtk_to_numpy(array)[order]})
         return result
 
     def copy(self) -> vtkPolyData:
@@ -209,16 +209,6 @@ def polylines_from(lines: Polylines) -> vtkPolyData:
     return data
 
 
-def set_point_array(data: Any, name: str, values: NDArray[Any]) -> None:
-    """Add a copy of an array to the point data."""
-    data.GetPointData().AddArray(vtk_array(np.asarray(values), name))
-
-
-def set_cell_array(data: Any, name: str, values: NDArray[Any]) -> None:
-    """Add a copy of an array to the cell data."""
-    data.GetCellData().AddArray(vtk_array(np.asarray(values), name))
-
-
 def add_arrays(
     data: Data,
     *,
@@ -226,20 +216,16 @@ def add_arrays(
     cells: Mapping[str, NDArray[Any]] | None = None,
     fields: Mapping[str, Any] | None = None,
 ) -> Data:
-    """Add copies of arrays by name to point, cell and field data."""
-    for add, arrays in ((set_point_array, points), (set_cell_array, cells), (set_field_array, fields)):
+    """Add copies of arrays by name; a field is an array, a number, a string or a list of strings."""
+    for owner, arrays in (("Point", points), ("Cell", cells)):
         for name, values in (arrays or {}).items():
-            add(data, name, values)
+            getattr(data, f"Get{owner}Data")().AddArray(vtk_array(np.asarray(values), name))
+    for name, values in (fields or {}).items():
+        strings = [values] if isinstance(values, str) else values
+        is_text = isinstance(strings, list)
+        array = string_array(name, strings) if is_text else vtk_array(np.atleast_1d(values), name)
+        data.GetFieldData().AddArray(array)
     return data
-
-
-def set_field_array(data: Any, name: str, values: Any) -> None:
-    """Add numbers (a copy), a string or a list of strings to the field data."""
-    strings = [values] if isinstance(values, str) else values
-    if isinstance(strings, list):
-        data.GetFieldData().AddArray(string_array(name, strings))
-    else:
-        data.GetFieldData().AddArray(vtk_array(np.atleast_1d(values), name))
 
 
 def string_array(name: str, values: Iterable[str]) -> vtkStringArray:

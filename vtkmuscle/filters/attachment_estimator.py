@@ -77,7 +77,7 @@ class AttachmentEstimator(Filter):
     insertion: Parameter[str | None] = Parameter(str, default=None)
 
     muscle = InputPort(vtkPolyData)
-    bones = ports.RestBones()
+    bones = ports.Bones()
     output = OutputPort(vtkMultiBlockDataSet)
 
     def execute(self, muscle: vtkPolyData, bones: dict[str, vtkPolyData]) -> vtkMultiBlockDataSet:
@@ -99,23 +99,9 @@ def estimated_areas(
 ) -> list[AttachmentArea]:
     """Return the likely attachment areas of a muscle, by :func:`attached_ends`.
 
-    Parameters
-    ----------
-    muscle : vtkPolyData
-        Triangles, at rest.
-    bones : mapping of str to vtkPolyData
-        By name, at rest.
-    within : float
-        Largest distance between a bone and its attachment [mm].
-    origin, insertion : str, optional
-        Names of the bones. By default the origin is the end with more area.
-    bodies : sequence of sequence of str
-        Groups of bones that move together; ignored with named bones.
-
-    Raises
-    ------
-    ValueError
-        If a named bone is missing, if fewer than two bones are close, or if an end is far from every bone.
+    ``within`` is the largest distance between a bone and its attachment [mm]; ``bodies`` are groups of bones
+    that move together, ignored with named bones. ValueError if a named bone is missing, if fewer than two
+    bones are close, or if an end is far from every bone.
     """
     named = [bone for bone in (origin, insertion) if bone is not None]
     for role, bone in zip(ROLES, (origin, insertion), strict=True):

@@ -17,12 +17,12 @@ from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.mesh.polylines import polyline_lengths
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import (
+    add_arrays,
     cell_array,
     field_array,
     point_array,
     points_of,
     polylines_of,
-    set_cell_array,
     shallow_copy,
     with_points,
 )
@@ -287,10 +287,7 @@ def muscle_pipeline(
 
 
 def _settling(pipeline: MusclePipeline) -> dict[str, int]:
-    """Return whether the paths failed to settle, and their steps.
-
-    Of the last frame; empty without paths.
-    """
+    """Return whether the paths of the last frame failed to settle, and their steps; empty without paths."""
     if pipeline.taut_paths is None:
         return {}
     output = pipeline.taut_paths.GetOutputDataObject(0)
@@ -317,12 +314,9 @@ def _warn_if_none_is_free(name: str, muscle: vtkPolyData) -> None:
 def _add_penetration(
     fibres: vtkPolyData, measure: MuscleMeasure, transforms: Mapping[str, Any]
 ) -> Floats | None:
-    """Add the depth of each fibre's deepest point in a bone, the cell array ``Penetration``.
-
-    Returns the depth of every point, None without a bone with an inside.
-    """
+    """Add the depth of each fibre in bones as ``Penetration``; return the depths of points, or None."""
     lines = polylines_of(fibres, "fibres")
     depths = measure.depths(lines.points, transforms)
     if depths is not None:
-        set_cell_array(fibres, "Penetration", np.maximum.reduceat(depths, lines.offsets[:-1]))
+        add_arrays(fibres, cells={"Penetration": np.maximum.reduceat(depths, lines.offsets[:-1])})
     return depths

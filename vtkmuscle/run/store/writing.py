@@ -14,7 +14,7 @@ from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle import __version__
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.data.arrays import blocks_of, set_field_array, shallow_copy
+from vtkmuscle.data.arrays import add_arrays, blocks_of, shallow_copy
 from vtkmuscle.filters.bone_motion import BoneMotion
 from vtkmuscle.io.temporal import Collection as Pvd
 from vtkmuscle.io.temporal import Series
@@ -267,5 +267,5 @@ class ResultWriter(ResultFolder):
         """Return a shallow copy whose field data name the run."""
         copy = shallow_copy(data)
         for name, value in zip(STAMPS, self._stamp, strict=True):
-            set_field_array(copy, name, value)
+            add_arrays(copy, fields={name: value})
         return copy
