@@ -3,13 +3,8 @@
 from __future__ import annotations
 
 import json
-import sys
-from pathlib import Path
 
 import pytest
-
-FOLDER = Path(__file__).parents[2] / "benchmarks"
-
 
 #: What is counted of figures and page.
 DRAWN = {
@@ -20,16 +15,6 @@ DRAWN = {
     "triangles drawn",
     "windows opened",
 }
-
-
-@pytest.fixture(scope="module", autouse=True)
-def _benchmarks():
-    """Let the benchmarks be imported."""
-    if not FOLDER.is_dir():
-        pytest.skip("the benchmarks are not here")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(sys, "path", [str(FOLDER), *sys.path])
-        yield
 
 
 @pytest.fixture(scope="module")

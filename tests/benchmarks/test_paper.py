@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import importlib
 import re
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -32,15 +31,11 @@ REMAKE = "if that is meant to be: python benchmarks/remake.py --phantom, and --s
 
 
 @pytest.fixture(scope="module")
-def case():
+def case(benchmarks):
     """The phantom hip, for all of them."""
-    if not FOLDER.is_dir():
-        pytest.skip("the benchmarks are not here")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(sys, "path", [str(FOLDER), *sys.path])
-        from common import Case
+    from common import Case
 
-        yield Case(real=False, short=True)
+    return Case(real=False, short=True)
 
 
 @pytest.mark.parametrize(

@@ -6,25 +6,12 @@ import sys
 import time
 from importlib import import_module
 from operator import attrgetter
-from pathlib import Path
 
 import pytest
 
 from vtkmuscle import Scene, phantoms
 
-FOLDER = Path(__file__).parents[2] / "benchmarks"
-
-
-@pytest.fixture(scope="module", autouse=True)
-def _benchmarks():
-    """Let the benchmarks be imported."""
-    if not FOLDER.is_dir():
-        pytest.skip("the benchmarks are not here")
-    if sys.platform != "linux":
-        pytest.skip("only Linux has clocks of other threads")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(sys, "path", [str(FOLDER), *sys.path])
-        yield
+pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="only Linux has clocks of other threads")
 
 
 def test_the_calls_of_all_stages_are_there():

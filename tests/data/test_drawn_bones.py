@@ -12,7 +12,7 @@ from vtkmuscle.core.mesh.solids import solids_of
 from vtkmuscle.core.motion.rigid import rotation_about
 from vtkmuscle.data import drawn_bones
 from vtkmuscle.data.arrays import checked_surface, multiblock_from, points_of, surface_from, triangles_of
-from vtkmuscle.data.drawn_bones import DrawnBones, clustered, spread_over
+from vtkmuscle.data.drawn_bones import DrawnBones, clustered
 
 
 @pytest.fixture
@@ -71,4 +71,3 @@ def test_points_are_spread_over_bones_evenly_and_move_with_them(ball):
     for points, centre in ((still, (0, 0, 0)), (moved, (0, 200, 0))):
         np.testing.assert_allclose(np.linalg.norm(points - centre, axis=1), 30.0, atol=0.5)
         assert np.abs((points - centre).mean(axis=0)).max() < 1.0
-    assert len(spread_over(points_of(ball), triangles_of(ball, "ball"), 77)) == 77

@@ -188,7 +188,7 @@ def test_a_change_redoes_what_depends_on_it_and_nothing_else(work, quality, name
 def kept_after_a_straight_run(n_steps, room):
     checkpoints, steps = Checkpoints(), [float(i) for i in range(n_steps)]
     for i in range(n_steps):
-        checkpoints.keep(steps[i], i)
+        checkpoints[steps[i]] = i
         checkpoints.thin(steps, steps[max(i - 1, 0) : i + 1], nbytes=10, memory=10.0 * room)
     return checkpoints, [step for step in steps if step in checkpoints]
 

@@ -12,7 +12,7 @@ from vtkmuscle.core.motion.rigid import hinge
 from vtkmuscle.core.paths.poses import KeptPoses
 from vtkmuscle.core.paths.sheet import MusclePaths
 from vtkmuscle.core.skinning import carried_muscle
-from vtkmuscle.data.arrays import cell_array, points_of, set_point_array, surface_from, triangles_of
+from vtkmuscle.data.arrays import add_arrays, cell_array, points_of, surface_from, triangles_of
 from vtkmuscle.filters import (
     BoneMotion,
     FixedPointDetector,
@@ -36,7 +36,7 @@ def spindle(width):
     muscle = PHANTOM.muscles["spindle"]
     fixed = FixedPointDetector()(muscle, PHANTOM.bones, PHANTOM.attachments["spindle"])
     surface = surface_from(points_of(muscle) * [width, 1.0, 1.0], triangles_of(muscle, "spindle"))
-    set_point_array(surface, "FixedTo", np.array(fixed.GetPointData().GetArray("FixedTo")))
+    add_arrays(surface, points={"FixedTo": np.array(fixed.GetPointData().GetArray("FixedTo"))})
     return surface
 
 

@@ -116,14 +116,14 @@ def informations_of(kind: type[Filter]) -> dict[str, Element]:
     elements: dict[str, Element] = {}
     for name, parameter in declared.items():
         if name in preset:
-            shown = f"{camel_case(name)}InEffect"
-            elements[name] = _information(shown, _VECTORS[parameter.kind])
+            elements[name] = _information(f"{name}_in_effect", _VECTORS[parameter.kind])
         if parameter.listed is not None:
-            elements[parameter.listed] = _information(camel_case(parameter.listed), "String")
+            elements[parameter.listed] = _information(parameter.listed, "String")
     return elements
 
 
-def _information(name: str, kind: str) -> Element:
+def _information(attribute: str, kind: str) -> Element:
+    name = camel_case(attribute)
     names = {"name": name, "label": spaced(name), "command": f"Get{name}", "information_only": "1"}
     return Element(f"{kind}VectorProperty", names)
 

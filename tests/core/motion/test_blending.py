@@ -10,7 +10,7 @@ from vtkmuscle.core.motion.blending import (
     blend_motions,
     nearest_rotations,
     origin_weights,
-    screw_between,
+    screws_between,
 )
 from vtkmuscle.core.motion.rigid import apply_transform, inverse, is_rigid, rotation_about
 
@@ -59,12 +59,18 @@ def test_half_way_to_a_turn_is_half_the_turn_and_does_not_collapse(angle):
 def test_parts_of_a_screw_add_up_to_the_whole(angle):
     start, move = motion(3), motion(4, angle)
     end = move @ start
-    part = screw_between(start, end, 0.25)
+    (part,) = screws_between(start[None], end[None], 0.25)
     assert is_rigid(part)
     quarter = part @ inverse(start)
     assert np.allclose(np.linalg.matrix_power(quarter, 4), move, atol=1e-9)
-    assert np.allclose(screw_between(start, end, 0.0), start)
-    assert np.array_equal(screw_between(start, end, 1.0), end)
+    assert np.allclose(screws_between(start[None], end[None], 0.0), start)
+    assert np.array_equal(screws_between(start[None], end[None], 1.0), end[None])
+
+
+def test_a_hinge_stays_on_its_hinge():
+    centre = np.array([[10.0, 20, 30]])
+    (half,) = screws_between(np.eye(4)[None], rotation_about(centre[0], [0, 1, 0], 80)[None], 0.5)
+    assert np.allclose(half, rotation_about(centre[0], [0, 1, 0], 40))
 
 
 def rotation_of(matrix):
