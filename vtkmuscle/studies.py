@@ -252,10 +252,7 @@ def _row(result: Result, name: str, out: Path | None) -> Row:
 
 
 def folder_name(labels: Mapping[str, Any]) -> str:
-    """Return the name of the folder of labels.
-
-    Readable letters, and a digest of all.
-    """
+    """Return the folder name of labels: readable letters, and a digest of all."""
     name = ", ".join(map(str, labels.values()))
     readable = re.sub(r"[^A-Za-z0-9.-]+", "_", name).strip("._")[-_LONGEST:]
     return f"{readable}-{hashlib.sha256(name.encode()).hexdigest()[:16]}"

@@ -39,9 +39,6 @@ class FixedMuscle:
         return [self.points, self.triangles, self.fixed_to, *(self.fibres or ()), *rings]
 
     def topology(self) -> MeshTopology:
-        """Return the surface's edges.
-
-        A surface without volume raises a ValueError.
-        """
+        """Return the surface's edges; a surface without volume raises a ValueError."""
         check_volume(self.points, signed_volume(self.points, self.triangles))
         return mesh_topology(len(self.points), self.triangles)

@@ -97,10 +97,7 @@ class MuscleMeasure:
         }
 
     def overlap(self, points: Floats, others: Iterable[vtkPolyData]) -> dict[str, Any]:
-        """Return the depth of points (n, 3) inside other muscles.
-
-        The numbers have the names of the report.
-        """
+        """Return the depth of points (n, 3) inside other muscles, by the names of the report."""
         depths = np.zeros(len(points))
         for other in others:
             tree = outward_tree(*checked_surface(other, "muscle"))
@@ -166,10 +163,7 @@ class MuscleMeasure:
         return hooked / len(paths) if hooked > 1 else 0.0
 
     def take_fibres_at_rest(self, fibre_points: Floats, offsets: Ints) -> None:
-        """Take the depths of fibres in bones at rest.
-
-        ``fibre_points`` (p, 3) with the offsets (k + 1,) of the fibres.
-        """
+        """Take the depths at rest in bones of fibres with points (p, 3) and offsets (k + 1,)."""
         depths = self.depths(fibre_points, {bone: np.eye(4) for bone in self._bones})
         self._fibre_rest_depths = None if depths is None else np.maximum.reduceat(depths, offsets[:-1])
 

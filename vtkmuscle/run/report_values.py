@@ -228,10 +228,7 @@ def fibres_at_rest(fibres: vtkPolyData, muscle: vtkPolyData, millimetres: float)
 
 
 def measures_of_fibres(fibres: vtkPolyData, millimetres: float) -> dict[str, dict[str, float]]:
-    """Return summaries of the FibreMetrics measures.
-
-    Mean, standard deviation, least and largest of each measure in a frame.
-    """
+    """Return mean, standard deviation, least and largest of each measure of FibreMetrics in a frame."""
     summary = fibre_summary(fibres)
     return {
         name: {word: value * _scale(name, millimetres) for word, value in found.items()}
@@ -248,10 +245,7 @@ def _scale(name: str, millimetres: float) -> float:
 
 
 def fibre_table(frames: Sequence[Mapping[str, Floats]], times: Sequence[float], millimetres: float) -> Table:
-    """Return the table of FibreMetrics measures.
-
-    The measures (k,) by array and frame; a row per fibre and frame.
-    """
+    """Return the table of FibreMetrics measures (k,) by array and frame, a row per fibre and frame."""
     known = {array: name for array, name in FIBRE_MEASURES.items() if array in frames[0]}
 
     def measures(time: float, columns: Mapping[str, Floats]) -> dict[str, Any]:

@@ -38,10 +38,7 @@ Tracks = dict[str, MuscleTrack]
 
 @keep_shared()
 def run_scene(scene: SceneData, out: Path | None, options: RunOptions) -> Result:
-    """Run a scene; see ``Scene.run``.
-
-    The scene is checked, muscles are solved and measured, and the results written.
-    """
+    """Run a scene: check, solve, measure, and write; see ``Scene.run``."""
     began = time.perf_counter()
     if out is not None:
         check_name(out)

@@ -218,11 +218,7 @@ class MomentArmTable(Mapping[str, Mapping[str, JointArms]]):
         )
 
     def summary(self) -> Table:
-        """Return means of the paths with errors and ranges.
-
-        Per muscle, coordinate and value: the mean of the paths, the sampling error of the mean, and the
-        range.
-        """
+        """Return mean, range and sampling error over the paths per muscle, coordinate and value."""
         return Table.stacked(
             SUMMARY,
             (
@@ -268,10 +264,7 @@ class MomentArmTable(Mapping[str, Mapping[str, JointArms]]):
 def length_table(
     lengths: Mapping[str, Floats], errors: Mapping[str, Floats], frames: Sequence[int], times: Sequence[float]
 ) -> Table:
-    """Return the table of lengths and segment errors [mm].
-
-    Lengths (f, k) per muscle in the first f frames.
-    """
+    """Return the table of lengths (f, k) per muscle, in the first f frames, and of segment errors [mm]."""
     return Table.stacked(
         LENGTHS,
         (

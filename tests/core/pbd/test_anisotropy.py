@@ -20,7 +20,7 @@ def test_stiffness_is_zero_along_and_one_across_whatever_the_sign():
 def test_a_fibre_direction_is_that_of_the_nearest_segment_of_all(seed, segments, spread):
     rng = np.random.default_rng(seed)
     a = rng.normal(size=(segments, 3))
-    along = rng.normal(scale=spread, size=(segments, 3)) * rng.random((segments, 1)) ** 4
+    along = rng.normal(scale=spread, size=(segments, 3)) * rng.uniform(0.1, 1.0, (segments, 1)) ** 4
     queries = rng.normal(scale=2.0, size=(40, 3))
     t = ((queries[:, None] - a) * along).sum(axis=2) / (along**2).sum(axis=1)
     distances = np.linalg.norm(queries[:, None] - a - np.clip(t, 0, 1)[..., None] * along, axis=2)

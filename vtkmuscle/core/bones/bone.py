@@ -126,18 +126,12 @@ class Bone:
 
     @cached_property
     def axes(self) -> Floats:
-        """From the scene to the field's axes, (4, 4).
-
-        The scene is at rest.
-        """
+        """From the scene at rest to the field's axes, (4, 4)."""
         return bone_axes(self.points)
 
     @cached_property
     def box_along_axes(self) -> tuple[Floats, Floats]:
-        """Corners of the bone's box along its axes.
-
-        The lowest corner comes before the highest [mm].
-        """
+        """Lowest and highest corner of the bone's box along its axes [mm]."""
         along = apply_transform(self.axes, self.points)
         return along.min(axis=0), along.max(axis=0)
 
@@ -162,10 +156,7 @@ class Bone:
         return self.solids.exact(points)
 
     def depth(self, points: Floats) -> Floats:
-        """Return the depth of points in the exact surface.
-
-        Depths are (n,) [mm], 0 outside; points (n, 3) are at rest.
-        """
+        """Return the depth (n,) of points (n, 3) at rest in the exact surface [mm], 0 outside."""
         depth = np.zeros(len(points))
         near = points_in_box(points, *self.box)
         if len(near) > _LEAST_LOOKED_UP:

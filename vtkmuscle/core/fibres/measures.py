@@ -222,10 +222,7 @@ class AreaProfile(NamedTuple):
     areas: Floats
 
     def muscle_between(self, share: float) -> tuple[float, float]:
-        """Return the arcs [mm] between which sections are muscle.
-
-        Their areas exceed a part of the largest.
-        """
+        """Return the arcs [mm] between which sections exceed a share of the largest area."""
         least = share * float(self.areas.max())
         thick = np.flatnonzero(self.areas >= least)
         return self._crossing(int(thick[0]), -1, least), self._crossing(int(thick[-1]), 1, least)
@@ -355,10 +352,7 @@ def segment_errors(points: Floats, offsets: Ints) -> Floats:
 
 
 def sampling_errors(values: Floats) -> Floats:
-    """Return the standard error of means, s / sqrt(k).
-
-    The means are over the last axis; NaN for a single value.
-    """
+    """Return the standard error s / sqrt(k) of means over the last axis, NaN for a single value."""
     count = values.shape[-1]
     if count < 2:
         return np.full(values.shape[:-1], np.nan)

@@ -201,7 +201,7 @@ def _ends_on_area(ends: Floats, area: EndArea, tolerance: float) -> Bools:
     Templates with fibres from area to area, such as pennate, need no new ends. In the pinched tip of a muscle
     the few fibres that end on the area are not kept.
     """
-    size, tree = area.samples.area, area.samples.tree(64 * len(ends))
+    size, tree = area.samples.area, cKDTree(area.samples.dense(64 * len(ends)))
     limit = tolerance + np.sqrt(size / tree.n)
     # Without a bound the search compares a far end with thousands of equally far positions.
     on_area = tree.query(ends, distance_upper_bound=limit * (1.0 + 1e-9))[0] <= limit

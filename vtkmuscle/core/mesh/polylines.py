@@ -55,10 +55,7 @@ def points_at_arcs(points: Floats, offsets: Ints, arcs: Floats) -> Floats:
 
 
 def segment_lengths(points: Floats, offsets: Ints) -> tuple[Floats, Floats]:
-    """Return segment lengths (n,) before points, and running sums.
-
-    The length is 0 at the first point of a line.
-    """
+    """Return segment lengths (n,) before points, 0 at first points of lines, and running sums."""
     lengths = np.zeros(len(points))
     lengths[1:] = np.linalg.norm(np.diff(points, axis=0), axis=1)
     lengths[offsets[:-1]] = 0.0  # the step from one line to the next belongs to neither

@@ -92,10 +92,6 @@ class PatchSamples:
             self._dense[key] = self._sampled(_sobol(exponent, seed))
         return self._dense[key]
 
-    def tree(self, count: int) -> cKDTree:
-        """Return the search tree of at least `count` positions."""
-        return cKDTree(self.dense(count))
-
     def even(self, count: int, *, direction: Floats, above: float, seed: int = 0) -> Floats:
         """Return positions (count, 3) above a height along a direction.
 

@@ -90,10 +90,7 @@ class TriangleTree:
 
 
 def triangle_tree(points: Floats, triangles: Ints) -> TriangleTree:
-    """Return the tree of a surface.
-
-    Finite points (n, 3) and triangles (m, 3), m >= 1; the tree keeps both.
-    """
+    """Return the tree of finite points (n, 3) and triangles (m, 3), m >= 1, and keep both."""
     centres = (points[triangles[:, 0]] + points[triangles[:, 1]] + points[triangles[:, 2]]) / 3.0
     order, starts = np.arange(len(triangles)), _leaf_starts(len(triangles))
     width = len(starts)

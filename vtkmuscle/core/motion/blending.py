@@ -109,10 +109,7 @@ _MOST_STEPS = 20
 
 
 def nearest_rotations(matrices: Floats) -> Floats:
-    """Return the nearest rotation of each matrix (n, 3, 3).
-
-    R has the largest tr(R^T M); it is the identity for a zero matrix.
-    """
+    """Return the rotation R of largest tr(R^T M) for each matrix M (n, 3, 3), the identity for zero."""
     rotations, converged = matrices.copy(), np.zeros(len(matrices), dtype=np.bool_)
     _by_newton(rotations, np.empty((3, 3)), converged)
     if not converged.all():  # mirrored or nearly singular (Kabsch 1976, doi:10.1107/S0567739476001873)

@@ -5,7 +5,7 @@ The fine surface follows the coarse surface.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -16,7 +16,7 @@ from vtkmuscle.core.mesh.harmonic import cotangent_laplacian
 from vtkmuscle.core.mesh.triangle_tree import Neighbour
 from vtkmuscle.core.motion.blending import nearest_rotations
 from vtkmuscle.core.motion.rigid import apply_transform
-from vtkmuscle.core.pbd.solver import PBDSolver, State
+from vtkmuscle.core.pbd.solver import PBDSolver, Progress, State
 from vtkmuscle.core.types import Floats, Ints
 
 #: Coarse points that take a fine point along. With eight, an iliacus solved with an iteration has 16 folded
@@ -96,7 +96,7 @@ class TwoLevels:
         transforms: Floats,
         *,
         neighbours: Sequence[tuple[Neighbour, Neighbour]] = (),
-        progress: Callable[[float], None] | None = None,
+        progress: Progress = lambda _: None,
     ) -> State:
         """Return the state after the bones have moved on.
 
@@ -110,10 +110,7 @@ class TwoLevels:
         return replace(state, surface=solved.surface, colliding=solved.colliding)
 
     def prolonged(self, coarse: Floats, transforms: Floats) -> Floats:
-        """Return the fine points carried by the coarse points.
-
-        Coarse points are (c, 3), fine points (n, 3).
-        """
+        """Return the fine points (n, 3) carried by the coarse points (c, 3)."""
         centred, rest = coarse - coarse.mean(axis=0), self.shape.points
         turns = nearest_rotations(np.stack([arms @ centred for arms in self._arms], axis=2))
         shifts = coarse - np.einsum("cij,cj->ci", turns, self._coarse)

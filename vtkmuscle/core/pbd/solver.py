@@ -36,6 +36,11 @@ from vtkmuscle.core.types import Bools, Floats
 #: an iteration each, 12 of 5 degrees, 5 of 2.
 LARGEST_TURN = 4.0
 
+#: Moves positions out of obstacles, and returns the moved points.
+KeepOut = Callable[[Floats], Bools]
+#: Takes the finished part of a step.
+Progress = Callable[[float], None]
+
 
 @dataclass(frozen=True)
 class Parameters:
@@ -233,7 +238,7 @@ class PBDSolver:
         transforms: Floats,
         *,
         neighbours: Sequence[Neighbour] = (),
-        progress: Callable[[float], None] | None = None,
+        progress: Progress = lambda _: None,
     ) -> State:
         """Return the state after the bones have moved on.
 
@@ -243,7 +248,7 @@ class PBDSolver:
         """
         transforms = np.array(transforms, dtype=np.float64)
         if state.velocities is not None:
-            return self._with_velocities(state, state.velocities, transforms, neighbours, progress)
+            return self._with_velocities(state, transforms, neighbours, progress)
         parts = self._parts(state.transforms, transforms)
         before, x = state.transforms, state.positions
         for part in range(1, parts + 1):
@@ -251,8 +256,7 @@ class PBDSolver:
             p = self._with_fixed_points(self._carried(x, before, now), now)
 
             def report(done: float, part: int = part) -> None:
-                if progress is not None:
-                    progress((part - 1 + done) / parts)
+                progress((part - 1 + done) / parts)
 
             keep_out = self._keep_out(now, before, x, neighbours)
             held = self._iterate(p, self.rows.constants, keep_out, report)
@@ -267,7 +271,7 @@ class PBDSolver:
         transforms: Floats,
         *,
         neighbours: Sequence[Neighbour] = (),
-        progress: Callable[[float], None] | None = None,
+        progress: Progress = lambda _: None,
     ) -> State:
         """Return the state in a pose, begun at a surface.
 
@@ -286,15 +290,11 @@ class PBDSolver:
         return self._state(p[:-1], transforms, held)
 
     def _with_velocities(
-        self,
-        state: State,
-        v: Floats,
-        transforms: Floats,
-        neighbours: Sequence[Neighbour],
-        progress: Callable[[float], None] | None,
+        self, state: State, transforms: Floats, neighbours: Sequence[Neighbour], progress: Progress
     ) -> State:
         """Do Algorithm 2, lines 6 to 37."""
-        settings, x, dt = self.parameters, state.positions, self.parameters.dt
+        settings, x, v, dt = self.parameters, state.positions, state.velocities, self.parameters.dt
+        assert v is not None  # the state is of this kind
         with np.errstate(over="ignore", invalid="ignore"):  # _state reports it
             force = np.asarray(settings.external_force, dtype=np.float64)
             start = x + dt * (settings.velocity_kept * (v + dt * force))
@@ -308,13 +308,7 @@ class PBDSolver:
             velocities[held] = 0.0
         return self._state(p[:-1], transforms, held, velocities)
 
-    def _iterate(
-        self,
-        p: Floats,
-        constants: Floats,
-        keep_out: Callable[[Floats], Bools],
-        progress: Callable[[float], None] | None,
-    ) -> Bools:
+    def _iterate(self, p: Floats, constants: Floats, keep_out: KeepOut, progress: Progress) -> Bools:
         """Project all constraints of points (n + 1, 3) in place; return the points that met an obstacle."""
         settings, met = self.parameters, np.zeros(len(p) - 1, dtype=np.bool_)
         rows, signed, buffer = (self.rows.points, constants), settings.signed_angles, self._buffer
@@ -327,8 +321,7 @@ class PBDSolver:
                 project_volume(p, self._mass, *self._volume)
                 project_edges(p, *rows, False, True, signed, buffer)
             met |= keep_out(p[:-1])
-            if progress is not None:
-                progress((iteration + 1) / settings.iterations)
+            progress((iteration + 1) / settings.iterations)
         return met
 
     def _parts(self, before: Floats, now: Floats) -> int:
@@ -358,9 +351,7 @@ class PBDSolver:
             p[fixed] = apply_transform(now[bone], self.rest[fixed])
         return p
 
-    def _keep_out(
-        self, now: Floats, before: Floats, x: Floats, neighbours: Sequence[Neighbour]
-    ) -> Callable[[Floats], Bools]:
+    def _keep_out(self, now: Floats, before: Floats, x: Floats, neighbours: Sequence[Neighbour]) -> KeepOut:
         """Return the contact with bones and neighbours in a step."""
         if isinstance(self._contact, VoxelContact):
             return self._contact.at(now, neighbours, self.centre, before, x)

@@ -190,10 +190,7 @@ def project_edges(
 
 @vector_kernel
 def measure_lengths(p: Floats, points: NDArray[np.uint32], constants: Floats) -> None:
-    """Write the edges' present lengths as rest lengths.
-
-    See :func:`project_edges`.
-    """
+    """Write the edges' present lengths as rest lengths, see :func:`project_edges`."""
     for row in range(len(points)):
         for k in range(WIDTH):
             i, j = points[row, 0, k], points[row, 1, k]
