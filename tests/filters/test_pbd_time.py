@@ -114,15 +114,6 @@ def check_sequence(sequence):
                 put_all(deformer, state)
 
 
-@pytest.mark.parametrize("memory", CHOICES["checkpoint_memory"])
-def test_backwards_skipping_and_repeating_give_the_straight_run(memory):
-    straight = made(FIRST)
-    expected = {time: frame(straight, time) for time in STEPS}
-    deformer = made({**FIRST, "checkpoint_memory": memory})
-    for time in (*STEPS[::-1], STEPS[1], STEPS[4], STEPS[4], *STEPS[::2], *STEPS):
-        assert frame(deformer, time) == expected[time]
-
-
 # ---------------------------------------------------------------- what a change invalidates
 
 
