@@ -16,7 +16,7 @@ from typing import Any
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.machine import processors
-from vtkmuscle.io.writing import locked
+from vtkmuscle.io.writing import Outputs, locked
 from vtkmuscle.run import Result, frame_numbers
 from vtkmuscle.run.frames import run_options
 from vtkmuscle.run.store import ResultFolder
@@ -146,6 +146,9 @@ def run_labelled(
     names = [folder_name(labels) for labels, _ in labelled]
     if not names or len(set(names)) < len(names):
         raise InputError("scenes", "two have the same name" if names else "there are none", "name each scene")
+    outputs = None if out is None else Outputs(Path(out), overwrite=bool(options.get("overwrite")))
+    if outputs is not None:
+        outputs.check(outputs.folder / "cohort.csv")
     with _folder(out) as folder:
         targets = [folder / name for name in names]
         files = [
@@ -162,8 +165,9 @@ def run_labelled(
         listed = [row for number in sorted(rows) for row in rows[number]]
         columns = dict.fromkeys(name for row in listed for name in row)
         table = Table(tuple(columns), [[row.get(name) for name in columns] for row in listed])
-        if out is not None:
-            table.to_csv(folder / "cohort.csv", digits=6)
+    if outputs is not None:
+        with outputs:
+            table.to_csv(outputs.folder / "cohort.csv", digits=6)
     return table
 
 

@@ -24,6 +24,7 @@ from vtkmuscle.cli.options import (
     INTERRUPTED,
     Command,
     OutOption,
+    OverwriteOption,
     QuietOption,
     RunArguments,
     TerminatedError,
@@ -155,6 +156,7 @@ def info(
         list[Path], Argument(help="Meshes, landmarks, OpenSim models or motions, or folders of results.")
     ],
     draw: Annotated[Path | None, Option(metavar="PNG", help="Draw the first file, of landmarks.")] = None,
+    overwrite: OverwriteOption = False,
 ) -> None:
     """Describe meshes: size, topology, pieces, volume, likely unit.
 
@@ -169,8 +171,10 @@ def info(
             typer.echo(f"  {word:<12}{value}")
     if draw is not None:
         from vtkmuscle.cli.info import draw_landmarks
+        from vtkmuscle.io.writing import Outputs
 
-        draw_landmarks(files[0], draw)
+        with Outputs(draw.parent, inputs=files, overwrite=overwrite):
+            draw_landmarks(files[0], draw)
         typer.echo(f"wrote {draw}")
 
 

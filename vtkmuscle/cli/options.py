@@ -41,6 +41,9 @@ FreshOption = Annotated[bool, Option("--fresh", help="Compute finished muscles a
 LiteratureOption = Annotated[
     Path | None, Option("--literature", metavar="CSV", help="Published moment arms.")
 ]
+OverwriteOption = Annotated[
+    bool, Option("--overwrite", help="Replace files that vtkmuscle has not written; never inputs.")
+]
 QuietOption = Annotated[bool, Option("--quiet", "-q", help="Print errors and warnings only.")]
 
 
@@ -55,9 +58,7 @@ class RunArguments:
     workers: Annotated[
         int | None, Option(metavar="N", min=1, help="Number of processes. Default: one per processor.")
     ] = None
-    overwrite: Annotated[
-        bool, Option("--overwrite", help="Replace other results, and foreign files; never inputs.")
-    ] = False
+    overwrite: OverwriteOption = False
     fresh: FreshOption = False
     only: Annotated[
         str | None, Option(metavar="lengths|moment_arms|surfaces", help="Compute and write this alone.")

@@ -18,6 +18,7 @@ from vtkmuscle.cli.options import (
     FolderOption,
     FramesOption,
     FreshOption,
+    OverwriteOption,
     QuietOption,
     RunArguments,
     one_clear_error,
@@ -149,6 +150,7 @@ def cohort(
     ] = None,
     report: Annotated[bool, Option("--report", help="Write a page for each subject.")] = False,
     fresh: FreshOption = False,
+    overwrite: OverwriteOption = False,
     quiet: QuietOption = False,
 ) -> None:
     """Run the scenes of many subjects, and write a table of muscles.
@@ -172,6 +174,7 @@ def cohort(
         frames=frames,
         report=report,
         fresh=fresh,
+        overwrite=overwrite,
     )
     say(quiet, f"wrote {out / 'cohort.csv'}, {len(table['muscle'])} rows")
     if "failed" in table["verdict"]:
@@ -196,6 +199,7 @@ def tradeoff(
     workers: Annotated[
         int, Option(metavar="N", min=1, help="Number of processes; runs side by side disturb the times.")
     ] = 1,
+    overwrite: OverwriteOption = False,
     quiet: QuietOption = False,
 ) -> None:
     """Measure speed against accuracy of a scene's settings: a table and a figure.
@@ -218,7 +222,8 @@ def tradeoff(
         words = [str(value) for name, value in rows[0].items() if name in (*settings, *TRIED, "limit")]
         say(quiet, f"{', '.join(words)}: {rows[0]['message'] or rows[0]['verdict']}")
 
-    found = measure(Scene.load(scene), out, frames=frames, workers=workers, progress=show, **settings)
+    options: dict[str, Any] = {"frames": frames, "workers": workers, "overwrite": overwrite}
+    found = measure(Scene.load(scene), out, progress=show, **options | settings)
     whole, shown = found.table.where(muscle=ALL), (*found.settings, "verdict", "ms", *ERRORS)
     headings = (name.removesuffix("_rms_mm").replace("_", " ") for name in shown)
     table = Table(*headings, box=None, caption="ms a pose; errors: RMS in mm, of the worst muscle")

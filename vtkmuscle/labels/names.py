@@ -10,7 +10,8 @@ from importlib.resources import files
 from pathlib import Path
 
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.core.words import suggestion
+from vtkmuscle.core.words import quoted, suggestion
+from vtkmuscle.data.label_images import MOST
 from vtkmuscle.io.csv_table import csv_rows
 
 #: Words in bone names; a name with a muscle word is a muscle's.
@@ -113,6 +114,14 @@ def _tables() -> dict[str, dict[int, str]]:
     return tables
 
 
+def label_number(text: str, path: Path, where: str) -> int:
+    """Return the whole number in a text, from 0 to the largest label."""
+    if not re.fullmatch(r"\s*[0-9]{1,9}\s*", text, re.ASCII) or int(text) > MOST:
+        problem = f"{where} is {quoted(text.strip())}, but must be a whole number from 0 to {MOST}"
+        raise InputError(path, problem, "correct it")
+    return int(text)
+
+
 def name_table(source: str) -> dict[int, str]:
     """Return names by label from a built-in or .csv table with lines of label, name.
 
@@ -123,10 +132,10 @@ def name_table(source: str) -> dict[int, str]:
     path = Path(source)
     if path.suffix.lower() != ".csv":
         raise InputError(source, "unknown table of names", suggestion(source, [*_tables(), "FILE.csv"]))
-    names = {}
+    names: dict[int, str] = {}
     for number, cells in csv_rows(path):
-        if len(cells) > 1 and cells[0].strip().isdigit():
-            names[int(cells[0])] = cells[1].strip()
+        if len(cells) > 1 and (cells[0].isdecimal() or names):
+            names[label_number(cells[0], path, f"line {number}: the label")] = cells[1]
         elif names:
             raise InputError(path, f"line {number} is not a label and a name", "write 5, femur_left")
     if not names:

@@ -52,8 +52,8 @@ def draw(draft: Draft) -> bytes:
             plotter.add_mesh(bone, color="#e8dcc2", smooth_shading=True)
         for name, muscle in draft.muscles.items():
             plotter.add_mesh(muscle, color="#b4443c", opacity=0.55, smooth_shading=True)
-            rings = blocks_of(attachments_from(draft.areas[name]))
-            for area, (_, ring) in zip(draft.areas[name], rings, strict=True):
+            areas = draft.areas.get(name, [])
+            for area, (_, ring) in zip(areas, blocks_of(attachments_from(areas)), strict=True):
                 colour = "#e08a00" if area.estimated else "#1f5fbf"
                 plotter.add_mesh(ring, color=colour, line_width=6, render_lines_as_tubes=True)
         plotter.view_vector(towards, viewup=(0.0, 0.0, 1.0))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from os import PathLike
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -32,7 +32,7 @@ from vtkmuscle.run.result import Result
 from vtkmuscle.run.table import Table
 from vtkmuscle.scene.data import MILLIMETRES
 from vtkmuscle.scene.faults import SceneError, SceneFiles, parsed
-from vtkmuscle.scene.joints import SceneJoints, coordinate_values, joints_of
+from vtkmuscle.scene.joints import SceneJoints, coordinate_values, joints_of, pin_joint_of
 from vtkmuscle.scene.validation import validated
 from vtkmuscle.scenes import Scene
 
@@ -171,7 +171,7 @@ def write_opensim(
     outs = [muscle.out for muscle in muscles]
     if into is None:
         meshes = _meshes(run, Path(out))
-        text = osim_of(run.tree, outs, name=run.result.name, masses=export.masses, meshes=meshes)
+        text = osim_of(run.ranged, outs, name=run.result.name, masses=export.masses, meshes=meshes)
     else:
         text = enriched(Path(into), outs, replace=list(names.values()))
     return _written(Path(out), text, muscles)
@@ -208,7 +208,7 @@ def write_mujoco(
     outs = [muscle.out for muscle in muscles]
     lengths = {muscle.name: muscle.path.lengths(run.tree, run.values) for muscle in outs}
     name, masses, meshes = run.result.name, export.masses, _meshes(run, Path(out))
-    text = mjcf_of(run.tree, outs, name=name, masses=masses, meshes=meshes, lengths=lengths)
+    text = mjcf_of(run.ranged, outs, name=name, masses=masses, meshes=meshes, lengths=lengths)
     return _written(Path(out), text, muscles)
 
 
@@ -242,6 +242,16 @@ class _Run(NamedTuple):
     ends: dict[str, tuple[str, str]]
     crossed: dict[str, tuple[str, ...]]
 
+    @property
+    def ranged(self) -> KinematicTree:
+        """The tree with the ranges of the run's poses, beyond which the paths are not fitted."""
+        poses = {each: (float(column.min()), float(column.max())) for each, column in self.values.items()}
+        moved = {name: span for name, span in poses.items() if name in self.tree.free and span[0] < span[1]}
+        coordinates = [
+            replace(each, range=moved.get(each.name, each.range)) for each in self.tree.coordinates
+        ]
+        return replace(self.tree, coordinates=coordinates)
+
 
 def _run_of(source: Path, result: Result | None) -> _Run:
     """Return a scene with its results, run if necessary."""
@@ -254,20 +264,24 @@ def _run_of(source: Path, result: Result | None) -> _Run:
             raise InputError(source, problem, "export the scene.toml")
     table = validated(parsed(path), path)
     files = SceneFiles(path)
-    joints = joints_of(table, files)
-    if joints is None:
-        raise SceneError("the scene has no joints", "joints", "add [joints.NAME] or [opensim]", path)
     if table.mirror is not None:
         raise SceneError("mirrored scenes are not exported", "mirror", "export the other side", path)
     scene = Scene.load(path)
     metres = MILLIMETRES[scene.units] / 1000.0
+    if (joints := joints_of(table, files)) is not None:
+        _, values = coordinate_values(table, joints.tree, files)
+    elif (pinned := pin_joint_of(scene.motion, scene.bones, MILLIMETRES[scene.units])) is not None:
+        joints, values = pinned
+    else:
+        problem = "the scene has no joints, and its motion is no turn of one bone about a fixed axis"
+        raise SceneError(problem, "joints", "add [joints.NAME] or [opensim]", path)
     tree, factors = joints.tree.in_metres(metres)
-    _, values = coordinate_values(table, joints.tree, files)
     ends, crossed = {}, {}
     for name, muscle in scene.muscles.items():
         bones = {area.role: area.bone for area in reversed(muscle.attachments)}
         ends[name] = (joints.bodies[bones["origin"]], joints.bodies[bones["insertion"]])
-        crossed[name] = tuple(each for each in tree.crossed(ends[name]) if each in (muscle.crosses or ()))
+        on_way = tree.crossed(ends[name])
+        crossed[name] = tuple(each for each in on_way if muscle.crosses is None or each in muscle.crosses)
         if still := [each for each in crossed[name] if each not in values or np.ptp(values[each]) < 1e-9]:
             grid = ", ".join(f"{each} = [FIRST, LAST, STEP]" for each in crossed[name])
             problem = f"the motion does not move {', '.join(still)}, crossed by muscle {name!r}"

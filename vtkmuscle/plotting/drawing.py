@@ -20,7 +20,6 @@ import vtkmuscle.plotting
 from vtkmuscle.core.machine import python_command
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.drawn_bones import DrawnBones
-from vtkmuscle.io.writing import replacing
 
 if TYPE_CHECKING:
     from vtkmuscle.plotting.studio import Studio
@@ -116,6 +115,5 @@ class FigureOrder:
         scene = {"bones": bones, "studio": studio} if self.rendered else {}
         path = folder / f"{self.name}.{form}"
         figure = getattr(vtkmuscle.plotting, self.plot)(**self.arguments, **scene)
-        with replacing(path) as partial:
-            save_figure(figure, partial, form, dpi)
+        save_figure(figure, path, form, dpi)
         return path

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import nullcontext
 from dataclasses import fields, replace
 from os import PathLike
 from pathlib import Path
@@ -18,6 +19,7 @@ from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import shallow_copy
 from vtkmuscle.data.paths import levers_over_time, path_lines_of, paths_of
 from vtkmuscle.io.temporal import Series
+from vtkmuscle.io.writing import Outputs
 from vtkmuscle.run.frames import FrameChoice, frame_numbers
 from vtkmuscle.run.muscles import muscle_pipeline
 from vtkmuscle.run.table import MomentArmTable, Table, length_table
@@ -82,24 +84,25 @@ def run_only(
         raise InputError("deformer", "it is 'none', so there are no surfaces", "use 'paths' or 'pbd'")
     folder = None if out is None else Path(out)
     names = [f"{name}.pvd" for name in scene.muscles] if what == "surfaces" else [f"{what}.csv"]
-    for file in () if folder is None or overwrite else map(folder.joinpath, names):
-        if file.exists():
-            raise InputError(file, "the file exists", "give another folder with --out, or --overwrite")
+    outputs = None if folder is None else Outputs(folder, inputs=scene.files, overwrite=overwrite)
+    if outputs is not None:
+        for name in names:
+            outputs.check(outputs.folder / name)
     numbers = frame_numbers(frames, len(scene.motion.times))
     tell = progress or (lambda _muscle, _stage, _part: None)
-    with keep_shared():
+    with keep_shared(), outputs or nullcontext():
         if what == "surfaces":
             return {name: _surfaces(scene, name, numbers, folder, tell) for name in scene.muscles}
         table = _tables(scene, what, numbers, tell)
-    if folder is not None:
-        table.to_csv(folder / f"{what}.csv", digits=None if what == "lengths" else 10)
+        if folder is not None:
+            table.to_csv(folder / f"{what}.csv", digits=None if what == "lengths" else 10)
     return table
 
 
 def _surfaces(
     scene: SceneData, name: str, numbers: range, folder: Path | None, tell: Callable[[str, str, float], None]
 ) -> list[vtkPolyData]:
-    """Return the surfaces of a muscle, each written as soon as it is computed."""
+    """Return the surfaces of a muscle, each also written."""
     deformer = muscle_pipeline(scene, name).deformer
     assert deformer is not None  # the scene has one
     series = None if folder is None else Series(folder, name)

@@ -22,7 +22,7 @@ from vtkmuscle.run.muscles import MuscleRun, SceneRun
 from vtkmuscle.run.pool import ENDED, Pool, pool_size, track_in
 from vtkmuscle.run.report_values import DEFINITIONS, versions
 from vtkmuscle.run.result import Result
-from vtkmuscle.run.store import PAGE
+from vtkmuscle.run.store import FORMAT, PAGE
 from vtkmuscle.run.store.writing import ResultWriter, claimed, remove_results, scene_file
 from vtkmuscle.scene.data import Anatomy, SceneData
 from vtkmuscle.scene.faults import SceneError
@@ -187,6 +187,7 @@ def _result(run: SceneRun, report: dict[str, Any], drawn_bones: DrawnBones, trac
 def _first_report(run: SceneRun, tracks: Tracks) -> dict[str, Any]:
     scene = run.scene
     return {
+        "format": FORMAT,
         "scene": scene.name,
         "deformer": scene.deformer,
         "scene_file": scene_file(scene),

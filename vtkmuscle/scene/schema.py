@@ -78,8 +78,8 @@ class BoneTable(SchemaTable):
     """A bone."""
 
     surface: Text = key("FILE.vtp", ...)
-    """A .vtp, .vtk, .stl, .obj or .ply file in the rest pose, preferably closed: where the muscle meets the
-    bone, holes are closed, with a warning."""
+    """A .vtp, .vtk, .vtu, .stl, .obj, .ply, .off or .glb file in the rest pose, preferably closed: where the
+    muscle meets the bone, holes are closed, with a warning."""
 
 
 class ColumnTable(SchemaTable):

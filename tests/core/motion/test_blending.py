@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from vtkmuscle.core.motion.blending import blend_motions, screw_between
+from vtkmuscle.core.motion.blending import blend_motions, screws_between
 from vtkmuscle.core.motion.rigid import apply_transform, inverse, is_rigid, rotation_about
 
 
@@ -73,15 +73,15 @@ def test_blend_of_small_motions_is_the_mean_of_the_moved_positions():
 def test_parts_of_a_screw_add_up_to_the_whole(angle):
     start, move = motion(3), motion(4, angle)
     end = move @ start
-    part = screw_between(start, end, 0.25)
+    (part,) = screws_between(start[None], end[None], 0.25)
     assert is_rigid(part)
     quarter = part @ inverse(start)
     assert np.allclose(np.linalg.matrix_power(quarter, 4), move, atol=1e-9)
-    assert np.allclose(screw_between(start, end, 0.0), start)
-    assert np.array_equal(screw_between(start, end, 1.0), end)
+    assert np.allclose(screws_between(start[None], end[None], 0.0), start)
+    assert np.array_equal(screws_between(start[None], end[None], 1.0), end[None])
 
 
 def test_a_hinge_stays_on_its_hinge():
     centre = np.array([[10.0, 20, 30]])
-    half = screw_between(np.eye(4), rotation_about(centre[0], [0, 1, 0], 80), 0.5)
+    (half,) = screws_between(np.eye(4)[None], rotation_about(centre[0], [0, 1, 0], 80)[None], 0.5)
     assert np.allclose(half, rotation_about(centre[0], [0, 1, 0], 40))

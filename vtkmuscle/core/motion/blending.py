@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 
 from vtkmuscle.core.jit import kernel
-from vtkmuscle.core.motion.rigid import apply_transform, inverse
+from vtkmuscle.core.motion.rigid import apply_transform
 from vtkmuscle.core.types import Bools, Floats, Ints
 
 #: Least norm of a blended quaternion, as a divisor.
@@ -59,20 +58,26 @@ def _blend(motions: Floats, weights: Floats, points: Floats, mean: Floats, moved
         moved[i, 2] = r + 2.0 * (x * v - y * u + w * c - e * z) / square
 
 
-def screw_between(start: Floats, end: Floats, fraction: float) -> Floats:
-    """Return the transform at a fraction of a screw.
+def screws_between(start: Floats, end: Floats, fraction: float) -> Floats:
+    """Return the transforms (b, 4, 4) at a fraction of screws.
 
     A turn about an axis and a slide along it, both scaled by the fraction in [0, 1]. A bone on a hinge stays
-    on its hinge, and the result is independent of the origin. The turn is less than 180 degrees.
+    on its hinge, and the result is independent of the origin. Turns are less than 180 degrees.
     """
     if fraction >= 1.0:
         return end
-    twist = np.zeros((4, 4))
-    a, b, c, x, y, z = screws((end @ inverse(start))[None])[0]
-    twist[:3] = [[0.0, -z, y, a], [z, 0.0, -x, b], [-y, x, 0.0, c]]
-    between: Floats = expm(fraction * twist) @ start
-    between[3] = start[3]  # free of rounding
-    return between
+    twists = fraction * screws(end @ np.linalg.inv(start))
+    slides, turns = twists[:, :3], twists[:, 3:]
+    angles = np.linalg.norm(turns, axis=1)[:, None]
+    safe = np.maximum(angles, _SMALL)
+    # The left Jacobian of SO(3), of Murray, Li, Sastry's 2.36.
+    first = np.where(angles > _SMALL, (1.0 - np.cos(safe)) / safe**2, 0.5)
+    second = np.where(angles > _SMALL, (safe - np.sin(safe)) / safe**3, 1.0 / 6.0)
+    across = np.cross(turns, slides)
+    moves = np.zeros_like(start) + np.eye(4)
+    moves[:, :3, :3] = Rotation.from_rotvec(turns).as_matrix()
+    moves[:, :3, 3] = slides + first * across + second * np.cross(turns, across)
+    return moves @ start
 
 
 def screws(motions: Floats) -> Floats:

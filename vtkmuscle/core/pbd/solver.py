@@ -23,7 +23,7 @@ from vtkmuscle.core.fixed_muscle import FixedMuscle
 from vtkmuscle.core.mesh.harmonic import harmonic_weights
 from vtkmuscle.core.mesh.rest_shape import RestShape
 from vtkmuscle.core.mesh.triangle_tree import Neighbour
-from vtkmuscle.core.motion.blending import blend_motions, screw_between
+from vtkmuscle.core.motion.blending import blend_motions, screws_between
 from vtkmuscle.core.motion.rigid import apply_transform, centred, inverses
 from vtkmuscle.core.pbd.anisotropy import edge_stiffness, harmonic_directions
 from vtkmuscle.core.pbd.sweep import WIDTH, edge_rows, measure_lengths, project_edges, project_volume
@@ -245,12 +245,7 @@ class PBDSolver:
         parts = self._parts(state.transforms, transforms)
         before, x = state.transforms, state.positions
         for part in range(1, parts + 1):
-            now = np.array(
-                [
-                    screw_between(*pair, part / parts)
-                    for pair in zip(state.transforms, transforms, strict=True)
-                ]
-            )
+            now = screws_between(state.transforms, transforms, part / parts)
             p = self._with_fixed_points(self._carried(x, before, now), now)
 
             def report(done: float, part: int = part) -> None:
