@@ -172,10 +172,7 @@ def run_labelled(
 
 
 def _solved(tasks: Sequence[tuple[Any, ...]], client: Any, workers: int) -> Iterator[tuple[int, list[Row]]]:
-    """Give number and rows of each finished task.
-
-    Tasks run by Dask's client, in processes, or in this process.
-    """
+    """Give number and rows of each finished task, of Dask's client, of processes, or of this process."""
     if client is None and min(workers, len(tasks)) == 1:
         for number, task in enumerate(tasks):
             yield number, _rows(*task)
@@ -217,10 +214,7 @@ def _rows(file: Path, out: Path | None, options: Mapping[str, Any]) -> list[Row]
 
 
 def _finished(scene: Scene, out: Path, frames: Any) -> Result | None:
-    """Return the finished result in a folder, else None.
-
-    The report must be complete, and all muscles must be of this scene.
-    """
+    """Return the result in a folder, None without a complete report of all this scene's muscles."""
     folder = ResultFolder(out)
     report, keys = folder.report(), muscle_keys(scene, frame_numbers(frames, len(scene.motion.times)))
     if report is None or not report["complete"] or keys.keys() != folder.finished(keys).keys():

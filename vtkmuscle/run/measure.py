@@ -151,10 +151,7 @@ class MuscleMeasure:
         self._fibre_rest_depths = None if depths is None else np.maximum.reduceat(depths, offsets[:-1])
 
     def _penetration(self, points: Floats, now: Mapping[str, Floats], *, new: bool = True) -> dict[str, Any]:
-        """Return the depths of free points in the bones.
-
-        With ``new`` also the increase in depth since rest.
-        """
+        """Return the depths of free points in the bones, with ``new`` also the increase since rest."""
         free = self._fixed_to < 0
         depths = self.depths(points[free], now) if free.any() else None
         names = ("penetration_max_mm", "penetration_p95_mm", "penetrating_points")

@@ -287,10 +287,7 @@ def muscle_pipeline(
 
 
 def _settling(pipeline: MusclePipeline) -> dict[str, int]:
-    """Return whether the paths failed to settle, and their steps.
-
-    Of the last frame; empty without paths.
-    """
+    """Return whether the paths of the last frame failed to settle, and their steps; empty without paths."""
     if pipeline.taut_paths is None:
         return {}
     output = pipeline.taut_paths.GetOutputDataObject(0)
@@ -317,10 +314,7 @@ def _warn_if_none_is_free(name: str, muscle: vtkPolyData) -> None:
 def _add_penetration(
     fibres: vtkPolyData, measure: MuscleMeasure, transforms: Mapping[str, Any]
 ) -> Floats | None:
-    """Add the depth of each fibre's deepest point in a bone, the cell array ``Penetration``.
-
-    Returns the depth of every point, None without a bone with an inside.
-    """
+    """Add the depth of each fibre in bones as ``Penetration``; return the depths of points, or None."""
     lines = polylines_of(fibres, "fibres")
     depths = measure.depths(lines.points, transforms)
     if depths is not None:

@@ -12,15 +12,14 @@ import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.core.fibres.measures import segment_errors
 from vtkmuscle.core.mesh.shared import keep_shared
 from vtkmuscle.core.moment_arms.of_joints import JointArms, joint_arms
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import shallow_copy
-from vtkmuscle.data.paths import levers_over_time, path_lines_of, paths_of
+from vtkmuscle.data.paths import path_lines_of
 from vtkmuscle.io.temporal import Series
 from vtkmuscle.io.writing import Outputs
-from vtkmuscle.run.frames import FrameChoice, frame_numbers
+from vtkmuscle.run.frames import FrameChoice, MuscleTrack, frame_numbers
 from vtkmuscle.run.muscles import muscle_pipeline
 from vtkmuscle.run.table import MomentArmTable, Table, length_table
 from vtkmuscle.scene.data import SceneData
@@ -135,23 +134,17 @@ def _tables(scene: SceneData, what: str, numbers: range, tell: Callable[[str, st
         taut = muscle_pipeline(paths_alone, name).taut_paths
         assert taut is not None
         taut.levers = what == "moment_arms"
-        rows, row_errors, levers = [], [], []
+        track = MuscleTrack()
         for done, time in enumerate(times):
             tell(name, "pulling paths", done / len(times))
             lines = path_lines_of(taut.update(time=time).output, name)
             if lines is None:
                 raise InputError(f"muscles.{name}", "the muscle has no paths", "add fibres")
-            found = paths_of(lines.data, name)
-            assert found is not None
-            offsets = lines.points.shape[1] * np.arange(len(lines.points) + 1)
-            rows.append(found.lengths * scene.millimetres)
-            row_errors.append(segment_errors(lines.points.reshape(-1, 3), offsets) * scene.millimetres)
-            levers.append(found.levers)
-        lengths[name], errors[name] = np.array(rows), np.array(row_errors)
+            track.add_lengths(lines.data, scene.millimetres)
+        lengths[name], errors[name] = np.array(track.lengths), np.array(track.length_errors)
         if what == "moment_arms":
-            over_time = levers_over_time(levers)
             arms[name], without = joint_arms(
-                lengths[name], over_time, motion, crossed=muscle.crosses, millimetres=scene.millimetres
+                lengths[name], track.levers(), motion, crossed=muscle.crosses, millimetres=scene.millimetres
             )
             refused |= without
         tell(name, "done", 1.0)

@@ -118,10 +118,7 @@ def _without_tendon(
 def _pennations(
     lines: Polylines, aponeuroses: vtkMultiBlockDataSet, geometry: MuscleGeometry
 ) -> list[Floats]:
-    """Return pennation angles (k,) at each end [degrees].
-
-    Angles between fibres and the aponeuroses at the fibres' ends.
-    """
+    """Return the angles (k,) of fibres against the aponeuroses at each end [degrees]."""
     where = "aponeuroses"
     surfaces = aponeurosis_surfaces(aponeuroses_of(aponeuroses, where), geometry, where)
     places = lines.points[lines.offsets[:-1]], lines.points[lines.offsets[1:] - 1]

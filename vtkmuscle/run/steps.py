@@ -116,10 +116,7 @@ def _solve(run: SceneRun, tracks: Tracks, report: dict[str, Any], pool: Pool | N
 
 
 def _solve_here(run: SceneRun, name: str, others: list[MuscleRun]) -> MuscleTrack:
-    """Solve a muscle in this process.
-
-    The muscle is added to ``others`` if later muscles may meet the muscle.
-    """
+    """Solve a muscle in this process, and add the muscle to ``others`` if later muscles may meet it."""
     muscle = MuscleRun(run, name, MuscleTrack(), tuple(others))
     muscle.go()
     if run.scene.muscle_contact != "off":

@@ -203,17 +203,14 @@ class MomentArmTable(Mapping[str, Mapping[str, JointArms]]):
         return Table.stacked(
             ARMS,
             (
-                {
-                    "muscle": muscle,
-                    "coordinate": name,
-                    "unit": one.unit,
+                labels
+                | {
                     "fibre": np.arange(one.arms.shape[1])[:, None],
-                    "value": one.values,
                     "moment_arm_mm": one.arms.T,
                     "slope_mm": one.slopes.T,
                     "quartic_mm": np.nan if one.quartic is None else one.quartic.T,
                 }
-                for muscle, name, one in self._each()
+                for labels, one in self._labelled()
             ),
         )
 
@@ -226,11 +223,8 @@ class MomentArmTable(Mapping[str, Mapping[str, JointArms]]):
         return Table.stacked(
             SUMMARY,
             (
-                {
-                    "muscle": muscle,
-                    "coordinate": name,
-                    "unit": one.unit,
-                    "value": one.values,
+                labels
+                | {
                     "mean_mm": one.mean,
                     "slope_mean_mm": one.mean_slope,
                     "min_mm": one.arms.min(axis=1),
@@ -238,7 +232,7 @@ class MomentArmTable(Mapping[str, Mapping[str, JointArms]]):
                     "quartic_mean_mm": np.nan if one.quartic is None else one.quartic.mean(axis=1),
                     "sampling_error_mm": sampling_errors(one.arms),
                 }
-                for muscle, name, one in self._each()
+                for labels, one in self._labelled()
             ),
         )
 
@@ -261,8 +255,11 @@ class MomentArmTable(Mapping[str, Mapping[str, JointArms]]):
             for name, found in self._arms.get(muscle, {}).items()
         }
 
-    def _each(self) -> Iterator[tuple[str, str, JointArms]]:
-        return ((muscle, name, one) for muscle, found in self._arms.items() for name, one in found.items())
+    def _labelled(self) -> Iterator[tuple[dict[str, Any], JointArms]]:
+        """Give the columns that tables share, and the moment arms."""
+        for muscle, found in self._arms.items():
+            for name, one in found.items():
+                yield {"muscle": muscle, "coordinate": name, "unit": one.unit, "value": one.values}, one
 
 
 def length_table(

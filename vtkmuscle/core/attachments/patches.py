@@ -250,10 +250,7 @@ def _edge_keys(edges: Ints, n_points: int) -> Ints:
 
 
 def _near_curve(points: Floats, edges: Ints, curve: Ints, tolerance: float) -> Ints:
-    """Return connected points within a tolerance of a curve.
-
-    The opposite face of a thin muscle may be as near, but is not connected within the tolerance.
-    """
+    """Return points within a tolerance of a curve, connected with it, so not the opposite face."""
     on_patch = np.zeros(len(points), dtype=np.bool_)
     low, high = points[curve].min(axis=0) - tolerance, points[curve].max(axis=0) + tolerance
     candidates = points_in_box(points, low, high)

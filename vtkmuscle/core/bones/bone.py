@@ -337,11 +337,7 @@ def _look_up(
     outward: Floats,
     work: Floats,
 ) -> None:
-    """Do the work of :meth:`Bone.field`; work is memory.
-
-    lacks : (n,), changed in place: the unfinished points, in unknown blocks. Distances beyond the lattice are
-    NaN.
-    """
+    """Do the work of :meth:`Bone.field`. lacks : (n,), points in unknown blocks;  work : (2, 3), memory."""
     at, normal = work[0], work[1]
     for i in range(len(points)):
         if not lacks[i]:
@@ -364,10 +360,7 @@ def _look_up(
 
 @kernel
 def _find_outside(field: Field, axes: Floats, points: Floats, outside: Bools, at: Floats) -> None:
-    """Write the points outside by the field.
-
-    The overview or the known part of the field decides; at (3,) is memory.
-    """
+    """Write the points that the overview, or the known part of the field, has outside; at : (3,), memory."""
     for i in range(len(points)):
         transform_point(axes, points, i, at)
         before, noted = field.lacking[0], field.lacking[1]

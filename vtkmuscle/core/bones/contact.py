@@ -174,10 +174,7 @@ class PoseContact:
         return moved
 
     def _first_look(self, number: int) -> tuple[Floats, Floats, Floats, Floats]:
-        """Return transforms to a bone's axes and back.
-
-        The function also returns memory for the look-ups of points.
-        """
+        """Return transforms to a bone's axes and back, and memory for the look-ups of points."""
         contact = self._contact
         transform = np.array(self._transforms[contact.boxes.indices[number]])
         transform[:3, 3] -= self._centre
@@ -242,10 +239,7 @@ def _keep_out(
 
 @kernel
 def _push_out(field: Field, at: Floats, level: float, normal: Floats) -> None:
-    """Move a position (3,) to a level, in place.
-
-    The move is along the gradient;  normal : (3,), memory.
-    """
+    """Move a position (3,) along the gradient to a level, in place; normal : (3,), memory."""
     for _ in range(MOST_PUSHES):
         depth = level - distance_at(field, at[0], at[1], at[2])
         if abs(depth) <= 0.5 * TOLERANCE * field.cell or not normal_at(field, at, normal):

@@ -241,11 +241,7 @@ def _grouped(weights: Floats, groups: Groups, threshold: float) -> csr_array:
 def _group(
     weights: Floats, groups: Groups, threshold: float, values: Floats, columns: Small, ends: Small
 ) -> None:
-    """Write summed weights and numbers of kept groups.
-
-    A group is kept if its weights differ by at most the threshold, times the radius. Row q ends before ends[q
-    + 1].
-    """
+    """Write sums and numbers of groups whose weights differ by at most the threshold, times the radius."""
     entry = 0
     for q in range(len(weights)):
         g = 0

@@ -12,12 +12,7 @@ from scipy.cluster.vq import kmeans2
 from scipy.spatial import cKDTree
 
 from vtkmuscle.core.mesh.normals import triangle_normals, unit_vectors
-from vtkmuscle.core.mesh.polylines import (
-    curve_segments,
-    evenly_spaced,
-    polyline_lengths,
-    smooth_polylines,
-)
+from vtkmuscle.core.mesh.polylines import curve_segments, evenly_spaced, polyline_lengths
 from vtkmuscle.core.types import Bools, Floats, Ints
 
 
@@ -68,10 +63,8 @@ def section_areas(points: Floats, triangles: Ints, centres: Floats, normals: Flo
         a, b, c = below.take(triangles.T)
         met = triangles[(a != b) | (b != c)]
         ends, row = [], np.arange(len(met))
-        for upward in (
-            False,
-            True,
-        ):  # the edge on which the triangle's boundary goes up: so all loops run alike
+        # The edge on which the triangle's boundary goes up is the second, so all loops run alike.
+        for upward in (False, True):
             leaves = (below[met] == upward) & (below[np.roll(met, -1, axis=1)] != upward)
             side = leaves.argmax(axis=1)
             i, j = met[row, side], met[row, (side + 1) % 3]
@@ -79,28 +72,6 @@ def section_areas(points: Floats, triangles: Ints, centres: Floats, normals: Flo
             ends.append(about[i] + share[:, None] * (about[j] - about[i]))
         areas.append(abs(float((np.cross(*ends) @ normal).sum())) / 2.0)
     return np.array(areas)
-
-
-def smoothed_curve(values: Floats, *, passes: int = 5) -> Floats:
-    """Return curves over time, smoothed. l'_i = (l_{i-1} + 4 l_i + l_{i+1}) / 6, ends kept.
-
-    Kohout, Cervenka 2021, section 4.4, doi:10.1007/978-3-030-72379-8_24: five passes.
-
-    Parameters
-    ----------
-    values : (f,) or (f, k) array
-        A row per frame, for instance fibre lengths [mm].
-    passes : int, optional
-        Number of passes, >= 0.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from vtkmuscle.core.fibres.measures import smoothed_curve
-    >>> smoothed_curve(np.array([0.0, 6.0, 0.0]), passes=1)
-    array([0., 4., 0.])
-    """
-    return smooth_polylines(np.array(values, dtype=np.float64), np.array([0, len(values)]), 4.0, passes)
 
 
 def group_fibres(lengths: Floats, count: int) -> Ints:

@@ -77,10 +77,7 @@ def faces_that_meet(points: Floats, triangles: Ints, faces: Ints, positions: Flo
 
 
 def _triangles_around(triangles: Ints, faces: Ints) -> tuple[Ints, Ints, Ints]:
-    """Return corners and the triangles around each, (j,) both.
-
-    Triangles around are indices into the last array returned, of triangles.
-    """
+    """Return corners and the triangles around each, (j,) both, as indices into the last array returned."""
     corners = triangles[faces]
     member = np.zeros(int(triangles.max()) + 1, dtype=np.bool_)
     member[corners] = True

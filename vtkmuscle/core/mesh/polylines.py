@@ -107,13 +107,6 @@ def curve_segments(curves: Floats) -> tuple[Floats, Floats, Floats]:
     return np.cumsum(lengths, axis=-1) - lengths, lengths, unit_vectors(steps)
 
 
-#: Difference within which distances count as equal, as a part of half the longest segment.
-EQUALLY_NEAR = 1e-7
-
-#: Candidate pieces per point of the first search for the nearest segment, and pieces of the longest segment.
-FIRST_CANDIDATES, PIECES = 8, 4
-
-
 def segments(points: Floats, offsets: Ints) -> tuple[Floats, Floats]:
     """Return both ends (s, 3) of all segments of polylines."""
     starts = np.setdiff1d(np.arange(len(points) - 1), offsets[1:-1] - 1)
@@ -136,47 +129,3 @@ def segment_distances(points: Floats, a: Floats, b: Floats) -> Floats:
     dots = np.einsum("...i,...i->...", points - a, along)
     t = np.clip(np.divide(dots, squares, out=np.zeros_like(dots), where=squares > 0), 0.0, 1.0)
     return np.asarray(np.linalg.norm(points - a - t[..., None] * along, axis=-1))
-
-
-def fibre_directions_at(queries: Floats, fibre_points: Floats, offsets: Ints) -> Floats:
-    """Return directions of the nearest fibre segments. Unit vectors (q, 3) at positions (q, 3)."""
-    a, b, lengths = proper_segments(fibre_points, offsets)
-    nearest = nearest_segments(queries, a, b)
-    return (b[nearest] - a[nearest]) / lengths[nearest, None]
-
-
-def nearest_segments(queries: Floats, a: Floats, b: Floats) -> Ints:
-    """Return the nearest segment (q,) of each point. Exactly; the first of equals.
-
-    Edges of symmetric muscles are midway between two fibres, and consecutive segments are equally near to a
-    point beyond their common point. There rounding must not choose: a rigidly moved muscle would deform
-    differently.
-
-    Candidates ascend by the distance d of their pieces' midpoints. A piece of length s is no nearer than d -
-    s / 2, so the search ends once the last candidate is farther than the best distance plus s / 2. Unfinished
-    points get twice as many candidates.
-    """
-    from scipy.spatial import cKDTree  # noqa: PLC0415 -- not needed for drawing
-
-    lengths = np.linalg.norm(b - a, axis=1)
-    longest = max(float(lengths.max()), np.finfo(float).tiny)
-    counts = np.ceil(PIECES * lengths / longest).clip(min=1.0).astype(np.int64)
-    owner = np.repeat(np.arange(len(a)), counts)
-    number = np.arange(len(owner)) - np.repeat(np.cumsum(counts) - counts, counts)
-    tree = cKDTree(a[owner] + ((number + 0.5) / counts[owner])[:, None] * (b - a)[owner])
-    half_piece = 0.5 * longest / PIECES
-    nearest = np.zeros(len(queries), dtype=np.int64)
-    open_ = np.arange(len(queries))
-    count = FIRST_CANDIDATES
-    while len(open_):
-        count = min(count, len(owner))
-        far, pieces = tree.query(queries[open_], k=[*range(1, count + 1)])
-        candidates = owner[pieces]
-        distances = segment_distances(queries[open_][:, None], a[candidates], b[candidates])
-        bound = distances.min(axis=1) + EQUALLY_NEAR * 0.5 * longest
-        nearest[open_] = np.where(distances <= bound[:, None], candidates, len(a)).min(axis=1)
-        if count == len(owner):
-            break
-        open_ = open_[far[:, -1] - half_piece <= bound]
-        count *= 2
-    return nearest

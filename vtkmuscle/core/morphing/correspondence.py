@@ -94,10 +94,7 @@ def cyclic_products(first: Floats, second: Floats) -> Floats:
 
 
 def _cheapest_chain(costs: Floats, twists: Floats) -> Ints:
-    """Return the chain p of least cost.
-
-    sum_j costs[j, p_j] + sum_j twists[j - 1, (p_j - p_{j-1}) mod n] is least.
-    """
+    """Return the chain p of least sum costs[j, p_j] + twists[j - 1, (p_j - p_{j-1}) mod n] over j."""
     start = np.arange(costs.shape[1])
     turns = (start - start[:, None]) % len(start)
     best, predecessors = costs[0], []

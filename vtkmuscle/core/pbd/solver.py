@@ -25,7 +25,7 @@ from vtkmuscle.core.mesh.rest_shape import RestShape
 from vtkmuscle.core.mesh.triangle_tree import Neighbour
 from vtkmuscle.core.motion.blending import blend_motions, screws_between
 from vtkmuscle.core.motion.rigid import apply_transform, centred, inverses
-from vtkmuscle.core.pbd.anisotropy import edge_stiffness, harmonic_directions
+from vtkmuscle.core.pbd.anisotropy import edge_stiffness, fibre_directions_at, harmonic_directions
 from vtkmuscle.core.pbd.sweep import WIDTH, edge_rows, measure_lengths, project_edges, project_volume
 from vtkmuscle.core.pbd.voxels import VoxelContact
 from vtkmuscle.core.skinning.settling import Volume
@@ -184,8 +184,10 @@ class PBDSolver:
     ) -> None:
         self.parameters = parameters
         points, fixed_to, topology = muscle.points, muscle.fixed_to, muscle.topology()
-        directions = muscle.directions(topology)
-        if directions is None and parameters.anisotropy == "always":
+        directions = None
+        if muscle.fibres is not None:
+            directions = fibre_directions_at(points[topology.edges].mean(axis=1), *muscle.fibres)
+        elif parameters.anisotropy == "always":
             directions = harmonic_directions(points, topology, fixed_to)
         self.shape = shape = RestShape(points, topology)
         self.centre: Floats = (points.min(axis=0) + points.max(axis=0)) / 2.0
@@ -313,10 +315,7 @@ class PBDSolver:
         keep_out: Callable[[Floats], Bools],
         progress: Callable[[float], None] | None,
     ) -> Bools:
-        """Project all constraints of points in place.
-
-        Points are (n + 1, 3); return the points that met an obstacle.
-        """
+        """Project all constraints of points (n + 1, 3) in place; return the points that met an obstacle."""
         settings, met = self.parameters, np.zeros(len(p) - 1, dtype=np.bool_)
         rows, signed, buffer = (self.rows.points, constants), settings.signed_angles, self._buffer
         for iteration in range(settings.iterations):
@@ -333,10 +332,7 @@ class PBDSolver:
         return met
 
     def _parts(self, before: Floats, now: Floats) -> int:
-        """Return the number of parts of a step.
-
-        The number follows from the greatest turn of two bones against each other.
-        """
+        """Return the number of parts of a step, by the greatest turn of two bones against each other."""
         bones = [bone for bone, _ in self._fixed]
         turns = (now[bones] @ inverses(before[bones]))[:, :3, :3]
         most = 0.0
@@ -354,10 +350,7 @@ class PBDSolver:
         return blend_motions(motions, self._weights, x)
 
     def _with_fixed_points(self, points: Floats, transforms: Floats) -> Floats:
-        """Return points with the fixed points on their bones.
-
-        The result (n + 1, 3) has one extra point.
-        """
+        """Return points with the fixed points on their bones, and one more: (n + 1, 3)."""
         p = np.zeros((len(points) + 1, 3))
         p[:-1] = points
         now = centred(transforms, self.centre)
