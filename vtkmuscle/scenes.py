@@ -75,6 +75,10 @@ class Scene(SceneData, ByName):
     quality : str or None
         A preset of numbers, ``"preview"``, ``"balanced"`` or ``"accurate"``, with deformer ``"pbd"`` also
         ``"published"``; the settings of ``paths``, ``solver`` and of the muscles override it.
+    frame : str
+        Frame of the surfaces, ``"LPS"`` or ``"RAS"``.
+    guessed : mapping of str to float
+        Confidence, 0 to 1, of guesses by the dotted keys of joints and units, until confirmed.
     files : mapping of str to Path
         Source file of the value of a dotted key; ``""`` is the scene's own file.
 

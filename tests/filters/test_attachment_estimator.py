@@ -136,7 +136,7 @@ def test_two_joint_muscles_are_attached_beyond_the_bone_they_slide_over(bp3d_kne
         true = {area.role: area.bone for area in muscle.attachments}
         areas = attachments_of(estimate(muscle.surface, bones), name)
         assert {area.bone for area in areas} == set(true.values()), name
-        assert all(0.1 < area.confidence <= 1.0 for area in areas)
+        assert all(0.06 < area.confidence <= 0.64 for area in areas)
         named = attachments_of(estimate(muscle.surface, bones, **true), name)
         assert {area.role: area.bone for area in named} == true
 
@@ -153,4 +153,4 @@ def test_both_bones_may_be_named(spindle):
     muscle = spindle.muscles["spindle"]
     areas = attachments_of(estimate(muscle, spindle.bones, origin="distal", insertion="proximal"), "test")
     assert [(area.role, area.bone) for area in areas] == [("origin", "distal"), ("insertion", "proximal")]
-    assert all(area.confidence > 0.8 for area in areas)
+    assert all(area.confidence > 0.51 for area in areas)

@@ -77,6 +77,31 @@ def test_each_guess_says_how_sure_it_is(files, tmp_path):
     text = (tmp_path / "scene.toml").read_text()
     assert "# confidence 0.90: the longest side of all surfaces is" in text.split('units = "m"')[0]
     assert text.count("# confidence") == len(rows)
+    scene = vtkmuscle.Scene.load(tmp_path / "scene.toml")
+    origin, insertion = scene.muscles["iliacus_right"].attachments
+    assert origin.confidence == pytest.approx(
+        sure["muscles.iliacus_right.attachments", "origin: pelvis"], abs=0.01
+    )
+    assert insertion.confidence == 0.64
+    assert scene.guessed["units"] == 0.9
+    assert {key.split(".")[-1] for key in scene.guessed} == {"units", "centre", "axes"}
+
+
+def test_a_guess_that_is_not_sure_is_looked_at_until_it_is_confirmed(files, tmp_path):
+    path = tmp_path / "scene.toml"
+    init(*files, "--out", tmp_path)
+    drawn = path.read_text()
+    for old, new, key in (
+        ("confidence = 0.64", "confidence = 0.11", r"muscles.iliacus_right.attachments\[1\]"),
+        ('"units" = 0.9', '"units" = 0.3', "units"),
+    ):
+        path.write_text(drawn.replace(old, new))
+        scene = vtkmuscle.Scene.load(path).with_muscles("iliacus_right")
+        with pytest.warns(UserWarning, match=key):
+            result = replace(scene, deformer="none").run(frames="0:1", figures=False)
+        says = " ".join(result["iliacus_right"].reasons)
+        assert result.verdicts == {"iliacus_right": "look"}
+        assert "low confidence" in says
 
 
 def test_what_is_there_is_not_written_over(files, tmp_path):

@@ -16,6 +16,7 @@ from vtkmuscle.core.errors import InputError, check_is_file, fault_of
 from vtkmuscle.core.mesh.solids import solids_of
 from vtkmuscle.core.mesh.surface import survey
 from vtkmuscle.core.types import Floats
+from vtkmuscle.data.anatomy import plain_name, side_of
 from vtkmuscle.data.arrays import checked_surface, points_of, with_points
 from vtkmuscle.data.attachments import ROLES, VIA, AttachmentArea
 from vtkmuscle.filters.attachment_estimator import NEAR, estimated_areas
@@ -32,7 +33,7 @@ from vtkmuscle.labels.guesses import (
     moving_chain,
     table_of,
 )
-from vtkmuscle.labels.names import kind_of, plain_name, side_of
+from vtkmuscle.labels.names import kind_of
 from vtkmuscle.scene.checks import closed_surface
 from vtkmuscle.scene.data import MILLIMETRES
 from vtkmuscle.scene.writing import inline_toml, write_areas
@@ -42,9 +43,6 @@ FIBRES = {"template": "parallel", "n_fibres": 100, "resolution": 15}
 _HEADER = """# Drafted by vtkmuscle. Missing information was guessed: the comment above a guess has the reason
 # and a confidence from 0 to 1; guesses.csv lists all guesses. Paths are relative to this file.
 """
-#: Highest confidence of an estimated area: the measured overlap with a digitised area on the same bone, see
-#: vtkmuscle.core.attachments.contacts.
-OVERLAP = 0.64
 #: Columns of the table of surfaces.
 VOLUMES = ("structure", "kind", "volume_mm3", "area_mm2", "triangles")
 #: Remedy for a muscle that touches fewer than two bones.
@@ -139,7 +137,7 @@ class Draft:
         for role in missing:
             ends = [area for area in areas if area.role == role]
             on = ", ".join(dict.fromkeys(area.bone for area in ends))
-            confidence = OVERLAP * min(area.confidence or 0.0 for area in ends)
+            confidence = min(area.confidence or 0.0 for area in ends)
             why = f"{role} on {on}, in contact with the muscle's end"
             self.guesses.append(Guess(f"muscles.{muscle}.attachments", f"{role}: {on}", confidence, why))
         self.areas[muscle] = used
@@ -175,6 +173,9 @@ class Draft:
         if self.sweep:
             add("motion", {"file": "motion.sto"})
             write_text(out / "motion.sto", _sweep(self.sweep))
+        kept = ("units", *(f"joints.{name}." for name in self.joints))
+        sure = {guess.what: guess.confidence for guess in self.guesses if guess.what.startswith(kept)}
+        add("guessed", {f'"{what}"': round(confidence, 4) for what, confidence in sure.items()})
         for name, muscle in self.muscles.items():
             areas = self.areas.get(name, [])
             areas = [replace(area, landmarks=scale * np.asarray(area.landmarks)) for area in areas]
@@ -329,13 +330,14 @@ def add_landmarks(draft: Draft, files: Sequence[Path], *, scale: float = 1.0) ->
         key, role = f"muscles.{muscle}.attachments", match[2]
         points, closed = read_landmarks(file, frame=draft.frame)
         points = scale * points
+        sure = None
         named = [bone for bone in draft.bones if match[3] and bone in plain_name(match[3])]
         gaps = _gaps(points, draft.candidate_bones(muscle))
         bone, *further = named or sorted(gaps, key=gaps.__getitem__)
         if not named:
-            confidence = 1.0 - min(1.0, gaps[bone] / gaps[further[0]]) if further else 1.0
+            sure = 1.0 - min(1.0, gaps[bone] / gaps[further[0]]) if further else 1.0
             why = f"{role} on {bone!r}, {gaps[bone]:.1f} mm from the landmarks in {file.name}"
-            draft.guesses.append(Guess(key, f"{role}: {bone}", confidence, why))
+            draft.guesses.append(Guess(key, f"{role}: {bone}", sure, why))
         if not closed and len(points) > 3:
             steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
             gap = float(np.linalg.norm(points[-1] - points[0]) / max(float(np.median(steps)), 1e-9))
@@ -343,7 +345,7 @@ def add_landmarks(draft: Draft, files: Sequence[Path], *, scale: float = 1.0) ->
             why = f"{role}: the last landmark is {gap:.1f} median steps from the first"
             confidence = min(1.0, abs(gap - RING_GAP))
             draft.guesses.append(Guess(key, "a ring" if closed else "an open curve", confidence, why))
-        draft.areas.setdefault(muscle, []).append(AttachmentArea(role, bone, points, closed))
+        draft.areas.setdefault(muscle, []).append(AttachmentArea(role, bone, points, closed, False, sure))
 
 
 def _gaps(points: Floats, bones: Mapping[str, vtkPolyData]) -> dict[str, float]:

@@ -13,8 +13,8 @@ from vtkmuscle.core.errors import InputError, fault_of
 from vtkmuscle.core.mesh.normals import triangle_normals, vertex_normals
 from vtkmuscle.core.mesh.solids import solids_of
 from vtkmuscle.core.types import Bools, Floats
+from vtkmuscle.data.anatomy import JOINTS, JointKind, side_of, stem_of
 from vtkmuscle.data.arrays import checked_surface
-from vtkmuscle.labels.names import JOINTS, JointKind, side_of, stem_of
 
 #: Confidence below which a guess should be checked before the results are used.
 LOOK = 0.5

@@ -14,6 +14,7 @@ from vtkmodules.vtkCommonDataModel import vtkPolyData
 from vtkmuscle.core.mesh.solids import Solids, solids_of
 from vtkmuscle.core.mesh.surface import survey
 from vtkmuscle.core.types import Floats
+from vtkmuscle.data.anatomy import plain_name
 from vtkmuscle.data.arrays import blocks_of, checked_surface, field_array, field_string, surface_from
 from vtkmuscle.data.attachments import ROLES
 from vtkmuscle.data.isosurface import EVEN
@@ -22,7 +23,7 @@ from vtkmuscle.filters.attachment_estimator import NEAR
 from vtkmuscle.filters.label_surfaces import SMOOTHING, LabelSurfaces
 from vtkmuscle.labels.draft import Draft, add_landmarks, scale_of
 from vtkmuscle.labels.guesses import LEFT_OUT, Guess
-from vtkmuscle.labels.names import kind_of, plain_name
+from vtkmuscle.labels.names import kind_of
 from vtkmuscle.labels.reading import read_labels
 from vtkmuscle.phantoms.implicit import Solid, thick_curve
 from vtkmuscle.phantoms.meshing import mesh_of

@@ -26,7 +26,8 @@ from vtkmuscle.data.arrays import (
     shallow_copy,
     with_points,
 )
-from vtkmuscle.data.paths import PATH_STEPS, SQUEEZED, UNSETTLED
+from vtkmuscle.data.attachments import VIA
+from vtkmuscle.data.paths import PATH_STEPS, SQUEEZED, UNSETTLED, paths_of
 from vtkmuscle.filters.base.algorithm import AbortedError
 from vtkmuscle.filters.base.filter import Filter
 from vtkmuscle.filters.base.running import upstream
@@ -163,6 +164,10 @@ class MuscleRun:
                 fibres = shallow_copy(pipeline.metrics.update(time=now).output)
         with self._timed("measuring"):
             depths = None if fibres is None else _add_penetration(fibres, measure, transforms)
+            paths = None if fibres is None else paths_of(fibres, "fibres")
+            if paths is not None:
+                rings = [area for area in self.scene.muscles[self.name].attachments if area.role == VIA]
+                row["hooked_paths"] = measure.hooked_paths(paths.points, rings, transforms)
             if deformed is None:
                 self._keep(row | _settling(pipeline) | {"ms": 1000.0 * carried()}, None, fibres)
                 return
@@ -210,7 +215,8 @@ class MuscleRun:
         if track.fibre_lengths and track.rest_fibres is not None and motion is not None:
             rest = polylines_of(track.rest_fibres, "fibres")
             rest_lengths = polyline_lengths(rest.points, rest.offsets) * self.scene.millimetres
-            history = FibreHistory(np.array(track.fibre_lengths), rest_lengths, track.report["fibres"])
+            paths = np.array(track.lengths) if track.lengths else None
+            history = FibreHistory(np.array(track.fibre_lengths), rest_lengths, track.report["fibres"], paths)
         track.report["verdict"] = judge(
             rows, history, motion=motion, n_edges=measure.n_edges, size=measure.size, failure=track.failure
         )

@@ -199,7 +199,8 @@ def fibres_at_rest(fibres: vtkPolyData, muscle: vtkPolyData, millimetres: float)
     outside = np.maximum(solids_of(*checked_surface(muscle, "muscle")).distances(points), 0.0) * millimetres
     inside = int((outside <= FIBRE_TOLERANCE).sum())
     lines, geometry = polylines_of(fibres, "fibres"), muscle_geometry(muscle, "muscle")
-    found = arrangement(lines.points, lines.offsets, geometry.samples(SAMPLES))
+    volume = signed_volume(geometry.points, geometry.triangles)
+    found = arrangement(lines.points, lines.offsets, geometry.samples(SAMPLES), volume)
     angle = field_array(fibres, "SuperficialAngle")
     return {
         "fibres": fibres.GetNumberOfCells(),

@@ -53,11 +53,6 @@ class ResultData(ByName):
         self.frames: Sequence[int] = list(report["frames"])
         self.times: Sequence[float] = [float(motion.times[frame]) for frame in self.frames]
         self.muscle_names: Sequence[str] = list(tracks)
-        self.verdicts: Mapping[str, str] = {
-            name: one["verdict"]["verdict"]
-            for name in tracks
-            if "verdict" in (one := report["muscles"][name])
-        }
         self._known_arms: dict[tuple[str, ...], Any] = {}
         self._tracks = tracks
         self._wrap = _wrapped
@@ -71,6 +66,12 @@ class ResultData(ByName):
         other = copy(self)
         other._wrap = lambda data: data
         return other
+
+    @property
+    def verdicts(self) -> Mapping[str, str]:
+        """The verdict on each muscle."""
+        muscles = {name: self.report["muscles"][name] for name in self.muscle_names}
+        return {name: one["verdict"]["verdict"] for name, one in muscles.items() if "verdict" in one}
 
     @cached_property
     def lengths(self) -> Mapping[str, Floats]:

@@ -62,6 +62,8 @@ def tables_of(scene: SceneData) -> dict[str, Any]:
         "name": scene.name,
         "units": scene.units,
         "quality": scene.quality,
+        "frame": None if scene.frame == "LPS" else scene.frame,
+        "guessed": dict(scene.guessed) or None,
         "muscle_contact": None if scene.muscle_contact == "off" else scene.muscle_contact,
         "deformer": None if scene.deformer == "paths" else scene.deformer,
         "bones": {name: {"surface": f"bones/{name}.vtp"} for name in scene.bones},
@@ -102,6 +104,7 @@ def _area_tables(muscle: str, areas: Sequence[AttachmentArea]) -> list[dict[str,
             "landmarks": f"attachments/{muscle}_{area.role}_{number}.vtp",
             **({"closed": False} if area.role == VIA and not area.closed else {}),
             **({"estimated": True} if area.estimated else {}),
+            **({} if area.confidence is None else {"confidence": round(float(area.confidence), 4)}),
         }
         for number, area in enumerate(areas)
     ]
@@ -122,6 +125,7 @@ def _muscle(name: str, muscle: Muscle) -> dict[str, Any]:
         "fixing": muscle.fixing or None,
         "crosses": None if muscle.crosses is None else list(muscle.crosses),
         "hill": dict(muscle.hill) or None,
+        "muscle": muscle.muscle or None,
     }
 
 

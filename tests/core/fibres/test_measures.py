@@ -21,6 +21,7 @@ from vtkmuscle.core.fibres.measures import (
     section_areas,
     segment_errors,
 )
+from vtkmuscle.core.mesh.polylines import sharp_turns
 from vtkmuscle.data.arrays import polylines_of
 from vtkmuscle.data.muscle_geometry import muscle_geometry
 from vtkmuscle.phantoms.meshing import box, solid_of_revolution
@@ -109,7 +110,8 @@ def inside(rng, low=(-1.0, -1.0, 0.0), high=(19.0, 7.0, 60.0)):
 
 
 def found(lines, samples):
-    return arrangement(lines.reshape(-1, 3), np.arange(len(lines) + 1) * lines.shape[1], samples)
+    offsets, volume = np.arange(len(lines) + 1) * lines.shape[1], np.prod(np.ptp(samples, axis=0))
+    return arrangement(lines.reshape(-1, 3), offsets, samples, volume)
 
 
 def test_straight_fibres_neither_cross_nor_turn_and_leave_nothing_bare(rng):
@@ -153,6 +155,19 @@ def test_hooks_and_turns_are_counted(rng):
 
 def test_a_half_without_fibres_is_bare(rng):
     assert found(sheet(), inside(rng, high=(39.0, 7.0, 60.0))).bare == pytest.approx(0.45, abs=0.03)
+
+
+def test_a_path_that_hooks_turns_sharply_and_an_arc_does_not():
+    turn = np.pi * np.linspace(0.0, 1.0, 31)
+    arc = 60.0 * np.column_stack([np.cos(turn), 0.0 * turn, np.sin(turn)])
+    hook = np.vstack(
+        [np.linspace([0.0, 0, 0], [0, 0, 80], 21)[:-1], np.linspace([0.0, 0, 80], [40, 0, 80], 11)]
+    )
+    for size in (1 / 30, 1.0, 30.0):
+        path, position, reach = sharp_turns(size * np.array([arc, hook]))
+        assert set(path) == {1}
+        assert np.linalg.norm(position - size * np.array([0.0, 0.0, 80.0]), axis=1).max() < 12.0 * size
+        assert reach == pytest.approx(6.0 * size)
 
 
 #: A belly of radius 12 mm and 80 mm long, with tendons of radius 2 mm, 60 mm and 40 mm long.

@@ -119,7 +119,8 @@ class Arrangement(NamedTuple):
     `crossing` is the part of neighbours that change sides in the last eighth of their length, at the worse
     end. `hooked` is the part of fibres with a turn of more than 90 degrees between two segments. `turning` is
     the 95th percentile of the summed turns along a fibre [degrees]. `bare` is the part of the muscle's volume
-    farther from any fibre than the largest median distance between neighbours; 0 for fewer than five fibres.
+    farther from any fibre than the side of a square with a fibre's share of the largest section: 0 for
+    parallel fibres in a square or hexagonal pattern, exp(-pi), 4 %, for a random pattern.
     """
 
     crossing: float
@@ -128,8 +129,8 @@ class Arrangement(NamedTuple):
     bare: float
 
 
-def arrangement(points: Floats, offsets: Ints, samples: Floats) -> Arrangement:
-    """Return the arrangement of fibres. Samples (m, 3) of the muscle have even density."""
+def arrangement(points: Floats, offsets: Ints, samples: Floats, volume: float) -> Arrangement:
+    """Return the arrangement of fibres in a muscle of a volume, with samples (m, 3) of even density."""
     fibres = [points[a:b] for a, b in pairwise(offsets)]
     lines = evenly_spaced(points, offsets, STATIONS)
     turns = [_turns(np.diff(fibre, axis=0)) for fibre in fibres]
@@ -139,7 +140,9 @@ def arrangement(points: Floats, offsets: Ints, samples: Floats) -> Arrangement:
         crossing=max(_crossing(lines, neighbours), _crossing(lines[:, ::-1], neighbours)),
         hooked=float(np.mean([turn.max(initial=0.0) > HOOKED for turn in turns])),
         turning=float(np.percentile([turn.sum() for turn in turns], 95.0)),
-        bare=float((distances > _spacing(lines, neighbours)).mean()) if len(samples) else 0.0,
+        bare=float((distances > _spacing(points, offsets, samples, abs(volume))).mean())
+        if len(samples)
+        else 0.0,
     )
 
 
@@ -160,12 +163,17 @@ def _neighbours(middle: Floats) -> Ints:
     return np.array([row[row != number][:count] for number, row in enumerate(nearest)])
 
 
-def _spacing(lines: Floats, neighbours: Ints) -> float:
-    """Return the largest median distance between neighbours. Infinite for too few."""
-    if neighbours.shape[1] < NEIGHBOURS:
-        return float("inf")
-    apart = np.linalg.norm(lines[neighbours] - lines[:, None], axis=-1)
-    return float(np.median(apart.mean(axis=1), axis=0).max())
+def _spacing(points: Floats, offsets: Ints, samples: Floats, volume: float) -> float:
+    """Return the spacing of an even pattern in the largest section [mm].
+
+    A fibre's share is the section by the number of fibres, or the volume by the length of all fibres, where
+    these are too short to pass the section.
+    """
+    arcs, _ = along(centroid_path(points, offsets, NODES), samples)
+    counts, edges = np.histogram(arcs, NODES - 1)
+    section = volume * counts.max() / len(samples) / float(edges[1] - edges[0])
+    share = volume / float(polyline_lengths(points, offsets).sum())
+    return float(np.sqrt(max(section / (len(offsets) - 1), share)))
 
 
 def _crossing(lines: Floats, neighbours: Ints) -> float:

@@ -129,3 +129,24 @@ def segment_distances(points: Floats, a: Floats, b: Floats) -> Floats:
     dots = np.einsum("...i,...i->...", points - a, along)
     t = np.clip(np.divide(dots, squares, out=np.zeros_like(dots), where=squares > 0), 0.0, 1.0)
     return np.asarray(np.linalg.norm(points - a - t[..., None] * along, axis=-1))
+
+
+#: Part of a path on either side of a turn, and the turn [degrees]: half way between a hook by 90 and the
+#: sharpest turn of muscles of a hip in three motions, 63, without a bone or ring in half of that distance.
+TURNED_PART, TURNED = 0.1, 75.0
+
+
+def sharp_turns(paths: Floats) -> tuple[Ints, Floats, Floats]:
+    """Return positions of paths (k, n, 3) at which they turn sharply.
+
+    Their paths (t,), positions (t, 3) and distances (t,) [mm] within which a bone may press. The turn is
+    between the chords of a tenth of the path before and after.
+    """
+    points, offsets = paths.reshape(-1, 3), np.arange(len(paths) + 1) * paths.shape[1]
+    step = 4
+    lines = evenly_spaced(points, offsets, round(step / TURNED_PART) + 1)
+    chords = unit_vectors(lines[:, step:] - lines[:, :-step])
+    cosines = (chords[:, :-step] * chords[:, step:]).sum(axis=-1)
+    path, station = np.nonzero(cosines < np.cos(np.radians(TURNED)))
+    reach = 0.5 * TURNED_PART * polyline_lengths(points, offsets)
+    return path, lines[path, station + step], reach[path]

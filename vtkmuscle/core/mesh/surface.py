@@ -104,6 +104,11 @@ def points_in_box(points: Floats, low: Floats, high: Floats) -> Ints:
     return np.flatnonzero(x & y & z)
 
 
+def diagonal(points: Floats) -> float:
+    """Return the diagonal of the box around points (n, 3)."""
+    return float(np.linalg.norm(np.ptp(points, axis=0)))
+
+
 def signed_volume(points: Floats, triangles: Ints) -> float:
     """Return the volume, positive for outward triangles.
 
