@@ -96,9 +96,7 @@ class MuscleFrame(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class FigureOrder:
-    """A figure to be drawn: file name, function, arguments.
-
-    The function is in :mod:`vtkmuscle.plotting`.
+    """A figure to be drawn: file name, function of :mod:`vtkmuscle.plotting`, arguments.
 
     ``rendered`` figures also take the bones and the studio.
     """
