@@ -191,8 +191,6 @@ def export(
     The source is a folder of results, or a scene, which is run first. Differences of lengths and moment arms
     from the run are printed and written.
     """
-    if out.suffix.lower() not in (".osim", ".xml"):
-        raise InputError(out, "unknown format of an export", "end its name in .osim or .xml")
     export_muscles(source, out, options)
 
 
@@ -214,7 +212,7 @@ def fetch(
 
     The command shows the licence and asks for consent. Without --out the folder has the name of the data set.
     """
-    from vtkmuscle import fetch as public
+    from vtkmuscle import public_data as public
 
     if name is None:
         typer.echo(f"{public.NAME}: {public.TITLE}")

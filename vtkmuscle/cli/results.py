@@ -50,26 +50,23 @@ class ExportOptions:
 
 def export_muscles(source: Path, out: Path, options: ExportOptions) -> None:
     """Write a model; print the differences from the run."""
-    from vtkmuscle.opensim import write_mujoco, write_opensim
     from vtkmuscle.opensim.from_run import GEOMETRY_ONLY
+    from vtkmuscle.opensim.from_run import export as exported
 
-    settings: dict[str, Any] = {
-        "groups": options.groups,
-        "specific_tension": options.specific_tension,
-        "masses": {body: _kilograms(text) for body, text in pairs(options.mass, "--mass").items()},
-    }
-    if options.geometry_only:
-        settings["kind"] = GEOMETRY_ONLY
-    replace, is_osim = pairs(options.replace), out.suffix.lower() == ".osim"
-    if not is_osim and (options.into is not None or replace):
-        raise InputError("--into", "muscles are put into models of OpenSim only", "leave it out")
-    with _outputs(out, [source, options.into], overwrite=options.overwrite):
-        if is_osim:
-            written = write_opensim(
-                source, out, into=options.into, replace=replace, form=options.form, **settings
-            )
-        else:
-            written = write_mujoco(source, out, **settings)
+    settings: dict[str, Any] = {"kind": GEOMETRY_ONLY} if options.geometry_only else {}
+    if out.suffix.lower() == ".osim":
+        settings["form"] = options.form
+    written = exported(
+        source,
+        out,
+        into=options.into,
+        replace=pairs(options.replace),
+        overwrite=options.overwrite,
+        groups=options.groups,
+        specific_tension=options.specific_tension,
+        masses={body: _kilograms(text) for body, text in pairs(options.mass, "--mass").items()},
+        **settings,
+    )
     for muscle in written:
         typer.echo(f"{muscle.out.name}: {muscle}")
         if parameters := muscle.out.parameters:
@@ -261,20 +258,19 @@ def from_labels(
     tendon is drawn to landmarks beyond a muscle's label. A muscle that fails is reported with the reason; the
     scene has the remaining muscles.
     """
-    from vtkmuscle.labels.maps import draft_of_labels
+    from vtkmuscle.labels.page import from_labels as drafted
 
-    names = Path(options.names or "")
-    inputs = [label_map, *(landmarks or ()), *([names] if names.is_file() else [])]
-    outputs = _outputs(out / "scene.toml", inputs, overwrite=options.overwrite)
-    draft = draft_of_labels(
+    draft = drafted(
         label_map,
+        out,
         landmarks=landmarks or (),
         names=options.names,
         frame=options.frame,
         edge=options.edge,
+        overwrite=options.overwrite,
         announce=lambda words: say(options.quiet, words),
     )
-    _write(draft, outputs, out, options.quiet)
+    _tell(draft, options.quiet)
 
 
 def init(
@@ -293,31 +289,30 @@ def init(
     Names identify bones and muscles, sizes the unit, contact or landmarks the areas, fits to bones the
     joints. guesses.csv and comments in scene.toml list each guess with a confidence.
     """
-    from vtkmuscle.labels.draft import draft_of_files
+    from vtkmuscle.labels.page import init as drafted
 
-    outputs = _outputs(out / "scene.toml", files, overwrite=overwrite)
-    draft = draft_of_files(files, out, bones=bone or (), muscles=muscle or (), frame=frame)
-    draft.complete()
-    if draft.lacks:
-        raise InputError(draft.name, draft.lacks)
-    _write(draft, outputs, out, quiet)
+    _tell(
+        drafted(files, out, bones=bone or (), muscles=muscle or (), frame=frame, overwrite=overwrite), quiet
+    )
 
 
-def _write(draft: Draft, outputs: Outputs, out: Path, quiet: bool) -> None:
+def _tell(draft: Draft, quiet: bool) -> None:
+    """Print the unsure guesses of a draft, and how to go on."""
     from vtkmuscle.labels.guesses import LEFT_OUT, LOOK, table_of
-    from vtkmuscle.labels.page import write_page
+    from vtkmuscle.labels.page import PAGE
 
-    with outputs:
-        path, page = draft.write(out), write_page(draft, out)
+    folder = draft.file.parent
     unsure = [guess for guess in draft.guesses if guess.confidence < LOOK and guess.value != LEFT_OUT]
-    say(quiet, f"{len(draft.guesses)} guesses are in {page}" + ("; check these:" if unsure else ""))
+    words = "; check these:" if unsure else ""
+    say(quiet, f"{len(draft.guesses)} guesses are in {folder / PAGE}{words}")
     for confidence, what, guess, why in table_of(unsure)[1:]:
         say(quiet, f"  {confidence}  {what}: {guess}; {why}")
     for name, why in draft.left_out.items():
         typer.echo(f"left out: {name}: {why}", err=True)
     if draft.lacks:
         typer.echo(f"the scene cannot run yet: {draft.lacks}", err=True)
-        say(quiet, f"wrote {path}, surfaces (.vtp) in {out / 'bones'} and {out / 'muscles'}, and volumes.csv")
+        surfaces = f"surfaces (.vtp) in {folder / 'bones'} and {folder / 'muscles'}"
+        say(quiet, f"wrote {draft.file}, {surfaces}, and volumes.csv")
         return
-    say(quiet, f"wrote {path}, with {', '.join(draft.muscles)}: check the guesses, then run")
-    say(quiet, f"  vtkmuscle run {path}")
+    say(quiet, f"wrote {draft.file}, with {', '.join(draft.muscles)}: check the guesses, then run")
+    say(quiet, f"  vtkmuscle run {draft.file}")

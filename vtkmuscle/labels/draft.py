@@ -58,7 +58,8 @@ class Draft:
     the scene; missing files are written. Up to ``within`` [mm] a muscle and a bone are in contact; ``scale``
     is the size of the animal against a human. ``left_out`` has reasons, by muscle that cannot be made, and
     ``loose`` the surfaces of these muscles; ``joints`` and ``sweep`` are as of
-    :func:`~vtkmuscle.labels.guesses.guessed_joints`. ``lacks`` is the reason of a scene that cannot run.
+    :func:`~vtkmuscle.labels.guesses.guessed_joints`. ``lacks`` is the reason of a scene that cannot run, and
+    ``file`` the written scene.
     """
 
     name: str
@@ -76,6 +77,7 @@ class Draft:
     joints: dict[str, dict[str, Any]] = field(default_factory=dict)
     sweep: dict[str, float] = field(default_factory=dict)
     lacks: str = ""
+    file: Path = Path("scene.toml")
 
     def complete(self) -> None:
         """Guess joints and missing areas; leave out muscles without areas.

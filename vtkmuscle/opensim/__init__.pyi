@@ -3,6 +3,7 @@ from .from_run import (
     Export as Export,
     ExportedMuscle as ExportedMuscle,
     errors_table as errors_table,
+    export as export,
     write_mujoco as write_mujoco,
     write_opensim as write_opensim,
 )

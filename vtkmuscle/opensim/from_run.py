@@ -15,7 +15,7 @@ from vtkmuscle.core.fibres.measures import group_errors, group_fibres
 from vtkmuscle.core.motion.rigid import inverses
 from vtkmuscle.core.types import Bools, Floats
 from vtkmuscle.io import write_text
-from vtkmuscle.io.writing import file_digest
+from vtkmuscle.io.writing import Outputs, file_digest
 from vtkmuscle.joints.tree import KinematicTree
 from vtkmuscle.opensim.export_parts import (
     SPECIFIC_TENSION,
@@ -210,6 +210,55 @@ def write_mujoco(
     name, masses, meshes = run.result.name, export.masses, _meshes(run, Path(out))
     text = mjcf_of(run.ranged, outs, name=name, masses=masses, meshes=meshes, lengths=lengths)
     return _written(Path(out), text, muscles)
+
+
+def export(
+    source: str | PathLike[str],
+    out: str | PathLike[str],
+    *,
+    into: str | PathLike[str] | None = None,
+    replace: Mapping[str, str] | None = None,
+    overwrite: bool = False,
+    **options: Any,
+) -> list[ExportedMuscle]:
+    """Write the muscles of a scene with joints to OpenSim or MuJoCo.
+
+    Parameters
+    ----------
+    source : path
+        Folder of a run's results, or a scene.toml, which is run first.
+    out : path
+        An .osim file, as of :func:`write_opensim`, or an .xml file, as of :func:`write_mujoco`.
+    into, replace : path, mapping of str to str, optional
+        For OpenSim: a model to put the muscles into, and names there by muscle.
+    overwrite : bool, optional
+        Whether files from elsewhere are replaced; inputs never are.
+    **options
+        Attributes of :class:`Export`.
+
+    Returns
+    -------
+    list of ExportedMuscle
+        The muscles as written, with errors, which are also in OUT_errors.csv.
+
+    Raises
+    ------
+    OSError, ValueError
+        For another ending of the file, and as of the writers.
+    """
+    path, model = Path(out), None if into is None else Path(into)
+    is_osim = path.suffix.lower() == ".osim"
+    if not is_osim and path.suffix.lower() != ".xml":
+        raise InputError(path, "unknown format of an export", "end its name in .osim or .xml")
+    if not is_osim and (into is not None or replace):
+        raise InputError("into", "muscles are put into models of OpenSim only", "leave it out")
+    inputs = [Path(source)] if model is None else [Path(source), model]
+    outputs = Outputs(path.parent, inputs=inputs, overwrite=overwrite)
+    outputs.check(path)
+    with outputs:
+        if is_osim:
+            return write_opensim(source, path, into=model, replace=replace, **options)
+        return write_mujoco(source, path, **options)
 
 
 def _meshes(run: _Run, out: Path) -> dict[str, list[str]]:

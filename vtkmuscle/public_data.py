@@ -127,7 +127,7 @@ def fetch(
 
     Examples
     --------
-    >>> from vtkmuscle.fetch import fetch
+    >>> from vtkmuscle import fetch
     >>> fetch("lhdl-hip")
     Traceback (most recent call last):
         ...
