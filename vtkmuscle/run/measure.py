@@ -147,7 +147,10 @@ class MuscleMeasure:
     def hooked_paths(
         self, paths: Floats, rings: Sequence[AttachmentArea], now: Mapping[str, Floats]
     ) -> float:
-        """Return the share of paths (k, n, 3) that turn sharply where no bone or via ring presses."""
+        """Return the share of paths (k, n, 3) that turn sharply where no bone or via ring presses.
+
+        A single path counts as none: a mean over few fibres hardly shows it.
+        """
         path, positions, reach = sharp_turns(paths)
         for name, bone in self._shapes.items():
             here = apply_transform(inverse(now.get(name, np.eye(4))), positions)
@@ -159,7 +162,8 @@ class MuscleMeasure:
             size = float(np.linalg.norm(landmarks - centre, axis=1).max())
             away = np.linalg.norm(positions - centre, axis=1) > size + reach
             path, positions, reach = path[away], positions[away], reach[away]
-        return len(np.unique(path)) / len(paths)
+        hooked = len(np.unique(path))
+        return hooked / len(paths) if hooked > 1 else 0.0
 
     def take_fibres_at_rest(self, fibre_points: Floats, offsets: Ints) -> None:
         """Take the depths of fibres in bones at rest.

@@ -140,7 +140,7 @@ def arrangement(points: Floats, offsets: Ints, samples: Floats, volume: float) -
         crossing=max(_crossing(lines, neighbours), _crossing(lines[:, ::-1], neighbours)),
         hooked=float(np.mean([turn.max(initial=0.0) > HOOKED for turn in turns])),
         turning=float(np.percentile([turn.sum() for turn in turns], 95.0)),
-        bare=float((distances > _spacing(points, offsets, samples, abs(volume))).mean())
+        bare=float((distances > _spacing(lines, offsets, points, samples, abs(volume))).mean())
         if len(samples)
         else 0.0,
     )
@@ -163,17 +163,25 @@ def _neighbours(middle: Floats) -> Ints:
     return np.array([row[row != number][:count] for number, row in enumerate(nearest)])
 
 
-def _spacing(points: Floats, offsets: Ints, samples: Floats, volume: float) -> float:
+def _spacing(lines: Floats, offsets: Ints, points: Floats, samples: Floats, volume: float) -> float:
     """Return the spacing of an even pattern in the largest section [mm].
 
-    A fibre's share is the section by the number of fibres, or the volume by the length of all fibres, where
-    these are too short to pass the section.
+    A fibre's share is the largest section that half of the fibres pass, by the number of fibres that pass
+    it, or the volume by the length of all fibres, where no section is passed by half of them.
     """
-    arcs, _ = along(centroid_path(points, offsets, NODES), samples)
-    counts, edges = np.histogram(arcs, NODES - 1)
-    section = volume * counts.max() / len(samples) / float(edges[1] - edges[0])
+    path = centroid_path(points, offsets, NODES)
+    counts, edges = np.histogram(along(path, samples)[0], NODES - 1)
+    stations = along(path, lines.reshape(-1, 3))[0].reshape(lines.shape[:2])
+    middles = 0.5 * (edges[1:] + edges[:-1])
+    passing = (stations.min(axis=1) <= middles[:, None]) & (stations.max(axis=1) >= middles[:, None])
+    fibres = passing.sum(axis=1)
+    sections = volume * counts / len(samples) / (edges[1] - edges[0])
+    passed = 2 * fibres >= len(lines)
     share = volume / float(polyline_lengths(points, offsets).sum())
-    return float(np.sqrt(max(section / (len(offsets) - 1), share)))
+    if passed.any():
+        largest = np.where(passed, sections, 0.0).argmax()
+        share = max(share, float(sections[largest] / fibres[largest]))
+    return float(np.sqrt(share))
 
 
 def _crossing(lines: Floats, neighbours: Ints) -> float:
