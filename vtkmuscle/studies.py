@@ -19,6 +19,7 @@ from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.machine import processors
 from vtkmuscle.filters.path_deformer import PathDeformer
 from vtkmuscle.filters.pbd_deformer import PBDDeformer
+from vtkmuscle.filters.taut_paths import TautPaths
 from vtkmuscle.io.writing import locked
 from vtkmuscle.run import Result, frame_numbers
 from vtkmuscle.run.frames import run_options
@@ -117,8 +118,9 @@ def vary(
     out, client, workers, frames
         As of :func:`cohort`.
     **settings : iterable
-        Values of a field of the scene (``deformer``, ``quality``, ``paths``), of a parameter of the deformer
-        (``iterations``), or of a setting of the fibres (``n_fibres``). A setting is a column.
+        Values of a field of the scene (``deformer``, ``quality``, ``paths``), of a parameter of the paths
+        (``n_paths``, ``paths.resolution``), of the deformer (``iterations``), or of a setting of the fibres
+        (``n_fibres``). A setting is a column.
 
     Raises
     ------
@@ -143,12 +145,17 @@ def vary(
 def with_settings(scene: Scene, values: Mapping[str, Any]) -> Scene:
     """Return the scene with changed settings.
 
-    Settings of the scene, of the solver, or of the fibres of all muscles.
+    Settings of the scene, of the paths, of the solver, or of the fibres of all muscles.
     """
     own = {field.name for field in fields(SceneData)} - {"name", "bones", "muscles", "motion", "files"}
     changed = {name: value for name, value in values.items() if name in own}
+    prefixed = {"n_paths": "n_paths"} | {f"paths.{name}": name for name in TautPaths.parameter_declarations}
+    paths = {prefixed[name]: value for name, value in values.items() if name in prefixed}
+    if paths:
+        changed["paths"] = {**(changed.get("paths", scene.paths) or {}), **paths}
     solver = {name: value for name, value in values.items() if name in DEFORMERS - own}
-    fibres = {name: value for name, value in values.items() if name not in changed and name not in solver}
+    other = own | solver.keys() | prefixed.keys()
+    fibres = {name: value for name, value in values.items() if name not in other}
     muscles = {
         name: replace(
             muscle,

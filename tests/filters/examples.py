@@ -129,7 +129,8 @@ def paths(time=4.0):
     moved = rest + np.tile(np.linspace(0.0, 1.0, len(rest) // count), count)[:, None] * (0.0, -time, 0.0)
     data = with_points(data, moved)
     set_point_array(data, "RestPosition", rest)
-    set_cell_array(data, "Squeezed", np.zeros(count))
+    for name in ("Squeezed", "Sag"):
+        set_cell_array(data, name, np.zeros(count))
     steps = np.diff(moved.reshape(count, -1, 3), axis=1)
     set_cell_array(data, "Length", np.linalg.norm(steps, axis=2).sum(axis=1))
     for name in PHANTOM.motion.coordinates:

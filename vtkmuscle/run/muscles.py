@@ -26,7 +26,7 @@ from vtkmuscle.data.arrays import (
     shallow_copy,
     with_points,
 )
-from vtkmuscle.data.paths import PATH_STEPS, SQUEEZED, UNSETTLED
+from vtkmuscle.data.paths import PATH_STEPS, SAG, SQUEEZED, UNSETTLED
 from vtkmuscle.filters.base.algorithm import AbortedError
 from vtkmuscle.filters.base.filter import Filter
 from vtkmuscle.filters.base.running import upstream
@@ -192,9 +192,10 @@ class MuscleRun:
             if frame is not None:
                 frames.append(frame)
         if fibres is not None:
-            if fibres.GetCellData().HasArray(SQUEEZED):
-                squeezed = cell_array(fibres, SQUEEZED, "fibres")
-                row["squeezed_p95_mm"] = float(np.percentile(squeezed, 95)) * self.scene.millimetres
+            for name in (SQUEEZED, SAG):
+                if fibres.GetCellData().HasArray(name):
+                    depth = float(np.percentile(cell_array(fibres, name, "fibres"), 95))
+                    row[f"{name.lower()}_p95_mm"] = depth * self.scene.millimetres
             self.track.add_lengths(fibres, self.scene.millimetres)
             measures = measures_of_fibres(fibres, self.scene.millimetres)
             self.track.report["fibre_measures"].append({"frame": number, "time": now, **measures})
