@@ -1,13 +1,18 @@
 """Paths of all fibres carried by a few: affine motions, the guides themselves, levers, mean errors."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from phantom_paths import AXIS, angles, levers, strung, strung_phantom, swept, turned
 from phantoms import wrapping_cylinder
 
+from vtkmuscle import Scene
 from vtkmuscle.core.motion.rigid import hinge, rotation_about
 from vtkmuscle.core.paths.guides import Guides, thin_plate_weights
 from vtkmuscle.core.paths.neighbours import path_lengths
+from vtkmuscle.data.arrays import cell_array
+from vtkmuscle.run import muscle_pipeline
 
 STILL = np.tile(np.eye(4), (2, 1, 1))
 #: Error of mean moment arms by the number of guides, root mean square over poses [mm].
@@ -101,3 +106,22 @@ def test_mean_arms_of_carried_fibres_are_of_all_and_those_known(count):
     about = made.poses(motion), [made.names.index("pulley")], (0, 0, 0), AXIS
     few, every = (mean_arms(made.pulled(n_paths=n), *about) for n in (count, 100))
     assert np.sqrt(np.mean((few - every) ** 2)) < WITHIN[count]
+
+
+@pytest.mark.realdata
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["gluteus_maximus", "gluteus_medius", "iliacus", "adductor_brevis"])
+def test_mean_arms_of_a_real_muscle_are_about_those_of_all_paths(lhdl_hip, name):
+    """The sheet of 100 paths is itself no nearer to that of 200."""
+    scene = replace(Scene.load(lhdl_hip / "scene.toml"), deformer="none", files={})
+    arms = {}
+    for count in (1000, *WITHIN):
+        paths = muscle_pipeline(replace(scene, paths={"n_paths": count}), name).taut_paths
+        arms[count] = np.array(
+            [
+                np.mean(cell_array(paths.update(time=float(time)).output, "Lever_hip_flexion_r", name))
+                for time in scene.motion.times[::5]
+            ]
+        )
+    for count in WITHIN:
+        assert np.sqrt(np.mean((arms[count] - arms[1000]) ** 2)) < 0.65

@@ -64,13 +64,15 @@ class Guides:
             sites = np.hstack([fibres[:, station], bones])
             weights[:] = thin_plate_weights(sites[self.numbers], sites[self._others])
 
-    def carry(self, guides: Floats, moves: Floats) -> Floats:
+    def carry(self, guides: Floats, moves: Floats | None) -> Floats:
         """Return all fibres' points, or velocities, of those of the guides.
 
         ``guides`` are (g, n, 3); the result is (f, n, 3). ``moves`` (b, 4, 4) take points at rest to where
-        the bones take them, or to their velocities with the bones.
+        the bones take them, or to their velocities with the bones; None for bones without velocity.
         """
-        result = with_bones(self._fibres, *self._ends, moves)
+        result = np.zeros(self._fibres.shape)
+        if moves is not None:
+            result = with_bones(self._fibres, *self._ends, moves)
         drift = guides - result[self.numbers]
         result[self.numbers] = guides
         result[self._others] += (self._weights @ drift.swapaxes(0, 1)).swapaxes(0, 1)

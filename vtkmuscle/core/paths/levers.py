@@ -82,11 +82,12 @@ def path_levers(
         return levers.T
     relative = relative[moved]
 
-    def shortening(velocity: Floats, twists: Floats = relative[:1] * 0.0) -> Floats:
+    def shortening(velocity: Floats, twists: Floats | None = None) -> Floats:
         """Return the rates of shortening (k, v) of all paths; without twists the ends stay."""
         if carried is not None:
-            guides, moves = carried[0], _moved_by(np.broadcast_to(twists, relative.shape), carried[1])
-            velocity = np.stack([guides.carry(velocity[..., v], by) for v, by in enumerate(moves)], axis=3)
+            ways = np.moveaxis(velocity, 3, 0)
+            moves = [None] * len(ways) if twists is None else _moved_by(twists, carried[1])
+            velocity = np.stack(list(map(carried[0].carry, ways, moves)), axis=3)
         rates: Floats = np.einsum("fni,fniv->fv", pull, velocity)
         return rates
 
