@@ -21,7 +21,7 @@ from vtkmuscle.core.bones.bone import depth_in
 from vtkmuscle.core.fixed_muscle import FixedMuscle
 from vtkmuscle.core.skinning import settling
 from vtkmuscle.core.skinning.carried_muscle import CarriedMuscle
-from vtkmuscle.data.moving_bones import RestBones, bones_of, fixed_points_of
+from vtkmuscle.data.moving_bones import fixed_points_of, rest_bones_of
 from vtkmuscle.data.muscle_geometry import surface_of
 from vtkmuscle.data.paths import path_lines_of
 from vtkmuscle.run import muscle_pipeline
@@ -47,7 +47,7 @@ def front(scene: Scene, name: str, every: int) -> None:
     fixed = pipeline.fixed.update().output
     muscle = surface_of(fixed, name)
     fixed_to = fixed_points_of(muscle, list(scene.bones))
-    bones = RestBones().shapes(bones_of(scene.bones_data(), name), name)
+    bones = rest_bones_of(scene.bones_data(), name).shapes
     rest = path_lines_of(pipeline.taut_paths.update(time=scene.motion.times[0]).output, name).rest
     model = CarriedMuscle(FixedMuscle(muscle.points, muscle.triangles, fixed_to), rest, bones)
     poses = []

@@ -25,6 +25,7 @@ from vtkmuscle import Scene
 from vtkmuscle.core.fibres.measures import arrangement
 from vtkmuscle.core.mesh.normals import unit_vectors
 from vtkmuscle.core.mesh.polylines import evenly_spaced, polyline_lengths
+from vtkmuscle.core.mesh.surface import signed_volume
 from vtkmuscle.data.arrays import Polylines, field_string, polylines_of
 from vtkmuscle.data.attachments import AttachmentArea, aponeuroses_data, attachments_from
 from vtkmuscle.data.muscle_geometry import muscle_geometry
@@ -85,9 +86,10 @@ def course_figures(muscle: Any, areas: Any, way: Way) -> str:
         start = time.process_time()
         fibres = way(muscle, areas, 100).update().output
         times.append(time.process_time() - start)
-    lines, samples = polylines_of(fibres, "fibres"), muscle_geometry(muscle, "muscle").samples(SAMPLES)
+    lines, geometry = polylines_of(fibres, "fibres"), muscle_geometry(muscle, "muscle")
+    samples, volume = geometry.samples(SAMPLES), signed_volume(geometry.points, geometry.triangles)
     dense = evenly_spaced(lines.points, lines.offsets, DENSE).reshape(-1, 3)
-    found = arrangement(lines.points, lines.offsets, samples)
+    found = arrangement(lines.points, lines.offsets, samples, volume)
     away = np.percentile(cKDTree(dense).query(samples)[0], 95)
     length = polyline_lengths(lines.points, lines.offsets).mean()
     return (

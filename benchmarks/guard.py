@@ -62,7 +62,7 @@ def figures() -> dict[str, Callable[[], object]]:
         "settling": settling_of(TRIANGLES),
         "step": steps_of(TRIANGLES),
         "transport": transported,
-        "weights": lambda: sparse_mean_value_coordinates(points, triangles, places, prune=0.3, threads=1),
+        "weights": lambda: sparse_mean_value_coordinates(points, triangles, places, prune=0.3),
         "decomposition": lambda: decompose(muscle, areas, n_fibres=100, resolution=15).update(),
     }
 

@@ -15,14 +15,7 @@ from vtkmuscle.core.mesh.rest_shape import RestShape
 from vtkmuscle.core.mesh.surface import mesh_topology
 from vtkmuscle.core.motion.rigid import RigidMotion, rotation_about
 from vtkmuscle.core.skinning.settling import Settling
-from vtkmuscle.data.arrays import (
-    blocks_of,
-    multiblock_from,
-    points_of,
-    set_point_array,
-    surface_from,
-    with_points,
-)
+from vtkmuscle.data.arrays import add_arrays, blocks_of, multiblock_from, points_of, surface_from, with_points
 from vtkmuscle.filters import BoneMotion, FixedPointDetector, PathDeformer, TautPaths
 from vtkmuscle.pipelines import decompose, deform
 
@@ -53,7 +46,7 @@ def steps_of(n_triangles: int) -> Callable[[], object]:
     muscle, part = surface_from(points, triangles), len(points) // FIXED_PART
     held = np.full(len(points), -1, dtype=np.int32)
     held[:part], held[len(points) // 2 : len(points) // 2 + part] = 0, 1
-    set_point_array(muscle, "FixedTo", held)
+    add_arrays(muscle, points={"FixedTo": held})
     turned = [rotation_about((0, 0, 0), (0, 0, 1), angle) for angle in (0.0, 1.0, 2.0)]
     far = with_points(muscle, points + np.array([0.0, 0.0, 100.0 * np.ptp(points)]))
     bones = multiblock_from({"still": far, "turning": far})
@@ -106,5 +99,5 @@ class Hip:
         """Run the whole scene, its muscles, fibres and measures, over so many frames."""
         scene = replace(Scene.from_phantom(self.phantom, n_fibres=20), deformer=deformer)
         if quality is not None:
-            scene = scene.with_quality(quality)
+            scene = scene.with_settings(quality=quality)
         return scene.run(frames=slice(0, last + 1), figures=False, workers=1)

@@ -42,7 +42,9 @@ FRAMES, FIBRES = 4, 25
 def scene_of(kind: str, size: int) -> tuple[Scene, int]:
     """Return the spindle over the hinge, grown in one way, and how many frames of it to run."""
     n_fibres = size if kind == "fibres" else FIBRES
-    scene = Scene.from_phantom(phantoms.spindle_over_hinge(), n_fibres=n_fibres).with_quality("preview")
+    scene = Scene.from_phantom(phantoms.spindle_over_hinge(), n_fibres=n_fibres).with_settings(
+        quality="preview"
+    )
     ((name, muscle),) = scene.muscles.items()
     frames = size if kind == "frames" else FRAMES
     last = len(scene.motion.times) - 1

@@ -1,10 +1,17 @@
-"""Closed surfaces with known insides, for tests of distances and collisions."""
+"""Closed surfaces with known insides, for tests of distances and collisions, and polylines."""
 
 import numpy as np
 from scipy.spatial import ConvexHull
 
 from vtkmuscle.core.mesh.surface import opposite_half_edges
 from vtkmuscle.core.morphing.sections import ClosedSurface
+from vtkmuscle.data.arrays import Polylines, polylines_from
+
+
+def lines_of(lines):
+    """Return polylines as a data set, from points (n, 3) of each."""
+    offsets = np.append(0, np.cumsum([len(line) for line in lines]))
+    return polylines_from(Polylines(np.vstack(lines).astype(float), offsets))
 
 
 def convex(points):

@@ -104,6 +104,17 @@ def write_entry_points(folder):
     (info / "entry_points.txt").write_text("\n".join(lines) + "\n")
 
 
+def test_a_modellers_mesh_is_taken_as_triangles_with_shared_corners(spindle, mesh):
+    corners = mesh.points[mesh.regular_faces].reshape(-1, 3)
+    split = pv.PolyData.from_regular_faces(corners, np.arange(len(corners)).reshape(-1, 3))
+    areas = spindle.attachments["spindle"]
+    fixed = split.muscle.fixed(spindle.bones, attachments=areas)
+    assert fixed.n_points == mesh.n_points
+    assert (fixed["FixedTo"] >= 0).sum() == (
+        mesh.muscle.fixed(spindle.bones, attachments=areas)["FixedTo"] >= 0
+    ).sum()
+
+
 def test_pyvista_finds_it_without_an_import(tmp_path):
     write_entry_points(tmp_path / "installed")
     path = os.pathsep.join([str(tmp_path / "installed"), str(Path(vtkmuscle.__file__).parents[1])])

@@ -95,14 +95,6 @@ def test_pipes_and_devices_are_refused(scene_file, tmp_path, where, kind):
     assert "pipe or a device" in words
 
 
-def test_not_enough_memory_is_one_line(scene_file, monkeypatch):
-    def fail(path):
-        raise MemoryError
-
-    monkeypatch.setattr(Scene, "load", fail)
-    assert "out of memory" in run(scene_file)
-
-
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no device that is full")
 @pytest.mark.parametrize(
     "command", [["--version"], ["info", "muscles/spindle.vtp"]], ids=["here", "in a command"]

@@ -52,7 +52,7 @@ def test_a_run_is_not_written_over_its_inputs(scene_file):
     before = contents(scene_file.parent)
     for insist in ((), ("--overwrite",)):
         done = vtkmuscle_("run", scene_file, "--out", scene_file.parent, *QUICK, *insist)
-        assert refused(scene_file.parent, done, "an input of the scene (bones.upper.surface)")
+        assert refused(scene_file.parent, done, "an input (bones.upper.surface)")
     assert contents(scene_file.parent) == before
 
 
@@ -214,8 +214,10 @@ def test_a_demo_keeps_a_scene_that_is_there(tmp_path):
     assert save(overwrite=True) == path
     assert path.read_bytes() == written
     path.unlink()
-    with pytest.raises(ValueError, match=r"without a scene\.toml"):
+    (tmp_path / "scene/bones/distal.vtp").write_text("mine")
+    with pytest.raises(ValueError, match=r"distal\.vtp: the file exists"):
         save()
+    assert not path.exists()
     assert [path.name for path in tmp_path.iterdir()] == ["scene"]
 
 

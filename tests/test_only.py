@@ -31,14 +31,18 @@ def test_lengths_and_moment_arms_are_those_of_a_run(scene, whole, tmp_path):
     assert_allclose(lengths["length_mm"], whole.length_table()["length_mm"], rtol=0, atol=1e-9)
     expected = whole.moment_arms().table()
     assert_allclose(arms["moment_arm_mm"], expected["moment_arm_mm"], rtol=0, atol=1e-9)
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["lengths.csv", "moment_arms.csv"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == [
+        ".vtkmuscle.json",
+        "lengths.csv",
+        "moment_arms.csv",
+    ]
 
 
 def test_surfaces_are_those_of_a_run(scene, whole, tmp_path):
     surfaces = run_only(scene, "surfaces", tmp_path, frames="0:9:4")["spindle"]
     for frame, surface in zip(whole.frames, surfaces, strict=True):
         assert_allclose(points_of(surface), points_of(whole.muscle("spindle", frame=frame)), atol=1e-9)
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["spindle", "spindle.pvd"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == [".vtkmuscle.json", "spindle", "spindle.pvd"]
 
 
 @pytest.mark.parametrize("what", ["lengths", "moment_arms"])

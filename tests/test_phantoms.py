@@ -304,8 +304,3 @@ def test_the_answers_of_blocks_are_those_of_finely_sampled_fibres(kind, rng):
         ):
             angles = np.degrees(np.arcsin(steps[:, 2] / np.linalg.norm(steps, axis=1)))
             assert np.allclose(known_of_each(phantom, f"pennation_{end}", r, s), angles, atol=0.02)
-
-
-def test_a_kind_of_block_that_there_is_not_is_named():
-    with pytest.raises(ValueError, match=r"fibre_block: kind is 'spiral', but must be one of 'parallel'"):
-        fibre_block("spiral")

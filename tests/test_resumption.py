@@ -17,7 +17,7 @@ from vtkmodules.vtkCommonDataModel import vtkPolyData
 from vtkmuscle import InputError, Result, Scene, SceneError
 from vtkmuscle.core.motion.coordinates import Coordinate
 from vtkmuscle.core.motion.rigid import RigidMotion
-from vtkmuscle.data.arrays import points_of, set_field_array, with_points
+from vtkmuscle.data.arrays import add_arrays, points_of, with_points
 from vtkmuscle.data.attachments import Aponeurosis, AttachmentArea
 from vtkmuscle.io import LiteratureCurve
 from vtkmuscle.run import store
@@ -157,7 +157,7 @@ def test_notes_of_another_version_and_damaged_notes_are_one_clear_error(finished
     file = finished / "finished" / f"{name}.json"
     content = json.loads(file.read_text())
     for changed, words in (
-        ({**content, "format": store.FORMAT + 1}, "the note is of another version of vtkmuscle"),
+        ({**content, "format": store.FORMAT + 1}, "of another version of vtkmuscle .format 4, not 3"),
         ({**content, "another": 1}, "the file is damaged; run the scene again"),
         ({key: value for key, value in content.items() if key != "files"}, "the file is damaged"),
         ({**content, "files": {"../../report.json": 1}}, "the file is damaged"),
@@ -211,7 +211,7 @@ def variants(value):
         yield "points", with_points(value, points_of(value) + 1e-12)
         named = vtkPolyData()
         named.ShallowCopy(value)
-        set_field_array(named, "Mine", np.ones(1))
+        add_arrays(named, fields={"Mine": np.ones(1)})
         yield "arrays", named
     elif isinstance(value, np.ndarray | bool | int | float):
         yield "number", value == 0 if isinstance(value, bool) else value * 2 + 1
@@ -324,3 +324,14 @@ def test_sense_is_not_checked_where_that_is_asked_for(scene):
     with pytest.raises(SceneError, match="would tear"):
         lost.run(frames="0:1")
     assert len(lost.run(frames="0:1", sense=False).times) == 1
+
+
+def test_a_report_of_another_version_is_one_error(finished):
+    """Also where its note's digest fits, as of results that an earlier version has finished."""
+    for number in (None, store.FORMAT - 1):
+        report = json.loads((finished / "report.json").read_text()) | {"format": number}
+        (finished / "report.json").write_text(json.dumps(report))
+        with pytest.raises(
+            InputError, match=rf"report\.json: .* \(format {number}, not {store.FORMAT}\); run"
+        ):
+            Result.load(finished)

@@ -87,8 +87,8 @@ def test_a_frame_is_asked_for_by_its_number_in_the_motion_or_by_its_time(scene, 
     ("name", "asked", "words"),
     [
         ("spindle", {"frame": 5}, "frame 5 was not kept; there are 0, 1, 2, 3, 4"),
-        ("spindle", {"frame": -1}, "frame -1 was not kept"),
-        ("spindle", {"time": 7.0}, "no frame of time 7 was kept; there are 0, 5, 10, 15, 20"),
+        ("spindle", {"frame": -6}, "frame -6 was not kept"),
+        ("spindle", {"time": 27.0}, "no frame of time 27 was kept; there are 0, 5, 10, 15, 20"),
         ("spindle", {}, "either the number of a frame"),
         ("spindle", {"frame": 0, "time": 0.0}, "either the number of a frame"),
         ("spindel", {"frame": 0}, "no muscle 'spindel' in the result; did you mean 'spindle'"),
@@ -98,13 +98,6 @@ def test_what_is_not_there_is_said(result, name, asked, words):
     for ask in (result.muscle, result.fibres):
         with pytest.raises(ValueError, match=words):
             ask(name, **asked)
-
-
-def test_what_comes_back_is_pyvistas(result):
-    assert isinstance(result.muscle("spindle", frame=1), pyvista.PolyData)
-    assert isinstance(result.rest_fibres("spindle"), pyvista.PolyData)
-    assert isinstance(result.bones(frame=1), pyvista.MultiBlock)
-    assert "FixedTo" in result.rest_muscle("plain").point_data
 
 
 # ------------------------------------------------------------------------------- what comes back
@@ -287,12 +280,6 @@ def test_the_tables_hold_the_result(result, out):
     assert report["seconds"].keys() == {"muscles", "page", "total"}
 
 
-def test_a_file_is_no_folder_to_write_to(scene, tmp_path):
-    (tmp_path / "out").write_text("")
-    with pytest.raises(NotADirectoryError, match="is a file; give another folder"):
-        scene.run(tmp_path / "out")
-
-
 def test_without_a_folder_nothing_is_written(scene, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     scene.run(frames=0)
@@ -345,15 +332,6 @@ def test_frames_are_counted_as_in_python(frames, numbers):
 def test_frames_that_do_not_exist_are_refused(frames):
     with pytest.raises(ValueError, match=r"give A:B with 0 <= A < B <= 46 \(B is not included\)"):
         frame_numbers(frames, 46)
-
-
-def test_progress_goes_up_to_one_for_every_muscle(scene):
-    seen = {name: [] for name in scene.muscles}
-    scene.run(frames="0:3", progress=lambda muscle, stage, fraction: seen[muscle].append((stage, fraction)))
-    for steps in seen.values():
-        fractions = [fraction for _, fraction in steps]
-        assert fractions == sorted(fractions)
-        assert steps[-1] == ("done", 1.0)
 
 
 @pytest.mark.parametrize("unit", ["cm", pytest.param("m", marks=pytest.mark.slow)])

@@ -12,7 +12,8 @@ from tiny_scene import ellipsoid, write_tiny_scene
 
 from vtkmuscle import Scene, SceneError, phantoms
 from vtkmuscle.core.mesh.solids import solids_of
-from vtkmuscle.core.motion.rigid import RigidMotion
+from vtkmuscle.core.motion.coordinates import Coordinate
+from vtkmuscle.core.motion.rigid import RigidMotion, hinge
 from vtkmuscle.data.arrays import checked_surface, points_of, surface_from, with_points
 from vtkmuscle.io import read_landmarks
 from vtkmuscle.scene.sense import check_sense
@@ -93,7 +94,57 @@ def pierced(scene):
     return bones(scene, rod=with_points(ellipsoid((40.0, 1.5, 1.5), (0, 0, 0)), rod))
 
 
+def hinged(scene, centre=(0.0, 0.0, 0.0), axis=(-1.0, 0.0, 0.0), angles=range(0, 31, 5), **column):
+    """Return a scene whose femur turns about an axis, flexing; ``column`` is a coordinate beside it."""
+    motion = hinge("femur", centre, axis, np.array(angles, dtype=float))
+    coordinates = {name: Coordinate(values, "deg") for name, values in column.items()}
+    times = np.arange(len(motion.times), dtype=float)
+    return replace(scene, motion=RigidMotion(times, motion.transforms, centre, coordinates))
+
+
+def twofold(scene):
+    """Return a scene with the first muscle twice, in contact."""
+    name, muscle = next(iter(scene.muscles.items()))
+    return replace(scene, muscles={name: muscle, "again": muscle}, muscle_contact="on")
+
+
 NONSENSE = {
+    "coordinate in another unit": (
+        lambda s: hinged(s, flexion=np.radians(range(0, 31, 5))),
+        False,
+        r"the bones turn by 57\.3 degrees per degree of the coordinate",
+    ),
+    "coordinate of another motion": (
+        lambda s: hinged(s, angles=[0, 5, 10, 15], flexion=[0.0, 50.0, 13.0, 80.0]),
+        False,
+        "degrees per degree of the coordinate",
+    ),
+    "coordinate with the wrong sign": (
+        lambda s: hinged(s, flexion=-np.arange(0.0, 31.0, 5.0)),
+        False,
+        "its sign is not of flexion: by the coordinate 'femur' extends in LPS",
+    ),
+    "angles in radians": (
+        lambda s: replace(s, motion=hinge("femur", (0, 0, 0), (-1, 0, 0), np.arange(0.0, 1.6, 0.2))),
+        False,
+        "write angles in degrees, not radians",
+    ),
+    "joint with a wrong centre": (
+        lambda s: hinged(s, centre=(0.0, 60.0, 80.0)),
+        False,
+        r"the bones 'pelvis' and 'femur' are \d+(\.\d+)? mm (deeper in each other|farther apart)",
+    ),
+    "frames missing from the motion": (
+        lambda s: hinged(s, angles=[0, 2, 4, 6, 26, 28, 30, 32]),
+        False,
+        r"the bones jump from frame 3 to frame 4, by 20 degrees: the step is 9\.\d times as large",
+    ),
+    "two muscles in one position": (twofold, False, r"100% of the muscle lies in the muscle 'again'"),
+    "guess of a joint that is not sure": (
+        lambda s: replace(s, guessed={"joints.hip.centre": 0.3, "units": 0.9}),
+        False,
+        r"guessed\.joints\.hip\.centre: is a guess with low confidence \(0\.30\)",
+    ),
     "bone through a muscle": (
         pierced,
         False,
@@ -116,7 +167,7 @@ NONSENSE = {
         "but 0",
     ),
     "landmarks beside the bone": (
-        lambda s: landmarks(s, lambda x: x + np.array([0, 0, 60])),
+        lambda s: landmarks(s, lambda x: x + np.array([0, 0, 80])),
         False,
         "from their bone",
     ),
@@ -180,10 +231,10 @@ NONSENSE = {
     "motion of 1e15 mm": (
         lambda s: translated(s, [0, 1e15]),
         True,
-        "check the unit of the motion's translations",
+        "farther apart than at rest; .* unit and order of the transforms",
     ),
-    "starts 3 m away": (lambda s: translated(s, [3000, 3001]), True, "the muscle would tear"),
-    "motion in another unit": (lambda s: translated(s, [0, 1, 300]), False, "the muscle would tear"),
+    "starts 3 m away": (lambda s: translated(s, [3000, 3001]), True, "farther apart than at rest"),
+    "motion in another unit": (lambda s: translated(s, [0, 1, 300]), False, "farther apart than at rest"),
 }
 
 
@@ -246,6 +297,16 @@ def test_of_what_can_be_meant_nothing_is_said(name):
 @pytest.mark.parametrize(("units", "factor"), [("cm", 0.1), ("m", 0.001)])
 def test_of_a_scene_that_says_its_unit_nothing_is_said(good, units, factor):
     assert said(replace(scaled(good, factor), units=units)) == (None, [])
+
+
+def test_a_motion_that_can_be_meant_is_not_said():
+    """Grids, pauses, reversals, turns with a screw-home, and flexion in RAS."""
+    scene = Scene.from_phantom(phantoms.hip())
+    assert said(hinged(scene, flexion=np.arange(0.0, 31.0, 5.0))) == (None, [])
+    assert said(hinged(scene, angles=[0, 5, 10, 10.1, 10.2, 15, 20])) == (None, [])
+    assert said(hinged(scene, flexion=np.arange(0.0, 31.0, 5.0) / 1.12)) == (None, [])
+    ras = replace(hinged(scene, axis=(1.0, 0.0, 0.0), flexion=np.arange(0.0, 31.0, 5.0)), frame="RAS")
+    assert said(ras) == (None, [])
 
 
 def test_a_run_says_it_and_writes_nothing_where_it_is_sure(good, tmp_path):

@@ -194,3 +194,17 @@ def test_a_stop_ends_the_processes(scene, tmp_path):
     (folder,) = (tmp_path / "out").glob("anna-*")
     report = ResultFolder(folder).report()
     assert report is None or not report["complete"]
+
+
+def test_subjects_with_similar_names_keep_their_own_folders_and_rows(scene, tmp_path):
+    """Names that differ only in characters that file names lose: the folder has a digest of the name."""
+    turned = Scene.from_phantom(phantoms.spindle_over_hinge(), n_fibres=7, resolution=5)
+    names = ("a b", "a_b")
+    scenes = {name: (scene, turned)[i % 2] for i, name in enumerate(names)}
+    table = vtkmuscle.cohort(scenes, tmp_path, workers=1, frames="0:2")
+    again = vtkmuscle.cohort(scenes, tmp_path, workers=1, frames="0:2")
+    assert len({name.casefold() for name in table["folder"]}) == len(names)
+    for i, name in enumerate(names):
+        own = vtkmuscle.cohort({name: scenes[name]}, workers=1, frames="0:2")
+        assert table["length_mm"][i] == again["length_mm"][i] == own["length_mm"][0]
+    assert table["length_mm"][0] != table["length_mm"][1]

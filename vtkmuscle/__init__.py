@@ -23,6 +23,12 @@ if TYPE_CHECKING:
     from vtkmuscle.core.errors import InputError
     from vtkmuscle.core.motion.rigid import RigidMotion, hinge
     from vtkmuscle.data.attachments import AttachmentArea
+    from vtkmuscle.installation import selftest
+    from vtkmuscle.labels.draft import Draft
+    from vtkmuscle.labels.page import from_labels, init
+    from vtkmuscle.opensim.checking import check_model as check
+    from vtkmuscle.opensim.from_run import export
+    from vtkmuscle.public_data import fetch
     from vtkmuscle.run.result import MuscleResult, Result
     from vtkmuscle.run.table import MomentArmTable, Table
     from vtkmuscle.scene.data import Muscle
@@ -51,12 +57,19 @@ _SOURCES = {
     "SceneError": "vtkmuscle.scene.faults",
     "Table": "vtkmuscle.run.table",
     "Tradeoff": "vtkmuscle.tradeoffs",
+    "selftest": "vtkmuscle.installation",
+    "Draft": "vtkmuscle.labels.draft",
+    "from_labels": "vtkmuscle.labels.page",
+    "init": "vtkmuscle.labels.page",
+    "export": "vtkmuscle.opensim.from_run",
+    "fetch": "vtkmuscle.public_data",
     "tradeoff": "vtkmuscle.tradeoffs",
 }
 
 __all__ = [
     "AttachmentArea",
     "Comparison",
+    "Draft",
     "InputError",
     "MomentArmTable",
     "Muscle",
@@ -68,13 +81,19 @@ __all__ = [
     "Table",
     "Tradeoff",
     "__version__",
+    "check",
     "cohort",
     "compare",
+    "export",
+    "fetch",
     "filters",
+    "from_labels",
     "hinge",
+    "init",
     "phantoms",
     "pipelines",
     "plotting",
+    "selftest",
     "tradeoff",
     "vary",
 ]
@@ -85,7 +104,12 @@ def __getattr__(name: str) -> Any:
         return import_module(f"vtkmuscle.{name}")
     if name in _SOURCES:
         return getattr(import_module(_SOURCES[name]), name)
-    raise AttributeError(f"module 'vtkmuscle' has no attribute {name!r}; {suggestion(name, __all__)}")
+    if name == "check":
+        return import_module("vtkmuscle.opensim.checking").check_model
+    remedy = suggestion(name, __all__)
+    if not name.startswith("_") and name in import_module("vtkmuscle.filters").__all__:
+        remedy = f"it is vtkmuscle.filters.{name}"
+    raise AttributeError(f"module 'vtkmuscle' has no attribute {name!r}; {remedy}")
 
 
 def __dir__() -> list[str]:

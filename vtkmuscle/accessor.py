@@ -15,7 +15,7 @@ from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkPolyData
 
 from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.core.types import Floats
-from vtkmuscle.data.arrays import Polylines, blocks_of, polylines_from
+from vtkmuscle.data.arrays import Polylines, blocks_of, joined_triangles, polylines_from
 from vtkmuscle.data.attachments import AttachmentArea, landmarks_of
 from vtkmuscle.filters.fibre_metrics import FibreMetrics
 from vtkmuscle.filters.fibre_tubes import FibreTubes
@@ -53,7 +53,13 @@ class MuscleAccessor:
     """
 
     def __init__(self, mesh: Any) -> None:
-        self._mesh = mesh
+        self._given = mesh
+
+    @property
+    def _mesh(self) -> Any:
+        """The mesh; polygons as triangles, equal points joined as by ``vtkmuscle.io.read_surface``."""
+        joined, changes = joined_triangles(self._given)
+        return pyvista.wrap(joined) if changes else self._given
 
     def fixed(
         self,
@@ -155,7 +161,7 @@ class MuscleAccessor:
         """
         named = {} if bones is None else bones
         lines_alone = self._mesh.GetNumberOfPolys() == 0
-        muscles = {} if lines_alone else {"muscle": self._mesh.triangulate()}
+        muscles = {} if lines_alone else {"muscle": self._mesh}
         lines = self._mesh if lines_alone else fibres
         scene = MovingScene(named, muscles, {} if lines is None else {"muscle": lines}, off_screen=off_screen)
         if not show:

@@ -100,10 +100,7 @@ class Comparison:
         return figure
 
     def write(self, folder: str | PathLike[str]) -> list[Path]:
-        """Write table and figure to a folder; return both.
-
-        The table is ``comparison.csv``, the figure ``comparison.png``.
-        """
+        """Write ``comparison.csv`` and ``comparison.png`` to a folder; return both."""
         from vtkmuscle.plotting.sheets import save_figure  # noqa: PLC0415 -- a table needs no figure
 
         table = self.table().to_csv(Path(folder) / "comparison.csv", digits=6)
@@ -161,7 +158,7 @@ def compare(
     --------
     >>> import vtkmuscle
     >>> scene = vtkmuscle.Scene.from_phantom(vtkmuscle.phantoms.spindle_over_hinge(), n_fibres=8)
-    >>> runs = {name: scene.with_quality(name).run(frames="0:2") for name in ("preview", "balanced")}
+    >>> runs = {name: scene.with_settings(quality=name).run(frames="0:2") for name in ("preview", "balanced")}
     >>> compared = vtkmuscle.compare(runs)
     >>> compared
     Comparison of preview, balanced: spindle
@@ -196,10 +193,7 @@ def _named(results: Sequence[Result | str | PathLike[str]]) -> dict[str, Result]
 
 
 def curves_of(result: Result, muscle: str) -> list[Curve]:
-    """Return the curves of a muscle of a run.
-
-    Lengths of paths and fibres, and moment arms by each coordinate.
-    """
+    """Return the curves of a muscle of a run: lengths of paths and fibres, and moment arms."""
     curves = []
     for quantity, lengths in ((_LENGTH, result.lengths), ("fibre length", result.fibre_lengths)):
         if muscle in lengths:

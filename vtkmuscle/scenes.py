@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
+from html import escape
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet
 
+from vtkmuscle.core.words import ByName, suggestion
 from vtkmuscle.core.words import names as as_names
-from vtkmuscle.core.words import suggestion
 from vtkmuscle.data.arrays import blocks_of
+from vtkmuscle.plotting.drawing import html_picture
 from vtkmuscle.run.frames import run_options
 from vtkmuscle.run.result import Result
 from vtkmuscle.run.steps import run_scene
@@ -20,6 +22,7 @@ from vtkmuscle.scene.checks import checked
 from vtkmuscle.scene.data import Muscle, SceneData
 from vtkmuscle.scene.faults import SceneError
 from vtkmuscle.scene.reading import read_fields
+from vtkmuscle.scene.schema_types import Fibres, Paths, Solver
 from vtkmuscle.scene.writing import write_scene
 
 if TYPE_CHECKING:
@@ -28,9 +31,18 @@ if TYPE_CHECKING:
 #: Most muscles listed by name in ``repr``: two lines of a terminal.
 _MOST_LISTED = 8
 
+#: Fields of a scene that are no settings.
+_CONTENT = ("name", "bones", "muscles", "motion", "files")
+#: Fields of a scene that are settings.
+_OWN = [each.name for each in fields(SceneData) if each.name not in _CONTENT]
+#: Parameters of the paths among the settings: ``resolution`` alone is of the fibres.
+_PATHS = {"n_paths": "n_paths"} | {f"paths.{name}": name for name in Paths.model_fields}
+#: All settings of :meth:`Scene.with_settings`.
+_SETTINGS = list(dict.fromkeys([*_OWN, *_PATHS, *Solver.model_fields, *Fibres.model_fields]))
+
 
 @dataclass(frozen=True, eq=False)
-class Scene(SceneData):
+class Scene(SceneData, ByName):
     """Bones, muscles and a motion, ready to run.
 
     A scene is checked. All lengths are in the scene's unit: coordinates, translations, and settings such as
@@ -64,6 +76,10 @@ class Scene(SceneData):
     quality : str or None
         A preset of numbers, ``"preview"``, ``"balanced"`` or ``"accurate"``, with deformer ``"pbd"`` also
         ``"published"``; the settings of ``paths``, ``solver`` and of the muscles override it.
+    frame : str
+        Frame of the surfaces, ``"LPS"`` or ``"RAS"``.
+    guessed : mapping of str to float
+        Confidence, 0 to 1, of guesses by the dotted keys of joints and units, until confirmed.
     files : mapping of str to Path
         Source file of the value of a dotted key; ``""`` is the scene's own file.
 
@@ -128,8 +144,14 @@ class Scene(SceneData):
         """
         return write_scene(self, Path(folder))
 
-    def run(self, out: str | PathLike[str] | None = None, **options: Any) -> Result:
-        """Deform and measure all muscles over the motion.
+    def run(
+        self,
+        out: str | PathLike[str] | None = None,
+        *,
+        muscles: str | Sequence[str] | None = None,
+        **options: Any,
+    ) -> Result:
+        """Deform and measure muscles over the motion.
 
         Fibres are moved with the muscles.
 
@@ -140,9 +162,12 @@ class Scene(SceneData):
             architecture.csv, moment_arms.csv, report.json, figures, and report.html. Finished muscles of an
             earlier run with equal inputs and settings are taken over; further files are left alone. The
             result reads frames from the folder. Without a folder frames stay in memory.
+        muscles : str or sequence of str, optional
+            Muscles to run; default all.
         **options
             Of :class:`vtkmuscle.run.RunOptions`: ``frames``, ``workers``, ``fresh``, ``overwrite``,
-            ``figures``, ``report``, ``progress``, ``observe``, ``sense`` and ``clock``.
+            ``figures``, ``report``, ``progress``, ``observe``, ``sense`` and ``clock``; and settings of
+            :meth:`with_settings`, such as ``quality``, ``deformer`` or ``n_fibres``.
 
         Returns
         -------
@@ -165,8 +190,15 @@ class Scene(SceneData):
         """
         if out is not None and not str(out):
             raise ValueError("out is empty; give the name of a folder")
-        target = None if out is None else Path(out)
-        return run_scene(self, target, run_options(options))
+        scene = self if muscles is None else self.with_muscles(*as_names(muscles))
+        settings = {name: options.pop(name) for name in _SETTINGS if name in options}
+        if settings:
+            scene = scene.with_settings(**settings)
+        return run_scene(scene, None if out is None else Path(out), run_options(options, _SETTINGS))
+
+    def keys(self) -> list[str]:
+        """Return the names of muscles and bones, over which a scene iterates."""
+        return [*self.muscles, *self.bones]
 
     def __getitem__(self, name: str) -> Any:
         """Return a muscle or bone at rest. The data are PyVista's: ``scene["iliacus"].plot()``."""
@@ -193,6 +225,10 @@ class Scene(SceneData):
         plotter = plotter_at_rest(shown, off_screen)
         return plotter.show() if show else plotter
 
+    def _repr_html_(self) -> str:
+        picture = html_picture(lambda: self.plot(show=False, off_screen=True))
+        return f"<p>{escape(repr(self))}</p>{picture}"
+
     def __repr__(self) -> str:
         muscles = ", ".join(self.muscles)
         listed = muscles if len(self.muscles) <= _MOST_LISTED else f"{len(self.muscles)} muscles"
@@ -210,9 +246,43 @@ class Scene(SceneData):
         kept = {name: muscle for name, muscle in self.muscles.items() if name in names}
         return replace(self, muscles=kept)
 
-    def with_quality(self, quality: str) -> Self:
-        """Return the scene with another preset; its settings stay. SceneError if the preset is unknown.
+    def with_settings(self, **settings: Any) -> Self:
+        """Return the scene with changed settings.
 
-        ``"preview"``, ``"balanced"``, ``"accurate"``, or ``"published"`` with deformer ``"pbd"``.
+        Parameters
+        ----------
+        **settings
+            A field of the scene (``deformer``, ``quality``, ``paths``, ...), a parameter of the paths
+            (``n_paths``, ``paths.resolution``) or of the deformer for all muscles (``iterations``), or a
+            setting of the fibres of all muscles (``n_fibres``).
+
+        Raises
+        ------
+        SceneError
+            If there is no such setting, or its value is not allowed.
+
+        Examples
+        --------
+        >>> import vtkmuscle
+        >>> scene = vtkmuscle.Scene.from_phantom(vtkmuscle.phantoms.spindle_over_hinge())
+        >>> scene.with_settings(quality="preview", n_fibres=8).muscles["spindle"].fibres["n_fibres"]
+        8
         """
-        return replace(self, quality=quality)
+        for name in settings:
+            if name not in _SETTINGS:
+                raise SceneError(f"a scene has no setting {name!r}", "", suggestion(name, _SETTINGS))
+        own = {name: value for name, value in settings.items() if name in _OWN}
+        if paths := {_PATHS[name]: value for name, value in settings.items() if name in _PATHS}:
+            own["paths"] = {**(own.get("paths", self.paths) or {}), **paths}
+        rest = {name: value for name, value in settings.items() if name not in (*_OWN, *_PATHS)}
+        solver = {name: value for name, value in rest.items() if name in Solver.model_fields}
+        of_fibres = {name: value for name, value in rest.items() if name not in solver}
+        muscles = {
+            name: replace(
+                muscle,
+                solver={**muscle.solver, **solver},
+                fibres=None if muscle.fibres is None else {**muscle.fibres, **of_fibres},
+            )
+            for name, muscle in self.muscles.items()
+        }
+        return replace(self, muscles=muscles, files={}, **own)

@@ -7,7 +7,6 @@ import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import BrokenExecutor, ProcessPoolExecutor, as_completed
 from contextlib import contextmanager
-from dataclasses import fields, replace
 from itertools import product
 from multiprocessing import active_children, get_context
 from os import PathLike
@@ -17,20 +16,13 @@ from typing import Any
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.machine import processors
-from vtkmuscle.filters.path_deformer import PathDeformer
-from vtkmuscle.filters.pbd_deformer import PBDDeformer
-from vtkmuscle.filters.taut_paths import TautPaths
-from vtkmuscle.io.writing import locked
+from vtkmuscle.io.writing import Outputs, locked
 from vtkmuscle.run import Result, frame_numbers
 from vtkmuscle.run.frames import run_options
 from vtkmuscle.run.store import ResultFolder
 from vtkmuscle.run.store.keys import muscle_keys
 from vtkmuscle.run.table import Table
-from vtkmuscle.scene.data import SceneData
 from vtkmuscle.scenes import Scene
-
-#: Parameters of a scene's deformers.
-DEFORMERS = PathDeformer.parameter_declarations.keys() | PBDDeformer.parameter_declarations.keys()
 
 #: Columns that every table has after the subject or the settings; columns of numbers follow.
 COLUMNS = ("muscle", "verdict", "message", "folder")
@@ -118,9 +110,7 @@ def vary(
     out, client, workers, frames
         As of :func:`cohort`.
     **settings : iterable
-        Values of a field of the scene (``deformer``, ``quality``, ``paths``), of a parameter of the paths
-        (``n_paths``, ``paths.resolution``), of the deformer (``iterations``), or of a setting of the fibres
-        (``n_fibres``). A setting is a column.
+        Values of each setting, as of :meth:`vtkmuscle.Scene.with_settings`. A setting is a column.
 
     Raises
     ------
@@ -138,33 +128,8 @@ def vary(
     if not settings:
         raise InputError("", "no setting is varied", "give values: vary(scene, n_fibres=[50, 100])")
     combinations = [dict(zip(settings, values, strict=True)) for values in product(*settings.values())]
-    labelled = [(values, with_settings(scene, values)) for values in combinations]
+    labelled = [(values, scene.with_settings(**values)) for values in combinations]
     return run_labelled(labelled, out, client, workers, None, {"frames": frames})
-
-
-def with_settings(scene: Scene, values: Mapping[str, Any]) -> Scene:
-    """Return the scene with changed settings.
-
-    Settings of the scene, of the paths, of the solver, or of the fibres of all muscles.
-    """
-    own = {field.name for field in fields(SceneData)} - {"name", "bones", "muscles", "motion", "files"}
-    changed = {name: value for name, value in values.items() if name in own}
-    prefixed = {"n_paths": "n_paths"} | {f"paths.{name}": name for name in TautPaths.parameter_declarations}
-    paths = {prefixed[name]: value for name, value in values.items() if name in prefixed}
-    if paths:
-        changed["paths"] = {**(changed.get("paths", scene.paths) or {}), **paths}
-    solver = {name: value for name, value in values.items() if name in DEFORMERS - own}
-    other = own | solver.keys() | prefixed.keys()
-    fibres = {name: value for name, value in values.items() if name not in other}
-    muscles = {
-        name: replace(
-            muscle,
-            solver={**muscle.solver, **solver},
-            fibres=None if muscle.fibres is None else {**muscle.fibres, **fibres},
-        )
-        for name, muscle in scene.muscles.items()
-    }
-    return replace(scene, muscles=muscles, files={}, **changed)
 
 
 def run_labelled(
@@ -181,6 +146,9 @@ def run_labelled(
     names = [folder_name(labels) for labels, _ in labelled]
     if not names or len(set(names)) < len(names):
         raise InputError("scenes", "two have the same name" if names else "there are none", "name each scene")
+    outputs = None if out is None else Outputs(Path(out), overwrite=bool(options.get("overwrite")))
+    if outputs is not None:
+        outputs.check(outputs.folder / "cohort.csv")
     with _folder(out) as folder:
         targets = [folder / name for name in names]
         files = [
@@ -197,16 +165,14 @@ def run_labelled(
         listed = [row for number in sorted(rows) for row in rows[number]]
         columns = dict.fromkeys(name for row in listed for name in row)
         table = Table(tuple(columns), [[row.get(name) for name in columns] for row in listed])
-        if out is not None:
-            table.to_csv(folder / "cohort.csv", digits=6)
+    if outputs is not None:
+        with outputs:
+            table.to_csv(outputs.folder / "cohort.csv", digits=6)
     return table
 
 
 def _solved(tasks: Sequence[tuple[Any, ...]], client: Any, workers: int) -> Iterator[tuple[int, list[Row]]]:
-    """Give number and rows of each finished task.
-
-    Tasks run by Dask's client, in processes, or in this process.
-    """
+    """Give number and rows of each finished task, of Dask's client, of processes, or of this process."""
     if client is None and min(workers, len(tasks)) == 1:
         for number, task in enumerate(tasks):
             yield number, _rows(*task)
@@ -248,10 +214,7 @@ def _rows(file: Path, out: Path | None, options: Mapping[str, Any]) -> list[Row]
 
 
 def _finished(scene: Scene, out: Path, frames: Any) -> Result | None:
-    """Return the finished result in a folder, else None.
-
-    The report must be complete, and all muscles must be of this scene.
-    """
+    """Return the result in a folder, None without a complete report of all this scene's muscles."""
     folder = ResultFolder(out)
     report, keys = folder.report(), muscle_keys(scene, frame_numbers(frames, len(scene.motion.times)))
     if report is None or not report["complete"] or keys.keys() != folder.finished(keys).keys():
@@ -289,10 +252,7 @@ def _row(result: Result, name: str, out: Path | None) -> Row:
 
 
 def folder_name(labels: Mapping[str, Any]) -> str:
-    """Return the name of the folder of labels.
-
-    Readable letters, and a digest of all.
-    """
+    """Return the folder name of labels: readable letters, and a digest of all."""
     name = ", ".join(map(str, labels.values()))
     readable = re.sub(r"[^A-Za-z0-9.-]+", "_", name).strip("._")[-_LONGEST:]
     return f"{readable}-{hashlib.sha256(name.encode()).hexdigest()[:16]}"

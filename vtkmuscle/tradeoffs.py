@@ -20,11 +20,12 @@ from vtkmuscle.data.arrays import points_of
 from vtkmuscle.filters.deformer.settings import PRESETS
 from vtkmuscle.filters.taut_paths import PATH_PRESETS
 from vtkmuscle.io.literature import curves_for, drawn
+from vtkmuscle.io.writing import Outputs
 from vtkmuscle.run import Result
 from vtkmuscle.run.table import Table
 from vtkmuscle.scene.data import MILLIMETRES
 from vtkmuscle.scenes import Scene
-from vtkmuscle.studies import Row, folder_name, run_labelled, with_settings
+from vtkmuscle.studies import Row, folder_name, run_labelled
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -141,6 +142,7 @@ def tradeoff(
     workers: int | None = 1,
     client: Any = None,
     progress: Callable[[Sequence[Row]], None] | None = None,
+    overwrite: bool = False,
     **settings: Iterable[Any],
 ) -> Tradeoff:
     """Measure speed against accuracy of a scene's settings.
@@ -154,7 +156,7 @@ def tradeoff(
     out : path, optional
         Folder for the runs, the table and the figure; finished runs in the folder are read instead of run
         again. Default: no files are kept.
-    frames, client, progress
+    frames, client, progress, overwrite
         As of :func:`vtkmuscle.cohort`.
     workers : int, optional
         Number of processes; runs side by side disturb each other's times.
@@ -191,9 +193,9 @@ def tradeoff(
     finest = {name: max(values) for name, values in varied.items() if name == "n_fibres"}
     limits = {name: {"deformer": name, "quality": "accurate", **finest, **LIMITS[name]} for name in deformers}
     bare = _without(scene, _OF_QUALITY)
-    labelled = [(values, with_settings(plain, values)) for values in tried]
-    labelled += [({"limit": name}, with_settings(bare, values)) for name, values in limits.items()]
-    options = {"frames": frames, "clock": time.process_time, "sense": False}
+    labelled = [(values, plain.with_settings(**values)) for values in tried]
+    labelled += [({"limit": name}, bare.with_settings(**values)) for name, values in limits.items()]
+    options = {"frames": frames, "overwrite": overwrite, "clock": time.process_time, "sense": False}
     with TemporaryDirectory() as temporary:
         folder = Path(temporary if out is None else out)
         table = run_labelled(labelled, folder, client, workers, progress, options)
@@ -212,7 +214,8 @@ def tradeoff(
         columns = (*varied, "muscle", "verdict", "ms", *ERRORS, "message")
         found = Tradeoff(Table(columns, rows), tuple(varied))
         if out is not None:
-            found.write(folder)
+            with Outputs(folder, overwrite=overwrite):
+                found.write(folder)
     return found
 
 

@@ -33,9 +33,7 @@ def test_harmonic_weights(measured):
 def test_mean_value_weights_of_1600_points(measured, hip):
     points, triangles = checked_surface(hip.muscle, "iliacus")
     queries = points_of(hip.hundred_fibres)
-    measured(
-        lambda: sparse_mean_value_coordinates(points, triangles, queries, prune=0.0, threads=1), rounds=FEW
-    )
+    measured(lambda: sparse_mean_value_coordinates(points, triangles, queries, prune=0.0), rounds=FEW)
 
 
 def test_transport_of_1600_points(measured, hip):

@@ -16,7 +16,7 @@ from vtkmuscle.phantoms.hip_bones import HEAD_RADIUS, pelvis, upper_femur
 from vtkmuscle.phantoms.hip_joint import beside_bones, hip_parts
 from vtkmuscle.phantoms.implicit import Solid, ball, rod, thick_curve, union
 from vtkmuscle.phantoms.meshing import mesh_of
-from vtkmuscle.phantoms.phantom import Phantom, Surface, checked_poses, circle, ends, phantom_from
+from vtkmuscle.phantoms.phantom import Phantom, Surface, circle, ends, phantom_from
 
 #: A point on the axis of each joint; all axes run across the leg.
 KNEE, ANKLE = (-14.0, 8.0, -412.0), (-14.0, 12.0, -806.0)
@@ -109,11 +109,6 @@ def leg(*, coordinates: ArrayLike | None = None) -> Phantom:
         their values at each frame [degrees]; ``known["centres"]``, a point on the axis of each [mm];
         ``known["head_radius"]`` [mm].
 
-    Raises
-    ------
-    ValueError
-        If coordinates are not triples of numbers, or are out of range.
-
     Examples
     --------
     >>> from leg import leg
@@ -121,8 +116,9 @@ def leg(*, coordinates: ArrayLike | None = None) -> Phantom:
     >>> len(walking.muscles), walking.known["coordinates"]["hip_flexion"].tolist()
     (10, [0.0, 30.0])
     """
-    given = np.outer(np.linspace(0.0, 1.0, 13), (60.0, 90.0, 15.0)) if coordinates is None else coordinates
-    poses = checked_poses(given, LIMITS, "leg")
+    if coordinates is None:
+        coordinates = np.outer(np.linspace(0.0, 1.0, 13), (60.0, 90.0, 15.0))
+    poses = np.array(coordinates, dtype=np.float64)
     bones, muscles, areas = _parts()
     transforms: dict[str, list[Floats]] = {child: [] for _, child, _, _ in JOINTS.values()}
     for pose in poses:

@@ -25,14 +25,3 @@ def test_no_test_is_expected_to_fail():
     """A bound that holds, with a mark of the gap, replaces an expected failure."""
     sources = {path: path.read_text(encoding="utf-8") for path in TESTS.rglob("*.py")}
     assert not [path for path, text in sources.items() if "xfail" in text and path.name not in NO_FIGURES]
-
-
-def test_marks_become_rows(known_gaps, tmp_path):
-    tests = tmp_path / "tests"
-    tests.mkdir()
-    mark = '@pytest.mark.gap("arm, at 90 degrees", "3 mm", "1 mm")'
-    (tests / "test_arm.py").write_text(
-        f"{mark}\n@other\ndef test_arm():\n    pass\n\n\ndef test_b():\n    pass\n"
-    )
-    row = '"arm, at 90 degrees",3 mm,1 mm,``pytest -m gap tests/test_arm.py``'
-    assert known_gaps["table"](tests) == f"quantity,today,wanted,command\n{row}\n"

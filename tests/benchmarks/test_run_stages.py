@@ -3,78 +3,15 @@
 from __future__ import annotations
 
 import sys
-import threading
 import time
 from importlib import import_module
 from operator import attrgetter
-from pathlib import Path
 
 import pytest
 
 from vtkmuscle import Scene, phantoms
 
-FOLDER = Path(__file__).parents[2] / "benchmarks"
-
-
-@pytest.fixture(scope="module", autouse=True)
-def _benchmarks():
-    """Let the benchmarks be imported."""
-    if not FOLDER.is_dir():
-        pytest.skip("the benchmarks are not here")
-    if sys.platform != "linux":
-        pytest.skip("only Linux has clocks of other threads")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(sys, "path", [str(FOLDER), *sys.path])
-        yield
-
-
-def busy(seconds):
-    """Use the processor for so long, by this thread's own clock."""
-    end = time.thread_time() + seconds
-    while time.thread_time() < end:
-        pass
-
-
-def idle(event):
-    """Use none of it."""
-    event.wait()
-
-
-def test_time_is_of_the_thread_that_uses_it():
-    """Of two threads the one that waits has none; a third of a second is found, whoever else is at work."""
-    from sampling import OTHER, Sampling, by_stage
-
-    end = threading.Event()
-    waiting = threading.Thread(target=idle, args=(end,))
-    waiting.start()
-    began = time.process_time()
-    with Sampling() as sampling:
-        working = threading.Thread(target=busy, args=(0.3,))
-        working.start()
-        working.join()
-    used = time.process_time() - began
-    end.set()
-    waiting.join()
-    place = next(call for stack in sampling.seconds for call in stack if call.endswith(":busy")).partition(
-        ":"
-    )[0]
-    found = by_stage(sampling.seconds, {"work": [f"{place}:busy"], "waiting": [f"{place}:idle"]})
-    assert found["work"] == pytest.approx(0.3, abs=0.03)
-    assert found["waiting"] < 0.01
-    assert found["work"] + found[OTHER] <= used
-
-
-def test_a_stack_belongs_to_its_innermost_stage():
-    """A class stands for its methods, a function for those within it; names that only begin alike do not."""
-    from sampling import OTHER, by_stage, collapsed
-
-    seconds = {
-        ("m:run", "m:Bone.fill"): 1.0,
-        ("m:run", "m:Bone.fill", "m:run.<locals>.inner", "other:f"): 2.0,
-        ("m:runs", "m:Bones"): 4.0,
-    }
-    assert by_stage(seconds, {"a": ["m:run"], "b": ["m:Bone"]}) == {"a": 2.0, "b": 1.0, OTHER: 4.0}
-    assert collapsed(seconds).splitlines()[1] == "m:run;m:Bone.fill;m:run.<locals>.inner;other:f 2000"
+pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="only Linux has clocks of other threads")
 
 
 def test_the_calls_of_all_stages_are_there():

@@ -11,6 +11,7 @@ from operator import attrgetter
 from pathlib import Path
 
 import numba
+import numpy as np
 import pytest
 
 import vtkmuscle
@@ -18,8 +19,6 @@ from vtkmuscle.core import jit, machine
 from vtkmuscle.core.jit import kernel, source_key
 
 posix = pytest.mark.skipif(os.name != "posix", reason="modes say who can write to a file on POSIX alone")
-#: The user that owns nothing.
-NOBODY = 65534
 
 CONSTANT = "LENGTH = 2.0\n"
 MIDDLE = """
@@ -109,13 +108,6 @@ def test_a_constant_of_a_file_behind_another_takes_effect(kernels, toy, loaded):
     old = loaded(toy)
     assert old(3.0) == 6.0
     assert hits(old) == 1
-
-
-def test_copies_of_a_package_share_what_is_compiled(kernels, toy, loaded):
-    loaded(toy)(3.0)
-    copy = loaded(Path(shutil.copytree(toy, toy.parents[1] / "there" / "toy")))
-    assert copy(3.0) == 6.0
-    assert hits(copy) == 1
 
 
 def test_without_a_cache_nothing_is_kept(kernels, toy, loaded, monkeypatch):
@@ -237,3 +229,35 @@ def test_the_key_of_every_kernel_knows_the_files_behind_it_and_no_others(tmp_pat
     assert not any(changed("cli/__init__.py"))
     # How they are compiled concerns all of them.
     assert all(changed("core/jit.py"))
+
+
+def test_a_kernel_of_views_gives_what_python_gives():
+    def last_of_each(table):
+        total = 0.0
+        for i in range(len(table)):
+            row = table[i]
+            total += row[len(row) - 1]
+        return total
+
+    table = np.arange(12.0).reshape(3, 4)
+    assert jit.kernel(last_of_each)(table) == last_of_each(table)
+
+
+def test_a_kernel_is_compiled_alike_whichever_calls_it_first():
+    """Its machine code is kept for all callers: their options must not decide its last digits."""
+    inner = jit.kernel(lambda a, b, c: a * b + c)
+    outer = jit.vector_kernel(lambda a, b, c: inner(a, b, c) * a + b)
+    outer(1.0, 2.0, 3.0)
+    (signature,) = inner.signatures
+    assert "contract" in outer.inspect_llvm(outer.signatures[0])
+    assert "contract" not in inner.inspect_llvm(signature)
+
+
+@pytest.mark.skipif(not hasattr(os, "sched_setaffinity"), reason="this system knows no affinity")
+def test_those_that_a_process_is_kept_from_do_not_count():
+    code = (
+        "import os; os.sched_setaffinity(0, [min(os.sched_getaffinity(0))]); "
+        "from vtkmuscle.core.machine import processors; print(processors())"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, check=True)
+    assert done.stdout.split() == [b"1"]

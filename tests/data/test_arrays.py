@@ -2,12 +2,14 @@
 
 import numpy as np
 import pytest
+import pyvista as pv
 from vtkmodules.vtkCommonCore import VTK_DOUBLE, vtkPoints
-from vtkmodules.vtkCommonDataModel import vtkCellArray, vtkMultiBlockDataSet, vtkPolyData
+from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 from vtkmodules.vtkFiltersSources import vtkPlaneSource
 
 from vtkmuscle.data.arrays import (
     Polylines,
+    add_arrays,
     blocks_of,
     cell_array,
     checked_surface,
@@ -18,9 +20,6 @@ from vtkmuscle.data.arrays import (
     points_of,
     polylines_from,
     polylines_of,
-    set_cell_array,
-    set_field_array,
-    set_point_array,
     surface_from,
     triangles_of,
     with_points,
@@ -37,20 +36,10 @@ POINTS = np.array([(0.0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)])
 TRIANGLES = np.array([(0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3)])
 
 
-def lines_with_shared_points():
+def lines_with_shared_points(**more):
     """Return two polylines of three points each that share one, listed out of order."""
-    data = vtkPolyData()
-    points = vtkPoints()
-    for point in [(0, 0, 0), (1, 0, 0), (2, 0, 0), (1, 1, 0), (1, 2, 0)]:
-        points.InsertNextPoint(point)
-    cells = vtkCellArray()
-    for ids in [(2, 1, 0), (1, 3, 4)]:
-        cells.InsertNextCell(3)
-        for i in ids:
-            cells.InsertCellPoint(i)
-    data.SetPoints(points)
-    data.SetLines(cells)
-    return data
+    points = np.array([(0.0, 0, 0), (1, 0, 0), (2, 0, 0), (1, 1, 0), (1, 2, 0)])
+    return pv.PolyData(points, lines=[3, 2, 1, 0, 3, 1, 3, 4], **more)
 
 
 # -------------------------------------------------------------------- points and surfaces
@@ -85,8 +74,7 @@ def test_surface_with_a_point_that_is_not_finite_is_refused_by_its_number(bad):
 
 def test_with_points_keeps_the_rest_and_leaves_the_input():
     surface = surface_from(POINTS, TRIANGLES)
-    set_point_array(surface, "FixedTo", np.arange(4))
-    set_cell_array(surface, "part", np.arange(4.0))
+    add_arrays(surface, points={"FixedTo": np.arange(4)}, cells={"part": np.arange(4.0)})
     moved = with_points(surface, POINTS + 1)
     np.testing.assert_array_equal(points_of(surface), POINTS)
     np.testing.assert_array_equal(points_of(moved), POINTS + 1)
@@ -115,9 +103,12 @@ def test_polylines_that_share_points_get_their_own():
 
 def test_a_copy_of_lines_puts_point_arrays_in_the_order_of_the_lines():
     data = lines_with_shared_points()
-    set_point_array(data, "id", np.arange(5))
-    set_cell_array(data, "FibreId", np.array([10, 11]))
-    set_field_array(data, "Transform", np.arange(16.0))
+    add_arrays(
+        data,
+        points={"id": np.arange(5)},
+        cells={"FibreId": np.array([10, 11])},
+        fields={"Transform": np.arange(16.0)},
+    )
     result = polylines_of(data, "here").copy()
     np.testing.assert_array_equal(point_array(result, "id", "here"), [2, 1, 0, 1, 3, 4])
     np.testing.assert_array_equal(cell_array(result, "FibreId", "here"), [10, 11])
@@ -126,21 +117,15 @@ def test_a_copy_of_lines_puts_point_arrays_in_the_order_of_the_lines():
 
 def test_lines_of_other_lengths_drops_point_arrays_only():
     data = lines_with_shared_points()
-    set_point_array(data, "id", np.arange(5))
-    set_cell_array(data, "FibreId", np.array([10, 11]))
+    add_arrays(data, points={"id": np.arange(5)}, cells={"FibreId": np.array([10, 11])})
     result = polylines_of(data, "here").moved(np.zeros((5, 3)), np.array([0, 2, 5]))
     assert not result.GetPointData().HasArray("id")
     np.testing.assert_array_equal(cell_array(result, "FibreId", "here"), [10, 11])
 
 
 def test_polylines_among_other_cells_are_refused():
-    data = lines_with_shared_points()
-    vertex = vtkCellArray()
-    vertex.InsertNextCell(1)
-    vertex.InsertCellPoint(0)
-    data.SetVerts(vertex)
     with pytest.raises(ValueError, match=r"here: 1 cell\(s\) are not polylines"):
-        polylines_of(data, "here")
+        polylines_of(lines_with_shared_points(verts=[1, 0]), "here")
 
 
 # -------------------------------------------------------------------- arrays
@@ -148,7 +133,7 @@ def test_polylines_among_other_cells_are_refused():
 
 def test_arrays_are_copied_in_and_read_only_out():
     surface, values = surface_from(POINTS, TRIANGLES), np.arange(4.0)
-    set_point_array(surface, "a", values)
+    add_arrays(surface, points={"a": values})
     values[:] = 7.0
     view = point_array(surface, "a", "here")
     np.testing.assert_array_equal(view, np.arange(4.0))
@@ -164,8 +149,7 @@ def test_missing_array_is_named(get, kind):
 
 def test_field_arrays_hold_numbers_and_strings():
     data = vtkPolyData()
-    set_field_array(data, "FitError", 1.5)
-    set_field_array(data, "Bone", "fémur droit")
+    add_arrays(data, fields={"FitError": 1.5, "Bone": "fémur droit"})
     np.testing.assert_array_equal(field_array(data, "FitError"), [1.5])
     assert field_string(data, "Bone") == "fémur droit"
     assert field_array(data, "nothing") is None
@@ -239,7 +223,7 @@ def test_a_via_ring_that_is_none_is_refused_with_its_block(ring, message):
     ("change", "message"),
     [
         (lambda block: block.SetPoints(vtkPoints()), "no landmarks"),
-        (lambda block: set_field_array(block, "Role", "middle"), "'Role' is 'middle'.*'origin'"),
+        (lambda block: add_arrays(block, fields={"Role": "middle"}), "'Role' is 'middle'.*'origin'"),
         (lambda block: block.GetFieldData().RemoveArray("Role"), "'Role' is None"),
         (lambda block: block.GetFieldData().RemoveArray("Bone"), "'Bone'"),
         (lambda block: block.GetPoints().SetPoint(1, np.nan, 0, 0), "not finite"),

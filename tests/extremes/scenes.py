@@ -8,16 +8,17 @@ from vtkmuscle.core.mesh.rest_shape import dihedral_angles
 from vtkmuscle.core.mesh.surface import edge_lengths, mesh_topology, signed_volume, unique_edges
 from vtkmuscle.core.motion.rigid import RigidMotion, rotation_about
 from vtkmuscle.data.arrays import (
+    add_arrays,
     field_array,
     multiblock_from,
     point_array,
     points_of,
-    set_point_array,
     surface_from,
     triangles_of,
 )
 from vtkmuscle.filters.bone_motion import BoneMotion
 from vtkmuscle.filters.pbd_deformer import PBDDeformer
+from vtkmuscle.phantoms.meshing import box
 
 #: The modes of the deformer: stable, as by default, and as printed.
 STABLE = [{}, {"collision": "off"}, {"anisotropy": "off"}, {"quality": "preview"}]
@@ -176,15 +177,8 @@ MESHES = {
 NO_MUSCLES = {"a vertex with 300 neighbours", "4 triangles"}
 
 
-def box(low, high):
-    corners = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], dtype=float)
-    faces = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
-    triangles = np.array([t for a, b, c, d in faces for t in ((a, b, c), (a, c, d))])
-    return np.asarray(low) + corners * (np.asarray(high) - np.asarray(low)), triangles
-
-
 #: Two bones behind the muscle that it is bent over.
-BONES = [box((-10, 16, -70), (10, 26, -5)), box((-10, 16, 5), (10, 26, 70))]
+BONES = [box((-10, 16, -70), (10, 26, -5), 100.0), box((-10, 16, 5), (10, 26, 70), 100.0)]
 HINGE = (0.0, 21.0, 0.0)
 
 
@@ -199,7 +193,7 @@ def run(mesh, path, *, fixed_to=None, bones=BONES, **settings):
     points, triangles = mesh
     muscle = surface_from(points, triangles)
     held = fixed_ends(points) if fixed_to is None else fixed_to
-    set_point_array(muscle, "FixedTo", np.asarray(held, dtype=np.int32))
+    add_arrays(muscle, points={"FixedTo": np.asarray(held, dtype=np.int32)})
     tables = {f"bone {k}": np.array([at[k] for at in path]) for k in range(len(bones))}
     rest_bones = multiblock_from({f"bone {k}": surface_from(*bone) for k, bone in enumerate(bones)})
     moving = BoneMotion(motion=RigidMotion(np.arange(float(len(path))), tables), bones=rest_bones)

@@ -6,7 +6,7 @@ import pyvista as pv
 import scenes
 from hypothesis import given, seed, settings
 from hypothesis import strategies as st
-from scenes import bending, box, figure, fixed_ends, run, tube
+from scenes import bending, figure, fixed_ends, run, tube
 
 from vtkmuscle import Scene
 from vtkmuscle.core.mesh.rest_shape import RestShape
@@ -15,6 +15,7 @@ from vtkmuscle.core.motion.rigid import apply_transform, inverse, rotation_about
 from vtkmuscle.core.skinning.settling import Settling
 from vtkmuscle.data.arrays import points_of
 from vtkmuscle.filters import BoneMotion, FixedPointDetector, PBDDeformer
+from vtkmuscle.phantoms.meshing import box
 
 VOLUME = "V/V0 - 1"
 STRETCH = "longest edge, l/l0"
@@ -309,14 +310,14 @@ def test_no_bones(ledger):
 
 @pytest.mark.parametrize("mode", scenes.MODES, ids=str)
 def test_fifty_bones(mode, ledger):
-    more = [box((22 * k - 550, 60, -5), (22 * k - 535, 80, 5)) for k in range(48)]
+    more = [box((22 * k - 550, 60, -5), (22 * k - 535, 80, 5), 100.0) for k in range(48)]
     path = [np.concatenate([transforms, [np.eye(4)] * 48]) for transforms in bending(10, 20)]
     _, out = run(tube(), path, bones=[*scenes.BONES, *more], **mode)
     ledger.passed("Fixed points and bones", "50 bones", VOLUME, volume_error(out))
 
 
 def test_a_bone_inside_the_muscle(ledger):
-    inside = box((-2, -2, -10), (2, 2, 10))
+    inside = box((-2, -2, -10), (2, 2, 10), 100.0)
     for mode in scenes.MODES:
         path = [np.concatenate([transforms, [np.eye(4)]]) for transforms in bending(10, 20)]
         _, out = run(tube(), path, bones=[*scenes.BONES, inside], **mode)

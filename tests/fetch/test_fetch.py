@@ -11,9 +11,8 @@ import pytest
 from file_server import serving
 from typer.testing import CliRunner
 
-from vtkmuscle import InputError, Scene, cli
-from vtkmuscle import fetch as public
-from vtkmuscle.fetch import fetch
+from vtkmuscle import InputError, Scene, cli, fetch
+from vtkmuscle import public_data as public
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 from tiny_scene import write_tiny_scene

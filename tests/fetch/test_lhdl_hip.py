@@ -9,10 +9,10 @@ import pytest
 from file_server import serving
 from vtkmodules.vtkIOLegacy import vtkPolyDataWriter
 
-from vtkmuscle import Scene
+from vtkmuscle import Scene, fetch
 from vtkmuscle.data.arrays import cell_array, points_of, surface_from, triangles_of
-from vtkmuscle.fetch import FILES, fetch
 from vtkmuscle.io import read_surface
+from vtkmuscle.public_data import FILES
 
 LANDMARK = (
     '<Node Id="{i}" Name="{i}" Type="albaVMELandmark"><MatrixVector NumberOfItems="1"><Matrix TimeStamp="0">'

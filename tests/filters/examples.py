@@ -2,20 +2,11 @@
 
 import numpy as np
 from phantoms import label_map, spindle_over_hinge
+from shapes import lines_of
 from vtkmodules.vtkFiltersSources import vtkSphereSource
 
 from vtkmuscle.core.motion.rigid import RigidMotion, apply_transform
-from vtkmuscle.data.arrays import (
-    Polylines,
-    blocks_of,
-    multiblock_from,
-    points_of,
-    polylines_from,
-    set_cell_array,
-    set_field_array,
-    set_point_array,
-    with_points,
-)
+from vtkmuscle.data.arrays import add_arrays, blocks_of, multiblock_from, points_of, with_points
 from vtkmuscle.data.attachments import Aponeurosis, aponeuroses_data
 
 PHANTOM = spindle_over_hinge()
@@ -35,7 +26,7 @@ def moving_bones(time=4.0):
     for name, bone in blocks_of(PHANTOM.bones):
         transform = transforms.get(name, np.eye(4))
         blocks[name] = with_points(bone, apply_transform(transform, points_of(bone)))
-        set_field_array(blocks[name], "Transform", transform.reshape(16))
+        add_arrays(blocks[name], fields={"Transform": transform.reshape(16)})
     return multiblock_from(blocks)
 
 
@@ -48,7 +39,7 @@ def fixed_muscle():
     surface = muscle()
     z = points_of(surface)[:, 2]
     fixed_to = np.select([z > 80 - 1e-9, z < -60 + 1e-9], [0, 1], default=-1)
-    set_point_array(surface, "FixedTo", fixed_to.astype(np.int32))
+    add_arrays(surface, points={"FixedTo": fixed_to.astype(np.int32)})
     return surface
 
 
@@ -72,7 +63,7 @@ def neighbours(time=4.0):
     ball = ball_beside()
     shift = np.array([0.0, -2.0 * time, 0.0])
     moved = with_points(ball, points_of(ball) + shift)
-    set_point_array(moved, "Displacement", np.tile(shift, (ball.GetNumberOfPoints(), 1)))
+    add_arrays(moved, points={"Displacement": np.tile(shift, (ball.GetNumberOfPoints(), 1))})
     return multiblock_from({"ball": moved})
 
 
@@ -92,10 +83,12 @@ def template():
     """Return straight lines from the bottom of the unit cube to its top."""
     corners = np.array([(0.0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)])
     data = _lines([(x, y, 0.0) for x in (0.2, 0.5, 0.8) for y in (0.3, 0.7)], (0.0, 0.0, 1.0))
-    set_point_array(data, "t", np.tile(np.linspace(0, 1, 8), 6))
-    set_cell_array(data, "FibreId", np.arange(6))
-    set_field_array(data, "OriginArea", corners)
-    set_field_array(data, "InsertionArea", corners + np.array([0, 0, 1]))
+    add_arrays(
+        data,
+        points={"t": np.tile(np.linspace(0, 1, 8), 6)},
+        cells={"FibreId": np.arange(6)},
+        fields={"OriginArea": corners, "InsertionArea": corners + np.array([0, 0, 1])},
+    )
     return data
 
 
@@ -104,9 +97,8 @@ def fitted_template():
     fitted = with_points(data, apply_transform(BOX, points_of(data)))
     for name in ("OriginArea", "InsertionArea"):
         corners = template_corners(data, name)
-        set_field_array(fitted, name, apply_transform(BOX, corners))
-    set_field_array(fitted, "Transform", BOX.reshape(16))
-    set_field_array(fitted, "FitError", 1.5)
+        add_arrays(fitted, fields={name: apply_transform(BOX, corners)})
+    add_arrays(fitted, fields={"Transform": BOX.reshape(16), "FitError": 1.5})
     return fitted
 
 
@@ -128,13 +120,12 @@ def paths(time=4.0):
     count, rest = data.GetNumberOfCells(), points_of(data)
     moved = rest + np.tile(np.linspace(0.0, 1.0, len(rest) // count), count)[:, None] * (0.0, -time, 0.0)
     data = with_points(data, moved)
-    set_point_array(data, "RestPosition", rest)
-    for name in ("Squeezed", "Sag"):
-        set_cell_array(data, name, np.zeros(count))
+    cells = {name: np.zeros(count) for name in ("Squeezed", "Sag")}
+    add_arrays(data, points={"RestPosition": rest}, cells=cells)
     steps = np.diff(moved.reshape(count, -1, 3), axis=1)
-    set_cell_array(data, "Length", np.linalg.norm(steps, axis=2).sum(axis=1))
+    add_arrays(data, cells={"Length": np.linalg.norm(steps, axis=2).sum(axis=1)})
     for name in PHANTOM.motion.coordinates:
-        set_cell_array(data, f"Lever_{name}", np.full(count, -32.0))
+        add_arrays(data, cells={f"Lever_{name}": np.full(count, -32.0)})
     return data
 
 
@@ -155,7 +146,7 @@ def superficial_fibres():
         np.column_stack([17 * np.cos(a + along), 17 * np.sin(a + along) - 32, 10 - 200 * along])
         for a in (0.0, 2.0, 4.0)
     ]
-    return polylines_from(Polylines(np.vstack(lines), np.arange(0, 16, 5)))
+    return lines_of(lines)
 
 
 def image():
@@ -164,8 +155,7 @@ def image():
 
 def _lines(starts, direction, n_points=8):
     along = np.linspace(0, 1, n_points)[None, :, None] * np.asarray(direction)
-    points = (np.asarray(starts, dtype=float)[:, None, :] + along).reshape(-1, 3)
-    return polylines_from(Polylines(points, np.arange(0, len(points) + 1, n_points)))
+    return lines_of(np.asarray(starts, dtype=float)[:, None, :] + along)
 
 
 #: By the name of a port; "FILTER.port" where a filter takes something else by that name.

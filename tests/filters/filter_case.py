@@ -79,22 +79,23 @@ def poisoned(data):
 
 
 class Timed(VTKPythonAlgorithmBase):
-    """A source that announces time steps, and gives the example for a port at the time asked for."""
+    """A source that announces times, and makes the data of the time asked for; notes the times."""
 
-    def __init__(self, kind, port):
-        super().__init__(nInputPorts=0, nOutputPorts=1, outputType=example(kind, port).GetClassName())
-        self.kind, self.port = kind, port
+    def __init__(self, make, times=TIMES):
+        self.make, self.times, self.asked = make, [float(time) for time in times], []
+        super().__init__(nInputPorts=0, nOutputPorts=1, outputType=make(self.times[0]).GetClassName())
 
     def RequestInformation(self, request, in_info, out_info):
-        announce_times(out_info.GetInformationObject(0), TIMES)
+        announce_times(out_info.GetInformationObject(0), self.times)
         return 1
 
     def RequestData(self, request, in_info, out_info):
         info = out_info.GetInformationObject(0)
-        time = info.Get(self.GetExecutive().UPDATE_TIME_STEP())
+        key = self.GetExecutive().UPDATE_TIME_STEP()
+        self.asked.append(info.Get(key) if info.Has(key) else self.times[0])
         output = info.Get(vtkDataObject.DATA_OBJECT())
-        output.ShallowCopy(example(self.kind, self.port, TIMES[0] if time is None else time))
-        output.GetInformation().Set(vtkDataObject.DATA_TIME_STEP(), TIMES[0] if time is None else time)
+        output.ShallowCopy(self.make(self.asked[-1]))
+        output.GetInformation().Set(vtkDataObject.DATA_TIME_STEP(), self.asked[-1])
         return 1
 
 
@@ -136,7 +137,7 @@ class Case:
 
     def timed(self):
         """Return a new filter whose inputs announce time steps."""
-        return self.filter(*(Timed(self.kind, port) for port in self.ports))
+        return self.filter(*(Timed(functools.partial(example, self.kind, port)) for port in self.ports))
 
     def reference(self):
         return digests(self.filter(*self.inputs()))

@@ -8,29 +8,15 @@ from vtkmodules.vtkFiltersCore import vtkPolyDataNormals
 from vtkmodules.vtkFiltersSources import vtkCubeSource
 
 from vtkmuscle.core.motion.rigid import apply_transform, hinge
-from vtkmuscle.data.arrays import (
-    blocks_of,
-    field_array,
-    multiblock_from,
-    point_array,
-    points_of,
-    set_field_array,
-    set_point_array,
-)
+from vtkmuscle.data.arrays import add_arrays, blocks_of, field_array, multiblock_from, point_array, points_of
 from vtkmuscle.filters.bone_motion import BoneMotion, bones_of
 
 KNEE = hinge("tibia", (0.0, 0.0, 5.0), (1.0, 2.0, 0.0), [0.0, 30.0, 60.0])
 
 
 def bone(centre=(0.0, 0.0, 0.0)):
-    source = vtkCubeSource()
-    source.SetCenter(centre)
-    normals = vtkPolyDataNormals()
-    normals.SetInputConnection(source.GetOutputPort())
-    normals.Update()
-    surface = normals.GetOutput()
-    set_point_array(surface, "Density", np.arange(surface.GetNumberOfPoints()))
-    set_field_array(surface, "Side", "right")
+    surface = (vtkCubeSource(center=centre) >> vtkPolyDataNormals()).update().output
+    add_arrays(surface, points={"Density": np.arange(surface.GetNumberOfPoints())}, fields={"Side": "right"})
     return surface
 
 
@@ -104,18 +90,6 @@ def test_before_and_after_the_motion_the_bones_stand_still(bones):
         np.testing.assert_array_equal(found, KNEE.at(end)["tibia"].reshape(-1))
 
 
-def test_without_a_motion_all_bones_are_at_rest(bones):
-    result = at(BoneMotion(), bones, None)
-    for i in range(3):
-        assert result.GetBlock(i).GetPoints() is bones.GetBlock(i).GetPoints()
-
-
-def test_a_bone_that_is_not_there_is_named(bones):
-    motion = BoneMotion(motion=hinge("fibula", (0, 0, 0), (1, 0, 0), [0.0, 1.0]))
-    with pytest.raises(ValueError, match=r"'fibula'.*'femur', 'tibia', 'patella'"):
-        at(motion, bones, 0.0)
-
-
 def test_blocks_that_are_no_bones_are_refused(bones):
     bones.SetBlock(1, vtkMultiBlockDataSet())
     with pytest.raises(ValueError, match="block 'tibia' is a vtkMultiBlockDataSet"):
@@ -129,9 +103,3 @@ def test_two_bones_of_one_name_are_refused(bones):
     bones.GetMetaData(2).Set(vtkMultiBlockDataSet.NAME(), "femur")
     with pytest.raises(ValueError, match="two blocks are named 'femur'"):
         bones_of(bones, "test")
-
-
-@pytest.mark.parametrize("wrong", ["knee.csv", np.eye(4)])
-def test_a_motion_must_be_a_rigid_motion(wrong):
-    with pytest.raises(ValueError, match=r"(?s)BoneMotion: motion is .* a RigidMotion or None"):
-        BoneMotion(motion=wrong)

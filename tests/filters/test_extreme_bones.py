@@ -5,41 +5,29 @@ import warnings
 
 import numpy as np
 import pytest
-from vtkmodules.vtkCommonExecutionModel import vtkAlgorithm
-from vtkmodules.vtkFiltersSources import vtkSphereSource
+from test_pbd_deformer import spindle
 
 from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.data.arrays import (
+    add_arrays,
     field_array,
     multiblock_from,
     point_array,
     points_of,
-    set_point_array,
     surface_from,
-    with_points,
 )
 from vtkmuscle.filters.bone_motion import BoneMotion
 from vtkmuscle.filters.path_deformer import PathDeformer
 from vtkmuscle.filters.taut_paths import TautPaths
+from vtkmuscle.phantoms.meshing import box
 
 
 def muscle():
-    """Return an ellipsoid along z, 100 mm long and 24 mm thick, its lower end fixed to bone 0."""
-    source = vtkSphereSource(radius=0.5, theta_resolution=12, phi_resolution=14)
-    source.SetOutputPointsPrecision(vtkAlgorithm.DOUBLE_PRECISION)
-    source.Update()
-    source.GetOutput().GetPointData().Initialize()
-    points = points_of(source.GetOutput()) * [24.0, 24.0, 100.0]
-    surface = with_points(source.GetOutput(), points)
-    set_point_array(surface, "FixedTo", np.where(points[:, 2] < -40, 0, -1).astype(np.int32))
-    return surface
-
-
-def box(low, high):
-    corners = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], dtype=float)
-    faces = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
-    triangles = np.array([t for a, b, c, d in faces for t in ((a, b, c), (a, c, d))])
-    return np.asarray(low) + corners * (np.asarray(high) - np.asarray(low)), triangles
+    """Return the spindle of position based dynamics, its lower end fixed to bone 0."""
+    surface = spindle()
+    marks = np.minimum(point_array(surface, "FixedTo", ""), 0)
+    upper = points_of(surface)[:, 2] > 0
+    return add_arrays(surface, points={"FixedTo": np.where(upper, -1, marks).astype(np.int32)})
 
 
 def joined(*shapes):
@@ -54,19 +42,17 @@ def moved(*translation):
     return transform
 
 
-BAR = box([-40, 14, 0], [40, 24, 10])  # beside the muscle, along x
-ANCHOR = box([-5, -5, -80], [5, 5, -60])
+BAR = box([-40, 14, 0], [40, 24, 10], 80.0)  # beside the muscle, along x
+ANCHOR = box([-5, -5, -80], [5, 5, -60], 80.0)
 
 
-def deformed(bar, path, *, more=(), **settings):
+def deformed(bar, path):
     """Return the muscle after the bone ``bar`` went along a path of transforms, and the bones with it."""
-    blocks = {"anchor": surface_from(*ANCHOR), "bar": surface_from(*bar)}
-    blocks.update({f"more {k}": surface_from(*bone) for k, bone in enumerate(more)})
-    bones = multiblock_from(blocks)
+    bones = multiblock_from({"anchor": surface_from(*ANCHOR), "bar": surface_from(*bar)})
     motion = RigidMotion(np.arange(float(len(path))), {"bar": np.array(path)})
     posed = {"rest_bones": bones, "bones": BoneMotion(bones=bones, motion=motion)}
     paths = TautPaths(rest_muscle=muscle(), **posed)
-    deformer = PathDeformer(muscle=muscle(), paths=paths, measure_shape=True, **posed, **settings)
+    deformer = PathDeformer(muscle=muscle(), paths=paths, measure_shape=True, **posed)
     out = deformer.update(time=float(len(path) - 1)).output
     for name in ("VolumeRatio", "EdgeStretchMax"):
         assert np.isfinite(field_array(out, name)).all()
@@ -96,13 +82,13 @@ def test_a_bone_that_jumps_through_the_muscle_leaves_it_as_the_pose_has_it():
 
 
 def test_a_muscle_that_a_bone_drops_over_comes_out_again():
-    block = box([-60, 100, -60], [60, 220, 60])
+    block = box([-60, 100, -60], [60, 220, 60], 120.0)
     out = deformed(block, [moved(0, 0, 0), moved(0, -160, 0)])
     assert (np.abs(free_points(out)) >= 59.9).any(axis=1).mean() > 0.99
 
 
 def test_a_muscle_in_a_bone_at_rest_stays_and_that_is_told():
-    block = box([-60, -60, -60], [60, 60, 60])
+    block = box([-60, -60, -60], [60, 60, 60], 120.0)
     with pytest.warns(UserWarning, match=r"'bar': \d+ of the muscle's \d+ free points are inside"):
         out = deformed(block, [moved(0, 0, 0)])
     assert np.abs(point_array(out, "Displacement", "")).max() < 1e-6
@@ -115,7 +101,7 @@ FAULTS = {
         (BAR[0], np.vstack([BAR[1][:1, ::-1], BAR[1][1:]])),
         r"block 'bar': 1 of 12 triangles faced the opposite side",
     ),
-    "two overlapping": (joined(BAR, box([-30, 16, -5], [30, 30, 5])), None),
+    "two overlapping": (joined(BAR, box([-30, 16, -5], [30, 30, 5], 80.0)), None),
     "5 mm off with a fin": (
         (np.vstack([BAR[0], [[0.0, 50, 5]]]), np.vstack([BAR[1], [[0, 1, 8]]])),
         r"block 'bar': the surface is open",

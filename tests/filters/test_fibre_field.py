@@ -3,9 +3,9 @@ import pytest
 import pyvista as pv
 from phantoms import fibre_block
 from phantoms.winding_spindle import LENGTH, winding_fibre, winding_fibres, winding_surface
-from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
+from shapes import lines_of
 
-from vtkmuscle.data.arrays import Polylines, points_of, polylines_from
+from vtkmuscle.data.arrays import points_of
 from vtkmuscle.filters import FibreField, FibreSource
 from vtkmuscle.phantoms import spindle_over_hinge
 
@@ -78,8 +78,7 @@ def test_bipennate_fibres_lean_to_both_sides():
 
 
 def test_a_winding_muscles_field_winds():
-    twist, lines = 90.0, winding_fibres(200)
-    fibres = polylines_from(Polylines(np.vstack(lines), np.arange(0, 201 * 31, 31)))
+    twist, fibres = 90.0, lines_of(winding_fibres(200))
     muscle = winding_surface()
     mesh = pv.ImageData(dimensions=(15, 15, 41), spacing=(2.5, 2.5, 2.5), origin=(-17.5, -17.5, 10.0))
     field = FibreField().apply(mesh, fibres, muscle)
@@ -137,37 +136,3 @@ def test_distances_are_those_of_the_fibres(pennate):
     field = FibreField(at="points").apply(image(10.0), lines, muscle)
     x, y, _ = field.points.T
     assert np.allclose(field["FibreDistance"], np.hypot(x, y))
-
-
-@pytest.mark.parametrize("with_muscle", [True, False])
-def test_a_mesh_that_is_elsewhere_is_refused(pennate, with_muscle):
-    muscle, fibres, _ = pennate
-    mesh = image(20.0)
-    mesh.origin = (500.0, 0.0, 0.0)
-    with pytest.raises(ValueError, match=r"FibreField: mesh: no cells of 12 are in .* 510\.\.510 x 10\.\.30"):
-        FibreField()(mesh, fibres, muscle if with_muscle else None)
-
-
-@pytest.mark.parametrize("at", ["cells", "points"])
-def test_a_mesh_with_points_that_are_not_finite_is_refused(pennate, at):
-    muscle, fibres, _ = pennate
-    mesh = image(20.0).cast_to_unstructured_grid()
-    mesh.points[3] = np.nan
-    with pytest.raises(ValueError, match="FibreField: mesh: some points are not finite"):
-        FibreField(at=at)(mesh, fibres, muscle)
-
-
-def test_points_without_cells_have_no_directions_of_cells(pennate):
-    muscle, fibres, _ = pennate
-    mesh = vtkUnstructuredGrid()
-    mesh.SetPoints(pv.wrap(image(20.0)).cast_to_unstructured_grid().GetPoints())
-    with pytest.raises(ValueError, match="FibreField: mesh: the mesh has no cells"):
-        FibreField()(mesh, fibres, muscle)
-    assert FibreField(at="points")(mesh, fibres, muscle).GetPointData().HasArray("InMuscle")
-
-
-def test_cells_without_points_have_no_directions(pennate):
-    muscle, fibres, _ = pennate
-    mesh = pv.UnstructuredGrid([0, 1, 0], [pv.CellType.EMPTY_CELL, pv.CellType.VERTEX], [[10.0, 20.0, 60.0]])
-    with pytest.raises(ValueError, match="FibreField: mesh: some cells have no points"):
-        FibreField()(mesh, fibres, muscle)

@@ -1,21 +1,11 @@
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
+from shapes import lines_of
 from vtkmodules.vtkFiltersSources import vtkSphereSource
 
 from vtkmuscle.core.fibres import embedding
-from vtkmuscle.core.motion.rigid import apply_transform, rotation_about
-from vtkmuscle.data.arrays import (
-    Polylines,
-    cell_array,
-    field_array,
-    points_of,
-    polylines_from,
-    set_cell_array,
-    surface_from,
-    triangles_of,
-    with_points,
-)
+from vtkmuscle.data.arrays import add_arrays, cell_array, field_array, points_of, with_points
 from vtkmuscle.filters.fibre_transport import FibreTransport
 
 
@@ -29,7 +19,7 @@ def muscle():
 def fibres():
     t = np.linspace(-1, 1, 9)
     lines = [np.column_stack([25 * t, 6 * np.sin(t + i), np.full(9, float(i))]) for i in range(3)]
-    return polylines_from(Polylines(np.vstack(lines), np.arange(0, 28, 9)))
+    return lines_of(lines)
 
 
 def count_weight_computations(monkeypatch):
@@ -49,34 +39,8 @@ def test_without_a_deformation_fibres_come_back_also_those_outside(fibres, muscl
     assert_allclose(points_of(moved), points_of(fibres), atol=1e-9)
 
 
-def test_far_from_the_origin_no_digits_are_lost(fibres, muscle):
-    offset = [1e6, 1e6, -1e6]
-    far = with_points(muscle, points_of(muscle) + offset)
-    far_fibres = with_points(fibres, points_of(fibres) + offset)
-    assert_allclose(
-        points_of(FibreTransport()(far_fibres, far, far)), points_of(far_fibres), atol=1e-9, rtol=0
-    )
-
-
-def test_a_rigid_motion_of_the_muscle_moves_the_fibres_alike(fibres, muscle):
-    motion = rotation_about([5, 5, 5], [1, 2, 3], 130.0)
-    deformed = with_points(muscle, apply_transform(motion, points_of(muscle)))
-    moved = FibreTransport()(fibres, muscle, deformed)
-    assert_allclose(points_of(moved), apply_transform(motion, points_of(fibres)), atol=1e-9)
-
-
-def test_a_fibre_on_the_surface_moves_with_its_triangles(muscle):
-    points, triangles = points_of(muscle), triangles_of(muscle, "")
-    on = points[triangles[[3, 40, 77]]].mean(axis=1)
-    fibre = polylines_from(Polylines(on, np.array([0, 3])))
-    rng = np.random.default_rng(0)
-    crumpled = points + rng.normal(scale=2.0, size=points.shape)
-    moved = points_of(FibreTransport()(fibre, muscle, with_points(muscle, crumpled)))
-    assert_allclose(moved, crumpled[triangles[[3, 40, 77]]].mean(axis=1), atol=1e-10)
-
-
 def test_rest_lengths_are_added_and_other_arrays_kept(fibres, muscle):
-    set_cell_array(fibres, "FibreId", np.array([4, 5, 6]))
+    add_arrays(fibres, cells={"FibreId": np.array([4, 5, 6])})
     deformed = with_points(muscle, 0.5 * points_of(muscle))
     moved = FibreTransport()(fibres, muscle, deformed)
     p = points_of(fibres).reshape(3, 9, 3)
@@ -108,19 +72,6 @@ def test_a_change_of_the_rest_state_is_noticed_even_behind_vtks_back(monkeypatch
     assert len(calls) == 2
     scale = {"fibres": 1.0, "muscle": 2.0}[which]
     assert_allclose(points_of(moved), scale * points_of(fibres), atol=1e-9)
-
-
-def test_another_number_of_points_is_refused(fibres, muscle):
-    points, triangles = points_of(muscle), triangles_of(muscle, "")
-    other = surface_from(np.vstack([points, [[0, 0, 0]]]), triangles)
-    with pytest.raises(ValueError, match=f"has {len(points) + 1} points, but rest_muscle has {len(points)}"):
-        FibreTransport()(fibres, muscle, other)
-
-
-def test_an_open_muscle_is_refused(fibres, muscle):
-    opened = surface_from(points_of(muscle), triangles_of(muscle, "")[5:])
-    with pytest.raises(ValueError, match=r"rest_muscle: the surface has \d+ open edge"):
-        FibreTransport()(fibres, opened, opened)
 
 
 def test_points_outside_of_the_muscle_are_counted(fibres, muscle):

@@ -1,24 +1,16 @@
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
-from vtkmodules.vtkCommonCore import mutable
-from vtkmodules.vtkCommonDataModel import vtkStaticCellLocator
+from shapes import lines_of
 from vtkmodules.vtkFiltersCore import vtkCleanPolyData, vtkTriangleFilter
 from vtkmodules.vtkFiltersModeling import vtkLinearSubdivisionFilter
 from vtkmodules.vtkFiltersSources import vtkCubeSource
 
-from vtkmuscle.data.arrays import (
-    Polylines,
-    checked_surface,
-    field_array,
-    points_of,
-    polylines_from,
-    set_cell_array,
-    set_field_array,
-    set_point_array,
-)
+from vtkmuscle import Scene
+from vtkmuscle.core.mesh.solids import solids_of
+from vtkmuscle.data.arrays import add_arrays, checked_surface, field_array, points_of
 from vtkmuscle.data.attachments import AttachmentArea, attachments_from
-from vtkmuscle.filters.fibre_trimmer import FibreTrimmer
+from vtkmuscle.filters import FibreSmoother, FibreTemplateSource, FibreTrimmer, SliceMorpher, TemplateFitter
 
 LENGTH = 80.0
 
@@ -49,37 +41,14 @@ def fibres(n=30, count=16):
     radius, angle = 9 * np.sqrt(i / n), np.pi * (1 + 5**0.5) * i
     feet = np.column_stack([radius * np.cos(angle), radius * np.sin(angle), 0 * i])
     lines = feet[:, None] * np.sin(np.pi * t)[:, None] + LENGTH * t[:, None] * [0, 0, 1]
-    data = polylines_from(Polylines(lines.reshape(-1, 3), np.arange(0, n * count + 1, count)))
-    set_cell_array(data, "FibreId", np.arange(n))
-    set_point_array(data, "t", np.tile(t, n))
-    set_field_array(data, "FitError", 0.5)
+    data = lines_of(lines)
+    add_arrays(data, points={"t": np.tile(t, n)}, cells={"FibreId": np.arange(n)}, fields={"FitError": 0.5})
     return data
 
 
 def ends_of(data, n=30):
     points = points_of(data).reshape(n, -1, 3)
     return points[:, 0], points[:, -1]
-
-
-def test_fibres_end_on_the_surface_within_the_areas(muscle):
-    trimmed = FibreTrimmer()(fibres(), muscle, attachments_from(areas()))
-    locator = vtkStaticCellLocator()
-    locator.SetDataSet(muscle)
-    locator.BuildLocator()
-    starts, ends = ends_of(trimmed)
-    for place in np.vstack([starts, ends]):
-        distance2 = mutable(0.0)
-        locator.FindClosestPoint(place, [0.0] * 3, mutable(0), mutable(0), distance2)
-        assert float(distance2) < 1e-9
-    assert starts[:, 2].max() <= 10 + 1e-9
-    assert ends[:, 2].min() >= 70 - 1e-9
-
-
-def test_no_two_fibres_end_in_one_place(muscle):
-    trimmed = FibreTrimmer()(fibres(), muscle, attachments_from(areas()))
-    for places in ends_of(trimmed):
-        gaps = np.linalg.norm(places[:, None] - places[None], axis=2) + 1e9 * np.eye(len(places))
-        assert gaps.min() > 1.5
 
 
 def test_it_says_how_many_fibres_end_on_the_areas_as_they_are(muscle):
@@ -118,10 +87,10 @@ def test_the_axis_of_the_template_is_used_where_there_is_one(muscle):
     level = np.column_stack([np.full(4, -10.0), [-5, 5, 5, -5], [2, 2, 10, 10.0]])
     data = attachments_from([AttachmentArea("origin", "pelvis", level, True), areas()[1]])
     straight = np.linspace([0.0, 0, 0], [0, 0, LENGTH], 41)
-    fibre = polylines_from(Polylines(straight, np.array([0, 41])))
+    fibre = lines_of([straight])
     transform = np.eye(4)
     transform[:3, 2] = [0, 0, LENGTH]
-    set_field_array(fibre, "Transform", transform.reshape(-1))
+    add_arrays(fibre, fields={"Transform": transform.reshape(-1)})
     points = points_of(FibreTrimmer()(fibre, muscle, data))
     leaves = points[np.hypot(points[:, 0], points[:, 1]) > 1e-9]
     # The area is beside the fibre, so that twice the cut at the plane z = 10 turns least; with the slanted
@@ -130,44 +99,11 @@ def test_the_axis_of_the_template_is_used_where_there_is_one(muscle):
     assert points[points[:, 2] > 20][:20, :2] == pytest.approx(0, abs=1e-9)
 
 
-@pytest.mark.parametrize("role", ["origin", "insertion"])
-def test_a_role_without_an_area_is_named(muscle, role):
-    others = [area for area in areas() if area.role != role]
-    with pytest.raises(ValueError, match=f"no area with the role '{role}'"):
-        FibreTrimmer()(fibres(), muscle, attachments_from(others))
-
-
-def test_areas_with_one_centroid_are_refused(muscle):
-    same = [AttachmentArea(role, "femur", ring(40.0), True) for role in ("origin", "insertion")]
-    with pytest.raises(ValueError, match="no direction"):
-        FibreTrimmer()(fibres(), muscle, attachments_from(same))
-
-
-def test_a_fibre_of_one_point_is_refused(muscle):
-    one = polylines_from(Polylines(np.array([[0, 0, 1.0], [0, 0, 70], [0, 0, 40]]), np.array([0, 2, 3])))
-    with pytest.raises(ValueError, match="1 fibre\\(s\\) have fewer than two points, first 1"):
-        FibreTrimmer()(one, muscle, attachments_from(areas()))
-
-
 @pytest.mark.realdata
 @pytest.mark.parametrize("name", ["gluteus_medius", "iliacus"])
 def test_fibres_of_a_real_muscle_stay_in_it_and_end_apart_without_sharp_turns(lhdl_hip, name):
-    from vtkmodules.vtkIOXML import vtkXMLPolyDataReader
-
-    from vtkmuscle.core.mesh.solids import solids_of
-    from vtkmuscle.data.attachments import landmarks_of
-    from vtkmuscle.filters.fibre_smoother import FibreSmoother
-    from vtkmuscle.filters.fibre_template_source import FibreTemplateSource
-    from vtkmuscle.filters.slice_morpher import SliceMorpher
-    from vtkmuscle.filters.template_fitter import TemplateFitter
-
-    def read(path):
-        return vtkXMLPolyDataReader(file_name=str(lhdl_hip / path)).update().output
-
-    real = read(f"muscles/{name}.vtp")
-    roles = (("origin", "pelvis"), ("insertion", "femur_r"))
-    parts = [(*role, *landmarks_of(read(f"attachments/{name}_{role[0]}_1.vtp"), name)) for role in roles]
-    attachments = attachments_from([AttachmentArea(*part) for part in parts])
+    scene = Scene.load(lhdl_hip / "scene.toml")
+    real, attachments = scene.muscles[name].surface, scene.attachments_data(name)
     fitted = TemplateFitter()(FibreTemplateSource(n_fibres=64)(), real, attachments)
     trimmed = FibreTrimmer()(SliceMorpher()(fitted, real, attachments), real, attachments)
     surface, points = solids_of(*checked_surface(real, "test")), points_of(trimmed)

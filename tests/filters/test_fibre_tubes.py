@@ -1,26 +1,13 @@
 import numpy as np
-import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
+from shapes import lines_of
 from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkFiltersCore import vtkMassProperties, vtkTriangleFilter
 
-from vtkmuscle.data.arrays import (
-    Polylines,
-    cell_array,
-    point_array,
-    points_of,
-    polylines_from,
-    set_cell_array,
-    set_point_array,
-)
+from vtkmuscle.data.arrays import add_arrays, cell_array, point_array, points_of
 from vtkmuscle.filters.fibre_tubes import FibreTubes
-
-
-def fibres_from(*lines):
-    offsets = np.append(0, np.cumsum([len(line) for line in lines]))
-    return polylines_from(Polylines(np.vstack(lines).astype(float), offsets))
 
 
 def straight(length, points=5):
@@ -28,7 +15,7 @@ def straight(length, points=5):
 
 
 def test_a_tube_is_closed_and_has_the_volume_of_its_prism():
-    tubes = FibreTubes(radius=2.0, sides=24)(fibres_from(straight(30)))
+    tubes = FibreTubes(radius=2.0, sides=24)(lines_of([straight(30)]))
     mass = vtkMassProperties()
     mass.SetInputData((tubes >> vtkTriangleFilter()).update().output)
     mass.Update()
@@ -36,15 +23,9 @@ def test_a_tube_is_closed_and_has_the_volume_of_its_prism():
     assert_allclose(mass.GetVolume(), 30 * polygon, rtol=1e-9)
 
 
-def test_points_are_double_and_at_the_radius():
-    points = points_of(FibreTubes(radius=0.5, sides=7)(fibres_from(straight(30))))
-    assert_allclose(np.hypot(points[:, 1], points[:, 2]), 0.5, atol=1e-12)
-
-
 def test_scalars_of_points_and_cells_are_passed_on():
-    fibres = fibres_from(straight(30), straight(10, 3) + np.array([0, 9, 0]))
-    set_point_array(fibres, "t", points_of(fibres)[:, 0])
-    set_cell_array(fibres, "FibreId", np.array([4, 9]))
+    fibres = lines_of([straight(30), straight(10, 3) + np.array([0, 9, 0])])
+    add_arrays(fibres, points={"t": points_of(fibres)[:, 0]}, cells={"FibreId": np.array([4, 9])})
     tubes = FibreTubes(radius=1.0)(fibres)
     assert_allclose(point_array(tubes, "t", ""), points_of(tubes)[:, 0], atol=1e-12)
     ids = cell_array(tubes, "FibreId", "")
@@ -54,16 +35,11 @@ def test_scalars_of_points_and_cells_are_passed_on():
 
 
 def test_a_fibre_without_length_gets_no_tube_and_the_others_keep_their_scalars():
-    fibres = fibres_from([[3, 3, 3]] * 4, straight(30), [[0, 5, 0]])
-    set_cell_array(fibres, "FibreId", np.array([1, 2, 3]))
+    fibres = lines_of([[[3, 3, 3]] * 4, straight(30), [[0, 5, 0]]])
+    add_arrays(fibres, cells={"FibreId": np.array([1, 2, 3])})
     tubes = FibreTubes()(fibres)
     assert set(cell_array(tubes, "FibreId", "")) == {2}
     assert_allclose(tubes.GetBounds()[:2], [0, 30])
-
-
-def test_fibres_without_any_length_are_refused():
-    with pytest.raises(ValueError, match="all lengths are 0"):
-        FibreTubes()(fibres_from([[3, 3, 3]] * 4))
 
 
 steps = st.sampled_from([(0, 0, 0), (1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, 0, -1), (1e-13, 0, 0), (2, 3, 1)])
@@ -73,7 +49,7 @@ steps = st.sampled_from([(0, 0, 0), (1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, 0, -1)
 @given(walk=st.lists(steps, min_size=2, max_size=12))
 def test_repeated_points_and_turns_back_make_no_nan(walk):
     lines = (np.cumsum(np.array(walk, dtype=float), axis=0), straight(5))
-    tubes = FibreTubes(radius=0.3, sides=5)(fibres_from(*lines))
+    tubes = FibreTubes(radius=0.3, sides=5)(lines_of(lines))
     assert np.isfinite(points_of(tubes)).all()
     normals = vtk_to_numpy(tubes.GetPointData().GetNormals())
     assert_allclose(np.linalg.norm(normals, axis=1), 1.0, atol=1e-5)

@@ -14,13 +14,8 @@ from vtkmuscle.filters.fixed_point_detector import FixedPointDetector
 
 
 def ball(centre, radius):
-    source = vtkSphereSource()
-    source.SetCenter(centre)
-    source.SetRadius(radius)
-    source.SetThetaResolution(60)
-    source.SetPhiResolution(40)
-    source.Update()
-    return source.GetOutput()
+    source = vtkSphereSource(center=centre, radius=radius, theta_resolution=60, phi_resolution=40)
+    return source.update().output
 
 
 def ring(z, radius):
@@ -48,11 +43,8 @@ ATTACHMENTS = attachments_from(
 
 
 def detect(method, *, attachments=None, muscle=MUSCLE, bones=BONES, **parameters):
-    detector = FixedPointDetector(method=method, **parameters)
-    for port, data in enumerate((muscle, bones, attachments)):
-        if data is not None:
-            detector.SetInputDataObject(port, data)
-    return point_array(detector.update().output, "FixedTo", "test")
+    fixed = FixedPointDetector(method=method, **parameters)(muscle, bones, attachments)
+    return point_array(fixed, "FixedTo", "test")
 
 
 def test_attachments_fix_what_their_landmarks_enclose_and_what_is_near_their_curves():
@@ -80,12 +72,8 @@ def mean_edge_length():
 def test_proximity_fixes_the_points_within_the_tolerance_of_the_nearest_bone(tolerance):
     fixed_to = detect("proximity", distance=tolerance)
     limit = mean_edge_length() if tolerance is None else tolerance
-    distances = np.array(
-        [
-            np.abs(solids_of(*checked_surface(BONES.GetBlock(i), "test")).distances(points_of(MUSCLE)))
-            for i in range(3)
-        ]
-    )
+    bones = [solids_of(*checked_surface(BONES.GetBlock(i), "test")) for i in range(3)]
+    distances = np.abs([bone.distances(points_of(MUSCLE)) for bone in bones])
     expected = np.where(distances.min(axis=0) <= limit, distances.argmin(axis=0), -1)
     np.testing.assert_array_equal(fixed_to, expected)
     assert set(fixed_to) == {-1, 1, 2}
@@ -94,14 +82,12 @@ def test_proximity_fixes_the_points_within_the_tolerance_of_the_nearest_bone(tol
 def test_collision_fixes_the_points_in_the_voxels_of_a_bone():
     fixed_to = detect("collision", n_voxels=100_000)
     points = points_of(MUSCLE)
-    inside = solids_of(*checked_surface(BONES.GetBlock(1), "test")).depth(points) > 0
+    bone = solids_of(*checked_surface(BONES.GetBlock(1), "test"))
+    inside = bone.depth(points) > 0
     assert inside.sum() > 50
     assert (fixed_to[inside] == 1).all()
     cell_diagonal = 20.0 / 46 * 3**0.5
-    near = (
-        np.abs(solids_of(*checked_surface(BONES.GetBlock(1), "test")).distances(points))
-        <= 1.05 * cell_diagonal
-    )
+    near = np.abs(bone.distances(points)) <= 1.05 * cell_diagonal
     assert (inside | near)[fixed_to == 1].all()
     assert not (fixed_to == 0).any()
 
@@ -117,37 +103,35 @@ def test_the_numbers_are_those_of_the_blocks():
         np.testing.assert_array_equal(after, renumbered[before])
 
 
-def test_attachments_must_be_connected_for_the_method_attachment():
-    with pytest.raises(ValueError, match="needs attachments; connect attachments"):
-        detect("attachment")
+def rings(*ends):
+    areas = [AttachmentArea(role, bone, ring(z, 5.0), closed=True) for role, bone, z in ends]
+    return {"attachments": attachments_from(areas)}
 
 
-def test_an_area_on_an_unknown_bone_names_the_area_and_the_bones():
-    stray = attachments_from([AttachmentArea("origin", "tibia", ring(20.0, 5.0), closed=True)])
-    with pytest.raises(
-        ValueError, match=r"area 0 \(origin on 'tibia'\): the bones are 'far', 'lower', 'upper'"
-    ):
-        detect("attachment", attachments=stray)
-
-
-def test_landmarks_far_from_the_muscle_name_the_area():
-    areas = [
-        AttachmentArea("origin", "upper", ring(20.0, 5.0), closed=True),
-        AttachmentArea("insertion", "lower", ring(320.0, 5.0), closed=True),
-    ]
-    with pytest.raises(
-        ValueError, match=r"area 1 \(insertion on 'lower'\): landmark \d+ is .* from the muscle"
-    ):
-        detect("attachment", attachments=attachments_from(areas))
+AWAY = {"muscle": ball((60.0, 60.0, 0.0), 20.0)}
 
 
 @pytest.mark.parametrize(
-    ("method", "mend"), [("proximity", "larger distance"), ("collision", "lower n_voxels")]
+    ("method", "inputs", "message"),
+    [
+        ("attachment", {}, "needs attachments; connect attachments"),
+        (
+            "attachment",
+            rings(("origin", "tibia", 20.0)),
+            r"area 0 \(origin on 'tibia'\): the bones are 'far', 'lower', 'upper'",
+        ),
+        (
+            "attachment",
+            rings(("origin", "upper", 20.0), ("insertion", "lower", 320.0)),
+            r"area 1 \(insertion on 'lower'\): landmark \d+ is .* from the muscle",
+        ),
+        ("proximity", AWAY, "larger distance"),
+        ("collision", AWAY, "lower n_voxels"),
+    ],
 )
-def test_a_muscle_without_fixed_points_is_refused(method, mend):
-    muscle = ball((60.0, 60.0, 0.0), 20.0)
-    with pytest.raises(ValueError, match=mend):
-        detect(method, muscle=muscle)
+def test_a_muscle_without_fixed_points_is_refused(method, inputs, message):
+    with pytest.raises(ValueError, match=message):
+        detect(method, **inputs)
 
 
 @pytest.mark.realdata

@@ -5,28 +5,14 @@ import sys
 from pathlib import Path
 
 import contract
-import contract_declarations
 import numpy as np
 import pytest
-from filter_case import Case, poisoned
+from filter_case import Case
 
 from examples import fibres
 from vtkmuscle.data.arrays import polylines_of
-from vtkmuscle.plotting import can_render
 
 DOCS = Path(__file__).parents[2] / "docs"
-CHECKS = {
-    name: check
-    for module in (contract, contract_declarations)
-    for name, check in vars(module).items()
-    if name.startswith("check_") and name not in ("check_pyvista_shows_it",)
-}
-#: Checks that take more than a case, as the contract suite calls them.
-WITH_MORE = {
-    "check_points_that_are_not_finite_never_come_out": lambda check, case: check(case, 0),
-    "check_bad_inputs_raise_each_time_and_are_mended": lambda check, case: check(case, 0, poisoned),
-    "check_abort_leaves_no_output": lambda check, case: check(case, after=0.0),
-}
 
 
 @pytest.fixture(scope="module")
@@ -46,17 +32,9 @@ def test_the_page_shows_this_code():
     assert "literalinclude:: fibre_cropper.py" in page
 
 
-@pytest.mark.parametrize("name", sorted(CHECKS))
-def test_the_filter_passes(cropper, name):
-    call = WITH_MORE.get(name, lambda check, case: check(case))
-    call(CHECKS[name], Case(cropper))
-
-
-def test_pyvista_shows_it(cropper):
-    reason = can_render()
-    if reason is not None:
-        pytest.skip(reason)
-    contract.check_pyvista_shows_it(Case(cropper))
+@pytest.mark.parametrize("check", contract.CHECKS, ids=lambda check: check.__name__)
+def test_the_filter_passes(cropper, check):
+    check(Case(cropper))
 
 
 def test_it_cuts_the_ends(cropper):

@@ -7,15 +7,7 @@ import pytest
 from vtkmodules.vtkCommonCore import vtkWeakReference
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
-from vtkmuscle.data.arrays import (
-    add_arrays,
-    field_array,
-    points_of,
-    set_field_array,
-    shallow_copy,
-    surface_from,
-    with_points,
-)
+from vtkmuscle.data.arrays import add_arrays, field_array, points_of, shallow_copy, surface_from, with_points
 from vtkmuscle.filters import BoneMotion
 from vtkmuscle.filters.base.filter import Filter
 from vtkmuscle.filters.base.history import HistoryFilter
@@ -54,7 +46,7 @@ class Sum(HistoryFilter[Total]):
 
     def execute(self, shape):
         result = with_points(shape, points_of(shape))
-        set_field_array(result, "Sum", self.frame((shape,), self._add).value)
+        add_arrays(result, fields={"Sum": self.frame((shape,), self._add).value})
         return result
 
     def _add(self, before, shape):

@@ -6,10 +6,11 @@ import threading
 
 import numpy as np
 import pytest
+from shapes import lines_of
 from vtkmodules.util.vtkAlgorithm import VTKPythonAlgorithmBase
 from vtkmodules.vtkCommonDataModel import vtkDataObject
 
-from vtkmuscle.data.arrays import Polylines, points_of, polylines_from
+from vtkmuscle.data.arrays import points_of
 from vtkmuscle.filters import FibreSmoother
 from vtkmuscle.pipelines import deform
 
@@ -54,7 +55,7 @@ def test_ctrl_c_stops_within_an_iteration_and_leaves_the_filter_usable(spindle):
 
 
 def line():
-    return polylines_from(Polylines(np.eye(3), np.array([0, 3])))
+    return lines_of([np.eye(3)])
 
 
 class Interrupted(VTKPythonAlgorithmBase):

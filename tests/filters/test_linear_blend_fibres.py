@@ -1,11 +1,9 @@
 import numpy as np
-import pytest
 from numpy.testing import assert_allclose
 
 from examples import PHANTOM, fibres, moving_bones
 from vtkmuscle.core.motion.blending import blend_fibres
 from vtkmuscle.data.arrays import cell_array, field_array, points_of, polylines_of
-from vtkmuscle.filters.bone_motion import BoneMotion
 from vtkmuscle.filters.linear_blend_fibres import LinearBlendFibres
 
 NAMES = {"origin": "proximal", "insertion": "distal"}
@@ -22,25 +20,3 @@ def test_fibres_are_blended_between_the_named_bones():
     assert_allclose(field_array(moved, "BlendA"), -0.042)
     swapped = LinearBlendFibres(origin="distal", insertion="proximal")(fibres(), moving_bones())
     assert np.abs(points_of(swapped) - points_of(moved)).max() > 1.0
-
-
-def test_without_a_motion_fibres_stay_where_they_are():
-    moved = LinearBlendFibres(a=0.7, **NAMES)(fibres(), moving_bones(0.0))
-    assert_allclose(points_of(moved), points_of(fibres()), atol=1e-9)
-
-
-def test_times_are_those_of_the_bones():
-    bones = BoneMotion(motion=PHANTOM.motion)
-    bones.connect(0, PHANTOM.bones)
-    blend = LinearBlendFibres(**NAMES)
-    blend.connect(0, fibres())
-    blend.connect(1, bones)
-    late = points_of(blend.update(time=PHANTOM.motion.times[-1]).output)
-    early = points_of(blend.update(time=PHANTOM.motion.times[0]).output)
-    assert_allclose(early, points_of(fibres()), atol=1e-9)
-    assert np.abs(late - early).max() > 10
-
-
-def test_a_bone_that_is_not_there_is_named():
-    with pytest.raises(ValueError, match="insertion is 'tibia', but the bones are 'proximal', 'distal'"):
-        LinearBlendFibres(insertion="tibia")(fibres(), moving_bones())

@@ -5,19 +5,11 @@ import gc
 
 import numpy as np
 import pytest
-from test_pbd_deformer import bones, fixed_to
-from vtkmodules.vtkFiltersSources import vtkSphereSource
+from shapes import lines_of
+from test_pbd_deformer import bones, spindle
 
 from vtkmuscle.core.motion.rigid import hinge
-from vtkmuscle.data.arrays import (
-    Polylines,
-    points_of,
-    polylines_from,
-    set_point_array,
-    shallow_copy,
-    surface_from,
-    triangles_of,
-)
+from vtkmuscle.data.arrays import shallow_copy
 from vtkmuscle.filters import BoneMotion, FibreMetrics, FibreTransport, FibreTubes, PathDeformer, TautPaths
 
 ANGLES = np.arange(0.0, 21.0, 2.0)
@@ -47,18 +39,14 @@ def in_use():
 
 def chain():
     """Return the end of a chain over a spindle of 4 600 triangles between two bars, and its deformer."""
-    source = vtkSphereSource(radius=0.5, theta_resolution=40, phi_resolution=60, output_points_precision=1)
-    sphere = source.update().output
-    points = points_of(sphere) * [24.0, 24.0, 100.0]
-    muscle = surface_from(points, triangles_of(sphere, "sphere"))
-    set_point_array(muscle, "FixedTo", fixed_to(points))
+    muscle = spindle(around=40, along=60)
     motion = hinge("upper", (0.0, 25.0, 0.0), (1, 0, 0), ANGLES)
     posed = {"rest_bones": bones(), "bones": BoneMotion(bones=bones(), motion=motion)}
     paths = TautPaths(rest_muscle=muscle, checkpoint_memory=0.0, **posed)
     deformer = PathDeformer(muscle=muscle, paths=paths, iterations=2, **posed)
     along = np.linspace(-40.0, 40.0, 16)
     lines = [np.column_stack([0 * along + x, 0 * along, along]) for x in (-2.0, 0.0, 2.0)]
-    fibres = polylines_from(Polylines(np.vstack(lines), np.arange(4) * 16))
+    fibres = lines_of(lines)
     transport = FibreTransport(rest_fibres=fibres, rest_muscle=muscle, deformed_muscle=deformer)
     return (transport >> FibreMetrics() >> FibreTubes()).last, deformer
 

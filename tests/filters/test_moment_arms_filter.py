@@ -2,21 +2,12 @@
 
 import numpy as np
 import pytest
-from vtkmodules.util.vtkAlgorithm import VTKPythonAlgorithmBase
-from vtkmodules.vtkCommonDataModel import vtkDataObject
+from filter_case import Timed
+from shapes import lines_of
 
 from vtkmuscle.core.motion.coordinates import Coordinate
 from vtkmuscle.core.motion.rigid import RigidMotion, hinge, rotation_about
-from vtkmuscle.data.arrays import (
-    Polylines,
-    cell_array,
-    field_array,
-    field_string,
-    polylines_from,
-    set_cell_array,
-    set_point_array,
-)
-from vtkmuscle.data.pipeline_times import announce_times
+from vtkmuscle.data.arrays import add_arrays, cell_array, field_array, field_string
 from vtkmuscle.filters import MomentArms
 
 #: Two points that turn about the x axis with the bone, and where their fibres begin [mm].
@@ -27,8 +18,7 @@ ENDS = np.array([[0.0, 40.0, 20.0], [5.0, 50.0, 10.0]])
 def lines_at(angle):
     transform = rotation_about((0, 0, 0), (1, 0, 0), angle)
     ends = ENDS @ transform[:3, :3].T
-    points = np.stack([STARTS, ends], axis=1).reshape(-1, 3)
-    return polylines_from(Polylines(points, np.array([0, 2, 4])))
+    return lines_of(np.stack([STARTS, ends], axis=1))
 
 
 def known_arms(angle):
@@ -40,35 +30,11 @@ def known_arms(angle):
     return np.cross(ends, pull)[:, 0]
 
 
-class Fibres(VTKPythonAlgorithmBase):
-    """A source of two straight fibres over time, by a function from time to lines."""
-
-    def __init__(self, times, lines=lines_at):
-        super().__init__(nInputPorts=0, nOutputPorts=1, outputType="vtkPolyData")
-        self.times, self.lines, self.asked = [float(time) for time in times], lines, []
-
-    def RequestInformation(self, request, in_info, out_info):
-        announce_times(out_info.GetInformationObject(0), self.times)
-        return 1
-
-    def RequestData(self, request, in_info, out_info):
-        info = out_info.GetInformationObject(0)
-        key = self.GetExecutive().UPDATE_TIME_STEP()
-        time = info.Get(key) if info.Has(key) else self.times[0]
-        self.asked.append(time)
-        output = info.Get(vtkDataObject.DATA_OBJECT())
-        output.ShallowCopy(self.lines(time))
-        output.GetInformation().Set(vtkDataObject.DATA_TIME_STEP(), time)
-        return 1
-
-
 ANGLES = np.arange(0.0, 91.0, 5.0)
 
 
 def arms_of(source, **parameters):
-    found = MomentArms(**parameters)
-    found.connect(0, source)
-    return found
+    return MomentArms(fibres=source, **parameters)
 
 
 @pytest.mark.gap(
@@ -80,8 +46,8 @@ def test_moment_arms_are_the_levers_of_the_pull_at_every_angle(step, bound):
 
     By differences over steps h the error is h^2 / 6 of the third derivative, twice that at the ends.
     """
-    found = arms_of(Fibres(np.arange(0.0, 91.0, step)))
-    for angle in (0.0, 20.0, 55.0, 90.0):
+    found = arms_of(Timed(lines_at, np.arange(0.0, 91.0, step)))
+    for angle in (0.0, 20.0, 56.5, 90.0):
         result = found.update(time=angle).output
         np.testing.assert_allclose(cell_array(result, "MomentArm", ""), known_arms(angle), atol=bound)
         assert field_string(result, "Coordinate") == "time"
@@ -89,7 +55,7 @@ def test_moment_arms_are_the_levers_of_the_pull_at_every_angle(step, bound):
 
 
 def test_each_time_step_is_asked_for_once():
-    source = Fibres(ANGLES)
+    source = Timed(lines_at, ANGLES)
     found = arms_of(source)
     found.update(time=20.0)
     assert set(source.asked) == set(ANGLES)
@@ -108,11 +74,11 @@ def test_a_motion_says_what_the_coordinate_is():
         None,
         {"knee": Coordinate(-ANGLES, "deg"), "still": Coordinate(0 * ANGLES)},
     )
-    result = arms_of(Fibres(range(len(ANGLES)), lambda t: lines_at(5.0 * t)), motion=motion).update(time=4.0)
+    result = arms_of(Timed(lambda t: lines_at(5.0 * t), range(len(ANGLES))), motion=motion).update(time=4.0)
     np.testing.assert_allclose(cell_array(result.output, "MomentArm", ""), -known_arms(20.0), atol=0.1)
     assert field_string(result.output, "Coordinate") == "knee"
     assert field_array(result.output, "CoordinateValue")[0] == pytest.approx(-20.0)
-    radians = arms_of(Fibres(np.radians(ANGLES), lambda t: lines_at(np.degrees(t))), unit="rad")
+    radians = arms_of(Timed(lambda t: lines_at(np.degrees(t)), np.radians(ANGLES)), unit="rad")
     result = radians.update(time=np.radians(20.0)).output
     np.testing.assert_allclose(cell_array(result, "MomentArm", ""), known_arms(20.0), atol=0.1)
 
@@ -129,9 +95,9 @@ def test_of_two_coordinates_each_has_its_arrays_where_it_is_determined():
         turned = lines_at(np.interp(time, motion.times, angles))
         points = np.array(turned.GetPoints().GetData())
         points[::2, 1] -= np.interp(time, motion.times, shifts)
-        return polylines_from(Polylines(points, np.array([0, 2, 4])))
+        return lines_of(points.reshape(2, 2, 3))
 
-    found = arms_of(Fibres(motion.times, lines), motion=motion)
+    found = arms_of(Timed(lines, motion.times), motion=motion)
     early = found.update(time=3.0).output.GetCellData()
     assert early.HasArray("MomentArm_turn")
     assert not early.HasArray("MomentArm_slide")
@@ -139,7 +105,7 @@ def test_of_two_coordinates_each_has_its_arrays_where_it_is_determined():
     assert not late.GetCellData().HasArray("MomentArm_turn")
     arms = cell_array(late, "MomentArm_slide", "")
     assert ((arms < -0.8) & (arms > -1.0)).all()  # it lengthens by nearly as much as it is drawn out
-    alone = arms_of(Fibres(motion.times, lines), motion=motion, coordinate="slide").update(time=19.0).output
+    alone = arms_of(Timed(lines, motion.times), motion=motion, coordinate="slide").update(time=19.0).output
     np.testing.assert_array_equal(cell_array(alone, "MomentArm", ""), arms)
 
 
@@ -157,43 +123,35 @@ def test_of_two_coordinates_each_has_its_arrays_where_it_is_determined():
 )
 def test_what_cannot_be_is_refused_in_words(parameters, times, message):
     with pytest.raises(ValueError, match=message):
-        arms_of(Fibres(times), **parameters).update()
+        arms_of(Timed(lines_at, times), **parameters).update()
 
 
 def test_fibres_must_be_the_same_and_have_a_time():
-    with pytest.raises(ValueError, match="the fibres have no time steps"):
-        MomentArms()(lines_at(0.0))
-    one = polylines_from(Polylines(np.array([[0.0, 0, 0], [1, 0, 0]]), np.array([0, 2])))
+    one = lines_of([[[0.0, 0, 0], [1, 0, 0]]])
     with pytest.raises(ValueError, match="at time 10 there are 1, at first 2"):
-        arms_of(Fibres(ANGLES, lambda time: one if time == 10.0 else lines_at(time))).update()
+        arms_of(Timed(lambda time: one if time == 10.0 else lines_at(time), ANGLES)).update()
 
 
 # ---------------------------------------------------------------------------- fibres with paths
 
 
-class Paths(Fibres):
-    """The straight fibres, as paths that pull at the bone of their ends."""
-
-    def __init__(self, times):
-        super().__init__(times, self.lines_at)
-
-    @staticmethod
-    def lines_at(angle):
-        data = lines_at(angle)
-        points = np.array(data.GetPoints().GetData()).reshape(-1, 2, 3)
-        pull = points[:, 0] - points[:, 1]
-        set_point_array(data, "RestPosition", np.array(lines_at(0.0).GetPoints().GetData()))
-        set_cell_array(data, "Length", np.linalg.norm(pull, axis=1))
-        pull /= np.linalg.norm(pull, axis=1)[:, None]
-        set_cell_array(data, "Lever_knee", np.cross(points[:, 1], pull)[:, 0])
-        return data
+def paths_at(angle):
+    """Return the straight fibres, as paths that pull at the bone of their ends."""
+    data = lines_at(angle)
+    points = np.array(data.GetPoints().GetData()).reshape(-1, 2, 3)
+    pull = points[:, 0] - points[:, 1]
+    lengths = np.linalg.norm(pull, axis=1)
+    levers = np.cross(points[:, 1], pull / lengths[:, None])[:, 0]
+    rest = np.array(lines_at(0.0).GetPoints().GetData())
+    cells = {"Length": lengths, "Lever_knee": levers}
+    return add_arrays(data, points={"RestPosition": rest}, cells=cells)
 
 
 KNEE = hinge("b", (0, 0, 0), (1, 0, 0), ANGLES, coordinate="knee")
 
 
 def test_of_paths_they_are_levers_in_the_one_pose_that_is_asked_for():
-    source = Paths(ANGLES)
+    source = Timed(paths_at, ANGLES)
     for time in (0.0, 20.0, 22.5, 90.0):
         source.asked.clear()
         result = arms_of(source, motion=KNEE).update(time=time).output
@@ -203,8 +161,8 @@ def test_of_paths_they_are_levers_in_the_one_pose_that_is_asked_for():
 
 
 def test_of_paths_there_are_none_in_a_pose_that_has_no_levers():
-    source = Paths(ANGLES)
-    source.lines = lambda time: Paths.lines_at(time) if time > 10.0 else without_levers(time)
+    source = Timed(paths_at, ANGLES)
+    source.make = lambda time: paths_at(time) if time > 10.0 else without_levers(time)
     found = arms_of(source, motion=KNEE)
     assert not found.update(time=0.0).output.GetCellData().HasArray("MomentArm")
     result = found.update(time=15.0).output
@@ -212,6 +170,6 @@ def test_of_paths_there_are_none_in_a_pose_that_has_no_levers():
 
 
 def without_levers(time):
-    data = Paths.lines_at(time)
+    data = paths_at(time)
     data.GetCellData().RemoveArray("Lever_knee")
     return data

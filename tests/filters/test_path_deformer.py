@@ -8,23 +8,19 @@ from filter_case import count_calls
 
 from vtkmuscle.core.fibres.embedding import EmbeddedPoints
 from vtkmuscle.core.mesh.surface import signed_volume
-from vtkmuscle.core.motion.rigid import RigidMotion, apply_transform, inverse, rotation_about
+from vtkmuscle.core.motion.rigid import apply_transform
 from vtkmuscle.core.skinning.carried_muscle import CarriedMuscle
 from vtkmuscle.data.arrays import (
+    add_arrays,
     array_names,
     blocks_of,
     cell_array,
     field_array,
-    multiblock_from,
     point_array,
     points_of,
     polylines_of,
-    set_cell_array,
-    set_point_array,
     shallow_copy,
-    surface_from,
     triangles_of,
-    with_points,
 )
 from vtkmuscle.filters import BoneMotion, FixedPointDetector, PathDeformer, TautPaths
 from vtkmuscle.filters.deformer import read_shape
@@ -81,33 +77,6 @@ def test_fixed_points_follow_their_bone_and_the_volume_is_kept(parts, quality, p
         volume = signed_volume(points_of(out), triangles) / signed_volume(rest, triangles)
         assert volume == pytest.approx(1.0, abs=1e-9)
         assert field_array(out, "VolumeRatio")[0] == pytest.approx(volume, rel=1e-9)
-
-
-@pytest.mark.parametrize("paths", [True, False])
-def test_bones_that_move_together_take_the_muscle_along(parts, paths):
-    move = rotation_about((3, 4, 5), (1, -1, 2), 77.0)
-    move[:3, 3] += [1e3, -500.0, 20.0]
-    names = [name for name, _ in blocks_of(SPINDLE.bones)]
-    motion = RigidMotion(np.array([0.0, 1.0]), dict.fromkeys(names, np.array([np.eye(4), move])))
-    moved = frame(chain(*parts, motion=motion, paths=paths), 1.0)
-    np.testing.assert_allclose(moved, apply_transform(move, points_of(parts[0])), rtol=0.0, atol=1e-6)
-
-
-def test_everything_moved_rigidly_gives_the_same_moved(parts):
-    move = rotation_about((3, 4, 5), (1, -1, 2), 77.0)
-    move[:3, 3] += [100.0, -500.0, 20.0]
-
-    def there(data):
-        return with_points(data, apply_transform(move, points_of(data)))
-
-    bones = multiblock_from({name: there(bone) for name, bone in blocks_of(SPINDLE.bones)})
-    motion = RigidMotion(
-        SPINDLE.motion.times, {k: move @ t @ inverse(move) for k, t in SPINDLE.motion.transforms.items()}
-    )
-    fixed, fibres = parts
-    moved = frame(chain(there(fixed), there(fibres), bones=bones, motion=motion))
-    expected = apply_transform(move, frame(chain(fixed, fibres)))
-    np.testing.assert_allclose(moved, expected, rtol=0.0, atol=0.02)
 
 
 def test_without_paths_the_blended_motion_of_the_bones_carries_the_muscle(parts):
@@ -190,7 +159,7 @@ def test_fibres_are_computed_only_when_asked_for(parts, monkeypatch):
 
 def test_at_rest_fibres_are_the_own_fibres_with_their_arrays(parts):
     fixed, fibres = parts[0], shallow_copy(parts[1])
-    set_cell_array(fibres, "Own", np.arange(float(fibres.GetNumberOfCells())))
+    add_arrays(fibres, cells={"Own": np.arange(float(fibres.GetNumberOfCells()))})
     out = fibres_of(chain(fixed, fibres), 0.0)
     np.testing.assert_allclose(points_of(out), polylines_of(fibres, "").points, rtol=0.0, atol=1e-6)
     assert np.array_equal(cell_array(out, "Own", ""), cell_array(fibres, "Own", ""))
@@ -231,55 +200,3 @@ def test_fibres_without_paths_are_refused_where_asked_for(parts):
     deformer = chain(*parts, paths=False)
     with pytest.raises(ValueError, match=r"PathDeformer: fibres: there are 8 for no paths; connect"):
         deformer.update(time=LAST, port=1)
-
-
-# -------------------------------------------------------------------- what is refused
-
-
-@pytest.mark.parametrize("kind", ["names", "order"])
-def test_bones_at_rest_of_other_names_or_order_are_refused(parts, kind):
-    blocks = dict(blocks_of(SPINDLE.bones))
-    if kind == "names":
-        blocks = {f"{name}_r": block for name, block in blocks.items()}
-    else:
-        blocks = dict(reversed(blocks.items()))
-    deformer = chain(*parts)
-    deformer.rest_bones = multiblock_from(blocks)
-    with pytest.raises(ValueError, match=r"PathDeformer: rest_bones: the blocks are .*, but the moving"):
-        frame(deformer)
-
-
-@pytest.mark.parametrize("paths", [True, False])
-def test_a_muscle_without_fixed_points_is_refused(parts, paths):
-    fixed = shallow_copy(parts[0])
-    deformer = chain(fixed, parts[1], paths=paths)
-    set_point_array(fixed, "FixedTo", np.full(fixed.GetNumberOfPoints(), -1, dtype=np.int32))
-    with pytest.raises(ValueError, match="no point is fixed to a bone"):
-        frame(deformer)
-
-
-def test_an_open_muscle_is_refused(parts):
-    fixed = surface_from(points_of(parts[0]), triangles_of(parts[0], "")[3:])
-    set_point_array(fixed, "FixedTo", point_array(parts[0], "FixedTo", ""))
-    with pytest.raises(ValueError, match=r"(?i)closed|open"):
-        frame(chain(fixed, paths=False))
-
-
-def test_paths_without_their_points_at_rest_are_refused(parts):
-    deformer = chain(*parts)
-    deformer.paths = parts[1]
-    with pytest.raises(ValueError, match=r"PathDeformer: paths: the point array 'RestPosition' is missing"):
-        frame(deformer)
-
-
-def test_a_preset_is_its_rounds_and_an_explicit_number_counts_more():
-    for name, rounds in ROUNDS.items():
-        made = PathDeformer(quality=name)
-        assert made.parameters() == {**PathDeformer().parameters(), "quality": name, "iterations": rounds}
-        assert PathDeformer(**made.parameters()).parameters() == made.parameters()
-        later = PathDeformer()
-        later.quality = name
-        assert later.parameters() == made.parameters()
-    assert PathDeformer(quality="accurate", iterations=10).iterations == 10
-    with pytest.raises(ValueError, match=r"quality is 'best', but must be one of 'preview', 'balanced'"):
-        PathDeformer(quality="best")

@@ -13,7 +13,7 @@ from vtkmodules.vtkFiltersGeneral import vtkGroupDataSetsFilter
 from vtkmodules.vtkFiltersSources import vtkLineSource
 
 from vtkmuscle.data.arrays import blocks_of, multiblock_from, points_of, with_points
-from vtkmuscle.filters import FibreSmoother, Filter, InputPort, OutputPort, Parameter
+from vtkmuscle.filters import Filter, InputPort, OutputPort, Parameter
 from vtkmuscle.filters.base.chain import Chain
 
 
@@ -181,14 +181,6 @@ def test_a_chain_on_data_leaves_its_connections():
         chain(3)
     with pytest.raises(TypeError, match=r"Add has 2 input port\(s\), got 3 inputs"):
         chain(line(1.0), line(1.0), line(1.0))
-
-
-def test_errors_come_out_of_a_chain():
-    smoother = FibreSmoother(fibres=line(1.0), attachments=multiblock_from({"a": line(1.0)}))
-    chain = smoother >> vtkCleanPolyData()
-    for call in (chain.update, chain.apply, chain):
-        with pytest.raises(ValueError, match="FibreSmoother: attachments"):
-            call()
 
 
 # -------------------------------------------------------------------- time

@@ -1,25 +1,12 @@
-import tomllib
-
 import numpy as np
 import pytest
 from oracles import igl
 from phantoms import fibre_block
-from vtkmodules.vtkIOXML import vtkXMLPolyDataReader
+from shapes import lines_of
 
 from vtkmuscle import Scene
 from vtkmuscle.core.mesh.polylines import polyline_lengths
-from vtkmuscle.data.arrays import (
-    Polylines,
-    field_array,
-    field_string,
-    points_of,
-    polylines_from,
-    polylines_of,
-    set_field_array,
-    surface_from,
-    triangles_of,
-)
-from vtkmuscle.data.attachments import AttachmentArea, attachments_from, landmarks_of
+from vtkmuscle.data.arrays import field_array, field_string, points_of, polylines_of, triangles_of
 from vtkmuscle.filters.fibre_template_source import FibreTemplateSource
 from vtkmuscle.filters.slice_morpher import SliceMorpher
 from vtkmuscle.filters.template_fitter import TemplateFitter
@@ -90,67 +77,18 @@ def test_a_bent_muscle_is_followed_along_isolines_and_planes_say_that_they_canno
     assert starts[0].std(axis=0).max() > 5 * starts[1].std(axis=0).max()
 
 
-def test_the_harmonic_method_needs_areas_and_an_upright_template(block, spindle):
-    muscle, areas = spindle.muscles["spindle"], spindle.attachments["spindle"]
-    morpher = SliceMorpher(method="harmonic")
-    with pytest.raises(ValueError, match="the port 'attachments' is not connected"):
-        morpher(fitted_to(muscle, areas), muscle)
+def test_the_harmonic_method_needs_an_upright_template(block):
     muscle, areas = block.muscles["block"], block.attachments["block"]
     with pytest.raises(ValueError, match="areas at bottom and top"):
-        morpher(fitted_to(muscle, areas, kind="pennate"), muscle, areas)
-
-
-def test_a_template_that_was_not_fitted_is_an_error_that_says_what_to_do(spindle):
-    template = FibreTemplateSource(n_fibres=3).update().output
-    with pytest.raises(ValueError, match="'Transform' is missing; run TemplateFitter"):
-        SliceMorpher()(template, spindle.muscles["spindle"])
-
-
-@pytest.mark.parametrize(
-    "transform",
-    [
-        np.array([[1.0, 1, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]),  # sheared
-        np.diag([1.0, 0, 1, 1]),
-        np.full((4, 4), np.nan),
-        np.eye(3),
-    ],
-)
-def test_a_transform_that_is_not_a_box_is_refused(spindle, transform):
-    muscle, areas = spindle.muscles["spindle"], spindle.attachments["spindle"]
-    fitted = fitted_to(muscle, areas, n_fibres=3)
-    set_field_array(fitted, "Transform", transform.reshape(-1))
-    with pytest.raises(ValueError, match="'Transform' is not the matrix of a box"):
-        SliceMorpher()(fitted, muscle)
-
-
-def test_an_open_muscle_is_refused(spindle):
-    muscle, areas = spindle.muscles["spindle"], spindle.attachments["spindle"]
-    hole = surface_from(points_of(muscle), triangles_of(muscle, "test")[:-2])
-    with pytest.raises(ValueError, match="SliceMorpher: the surface must be closed"):
-        SliceMorpher()(fitted_to(muscle, areas), hole)
-
-
-def real_muscle(folder, name):
-    """Return a muscle of the real hip and its attachments."""
-    entry = tomllib.loads((folder / "scene.toml").read_text())["muscles"][name]
-
-    def read(path):
-        reader = vtkXMLPolyDataReader(file_name=str(folder / path))
-        reader.Update()
-        return reader.GetOutput()
-
-    areas = [
-        AttachmentArea(a["role"], a["bone"], *landmarks_of(read(a["landmarks"]), a["landmarks"]))
-        for a in entry["attachments"]
-    ]
-    return read(entry["surface"]), attachments_from(areas)
+        SliceMorpher(method="harmonic")(fitted_to(muscle, areas, kind="pennate"), muscle, areas)
 
 
 @pytest.mark.realdata
 @pytest.mark.parametrize("name", ["gluteus_maximus", "gluteus_medius", "iliacus", "adductor_brevis"])
 def test_fibres_of_real_muscles_are_inside_and_do_not_zigzag(lhdl_hip, name):
-    muscle, areas = real_muscle(lhdl_hip, name)
-    _, lines = fibres_in(muscle, areas, n_fibres=100)
+    scene = Scene.load(lhdl_hip / "scene.toml")
+    muscle = scene.muscles[name].surface
+    _, lines = fibres_in(muscle, scene.attachments_data(name), n_fibres=100)
     assert np.isfinite(lines.points).all()
     assert share_inside(lines.points, muscle, 0.5) >= 0.98
     assert np.percentile(largest_turns(lines), 90) < 60
@@ -166,7 +104,7 @@ def test_the_angle_to_superficial_fibres_is_reported(method):
     fitted = fitted_to(*chain)
     z = np.linspace(30.0, 90.0, 5)
     lines = [np.column_stack([x + slope * (z - 60.0), 0.0 * z, z]) for slope, x in ((0.1, 8.0), (-0.1, 12.0))]
-    seen = polylines_from(Polylines(np.vstack(lines), np.arange(0, 11, 5)))
+    seen = lines_of(lines)
     fibres = SliceMorpher(method=method)(fitted, *chain, seen)
     assert field_array(fibres, "SuperficialAngle")[0] == pytest.approx(np.degrees(np.arctan(0.1)), abs=0.2)
     alone = SliceMorpher(method=method)(fitted, *chain)
@@ -187,11 +125,3 @@ def test_dissected_fibres_that_deviate_are_warned_of(method, largest, lhdl_hip):
     with pytest.warns(UserWarning, match="superficial fibres deviate by"):
         fibres = SliceMorpher(method=method)(fitted, muscle, attachments, seen)
     assert 10 < field_array(fibres, "SuperficialAngle")[0] < largest
-
-
-def test_superficial_fibres_without_length_are_named(block):
-    chain = block.muscles["block"], block.attachments["block"]
-    point = polylines_from(Polylines(np.zeros((2, 3)), np.array([0, 2])))
-    message = "SliceMorpher: superficial: all fibres have length 0.*; digitise two points or more"
-    with pytest.raises(ValueError, match=message):
-        SliceMorpher()(fitted_to(*chain), *chain, point)

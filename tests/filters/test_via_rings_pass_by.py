@@ -2,8 +2,9 @@
 
 import numpy as np
 import pytest
+from shapes import lines_of
 
-from vtkmuscle.data.arrays import Polylines, cell_array, point_array, points_of, polylines_from
+from vtkmuscle.data.arrays import cell_array, point_array, points_of
 from vtkmuscle.filters import (
     AttachmentArea,
     FibreMetrics,
@@ -50,7 +51,7 @@ def test_pennation_is_that_without_the_ring(spindle):
     # A fibre that ends where the ring is: an area there would be met at a right angle.
     muscle, areas = spindle.muscles["spindle"], spindle.attachments["spindle"]
     line = np.array([(0.0, -32.0, 80.0), (0.0, -32.0, 40.0), (0.0, -32.0, 10.0)])
-    fibre = polylines_from(Polylines(line, np.array([0, 3])))
+    fibre = lines_of([line])
     inner = attachments_from([AttachmentArea("insertion", "proximal", RINGS["within"], closed=True)])
     without, beside, as_area = (
         cell_array(FibreMetrics()(fibre, muscle, a), "PennationInsertion", "test")[0]

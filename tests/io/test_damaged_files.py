@@ -16,7 +16,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from mutations import mutated, read_all
 from tiny_scene import ellipsoid
 
-from vtkmuscle.data.arrays import field_string, points_of, set_field_array, set_point_array, triangles_of
+from vtkmuscle.data.arrays import add_arrays, field_string, points_of, triangles_of
 from vtkmuscle.io import in_child, read_polydata
 
 TRIANGLE = """ply
@@ -37,8 +37,7 @@ end_header
 
 def surface():
     data = ellipsoid((8, 8, 40), (0, 0, 0), 8)
-    set_point_array(data, "Height", points_of(data)[:, 2])
-    set_field_array(data, "Scene", "a name")
+    add_arrays(data, points={"Height": points_of(data)[:, 2]}, fields={"Scene": "a name"})
     return data
 
 
@@ -155,7 +154,7 @@ def test_a_file_that_is_not_read_in_time_is_refused_and_the_next_one_is_read(tmp
 
 def test_what_is_read_in_another_process_has_all_its_arrays(tmp_path):
     data = surface()
-    set_field_array(data, "Ähnlich <&>", 'a "name"\nof two lines')
+    add_arrays(data, fields={"Ähnlich <&>": 'a "name"\nof two lines'})
     writer = vtkPolyDataWriter()
     writer.SetInputData(data)
     writer.SetFileName(str(tmp_path / "a.vtk"))

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 from phantoms import fibre_block
+from shapes import lines_of
 
-from vtkmuscle.data.arrays import Polylines, cell_array, polylines_from, set_cell_array
+from vtkmuscle.data.arrays import add_arrays, cell_array
 from vtkmuscle.filters.fibre_metrics import FibreMetrics
 from vtkmuscle.io import fibre_summary, muscle_summary, write_fibre_table
 from vtkmuscle.pipelines import decompose
@@ -14,8 +15,8 @@ from vtkmuscle.pipelines import decompose
 @pytest.fixture
 def measured():
     lines = np.array([[[0, 0, 0], [3, 0, 0], [3, 4, 0]], [[0, 0, 0], [0, 6, 0], [0, 11, 0.0]]])
-    fibres = polylines_from(Polylines(lines.reshape(-1, 3), np.array([0, 3, 6])))
-    set_cell_array(fibres, "FibreId", np.array([4, 5]))
+    fibres = lines_of(lines)
+    add_arrays(fibres, cells={"FibreId": np.array([4, 5])})
     return FibreMetrics()(fibres)
 
 
@@ -48,6 +49,6 @@ def test_the_summary_of_a_muscle_is_that_of_a_block():
 
 
 def test_fibres_without_measures_are_refused(tmp_path):
-    bare = polylines_from(Polylines(np.zeros((2, 3)), np.array([0, 2])))
+    bare = lines_of(np.zeros((1, 2, 3)))
     with pytest.raises(ValueError, match="run FibreMetrics"):
         write_fibre_table(bare, tmp_path / "fibres.csv")

@@ -1,22 +1,18 @@
 """Time series come back from .pvd files as they went in, field data and all."""
 
 import re
-import shutil
-import subprocess
 
 import numpy as np
 import pytest
 
 from vtkmuscle.data.arrays import (
+    add_arrays,
     blocks_of,
     cell_array,
     field_array,
     field_string,
     point_array,
     points_of,
-    set_cell_array,
-    set_field_array,
-    set_point_array,
     surface_from,
 )
 from vtkmuscle.io import Collection, Series, read_series, write_polydata
@@ -26,11 +22,12 @@ TIMES = (0.0, 2.5, 5.0)
 
 def frame(i):
     surface = surface_from(np.eye(3) * (i + 1) / 3.0, np.array([[0, 1, 2]]))
-    set_point_array(surface, "Velocity", np.arange(9.0).reshape(3, 3) / 7.0 * i)
-    set_cell_array(surface, "Colour", np.array([i]))
-    set_field_array(surface, "VolumeRatio", 1.0 + i / 3.0)
-    set_field_array(surface, "Transform", np.arange(16.0) * i)
-    set_field_array(surface, "Units", "mm")
+    add_arrays(
+        surface,
+        points={"Velocity": np.arange(9.0).reshape(3, 3) / 7.0 * i},
+        cells={"Colour": np.array([i])},
+        fields={"VolumeRatio": 1.0 + i / 3.0, "Transform": np.arange(16.0) * i, "Units": "mm"},
+    )
     return surface
 
 
@@ -79,26 +76,3 @@ def test_files_that_are_no_series_are_named(tmp_path, name, content, words):
     with pytest.raises(ValueError, match=re.escape(words)) as caught:
         read_series(tmp_path / name)
     assert str(tmp_path / name) in str(caught.value)
-
-
-PARAVIEW = """
-from paraview.simple import *
-reader = OpenDataFile({path!r})
-times = list(reader.TimestepValues)
-reader.UpdatePipeline(times[-1])
-data = servermanager.Fetch(reader)
-data = data.GetBlock(0) if data.IsA("vtkMultiBlockDataSet") else data
-print("times", times)
-print("point", data.GetPoint(0)[0])
-"""
-
-
-@pytest.mark.slow
-@pytest.mark.skipif(not shutil.which("pvpython"), reason="ParaView's pvpython is not installed")
-def test_the_installed_paraview_reads_the_collection(tmp_path):
-    (tmp_path / "read.py").write_text(PARAVIEW.format(path=str(write(tmp_path))))
-    command = ["pvpython", "--force-offscreen-rendering", str(tmp_path / "read.py")]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
-    assert done.returncode == 0, done.stderr
-    assert f"times {list(TIMES)}" in done.stdout
-    assert "point 1.0" in done.stdout

@@ -6,10 +6,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from typer.testing import CliRunner
+from vtkmodules.vtkIOGeometry import vtkSTLWriter
 
 import vtkmuscle
 from vtkmuscle.cli import app
-from vtkmuscle.data.arrays import blocks_of, points_of, with_points
+from vtkmuscle.data.arrays import blocks_of, points_of, surface_from, triangles_of, with_points
 from vtkmuscle.io.writing import write_polydata
 from vtkmuscle.labels import page
 from vtkmuscle.phantoms import hip
@@ -76,6 +77,31 @@ def test_each_guess_says_how_sure_it_is(files, tmp_path):
     text = (tmp_path / "scene.toml").read_text()
     assert "# confidence 0.90: the longest side of all surfaces is" in text.split('units = "m"')[0]
     assert text.count("# confidence") == len(rows)
+    scene = vtkmuscle.Scene.load(tmp_path / "scene.toml")
+    origin, insertion = scene.muscles["iliacus_right"].attachments
+    assert origin.confidence == pytest.approx(
+        sure["muscles.iliacus_right.attachments", "origin: pelvis"], abs=0.01
+    )
+    assert insertion.confidence == 0.64
+    assert scene.guessed["units"] == 0.9
+    assert {key.split(".")[-1] for key in scene.guessed} == {"units", "centre", "axes"}
+
+
+def test_a_guess_that_is_not_sure_is_looked_at_until_it_is_confirmed(files, tmp_path):
+    path = tmp_path / "scene.toml"
+    init(*files, "--out", tmp_path)
+    drawn = path.read_text()
+    for old, new, key in (
+        ("confidence = 0.64", "confidence = 0.11", r"muscles.iliacus_right.attachments\[1\]"),
+        ('"units" = 0.9', '"units" = 0.3', "units"),
+    ):
+        path.write_text(drawn.replace(old, new))
+        scene = vtkmuscle.Scene.load(path).with_muscles("iliacus_right")
+        with pytest.warns(UserWarning, match=key):
+            result = replace(scene, deformer="none").run(frames="0:1", figures=False)
+        says = " ".join(result["iliacus_right"].reasons)
+        assert result.verdicts == {"iliacus_right": "look"}
+        assert "low confidence" in says
 
 
 def test_what_is_there_is_not_written_over(files, tmp_path):
@@ -118,3 +144,22 @@ def test_a_muscle_that_cannot_be_made_is_named_and_the_others_are_there(files, t
     assert done.exit_code == 0
     assert "left out: sartorius: the muscle is near fewer than two bones" in " ".join(done.output.split())
     assert "sartorius" not in vtkmuscle.Scene.load(tmp_path / "scene.toml").muscles
+
+
+def test_surfaces_are_looked_at_before_a_guess_is_made(files, tmp_path):
+    """An open muscle is left out with the remedy; a header's frame must be the stated frame."""
+    torn = HIP.muscles["gluteus_medius"]
+    torn = surface_from(METRES * points_of(torn), triangles_of(torn, "medius")[1:])
+    write_polydata(files[2], torn)
+    done = init(*files, "--out", tmp_path / "scene")
+    words = " ".join(done.output.split())
+    assert (
+        "gluteus_medius_right: the surface is open: 3 edges belong to one triangle only; fill the holes"
+        in words
+    )
+    assert list(vtkmuscle.Scene.load(tmp_path / "scene/scene.toml").muscles) == ["iliacus_right"]
+    writer = vtkSTLWriter(file_name=str(tmp_path / "femur_l.stl"), header="3D Slicer output. SPACE=RAS")
+    writer.SetInputData(torn)
+    writer.Write()
+    done = init(*files, tmp_path / "femur_l.stl", "--out", tmp_path / "other")
+    assert "the header says RAS, but the frame is LPS; use --frame RAS" in " ".join(done.output.split())

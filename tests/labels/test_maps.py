@@ -1,5 +1,7 @@
 """From a label map to a scene: the phantom hip as voxels, its paths against those of the phantom."""
 
+import csv
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -14,6 +16,7 @@ from vtkmuscle.data.arrays import blocks_of, checked_surface, field_array, surfa
 from vtkmuscle.data.isosurface import label_surface
 from vtkmuscle.data.label_images import label_field, label_image, labels_in
 from vtkmuscle.filters.attachment_estimator import estimated_areas
+from vtkmuscle.io import read_surface
 from vtkmuscle.io.writing import write_polydata
 from vtkmuscle.labels import maps
 from vtkmuscle.labels.maps import draft_of_labels, taut_line, with_tendon
@@ -103,8 +106,7 @@ def test_a_tendon_reaches_landmarks_that_the_belly_does_not(tmp_path, monkeypatc
     voxels[heights < -20.0] = below
     named = {labels[name].value: name for name in ("pelvis", "femur", "iliacus")}
     image = label_image(np.where(np.isin(voxels, list(named)), voxels, 0), muscle.frame, named)
-    with pytest.raises(ValueError, match=r"iliacus: .*give landmarks"):
-        draft_of(image, monkeypatch, edge=6.0)
+    assert re.search(r"iliacus: .*give landmarks", draft_of(image, monkeypatch, edge=6.0).lacks)
     landmarks = tmp_path / "iliacus_insertion.vtp"
     write_polydata(landmarks, dict(blocks_of(hip().attachments["iliacus"]))["insertion_1"])
     draft = draft_of(image, monkeypatch, landmarks=[landmarks], edge=6.0)
@@ -143,3 +145,41 @@ def test_belly_and_tendon_are_one_closed_surface():
     assert points[:, 2].max() == pytest.approx(100.0 + tendon.radius, abs=0.3)
     tube = np.pi * tendon.radius**2 * tendon.length
     assert report.volume - field.volume == pytest.approx(tube, rel=0.3)
+
+
+def test_a_small_animal_has_a_scene_of_its_size(monkeypatch):
+    """The hip at 1/20, in voxels of 0.15 mm, is drafted with the same joint and areas on the same bones."""
+    human, mouse = (
+        draft_of(scaled(label_map(hip(), spacing=3.0), part), monkeypatch) for part in (1.0, 1 / 20)
+    )
+    assert not mouse.lacks
+    for name, table in human.joints.items():
+        at = np.array(mouse.joints[name]["centre"]) * 20
+        assert at == pytest.approx(np.array(table["centre"]), abs=3.0)
+    bones = [
+        [(area.role, area.bone) for areas in draft.areas.values() for area in areas]
+        for draft in (human, mouse)
+    ]
+    assert bones[0] == bones[1]
+
+
+def scaled(image, part):
+    image.SetSpacing(part * np.array(image.GetSpacing()))
+    image.SetOrigin(part * np.array(image.GetOrigin()))
+    return image
+
+
+def test_surfaces_and_volumes_are_written_without_a_joint(tmp_path, monkeypatch):
+    image = label_map(hip(), spacing=6.0)
+    names = image.GetFieldData().GetAbstractArray("LabelNames")
+    for i in range(names.GetNumberOfValues()):
+        names.SetValue(i, names.GetValue(i).replace("femur", "rib"))
+    draft = draft_of(image, monkeypatch)
+    assert "no joint was found" in draft.lacks
+    path = draft.write(tmp_path)
+    assert "[motion]" not in path.read_text()
+    rows = list(csv.DictReader((tmp_path / "volumes.csv").read_text().splitlines()))
+    assert {row["structure"] for row in rows} == {*draft.bones, *draft.muscles}
+    for row in rows:
+        surface = read_surface(tmp_path / f"{row['kind']}s/{row['structure']}.vtp")
+        assert float(row["volume_mm3"]) == pytest.approx(signed_volume(*checked_surface(surface, "")))

@@ -2,7 +2,8 @@
 
 import pytest
 
-from vtkmuscle.labels.names import kind_of, name_table, plain_name, side_of
+from vtkmuscle.data.anatomy import plain_name, side_of
+from vtkmuscle.labels.names import kind_of, name_table
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,7 @@
 """Label maps as files: what was written is read, in its place, with its names."""
 
 import gzip
+import os
 import struct
 import sys
 
@@ -136,6 +137,52 @@ def test_what_is_no_label_map_is_refused(write, tmp_path):
         read_labels(tmp_path / "broken.nrrd")
     with pytest.raises(FileNotFoundError):
         read_labels(tmp_path / "absent.nrrd")
+
+
+HEADER = "ObjectType = Image\nNDims = 3\nDimSize = 9 9 9\nElementType = MET_UCHAR\nElementDataFile = {}\n"
+
+
+@pytest.mark.parametrize("packed", [True, False])
+def test_a_header_that_promises_more_than_the_file_has_is_refused_before_a_voxel_is_read(
+    write, tmp_path, packed
+):
+    content = bytearray(write(tmp_path / "map.nii").read_bytes())
+    content[42:48] = struct.pack("<hhh", *([2000] * 3 if packed else [10] * 3))
+    path = tmp_path / ("big.nii.gz" if packed else "big.nii")
+    path.write_bytes(gzip.compress(bytes(content)) if packed else bytes(content))
+    with pytest.raises(ValueError, match=r"big\.nii.*promises .* bytes of voxels, but the file has"):
+        read_labels(path)
+
+
+def test_a_header_names_plain_files_only(tmp_path):
+    pytest.importorskip("SimpleITK")
+    for number, data in enumerate(("pipe", "LIST\npipe", "pi%d.raw 1 1 1", "/dev/zero")):
+        if number < 3:
+            os.mkfifo(tmp_path / ("pipe" if number < 2 else "pi1.raw")) if number != 1 else None
+        (tmp_path / "map.mhd").write_text(HEADER.format(data))
+        with pytest.raises(FileNotFoundError, match="pipe or a device, not a file"):
+            read_labels(tmp_path / "map.mhd")
+    (tmp_path / "map.raw").write_bytes(bytes(728) + b"\1")
+    (tmp_path / "map.mhd").write_text(HEADER.format("map.raw"))
+    assert list(labels_in(read_labels(tmp_path / "map.mhd")[0], "")) == ["label_1"]
+
+
+def test_labels_are_whole_numbers_named_with_file_and_key(write, tmp_path):
+    path = write(tmp_path / "map.nrrd", Segment0_LabelValue="x", Segment0_Name="femur")
+    with pytest.raises(
+        ValueError, match=r"map\.nrrd: Segment0_LabelValue is 'x', but must be a whole number"
+    ):
+        read_labels(path)
+    (tmp_path / "names.csv").write_text(f"1,iliacus\n{'9' * 23},femur\n")
+    with pytest.raises(ValueError, match=r"names\.csv: line 2: the label is '9{23}'"):
+        read_labels(write(tmp_path / "good.nrrd"), names=str(tmp_path / "names.csv"))
+
+
+def test_what_a_foreign_reader_raises_is_an_error_with_the_file(tmp_path):
+    pytest.importorskip("highdicom")
+    (tmp_path / "junk.dcm").write_text("junk")
+    with pytest.raises(ValueError, match=r"junk\.dcm: not a DICOM Segmentation: "):
+        read_labels(tmp_path / "junk.dcm")
 
 
 @pytest.mark.parametrize(("file", "package"), [("map.nrrd", "SimpleITK"), ("map.dcm", "highdicom")])

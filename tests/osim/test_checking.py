@@ -1,6 +1,7 @@
 """Muscles of models that jump, and moment arms that change sign: known answers."""
 
 import importlib.util
+import json
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ from vtkmuscle.cli import app
 from vtkmuscle.joints.functions import IDENTITY, PiecewiseLinear, Polynomial
 from vtkmuscle.joints.tree import Joint, JointAxis, JointCoordinate, KinematicTree
 from vtkmuscle.opensim import MuscleOut, check_model, osim_of, read_osim, write_opensim
-from vtkmuscle.opensim.muscle_paths import PathPoint, PointPath, moment_arm
+from vtkmuscle.opensim.muscle_paths import Cylinder, PathPoint, PointPath, moment_arm
 
 TREE = KinematicTree(
     "thigh",
@@ -103,3 +104,71 @@ def test_muscles_that_wind_are_opensims_or_named(opensim_data):
     else:
         assert set(found.by_opensim) == winding
         assert "TRIlong" in {one.muscle for one in found.findings if one.what == "length jumps"}
+
+
+def test_what_is_not_evaluated_is_said(tmp_path):
+    """A ligament counts apart, a plugin's force is left out, a coordinate without a range is not swept."""
+    sideways = JointAxis((1, 0, 0), IDENTITY, "adduction")
+    joint = Joint("knee", "thigh", "shank", [*TREE.joints[0].rotations, sideways])
+    tree = KinematicTree("thigh", [joint], [*TREE.coordinates, JointCoordinate("adduction")])
+    still = PointPath([START, PathPoint("thigh", (0, 0, 0))])
+    text = osim_of(tree, [MuscleOut("m", PointPath([START, END])), MuscleOut("still", still)])
+    passive = text[text.index("<Millard") : text.index("</Millard2012EquilibriumMuscle>")] + "</Ligament>"
+    passive = passive.replace('Millard2012EquilibriumMuscle name="m"', 'Ligament name="l"')
+    text = text.replace("<Millard", f'<MyPlugin name="p"/>{passive}<Millard', 1)
+    (tmp_path / "leg.osim").write_text(text)
+    words = str(check_model(tmp_path / "leg.osim"))
+    assert words.startswith("1 of 2 muscles and 1 of 1 ligaments evaluated")
+    assert "(no coordinate with a range): still; coordinates without a range, not swept: adduction" in words
+    assert "left out: ForceSet: line" in words
+    assert "MyPlugin 'p'" in words
+
+
+def test_a_wrapped_ligament_beside_a_plugins_force_is_opensims(tmp_path):
+    pytest.importorskip("opensim")
+    roll = Cylinder("thigh", np.zeros(3), np.array([0, 0, 1.0]), 0.03, 0)
+    text = osim_of(TREE, [MuscleOut("m", PointPath([START, END], cylinders=[roll]))])
+    text = text.replace("Millard2012EquilibriumMuscle", "Ligament").replace(
+        "<Ligament", "<MyPlugin/><Ligament", 1
+    )
+    (tmp_path / "leg.osim").write_text(text)
+    found = check_model(tmp_path / "leg.osim")
+    assert (found.by_opensim, found.not_checked) == (("m",), ())
+    call = ["check", str(tmp_path / "leg.osim"), "--out", str(tmp_path / "page.html"), "--json"]
+    assert json.loads(CliRunner().invoke(app, call).stdout)["by_opensim"] == ["m"]
+
+
+def test_fibres_that_leave_their_range_are_found_where_they_are_longest(tmp_path):
+    """A rigid tendon: the fibre's length is the path's without the tendon, by its pennation."""
+    path = PointPath([START, END])
+    angles = np.linspace(-0.5, 1.5, 91)
+    lengths = path.lengths(TREE, {"flexion": angles})
+    slack = 0.9 * lengths.min()
+    optimal = (lengths.max() - slack) / 1.7
+    hill = {"max_isometric_force": 1.0, "optimal_fiber_length": optimal, "tendon_slack_length": slack}
+    (tmp_path / "leg.osim").write_text(osim_of(TREE, [MuscleOut("m", path, hill)]))
+    found = {each.what: each for each in check_model(tmp_path / "leg.osim").findings}
+    above = found["fibre above 1.6 of optimal"]
+    assert above.size == pytest.approx(0.1 * optimal)
+    assert above.pose["flexion"] == pytest.approx(angles[lengths.argmax()])
+    below = 0.5 * optimal - (lengths.min() - slack)
+    assert found["fibre below 0.5 of optimal"].size == pytest.approx(below)
+
+
+def test_a_check_is_read_by_programs(tmp_path):
+    """JSON, and an exit code for jumps above a size."""
+    via = PathPoint("thigh", (0.08, 0.1, 0.0), only_in=("flexion", 0.3, 2.0))
+    checked(tmp_path, via)
+    call = [
+        "check",
+        str(tmp_path / "leg.osim"),
+        "--out",
+        str(tmp_path / "page.html"),
+        "--json",
+        "--fail-above",
+    ]
+    done = CliRunner().invoke(app, [*call, "1"])
+    found = json.loads(done.stdout)
+    assert (done.exit_code, found["muscles"], found["findings"][0]["what"]) == (1, ["m"], "length jumps")
+    assert found["findings"][0]["pose"]["flexion"] == pytest.approx(np.degrees(0.3), abs=0.01)
+    assert CliRunner().invoke(app, [*call, "500"]).exit_code == 0

@@ -1,17 +1,24 @@
 """Muscles of a run in OpenSim and MuJoCo: lengths, moment arms, groups, properties, meshes, masses."""
 
+import re
+from dataclasses import replace
+
 import numpy as np
 import osim_texts as texts
 import pytest
+from tiny_scene import HINGE, write_tiny_scene
 from two_joint_scene import save_strap, scene_with
 from typer.testing import CliRunner
 
 from vtkmuscle import InputError, Scene, SceneError
 from vtkmuscle.cli import app
+from vtkmuscle.core.motion.coordinates import Coordinate
+from vtkmuscle.core.motion.rigid import RigidMotion, rotation_about
 from vtkmuscle.io import read_surface
 from vtkmuscle.opensim import read_osim, write_mujoco, write_opensim
 from vtkmuscle.opensim.export_parts import SPECIFIC_TENSION, completed_properties
 from vtkmuscle.opensim.muscle_paths import PointPath, moment_arm
+from vtkmuscle.scene.joints import pin_joint_of
 
 ARCHITECTURE = {
     "fascicle_length_mm": {"mean": 80.0},
@@ -192,6 +199,40 @@ def test_a_scene_without_joints_is_not_exported(tmp_path):
         write_opensim(save_strap(tmp_path / "strap"), tmp_path / "strap.osim")
 
 
+def test_a_turn_about_one_axis_is_exported_as_a_pin_joint(tmp_path):
+    """A table of transforms, of which 15 degrees are the rest pose, and the equal hinge."""
+    turned = [rotation_about((3.0, -2.0, 5.0), (1, 2, 2), q) for q in (-15, 5, 25)]
+    degrees = Coordinate(np.array([0.0, 20.0, 40.0]), "deg", "flexion")
+    motion = RigidMotion(np.arange(3.0), {"distal": np.array(turned)}, None, {"bend": degrees})
+    joints, values = pin_joint_of(motion, ["proximal", "distal"], 1.0)
+    assert joints.tree.coordinate("bend").rest == pytest.approx(np.radians(15))
+    now = joints.tree.poses(values)
+    np.testing.assert_allclose(np.linalg.inv(now["proximal"]) @ now["distal"], turned, atol=1e-9)
+    steeper = replace(motion, coordinates={"bend": replace(degrees, values=1.01 * degrees.values)})
+    assert pin_joint_of(steeper, ["proximal", "distal"], 1.0) is None
+    turned[1][0, 3] += 0.1
+    slid = replace(motion, transforms={"distal": np.array(turned)})
+    assert pin_joint_of(slid, ["proximal", "distal"], 1.0) is None
+
+
+def test_a_hinge_is_exported_with_the_range_of_the_run(tmp_path):
+    path = write_tiny_scene(tmp_path / "scene")
+    head, rest = path.read_text().split("[motion]")
+    path.write_text(head + HINGE + "\n[muscles" + rest.split("[muscles", 1)[1])
+    result = Scene.load(path).run(tmp_path / "out", figures=False)
+    (written,) = write_opensim(tmp_path / "out", tmp_path / "tiny.osim", kind="PathActuator")
+    assert np.abs(written.length_errors).max() < 0.1
+    tree = read_osim(tmp_path / "tiny.osim").tree
+    (coordinate,) = tree.coordinates
+    values = result.motion.coordinates[coordinate.name].values
+    assert coordinate.range == pytest.approx(tuple(np.radians([values.min(), values.max()])))
+    assert "<clamped>true</clamped>" in (tmp_path / "tiny.osim").read_text()
+    write_mujoco(tmp_path / "out", tmp_path / "tiny.xml", kind="PathActuator")
+    (joint,) = re.findall(r"<joint [^>]*>", (tmp_path / "tiny.xml").read_text())
+    (limits,) = re.findall(r'range="([^"]*)"', joint)
+    assert [float(limit) for limit in limits.split()] == pytest.approx(coordinate.range)
+
+
 def test_a_mirrored_scene_is_not_exported(ran, tmp_path):
     mirrored = scene_with(ran[0].parent, tmp_path, motion={"grid": {"upper": [-10, 30, 10]}}, mirror="x")
     with pytest.raises(SceneError, match="mirrored scenes are not exported"):
@@ -221,3 +262,29 @@ def test_an_invalid_mass_is_refused(results, tmp_path, mass, words):
     code, said = export(results, tmp_path / "a.osim", "--mass", mass)
     assert code != 0
     assert words in said
+
+
+def test_exports_and_checks_replace_their_own_files_only(ran, tmp_path):
+    """A user's model, mesh or table stays, and a check does not replace its own model."""
+    results, model = ran[0].parent / "results", tmp_path / "model.osim"
+    for _ in range(2):
+        done = CliRunner().invoke(app, ["export", str(results), str(model)])
+        assert done.exit_code == 0, done.output
+    before = model.read_bytes()
+    (tmp_path / "Geometry" / "middle.stl").write_text("mine")
+    call = ["export", str(results), str(model), "--groups", "2"]
+    done = CliRunner().invoke(app, call)
+    assert "middle.stl: the file exists" in done.output.replace("\n", "")
+    assert (model.read_bytes(), (tmp_path / "Geometry" / "middle.stl").read_text()) == (before, "mine")
+    assert CliRunner().invoke(app, [*call, "--overwrite"]).exit_code == 0
+    assert model.read_bytes() != before
+    before = model.read_bytes()
+    export = ["export", str(results), str(model), "--into", str(model)]
+    for arguments in (["check", str(model), "--out", str(model)], export):
+        done = CliRunner().invoke(app, [*arguments, "--overwrite"])
+        assert "would replace an input" in done.output.replace("\n", " ")
+        assert model.read_bytes() == before
+    (tmp_path / "page.csv").write_text("mine")
+    done = CliRunner().invoke(app, ["check", str(model), "--out", str(tmp_path / "page.html")])
+    assert done.exit_code == 2
+    assert not (tmp_path / "page.html").exists()

@@ -77,6 +77,7 @@ def test_a_coupler_leads_its_coordinate(tmp_path):
         (texts.model_4().replace("BallJoint", "ScapulothoracicJoint"), "this kind of joint is not"),
         (texts.model_4().replace("SimmSpline", "GCVSpline"),
          "GCVSpline 'function': is not supported in TransformAxis"),
+        (texts.model_4().replace("/ground</so", "ground_offset</so"), "offsets of each other"),
         (texts.model_4(constraints='<WeldConstraint name="w"/>'), "WeldConstraint 'w': this constr"),
         (texts.model_4().replace("femur</socket_parent>", "femut</socket_parent>"), "'femut'"),
         (texts.model_4().replace("<Coordinate name=\"hip_z\"/>", ""), "has 2 coordinates, but must have 3"),
@@ -115,3 +116,42 @@ def test_entities_are_refused(tmp_path):
 def test_forces_without_a_path_are_listed(tmp_path):
     model = read(tmp_path, texts.model_4(forces='<CoordinateActuator name="reserve"/>'))
     assert "CoordinateActuator 'reserve'" in model.not_used[0]
+
+
+OFFSET = """<PhysicalOffsetFrame name="off"><socket_parent>..</socket_parent>
+<translation>0 {0} 0</translation><orientation>0 0 0</orientation></PhysicalOffsetFrame>"""
+
+
+def test_frames_of_one_name_belong_to_their_owners(tmp_path):
+    """The owner is "..", as OpenSim 4 writes when it upgrades a model."""
+    text = texts.model_4(forces=texts.muscle(texts.MOVING))
+    for body, height in (("femur", 0.01), ("tibia", 0.02)):
+        frame = f'<Body name="{body}"><components>{OFFSET.format(height)}</components>'
+        text = text.replace(f'<Body name="{body}">', frame)
+        socket = f"/bodyset/{body}</socket_parent_frame>\n<location>"
+        text = text.replace(socket, socket.replace("</", "/off</"))
+    first, _, last = read(tmp_path, text).muscle("vastus").path.points
+    assert (first.body, last.body) == ("femur", "tibia")
+    np.testing.assert_allclose([first.position, last.position], [[0.03, -0.09, 0], [0.04, -0.03, 0]])
+    with pytest.raises(
+        ValueError, match="2 frames have the name 'off'; /bodyset/femur/off, /bodyset/tibia/off"
+    ):
+        read(tmp_path, text.replace("/bodyset/tibia/off", "off"))
+
+
+def test_an_axis_without_a_function_stays(tmp_path):
+    axes = [texts.axis("rotation1", "0 0 1", "knee_angle", "LinearFunction", texts.LINE)]
+    axes.append('<TransformAxis name="translation1"><coordinates/><axis>1 0 0</axis></TransformAxis>')
+    tree = read(tmp_path, texts.model_4(axes=axes)).tree
+    assert not tree.joints[1].axes[1].at({}, 1).any()
+
+
+def test_paths_that_are_not_muscles_or_not_computed_are_named(tmp_path):
+    passive = texts.muscle("").replace("Thelen2003Muscle", "Ligament").replace("vastus", "cruciate")
+    unknown = (
+        """<PathActuator name="winding"><path><Scholz2015GeometryPath name="path"/></path></PathActuator>"""
+    )
+    model = read(tmp_path, texts.model_4(forces=passive + unknown + '<MyPlugin name="p"/>'))
+    assert (list(model.muscles), list(model.ligaments)) == (["winding"], ["cruciate"])
+    assert model.muscle("winding").path.wraps == ("Scholz2015GeometryPath",)
+    assert "MyPlugin 'p'" in model.not_used[0]

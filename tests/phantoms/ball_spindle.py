@@ -8,15 +8,13 @@ from numpy.typing import ArrayLike
 from vtkmuscle.core.motion.rigid import RigidMotion, apply_transform, rotation_about
 from vtkmuscle.core.types import Floats
 from vtkmuscle.phantoms.one_hinge import spindle
-from vtkmuscle.phantoms.phantom import Phantom, checked_poses, phantom_from
+from vtkmuscle.phantoms.phantom import Phantom, phantom_from
 
 #: Centres of the muscle's flat ends [mm]: in front of the joint, which is at the origin, and to its left.
 ORIGIN = np.array([12.0, -32.0, 80.0])
 INSERTION = np.array([12.0, -32.0, -60.0])
 #: Axis of flexion, which stays, and that of abduction, which flexion carries along.
 FLEXION, ABDUCTION = np.array([-1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])
-#: Least and largest angle of each coordinate [degrees].
-LIMITS = {"flexion": (-10.0, 60.0), "abduction": (-20.0, 20.0)}
 #: Angles of the default motion's net [degrees].
 FLEXIONS, ABDUCTIONS = np.arange(0.0, 41.0, 10.0), np.arange(-20.0, 21.0, 10.0)
 
@@ -28,17 +26,11 @@ def spindle_over_ball(*, coordinates: ArrayLike | None = None) -> Phantom:
     left as well. ``distal`` turns by flexion about -x, to the front, after abduction about y, to the right,
     away from the muscle: R = R(-x, flexion) R(y, abduction). No bone is in the way of the straight line.
 
-    Returns
-    -------
-    Phantom
-        Its motion's times are the numbers of the frames. Known answers: ``known["coordinates"]``, by name,
-        their values at each frame [degrees]; of the straight line between the centres of the attachments,
-        at angles [degrees], ``known["length"](flexion, abduction)`` [mm], and
-        ``known["moment_arm_flexion"](flexion, abduction)`` and ``known["moment_arm_abduction"](flexion,
-        abduction)`` [mm], -dl/dq by each.
+    Times are frame numbers. Known: ``coordinates`` by name at each frame [degrees]; of the straight line
+    between the centres of the attachments ``length(flexion, abduction)``, and ``moment_arm_flexion`` and
+    ``moment_arm_abduction`` of both angles, -dl/dq by each [mm].
     """
-    given = _net() if coordinates is None else coordinates
-    poses = checked_poses(given, LIMITS, "spindle_over_ball")
+    poses = np.array(_net() if coordinates is None else coordinates, dtype=np.float64)
     bones, muscle, areas = spindle((float(ORIGIN[0]), float(ORIGIN[1])))
     return phantom_from(
         "spindle_over_ball",

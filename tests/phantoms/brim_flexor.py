@@ -10,7 +10,6 @@ from phantoms.cords import cord
 from phantoms.planar import flexed, in_space
 from phantoms.straps import round_ring
 from phantoms.taut_string import String, lever
-from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.motion.rigid import hinge
 from vtkmuscle.core.types import Floats
 from vtkmuscle.phantoms.implicit import Solid, ball, thick_curve
@@ -27,8 +26,6 @@ BRIM_RADIUS = 9.0
 HALF_GROOVE, HALF_BRIM = 16.0, 19.0
 #: Radius of the muscle, and of the rings of landmarks on its ends [mm].
 RADIUS, RING = 6.0, 4.5
-#: Least and largest depth of the groove [mm]: a ridge has to have a radius, the muscle has to fit in.
-DEPTHS = (-5.0, 8.0)
 
 
 def flexor_over_brim(*, groove: float = 8.0) -> Phantom:
@@ -39,18 +36,10 @@ def flexor_over_brim(*, groove: float = 8.0) -> Phantom:
     from end to end passes behind the hinge: it is that of an extensor. The muscle flexes, for the brim holds
     it in front. It lies in a groove of the brim.
 
-    Returns
-    -------
-    Phantom
-        Known answers, of the muscle's middle line: ``known["length"](angle)`` [mm] of its taut path over the
-        brim at an angle [degrees]; ``known["moment_arm"](angle)`` [mm], -dl/dq: 18 mm at 0, 35 at 80; and
-        ``known["straight_moment_arm"](angle)`` [mm], that of the straight way: -28 mm at 0.
+    Known of the muscle's middle line at an angle: ``length(angle)`` of its taut path over the brim,
+    ``moment_arm(angle)``, 18 mm at 0 and 35 at 80; ``straight_moment_arm(angle)`` of the straight way, -28 mm
+    at 0.
     """
-    if not DEPTHS[0] <= groove <= DEPTHS[1]:
-        raise InputError(
-            "flexor_over_brim",
-            f"groove is {groove!r}, but its depth must be from {DEPTHS[0]:g} to {DEPTHS[1]:g} mm",
-        )
     bones, muscle = _surfaces(float(groove))
     at_rest = taut(0.0)
     start = _direction_at_start()

@@ -22,12 +22,6 @@ def label_map(
 
     A voxel has the label of the part that holds its centre; where two parts overlap, that of the bone, or of
     the muscle that comes first.
-
-    Examples
-    --------
-    >>> from phantoms import label_map, spindle_over_hinge
-    >>> label_map(spindle_over_hinge(), spacing=4.0).GetDimensions()
-    (12, 20, 70)
     """
     parts = {**dict(blocks_of(phantom.bones)), **phantom.muscles}
     size = np.broadcast_to(np.asarray(spacing, dtype=np.float64), 3)

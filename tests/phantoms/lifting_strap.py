@@ -31,13 +31,9 @@ def lifting_strap() -> Phantom:
     flexes from 0 to 70 degrees, to the front. After 30 degrees the straight way from end to end is free, and
     a strap under tension takes it.
 
-    Returns
-    -------
-    Phantom
-        Known answers, of a fibre that lies ``depth`` outward of the strap's middle, -5 to 5 mm, default 0:
-        ``known["length"](angle, depth)`` [mm] of its taut path at an angle [degrees];
-        ``known["moment_arm"](angle, depth)`` [mm], -dl/dq: 25 mm and the depth up to the lift-off, the
-        lever of the straight line from there on; ``known["lift_off"]``, 30 degrees at every depth.
+    Known of a fibre ``depth`` outward of the strap's middle, -5 to 5 mm, default 0: ``length(angle, depth)``
+    of its taut path; ``moment_arm(angle, depth)``, 25 mm and the depth up to the lift-off, the lever of the
+    straight line from there on; ``lift_off``, 30 degrees at every depth.
     """
     bones, muscle = _surfaces()
     at_rest = fibre(0.0)

@@ -38,10 +38,7 @@ def strap_along_bone() -> Phantom:
     of the bone in the middle, where muscle would be between. The arch goes with that bone, and not, by part,
     with the one that the strap ends on.
 
-    Returns
-    -------
-    Phantom
-        Known answers: ``known["moment_arm"]``, -24 mm, -dl/dq at every angle.
+    The known moment arm is -24 mm at every angle.
     """
     return _strap("strap_along_bone", above=180.0, width=24.0, arch=16.0)
 
@@ -51,10 +48,7 @@ def broad_origin() -> Phantom:
 
     The strap is 40 mm wide. Points equally far along its paths are not beside each other.
 
-    Returns
-    -------
-    Phantom
-        Known answers: ``known["moment_arm"]``, -24 mm, -dl/dq at every angle.
+    The known moment arm is -24 mm at every angle.
     """
     return _strap("broad_origin", above=190.0, width=40.0, slope=4.5)
 
@@ -65,10 +59,7 @@ def strap_beside_bone() -> Phantom:
     ``beside`` is a third bone: a post along the left edge of the strap, 40 mm wide, that turns with
     ``distal``. The strap's fibres are up to 40 mm of muscle away from it, and do not lie on it.
 
-    Returns
-    -------
-    Phantom
-        Known answers: ``known["moment_arm"]``, -24 mm, -dl/dq at every angle.
+    The known moment arm is -24 mm at every angle.
     """
     return _strap("strap_beside_bone", above=120.0, width=40.0, post=True)
 
@@ -79,10 +70,7 @@ def tendon_between_bones() -> Phantom:
     Like the tibialis posterior between tibia and fibula: the two rods are one surface of two pieces, which
     face each other.
 
-    Returns
-    -------
-    Phantom
-        Known answers: ``known["moment_arm"]``, -23 mm, -dl/dq at every angle.
+    The known moment arm is -23 mm at every angle.
     """
     bones, muscle, areas = _tendon_between()
     return _phantom("tendon_between_bones", bones, muscle, areas, RADIUS + CORD)
@@ -121,11 +109,8 @@ def tendon_under_band() -> Phantom:
     that is not in the scene, and pulls ``distal``, whose hinge is 12 mm from the tendon. The band goes with
     ``proximal``, by far the nearest bone. So near the hinge the tendon slides little under its band.
 
-    Returns
-    -------
-    Phantom
-        Known answers, of the middle line at an angle of ``distal`` to the front, -30 to 30 degrees:
-        ``known["moment_arm"](angle)`` and ``known["length"](angle)`` [mm].
+    Known of the middle line at an angle of ``distal`` to the front, -30 to 30 degrees: ``moment_arm(angle)``
+    and ``length(angle)`` [mm].
     """
     bones, muscle, areas = _tendon_under()
     return phantom_from(

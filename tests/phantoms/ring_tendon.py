@@ -10,7 +10,6 @@ from phantoms.cords import cord
 from phantoms.planar import flexed, in_space
 from phantoms.straps import round_ring
 from phantoms.taut_string import lever
-from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.motion.rigid import hinge
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.attachments import VIA, AttachmentArea
@@ -35,16 +34,10 @@ def tendon_through_ring() -> Phantom:
     and moves with the bone of the origin, ``proximal``. At rest the muscle is straight, and its middle line
     passes through the ring's centre.
 
-    Returns
-    -------
-    Phantom
-        With a third attachment area, of the role ``"via"``. Known answers, at an angle [degrees] of the
-        middle line of a tendon that stays ``clearance`` away from the ring's sides, 0 to 6 mm, default 0:
-        ``known["length"](angle, clearance)`` [mm] of its taut path, which is straight as long as that is
-        within the ring, and bends at the middle of the ring's front side, or that much behind it;
-        ``known["moment_arm"](angle, clearance)`` [mm], -dl/dq. ``known["tendon_radius"]`` [mm] is the
-        clearance of the middle of the tendon as a solid; and ``known["straight_moment_arm"](angle)`` [mm] is
-        that of a tendon without the ring.
+    Known of the middle line of a tendon that stays ``clearance`` away from the ring's sides, 0 to 6 mm:
+    ``length(angle, clearance)`` of its taut path, straight while within the ring, else bent at the middle of
+    the front side, and ``moment_arm(angle, clearance)``; ``tendon_radius`` is the clearance of the tendon's
+    middle as a solid, ``straight_moment_arm(angle)`` is that without the ring [mm].
     """
     bones, muscle = _surfaces()
     turns = 2.0 * np.pi * (np.arange(8) + 0.5) / 8
@@ -84,10 +77,6 @@ def straight_moment_arm(angle: float) -> float:
 
 def _way(angle: float, clearance: float) -> Floats:
     """Return the corners (2 or 3, 2) of the taut way: its shortest length is convex in where it crosses."""
-    if not 0.0 <= clearance <= HALF:
-        raise InputError(
-            "tendon_through_ring", f"clearance is {clearance!r}, but must be from 0 to {HALF:g} mm"
-        )
     end = flexed(INSERTION, angle)
     part = (ORIGIN[1] - RING[1]) / (ORIGIN[1] - end[1])
     crossing = ORIGIN + part * (end - ORIGIN)

@@ -14,7 +14,7 @@ from vtkmuscle.core.motion.rigid import RigidMotion, apply_transform, rotation_a
 from vtkmuscle.core.types import Floats
 from vtkmuscle.phantoms.implicit import rod, thick_curve
 from vtkmuscle.phantoms.meshing import mesh_of
-from vtkmuscle.phantoms.phantom import Phantom, Surface, checked_poses, ends, phantom_from
+from vtkmuscle.phantoms.phantom import Phantom, Surface, ends, phantom_from
 
 #: Radii of the rollers about the upper and the lower joint, thickness and width of the strap [mm].
 RADII, THICKNESS, WIDTH = (22.0, 14.0), 8.0, 26.0
@@ -24,8 +24,6 @@ ARMS = tuple(radius + THICKNESS / 2.0 for radius in RADII)
 PARTS = (70.0, 100.0, 60.0)
 #: How far round each roller the strap lies at rest [degrees].
 WRAPS = (60.0, 20.0)
-#: Least and largest angle of each joint [degrees]: the strap wraps both rollers, and bones do not meet.
-LIMITS = {"upper": (-40.0, 60.0), "lower": (-20.0, 90.0)}
 AXIS = (-1.0, 0.0, 0.0)
 #: The lower joint where the strap is straight (y, z); the upper one is at the origin [mm].
 LOWER = np.array([ARMS[1] - ARMS[0], -PARTS[1]])
@@ -43,25 +41,11 @@ def strap_over_two_joints(*, coordinates: ArrayLike | None = None) -> Phantom:
     roller; ``lower`` is flexion of ``distal`` against ``middle`` to the back, which winds it up on the lower
     one.
 
-    Returns
-    -------
-    Phantom
-        Its motion's times are the numbers of the frames. Known answers: ``known["coordinates"]``, by name,
-        their values at each frame [degrees]; ``known["length"](upper, lower)`` [mm] of the strap's middle
-        line at angles [degrees]; ``known["moment_arm_upper"]``, 26 mm, and ``known["moment_arm_lower"]``,
-        -18 mm, -dl/dq by each angle, at every pose; ``known["centres"]``, points on both axes at rest [mm].
-
-    Examples
-    --------
-    >>> from phantoms import strap_over_two_joints
-    >>> phantom = strap_over_two_joints(coordinates=[(0, 0), (30, 0), (30, 45)])
-    >>> phantom.known["coordinates"]["lower"].tolist()
-    [0.0, 0.0, 45.0]
-    >>> phantom.known["moment_arm_upper"], phantom.known["moment_arm_lower"]
-    (26.0, -18.0)
+    Times are frame numbers. Known: ``coordinates`` by name at each frame [degrees]; ``length(upper, lower)``
+    of the strap's middle line [mm]; ``moment_arm_upper``, 26 mm, and ``moment_arm_lower``, -18 mm, at every
+    pose; ``centres``, points on both axes at rest [mm].
     """
-    given = _loop() if coordinates is None else coordinates
-    poses = checked_poses(given, LIMITS, "strap_over_two_joints")
+    poses = np.array(_loop() if coordinates is None else coordinates, dtype=np.float64)
     bones, muscle = _surfaces()
     line = _middle_line()
     transforms = [_transforms(*pose) for pose in poses]

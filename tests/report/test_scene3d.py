@@ -58,7 +58,7 @@ def test_bones_move_as_the_result_says(run_folder, packed):
 def test_a_fine_muscle_keeps_some_of_its_points_and_they_move_as_they_do():
     fine = ellipsoid((8, 8, 40), (0, 0, 0), 100)
     points = points_of(fine)
-    kept, triangles = scene3d._decimated(fine, points, 1000)
+    kept, triangles = scene3d._thinned(*checked_surface(fine, "muscle"), 1000)
     assert 800 < len(triangles) <= 1000
     assert len(np.unique(kept)) == len(kept)
     assert triangles.max() < len(kept)

@@ -24,6 +24,7 @@ from vtkmuscle.cli.options import (
     INTERRUPTED,
     Command,
     OutOption,
+    OverwriteOption,
     QuietOption,
     RunArguments,
     TerminatedError,
@@ -134,11 +135,28 @@ def demo(out: OutOption = None, *, options: RunArguments) -> None:
 
 
 @command()
+def selftest() -> None:
+    """Test the installation with known answers, and print what a report of a problem needs."""
+    from vtkmuscle.installation import installation
+    from vtkmuscle.installation import selftest as tested
+
+    for word, fact in installation().items():
+        typer.echo(f"{word:<12}{fact}")
+    table = tested()
+    for quantity, measured, known, within, passed in zip(*table.values(), strict=True):
+        verdict = "passed" if passed else "FAILED"
+        typer.echo(f"{verdict}  {quantity}: {measured:.6g}, known {known:.6g}, within {within:g}")
+    if not table["passed"].all():
+        raise typer.Exit(FAILED)
+
+
+@command()
 def info(
     files: Annotated[
         list[Path], Argument(help="Meshes, landmarks, OpenSim models or motions, or folders of results.")
     ],
     draw: Annotated[Path | None, Option(metavar="PNG", help="Draw the first file, of landmarks.")] = None,
+    overwrite: OverwriteOption = False,
 ) -> None:
     """Describe meshes: size, topology, pieces, volume, likely unit.
 
@@ -153,8 +171,10 @@ def info(
             typer.echo(f"  {word:<12}{value}")
     if draw is not None:
         from vtkmuscle.cli.info import draw_landmarks
+        from vtkmuscle.io.writing import Outputs
 
-        draw_landmarks(files[0], draw)
+        with Outputs(draw.parent, inputs=files, overwrite=overwrite):
+            draw_landmarks(files[0], draw)
         typer.echo(f"wrote {draw}")
 
 
@@ -171,8 +191,6 @@ def export(
     The source is a folder of results, or a scene, which is run first. Differences of lengths and moment arms
     from the run are printed and written.
     """
-    if out.suffix.lower() not in (".osim", ".xml"):
-        raise InputError(out, "unknown format of an export", "end its name in .osim or .xml")
     export_muscles(source, out, options)
 
 
@@ -194,7 +212,7 @@ def fetch(
 
     The command shows the licence and asks for consent. Without --out the folder has the name of the data set.
     """
-    from vtkmuscle import fetch as public
+    from vtkmuscle import public_data as public
 
     if name is None:
         typer.echo(f"{public.NAME}: {public.TITLE}")

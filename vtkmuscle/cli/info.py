@@ -10,8 +10,9 @@ import numpy as np
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.mesh.surface import survey
 from vtkmuscle.core.types import Floats
-from vtkmuscle.data.arrays import points_of, triangles_of
+from vtkmuscle.data.arrays import joined_triangles, points_of, triangles_of
 from vtkmuscle.io import read_landmarks, read_named_points, read_polydata
+from vtkmuscle.io.surfaces import stated_frame
 from vtkmuscle.joints.osim import read_motion_file
 from vtkmuscle.labels.draft import likely_unit
 from vtkmuscle.labels.guesses import LOOK
@@ -40,14 +41,13 @@ def draw_landmarks(file: Path, picture: Path) -> None:
     """Draw landmarks from three sides."""
     if file.suffix.lower() not in LANDMARKS:
         raise InputError(file, f"landmarks are drawn, not {file.suffix!r}", "Scene.plot() draws surfaces")
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
+    from vtkmuscle.plotting.sheets import blank_figure, save_figure
 
     points, closed = read_landmarks(file)
     line = np.vstack([points, points[:1]]) if closed else points
     names = read_named_points(file).names
-    figure = Figure(figsize=(12.0, 4.5), layout="constrained")
-    FigureCanvasAgg(figure)
+    figure = blank_figure(12.0, 4.5)
+    figure.set_layout_engine("constrained")
     figure.suptitle(file.name)
     for axes, (across, up) in zip(figure.subplots(1, 3), ((0, 1), (0, 2), (1, 2)), strict=True):
         axes.plot(line[:, across], line[:, up], "-", linewidth=1.0)
@@ -58,7 +58,8 @@ def draw_landmarks(file: Path, picture: Path) -> None:
         axes.set_xlabel("xyz"[across])
         axes.set_ylabel("xyz"[up])
         axes.set_aspect("equal", adjustable="datalim")
-    figure.savefig(picture, dpi=150)
+    form = picture.suffix.lower().lstrip(".")
+    save_figure(figure, picture, form if form in ("pdf", "svg") else "png")
 
 
 def _of_landmarks(file: Path) -> dict[str, str]:
@@ -103,7 +104,8 @@ def _of_model(model: OsimModel) -> dict[str, str]:
         "coupled": _listed([f"{one.dependent} to {one.independent}" for one in tree.couplings]),
         "markers": str(len(model.markers)),
         "muscles": _listed(list(model.muscles)),
-        "wrapped": _listed([name for name, one in model.muscles.items() if getattr(one.path, "wraps", ())]),
+        "ligaments": _listed(list(model.ligaments)),
+        "wrapped": _listed([name for name, one in model.paths.items() if getattr(one.path, "wraps", ())]),
         "meshes": _listed([mesh.file for mesh in model.meshes]),
         "not used": _listed(list(model.not_used)),
     }
@@ -131,7 +133,9 @@ def _of_run(folder: Path) -> dict[str, str]:
 
 
 def _of_mesh(file: Path) -> dict[str, str]:
-    data = read_polydata(file)
+    data, changes = read_polydata(file), list[str]()
+    if data.GetNumberOfPolys() + data.GetNumberOfStrips():
+        data, changes = joined_triangles(data)
     points = points_of(data)
     if not np.isfinite(points).all():
         bad = int((~np.isfinite(points).all(axis=1)).sum())
@@ -139,19 +143,18 @@ def _of_mesh(file: Path) -> dict[str, str]:
     longest = float(np.ptp(points, axis=0).max())
     unit, confidence = likely_unit(longest)
     surely = "probably" if confidence > LOOK else "perhaps"
-    size = {"bounds": _bounds(points), "unit": f"{surely} {unit} (the longest side is {longest:.4g})"}
+    stated = stated_frame(file)
+    frame = {"frame": f"{stated}, by the header"} if stated else {}
+    size = frame | {"bounds": _bounds(points), "unit": f"{surely} {unit} (the longest side is {longest:.4g})"}
     if data.GetNumberOfPolys() == 0:
         return {"points": str(len(points)), "polylines": str(data.GetNumberOfLines()), **size}
-    try:
-        report = survey(points, triangles_of(data, str(file)))
-    except ValueError as error:
-        polygons = str(data.GetNumberOfPolys())
-        return {"points": str(len(points)), "polygons": polygons, "faces": str(error), **size}
+    report = survey(points, triangles_of(data, str(file)))
     loose = report.n_unused_points
     side = "outward" if report.volume > 0 else "inward: the surface is inside out"
     return {
         "triangles": str(report.n_triangles),
         "points": f"{report.n_points}" + (f", {loose} of them belong to no triangle" if loose else ""),
+        **({"changed": "; ".join(changes)} if changes else {}),
         "closed": _yes(report.closed, f"{report.n_boundary_edges} edges have one triangle"),
         "manifold": _yes(report.manifold, f"{report.n_nonmanifold_edges} edges have more than two triangles"),
         "oriented": _yes(report.oriented, f"{report.n_misoriented_edges} edges disagree")

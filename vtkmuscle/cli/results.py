@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from json import dumps
 from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -12,9 +13,11 @@ import typer
 from typer import Argument, Option
 
 from vtkmuscle.cli.options import (
+    FAILED,
     FolderOption,
     LiteratureOption,
     OutOption,
+    OverwriteOption,
     QuietOption,
     out_option,
     say,
@@ -23,6 +26,7 @@ from vtkmuscle.cli.options import (
 from vtkmuscle.core.errors import InputError
 
 if TYPE_CHECKING:
+    from vtkmuscle.io.writing import Outputs
     from vtkmuscle.labels.draft import Draft
     from vtkmuscle.run import Result
 
@@ -41,34 +45,44 @@ class ExportOptions:
     specific_tension: Annotated[float, Option(help="Force per cross-section, in N/cm^2.")] = 60.0
     mass: Annotated[list[str] | None, Option(metavar="BODY=KG", help="Mass of a new body.")] = None
     geometry_only: Annotated[bool, Option("--geometry-only", help="Paths alone.")] = False
+    overwrite: OverwriteOption = False
 
 
 def export_muscles(source: Path, out: Path, options: ExportOptions) -> None:
     """Write a model; print the differences from the run."""
-    from vtkmuscle.opensim import write_mujoco, write_opensim
     from vtkmuscle.opensim.from_run import GEOMETRY_ONLY
+    from vtkmuscle.opensim.from_run import export as exported
 
-    settings: dict[str, Any] = {
-        "groups": options.groups,
-        "specific_tension": options.specific_tension,
-        "masses": {body: _kilograms(text) for body, text in pairs(options.mass, "--mass").items()},
-    }
-    if options.geometry_only:
-        settings["kind"] = GEOMETRY_ONLY
-    replace = pairs(options.replace)
+    settings: dict[str, Any] = {"kind": GEOMETRY_ONLY} if options.geometry_only else {}
     if out.suffix.lower() == ".osim":
-        written = write_opensim(
-            source, out, into=options.into, replace=replace, form=options.form, **settings
-        )
-    elif options.into is not None or replace:
-        raise InputError("--into", "muscles are put into models of OpenSim only", "leave it out")
-    else:
-        written = write_mujoco(source, out, **settings)
+        settings["form"] = options.form
+    written = exported(
+        source,
+        out,
+        into=options.into,
+        replace=pairs(options.replace),
+        overwrite=options.overwrite,
+        groups=options.groups,
+        specific_tension=options.specific_tension,
+        masses={body: _kilograms(text) for body, text in pairs(options.mass, "--mass").items()},
+        **settings,
+    )
     for muscle in written:
         typer.echo(f"{muscle.out.name}: {muscle}")
         if parameters := muscle.out.parameters:
             typer.echo("  " + ", ".join(f"{name} {value:.4g}" for name, value in parameters.items()))
     typer.echo(f"wrote {out}, and the errors in {out.stem}_errors.csv")
+
+
+def _outputs(
+    file: Path, inputs: Iterable[Path | None], *, overwrite: bool, ours: Iterable[Path] = ()
+) -> Outputs:
+    """Return the outputs of a command in the folder of a file, after a check of the file."""
+    from vtkmuscle.io.writing import Outputs
+
+    outputs = Outputs(file.parent, inputs=filter(None, inputs), overwrite=overwrite, ours=ours)
+    outputs.check(file)
+    return outputs
 
 
 def _kilograms(text: str) -> float:
@@ -91,16 +105,30 @@ def pairs(texts: Sequence[str] | None, option: str = "--replace") -> dict[str, s
     return names
 
 
+@dataclass(frozen=True, kw_only=True)
+class CheckOptions:
+    """The options of a check of a model."""
+
+    repair: Annotated[Path | None, Option(help="Write the model with a scene's paths.")] = None
+    scene: Annotated[Path | None, Option(help="For --repair: a scene.toml, or its results.")] = None
+    replace: Annotated[
+        list[str] | None, Option(metavar="OURS=THEIRS", help="For --repair: as for an export.")
+    ] = None
+    fail_above: Annotated[
+        float | None, Option(metavar="MM", help="Exit with 1 if a jump or a change of sign is larger.")
+    ] = None
+    json: Annotated[bool, Option("--json", help="Print findings as JSON.")] = False
+    overwrite: OverwriteOption = False
+
+
+@with_options
 def check(
     model: Annotated[Path, Argument(help="A model of OpenSim, .osim.")],
     out: Annotated[Path | None, out_option("HTML", "The page. Default: MODEL_check.html here.")] = None,
-    repair: Annotated[Path | None, Option(help="Write the model with a scene's paths.")] = None,
-    scene: Annotated[Path | None, Option(help="For --repair: a scene.toml, or its results.")] = None,
-    replace: Annotated[
-        list[str] | None, Option(metavar="OURS=THEIRS", help="For --repair: as for an export.")
-    ] = None,
+    *,
+    options: CheckOptions,
 ) -> None:
-    """Find jumps and sign changes in OpenSim muscles.
+    """Find jumps and sign changes in OpenSim muscles, and fibres out of their range.
 
     Each muscle is swept over the ranges of its coordinates. A page and a table (.csv) list the findings with
     their poses. With the surfaces of a scene, fitted paths can replace the model's paths.
@@ -108,34 +136,53 @@ def check(
     if model.suffix.lower() == ".toml":
         raise InputError(model, "this is no model of OpenSim", "a run checks a scene: vtkmuscle run")
     from vtkmuscle.opensim import check_model, write_opensim
+    from vtkmuscle.opensim.checking import FIBRES_OUTSIDE
 
+    repair, scene, replace = options.repair, options.scene, options.replace
     if (repair is None) != (scene is None) or (repair is not None and not replace):
         raise InputError("--repair", "a repair takes a scene and muscles", "give --scene and --replace too")
     page = out or Path(f"{model.stem}_check.html")
+    pages = _outputs(page, [model, scene], overwrite=options.overwrite)
+    pages.check(page.with_suffix(".csv"))
     if repair is not None and scene is not None:
-        for new in write_opensim(scene, repair, into=model, replace=pairs(replace)):
-            typer.echo(f"{new.out.name}: {new}")
+        with _outputs(repair, [model, scene], overwrite=options.overwrite):
+            repaired = write_opensim(scene, repair, into=model, replace=pairs(replace))
+        for new in repaired:
+            typer.echo(f"{new.out.name}: {new}", err=options.json)
         model = repair
     checked = check_model(model)
-    typer.echo(checked)
-    kinds = [finding.what for finding in checked.findings]
-    for finding in checked.findings:
-        if "jumps" in finding.what:
-            where = ", ".join(f"{name} {value:.4g}" for name, value in checked.shown(finding).items())
-            typer.echo(f"{finding.muscle}: {finding.what} by {1000.0 * finding.size:.1f} mm at {where}")
-    typer.echo(f"{kinds.count('moment arm changes sign')} moment arms change sign")
-    typer.echo(f"wrote {page}, {checked.write(page)}")
+    with pages:
+        table = checked.write(page)
+    if options.json:
+        typer.echo(dumps(checked.to_dict(), indent=1))
+    else:
+        typer.echo(checked)
+        for finding in checked.findings:
+            if "jumps" in finding.what:
+                where = ", ".join(f"{name} {value:.4g}" for name, value in checked.shown(finding).items())
+                typer.echo(f"{finding.muscle}: {finding.what} by {1000.0 * finding.size:.1f} mm at {where}")
+        for word, words in (("sign", "moment arms change sign"), ("fibre", FIBRES_OUTSIDE)):
+            names = [finding.muscle for finding in checked.findings if word in finding.what]
+            typer.echo(f"{len(names if word == 'sign' else set(names))} {words}")
+        typer.echo(f"wrote {page}, {table}")
+    sizes = [1000.0 * finding.size for finding in checked.findings if "fibre" not in finding.what]
+    if options.fail_above is not None and max(sizes, default=0.0) > options.fail_above:
+        raise typer.Exit(FAILED)
 
 
 def report(
     results: Annotated[Path, Argument(help="Folder of a run's results.")],
     out: Annotated[Path | None, out_option("HTML", "Default: report.html in that folder.")] = None,
     literature: LiteratureOption = None,
+    overwrite: OverwriteOption = False,
 ) -> None:
     """Write the page of a finished run again: scene, curves, tables, verdicts."""
     from vtkmuscle.run.store import PAGE
 
-    typer.echo(f"wrote {_loaded(results, literature).write_report(out or results / PAGE)}")
+    page = out or results / PAGE
+    with _outputs(page, [results, literature], overwrite=overwrite, ours=[results / PAGE]):
+        _loaded(results, literature).write_report(page)
+    typer.echo(f"wrote {page}")
 
 
 def _loaded(results: Path, literature: Path | None) -> Result:
@@ -152,9 +199,17 @@ def figures(
     form: Annotated[str, Option(metavar="png|pdf|svg", help="Of the files.")] = "png",
     dpi: Annotated[float, Option(help="Pixels per inch of pictures.")] = 300.0,
     literature: LiteratureOption = None,
+    overwrite: OverwriteOption = False,
 ) -> None:
     """Draw the figures of a finished run again."""
-    files = _loaded(results, literature).write_figures(out or results / "figures", form=form, dpi=dpi)
+    from vtkmuscle.io.writing import Outputs
+    from vtkmuscle.run.store import ResultFolder
+
+    drawn = (ResultFolder(results).report() or {}).get("figures") or {}
+    ours = [results / "figures" / name for name in drawn.get("written", ())]
+    folder = out or results / "figures"
+    with Outputs(folder, inputs=filter(None, [results, literature]), overwrite=overwrite, ours=ours):
+        files = _loaded(results, literature).write_figures(folder, form=form, dpi=dpi)
     typer.echo(f"wrote {len(files)} figures to {files[0].parent}")
 
 
@@ -162,6 +217,7 @@ def compare(
     results: Annotated[list[Path], Argument(help="Folders of results; the first is the reference.")],
     out: OutOption = None,
     literature: LiteratureOption = None,
+    overwrite: OverwriteOption = False,
 ) -> None:
     """Compare runs: a table of differences, and a figure of curves.
 
@@ -169,13 +225,16 @@ def compare(
     comparison in the working folder.
     """
     from vtkmuscle.comparison import compare as compared
+    from vtkmuscle.io.writing import Outputs
 
-    for path in compared(results, literature=literature).write(out or Path("comparison")):
+    folder = out or Path("comparison")
+    with Outputs(folder, inputs=filter(None, [*results, literature]), overwrite=overwrite):
+        written = compared(results, literature=literature).write(folder)
+    for path in written:
         typer.echo(f"wrote {path}")
 
 
 FrameOption = Annotated[str, Option("--frame", metavar="LPS|RAS", help="Frame: x to the left, or right.")]
-OverwriteOption = Annotated[bool, Option("--overwrite", help="Replace a scene.toml.")]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -183,7 +242,9 @@ class LabelOptions:
     """The options of a scene from labels."""
 
     names: Annotated[str | None, Option(help="musclemap, a task of TotalSegmentator, or a .csv.")] = None
-    edge: Annotated[float, Option(min=0.1, help="Edge length of triangles, in mm.")] = 3.0
+    edge: Annotated[
+        float | None, Option(help="Edge length of triangles, in mm. Default: 2 voxels, at most 3 mm.")
+    ] = None
     frame: FrameOption = "LPS"
     overwrite: OverwriteOption = False
     quiet: QuietOption = False
@@ -207,18 +268,19 @@ def from_labels(
     tendon is drawn to landmarks beyond a muscle's label. A muscle that fails is reported with the reason; the
     scene has the remaining muscles.
     """
-    from vtkmuscle.labels.maps import draft_of_labels
+    from vtkmuscle.labels.page import from_labels as drafted
 
-    _check_free(out, options.overwrite)
-    draft = draft_of_labels(
+    draft = drafted(
         label_map,
+        out,
         landmarks=landmarks or (),
         names=options.names,
         frame=options.frame,
         edge=options.edge,
+        overwrite=options.overwrite,
         announce=lambda words: say(options.quiet, words),
     )
-    _write(draft, out, options.quiet)
+    _tell(draft, options.quiet)
 
 
 def init(
@@ -237,29 +299,30 @@ def init(
     Names identify bones and muscles, sizes the unit, contact or landmarks the areas, fits to bones the
     joints. guesses.csv and comments in scene.toml list each guess with a confidence.
     """
-    from vtkmuscle.labels.draft import draft_of_files
+    from vtkmuscle.labels.page import init as drafted
 
-    _check_free(out, overwrite)
-    draft = draft_of_files(files, out, bones=bone or (), muscles=muscle or (), frame=frame)
-    draft.complete()
-    _write(draft, out, quiet)
-
-
-def _check_free(out: Path, overwrite: bool) -> None:
-    if (out / "scene.toml").exists() and not overwrite:
-        raise InputError(out / "scene.toml", "the file exists", "add --overwrite, or choose another --out")
+    _tell(
+        drafted(files, out, bones=bone or (), muscles=muscle or (), frame=frame, overwrite=overwrite), quiet
+    )
 
 
-def _write(draft: Draft, out: Path, quiet: bool) -> None:
+def _tell(draft: Draft, quiet: bool) -> None:
+    """Print the unsure guesses of a draft, and how to go on."""
     from vtkmuscle.labels.guesses import LEFT_OUT, LOOK, table_of
-    from vtkmuscle.labels.page import write_page
+    from vtkmuscle.labels.page import PAGE
 
-    path, page = draft.write(out), write_page(draft, out)
+    folder = draft.file.parent
     unsure = [guess for guess in draft.guesses if guess.confidence < LOOK and guess.value != LEFT_OUT]
-    say(quiet, f"{len(draft.guesses)} guesses are in {page}" + ("; check these:" if unsure else ""))
+    words = "; check these:" if unsure else ""
+    say(quiet, f"{len(draft.guesses)} guesses are in {folder / PAGE}{words}")
     for confidence, what, guess, why in table_of(unsure)[1:]:
         say(quiet, f"  {confidence}  {what}: {guess}; {why}")
     for name, why in draft.left_out.items():
         typer.echo(f"left out: {name}: {why}", err=True)
-    say(quiet, f"wrote {path}, with {', '.join(draft.muscles)}: check the guesses, then run")
-    say(quiet, f"  vtkmuscle run {path}")
+    if draft.lacks:
+        typer.echo(f"the scene cannot run yet: {draft.lacks}", err=True)
+        surfaces = f"surfaces (.vtp) in {folder / 'bones'} and {folder / 'muscles'}"
+        say(quiet, f"wrote {draft.file}, {surfaces}, and volumes.csv")
+        return
+    say(quiet, f"wrote {draft.file}, with {', '.join(draft.muscles)}: check the guesses, then run")
+    say(quiet, f"  vtkmuscle run {draft.file}")

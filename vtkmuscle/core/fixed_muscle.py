@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from vtkmuscle.core.mesh.polylines import fibre_directions_at
 from vtkmuscle.core.mesh.surface import MeshTopology, check_volume, mesh_topology, signed_volume
 from vtkmuscle.core.paths.via_rings import ViaRing
 from vtkmuscle.core.types import Floats, Ints
@@ -40,18 +39,6 @@ class FixedMuscle:
         return [self.points, self.triangles, self.fixed_to, *(self.fibres or ()), *rings]
 
     def topology(self) -> MeshTopology:
-        """Return the surface's edges.
-
-        A surface without volume raises a ValueError.
-        """
+        """Return the surface's edges; a surface without volume raises a ValueError."""
         check_volume(self.points, signed_volume(self.points, self.triangles))
         return mesh_topology(len(self.points), self.triangles)
-
-    def directions(self, topology: MeshTopology) -> Floats | None:
-        """Return unit fibre directions at edges (k, 3).
-
-        None without fibres.
-        """
-        if self.fibres is None:
-            return None
-        return fibre_directions_at(self.points[topology.edges].mean(axis=1), *self.fibres)

@@ -42,27 +42,18 @@ def warn_of_folder(folder: Path, error: OSError) -> None:
 
 
 def is_python() -> bool:
-    """Return whether this program is Python.
-
-    ParaView gives the name of ParaView, or no file, as the interpreter.
-    """
+    """Return whether this program is Python; ParaView gives its own name, or no file, as interpreter."""
     program = Path(sys.executable or "-")
     return program.name.startswith("python") and program.is_file()
 
 
 def python_command(code: str) -> list[str]:
-    """Return the command that runs code in Python.
-
-    The command starts a new Python and ignores the working folder.
-    """
+    """Return the command that runs code in a new Python, which ignores the working folder."""
     return [sys.executable, "-P", "-c", f"import sys\n{code}"]
 
 
 def processors() -> int:
-    """Return the number of available processors.
-
-    A container may give a process only a part of the processors.
-    """
+    """Return the number of available processors; a container may give a process a part of all."""
     if hasattr(os, "sched_getaffinity"):  # not known to macOS and Windows
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1

@@ -1,16 +1,19 @@
-"""Values, names and suggestions in messages. Each in a short line."""
+"""Values, names and suggestions in messages, each in a short line; objects with items by name."""
 
 from __future__ import annotations
 
 import reprlib
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from difflib import get_close_matches
+from typing import Any
 
 _SHORT = reprlib.Repr()
 _SHORT.maxstring = _SHORT.maxother = 80
 _SHORT.maxlong = 40
 _SHORT.maxlist = _SHORT.maxtuple = _SHORT.maxdict = 8
 _SHORT.maxlevel = 3
+#: Most words that a suggestion lists: a few lines of a terminal.
+_MOST = 20
 
 
 def quoted(value: object) -> str:
@@ -29,6 +32,49 @@ def names(text: str | Iterable[str]) -> list[str]:
 def suggestion(word: str, allowed: Iterable[str]) -> str:
     """Return the remedy for an unknown word. The nearest and all allowed words."""
     allowed = list(allowed)
-    nearest = get_close_matches(word, allowed, n=1, cutoff=0.5)
+    nearest = get_close_matches(word, allowed, n=1, cutoff=0.5) or [each for each in allowed if word in each]
     meant = f"did you mean {nearest[0]!r}? " if nearest else ""
-    return f"{meant}allowed: {', '.join(allowed) or 'none'}"
+    more = f" and {len(allowed) - _MOST} more" if len(allowed) > _MOST else ""
+    return f"{meant}allowed: {', '.join(allowed[:_MOST]) or 'none'}{more}"
+
+
+class Remedies:
+    """An object of which a missing attribute's error names the nearest attribute."""
+
+    def __getattr__(self, name: str) -> Any:
+        problem = f"{type(self).__name__!r} object has no attribute {name!r}"
+        if name.startswith("_"):  # protocols of Python ask, and need no remedy
+            raise AttributeError(problem)
+        public = {word for word in (*dir(type(self)), *vars(self)) if not word.startswith("_")}
+        raise AttributeError(f"{problem}; {suggestion(name, sorted(public))}")
+
+
+class ByName(Remedies):
+    """Items by name, as of a mapping.
+
+    A subclass gives ``keys()`` and ``[name]``; iteration gives names.
+    """
+
+    def keys(self) -> list[str]:
+        """Return the names of the items."""
+        raise NotImplementedError
+
+    def __getitem__(self, name: str) -> Any:
+        raise NotImplementedError
+
+    def values(self) -> list[Any]:
+        """Return the items."""
+        return [self[name] for name in self.keys()]
+
+    def items(self) -> list[tuple[str, Any]]:
+        """Return names and items."""
+        return [(name, self[name]) for name in self.keys()]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.keys())
+
+    def __len__(self) -> int:
+        return len(self.keys())
+
+    def __contains__(self, name: object) -> bool:
+        return name in self.keys()

@@ -10,7 +10,7 @@ from urllib.parse import unquote
 import numpy as np
 from numpy.typing import NDArray
 from vtkmodules.util.numpy_support import get_numpy_array_type, get_vtk_array_type, vtk_to_numpy
-from vtkmodules.vtkCommonCore import VTK_ID_TYPE, vtkDataArray, vtkPoints, vtkStringArray
+from vtkmodules.vtkCommonCore import VTK_ID_TYPE, vtkDataArray, vtkIdList, vtkPoints, vtkStringArray
 from vtkmodules.vtkCommonDataModel import (
     vtkCellArray,
     vtkCompositeDataSet,
@@ -18,8 +18,10 @@ from vtkmodules.vtkCommonDataModel import (
     vtkMultiBlockDataSet,
     vtkPolyData,
 )
+from vtkmodules.vtkFiltersCore import vtkTriangleFilter
 
 from vtkmuscle.core.errors import InputError
+from vtkmuscle.core.mesh.surface import edge_uses
 from vtkmuscle.core.types import Floats, Ints
 
 Data = TypeVar("Data", bound=vtkDataObject)
@@ -51,6 +53,51 @@ def checked_surface(surface: vtkPolyData, where: str) -> tuple[Floats, Ints]:
         problem = f"{len(bad)} point(s) are not finite, the first is point {bad[0]}"
         raise InputError(where, problem, "correct the points")
     return points, triangles
+
+
+def joined_triangles(surface: vtkPolyData) -> tuple[vtkPolyData, list[str]]:
+    """Return a surface of triangles with shared corners, and the changes in words.
+
+    Polygons and strips are split. Exactly equal points are joined if this closes open edges, so that closed
+    pieces that touch stay apart.
+    """
+    changes: list[str] = []
+    count = surface.GetNumberOfPolys() + surface.GetNumberOfStrips()
+    if not count:
+        return surface, changes
+    if surface.GetNumberOfStrips() or surface.GetPolys().IsHomogeneous() != 3:
+        surface = vtkTriangleFilter(input_data=surface, pass_verts=False, pass_lines=False).update().output
+        changes.append(f"{count} polygons were split into {surface.GetNumberOfPolys()} triangles")
+    points, triangles = points_of(surface), triangles_of(surface, "")
+    n_open = int((edge_uses(triangles) == 1).sum())
+    if not n_open:
+        return surface, changes
+    order = np.lexsort(points.T)
+    first = np.append(True, (np.diff(points[order], axis=0) != 0.0).any(axis=1))
+    group = np.empty(len(points), dtype=np.int64)
+    group[order] = np.minimum.reduceat(order, np.flatnonzero(first))[np.cumsum(first) - 1]
+    kept, number = np.unique(group, return_inverse=True)
+    joined = number[triangles]
+    faces = np.flatnonzero((joined != np.roll(joined, 1, axis=1)).all(axis=1))
+    if len(kept) == len(points) or (edge_uses(joined[faces]) == 1).sum() >= n_open:
+        return surface, changes
+    result = surface_from(points[kept], joined[faces])
+    copied = [("Point", kept)]
+    if surface.GetNumberOfCells() == len(triangles):
+        copied.append(("Cell", faces))
+    for kind, ids in copied:
+        source, target = (getattr(data, f"Get{kind}Data")() for data in (surface, result))
+        target.CopyAllocate(source, len(ids))
+        target.CopyData(source, *map(_id_list, (ids, np.arange(len(ids)))))
+    result.GetFieldData().ShallowCopy(surface.GetFieldData())
+    return result, [*changes, f"{len(points)} points were joined to {len(kept)} by equal coordinates"]
+
+
+def _id_list(ids: Ints) -> vtkIdList:
+    ids_list = vtkIdList()
+    for i in ids.tolist():
+        ids_list.InsertNextId(i)
+    return ids_list
 
 
 def vtk_points(points: Floats) -> vtkPoints:
@@ -128,7 +175,7 @@ class Polylines:
             for i in range(data.GetPointData().GetNumberOfArrays()):
                 array = data.GetPointData().GetArray(i)
                 if array is not None:
-                    set_point_array(result, array.GetName(), vtk_to_numpy(array)[order])
+                    add_arrays(result, points={array.GetName(): vtk_to_numpy(array)[order]})
         return result
 
     def copy(self) -> vtkPolyData:
@@ -162,16 +209,6 @@ def polylines_from(lines: Polylines) -> vtkPolyData:
     return data
 
 
-def set_point_array(data: Any, name: str, values: NDArray[Any]) -> None:
-    """Add a copy of an array to the point data."""
-    data.GetPointData().AddArray(vtk_array(np.asarray(values), name))
-
-
-def set_cell_array(data: Any, name: str, values: NDArray[Any]) -> None:
-    """Add a copy of an array to the cell data."""
-    data.GetCellData().AddArray(vtk_array(np.asarray(values), name))
-
-
 def add_arrays(
     data: Data,
     *,
@@ -179,20 +216,16 @@ def add_arrays(
     cells: Mapping[str, NDArray[Any]] | None = None,
     fields: Mapping[str, Any] | None = None,
 ) -> Data:
-    """Add copies of arrays by name to point, cell and field data."""
-    for add, arrays in ((set_point_array, points), (set_cell_array, cells), (set_field_array, fields)):
+    """Add copies of arrays by name; a field is an array, a number, a string or a list of strings."""
+    for owner, arrays in (("Point", points), ("Cell", cells)):
         for name, values in (arrays or {}).items():
-            add(data, name, values)
+            getattr(data, f"Get{owner}Data")().AddArray(vtk_array(np.asarray(values), name))
+    for name, values in (fields or {}).items():
+        strings = [values] if isinstance(values, str) else values
+        is_text = isinstance(strings, list)
+        array = string_array(name, strings) if is_text else vtk_array(np.atleast_1d(values), name)
+        data.GetFieldData().AddArray(array)
     return data
-
-
-def set_field_array(data: Any, name: str, values: Any) -> None:
-    """Add numbers (a copy), a string or a list of strings to the field data."""
-    strings = [values] if isinstance(values, str) else values
-    if isinstance(strings, list):
-        data.GetFieldData().AddArray(string_array(name, strings))
-    else:
-        data.GetFieldData().AddArray(vtk_array(np.atleast_1d(values), name))
 
 
 def string_array(name: str, values: Iterable[str]) -> vtkStringArray:

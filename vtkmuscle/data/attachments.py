@@ -186,26 +186,15 @@ SIDES = ("proximal", "distal")
 
 @dataclass(frozen=True, eq=False)
 class Aponeurosis:
-    """A tendon sheet at fibre ends, on or within a muscle.
+    """A tendon sheet at fibre ends at rest: a ring on a muscle's surface, or triangles within a muscle.
 
-    Attributes
-    ----------
-    side : str
-        ``"proximal"`` at the fibres' origins, or ``"distal"``. Several aponeuroses may share a side.
-    points : (n, 3) float array
-        Landmarks of a surrounding ring on the muscle's surface, in order, without repeats; or the points of a
-        surface [mm, in the rest pose].
-    triangles : (m, 3) int array
-        Point ids of a surface within the muscle; empty for a ring.
+    The side is ``"proximal"`` at the fibres' origins, or ``"distal"``; several aponeuroses may share a side.
+    A ring has its landmarks in order, without repeats, and no triangles.
     """
 
     side: str
     points: Floats
     triangles: Ints = field(default_factory=lambda: np.empty((0, 3), dtype=np.int64))
-
-    def __post_init__(self) -> None:
-        if self.side not in SIDES:
-            raise InputError("Aponeurosis", f"side is {self.side!r}, but must be 'proximal' or 'distal'")
 
     @property
     def is_ring(self) -> bool:

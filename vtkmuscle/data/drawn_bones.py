@@ -18,20 +18,15 @@ from vtkmuscle.data.arrays import blocks_of, points_of, triangles_of
 TRIANGLES = 100_000
 #: Least triangles of a bone, and most grid cells along an axis: cell numbers stay within 64 bits.
 _LEAST, _MOST_CELLS = 600, 400
+#: Number of points spread over a surface.
+SPREAD = 10_000
 
 
 @dataclass(frozen=True, eq=False)
 class DrawnBone:
-    """A bone at rest with few triangles, for pictures.
+    """A bone at rest with few triangles, and the original's unit normals at the points (n, 3).
 
-    Attributes
-    ----------
-    points, triangles : (n, 3) array, (m, 3) int array
-        A subset of the bone's points, and their triangles.
-    normals : (n, 3) float array
-        Unit normals of the original bone at the points.
-    solid : bool
-        The original bone is closed and faces outward, so that back faces are invisible.
+    ``solid`` says that the original is closed and faces outward, so that back faces are invisible.
     """
 
     points: Floats
@@ -79,15 +74,15 @@ class DrawnBones:
         return np.vstack(every)
 
 
-def spread_over(points: Floats, triangles: Ints, n: int = 10_000) -> Floats:
+def spread_over(points: Floats, triangles: Ints) -> Floats:
     """Return reproducible points spread over a surface evenly by area."""
     doubled = np.linalg.norm(triangle_normals(points, triangles), axis=1)
     if not doubled.any():
         return points
     reached = np.cumsum(doubled)
-    chosen = np.searchsorted(reached, (np.arange(n) + 0.5) / n * reached[-1])
+    chosen = np.searchsorted(reached, (np.arange(SPREAD) + 0.5) / SPREAD * reached[-1])
     a, b, c = points[triangles[np.minimum(chosen, len(triangles) - 1)].T]
-    u, v = np.random.default_rng(0).random((2, n, 1))
+    u, v = np.random.default_rng(0).random((2, SPREAD, 1))
     u, v = np.where(u + v > 1.0, 1.0 - u, u), np.where(u + v > 1.0, 1.0 - v, v)
     samples: Floats = a + u * (b - a) + v * (c - a)
     return samples

@@ -16,13 +16,15 @@ from vtkmuscle.core.mesh.normals import vertex_normals
 from vtkmuscle.core.mesh.surface import edge_uses, point_components, survey, unique_edges
 from vtkmuscle.core.motion.rigid import apply_transform
 from vtkmuscle.core.types import Floats, Ints
-from vtkmuscle.data.arrays import points_of, set_point_array, surface_from, triangles_of
+from vtkmuscle.data.arrays import add_arrays, checked_surface, surface_from
 from vtkmuscle.data.label_images import LabelField
 
 #: Area of an equilateral triangle with unit edges.
 EVEN = math.sqrt(3.0) / 4.0
 #: Largest relative error of a surface's volume.
 MOST_OFF = 0.01
+#: Relaxations of triangles along a surface.
+RELAXATIONS = 8
 #: Newton steps along the normals to the label's volume: 2 suffice except for labels of a few voxels.
 OFFSETS = 4
 #: Least number of triangles of a label's surface: a sphere of 100 triangles has 95 % of the volume.
@@ -38,7 +40,7 @@ def isosurface(values: Floats, origin: Floats, spacing: float) -> tuple[Floats, 
     image.SetOrigin(*origin)
     image.SetSpacing(spacing, spacing, spacing)
     # VTK's isosurface faces falling values: the changed sign makes the surface face outward.
-    set_point_array(image, "inside", -values.ravel(order="F"))
+    add_arrays(image, points={"inside": -values.ravel(order="F")})
     image.GetPointData().SetActiveScalars("inside")
     contour = vtkFlyingEdges3D()
     contour.SetInputData(image)
@@ -46,33 +48,27 @@ def isosurface(values: Floats, origin: Floats, spacing: float) -> tuple[Floats, 
     contour.ComputeNormalsOff()
     contour.ComputeScalarsOff()
     contour.Update()
-    surface = contour.GetOutput()
-    return points_of(surface), triangles_of(surface, "isosurface")
+    return checked_surface(contour.GetOutput(), "isosurface")
 
 
 def evened(
-    points: Floats,
-    triangles: Ints,
-    n_triangles: int,
-    projected: Callable[[Floats], Floats],
-    *,
-    passes: int = 8,
+    points: Floats, triangles: Ints, n_triangles: int, projected: Callable[[Floats], Floats]
 ) -> tuple[Floats, Ints]:
     """Return a closed surface with about `n_triangles` even triangles.
 
-    `projected` maps points (n, 3) to the nearest points of the true surface; `passes` is the number of
-    relaxations.
+    `projected` maps points (n, 3) to the nearest points of the true surface.
     """
     whole = points, triangles
     while n_triangles < len(whole[1]):
-        points, triangles = _decimated(*whole, n_triangles)
+        # Otherwise flat parts collapse in arbitrary order and leave slivers.
+        points, triangles = decimated(*whole, n_triangles, regular=True)
         # More triangles remain if decimation tears a thin part.
         if (edge_uses(triangles) == 2).all():
             break
         points, triangles = whole
         n_triangles *= 2
     average = _neighbour_average(triangles, len(points))
-    for _ in range(passes):
+    for _ in range(RELAXATIONS):
         shift = 0.7 * (average @ points - points)
         normals = vertex_normals(points, triangles)
         shift -= np.einsum("ij,ij->i", shift, normals)[:, None] * normals
@@ -80,15 +76,19 @@ def evened(
     return projected(projected(points)), triangles
 
 
-def _decimated(points: Floats, triangles: Ints, n_triangles: int) -> tuple[Floats, Ints]:
+def decimated(
+    points: Floats, triangles: Ints, n_triangles: int, *, regular: bool = False
+) -> tuple[Floats, Ints]:
+    """Return a surface with about `n_triangles` triangles.
+
+    Garland, Heckbert 1997, *Surface simplification using quadric error metrics*, doi:10.1145/258734.258849.
+    """
     decimation = vtkQuadricDecimation()
+    decimation.SetRegularize(regular)
     decimation.SetInputData(surface_from(points, triangles))
     decimation.SetTargetReduction(1.0 - n_triangles / len(triangles))
-    # Otherwise flat parts collapse in arbitrary order and leave slivers.
-    decimation.RegularizeOn()
     decimation.Update()
-    surface = decimation.GetOutput()
-    return points_of(surface), triangles_of(surface, "isosurface")
+    return checked_surface(decimation.GetOutput(), "the decimated surface")
 
 
 def _neighbour_average(triangles: Ints, n_points: int) -> csr_array:

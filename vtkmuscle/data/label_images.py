@@ -13,7 +13,7 @@ from vtkmodules.vtkCommonDataModel import vtkImageData
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.types import Bools, Floats, Ints
-from vtkmuscle.data.arrays import add_arrays, field_array, field_strings, set_point_array
+from vtkmuscle.data.arrays import add_arrays, field_array, field_strings
 
 #: Margin around a label [voxels], enough for the Gaussian and a Newton step.
 MARGIN = 4
@@ -25,31 +25,19 @@ _TOUCHING = np.ones((3, 3, 3), dtype=np.bool_)
 
 @dataclass(frozen=True, eq=False)
 class LabelField:
-    """The smooth signed distance of a label's largest piece without cavities.
+    """The smooth signed distance of a label's largest piece without cavities."""
 
-    Attributes
-    ----------
-    values : (nk, nj, ni) float32 array
-        Smooth distance at the voxels of a box around the label, negative inside [mm].
-    frame : (4, 4) array
-        From voxel indices (i, j, k) in the box to centre positions [mm].
-    boundary : (nk, nj, ni) float32 array
-        Signed distance to the label's boundary between voxels, not smooth [mm].
-    volume : float
-        Volume of the voxels inside [mm^3].
-    pieces : (p,) int array
-        Voxels of each piece, largest first; only the first is taken.
-    filled : int
-        Voxels of filled cavities.
-    cut : int
-        Voxels at the border of the image, which may cut the label.
-    """
-
+    #: Smooth distance at the voxels (nk, nj, ni) of a box around the label, negative inside [mm].
     values: Floats
+    #: From voxel indices (i, j, k) in the box to centre positions [mm].
     frame: Floats
+    #: Signed distance to the boundary between voxels, not smooth [mm].
     boundary: Floats
+    #: Volume of the voxels inside [mm^3].
     volume: float
+    #: Voxels of each piece, largest first; only the first is taken.
     pieces: Ints
+    #: Voxels of filled cavities, and at the image's border, which may cut the label.
     filled: int
     cut: int
 
@@ -62,23 +50,22 @@ class LabelField:
     def at(self, points: Floats) -> tuple[Floats, Floats]:
         """Return distances (n,) and gradients (n, 3) at points (n, 3)."""
         index = self._index(points)
-        last = np.array(self.values.shape)[::-1] - 1.0
-        within = np.clip(index, 0.0, last)
+        within = np.clip(index, 0.0, np.array(self.values.shape)[::-1] - 1.0)
         away = (index - within) @ self.frame[:3, :3].T
         beyond = np.linalg.norm(away, axis=1)
-        value = self._interpolated(self.values, within) + beyond
-        slope = np.empty_like(index)
-        for axis, step in enumerate(0.5 * np.eye(3)):
-            slope[:, axis] = self._interpolated(self.values, within + step)
-            slope[:, axis] -= self._interpolated(self.values, within - step)
-        slope = slope @ np.linalg.inv(self.frame[:3, :3])
+        value = _interpolated(self.values, within) + beyond
+        differences = [
+            _interpolated(self.values, within + step) - _interpolated(self.values, within - step)
+            for step in 0.5 * np.eye(3)
+        ]
+        slope = np.column_stack(differences) @ np.linalg.inv(self.frame[:3, :3])
         outside = beyond > 0.0
         slope[outside] = away[outside] / beyond[outside, None]
         return value, slope
 
     def distances_from_boundary(self, points: Floats) -> Floats:
         """Return signed distances (n,) of points (n, 3) to the boundary [mm]."""
-        return self._interpolated(self.boundary, self._index(points))
+        return _interpolated(self.boundary, self._index(points))
 
     def projected(self, points: Floats) -> Floats:
         """Return points (n, 3) after a Newton step to distance 0."""
@@ -92,27 +79,17 @@ class LabelField:
         """Return fractional voxel coordinates (i, j, k) of points (n, 3)."""
         return (points - self.frame[:3, 3]) @ np.linalg.inv(self.frame[:3, :3]).T
 
-    @staticmethod
-    def _interpolated(values: Floats, index: Floats) -> Floats:
-        return ndimage.map_coordinates(values, index.T[::-1], output=np.float64, order=1, mode="nearest")  # type: ignore[no-any-return]
+
+def _interpolated(values: Floats, index: Floats) -> Floats:
+    return ndimage.map_coordinates(values, index.T[::-1], output=np.float64, order=1, mode="nearest")  # type: ignore[no-any-return]
 
 
 def label_field(mask: Bools, frame: Floats, inner: tuple[slice, ...] = (), *, smoothing: float) -> LabelField:
     """Return a label's smooth signed distance, with the label's volume inside.
 
-    The exact Euclidean distance to the nearest voxel of the other side is smoothed by a Gaussian, and shifted
-    to the level with the label's number of voxels.
-
-    Parameters
-    ----------
-    mask : (nk, nj, ni) bool array
-        Voxels of the label in an image, or in a box of the image; at least one.
-    frame : (4, 4) array
-        From voxel indices (i, j, k) in the mask to centre positions [mm].
-    inner : tuple of slice, optional
-        The part of the mask away from the image's border; all by default.
-    smoothing : float
-        Standard deviation of the Gaussian [voxels], >= 0.
+    The exact Euclidean distance to the nearest voxel of the other side is smoothed by a Gaussian of a
+    standard deviation [voxels], and shifted to the level with the label's number of voxels. The mask (nk, nj,
+    ni) is an image, or a box of an image; ``inner`` is its part away from the image's border.
     """
     if not mask.any():
         raise InputError("", "no voxel has this label")
@@ -122,12 +99,8 @@ def label_field(mask: Bools, frame: Floats, inner: tuple[slice, ...] = (), *, sm
     cut = int(piece.sum() - piece[inner].sum())
     box = ndimage.find_objects(piece.view(np.uint8))[0]
     solid = np.pad(piece[box], MARGIN)
-    outside, parts = ndimage.label(~solid)
-    filled = 0
-    if parts > 1:
-        hollow = outside > 1  # the corner's part is the first
-        filled = int(hollow.sum())
-        solid |= hollow
+    hollow = ndimage.label(~solid)[0] > 1  # the corner's part is the first
+    solid |= hollow
     placed = frame.copy()
     placed[:3, 3] += frame[:3, :3] @ [axis.start - MARGIN for axis in box[::-1]]
     spacing = np.linalg.norm(frame[:3, :3], axis=0)
@@ -144,7 +117,7 @@ def label_field(mask: Bools, frame: Floats, inner: tuple[slice, ...] = (), *, sm
         boundary,
         inside * float(abs(np.linalg.det(frame[:3, :3]))),
         np.sort(sizes)[::-1],
-        filled,
+        int(hollow.sum()),
         cut,
     )
 
@@ -175,7 +148,7 @@ def label_image(voxels: NDArray[np.integer], frame: Floats, names: Mapping[int, 
     image.SetSpacing(*spacing)
     image.SetOrigin(*frame[:3, 3])
     image.SetDirectionMatrix(*(frame[:3, :3] / spacing).ravel())
-    set_point_array(image, "Label", voxels.ravel())
+    add_arrays(image, points={"Label": voxels.ravel()})
     image.GetPointData().SetActiveScalars("Label")
     fields = {VALUES: np.array(list(names), dtype=np.int64), NAMES: list(names.values())}
     return add_arrays(image, fields=fields)

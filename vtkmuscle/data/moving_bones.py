@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -48,16 +50,9 @@ def _named_bones(data: vtkMultiBlockDataSet, where: str) -> dict[str, vtkPolyDat
 
 
 class MovingBones(NamedTuple):
-    """Bones at a time.
+    """Bones at a time, by name in the order of blocks, and their transforms (b, 4, 4) from rest.
 
-    Attributes
-    ----------
-    surfaces : dict of str to vtkPolyData
-        By name, in the order of blocks.
-    transforms : (b, 4, 4) array
-        Rest to now.
-    twists : dict of str to (b, 6) array
-        Motion of the bones by coordinate: velocity at the origin and angular velocity, per unit.
+    Twists (b, 6) are by coordinate: velocity at the origin and angular velocity, per unit.
     """
 
     surfaces: dict[str, vtkPolyData]
@@ -116,41 +111,34 @@ def fixed_points_of(muscle: Surface, bones: Sequence[str]) -> Ints:
     return fixed_to
 
 
-def check_same_bones(rest: Mapping[str, vtkPolyData], moving: MovingBones, where: str) -> None:
-    """Raise ValueError if names or order of rest and moving bones differ."""
-    if list(rest) != moving.names:
-        raise InputError(
-            where,
-            f"the blocks are {', '.join(map(repr, rest))}, but the moving bones are "
-            f"{', '.join(map(repr, moving.names))}",
-            "connect the same bones to rest_bones and, through BoneMotion, to bones",
-        )
-
-
+@dataclass(frozen=True, eq=False)
 class RestBones:
-    """Shapes of bones at rest, rebuilt only for changed blocks."""
+    """Bones at rest, by name in the order of blocks, with shapes made on first use."""
 
-    def __init__(self) -> None:
-        #: Name and modification time of each block.
-        self._state: list[tuple[str, int]] = []
-        self._shapes: dict[int, Bone] = {}
+    surfaces: dict[str, vtkPolyData]
+    where: str
 
-    @property
-    def names(self) -> list[str]:
-        """Names of the bones, in the order of their blocks."""
-        return [name for name, _ in self._state]
+    @cached_property
+    def shapes(self) -> dict[int, Bone]:
+        """The bones' shapes by index; ValueError for a bone without triangles."""
+        shapes = {}
+        for number, (name, bone) in enumerate(self.surfaces.items()):
+            block = f"{self.where}, block {name!r}"
+            shapes[number] = bone_of(*checked_surface(bone, block))
+            shapes[number].name = block
+        return shapes
 
-    def shapes(self, bones: Mapping[str, vtkPolyData], where: str) -> dict[int, Bone]:
-        """Return the bones' shapes by index, the same dict while unchanged.
+    def check_same(self, moving: MovingBones) -> None:
+        """Raise ValueError if names or order of rest and moving bones differ."""
+        if list(self.surfaces) != moving.names:
+            raise InputError(
+                self.where,
+                f"the blocks are {', '.join(map(repr, self.surfaces))}, but the moving bones are "
+                f"{', '.join(map(repr, moving.names))}",
+                "connect the same bones to rest_bones and, through BoneMotion, to bones",
+            )
 
-        ValueError for a bone without triangles, or with points that are not finite.
-        """
-        state = [(name, bone.GetMTime()) for name, bone in bones.items()]
-        if state != self._state:
-            self._shapes = {}
-            for number, (name, bone) in enumerate(bones.items()):
-                block = f"{where}, block {name!r}"
-                self._shapes[number] = bone_of(*checked_surface(bone, block))
-                self._shapes[number].name = block
-            self._state = state
-        return self._shapes
+
+def rest_bones_of(data: vtkMultiBlockDataSet, where: str) -> RestBones:
+    """Return bones at rest; raises as :func:`bones_of`."""
+    return RestBones(bones_of(data, where), where)

@@ -150,26 +150,14 @@ _geometry = shared(MuscleGeometry, last=REMEMBERED)
 
 
 class Neighbours:
-    """The neighbours of one muscle over time.
-
-    Parameters
-    ----------
-    rest : (n, 3) array
-        The muscle at rest [mm].
-    """
+    """The neighbours of a muscle, at rest (n, 3), over time."""
 
     def __init__(self, rest: Floats) -> None:
         self._rest = rest
         self._allowances: dict[int, Floats] = {}
 
     def at(self, muscles: vtkMultiBlockDataSet) -> list[Neighbour]:
-        """Return the neighbours in the pose of a data set.
-
-        Raises
-        ------
-        ValueError
-            If a block is not a surface of triangles, or has no point array ``Displacement``.
-        """
+        """Return the neighbours in a pose: surfaces of triangles with the point array ``Displacement``."""
         neighbours = []
         for number, (name, block) in enumerate(blocks_of(muscles)):
             where = f"neighbours, block {name!r}"

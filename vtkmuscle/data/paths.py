@@ -18,24 +18,11 @@ from vtkmodules.vtkCommonDataModel import vtkPolyData
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.mesh.polylines import polyline_lengths
 from vtkmuscle.core.types import Floats
-from vtkmuscle.data.arrays import Polylines, cell_array, names_of, point_array, polylines_of, set_cell_array
+from vtkmuscle.data.arrays import Polylines, add_arrays, cell_array, names_of, point_array, polylines_of
 
 
 def checked_superficial(data: vtkPolyData, where: str) -> Polylines:
-    """Return superficial fibres.
-
-    Parameters
-    ----------
-    data : vtkPolyData
-        Polylines.
-    where : str
-        Name for errors, e.g. ``"SliceMorpher: superficial"``.
-
-    Raises
-    ------
-    ValueError
-        If there are no polylines, a point is not finite, or all lengths are 0.
-    """
+    """Return superficial fibres; ValueError as :func:`polylines_of`, or if all lengths are 0."""
     lines = polylines_of(data, where)
     if not polyline_lengths(lines.points, lines.offsets).max() > 0.0:
         remedy = "digitise two points or more per fibre"
@@ -54,15 +41,7 @@ PATH_LENGTH, PATH_POINTS = "PathLength", "PathPoints"
 
 
 class PathLines(NamedTuple):
-    """Paths with equal numbers of points, at rest and now.
-
-    Attributes
-    ----------
-    data : vtkPolyData
-        The polylines, with their arrays.
-    rest, points : (k, n, 3) arrays
-        At rest and now, in the unit of the scene.
-    """
+    """Paths with their arrays, and their points (k, n, 3) at rest and now."""
 
     data: vtkPolyData
     rest: Floats
@@ -72,10 +51,7 @@ class PathLines(NamedTuple):
 def path_lines_of(data: vtkPolyData, where: str) -> PathLines | None:
     """Return paths, None for an empty data set.
 
-    Raises
-    ------
-    ValueError
-        If the point array ``RestPosition`` is missing, or paths have different numbers of points.
+    ValueError without the point array ``RestPosition``, or for paths with different numbers of points.
     """
     if not data.GetNumberOfCells():
         return None
@@ -89,14 +65,9 @@ def path_lines_of(data: vtkPolyData, where: str) -> PathLines | None:
 
 
 class Paths(NamedTuple):
-    """The paths of a muscle in one pose.
+    """The lengths (k,), points (k, n, 3) and levers (k,) of a muscle's paths in a pose.
 
-    Attributes
-    ----------
-    lengths : (k,) array
-    points : (k, n, 3) array
-    levers : dict of str to (k,) array
-        By coordinate: per radian or millimetre, positive if the pull increases the coordinate.
+    Levers are by coordinate, per radian or millimetre, positive if the pull increases the coordinate.
     """
 
     lengths: Floats
@@ -105,36 +76,32 @@ class Paths(NamedTuple):
 
 
 def add_path_arrays(fibres: vtkPolyData, paths: PathLines, where: str) -> None:
-    """Add ``PathLength``, ``PathPoints``, ``Squeezed``, ``Sag`` and levers to fibres.
-
-    Raises
-    ------
-    ValueError
-        If the numbers of paths and fibres differ.
-    """
+    """Add ``PathLength``, ``PathPoints``, ``Squeezed``, ``Sag`` and levers to fibres, one for each path."""
     count, cells = fibres.GetNumberOfCells(), paths.data.GetCellData()
     if len(paths.points) != count:
         problem = f"there are {len(paths.points)} paths, but {count} fibres"
         raise InputError(where, problem, "connect TautPaths for the same fibres")
-    set_cell_array(fibres, PATH_LENGTH, np.array(cell_array(paths.data, LENGTH, where)))
-    set_cell_array(fibres, PATH_POINTS, paths.points.reshape(count, -1))
+    lengths = cell_array(paths.data, LENGTH, where)
+    arrays = {PATH_LENGTH: lengths, PATH_POINTS: paths.points.reshape(count, -1)}
     for name in (SQUEEZED, SAG, *names_of(LEVER, cells).values()):
-        set_cell_array(fibres, name, np.array(cell_array(paths.data, name, where)))
+        arrays[name] = cell_array(paths.data, name, where)
+    add_arrays(fibres, cells=arrays)
 
 
 def paths_of(fibres: vtkPolyData, where: str) -> Paths | None:
     """Return the paths stored with fibres, or the paths themselves; else None."""
     lines, data = polylines_of(fibres, where), fibres.GetCellData()
+
+    def values(name: str) -> Floats:
+        return np.array(cell_array(fibres, name, where))
+
     if data.HasArray(PATH_LENGTH):
-        lengths = np.array(cell_array(fibres, PATH_LENGTH, where))
-        points = np.array(cell_array(fibres, PATH_POINTS, where))
+        lengths, points = values(PATH_LENGTH), values(PATH_POINTS)
     elif fibres.GetPointData().HasArray(REST_POSITION):
-        lengths, points = np.array(cell_array(fibres, LENGTH, where)), lines.points
+        lengths, points = values(LENGTH), lines.points
     else:
         return None
-    levers = {
-        name: np.array(cell_array(fibres, array, where)) for name, array in names_of(LEVER, data).items()
-    }
+    levers = {name: values(array) for name, array in names_of(LEVER, data).items()}
     return Paths(lengths, points.reshape(len(lengths), -1, 3), levers)
 
 

@@ -19,6 +19,9 @@ from vtkmuscle.filters.base import Filter, InputPort, OutputPort, Parameter, por
 #: Largest distance between a bone and an attachment [mm]: for 90 % of the points of the areas digitised on
 #: the hip of LHDL the distance is below 2.2 to 2.3 mm.
 NEAR = 2.5
+#: Highest confidence of an estimated area: the measured overlap with a digitised area on the same bone, see
+#: vtkmuscle.core.attachments.contacts.
+OVERLAP = 0.64
 
 
 class AttachmentEstimator(Filter):
@@ -47,8 +50,8 @@ class AttachmentEstimator(Filter):
     ----------
     output
         Attachments: a block per area, a closed polyline through the landmarks, with the field arrays
-        ``Bone``, ``Role``, ``Estimated`` (1) and ``Confidence``: 0 if a second bone is equally likely, 1 if
-        no second bone is close.
+        ``Bone``, ``Role``, ``Estimated`` (1) and ``Confidence``: 0 if a second bone is equally likely, 0.64
+        (the overlap with digitised areas) if no second bone is close.
 
     Raises
     ------
@@ -77,7 +80,7 @@ class AttachmentEstimator(Filter):
     insertion: Parameter[str | None] = Parameter(str, default=None)
 
     muscle = InputPort(vtkPolyData)
-    bones = ports.RestBones()
+    bones = ports.Bones()
     output = OutputPort(vtkMultiBlockDataSet)
 
     def execute(self, muscle: vtkPolyData, bones: dict[str, vtkPolyData]) -> vtkMultiBlockDataSet:
@@ -99,23 +102,9 @@ def estimated_areas(
 ) -> list[AttachmentArea]:
     """Return the likely attachment areas of a muscle, by :func:`attached_ends`.
 
-    Parameters
-    ----------
-    muscle : vtkPolyData
-        Triangles, at rest.
-    bones : mapping of str to vtkPolyData
-        By name, at rest.
-    within : float
-        Largest distance between a bone and its attachment [mm].
-    origin, insertion : str, optional
-        Names of the bones. By default the origin is the end with more area.
-    bodies : sequence of sequence of str
-        Groups of bones that move together; ignored with named bones.
-
-    Raises
-    ------
-    ValueError
-        If a named bone is missing, if fewer than two bones are close, or if an end is far from every bone.
+    ``within`` is the largest distance between a bone and its attachment [mm]; ``bodies`` are groups of bones
+    that move together, ignored with named bones. ValueError if a named bone is missing, if fewer than two
+    bones are close, or if an end is far from every bone.
     """
     named = [bone for bone in (origin, insertion) if bone is not None]
     for role, bone in zip(ROLES, (origin, insertion), strict=True):
@@ -139,8 +128,8 @@ def estimated_areas(
     for role, end in zip(ROLES, ends, strict=True):
         for bone, patch in end.contacts:
             landmarks, closed = outline(points, triangles, patch)
-            area = AttachmentArea(role, bone, landmarks, closed, estimated=True, confidence=end.confidence)
-            areas.append(area)
+            confidence = OVERLAP * end.confidence
+            areas.append(AttachmentArea(role, bone, landmarks, closed, True, confidence))
     return areas
 
 

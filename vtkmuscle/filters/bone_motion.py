@@ -8,15 +8,14 @@ from typing import Any
 import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 from vtkmodules.vtkCommonExecutionModel import vtkAlgorithm
-from vtkmodules.vtkCommonMath import vtkMatrix4x4
-from vtkmodules.vtkCommonTransforms import vtkMatrixToLinearTransform
+from vtkmodules.vtkCommonTransforms import vtkTransform
 from vtkmodules.vtkFiltersGeneral import vtkTransformFilter
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.moment_arms.levers import MotionTwists
 from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.core.types import Floats
-from vtkmuscle.data.arrays import add_arrays, array_of, multiblock_from, set_field_array, shallow_copy
+from vtkmuscle.data.arrays import add_arrays, array_of, multiblock_from, shallow_copy
 from vtkmuscle.data.moving_bones import TWIST, bones_of
 from vtkmuscle.filters.base import Filter, InputPort, OutputPort, Parameter
 
@@ -31,14 +30,12 @@ def _rest_pose(data: vtkMultiBlockDataSet, where: str) -> dict[str, vtkPolyData]
 
 def _moved(bone: vtkPolyData, transform: Floats) -> vtkPolyData:
     """Return a bone moved rigidly, with its normals and vectors."""
-    matrix = vtkMatrix4x4()
-    matrix.DeepCopy(transform.ravel().tolist())
-    to_pose = vtkMatrixToLinearTransform()
-    to_pose.SetInput(matrix)
+    to_pose = vtkTransform()
+    to_pose.SetMatrix(transform.ravel().tolist())
     mover = vtkTransformFilter()
     mover.SetTransform(to_pose)
-    mover.SetOutputPointsPrecision(vtkAlgorithm.DOUBLE_PRECISION)
     mover.SetInputData(bone)
+    mover.SetOutputPointsPrecision(vtkAlgorithm.DOUBLE_PRECISION)
     mover.Update()
     moved: vtkPolyData = mover.GetOutput()
     return add_arrays(moved, fields={"Transform": transform.reshape(-1)})
@@ -122,5 +119,5 @@ class BoneMotion(Filter):
         for name, transform in transforms.items():
             blocks[name] = _moved(bones[name], transform)
             for coordinate, by_bone in twists.items():
-                set_field_array(blocks[name], array_of(TWIST, coordinate), by_bone.get(name, np.zeros(6)))
+                add_arrays(blocks[name], fields={array_of(TWIST, coordinate): by_bone.get(name, np.zeros(6))})
         return multiblock_from(blocks)

@@ -28,14 +28,11 @@ SPACINGS = 2.0
 class FibreField(Filter):
     """Add fibre directions to a mesh, for finite elements.
 
-    A direction is the mean axis of the eight nearest fibres, weighted by inverse distance. The field is
-    continuous, and equals the fibre's tangent on a fibre (see :mod:`vtkmuscle.core.fibres.direction_field`).
-    Directions point from the first points of fibres to the last: from origin to insertion for the fibres of
-    FibreSource.
-
-    Outside of the muscle the field continues with the direction of the nearest fibres, since a mesh may
-    differ a little from the muscle's surface; ``InMuscle`` is 0 there. Without ``muscle``, positions farther
-    than two fibre spacings from every fibre count as outside.
+    A direction is the mean axis of the eight nearest fibres, weighted by inverse distance, continuous, and on
+    a fibre equal to the fibre's tangent (:mod:`vtkmuscle.core.fibres.direction_field`). Directions point from
+    the first points of fibres to the last: from origin to insertion for the fibres of FibreSource. Outside of
+    the muscle, where ``InMuscle`` is 0, the field continues, since a mesh may differ a little from the
+    surface. Without ``muscle``, positions farther than two fibre spacings from every fibre count as outside.
 
     Parameters
     ----------

@@ -32,12 +32,11 @@ PATH_POINTS = 21
 class FibreMetrics(Filter):
     """Measure length, strain, tortuosity, pennation and architecture.
 
-    The inputs select the measures: strain needs ``RestLength`` (from FibreTransport), pennation a muscle. A
-    pennation angle lies between a fibre's end segment and the muscle's surface: 0 along the surface, 90
-    degrees at right angles. For a fibre on an aponeurosis the angle refers to the aponeurosis. The surface
-    normal is continuous except at creases of more than 45 to 75 degrees; on a crease the angle is the mean
-    over the adjacent faces. An aponeurosis within the muscle, as in bipennate muscles, comes from the
-    attachments.
+    The inputs select the measures: strain needs ``RestLength`` (from FibreTransport), pennation a muscle.
+    Pennation is the angle between a fibre's end segment and the muscle's surface, or the aponeurosis at the
+    fibre's end: 0 along the surface, 90 degrees at right angles. The surface normal is continuous except at
+    creases of more than 45 to 75 degrees; on a crease the angle is the mean over the adjacent faces. An
+    aponeurosis within the muscle, as in bipennate muscles, comes from the attachments.
 
     Parameters
     ----------

@@ -24,16 +24,13 @@ SPREADING = 1.5
 class FibreSmoother(Filter):
     """Smooth fibres, and spread them over a muscle.
 
-    Each pass moves the inner points to (p_{i-1} + k p_i + p_{i+1}) / (k + 2), which straightens fibres and
-    pulls them out of a curved muscle on the hollow side. With a muscle connected, the mean course of all
-    fibres is therefore kept, and only the deviation of each fibre is smoothed (see
-    :func:`vtkmuscle.core.fibres.spreading.smooth_about_course`). Points that leave the muscle are projected
-    to the surface.
-
-    With a muscle connected, each pass also moves every fibre towards the centroid of its Voronoi cell in the
-    muscle (Lloyd's relaxation), by ``spreading`` times the distance. Fibre ends move along connected
-    attachment areas, and stay without them. Spreading suits parallel fibres, and fibres that were led to the
-    areas; pennate fibres would be drawn into the corners.
+    Each pass moves the inner points to (p_{i-1} + k p_i + p_{i+1}) / (k + 2), which straightens fibres. With
+    a muscle connected, the mean course of all fibres is kept, and the deviation of each fibre is smoothed
+    (:func:`vtkmuscle.core.fibres.spreading.smooth_about_course`); points outside move to the surface. Each
+    pass then also moves every fibre towards the centroid of its Voronoi cell in the muscle (Lloyd's
+    relaxation), by ``spreading`` times the distance. Fibre ends move along connected attachment areas, and
+    stay without areas. Spreading suits parallel fibres, and fibres that were led to the areas; pennate fibres
+    would be drawn into the corners.
 
     Parameters
     ----------

@@ -30,18 +30,16 @@ MOST_LEAVING, LEAVING = 0.1, 0.25
 class FibreSource(Filter):
     """Fill a muscle with fibres.
 
-    Straight fibres connect the two areas. Positions for equal shares of each area are matched by the least
-    sum of squared distances (optimal transport), so that fibres do not cross and neighbours end at
-    neighbouring positions. A straight line outside of the muscle is bent inwards. Between aponeuroses fibres
-    keep their cross-section: a part of the larger aponeurosis stays empty.
-
-    Fibres through sections start from the parallel template and run through TemplateFitter, SliceMorpher
-    (isolines, or planes for overlapping areas), FibreTrimmer and FibreSmoother. Such fibres fill muscles that
-    are thicker than the attachment areas.
+    Straight fibres connect the two areas: positions for equal shares of each area are matched by the least
+    sum of squared distances (optimal transport), so that fibres do not cross. A line outside of the muscle is
+    bent inwards. Between aponeuroses fibres keep their cross-section: a part of the larger aponeurosis stays
+    empty. Fibres through sections start from the parallel template and run through TemplateFitter,
+    SliceMorpher (isolines, or planes for overlapping areas), FibreTrimmer and FibreSmoother, to fill muscles
+    thicker than the attachment areas.
 
     ``course="auto"`` takes straight fibres between aponeuroses, and for muscles of which straight fibres fill
     more than 60 % of the volume (cross-section at the areas times length) with at most a tenth of the fibres
-    outside. Otherwise, and with superficial fibres, ``auto`` takes sections. The choice is in ``Course``.
+    outside; otherwise, and with superficial fibres, sections. The choice is in ``Course``.
 
     Parameters
     ----------

@@ -31,16 +31,14 @@ Distance = Callable[[Floats], Floats]
 class FibreTrimmer(Filter):
     """End fibres on the attachment areas, evenly spread.
 
-    Near a wide attachment area, template fibres meet in a point or run along the area. Two planes
-    perpendicular to the muscle's axis, each through the landmark deepest in the muscle, cut the fibre ends
-    off. Straight segments to the areas replace the ends, spread evenly over an area and without crossings.
-    The cut moves for a fibre whose new segment would leave the muscle or turn by more than 30 degrees. If
-    most fibres end on an area without meeting, as pennate fibres do, these fibres keep their ends. An area
-    may lie within the muscle, such as the tendon of a bipennate muscle.
+    Near a wide attachment area, template fibres meet in a point or run along the area. Two planes across the
+    muscle's axis, each through the landmark deepest in the muscle, cut the fibre ends off; straight segments
+    lead to evenly spread ends on the areas, without crossings. The cut moves for a segment that would leave
+    the muscle or turn by more than 30 degrees. If most fibres end on an area without meeting, as pennate
+    fibres do, the fibres keep their ends. An area may lie within the muscle, as in bipennate muscles.
 
-    The axis comes from the field array ``Transform`` of a fitted template, or else runs from the origin's to
-    the insertion's centroid. Each fibre keeps its number of points, evenly spaced; points outside of the
-    muscle move to the surface.
+    The axis comes from the field array ``Transform`` of a fitted template, or runs between the centroids of
+    the areas. Each fibre keeps its number of points, evenly spaced; points outside move to the surface.
 
     Parameters
     ----------

@@ -95,7 +95,7 @@ class FixedPointDetector(Filter):
     )
 
     muscle = ports.Surface()
-    bones = ports.RestBones()
+    bones = ports.Bones()
     attachments = InputPort(vtkMultiBlockDataSet, attachments_of, optional=True)
     output = OutputPort(vtkPolyData)
 

@@ -24,14 +24,12 @@ from vtkmuscle.filters.base import Filter, OutputPort, Parameter, ports
 class MomentArms(Filter):
     """Add moment arms of a muscle's paths or fibres about joints.
 
-    With paths (output of TautPaths, or of FibreMetrics with paths) and a ``motion``, a moment arm is the
-    lever of the path's pull about the coordinate's axis, ``Lever_COORDINATE``, in the pose alone.
-
-    Without paths a moment arm is the slope -dl/dq of fibre lengths, by differences between poses that differ
-    in the coordinate alone (:func:`vtkmuscle.core.moment_arms.levers.differences_by`). Fibres are requested
-    at every announced time step; lengths are kept until something upstream changes. For a motion with a
-    single coordinate, frames count if the bones' rotation depends on the coordinate alone; frames on the path
-    from rest to the start of the sweep do not.
+    With paths (from TautPaths, or FibreMetrics with paths) and a ``motion``, a moment arm is the lever of the
+    path's pull about the coordinate's axis, ``Lever_COORDINATE``, in the pose alone. Without paths a moment
+    arm is the slope -dl/dq of fibre lengths, by differences between poses that differ in the coordinate alone
+    (:func:`vtkmuscle.core.moment_arms.levers.differences_by`); lengths at all announced time steps are kept
+    until a change upstream. For a single coordinate, frames count if the bones' rotation depends on the
+    coordinate alone; frames on the path from rest to the sweep do not.
 
     A positive moment arm means that the fibre shortens with growing q. The coordinate belongs to ``motion``,
     or is the pipeline's time without ``motion``.

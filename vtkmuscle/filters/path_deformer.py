@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -17,8 +17,8 @@ from vtkmuscle.core.mesh.polylines import polyline_lengths
 from vtkmuscle.core.mesh.triangle_tree import Neighbour
 from vtkmuscle.core.skinning.carried_muscle import CarriedMuscle, CarriedPose
 from vtkmuscle.core.types import Floats
-from vtkmuscle.data.arrays import Polylines, add_arrays, blocks_of, set_point_array, with_points
-from vtkmuscle.data.moving_bones import MovingBones, RestBones, check_same_bones, fixed_points_of
+from vtkmuscle.data.arrays import Polylines, add_arrays, blocks_of, with_points
+from vtkmuscle.data.moving_bones import MovingBones, RestBones, fixed_points_of
 from vtkmuscle.data.muscle_geometry import Neighbours, Surface
 from vtkmuscle.data.paths import PathLines
 from vtkmuscle.filters.base import Filter, InputPort, OutputPort, Parameter, ports
@@ -146,7 +146,6 @@ class PathDeformer(Filter):
     times_from = "bones"
 
     def __init__(self, **settings: Any) -> None:
-        self._shapes = RestBones()
         self._carried: CarriedMuscle | None = None
         #: Muscle, paths, bones and clearance of the carried muscle.
         self._made_from: tuple[FixedMuscle, Floats | None, dict[int, Bone], float] | None = None
@@ -171,15 +170,14 @@ class PathDeformer(Filter):
         self,
         muscle: Surface,
         paths: PathLines | None,
-        rest_bones: Mapping[str, vtkPolyData],
+        rest_bones: RestBones,
         bones: MovingBones,
         neighbours: vtkMultiBlockDataSet | None,
         fibres: Polylines | None,
     ) -> tuple[vtkPolyData, vtkPolyData | None]:
         """Return the muscle and, on request, the fibres at the requested time."""
-        check_same_bones(rest_bones, bones, "rest_bones")
-        shapes = self._shapes.shapes(rest_bones, "rest_bones")
-        carried = self._made(muscle, paths, shapes, fibres)
+        rest_bones.check_same(bones)
+        carried = self._made(muscle, paths, rest_bones, fibres)
         state = self.iterations, bones.transforms.tobytes(), _state_of(muscle, paths, neighbours)
         if self._last is None or self._last[0] != state:
             pose = carried.pose(
@@ -193,18 +191,19 @@ class PathDeformer(Filter):
         pose, measures = self._last[1], (self.measure_shape, self.measure_penetration)
         self.report_progress(1.0)
         if self._surface is None or self._surface[0] != measures:
-            self._surface = measures, self._surface_of(muscle, pose, shapes, bones.transforms)
+            self._surface = measures, self._surface_of(muscle, pose, rest_bones, bones.transforms)
         surface = self._surface[1]
         return surface, self._fibres(muscle, paths, fibres, pose) if self._fibres_asked else None
 
     def _made(
-        self, muscle: Surface, paths: PathLines | None, shapes: dict[int, Bone], fibres: Polylines | None
+        self, muscle: Surface, paths: PathLines | None, bones: RestBones, fibres: Polylines | None
     ) -> CarriedMuscle:
         """Return the carried muscle; new inputs or settings rebuild it."""
+        shapes = bones.shapes
         fixed = FixedMuscle(
             muscle.points,
             muscle.triangles,
-            fixed_points_of(muscle, list(self._shapes.names)),
+            fixed_points_of(muscle, list(bones.surfaces)),
             None if fibres is None else (fibres.points, fibres.offsets),
         )
         if (fixed.fixed_to < 0).all():
@@ -215,7 +214,7 @@ class PathDeformer(Filter):
             before, rest_before, shapes_before, clearance = self._made_from
             if (
                 clearance == self.bone_clearance
-                and shapes_before is shapes
+                and shapes_before == shapes
                 and fixed.same_as(before)
                 and (rest is rest_before or np.array_equal(rest, rest_before))  # type: ignore[arg-type]
             ):
@@ -236,11 +235,11 @@ class PathDeformer(Filter):
         return self._neighbours.at(neighbours)
 
     def _surface_of(
-        self, muscle: Surface, pose: CarriedPose, shapes: dict[int, Bone], transforms: Floats
+        self, muscle: Surface, pose: CarriedPose, rest_bones: RestBones, transforms: Floats
     ) -> vtkPolyData:
         """Return the muscle in a pose, with its report."""
         result: vtkPolyData = with_points(muscle.data, pose.surface)
-        set_point_array(result, "Displacement", pose.surface - muscle.points)
+        add_arrays(result, points={"Displacement": pose.surface - muscle.points})
         fields: dict[str, Any] = {}
         if self.measure_shape:
             assert self._carried is not None
@@ -248,8 +247,8 @@ class PathDeformer(Filter):
                 "CollidingPoints": pose.colliding
             }
         if self.measure_penetration:
-            free = fixed_points_of(muscle, list(self._shapes.names)) < 0
-            bones = ((bone, transforms[number]) for number, bone in shapes.items())
+            free = fixed_points_of(muscle, list(rest_bones.surfaces)) < 0
+            bones = ((bone, transforms[number]) for number, bone in rest_bones.shapes.items())
             fields |= penetration_fields(depth_in(bones, pose.surface[free]))
         return add_arrays(result, fields=fields)
 

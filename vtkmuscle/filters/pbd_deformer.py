@@ -4,73 +4,43 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
-from vtkmodules.vtkFiltersCore import vtkQuadricDecimation
 
 from vtkmuscle.core.bones.bone import Bone, depth_in
 from vtkmuscle.core.errors import InputError, errors_at
 from vtkmuscle.core.fixed_muscle import FixedMuscle
-from vtkmuscle.core.mesh.rest_shape import ShapeReport
 from vtkmuscle.core.mesh.surface import survey
 from vtkmuscle.core.pbd.levels import FINE_ITERATIONS, TwoLevels, coarse_fixed_points
 from vtkmuscle.core.pbd.solver import PBDSolver, State
-from vtkmuscle.data.arrays import (
-    Polylines,
-    add_arrays,
-    checked_surface,
-    set_point_array,
-    surface_from,
-    with_points,
-)
-from vtkmuscle.data.moving_bones import MovingBones, RestBones, check_same_bones, fixed_points_of
+from vtkmuscle.data.arrays import Polylines, add_arrays, with_points
+from vtkmuscle.data.isosurface import decimated
+from vtkmuscle.data.moving_bones import MovingBones, RestBones, fixed_points_of
 from vtkmuscle.data.muscle_geometry import Neighbours, Surface
 from vtkmuscle.filters.base import HistoryFilter, InputPort, OutputPort, ports
 from vtkmuscle.filters.deformer import penetration_fields, shape_fields
 from vtkmuscle.filters.deformer.settings import DeformerSettings, solver_parameters
 
 
-@dataclass(eq=False)
-class _Frame:
-    """A state that was computed; its report is there once it was asked for."""
-
-    state: State
-    report: ShapeReport | None = None
-
-    @property
-    def nbytes(self) -> int:
-        """Memory that it takes [bytes]."""
-        return self.state.nbytes
-
-
-class PBDDeformer(DeformerSettings, HistoryFilter[_Frame]):
+class PBDDeformer(DeformerSettings, HistoryFilter[State]):
     """Deform a muscle with its bones by position based dynamics.
 
-    Lengths of edges, angles between triangles and the volume are constraints that each iteration projects one
-    after another; edges are the softer the more they run along the fibres, and points are kept out of the
-    bones (Kohout and Cervenka 2021). Points with a ``FixedTo`` follow their bone. By default a frame begins
-    where the bones' motions since the last one, blended by harmonic weights, take its points, and ends with
-    the exact volume. ``quality="published"`` sets all as the paper prints it; the muscles of the paper do not
-    all survive that.
+    Edge lengths, angles between triangles and the volume are constraints, projected in turn in each
+    iteration; edges along the fibres are soft, and points stay out of the bones (Kohout and Cervenka 2021).
+    Fixed points follow their bone. A frame starts from the bones' motions since the last frame, blended by
+    harmonic weights, and ends with the exact volume; ``quality="published"`` is the algorithm as printed. A
+    surface of more than ``solved_triangles`` is solved on two levels: a decimated surface moves the fine
+    surface, which takes a few further iterations.
 
-    A surface of more than ``solved_triangles`` is solved on two levels: a decimated one is solved and takes
-    the fine one along, which is then solved with a few iterations; with a ``start`` all of it is.
+    A frame depends on all announced time steps before. Stored frames take 24 to 96 bytes per point and 128
+    per bone; beyond ``checkpoint_memory`` every second frame is dropped. With a ``start`` a frame depends on
+    its pose alone, edges keep the lengths of the start, and all triangles are solved.
 
-    The frame at time t is computed from rest through all time steps that the bones announce up to t, and t
-    itself, whatever was asked for before. Frames are kept to go back to, in memory of ``checkpoint_memory``;
-    one takes 24 to 96 bytes per point, and 128 per bone. Where it is used up, every second frame is dropped,
-    then every second of those. With a ``start`` connected a frame begins there, its edges keep the lengths
-    that they have there, and it depends on its pose alone.
-
-    ``collision="sdf"`` moves points that are in a bone to its surface, along which they slide. Points that
-    are in a bone at rest stay as deep as they are. ``"voxel"`` takes them back the way they came, as
-    published, which leaves dents and spikes where a muscle is drawn over a bone.
-
-    Muscles connected as ``neighbours`` stay as they are; this one is kept out of them, except as deep as it
-    is in them at rest: ``neighbours={"psoas": psoas, "iliacus": iliacus}``, with their deformers.
+    ``collision="sdf"`` moves points out of a bone to the surface, where points slide; points inside at rest
+    keep their depth. ``"voxel"`` moves points back on their way, as published, which leaves dents and spikes.
 
     Parameters
     ----------
@@ -83,44 +53,42 @@ class PBDDeformer(DeformerSettings, HistoryFilter[_Frame]):
         The same bones at the pipeline's time, each with the field array ``Transform`` (16, row major): rest
         to now.
     fibres
-        Polylines in the rest pose; edges along them are soft, and are reported apart.
+        Polylines in the rest pose; edges along fibres are soft.
     start
-        The muscle's points at the pipeline's time, to begin each frame from: that of PathDeformer, say.
+        The muscle's points at the pipeline's time, such as from PathDeformer: the start of each frame.
     neighbours
-        Other muscles at the pipeline's time, out of which this one is kept: outputs of deformers, with the
-        point array ``Displacement``.
+        Other muscles at the pipeline's time, from deformers, with the point array ``Displacement``. The
+        muscle is no deeper in a neighbour than at rest; neighbours do not move.
 
     Attributes
     ----------
     output
-        The muscle at the time asked for, with the arrays of the input; the point array ``Displacement`` (3)
-        from rest [mm]; with velocities, of a muscle that is solved on one level, the point array ``Velocity``
-        (3) [mm/s]. With ``measure_shape`` the field arrays ``VolumeRatio`` (V / V0), ``EdgeStretchP95`` and
-        ``EdgeStretchMax`` (l / l0), ``DihedralErrorP95`` [degrees], ``DegenerateEdges`` (whose
-        angle was lost as a triangle collapsed), and ``CollidingPoints``. With ``measure_penetration``
-        ``PenetrationMax`` and ``PenetrationP95`` [mm], how deep the free points are in the closed bones, and
-        ``PenetratingPoints``, how many.
+        The muscle at the requested time, with the arrays of the input, and the point arrays ``Displacement``
+        (3) from rest [mm] and, with velocities on a single level, ``Velocity`` (3) [mm/s]. With
+        ``measure_shape`` the field arrays ``VolumeRatio`` (V / V0), ``EdgeStretchP95`` and
+        ``EdgeStretchMax`` (l / l0), ``DihedralErrorP95`` [degrees], ``DegenerateEdges`` (at collapsed
+        triangles) and ``CollidingPoints``; with ``measure_penetration`` ``PenetrationMax`` and
+        ``PenetrationP95``, depths of free points in closed bones [mm], and ``PenetratingPoints``.
 
     Raises
     ------
     ValueError
         If the surface is open, is not made of triangles or encloses no volume; if a coordinate is not
-        finite; if ``FixedTo`` is missing or names a block that does not exist; if no point is fixed (nothing
-        would hold or move the muscle, but an external force); if a bone has no ``Transform``, or one that is
-        not rigid; if the bones at rest have other names; if ``start`` has another number of points.
+        finite; if ``FixedTo`` is missing or names a missing block; if no point is fixed, without an external
+        force; if a bone has no ``Transform``, or is not rigid; if the bones at rest have other names; if
+        ``start`` has another number of points.
 
     References
     ----------
     Kohout, Cervenka 2021, *Muscle Deformation Using Position Based Dynamics*,
-    doi:10.1007/978-3-030-72379-8_24.
-
-    Müller, Heidelberger, Hennix, Ratcliff 2007, *Position based dynamics*, doi:10.1016/j.jvcir.2007.01.005.
+    doi:10.1007/978-3-030-72379-8_24; Müller, Heidelberger, Hennix, Ratcliff 2007, *Position based dynamics*,
+    doi:10.1016/j.jvcir.2007.01.005.
 
     Limitations
     -----------
-    An iteration does not converge: the shape, and moment arms measured on it, depend on the number of
-    iterations and triangles, by up to 20 mm. A muscle wholly between two frames of a bone's motion is not
-    swept by it. Nothing keeps a muscle out of itself.
+    An iteration does not converge: shape and moment arms depend on the numbers of iterations and triangles,
+    by up to 20 mm. A bone does not sweep a muscle wholly between two frames of the bone's motion. A muscle
+    may intersect itself.
 
     Examples
     --------
@@ -150,25 +118,24 @@ class PBDDeformer(DeformerSettings, HistoryFilter[_Frame]):
         self._coarse: FixedMuscle | None = None
         self._solver: PBDSolver | TwoLevels | None = None
         self._made_from: tuple[object, ...] = ()
-        self._rest_bones = RestBones()
         self._bones: dict[int, Bone] = {}
         self._neighbours: list[Neighbours] = []
         super().__init__(**settings)
 
     def settings_of_frames(self) -> dict[str, Any]:
-        """Return the parameters that a frame depends on."""
+        """Return the parameters that affect a frame."""
         settings = super().settings_of_frames()
         del settings["measure_shape"], settings["measure_penetration"]
         return settings
 
     def forget(self) -> None:
-        """Drop all frames, and what is known of the neighbours."""
+        """Drop all frames, and the neighbours' shapes at rest."""
         super().forget()
         self._neighbours = []
 
     @property
     def path(self) -> list[float | None]:
-        """The times whose frames lead to the one asked for; with a start it needs no others."""
+        """Times of the frames up to the requested time; the requested time alone with a start."""
         return [self.request_time] if self.start is not None else super().path
 
     # ---------------------------------------------------------------- one frame
@@ -176,13 +143,13 @@ class PBDDeformer(DeformerSettings, HistoryFilter[_Frame]):
     def execute(
         self,
         muscle: Surface,
-        rest_bones: dict[str, vtkPolyData],
+        rest_bones: RestBones,
         bones: MovingBones,
         fibres: Polylines | None,
         start: Surface | None,
         neighbours: vtkMultiBlockDataSet | None,
     ) -> vtkPolyData:
-        """Compute the frames on the way to the time asked for that are not known, and return the last."""
+        """Return the muscle at the requested time."""
         rest = FixedMuscle(
             muscle.points,
             muscle.triangles,
@@ -199,18 +166,16 @@ class PBDDeformer(DeformerSettings, HistoryFilter[_Frame]):
         if not rest.same_as(self._muscle):
             self._muscle = rest
             self.forget()
-        check_same_bones(rest_bones, bones, "rest_bones")
-        taken: dict[int, Bone] = {}
-        if self.collision != "off" or self.measure_penetration:
-            taken = self._rest_bones.shapes(rest_bones, "rest_bones")
-        if taken is not self._bones:
-            self._bones = taken
+        rest_bones.check_same(bones)
+        shapes = rest_bones.shapes if self.collision != "off" or self.measure_penetration else {}
+        if shapes != self._bones:
+            self._bones = shapes
             self.forget()
         self._make_solver()
         return self._result(muscle.data, self.frame((bones, start, neighbours), self._advance))
 
     def _make_solver(self) -> None:
-        """Make the solver for the present muscle, bones and parameters, where these are new."""
+        """Make the solver after a change of muscle, bones or parameters."""
         muscle, settings = self._rest_muscle, solver_parameters(self.parameters_that_count())
         bones = self._bones if self.collision != "off" else {}
         voxels = (self.n_voxels, self.n_voxels_per_axis) if self.collision == "voxel" else None
@@ -231,12 +196,12 @@ class PBDDeformer(DeformerSettings, HistoryFilter[_Frame]):
 
     def _advance(
         self,
-        before: _Frame | None,
+        before: State | None,
         bones: MovingBones,
         start: Surface | None,
         neighbours: vtkMultiBlockDataSet | None,
-    ) -> _Frame:
-        """Return the frame after another one."""
+    ) -> State:
+        """Return the state after another one."""
         solver, contacts = self._solver, self._neighbours_at(neighbours)
         assert solver is not None
         options: dict[str, Any] = {"neighbours": contacts, "progress": self.report_part}
@@ -246,14 +211,12 @@ class PBDDeformer(DeformerSettings, HistoryFilter[_Frame]):
             if len(start.points) != expected:
                 problem = f"it has {len(start.points)} points, but the muscle {expected}"
                 raise InputError("start", problem, "connect a filter that moves this muscle")
-            state = solver.pose(start.points, bones.transforms, **options)
-        else:
-            last = solver.at_rest(len(bones.surfaces)) if before is None else before.state
-            state = solver.step(last, bones.transforms, **options)
-        return _Frame(state)
+            return solver.pose(start.points, bones.transforms, **options)
+        last = solver.at_rest(len(bones.surfaces)) if before is None else before
+        return solver.step(last, bones.transforms, **options)
 
     def _neighbours_at(self, muscles: vtkMultiBlockDataSet | None) -> Sequence[Any]:
-        """Return the neighbours for the solver: for each level those of its points."""
+        """Return the neighbours for the solver, for two levels a pair each."""
         if muscles is None:
             return ()
         if not self._neighbours:
@@ -269,18 +232,17 @@ class PBDDeformer(DeformerSettings, HistoryFilter[_Frame]):
 
     # ---------------------------------------------------------------- the result
 
-    def _result(self, muscle: vtkPolyData, frame: _Frame) -> vtkPolyData:
-        state, rest = frame.state, self._rest_muscle.points
+    def _result(self, muscle: vtkPolyData, state: State) -> vtkPolyData:
+        rest = self._rest_muscle.points
         result: vtkPolyData = with_points(muscle, state.surface)
-        set_point_array(result, "Displacement", state.surface - rest)
+        add_arrays(result, points={"Displacement": state.surface - rest})
         if state.velocities is not None and len(state.velocities) == len(rest):
-            set_point_array(result, "Velocity", state.velocities)
+            add_arrays(result, points={"Velocity": state.velocities})
         fields: dict[str, Any] = {}
         if self.measure_shape:
-            if frame.report is None:
-                assert self._solver is not None
-                frame.report = self._solver.shape.compare(state.surface)
-            fields = shape_fields(frame.report) | {"CollidingPoints": state.colliding}
+            assert self._solver is not None
+            fields = shape_fields(self._solver.shape.compare(state.surface))
+            fields["CollidingPoints"] = state.colliding
         if self.measure_penetration:
             free = state.surface[self._rest_muscle.fixed_to < 0]
             bones = ((bone, state.transforms[number]) for number, bone in self._bones.items())
@@ -289,16 +251,9 @@ class PBDDeformer(DeformerSettings, HistoryFilter[_Frame]):
 
 
 def _coarser(muscle: FixedMuscle, count: int) -> FixedMuscle | None:
-    """Return a muscle of about so many triangles; None, and a warning, where its surface does not allow it.
-
-    Garland, Heckbert 1997, *Surface simplification using quadric error metrics*, doi:10.1145/258734.258849.
-    """
+    """Return a muscle of about `count` triangles; None, with a warning, if decimation tears the surface."""
     middle, size = muscle.points.mean(axis=0), float(np.ptp(muscle.points, axis=0).max())
-    decimation = vtkQuadricDecimation()
-    decimation.SetInputData(surface_from((muscle.points - middle) / size, muscle.triangles))
-    decimation.SetTargetReduction(1.0 - count / len(muscle.triangles))
-    decimation.Update()
-    points, triangles = checked_surface(decimation.GetOutput(), "the decimated muscle")
+    points, triangles = decimated((muscle.points - middle) / size, muscle.triangles, count)
     points = points * size + middle
     report = survey(points, triangles)
     if not (report.closed and report.manifold and report.oriented):

@@ -27,20 +27,19 @@ DEFAULT_TOLERANCE = 1e-3
 class SliceMorpher(Filter):
     """Map fibres from box to muscle, section by section.
 
-    With ``method="plane"`` a plane across the box's long axis cuts the box in a rectangle and the muscle in a
-    contour. The contour is divided into four parts, matched by length to the sides of the rectangle, and mean
-    value coordinates map the rectangle to the contour. In sections with several loops, fibres fill the chain
-    of consecutive loops that encloses most of the muscle.
+    ``method="plane"``: a plane across the box's long axis cuts the box in a rectangle and the muscle in a
+    contour, divided into four parts that match the rectangle's sides by length; mean value coordinates map
+    the rectangle to the contour. In sections with several loops, fibres fill the chain of consecutive loops
+    with most of the muscle.
 
-    With ``method="harmonic"`` isolines cut the muscle: of a function that is 0 on the origin area, 1 on the
-    insertion area and harmonic on the surface between. The Laplacian has cotangent weights, kept positive on
-    bad triangles, so that every isoline runs around the muscle. Isolines are as many as planes through the
-    template, and follow a bent muscle. Fibres end on the attachment areas.
+    ``method="harmonic"``: isolines cut the muscle, of a function that is 0 on the origin area, 1 on the
+    insertion area and harmonic on the surface between, with positive cotangent weights. Isolines follow a
+    bent muscle, and fibres end on the attachment areas.
 
-    ``method="auto"`` takes isolines for a muscle too bent for parallel planes: the main branch has less than
-    80 % of the muscle's volume, or more than 15 % of the centre line is at more than 45 degrees to the box's
-    axis. Isolines need attachments, and a template with areas at bottom and top; otherwise ``auto`` takes
-    planes, with a warning. ``continuity=0`` is the paper's rule for the first corner of a contour.
+    ``method="auto"`` takes isolines for a muscle too bent for planes: the main branch has less than 80 % of
+    the volume, or more than 15 % of the centre line is at more than 45 degrees to the box's axis. Isolines
+    need attachments, and a template with areas at bottom and top; otherwise ``auto`` takes planes, with a
+    warning. ``continuity=0`` is the paper's rule for the first corner of a contour.
 
     Parameters
     ----------

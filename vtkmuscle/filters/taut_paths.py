@@ -18,15 +18,9 @@ from vtkmuscle.core.paths.lines import bones_at_ends, evenly_spread, lines_on_su
 from vtkmuscle.core.paths.poses import KeptPoses
 from vtkmuscle.core.paths.sheet import POINTS, MusclePaths, PathState
 from vtkmuscle.core.types import Floats
-from vtkmuscle.data.arrays import (
-    Polylines,
-    add_arrays,
-    array_of,
-    polylines_from,
-    vtk_array,
-)
+from vtkmuscle.data.arrays import Polylines, add_arrays, array_of, polylines_from, vtk_array
 from vtkmuscle.data.attachments import rings_by_bone
-from vtkmuscle.data.moving_bones import MovingBones, RestBones, check_same_bones, fixed_points_of
+from vtkmuscle.data.moving_bones import MovingBones, RestBones, fixed_points_of
 from vtkmuscle.data.muscle_geometry import Surface
 from vtkmuscle.data.paths import LENGTH, LEVER, PATH_STEPS, REST_POSITION, SAG, SQUEEZED, UNSETTLED
 from vtkmuscle.filters.base import Filter, InputPort, OutputPort, Parameter, ports
@@ -145,7 +139,6 @@ class TautPaths(Filter):
     times_from = "bones"
 
     def __init__(self, **settings: Any) -> None:
-        self._shapes = RestBones()
         #: Muscle, bones, resolution and number of the paths at rest.
         self._rest: tuple[FixedMuscle, dict[int, Bone], int, int] | None = None
         self._poses: KeptPoses | None = None
@@ -157,12 +150,12 @@ class TautPaths(Filter):
         self,
         rest_fibres: Polylines | None,
         rest_muscle: Surface,
-        rest_bones: Mapping[str, vtkPolyData],
+        rest_bones: RestBones,
         bones: MovingBones,
         attachments: vtkMultiBlockDataSet | None,
     ) -> vtkPolyData:
         """Return the paths at the requested time."""
-        check_same_bones(rest_bones, bones, "rest_bones")
+        rest_bones.check_same(bones)
         self._prepare(rest_fibres, rest_muscle, rest_bones, attachments)
         if self._poses is None:
             return vtkPolyData()
@@ -175,16 +168,16 @@ class TautPaths(Filter):
         self,
         lines: Polylines | None,
         muscle: Surface,
-        bones: Mapping[str, vtkPolyData],
+        bones: RestBones,
         attachments: vtkMultiBlockDataSet | None,
     ) -> None:
         """Make the paths at rest for new inputs or a new resolution."""
-        shapes = self._shapes.shapes(bones, "rest_bones")
-        fixed_to = fixed_points_of(muscle, list(bones))
+        shapes, names = bones.shapes, list(bones.surfaces)
+        fixed_to = fixed_points_of(muscle, names)
         if (fixed_to < 0).all():
             problem = "no point is fixed to a bone, so the ends of paths have no bone"
             raise InputError(muscle.where, problem, "detect the fixed points with these bones")
-        rings = rings_by_bone(attachments, list(bones), "attachments")
+        rings = rings_by_bone(attachments, names, "attachments")
         fibres = None if lines is None else (lines.points, lines.offsets)
         fixed = FixedMuscle(muscle.points, muscle.triangles, fixed_to, fibres, rings=rings)
         if self._rest is not None:

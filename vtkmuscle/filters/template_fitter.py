@@ -30,15 +30,13 @@ class TemplateFitter(Filter):
     """Map a template's unit cube to a muscle's box.
 
     The box's z axis is the muscle's axis: with ``axis="attachments"`` the line between the centroids of the
-    origin's and the insertion's landmarks, with ``axis="principal"`` the direction of largest variance of the
-    surface points. ``axis="auto"`` tries both and takes the smaller error: centroids fail for areas beside
-    each other (pennate, bipennate).
+    landmarks, with ``axis="principal"`` the direction of largest variance of the surface points.
+    ``axis="auto"`` takes the smaller error: centroids fail for areas beside each other (pennate, bipennate).
 
     The box is turned about the axis in steps; the best angle has the shortest distances between the corners
-    of the template's areas and the landmarks. Several areas of a role count as a single area.
-
-    With superficial fibres, the angle between them and the closest template fibres also counts: a mean
-    landmark distance of a tenth of the muscle's length weighs as much as 6 degrees (root mean square).
+    of the template's areas and the landmarks. Several areas of a role count as a single area. The angle
+    between superficial fibres and the closest template fibres also counts: a mean landmark distance of a
+    tenth of the muscle's length weighs as much as 6 degrees (root mean square).
 
     Parameters
     ----------

@@ -100,6 +100,13 @@ def _limit_memory(size: int) -> None:
         resource.setrlimit(resource.RLIMIT_AS, (most, hard))
 
 
+#: Filters of the outer surface, by class of the data.
+_SURFACES = {
+    "vtkUnstructuredGrid": "vtkGeometryFilter",
+    "vtkMultiBlockDataSet": "vtkCompositeDataGeometryFilter",
+}
+
+
 def read(path: str, module: str, name: str) -> tuple[str, str, bytes]:
     """Return class, VTK's complaint and data of a file."""
     reader: Any = getattr(import_module(module), name)()
@@ -109,6 +116,11 @@ def read(path: str, module: str, name: str) -> tuple[str, str, bytes]:
     data = reader.GetOutputDataObject(0)
     kind = data.GetClassName() if data is not None else ""
     complaint = first_line(messages()) or ("it is damaged" if reader.GetErrorCode() else "")
+    if not complaint and kind in _SURFACES:
+        outer: Any = getattr(import_module("vtkmodules.vtkFiltersGeometry"), _SURFACES[kind])()
+        outer.SetInputData(data)
+        outer.Update()
+        data, kind = outer.GetOutput(), "vtkPolyData"
     if complaint or not isinstance(data, vtkPolyData):
         return kind, complaint, b""
     cells = (data.GetVerts(), data.GetLines(), data.GetPolys(), data.GetStrips())
@@ -139,7 +151,7 @@ def read_in_child(path: Path, module: str, reader: str) -> vtkPolyData:
         raise InputError(path, f"the file cannot be read as {path.suffix}: {complaint}", _REMEDY)
     if kind != "vtkPolyData":
         problem = f"the file contains {kind or 'no data'}, not a surface"
-        raise InputError(path, problem, "save its surface (pyvista: mesh.extract_surface())")
+        raise InputError(path, problem, "save a surface mesh")
     again = vtkPolyDataReader()
     again.ReadFromInputStringOn()
     again.SetBinaryInputString(content, len(content))  # type: ignore[arg-type]
@@ -195,7 +207,10 @@ class _Child:
     def close(self) -> None:
         """End the process, if started by this process."""
         if self._process is not None and self._owner == os.getpid():
-            self._process.communicate()
+            try:
+                self._process.communicate()
+            except KeyboardInterrupt:  # at the end of the program
+                self._process.kill()
         self._process = None
 
 

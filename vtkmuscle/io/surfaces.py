@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
+import re
+import warnings
 from os import PathLike
 from pathlib import Path
 
 import numpy as np
 from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonDataModel import vtkPolyData
-from vtkmodules.vtkFiltersCore import vtkTriangleFilter
 from vtkmodules.vtkIOXML import vtkXMLPolyDataReader
 
 from vtkmuscle.core.errors import InputError, check_is_file
-from vtkmuscle.data.arrays import points_of, with_points
-from vtkmuscle.io.in_child import read_in_child
+from vtkmuscle.data.arrays import joined_triangles, points_of, with_points
+from vtkmuscle.io.in_child import read_in_child, vtk_messages
 
 #: Modules and classes of VTK's readers.
 _READERS = {
@@ -22,6 +23,10 @@ _READERS = {
     ".stl": ("vtkmodules.vtkIOGeometry", "vtkSTLReader"),
     ".obj": ("vtkmodules.vtkIOGeometry", "vtkOBJReader"),
     ".ply": ("vtkmodules.vtkIOPLY", "vtkPLYReader"),
+    ".vtu": ("vtkmodules.vtkIOXML", "vtkXMLUnstructuredGridReader"),
+    ".off": ("vtkmodules.vtkIOGeometry", "vtkOFFReader"),
+    ".glb": ("vtkmodules.vtkIOGeometry", "vtkGLTFReader"),
+    ".gltf": ("vtkmodules.vtkIOGeometry", "vtkGLTFReader"),
 }
 
 #: Remedy for a damaged file.
@@ -37,12 +42,13 @@ def read_polydata(path: str | PathLike[str]) -> vtkPolyData:
     Parameters
     ----------
     path : path
-        A .vtp, .vtk (legacy), .stl, .obj or .ply file.
+        A .vtp, .vtk (legacy), .vtu, .stl, .obj, .ply, .off, .glb or .gltf file. Volume meshes are read as
+        their outer surface.
 
     Returns
     -------
     vtkPolyData
-        With points in double precision; triangle strips are split into triangles.
+        With points in double precision.
 
     Raises
     ------
@@ -63,11 +69,6 @@ def read_polydata(path: str | PathLike[str]) -> vtkPolyData:
     _check_cells(data, path)
     if suffix == ".ply":
         _check_words(data, path)
-    if data.GetNumberOfStrips():
-        splitter = vtkTriangleFilter()
-        splitter.SetInputData(data)
-        splitter.Update()
-        data = splitter.GetOutput()
     result: vtkPolyData = with_points(data, points_of(data))
     return result
 
@@ -85,9 +86,9 @@ def read_own_polydata(path: Path) -> vtkPolyData:
 
 
 def read_surface(path: str | PathLike[str]) -> vtkPolyData:
-    """Read a surface: polygons, point and field arrays.
+    """Read a surface: triangles, point and field arrays.
 
-    Loose points and lines are omitted.
+    Loose lines are omitted. A warning reports split polygons and joined points.
 
     Parameters
     ----------
@@ -97,25 +98,42 @@ def read_surface(path: str | PathLike[str]) -> vtkPolyData:
     Returns
     -------
     vtkPolyData
-        Points in double precision and polygons, not necessarily triangles.
+        Points in double precision and triangles; equal points are joined where open edges close, as between
+        the corners of flat normals.
 
     Raises
     ------
     FileNotFoundError, ValueError
         If the file does not exist, cannot be read, or has no polygons.
     """
-    data = read_polydata(path)
-    if data.GetNumberOfPolys() == 0:
-        remedy = "export the muscle or bone as a surface mesh"
-        raise InputError(Path(path), "the file holds no triangles", remedy)
-    if data.GetNumberOfPolys() == data.GetNumberOfCells():
-        return data
-    surface = vtkPolyData()
-    surface.SetPoints(data.GetPoints())
-    surface.SetPolys(data.GetPolys())
-    surface.GetPointData().ShallowCopy(data.GetPointData())
-    surface.GetFieldData().ShallowCopy(data.GetFieldData())
+    surface, changes = triangles_in(Path(path))
+    if changes:
+        warnings.warn(f"{path}: {'; '.join(changes)}", stacklevel=2)
     return surface
+
+
+def triangles_in(path: Path) -> tuple[vtkPolyData, list[str]]:
+    """Return the surface in a file, see :func:`read_surface`, and its changes in words."""
+    data = read_polydata(path)
+    if data.GetNumberOfPolys() + data.GetNumberOfStrips() == 0:
+        raise InputError(path, "the file holds no triangles", "export the muscle or bone as a surface mesh")
+    if data.GetNumberOfVerts() + data.GetNumberOfLines():
+        surface = vtkPolyData()
+        surface.SetPoints(data.GetPoints())
+        surface.SetPolys(data.GetPolys())
+        surface.SetStrips(data.GetStrips())
+        surface.GetPointData().ShallowCopy(data.GetPointData())
+        surface.GetFieldData().ShallowCopy(data.GetFieldData())
+        data = surface
+    with vtk_messages():
+        return joined_triangles(data)
+
+
+def stated_frame(path: Path) -> str | None:
+    """Return the frame in a mesh's header, ``"LPS"`` or ``"RAS"`` as 3D Slicer writes, or None."""
+    with path.open("rb") as file:
+        match = re.search(rb"SPACE=(LPS|RAS)", file.read(1000))
+    return match[1].decode() if match else None
 
 
 def _check_cells(data: vtkPolyData, path: Path) -> None:

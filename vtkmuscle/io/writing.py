@@ -3,19 +3,23 @@
 from __future__ import annotations
 
 import hashlib
+import json
 import os
 import re
 import secrets
+import shutil
 import time
 import warnings
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager, suppress
+from contextvars import ContextVar
 from pathlib import Path
 from typing import Any
 
 from vtkmodules.vtkCommonDataModel import vtkCellArray, vtkPolyData
 from vtkmodules.vtkIOXML import vtkXMLPolyDataWriter
 
+from vtkmuscle.core.errors import InputError
 from vtkmuscle.io.in_child import vtk_messages
 
 #: Lock file of a folder.
@@ -36,31 +40,159 @@ def replacing(path: Path) -> Iterator[Path]:
 
     Readers of the path see the old or the new content, never a part. After a failure the old file stays, and
     the new file is removed. The new file is created exclusively, never through a link. The folder is made. An
-    OSError names the path.
+    OSError names the path. Inside of :class:`Outputs`, files are moved together at the end.
     """
-    path.parent.mkdir(parents=True, exist_ok=True)
-    partial = partial_path(path)
+    outputs = _active.get()
+    partial = partial_path(path) if outputs is None else outputs.staged(path)
     try:
+        partial.parent.mkdir(parents=True, exist_ok=True)
         os.close(os.open(partial, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
         yield partial
-        partial.replace(path)
-    except OSError as error:
-        if error.errno is None or error.filename not in (None, str(partial)):
+        if outputs is None:
+            partial.replace(path)
+    except BaseException as error:
+        partial.unlink(missing_ok=True)
+        if (
+            not isinstance(error, OSError)
+            or error.errno is None
+            or error.filename not in (None, str(partial))
+        ):
             raise
         raise OSError(error.errno, error.strerror, str(path)) from error
-    finally:
-        partial.unlink(missing_ok=True)
 
 
-def check_no_links(folder: Path) -> None:
-    """Raise a NotADirectoryError for a link among result folders.
+#: Record of a folder: the digests of files that commands have written there.
+RECORD = ".vtkmuscle.json"
+_active: ContextVar[Outputs | None] = ContextVar("_active", default=None)
 
-    Links to files are harmless: they are replaced or removed, not their targets.
+
+class Outputs:
+    """The files of a command in a folder, written all or none, and nothing of the user's replaced.
+
+    Inputs are never replaced, and nothing is written through links. Files are replaced if their content is
+    that of an earlier command, by the folder's record; other files, or edited files, are refused unless
+    ``overwrite``. As a context manager, all files written inside appear at the end, and after a failure none.
+
+    Parameters
+    ----------
+    folder : Path
+        All files are in or below this folder.
+    inputs : mapping of str to Path, or iterable of Path
+        Files of the command, by key.
+    overwrite : bool, optional
+        Whether other files are replaced.
+    ours : iterable of Path, optional
+        Files that a run has written.
     """
-    inside = (Path(parent, name) for parent, names, _ in os.walk(folder) for name in sorted(names))
-    for path in filter(Path.is_symlink, (folder, *inside)):
-        words = f"{path} is a link to {os.readlink(path)}; results are not written through links"
-        raise NotADirectoryError(f"{words}, remove the link")
+
+    def __init__(
+        self,
+        folder: Path,
+        *,
+        inputs: Mapping[str, Path] | Iterable[Path] = (),
+        overwrite: bool = False,
+        ours: Iterable[Path] = (),
+    ) -> None:
+        self.folder = Path(os.path.abspath(folder))
+        keyed = inputs.items() if isinstance(inputs, Mapping) else (("", path) for path in inputs)
+        self._inputs = [
+            (
+                key,
+                file,
+                {
+                    each
+                    for real in (file.resolve(), file.parent.resolve() / file.name)
+                    for each in (real, *real.parents)
+                },
+            )
+            for key, file in keyed
+        ]
+        self._overwrite, self._ours = overwrite, {Path(os.path.abspath(path)) for path in ours}
+        self._staged: dict[Path, Path] = {}
+        self._stage = partial_path(self.folder / "outputs")
+
+    def check(self, path: Path, *, is_folder: bool = False) -> None:
+        """Raise an InputError or OSError if a file, or a whole folder, must not be written."""
+        path = Path(os.path.abspath(path))
+        for key, file, lost in self._inputs:
+            if {path, path.resolve()} & lost:
+                problem = f"the output {path} would replace an input{f' ({key})' if key else ''}"
+                raise InputError(file, problem, "give another --out")
+        inside = (Path(parent, name) for parent, names, _ in os.walk(path) for name in sorted(names))
+        above = [each for each in path.parents if self.folder in each.parents]
+        for each in filter(Path.is_symlink, (*above, path, *inside)):
+            words = f"{each} is a link to {os.readlink(each)}; results are not written through links"
+            raise NotADirectoryError(f"{words}, remove the link")
+        if path.exists() and path.is_dir() != is_folder:
+            kind, other = ("file", "folder") if is_folder else ("folder", "file")
+            error = NotADirectoryError if is_folder else IsADirectoryError
+            raise error(f"{path} is a {kind}, not a {other} for results; move the {kind}")
+        if path.is_file() and not self._overwrite and path not in self._ours and not self._is_recorded(path):
+            problem = "the file exists, and is not, or no longer, as a command of vtkmuscle has written it"
+            raise InputError(path, problem, "give another --out, or add --overwrite")
+
+    def staged(self, path: Path) -> Path:
+        """Return the temporary path of an output, after a check."""
+        path = Path(os.path.abspath(path))
+        self.check(path)
+        partial = self._staged[path] = self._stage / path.relative_to(self.folder)
+        partial.unlink(missing_ok=True)
+        return partial
+
+    def __enter__(self) -> Outputs:
+        remove_left_behind(self.folder)
+        self._missing = [each for each in (self.folder, *self.folder.parents) if not each.exists()]
+        self._token = _active.set(self)
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        _active.reset(self._token)
+        try:
+            if kind is None and self._staged:
+                with locked(self.folder, patience=_PATIENCE):
+                    self._move()
+        finally:
+            shutil.rmtree(self._stage, ignore_errors=True)
+            for each in self._missing if kind is not None else ():
+                with suppress(OSError):  # the folder is not empty, or was not made
+                    each.rmdir()
+
+    def _move(self) -> None:
+        """Record the files, then move the files to their paths."""
+        record = self._record()
+        for path, partial in self._staged.items():
+            self.check(path)
+            name, old = path.relative_to(self.folder).as_posix(), []
+            if path.is_file() and self._is_recorded(path):  # a kill leaves some old files
+                old = [file_digest(path)]
+            record[name] = [file_digest(partial), *old]
+        there = {
+            name for name in record if self.folder / name in self._staged or (self.folder / name).exists()
+        }
+        record = {name: record[name] for name in sorted(there)}
+        write_text(self.folder / RECORD, json.dumps(record, indent=1) + "\n")
+        for path, partial in self._staged.items():
+            path.parent.mkdir(parents=True, exist_ok=True)
+            partial.replace(path)
+
+    def _record(self) -> dict[str, list[str]]:
+        try:
+            record = json.loads((self.folder / RECORD).read_text(encoding="utf-8"))
+        except (OSError, ValueError, RecursionError):
+            return {}
+        good = isinstance(record, dict) and all(isinstance(each, list) for each in record.values())
+        return record if good else {}
+
+    def _is_recorded(self, path: Path) -> bool:
+        inside = self.folder in path.parents
+        digests = self._record().get(path.relative_to(self.folder).as_posix(), []) if inside else []
+        return bool(digests) and file_digest(path) in digests
+
+
+def remove_left_behind(folder: Path, *, deep: bool = False) -> None:
+    """Remove the incomplete files and folders of killed processes."""
+    for left in left_behind(folder, deep=deep):
+        shutil.rmtree(left) if left.is_dir() else left.unlink(missing_ok=True)
 
 
 def left_behind(folder: Path, *, deep: bool = False) -> list[Path]:
@@ -133,10 +265,17 @@ def write_with(writer: Any, path: Path) -> None:
             raise OSError(f"{path}: the file could not be written; is the disk full?")
 
 
+#: Longest wait for the lock of a folder at the end of a command [s].
+_PATIENCE = 10.0
+
+
 @contextmanager
-def locked(folder: Path) -> Iterator[None]:
-    """Hold the lock of a folder; the system releases the lock of a killed process."""
-    path = folder / LOCK
+def locked(folder: Path, *, patience: float = 0.0) -> Iterator[None]:
+    """Hold the lock of a folder; the system releases the lock of a killed process.
+
+    A concurrent holder is waited for up to ``patience`` [s].
+    """
+    path, until = folder / LOCK, time.monotonic() + patience
     if os.name != "posix":
         yield
         return
@@ -149,6 +288,9 @@ def locked(folder: Path) -> Iterator[None]:
         except BlockingIOError:
             holder = os.read(descriptor, 20).decode("ascii", "replace").strip() or "unknown"
             os.close(descriptor)
+            if time.monotonic() < until:
+                time.sleep(0.05)
+                continue
             words = f"{folder}: another run is writing here (process {holder})"
             raise BlockingIOError(f"{words}; wait for its end, or give another folder with --out") from None
         except OSError as error:  # a file system without locks

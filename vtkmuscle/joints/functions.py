@@ -157,12 +157,12 @@ _PARTS: dict[str, tuple[str, ...]] = {
 FUNCTIONS = (*_PARTS, "MultiplierFunction")
 
 
-def function_of(element: Element) -> CoordinateFunction:
+def function_of(element: Element, *, missing: CoordinateFunction | None = None) -> CoordinateFunction:
     """Return the function in the child ``function``, or in the element itself."""
     holder = element.find("function")
     if holder is None:
         holder = replace(element, children=[child for child in element.children if child.tag in FUNCTIONS])
-    return function_in(holder)
+    return missing if missing is not None and not holder.children else function_in(holder)
 
 
 def function_in(holder: Element) -> CoordinateFunction:

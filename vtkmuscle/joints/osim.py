@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
+from posixpath import join, normpath
 
 import numpy as np
 
@@ -16,8 +17,8 @@ from vtkmuscle.core.types import Floats
 from vtkmuscle.core.words import quoted
 from vtkmuscle.io.csv_table import finite_number
 from vtkmuscle.io.motion_table import MOST_FRAMES
-from vtkmuscle.io.xml_elements import Element, decoded, read_xml
-from vtkmuscle.joints.functions import FUNCTIONS, IDENTITY, function_in, function_of
+from vtkmuscle.io.xml_elements import Element, decoded, last_part, of_kind, read_xml
+from vtkmuscle.joints.functions import FUNCTIONS, IDENTITY, Polynomial, function_in, function_of
 from vtkmuscle.joints.tree import Coupling, Joint, JointAxis, JointCoordinate, KinematicTree
 
 #: Axes of each joint type in the joint frame: letters of its rotations, then of its translations.
@@ -44,49 +45,69 @@ _JOINT_KEYS = (
 )
 #: Parts of a model that affect neither body poses nor paths; only their contents are listed.
 NOT_USED = ("ControllerSet", "ContactGeometrySet", "ProbeSet")
+#: Holders of further components: only offset frames count.
+FURTHER = ("ComponentSet", "components")
 _MODEL_KEYS = (
     *("credits", "publications", "length_units", "force_units", "gravity", "assembly_accuracy", "defaults"),
-    *("Ground", "BodySet", "JointSet", "ConstraintSet", "ForceSet", "MarkerSet", "ComponentSet"),
-    *("ModelVisualPreferences", "components", "FrameGeometry", *NOT_USED),
+    *("Ground", "BodySet", "JointSet", "ConstraintSet", "ForceSet", "MarkerSet"),
+    *("ModelVisualPreferences", "FrameGeometry", *FURTHER, *NOT_USED),
 )
 #: Accepted length units; a file may leave the unit empty.
 _METRES = ("meters", "metres", "m", "")
 
-#: Body and frame (4, 4) in the body, by the name of the frame.
-Frames = dict[str, tuple[str, Floats]]
 GROUND = "ground"
+#: Kind of a frame that is fixed to another.
+OFFSET = "PhysicalOffsetFrame"
+JOINTSET = "/jointset"
 
 
-def of_kind(tag: str, elements: Sequence[Element]) -> Sequence[Element]:
-    """Return elements with a tag; a different tag raises an InputError."""
-    for element in elements:
-        if element.tag != tag:
-            raise element.error(f"is not supported: only {tag} may be here")
-    return elements
+class Frames:
+    """Bodies and their offset frames by component path, as OpenSim resolves the paths.
 
+    Two bodies or joints may have frames of one name. A path that leads nowhere counts by its last name.
+    """
 
-def frame_of(element: Element, frames: Frames) -> tuple[str, Floats]:
-    """Return the body and frame (4, 4) at an element's path."""
-    name = last_part(element.text.strip().rstrip("/"))
-    if name not in frames and name != GROUND:
-        raise element.error(f"there is no body or frame {name!r}")
-    return frames.get(name, (name, np.eye(4)))
+    def __init__(self) -> None:
+        self._bodies = {f"/{GROUND}": GROUND}
+        self._offsets: dict[str, Element] = {}
+
+    def add_body(self, path: str, body: Element) -> None:
+        """Add a body and its offset frames."""
+        self._bodies[path] = last_part(path)
+        self.add_offsets(path, body)
+
+    def add_offsets(
+        self, path: str, owner: Element, holders: Sequence[str] = ("components", "frames")
+    ) -> None:
+        """Add the offset frames inside a component."""
+        for element in (each for holder in holders for each in owner.within(holder)):
+            if element.tag == OFFSET:
+                self._offsets[f"{path}/{element.name}"] = element
+                self.add_offsets(f"{path}/{element.name}", element)
+
+    def at(self, socket: Element, owner: str = "", *, depth: int = 0) -> tuple[str, Floats]:
+        """Return the body and frame (4, 4) of a socket; relative paths begin at the owner's path."""
+        text = socket.text.strip()
+        path = normpath(join("/", owner, text))
+        if path not in self._bodies and path not in self._offsets:
+            paths = [each for each in (*self._bodies, *self._offsets) if last_part(each) == last_part(path)]
+            if len(paths) != 1:
+                problem = "there is no body or frame" if not paths else f"{len(paths)} frames have the name"
+                raise socket.error(f"{problem} {last_part(text)!r}", ", ".join(paths))
+            path = paths[0]
+        if path in self._bodies:
+            return self._bodies[path], np.eye(4)
+        if depth > len(self._offsets):
+            raise socket.error("the frames are offsets of each other")
+        element = self._offsets[path]
+        body, frame = self.at(element.need("socket_parent"), path, depth=depth + 1)
+        return body, frame @ frame_at(element.vector("translation"), element.vector("orientation"))
 
 
 def point_on(element: Element, frames: Frames) -> tuple[str, Floats]:
     """Return the body and body-fixed position (3,) of a point."""
-    body, frame = frame_of(element.need("socket_parent_frame", "body"), frames)
+    body, frame = frames.at(element.need("socket_parent_frame", "body"))
     return body, frame[:3, :3] @ element.need("location").numbers(3) + frame[:3, 3]
-
-
-def offset_frames(elements: Sequence[Element], frames: Frames) -> Frames:
-    """Return frames with the PhysicalOffsetFrames among elements."""
-    extended = dict(frames)
-    for element in of_kind("PhysicalOffsetFrame", elements):
-        body, frame = frame_of(element.need("socket_parent"), extended)
-        offset = frame_at(element.vector("translation"), element.vector("orientation"))
-        extended[element.name] = (body, frame @ offset)
-    return extended
 
 
 def joint_in(
@@ -113,11 +134,11 @@ def joint_in(
         axes = [JointAxis(_AXES[letter], IDENTITY, coordinate.name) for letter, coordinate in letters]
         rotations, translations = axes[: len(turns)], axes[len(turns) :]
     if child is None:
-        own = offset_frames(element.within("frames"), frames)
         sockets = [element.need(f"socket_{end}_frame", f"socket_{end}_offset_frame") for end in ENDS]
-        (parent, parent_frame), (child, child_frame) = (frame_of(socket, own) for socket in sockets)
+        path = f"{JOINTSET}/{element.name}"
+        (parent, parent_frame), (child, child_frame) = (frames.at(socket, path) for socket in sockets)
     else:
-        parent, _ = frame_of(element.need("parent_body"), frames)
+        parent, _ = frames.at(element.need("parent_body"))
         parent_frame = frame_at(element.vector("location_in_parent"), element.vector("orientation_in_parent"))
         child_frame = frame_at(element.vector("location"), element.vector("orientation"))
     angles = {axis.coordinate for axis in rotations}
@@ -156,7 +177,8 @@ def _only_coordinate(element: Element, tag: str) -> str | None:
 
 def _transform_axis(element: Element) -> JointAxis:
     element.only(("coordinates", "axis", "function", *FUNCTIONS))
-    function, coordinate = function_of(element), _only_coordinate(element, "coordinates")
+    coordinate = _only_coordinate(element, "coordinates")
+    function = function_of(element, missing=Polynomial(np.zeros(1)))
     try:
         return JointAxis(element.need("axis").numbers(3), function, coordinate)
     except ValueError as error:
@@ -179,11 +201,6 @@ def coupling_in(element: Element) -> Coupling | None:
     return Coupling(dependent, independent, function.rescaled(1.0, element.number("scale_factor", 1.0)))
 
 
-def last_part(path: str) -> str:
-    """Return the last name of an OpenSim component path."""
-    return path.strip().rpartition("/")[2]
-
-
 def model_element(path: Path) -> Element:
     """Return the model in an OpenSim file, if in metres."""
     document = read_xml(path)
@@ -204,21 +221,22 @@ def read_tree(path: Path) -> KinematicTree:
 
 
 def bodies_in(model: Element) -> tuple[list[tuple[str, Element]], Frames]:
-    """Return bodies by name, and the frames on all bodies."""
-    frames: Frames = {}
-    bodies = [(body.name, body) for body in of_kind("Body", model.within("BodySet"))]
-    for name, body in bodies:
-        if name in frames:
+    """Return bodies by name, and the frames of the model."""
+    frames = Frames()
+    bodies: dict[str, Element] = {}
+    for body in of_kind("Body", model.within("BodySet")):
+        if body.name in bodies:
             raise body.error("another body has this name")
-        frames[name] = (name, np.eye(4))
+        bodies[body.name] = body
+        frames.add_body(f"/{GROUND}" if body.name == GROUND else f"/bodyset/{body.name}", body)
     ground = model.find("Ground")
     if ground is not None:
-        bodies.append((ground.name or GROUND, ground))
-        frames[GROUND] = (GROUND, np.eye(4))
-    for _, body in bodies:
-        for holder in ("components", "frames"):
-            frames = offset_frames(body.within(holder), frames)
-    return bodies, frames
+        bodies[GROUND] = ground
+        frames.add_body(f"/{GROUND}", ground)
+    for joint in model.within("JointSet"):
+        frames.add_offsets(f"{JOINTSET}/{joint.name}", joint)
+    frames.add_offsets("", model, FURTHER)
+    return list(bodies.items()), frames
 
 
 def tree_in(model: Element, frames: Frames, not_used: list[str]) -> tuple[KinematicTree, dict[str, str]]:

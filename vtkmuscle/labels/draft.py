@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from os.path import relpath
 from pathlib import Path
@@ -12,18 +12,29 @@ from typing import Any
 import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
-from vtkmuscle.core.errors import InputError, fault_of
+from vtkmuscle.core.errors import InputError, check_is_file, fault_of
 from vtkmuscle.core.mesh.solids import solids_of
+from vtkmuscle.core.mesh.surface import survey
 from vtkmuscle.core.types import Floats
+from vtkmuscle.data.anatomy import plain_name, side_of
 from vtkmuscle.data.arrays import checked_surface, points_of, with_points
 from vtkmuscle.data.attachments import ROLES, VIA, AttachmentArea
 from vtkmuscle.filters.attachment_estimator import NEAR, estimated_areas
 from vtkmuscle.io import read_landmarks, read_surface
 from vtkmuscle.io.csv_table import write_rows
-from vtkmuscle.io.surfaces import SURFACE_SUFFIXES
+from vtkmuscle.io.surfaces import SURFACE_SUFFIXES, stated_frame
 from vtkmuscle.io.writing import write_polydata, write_text
-from vtkmuscle.labels.guesses import LEFT_OUT, Guess, bodies_of, guessed_joints, moving_chain, table_of
-from vtkmuscle.labels.names import kind_of, plain_name, side_of
+from vtkmuscle.labels.guesses import (
+    FACING,
+    LEFT_OUT,
+    Guess,
+    bodies_of,
+    guessed_joints,
+    moving_chain,
+    table_of,
+)
+from vtkmuscle.labels.names import kind_of
+from vtkmuscle.scene.checks import closed_surface
 from vtkmuscle.scene.data import MILLIMETRES
 from vtkmuscle.scene.writing import inline_toml, write_areas
 
@@ -32,9 +43,8 @@ FIBRES = {"template": "parallel", "n_fibres": 100, "resolution": 15}
 _HEADER = """# Drafted by vtkmuscle. Missing information was guessed: the comment above a guess has the reason
 # and a confidence from 0 to 1; guesses.csv lists all guesses. Paths are relative to this file.
 """
-#: Highest confidence of an estimated area: the measured overlap with a digitised area on the same bone, see
-#: vtkmuscle.core.attachments.contacts.
-OVERLAP = 0.64
+#: Columns of the table of surfaces.
+VOLUMES = ("structure", "kind", "volume_mm3", "area_mm2", "triangles")
 #: Remedy for a muscle that touches fewer than two bones.
 GIVE = "give landmarks of the area: a file MUSCLE_origin or MUSCLE_insertion, as .csv, .mrk.json or .vtp"
 
@@ -45,9 +55,11 @@ class Draft:
 
     ``bones`` and ``muscles`` are surfaces at rest, ``areas`` are by muscle, from landmarks or estimated.
     ``frame`` is of the surfaces, ``units`` of the written scene. ``surfaces`` are existing files, relative to
-    the scene; missing files are written. Up to ``within`` [mm] a muscle and a bone are in contact.
-    ``left_out`` has reasons, by muscle that cannot be made; ``joints`` and ``sweep`` are as of
-    :func:`~vtkmuscle.labels.guesses.guessed_joints`.
+    the scene; missing files are written. Up to ``within`` [mm] a muscle and a bone are in contact; ``scale``
+    is the size of the animal against a human. ``left_out`` has reasons, by muscle that cannot be made, and
+    ``loose`` the surfaces of these muscles; ``joints`` and ``sweep`` are as of
+    :func:`~vtkmuscle.labels.guesses.guessed_joints`. ``lacks`` is the reason of a scene that cannot run, and
+    ``file`` the written scene.
     """
 
     name: str
@@ -58,23 +70,31 @@ class Draft:
     units: str = "mm"
     surfaces: dict[str, str] = field(default_factory=dict)
     within: float = NEAR
+    scale: float = 1.0
     guesses: list[Guess] = field(default_factory=list)
     left_out: dict[str, str] = field(default_factory=dict)
+    loose: dict[str, vtkPolyData] = field(default_factory=dict)
     joints: dict[str, dict[str, Any]] = field(default_factory=dict)
     sweep: dict[str, float] = field(default_factory=dict)
+    lacks: str = ""
+    file: Path = Path("scene.toml")
 
     def complete(self) -> None:
         """Guess joints and missing areas; leave out muscles without areas.
 
-        Without joints, or without muscles, a ValueError has the reasons.
+        Without joints, or without muscles, ``lacks`` has the reasons.
         """
-        self.joints, self.sweep, guesses = guessed_joints(self.bones, frame=self.frame)
+        facing = FACING * self.scale
+        self.joints, self.sweep, guesses = guessed_joints(self.bones, frame=self.frame, facing=facing)
         self.guesses += guesses
         if not self.sweep:
-            bones = f"the bones are {', '.join(self.bones) or 'none'}"
-            why = "; ".join(guess.why for guess in guesses) or bones
-            remedy = "name bones by their anatomy, such as femur_r and pelvis"
-            raise InputError(self.name, f"no joint was found between the bones: {why}", remedy)
+            why = (
+                "; ".join(guess.why for guess in guesses)
+                or f"the bones are {', '.join(self.bones) or 'none'}"
+            )
+            self.lacks = f"no joint was found between the bones: {why}; name bones by their anatomy, such as "
+            self.lacks += "femur_r and pelvis"
+            return
         for muscle in list(self.muscles):
             try:
                 self._attach(muscle)
@@ -82,12 +102,13 @@ class Draft:
                 self.leave_out(muscle, "; ".join(part for part in fault_of(error) if part))
         if not self.muscles:
             problem = "; ".join(f"{muscle}: {why}" for muscle, why in self.left_out.items())
-            raise InputError(self.name, f"no muscle can be made: {problem or 'there is none'}", GIVE)
+            self.lacks = f"no muscle can be made: {problem or 'there is none'}; {GIVE}"
 
     def leave_out(self, muscle: str, why: str) -> None:
         """Remove a muscle from the scene, and note the reason."""
         self.left_out[muscle] = why
-        self.muscles.pop(muscle, None)
+        if muscle in self.muscles:
+            self.loose[muscle] = self.muscles.pop(muscle)
         self.guesses.append(Guess(f"muscles.{muscle}", LEFT_OUT, 0.0, why))
 
     def candidate_bones(self, muscle: str) -> dict[str, vtkPolyData]:
@@ -116,13 +137,16 @@ class Draft:
         for role in missing:
             ends = [area for area in areas if area.role == role]
             on = ", ".join(dict.fromkeys(area.bone for area in ends))
-            confidence = OVERLAP * min(area.confidence or 0.0 for area in ends)
+            confidence = min(area.confidence or 0.0 for area in ends)
             why = f"{role} on {on}, in contact with the muscle's end"
             self.guesses.append(Guess(f"muscles.{muscle}.attachments", f"{role}: {on}", confidence, why))
         self.areas[muscle] = used
 
     def write(self, out: Path) -> Path:
-        """Write the scene with all its files to a folder; return the scene.toml."""
+        """Write the scene with all its files to a folder; return the scene.toml.
+
+        A scene without joints has no motion. ``volumes.csv`` lists all surfaces.
+        """
         scale = 1.0 / MILLIMETRES[self.units]
 
         def written(file: str, surface: vtkPolyData) -> str:
@@ -146,17 +170,31 @@ class Draft:
         for name, joint in self.joints.items():
             centre = {"centre": [scale * value for value in joint["centre"]]} if "centre" in joint else {}
             add(f"joints.{name}", joint | centre)
-        add("motion", {"file": "motion.sto"})
+        if self.sweep:
+            add("motion", {"file": "motion.sto"})
+            write_text(out / "motion.sto", _sweep(self.sweep))
+        kept = ("units", *(f"joints.{name}." for name in self.joints))
+        sure = {guess.what: guess.confidence for guess in self.guesses if guess.what.startswith(kept)}
+        add("guessed", {f'"{what}"': round(confidence, 4) for what, confidence in sure.items()})
         for name, muscle in self.muscles.items():
-            areas = [replace(area, landmarks=scale * np.asarray(area.landmarks)) for area in self.areas[name]]
-            tables = write_areas(out, name, areas)
-            surface = written(f"muscles/{name}.vtp", muscle)
-            add(f"muscles.{name}", {"surface": surface, "attachments": tables, "fibres": FIBRES})
+            areas = self.areas.get(name, [])
+            areas = [replace(area, landmarks=scale * np.asarray(area.landmarks)) for area in areas]
+            surface = {"surface": written(f"muscles/{name}.vtp", muscle)}
+            tables = {"attachments": write_areas(out, name, areas)} if areas else {}
+            add(f"muscles.{name}", surface | tables | {"fibres": FIBRES})
+        for name, muscle in self.loose.items():
+            written(f"muscles/{name}.vtp", muscle)
         text += ["\n", *(f"# {what}: {note[2:]}" for what, lines in notes.items() for note in lines)]
         write_rows(out / "guesses.csv", table_of(self.guesses))
-        write_text(out / "motion.sto", _sweep(self.sweep))
+        write_rows(out / "volumes.csv", [VOLUMES, *self._volumes()])
         write_text(out / "scene.toml", "".join(text))
         return out / "scene.toml"
+
+    def _volumes(self) -> Iterator[tuple[object, ...]]:
+        kinds = (("bone", self.bones), ("muscle", self.muscles | self.loose))
+        for kind, name, surface in ((kind, *item) for kind, each in kinds for item in each.items()):
+            report = survey(*checked_surface(surface, name))
+            yield name, kind, report.volume if report.closed else "", report.area, report.n_triangles
 
 
 def _sweep(limits: Mapping[str, float]) -> str:
@@ -172,6 +210,9 @@ def _sweep(limits: Mapping[str, float]) -> str:
 #: The longest side of a scene's bones is 20 mm to 2 m, so a smaller number is not in mm.
 SHORTEST_IN_MILLIMETRES = 10.0
 LONGEST_IN_METRES = 2.5
+#: Longest side of a surface [mm]: of an adult's femur; and below which the distances of guesses, found for
+#: adults, scale, as for the bones of small animals, hands and feet.
+HUMAN, SMALLEST = 400.0, 100.0
 #: Largest gap between last and first landmark of a ring, in median steps.
 RING_GAP = 2.0
 _AREA = re.compile(rf"^(.+)_({'|'.join((*ROLES, VIA))})(?:_(.*))?$")
@@ -225,6 +266,11 @@ def draft_of_files(
             raise InputError(file, "the file name has no known bone, muscle, or area of a muscle", remedy)
         if name in meshes:
             raise InputError(file, f"another file has the name {name!r}", "remove or rename a file")
+        check_is_file(file)
+        if (header := stated_frame(file) or frame) != frame:
+            raise InputError(
+                file, f"the header says {header}, but the frame is {frame}", f"use --frame {header}"
+            )
         meshes[name] = kind, read_surface(file)
         confidence, why = 1.0 if name in stated else 0.8, f"a {kind} by its name, {file.name}"
         draft.guesses.append(Guess(f"{kind}s.{name}", kind, confidence, why))
@@ -238,8 +284,26 @@ def draft_of_files(
     scale = MILLIMETRES[draft.units]
     for name, (kind, mesh) in meshes.items():
         getattr(draft, f"{kind}s")[name] = with_points(mesh, scale * points_of(mesh))
+    for name, muscle in list(draft.muscles.items()):
+        try:
+            draft.muscles[name], turned = closed_surface(muscle)
+        except InputError as error:
+            draft.leave_out(name, "; ".join(fault_of(error)))
+            continue
+        if turned:
+            why = "the surface is inside out; a run turns its triangles"
+            draft.guesses.append(Guess(f"muscles.{name}.surface", "turned", 0.9, why))
+    draft.scale = scale_of([*draft.bones.values(), *draft.muscles.values()])
+    draft.within *= draft.scale
     add_landmarks(draft, landmarks, scale=scale)
     return draft
+
+
+def scale_of(surfaces: Iterable[vtkPolyData]) -> float:
+    """Return the size of the animal with these surfaces [mm] against a human, at most 1."""
+    sides = [np.ptp(points_of(surface), axis=0).max() for surface in surfaces if surface.GetNumberOfPoints()]
+    longest = float(max(sides, default=HUMAN))
+    return 1.0 if longest >= SMALLEST else longest / HUMAN
 
 
 def _roles_name(file: Path) -> str:
@@ -256,20 +320,24 @@ def add_landmarks(draft: Draft, files: Sequence[Path], *, scale: float = 1.0) ->
         match = _AREA.match(_roles_name(file))
         muscle = plain_name(match[1]) if match else ""
         side = side_of(match[3]) if match and match[3] else None
-        muscle = next((name for name in (muscle, f"{muscle}_{side}") if name in draft.muscles), "")
+        there = (*draft.muscles, *draft.left_out)
+        muscle = next((name for name in (muscle, f"{muscle}_{side}") if name in there), "")
+        if muscle in draft.left_out:
+            continue
         if match is None or not muscle:
             remedy = f"rename it MUSCLE_origin or MUSCLE_insertion, of {', '.join(draft.muscles) or 'none'}"
             raise InputError(file, "the file name has no known muscle and role", remedy)
         key, role = f"muscles.{muscle}.attachments", match[2]
         points, closed = read_landmarks(file, frame=draft.frame)
         points = scale * points
+        sure = None
         named = [bone for bone in draft.bones if match[3] and bone in plain_name(match[3])]
         gaps = _gaps(points, draft.candidate_bones(muscle))
         bone, *further = named or sorted(gaps, key=gaps.__getitem__)
         if not named:
-            confidence = 1.0 - min(1.0, gaps[bone] / gaps[further[0]]) if further else 1.0
+            sure = 1.0 - min(1.0, gaps[bone] / gaps[further[0]]) if further else 1.0
             why = f"{role} on {bone!r}, {gaps[bone]:.1f} mm from the landmarks in {file.name}"
-            draft.guesses.append(Guess(key, f"{role}: {bone}", confidence, why))
+            draft.guesses.append(Guess(key, f"{role}: {bone}", sure, why))
         if not closed and len(points) > 3:
             steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
             gap = float(np.linalg.norm(points[-1] - points[0]) / max(float(np.median(steps)), 1e-9))
@@ -277,7 +345,7 @@ def add_landmarks(draft: Draft, files: Sequence[Path], *, scale: float = 1.0) ->
             why = f"{role}: the last landmark is {gap:.1f} median steps from the first"
             confidence = min(1.0, abs(gap - RING_GAP))
             draft.guesses.append(Guess(key, "a ring" if closed else "an open curve", confidence, why))
-        draft.areas.setdefault(muscle, []).append(AttachmentArea(role, bone, points, closed))
+        draft.areas.setdefault(muscle, []).append(AttachmentArea(role, bone, points, closed, False, sure))
 
 
 def _gaps(points: Floats, bones: Mapping[str, vtkPolyData]) -> dict[str, float]:

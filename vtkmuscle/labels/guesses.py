@@ -13,8 +13,8 @@ from vtkmuscle.core.errors import InputError, fault_of
 from vtkmuscle.core.mesh.normals import triangle_normals, vertex_normals
 from vtkmuscle.core.mesh.solids import solids_of
 from vtkmuscle.core.types import Bools, Floats
+from vtkmuscle.data.anatomy import JOINTS, JointKind, side_of, stem_of
 from vtkmuscle.data.arrays import checked_surface
-from vtkmuscle.labels.names import JOINTS, JointKind, side_of, stem_of
 
 #: Confidence below which a guess should be checked before the results are used.
 LOOK = 0.5
@@ -159,12 +159,12 @@ FACING = 10.0
 
 
 def guessed_joints(
-    bones: Mapping[str, vtkPolyData], *, frame: str = "LPS"
+    bones: Mapping[str, vtkPolyData], *, frame: str = "LPS", facing: float = FACING
 ) -> tuple[dict[str, dict[str, Any]], dict[str, float], list[Guess]]:
     """Return tables of joints by name, the largest angles [degrees] by coordinate, and guesses.
 
-    Bones are by name, in a standing pose [mm]; ``frame`` is ``"LPS"`` or ``"RAS"``. A joint without a fit is
-    a guess.
+    Bones are by name, in a standing pose [mm]; ``frame`` is ``"LPS"`` or ``"RAS"``; ``facing`` is the depth
+    of a joint's surface [mm]. A joint without a fit is a guess.
     """
     joints: dict[str, dict[str, Any]] = {}
     sweep: dict[str, float] = {}
@@ -184,7 +184,7 @@ def guessed_joints(
             guesses.append(Guess(f"{key}.parent", parent, 0.5, why))
         else:
             try:
-                fit = _fit(kind, bones[child], bones[parent])
+                fit = _fit(kind, bones[child], bones[parent], facing)
             except ValueError as error:
                 problem, remedy = fault_of(error)
                 guesses.append(Guess(key, "", 0.0, f"{problem}: {child} does not move; {remedy}"))
@@ -206,14 +206,14 @@ def _parent(kind: JointKind, child: str, bones: Mapping[str, vtkPolyData]) -> st
     return next(named, None)
 
 
-def _fit(kind: JointKind, child: vtkPolyData, parent: vtkPolyData) -> JointFit:
+def _fit(kind: JointKind, child: vtkPolyData, parent: vtkPolyData, depth: float) -> JointFit:
     rounded, facing = (child, parent) if kind.round_end == "child" else (parent, child)
     points, triangles = checked_surface(rounded, "bone")
     areas = np.linalg.norm(triangle_normals(points, triangles), axis=1) / 6.0
     areas = np.bincount(triangles.ravel(), np.repeat(areas, 3), len(points)).astype(np.float64)
     distances = solids_of(*checked_surface(facing, "bone")).distances(points)
     fitted = fitted_ball if kind.form == "ball" else fitted_hinge
-    facing_points = distances < distances.min() + FACING
+    facing_points = distances < distances.min() + depth
     return fitted(points, vertex_normals(points, triangles), areas, facing_points)
 
 

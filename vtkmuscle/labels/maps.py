@@ -14,15 +14,16 @@ from vtkmodules.vtkCommonDataModel import vtkPolyData
 from vtkmuscle.core.mesh.solids import Solids, solids_of
 from vtkmuscle.core.mesh.surface import survey
 from vtkmuscle.core.types import Floats
+from vtkmuscle.data.anatomy import plain_name
 from vtkmuscle.data.arrays import blocks_of, checked_surface, field_array, field_string, surface_from
 from vtkmuscle.data.attachments import ROLES
 from vtkmuscle.data.isosurface import EVEN
 from vtkmuscle.data.label_images import Label, LabelField, labels_in
 from vtkmuscle.filters.attachment_estimator import NEAR
 from vtkmuscle.filters.label_surfaces import SMOOTHING, LabelSurfaces
-from vtkmuscle.labels.draft import Draft, add_landmarks
+from vtkmuscle.labels.draft import Draft, add_landmarks, scale_of
 from vtkmuscle.labels.guesses import LEFT_OUT, Guess
-from vtkmuscle.labels.names import kind_of, plain_name
+from vtkmuscle.labels.names import kind_of
 from vtkmuscle.labels.reading import read_labels
 from vtkmuscle.phantoms.implicit import Solid, thick_curve
 from vtkmuscle.phantoms.meshing import mesh_of
@@ -42,20 +43,28 @@ class Tendon(NamedTuple):
 
 
 def with_tendon(
-    belly: LabelField, surface: vtkPolyData, target: Floats, bones: Sequence[Solids], edge: float
+    belly: LabelField,
+    surface: vtkPolyData,
+    target: Floats,
+    bones: Sequence[Solids],
+    edge: float,
+    *,
+    scale: float = 1.0,
 ) -> Tendon:
     """Return a belly with a tendon to ``target`` (3,), the middle of the area on the bone [mm].
 
     The tendon is a tube as thick as the belly's end. It starts at the point of the belly closest to the
-    target, and follows the shortest line outside the bones. ``edge`` is the edge length of triangles [mm].
+    target, and follows the shortest line outside the bones. ``edge`` is the edge length of triangles [mm],
+    ``scale`` the size of the animal against a human.
     """
     points, triangles = checked_surface(surface, "belly")
     tip = points[np.argmin(np.linalg.norm(points - target, axis=1))]
     inward = points.mean(axis=0) - tip
     inward /= np.linalg.norm(inward)
     thinnest = float(belly.spacing.max())
-    depth = -float(belly.at(tip[None] + INSIDE * inward)[0][0])
-    radius = float(np.clip(depth, thinnest, max(thinnest, 5.0)))  # 5 mm: an Achilles tendon of 80 mm^2
+    depth = -float(belly.at(tip[None] + INSIDE * scale * inward)[0][0])
+    thickest = max(thinnest, 5.0 * scale)  # 5 mm: an Achilles tendon of 80 mm^2
+    radius = float(np.clip(depth, thinnest, thickest))
     line = taut_line(tip, target, bones, radius)
     length = float(np.linalg.norm(np.diff(line, axis=0), axis=1).sum())
     tube = np.vstack([tip + radius * inward, line])
@@ -90,6 +99,9 @@ def taut_line(start: Floats, end: Floats, bones: Sequence[Solids], radius: float
     return line
 
 
+#: Edge length of triangles: at most [mm], and in voxels, so that 95 % of the phantom hip's surface is within
+#: 0.34 mm (benchmarks/bench_labels.py).
+EDGE, EDGE_VOXELS = 3.0, 2.0
 #: Fraction of a label in smaller pieces above which the label may hold two structures, such as both sides.
 MOST_LEFT_OUT = 0.05
 
@@ -100,7 +112,7 @@ def draft_of_labels(
     landmarks: Sequence[Path] = (),
     names: str | None = None,
     frame: str = "LPS",
-    edge: float = 3.0,
+    edge: float | None = None,
     announce: Callable[[str], None] = lambda _: None,
 ) -> Draft:
     """Return a scene of the bones and muscles in a segmentation.
@@ -113,19 +125,22 @@ def draft_of_labels(
         Files called MUSCLE_origin or MUSCLE_insertion, in the map's frame. A muscle that ends before its
         landmarks gets a tendon.
     edge : float, optional
-        Edge length of triangles [mm].
+        Edge length of triangles [mm]. Default: 2 voxels, at most 3 mm.
     announce : callable, optional
         Called with a line on each structure.
 
     Raises
     ------
     FileNotFoundError, ValueError
-        If a file cannot be read, there are no joints, or no muscle can be made.
+        If a file cannot be read, or has no bones and muscles.
     """
     draft = Draft(Path(path).name.partition(".")[0], frame=frame)
     labels: dict[str, Label] = {}
-    for image in read_labels(path, names=names, frame=frame):
-        by_name = labels_in(image, str(path))
+    images = [(image, labels_in(image, str(path))) for image in read_labels(path, names=names, frame=frame)]
+    frames = [label.frame[:3, :3] for _, by_name in images for label in by_name.values()]
+    voxel = float(min(abs(np.linalg.det(axes)) for axes in frames) ** (1 / 3))
+    edge = edge or min(EDGE, EDGE_VOXELS * voxel)
+    for image, by_name in images:
         used = [name for name in by_name if kind_of(name)]
         for name in (name for name in by_name if name not in used):
             announce(f"{name}: ignored, no bone or muscle has this name")
@@ -138,8 +153,8 @@ def draft_of_labels(
             if not refused:
                 (draft.bones if kind == "bone" else draft.muscles)[plain] = surface
             announce(f"{plain}: {kind}, {refused or _figures(surface)}")
-    spacings = [np.linalg.norm(label.frame[:3, :3], axis=0).max() for label in labels.values()]
-    draft.within = max(NEAR, float(max(spacings, default=0.0)))
+    draft.scale = scale_of([*draft.bones.values(), *draft.muscles.values()])
+    draft.within = max(NEAR * draft.scale, *(np.linalg.norm(axes, axis=0).max() for axes in frames))
     add_landmarks(draft, landmarks)
     for muscle in list(draft.muscles):
         _draw_tendons(draft, muscle, labels[muscle], edge)
@@ -189,7 +204,9 @@ def _draw_tendons(draft: Draft, muscle: str, label: Label, edge: float) -> None:
         middle = area.landmarks.mean(axis=0)
         distance, outward = bones[area.bone].exact(middle[None])
         target = middle - distance[0] * outward[0]
-        tendon = with_tendon(label.field(SMOOTHING), surface, target, [*bones.values()], edge)
+        tendon = with_tendon(
+            label.field(SMOOTHING), surface, target, [*bones.values()], edge, scale=draft.scale
+        )
         draft.muscles[muscle] = tendon.surface
         # The area is the foot of the tube on the bone.
         axes = np.linalg.svd(outward)[2][1:]

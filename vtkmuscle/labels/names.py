@@ -1,16 +1,16 @@
-"""Structures by name: kind, side, and joints."""
+"""Kinds of structures by name, and tables of labels."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
-from dataclasses import dataclass, field
 from functools import cache
 from importlib.resources import files
 from pathlib import Path
 
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.core.words import suggestion
+from vtkmuscle.core.words import quoted, suggestion
+from vtkmuscle.data.anatomy import plain_name
+from vtkmuscle.data.label_images import MOST
 from vtkmuscle.io.csv_table import csv_rows
 
 #: Words in bone names; a name with a muscle word is a muscle's.
@@ -31,67 +31,6 @@ _MUSCLES = re.compile(
 _NEITHER = re.compile(
     r"(?:^|_)(?:trunk|vein|vena|vessel|artery|nerve|discs?|cartilages?|cord|skin|fat|marrow)(?:_|$)"
 )
-_SIDES = {"left": "left", "l": "left", "right": "right", "r": "right"}
-
-
-@dataclass(frozen=True)
-class JointKind:
-    """A kind of joint between bones with certain words in their names; the first existing bone counts.
-
-    ``form`` is ``"ball"``, ``"pin"`` or ``"weld"``; ``round_end``, ``"child"`` or ``"parent"``, has the round
-    surface; ``axes`` (3,) are in LPS by coordinate, for a hanging right limb: a left limb reverses all axes
-    but the first; ``most`` is the largest angle of the first coordinate [degrees].
-    """
-
-    name: str
-    children: tuple[str, ...]
-    parents: tuple[str, ...]
-    form: str = "weld"
-    round_end: str = "child"
-    axes: Mapping[str, tuple[float, float, float]] = field(default_factory=dict)
-    most: float = 0.0
-
-
-_FORWARD, _INWARD, _ABOUT = (-1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, 1.0)
-_FOOT = ("talus", "calcaneus", "foot", "tarsal", "tarsals", "metatarsal", "metatarsals", "phalanges")
-_PELVIS = ("hip", "pelvis", "coxa", "coxae", "innominate", "ilium")
-_HAND = ("hand", "carpal", "carpals", "metacarpal", "metacarpals")
-
-
-def _three(joint: str) -> dict[str, tuple[float, float, float]]:
-    return {f"{joint}_flexion": _FORWARD, f"{joint}_adduction": _INWARD, f"{joint}_rotation": _ABOUT}
-
-
-#: Joints of the limbs; a patella follows the shank, as by its tendon.
-JOINTS = (
-    JointKind("hip", ("femur",), _PELVIS, "ball", axes=_three("hip"), most=60.0),
-    JointKind("knee", ("tibia", "shank"), ("femur",), "pin", "parent", {"knee_flexion": (1.0, 0, 0)}, 60.0),
-    JointKind("shoulder", ("humerus",), ("scapula",), "ball", axes=_three("shoulder"), most=60.0),
-    JointKind("elbow", ("ulna", "forearm"), ("humerus",), "pin", "parent", {"elbow_flexion": _FORWARD}, 60.0),
-    JointKind("fibula", ("fibula",), ("tibia",)),
-    JointKind("patella", ("patella",), ("tibia", "shank")),
-    JointKind("foot", _FOOT, ("tibia", "shank")),
-    JointKind("radius", ("radius",), ("ulna",)),
-    JointKind("hand", _HAND, ("ulna", "radius", "forearm")),
-)
-
-
-def plain_name(name: str) -> str:
-    """Return a lower-case name with underscores, the side at the end."""
-    words = re.findall(r"[a-z0-9]+", name.casefold())
-    side = next((_SIDES[word] for word in words if word in _SIDES), None)
-    rest = [word for word in words if word not in _SIDES]
-    return "_".join([*rest, *([side] if side else [])]) or "unnamed"
-
-
-def side_of(name: str) -> str | None:
-    """Return ``"left"``, ``"right"``, or None for a name without side."""
-    return next((side for side in ("left", "right") if plain_name(name).endswith(f"_{side}")), None)
-
-
-def stem_of(name: str) -> str:
-    """Return a plain name without side."""
-    return re.sub(r"_(left|right)$", "", plain_name(name))
 
 
 def kind_of(name: str) -> str | None:
@@ -113,6 +52,14 @@ def _tables() -> dict[str, dict[int, str]]:
     return tables
 
 
+def label_number(text: str, path: Path, where: str) -> int:
+    """Return the whole number in a text, from 0 to the largest label."""
+    if not re.fullmatch(r"\s*[0-9]{1,9}\s*", text, re.ASCII) or int(text) > MOST:
+        problem = f"{where} is {quoted(text.strip())}, but must be a whole number from 0 to {MOST}"
+        raise InputError(path, problem, "correct it")
+    return int(text)
+
+
 def name_table(source: str) -> dict[int, str]:
     """Return names by label from a built-in or .csv table with lines of label, name.
 
@@ -123,10 +70,10 @@ def name_table(source: str) -> dict[int, str]:
     path = Path(source)
     if path.suffix.lower() != ".csv":
         raise InputError(source, "unknown table of names", suggestion(source, [*_tables(), "FILE.csv"]))
-    names = {}
+    names: dict[int, str] = {}
     for number, cells in csv_rows(path):
-        if len(cells) > 1 and cells[0].strip().isdigit():
-            names[int(cells[0])] = cells[1].strip()
+        if len(cells) > 1 and (cells[0].isdecimal() or names):
+            names[label_number(cells[0], path, f"line {number}: the label")] = cells[1]
         elif names:
             raise InputError(path, f"line {number} is not a label and a name", "write 5, femur_left")
     if not names:

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import gzip
+import math
 import re
 from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from importlib import import_module
 from os import PathLike
 from pathlib import Path
@@ -14,16 +16,23 @@ import numpy as np
 from numpy.typing import NDArray
 from vtkmodules.vtkCommonDataModel import vtkImageData
 
-from vtkmuscle.core.errors import InputError, MissingFileError
+from vtkmuscle.core.errors import InputError, MissingFileError, check_is_file
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.label_images import label_image
 from vtkmuscle.io.landmarks import FRAMES
-from vtkmuscle.labels.names import name_table
+from vtkmuscle.labels.names import label_number, name_table
 
 #: Endings of supported files.
 SUFFIXES = (".nii", ".nii.gz", ".nrrd", ".nhdr", ".mha", ".mhd", ".dcm")
 #: Size of a NIfTI header [bytes]; extensions follow 4 bytes later.
 _NIFTI_HEADER = 348
+#: Most bytes of a header with label names.
+MOST_HEADER = 16 * 1024**2
+#: Greatest ratio of deflate's compression.
+_DEFLATED = 1032
+#: Names of data files in text headers, and the mark of compression.
+_DATA_FILE = re.compile(rb"^(?:ElementDataFile\s*=|data ?file:)[ \t]*([^\r\n]*)([^\0]*)", re.I | re.M)
+_COMPRESSED = re.compile(rb"^(?:CompressedData\s*=\s*True|encoding:\s*(?:gz|bz))", re.I | re.M)
 _NIFTI_LABEL = re.compile(rb'<Label\s[^>]*?Key="(\d+)"[^>]*>\s*(?:<!\[CDATA\[)?([^<\]]+)')
 
 
@@ -86,11 +95,16 @@ def _read(file: Path) -> Iterator[Layer]:
         yield _dicom(file)
         return
     itk = _needed("SimpleITK", file)
-    try:
-        image = itk.ReadImage(str(file))
-    except RuntimeError as error:
-        problem = str(error).strip().splitlines()[-1]
-        raise InputError(file, f"it cannot be read as an image: {problem}", "export it again") from error
+    reader = itk.ImageFileReader()
+    reader.SetFileName(str(file))
+    with _foreign(file, "it cannot be read as an image"):
+        reader.ReadImageInformation()
+    kind = itk.GetPixelIDValueAsString(reader.GetPixelID())
+    bits = re.search(r"(\d+)-bit", kind)
+    voxel = reader.GetNumberOfComponents() * (int(bits[1]) // 8 if bits else 1)
+    _check_size(file, voxel * math.prod(reader.GetSize()))
+    with _foreign(file, "it cannot be read as an image"):
+        image = reader.Execute()
     if image.GetDimension() != 3:
         problem = f"the image has {image.GetDimension()} dimensions, but must have 3"
         raise InputError(file, problem, "save one volume of labels")
@@ -99,7 +113,8 @@ def _read(file: Path) -> Iterator[Layer]:
     transform[:3, 3] = image.GetOrigin()
     voxels = itk.GetArrayFromImage(image)
     if not np.issubdtype(voxels.dtype, np.integer):
-        whole = voxels.astype(np.int32)
+        with np.errstate(invalid="ignore"):
+            whole = voxels.astype(np.int32)
         if not np.array_equal(whole, voxels):
             raise InputError(file, "the values are not whole numbers", "give a map of labels, not an image")
         voxels = whole
@@ -109,35 +124,75 @@ def _read(file: Path) -> Iterator[Layer]:
         yield np.ascontiguousarray(layers[..., number]), transform, names.get(number, {})
 
 
+def _check_size(file: Path, promised: int) -> None:
+    """Raise an error if the voxels [bytes] do not fit into the file, or into the files in the header."""
+    with file.open("rb") as stream:
+        head = stream.read(MOST_HEADER)
+    text = file.suffix.lower() in (".mhd", ".nhdr", ".mha", ".nrrd")
+    match = _DATA_FILE.search(head) if text else None
+    files = [file]
+    if match and match[1].strip().upper() != b"LOCAL":
+        first = match[1].decode("utf-8", "replace").strip()
+        names = [first.split(" ")[0] if "%" in first else first]
+        if first.upper().startswith("LIST"):
+            names = match[2].decode("utf-8", "replace").split()
+        for name in names:
+            pattern = re.sub(r"%\d*d", "*", name)
+            files += sorted(file.parent.glob(pattern)) if pattern != name else [file.parent / name]
+    for each in files:
+        check_is_file(each)
+    packed = file.suffix.lower() == ".gz" or (text and _COMPRESSED.search(head))
+    size = sum(each.stat().st_size for each in files)
+    if promised > (_DEFLATED if packed else 1) * size:
+        problem = f"the header promises {promised:.3g} bytes of voxels, but the file has {size}"
+        raise InputError(file, problem, "the file is damaged or incomplete, copy it again")
+
+
+@contextmanager
+def _foreign(file: Path, problem: str) -> Iterator[None]:
+    """Turn any exception of a foreign reader into an InputError."""
+    try:
+        yield
+    except MemoryError:
+        raise
+    except Exception as error:
+        why = (str(error).strip().splitlines() or [type(error).__name__])[-1]
+        raise InputError(file, f"{problem}: {why}", "export it again") from error
+
+
 def _names(file: Path, image: Any) -> dict[int, dict[int, str]]:
     """Return the label names in a file's header, by layer."""
     names: dict[int, dict[int, str]] = {}
     if file.name.lower().endswith((".nii", ".nii.gz")):
         opened = gzip.open if file.suffix.lower() == ".gz" else open
-        with opened(file, "rb") as stream:
-            header = stream.read(max(_NIFTI_HEADER, int(float(image.GetMetaData("vox_offset")))))
+        with _foreign(file, "its header cannot be read"), opened(file, "rb") as stream:
+            offset = int(float(image.GetMetaData("vox_offset")))
+            header = stream.read(min(max(_NIFTI_HEADER, offset), MOST_HEADER))
         labels = _NIFTI_LABEL.findall(header[_NIFTI_HEADER:])
-        names[0] = {int(value): name.decode("utf-8", "replace").strip() for value, name in labels}
+        names[0] = {
+            label_number(key.decode(), file, "Label Key"): name.decode("utf-8", "replace").strip()
+            for key, name in labels
+        }
     for key in image.GetMetaDataKeys():
         segment = re.fullmatch(r"(Segment\d+)_LabelValue", key)
         if segment and image.HasMetaDataKey(f"{segment[1]}_Name"):
             layer_key = f"{segment[1]}_Layer"
-            layer = int(image.GetMetaData(layer_key)) if image.HasMetaDataKey(layer_key) else 0
-            name = image.GetMetaData(f"{segment[1]}_Name")
-            names.setdefault(layer, {})[int(image.GetMetaData(key))] = name
+            has_layer = image.HasMetaDataKey(layer_key)
+            layer = label_number(image.GetMetaData(layer_key), file, layer_key) if has_layer else 0
+            value = label_number(image.GetMetaData(key), file, key)
+            names.setdefault(layer, {})[value] = image.GetMetaData(f"{segment[1]}_Name")
     return names
 
 
 def _dicom(file: Path) -> Layer:
     """Return the segments of a DICOM Segmentation; later segments overwrite earlier."""
     highdicom = _needed("highdicom", file)
-    try:
+    check_is_file(file)
+    with _foreign(file, "not a DICOM Segmentation"):
         segmentation = highdicom.seg.segread(file)
         volume = segmentation.get_volume(combine_segments=True, skip_overlap_checks=True)
-    except (ValueError, RuntimeError, TypeError, AttributeError) as error:
-        raise InputError(file, f"not a DICOM Segmentation: {error}", "export it again") from error
-    numbers = segmentation.segment_numbers
-    names = {n: str(segmentation.get_segment_description(n).segment_label) for n in numbers}
+        numbers = segmentation.segment_numbers
+        names = {n: str(segmentation.get_segment_description(n).segment_label) for n in numbers}
     # highdicom's axes are planes, rows and columns, from voxel numbers in that order to LPS.
     transform = np.array(volume.affine, dtype=np.float64)[:, [2, 1, 0, 3]]
     return np.ascontiguousarray(volume.array), transform, names

@@ -4,17 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import chain
 from os import PathLike
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
 
+from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.types import Floats, Ints
+from vtkmuscle.io.writing import write_text
+from vtkmuscle.io.xml_elements import xml_text
+from vtkmuscle.joints.osim import FURTHER, NOT_USED, OFFSET
 from vtkmuscle.joints.tree import JointCoordinate
 from vtkmuscle.opensim.model import OsimModel, read_osim
 from vtkmuscle.opensim.muscle_paths import STEP, PointPath
-from vtkmuscle.report.sections import Section, shown_rows, write_page
+from vtkmuscle.opensim.osim_text import model_tree
+from vtkmuscle.report.sections import Section, shown_rows, svg_curve, write_page
 from vtkmuscle.run.table import Table
 
 #: Poses per sweep, and sweeps per coordinate: the first with the other coordinates at their defaults, further
@@ -25,12 +32,17 @@ AWAY = {True: float(np.radians(30.0)), False: 0.02}
 JUMP, ARM_JUMP, ARM = 0.5e-3, 5e-3, 2e-3
 #: Distance of the two moment arms from a jump [rad or m].
 ARM_DISTANCE = 1e-3
-#: Width and height of a curve [pixels].
-_SIZE = (220, 50)
 #: Columns of the table of findings.
 COLUMNS = ("muscle", "coordinate", "what", "size_mm", "at", "unit", "sweeps", "pose")
 #: Kinds of findings, the worst first.
-KINDS = ("length jumps", "moment arm jumps", "moment arm changes sign")
+KINDS = (
+    *("length jumps", "moment arm jumps", "moment arm changes sign"),
+    *("fibre above 1.6 of optimal", "fibre below 0.5 of optimal"),
+)
+#: Fibre lengths [optimal lengths]: active force ends at the lower (Zajac 1989, Crit Rev Biomed Eng 17:359);
+#: passive force reaches the maximum isometric force at the upper (Thelen 2003, doi:10.1115/1.1531112).
+FIBRES = (0.5, 1.6)
+FIBRES_OUTSIDE = "fibres leave 0.5 to 1.6 of optimal"
 
 #: Lengths of muscles (f,) for values of coordinates (f,).
 Lengths = Callable[[Sequence[str], Mapping[str, Floats]], dict[str, Floats]]
@@ -41,9 +53,9 @@ class PathFault:
     """Largest fault of a kind, for a muscle and a coordinate.
 
     ``what`` is a kind in :data:`KINDS`; ``size`` the jump [m], for a change of sign the smaller of the
-    largest positive and negative moment arms; ``pose`` the muscle's coordinates at the fault [rad or m];
-    ``sweeps`` the fraction of sweeps with a fault of the kind; ``values``, ``arms`` (n,) the coordinate and
-    moment arms [m] in the worst sweep.
+    largest positive and negative moment arms, for a fibre the length beyond the limit; ``pose`` the muscle's
+    coordinates at the fault [rad or m]; ``sweeps`` the fraction of sweeps with a fault of the kind;
+    ``values``, ``arms`` (n,) the coordinate and moment arms [m] in the worst sweep.
     """
 
     muscle: str
@@ -58,26 +70,55 @@ class PathFault:
 
 @dataclass(frozen=True, eq=False)
 class ModelCheck:
-    """The faults of a model's muscles, the largest jumps first.
+    """The faults of a model's muscles and ligaments, grouped by path, the largest jumps first.
 
-    Muscles that wind round surfaces are ``by_opensim``, evaluated by OpenSim, or ``not_checked`` without
-    OpenSim.
+    Paths that wind round surfaces are ``by_opensim``, evaluated by OpenSim, or ``not_checked`` without
+    OpenSim. ``not_swept`` are coordinates without a range, ``still`` paths that no swept coordinate moves.
     """
 
     model: OsimModel
     findings: tuple[PathFault, ...]
     by_opensim: tuple[str, ...]
     not_checked: tuple[str, ...]
+    not_swept: tuple[str, ...] = ()
+    still: tuple[str, ...] = ()
 
     def __str__(self) -> str:
-        """Return the number of muscles evaluated here and by OpenSim."""
-        count = len(self.model.muscles)
-        words = f"{count - len(self.by_opensim + self.not_checked)} of {count} muscles evaluated here"
+        """Return the number of paths evaluated here and by OpenSim, and the parts left out."""
+        left_out = {*self.not_checked, *self.still}
+        counts = [
+            f"{len(paths.keys() - left_out)} of {len(paths)} {kind}"
+            for kind, paths in (("muscles", self.model.muscles), ("ligaments", self.model.ligaments))
+            if paths or kind == "muscles"
+        ]
+        words = f"{' and '.join(counts)} evaluated"
         if self.by_opensim:
             words += f", {len(self.by_opensim)} with wrapping surfaces by OpenSim"
-        if self.not_checked:
-            words += f"; not evaluated (wrapping needs OpenSim): {', '.join(self.not_checked)}"
+        for names, why in (
+            (self.not_checked, "not evaluated (wrapping needs OpenSim)"),
+            (self.still, "not evaluated (no coordinate with a range)"),
+            (self.not_swept, "coordinates without a range, not swept"),
+            ([part for part in self.model.not_used if part.startswith("ForceSet")], "left out"),
+        ):
+            words += f"; {why}: {', '.join(names)}" if names else ""
         return words + "."
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return findings and coverage for JSON."""
+        model = self.model
+        return {
+            "model": model.name,
+            "muscles": list(model.muscles),
+            "ligaments": list(model.ligaments),
+            "by_opensim": list(self.by_opensim),
+            "not_evaluated": [*self.not_checked, *self.still],
+            "coordinates_without_range": list(self.not_swept),
+            "not_used": list(model.not_used),
+            "findings": [
+                dict(zip(COLUMNS, self._row(each), strict=True)) | {"pose": self.shown(each)}
+                for each in self.findings
+            ],
+        }
 
     def table(self) -> Table:
         """Return the findings by row; angles in degrees, sizes in millimetres."""
@@ -85,12 +126,16 @@ class ModelCheck:
 
     def write(self, page: Path) -> Path:
         """Write a page and a table; return the table's path."""
-        curves = [(f"{each.muscle}, {each.coordinate}: {each.what}", _curve(each)) for each in self.findings]
+        units = {each.name: "deg" if each.is_angle else "m" for each in self.model.tree.coordinates}
+        curves = [
+            (f"{each.muscle}, {each.coordinate}: {each.what}", _curve(each, units[each.coordinate]))
+            for each in self.findings
+        ]
         sections = [
             Section("Findings", str(self), shown_rows(self.table()), words=True),
             Section("Moment arms", "Each over the sweep with its largest fault.", drawings=curves),
         ]
-        lead = "Jumps of muscle lengths and moment arms, and sign changes of moment arms."
+        lead = "Jumps of lengths and moment arms, sign changes of moment arms, and fibres out of their range."
         write_page(page, self.model.name, "check", lead, sections)
         return self.table().to_csv(page.with_suffix(".csv"), digits=6)
 
@@ -107,6 +152,12 @@ class ModelCheck:
         return [finding.muscle, coordinate, finding.what, size, pose[coordinate], unit, finding.sweeps, words]
 
 
+def _curve(finding: PathFault, unit: str) -> str:
+    """Return a sweep's moment arms [mm] over the coordinate as SVG."""
+    values = np.degrees(finding.values) if unit == "deg" else finding.values
+    return svg_curve(values, 1000.0 * finding.arms, unit, "mm")
+
+
 def check_model(path: str | PathLike[str]) -> ModelCheck:
     """Check the muscles of an .osim model over the crossed coordinates.
 
@@ -120,18 +171,36 @@ def check_model(path: str | PathLike[str]) -> ModelCheck:
         As :func:`~vtkmuscle.opensim.read_osim`.
     """
     model = read_osim(path)
-    winding = tuple(name for name, muscle in model.muscles.items() if getattr(muscle.path, "wraps", ()))
-    by_opensim = _opensim_lengths(Path(path)) if winding else None
-    findings = list(_findings(model, [name for name in model.muscles if name not in winding], _own(model)))
+    winding = [name for name, each in model.paths.items() if getattr(each.path, "wraps", ())]
+    by_opensim = _opensim_lengths(Path(path), model, winding) if winding else None
+    swept = {each.name for each in model.tree.coordinates if each.range and each.range[0] < each.range[1]}
+    crossed = {name: set(each.path.coordinates(model.tree)) for name, each in model.paths.items()}
+    unswept = set().union(*crossed.values()) - swept
+    findings = list(_findings(model, [name for name in crossed if name not in winding], _own(model)))
     if by_opensim is not None:
         findings += _findings(model, winding, by_opensim)
-    findings.sort(key=lambda finding: (KINDS.index(finding.what), -finding.size))
-    return ModelCheck(model, tuple(findings), *((), winding) if by_opensim is None else (winding, ()))
+    findings.sort(key=_worst_first)
+    worst = {each.muscle: _worst_first(each) for each in reversed(findings)}
+    once = {(each.muscle, each.what): each for each in reversed(findings)}  # of a fibre one coordinate tells
+    findings = [each for each in findings if "fibre" not in each.what or once[each.muscle, each.what] is each]
+    findings.sort(key=lambda each: (worst[each.muscle], each.muscle, _worst_first(each)))
+    return ModelCheck(
+        model,
+        tuple(findings),
+        by_opensim=() if by_opensim is None else tuple(winding),
+        not_checked=tuple(winding) if by_opensim is None else (),
+        not_swept=tuple(name for name in model.tree.free if name in unswept),
+        still=tuple(name for name, names in crossed.items() if not names & swept),
+    )
+
+
+def _worst_first(finding: PathFault) -> tuple[int, float]:
+    return KINDS.index(finding.what), -finding.size
 
 
 def _findings(model: OsimModel, muscles: Sequence[str], lengths: Lengths) -> Iterator[PathFault]:
     tree = model.tree
-    crossed = {name: model.muscles[name].path.coordinates(tree) for name in muscles}
+    crossed = {name: model.paths[name].path.coordinates(tree) for name in muscles}
     free = [coordinate for coordinate in tree.coordinates if coordinate.name in tree.free]
     random = np.random.default_rng(0)
     for swept in free:
@@ -150,7 +219,8 @@ def _findings(model: OsimModel, muscles: Sequence[str], lengths: Lengths) -> Ite
                 return lengths([muscle], chosen | {swept.name: at})[muscle]  # noqa: B023
 
             middles, arms = (sweep[1:] + sweep[:-1]) / 2.0, -np.diff(table) / (sweep[1] - sweep[0])
-            for what, least, sizes, sweeps, at in _faults(length, sweep, table):
+            fibres = _fibre_faults(model.paths[muscle].parameters, sweep, table)
+            for what, least, sizes, sweeps, at in chain(_faults(length, sweep, table), fibres):
                 if not (real := sizes > least).any():
                     continue
                 i = int(np.where(real, sizes, 0.0).argmax())
@@ -209,6 +279,26 @@ def _faults(
         yield KINDS[2], ARM, sizes[sweeps], sweeps, at
 
 
+def _fibre_faults(
+    parameters: Mapping[str, float], values: Floats, lengths: Floats
+) -> Iterator[tuple[str, float, Floats, Ints, Floats]]:
+    """Yield candidates as of :func:`_faults` for fibres with a rigid tendon and a constant thickness.
+
+    A path that is shorter than the slack tendon gives a negative length.
+    """
+    optimal, slack = (parameters.get(name, 0.0) for name in ("optimal_fiber_length", "tendon_slack_length"))
+    if optimal <= 0.0 or slack <= 0.0:
+        return
+    along = lengths - slack
+    thickness = optimal * np.sin(parameters.get("pennation_angle_at_optimal", 0.0))
+    fibres = np.copysign(np.hypot(along, thickness), along)
+    low, high = (part * optimal for part in FIBRES)
+    for what, sizes in ((KINDS[3], fibres - high), (KINDS[4], low - fibres)):
+        columns = sizes.argmax(axis=1)
+        rows = np.arange(len(sizes))
+        yield what, 0.0, sizes[rows, columns], rows, values[columns]
+
+
 def _neighbour_mean(steps: Floats) -> Floats:
     """Return the mean (s, n) of neighbouring steps."""
     padded = np.pad(steps, ((0, 0), (1, 1)), mode="edge")
@@ -241,7 +331,7 @@ def _own(model: OsimModel) -> Lengths:
 
     def lengths(muscles: Sequence[str], values: Mapping[str, Floats]) -> dict[str, Floats]:
         full = tree.completed(values)
-        paths = {name: model.muscles[name].path for name in muscles}
+        paths = {name: model.paths[name].path for name in muscles}
         points = [point for path in paths.values() for point in getattr(path, "points", ())]
         poses = tree.poses(full, {point.body for point in points})
         return {
@@ -254,45 +344,47 @@ def _own(model: OsimModel) -> Lengths:
     return lengths
 
 
-def _opensim_lengths(path: Path) -> Lengths | None:
-    """Return the function that gets lengths from OpenSim, None without OpenSim."""
+def _opensim_lengths(path: Path, model: OsimModel, names: Sequence[str]) -> Lengths | None:
+    """Return the function that gets lengths of paths from OpenSim, None without OpenSim.
+
+    All further forces and parts, maybe of plugins, are removed beforehand. Coupled coordinates are set here:
+    OpenSim's search for consistent coordinates would take a hundred times as long.
+    """
     try:
         import opensim  # noqa: PLC0415 -- an extra
     except ImportError:
         return None
     opensim.Logger.removeFileSink()  # no log in the working folder
     opensim.Logger.setLevelString("error")
-    model = opensim.Model(str(path))
-    state = model.initSystem()
-    coordinates = model.updCoordinateSet()
+    root = model_tree(path)
+    for tag in ("ForceSet/objects", *(f"{tag}/objects" for tag in (*NOT_USED, FURTHER[0])), FURTHER[1]):
+        kept = names if tag.startswith("ForceSet") else ()
+        if (holder := root.find(f"Model/{tag}")) is not None:
+            holder[:] = [each for each in holder if each.tag == OFFSET or each.get("name") in kept]
+    with TemporaryDirectory() as folder:
+        write_text(Path(folder) / path.name, xml_text(root, indented=False))
+        try:
+            theirs = opensim.Model(str(Path(folder) / path.name))
+            state = theirs.initSystem()
+        except RuntimeError as error:
+            problem = f"OpenSim does not read the model: {error}"
+            raise InputError(path, problem, "correct the model") from error
+    coordinates, paths = theirs.updCoordinateSet(), {}
+    for component in theirs.getComponentsList():
+        geometry = opensim.AbstractGeometryPath.safeDownCast(component)
+        if geometry is not None:
+            paths[geometry.getOwner().getName()] = geometry
+    for coordinate in model.tree.coordinates:
+        coordinates.get(coordinate.name).setLocked(state, False)
 
     def lengths(muscles: Sequence[str], values: Mapping[str, Floats]) -> dict[str, Floats]:
-        forces = [opensim.PathActuator.safeDownCast(model.getForceSet().get(name)) for name in muscles]
-        paths = [force.getPath() for force in forces]
-        columns = [(coordinates.get(name), column) for name, column in values.items()]
-        table = np.empty((len(next(iter(values.values()))), len(muscles)))
+        columns = [(coordinates.get(name), column) for name, column in model.tree.completed(values).items()]
+        table = np.empty((len(columns[0][1]), len(muscles)))
         for row in range(len(table)):
             for coordinate, column in columns:
-                if not coordinate.getLocked(state):
-                    coordinate.setValue(state, float(column[row]), False)
-            model.assemble(state)
-            model.realizePosition(state)
-            table[row] = [path.getLength(state) for path in paths]
+                coordinate.setValue(state, float(column[row]), False)
+            theirs.realizePosition(state)
+            table[row] = [paths[name].getLength(state) for name in muscles]
         return dict(zip(muscles, table.T, strict=True))
 
     return lengths
-
-
-def _curve(finding: PathFault) -> str:
-    """Return a sweep's moment arms as SVG, without outliers at jumps."""
-    low, high = np.clip(np.percentile(finding.arms, [2.0, 98.0]), [-np.inf, 0.0], [0.0, np.inf])
-    width, height = _SIZE
-    x = width * (finding.values - finding.values[0]) / np.ptp(finding.values)
-    y = height * (high - np.clip(finding.arms, low, high)) / ((high - low) or 1.0)
-    zero = height * high / ((high - low) or 1.0)
-    points = " ".join(f"{a:.1f},{b:.1f}" for a, b in zip(x, y, strict=True))
-    return (
-        f'<svg width="{width}" height="{height + 2}" viewBox="0 -1 {width} {height + 2}">'
-        f'<line x1="0" x2="{width}" y1="{zero:.1f}" y2="{zero:.1f}" stroke="#bbb"/>'
-        f'<polyline points="{points}" fill="none" stroke="#06c"/></svg>'
-    )

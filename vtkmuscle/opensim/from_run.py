@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from os import PathLike
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -15,24 +15,25 @@ from vtkmuscle.core.fibres.measures import group_errors, group_fibres
 from vtkmuscle.core.motion.rigid import inverses
 from vtkmuscle.core.types import Bools, Floats
 from vtkmuscle.io import write_text
-from vtkmuscle.io.writing import file_digest
+from vtkmuscle.io.writing import Outputs, file_digest
 from vtkmuscle.joints.tree import KinematicTree
 from vtkmuscle.opensim.export_parts import (
     SPECIFIC_TENSION,
+    ExportedMuscle,
     completed_properties,
+    errors_table,
     opensim_properties,
     write_meshes,
 )
-from vtkmuscle.opensim.fitted_paths import fit_length, fit_points
+from vtkmuscle.opensim.fitted_paths import fit_length, fit_points, rms
 from vtkmuscle.opensim.mjcf import mjcf_of
 from vtkmuscle.opensim.model import checked_model
 from vtkmuscle.opensim.muscle_paths import FunctionPath, PointPath, moment_arm
 from vtkmuscle.opensim.osim_text import MuscleOut, enriched, osim_of
 from vtkmuscle.run.result import Result
-from vtkmuscle.run.table import Table
 from vtkmuscle.scene.data import MILLIMETRES
 from vtkmuscle.scene.faults import SceneError, SceneFiles, parsed
-from vtkmuscle.scene.joints import SceneJoints, coordinate_values, joints_of
+from vtkmuscle.scene.joints import SceneJoints, coordinate_values, joints_of, pin_joint_of
 from vtkmuscle.scene.validation import validated
 from vtkmuscle.scenes import Scene
 
@@ -42,46 +43,6 @@ TOLERANCE = 0.5e-3
 _FORMS = ("functions", "points")
 #: Class of a path without muscle properties in OpenSim.
 GEOMETRY_ONLY = "PathActuator"
-
-
-@dataclass(frozen=True, eq=False)
-class ExportedMuscle:
-    """A group of fibres as written, with errors.
-
-    ``muscle`` is the name in the scene, ``out`` the muscle as written [m], fitted to the mean of ``fibres``.
-    ``group_error`` is the RMS of the fibres' length changes against the mean [mm]; in the poses of the run,
-    ``length_errors`` (f,) are of the path's length [mm], ``arm_errors`` (f,) of moment arms by coordinate
-    [mm, 1 for a translation].
-    """
-
-    muscle: str
-    out: MuscleOut
-    fibres: tuple[int, ...]
-    group_error: float
-    length_errors: Floats
-    arm_errors: dict[str, Floats]
-
-    @property
-    def errors(self) -> dict[str, Floats]:
-        """Errors (f,) of the length and of moment arms by coordinate."""
-        return {"length": self.length_errors} | self.arm_errors
-
-    def __str__(self) -> str:
-        path = self.out.path
-        if isinstance(path, FunctionPath):
-            what = f"a polynomial of {', '.join(path.names)}, order {path.order}"
-        else:
-            what = f"{len(path.points)} points and {len(path.cylinders)} cylinders"
-        sizes = [f"{of} {_rms(off):.2g} (max {np.abs(off).max():.2g})" for of, off in self.errors.items()]
-        listed = ", ".join([*sizes, f"group {self.group_error:.2g}"])
-        return f"{len(self.fibres)} fibres as {what}; errors in mm: {listed}"
-
-
-def errors_table(muscles: Sequence[ExportedMuscle]) -> Table:
-    """Return path errors, a row per muscle and length or coordinate."""
-    errors = [(muscle.out.name, *item) for muscle in muscles for item in muscle.errors.items()]
-    rows = ((*of, _rms(off), float(np.abs(off).max()), float(off.mean())) for *of, off in errors)
-    return Table(("muscle", "of", "rms_mm", "largest_mm", "mean_mm"), rows)
 
 
 @dataclass(frozen=True)
@@ -171,7 +132,7 @@ def write_opensim(
     outs = [muscle.out for muscle in muscles]
     if into is None:
         meshes = _meshes(run, Path(out))
-        text = osim_of(run.tree, outs, name=run.result.name, masses=export.masses, meshes=meshes)
+        text = osim_of(run.ranged, outs, name=run.result.name, masses=export.masses, meshes=meshes)
     else:
         text = enriched(Path(into), outs, replace=list(names.values()))
     return _written(Path(out), text, muscles)
@@ -208,8 +169,57 @@ def write_mujoco(
     outs = [muscle.out for muscle in muscles]
     lengths = {muscle.name: muscle.path.lengths(run.tree, run.values) for muscle in outs}
     name, masses, meshes = run.result.name, export.masses, _meshes(run, Path(out))
-    text = mjcf_of(run.tree, outs, name=name, masses=masses, meshes=meshes, lengths=lengths)
+    text = mjcf_of(run.ranged, outs, name=name, masses=masses, meshes=meshes, lengths=lengths)
     return _written(Path(out), text, muscles)
+
+
+def export(
+    source: str | PathLike[str],
+    out: str | PathLike[str],
+    *,
+    into: str | PathLike[str] | None = None,
+    replace: Mapping[str, str] | None = None,
+    overwrite: bool = False,
+    **options: Any,
+) -> list[ExportedMuscle]:
+    """Write the muscles of a scene with joints to OpenSim or MuJoCo.
+
+    Parameters
+    ----------
+    source : path
+        Folder of a run's results, or a scene.toml, which is run first.
+    out : path
+        An .osim file, as of :func:`write_opensim`, or an .xml file, as of :func:`write_mujoco`.
+    into, replace : path, mapping of str to str, optional
+        For OpenSim: a model to put the muscles into, and names there by muscle.
+    overwrite : bool, optional
+        Whether files from elsewhere are replaced; inputs never are.
+    **options
+        Attributes of :class:`Export`.
+
+    Returns
+    -------
+    list of ExportedMuscle
+        The muscles as written, with errors, which are also in OUT_errors.csv.
+
+    Raises
+    ------
+    OSError, ValueError
+        For another ending of the file, and as of the writers.
+    """
+    path, model = Path(out), None if into is None else Path(into)
+    is_osim = path.suffix.lower() == ".osim"
+    if not is_osim and path.suffix.lower() != ".xml":
+        raise InputError(path, "unknown format of an export", "end its name in .osim or .xml")
+    if not is_osim and (into is not None or replace):
+        raise InputError("into", "muscles are put into models of OpenSim only", "leave it out")
+    inputs = [Path(source)] if model is None else [Path(source), model]
+    outputs = Outputs(path.parent, inputs=inputs, overwrite=overwrite)
+    outputs.check(path)
+    with outputs:
+        if is_osim:
+            return write_opensim(source, path, into=model, replace=replace, **options)
+        return write_mujoco(source, path, **options)
 
 
 def _meshes(run: _Run, out: Path) -> dict[str, list[str]]:
@@ -242,6 +252,16 @@ class _Run(NamedTuple):
     ends: dict[str, tuple[str, str]]
     crossed: dict[str, tuple[str, ...]]
 
+    @property
+    def ranged(self) -> KinematicTree:
+        """The tree with the ranges of the run's poses, beyond which the paths are not fitted."""
+        poses = {each: (float(column.min()), float(column.max())) for each, column in self.values.items()}
+        moved = {name: span for name, span in poses.items() if name in self.tree.free and span[0] < span[1]}
+        coordinates = [
+            replace(each, range=moved.get(each.name, each.range)) for each in self.tree.coordinates
+        ]
+        return replace(self.tree, coordinates=coordinates)
+
 
 def _run_of(source: Path, result: Result | None) -> _Run:
     """Return a scene with its results, run if necessary."""
@@ -254,20 +274,24 @@ def _run_of(source: Path, result: Result | None) -> _Run:
             raise InputError(source, problem, "export the scene.toml")
     table = validated(parsed(path), path)
     files = SceneFiles(path)
-    joints = joints_of(table, files)
-    if joints is None:
-        raise SceneError("the scene has no joints", "joints", "add [joints.NAME] or [opensim]", path)
     if table.mirror is not None:
         raise SceneError("mirrored scenes are not exported", "mirror", "export the other side", path)
     scene = Scene.load(path)
     metres = MILLIMETRES[scene.units] / 1000.0
+    if (joints := joints_of(table, files)) is not None:
+        _, values = coordinate_values(table, joints.tree, files)
+    elif (pinned := pin_joint_of(scene.motion, scene.bones, MILLIMETRES[scene.units])) is not None:
+        joints, values = pinned
+    else:
+        problem = "the scene has no joints, and its motion is no turn of one bone about a fixed axis"
+        raise SceneError(problem, "joints", "add [joints.NAME] or [opensim]", path)
     tree, factors = joints.tree.in_metres(metres)
-    _, values = coordinate_values(table, joints.tree, files)
     ends, crossed = {}, {}
     for name, muscle in scene.muscles.items():
         bones = {area.role: area.bone for area in reversed(muscle.attachments)}
         ends[name] = (joints.bodies[bones["origin"]], joints.bodies[bones["insertion"]])
-        crossed[name] = tuple(each for each in tree.crossed(ends[name]) if each in (muscle.crosses or ()))
+        on_way = tree.crossed(ends[name])
+        crossed[name] = tuple(each for each in on_way if muscle.crosses is None or each in muscle.crosses)
         if still := [each for each in crossed[name] if each not in values or np.ptp(values[each]) < 1e-9]:
             grid = ", ".join(f"{each} = [FIRST, LAST, STEP]" for each in crossed[name])
             problem = f"the motion does not move {', '.join(still)}, crossed by muscle {name!r}"
@@ -339,7 +363,7 @@ def _exported_group(
         name,
         MuscleOut(label, path, properties, export.kind),
         tuple(int(i) for i in np.flatnonzero(members)),
-        _rms(group_errors(lengths[:, members], np.zeros(count, dtype=np.int64))),
+        rms(group_errors(lengths[:, members], np.zeros(count, dtype=np.int64))),
         1000.0 * (path.lengths(tree, values) - mean),
         {each: (moment_arm(path, tree, values, each) - arm) * units[each] for each, arm in mean_arms.items()},
     )
@@ -354,7 +378,3 @@ def _lines(run: _Run, name: str) -> Floats:
     points = (run.metres * run.result.paths(name, frame=frame).points for frame in run.result.frames)
     frames = [at @ pose[:3, :3].T + pose[:3, 3] for at, pose in zip(points, to_root, strict=True)]
     return np.array(frames)
-
-
-def _rms(values: Floats) -> float:
-    return float(np.sqrt((values**2).mean()))

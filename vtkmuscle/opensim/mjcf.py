@@ -70,7 +70,8 @@ def mjcf_of(
         For features that MuJoCo lacks: splines, paths as functions, moving and conditional points.
     """
     paths = {muscle.name: _path_of(muscle) for muscle in muscles}
-    joints = _Joints(set(), [])
+    ranges = {each.name: each.range for each in tree.coordinates if each.range}
+    joints = _Joints(set(), [], {name: span for name, span in ranges.items() if span[0] < span[1]})
     sites = [site for muscle, path in paths.items() for site in _sites(muscle, path)]
 
     def inside(name: str) -> Iterator[Element]:
@@ -105,10 +106,11 @@ def mjcf_of(
 
 
 class _Joints(NamedTuple):
-    """Names of the joints written so far, and equalities between joints."""
+    """Names of the joints written so far, equalities between joints, and ranges of coordinates."""
 
     names: set[str]
     equalities: list[Element]
+    ranges: Mapping[str, tuple[float, float]]
 
     def couple(self, dependent: str, independent: str, function: CoordinateFunction) -> None:
         high_first = _polynomial(function, dependent)
@@ -143,7 +145,8 @@ def _axis(joint: Joint, label: str, axis: JointAxis, coordinate: str, joints: _J
     joints.names.add(name)
     if not itself:
         joints.couple(name, coordinate, axis.function)
-    return made("joint", name=name, type=label[:-1], axis=_numbers(axis.axis))
+    limits = {"range": _numbers(joints.ranges[name])} if name in joints.ranges else {}
+    return made("joint", name=name, type=label[:-1], axis=_numbers(axis.axis), **limits)
 
 
 def _polynomial(function: CoordinateFunction, what: str) -> Floats:

@@ -12,17 +12,16 @@ import numpy as np
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.words import suggestion
-from vtkmuscle.io.xml_elements import Element, read_xml
+from vtkmuscle.io.xml_elements import Element, last_part, of_kind, read_xml
 from vtkmuscle.joints.functions import function_in
 from vtkmuscle.joints.osim import (
+    FURTHER,
     NOT_USED,
+    OFFSET,
     Frames,
     MotionFile,
     bodies_in,
-    frame_of,
-    last_part,
     model_element,
-    of_kind,
     point_on,
     read_motion_file,
     tree_in,
@@ -33,6 +32,8 @@ from vtkmuscle.opensim.muscle_paths import FunctionPath, PathPoint, PointPath, p
 __all__ = ["BodyMesh", "MotionFile", "OsimModel", "checked_model", "read_motion_file", "read_osim"]
 
 
+#: Passive forces along a path.
+LIGAMENTS = ("Ligament", "Blankevoort1991Ligament", "PathSpring")
 #: Muscle properties that are read.
 PARAMETERS = (
     *("max_isometric_force", "optimal_fiber_length", "tendon_slack_length"),
@@ -62,8 +63,9 @@ class OsimModel:
     """A model of OpenSim, in metres and radians.
 
     ``tree`` has bodies and joints, its root is the ground; ``muscles`` are all actuators along a path, by
-    name; ``joint_of`` is the joint of each coordinate; ``not_used`` are parts of the file without effect
-    here: forces without a path, controllers, contact geometry, probes.
+    name, ``ligaments`` passive forces along a path; ``joint_of`` is the joint of each coordinate;
+    ``not_used`` are parts of the file without effect here: forces without a path, controllers, contact
+    geometry, probes, further components.
     """
 
     name: str
@@ -73,6 +75,12 @@ class OsimModel:
     meshes: tuple[BodyMesh, ...]
     joint_of: dict[str, str] = field(default_factory=dict)
     not_used: tuple[str, ...] = ()
+    ligaments: dict[str, OsimMuscle] = field(default_factory=dict)
+
+    @property
+    def paths(self) -> dict[str, OsimMuscle]:
+        """Muscles and ligaments by name."""
+        return self.muscles | self.ligaments
 
     def muscle(self, name: str) -> OsimMuscle:
         """Return a muscle by name; ValueError for an unknown name."""
@@ -114,15 +122,18 @@ def read_osim(path: str | PathLike[str]) -> OsimModel:
     bodies, frames = bodies_in(model)
     meshes = [mesh for name, body in bodies for mesh in _meshes(name, body, not_used)]
     tree, joint_of = tree_in(model, frames, not_used)
-    for name, (body, _) in frames.items():
-        if name == body and name not in tree.bodies:
+    for name, _ in bodies:
+        if name not in tree.bodies:
             raise model.error(f"the body {name!r} has no joint")
-    muscles = _muscles(model, frames, tree, not_used)
-    not_used += [f"{tag}: {part}" for tag in NOT_USED for part in model.within(tag)]
-    for component in [*model.within("ComponentSet"), *model.within("components")]:
-        raise component.error("further components are not supported", "remove it")
+    paths = _paths(model, frames, tree, not_used)
+    parts = ((tag, part) for tag in (*NOT_USED, *FURTHER) for part in model.within(tag))
+    not_used += [f"{tag}: {part}" for tag, part in parts if part.tag != OFFSET]
     markers = tuple(marker.name for marker in of_kind("Marker", model.within("MarkerSet")))
-    return OsimModel(model.name, tree, markers, muscles, tuple(meshes), joint_of, tuple(not_used))
+    muscles, ligaments = (
+        {name: each for name, each in paths.items() if (each.kind in LIGAMENTS) == passive}
+        for passive in (False, True)
+    )
+    return OsimModel(model.name, tree, markers, muscles, tuple(meshes), joint_of, tuple(not_used), ligaments)
 
 
 def checked_model(path: Path) -> OsimModel:
@@ -144,9 +155,8 @@ def _meshes(name: str, body: Element, not_used: list[str]) -> Iterator[BodyMesh]
         yield BodyMesh(name, mesh.word("geometry_file"))
 
 
-def _muscles(
-    model: Element, frames: Frames, tree: KinematicTree, not_used: list[str]
-) -> dict[str, OsimMuscle]:
+def _paths(model: Element, frames: Frames, tree: KinematicTree, not_used: list[str]) -> dict[str, OsimMuscle]:
+    """Return the forces along a path by name."""
     coordinates = {coordinate.name for coordinate in tree.coordinates}
     muscles: dict[str, OsimMuscle] = {}
     for force in model.within("ForceSet"):
@@ -164,10 +174,15 @@ def _muscles(
 
 def _muscle(element: Element, frames: Frames) -> OsimMuscle | None:
     """Return the muscle of a force element; None without a path."""
-    geometry = (element.find("path") or element).find("GeometryPath", "FunctionBasedPath")
+    inside = (element.find("path") or element).children
+    geometry = next((child for child in inside if child.tag.endswith("Path")), None)
     if geometry is None:
         return None
-    path = _function_path(geometry) if geometry.tag == "FunctionBasedPath" else _point_path(geometry, frames)
+    path: PointPath | FunctionPath = PointPath((), (geometry.tag,))
+    if geometry.tag == "GeometryPath":
+        path = _point_path(geometry, frames)
+    elif geometry.tag == "FunctionBasedPath":
+        path = _function_path(geometry)
     parameters = {name: element.number(name, 0.0) for name in PARAMETERS if element.find(name) is not None}
     return OsimMuscle(element.name, element.tag, path, parameters)
 
@@ -193,7 +208,7 @@ def _point(element: Element, frames: Frames) -> PathPoint:
         low, high = element.need("range").numbers(2)
         name = last_part(element.need("coordinate", "socket_coordinate").text)
         return PathPoint(*point_on(element, frames), only_in=(name, float(low), float(high)))
-    body, frame = frame_of(element.need("socket_parent_frame", "body"), frames)
+    body, frame = frames.at(element.need("socket_parent_frame", "body"))
     if not np.array_equal(frame, np.eye(4)):
         raise element.error("points that move on an offset frame are not supported", "give its body")
     functions = [function_in(element.need(f"{axis}_location")) for axis in "xyz"]
@@ -201,13 +216,12 @@ def _point(element: Element, frames: Frames) -> PathPoint:
     return PathPoint(body, np.zeros(3), functions, [last_part(path) or None for path in paths])
 
 
-def _function_path(element: Element) -> FunctionPath:
+def _function_path(element: Element) -> PointPath | FunctionPath:
     names = [last_part(path) for path in element.words("coordinate_paths")]
     bare = [child for child in element.children if child.name == "length_function"]
     functions = element.within("length_function") or bare
     if [each.tag for each in functions] != ["MultivariatePolynomialFunction"]:
-        remedy = "supported: MultivariatePolynomialFunction"
-        raise element.error("its length function is not supported", remedy)
+        return PointPath((), [each.tag for each in functions] or ["nothing"])
     (function,) = functions
     function.only(("coefficients", "dimension", "order"))
     dimension, order = function.number("dimension", 0.0), function.number("order", 0.0)

@@ -117,8 +117,8 @@ class Cylinder:
 class PointPath:
     """Straight lines from origin to insertion, over points and round cylinders.
 
-    ``wraps`` are names of OpenSim's wrapping surfaces, without lengths here. At most 1 cylinder lies between
-    two points.
+    ``wraps`` are names of OpenSim's wrapping surfaces, without lengths here; of a path of an unsupported
+    class, without points, the class. At most 1 cylinder lies between two points.
     """
 
     points: Sequence[PathPoint]
@@ -132,7 +132,9 @@ class PointPath:
         return moving | {point.only_in[0] for point in self.points if point.only_in is not None}
 
     def coordinates(self, tree: KinematicTree) -> tuple[str, ...]:
-        """Return the free coordinates that affect the length."""
+        """Return the free coordinates that affect the length: all for an unsupported class."""
+        if not self.points:
+            return tree.free
         return tree.freed({*self.named, *tree.crossed([point.body for point in self.points])})
 
     def lengths(self, tree: KinematicTree, values: Values, *, counted_at: Values | None = None) -> Floats:

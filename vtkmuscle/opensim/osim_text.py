@@ -152,9 +152,7 @@ def enriched(model: Path, muscles: Sequence[MuscleOut], *, replace: Sequence[str
         problem = f"the model has a muscle {name!r} already"
         raise InputError(model, problem, "rename the new muscle, or replace the model's")
     paths = _component_paths(read.tree, read.joint_of)
-    parser = ElementTree.XMLParser(target=ElementTree.TreeBuilder(insert_comments=True))
-    text = decoded(model)  # parsed without its declaration: the encoding there may be wrong
-    root = ElementTree.fromstring(text.partition("?>")[2] if text.startswith("<?xml") else text, parser)
+    root = model_tree(model)
     forces = root.find("Model/ForceSet/objects")
     if forces is None:
         raise InputError(model, "the model has no ForceSet", "save it again with OpenSim 4")
@@ -167,6 +165,13 @@ def enriched(model: Path, muscles: Sequence[MuscleOut], *, replace: Sequence[str
         assert body is not None  # read_osim has read the body
         _objects_in(body).append(cylinder)
     return xml_text(root, indented=False)
+
+
+def model_tree(model: Path) -> Element:
+    """Return the outermost element of a model's file, with comments."""
+    parser = ElementTree.XMLParser(target=ElementTree.TreeBuilder(insert_comments=True))
+    text = decoded(model)  # parsed without its declaration: the encoding there may be wrong
+    return ElementTree.fromstring(text.partition("?>")[2] if text.startswith("<?xml") else text, parser)
 
 
 def _component_paths(tree: KinematicTree, joint_of: Mapping[str, str]) -> _Paths:
@@ -256,8 +261,11 @@ def _joint(joint: Joint, tree: KinematicTree, owners: Mapping[str, str], paths: 
 
 
 def _coordinate(coordinate: JointCoordinate) -> Element:
-    limits = [] if coordinate.range is None else [made("range", coordinate.range)]
-    return made("Coordinate", made("default_value", coordinate.rest), *limits, name=coordinate.name)
+    rest, limits = coordinate.rest, []
+    if coordinate.range is not None:
+        limits = [made("range", coordinate.range), made("clamped", "true")]
+        rest = float(np.clip(rest, *coordinate.range))
+    return made("Coordinate", made("default_value", rest), *limits, name=coordinate.name)
 
 
 def _transform_axes(joint: Joint) -> Iterator[Element]:

@@ -79,16 +79,10 @@ def plain(text: str) -> str:
 
 
 def properties_of(parameter: Parameter[Any], among: Iterable[Parameter[Any]] = ()) -> list[Property]:
-    """Return the properties of a parameter in order.
+    """Return the properties of a parameter in order: 2 of an optional number, 1 of others.
 
-    An optional number has 2 properties, other parameters 1.
-
-    A property is visible if effective; ``among`` are all parameters of the filter.
-
-    Raises
-    ------
-    TypeError
-        For a kind with neither a property in ParaView nor a file.
+    A property is visible if effective; ``among`` are all parameters of the filter. TypeError for a kind with
+    neither a property in ParaView nor a file.
     """
     properties = _properties_of(parameter)
     for shown in properties:
@@ -116,14 +110,14 @@ def informations_of(kind: type[Filter]) -> dict[str, Element]:
     elements: dict[str, Element] = {}
     for name, parameter in declared.items():
         if name in preset:
-            shown = f"{camel_case(name)}InEffect"
-            elements[name] = _information(shown, _VECTORS[parameter.kind])
+            elements[name] = _information(f"{name}_in_effect", _VECTORS[parameter.kind])
         if parameter.listed is not None:
-            elements[parameter.listed] = _information(camel_case(parameter.listed), "String")
+            elements[parameter.listed] = _information(parameter.listed, "String")
     return elements
 
 
-def _information(name: str, kind: str) -> Element:
+def _information(attribute: str, kind: str) -> Element:
+    name = camel_case(attribute)
     names = {"name": name, "label": spaced(name), "command": f"Get{name}", "information_only": "1"}
     return Element(f"{kind}VectorProperty", names)
 

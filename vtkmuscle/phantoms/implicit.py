@@ -24,11 +24,7 @@ REACH = 16.0
 
 @dataclass(frozen=True, eq=False)
 class Solid:
-    """A solid of an implicit field.
-
-    The field leads from points (n, 3) to values (n,) [mm] and gradients (n, 3). ``lower`` and ``upper`` (3,)
-    are the corners of a box that holds the solid [mm].
-    """
+    """A field from points (n, 3) to values (n,) and gradients (n, 3), and a box around its solid [mm]."""
 
     field: Callable[[Floats], tuple[Floats, Floats]]
     lower: Floats
@@ -79,9 +75,7 @@ class Solid:
 def smooth_minimum(
     first: tuple[Floats, Floats], second: tuple[Floats, Floats], blend: float
 ) -> tuple[Floats, Floats]:
-    """Return the rounded minimum of two fields.
-
-    The minimum is rounded where the fields differ by less than ``blend`` [mm].
+    """Return the minimum of two fields, rounded where they differ by less than ``blend`` [mm].
 
     min(a, b) - max(k - |a - b|, 0)^2 / 4k: the quadratic form of I. Quilez,
     https://iquilezles.org/articles/smin/, once differentiable.
@@ -142,10 +136,9 @@ def thick_sheet(knots: ArrayLike, half_thickness: ArrayLike, *, spacing: float =
 
 
 def spline_net(nodes: Floats, rows: ArrayLike, columns: ArrayLike) -> Floats:
-    """Return a net interpolated by cubic splines.
+    """Return a net (a, b, c) at parameters of rows (a,) and columns (b,), by cubic splines.
 
-    The net is (a, b, c); splines with few nodes have a lower degree. ``nodes`` (k, l, c) are the net's values
-    at evenly spaced parameters from 0 to 1, ``rows`` (a,) and ``columns`` (b,) the parameters of the result.
+    The nodes (k, l, c) lie at evenly spaced parameters from 0 to 1; few nodes have a lower degree.
     """
     for axis, parameters in ((0, rows), (1, columns)):
         count = nodes.shape[axis]

@@ -1,12 +1,10 @@
-"""Even triangle meshes of solids and boxes.
-
-Solids are implicit or solids of revolution.
-"""
+"""Even triangle meshes of implicit solids, solids of revolution and boxes."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.spatial import Delaunay
 
 from vtkmuscle.core.types import Floats, Ints
 from vtkmuscle.data.isosurface import evened, isosurface
@@ -14,11 +12,10 @@ from vtkmuscle.phantoms.implicit import Solid
 
 
 def mesh_of(solid: Solid, spacing: float, n_triangles: int) -> tuple[Floats, Ints]:
-    """Return the surface of a solid as even triangles.
+    """Return the surface of a solid as even triangles, closed, manifold, facing outward.
 
-    The surface has about ``n_triangles`` triangles, and is closed, manifold, facing outward. An isosurface on
-    a grid of a spacing [mm], nowhere larger than the solid is thick, is decimated, then relaxed along the
-    surface of the solid.
+    An isosurface on a grid of a spacing [mm], nowhere larger than the solid is thick, is decimated to about
+    ``n_triangles``, then relaxed along the surface of the solid.
     """
     values, origin = _sampled(solid, spacing)
 
@@ -50,11 +47,10 @@ def _grid(origin: Floats, shape: NDArray[np.int_], spacing: float) -> Floats:
 
 
 def solid_of_revolution(heights: ArrayLike, radii: ArrayLike, sides: int) -> tuple[Floats, Ints]:
-    """Return a stack of polygons about the z axis.
+    """Return a stack of regular polygons about the z axis, with flat ends, facing outward.
 
-    The regular polygons lie at ascending heights (k,), with circumscribed circles of radii (k,) [mm]. The
-    ends are flat, and triangles face outward. The polygons' number of sides is a multiple of 6: the ends are
-    hexagonal patterns of even triangles.
+    Polygons lie at ascending heights (k,), with circumscribed circles of radii (k,) [mm]. The number of sides
+    is a multiple of 6: the ends are hexagonal patterns of even triangles.
     """
     z, r = np.asarray(heights, dtype=np.float64), np.asarray(radii, dtype=np.float64)
     angles = 2.0 * np.pi * np.arange(sides) / sides
@@ -69,37 +65,26 @@ def solid_of_revolution(heights: ArrayLike, radii: ArrayLike, sides: int) -> tup
     other = np.stack([np.stack([a, b, d], -1), np.stack([b, c, d], -1)], axis=2)
     wall = np.where(falling, one, other).reshape(-1, 3)
     points, triangles = [rings.reshape(-1, 3)], [wall]
-    for ring, border, flip in ((0, number[0], True), (-1, number[-1], False)):
-        inner, faces = _hexagonal_disc(sides // 6)
-        at = np.column_stack([r[ring] * inner, np.full(len(inner), z[ring])])
-        ids = np.concatenate([sum(map(len, points)) + np.arange(len(at)), border])
-        points.append(at)
-        triangles.append(ids[faces[:, ::-1] if flip else faces])
+    disc, faces = _hexagonal_disc(sides // 6)
+    for ring, border, step in ((0, number[0], -1), (-1, number[-1], 1)):
+        inner = disc[:-sides]
+        ids = np.concatenate([sum(map(len, points)) + np.arange(len(inner)), border])
+        points.append(np.column_stack([r[ring] * inner, np.full(len(inner), z[ring])]))
+        triangles.append(ids[faces[:, ::step]])
     return np.vstack(points), np.vstack(triangles).astype(np.int64)
 
 
 def _hexagonal_disc(rings: int) -> tuple[Floats, Ints]:
-    """Return inner points and triangles of a unit disc; border ids come last."""
+    """Return points of a unit disc in rings of 6, 12, ..., and triangles; the border comes last."""
     points = [np.zeros((1, 2))]
-    first = [0, 1]
     for ring in range(1, rings + 1):
         angles = 2.0 * np.pi * np.arange(6 * ring) / (6 * ring)
         points.append(ring / rings * np.column_stack([np.cos(angles), np.sin(angles)]))
-        first.append(first[-1] + 6 * ring)
-    faces = []
-    for ring in range(1, rings + 1):
-        for sector in range(6):
-            for step in range(ring):
-                outer = sector * ring + step
-                inner = sector * (ring - 1) + step
-                a = first[ring] + outer
-                b = first[ring] + (outer + 1) % (6 * ring)
-                c = first[ring - 1] + inner % max(6 * (ring - 1), 1)
-                faces.append((a, b, c))
-                if step < ring - 1:
-                    d = first[ring - 1] + (inner + 1) % (6 * (ring - 1))
-                    faces.append((c, b, d))
-    return np.vstack(points[:-1]), np.array(faces, dtype=np.int64)
+    disc = np.vstack(points)
+    faces = Delaunay(disc).simplices  # counter-clockwise
+    x, y = disc[faces].mean(axis=1).T
+    outermost = np.linalg.norm(disc[faces], axis=2).max(axis=1).round(6)
+    return disc, faces[np.lexsort((np.arctan2(y, x) % (2.0 * np.pi), outermost))]
 
 
 def volume_of_revolution(heights: ArrayLike, radii: ArrayLike, sides: int) -> float:

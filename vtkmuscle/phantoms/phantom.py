@@ -1,7 +1,4 @@
-"""A phantom scene made by a rule, with known answers.
-
-The scene has bones, muscles, attachments and a motion.
-"""
+"""A scene made by a rule, with known answers: bones, muscles, attachments and a motion."""
 
 from __future__ import annotations
 
@@ -9,10 +6,9 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
-from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import multiblock_from, surface_from
@@ -96,19 +92,3 @@ def circle(radius: float, count: int = 12) -> Floats:
     """Return points (count, 3) on a circle about the z axis, at z = 0 [mm]."""
     turns = 2.0 * np.pi * np.arange(count) / count
     return np.column_stack([radius * np.cos(turns), radius * np.sin(turns), np.zeros(count)])
-
-
-def checked_poses(coordinates: ArrayLike, limits: Mapping[str, tuple[float, float]], phantom: str) -> Floats:
-    """Return the angles (k, c) of each frame; ValueError outside of their limits."""
-    poses = np.array(coordinates, dtype=np.float64)
-    where = f"{phantom}: coordinates"
-    if poses.ndim != 2 or poses.shape[1] != len(limits) or not len(poses):
-        raise InputError(where, f"of shape {poses.shape}", f"give a row per frame, of {' and '.join(limits)}")
-    for column, (name, (low, high)) in zip(poses.T, limits.items(), strict=True):
-        outside = column[~((column >= low) & (column <= high))]
-        if len(outside):
-            raise InputError(
-                where,
-                f"{name} is {outside[0]:g} degrees, but answers are known from {low:g} to {high:g} only",
-            )
-    return poses

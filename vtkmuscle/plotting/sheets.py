@@ -17,6 +17,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
+from vtkmuscle.io.writing import replacing
 from vtkmuscle.plotting.views import View
 
 DOTS_PER_INCH = 150
@@ -116,12 +117,13 @@ def blank_figure(width: float, height: float) -> Figure:
 
 
 def save_figure(figure: Figure, path: Path, form: str = "png", dpi: float = DOTS_PER_INCH) -> None:
-    """Write a figure as png, pdf or svg; text and lines stay vectors in pdf and svg."""
+    """Write a figure as png, pdf or svg, all or nothing; text and lines stay vectors in pdf and svg."""
     options: dict[str, Any] = {"pil_kwargs": {"compress_level": 1}}
     if form != "png":
         options = {"metadata": {{"pdf": "CreationDate", "svg": "Date"}[form]: None}}
-    with rc_context({"pdf.fonttype": 42, "svg.fonttype": "none"}):  # text stays text
-        figure.savefig(path, format=form, dpi=dpi, **options)
+    text_stays_text = {"pdf.fonttype": 42, "svg.fonttype": "none"}
+    with replacing(path) as partial, rc_context(text_stays_text):
+        figure.savefig(partial, format=form, dpi=dpi, **options)
 
 
 def curves(title: str, time_label: str, value_label: str) -> tuple[Figure, Axes]:

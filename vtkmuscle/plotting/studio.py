@@ -1,4 +1,4 @@
-"""Bones, muscles, fibres and fixed points as VTK actors, and an off-screen window for their pictures."""
+"""Bones, muscles, fibres and fixed points as VTK actors, and an off-screen window for pictures."""
 
 from __future__ import annotations
 
@@ -31,11 +31,11 @@ from vtkmodules.vtkRenderingCore import (
 from vtkmuscle.core.mesh.normals import vertex_normals
 from vtkmuscle.core.types import Floats, Ints
 from vtkmuscle.data.arrays import (
+    add_arrays,
     point_array,
     points_of,
     polylines_from,
     polylines_of,
-    set_cell_array,
     surface_from,
     triangles_of,
     vtk_points,
@@ -142,15 +142,13 @@ def position_colours(positions: Floats) -> NDArray[np.uint8]:
 
 
 def fibre_actor(fibres: vtkPolyData, width: float, colours: NDArray[np.uint8] | None = None) -> vtkActor:
-    """Return splines through fibre points, shaded as tubes.
-
-    ``width`` is in pixels.
+    """Return splines through fibre points, shaded as tubes of a width [pixels].
 
     ``colours`` are (n_fibres, 3). Rendering tubes of triangles takes a third longer.
     """
     lines = polylines_from(polylines_of(fibres, "plotting: fibres"))
     if colours is not None:
-        set_cell_array(lines, _COLOURS, colours)
+        add_arrays(lines, cells={_COLOURS: colours})
     # The end curvature equals the neighbouring point's, so that arcs stay round.
     cubic = vtkCardinalSpline(left_constraint=3, right_constraint=3, left_value=1.0, right_value=1.0)
     # Thick lines have gaps at bends; with this many pieces, gaps are invisible.
@@ -195,9 +193,9 @@ def _actor(data: vtkPolyData, colour: str, **look: Any) -> vtkActor:
     )
 
 
-#: Pixels that are rendered for one of a picture, along each side.
+#: Rendered pixels per pixel of a picture, along each side.
 FINER = 2
-#: The five lights of vtkLightKit: where each comes from, (right, up, towards the eye), and its colour.
+#: The five lights of vtkLightKit: direction (right, up, towards the eye), and colour.
 _LIGHTS = (
     ((0.0, 0.0, 1.0), (0.25, 0.25, 0.25)),
     ((0.111619, 0.766044, 0.633022), (0.75, 0.72924, 0.676665)),
@@ -205,7 +203,7 @@ _LIGHTS = (
     ((0.939693, 0.0, -0.34202), (0.214286, 0.214286, 0.214286)),
     ((-0.939693, 0.0, -0.34202), (0.214286, 0.214286, 0.214286)),
 )
-#: Diffuse lighting of a fragment by them, at half the cost of VTK's own shader where OpenGL is in software.
+#: Diffuse lighting of a fragment, at half the cost of VTK's own shader with OpenGL in software.
 _LIT = "vec3 lit = vec3(0.0);"
 for _towards, _colour in _LIGHTS:
     _LIT += f"lit += max(dot(normalVCVSOutput, vec3{_towards}), 0.0) * vec3{_colour};"
@@ -213,21 +211,19 @@ _LIT += "gl_FragData[0] = vec4(ambientColor + lit * diffuseColor, opacity);"
 
 
 class Studio:
-    """A window off the screen in which pictures are taken one after the other, bones made for it once.
-
-    It belongs to the thread that has made it; use it as a context, or close it.
+    """An off-screen window for pictures, a context manager in a single thread.
 
     Parameters
     ----------
     detail : float, optional
-        Pixels of a picture for one of its view, along each side.
+        Pixels of a picture per pixel of its view, along each side.
 
     Attributes
     ----------
     finer : float
-        Pixels that are rendered for one of a view, along each side.
+        Rendered pixels per pixel of a view, along each side.
     pictures, triangles : int
-        How many pictures were taken, and how many triangles were drawn for them.
+        Numbers of pictures, and of triangles drawn.
     """
 
     def __init__(self, detail: float = 1.0) -> None:
@@ -238,7 +234,7 @@ class Studio:
         self._window.SetMultiSamples(0)  # in software they cost more than finer pixels
         self._window.AddRenderer(self._renderer)
         self._renderer.SetBackground(1.0, 1.0, 1.0)
-        # Muscles hide no back faces and are all of one colour: their order makes no difference that is seen.
+        # Muscles of one colour without back faces look the same in any order.
         self._renderer.SetUseOIT(False)
         self._bones: dict[DrawnBone, vtkActor] = {}
         self.pictures = self.triangles = 0
@@ -250,7 +246,7 @@ class Studio:
         self.close()
 
     def close(self) -> None:
-        """Give back what the window holds."""
+        """Release the window."""
         self._window.Finalize()
 
     def picture(
@@ -261,20 +257,8 @@ class Studio:
         bones: DrawnBones | None = None,
         transforms: Mapping[str, Floats] | None = None,
     ) -> NDArray[np.uint8]:
-        """Return a picture (height, width, 3) of some actors and bones on white, in the studio's detail.
-
-        Parameters
-        ----------
-        actors : sequence of vtkActor
-            See :mod:`vtkmuscle.plotting.studio`.
-        view : View
-            From where; it has the size of the picture.
-        bones : DrawnBones, optional
-            Drawn as well.
-        transforms : mapping of str to (4, 4) array, optional
-            From rest to where they are, of bones that have moved.
-        """
-        # What is in front comes first: pixels that are hidden need not be lit.
+        """Return a picture (height, width, 3) of actors and of bones, moved from rest, on white."""
+        # Actors in front come first: hidden pixels need no light.
         shown = [*actors, *self._moved(bones, transforms or {})]
         for actor in shown:
             self._renderer.AddActor(actor)
@@ -306,7 +290,7 @@ class Studio:
 
 
 def matrix_of(transform: Floats | None) -> vtkMatrix4x4:
-    """Return a (4, 4) transform as VTK has it, the identity for None."""
+    """Return a (4, 4) transform for VTK, the identity for None."""
     matrix = vtkMatrix4x4()
     if transform is not None:
         matrix.DeepCopy(np.asarray(transform).ravel().tolist())
@@ -314,7 +298,7 @@ def matrix_of(transform: Floats | None) -> vtkMatrix4x4:
 
 
 def look_from(camera: vtkCamera, view: View) -> None:
-    """Let a camera look as a view says, in parallel projection."""
+    """Set a camera to a view, in parallel projection."""
     camera.SetParallelProjection(True)
     camera.SetFocalPoint(*view.focus)
     camera.SetPosition(*(view.focus + 10.0 * view.half_height * view.direction))
@@ -324,7 +308,7 @@ def look_from(camera: vtkCamera, view: View) -> None:
 
 @contextmanager
 def x_server_warning_off() -> Iterator[None]:
-    """Keep quiet VTK's warning that there is no X server, which a picture off-screen does not need."""
+    """Omit VTK's warning of a missing X server, which off-screen pictures do not need."""
     before = vtkLogger.GetCurrentVerbosityCutoff()
     vtkLogger.SetStderrVerbosity(vtkLogger.VERBOSITY_ERROR)
     try:

@@ -11,13 +11,13 @@ from typing import Any
 import numpy as np
 from scipy.spatial import cKDTree
 from vtkmodules.vtkCommonDataModel import vtkPolyData
-from vtkmodules.vtkFiltersCore import vtkQuadricDecimation
 
 from vtkmuscle.core.moment_arms.of_joints import JointArms
 from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.core.types import Floats, Ints
 from vtkmuscle.data.arrays import points_of, polylines_of, triangles_of
 from vtkmuscle.data.drawn_bones import DrawnBones
+from vtkmuscle.data.isosurface import decimated
 from vtkmuscle.io.literature import LiteratureCurve
 from vtkmuscle.plotting.views import PALETTE, clearest_view, merged
 from vtkmuscle.scene.data import MILLIMETRES
@@ -130,9 +130,7 @@ LEAST, MOST = 600, 12_000
 
 
 def scene_of(run: RunContent, pack: Pack) -> dict[str, Any]:
-    """Return the scene of a page, ready for JSON.
-
-    Arrays are added to the pack.
+    """Return the scene of a page, ready for JSON, and add its arrays to the pack.
 
     The scene has bone surfaces at rest and their transforms; muscle points at rest and per frame; and points,
     length, strain and depth in bone of fibres per frame.
@@ -197,7 +195,7 @@ def _muscle(
     chosen = np.arange(len(points))
     target = min(max(target, LEAST), MOST)
     if len(triangles) > target:
-        chosen, triangles = _decimated(rest, points, target)
+        chosen, triangles = _thinned(points, triangles, target)
     moved = [points[chosen], *(points_of(muscle.surfaces[i])[chosen] for i in done)]
     return {
         "points": pack.add_moving(np.array(moved)),
@@ -206,16 +204,11 @@ def _muscle(
     }
 
 
-def _decimated(surface: vtkPolyData, points: Floats, target: int) -> tuple[Ints, Ints]:
+def _thinned(points: Floats, triangles: Ints, target: int) -> tuple[Ints, Ints]:
     """Return kept points of a surface, and their triangles."""
-    decimation = vtkQuadricDecimation()
-    decimation.SetInputData(surface)
-    decimation.SetTargetReduction(1.0 - target / surface.GetNumberOfCells())
-    decimation.Update()
-    coarse = decimation.GetOutput()
-    _, nearest = cKDTree(points).query(points_of(coarse))
-    chosen, index = np.unique(nearest, return_inverse=True)
-    triangles = index.reshape(-1)[triangles_of(coarse, "muscle")]
+    coarse, coarse_triangles = decimated(points, triangles, target)
+    chosen, index = np.unique(cKDTree(points).query(coarse)[1], return_inverse=True)
+    triangles = index[coarse_triangles]
     a, b, c = triangles.T
     return chosen, triangles[(a != b) & (b != c) & (c != a)]
 

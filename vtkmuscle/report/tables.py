@@ -72,10 +72,7 @@ def errors_of(report: Mapping[str, Any]) -> list[Section]:
         "over the fibres / sqrt(number of fibres). Root mean squares over the frames."
     )
     checks = {name: muscle.get("verdict", {}).get("not_checked", {}) for name, muscle in muscles.items()}
-    sheets = (
-        Section("Errors of mean lengths", note, rows),
-        _reasons("Not checked", "check", checks),
-    )
+    sheets = (Section("Errors of mean lengths", note, rows), _reasons("Not checked", "check", checks))
     return [sheet for sheet in sheets if len(sheet.rows) > 1]
 
 

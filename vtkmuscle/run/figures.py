@@ -156,10 +156,7 @@ def _title(name: str) -> str:
 
 
 def _chosen_frames(result: Result, name: str) -> list[int]:
-    """Return the first, worst and last finished frame.
-
-    Frames of a muscle; the middle frame stands in for a missing worst frame.
-    """
+    """Return the first, the worst or else the middle, and the last finished frame of a muscle."""
     frames = result.frames[: result.finished(name)]
     reasons = result.report["muscles"][name].get("verdict", {}).get("reasons", ())
     worst = [reason["frame"] for reason in reasons[:1] if reason["frame"] in frames]
@@ -167,10 +164,7 @@ def _chosen_frames(result: Result, name: str) -> list[int]:
 
 
 def _at(result: Result, frame: int) -> str:
-    """Return the rounded time of a frame as a label.
-
-    Rounded to a hundredth of the span of times: ``time 3``, or ``hip flexion 30 deg``.
-    """
+    """Return the time of a frame to a hundredth of the span: ``time 3``, or ``hip flexion 30 deg``."""
     times = result.motion.times
     span = float(np.ptp(times)) or 1.0
     name, _, unit = result.time_label.partition(" [")

@@ -81,12 +81,12 @@ class RunOptions:
             raise InputError("", f"workers is {self.workers}, but must be an integer >= 1")
 
 
-def run_options(given: Mapping[str, Any]) -> RunOptions:
-    """Return options by name; an unknown name raises a TypeError."""
+def run_options(given: Mapping[str, Any], settings: Iterable[str] = ()) -> RunOptions:
+    """Return options by name; an unknown name raises a TypeError, which names ``settings`` too."""
     names = [field.name for field in fields(RunOptions)]
     for name in given:
         if name not in names:
-            raise TypeError(f"a run has no option {name!r}; {suggestion(name, names)}")
+            raise TypeError(f"a run has no option {name!r}; {suggestion(name, [*names, *settings])}")
     return RunOptions(**given)
 
 
@@ -234,7 +234,7 @@ class MuscleTrack:
     @property
     def numbers(self) -> Sequence[FibreNumbers]:
         """The fibre numbers per frame. A run takes the numbers before writing the frame to a file."""
-        if len(self._numbers) != len(self.fibres):
+        if len(self._numbers) < len(self.fibres):
             self._numbers = [FibreNumbers.of(fibres) for fibres in self.fibres]
         return self._numbers
 
@@ -267,5 +267,5 @@ class MuscleTrack:
         if paths is not None:
             k, n, _ = paths.points.shape
             offsets = n * np.arange(k + 1)
-            self.lengths.append(numbers.columns[PATH_LENGTH] * millimetres)
+            self.lengths.append(paths.lengths * millimetres)
             self.length_errors.append(segment_errors(paths.points.reshape(-1, 3), offsets) * millimetres)

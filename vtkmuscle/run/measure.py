@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.bones.bone import Bone, depth_in
+from vtkmuscle.core.mesh.polylines import sharp_turns
 from vtkmuscle.core.mesh.rest_shape import beside_slivers, dihedral_angles
 from vtkmuscle.core.mesh.solids import points_inside
 from vtkmuscle.core.mesh.surface import (
@@ -20,9 +21,10 @@ from vtkmuscle.core.mesh.surface import (
     unique_edges,
 )
 from vtkmuscle.core.mesh.triangle_tree import TriangleTree, tree_of_deformed
-from vtkmuscle.core.motion.rigid import apply_transform
+from vtkmuscle.core.motion.rigid import apply_transform, inverse
 from vtkmuscle.core.types import Floats, Ints
 from vtkmuscle.data.arrays import checked_surface, point_array, points_of, triangles_of
+from vtkmuscle.data.attachments import AttachmentArea
 from vtkmuscle.data.muscle_geometry import outward_tree
 from vtkmuscle.run.verdict import BEYOND, LONGEST, SHORTEST
 
@@ -60,8 +62,8 @@ class MuscleMeasure:
 
     @property
     def size(self) -> float:
-        """Diagonal of the muscle's box at rest [mm]."""
-        return float(np.linalg.norm(np.ptp(self._rest, axis=0))) * self._millimetres
+        """Cube root of the muscle's volume at rest [mm]."""
+        return float(np.cbrt(abs(self._volume))) * self._millimetres
 
     def at_rest(self) -> dict[str, Any]:
         """Return the numbers of the muscle at rest."""
@@ -95,10 +97,7 @@ class MuscleMeasure:
         }
 
     def overlap(self, points: Floats, others: Iterable[vtkPolyData]) -> dict[str, Any]:
-        """Return the depth of points (n, 3) inside other muscles.
-
-        The numbers have the names of the report.
-        """
+        """Return the depth of points (n, 3) inside other muscles, by the names of the report."""
         depths = np.zeros(len(points))
         for other in others:
             tree = outward_tree(*checked_surface(other, "muscle"))
@@ -142,19 +141,34 @@ class MuscleMeasure:
             "fibres_penetration_new_max_mm": None if grown is None else grown * self._millimetres,
         }
 
-    def take_fibres_at_rest(self, fibre_points: Floats, offsets: Ints) -> None:
-        """Take the depths of fibres in bones at rest.
+    def hooked_paths(
+        self, paths: Floats, rings: Sequence[AttachmentArea], now: Mapping[str, Floats]
+    ) -> float:
+        """Return the share of paths (k, n, 3) that turn sharply where no bone or via ring presses.
 
-        ``fibre_points`` (p, 3) with the offsets (k + 1,) of the fibres.
+        A single path counts as none: a mean over few fibres hardly shows it.
         """
+        path, positions, reach = sharp_turns(paths)
+        for name, bone in self._shapes.items():
+            here = apply_transform(inverse(now.get(name, np.eye(4))), positions)
+            away = np.abs(bone.solids.distances(here)) > reach
+            path, positions, reach = path[away], positions[away], reach[away]
+        for ring in rings:
+            landmarks = apply_transform(now.get(ring.bone, np.eye(4)), ring.landmarks)
+            centre = landmarks.mean(axis=0)
+            size = float(np.linalg.norm(landmarks - centre, axis=1).max())
+            away = np.linalg.norm(positions - centre, axis=1) > size + reach
+            path, positions, reach = path[away], positions[away], reach[away]
+        hooked = len(np.unique(path))
+        return hooked / len(paths) if hooked > 1 else 0.0
+
+    def take_fibres_at_rest(self, fibre_points: Floats, offsets: Ints) -> None:
+        """Take the depths at rest in bones of fibres with points (p, 3) and offsets (k + 1,)."""
         depths = self.depths(fibre_points, {bone: np.eye(4) for bone in self._bones})
         self._fibre_rest_depths = None if depths is None else np.maximum.reduceat(depths, offsets[:-1])
 
     def _penetration(self, points: Floats, now: Mapping[str, Floats], *, new: bool = True) -> dict[str, Any]:
-        """Return the depths of free points in the bones.
-
-        With ``new`` also the increase in depth since rest.
-        """
+        """Return the depths of free points in the bones, with ``new`` also the increase since rest."""
         free = self._fixed_to < 0
         depths = self.depths(points[free], now) if free.any() else None
         names = ("penetration_max_mm", "penetration_p95_mm", "penetrating_points")

@@ -17,16 +17,17 @@ from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.mesh.polylines import polyline_lengths
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import (
+    add_arrays,
     cell_array,
     field_array,
     point_array,
     points_of,
     polylines_of,
-    set_cell_array,
     shallow_copy,
     with_points,
 )
-from vtkmuscle.data.paths import PATH_STEPS, SAG, SQUEEZED, UNSETTLED
+from vtkmuscle.data.attachments import VIA
+from vtkmuscle.data.paths import PATH_STEPS, SAG, SQUEEZED, UNSETTLED, paths_of
 from vtkmuscle.filters.base.algorithm import AbortedError
 from vtkmuscle.filters.base.filter import Filter
 from vtkmuscle.filters.base.running import upstream
@@ -132,11 +133,13 @@ class MuscleRun:
         with self._timed("measuring"):
             lines = polylines_of(fibres, "fibres")
             measure.take_fibres_at_rest(lines.points, lines.offsets)
-            hill, sheets = scene.muscles[self.name].hill, scene.aponeuroses_data(self.name)
-            areas = scene.attachments_data(self.name)
+            own, sheets = scene.muscles[self.name], scene.aponeuroses_data(self.name)
+            areas, known_as = scene.attachments_data(self.name), own.muscle or self.name
             track.report |= {
                 "fibres": fibres_at_rest(fibres, rest, scene.millimetres),
-                "architecture": architecture_of(fibres, rest, areas, scene.millimetres, hill, sheets),
+                "architecture": architecture_of(
+                    fibres, rest, areas, scene.millimetres, own.hill, sheets, known_as
+                ),
                 "fibre_measures": [],
             }
 
@@ -163,6 +166,10 @@ class MuscleRun:
                 fibres = shallow_copy(pipeline.metrics.update(time=now).output)
         with self._timed("measuring"):
             depths = None if fibres is None else _add_penetration(fibres, measure, transforms)
+            paths = None if fibres is None else paths_of(fibres, "fibres")
+            if paths is not None:
+                rings = [area for area in self.scene.muscles[self.name].attachments if area.role == VIA]
+                row["hooked_paths"] = measure.hooked_paths(paths.points, rings, transforms)
             if deformed is None:
                 self._keep(row | _settling(pipeline) | {"ms": 1000.0 * carried()}, None, fibres)
                 return
@@ -211,7 +218,8 @@ class MuscleRun:
         if track.fibre_lengths and track.rest_fibres is not None and motion is not None:
             rest = polylines_of(track.rest_fibres, "fibres")
             rest_lengths = polyline_lengths(rest.points, rest.offsets) * self.scene.millimetres
-            history = FibreHistory(np.array(track.fibre_lengths), rest_lengths, track.report["fibres"])
+            paths = np.array(track.lengths) if track.lengths else None
+            history = FibreHistory(np.array(track.fibre_lengths), rest_lengths, track.report["fibres"], paths)
         track.report["verdict"] = judge(
             rows, history, motion=motion, n_edges=measure.n_edges, size=measure.size, failure=track.failure
         )
@@ -288,10 +296,7 @@ def muscle_pipeline(
 
 
 def _settling(pipeline: MusclePipeline) -> dict[str, int]:
-    """Return whether the paths failed to settle, and their steps.
-
-    Of the last frame; empty without paths.
-    """
+    """Return whether the paths of the last frame failed to settle, and their steps; empty without paths."""
     if pipeline.taut_paths is None:
         return {}
     output = pipeline.taut_paths.GetOutputDataObject(0)
@@ -318,12 +323,9 @@ def _warn_if_none_is_free(name: str, muscle: vtkPolyData) -> None:
 def _add_penetration(
     fibres: vtkPolyData, measure: MuscleMeasure, transforms: Mapping[str, Any]
 ) -> Floats | None:
-    """Add the depth of each fibre's deepest point in a bone, the cell array ``Penetration``.
-
-    Returns the depth of every point, None without a bone with an inside.
-    """
+    """Add the depth of each fibre in bones as ``Penetration``; return the depths of points, or None."""
     lines = polylines_of(fibres, "fibres")
     depths = measure.depths(lines.points, transforms)
     if depths is not None:
-        set_cell_array(fibres, "Penetration", np.maximum.reduceat(depths, lines.offsets[:-1]))
+        add_arrays(fibres, cells={"Penetration": np.maximum.reduceat(depths, lines.offsets[:-1])})
     return depths

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import nullcontext
 from dataclasses import fields, replace
 from os import PathLike
 from pathlib import Path
@@ -11,14 +12,14 @@ import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.core.fibres.measures import segment_errors
 from vtkmuscle.core.mesh.shared import keep_shared
 from vtkmuscle.core.moment_arms.of_joints import JointArms, joint_arms
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import shallow_copy
-from vtkmuscle.data.paths import levers_over_time, path_lines_of, paths_of
+from vtkmuscle.data.paths import path_lines_of
 from vtkmuscle.io.temporal import Series
-from vtkmuscle.run.frames import FrameChoice, frame_numbers
+from vtkmuscle.io.writing import Outputs
+from vtkmuscle.run.frames import FrameChoice, MuscleTrack, frame_numbers
 from vtkmuscle.run.muscles import muscle_pipeline
 from vtkmuscle.run.table import MomentArmTable, Table, length_table
 from vtkmuscle.scene.data import SceneData
@@ -82,24 +83,25 @@ def run_only(
         raise InputError("deformer", "it is 'none', so there are no surfaces", "use 'paths' or 'pbd'")
     folder = None if out is None else Path(out)
     names = [f"{name}.pvd" for name in scene.muscles] if what == "surfaces" else [f"{what}.csv"]
-    for file in () if folder is None or overwrite else map(folder.joinpath, names):
-        if file.exists():
-            raise InputError(file, "the file exists", "give another folder with --out, or --overwrite")
+    outputs = None if folder is None else Outputs(folder, inputs=scene.files, overwrite=overwrite)
+    if outputs is not None:
+        for name in names:
+            outputs.check(outputs.folder / name)
     numbers = frame_numbers(frames, len(scene.motion.times))
     tell = progress or (lambda _muscle, _stage, _part: None)
-    with keep_shared():
+    with keep_shared(), outputs or nullcontext():
         if what == "surfaces":
             return {name: _surfaces(scene, name, numbers, folder, tell) for name in scene.muscles}
         table = _tables(scene, what, numbers, tell)
-    if folder is not None:
-        table.to_csv(folder / f"{what}.csv", digits=None if what == "lengths" else 10)
+        if folder is not None:
+            table.to_csv(folder / f"{what}.csv", digits=None if what == "lengths" else 10)
     return table
 
 
 def _surfaces(
     scene: SceneData, name: str, numbers: range, folder: Path | None, tell: Callable[[str, str, float], None]
 ) -> list[vtkPolyData]:
-    """Return the surfaces of a muscle, each written as soon as it is computed."""
+    """Return the surfaces of a muscle, each also written."""
     deformer = muscle_pipeline(scene, name).deformer
     assert deformer is not None  # the scene has one
     series = None if folder is None else Series(folder, name)
@@ -132,23 +134,17 @@ def _tables(scene: SceneData, what: str, numbers: range, tell: Callable[[str, st
         taut = muscle_pipeline(paths_alone, name).taut_paths
         assert taut is not None
         taut.levers = what == "moment_arms"
-        rows, row_errors, levers = [], [], []
+        track = MuscleTrack()
         for done, time in enumerate(times):
             tell(name, "pulling paths", done / len(times))
             lines = path_lines_of(taut.update(time=time).output, name)
             if lines is None:
                 raise InputError(f"muscles.{name}", "the muscle has no paths", "add fibres")
-            found = paths_of(lines.data, name)
-            assert found is not None
-            offsets = lines.points.shape[1] * np.arange(len(lines.points) + 1)
-            rows.append(found.lengths * scene.millimetres)
-            row_errors.append(segment_errors(lines.points.reshape(-1, 3), offsets) * scene.millimetres)
-            levers.append(found.levers)
-        lengths[name], errors[name] = np.array(rows), np.array(row_errors)
+            track.add_lengths(lines.data, scene.millimetres)
+        lengths[name], errors[name] = np.array(track.lengths), np.array(track.length_errors)
         if what == "moment_arms":
-            over_time = levers_over_time(levers)
             arms[name], without = joint_arms(
-                lengths[name], over_time, motion, crossed=muscle.crosses, millimetres=scene.millimetres
+                lengths[name], track.levers(), motion, crossed=muscle.crosses, millimetres=scene.millimetres
             )
             refused |= without
         tell(name, "done", 1.0)

@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from html import escape
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self, TypeVar
 
+import numpy as np
+
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.moment_arms.of_joints import JointArms
 from vtkmuscle.core.types import Floats
-from vtkmuscle.core.words import suggestion
+from vtkmuscle.core.words import Remedies, suggestion
+from vtkmuscle.plotting.drawing import html_picture
 from vtkmuscle.run.result_data import ResultData
 from vtkmuscle.run.store import ResultFolder
+from vtkmuscle.run.table import html_table
 from vtkmuscle.run.verdict import CHECKS, VERDICTS
 
 if TYPE_CHECKING:
@@ -96,6 +101,10 @@ class Result(ResultData):
         """
         return cls(**ResultFolder(Path(folder)).result())
 
+    def keys(self) -> list[str]:
+        """Return the names of the muscles, over which a result iterates."""
+        return list(self.muscle_names)
+
     def __getitem__(self, name: str) -> MuscleResult:
         """Return one muscle of the result: ``result["iliacus"].fibre_lengths``."""
         return MuscleResult(self, name)
@@ -103,7 +112,7 @@ class Result(ResultData):
     @property
     def muscles(self) -> dict[str, MuscleResult]:
         """The muscles of the result by name."""
-        return {name: self[name] for name in self.muscle_names}
+        return dict(self.items())
 
     def __repr__(self) -> str:
         verdicts = list(self.verdicts.values())
@@ -112,6 +121,11 @@ class Result(ResultData):
             counts = ", ".join(f"{verdicts.count(one)} {one}" for one in VERDICTS if one in verdicts)
             muscles = f"{len(verdicts)} muscles ({counts})"
         return f"Result({self.name!r}: {len(self.times)} frames of {muscles})"
+
+    def _repr_html_(self) -> str:
+        rows = [(name, muscle.verdict, "; ".join(muscle.reasons)) for name, muscle in self.items()]
+        picture = html_picture(lambda: self.plot(frame=self.frames[-1], show=False, off_screen=True))
+        return f"<p>{escape(repr(self))}</p>" + html_table(("muscle", "verdict", "reasons"), rows) + picture
 
     def plot(
         self,
@@ -242,7 +256,7 @@ class Result(ResultData):
 One = TypeVar("One")
 
 
-class MuscleResult:
+class MuscleResult(Remedies):
     """One muscle of a result, as ``result["iliacus"]`` gives it; ValueError if there is no such muscle.
 
     Attributes
@@ -251,6 +265,10 @@ class MuscleResult:
         Its name, and ``"ok"``, ``"look"`` or ``"failed"``.
     reasons : tuple of str
         Why it is not ok.
+    volume : float
+        Of the surface at rest [mm^3].
+    length : (frames,) array
+        Mean of the paths' lengths [mm].
     lengths, fibre_lengths : (frames, fibres) array
         Of its paths and of its fibres [mm].
     moment_arms : mapping of str to JointArms
@@ -273,6 +291,16 @@ class MuscleResult:
         self._result, self.name = result, name
         self.verdict = result.verdicts[name]
         self.reasons = tuple(one["says"] for one in result.report["muscles"][name]["verdict"]["reasons"])
+
+    @property
+    def volume(self) -> float:
+        """Of the surface at rest [mm^3]."""
+        return float(self._result.report["muscles"][self.name]["volume_mm3"])
+
+    @property
+    def length(self) -> Floats:
+        """Mean of the paths' lengths [mm]."""
+        return np.asarray(self.lengths.mean(axis=1))
 
     @property
     def lengths(self) -> Floats:
@@ -302,6 +330,10 @@ class MuscleResult:
     def fibres(self, *, frame: int | None = None, time: float | None = None) -> Any:
         """Return its fibres in a kept frame, as ``result.fibres(name, frame=...)``."""
         return self._result.fibres(self.name, frame=frame, time=time)
+
+    def plot(self, **options: Any) -> Any:
+        """Show the muscle with the bones, with the options of :meth:`Result.plot`."""
+        return self._result.plot(muscles=self.name, **options)
 
     def __repr__(self) -> str:
         known = self._result.fibre_lengths.get(self.name)

@@ -16,7 +16,7 @@ from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.moment_arms.of_joints import JointArms, joint_arms
 from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.core.types import Floats
-from vtkmuscle.core.words import suggestion
+from vtkmuscle.core.words import ByName, suggestion
 from vtkmuscle.data.arrays import points_of, with_points
 from vtkmuscle.data.drawn_bones import DrawnBones
 from vtkmuscle.data.paths import Paths, paths_of
@@ -28,7 +28,7 @@ from vtkmuscle.run.table import MomentArmTable, Table, length_table
 from vtkmuscle.scene.data import MILLIMETRES
 
 
-class ResultData:
+class ResultData(ByName):
     """The frames and tables of a run; see :class:`vtkmuscle.Result` for its parameters."""
 
     def __init__(
@@ -52,11 +52,6 @@ class ResultData:
         self.frames: Sequence[int] = list(report["frames"])
         self.times: Sequence[float] = [float(motion.times[frame]) for frame in self.frames]
         self.muscle_names: Sequence[str] = list(tracks)
-        self.verdicts: Mapping[str, str] = {
-            name: one["verdict"]["verdict"]
-            for name in tracks
-            if "verdict" in (one := report["muscles"][name])
-        }
         self._known_arms: dict[tuple[str, ...], Any] = {}
         self._tracks = tracks
         self._wrap = _wrapped
@@ -70,6 +65,12 @@ class ResultData:
         other = copy(self)
         other._wrap = lambda data: data
         return other
+
+    @property
+    def verdicts(self) -> Mapping[str, str]:
+        """The verdict on each muscle."""
+        muscles = {name: self.report["muscles"][name] for name in self.muscle_names}
+        return {name: one["verdict"]["verdict"] for name, one in muscles.items() if "verdict" in one}
 
     @cached_property
     def lengths(self) -> Mapping[str, Floats]:
@@ -98,7 +99,8 @@ class ResultData:
         name : str
             Name of the muscle.
         frame, time : int, float, optional
-            One of ``frames``, the number in the motion, or one of ``times``.
+            One of ``frames``, the number in the motion, or counted from the last as -1; or a time, of the
+            nearest kept frame within half of the distance to the next.
 
         Returns
         -------
@@ -171,13 +173,17 @@ class ResultData:
         if (frame is None) == (time is None):
             raise InputError("", "give either the number of a frame (frame=10) or the time (time=20.0)")
         if frame is not None:
+            if -len(self.frames) <= frame < 0:
+                return len(self.frames) + frame
             if frame not in self.frames:
                 raise InputError("", f"frame {frame} was not kept", f"there are {_listed(self.frames)}")
             return self.frames.index(frame)
-        near = np.flatnonzero(np.isclose(self.times, float(time), rtol=1e-9, atol=1e-9))  # type: ignore[arg-type]
-        if not len(near):
+        away = np.abs(np.array(self.times) - float(time))  # type: ignore[arg-type]
+        nearest = int(np.argmin(away))
+        steps = np.abs(np.diff(self.times))[max(nearest - 1, 0) : nearest + 1]
+        if not away[nearest] <= max(0.5 * steps.max(initial=0.0), 1e-9 * abs(self.times[nearest])):
             raise InputError("", f"no frame of time {time:g} was kept", f"there are {_listed(self.times)}")
-        return int(near[0])
+        return nearest
 
     def _check_finished(self, name: str, i: int) -> None:
         if i >= self.finished(name):
@@ -205,7 +211,8 @@ class ResultData:
             coordinates change together only, and their joints are not known.
         """
         if not self.lengths:
-            raise InputError("", "no muscle of the run has fibres, so no moment arms", "give it fibres")
+            remedy = "give the muscles fibres; with deformer 'pbd' set paths too"
+            raise InputError("", "no muscle of the run has paths, so no moment arms", remedy)
         if coordinates not in self._known_arms:
             self._known_arms[coordinates] = self._joint_arms(coordinates)
         arms, refused = self._known_arms[coordinates]
@@ -292,6 +299,55 @@ class ResultData:
     def to_frame(self) -> Any:
         """Return ``length_table()`` as a pandas DataFrame, or raise an ImportError without pandas."""
         return self.length_table().to_frame()
+
+    def to_xarray(self) -> Any:
+        """Return lengths and moment arms as an xarray Dataset.
+
+        ``length_mm`` and ``fibre_length_mm`` are over (muscle, fibre, frame), ``moment_arm_mm`` over
+        (muscle, coordinate, fibre, frame), NaN where a muscle has no value; ``time`` is over frame. Raises an
+        ImportError without xarray.
+
+        Examples
+        --------
+        >>> from vtkmuscle import Scene, phantoms
+        >>> scene = Scene.from_phantom(phantoms.spindle_over_hinge(), n_fibres=8)
+        >>> data = scene.run(frames="0:3").to_xarray()  # doctest: +SKIP
+        >>> data["moment_arm_mm"].sel(muscle="spindle").mean("fibre").plot()  # doctest: +SKIP
+        """
+        try:
+            import xarray  # noqa: PLC0415 -- an extra
+        except ImportError as error:
+            raise ImportError("a Dataset needs xarray: python -m pip install xarray") from error
+        arms = self.moment_arms() if self.has_moment_arms else {}
+        table = Table.stacked(
+            ("muscle", "coordinate", "fibre", "frame", "moment_arm_mm"),
+            (
+                {
+                    "muscle": muscle,
+                    "coordinate": name,
+                    "fibre": np.arange(each.arms.shape[1]),
+                    "frame": np.array(self.frames)[each.frames, None],
+                    "moment_arm_mm": each.arms,
+                }
+                for muscle, of_muscle in arms.items()
+                for name, each in of_muscle.items()
+            ),
+        )
+        variables = {
+            name: lengths.to_frame().set_index(["muscle", "fibre", "frame"])["length_mm"].to_xarray()
+            for name, lengths in (
+                ("length_mm", self.length_table()),
+                ("fibre_length_mm", self.fibre_length_table()),
+            )
+        }
+        if arms:
+            variables["moment_arm_mm"] = (
+                table.to_frame().set_index(list(table)[:-1])["moment_arm_mm"].to_xarray()
+            )
+        data = xarray.Dataset(variables)
+        return data.assign_coords(
+            time=("frame", [self.times[self.frames.index(k)] for k in data["frame"].values])
+        )
 
     def with_literature(self, path: str | PathLike[str]) -> Self:
         """Return the same result with published moment arms, which figures and the page then show.

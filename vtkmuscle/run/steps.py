@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import ExitStack, contextmanager, suppress
@@ -19,11 +19,13 @@ from vtkmuscle.io.writing import file_digest
 from vtkmuscle.run.figures import draw_run
 from vtkmuscle.run.frames import MuscleTrack, RunOptions, frame_numbers
 from vtkmuscle.run.muscles import MuscleRun, SceneRun
+from vtkmuscle.run.plausible import Judged, further_reasons
 from vtkmuscle.run.pool import ENDED, Pool, pool_size, track_in
 from vtkmuscle.run.report_values import DEFINITIONS, versions
 from vtkmuscle.run.result import Result
-from vtkmuscle.run.store import PAGE
+from vtkmuscle.run.store import FORMAT, PAGE
 from vtkmuscle.run.store.writing import ResultWriter, claimed, remove_results, scene_file
+from vtkmuscle.run.verdict import with_reasons
 from vtkmuscle.scene.data import Anatomy, SceneData
 from vtkmuscle.scene.faults import SceneError
 from vtkmuscle.scene.sense import check_sense
@@ -36,10 +38,7 @@ Tracks = dict[str, MuscleTrack]
 
 @keep_shared()
 def run_scene(scene: SceneData, out: Path | None, options: RunOptions) -> Result:
-    """Run a scene; see ``Scene.run``.
-
-    The scene is checked, muscles are solved and measured, and the results written.
-    """
+    """Run a scene: check, solve, measure, and write; see ``Scene.run``."""
     began = time.perf_counter()
     if out is not None:
         check_name(out)
@@ -58,7 +57,10 @@ def run_scene(scene: SceneData, out: Path | None, options: RunOptions) -> Result
         if size > 1:
             pool = stack.enter_context(Pool(size, scene, numbers, options.clock, store))
         run = SceneRun(scene, numbers, anatomy.solid_bones, store, options, threading.Event())
-        report = _first_report(run, tracks) | {"taken_over": list(tracks), "sense": odd}
+        report = _first_report(run, tracks) | {
+            "taken_over": list(tracks),
+            "sense": [str(error) for error in odd],
+        }
         result_of = partial(_result, run, report, DrawnBones(scene.bones_data()))
         with _reported(store, report, tracks, result_of):
             if store is not None:
@@ -67,6 +69,7 @@ def run_scene(scene: SceneData, out: Path | None, options: RunOptions) -> Result
             _solve(run, tracks, report, pool)
             result = result_of(tracks)
             _measure(result, tracks, report)
+            _judge_further(scene, result, tracks, odd)
             if store is not None:
                 _write_tables(store, result)
                 write_page = partial(_write_page, store, result, options, report)
@@ -116,10 +119,7 @@ def _solve(run: SceneRun, tracks: Tracks, report: dict[str, Any], pool: Pool | N
 
 
 def _solve_here(run: SceneRun, name: str, others: list[MuscleRun]) -> MuscleTrack:
-    """Solve a muscle in this process.
-
-    The muscle is added to ``others`` if later muscles may meet the muscle.
-    """
+    """Solve a muscle in this process, and add the muscle to ``others`` if later muscles may meet it."""
     muscle = MuscleRun(run, name, MuscleTrack(), tuple(others))
     muscle.go()
     if run.scene.muscle_contact != "off":
@@ -155,6 +155,14 @@ def _measure(result: Result, tracks: Tracks, report: dict[str, Any]) -> None:
                 tracks[name].report["moment_arms"] = table.report(name)
 
 
+def _judge_further(scene: SceneData, result: Result, tracks: Tracks, odd: Sequence[SceneError]) -> None:
+    """Add to the verdicts what the scene, the muscle's own numbers and published numbers say."""
+    arms = result.moment_arms() if result.has_moment_arms else {}
+    for name, track in tracks.items():
+        muscle = Judged(name, scene, track, arms.get(name, {}), result.lengths.get(name))
+        track.report["verdict"] = with_reasons(track.report["verdict"], further_reasons(muscle, odd))
+
+
 def _write_tables(store: ResultWriter, result: Result) -> None:
     """Write the tables of a result and of fibre measures."""
     for name, table in result.tables().items():
@@ -187,6 +195,7 @@ def _result(run: SceneRun, report: dict[str, Any], drawn_bones: DrawnBones, trac
 def _first_report(run: SceneRun, tracks: Tracks) -> dict[str, Any]:
     scene = run.scene
     return {
+        "format": FORMAT,
         "scene": scene.name,
         "deformer": scene.deformer,
         "scene_file": scene_file(scene),

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from html import escape
+from itertools import islice
 from os import PathLike
 from pathlib import Path
 from typing import Any, Self
@@ -28,6 +30,9 @@ SUMMARY = (
     *("muscle", "coordinate", "unit", "value"),
     *("mean_mm", "slope_mean_mm", "min_mm", "max_mm", "quartic_mean_mm", "sampling_error_mm"),
 )
+
+#: Most rows of a table in a cell, as pandas shows 60: a cell's height on a screen.
+MOST_ROWS = 20
 
 
 class Table(Mapping[str, NDArray[Any]]):
@@ -95,6 +100,10 @@ class Table(Mapping[str, NDArray[Any]]):
 
     def __repr__(self) -> str:
         return f"Table: {self._count()} rows of {', '.join(self)}"
+
+    def _repr_html_(self) -> str:
+        rows = zip(*(column.tolist() for column in self.values()), strict=True)
+        return html_table(tuple(self), rows) + escape(repr(self))
 
     def where(self, **wanted: Any) -> Self:
         """Return the rows with equal values in columns.
@@ -197,34 +206,24 @@ class MomentArmTable(Mapping[str, Mapping[str, JointArms]]):
         return Table.stacked(
             ARMS,
             (
-                {
-                    "muscle": muscle,
-                    "coordinate": name,
-                    "unit": one.unit,
+                labels
+                | {
                     "fibre": np.arange(one.arms.shape[1])[:, None],
-                    "value": one.values,
                     "moment_arm_mm": one.arms.T,
                     "slope_mm": one.slopes.T,
                     "quartic_mm": np.nan if one.quartic is None else one.quartic.T,
                 }
-                for muscle, name, one in self._each()
+                for labels, one in self._labelled()
             ),
         )
 
     def summary(self) -> Table:
-        """Return means of the paths with errors and ranges.
-
-        Per muscle, coordinate and value: the mean of the paths, the sampling error of the mean, and the
-        range.
-        """
+        """Return mean, range and sampling error over the paths per muscle, coordinate and value."""
         return Table.stacked(
             SUMMARY,
             (
-                {
-                    "muscle": muscle,
-                    "coordinate": name,
-                    "unit": one.unit,
-                    "value": one.values,
+                labels
+                | {
                     "mean_mm": one.mean,
                     "slope_mean_mm": one.mean_slope,
                     "min_mm": one.arms.min(axis=1),
@@ -232,7 +231,7 @@ class MomentArmTable(Mapping[str, Mapping[str, JointArms]]):
                     "quartic_mean_mm": np.nan if one.quartic is None else one.quartic.mean(axis=1),
                     "sampling_error_mm": sampling_errors(one.arms),
                 }
-                for muscle, name, one in self._each()
+                for labels, one in self._labelled()
             ),
         )
 
@@ -255,17 +254,17 @@ class MomentArmTable(Mapping[str, Mapping[str, JointArms]]):
             for name, found in self._arms.get(muscle, {}).items()
         }
 
-    def _each(self) -> Iterator[tuple[str, str, JointArms]]:
-        return ((muscle, name, one) for muscle, found in self._arms.items() for name, one in found.items())
+    def _labelled(self) -> Iterator[tuple[dict[str, Any], JointArms]]:
+        """Give the columns that tables share, and the moment arms."""
+        for muscle, found in self._arms.items():
+            for name, one in found.items():
+                yield {"muscle": muscle, "coordinate": name, "unit": one.unit, "value": one.values}, one
 
 
 def length_table(
     lengths: Mapping[str, Floats], errors: Mapping[str, Floats], frames: Sequence[int], times: Sequence[float]
 ) -> Table:
-    """Return the table of lengths and segment errors [mm].
-
-    Lengths (f, k) per muscle in the first f frames.
-    """
+    """Return the table of lengths (f, k) per muscle, in the first f frames, and of segment errors [mm]."""
     return Table.stacked(
         LENGTHS,
         (
@@ -291,3 +290,15 @@ def _cells(column: NDArray[Any], digits: int | None) -> Iterable[Any]:
         return values
     written = map(repr if digits is None else f"%.{digits}g".__mod__, values)
     return ("" if text == "nan" else text for text in written) if np.isnan(column).any() else written
+
+
+def html_table(columns: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
+    """Return a table in HTML, of :data:`MOST_ROWS` rows at most."""
+    listed = [tuple(columns), *islice(rows, MOST_ROWS)]
+    texts = [[f"{value:.6g}" if isinstance(value, float) else str(value) for value in row] for row in listed]
+    tags = ["th"] + ["td"] * (len(texts) - 1)
+    lines = (
+        "".join(f"<{tag}>{escape(text)}</{tag}>" for text in row)
+        for tag, row in zip(tags, texts, strict=True)
+    )
+    return f"<table>{''.join(f'<tr>{line}</tr>' for line in lines)}</table>"

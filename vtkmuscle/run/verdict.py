@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,10 +12,7 @@ from vtkmuscle.core.errors import fault_of
 from vtkmuscle.core.moment_arms.levers import even_stretches, largest_turns, length_jumps
 from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.core.types import Floats
-
-#: Limits that are lengths hold for muscles of this size or larger (diagonal of the box at rest) [mm], and are
-#: in proportion less for smaller ones.
-FULL_SIZE = 100.0
+from vtkmuscle.scene.sense import FULL_SIZE
 
 # A muscle exerts no active force below half of its optimal length, nor above 1.6 to 1.7 times of it: Zajac
 # 1989, "Muscle and tendon", Crit Rev Biomed Eng 17:359; Gordon, Huxley, Julian 1966,
@@ -76,9 +73,13 @@ LIMITS = {
     "hooked fibres": (5.0, 50.0, "%"),
     # A muscle that winds once round a bone turns by 360 degrees, and none does: the iliacus turns by 195.
     "winding fibres": (270.0, 540.0, "deg"),
-    # Farther from any fibre than neighbours are from each other in the belly. Fibres that fill their muscle
-    # leave up to a twentieth, in its corners; those between aponeuroses a quarter, beyond these.
-    "bare": (50.0, 90.0, "%"),
+    # Farther from any fibre than fibres are from each other in an even pattern; a random one leaves 4 %.
+    "bare": (15.0, 50.0, "%"),
+    # Paths are taut: without a bone or a ring they are straight but for the tissue that they press.
+    "hooked paths": (5.0, 50.0, "%"),
+    # Both are the same fibres: taut, and carried by the muscle. In four muscles of a hip they differ by up to
+    # 1 %, and by 5 % if solved by position based dynamics.
+    "fibres and paths": (8.0, 25.0, "%"),
     # A path that bends round a bone of 16 mm sinks into it by 0.01 mm; ten times that and it is pressed ten
     # times harder than by its own pull. Of the muscles of a hip, a knee and an elbow none lacks any room; one
     # under a roof of bone lacks 1.1 mm, if the arm is raised and the shoulder blade does not turn with it.
@@ -122,6 +123,14 @@ WORDS = {
     "bare": (
         "{} of the volume has no fibres at rest",
         "check the attachments; without aponeuroses take course = 'sections'",
+    ),
+    "hooked paths": (
+        "{} of the paths turn by 75 degrees or more where no bone or ring presses",
+        "do not use lengths and moment arms there; check the attachments and the bones",
+    ),
+    "fibres and paths": (
+        "the carried fibres have lengthened by {} more or less than their taut paths",
+        "do not use the deformed muscle there; take the deformer 'paths'",
     ),
     "squeezed": (
         "5 % of the paths lack {} or more of room between two bones",
@@ -171,6 +180,7 @@ _AT_REST = {
 _OF_FIBRES = (
     *("long fibres", "short fibres", "jumps", "widespread jumps"),
     *("fibres outside", "fibres in bone", "squeezed", "coarse", "unsettled"),
+    *("hooked paths", "fibres and paths"),
 )
 
 
@@ -201,12 +211,14 @@ class Reason:
 class FibreHistory:
     """A muscle's fibre lengths (f, k) over the frames and at rest (k,) [mm].
 
-    ``at_rest`` is the result of :func:`~vtkmuscle.run.report_values.fibres_at_rest`.
+    ``at_rest`` is the result of :func:`~vtkmuscle.run.report_values.fibres_at_rest`, ``paths`` the lengths of
+    the paths (f, k) [mm].
     """
 
     lengths: Floats
     rest_lengths: Floats
     at_rest: Mapping[str, Any] | None = None
+    paths: Floats | None = None
 
 
 def judge(
@@ -221,15 +233,15 @@ def judge(
     """Return the verdict on a muscle from report rows, a row per frame.
 
     ``motion`` is at the times of the rows (lengths may turn back where it turns back), ``n_edges`` of the
-    surface, ``size`` the diagonal of the muscle's box at rest [mm], and ``failure`` the frame and time that
-    could not be computed, and why. JSON-able: ``verdict``, the worst of the ``reasons``; ``reasons``,
+    surface, ``size`` the cube root of the muscle's volume at rest [mm], and ``failure`` the frame and time
+    that could not be computed, and why. JSON-able: ``verdict``, the worst of the ``reasons``; ``reasons``,
     :class:`Reason` as mappings, the worst first; and ``not_checked``, the omitted checks with reasons.
     """
     values, missing = _series(rows, fibres, motion, n_edges)
     reasons = [
         reason
         for name, series in values.items()
-        if (reason := _reason(name, series, rows, min(1.0, size / FULL_SIZE))) is not None
+        if (reason := _reason(name, series, rows, size / FULL_SIZE)) is not None
     ]
     if failure is not None:
         frame, time, why = failure
@@ -237,11 +249,17 @@ def judge(
         says = f"the frame could not be computed: {problem}"
         do = remedy or "check the frame before"
         reasons.append(Reason("computed", FAILED, frame, time, 0.0, 0.0, "", says, do))
-    reasons.sort(key=lambda reason: -VERDICTS.index(reason.verdict))
+    return with_reasons({"reasons": [], "not_checked": missing}, reasons)
+
+
+def with_reasons(verdict: Mapping[str, Any], reasons: Iterable[Reason]) -> dict[str, Any]:
+    """Return a verdict with further reasons, the worst first."""
+    every = [*reasons_of(verdict), *reasons]
+    every.sort(key=lambda reason: -VERDICTS.index(reason.verdict))
     return {
-        "verdict": reasons[0].verdict if reasons else OK,
-        "reasons": [vars(reason) for reason in reasons],
-        "not_checked": missing,
+        "verdict": every[0].verdict if every else OK,
+        "reasons": [vars(reason) for reason in every],
+        "not_checked": verdict["not_checked"],
     }
 
 
@@ -274,6 +292,7 @@ def _series(
         "penetration": column("penetration_new_max_mm"),
         "squeezed": column("squeezed_p95_mm"),
         "coarse": column("sag_p95_mm"),
+        "hooked paths": 100.0 * column("hooked_paths"),
         "unsettled": 100.0 * unsettled * unsettled.sum() / max(len(rows), 1),
         "widespread penetration": column("penetration_new_p95_mm"),
     }
@@ -284,6 +303,9 @@ def _series(
         ratios = fibres.lengths / np.maximum(fibres.rest_lengths, 1e-12)
         values["long fibres"] = np.percentile(ratios, 95, axis=1)
         values["short fibres"] = np.percentile(ratios, 5, axis=1)
+        if fibres.paths is not None:  # the first frame may be bent at rest, as its fibres are
+            ratio = fibres.lengths.mean(axis=1) / fibres.paths.mean(axis=1)
+            values["fibres and paths"] = 100.0 * np.abs(ratio / ratio[0] - 1.0)
         times = np.array([row["time"] for row in rows], dtype=np.float64)
         of_motion = () if motion is None else (even_stretches(motion), largest_turns(motion))
         jumps = length_jumps(fibres.lengths, times, *of_motion)

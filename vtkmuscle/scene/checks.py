@@ -45,7 +45,7 @@ def checked(scene: SceneData) -> tuple[dict[str, vtkPolyData], dict[str, Muscle]
         key = f"muscles.{name}"
         with faults.gathered():
             with at(f"{key}.surface", again):
-                surface, turned = _closed(muscle.surface)
+                surface, turned = closed_surface(muscle.surface)
             if turned:
                 where = f"{scene.files.get(f'{key}.surface') or 'scene'}: {key}.surface"
                 words = "the surface is inside out; its triangles were turned to face outward"
@@ -74,8 +74,11 @@ def _arrays(surface: vtkPolyData) -> tuple[Floats, Ints]:
     return points, triangles
 
 
-def _closed(surface: vtkPolyData) -> tuple[vtkPolyData, bool]:
-    """Return a closed muscle surface facing outward, and whether it was turned."""
+def closed_surface(surface: vtkPolyData) -> tuple[vtkPolyData, bool]:
+    """Return a closed muscle surface facing outward, and whether it was turned.
+
+    An InputError names the fault of an open, torn or divided surface, and the remedy.
+    """
     report = survey(*_arrays(surface))
     problem = remedy = ""
     if not report.closed:

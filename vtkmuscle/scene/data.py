@@ -56,6 +56,8 @@ class Muscle:
         End surfaces of fibres, on or within the muscle, at rest; without any, the attachment areas.
     hill : mapping of str to float
         Hill's parameters, by the names of :class:`~vtkmuscle.scene.schema_types.Hill`; exports write them.
+    muscle : str
+        Name of the muscle in anatomy, for published numbers; by default the name in the scene.
     """
 
     surface: vtkPolyData
@@ -68,6 +70,7 @@ class Muscle:
     crosses: tuple[str, ...] | None = None
     hill: Mapping[str, float] = field(default_factory=dict)
     aponeuroses: tuple[Aponeurosis, ...] = ()
+    muscle: str = ""
 
     def __post_init__(self) -> None:
         surface: Any = self.surface
@@ -105,6 +108,8 @@ class SceneData:
     deformer: str = "paths"
     paths: Mapping[str, Any] | None = None
     quality: str | None = None
+    frame: str = "LPS"
+    guessed: Mapping[str, float] = field(default_factory=dict)
     files: Mapping[str, Path] = field(default_factory=dict)
 
     @property

@@ -6,7 +6,7 @@ import tomllib
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 from vtkmuscle.core.errors import MOST_TEXT, InputError, check_is_file, fault_of, in_words
 
@@ -47,6 +47,15 @@ class SceneError(InputError):
 
     def __str__(self) -> str:
         return "\n".join(in_words(fault.where, fault.problem, fault.remedy) for fault in self.faults)
+
+
+class Finding(NamedTuple):
+    """An implausible part of a scene; ``certain`` stops runs."""
+
+    key: str
+    problem: str
+    remedy: str
+    certain: bool = False
 
 
 @contextmanager

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from vtkmuscle.core.motion.blending import screws
-from vtkmuscle.core.motion.coordinates import TRANSLATIONS, Coordinate
-from vtkmuscle.core.motion.rigid import RigidMotion, frame_at, hinge, inverses
+from vtkmuscle.core.motion.coordinates import ANGLES, TRANSLATIONS, Coordinate
+from vtkmuscle.core.motion.rigid import RigidMotion, frame_at, hinge, inverses, rotation_about
 from vtkmuscle.core.types import Floats
 from vtkmuscle.core.words import suggestion
 from vtkmuscle.io import motion_columns, read_motion_table
@@ -202,6 +202,46 @@ def joints_of(table: SceneTable, files: SceneFiles) -> SceneJoints | None:
     with errors_at("joints", files.paths[""], "correct it"):
         tree = KinematicTree(GROUND, joints, coordinates, couplings)
     return SceneJoints(_at_rest(tree), {bone: bone for bone in table.bones}, GROUND, GROUND)
+
+
+#: Largest difference of a pose from a turn about one axis: in rotation matrices, and in translations [mm].
+_TURN, _SHIFT = 1e-5, 0.01
+
+
+def pin_joint_of(
+    motion: RigidMotion, bones: Iterable[str], millimetres: float
+) -> tuple[SceneJoints, dict[str, Floats]] | None:
+    """Return a motion of one bone about a fixed axis as a pin joint, with coordinate values (f,) [rad].
+
+    ``millimetres`` are per unit of length. None for any other motion, or where no bone stays at rest.
+    """
+    still = [bone for bone in bones if bone not in motion.transforms]
+    if len(motion.transforms) != 1 or len(motion.coordinates) != 1 or not still or len(motion.times) < 2:
+        return None
+    ((bone, poses),), ((name, coordinate),) = motion.transforms.items(), motion.coordinates.items()
+    if coordinate.unit not in ANGLES or np.ptp(coordinate.values) == 0.0:
+        return None
+    angles = coordinate.values * (_DEGREE if coordinate.unit == "deg" else 1.0)
+    steps, changes = screws(poses[1:] @ inverses(poses[:-1])), np.diff(angles)
+    twist = steps.T @ changes / (changes @ changes)
+    turning = float(np.linalg.norm(twist[3:]))
+    if turning == 0.0:
+        return None
+    axis, centre = twist[3:] / turning, np.cross(twist[3:], twist[:3]) / turning**2
+    rest = float(angles[0] - screws(poses[:1])[0, 3:] @ axis)
+    turned = np.array([rotation_about(centre, axis, np.degrees(angle - rest)) for angle in angles])
+    off = np.abs(turned - poses).max(axis=0)
+    if off[:3, :3].max() > _TURN or millimetres * off[:3, 3].max() > _SHIFT:
+        return None
+    parent, *welded = still
+    frame = frame_at(centre)
+    joints = [Joint(f"{GROUND}_{parent}", GROUND, parent, kind="weld")]
+    joints += [Joint(f"{parent}_{each}", parent, each, kind="weld") for each in welded]
+    turn = JointAxis(axis, IDENTITY, name)
+    joints.append(Joint(f"{bone}_hinge", parent, bone, [turn], (), frame, frame, "pin"))
+    own = JointCoordinate(name, "rad", rest, positive=coordinate.positive)
+    bodies = {each: each for each in (*still, bone)}
+    return SceneJoints(_at_rest(KinematicTree(GROUND, joints, [own])), bodies, GROUND, GROUND), {name: angles}
 
 
 def coordinate_values(

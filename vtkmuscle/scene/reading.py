@@ -75,6 +75,8 @@ def read_fields(path: Path, values: Mapping[str, Any] | None = None) -> dict[str
         "deformer": table.deformer,
         "paths": None if table.paths is None else table.paths.given(),
         "quality": table.quality,
+        "frame": table.frame,
+        "guessed": table.guessed,
         "files": files.paths,
     }
     return fields if table.mirror is None else _mirrored(fields, table.mirror)
@@ -107,6 +109,7 @@ def _muscle(
         "solver": table.solver.given(),
         "fixing": table.fixing.given(),
         "hill": {} if table.hill is None else table.hill.model_dump(exclude_none=True),
+        "muscle": table.muscle or "",
     }
     with faults.gathered():
         fields["surface"] = files.read(f"{key}.surface", table.surface, read_surface)
@@ -154,7 +157,8 @@ def _areas(
                 remedy = "write closed = true for the area within, closed = false for the curve alone"
                 warnings.warn(str(SceneError(problem, where, remedy, files.paths[""])), stacklevel=2)
             closed = area.role == VIA or (closed if area.closed is None else area.closed)
-            areas.append(AttachmentArea(area.role, area.bone, landmarks, closed, area.estimated))
+            sure = area.estimated, area.confidence
+            areas.append(AttachmentArea(area.role, area.bone, landmarks, closed, *sure))
     return areas
 
 

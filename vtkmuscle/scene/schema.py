@@ -71,6 +71,7 @@ def _list_or_estimate(value: Any, handler: Callable[[Any], Any]) -> Any:
 
 
 _Steps = Annotated[Triple, AfterValidator(_steps)]
+_Confidence = Annotated[float, Field(ge=0.0, le=1.0)]
 _Texts = Annotated[list[Text], BeforeValidator(lambda value: [value] if isinstance(value, str) else value)]
 
 
@@ -78,8 +79,8 @@ class BoneTable(SchemaTable):
     """A bone."""
 
     surface: Text = key("FILE.vtp", ...)
-    """A .vtp, .vtk, .stl, .obj or .ply file in the rest pose, preferably closed: where the muscle meets the
-    bone, holes are closed, with a warning."""
+    """A .vtp, .vtk, .vtu, .stl, .obj, .ply, .off or .glb file in the rest pose, preferably closed: where the
+    muscle meets the bone, holes are closed, with a warning."""
 
 
 class ColumnTable(SchemaTable):
@@ -160,6 +161,8 @@ class Area(SchemaTable):
     closed."""
     estimated: bool = key(True, False)
     """True for estimated landmarks, as written by Scene.save."""
+    confidence: _Confidence | None = key(0.4)
+    """Confidence of a guessed area or bone, 0 to 1. Remove the key after a check of the area."""
 
 
 class Estimate(list[Area]):
@@ -208,6 +211,8 @@ class MuscleTable(SchemaTable):
     joints between the muscle's bones; without joints, all."""
     hill: Hill | None = None
     """Hill's parameters, for exports: see `Hill's parameters`_."""
+    muscle: Text | None = key("semimembranosus")
+    """Anatomical name, for published numbers. Default: the muscle's name in the scene."""
 
 
 class SceneTable(SchemaTable):
@@ -239,6 +244,9 @@ class SceneTable(SchemaTable):
     frame: Annotated[str, OneOf(FRAMES)] = key("LPS", "LPS")
     """The frame of the surfaces: LPS (x to the left, y to the back), as in 3D Slicer, or RAS. Landmarks are
     converted if the file states the frame, as files of 3D Slicer do."""
+    guessed: dict[str, _Confidence] = key({"joints.knee_right.centre": 0.8}, {})
+    """Confidence of guesses by their keys, 0 to 1, in a drafted scene. Remove a key after a check of the
+    guess."""
     mirror: Annotated[str, OneOf("xyz")] | None = key("x")
     """x, y or z: mirrors the whole scene, with the motion, along this axis, to make the other side of the
     body. Names and coordinates stay."""

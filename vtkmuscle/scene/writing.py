@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 import json
-import shutil
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import tomli_w
 
-from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.data.attachments import SIDES, VIA, AttachmentArea, aponeuroses_data, attachments_from
 from vtkmuscle.io import write_literature, write_motion_table, write_polydata, write_text
-from vtkmuscle.io.writing import partial_path
+from vtkmuscle.io.writing import Outputs
 from vtkmuscle.scene.data import Muscle, SceneData
 
 
@@ -43,23 +41,12 @@ def write_scene(scene: SceneData, folder: Path) -> Path:
 def save_unless_there(scene: SceneData, folder: Path, *, overwrite: bool) -> Path:
     """Write a scene to a folder without a scene.toml, and return the path of scene.toml.
 
-    A scene.toml in the folder stays, unless ``overwrite`` is true. ValueError for a folder of other files.
+    A scene.toml in the folder stays, unless ``overwrite`` is true. ValueError if other files are in the way.
     """
     path = folder / "scene.toml"
-    if overwrite and folder.exists():
-        return write_scene(scene, folder)
-    if path.exists():
-        return path
-    if folder.exists() or folder.is_symlink():
-        remedy = "give another folder with --out, or --overwrite to write into it"
-        raise InputError(folder, "the folder exists, without a scene.toml", remedy)
-    folder.parent.mkdir(parents=True, exist_ok=True)
-    fresh = partial_path(folder)
-    try:
-        write_scene(scene, fresh)
-        fresh.rename(folder)
-    finally:
-        shutil.rmtree(fresh, ignore_errors=True)
+    if overwrite or not path.exists():
+        with Outputs(folder, overwrite=overwrite):
+            write_scene(scene, folder)
     return path
 
 
@@ -75,6 +62,8 @@ def tables_of(scene: SceneData) -> dict[str, Any]:
         "name": scene.name,
         "units": scene.units,
         "quality": scene.quality,
+        "frame": None if scene.frame == "LPS" else scene.frame,
+        "guessed": dict(scene.guessed) or None,
         "muscle_contact": None if scene.muscle_contact == "off" else scene.muscle_contact,
         "deformer": None if scene.deformer == "paths" else scene.deformer,
         "bones": {name: {"surface": f"bones/{name}.vtp"} for name in scene.bones},
@@ -115,6 +104,7 @@ def _area_tables(muscle: str, areas: Sequence[AttachmentArea]) -> list[dict[str,
             "landmarks": f"attachments/{muscle}_{area.role}_{number}.vtp",
             **({"closed": False} if area.role == VIA and not area.closed else {}),
             **({"estimated": True} if area.estimated else {}),
+            **({} if area.confidence is None else {"confidence": round(float(area.confidence), 4)}),
         }
         for number, area in enumerate(areas)
     ]
@@ -135,6 +125,7 @@ def _muscle(name: str, muscle: Muscle) -> dict[str, Any]:
         "fixing": muscle.fixing or None,
         "crosses": None if muscle.crosses is None else list(muscle.crosses),
         "hill": dict(muscle.hill) or None,
+        "muscle": muscle.muscle or None,
     }
 
 

@@ -1,16 +1,21 @@
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 import pyvista as pv
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
-from vtkmuscle.core.attachments.patches import attachment_patch
+from vtkmuscle.core.attachments.patches import attachment_patch, geodesic_curve
 from vtkmuscle.core.mesh.normals import triangle_normals
 from vtkmuscle.core.mesh.surface import edge_lengths, unique_edges
+from vtkmuscle.phantoms.meshing import box
 
 RADIUS = 20.0
 
@@ -233,3 +238,31 @@ def test_landmarks_on_unconnected_pieces_are_refused():
     across = np.array([[0.0, 0.0, 20.0], [50.0, 0.0, 20.0]])
     with pytest.raises(ValueError, match="several pieces"):
         attachment_patch(points, triangles, across, False)
+
+
+def cost(points, path, start, end):
+    """Return what a path costs: its edges count more the farther they are from the chord."""
+    chord = points[end] - points[start]
+    a, b = points[path[:-1]], points[path[1:]]
+    crossed = np.cross(0.5 * (a + b) - points[start], chord)
+    aside = (crossed**2).sum(axis=1) / (chord @ chord) ** 2
+    return (np.linalg.norm(b - a, axis=1) * (1.0 + 10.0 * aside)).sum()
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_paths_are_as_short_as_the_shortest_that_scipy_finds(seed):
+    points, triangles = box((0.0, 0.0, 0.0), (10.0, 12.0, 30.0), 1.5)
+    rng = np.random.default_rng(seed)
+    points = points + rng.normal(scale=0.1, size=points.shape)
+    start, end = rng.choice(len(points), 2, replace=False)
+    edges = unique_edges(triangles)
+    costs = [cost(points, edge, start, end) for edge in edges]
+    graph = coo_array((costs, tuple(edges.T)), shape=(len(points), len(points))).tocsr()
+    path = geodesic_curve(points, edges, np.array([start, end]), closed=False)
+    assert path[0] == start
+    assert path[-1] == end
+    joined = {tuple(edge) for edge in edges}
+    assert all((min(a, b), max(a, b)) in joined for a, b in pairwise(path))
+    assert cost(points, path, start, end) == pytest.approx(
+        dijkstra(graph, directed=False, indices=start)[end]
+    )

@@ -2,9 +2,10 @@
 
 import numpy as np
 import pytest
-from shapes import ball, box, distance_to_box, sphere, union
+from shapes import box, distance_to_box, sphere, union
 
 from vtkmuscle.core.bones.bone import Bone
+from vtkmuscle.phantoms.meshing import box as meshed_box
 
 PLATE = (0.0, 0.0, 0.0), (20.0, 20.0, 0.6)
 FAR_PLATE = (100.0, 0.0, 0.0), (120.0, 20.0, 0.6)
@@ -24,25 +25,6 @@ def test_a_piece_far_away_changes_nothing(rng, far_first):
     np.testing.assert_allclose(bone.field(points)[0], exact, atol=0.87)
 
 
-def test_nested_and_inside_out_pieces_are_one_solid(rng):
-    outer, inner, hollow = ball(radius=10.0), ball(radius=3.0), ball(radius=2.0)
-    shape = union(outer, (inner[0] + 4.0, inner[1]), (hollow[0] - 3.0, hollow[1][:, ::-1]))
-    points = samples(rng, -11.0, 11.0)
-    alone = Bone(*outer).exact(points)[0]
-    np.testing.assert_allclose(Bone(*shape).exact(points)[0], alone, atol=1e-9)
-
-
-def test_overlapping_pieces_have_the_inside_of_all(rng):
-    centres = rng.uniform(-8.0, 8.0, (5, 3))
-    balls = [(ball(radius=4.0)[0] + centre, ball(radius=4.0)[1]) for centre in centres]
-    bone = Bone(*union(*balls), cell=0.5)
-    points = samples(rng, -12.0, 12.0)
-    each = np.min([Bone(*one).exact(points)[0] for one in balls], axis=0)
-    np.testing.assert_allclose(bone.exact(points)[0], each, atol=1e-9)
-    clear = np.abs(each) > 0.44
-    np.testing.assert_array_equal(bone.field(points)[0][clear] < 0, each[clear] < 0)
-
-
 @pytest.mark.parametrize("offset", [0.0, 1e4, 1e6])
 def test_a_bone_far_from_the_origin_is_measured_as_one_near_it(rng, offset):
     points, triangles = sphere(10.0, 500)
@@ -52,25 +34,24 @@ def test_a_bone_far_from_the_origin_is_measured_as_one_near_it(rng, offset):
     np.testing.assert_allclose(there.field(at + offset)[0], here.field(at)[0], atol=1e-4)
 
 
-def specks(rng, count, spread):
-    """Return small tetrahedra, scattered."""
-    corners = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
-    faces = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]])
-    places = rng.uniform(-spread, spread, (count, 1, 3))
-    return (corners + places).reshape(-1, 3), (faces + 4 * np.arange(count)[:, None, None]).reshape(-1, 3)
+def test_a_bone_of_one_piece_is_its_piece():
+    bone = Bone(*meshed_box((0, 0, 0), (10, 10, 100), 5.0))
+    assert bone.pieces == (bone,)
 
 
-def test_pieces_of_every_kind_at_once_raise_nothing(rng):
-    sheet = np.array([[0.0, 0, 0], [10, 0, 0], [10, 10, 0]]), np.array([[0, 1, 2]])
-    kinds = [
-        box(*PLATE),
-        box(*FAR_PLATE),
-        (sheet[0] + 30.0, sheet[1]),
-        specks(rng, 20, 60.0),
-        ball(radius=30.0),
-    ]
-    bone = Bone(*union(*kinds), cell=1.0)
-    points = samples(rng, -60.0, 130.0, 500)
-    distance, outward = bone.field(points)
-    assert np.isfinite(outward).all()
-    assert np.abs(distance - bone.exact(points)[0]).max() < 0.87
+def test_two_rods_are_two_pieces_with_directions_of_their_own():
+    bone = Bone(*union(meshed_box((0, 0, 0), (10, 10, 100), 5.0), meshed_box((20, 0, 0), (30, 10, 90), 5.0)))
+    first, second = bone.pieces
+    at = np.array([[15.5, 5.0, 50.0]])
+    np.testing.assert_allclose(first.exact(at)[1], [[1.0, 0.0, 0.0]], atol=1e-9)
+    np.testing.assert_allclose(second.exact(at)[1], [[-1.0, 0.0, 0.0]], atol=1e-9)
+    np.testing.assert_allclose(first.exact(at)[0], 5.5)
+    assert first.cell == second.cell == bone.cell
+    assert len(first.triangles) + len(second.triangles) == len(bone.triangles)
+
+
+def test_crumbs_and_hollows_stay_with_the_largest_piece():
+    crumb = meshed_box((50, 50, 50), (51, 51, 51), 1.0)
+    hollow = meshed_box((3, 3, 3), (7, 7, 97), 2.0)
+    bone = Bone(*union(meshed_box((0, 0, 0), (10, 10, 100), 2.0), crumb, hollow))
+    assert bone.pieces == (bone,)

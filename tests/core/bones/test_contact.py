@@ -148,16 +148,6 @@ def test_odd_points_are_finite_or_left_alone(globe):
     assert np.isfinite(out[2:]).all()
 
 
-def test_the_exit_has_no_jumps_between_cells(globe):
-    """Neighbouring points in a bone come out as neighbours, wherever the lattice has its cells."""
-    angle = np.linspace(0.0, np.pi, 20_001)
-    inside = 9.3 * np.column_stack([np.cos(angle), 0.6 * np.sin(angle), 0.8 * np.sin(angle)])
-    out, moved = keep_out(globe, inside)
-    assert moved.all()
-    apart = np.linalg.norm(np.diff(out, axis=0), axis=1)
-    assert apart.max() < 3.0 * np.median(apart)
-
-
 @pytest.mark.parametrize("pace", [0.05, 0.2, 0.6])
 def test_points_passed_over_are_those_that_would_not_be_moved(globe, rng, pace):
     """However points move within a pose, the contact that saw them before gives the same as a new one."""

@@ -1,16 +1,31 @@
+from itertools import pairwise
+
 import numpy as np
 import pytest
-from numpy.testing import assert_allclose, assert_array_equal
+from numpy.testing import assert_allclose
+from phantoms import fibre_block
 
 from vtkmuscle.core.fibres.measures import (
+    TENDON_AREA,
+    AreaProfile,
+    along,
     angles_to,
+    area_profile,
+    arrangement,
     centroid_path,
+    fascicles,
     line_of_action,
     physiological_cross_section,
+    root_mean_square,
+    sampling_errors,
     section_areas,
-    smoothed_curve,
+    segment_errors,
 )
-from vtkmuscle.phantoms.meshing import box
+from vtkmuscle.core.mesh.polylines import sharp_turns
+from vtkmuscle.data.arrays import polylines_of
+from vtkmuscle.data.muscle_geometry import muscle_geometry
+from vtkmuscle.phantoms.meshing import box, solid_of_revolution
+from vtkmuscle.pipelines import decompose
 
 
 def arc(radius, turn, n=40):
@@ -50,13 +65,178 @@ def test_section_areas_of_a_box_whichever_way_it_faces():
     assert_allclose(area, 600 / np.cos(0.3), rtol=1e-9)
 
 
-def test_smoothing_of_length_curves_keeps_lines_and_ends_and_removes_noise():
-    ramp = np.linspace(100.0, 150.0, 30)
-    assert_allclose(smoothed_curve(ramp), ramp, atol=1e-12)
-    noise = np.where(np.arange(30) % 2, 1.0, -1.0)
-    smoothed = smoothed_curve(np.column_stack([ramp + noise, ramp]))
-    assert_array_equal(smoothed[[0, -1], 0], (ramp + noise)[[0, -1]])
-    # The alternating part is a third of itself after each pass.
-    assert np.abs(smoothed[8:-8, 0] - ramp[8:-8]).max() == pytest.approx(3.0**-5, rel=1e-6)
-    assert_array_equal(smoothed_curve(ramp, passes=0), ramp)
-    assert_array_equal(smoothed_curve(ramp[:2]), ramp[:2])
+def helix(radius, angle, segments):
+    turn = np.linspace(0.0, angle, segments + 1)
+    return radius * np.column_stack([np.cos(turn), np.sin(turn), 0.1 * turn])
+
+
+@pytest.mark.parametrize("segments", [8, 15, 16])
+def test_segment_errors_bound_what_chords_miss_of_an_arc(segments):
+    lines = helix(30.0, 1.5, segments), helix(50.0, 0.4, segments), [[0, 0, 0], [1, 0, 0]]
+    points, offsets = np.vstack(lines), np.concatenate([[0], np.cumsum([len(line) for line in lines])])
+    lengths = np.sqrt(1.01) * np.array([45.0, 20.0])
+    chords = [np.linalg.norm(np.diff(points[a:b], axis=0), axis=1).sum() for a, b in pairwise(offsets[:3])]
+    missed = lengths - chords
+    errors = segment_errors(points, offsets)
+    assert (missed > 0.0).all()
+    assert (missed <= errors[:2]).all()
+    assert (errors[:2] <= 4.0 * missed).all()
+    assert errors[2] == 0.0
+
+
+def test_sampling_errors_are_the_spread_of_means(rng):
+    samples = rng.normal(scale=3.0, size=(4000, 16))
+    means = samples.mean(axis=1)
+    assert np.sqrt(np.mean(sampling_errors(samples) ** 2)) == pytest.approx(means.std(), rel=0.05)
+    assert np.isnan(sampling_errors(np.ones((5, 1)))).all()
+
+
+def test_a_root_mean_square_leaves_out_nan():
+    assert root_mean_square(np.array([3.0, np.nan, -4.0])) == pytest.approx(np.sqrt(12.5))
+    assert root_mean_square(np.array([np.nan])) is None
+
+
+#: A sheet of 10 x 4 fibres, 2 mm from each other and 60 mm long, in the middle of what it fills.
+X, Y, Z = np.arange(10.0) * 2.0, np.arange(4.0) * 2.0, np.linspace(0.0, 60.0, 31)
+
+
+def sheet():
+    x, y, z = np.meshgrid(X, Y, Z, indexing="ij")
+    return np.stack([x, y, z], axis=-1).reshape(40, 31, 3)
+
+
+def inside(rng, low=(-1.0, -1.0, 0.0), high=(19.0, 7.0, 60.0)):
+    return rng.uniform(low, high, (4000, 3))
+
+
+def found(lines, samples):
+    offsets, volume = np.arange(len(lines) + 1) * lines.shape[1], np.prod(np.ptp(samples, axis=0))
+    return arrangement(lines.reshape(-1, 3), offsets, samples, volume)
+
+
+def test_straight_fibres_neither_cross_nor_turn_and_leave_nothing_bare(rng):
+    good = found(sheet(), inside(rng))
+    assert (good.crossing, good.hooked, good.bare) == (0.0, 0.0, 0.0)
+    assert good.turning == pytest.approx(0.0, abs=1e-4)
+
+
+@pytest.mark.parametrize("end", ["origin", "insertion"])
+def test_fibres_that_change_over_to_the_other_edge_cross(rng, end):
+    lines = sheet()
+    share = np.clip((Z - 54.0) / 6.0, 0.0, 1.0)
+    lines[..., 0] += share * (18.0 - 2.0 * lines[..., 0])
+    lines[..., 1] += share * (6.0 - 2.0 * lines[..., 1])
+    if end == "origin":
+        lines = lines[:, ::-1]
+    assert found(lines, inside(rng)).crossing > 0.9
+
+
+def test_fibres_that_run_together_or_wind_do_not_cross(rng):
+    lines = sheet() - [9.0, 3.0, 0.0]
+    tip = lines.copy()
+    tip[..., :2] *= (1.0 - 0.95 * Z / 60.0)[:, None]
+    assert found(tip, inside(rng)).crossing < 0.02
+    angle = np.pi * Z / 60.0
+    x, y = lines[..., 0].copy(), lines[..., 1].copy()
+    lines[..., 0] = np.cos(angle) * x - np.sin(angle) * y
+    lines[..., 1] = np.sin(angle) * x + np.cos(angle) * y
+    assert found(lines, inside(rng)).crossing == 0.0
+
+
+def test_hooks_and_turns_are_counted(rng):
+    lines = sheet()
+    lines[:10, -1] = lines[:10, -2] - [0.5, 0.0, 1.0]
+    assert found(lines, inside(rng)).hooked == 0.25
+    turn = np.pi * Z / 60.0
+    bend = np.column_stack([30.0 * np.cos(turn), 0 * turn, 30.0 * np.sin(turn)])
+    arcs = bend + np.arange(6.0)[:, None, None] * [0.0, 2.0, 0.0]
+    assert found(arcs, inside(rng)).turning == pytest.approx(180.0 * 29 / 30, rel=1e-6)
+
+
+def test_a_half_without_fibres_is_bare(rng):
+    assert found(sheet(), inside(rng, high=(39.0, 7.0, 60.0))).bare == pytest.approx(0.45, abs=0.03)
+
+
+def test_a_path_that_hooks_turns_sharply_and_an_arc_does_not():
+    turn = np.pi * np.linspace(0.0, 1.0, 31)
+    arc = 60.0 * np.column_stack([np.cos(turn), 0.0 * turn, np.sin(turn)])
+    hook = np.vstack(
+        [np.linspace([0.0, 0, 0], [0, 0, 80], 21)[:-1], np.linspace([0.0, 0, 80], [40, 0, 80], 11)]
+    )
+    for size in (1 / 30, 1.0, 30.0):
+        path, position, reach = sharp_turns(size * np.array([arc, hook]))
+        assert set(path) == {1}
+        assert np.linalg.norm(position - size * np.array([0.0, 0.0, 80.0]), axis=1).max() < 12.0 * size
+        assert reach == pytest.approx(6.0 * size)
+
+
+#: A belly of radius 12 mm and 80 mm long, with tendons of radius 2 mm, 60 mm and 40 mm long.
+BELLY, TENDON, LONG = 12.0, 2.0, (60.0, 80.0, 40.0)
+
+
+def bent(places):
+    """Return places of a straight muscle along z, 180 mm, bent round an axis 100 mm aside, by 1.8 rad."""
+    angle = places[..., 2] / 100.0
+    off = 100.0 + places[..., 0]
+    return np.stack([off * np.cos(angle) - 100.0, places[..., 1], off * np.sin(angle)], axis=-1)
+
+
+def spindle(rng, count=30000):
+    """Return the surface, samples, volumes of the parts, and 12 fibres through belly and tendons."""
+    heights = np.concatenate([np.linspace(a, b, 31) for a, b in ((0, 60), (60.01, 140), (140.01, 180))])
+    around = solid_of_revolution(heights, np.repeat([TENDON, BELLY, TENDON], 31), 24)
+    volumes = np.pi * np.array([TENDON, BELLY, TENDON]) ** 2 * LONG
+    part = rng.choice(3, count, p=volumes / volumes.sum())
+    z = np.cumsum([0.0, *LONG])[part] + rng.uniform(size=count) * np.array(LONG)[part]
+    radius = np.array([TENDON, BELLY, TENDON])[part] * np.sqrt(rng.uniform(size=count))
+    turn = rng.uniform(0.0, 2.0 * np.pi, count)
+    samples = np.column_stack([radius * np.cos(turn), radius * np.sin(turn), z])
+    heights = np.linspace(0.0, 180.0, 37)
+    wide = np.interp(heights, [0.0, 60.0, 140.0, 180.0], [0.1, 0.6, 0.6, 0.1]) * BELLY
+    turns = 2.0 * np.pi * np.arange(12) / 12
+    fibres = np.array([np.column_stack([wide * np.cos(t), wide * np.sin(t), heights]) for t in turns])
+    return around, samples, volumes, fibres.reshape(-1, 3), np.arange(13) * 37
+
+
+@pytest.mark.parametrize("shape", [lambda p: p, bent], ids=["straight", "bent"])
+def test_tendons_are_told_from_the_belly(rng, shape):
+    (surface, triangles), samples, volumes, points, offsets = spindle(rng)
+    surface, samples, points = shape(surface), shape(samples), shape(points)
+    profile = area_profile(surface, triangles, samples, points, offsets)
+    low, high = profile.muscle_between(TENDON_AREA)
+    assert high - low == pytest.approx(80.0, abs=5.0)
+    assert profile.areas.max() == pytest.approx(np.pi * BELLY**2, rel=0.1)
+    (found,) = fascicles(profile, volumes.sum(), points, offsets, shares=[TENDON_AREA])
+    assert found.volume == pytest.approx(volumes[1], rel=0.02)
+    assert found.lengths.mean() == pytest.approx(80.0, abs=5.0)
+
+
+def test_the_volume_between_two_arcs_counts_parts_of_pieces():
+    profile = AreaProfile(np.zeros((2, 3)), np.array([0.5, 1.5, 2.5, 3.5]), np.array([1.0, 2.0, 3.0, 4.0]))
+    assert profile.volume_share(0.0, 4.0) == pytest.approx(1.0)
+    assert profile.volume_share(0.25, 2.5) == pytest.approx((0.75 + 2.0 + 1.5) / 10.0)
+    assert profile.volume_share(2.5, 9.0) == pytest.approx((1.5 + 4.0) / 10.0)
+
+
+@pytest.mark.parametrize("kind", ["parallel", "pennate", "bipennate"])
+def test_blocks_have_the_fascicles_angles_and_areas_that_are_known(kind):
+    phantom = fibre_block(kind)
+    muscle, areas, known = phantom.muscles["block"], phantom.attachments["block"], phantom.known
+    lines = polylines_of(decompose(muscle, areas, template=kind, n_fibres=50).update().output, kind)
+    geometry, fibres = muscle_geometry(muscle, kind), (lines.points, lines.offsets)
+    profile = area_profile(geometry.points, geometry.triangles, geometry.samples(4096), *fibres)
+    (found,) = fascicles(profile, known["volume"], *fibres, shares=[TENDON_AREA])
+    angle = 0.0 if kind == "parallel" else known["pennation"]
+    assert found.lengths.mean() == pytest.approx(known["fibre_length"], rel=0.01)
+    for angles in (found.origin_angles, found.insertion_angles):
+        assert angles.mean() == pytest.approx(angle, abs=1.0)
+    area = known["volume"] / known["fibre_length"] * np.cos(np.radians(angle))
+    assert found.cross_section() == pytest.approx(area, rel=0.02)
+
+
+def test_a_curve_goes_on_straight_beyond_its_ends():
+    curve = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 10.0], [10.0, 0.0, 10.0]])
+    places = np.array([[1.0, 0.0, -3.0], [2.0, 0.0, 4.0], [14.0, 1.0, 9.0]])
+    arcs, directions = along(curve, places)
+    np.testing.assert_allclose(arcs, [-3.0, 4.0, 24.0])
+    np.testing.assert_allclose(directions, [[0, 0, 1], [0, 0, 1], [1, 0, 0]])

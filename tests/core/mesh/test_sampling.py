@@ -1,10 +1,12 @@
+from __future__ import annotations
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
-from vtkmuscle.core.mesh.sampling import PatchSamples, even_samples, samples_inside
+from vtkmuscle.core.mesh.sampling import PatchSamples, even_samples, samples_inside, space_order
 
 
 def sheet(size=8, spacing=5.0):
@@ -96,11 +98,6 @@ def test_positions_in_a_symmetric_body_depend_neither_on_noise_nor_on_how_it_is_
         assert_allclose(samples, expected @ turn.T + shift, atol=1e-6)
 
 
-def test_more_positions_in_a_body_begin_with_the_same_ones():
-    few, many = (samples_inside(lambda places: in_rod(places) > 0.0, rod(), n) for n in (300, 3000))
-    assert np.array_equal(many[:300], few)
-
-
 def test_positions_in_a_body_are_of_even_density():
     samples = samples_inside(lambda places: in_rod(places) > 0.0, rod(), 3000)
     assert len(samples) == 3000
@@ -108,3 +105,19 @@ def test_positions_in_a_body_are_of_even_density():
     shares = [np.mean(np.hypot(*samples[:, :2].T) < radius) for radius in (2.5, 5.0, 7.5)]
     assert_allclose(shares, np.square([0.25, 0.5, 0.75]), atol=0.015)
     assert_allclose(np.histogram(samples[:, 2], 4, (-50.0, 50.0))[0] / 3000, 0.25, atol=0.015)
+
+
+@pytest.mark.parametrize("dimensions", [2, 3])
+def test_neighbours_in_the_order_are_neighbours_in_space(dimensions):
+    places = np.random.default_rng(0).random((4096, dimensions))
+    order = space_order(places)
+    np.testing.assert_array_equal(np.sort(order), np.arange(4096))
+
+    def steps(sequence):
+        return np.linalg.norm(np.diff(sequence, axis=0), axis=1).mean()
+
+    assert steps(places[order]) < 3.0 * 4096 ** (-1 / dimensions) < 0.5 * steps(places)
+
+
+def test_places_in_one_point_keep_their_order():
+    assert space_order(np.ones((5, 3))).tolist() == [0, 1, 2, 3, 4]

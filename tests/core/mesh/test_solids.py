@@ -7,9 +7,11 @@ import pytest
 from oracles import igl
 from shapes import box, convex, ring, sphere, union
 
-from vtkmuscle.core.mesh.solids import solids_of
+from vtkmuscle.core.mesh.solids import points_inside, solids_of
 from vtkmuscle.core.mesh.surface import point_components, unique_edges
+from vtkmuscle.core.mesh.triangle_tree import triangle_tree
 from vtkmuscle.data.arrays import checked_surface
+from vtkmuscle.phantoms.meshing import box as meshed_box
 
 
 def needle():
@@ -177,3 +179,14 @@ def read(path):
     reader.SetFileName(str(path))
     reader.Update()
     return checked_surface(reader.GetOutput(), str(path))
+
+
+def test_rays_through_points_and_along_edges_count_once():
+    points, triangles = meshed_box((0.0, 0.0, 0.0), (4.0, 4.0, 4.0), 1.0)
+    grid = np.stack(np.meshgrid(*[np.arange(0.5, 4.0, 0.5)] * 3), axis=-1).reshape(-1, 3)
+    up = np.array([0.0, 0.0, 4.0])
+    tree = triangle_tree(points, triangles)
+    assert points_inside(grid, tree).all()
+    assert not points_inside(grid + up, tree).any()
+    assert not points_inside(grid - up, tree).any()
+    assert len(points_inside(np.empty((0, 3)), tree)) == 0

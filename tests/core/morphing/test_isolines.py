@@ -4,7 +4,7 @@ from bent_muscle import bent_tube, half_circle, letter_s
 from oracles import igl
 from shapes import closed_surface
 
-from vtkmuscle.core.morphing.isolines import attachment_field, isoline_distances, morph_by_isolines
+from vtkmuscle.core.morphing.isolines import attachment_field, morph_by_isolines
 from vtkmuscle.core.morphing.slices import Slicing, morph_by_planes
 from vtkmuscle.core.motion.rigid import apply_transform
 from vtkmuscle.core.template.fitting import centroid_axis, fit_box
@@ -115,24 +115,6 @@ def test_neighbours_stay_neighbours_at_every_isoline(double_bend):
     for level in range(1, 15):
         distances = np.linalg.norm(fibres[close[:, 0], level] - fibres[close[:, 1], level], axis=1)
         assert distances.max() < 0.8 * RADIUS
-
-
-def test_ways_along_a_tube_are_those_of_its_centre_line_or_a_little_more():
-    path = np.column_stack([np.zeros(50), np.zeros(50), np.linspace(0, 100, 50)])
-    points, triangles, origin, insertion = bent_tube(path, RADIUS)
-    field = attachment_field(points, triangles, origin, insertion)
-    values, ways = isoline_distances(points, triangles, field)
-    assert ways[-1] == pytest.approx(100, rel=1e-3)
-    assert np.abs(ways - 100 * values).max() < 0.2
-
-
-@pytest.mark.parametrize("resolution", [1, 200])
-def test_extreme_resolutions(half_turn, resolution):
-    points, triangles, origin, insertion = half_turn
-    transform, cube = fitted(points, origin, insertion, n_fibres=3, resolution=resolution)
-    field = attachment_field(points, triangles, origin, insertion)
-    morph = by_isolines(cube, transform, (points, triangles), field)
-    assert np.isfinite(morph.points).all()
 
 
 def test_overlapping_or_missing_areas_are_named(half_turn):

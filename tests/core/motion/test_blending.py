@@ -2,8 +2,16 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from numpy.testing import assert_allclose, assert_array_equal
+from scipy.spatial.transform import Rotation
 
-from vtkmuscle.core.motion.blending import blend_motions, screw_between
+from vtkmuscle.core.motion.blending import (
+    blend_fibres,
+    blend_motions,
+    nearest_rotations,
+    origin_weights,
+    screws_between,
+)
 from vtkmuscle.core.motion.rigid import apply_transform, inverse, is_rigid, rotation_about
 
 
@@ -21,25 +29,11 @@ def test_motions_that_agree_move_everything_rigidly():
     assert np.allclose(blend_motions(np.array([move] * 3), weights, points), apply_transform(move, points))
 
 
-def test_full_weight_is_the_bones_own_motion():
-    points, moves = np.random.default_rng(0).normal(size=(2, 3)) * 100, np.array([motion(1), motion(2)])
-    blended = blend_motions(moves, np.eye(2), points)
-    assert np.allclose(blended, [apply_transform(m, p[None])[0] for m, p in zip(moves, points, strict=True)])
-
-
 def test_a_point_that_no_motion_has_weight_for_stays():
     points = np.random.default_rng(0).normal(size=(3, 3)) * 100
     weights = np.array([[0.0, 0.0], [0.5, 0.5], [0.0, 0.0]])
     blended = blend_motions(np.array([motion(1), motion(2)]), weights, points)
     assert np.array_equal(blended[[0, 2]], points[[0, 2]])
-
-
-def test_no_motion_leaves_points_where_they_are_to_the_last_bit():
-    points = np.random.default_rng(0).normal(size=(50, 3)) * 100
-    weights = np.random.default_rng(2).dirichlet([1, 1], size=50)
-    weights /= weights.sum(axis=1, keepdims=True)
-    still = blend_motions(np.array([np.eye(4)] * 2), weights, points)
-    assert np.abs(still - points).max() <= 1e-13
 
 
 @settings(deadline=None, max_examples=25)
@@ -61,27 +55,83 @@ def test_half_way_to_a_turn_is_half_the_turn_and_does_not_collapse(angle):
     assert np.allclose(blended, apply_transform(rotation_about([5, 0, 0], [0, 0, 1], angle / 2), points))
 
 
-def test_blend_of_small_motions_is_the_mean_of_the_moved_positions():
-    points = np.random.default_rng(0).normal(size=(20, 3)) * 30
-    moves = np.array([rotation_about([1, 2, 3], [0, 1, 1], 0.01), rotation_about([0, 9, 3], [1, 1, 0], 0.02)])
-    weights = np.random.default_rng(2).dirichlet([1, 1], size=20)
-    mean = np.einsum("nb,bnk->nk", weights, [apply_transform(move, points) for move in moves])
-    assert np.abs(blend_motions(moves, weights, points) - mean).max() < 1e-5
-
-
 @pytest.mark.parametrize("angle", [0.0, 1e-7, 1e-5, 0.3, 90.0, 179.0])
 def test_parts_of_a_screw_add_up_to_the_whole(angle):
     start, move = motion(3), motion(4, angle)
     end = move @ start
-    part = screw_between(start, end, 0.25)
+    (part,) = screws_between(start[None], end[None], 0.25)
     assert is_rigid(part)
     quarter = part @ inverse(start)
     assert np.allclose(np.linalg.matrix_power(quarter, 4), move, atol=1e-9)
-    assert np.allclose(screw_between(start, end, 0.0), start)
-    assert np.array_equal(screw_between(start, end, 1.0), end)
+    assert np.allclose(screws_between(start[None], end[None], 0.0), start)
+    assert np.array_equal(screws_between(start[None], end[None], 1.0), end[None])
 
 
 def test_a_hinge_stays_on_its_hinge():
     centre = np.array([[10.0, 20, 30]])
-    half = screw_between(np.eye(4), rotation_about(centre[0], [0, 1, 0], 80), 0.5)
+    (half,) = screws_between(np.eye(4)[None], rotation_about(centre[0], [0, 1, 0], 80)[None], 0.5)
     assert np.allclose(half, rotation_about(centre[0], [0, 1, 0], 40))
+
+
+def rotation_of(matrix):
+    return nearest_rotations(np.array([matrix], dtype=np.float64))[0]
+
+
+def by_decomposition(matrix):
+    u, _, vt = np.linalg.svd(matrix)
+    u[:, 2] *= np.sign(np.linalg.det(u @ vt))
+    return u @ vt
+
+
+def test_random_matrices_and_mirrored_ones():
+    for matrix in np.random.default_rng(0).normal(size=(200, 3, 3)):
+        for sign in (1.0, -1.0):
+            assert_allclose(rotation_of(sign * matrix), by_decomposition(sign * matrix), atol=1e-9)
+
+
+@pytest.mark.parametrize("stretch", [[1.0, 1, 1], [1e-6, 1e3, 2.0], [3.0, 2.0, 0.0], [1e150, 1e149, 1e148]])
+def test_a_stretched_rotation_is_found_again(stretch):
+    turn, axes = (Rotation.from_rotvec(v).as_matrix() for v in ([0.4, -1.9, 0.8], [1.0, 0.2, -0.5]))
+    matrix = turn @ axes @ np.diag(stretch) @ axes.T
+    assert_allclose(rotation_of(matrix), turn, atol=1e-9)
+
+
+@pytest.mark.parametrize("matrix", [np.zeros((3, 3)), np.outer([1, 2, 3], [3, 1, 2]), np.ones((3, 3))])
+def test_what_has_no_definite_rotation_gives_one_that_is_best(matrix):
+    rotation = rotation_of(matrix)
+    assert_allclose(rotation @ rotation.T, np.eye(3), atol=1e-14)
+    assert np.linalg.det(rotation) == pytest.approx(1.0)
+    assert np.trace(rotation.T @ matrix) == pytest.approx(np.linalg.svd(matrix)[1].sum())
+    assert_allclose(rotation_of(np.zeros((3, 3))), np.eye(3))
+
+
+OFFSETS = np.array([0, 5, 6, 14])
+POINTS = np.random.default_rng(0).normal(scale=30.0, size=(14, 3))
+TURN = rotation_about([1.0, 2, 3], [0, 1, 1], 40.0)
+
+
+@pytest.mark.parametrize("a", [-1.0, -0.042, 0.0, 0.5, 1.0])
+def test_weights_go_from_one_to_zero_by_the_formula(a):
+    weights = origin_weights(OFFSETS, a)
+    t = np.linspace(0, 1, 8)
+    assert_allclose(weights[6:], a * t**2 - (a + 1) * t + 1, atol=1e-15)
+    assert weights[0] == weights[5] == weights[6] == 1.0
+    assert_allclose(weights[[4, 13]], 0, atol=1e-15)
+    assert (np.diff(weights[6:]) < 1e-15).all()
+    assert weights.min() >= -1e-15
+
+
+def test_ends_follow_their_bones_and_both_bones_alike_carry_all():
+    moved = blend_fibres(POINTS, OFFSETS, np.eye(4), TURN, -0.042)
+    assert_array_equal(moved[[0, 5, 6]], POINTS[[0, 5, 6]])
+    assert_allclose(moved[[4, 13]], apply_transform(TURN, POINTS[[4, 13]]), atol=1e-12)
+    together = blend_fibres(POINTS, OFFSETS, TURN, TURN, 0.3)
+    assert_allclose(together, apply_transform(TURN, POINTS), atol=1e-12)
+
+
+def test_a_motion_of_everything_moves_the_blend():
+    outer = rotation_about([4.0, 5, 6], [1, 0, 1], 70.0)
+    inner = blend_fibres(POINTS, OFFSETS, np.eye(4), TURN, 0.2)
+    assert_allclose(
+        blend_fibres(POINTS, OFFSETS, outer, outer @ TURN, 0.2), apply_transform(outer, inner), atol=1e-9
+    )

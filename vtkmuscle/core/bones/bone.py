@@ -126,18 +126,12 @@ class Bone:
 
     @cached_property
     def axes(self) -> Floats:
-        """From the scene to the field's axes, (4, 4).
-
-        The scene is at rest.
-        """
+        """From the scene at rest to the field's axes, (4, 4)."""
         return bone_axes(self.points)
 
     @cached_property
     def box_along_axes(self) -> tuple[Floats, Floats]:
-        """Corners of the bone's box along its axes.
-
-        The lowest corner comes before the highest [mm].
-        """
+        """Lowest and highest corner of the bone's box along its axes [mm]."""
         along = apply_transform(self.axes, self.points)
         return along.min(axis=0), along.max(axis=0)
 
@@ -162,10 +156,7 @@ class Bone:
         return self.solids.exact(points)
 
     def depth(self, points: Floats) -> Floats:
-        """Return the depth of points in the exact surface.
-
-        Depths are (n,) [mm], 0 outside; points (n, 3) are at rest.
-        """
+        """Return the depth (n,) of points (n, 3) at rest in the exact surface [mm], 0 outside."""
         depth = np.zeros(len(points))
         near = points_in_box(points, *self.box)
         if len(near) > _LEAST_LOOKED_UP:
@@ -337,11 +328,7 @@ def _look_up(
     outward: Floats,
     work: Floats,
 ) -> None:
-    """Do the work of :meth:`Bone.field`; work is memory.
-
-    lacks : (n,), changed in place: the unfinished points, in unknown blocks. Distances beyond the lattice are
-    NaN.
-    """
+    """Do the work of :meth:`Bone.field`. lacks : (n,), points in unknown blocks;  work : (2, 3), memory."""
     at, normal = work[0], work[1]
     for i in range(len(points)):
         if not lacks[i]:
@@ -364,10 +351,7 @@ def _look_up(
 
 @kernel
 def _find_outside(field: Field, axes: Floats, points: Floats, outside: Bools, at: Floats) -> None:
-    """Write the points outside by the field.
-
-    The overview or the known part of the field decides; at (3,) is memory.
-    """
+    """Write the points that the overview, or the known part of the field, has outside; at : (3,), memory."""
     for i in range(len(points)):
         transform_point(axes, points, i, at)
         before, noted = field.lacking[0], field.lacking[1]

@@ -44,10 +44,7 @@ class BoneBoxes:
         self._halves = np.ptp(corners, axis=1) / 2.0 + np.reshape(margins, (-1, 1))
 
     def moved(self, transforms: Floats, centre: Floats) -> tuple[Floats, Floats]:
-        """Return the corners of the boxes, low and high.
-
-        Corners are (k, 3), relative to a centre (3,). The transforms (b, 4, 4) lead from rest to now.
-        """
+        """Return the low and high corners (k, 3) of the moved boxes, relative to a centre (3,)."""
         mine = transforms[self.indices]
         middles = np.einsum("bij,bj->bi", mine[:, :3, :3], self._middles) + mine[:, :3, 3] - centre
         halves = np.einsum("bij,bj->bi", np.abs(mine[:, :3, :3]), self._halves)
@@ -58,10 +55,7 @@ class BoneBoxes:
 
 @kernel
 def boxes_met(p: Floats, free: Bools, low: Floats, high: Floats, met: Bools) -> None:
-    """Write the boxes that meet the points' box.
-
-    Boxes are (k, 3); the points' box holds the free points of p (n, 3).  met : (k,).
-    """
+    """Write which boxes (k, 3) meet the box of the free points of p (n, 3)."""
     met[:] = True
     for axis in range(3):
         least, most = np.inf, -np.inf
@@ -104,10 +98,7 @@ class BoneContact:
         self._levels: dict[int, Floats] = {}
 
     def levels(self, number: int) -> Floats:
-        """Return each point's least distance from a bone.
-
-        Distances are (n,) [mm].
-        """
+        """Return each point's least distance (n,) from a bone [mm]."""
         if number not in self._levels:
             bone = self.bones[number]
             if bone.solids.remarks:
@@ -152,10 +143,7 @@ class PoseContact:
         self._met, self._work = np.empty(len(contact.bones), dtype=np.bool_), np.empty((2, 3))
 
     def keep_out(self, p: Floats) -> Bools:
-        """Move positions out of muscles and bones.
-
-        Positions (n, 3) are changed in place; return the moved points, (n,).
-        """
+        """Move positions (n, 3) out of muscles and bones, in place; return the moved points (n,)."""
         contact = self._contact
         moved = np.zeros(len(p), dtype=np.bool_)
         if self._muscles is not None:
@@ -174,10 +162,7 @@ class PoseContact:
         return moved
 
     def _first_look(self, number: int) -> tuple[Floats, Floats, Floats, Floats]:
-        """Return transforms to a bone's axes and back.
-
-        The function also returns memory for the look-ups of points.
-        """
+        """Return transforms to a bone's axes and back, and memory for the look-ups of points."""
         contact = self._contact
         transform = np.array(self._transforms[contact.boxes.indices[number]])
         transform[:3, 3] -= self._centre
@@ -242,10 +227,7 @@ def _keep_out(
 
 @kernel
 def _push_out(field: Field, at: Floats, level: float, normal: Floats) -> None:
-    """Move a position (3,) to a level, in place.
-
-    The move is along the gradient;  normal : (3,), memory.
-    """
+    """Move a position (3,) along the gradient to a level, in place; normal : (3,), memory."""
     for _ in range(MOST_PUSHES):
         depth = level - distance_at(field, at[0], at[1], at[2])
         if abs(depth) <= 0.5 * TOLERANCE * field.cell or not normal_at(field, at, normal):

@@ -85,25 +85,29 @@ def _holds(field: Field, i: float, j: float, k: float, span: Integer) -> bool:
 
 
 @lane
+def _in_cells(field: Field, x: float, y: float, z: float) -> tuple[float, float, float]:
+    """Return a position in cells, from the first node."""
+    low = field.low
+    return x * field.per_mm - low[0], y * field.per_mm - low[1], z * field.per_mm - low[2]
+
+
+@lane
+def _along_edge(field: Field, i: Integer, j: Integer, k: Integer, w: float) -> float:
+    """Return the distance between a node and the next."""
+    first = _node(field, i, j, k)
+    return first + w * (_node(field, i, j, k + 1) - first)
+
+
+@lane
 def distance_at(field: Field, x: float, y: float, z: float) -> float:
     """Return the trilinear distance at a position [mm], NaN where unknown and beyond the lattice."""
-    u, v, w = (
-        x * field.per_mm - field.low[0],
-        y * field.per_mm - field.low[1],
-        z * field.per_mm - field.low[2],
-    )
+    u, v, w = _in_cells(field, x, y, z)
     a, b, c = np.floor(u), np.floor(v), np.floor(w)
     if not _holds(field, a - 1.0, b - 1.0, c - 1.0, 3):  # with the nodes of the normal
         return np.nan
     i, j, k, u, v, w = np.int64(a), np.int64(b), np.int64(c), u - a, v - b, w - c
-    first = _node(field, i, j, k)
-    c00 = first + w * (_node(field, i, j, k + 1) - first)
-    first = _node(field, i, j + 1, k)
-    c01 = first + w * (_node(field, i, j + 1, k + 1) - first)
-    first = _node(field, i + 1, j, k)
-    c10 = first + w * (_node(field, i + 1, j, k + 1) - first)
-    first = _node(field, i + 1, j + 1, k)
-    c11 = first + w * (_node(field, i + 1, j + 1, k + 1) - first)
+    c00, c01 = _along_edge(field, i, j, k, w), _along_edge(field, i, j + 1, k, w)
+    c10, c11 = _along_edge(field, i + 1, j, k, w), _along_edge(field, i + 1, j + 1, k, w)
     c0, c1 = c00 + v * (c01 - c00), c10 + v * (c11 - c10)
     distance: float = c0 + u * (c1 - c0)
     if np.isnan(distance):  # the normal there will need the nodes on both sides
@@ -117,11 +121,7 @@ def least_distance_at(field: Field, x: float, y: float, z: float) -> float:
 
     No distance grows faster than the way from the middle of the position's cube.
     """
-    u, v, w = (
-        x * field.per_mm - field.low[0],
-        y * field.per_mm - field.low[1],
-        z * field.per_mm - field.low[2],
-    )
+    u, v, w = _in_cells(field, x, y, z)
     if not _holds(field, u, v, w, 0):
         return np.nan
     i, j, k = np.int64(u) >> CUBE, np.int64(v) >> CUBE, np.int64(w) >> CUBE
@@ -163,15 +163,8 @@ def normal_at(field: Field, at: Floats, out: Floats) -> bool:
 
 @lane
 def _slope_at(field: Field, x: float, y: float, z: float) -> tuple[float, float, float]:
-    """Return the growth of the distance along each axis, NaN where unknown and beyond the lattice.
-
-    The trilinear distance grows over a cell around a position, between the 27 nodes around.
-    """
-    u, v, w = (
-        x * field.per_mm - field.low[0],
-        y * field.per_mm - field.low[1],
-        z * field.per_mm - field.low[2],
-    )
+    """Return the growth over a cell along each axis, NaN where unknown and beyond the lattice."""
+    u, v, w = _in_cells(field, x, y, z)
     a, b, c = np.floor(u - 0.5), np.floor(v - 0.5), np.floor(w - 0.5)
     if not _holds(field, a, b, c, 2):
         return np.nan, np.nan, np.nan
@@ -189,10 +182,7 @@ def _slope_at(field: Field, x: float, y: float, z: float) -> tuple[float, float,
 def _over_plane(
     field: Field, i: Integer, j: Integer, k: Integer, v: float, w: float
 ) -> tuple[float, float, float]:
-    """Return the value in a plane, and its growth.
-
-    The value is at v, w between 3 x 3 nodes of the plane, and the growth is along v and w.
-    """
+    """Return the value at v, w between 3 x 3 nodes of a plane, and its growth along v and w."""
     here0, onward0 = _over_line(field, i, j, k, w)
     here1, onward1 = _over_line(field, i, j + 1, k, w)
     here2, onward2 = _over_line(field, i, j + 2, k, w)
@@ -218,8 +208,5 @@ def _value(p: float, q: float, r: float, t: float) -> float:
 
 @lane
 def _growth(p: float, q: float, r: float, t: float) -> float:
-    """Return the growth of the interpolation around t.
-
-    The growth of :func:`_value` is from half a cell before t to half a cell after.
-    """
+    """Return the growth of :func:`_value` from half a cell before t to half a cell after."""
     return (1.5 - t) * (q - p) + (t - 0.5) * (r - q)

@@ -22,7 +22,7 @@ from scipy.spatial import cKDTree
 
 from vtkmuscle.core.mesh.normals import triangle_normals, unit_vectors
 from vtkmuscle.core.mesh.polylines import smooth_polylines
-from vtkmuscle.core.mesh.sampling import PatchSamples
+from vtkmuscle.core.mesh.sampling import PatchSamples, part_means
 from vtkmuscle.core.mesh.surface import faces_between
 from vtkmuscle.core.mesh.triangle_tree import TriangleTree, triangle_tree
 from vtkmuscle.core.types import FloatMap, Floats, Ints
@@ -203,9 +203,9 @@ def even_positions(areas: Sequence[Floats], count: int) -> list[Floats]:
 
 def _relaxed(candidates: Floats, part: Ints, count: int) -> Floats:
     """Return the candidates nearest to the relaxed centres of parts."""
-    centres = _means(candidates, part, count)
+    centres = part_means(candidates, part, count)
     for _ in range(RELAXATIONS):
-        centres = _means(candidates, cKDTree(centres).query(candidates)[1], count, centres)
+        centres = part_means(candidates, cKDTree(centres).query(candidates)[1], count, centres)
     return np.asarray(candidates[cKDTree(candidates).query(centres)[1]])
 
 
@@ -218,10 +218,10 @@ def halved(areas: Sequence[Floats], count: int) -> list[Ints]:
     while shares.max() > 1:
         centred, spreads = [], []
         for area, part, weight in zip(areas, parts, weights, strict=True):
-            centred.append(area - _means(area, part, len(shares))[part])
+            centred.append(area - part_means(area, part, len(shares))[part])
             x = np.ascontiguousarray(centred[-1].T)
             products = ((1.0 + UNEVEN * weight) * x)[:, None] * x
-            spreads.append(_means(products.reshape(9, -1).T, part, len(shares)).reshape(-1, 3, 3))
+            spreads.append(part_means(products.reshape(9, -1).T, part, len(shares)).reshape(-1, 3, 3))
         axes = np.linalg.eigh(spreads[0] + spreads[-1])[1][..., -1]
         along = (centred[0] * axes[parts[0]]).sum(axis=1)
         axes *= np.where(np.bincount(parts[0], weights[0] * along, len(shares)) < 0.0, -1.0, 1.0)[:, None]
@@ -241,14 +241,6 @@ def halved(areas: Sequence[Floats], count: int) -> list[Ints]:
         halves = np.column_stack([lower, shares - lower]).reshape(-1)
         shares = halves[halves > 0]
     return parts
-
-
-def _means(values: Floats, part: Ints, count: int, default: Floats | None = None) -> Floats:
-    """Return mean values (count, k) of parts; the default for empty parts."""
-    sizes = np.bincount(part, minlength=count)[:, None]
-    sums = np.column_stack([np.bincount(part, x, count) for x in values.T])
-    means = np.zeros(sums.shape) if default is None else default.copy()
-    return np.divide(sums, sizes, out=means, where=sizes > 0)
 
 
 def matched_ends(starts: Floats, ends: Floats) -> Ints:

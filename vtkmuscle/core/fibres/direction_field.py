@@ -96,10 +96,7 @@ class DirectionField:
         self._reach = float(np.linalg.norm(self._steps, axis=1).max()) / 2.0
 
     def at(self, positions: Floats) -> tuple[Floats, Floats]:
-        """Return fibre directions and distances.
-
-        Unit vectors (q, 3) at positions (q, 3); distances (q,) of the nearest fibre.
-        """
+        """Return unit directions (q, 3) at positions (q, 3), and distances (q,) of the nearest fibre."""
         count = min(NEIGHBOURS, self._count)
         segments, shares, distances = self._neighbours(positions, min(NEIGHBOURS + 1, self._count))
         first, last = (tangents[segments[:, :count]] for tangents in self._tangents)

@@ -180,7 +180,6 @@ def sparse_mean_value_coordinates(
     queries: Floats,
     *,
     prune: float,
-    threads: int = 0,
     report: Callable[[float], None] = lambda part: None,
 ) -> SparseWeights:
     """Return mean value coordinates with merged weights.
@@ -190,7 +189,7 @@ def sparse_mean_value_coordinates(
     change of weights restores the sum 1 and the point, so rigid and affine motions are exact, and only
     bending costs accuracy.
 
-    points, triangles, queries, threads : as for
+    points, triangles, queries : as for
         :func:`~vtkmuscle.core.fibres.mean_value.mean_value_coordinates`;
     prune : a group has one weight if sum abs(w_j - w) r < 2 prune R / n, with its radius r and the radius R
         of all n vertices; >= 0;
@@ -208,7 +207,7 @@ def sparse_mean_value_coordinates(
     parts, error = [csr_array((0, len(means)))], 0.0
     for first in range(0, len(queries), AT_ONCE):
         block = queries[first : first + AT_ONCE]
-        weights = weights_of(mesh, block, threads, first=first)
+        weights = weights_of(mesh, block, first=first)
         grouped = _grouped(weights, groups, threshold)
         corrected = _reproduce_points(grouped, means, groups.sizes, block - mesh.centre)
         if not corrected.all():
@@ -241,11 +240,7 @@ def _grouped(weights: Floats, groups: Groups, threshold: float) -> csr_array:
 def _group(
     weights: Floats, groups: Groups, threshold: float, values: Floats, columns: Small, ends: Small
 ) -> None:
-    """Write summed weights and numbers of kept groups.
-
-    A group is kept if its weights differ by at most the threshold, times the radius. Row q ends before ends[q
-    + 1].
-    """
+    """Write sums and numbers of groups whose weights differ by at most the threshold, times the radius."""
     entry = 0
     for q in range(len(weights)):
         g = 0

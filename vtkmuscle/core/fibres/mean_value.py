@@ -57,7 +57,7 @@ _D0, _D1, _D2, _R0, _R1, _R2 = (row * LANES for row in range(6))
 _V0, _V1, _V2, _W0, _W1, _W2, _CLOSE, _X, _Y, _Z = (row * LANES for row in range(6, 16))
 
 
-def mean_value_coordinates(points: Floats, triangles: Ints, queries: Floats, *, threads: int = 0) -> Floats:
+def mean_value_coordinates(points: Floats, triangles: Ints, queries: Floats) -> Floats:
     """Return mean value coordinates (q, n) of query points.
 
     The weights of a point sum to 1 and reproduce linear functions; on the surface they are barycentric, and
@@ -65,13 +65,12 @@ def mean_value_coordinates(points: Floats, triangles: Ints, queries: Floats, *, 
 
     points, triangles : (n, 3), (m, 3), the closed mesh [mm], facing either side. Triangles without area
         contribute nothing;
-    queries : (q, 3), query points, inside or outside of the mesh [mm];
-    threads : number of threads, without effect on the result; 0: one per processor.
+    queries : (q, 3), query points, inside or outside of the mesh [mm].
 
     Raises a ValueError if weights do not reproduce their point: the surface is open, its triangles disagree
     about the outside, or the point is too far away.
     """
-    return weights_of(coordinate_mesh(points, triangles), queries, threads)
+    return weights_of(coordinate_mesh(points, triangles), queries)
 
 
 class CoordinateMesh(NamedTuple):
@@ -123,7 +122,7 @@ def coordinate_mesh(points: Floats, triangles: Ints) -> CoordinateMesh:
     )
 
 
-def weights_of(mesh: CoordinateMesh, queries: Floats, threads: int, *, first: int = 0) -> Floats:
+def weights_of(mesh: CoordinateMesh, queries: Floats, *, first: int = 0) -> Floats:
     """Return the weights (q, n) of points, in threads. Errors count points from `first`."""
     centred = queries - mesh.centre
     weights, residuals = np.empty((len(queries), len(mesh.vertices))), np.empty(len(queries))
@@ -133,7 +132,7 @@ def weights_of(mesh: CoordinateMesh, queries: Floats, threads: int, *, first: in
         tolerance = mesh.diagonal * ON_SURFACE
         weights[rows], residuals[rows] = weights_of_lanes(mesh, centred[rows], tolerance)
 
-    with ThreadPoolExecutor(threads or processors()) as pool:
+    with ThreadPoolExecutor(processors()) as pool:
         list(pool.map(work, range(0, len(queries), LANES)))
     bad = np.flatnonzero(~(residuals <= LARGEST_RESIDUAL * mesh.diagonal))
     if len(bad):

@@ -12,12 +12,7 @@ from scipy.cluster.vq import kmeans2
 from scipy.spatial import cKDTree
 
 from vtkmuscle.core.mesh.normals import triangle_normals, unit_vectors
-from vtkmuscle.core.mesh.polylines import (
-    curve_segments,
-    evenly_spaced,
-    polyline_lengths,
-    smooth_polylines,
-)
+from vtkmuscle.core.mesh.polylines import curve_segments, evenly_spaced, polyline_lengths
 from vtkmuscle.core.types import Bools, Floats, Ints
 
 
@@ -68,10 +63,8 @@ def section_areas(points: Floats, triangles: Ints, centres: Floats, normals: Flo
         a, b, c = below.take(triangles.T)
         met = triangles[(a != b) | (b != c)]
         ends, row = [], np.arange(len(met))
-        for upward in (
-            False,
-            True,
-        ):  # the edge on which the triangle's boundary goes up: so all loops run alike
+        # The edge on which the triangle's boundary goes up is the second, so all loops run alike.
+        for upward in (False, True):
             leaves = (below[met] == upward) & (below[np.roll(met, -1, axis=1)] != upward)
             side = leaves.argmax(axis=1)
             i, j = met[row, side], met[row, (side + 1) % 3]
@@ -79,28 +72,6 @@ def section_areas(points: Floats, triangles: Ints, centres: Floats, normals: Flo
             ends.append(about[i] + share[:, None] * (about[j] - about[i]))
         areas.append(abs(float((np.cross(*ends) @ normal).sum())) / 2.0)
     return np.array(areas)
-
-
-def smoothed_curve(values: Floats, *, passes: int = 5) -> Floats:
-    """Return curves over time, smoothed. l'_i = (l_{i-1} + 4 l_i + l_{i+1}) / 6, ends kept.
-
-    Kohout, Cervenka 2021, section 4.4, doi:10.1007/978-3-030-72379-8_24: five passes.
-
-    Parameters
-    ----------
-    values : (f,) or (f, k) array
-        A row per frame, for instance fibre lengths [mm].
-    passes : int, optional
-        Number of passes, >= 0.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from vtkmuscle.core.fibres.measures import smoothed_curve
-    >>> smoothed_curve(np.array([0.0, 6.0, 0.0]), passes=1)
-    array([0., 4., 0.])
-    """
-    return smooth_polylines(np.array(values, dtype=np.float64), np.array([0, len(values)]), 4.0, passes)
 
 
 def group_fibres(lengths: Floats, count: int) -> Ints:
@@ -148,7 +119,8 @@ class Arrangement(NamedTuple):
     `crossing` is the part of neighbours that change sides in the last eighth of their length, at the worse
     end. `hooked` is the part of fibres with a turn of more than 90 degrees between two segments. `turning` is
     the 95th percentile of the summed turns along a fibre [degrees]. `bare` is the part of the muscle's volume
-    farther from any fibre than the largest median distance between neighbours; 0 for fewer than five fibres.
+    farther from any fibre than the side of a square with a fibre's share of the largest section: 0 for
+    parallel fibres in a square or hexagonal pattern, exp(-pi), 4 %, for a random pattern.
     """
 
     crossing: float
@@ -157,8 +129,8 @@ class Arrangement(NamedTuple):
     bare: float
 
 
-def arrangement(points: Floats, offsets: Ints, samples: Floats) -> Arrangement:
-    """Return the arrangement of fibres. Samples (m, 3) of the muscle have even density."""
+def arrangement(points: Floats, offsets: Ints, samples: Floats, volume: float) -> Arrangement:
+    """Return the arrangement of fibres in a muscle of a volume, with samples (m, 3) of even density."""
     fibres = [points[a:b] for a, b in pairwise(offsets)]
     lines = evenly_spaced(points, offsets, STATIONS)
     turns = [_turns(np.diff(fibre, axis=0)) for fibre in fibres]
@@ -168,7 +140,9 @@ def arrangement(points: Floats, offsets: Ints, samples: Floats) -> Arrangement:
         crossing=max(_crossing(lines, neighbours), _crossing(lines[:, ::-1], neighbours)),
         hooked=float(np.mean([turn.max(initial=0.0) > HOOKED for turn in turns])),
         turning=float(np.percentile([turn.sum() for turn in turns], 95.0)),
-        bare=float((distances > _spacing(lines, neighbours)).mean()) if len(samples) else 0.0,
+        bare=float((distances > _spacing(lines, offsets, points, samples, abs(volume))).mean())
+        if len(samples)
+        else 0.0,
     )
 
 
@@ -189,12 +163,25 @@ def _neighbours(middle: Floats) -> Ints:
     return np.array([row[row != number][:count] for number, row in enumerate(nearest)])
 
 
-def _spacing(lines: Floats, neighbours: Ints) -> float:
-    """Return the largest median distance between neighbours. Infinite for too few."""
-    if neighbours.shape[1] < NEIGHBOURS:
-        return float("inf")
-    apart = np.linalg.norm(lines[neighbours] - lines[:, None], axis=-1)
-    return float(np.median(apart.mean(axis=1), axis=0).max())
+def _spacing(lines: Floats, offsets: Ints, points: Floats, samples: Floats, volume: float) -> float:
+    """Return the spacing of an even pattern in the largest section [mm].
+
+    A fibre's share is the largest section that half of the fibres pass, by the number of fibres that pass
+    it, or the volume by the length of all fibres, where no section is passed by half of them.
+    """
+    path = centroid_path(points, offsets, NODES)
+    counts, edges = np.histogram(along(path, samples)[0], NODES - 1)
+    stations = along(path, lines.reshape(-1, 3))[0].reshape(lines.shape[:2])
+    middles = 0.5 * (edges[1:] + edges[:-1])
+    passing = (stations.min(axis=1) <= middles[:, None]) & (stations.max(axis=1) >= middles[:, None])
+    fibres = passing.sum(axis=1)
+    sections = volume * counts / len(samples) / (edges[1] - edges[0])
+    passed = 2 * fibres >= len(lines)
+    share = volume / float(polyline_lengths(points, offsets).sum())
+    if passed.any():
+        largest = np.where(passed, sections, 0.0).argmax()
+        share = max(share, float(sections[largest] / fibres[largest]))
+    return float(np.sqrt(share))
 
 
 def _crossing(lines: Floats, neighbours: Ints) -> float:
@@ -235,10 +222,7 @@ class AreaProfile(NamedTuple):
     areas: Floats
 
     def muscle_between(self, share: float) -> tuple[float, float]:
-        """Return the arcs [mm] between which sections are muscle.
-
-        Their areas exceed a part of the largest.
-        """
+        """Return the arcs [mm] between which sections exceed a share of the largest area."""
         least = share * float(self.areas.max())
         thick = np.flatnonzero(self.areas >= least)
         return self._crossing(int(thick[0]), -1, least), self._crossing(int(thick[-1]), 1, least)
@@ -368,10 +352,7 @@ def segment_errors(points: Floats, offsets: Ints) -> Floats:
 
 
 def sampling_errors(values: Floats) -> Floats:
-    """Return the standard error of means, s / sqrt(k).
-
-    The means are over the last axis; NaN for a single value.
-    """
+    """Return the standard error s / sqrt(k) of means over the last axis, NaN for a single value."""
     count = values.shape[-1]
     if count < 2:
         return np.full(values.shape[:-1], np.nan)

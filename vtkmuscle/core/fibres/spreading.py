@@ -194,10 +194,7 @@ def _pull(
     pulls: Floats,
     weights: Floats,
 ) -> None:
-    """Add to the results of :func:`_pulls`.
-
-    The station before a node counts. candidates, squares : memory.
-    """
+    """Add to the results of :func:`_pulls`; candidates, squares : memory."""
     nodes, station_of, offsets, low, scales, shape = grid
     lx, ly, lz = low[0], low[1], low[2]
     nx, ny, nz = shape[0], shape[1], shape[2]
@@ -238,13 +235,8 @@ def _pull(
             along = (x - ax) * bx + (y - ay) * by + (z - az) * bz
             along = min(max(along / squared if squared > 0.0 else 0.0, 0.0), 1.0)
             after = along * share
-            before = share - after
-            weights[node] += before
-            weights[node + 1] += after
-            sx, sy, sz = x - (ax + along * bx), y - (ay + along * by), z - (az + along * bz)
-            pulls[node, 0] += before * sx
-            pulls[node, 1] += before * sy
-            pulls[node, 2] += before * sz
-            pulls[node + 1, 0] += after * sx
-            pulls[node + 1, 1] += after * sy
-            pulls[node + 1, 2] += after * sz
+            offset = x - (ax + along * bx), y - (ay + along * by), z - (az + along * bz)
+            for end, part in ((node, share - after), (node + 1, after)):
+                weights[end] += part
+                for axis in range(3):
+                    pulls[end, axis] += part * offset[axis]

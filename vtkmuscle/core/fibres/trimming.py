@@ -201,7 +201,7 @@ def _ends_on_area(ends: Floats, area: EndArea, tolerance: float) -> Bools:
     Templates with fibres from area to area, such as pennate, need no new ends. In the pinched tip of a muscle
     the few fibres that end on the area are not kept.
     """
-    size, tree = area.samples.area, area.samples.tree(64 * len(ends))
+    size, tree = area.samples.area, cKDTree(area.samples.dense(64 * len(ends)))
     limit = tolerance + np.sqrt(size / tree.n)
     # Without a bound the search compares a far end with thousands of equally far positions.
     on_area = tree.query(ends, distance_upper_bound=limit * (1.0 + 1e-9))[0] <= limit
@@ -213,10 +213,7 @@ def _ends_on_area(ends: Floats, area: EndArea, tolerance: float) -> Bools:
 
 
 def _sharpest_turns(points: Floats, offsets: Ints) -> Floats:
-    """Return each fibre's sharpest turn near its end (k,) [degrees].
-
-    The last third counts; hooks are not kept.
-    """
+    """Return each fibre's sharpest turn in its last third (k,) [degrees]."""
     i = inner_points(offsets)
     ends = offsets[np.searchsorted(offsets, i, side="right")]
     counts = ends - offsets[np.searchsorted(offsets, i, side="right") - 1]
@@ -340,12 +337,7 @@ def closest_to_ray(start: Floats, ahead: Floats, corners: Floats) -> Floats:
 
 
 def _nearest_to_ray(to_start: Floats, ahead: Floats, edges: Floats) -> tuple[Floats, Floats]:
-    """Return parameters of closest approach of edges and a ray.
-
-    On edges (k, 3) from 0 to 1, along the ray >= 0.
-
-    Ericson 2005, *Real-time collision detection*, section 5.1.9.
-    """
+    """Return parameters of closest approach of edges and a ray (Ericson 2005, section 5.1.9)."""
     ee, ea = (edges * edges).sum(axis=1), edges @ ahead
     es, as_ = (edges * to_start).sum(axis=1), to_start @ ahead
     apart = ee - ea * ea

@@ -15,10 +15,7 @@ ON_EDGE = 1e-6
 
 
 def triangle_normals(points: Floats, triangles: Ints) -> Floats:
-    """Return normals (m, 3) of twice the area. (b - a) x (c - a) for each triangle.
-
-    The length is twice the area.
-    """
+    """Return normals (b - a) x (c - a) of triangles (m, 3), as long as twice the area."""
     a, b, c = np.take(points, triangles, axis=0).swapaxes(0, 1)
     return np.cross(b - a, c - a)
 
@@ -77,10 +74,7 @@ def faces_that_meet(points: Floats, triangles: Ints, faces: Ints, positions: Flo
 
 
 def _triangles_around(triangles: Ints, faces: Ints) -> tuple[Ints, Ints, Ints]:
-    """Return corners and the triangles around each, (j,) both.
-
-    Triangles around are indices into the last array returned, of triangles.
-    """
+    """Return corners and the triangles around each, (j,) both, as indices into the last array returned."""
     corners = triangles[faces]
     member = np.zeros(int(triangles.max()) + 1, dtype=np.bool_)
     member[corners] = True
@@ -110,10 +104,7 @@ def unit_vectors(vectors: Floats) -> Floats:
 
 
 def perpendiculars(axis: Floats) -> tuple[Floats, Floats]:
-    """Return two unit vectors (3,) that complete a right-handed frame.
-
-    The axis is the frame's third vector.
-    """
+    """Return two unit vectors (3,) that complete a right-handed frame with the axis as its third."""
     first = np.cross(np.eye(3)[int(np.abs(axis).argmin())], axis)
     first /= np.linalg.norm(first)
     return first, np.cross(axis, first)

@@ -36,15 +36,10 @@ def volume_and_gradient(p: Floats, triangles: Ints, gradient: Floats) -> float:
         bx, by, bz = p[j, 0] - ax, p[j, 1] - ay, p[j, 2] - az
         cx, cy, cz = p[k, 0] - ax, p[k, 1] - ay, p[k, 2] - az
         x, y, z = by * cz - bz * cy, bz * cx - bx * cz, bx * cy - by * cx
-        gradient[i, 0] += x
-        gradient[i, 1] += y
-        gradient[i, 2] += z
-        gradient[j, 0] += x
-        gradient[j, 1] += y
-        gradient[j, 2] += z
-        gradient[k, 0] += x
-        gradient[k, 1] += y
-        gradient[k, 2] += z
+        for corner in (i, j, k):
+            gradient[corner, 0] += x
+            gradient[corner, 1] += y
+            gradient[corner, 2] += z
     total = 0.0
     for i in range(len(p)):  # about a point of the muscle: one far from the origin loses no digits
         for c in range(3):
@@ -72,9 +67,8 @@ def project_volume(
     if weighted > 0.0:
         s = (volume - rest) / max(weighted, floor)
         for i in range(len(p)):
-            p[i, 0] -= s * w[i] * gradient[i, 0]
-            p[i, 1] -= s * w[i] * gradient[i, 1]
-            p[i, 2] -= s * w[i] * gradient[i, 2]
+            for axis in range(3):
+                p[i, axis] -= s * w[i] * gradient[i, axis]
     return volume
 
 

@@ -40,11 +40,16 @@ def even_samples(candidates: Floats, count: int) -> Floats:
     tree = cKDTree(candidates)
     for _ in range(4):
         cell = cKDTree(samples).query(candidates)[1]
-        sizes = np.bincount(cell, minlength=len(samples))
-        sums = np.column_stack([np.bincount(cell, x, len(samples)) for x in candidates.T])
-        filled = sizes > 0
-        samples[filled] = candidates[tree.query(sums[filled] / sizes[filled, None])[1]]
+        samples = candidates[tree.query(part_means(candidates, cell, len(samples), samples))[1]]
     return samples[np.arange(count) % len(samples)]
+
+
+def part_means(values: Floats, part: Ints, count: int, default: Floats | None = None) -> Floats:
+    """Return mean values (count, k) of parts. The default, or 0, for parts without members."""
+    sizes = np.bincount(part, minlength=count)[:, None]
+    sums = np.column_stack([np.bincount(part, x, count) for x in values.T])
+    means = np.zeros(sums.shape) if default is None else default.copy()
+    return np.divide(sums, sizes, out=means, where=sizes > 0)
 
 
 def _farthest(candidates: Floats, count: int) -> Ints:
@@ -86,10 +91,6 @@ class PatchSamples:
         if key not in self._dense:
             self._dense[key] = self._sampled(_sobol(exponent, seed))
         return self._dense[key]
-
-    def tree(self, count: int) -> cKDTree:
-        """Return the search tree of at least `count` positions."""
-        return cKDTree(self.dense(count))
 
     def even(self, count: int, *, direction: Floats, above: float, seed: int = 0) -> Floats:
         """Return positions (count, 3) above a height along a direction.

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.jit import kernel
+from vtkmuscle.core.mesh.sampling import part_means
 from vtkmuscle.core.mesh.shared import shared
 from vtkmuscle.core.mesh.surface import LEAST_VOLUME, numbered_edges, point_components, signed_volume
 from vtkmuscle.core.mesh.triangle_tree import TriangleTree, triangle_tree
@@ -220,9 +221,7 @@ def _capped(points: Floats, triangles: Ints, rim: Ints) -> tuple[Floats, Ints, i
     hole_of_point = point_components(len(used), ends)
     hole = hole_of_point[ends[:, 0]]
     n_holes = int(hole_of_point.max()) + 1
-    middles = points[rim].mean(axis=1)
-    sums = np.column_stack([np.bincount(hole, weights=middles[:, k], minlength=n_holes) for k in range(3)])
-    centres = sums / np.bincount(hole, minlength=n_holes)[:, None]
+    centres = part_means(points[rim].mean(axis=1), hole, n_holes)
     caps = np.column_stack([rim[:, 1], rim[:, 0], len(points) + hole])
     return np.vstack([points, centres]), np.vstack([triangles, caps]), n_holes
 
@@ -257,17 +256,7 @@ class Solids:
 
     def distances(self, points: ArrayLike) -> Floats:
         """Return exact distances (n,) of points (n, 3), negative inside."""
-        positions = _checked(points)
-        least = np.full(len(positions), np.inf)
-        for tree in self._all:
-            beyond = np.maximum(tree.boxes[0, :3] - positions, positions - tree.boxes[0, 3:])
-            to_box = np.linalg.norm(np.maximum(beyond, 0.0), axis=1)
-            in_reach = np.flatnonzero(to_box <= np.maximum(least, 0.0))
-            distances = tree.signed(positions[in_reach])[0]
-            least[in_reach] = np.minimum(
-                least[in_reach], np.abs(distances) if tree is self.sheets else distances
-            )
-        return least
+        return self.exact(points)[0]
 
     def exact(self, points: ArrayLike) -> tuple[Floats, Floats]:
         """Return exact distances (n,) and directions away (n, 3). Distances are negative inside.
@@ -278,12 +267,16 @@ class Solids:
         positions = _checked(points)
         best, outward = np.full(len(positions), np.inf), np.zeros((len(positions), 3))
         for tree in self._all:
-            distance, _, normal = tree.tangent_planes(positions)
+            beyond = np.maximum(tree.boxes[0, :3] - positions, positions - tree.boxes[0, 3:])
+            in_reach = np.flatnonzero(
+                np.linalg.norm(np.maximum(beyond, 0.0), axis=1) <= np.maximum(best, 0.0)
+            )
+            distance, _, normal = tree.tangent_planes(positions[in_reach])
             if tree is self.sheets:
                 normal[distance < 0.0] *= -1.0
                 distance = np.abs(distance)
-            nearer = distance < best
-            best[nearer], outward[nearer] = distance[nearer], normal[nearer]
+            nearer = distance < best[in_reach]
+            best[in_reach[nearer]], outward[in_reach[nearer]] = distance[nearer], normal[nearer]
         return best, outward
 
     def depth(self, points: ArrayLike) -> Floats:

@@ -104,6 +104,11 @@ def points_in_box(points: Floats, low: Floats, high: Floats) -> Ints:
     return np.flatnonzero(x & y & z)
 
 
+def diagonal(points: Floats) -> float:
+    """Return the diagonal of the box around points (n, 3)."""
+    return float(np.linalg.norm(np.ptp(points, axis=0)))
+
+
 def signed_volume(points: Floats, triangles: Ints) -> float:
     """Return the volume, positive for outward triangles.
 
@@ -116,10 +121,7 @@ def signed_volume(points: Floats, triangles: Ints) -> float:
 
 
 def mean_thickness(points: Floats, triangles: Ints) -> float:
-    """Return the mean thickness 2 V / A [mm]. That is the thickness of a flat muscle.
-
-    Raises a ValueError for a surface without volume.
-    """
+    """Return the mean thickness 2 V / A [mm], as of a flat muscle. Raises a ValueError without volume."""
     volume = signed_volume(points, triangles)
     check_volume(points, volume)
     return 4.0 * abs(volume) / float(np.linalg.norm(triangle_normals(points, triangles), axis=1).sum())

@@ -90,10 +90,7 @@ class TriangleTree:
 
 
 def triangle_tree(points: Floats, triangles: Ints) -> TriangleTree:
-    """Return the tree of a surface.
-
-    Finite points (n, 3) and triangles (m, 3), m >= 1; the tree keeps both.
-    """
+    """Return the tree of finite points (n, 3) and triangles (m, 3), m >= 1, and keep both."""
     centres = (points[triangles[:, 0]] + points[triangles[:, 1]] + points[triangles[:, 2]]) / 3.0
     order, starts = np.arange(len(triangles)), _leaf_starts(len(triangles))
     width = len(starts)
@@ -240,10 +237,7 @@ def pseudonormals(points: Floats, triangles: Ints) -> tuple[Floats, Ints]:
 
 @kernel
 def _foot(corners: Floats, query: Floats, foot: Floats) -> float:
-    """Write the foot of a perpendicular; return its length. Foot (3,), onto a triangle's plane.
-
-    More digits than by barycentric coordinates, for needle triangles.
-    """
+    """Write the foot (3,) on a triangle's plane, exact for needles; return the distance."""
     a, b, c = corners[0], corners[1], corners[2]
     nx = (b[1] - a[1]) * (c[2] - a[2]) - (b[2] - a[2]) * (c[1] - a[1])
     ny = (b[2] - a[2]) * (c[0] - a[0]) - (b[0] - a[0]) * (c[2] - a[2])

@@ -221,6 +221,8 @@ FEWEST_STEPS = 3
 KINK = 0.25
 #: Largest change of velocity within an even stretch of motion, as a part of the velocity.
 UNEVEN = 0.5
+#: Rounding of tables of six digits: of rotations [rad], and of positions as a part of the largest.
+ROUNDING = 1e-5
 
 
 def length_jumps(
@@ -285,11 +287,12 @@ def even_stretches(motion: RigidMotion) -> Ints:
         rotations = Rotation.from_matrix(table[:, :3, :3].copy())
         turned = (rotations[1:] * rotations[:-1].inv()).as_rotvec()
         shifted = np.diff(table[:, :3, :3] @ centre + table[:, :3, 3], axis=0)
-        for moved in (turned, shifted):
+        lever = np.abs(centre).max() + np.abs(table[:, :3, 3]).max()
+        for moved, rounding in ((turned, ROUNDING), (shifted, ROUNDING * lever)):
             velocities = moved / durations[:, None]
-            sizes = np.linalg.norm(velocities, axis=1)
-            # Velocities far below the largest are rounding of a table.
-            least = 0.02 * sizes.max()
+            sizes, unsure = np.linalg.norm(velocities, axis=1), 2.0 * rounding / durations
+            # Velocities far below the largest, or within rounding, are from a table's last digits.
+            least = 0.02 * sizes.max() + unsure[1:] + unsure[:-1]
             change = np.linalg.norm(np.diff(velocities, axis=0), axis=1)
             begins[1:] |= change > UNEVEN * np.maximum(sizes[1:], sizes[:-1]) + least
     return np.cumsum(begins)

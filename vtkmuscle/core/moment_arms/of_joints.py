@@ -160,7 +160,7 @@ class JointArms:
     coordinate, unit, positive : str
         Name of the coordinate, its unit, and its positive direction.
     frames : (m,) int array
-        Frames with moment arms, counted in the whole motion.
+        Frames with moment arms, counted in the kept frames.
     values : (m,) array
         Coordinate values in the frames, in their unit.
     arms : (m, k) array

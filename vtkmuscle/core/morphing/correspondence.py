@@ -84,20 +84,14 @@ def followed_starts(stack: LoopStack, guides: LoopStack, continuity: float, corn
 
 
 def cyclic_products(first: Floats, second: Floats) -> Floats:
-    """Return mean dot products for every cyclic shift. Result (j, n).
-
-    The mean over i of first[j, i] . second[j, i + p].
-    """
+    """Return mean dot products first[j, i] . second[j, i + p] over i, for every cyclic shift p, (j, n)."""
     spectra = np.fft.rfft(first, axis=1).conj() * np.fft.rfft(second, axis=1)
     n = first.shape[1]
     return np.asarray(np.fft.irfft(spectra.sum(axis=2), n, axis=1) / n)
 
 
 def _cheapest_chain(costs: Floats, twists: Floats) -> Ints:
-    """Return the chain p of least cost.
-
-    sum_j costs[j, p_j] + sum_j twists[j - 1, (p_j - p_{j-1}) mod n] is least.
-    """
+    """Return the chain p of least sum costs[j, p_j] + twists[j - 1, (p_j - p_{j-1}) mod n] over j."""
     start = np.arange(costs.shape[1])
     turns = (start - start[:, None]) % len(start)
     best, predecessors = costs[0], []
@@ -112,18 +106,12 @@ def _cheapest_chain(costs: Floats, twists: Floats) -> Ints:
 
 
 def loop_lengths(loop: Floats) -> Floats:
-    """Return arc lengths up to each vertex, and the perimeter. Loop (n, k), lengths (n + 1,).
-
-    The last is the perimeter.
-    """
+    """Return arc lengths (n + 1,) up to each vertex of a loop (n, k), and the perimeter as the last."""
     return np.append(0.0, np.cumsum(np.linalg.norm(np.roll(loop, -1, axis=0) - loop, axis=1)))
 
 
 def boundary_centroid(loop: Floats) -> Floats:
-    """Return the centroid (k,) of a loop's boundary.
-
-    The mean of the segments' middles, weighted by length.
-    """
+    """Return the centroid (k,) of a loop's boundary: the segments' middles weighted by length."""
     lengths = loop_lengths(loop)
     return np.asarray(np.diff(lengths) @ (loop + np.roll(loop, -1, axis=0)) / (2.0 * lengths[-1]))
 
@@ -215,10 +203,7 @@ def _nearest(ascending: Floats, values: Floats, first: Ints | int, last: Ints | 
 
 
 def subdivided_rectangle(lengths: Floats, splits: Ints, width: float, depth: float) -> Floats:
-    """Return the rectangle's boundary point (n, 2) per chain vertex.
-
-    Sides are subdivided in the ratios of the segments in their parts (:func:`split_chain`).
-    """
+    """Return the rectangle's boundary point (n, 2) per chain vertex, in the ratios of the segments."""
     corners = ((0.0, width, width, 0.0, 0.0), (0.0, 0.0, depth, depth, 0.0))
     return np.column_stack([np.interp(lengths[:-1], lengths[splits], column) for column in corners])
 
@@ -298,10 +283,7 @@ def section_map(loop: Floats, target: Floats, sides: Floats, *, as_printed: bool
 
 
 def count_outside(loop: Floats, points: Floats) -> int:
-    """Return the number of points outside a loop. Points (m, 2), loop (n, 2), by the even-odd rule.
-
-    By the even-odd rule.
-    """
+    """Return the number of points (m, 2) outside a loop (n, 2), by the even-odd rule."""
     x, y = points[:, 0, None], points[:, 1, None]
     (bx, by), (ax, ay) = loop[:, :2].T, np.roll(loop[:, :2], 1, axis=0).T
     rises = np.where(by == ay, 1.0, by - ay)

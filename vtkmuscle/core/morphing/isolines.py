@@ -149,10 +149,9 @@ def _isolines_at(box: Box, course: _IsolineCourse, levels: Floats, slicing: Slic
 
     def stack(at: Floats) -> tuple[LoopStack, Floats, Ints]:
         """Return loops, vector areas, and numbers of hit levels."""
-        loops, hits = branch.loops_at(at)
+        loops, hits = branch.stack(at, 3)
         areas = branch.areas[branch.at(at[hits])]
-        rings = [np.ascontiguousarray(loop) for loop in loops]
-        return LoopStack(rings, at[hits], _distances_from_rectangle(box.sides, areas)), areas, hits
+        return loops._replace(start_costs=_distances_from_rectangle(box.sides, areas)), areas, hits
 
     rings, areas, hits = stack(levels)
     starts = followed_starts(rings, stack(guides)[0], slicing.continuity * course.length, np.zeros(3))

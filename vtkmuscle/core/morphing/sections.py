@@ -13,6 +13,7 @@ import numpy as np
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.mesh.surface import point_components, signed_volume, sorted_into_bins
+from vtkmuscle.core.morphing.correspondence import LoopStack
 from vtkmuscle.core.types import FloatMap, Floats, Ints
 
 
@@ -162,10 +163,7 @@ def _onward(half_edges: Ints, steps: int) -> Ints:
 def _parts(
     triangles: Ints, slabs: Ints, crossings: Ints, rising: Ints, loop_of: Ints, n_points: int, n_loops: int
 ) -> Ints:
-    """Return connected parts (v + 2 k,). Of vertices first, then of lower and upper loop sides.
-
-    Vertices first, then lower and upper sides of loops.
-    """
+    """Return connected parts (v + 2 k,). Of vertices first, then of lower and upper loop sides."""
     after = np.roll(triangles, -1, axis=1).reshape(-1)
     corners = triangles.reshape(-1)
     level = slabs[corners] == slabs[after]
@@ -245,8 +243,9 @@ class Branch:
         """Return loop numbers at some heights, -1 for none."""
         return self.numbers[np.searchsorted(self.heights, heights)]
 
-    def loops_at(self, heights: Floats) -> tuple[list[Floats], Ints]:
-        """Return loops (n, 3) and the numbers of hit heights."""
+    def stack(self, heights: Floats, dimension: int) -> tuple[LoopStack, Ints]:
+        """Return loops (n, dimension) and the numbers of hit heights."""
         numbers = self.at(heights)
         hits = np.flatnonzero(numbers >= 0)
-        return [self.sections.loop(int(number)) for number in numbers[hits]], hits
+        loops = [self.sections.loop(int(number))[:, :dimension] for number in numbers[hits]]
+        return LoopStack([np.ascontiguousarray(loop) for loop in loops], heights[hits]), hits

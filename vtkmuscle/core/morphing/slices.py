@@ -12,7 +12,6 @@ from typing import NamedTuple
 import numpy as np
 
 from vtkmuscle.core.morphing.correspondence import (
-    LoopStack,
     boundary_centroid,
     count_outside,
     followed_starts,
@@ -220,7 +219,10 @@ def morph_by_planes(
         heights = course.squeezed(heights, branch)
         levels, slice_of = shared_levels(heights, tolerance, grain)
         branch = course.branch(np.union1d(levels, course.guides))
-    mapped = _sections_at(box, branch, levels, course.guides, slicing)
+    slices, hits = branch.stack(levels, 2)
+    guides = branch.stack(course.guides, 2)[0]
+    starts = followed_starts(slices, guides, slicing.continuity * box.length, np.zeros(2))
+    mapped = SliceMaps(slices.loops, starts, hits, box.sides, slicing)
     result = np.column_stack([inside[:, :2], heights])
     result[:, :2], n_outside = mapped.positions(inside, heights, levels, slice_of)
     return Morph(box.positions(result), n_outside, volume_share, steep_share)
@@ -267,15 +269,3 @@ class _PlaneCourse:
         if above.any():
             result[above] = last + (heights[above] - last) * (high - last) / (heights.max() - last)
         return result
-
-
-def _sections_at(box: Box, branch: Branch, levels: Floats, guides: Floats, slicing: Slicing) -> SliceMaps:
-    """Return sections at levels, matched to the template's rectangle."""
-
-    def stack(heights: Floats) -> tuple[LoopStack, Ints]:
-        loops, hits = branch.loops_at(heights)
-        return LoopStack([np.ascontiguousarray(loop[:, :2]) for loop in loops], heights[hits]), hits
-
-    slices, hits = stack(levels)
-    starts = followed_starts(slices, stack(guides)[0], slicing.continuity * box.length, np.zeros(2))
-    return SliceMaps(slices.loops, starts, hits, box.sides, slicing)

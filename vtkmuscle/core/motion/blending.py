@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 
 from vtkmuscle.core.jit import kernel
-from vtkmuscle.core.motion.rigid import apply_transform, inverse
+from vtkmuscle.core.motion.rigid import apply_transform
 from vtkmuscle.core.types import Bools, Floats, Ints
 
 #: Least norm of a blended quaternion, as a divisor.
@@ -40,10 +39,7 @@ def blend_motions(transforms: Floats, weights: Floats, points: Floats) -> Floats
 
 @kernel
 def _blend(motions: Floats, weights: Floats, points: Floats, mean: Floats, moved: Floats) -> None:
-    """Move points by mean dual quaternions.
-
-    Points (n, 3), quaternions (b, 8), weights (n, b); mean : (8,), memory.
-    """
+    """Move points (n, 3) by mean dual quaternions (b, 8) of weights (n, b); mean : (8,), memory."""
     for i in range(len(points)):
         mean[:] = 0.0
         for k in range(len(motions)):
@@ -59,20 +55,26 @@ def _blend(motions: Floats, weights: Floats, points: Floats, mean: Floats, moved
         moved[i, 2] = r + 2.0 * (x * v - y * u + w * c - e * z) / square
 
 
-def screw_between(start: Floats, end: Floats, fraction: float) -> Floats:
-    """Return the transform at a fraction of a screw.
+def screws_between(start: Floats, end: Floats, fraction: float) -> Floats:
+    """Return the transforms (b, 4, 4) at a fraction of screws.
 
     A turn about an axis and a slide along it, both scaled by the fraction in [0, 1]. A bone on a hinge stays
-    on its hinge, and the result is independent of the origin. The turn is less than 180 degrees.
+    on its hinge, and the result is independent of the origin. Turns are less than 180 degrees.
     """
     if fraction >= 1.0:
         return end
-    twist = np.zeros((4, 4))
-    a, b, c, x, y, z = screws((end @ inverse(start))[None])[0]
-    twist[:3] = [[0.0, -z, y, a], [z, 0.0, -x, b], [-y, x, 0.0, c]]
-    between: Floats = expm(fraction * twist) @ start
-    between[3] = start[3]  # free of rounding
-    return between
+    twists = fraction * screws(end @ np.linalg.inv(start))
+    slides, turns = twists[:, :3], twists[:, 3:]
+    angles = np.linalg.norm(turns, axis=1)[:, None]
+    safe = np.maximum(angles, _SMALL)
+    # The left Jacobian of SO(3), of Murray, Li, Sastry's 2.36.
+    first = np.where(angles > _SMALL, (1.0 - np.cos(safe)) / safe**2, 0.5)
+    second = np.where(angles > _SMALL, (safe - np.sin(safe)) / safe**3, 1.0 / 6.0)
+    across = np.cross(turns, slides)
+    moves = np.zeros_like(start) + np.eye(4)
+    moves[:, :3, :3] = Rotation.from_rotvec(turns).as_matrix()
+    moves[:, :3, 3] = slides + first * across + second * np.cross(turns, across)
+    return moves @ start
 
 
 def screws(motions: Floats) -> Floats:
@@ -107,12 +109,9 @@ _MOST_STEPS = 20
 
 
 def nearest_rotations(matrices: Floats) -> Floats:
-    """Return the nearest rotation of each matrix (n, 3, 3).
-
-    R has the largest tr(R^T M); it is the identity for a zero matrix.
-    """
+    """Return the rotation R of largest tr(R^T M) for each matrix M (n, 3, 3), the identity for zero."""
     rotations, converged = matrices.copy(), np.zeros(len(matrices), dtype=np.bool_)
-    _by_newton(rotations, converged)
+    _by_newton(rotations, np.empty((3, 3)), converged)
     if not converged.all():  # mirrored or nearly singular (Kabsch 1976, doi:10.1107/S0567739476001873)
         u, _, v = np.linalg.svd(matrices[~converged])
         u[:, :, 2] *= np.sign(np.linalg.det(u @ v))[:, None]
@@ -121,7 +120,7 @@ def nearest_rotations(matrices: Floats) -> Floats:
 
 
 @kernel
-def _by_newton(matrices: Floats, converged: Bools) -> None:
+def _by_newton(matrices: Floats, y: Floats, converged: Bools) -> None:
     """Replace matrices (n, 3, 3) by their orthogonal factors.
 
     X <- (g X + X^-T / g) / 2, with g from the norms of X and its inverse; Higham 1986, *Computing the polar
@@ -129,34 +128,29 @@ def _by_newton(matrices: Floats, converged: Bools) -> None:
     and nearly singular matrices, which stay.
     """
     for k in range(len(matrices)):
-        a, b, c = matrices[k, 0, 0], matrices[k, 0, 1], matrices[k, 0, 2]
-        d, e, f = matrices[k, 1, 0], matrices[k, 1, 1], matrices[k, 1, 2]
-        g, h, i = matrices[k, 2, 0], matrices[k, 2, 1], matrices[k, 2, 2]
-        step2 = np.inf
+        x, step2 = matrices[k], np.inf
         for _ in range(_MOST_STEPS):
-            # The rows of X^-T, times the determinant: cross products of the rows of X.
-            p, q, r = e * i - f * h, f * g - d * i, d * h - e * g
-            s, t, u = h * c - i * b, i * a - g * c, g * b - h * a
-            v, w, x = b * f - c * e, c * d - a * f, a * e - b * d
-            determinant = a * p + b * q + c * r
+            size2, other2 = 0.0, 0.0
+            for i in range(3):
+                for j in range(3):
+                    a, b, c, d = (i + 1) % 3, (i + 2) % 3, (j + 1) % 3, (j + 2) % 3
+                    y[i, j] = x[a, c] * x[b, d] - x[a, d] * x[b, c]  # of X^-T, times the determinant
+                    size2 += x[i, j] * x[i, j]
+                    other2 += y[i, j] * y[i, j]
+            determinant = x[0, 0] * y[0, 0] + x[0, 1] * y[0, 1] + x[0, 2] * y[0, 2]
             m, n = 0.5, 0.5 / determinant
             if step2 > _SCALED_FROM:
-                size2 = a * a + b * b + c * c + d * d + e * e + f * f + g * g + h * h + i * i
-                other2 = p * p + q * q + r * r + s * s + t * t + u * u + v * v + w * w + x * x
                 if not determinant > _NEWTON_FROM * (size2 / 3.0) * np.sqrt(size2 / 3.0):
                     break
                 scale = np.sqrt(np.sqrt(other2 / size2) / determinant)
                 m, n = m * scale, n / scale
-            p, q, r = m * a + n * p, m * b + n * q, m * c + n * r
-            s, t, u = m * d + n * s, m * e + n * t, m * f + n * u
-            v, w, x = m * g + n * v, m * h + n * w, m * i + n * x
-            step2 = (p - a) ** 2 + (q - b) ** 2 + (r - c) ** 2 + (s - d) ** 2 + (t - e) ** 2 + (u - f) ** 2
-            step2 += (v - g) ** 2 + (w - h) ** 2 + (x - i) ** 2
-            a, b, c, d, e, f, g, h, i = p, q, r, s, t, u, v, w, x
+            step2 = 0.0
+            for i in range(3):
+                for j in range(3):
+                    value = m * x[i, j] + n * y[i, j]
+                    step2 += (value - x[i, j]) ** 2
+                    x[i, j] = value
             if step2 <= _LAST_STEP2:
-                matrices[k, 0, 0], matrices[k, 0, 1], matrices[k, 0, 2] = a, b, c
-                matrices[k, 1, 0], matrices[k, 1, 1], matrices[k, 1, 2] = d, e, f
-                matrices[k, 2, 0], matrices[k, 2, 1], matrices[k, 2, 2] = g, h, i
                 converged[k] = True
                 break
 

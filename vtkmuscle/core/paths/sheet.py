@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from vtkmuscle.core.bones.bone import Bone
 from vtkmuscle.core.mesh.surface import mean_thickness
 from vtkmuscle.core.mesh.triangle_tree import triangle_tree
-from vtkmuscle.core.motion.blending import screw_between
+from vtkmuscle.core.motion.blending import screws_between
 from vtkmuscle.core.motion.rigid import inverse
 from vtkmuscle.core.paths.bone_contact import BoneContacts
 from vtkmuscle.core.paths.guides import ALL_PATHS, Guides, with_bones
@@ -265,8 +265,7 @@ class MusclePaths:
         for number in range(1, steps + 1):
             pose = transforms
             if number < steps:
-                pairs = zip(known, transforms, strict=True)
-                pose = np.array([screw_between(a, b, number / steps) for a, b in pairs])
+                pose = screws_between(known, transforms, number / steps)
             state = self._go_on(state, pose)
         return state
 

@@ -9,8 +9,13 @@ import numpy as np
 
 from vtkmuscle.core.mesh.harmonic import harmonic_field, triangle_gradients
 from vtkmuscle.core.mesh.normals import unit_vectors
+from vtkmuscle.core.mesh.polylines import proper_segments, segment_distances
 from vtkmuscle.core.mesh.surface import MeshTopology
+from vtkmuscle.core.mesh.triangle_tree import triangle_tree
 from vtkmuscle.core.types import Floats, Ints
+
+#: Difference within which segments with a common end count as equally near, as a part of the longest.
+EQUALLY_NEAR = 5e-8
 
 
 def edge_stiffness(points: Floats, edges: Ints, directions: Floats) -> Floats:
@@ -27,6 +32,23 @@ def edge_stiffness(points: Floats, edges: Ints, directions: Floats) -> Floats:
     cosines = np.divide(along, lengths, out=np.zeros(len(edges)), where=lengths > 0)
     stiffness: Floats = 1.0 - np.clip(cosines, 0.0, 1.0)
     return stiffness
+
+
+def fibre_directions_at(queries: Floats, fibre_points: Floats, offsets: Ints) -> Floats:
+    """Return directions of the nearest fibre segments. Unit vectors (q, 3) at positions (q, 3)."""
+    a, b, lengths = proper_segments(fibre_points, offsets)
+    ends = np.stack([a, b], axis=1).reshape(-1, 3)
+    triangles = 2 * np.arange(len(a))[:, None] + np.array(
+        [0, 1, 1]
+    )  # each segment as a triangle without area
+    nearest, _, distances = triangle_tree(ends, triangles).nearest(queries)
+    _, first, point = np.unique(ends, axis=0, return_index=True, return_inverse=True)
+    first, limit = first[point.reshape(-1, 2)] // 2, distances + EQUALLY_NEAR * lengths.max()
+    for end in (0, 1):  # of equally near segments with a common end the first counts
+        other = first[nearest, end]
+        equal = segment_distances(queries, a[other], b[other]) <= limit
+        nearest = np.where(equal, other, nearest)
+    return (b[nearest] - a[nearest]) / lengths[nearest, None]
 
 
 def harmonic_directions(points: Floats, topology: MeshTopology, fixed_to: Ints) -> Floats | None:

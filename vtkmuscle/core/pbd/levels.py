@@ -5,19 +5,18 @@ The fine surface follows the coarse surface.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 from scipy.sparse import csr_array
 from scipy.spatial import cKDTree
 
-from vtkmuscle.core.jit import kernel, vector_kernel
 from vtkmuscle.core.mesh.harmonic import cotangent_laplacian
 from vtkmuscle.core.mesh.triangle_tree import Neighbour
 from vtkmuscle.core.motion.blending import nearest_rotations
 from vtkmuscle.core.motion.rigid import apply_transform
-from vtkmuscle.core.pbd.solver import PBDSolver, State
+from vtkmuscle.core.pbd.solver import PBDSolver, Progress, State
 from vtkmuscle.core.types import Floats, Ints
 
 #: Coarse points that take a fine point along. With eight, an iliacus solved with an iteration has 16 folded
@@ -67,17 +66,18 @@ class TwoLevels:
         self.shape = fine.shape
         rest, coarse, topology = fine.shape.points, solver.shape.points, solver.shape.topology
         self._coarse = coarse
-        apart, self._carriers = cKDTree(coarse).query(rest, k=range(1, min(CARRIERS, len(coarse)) + 1))
+        apart, carriers = cKDTree(coarse).query(rest, k=range(1, min(CARRIERS, len(coarse)) + 1))
         # Gaussian, and 0 at the last, so that nothing jumps where another comes to be the last.
         falls = np.exp(-0.5 * (2.0 * apart / np.maximum(apart[:, -1:], np.finfo(float).tiny)) ** 2)
         falls -= falls[:, -1:] * (1.0 - 1e-9)
-        self._parts = falls / falls.sum(axis=1, keepdims=True)
+        parts, starts = falls / falls.sum(axis=1, keepdims=True), np.arange(len(rest) + 1) * falls.shape[1]
+        self._parts = csr_array((parts.ravel(), carriers.ravel(), starts), (len(rest), len(coarse)))
         ring = csr_array(abs(cotangent_laplacian(coarse, topology.triangles)) > 0.0)
         rings = csr_array((ring @ ring).astype(np.bool_))
-        self._starts, self._ring = rings.indptr.astype(np.int64), rings.indices.astype(np.int64)
-        sizes = np.diff(self._starts)
-        means = np.add.reduceat(coarse[self._ring], self._starts[:-1]) / sizes[:, None]
-        self._arms = coarse[self._ring] - np.repeat(means, sizes, axis=0)
+        sizes, near = np.diff(rings.indptr), coarse[rings.indices]
+        arms = near - np.repeat(np.add.reduceat(near, rings.indptr[:-1]) / sizes[:, None], sizes, axis=0)
+        #: Along each axis: at rest, from the middle of the points about each point to these points.
+        self._arms = [csr_array((along, rings.indices, rings.indptr)) for along in arms.T]
         self._fixed = np.flatnonzero(fixed_to >= 0)
         self._fixed_to = fixed_to[self._fixed]
         edge = float(solver.shape.lengths.mean())
@@ -96,7 +96,7 @@ class TwoLevels:
         transforms: Floats,
         *,
         neighbours: Sequence[tuple[Neighbour, Neighbour]] = (),
-        progress: Callable[[float], None] | None = None,
+        progress: Progress = lambda _: None,
     ) -> State:
         """Return the state after the bones have moved on.
 
@@ -110,17 +110,12 @@ class TwoLevels:
         return replace(state, surface=solved.surface, colliding=solved.colliding)
 
     def prolonged(self, coarse: Floats, transforms: Floats) -> Floats:
-        """Return the fine points carried by the coarse points.
-
-        Coarse points are (c, 3), fine points (n, 3).
-        """
-        turns = np.empty((len(coarse), 3, 3))
-        _covariances(coarse, self._starts, self._ring, self._arms, turns)
-        motions, rest = np.empty((len(coarse), 3, 4)), self.shape.points
-        motions[:, :, :3] = nearest_rotations(turns)
-        motions[:, :, 3] = coarse - np.einsum("cij,cj->ci", motions[:, :, :3], self._coarse)
-        carried = np.empty_like(rest)
-        _carry(motions.reshape(-1, 12), self._carriers, self._parts, rest, np.empty(12), carried)
+        """Return the fine points (n, 3) carried by the coarse points (c, 3)."""
+        centred, rest = coarse - coarse.mean(axis=0), self.shape.points
+        turns = nearest_rotations(np.stack([arms @ centred for arms in self._arms], axis=2))
+        shifts = coarse - np.einsum("cij,cj->ci", turns, self._coarse)
+        motions = (self._parts @ np.dstack([turns, shifts]).reshape(-1, 12)).reshape(-1, 3, 4)
+        carried: Floats = np.einsum("nij,nj->ni", motions[:, :, :3], rest) + motions[:, :, 3]
         residual = np.zeros((max(len(self._fixed), 1), 3))
         for bone in np.unique(self._fixed_to):
             mine = self._fixed_to == bone
@@ -128,39 +123,3 @@ class TwoLevels:
             residual[mine] = apply_transform(transforms[bone], rest[ids]) - carried[ids]
         carried += self._near[:, None] * residual[self._nearest]
         return carried
-
-
-@kernel
-def _covariances(points: Floats, starts: Ints, ring: Ints, arms: Floats, covariances: Floats) -> None:
-    """Write the covariances of points and arms at rest.
-
-    Covariances are (c, 3, 3), of the points about each point, and arms (r, 3). The points about point i are
-    ring[starts[i] : starts[i + 1]].
-    """
-    for i in range(len(points)):
-        covariances[i] = 0.0
-        for r in range(starts[i], starts[i + 1]):
-            j = ring[r]
-            for a in range(3):
-                apart = points[j, a] - points[i, a]
-                for b in range(3):
-                    covariances[i, a, b] += apart * arms[r, b]
-
-
-@vector_kernel
-def _carry(motions: Floats, carriers: Ints, parts: Floats, rest: Floats, mean: Floats, out: Floats) -> None:
-    """Write points carried by motions, by parts.
-
-    Motions (c, 12) are rows of turns and shifts; points are (n, 3), parts (n, k).
-
-    mean : (12,), memory.
-    """
-    for i in range(len(rest)):
-        mean[:] = 0.0
-        for k in range(carriers.shape[1]):
-            part, motion = parts[i, k], motions[carriers[i, k]]
-            for c in range(12):
-                mean[c] += part * motion[c]
-        x, y, z = rest[i, 0], rest[i, 1], rest[i, 2]
-        for a in range(3):
-            out[i, a] = mean[4 * a] * x + mean[4 * a + 1] * y + mean[4 * a + 2] * z + mean[4 * a + 3]

@@ -23,9 +23,9 @@ from vtkmuscle.core.fixed_muscle import FixedMuscle
 from vtkmuscle.core.mesh.harmonic import harmonic_weights
 from vtkmuscle.core.mesh.rest_shape import RestShape
 from vtkmuscle.core.mesh.triangle_tree import Neighbour
-from vtkmuscle.core.motion.blending import blend_motions, screw_between
+from vtkmuscle.core.motion.blending import blend_motions, screws_between
 from vtkmuscle.core.motion.rigid import apply_transform, centred, inverses
-from vtkmuscle.core.pbd.anisotropy import edge_stiffness, harmonic_directions
+from vtkmuscle.core.pbd.anisotropy import edge_stiffness, fibre_directions_at, harmonic_directions
 from vtkmuscle.core.pbd.sweep import WIDTH, edge_rows, measure_lengths, project_edges, project_volume
 from vtkmuscle.core.pbd.voxels import VoxelContact
 from vtkmuscle.core.skinning.settling import Volume
@@ -35,6 +35,11 @@ from vtkmuscle.core.types import Bools, Floats
 #: larger steps are parted. An iliacus of 3 000 triangles has 18 folded edges after steps of 10 degrees with
 #: an iteration each, 12 of 5 degrees, 5 of 2.
 LARGEST_TURN = 4.0
+
+#: Moves positions out of obstacles, and returns the moved points.
+KeepOut = Callable[[Floats], Bools]
+#: Takes the finished part of a step.
+Progress = Callable[[float], None]
 
 
 @dataclass(frozen=True)
@@ -184,8 +189,10 @@ class PBDSolver:
     ) -> None:
         self.parameters = parameters
         points, fixed_to, topology = muscle.points, muscle.fixed_to, muscle.topology()
-        directions = muscle.directions(topology)
-        if directions is None and parameters.anisotropy == "always":
+        directions = None
+        if muscle.fibres is not None:
+            directions = fibre_directions_at(points[topology.edges].mean(axis=1), *muscle.fibres)
+        elif parameters.anisotropy == "always":
             directions = harmonic_directions(points, topology, fixed_to)
         self.shape = shape = RestShape(points, topology)
         self.centre: Floats = (points.min(axis=0) + points.max(axis=0)) / 2.0
@@ -231,7 +238,7 @@ class PBDSolver:
         transforms: Floats,
         *,
         neighbours: Sequence[Neighbour] = (),
-        progress: Callable[[float], None] | None = None,
+        progress: Progress = lambda _: None,
     ) -> State:
         """Return the state after the bones have moved on.
 
@@ -241,21 +248,15 @@ class PBDSolver:
         """
         transforms = np.array(transforms, dtype=np.float64)
         if state.velocities is not None:
-            return self._with_velocities(state, state.velocities, transforms, neighbours, progress)
+            return self._with_velocities(state, transforms, neighbours, progress)
         parts = self._parts(state.transforms, transforms)
         before, x = state.transforms, state.positions
         for part in range(1, parts + 1):
-            now = np.array(
-                [
-                    screw_between(*pair, part / parts)
-                    for pair in zip(state.transforms, transforms, strict=True)
-                ]
-            )
+            now = screws_between(state.transforms, transforms, part / parts)
             p = self._with_fixed_points(self._carried(x, before, now), now)
 
             def report(done: float, part: int = part) -> None:
-                if progress is not None:
-                    progress((part - 1 + done) / parts)
+                progress((part - 1 + done) / parts)
 
             keep_out = self._keep_out(now, before, x, neighbours)
             held = self._iterate(p, self.rows.constants, keep_out, report)
@@ -270,7 +271,7 @@ class PBDSolver:
         transforms: Floats,
         *,
         neighbours: Sequence[Neighbour] = (),
-        progress: Callable[[float], None] | None = None,
+        progress: Progress = lambda _: None,
     ) -> State:
         """Return the state in a pose, begun at a surface.
 
@@ -289,15 +290,11 @@ class PBDSolver:
         return self._state(p[:-1], transforms, held)
 
     def _with_velocities(
-        self,
-        state: State,
-        v: Floats,
-        transforms: Floats,
-        neighbours: Sequence[Neighbour],
-        progress: Callable[[float], None] | None,
+        self, state: State, transforms: Floats, neighbours: Sequence[Neighbour], progress: Progress
     ) -> State:
         """Do Algorithm 2, lines 6 to 37."""
-        settings, x, dt = self.parameters, state.positions, self.parameters.dt
+        settings, x, v, dt = self.parameters, state.positions, state.velocities, self.parameters.dt
+        assert v is not None  # the state is of this kind
         with np.errstate(over="ignore", invalid="ignore"):  # _state reports it
             force = np.asarray(settings.external_force, dtype=np.float64)
             start = x + dt * (settings.velocity_kept * (v + dt * force))
@@ -311,17 +308,8 @@ class PBDSolver:
             velocities[held] = 0.0
         return self._state(p[:-1], transforms, held, velocities)
 
-    def _iterate(
-        self,
-        p: Floats,
-        constants: Floats,
-        keep_out: Callable[[Floats], Bools],
-        progress: Callable[[float], None] | None,
-    ) -> Bools:
-        """Project all constraints of points in place.
-
-        Points are (n + 1, 3); return the points that met an obstacle.
-        """
+    def _iterate(self, p: Floats, constants: Floats, keep_out: KeepOut, progress: Progress) -> Bools:
+        """Project all constraints of points (n + 1, 3) in place; return the points that met an obstacle."""
         settings, met = self.parameters, np.zeros(len(p) - 1, dtype=np.bool_)
         rows, signed, buffer = (self.rows.points, constants), settings.signed_angles, self._buffer
         for iteration in range(settings.iterations):
@@ -333,15 +321,11 @@ class PBDSolver:
                 project_volume(p, self._mass, *self._volume)
                 project_edges(p, *rows, False, True, signed, buffer)
             met |= keep_out(p[:-1])
-            if progress is not None:
-                progress((iteration + 1) / settings.iterations)
+            progress((iteration + 1) / settings.iterations)
         return met
 
     def _parts(self, before: Floats, now: Floats) -> int:
-        """Return the number of parts of a step.
-
-        The number follows from the greatest turn of two bones against each other.
-        """
+        """Return the number of parts of a step, by the greatest turn of two bones against each other."""
         bones = [bone for bone, _ in self._fixed]
         turns = (now[bones] @ inverses(before[bones]))[:, :3, :3]
         most = 0.0
@@ -359,10 +343,7 @@ class PBDSolver:
         return blend_motions(motions, self._weights, x)
 
     def _with_fixed_points(self, points: Floats, transforms: Floats) -> Floats:
-        """Return points with the fixed points on their bones.
-
-        The result (n + 1, 3) has one extra point.
-        """
+        """Return points with the fixed points on their bones, and one more: (n + 1, 3)."""
         p = np.zeros((len(points) + 1, 3))
         p[:-1] = points
         now = centred(transforms, self.centre)
@@ -370,9 +351,7 @@ class PBDSolver:
             p[fixed] = apply_transform(now[bone], self.rest[fixed])
         return p
 
-    def _keep_out(
-        self, now: Floats, before: Floats, x: Floats, neighbours: Sequence[Neighbour]
-    ) -> Callable[[Floats], Bools]:
+    def _keep_out(self, now: Floats, before: Floats, x: Floats, neighbours: Sequence[Neighbour]) -> KeepOut:
         """Return the contact with bones and neighbours in a step."""
         if isinstance(self._contact, VoxelContact):
             return self._contact.at(now, neighbours, self.centre, before, x)

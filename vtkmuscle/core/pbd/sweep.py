@@ -73,12 +73,7 @@ class EdgeRows(NamedTuple):
 
 
 def edge_rows(
-    quads: Ints,
-    mass: Floats,
-    lengths: Floats,
-    stiffness: Floats,
-    angles: Floats,
-    angle_stiffness: Floats,
+    quads: Ints, mass: Floats, lengths: Floats, stiffness: Floats, angles: Floats, angle_stiffness: Floats
 ) -> EdgeRows:
     """Return the edges of a surface of n points in rows.
 
@@ -136,12 +131,7 @@ def rows_of_edges(points_of_edges: Ints, n_points: int) -> NDArray[np.int64]:
 
 @kernel
 def _first_fit(points_of_edges: Ints, taken: Bools, colours: Ints) -> bool:
-    """Write the colour of each edge.
-
-    Return False for too few colours.
-
-    taken : (n, c), changed in place: whether an edge of a point has a colour.
-    """
+    """Write each edge's colour, False for too few; taken : (n, c), colours at each point."""
     for e in range(len(points_of_edges)):
         colour, most = 0, taken.shape[1]
         while colour < most:
@@ -200,10 +190,7 @@ def project_edges(
 
 @vector_kernel
 def measure_lengths(p: Floats, points: NDArray[np.uint32], constants: Floats) -> None:
-    """Write the edges' present lengths as rest lengths.
-
-    See :func:`project_edges`.
-    """
+    """Write the edges' present lengths as rest lengths, see :func:`project_edges`."""
     for row in range(len(points)):
         for k in range(WIDTH):
             i, j = points[row, 0, k], points[row, 1, k]

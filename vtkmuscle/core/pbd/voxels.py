@@ -50,10 +50,7 @@ _GRIDS: WeakKeyDictionary[Bone, dict[tuple[int, int | None], VoxelGrid]] = WeakK
 
 @dataclass(frozen=True, eq=False)
 class VoxelGrid:
-    """A bone in rest pose as a grid of cells.
-
-    The grid is uniform; everything beyond the grid is outside.
-    """
+    """A bone in rest pose as a uniform grid of cells; all beyond is outside."""
 
     origin: Floats  # (3,), lowest corner of cell (0, 0, 0) [mm]
     spacing: Floats  # (3,), size of a cell [mm]

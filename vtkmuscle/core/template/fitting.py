@@ -55,10 +55,7 @@ def areas_are_opposite(origin_area: Floats, insertion_area: Floats) -> bool:
 
 
 def centroid_axis(origin: Floats, insertion: Floats) -> Floats:
-    """Return the unit vector between the centroids, origin to insertion.
-
-    Raises a ValueError if the centroids coincide.
-    """
+    """Return the unit vector between the centroids, or raise a ValueError where these coincide."""
     difference: Floats = insertion.mean(axis=0) - origin.mean(axis=0)
     length = float(np.linalg.norm(difference))
     if not length > 1e-9 * float(np.ptp(np.vstack([origin, insertion]), axis=0).max()):

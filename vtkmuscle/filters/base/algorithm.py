@@ -9,12 +9,7 @@ from typing import Any, ClassVar
 from vtkmodules.util.vtkAlgorithm import VTKPythonAlgorithmBase
 from vtkmodules.vtkCommonCore import vtkStringArray
 from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkDataSet
-from vtkmodules.vtkCommonExecutionModel import (
-    vtkAlgorithm,
-    vtkDemandDrivenPipeline,
-    vtkExecutive,
-    vtkStreamingDemandDrivenPipeline,
-)
+from vtkmodules.vtkCommonExecutionModel import vtkAlgorithm, vtkDemandDrivenPipeline, vtkExecutive
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.data.arrays import state_of
@@ -28,14 +23,6 @@ from vtkmuscle.data.pipeline_times import (
 )
 from vtkmuscle.filters.base.ports import InputPort, OutputPort
 from vtkmuscle.filters.base.running import show_error
-
-#: Requests of the executive by the name of the method; the most frequent first.
-_REQUESTS = {
-    "RequestUpdateExtent": vtkStreamingDemandDrivenPipeline.REQUEST_UPDATE_EXTENT(),
-    "RequestData": vtkDemandDrivenPipeline.REQUEST_DATA(),
-    "RequestInformation": vtkDemandDrivenPipeline.REQUEST_INFORMATION(),
-    "RequestDataObject": vtkDemandDrivenPipeline.REQUEST_DATA_OBJECT(),
-}
 
 
 class AbortedError(Exception):
@@ -144,10 +131,7 @@ class Algorithm(VTKPythonAlgorithmBase):
     def ProcessRequest(self, request: Any, inInfo: Any, outInfo: Any) -> int:
         """Answer a request of the executive; errors are kept for :meth:`update`."""
         try:
-            for name, key in _REQUESTS.items():
-                if request.Has(key):
-                    return int(getattr(self, name)(request, inInfo, outInfo))
-            return 1
+            return int(super().ProcessRequest(request, inInfo, outInfo))
         except BaseException as error:  # VTK would print and lose it; update() raises it again
             self._failure = error
             if isinstance(error, AbortedError):

@@ -39,12 +39,7 @@ class Declaration:
         self.doc = self.doc or entry(owner.__doc__, name)
 
 
-def documented(
-    doc: str,
-    parameters: Mapping[str, Any],
-    inputs: Sequence[Any],
-    outputs: Sequence[Any],
-) -> str:
+def documented(doc: str, parameters: Mapping[str, Any], inputs: Sequence[Any], outputs: Sequence[Any]) -> str:
     """Return the docstring with kinds and bounds of parameters and ports."""
     head, sections = split_docstring(inspect.cleandoc(doc))
     lines = [head]

@@ -76,18 +76,16 @@ class Filter(Runnable, Algorithm):
         if data:
             name = type(self).__name__
             raise TypeError(f"{name} takes parameters by name; {name}()(data) runs it on data")
-        self._parameter_values: dict[str, Any] = {}
         self._producers: list[Any] = []
         super().__init__()
         self._check_names(settings, TypeError)
-        values = {name: declared.default for name, declared in self.parameter_declarations.items()}
-        values |= {name: value for name, value in settings.items() if name in values}
-        for name, declared in self.parameter_declarations.items():
-            self._parameter_values[name] = declared.check(values[name], type(self).__name__)
-        for name, declared in self.parameter_declarations.items():
-            for other, value in declared.group(self._parameter_values[name]).items():
-                if other not in settings:
-                    self._parameter_values[other] = value
+        declared, owner = self.parameter_declarations, type(self).__name__
+        values = {name: parameter.default for name, parameter in declared.items()}
+        values |= {name: declared[name].check(settings[name], owner) for name in declared if name in settings}
+        for name, parameter in declared.items():
+            group = parameter.group(values[name])
+            values |= {other: value for other, value in group.items() if other not in settings}
+        self._parameter_values: dict[str, Any] = values
         for port in self.input_ports:
             if settings.get(port.name) is not None:
                 self.connect(port.name, settings[port.name])

@@ -15,39 +15,18 @@ Frame = TypeVar("Frame")
 MEGABYTE = 10**6
 
 
-class Checkpoints(Generic[Frame]):
+class Checkpoints(dict[float | None, Frame]):
     """Frames by time, thinned out evenly within a memory limit.
 
-    Frames whose index is a multiple of a stride are kept; the stride doubles when memory is full. With room
-    for k of n frames, going back costs at most 2 n / k steps. The last requested frame and its predecessor
-    are always kept, so that playing on never restarts, even after a request between two time steps.
+    Frames whose index is a multiple of a stride are kept; the stride is the least power of two that fits into
+    memory. With room for k of n frames, going back costs at most 2 n / k steps. The last requested frame and
+    its predecessor are always kept, so that playing on never restarts, even after a request between two time
+    steps.
     """
-
-    def __init__(self) -> None:
-        self._frames: dict[float | None, Frame] = {}
-        self._stride = 1
-
-    def __len__(self) -> int:
-        return len(self._frames)
-
-    def __contains__(self, time: float | None) -> bool:
-        return time in self._frames
-
-    def __getitem__(self, time: float | None) -> Frame:
-        return self._frames[time]
 
     def done(self, path: Sequence[float | None]) -> int:
         """Return the index after a path's last stored frame."""
-        return max((i + 1 for i, time in enumerate(path) if time in self._frames), default=0)
-
-    def clear(self) -> None:
-        """Drop all frames."""
-        self._frames.clear()
-        self._stride = 1
-
-    def keep(self, time: float | None, frame: Frame) -> None:
-        """Keep the frame of a time."""
-        self._frames[time] = frame
+        return max((i + 1 for i, time in enumerate(path) if time in self), default=0)
 
     def thin(
         self, steps: Sequence[float], last: Sequence[float | None], *, nbytes: int, memory: float
@@ -58,18 +37,13 @@ class Checkpoints(Generic[Frame]):
         them. Frames at the times `last` are kept, and not counted.
         """
         number: dict[float | None, int] = {time: i for i, time in enumerate(steps)}
-        while True:
-            removable = [time for time in self._frames if time not in last]
-            if len(removable) * nbytes <= memory:
-                return
-            if nbytes > memory:
-                drop = removable
-            else:
-                drop = [time for time in removable if time not in number or number[time] % self._stride]
-            if not drop:
-                self._stride *= 2
-            for time in drop:
-                del self._frames[time]
+        kept, stride = [time for time in self if time not in last], 1
+        while len(kept) * nbytes > memory:
+            fits = nbytes <= memory
+            kept = [time for time in kept if fits and number.get(time, 0.5) % stride == 0]
+            stride *= 2
+        for time in set(self) - {*kept, *last}:
+            del self[time]
 
 
 class HistoryFilter(Filter, Generic[Frame]):
@@ -125,7 +99,7 @@ class HistoryFilter(Filter, Generic[Frame]):
             self._done = index, len(path)
             before = self._frames[path[index - 1]] if index else None
             data = [self.data_at(*port, path[index]) for port in zip(self.moving, arguments, strict=True)]
-            self._frames.keep(path[index], advance(before, *data))
+            self._frames[path[index]] = advance(before, *data)
             self._thin_out(path[: index + 1])
         self._thin_out(path)
         return self._frames[path[-1]]

@@ -15,7 +15,7 @@ from vtkmodules.vtkFiltersGeneral import vtkGroupDataSetsFilter
 from vtkmuscle.core.words import quoted
 from vtkmuscle.data.arrays import multiblock_from, polylines_of
 from vtkmuscle.data.attachments import attachments_from, end_areas, is_areas
-from vtkmuscle.data.moving_bones import bones_of, moving_bones_of
+from vtkmuscle.data.moving_bones import bones_of, moving_bones_of, rest_bones_of
 from vtkmuscle.data.muscle_geometry import surface_of
 from vtkmuscle.data.paths import checked_superficial, path_lines_of
 from vtkmuscle.filters.base.docstrings import Declaration
@@ -180,7 +180,8 @@ Surface = partial(InputPort, vtkPolyData, surface_of)
 SeenLines = partial(InputPort, vtkPolyData, checked_superficial)
 Areas = partial(InputPort, vtkMultiBlockDataSet, end_areas)
 Paths = partial(InputPort, vtkPolyData, path_lines_of, may_be_empty=True)
-RestBones = partial(InputPort, vtkMultiBlockDataSet, bones_of)
+Bones = partial(InputPort, vtkMultiBlockDataSet, bones_of)
+RestBones = partial(InputPort, vtkMultiBlockDataSet, rest_bones_of)
 MovingBones = partial(InputPort, vtkMultiBlockDataSet, moving_bones_of)
 
 

@@ -10,30 +10,27 @@ from vtkmuscle.core.mesh.rest_shape import ShapeReport
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import field_array
 
-#: Lengths among the field arrays, and their keys in a row of figures [mm].
-LENGTHS = {"PenetrationMax": "penetration_max_mm", "PenetrationP95": "penetration_p95_mm"}
-
-#: The other field arrays of the report, and their keys.
-FIGURES = {
+#: Field arrays of a shape report.
+SHAPE = {
     "VolumeRatio": "volume_ratio",
     "EdgeStretchP95": "edge_stretch_p95",
     "EdgeStretchMax": "edge_stretch_max",
-    "DihedralErrorP95": "dihedral_error_p95_deg",
+    "DihedralErrorP95": "dihedral_error_p95",
     "DegenerateEdges": "degenerate_edges",
+}
+#: Keys of a row of figures, by field array.
+FIGURES = SHAPE | {
+    "DihedralErrorP95": "dihedral_error_p95_deg",
     "CollidingPoints": "colliding_points",
     "PenetratingPoints": "penetrating_points",
+    "PenetrationMax": "penetration_max_mm",
+    "PenetrationP95": "penetration_p95_mm",
 }
 
 
 def shape_fields(shape: ShapeReport) -> dict[str, float]:
     """Return the field arrays of a shape report."""
-    return {
-        "VolumeRatio": shape.volume_ratio,
-        "EdgeStretchP95": shape.edge_stretch_p95,
-        "EdgeStretchMax": shape.edge_stretch_max,
-        "DihedralErrorP95": shape.dihedral_error_p95,
-        "DegenerateEdges": shape.degenerate_edges,
-    }
+    return {name: getattr(shape, attribute) for name, attribute in SHAPE.items()}
 
 
 def penetration_fields(depths: Floats) -> dict[str, float]:
@@ -48,9 +45,7 @@ def penetration_fields(depths: Floats) -> dict[str, float]:
 def read_shape(deformed: Any, millimetres: float = 1.0) -> dict[str, float]:
     """Return the figures of a deformed muscle by key, lengths in millimetres."""
     row: dict[str, float] = {}
-    for names, unit in ((FIGURES, None), (LENGTHS, millimetres)):
-        for name, key in names.items():
-            if (array := field_array(deformed, name)) is not None:
-                value = array[-1].item()
-                row[key] = value if unit is None else value * unit
+    for name, key in FIGURES.items():
+        if (array := field_array(deformed, name)) is not None:
+            row[key] = array[-1].item() * (millimetres if key.endswith("_mm") else 1)
     return row

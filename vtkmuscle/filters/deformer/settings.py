@@ -1,4 +1,4 @@
-"""What can be set of PBDDeformer, and its presets: points on the front of cost against smoothness."""
+"""The parameters of PBDDeformer, and presets on the front of cost against smoothness."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from vtkmuscle.filters.base.parameters import Parameter
 
 _DEFAULT = Parameters()
 
-#: The parameters that a preset sets, as they are by default.
+#: Defaults of the parameters in presets.
 _BALANCED: Mapping[str, Any] = {
     "iterations": _DEFAULT.iterations,
     "solved_triangles": 3000,
@@ -21,7 +21,7 @@ _BALANCED: Mapping[str, Any] = {
     **{name: getattr(_DEFAULT, name) for name in PUBLISHED},
 }
 
-#: What each quality sets of PBDDeformer's parameters.
+#: Values of the parameters by quality.
 PRESETS: Mapping[str, Mapping[str, Any]] = MappingProxyType(
     {
         "preview": {**_BALANCED, "solved_triangles": 1000},
@@ -35,7 +35,7 @@ _WITH_VELOCITY = "prediction", "velocity"
 
 
 def _of_solver(name: str, units: str = "", **more: Any) -> Parameter[Any]:
-    """Return a parameter of the solver, with its default, and what is said of it there."""
+    """Return a parameter of the solver, with its default and description."""
     default = getattr(_DEFAULT, name)
     doc = entry(Parameters.__doc__, name).replace(f" [{units}]", "")
     return Parameter(type(default), default=default, units=units, doc=doc, **more)
@@ -47,26 +47,26 @@ class DeformerSettings:
     Parameters
     ----------
     quality
-        A name for a set of values of the parameters from iterations to finish, and of collision, which are
-        set with it; with 'published' Algorithm 2 is as printed. None sets nothing.
+        A preset of the parameters from iterations to finish, and of collision; 'published' is Algorithm 2 as
+        printed. None sets nothing.
     solved_triangles
-        A muscle of more triangles is decimated to so many, which are solved and take the others along; 0
-        solves all. The edges must be shorter than a bone under them is round: a gluteus maximus of 1000 goes
-        through the trochanter between its points, that of 3000 does not.
+        Number of triangles of a decimated surface, solved in place of a larger muscle; 0 solves all. Edges
+        must be shorter than a bone is round: a gluteus maximus of 1000 passes through the trochanter, of 3000
+        does not.
     collision
-        How points are kept out of the bones: by signed distances, by voxels as published, or not at all.
+        Contact with bones: by signed distances, by voxels as published, or off.
     bone_clearance
-        Distance that points keep from the bones; those nearer at rest may come as near.
+        Distance between points and bones; points nearer at rest may come as near.
     n_voxels
-        Number of voxels of a bone, about, shared out by the sides of its box so that they are nearly cubes.
+        Approximate number of voxels of a bone, nearly cubes.
     n_voxels_per_axis
         Number of voxels along each axis of a bone's box, instead of n_voxels.
     measure_shape
-        Report how the muscle keeps its shape.
+        Report the shape's deviations from rest.
     measure_penetration
-        Measure how deep points are in the bones, against their triangles, for each frame asked for.
+        Measure depths of points in bones, against their triangles, in each frame.
     checkpoint_memory
-        Memory for frames kept to go back in time; the last two are kept even with 0.
+        Memory for stored frames; the last two are kept even with 0.
     """
 
     quality: Parameter[str | None] = Parameter(str, default=None, choices=tuple(PRESETS), sets=PRESETS)
@@ -99,6 +99,6 @@ class DeformerSettings:
 
 
 def solver_parameters(settings: Mapping[str, Any]) -> Parameters:
-    """Return those of the parameters of PBDDeformer that are the solver's, as by default where not given."""
+    """Return the solver's parameters among settings, else the defaults."""
     names = Parameters.__dataclass_fields__
     return Parameters(**{name: value for name, value in settings.items() if name in names})

@@ -22,8 +22,9 @@ from vtkmuscle.io.temporal import read_series
 from vtkmuscle.io.writing import file_digest, plain, write_text
 from vtkmuscle.run.frames import RUN_AGAIN, TIME, Frames, MuscleTrack, WrittenFile
 
-#: Number of the schema. It grows by 1 with each change of a class below, so that no other schema is read.
-FORMAT = 2
+#: Number of the schema of notes and report. It grows by 1 with each change of a class below, or of a key of
+#: the report, so that no other schema is read.
+FORMAT = 3
 
 
 def _array(value: Any) -> Floats:
@@ -116,14 +117,20 @@ def read_note(path: Path, kind: type[Note]) -> Note:
     """Return the note in a file; InputError if missing, damaged, or of a different version."""
     try:
         values = json.loads(path.read_text(encoding="utf-8"))
-        if isinstance(values, dict) and values.get("format") != FORMAT:
-            problem = f"the note is of another version of vtkmuscle (format {FORMAT} expected)"
-            raise InputError(path, problem, RUN_AGAIN)
+        if isinstance(values, dict):
+            _check_format(path, values)
         return kind.model_validate(values)
     except FileNotFoundError:
         raise InputError(path, "the file is missing", RUN_AGAIN) from None
     except (OSError, UnicodeDecodeError, json.JSONDecodeError, RecursionError, ValidationError) as error:
         raise InputError(path, "the file is damaged", RUN_AGAIN) from error
+
+
+def _check_format(path: Path, values: Mapping[str, Any]) -> None:
+    """Raise an InputError for the note or report of another version."""
+    if values.get("format") != FORMAT:
+        problem = f"the file is of another version of vtkmuscle (format {values.get('format')}, not {FORMAT})"
+        raise InputError(path, problem, RUN_AGAIN)
 
 
 def write_note(path: Path, note: BaseModel) -> None:
@@ -227,6 +234,7 @@ class ResultFolder:
         if report is None:
             what = "report.json is damaged" if there else "the folder has no results of a run (report.json)"
             raise InputError(self.path, what, RUN_AGAIN if there else _GIVE)
+        _check_format(self.path / REPORT, report)
         if not report["complete"]:
             raise InputError(self.path, f"the folder {self.unfinished()}", RUN_AGAIN)
         return report

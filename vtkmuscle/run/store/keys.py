@@ -25,7 +25,9 @@ _SHOWING = ("cli", "paraview", "plotting", "report/")
 IRRELEVANT: Mapping[str, str] = MappingProxyType(
     {
         "SceneData.files": "where it was read from; what was read counts",
+        "SceneData.guessed": "judged anew in every run",
         "Muscle.literature": "drawn beside the curves of a finished run",
+        "Muscle.muscle": "judged anew in every run",
     }
 )
 #: Packages that have a part in the numbers.

@@ -5,10 +5,8 @@ from __future__ import annotations
 import json
 import os
 import re
-import shutil
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
-from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -16,16 +14,16 @@ from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle import __version__
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.data.arrays import blocks_of, set_field_array, shallow_copy
+from vtkmuscle.data.arrays import add_arrays, blocks_of, shallow_copy
 from vtkmuscle.filters.bone_motion import BoneMotion
 from vtkmuscle.io.temporal import Collection as Pvd
 from vtkmuscle.io.temporal import Series
 from vtkmuscle.io.writing import (
-    check_no_links,
+    Outputs,
     file_digest,
-    left_behind,
     locked,
     plain,
+    remove_left_behind,
     write_polydata,
     write_text,
 )
@@ -56,17 +54,15 @@ def claimed(folder: Path, scene: SceneData, *, overwrite: bool) -> Iterator[None
         raise FileNotFoundError(f"{folder} is a link to {os.readlink(folder)}, which does not exist")
     if folder.is_file():
         raise NotADirectoryError(f"{folder} is a file; give another folder for the results")
-    _check_inputs(folder, scene.files, {*_folders(scene.muscles), *_files(scene.muscles)})
+    report = ResultFolder(folder).report()
+    outputs = Outputs(folder, inputs=scene.files, overwrite=True)  # files of no run are checked below
+    for path in map(folder.joinpath, _folders([*scene.muscles, *_muscles_of(report)])):
+        outputs.check(path, is_folder=True)
+    for path in map(folder.joinpath, _files(scene.muscles)):
+        outputs.check(path)
     folder.mkdir(parents=True, exist_ok=True)
     with locked(folder):
         report = ResultFolder(folder).report()
-        for path in map(folder.joinpath, _folders([*scene.muscles, *_muscles_of(report)])):
-            check_no_links(path)
-            if path.is_file():
-                raise NotADirectoryError(f"{path} is a file, not a folder for results; move the file")
-        for path in map(folder.joinpath, _files(scene.muscles)):
-            if path.is_dir():
-                raise IsADirectoryError(f"{path} is a folder, not a file for results; move the folder")
         _tidy(folder, scene)
         if not overwrite:
             _check_results(folder, scene, report)
@@ -78,9 +74,9 @@ def claimed(folder: Path, scene: SceneData, *, overwrite: bool) -> Iterator[None
 
 def _tidy(folder: Path, scene: SceneData) -> None:
     """Remove the half-written files of killed processes."""
-    inside = (left_behind(folder / name, deep=True) for name in _folders(scene.muscles))
-    for left in chain(left_behind(folder), *inside):
-        shutil.rmtree(left) if left.is_dir() else left.unlink(missing_ok=True)
+    remove_left_behind(folder)
+    for name in _folders(scene.muscles):
+        remove_left_behind(folder / name, deep=True)
 
 
 def remove_results(folder: Path, scene: SceneData, kept: Collection[str] = ()) -> None:
@@ -141,17 +137,6 @@ def _muscles_of(report: Mapping[str, Any] | None) -> Iterator[str]:
     for name in (report or {}).get("muscles", ()):
         with suppress(ValueError):
             yield checked_name(name)
-
-
-def _check_inputs(folder: Path, files: Mapping[str, Path], written: Collection[str]) -> None:
-    """Raise a ValueError for a scene's input among results."""
-    base = folder.resolve()
-    for key, file in files.items():
-        for path in {file.resolve(), file.parent.resolve() / file.name}:
-            if base in path.parents and path.relative_to(base).parts[0] in written:
-                problem = f"the results in {folder} would replace an input of the scene"
-                remedy = "give another folder with --out"
-                raise InputError(file, f"{problem}{f' ({key})' if key else ''}", remedy)
 
 
 def _check_results(folder: Path, scene: SceneData, report: Mapping[str, Any] | None) -> None:
@@ -282,5 +267,5 @@ class ResultWriter(ResultFolder):
         """Return a shallow copy whose field data name the run."""
         copy = shallow_copy(data)
         for name, value in zip(STAMPS, self._stamp, strict=True):
-            set_field_array(copy, name, value)
+            add_arrays(copy, fields={name: value})
         return copy

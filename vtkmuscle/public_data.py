@@ -24,7 +24,7 @@ from vtkmuscle.data.arrays import points_of, surface_from, triangles_of
 from vtkmuscle.data.attachments import AttachmentArea
 from vtkmuscle.io import read_surface, write_polydata, write_text
 from vtkmuscle.io.msf import landmarks_of, read_msf
-from vtkmuscle.io.writing import file_digest
+from vtkmuscle.io.writing import file_digest, replacing
 from vtkmuscle.scene.writing import write_areas
 from vtkmuscle.scenes import Scene
 
@@ -127,7 +127,7 @@ def fetch(
 
     Examples
     --------
-    >>> from vtkmuscle.fetch import fetch
+    >>> from vtkmuscle import fetch
     >>> fetch("lhdl-hip")
     Traceback (most recent call last):
         ...
@@ -190,7 +190,8 @@ def write_scene(files: Path, folder: Path) -> None:
             "fibres": {"template": "parallel", "n_fibres": 100, "resolution": 15},
             "attachments": _attachments(name, clouds, folder),
         }
-    shutil.copyfile(files / _MODEL, folder / _MODEL)
+    with replacing(folder / _MODEL) as partial:
+        shutil.copyfile(files / _MODEL, partial)
     rest = _REST["hip_flexion_r"]
     tables = {
         "name": "lhdl_hip",

@@ -1,0 +1,215 @@
+"""Input that filters refuse, each with the reason: one change of the examples that all filters run on."""
+
+import numpy as np
+import pytest
+import pyvista as pv
+from filter_case import Case
+from shapes import lines_of
+from vtkmodules.vtkCommonDataModel import vtkPolyData, vtkUnstructuredGrid
+
+import examples
+from vtkmuscle import filters
+from vtkmuscle.core.motion.rigid import hinge
+from vtkmuscle.data.arrays import (
+    add_arrays,
+    blocks_of,
+    multiblock_from,
+    point_array,
+    points_of,
+    surface_from,
+    triangles_of,
+    with_points,
+)
+from vtkmuscle.data.attachments import AttachmentArea, attachments_from, attachments_of
+from vtkmuscle.data.label_images import label_image
+
+N = examples.muscle().GetNumberOfPoints()
+GRID = pv.ImageData(dimensions=(3, 3, 7), spacing=(10, 10, 20), origin=(-10, -42, -50))
+
+
+def opened():
+    """Return the fixed muscle without a triangle."""
+    muscle = examples.fixed_muscle()
+    surface = surface_from(points_of(muscle), triangles_of(muscle, "")[1:])
+    return add_arrays(surface, points={"FixedTo": point_array(muscle, "FixedTo", "")})
+
+
+def fixed_to(*values):
+    marks = np.resize(np.array(values), (N, *np.shape(values)[1:]))
+    return lambda: add_arrays(examples.muscle(), points={"FixedTo": marks})
+
+
+def moved(points):
+    return lambda: with_points(examples.fixed_muscle(), points(points_of(examples.muscle())))
+
+
+def with_nan(points):
+    points[3, 1] = np.nan
+    return points
+
+
+def with_transform(transform):
+    return lambda: add_arrays(examples.fitted_template(), fields={"Transform": transform.ravel()})
+
+
+def without_areas():
+    template = examples.template()
+    template.GetFieldData().RemoveArray("OriginArea")
+    return template
+
+
+def bones(**fields):
+    """Return moving bones, the second with other field arrays; None removes an array."""
+
+    def changed():
+        data = examples.moving_bones()
+        for name, value in fields.items():
+            data.GetBlock(1).GetFieldData().RemoveArray(name)
+            if value is not None:
+                add_arrays(data.GetBlock(1), fields={name: value})
+        return data
+
+    return changed
+
+
+def areas(*ends):
+    """Return areas by role and landmarks."""
+    return attachments_from([AttachmentArea(role, "proximal", ring, closed=True) for role, ring in ends])
+
+
+ORIGIN = attachments_of(examples.attachments(), "test")[0].landmarks
+SAME = areas(("origin", ORIGIN), ("insertion", ORIGIN))
+
+
+def not_finite():
+    grid = GRID.cast_to_unstructured_grid()
+    with_nan(grid.points)
+    return grid
+
+
+def points_alone():
+    mesh = vtkUnstructuredGrid()
+    mesh.SetPoints(GRID.cast_to_unstructured_grid().GetPoints())
+    return mesh
+
+
+KINDS = pv.CellType.EMPTY_CELL, pv.CellType.VERTEX
+EMPTY_CELL = pv.UnstructuredGrid([0, 1, 0], KINDS, [[0.0, -32.0, 10.0]])
+
+#: Filters, their changed inputs and parameters, and the words of the error.
+REFUSED = [
+    ("AttachmentEstimator", {"origin": "ulna"}, "origin is 'ulna', but .* proximal, distal"),
+    ("AttachmentEstimator", {"origin": "distal", "insertion": "distal"}, "both 'distal'"),
+    (
+        "AttachmentEstimator",
+        {"bones": lambda: multiblock_from(dict(blocks_of(examples.rest_bones())[:1]))},
+        "is near fewer than two bones; .* 'proximal' .*; .* or give landmarks",
+    ),
+    (
+        "BoneMotion",
+        {"motion": hinge("fibula", (0, 0, 0), (1, 0, 0), [0.0, 1.0])},
+        "the motion moves 'fibula', but the bones are 'proximal', 'distal'",
+    ),
+    ("FibreField", {"mesh": GRID.translate((500, 0, 0))}, r"mesh: no cells of 24 are in .* 495\.\.505"),
+    ("FibreField", {"mesh": not_finite}, "mesh: some points are not"),
+    ("FibreField", {"mesh": points_alone}, "mesh: the mesh has no cells"),
+    ("FibreField", {"mesh": EMPTY_CELL}, "mesh: some cells have no points"),
+    *(
+        (
+            "FibreMetrics",
+            {"fibres": lambda bad=bad: add_arrays(examples.fibres(), cells={"RestLength": np.full(6, bad)})},
+            "the rest length of fibre 0 is",
+        )
+        for bad in (-1.0, np.nan, np.inf)
+    ),
+    ("FibreMetrics", {"architecture": True, "muscle": None}, "architecture needs a muscle"),
+    ("FibreMetrics", {"architecture": True, "muscle": opened}, "architecture needs a closed surface"),
+    ("FibreSmoother", {"muscle": None}, "the port 'muscle' is not connected"),
+    ("FibreSource", {"course": "sections"}, "course='sections' leads fibres between attachment areas"),
+    ("FibreSource", {"attachments": None, "aponeuroses": None}, "connect attachments or aponeuroses"),
+    ("FibreTransport", {"rest_muscle": opened}, "rest_muscle: the surface has 3 open edge"),
+    (
+        "FibreTransport",
+        {"deformed_muscle": examples.ball_beside},
+        rf"deformed_muscle has \d+ points, but rest_muscle has {N}",
+    ),
+    ("FibreTrimmer", {"attachments": SAME}, "no direction"),
+    (
+        "FibreTrimmer",
+        {"fibres": lines_of([[[0, -32, 70.0], [0, -32, -50]], [[0, -32, 40]]])},
+        r"1 fibre\(s\) have fewer than two points, first 1",
+    ),
+    ("FibreTubes", {"fibres": lines_of([[[3, 3, 3]] * 4])}, "all lengths are 0"),
+    ("LabelSurfaces", {"labels": "spindel"}, "did you mean 'spindle'"),
+    *(
+        ("LabelSurfaces", {"image": label_image(np.full((3, 3, 3), value), np.eye(4), {})}, reason)
+        for value, reason in (
+            (np.uint8(0), "from 0 to 0"),
+            (np.int16(-1), "from -1 to -1"),
+            (np.float32(1), "no point scalars of whole numbers"),
+        )
+    ),
+    ("LinearBlendFibres", {"insertion": "tibia"}, "is 'tibia', but the bones are 'proximal'"),
+    ("MomentArms", {"motion": None}, "fibres: the fibres have no time steps"),
+    ("PathDeformer", {"muscle": opened}, "(?i)closed|open"),
+    ("PathDeformer", {"paths": examples.fibres}, "paths: the point array 'RestPosition' is missing"),
+    (
+        "PathDeformer",
+        {"neighbours": lambda: multiblock_from({"ball": examples.ball_beside()})},
+        "neighbours, block 'ball'.*Displacement",
+    ),
+    ("PBDDeformer", {"muscle": examples.muscle}, "'FixedTo' is missing"),
+    ("PBDDeformer", {"muscle": fixed_to(2)}, "muscle.* 2 is neither -1"),
+    ("PBDDeformer", {"muscle": fixed_to(-2)}, "muscle.* -2 is neither -1"),
+    ("PBDDeformer", {"muscle": fixed_to(0.5)}, "a whole number per point"),
+    ("PBDDeformer", {"muscle": fixed_to((0, 0))}, "a whole number per point"),
+    ("PBDDeformer", {"muscle": opened}, "muscle: the surface is open: 3 edges"),
+    ("PBDDeformer", {"muscle": moved(lambda points: points * [1, 0, 1])}, "encloses no volume"),
+    ("PBDDeformer", {"muscle": moved(with_nan)}, "not finite, the first is point 3"),
+    ("PBDDeformer", {"bones": bones(Transform=None)}, "'distal': .*'Transform' is missing; BoneMotion"),
+    (
+        "PBDDeformer",
+        {"bones": bones(Transform=np.diag([2.0, 2, 2, 1]).ravel())},
+        "block 'distal': .*a rotation and a translation",
+    ),
+    ("PBDDeformer", {"bones": bones(Transform=np.eye(3).ravel())}, "must be 16 numbers"),
+    ("PBDDeformer", {"start": examples.ball_beside}, rf"start: it has \d+ points, but the muscle {N}"),
+    ("SliceMorpher", {"method": "harmonic", "attachments": None}, "the port 'attachments' is not connected"),
+    ("SliceMorpher", {"template": examples.template}, "'Transform' is missing; run TemplateFitter"),
+    *(
+        ("SliceMorpher", {"template": with_transform(transform)}, "'Transform' is not the matrix of a box")
+        for transform in (
+            np.eye(4) + np.eye(4, k=1) * [[1.0], [0], [0], [0]],  # sheared
+            np.diag([1.0, 0, 1, 1]),
+            np.full((4, 4), np.nan),
+            np.eye(3),
+        )
+    ),
+    ("SliceMorpher", {"muscle": opened}, "the surface must be closed"),
+    (
+        "SliceMorpher",
+        {"superficial": lines_of(np.zeros((1, 2, 3)))},
+        "superficial: all fibres have length 0.*; digitise two points or more",
+    ),
+    (
+        "StiffTendons",
+        {name: lines_of([np.eye(3), np.eye(3)[:2]]) for name in ("fibres", "rest_fibres")},
+        "rest_fibres: fibres have 2 to 3 points",
+    ),
+    ("StiffTendons", {"fibres": lines_of([np.eye(3)] * 2)}, "fibres: numbers of points differ"),
+    ("StiffTendons", {"paths": vtkPolyData()}, "paths: the data set has no paths"),
+    ("TemplateFitter", {"attachments": areas(("origin", ORIGIN))}, "attachments: .* role 'insertion'"),
+    ("TemplateFitter", {"axis": "attachments", "attachments": SAME}, "set axis='principal'"),
+    ("TemplateFitter", {"template": without_areas}, "'OriginArea'.*missing"),
+]
+
+
+@pytest.mark.parametrize(("name", "changes", "message"), REFUSED)
+def test_input_is_refused_with_the_reason(name, changes, message):
+    case = Case(getattr(filters, name))
+    algorithm = case.filter(*case.inputs())
+    for port, value in changes.items():
+        setattr(algorithm, port, value() if callable(value) else value)
+    with pytest.raises(ValueError, match=message) as caught:
+        algorithm.update()
+    assert name in str(caught.value)

@@ -1,0 +1,193 @@
+"""Nothing of the user's is replaced by any command; the files of a command appear together or not at all."""
+
+import ast
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+import vtkmuscle
+from vtkmuscle.cli import BAD_INPUT, app
+from vtkmuscle.data.arrays import blocks_of
+from vtkmuscle.io import write_polydata, write_text
+from vtkmuscle.io.writing import LOCK, RECORD, Outputs
+from vtkmuscle.phantoms import hip
+
+
+def write(folder, **files):
+    """Write texts by one command."""
+    with Outputs(folder):
+        for name, text in files.items():
+            write_text(folder / "sub" / name, text)
+
+
+def texts(folder):
+    return {path.name: path.read_text() for path in (folder / "sub").iterdir()}
+
+
+def test_files_of_a_command_are_replaced_and_edited_files_are_not(tmp_path):
+    out = tmp_path / "out"
+    write(out, a="1", b="1")
+    write(out, a="2", b="2")
+    assert texts(out) == {"a": "2", "b": "2"}
+    (out / "sub/b").write_text("mine")
+    with pytest.raises(ValueError, match=r"sub/b: the file exists.*--overwrite"):
+        write(out, a="3", b="3")
+    assert texts(out) == {"a": "2", "b": "mine"}
+    with Outputs(out, overwrite=True):
+        write_text(out / "sub/b", "3")
+    assert texts(out) == {"a": "2", "b": "3"}
+
+
+def test_inputs_and_links_are_never_replaced(tmp_path):
+    for overwrite in (False, True):
+        (tmp_path / "input").write_text("mine")
+        with (
+            pytest.raises(ValueError, match="would replace an input"),
+            Outputs(tmp_path, inputs=[tmp_path / "input"], overwrite=overwrite),
+        ):
+            write_text(tmp_path / "input", "1")
+        (tmp_path / "elsewhere").mkdir(exist_ok=True)
+        if not overwrite:
+            (tmp_path / "link").symlink_to(tmp_path / "elsewhere")
+            (tmp_path / "file").symlink_to(tmp_path / "input")
+        for name in ("link/a", "file"):
+            with (
+                pytest.raises(NotADirectoryError, match="is a link to"),
+                Outputs(tmp_path, overwrite=overwrite),
+            ):
+                write_text(tmp_path / name, "1")
+    assert (tmp_path / "input").read_text() == "mine"
+    assert not list((tmp_path / "elsewhere").iterdir())
+
+
+def test_a_command_that_fails_leaves_nothing(tmp_path):
+    def command():
+        with Outputs(tmp_path / "new/deep"):
+            write_text(tmp_path / "new/deep/sub/a", "1")
+            raise RuntimeError
+
+    with pytest.raises(RuntimeError):
+        command()
+    assert not list(tmp_path.iterdir())
+
+
+KILLED = """
+import sys
+from pathlib import Path
+from vtkmuscle.data.arrays import blocks_of
+from vtkmuscle.io import write_polydata, write_text
+from vtkmuscle.io.writing import Outputs
+moves, replace = [], Path.replace
+def counted(self, to):
+    moves.append(to)
+    if len(moves) == int(sys.argv[2]):
+        import os, signal
+        os.kill(os.getpid(), signal.SIGKILL)
+    return replace(self, to)
+Path.replace = counted
+with Outputs(Path(sys.argv[1])) as outputs:
+    for name in "abc":
+        write_text(Path(sys.argv[1]) / "sub" / name, sys.argv[2])
+"""
+
+
+@pytest.mark.skipif(os.name != "posix", reason="needs SIGKILL")
+@pytest.mark.parametrize("move", [1, 2, 3, 4])
+def test_a_killed_command_goes_on(tmp_path, move):
+    """Killed before the record, and before each file is moved: files are whole, and none is refused."""
+    write(tmp_path, a="0", b="0", c="0")
+    done = subprocess.run([sys.executable, "-c", KILLED, str(tmp_path), str(move)], check=False)
+    assert done.returncode == -signal.SIGKILL
+    assert list(texts(tmp_path).values()).count(str(move)) == max(0, move - 2)
+    write(tmp_path, a="2", b="2", c="2")
+    assert texts(tmp_path) == dict.fromkeys("abc", "2")
+    assert {path.name for path in tmp_path.iterdir()} <= {"sub", RECORD, LOCK}
+
+
+#: Modules that write elsewhere than to outputs: the cache of kernels, and files between processes.
+ELSEWHERE = {"io/writing.py", "io/in_child.py", "core/jit.py", "run/pool.py"}
+WRITERS = {"write_text", "write_bytes", "savefig", "Write", "copyfile", "copy2", "copytree"}
+
+
+def writing_calls(tree):
+    """Yield calls that write a file, but for those inside of ``with replacing(...)``."""
+    inside = set()
+    for node in ast.walk(tree):
+        if isinstance(node, ast.With) and "replacing(" in "".join(ast.unparse(item) for item in node.items):
+            inside |= set(map(id, ast.walk(node)))
+    for node in (node for node in ast.walk(tree) if isinstance(node, ast.Call) and id(node) not in inside):
+        name = node.func.attr if isinstance(node.func, ast.Attribute) else getattr(node.func, "id", "")
+        words = [
+            one.value
+            for one in [*node.args, *(key.value for key in node.keywords)]
+            if isinstance(one, ast.Constant)
+        ]
+        opened = name == "open" and any(set(word) & set("wax+") for word in words if isinstance(word, str))
+        if opened or (name in WRITERS and isinstance(node.func, ast.Attribute)):
+            yield f"{node.lineno}: {ast.unparse(node)}"
+
+
+def test_no_other_module_opens_files_for_writing():
+    root = Path(vtkmuscle.__file__).parent
+    found = {
+        str(path.relative_to(root)): calls
+        for path in root.rglob("*.py")
+        if path.relative_to(root).as_posix() not in ELSEWHERE
+        and (calls := list(writing_calls(ast.parse(path.read_text("utf-8")))))
+    }
+    assert found == {}
+
+
+@pytest.mark.parametrize(
+    "call", ["path.write_text('')", "open(path, 'w')", "path.open(mode='ab')", "f.savefig(p)"]
+)
+def test_the_search_finds_a_call_that_writes(call):
+    assert list(writing_calls(ast.parse(call)))
+    assert not list(writing_calls(ast.parse(f"with replacing(path) as partial:\n    {call}")))
+
+
+def vtkmuscle_(*arguments):
+    return CliRunner().invoke(app, [str(argument) for argument in arguments])
+
+
+def refused(done, words):
+    assert done.exit_code == BAD_INPUT, done.output
+    assert words in " ".join(done.output.split())
+    return True
+
+
+def contents(folder):
+    return {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+def test_init_keeps_landmarks_and_a_corrected_scene(tmp_path):
+    """Landmarks where init would write its own are inputs; a scene that was corrected is the user's."""
+    phantom = hip(detail=0.4)
+    bones = dict(blocks_of(phantom.bones))
+    surfaces = {"pelvis": bones["pelvis"], "femur": bones["femur"], "iliacus": phantom.muscles["iliacus"]}
+    for name, surface in surfaces.items():
+        write_polydata(tmp_path / f"{name}.vtp", surface)
+    (tmp_path / "attachments").mkdir()
+    landmarks = tmp_path / "attachments/iliacus_origin_0.vtp"
+    write_polydata(landmarks, dict(blocks_of(phantom.attachments["iliacus"]))["origin_0"])
+    meshes = [tmp_path / f"{name}.vtp" for name in surfaces]
+    before = contents(tmp_path)
+    for insist in ((), ("--overwrite",)):
+        done = vtkmuscle_("init", *meshes, landmarks, "--out", tmp_path, *insist)
+        assert refused(done, "would replace an input")
+        assert contents(tmp_path) == before
+    (tmp_path / "motion.sto").write_text("mine")
+    assert refused(vtkmuscle_("init", *meshes, "--out", tmp_path), "motion.sto: the file exists")
+    assert contents(tmp_path) == before | {tmp_path / "motion.sto": b"mine"}
+    (tmp_path / "motion.sto").unlink()
+    landmarks.unlink()
+    for _ in range(2):
+        assert vtkmuscle_("init", *meshes, "--out", tmp_path).exit_code == 0
+    (tmp_path / "scene.toml").write_text("# corrected")
+    assert refused(vtkmuscle_("init", *meshes, "--out", tmp_path), "scene.toml: the file exists")
+    assert (tmp_path / "scene.toml").read_text() == "# corrected"

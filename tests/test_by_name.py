@@ -1,0 +1,98 @@
+"""Scenes and results as mappings, settings of a run, and cells of notebooks."""
+
+import re
+
+import numpy as np
+import pytest
+
+from vtkmuscle import InputError, Scene, SceneError, phantoms
+from vtkmuscle.plotting import can_render
+
+
+@pytest.fixture(scope="module")
+def scene():
+    return Scene.from_phantom(phantoms.spindle_over_hinge(), n_fibres=8)
+
+
+@pytest.fixture(scope="module")
+def result(scene):
+    return scene.run(frames="2:6", muscles="spindle", quality="preview", n_fibres=5)
+
+
+def test_a_scene_and_a_result_are_read_by_names(scene, result):
+    assert list(scene) == ["spindle", "proximal", "distal"]
+    assert len(scene) == 3
+    assert "distal" in scene
+    assert "muscle" not in scene
+    assert dict(scene.items())["spindle"].n_cells == scene["spindle"].n_cells
+    assert list(result) == list(result.keys()) == ["spindle"]
+    assert [muscle.verdict for muscle in result.values()] == ["ok"]
+    assert "thigh" not in result
+
+
+def test_settings_of_a_run_are_those_of_the_scene(scene, result):
+    assert result.lengths["spindle"].shape == (4, 5)
+    assert scene.muscles["spindle"].fibres["n_fibres"] == 8  # the scene itself stays
+    same = scene.with_settings(quality="preview", n_fibres=5).run(frames="2:6")
+    assert np.array_equal(same.lengths["spindle"], result.lengths["spindle"])
+
+
+def test_unknown_settings_and_options_have_a_remedy(scene):
+    with pytest.raises(SceneError, match="did you mean 'n_fibres'"):
+        scene.with_settings(n_fibre=5)
+    with pytest.raises(TypeError, match="did you mean 'quality'"):
+        scene.run(qualities="preview")
+    with pytest.raises(SceneError, match="thigh"):
+        scene.run(muscles=["thigh"])
+
+
+def test_a_time_is_that_of_the_nearest_frame_within_half_a_step(result):
+    assert result.times == [4.0, 6.0, 8.0, 10.0]
+    at_six = result.muscle("spindle", frame=3).points
+    for time in (5.1, 6.0, 6.9):
+        assert np.array_equal(result.muscle("spindle", time=time).points, at_six)
+    assert np.array_equal(result.muscle("spindle", frame=-3).points, at_six)
+    for time in (2.9, 11.1, np.nan):
+        with pytest.raises(InputError, match="there are 4, 6, 8, 10"):
+            result.muscle("spindle", time=time)
+    with pytest.raises(InputError, match="frame -5 was not kept"):
+        result.muscle("spindle", frame=-5)
+
+
+def test_a_muscle_has_length_volume_and_picture(scene, result):
+    muscle = result["spindle"]
+    assert np.array_equal(muscle.length, result.lengths["spindle"].mean(axis=1))
+    assert muscle.volume == pytest.approx(scene["spindle"].volume, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("word", "meant"), [("verdict", "verdicts"), ("fibers", "fibres"), ("time", "times")]
+)
+def test_a_missing_attribute_names_the_nearest(result, word, meant):
+    with pytest.raises(AttributeError, match=f"did you mean '{meant}'"):
+        getattr(result, word)
+    assert not hasattr(result, "_unknown")
+
+
+def test_cells_of_notebooks_show_tables_and_pictures(scene, result):
+    if can_render() is None:
+        assert "data:image/png;base64" in scene._repr_html_()
+        assert "data:image/png;base64" in result._repr_html_()
+    assert "<td>spindle</td><td>ok</td>" in result._repr_html_()
+    cell = result.length_table()._repr_html_()
+    assert len(re.findall("<tr>", cell)) == 21  # names, and 20 rows at most
+    assert "Table: 20 rows" in cell
+
+
+@pytest.mark.optional
+def test_an_xarray_has_the_numbers_of_the_tables(result):
+    pytest.importorskip("xarray")
+    data = result.to_xarray().sel(muscle="spindle")
+    assert np.array_equal(data["time"], result.times)
+    assert np.array_equal(data["length_mm"].transpose("frame", "fibre"), result.lengths["spindle"])
+    assert np.array_equal(
+        data["fibre_length_mm"].transpose("frame", "fibre"), result.fibre_lengths["spindle"]
+    )
+    arms = data["moment_arm_mm"].sel(coordinate="distal_angle").transpose("frame", "fibre")
+    assert np.array_equal(arms, result["spindle"].moment_arms["distal_angle"].arms)
+    assert np.array_equal(arms["frame"], result.frames)

@@ -1,0 +1,37 @@
+"""The test of an installation."""
+
+import re
+
+import pytest
+from typer.testing import CliRunner
+
+import vtkmuscle
+from vtkmuscle import installation
+from vtkmuscle.cli import FAILED, app
+
+
+def test_an_installation_that_computes_otherwise_is_said(monkeypatch):
+    table = vtkmuscle.selftest()
+    assert table["passed"].all()
+    assert len(table["quantity"]) == 5
+    monkeypatch.setattr(installation, "ARM_ERROR", 1e-3)  # stricter than the method can be
+    assert not vtkmuscle.selftest()["passed"][0]
+
+
+def test_the_command_names_versions_and_fails_where_a_known_answer_is_missed(monkeypatch):
+    rows = [("arm [mm]", 30.0, 32.0, 3.0, True), ("volume", 1.1, 1.0, 1e-6, False)]
+    monkeypatch.setattr(installation, "selftest", lambda: vtkmuscle.Table(installation.COLUMNS, rows))
+    done = CliRunner().invoke(app, ["selftest"])
+    assert done.exit_code == FAILED
+    assert re.search(rf"^vtkmuscle +{re.escape(vtkmuscle.__version__)}$", done.output, re.MULTILINE)
+    for word in ("python", "processors", "numba", "pictures", "kernels"):
+        assert re.search(rf"^{word} +\S", done.output, re.MULTILINE)
+    assert "passed  arm [mm]: 30, known 32, within 3" in done.output
+    assert "FAILED  volume: 1.1, known 1, within 1e-06" in done.output
+
+
+@pytest.mark.slow
+def test_the_command_passes_here():
+    done = CliRunner().invoke(app, ["selftest"])
+    assert done.exit_code == 0
+    assert done.output.count("passed") == 5

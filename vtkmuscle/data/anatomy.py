@@ -1,0 +1,175 @@
+"""Names of bones and muscles, joints between bones, and published numbers of muscles by name."""
+
+from __future__ import annotations
+
+import csv
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cache
+from importlib.resources import files
+from typing import NamedTuple
+
+_SIDES = {"left": "left", "l": "left", "right": "right", "r": "right"}
+
+
+@dataclass(frozen=True)
+class JointKind:
+    """A kind of joint between bones with certain words in their names; the first existing bone counts.
+
+    ``form`` is ``"ball"``, ``"pin"`` or ``"weld"``; ``round_end``, ``"child"`` or ``"parent"``, has the round
+    surface; ``axes`` (3,) are in LPS by coordinate, for a hanging right limb: a left limb reverses all axes
+    but the first; ``most`` is the largest angle of the first coordinate [degrees].
+    """
+
+    name: str
+    children: tuple[str, ...]
+    parents: tuple[str, ...]
+    form: str = "weld"
+    round_end: str = "child"
+    axes: Mapping[str, tuple[float, float, float]] = field(default_factory=dict)
+    most: float = 0.0
+
+
+_FORWARD, _INWARD, _ABOUT = (-1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, 1.0)
+_FOOT = ("talus", "calcaneus", "foot", "tarsal", "tarsals", "metatarsal", "metatarsals", "phalanges")
+_PELVIS = ("hip", "pelvis", "coxa", "coxae", "innominate", "ilium")
+_HAND = ("hand", "carpal", "carpals", "metacarpal", "metacarpals")
+
+
+def _three(joint: str) -> dict[str, tuple[float, float, float]]:
+    return {f"{joint}_flexion": _FORWARD, f"{joint}_adduction": _INWARD, f"{joint}_rotation": _ABOUT}
+
+
+#: Joints of the limbs; a patella follows the shank, as by its tendon.
+JOINTS = (
+    JointKind("hip", ("femur",), _PELVIS, "ball", axes=_three("hip"), most=60.0),
+    JointKind("knee", ("tibia", "shank"), ("femur",), "pin", "parent", {"knee_flexion": (1.0, 0, 0)}, 60.0),
+    JointKind("shoulder", ("humerus",), ("scapula",), "ball", axes=_three("shoulder"), most=60.0),
+    JointKind("elbow", ("ulna", "forearm"), ("humerus",), "pin", "parent", {"elbow_flexion": _FORWARD}, 60.0),
+    JointKind("fibula", ("fibula",), ("tibia",)),
+    JointKind("patella", ("patella",), ("tibia", "shank")),
+    JointKind("foot", _FOOT, ("tibia", "shank")),
+    JointKind("radius", ("radius",), ("ulna",)),
+    JointKind("hand", _HAND, ("ulna", "radius", "forearm")),
+)
+
+
+def plain_name(name: str) -> str:
+    """Return a lower-case name with underscores, the side at the end."""
+    words = re.findall(r"[a-z0-9]+", name.casefold())
+    side = next((_SIDES[word] for word in words if word in _SIDES), None)
+    rest = [word for word in words if word not in _SIDES]
+    return "_".join([*rest, *([side] if side else [])]) or "unnamed"
+
+
+def side_of(name: str) -> str | None:
+    """Return ``"left"``, ``"right"``, or None for a name without side."""
+    return next((side for side in ("left", "right") if plain_name(name).endswith(f"_{side}")), None)
+
+
+def stem_of(name: str) -> str:
+    """Return a plain name without side."""
+    return re.sub(r"_(left|right)$", "", plain_name(name))
+
+
+#: Words of names that tell no muscle from another, and words of equal meaning.
+_IDLE = {"m", "muscle", "musculus", "head", "caput", "of", "the"}
+_EQUAL = {"peroneus": "fibularis", "lateralis": "lateral", "medialis": "medial"}
+_EQUAL |= {"longum": "long", "breve": "short"}
+#: Directions of coordinates, and the opposite directions.
+_OPPOSITE = {
+    "extension": "flexion",
+    "abduction": "adduction",
+    "plantarflexion": "dorsiflexion",
+    "eversion": "inversion",
+    "supination": "pronation",
+    "external": "rotation",
+}
+
+#: Factor between a person's ratios and published means: two standard deviations of fibre lengths are 0.25 to
+#: 0.55 of the mean (Ward et al. 2009, doi:10.1007/s11999-008-0594-8); a belly without tendon has two thirds.
+PERSONAL = 1.5
+
+
+class Published(NamedTuple):
+    """A published range of a quantity of a muscle, by a coordinate or none."""
+
+    muscle: str
+    quantity: str
+    coordinate: str
+    values: tuple[float, float]  # of the coordinate [degrees]
+    unit: str
+    low: float
+    high: float
+    source: str
+
+
+@cache
+def _table() -> tuple[tuple[tuple[frozenset[str], ...], Published], ...]:
+    text = files("vtkmuscle.data").joinpath("published.csv").read_text(encoding="utf-8")
+    rows = []
+    for row in csv.DictReader(line for line in text.splitlines() if not line.startswith("#")):
+        span = float(row["from_deg"] or 0.0), float(row["to_deg"] or 0.0)
+        ends = float(row["low"]), float(row["high"])
+        keys = row["muscle"], row["quantity"], row["coordinate"]
+        names = tuple(map(_words, (row["muscle"], *row["names"].split())))
+        rows.append((names, Published(*keys, span, row["unit"], *ends, row["source"])))
+    return tuple(rows)
+
+
+def _words(name: str) -> frozenset[str]:
+    words = (_EQUAL.get(word, word) for word in re.findall("[a-z0-9]+", stem_of(name)))
+    return frozenset(words) - _IDLE
+
+
+def published(muscle: str, quantity: str = "", coordinate: str = "") -> Published | None:
+    """Return the published range of a muscle's quantity, None if unknown.
+
+    Parameters
+    ----------
+    muscle : str
+        Name in any of the usual forms: ``"semimem_r"``, ``"Semimembranosus left"``; the range of a whole
+        muscle includes its heads and parts.
+    quantity : str, optional
+        ``"moment_arm"``, ``"fibre_length"``, ``"pennation"``, ``"pcsa"``, ``"greatest_force"``,
+        ``"fibre_to_path"`` or ``"path_length"``; by default any.
+    coordinate : str, optional
+        As in the table: ``"knee_flexion"``.
+
+    Examples
+    --------
+    >>> from vtkmuscle.data.anatomy import published
+    >>> found = published("semimem_r", "moment_arm", "knee_flexion")
+    >>> found.low, found.high, found.source
+    (17.7, 46.3, 'Rajagopal 2016')
+    """
+    words = _words(muscle)
+    rows = [row for names, row in _table() if words in names]
+    if not rows:  # the parts of a muscle, by its first word and perhaps further ones
+        parts = ((names[0], row) for names, row in _table() if row.muscle.split("_")[0] in words)
+        rows = [row for name, row in parts if words <= name]
+    rows = [row for row in rows if quantity in ("", row.quantity) and coordinate in ("", row.coordinate)]
+    if not rows:
+        return None
+    source = ", ".join(dict.fromkeys(row.source for row in rows))
+    low, high = min(row.low for row in rows), max(row.high for row in rows)
+    return rows[0]._replace(low=low, high=high, source=source)
+
+
+def published_coordinate(name: str, positive: str = "") -> tuple[str, float]:
+    """Return the table's coordinate of a coordinate's name and direction, and the sign, 1 or -1.
+
+    ``("", 0.0)`` for an unknown coordinate.
+    """
+    own, said = (set(re.findall("[a-z]+", text.casefold().replace("_", " "))) for text in (name, positive))
+    for coordinate in dict.fromkeys(row.coordinate for _, row in _table() if row.coordinate):
+        joint, direction = coordinate.split("_", 1)
+        if joint not in own:
+            continue
+        for words in (said, own):
+            if any(word in words for word, other in _OPPOSITE.items() if other == direction):
+                return coordinate, -1.0
+            if direction in words:
+                return coordinate, 1.0
+    return "", 0.0
