@@ -1,27 +1,38 @@
 """Make the tables of speed against accuracy: ``python benchmarks/tradeoff_page.py [--out FOLDER]``.
 
 Runs :func:`vtkmuscle.tradeoff` on the phantom hip and, with ``VTKMUSCLE_DATA``, on the real hip, in
-steps of about 10 degrees; quality and deformer are varied, then the number of fibres. Written is a table for
-each scene: all muscles together, the sum of times and the largest error.
+steps of about 10 degrees; quality and deformer are varied, then the numbers of paths and of fibres. Written
+is a table for each scene: all muscles together, the sum of times and the largest error. ``presets`` is the
+table of the presets on all phantoms with known answers, and on the muscles of the real hip.
 """
 
 from __future__ import annotations
 
 import argparse
 import csv
+import sys
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
+from time import thread_time
+from typing import Any
 
 import numpy as np
+from how_right import Known, known_phantoms
 from real_hip import data_folder
 
 import vtkmuscle
 from vtkmuscle import Scene, phantoms
+from vtkmuscle.core.moment_arms.of_joints import joint_arms
+from vtkmuscle.data.paths import levers_over_time, paths_of
+from vtkmuscle.filters.taut_paths import PATH_PRESETS
+from vtkmuscle.pipelines import MusclePipeline
 from vtkmuscle.tradeoffs import ALL, ERRORS
 
 TABLES = Path(__file__).resolve().parents[1] / "docs" / "validation" / "tradeoff_tables"
 STEP = 10.0
-VARIED = ({}, {"deformer": ("none",), "quality": ("balanced",), "n_fibres": (25, 50, 100, 200)})
+ALONE = {"deformer": ("none",), "quality": ("balanced",)}
+VARIED = ({}, ALONE | {"n_paths": (9, 16, 25, 49)}, ALONE | {"n_fibres": (25, 50, 100, 200)})
 HEADINGS = ("ms a pose", "length [mm]", "moment arm [mm]", "points [mm]", "moment arm, published [mm]")
 
 
@@ -48,13 +59,57 @@ def rows(scene: Scene) -> list[list[str]]:
         whole = vtkmuscle.tradeoff(coarse(scene), **settings).table.where(muscle=ALL)
         for i, ms in enumerate(whole["ms"]):
             words = [f"``{whole['deformer'][i]}``, ``{whole['quality'][i]}``"]
-            if "n_fibres" in whole:
-                words.append(f"{whole['n_fibres'][i]} fibres")
+            counts = [name for name in ("n_paths", "n_fibres") if name in whole]
+            words += [f"{whole[name][i]} {name.removeprefix('n_')}" for name in counts]
             errors = [float(whole[name][i]) for name in ERRORS]
             found.append(
                 [", ".join(words), f"{ms:.0f}", *("" if np.isnan(e) else f"{e:.2g}" for e in errors)]
             )
     return found
+
+
+def presets() -> Iterator[list[str]]:
+    """Yield a row for each phantom with a known answer, and each muscle of the real hip."""
+    cases = []
+    for known in known_phantoms():
+        ((name, muscle),) = known.phantom.muscles.items()
+        inputs = muscle, known.phantom.bones, known.motion, known.phantom.attachments[name]
+        cases.append((known.name, inputs, {}, {}, known))
+    for scene in (Scene.load(path) for path in [data_folder() / "scene.toml"] if path.is_file()):
+        for name, muscle in scene.muscles.items():
+            inputs = muscle.surface, scene.bones_data(), coarse(scene).motion, scene.attachments_data(name)
+            cases.append((name, inputs, muscle.fibres or {}, scene.fixing_of(name), None))
+    for name, inputs, fibres, fixing, known in cases:
+        print(name, file=sys.stderr, flush=True)
+        found = {quality: of_preset(quality, inputs, fibres, fixing, known) for quality in PATH_PRESETS}
+        limit, row = found["accurate"][0], [name]
+        for values, ms in found.values():
+            truth = "" if known is None else f"{_rms(values - known.answers[-len(values) :]):.2f}"
+            row += [f"{ms:.0f}", f"{_rms(values - limit):.2f}", truth]
+        yield row
+
+
+def of_preset(
+    quality: str, inputs: Any, fibres: Mapping[str, Any], fixing: Mapping[str, Any], known: Known | None
+) -> tuple[Any, float]:
+    """Return mean moment arms, or lengths, over the poses [mm], and the time a pose [ms]."""
+    settings = {"n_fibres": 100, **fibres}
+    pipeline = MusclePipeline(*inputs, fixing=fixing, fibres=settings, quality=quality)
+    lengths, levers, times, motion = [], [], [], inputs[2]
+    for time in motion.times:
+        begin = thread_time()
+        paths = paths_of(pipeline.metrics.update(time=float(time)).output, "fibres")
+        times.append(1000.0 * (thread_time() - begin))
+        lengths.append(paths.lengths)
+        levers.append(paths.levers)
+    if known is not None and known.quantity == "length":
+        return np.mean(lengths, axis=1), float(np.median(times[1:]))
+    (arms,) = joint_arms(np.array(lengths), levers_over_time(levers), motion)[0].values()
+    return arms.mean, float(np.median(times[1:]))
+
+
+def _rms(values: Any) -> float:
+    return float(np.sqrt(np.nanmean(values**2)))
 
 
 def main() -> None:
@@ -63,6 +118,10 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=TABLES)
     parser.add_argument("--only", nargs="+", metavar="SCENE")
     asked = parser.parse_args()
+    if asked.only is None or "presets" in asked.only:
+        columns = (f"{name}: {of}" for name in PATH_PRESETS for of in ("ms", "to accurate", "to known"))
+        with (asked.out / "presets.csv").open("w", newline="", encoding="utf-8") as file:
+            csv.writer(file, lineterminator="\n").writerows([["muscle", *columns], *presets()])
     for name, scene in scenes().items():
         if asked.only is None or name in asked.only:
             with (asked.out / f"{name}.csv").open("w", newline="", encoding="utf-8") as file:

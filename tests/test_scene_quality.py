@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 
 from vtkmuscle import Result, Scene, SceneError
 from vtkmuscle.cli import app
-from vtkmuscle.filters.taut_paths import RESOLUTIONS
+from vtkmuscle.filters.taut_paths import PATH_PRESETS
 from vtkmuscle.run import muscle_pipeline
 
 
@@ -24,7 +24,7 @@ def test_a_preset_is_below_the_scenes_own_settings_and_survives_a_round_trip(sce
     scene = Scene.load(scene_file)
     pipeline = muscle_pipeline(scene, "spindle")
     assert (pipeline.deformer.iterations, pipeline.taut_paths.levers) == (3, False)
-    assert pipeline.taut_paths.resolution == RESOLUTIONS["accurate"]
+    assert pipeline.taut_paths.resolution == PATH_PRESETS["accurate"]["resolution"]
     again = Scene.load(scene.save(tmp_path / "again"))
     assert (again.quality, again.paths) == ("accurate", {"levers": False})
     assert Scene.load(replace(scene, quality=None).save(tmp_path / "none")).quality is None
@@ -79,7 +79,7 @@ def test_the_option_of_the_quality_takes_the_keys_place(scene_file, tmp_path):
     assert run.exit_code == 0
     settings = report["muscles"]["spindle"]["parameters"]
     assert settings["solver"]["iterations"] == 3
-    assert settings["paths"]["resolution"] == RESOLUTIONS["accurate"]
+    assert settings["paths"]["resolution"] == PATH_PRESETS["accurate"]["resolution"]
     refused, _ = ran(scene_file, tmp_path / "other", "--quality", "best")
     assert refused.exit_code == 2
     assert "not 'best'" in refused.output

@@ -2,6 +2,7 @@
 
 from concurrent.futures import Future, ThreadPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
+from dataclasses import replace
 from multiprocessing import active_children
 from pathlib import Path
 
@@ -143,6 +144,16 @@ def test_settings_of_scene_and_fibres_are_varied(scene):
     assert table.where(deformer="paths", n_fibres=4)["length_mm"] == pytest.approx(lengths.mean(), rel=1e-12)
 
 
+def test_settings_of_the_paths_are_varied(scene):
+    varied = {"n_paths": [4, 100], "paths.resolution": [8, 32]}
+    table = vtkmuscle.vary(scene, workers=1, frames="0:2", deformer=["none"], **varied)
+    assert table["n_paths"].tolist() == [4, 4, 100, 100]
+    assert len(set(table["length_mm"])) == 4
+    every = replace(scene, deformer="none").run(frames="0:2").lengths["spindle"]
+    fine = table.where(n_paths=100, **{"paths.resolution": 32})["length_mm"]
+    assert fine == pytest.approx(every.mean(), rel=1e-12)
+
+
 @pytest.mark.parametrize(
     ("call", "words"),
     [
@@ -152,6 +163,7 @@ def test_settings_of_scene_and_fibres_are_varied(scene):
         (vtkmuscle.vary, "no setting is varied"),
         (lambda scene: vtkmuscle.vary(scene, workers=1, n_fibers=[3]), "n_fibers"),
         (lambda scene: vtkmuscle.vary(scene, workers=1, deformer=["path"]), "path"),
+        (lambda scene: vtkmuscle.vary(scene, workers=1, n_paths=[3]), "n_paths: 3 is not allowed"),
     ],
 )
 def test_what_cannot_be_meant_is_refused(scene, call, words):

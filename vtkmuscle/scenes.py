@@ -22,7 +22,7 @@ from vtkmuscle.scene.checks import checked
 from vtkmuscle.scene.data import Muscle, SceneData
 from vtkmuscle.scene.faults import SceneError
 from vtkmuscle.scene.reading import read_fields
-from vtkmuscle.scene.schema_types import Fibres, Solver
+from vtkmuscle.scene.schema_types import Fibres, Paths, Solver
 from vtkmuscle.scene.writing import write_scene
 
 if TYPE_CHECKING:
@@ -35,8 +35,10 @@ _MOST_LISTED = 8
 _CONTENT = ("name", "bones", "muscles", "motion", "files")
 #: Fields of a scene that are settings.
 _OWN = [each.name for each in fields(SceneData) if each.name not in _CONTENT]
+#: Parameters of the paths among the settings: ``resolution`` alone is of the fibres.
+_PATHS = {"n_paths": "n_paths"} | {f"paths.{name}": name for name in Paths.model_fields}
 #: All settings of :meth:`Scene.with_settings`.
-_SETTINGS = list(dict.fromkeys([*_OWN, *Solver.model_fields, *Fibres.model_fields]))
+_SETTINGS = list(dict.fromkeys([*_OWN, *_PATHS, *Solver.model_fields, *Fibres.model_fields]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -250,8 +252,9 @@ class Scene(SceneData, ByName):
         Parameters
         ----------
         **settings
-            A field of the scene (``deformer``, ``quality``, ``paths``, ...), a parameter of the deformer for
-            all muscles (``iterations``), or a setting of the fibres of all muscles (``n_fibres``).
+            A field of the scene (``deformer``, ``quality``, ``paths``, ...), a parameter of the paths
+            (``n_paths``, ``paths.resolution``) or of the deformer for all muscles (``iterations``), or a
+            setting of the fibres of all muscles (``n_fibres``).
 
         Raises
         ------
@@ -269,7 +272,9 @@ class Scene(SceneData, ByName):
             if name not in _SETTINGS:
                 raise SceneError(f"a scene has no setting {name!r}", "", suggestion(name, _SETTINGS))
         own = {name: value for name, value in settings.items() if name in _OWN}
-        rest = {name: value for name, value in settings.items() if name not in _OWN}
+        if paths := {_PATHS[name]: value for name, value in settings.items() if name in _PATHS}:
+            own["paths"] = {**(own.get("paths", self.paths) or {}), **paths}
+        rest = {name: value for name, value in settings.items() if name not in (*_OWN, *_PATHS)}
         solver = {name: value for name, value in rest.items() if name in Solver.model_fields}
         of_fibres = {name: value for name, value in rest.items() if name not in solver}
         muscles = {

@@ -18,7 +18,7 @@ from vtkmuscle.core.moment_arms.of_joints import JointArms
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import points_of
 from vtkmuscle.filters.deformer.settings import PRESETS
-from vtkmuscle.filters.taut_paths import RESOLUTIONS
+from vtkmuscle.filters.taut_paths import PATH_PRESETS
 from vtkmuscle.io.literature import curves_for, drawn
 from vtkmuscle.io.writing import Outputs
 from vtkmuscle.run import Result
@@ -37,7 +37,7 @@ TRIED: Mapping[str, tuple[Any, ...]] = {
 }
 
 #: The limit of a deformer: the numbers of ``"accurate"``, doubled.
-_FINEST_PATHS = {"paths": {"resolution": 2 * RESOLUTIONS["accurate"]}}
+_FINEST_PATHS = {"paths": {"resolution": 2 * PATH_PRESETS["accurate"]["resolution"]}}
 LIMITS: Mapping[str, Mapping[str, Any]] = {
     "none": _FINEST_PATHS,
     "paths": _FINEST_PATHS,
@@ -45,7 +45,7 @@ LIMITS: Mapping[str, Mapping[str, Any]] = {
 }
 
 #: Parameters that a quality sets: the scene's own would defeat it.
-_OF_QUALITY = {"resolution", "iterations", "solved_triangles"}
+_OF_QUALITY = {"resolution", "n_paths", "iterations", "solved_triangles"}
 
 #: Columns of errors [mm], root mean squares over frames: of mean lengths, mean moment arms and points against
 #: the limit of the deformer, and of mean moment arms against published curves of the scene.

@@ -120,7 +120,8 @@ def paths(time=4.0):
     count, rest = data.GetNumberOfCells(), points_of(data)
     moved = rest + np.tile(np.linspace(0.0, 1.0, len(rest) // count), count)[:, None] * (0.0, -time, 0.0)
     data = with_points(data, moved)
-    add_arrays(data, points={"RestPosition": rest}, cells={"Squeezed": np.zeros(count)})
+    cells = {name: np.zeros(count) for name in ("Squeezed", "Sag")}
+    add_arrays(data, points={"RestPosition": rest}, cells=cells)
     steps = np.diff(moved.reshape(count, -1, 3), axis=1)
     add_arrays(data, cells={"Length": np.linalg.norm(steps, axis=2).sum(axis=1)})
     for name in PHANTOM.motion.coordinates:

@@ -6,6 +6,7 @@ from functools import cache
 import numpy as np
 import phantoms
 import pytest
+from filter_case import digest
 
 from vtkmuscle import Scene
 from vtkmuscle.core.motion.rigid import apply_transform
@@ -145,7 +146,33 @@ def test_paths_have_lengths_rest_and_the_arrays_of_their_fibres():
     ratio = measured / cell_array(out, "RestLength", "")
     np.testing.assert_allclose(cell_array(out, "Ratio", ""), ratio, rtol=1e-9)
     np.testing.assert_array_equal(cell_array(out, "Own", ""), own)
-    assert {"Contact", "Squeezed"} <= set(array_names(out.GetCellData()))
+    assert {"Contact", "Squeezed", "Sag"} <= set(array_names(out.GetCellData()))
+
+
+def test_few_solved_paths_carry_all_fibres_and_all_are_as_without_the_setting():
+    made, every = paths_of(*CASES[0], n_paths=6), paths_of(*CASES[0])
+    few, all_solved = (paths.update(time=30.0).output for paths in (made, every))
+    assert few.GetNumberOfCells() == 16
+    assert array_names(few.GetCellData()) == array_names(all_solved.GetCellData())
+    assert digest(few) != digest(all_solved)
+    np.testing.assert_allclose(cell_array(few, "Length", ""), cell_array(all_solved, "Length", ""), atol=1.0)
+    _, fixed, fibres = at_rest(*CASES[0])
+    posed = {"rest_bones": made.rest_bones, "bones": made.bones, "fibres": fibres}
+    deformer = PathDeformer(muscle=fixed, paths=made, measure_shape=True, **posed)
+    assert field_array(deformer.update(time=30.0).output, "VolumeRatio")[0] == pytest.approx(1.0, abs=1e-9)
+    for n_paths in (16, 100):
+        made.n_paths = n_paths
+        assert digest(made.update(time=30.0).output) == digest(all_solved)
+    with pytest.raises(ValueError, match="n_paths is 3, but must be"):
+        TautPaths(n_paths=3)
+
+
+@pytest.mark.parametrize(("resolution", "cuts"), [(8, True), (32, False)])
+def test_segments_too_long_for_a_bone_cut_into_it(resolution, cuts):
+    """Round the cylinder of 30 mm 8 segments of 16 mm sag by 1 mm and more."""
+    sag = cell_array(paths_of(*CASES[3], resolution=resolution).update(time=30.0).output, "Sag", "")
+    assert bool(sag.max() > 1.0) is cuts
+    assert sag.max() < 4.0
 
 
 def test_levers_are_slopes_of_lengths_and_may_be_left_out():

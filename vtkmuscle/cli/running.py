@@ -192,7 +192,8 @@ class TradeoffOptions:
         list[str] | None,
         Option(
             metavar="SETTING=A,B",
-            help="Values of a setting, such as n_fibres=25,100; repeatable, all combinations are run. "
+            help="Values of a setting, such as n_paths=25,49,1000 or paths.resolution=24,32; repeatable, all "
+            "combinations are run. "
             "Default: deformer=none,paths,pbd and quality=preview,balanced,accurate.",
         ),
     ] = None

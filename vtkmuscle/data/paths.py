@@ -1,9 +1,10 @@
 """A muscle's paths as polylines, and as cell arrays of fibres.
 
 Paths have the point array ``RestPosition`` (3) and the cell arrays ``Lever_COORDINATE``, lever of the pull
-(minus change of length per coordinate), and ``Squeezed``, missing room between two bones. Fibres with path
-data have the cell arrays of the paths, ``PathLength`` (k,), musculotendon length, and ``PathPoints`` (k, 3
-n). Superficial fibres are lines seen on a muscle's surface.
+(minus change of length per coordinate), ``Squeezed``, missing room between two bones, and ``Sag``, depth to
+which straight segments cut into bones. Fibres with path data have the cell arrays of the paths,
+``PathLength`` (k,), musculotendon length, and ``PathPoints`` (k, 3 n). Superficial fibres are lines seen on a
+muscle's surface.
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ def checked_superficial(data: vtkPolyData, where: str) -> Polylines:
 #: Point array of paths: positions at rest.
 REST_POSITION = "RestPosition"
 #: Cell arrays of paths, and of fibres with path data.
-SQUEEZED, LEVER = "Squeezed", "Lever_"
+SQUEEZED, SAG, LEVER = "Squeezed", "Sag", "Lever_"
 #: Cell array of paths, and field arrays; lengths and levers of an unsettled sheet are NaN.
 LENGTH, UNSETTLED, PATH_STEPS = "Length", "Unsettled", "PathSteps"
 #: Cell arrays of fibres with path data.
@@ -75,14 +76,14 @@ class Paths(NamedTuple):
 
 
 def add_path_arrays(fibres: vtkPolyData, paths: PathLines, where: str) -> None:
-    """Add ``PathLength``, ``PathPoints``, ``Squeezed`` and levers to fibres, one for each path."""
+    """Add ``PathLength``, ``PathPoints``, ``Squeezed``, ``Sag`` and levers to fibres, one for each path."""
     count, cells = fibres.GetNumberOfCells(), paths.data.GetCellData()
     if len(paths.points) != count:
         problem = f"there are {len(paths.points)} paths, but {count} fibres"
         raise InputError(where, problem, "connect TautPaths for the same fibres")
     lengths = cell_array(paths.data, LENGTH, where)
     arrays = {PATH_LENGTH: lengths, PATH_POINTS: paths.points.reshape(count, -1)}
-    for name in (SQUEEZED, *names_of(LEVER, cells).values()):
+    for name in (SQUEEZED, SAG, *names_of(LEVER, cells).values()):
         arrays[name] = cell_array(paths.data, name, where)
     add_arrays(fibres, cells=arrays)
 

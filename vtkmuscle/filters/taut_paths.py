@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,7 @@ from vtkmuscle.core.bones.bone import Bone
 from vtkmuscle.core.errors import InputError, errors_at
 from vtkmuscle.core.fixed_muscle import FixedMuscle
 from vtkmuscle.core.mesh.surface import mesh_topology
+from vtkmuscle.core.paths.guides import ALL_PATHS, LEAST_PATHS
 from vtkmuscle.core.paths.lines import bones_at_ends, evenly_spread, lines_on_surface
 from vtkmuscle.core.paths.poses import KeptPoses
 from vtkmuscle.core.paths.sheet import POINTS, MusclePaths, PathState
@@ -20,11 +22,17 @@ from vtkmuscle.data.arrays import Polylines, add_arrays, array_of, polylines_fro
 from vtkmuscle.data.attachments import rings_by_bone
 from vtkmuscle.data.moving_bones import MovingBones, RestBones, fixed_points_of
 from vtkmuscle.data.muscle_geometry import Surface
-from vtkmuscle.data.paths import LENGTH, LEVER, PATH_STEPS, REST_POSITION, SQUEEZED, UNSETTLED
+from vtkmuscle.data.paths import LENGTH, LEVER, PATH_STEPS, REST_POSITION, SAG, SQUEEZED, UNSETTLED
 from vtkmuscle.filters.base import Filter, InputPort, OutputPort, Parameter, ports
 
-#: Segments of a path by quality.
-RESOLUTIONS = {"preview": 24, "balanced": POINTS - 1, "accurate": 2 * (POINTS - 1)}
+#: Segments of a path, and solved paths, by quality.
+PATH_PRESETS: Mapping[str, Mapping[str, Any]] = MappingProxyType(
+    {
+        "preview": {"resolution": 24, "n_paths": 25},
+        "balanced": {"resolution": POINTS - 1, "n_paths": ALL_PATHS},
+        "accurate": {"resolution": 2 * (POINTS - 1), "n_paths": ALL_PATHS},
+    }
+)
 
 
 class TautPaths(Filter):
@@ -57,10 +65,13 @@ class TautPaths(Filter):
     attachments
         Via rings for the paths to pass through; other areas are ignored.
     quality
-        Preset of the resolution.
+        Preset of the resolution and the number of solved paths.
     resolution
         Segments of a path. Bone distance fields use half the segment length as spacing. Around a cylinder 16
         segments have moment arms 1 % smaller than 32 and 64, which agree; time grows with the resolution.
+    n_paths
+        Number of solved paths; all, if there are no more fibres. Fewer carry the paths of the other fibres by
+        fixed weights. Time grows with the solved paths; the output has the paths of all fibres.
     levers
         Compute the moment arm of each path for each coordinate.
     checkpoint_memory
@@ -71,7 +82,8 @@ class TautPaths(Filter):
     output
         The paths, with the cell and field arrays of the rest fibres; the point array ``RestPosition`` (3);
         the cell arrays ``Length``, ``RestLength`` [mm], ``Ratio`` (Length / RestLength), ``Contact`` (number
-        of points under pressure from bones or rings), ``Squeezed``, missing room between two bones [mm], and
+        of points under pressure from bones or rings), ``Squeezed``, missing room between two bones [mm],
+        ``Sag``, depth to which straight segments cut into bones [mm], about the error of the lever, and
         ``Lever_COORDINATE``, moment arm for each coordinate of the bones' twists [mm]; the field arrays
         ``Unsettled``, 1 if the sheet did not come to rest, here or at rest, and ``PathSteps``, steps of
         Newton's method. Lengths, ratios and levers of an unsettled sheet are NaN.
@@ -89,8 +101,9 @@ class TautPaths(Filter):
 
     Limitations
     -----------
-    Paths have no mass, no friction and no activation. Fewer than 20 segments give wrong lengths and levers on
-    strongly wrapped muscles. The side of a bone depends on the start where both sides are possible.
+    Paths have no mass, no friction and no activation. Too few segments give wrong lengths and levers on
+    strongly wrapped muscles, where ``Sag`` is large. The side of a bone depends on the start where both sides
+    are possible.
 
     Examples
     --------
@@ -109,12 +122,10 @@ class TautPaths(Filter):
     """
 
     quality: Parameter[str | None] = Parameter(
-        str,
-        default=None,
-        choices=tuple(RESOLUTIONS),
-        sets={name: {"resolution": segments} for name, segments in RESOLUTIONS.items()},
+        str, default=None, choices=tuple(PATH_PRESETS), sets=PATH_PRESETS
     )
     resolution = Parameter(int, default=POINTS - 1, minimum=4, maximum=1000)
+    n_paths = Parameter(int, default=ALL_PATHS, minimum=LEAST_PATHS, maximum=ALL_PATHS)
     levers = Parameter(bool, default=True)
     checkpoint_memory = Parameter(float, default=64.0, minimum=0.0, units="MB")
 
@@ -128,7 +139,8 @@ class TautPaths(Filter):
     times_from = "bones"
 
     def __init__(self, **settings: Any) -> None:
-        self._rest: tuple[FixedMuscle, dict[int, Bone], int] | None = None
+        #: Muscle, bones, resolution and number of the paths at rest.
+        self._rest: tuple[FixedMuscle, dict[int, Bone], int, int] | None = None
         self._poses: KeptPoses | None = None
         #: Points and lengths at rest, as arrays that all outputs share.
         self._rest_arrays: dict[str, Any] = {}
@@ -169,8 +181,9 @@ class TautPaths(Filter):
         fibres = None if lines is None else (lines.points, lines.offsets)
         fixed = FixedMuscle(muscle.points, muscle.triangles, fixed_to, fibres, rings=rings)
         if self._rest is not None:
-            before, shapes_before, resolution = self._rest
-            if resolution == self.resolution and shapes_before is shapes and fixed.same_as(before):
+            before, shapes_before, *settings = self._rest
+            same = settings == [self.resolution, self.n_paths]
+            if same and shapes_before is shapes and fixed.same_as(before):
                 return
         self._rest, self._poses = None, None
         if fibres is None:
@@ -186,19 +199,20 @@ class TautPaths(Filter):
                     fixed.triangles,
                     shapes,
                     rings=rings,
+                    n_paths=self.n_paths,
                 )
             self._poses = KeptPoses(made)
             self._rest_arrays = {
-                REST_POSITION: vtk_array(made.rest.points.reshape(-1, 3), REST_POSITION),
+                REST_POSITION: vtk_array(made.rest.paths.reshape(-1, 3), REST_POSITION),
                 "RestLength": vtk_array(made.rest.lengths, "RestLength"),
             }
-        self._rest = fixed, shapes, self.resolution
+        self._rest = fixed, shapes, self.resolution, self.n_paths
 
     def _result(
         self, rest_fibres: Polylines | None, state: PathState, levers: Mapping[str, Floats]
     ) -> vtkPolyData:
-        count, n, _ = state.points.shape
-        points, offsets = state.points.reshape(-1, 3), n * np.arange(count + 1)
+        count, n, _ = state.paths.shape
+        points, offsets = state.paths.reshape(-1, 3), n * np.arange(count + 1)
         if rest_fibres is None:
             result = polylines_from(Polylines(points, offsets))
         else:
@@ -210,7 +224,8 @@ class TautPaths(Filter):
         settled = state.settled and rest.settled
         measures = {LENGTH: state.lengths, "Ratio": state.lengths / rest.lengths}
         measures |= {array_of(LEVER, name): values for name, values in levers.items()}
-        cells = {"Contact": state.contacts, SQUEEZED: state.squeezed}
+        of_solved = {"Contact": state.contacts, SQUEEZED: state.squeezed, SAG: state.sags}
+        cells = {name: state.per_fibre(values) for name, values in of_solved.items()}
         cells |= {name: values if settled else np.full(count, np.nan) for name, values in measures.items()}
         fields = {UNSETTLED: int(not settled), PATH_STEPS: state.steps}
         return add_arrays(result, cells=cells, fields=fields)

@@ -25,7 +25,7 @@ from vtkmuscle.filters.fixed_point_detector import FixedPointDetector
 from vtkmuscle.filters.path_deformer import PathDeformer
 from vtkmuscle.filters.pbd_deformer import PBDDeformer
 from vtkmuscle.filters.slice_morpher import SliceMorpher
-from vtkmuscle.filters.taut_paths import RESOLUTIONS, TautPaths
+from vtkmuscle.filters.taut_paths import PATH_PRESETS, TautPaths
 from vtkmuscle.filters.template_fitter import TemplateFitter
 
 _FILTERS: tuple[type[Filter], ...] = (
@@ -148,7 +148,7 @@ DEFORMERS: Mapping[str, type[PathDeformer] | type[PBDDeformer] | None] = Mapping
     {"paths": PathDeformer, "pbd": PBDDeformer, "none": None}
 )
 #: Presets of TautPaths and PathDeformer, and further presets of PBDDeformer.
-QUALITIES = tuple(dict.fromkeys([*RESOLUTIONS, *PRESETS]))
+QUALITIES = tuple(dict.fromkeys([*PATH_PRESETS, *PRESETS]))
 
 
 class MusclePipeline:
@@ -262,7 +262,7 @@ class MusclePipeline:
                 counts = {name: shaping[name] for name in ("n_fibres", "resolution") if name in shaping}
                 self.fibres = decompose(self.fixed, attachments, aponeuroses=aponeuroses, **counts)
         self.moving = BoneMotion(bones=bones, motion=motion)
-        qualities = PRESETS if deformer == "pbd" else RESOLUTIONS
+        qualities = PRESETS if deformer == "pbd" else PATH_PRESETS
         if quality not in (None, *qualities):
             allowed = f"with deformer={deformer!r} must be one of {', '.join(map(repr, qualities))}"
             raise ValueError(f"MusclePipeline: quality is {quality!r}, but {allowed}")
@@ -275,7 +275,7 @@ class MusclePipeline:
                 rest_muscle=self.fixed,
                 attachments=attachments,
                 **posed,
-                **{**(preset if quality in RESOLUTIONS else {}), **(paths or {})},
+                **{**(preset if quality in PATH_PRESETS else {}), **(paths or {})},
             )
         inputs = {"muscle": self.fixed, "fibres": self.rest_paths, "neighbours": neighbours or None, **posed}
         settings = {**inputs, **preset, **(solver or {})}

@@ -27,7 +27,7 @@ from vtkmuscle.data.arrays import (
     with_points,
 )
 from vtkmuscle.data.attachments import VIA
-from vtkmuscle.data.paths import PATH_STEPS, SQUEEZED, UNSETTLED, paths_of
+from vtkmuscle.data.paths import PATH_STEPS, SAG, SQUEEZED, UNSETTLED, paths_of
 from vtkmuscle.filters.base.algorithm import AbortedError
 from vtkmuscle.filters.base.filter import Filter
 from vtkmuscle.filters.base.running import upstream
@@ -199,9 +199,10 @@ class MuscleRun:
             if frame is not None:
                 frames.append(frame)
         if fibres is not None:
-            if fibres.GetCellData().HasArray(SQUEEZED):
-                squeezed = cell_array(fibres, SQUEEZED, "fibres")
-                row["squeezed_p95_mm"] = float(np.percentile(squeezed, 95)) * self.scene.millimetres
+            for name in (SQUEEZED, SAG):
+                if fibres.GetCellData().HasArray(name):
+                    depth = float(np.percentile(cell_array(fibres, name, "fibres"), 95))
+                    row[f"{name.lower()}_p95_mm"] = depth * self.scene.millimetres
             self.track.add_lengths(fibres, self.scene.millimetres)
             measures = measures_of_fibres(fibres, self.scene.millimetres)
             self.track.report["fibre_measures"].append({"frame": number, "time": now, **measures})

@@ -84,6 +84,9 @@ LIMITS = {
     # times harder than by its own pull. Of the muscles of a hip, a knee and an elbow none lacks any room; one
     # under a roof of bone lacks 1.1 mm, if the arm is raised and the shoulder blade does not turn with it.
     "squeezed": (0.1, 5.0, "mm"),
+    # The straight segments of a path round a bone have levers between the bone's and the bone's less this
+    # depth: 2 mm are 5 % of 40 mm, and 5 mm deep a segment goes through a thin bone.
+    "coarse": (2.0, 5.0, "mm"),
     # Lengths and moment arms of such a frame are left out: one in twenty leaves the curves whole. Where paths
     # do not come to rest before the motion begins, all frames are left out.
     "unsettled": (0.0, 5.0, "%"),
@@ -133,6 +136,10 @@ WORDS = {
         "5 % of the paths lack {} or more of room between two bones",
         "check the motion there: a bone may lack motion, or a joint's centre may be wrong",
     ),
+    "coarse": (
+        "5 % of the paths cut {} or more into the bones: moment arms are wrong by about as much",
+        "take more segments (resolution of [paths], or another quality)",
+    ),
     "unsettled": (
         "the paths do not come to rest in {} of the frames, and have no lengths and moment arms there",
         "check attachments and bones there: are the bones closed, and do they leave the muscle room?",
@@ -172,7 +179,8 @@ _AT_REST = {
 #: The checks that need fibres.
 _OF_FIBRES = (
     *("long fibres", "short fibres", "jumps", "widespread jumps"),
-    *("fibres outside", "fibres in bone", "squeezed", "unsettled", "hooked paths", "fibres and paths"),
+    *("fibres outside", "fibres in bone", "squeezed", "coarse", "unsettled"),
+    *("hooked paths", "fibres and paths"),
 )
 
 
@@ -283,6 +291,7 @@ def _series(
         "fibres in bone": column("fibres_penetration_new_max_mm"),
         "penetration": column("penetration_new_max_mm"),
         "squeezed": column("squeezed_p95_mm"),
+        "coarse": column("sag_p95_mm"),
         "hooked paths": 100.0 * column("hooked_paths"),
         "unsettled": 100.0 * unsettled * unsettled.sum() / max(len(rows), 1),
         "widespread penetration": column("penetration_new_p95_mm"),

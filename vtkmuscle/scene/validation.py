@@ -15,7 +15,7 @@ from vtkmuscle.core.errors import fault_of
 from vtkmuscle.core.words import quoted, suggestion
 from vtkmuscle.data.attachments import ROLES, VIA
 from vtkmuscle.filters.fixed_point_detector import FixedPointDetector
-from vtkmuscle.filters.taut_paths import RESOLUTIONS
+from vtkmuscle.filters.taut_paths import PATH_PRESETS
 from vtkmuscle.pipelines import DEFORMERS
 from vtkmuscle.scene.faults import Faults, SceneError
 from vtkmuscle.scene.schema import ALONE, ESTIMATE, TABLES, Estimate, Motion, MuscleTable, SceneTable
@@ -87,7 +87,7 @@ def _conflicts(scene: SceneTable) -> Iterator[_Fault]:
     if scene.deformer == "none" and scene.muscle_contact != "off":
         problem = f"{scene.muscle_contact!r} needs deformed muscles, but deformer is 'none'"
         yield "muscle_contact", problem, "remove the key, or use deformer 'paths'"
-    if scene.quality not in (None, *RESOLUTIONS) and scene.deformer != "pbd":
+    if scene.quality not in (None, *PATH_PRESETS) and scene.deformer != "pbd":
         problem = f"{scene.quality!r} is a preset of deformer 'pbd', but deformer is {scene.deformer!r}"
         yield "quality", problem, "use 'preview', 'balanced' or 'accurate', or deformer 'pbd'"
     deformer = DEFORMERS[scene.deformer]

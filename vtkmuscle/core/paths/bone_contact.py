@@ -112,6 +112,28 @@ class BoneContacts:
             distance, outward = bone.field(near.points[k, found], within=standoff + self.rounding)
             gaps[found], near.normals[k, found] = distance - standoff, outward @ transform[:3, :3].T
 
+    def sags(self, x: Floats, transforms: Floats, near: Proximity) -> Floats:
+        """Return how much nearer to bones the segments of paths x are than their points, (f,) [mm].
+
+        The paths (f, n, 3) have a known proximity. The middle of each segment is compared with the nearer
+        end's distance from the bone, up to the distance that is kept; of a path the deepest counts. Straight
+        segments of length s round a bone of radius R sag by R - sqrt(R^2 - s^2 / 4), and have levers between
+        R and R less the sag.
+        """
+        f, n, _ = x.shape
+        middles, sags = 0.5 * (x[:, 1:] + x[:, :-1]), np.zeros((f, n - 1))
+        reach = 0.5 * np.linalg.norm(x[:, 1:] - x[:, :-1], axis=2)
+        for k, (number, bone) in enumerate(zip(self.numbers, self._bones, strict=True)):
+            # A middle is no deeper than the nearer point's gap and half a segment allow.
+            gaps, standoff = near.gaps[k].reshape(f, n), self._standoff[k].reshape(f, n)
+            may, clear = np.maximum(gaps[:, 1:], gaps[:, :-1]) < reach, standoff + np.minimum(gaps, 0.0)
+            kept = np.minimum(clear[:, 1:], clear[:, :-1])[may]
+            turn, shift = transforms[number, :3, :3], transforms[number, :3, 3]
+            distance = bone.field((middles[may] - shift) @ turn, within=kept)[0]
+            sags[may] = np.maximum(sags[may], kept - distance)
+        deepest: Floats = sags.max(axis=1)
+        return deepest
+
     def load(self, k: int, transforms: Floats, near: Proximity, pressure: Floats) -> Load:
         """Return the load of the k-th piece on paths.
 

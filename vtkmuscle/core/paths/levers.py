@@ -13,6 +13,7 @@ import numpy as np
 from vtkmuscle.core.jit import vector_kernel
 from vtkmuscle.core.paths.bone_contact import Load
 from vtkmuscle.core.paths.equilibrium import axes_of_pair
+from vtkmuscle.core.paths.guides import Guides
 from vtkmuscle.core.paths.neighbours import Neighbours
 from vtkmuscle.core.types import Floats, Ints
 
@@ -36,14 +37,15 @@ def path_levers(
     drift: Floats,
     change: Callable[[Floats], Floats],
     step: Callable[[Floats], Floats],
+    carried: tuple[Guides, Floats] | None = None,
 ) -> Floats:
     """Return the levers of paths as twists move bones.
 
-    Levers are (v, f). As a bone moves by a small twist, the points fixed to the bone move, and the forces of
-    the bone on free points go along; free points move until the sheet is in equilibrium again. Minus the
-    change of a path's length is the path's lever, -dl/dq (tendon excursion; An et al. 1984,
-    doi:10.1115/1.3138494). Where bones alone hold a path, the lever equals the lever of the pull at the
-    path's end (principle of virtual work).
+    Levers are (v, f), or (v, k) of k fibres carried by the paths. As a bone moves by a small twist, the
+    points fixed to the bone move, and the forces of the bone on free points go along; free points move until
+    the sheet is in equilibrium again. Minus the change of a path's length is the path's lever, -dl/dq (tendon
+    excursion; An et al. 1984, doi:10.1115/1.3138494). Where bones alone hold a path, the lever equals the
+    lever of the pull at the path's end (principle of virtual work).
 
     Parameters
     ----------
@@ -63,20 +65,37 @@ def path_levers(
         gradient, 0 at the ends.
     step : callable
         Takes gradients likewise, and returns velocities of the inner points that about cancel the gradients.
+    carried : (Guides, (b, 4, 4) array), optional
+        Carry the paths of further fibres, in a pose of the bones.
     """
-    levers = np.zeros((len(points), len(twists)))
+    paths = points if carried is None else carried[0].carry(points, carried[1])
+    segments = np.diff(paths, axis=1)
+    sizes = np.linalg.norm(segments, axis=2, keepdims=True)
+    pull = np.diff(segments / np.maximum(sizes, np.finfo(float).tiny), axis=1, prepend=0.0, append=0.0)
+    levers = np.zeros((len(paths), len(twists)))
     starting, ending = ends
     touched = sorted({*starting.tolist(), *ending.tolist(), *loads})
     # All bones that move together leave the lengths as they are.
-    relative = (twists - twists[:, touched[:1]])[:, touched]
-    moved = relative.any(axis=(1, 2))
+    relative = twists - twists[:, touched[:1]]
+    moved = relative[:, touched].any(axis=(1, 2))
     if not moved.any():
         return levers.T
+    relative = relative[moved]
+
+    def shortening(velocity: Floats, twists: Floats | None = None) -> Floats:
+        """Return the rates of shortening (k, v) of all paths; without twists the ends stay."""
+        if carried is not None:
+            ways = np.moveaxis(velocity, 3, 0)
+            moves = [None] * len(ways) if twists is None else _moved_by(twists, carried[1])
+            velocity = np.stack(list(map(carried[0].carry, ways, moves)), axis=3)
+        rates: Floats = np.einsum("fni,fniv->fv", pull, velocity)
+        return rates
+
     along = np.linspace(0.0, 1.0, points.shape[1])
     given = np.zeros((*points.shape, np.count_nonzero(moved)))
     by_loads = np.zeros_like(given)
-    for bone, twist in zip(touched, relative[moved].swapaxes(0, 1), strict=True):
-        linear, angular = twist[:, :3], twist[:, 3:]
+    for bone in touched:
+        linear, angular = relative[:, bone, :3], relative[:, bone, 3:]
         velocity = linear.T + _turned(points, angular)
         # To begin with points go with the ends by how near they are to each.
         part = np.outer(starting == bone, 1.0 - along) + np.outer(ending == bone, along)
@@ -91,14 +110,11 @@ def path_levers(
     part = -_products(gradient, along_drift) / (_products(along_drift, along_drift) or 1.0)
     given += part * both[..., -1:]
     gradient += part * along_drift
-    segments = np.diff(points, axis=1)
-    sizes = np.linalg.norm(segments, axis=2, keepdims=True)
-    pull = np.diff(segments / np.maximum(sizes, np.finfo(float).tiny), axis=1, prepend=0.0, append=0.0)
-    found = np.einsum("fni,fniv->fv", pull, given)
+    found = shortening(given, relative)
     speed = np.linalg.norm(given[:, [0, -1]], axis=2).max(axis=(0, 1))
     going = np.ones(len(speed), dtype=np.bool_)  # each for itself: none depends on the others
     largest = np.full(len(speed), np.nan)
-    for lever in _responses(gradient, pull, change, step):
+    for lever in _responses(gradient, shortening, change, step):
         size = np.sqrt((lever**2).mean(axis=0))
         going &= ~(size > LARGEST_GROWTH * largest)
         found[:, going] += lever[:, going]
@@ -110,6 +126,14 @@ def path_levers(
     return levers.T
 
 
+def _moved_by(twists: Floats, transforms: Floats) -> Floats:
+    """Return the changes (v, b, 4, 4) of transforms (b, 4, 4) by twists (v, b, 6)."""
+    changes = np.zeros((*twists.shape[:2], 4, 4))
+    changes[..., :3, :] = np.cross(twists[:, :, None, 3:], transforms[:, :3].swapaxes(1, 2)).swapaxes(2, 3)
+    changes[..., :3, 3] += twists[..., :3]
+    return changes
+
+
 def _turned(vectors: Floats, angular: Floats) -> Floats:
     """Return the change of turning vectors.
 
@@ -119,7 +143,10 @@ def _turned(vectors: Floats, angular: Floats) -> Floats:
 
 
 def _responses(
-    gradient: Floats, pull: Floats, change: Callable[[Floats], Floats], step: Callable[[Floats], Floats]
+    gradient: Floats,
+    shortening: Callable[[Floats], Floats],
+    change: Callable[[Floats], Floats],
+    step: Callable[[Floats], Floats],
 ) -> Iterator[Floats]:
     """Give the levers at each step of the velocities.
 
@@ -142,7 +169,7 @@ def _responses(
         part = _products(left, by_way) / size
         left -= part * by_way
         before.append((way, by_way, size))
-        yield -part * np.einsum("fni,fniv->fv", pull, way)
+        yield -part * shortening(way)
 
 
 def _products(a: Floats, b: Floats) -> Floats:

@@ -21,6 +21,7 @@ from vtkmuscle.core.paths.equilibrium import (
     newton_step,
     prepare_solve,
 )
+from vtkmuscle.core.paths.guides import Guides
 from vtkmuscle.core.paths.levers import change_gradient, path_levers
 from vtkmuscle.core.paths.neighbours import Neighbours, path_widths, widening
 from vtkmuscle.core.paths.ring_contact import Rings, add_rings, hold_in_rings, ring_load, rings_at
@@ -80,6 +81,8 @@ class Sheet(NamedTuple):
         The bone that each via ring moves with, and the ring at rest.
     outside : (r, f) array
         Distance of each path outside of each ring at rest [mm].
+    guides : Guides or None
+        Carry the paths of other fibres; None where all paths are solved.
     """
 
     fibres: Floats
@@ -92,6 +95,7 @@ class Sheet(NamedTuple):
     neighbours: Neighbours
     rings: Sequence[tuple[int, ViaRing]]
     outside: Floats
+    guides: Guides | None
 
 
 class SheetPose:
@@ -282,6 +286,13 @@ class SheetPose:
         most: Floats = lacking.max(axis=1)
         return most
 
+    def sags(self) -> Floats:
+        """Return the depths of segments in bones, (f,) [mm].
+
+        See :meth:`~vtkmuscle.core.paths.bone_contact.BoneContacts.sags`.
+        """
+        return self._sheet.contacts.sags(self.x, self._moved, self._near)
+
     @property
     def points(self) -> Floats:
         """Points that were looked at last, (f, n, 3) [mm]."""
@@ -291,7 +302,7 @@ class SheetPose:
     def levers(self, twists: Floats, drift: Floats) -> Floats:
         """Return the levers of the paths looked at last.
 
-        Levers are (v, f), as twists (v, b, 6) about the origin move the bones. See
+        Levers are (v, k) of k fibres, as twists (v, b, 6) about the origin move the bones. See
         :func:`~vtkmuscle.core.paths.levers.path_levers`.
         """
         x, sheet, loads = self.x, self._sheet, self._loads()
@@ -317,7 +328,8 @@ class SheetPose:
         about = np.array(twists, dtype=np.float64)
         about[..., :3] += np.cross(about[..., 3:], self._middle)
         ends = sheet.start_bones, sheet.end_bones
-        return path_levers(x, ends, loads, about, drift, change, step)
+        carried = None if sheet.guides is None else (sheet.guides, self._moved)
+        return path_levers(x, ends, loads, about, drift, change, step, carried)
 
     def _loads(self) -> dict[int, Load]:
         """Return the loads of the bones on the points."""

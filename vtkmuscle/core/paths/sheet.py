@@ -9,8 +9,11 @@ import math
 import weakref
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from vtkmuscle.core.bones.bone import Bone
 from vtkmuscle.core.mesh.surface import mean_thickness
@@ -18,6 +21,7 @@ from vtkmuscle.core.mesh.triangle_tree import triangle_tree
 from vtkmuscle.core.motion.blending import screws_between
 from vtkmuscle.core.motion.rigid import inverse
 from vtkmuscle.core.paths.bone_contact import BoneContacts
+from vtkmuscle.core.paths.guides import ALL_PATHS, Guides, with_bones
 from vtkmuscle.core.paths.neighbours import neighbours_of, path_lengths, path_widths
 from vtkmuscle.core.paths.pose import Sheet, SheetPose, farthest_of
 from vtkmuscle.core.paths.ring_contact import outside_of, rings_at
@@ -59,6 +63,8 @@ class PathState:
         Number of points of each path that bones or rings press on.
     squeezed : (f,) array
         Room that each path lacks between two bones [mm].
+    sags : (f,) array
+        Depth of each path's straight segments in the bones' clearance [mm].
     settled : bool
         Whether the sheet came to rest.
     steps : int
@@ -77,21 +83,32 @@ class PathState:
     ring_points: Ints
     contacts: Ints
     squeezed: Floats
+    sags: Floats
     settled: bool
     steps: int
     ends_moved: Floats
     drift: Floats
     forces: Callable[[], SheetPose | None] = lambda: None
 
+    @cached_property
+    def paths(self) -> Floats:
+        """Points of the paths of all fibres, (k, n, 3) [mm]."""
+        guides = self.sheet.guides
+        return self.points if guides is None else guides.carry(self.points, self.transforms)
+
+    def per_fibre(self, values: NDArray[Any]) -> NDArray[Any]:
+        """Return values (f,) of the solved paths for all fibres, (k,), from the nearest path."""
+        return values if self.sheet.guides is None else values[self.sheet.guides.nearest]
+
     @property
     def lengths(self) -> Floats:
-        """Length of each path, (f,) [mm]."""
-        return path_lengths(self.points)
+        """Length of the path of each fibre, (k,) [mm]."""
+        return path_lengths(self.paths)
 
     def levers(self, twists: Mapping[str, Floats]) -> dict[str, Floats]:
-        """Return the lever of each path by each coordinate.
+        """Return the lever of the path of each fibre by each coordinate.
 
-        Levers are (f,): minus dl/dq by coordinate q, with all else in equilibrium. A coordinate moves the
+        Levers are (k,): minus dl/dq by coordinate q, with all else in equilibrium. A coordinate moves the
         bones by twists (b, 6): velocity at the origin and angular velocity, per unit. See
         :func:`~vtkmuscle.core.paths.levers.path_levers`.
         """
@@ -107,7 +124,7 @@ class PathState:
     @property
     def nbytes(self) -> int:
         """Memory of the state [bytes]."""
-        arrays = [self.points, self.transforms, self.ring_points, self.contacts, self.squeezed]
+        arrays = [self.paths, self.transforms, self.ring_points, self.contacts, self.squeezed, self.sags]
         return sum(array.nbytes for array in [*arrays, self.ends_moved, self.drift])
 
 
@@ -136,6 +153,9 @@ class MusclePaths:
         Bones at rest by number, to keep paths away from.
     rings : sequence of (int, ViaRing)
         The bone that each via ring moves with, and the ring at rest.
+    n_paths : int
+        Number of solved paths. Fewer than the fibres carry the paths of all
+        (:class:`~vtkmuscle.core.paths.guides.Guides`).
 
     Attributes
     ----------
@@ -160,12 +180,18 @@ class MusclePaths:
         bones: Mapping[int, Bone],
         *,
         rings: Sequence[tuple[int, ViaRing]] = (),
+        n_paths: int = ALL_PATHS,
     ) -> None:
+        if not (lengths := path_lengths(fibres)).all():
+            raise ValueError(f"fibre {int(lengths.argmin())} has no length")
+        guides = None
+        if n_paths < len(fibres):
+            guides = Guides(fibres, start_bones, end_bones, n_paths)
+            fibres = fibres[guides.numbers]
+            start_bones, end_bones = start_bones[guides.numbers], end_bones[guides.numbers]
         self.fibres: Floats = np.ascontiguousarray(fibres, dtype=np.float64)
         self.start_bones, self.end_bones = start_bones, end_bones
         lengths = path_lengths(self.fibres)
-        if not (lengths > 0.0).all():
-            raise ValueError(f"fibre {int(lengths.argmin())} has no length")
         self.thickness = mean_thickness(surface, triangles)
         self._lengths, self._segment = lengths, float(lengths.mean()) / (self.fibres.shape[1] - 1)
         # Sums over bones are rounded in their order: that of their sizes, which no names decide. Bones of
@@ -197,6 +223,7 @@ class MusclePaths:
             neighbours_of(self.fibres),
             tuple(rings),
             outside,
+            guides,
         )
         self.rest = self._settle(self.fibres, still, self._ends_moved(still, still), self.fibres)
 
@@ -227,7 +254,8 @@ class MusclePaths:
         moves = _moves(known, transforms)
         if np.ptp(moves, axis=0).max() <= _TOGETHER:
             points, drifted = (
-                self._with_bones(one, moves) for one in (before.points, before.points + before.drift)
+                with_bones(one, self.start_bones, self.end_bones, moves)
+                for one in (before.points, before.points + before.drift)
             )
             drift, forces = drifted - points, PathState.forces
             return replace(before, points=points, transforms=transforms, steps=0, drift=drift, forces=forces)
@@ -252,8 +280,9 @@ class MusclePaths:
         again = float(np.vdot(last, ends_moved)) / (float(np.vdot(last, last)) or math.inf)
         again = max(-LARGEST_DRIFT, min(again, LARGEST_DRIFT))
         moves = _moves(before.transforms, transforms)
-        carried = self._with_bones(before.points, moves)
-        start = self._with_bones(before.points + again * before.drift, moves)
+        ends = self.start_bones, self.end_bones
+        carried = with_bones(before.points, *ends, moves)
+        start = with_bones(before.points + again * before.drift, *ends, moves)
         reach = farthest_of(start - carried) or math.inf
         state = self._settle(start, transforms, ends_moved, carried, reach)
         steps = before.steps + state.steps
@@ -275,18 +304,6 @@ class MusclePaths:
             a, b = (_seen_from(t, mine, others, ends) for t in (before, now))
             ways.append(b - a)
         return np.array(ways)
-
-    def _with_bones(self, points: Floats, moves: Floats) -> Floats:
-        """Return paths that went with their bones.
-
-        The bones' moves (b, 4, 4) are blended from end to end.
-        """
-        part = np.linspace(0.0, 1.0, points.shape[1])[None, :, None]
-        first, last = (
-            points @ turn[:, :3, :3].transpose(0, 2, 1) + turn[:, None, :3, 3]
-            for turn in (moves[self.start_bones], moves[self.end_bones])
-        )
-        return np.ascontiguousarray(first + part * (last - first))
 
     def _settle(
         self,
@@ -315,6 +332,7 @@ class MusclePaths:
             pose.ring_points,
             pose.contacts(),
             pose.squeezed(),
+            pose.sags(),
             settled,
             pose.steps,
             ends_moved,
