@@ -5,7 +5,9 @@ import json
 import signal
 import subprocess
 import sys
+import threading
 import time
+from pathlib import Path
 
 import pytest
 import pyvista
@@ -14,8 +16,9 @@ from tiny_scene import HINGE, TOML, ellipsoid, write_tiny_scene
 from typer.testing import CliRunner
 
 import vtkmuscle
-from vtkmuscle.cli import app
-from vtkmuscle.cli.options import INTERRUPTED, one_clear_error, stop_if_interrupted
+from vtkmuscle import Scene
+from vtkmuscle.cli import app, options
+from vtkmuscle.cli.options import FAULT, INTERRUPTED, one_clear_error, stop_if_interrupted
 from vtkmuscle.data.arrays import points_of, surface_from, triangles_of
 from vtkmuscle.io import write_polydata
 
@@ -232,3 +235,21 @@ def test_the_demo_writes_a_scene_that_can_be_run_again(tmp_path, monkeypatch):
         assert [row["volume_ratio"] for row in muscle["frames"]] == [
             row["volume_ratio"] for row in report["muscles"][name]["frames"]
         ]
+
+
+def test_a_fault_of_the_package_is_one_line_with_its_traceback_in_a_file(monkeypatch, scene_file):
+    """Also after a Ctrl-C, which loading a module turns into an error: then the command has stopped."""
+
+    def broken(*_):
+        raise KeyError("odd")
+
+    monkeypatch.setattr(Scene, "load", broken)
+    done = CliRunner().invoke(app, ["run", str(scene_file)])
+    assert (done.exit_code, len(done.stderr.splitlines())) == (FAULT, 1)
+    assert "error: a fault of vtkmuscle: KeyError: 'odd'; the traceback is in " in done.stderr
+    file = Path(done.stderr.split("traceback is in ")[1].split(",")[0])
+    assert "in broken" in file.read_text()
+    monkeypatch.setattr(options, "_pressed", threading.Event())
+    monkeypatch.setattr(Scene, "load", lambda *_: (options._pressed.set(), broken()))
+    done = CliRunner().invoke(app, ["run", str(scene_file)])
+    assert (done.exit_code, done.stderr) == (INTERRUPTED, "stopped. Nothing was written.\n")

@@ -191,6 +191,13 @@ def test_the_length_figure_shows_each_fibre_and_the_mean():
     assert high > 63.0
 
 
+def test_fixed_points_are_seen_through_bones_in_the_rest_pose(renders):
+    around = multiblock_from({"lower": pv.Cube(x_length=90, y_length=90, z_length=190).triangulate()})
+    with Studio() as studio:
+        (panel,) = pixels_of(plot_rest_pose({"spindle": spindle()}, DrawnBones(around), studio))
+    assert blue_pixels(panel.image.astype(int), by=20) > 100
+
+
 @pytest.mark.parametrize("n_fixed", [1, 2, 7])
 def test_the_legend_of_the_rest_pose_is_on_the_picture_and_names_bones_that_hold_points(renders, n_fixed):
     bones = multiblock_from({f"a_bone_with_a_long_name_{i}": pv.Sphere(radius=10.0) for i in range(8)})

@@ -8,6 +8,7 @@ import pytest
 from phantoms import fibre_block
 
 from vtkmuscle import Scene
+from vtkmuscle.data.anatomy import published
 from vtkmuscle.data.attachments import Aponeurosis
 from vtkmuscle.phantoms import spindle_over_hinge
 
@@ -46,6 +47,24 @@ def test_the_scenes_tendon_shortens_every_fibre_by_itself():
     assert estimated["tendon_from"] == "estimate"
     low, high = estimated["fascicle_length_range_mm"]
     assert low <= estimated["fascicle_length_mm"]["mean"] <= high
+
+
+def test_a_known_name_gives_the_populations_fascicles_and_a_scene_comes_first():
+    scene = Scene.from_phantom(spindle_over_hinge(), n_fibres=20)
+    muscle, known = scene.muscles["spindle"], published("semimem_r", "fibre_to_path")
+    named = {"Semimembranosus left": muscle, "mine": replace(muscle, muscle="semimem_r")}
+    for name, own in named.items():
+        found = replace(scene, muscles={name: own}).run(None, frames="0:1")[name].architecture
+        whole = found["fascicle_length_mm"]["mean"] + found["tendon_length_mm"]
+        assert found["tendon_from"] == "population"
+        assert found["fascicle_length_mm"]["mean"] == pytest.approx(known.low * whole, rel=1e-6)
+        low, high = found["fascicle_length_range_mm"]
+        assert low < known.low * whole <= known.high * whole < high
+        assert found["fascicle_length_by_thickness_mm"] > 3.0 * found["fascicle_length_mm"]["mean"]
+        least, most = found["pcsa_without_tendon_range_mm2"]
+        assert least < found["pcsa_without_tendon_mm2"] < most
+    told = replace(scene, muscles={"semimem_r": replace(muscle, hill={"tendon_slack_length": 40.0})})
+    assert told.run(None, frames="0:1")["semimem_r"].architecture["tendon_from"] == "scene"
 
 
 @pytest.mark.filterwarnings("ignore:.*landmarks are 30 mm from their bone")  # a tendon within the muscle

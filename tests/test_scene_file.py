@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 from tiny_scene import HINGE, TOML, ellipsoid, ring, write_tiny_scene
 from vtkmodules.vtkFiltersCore import vtkAppendPolyData
-from vtkmodules.vtkFiltersSources import vtkCubeSource
 
 from vtkmuscle import Scene, SceneError
 from vtkmuscle.core.mesh.surface import signed_volume
@@ -381,12 +380,6 @@ def moved(points, triangles):
     return surface_from(points, triangles)
 
 
-def quads(points, triangles):
-    cube = vtkCubeSource()
-    cube.Update()
-    return cube.GetOutput()
-
-
 def two_pieces(points, triangles):
     both = vtkAppendPolyData()
     both.AddInputData(ellipsoid((1, 1, 1), (0, 0, 0)))
@@ -411,7 +404,6 @@ def flat(points, triangles):
 
 SURFACE_FAULTS = [
     (moved, "1 point(s) are not finite, the first is point 3", "correct the points"),
-    (quads, "faces that are not triangles", "vtkTriangleFilter"),
     (lambda p, t: surface_from(p, t[1:]), "open: 3 edges", "fill the holes"),
     (a_fin, "not manifold: 1 edges", "delete the extra triangles"),
     (one_turned, "face opposite sides at 3 edges", "orient the triangles alike"),

@@ -11,11 +11,10 @@ from typing import TYPE_CHECKING, Any, Self
 
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet
 
-from vtkmuscle.core.by_name import ByName
+from vtkmuscle.core.words import ByName, suggestion
 from vtkmuscle.core.words import names as as_names
-from vtkmuscle.core.words import suggestion
 from vtkmuscle.data.arrays import blocks_of
-from vtkmuscle.run.cells import html_picture
+from vtkmuscle.plotting.drawing import html_picture
 from vtkmuscle.run.frames import run_options
 from vtkmuscle.run.result import Result
 from vtkmuscle.run.steps import run_scene

@@ -163,16 +163,6 @@ def test_names_that_vtk_owns_are_refused(name):
         type("Bad", (Filter,), {name: Parameter(int, default=1, doc="Bad.")})
 
 
-def test_documentation_is_written_from_the_declarations():
-    text = Shift.__doc__
-    assert text.index("Some prose.") < text.index("Parameters\n---") < text.index("Notes\n---")
-    assert text.index("Notes\n---") < text.index("References\n---")
-    assert "times : an integer >= 0 and <= 9, default: 1\n    How often." in text
-    assert "How far. [mm]" in text
-    assert "extra : vtkPolyData, input port 1, optional\n    More points." in text
-    assert "Output port 0, ``output`` (vtkPolyData): The points, moved." in text
-
-
 # -------------------------------------------------------------------- connections
 
 
@@ -280,13 +270,6 @@ def test_error_upstream_comes_through_vtks_own_filters():
             chain.last.update()
         with pytest.raises(ValueError, match="farther than 2"):
             chain.last.apply()
-
-
-def test_error_of_a_second_input_comes_through():
-    far = Shift(limit=2.0, shape=line())
-    last = Shift(shape=line(), extra=far)
-    with pytest.raises(ValueError, match="farther than 2"):
-        last.update()
 
 
 def test_failure_of_a_vtk_algorithm_upstream_is_an_error(tmp_path):

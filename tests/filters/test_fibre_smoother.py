@@ -100,13 +100,18 @@ def test_neighbours_by_their_parameters_stay_neighbours_in_every_slice_as_fibres
         assert apart.max() < 5.0
 
 
+def nearest_fibre(places, lines):
+    """Return how far places (n, 3) are from the nearest fibre, closely sampled."""
+    share = np.linspace(0.0, 1.0, 12)[:, None]
+    dense = [a + share * (b - a) for line in map(lines.line, range(len(lines))) for a, b in pairwise(line)]
+    return cKDTree(np.vstack(dense)).query(places)[0]
+
+
 def bare_share(muscle, attachments, **settings):
     """Return the part of a muscle that is farther than two spacings from any of its 100 fibres."""
     lines = polylines_of(decompose(muscle, attachments, **settings).update().output, "test")
     geometry = muscle_geometry(muscle, "test")
-    share = np.linspace(0.0, 1.0, 12)[:, None]
-    dense = [a + share * (b - a) for line in map(lines.line, range(len(lines))) for a, b in pairwise(line)]
-    apart = cKDTree(np.vstack(dense)).query(geometry.samples(8192))[0]
+    apart = nearest_fibre(geometry.samples(8192), lines)
     volume = abs(signed_volume(geometry.points, geometry.triangles))
     spacing = np.sqrt(volume / polyline_lengths(lines.points, lines.offsets).sum())
     return float((apart > 2.0 * spacing).mean())
@@ -157,9 +162,7 @@ def test_a_hundred_fibres_cover_real_muscles_nearly_as_well_as_evenly_spaced_one
     places = np.random.default_rng(1).uniform(geometry.points.min(0), geometry.points.max(0), (60_000, 3))
     inside = places[geometry.solids.depth(places) > 0.0]
     assert len(inside) > 5000
-    share = np.linspace(0.0, 1.0, 12)[:, None]
-    dense = [a + share * (b - a) for line in map(lines.line, range(100)) for a, b in pairwise(line)]
-    found = np.percentile(cKDTree(np.vstack(dense)).query(inside)[0], 95)
+    found = np.percentile(nearest_fibre(inside, lines), 95)
     # 95 % of a hexagon of inner radius r is nearer than 1.035 r to its centre.
     volume = abs(signed_volume(geometry.points, geometry.triangles))
     even = 1.035 * np.sqrt(volume / (12.0**0.5 * polyline_lengths(lines.points, lines.offsets).sum()))

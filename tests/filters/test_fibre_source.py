@@ -10,6 +10,7 @@ from vtkmuscle.core.mesh.polylines import polyline_lengths
 from vtkmuscle.data.arrays import (
     add_arrays,
     cell_array,
+    checked_surface,
     field_array,
     field_string,
     points_of,
@@ -134,37 +135,30 @@ def test_an_aponeurosis_may_be_several_rings_or_a_surface_within_the_muscle(bloc
 @pytest.mark.parametrize(
     ("change", "says"),
     [
-        (lambda pair, corner: pair[:1], "there is no distal aponeurosis"),
+        (lambda near, far, muscle: [near], "there is no distal aponeurosis"),
         (
-            lambda pair, corner: [pair[0], Aponeurosis("distal", pair[1].points + np.array([30.0, 0, 0]))],
-            "from the muscle, of",
+            lambda near, far, muscle: [near, replace(far, points=np.add(far.points, (30.0, 0, 0)))],
+            "from the muscle",
         ),
         (
-            lambda pair, corner: [pair[0], Aponeurosis("distal", corner + ring(0.0, 20.0, 110.0))],
+            lambda near, far, muscle: [near, replace(far, points=sides(muscle) + ring(0.0, 20.0, 110.0))],
             "the aponeuroses overlap",
         ),
         (
-            lambda pair, corner: [
-                Aponeurosis("proximal", pair[1].points),
-                Aponeurosis("distal", pair[0].points),
-            ],
+            lambda near, far, muscle: [replace(far, side="proximal"), replace(near, side="distal")],
             "closer to the insertion than the distal aponeurosis",
+        ),
+        (
+            lambda near, far, muscle: [near, Aponeurosis("distal", *checked_surface(muscle, "test"))],
+            "aponeurosis covers",
         ),
     ],
 )
 def test_what_cannot_be_meant_is_refused(block, change, says):
     muscle, attachments = block
-    sheets = aponeuroses_data(change(two_rings(muscle), sides(muscle)))
+    sheets = aponeuroses_data(change(*two_rings(muscle), muscle))
     with pytest.raises(ValueError, match=says):
         FibreSource(n_fibres=10)(muscle, attachments, None, sheets)
-
-
-def test_a_surface_that_covers_the_muscle_is_no_aponeurosis(block):
-    muscle, attachments = block
-    shell = pv.wrap(muscle)
-    whole = Aponeurosis("distal", points_of(shell), shell.regular_faces)
-    with pytest.raises(ValueError, match="aponeurosis covers"):
-        FibreSource()(muscle, attachments, None, aponeuroses_data([two_rings(muscle)[0], whole]))
 
 
 @pytest.mark.realdata

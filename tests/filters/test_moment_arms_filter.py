@@ -47,7 +47,7 @@ def test_moment_arms_are_the_levers_of_the_pull_at_every_angle(step, bound):
     By differences over steps h the error is h^2 / 6 of the third derivative, twice that at the ends.
     """
     found = arms_of(Timed(lines_at, np.arange(0.0, 91.0, step)))
-    for angle in (0.0, 20.0, 55.0, 90.0):
+    for angle in (0.0, 20.0, 56.5, 90.0):
         result = found.update(time=angle).output
         np.testing.assert_allclose(cell_array(result, "MomentArm", ""), known_arms(angle), atol=bound)
         assert field_string(result, "Coordinate") == "time"

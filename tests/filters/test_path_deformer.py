@@ -200,6 +200,3 @@ def test_fibres_without_paths_are_refused_where_asked_for(parts):
     deformer = chain(*parts, paths=False)
     with pytest.raises(ValueError, match=r"PathDeformer: fibres: there are 8 for no paths; connect"):
         deformer.update(time=LAST, port=1)
-
-
-# -------------------------------------------------------------------- what is refused

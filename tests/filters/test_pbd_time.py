@@ -5,8 +5,7 @@ import functools
 import numpy as np
 import pytest
 from filter_case import count_calls, digest
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
+from sequences import check_sequences
 from test_pbd_deformer import bones, spindle
 
 from vtkmuscle.core import fixed_muscle
@@ -43,23 +42,13 @@ CHOICES = {
 }
 FIRST = {name: values[0] for name, values in CHOICES.items()}
 
-changes = st.sampled_from([(name, value) for name, values in CHOICES.items() for value in values])
-times = st.sampled_from([*STEPS, -1.0, 6.0, 10.0, 19.0, 25.0])
-sequences = st.lists(st.one_of(times, times, changes), min_size=2, max_size=12).filter(
-    lambda sequence: any(isinstance(entry, float) for entry in sequence)
-)
-
 
 def made(state):
     moving = BoneMotion(bones=bones())
     deformer = PBDDeformer(muscle=MUSCLES[state["muscle"]], rest_bones=bones(), bones=moving)
-    put_all(deformer, state)
-    return deformer
-
-
-def put_all(deformer, state):
     for name, value in state.items():
         put(deformer, name, value)
+    return deformer
 
 
 def put(deformer, name, value):
@@ -84,43 +73,15 @@ def fresh_frame(state, time):
     return frame(made(dict(state)), time)
 
 
-def of_a_straight_run(state, time):
-    settings_of_frame = {**state, "checkpoint_memory": FIRST["checkpoint_memory"]}
-    return fresh_frame(tuple(settings_of_frame.items()), time)
-
-
 @pytest.mark.filterwarnings("ignore:.* is outside of the motion")
 def test_any_sequence_of_times_and_changes_gives_the_frames_of_a_fresh_run(request):
-    examples = 200 if request.config.getoption("long") else 20
-
-    @settings(max_examples=examples, deadline=None, suppress_health_check=[HealthCheck.too_slow])
-    @given(sequences)
-    def property_(sequence):
-        check_sequence(sequence)
-
-    property_()
+    times, examples = (*STEPS, -1.0, 6.0, 10.0, 19.0, 25.0), 200 if request.config.getoption("long") else 20
+    check_sequences(CHOICES, times, made, put, check_frame, examples=examples, longest=12)
 
 
-def check_sequence(sequence):
-    state = dict(FIRST)
-    deformer = made(state)
-    for entry in sequence:
-        if isinstance(entry, float):
-            assert frame(deformer, entry) == of_a_straight_run(state, entry)
-        else:
-            state[entry[0]] = entry[1]
-            put(deformer, *entry)
-            if entry[0] == "quality":  # it sets others, too
-                put_all(deformer, state)
-
-
-@pytest.mark.parametrize("memory", CHOICES["checkpoint_memory"])
-def test_backwards_skipping_and_repeating_give_the_straight_run(memory):
-    straight = made(FIRST)
-    expected = {time: frame(straight, time) for time in STEPS}
-    deformer = made({**FIRST, "checkpoint_memory": memory})
-    for time in (*STEPS[::-1], STEPS[1], STEPS[4], STEPS[4], *STEPS[::2], *STEPS):
-        assert frame(deformer, time) == expected[time]
+def check_frame(deformer, state, time):
+    straight = {**state, "checkpoint_memory": FIRST["checkpoint_memory"]}
+    assert frame(deformer, time) == fresh_frame(tuple(straight.items()), time)
 
 
 # ---------------------------------------------------------------- what a change invalidates

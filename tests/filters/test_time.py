@@ -5,8 +5,7 @@ import functools
 import numpy as np
 import pytest
 from filter_case import count_calls, digest
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
+from sequences import check_sequences
 
 from vtkmuscle.core.motion.rigid import hinge
 from vtkmuscle.core.paths.poses import KeptPoses
@@ -55,12 +54,6 @@ FIRST = {name: values[0] for name, values in CHOICES.items()}
 #: Largest difference of lengths, and of points of the surface, by what was asked before [mm].
 LENGTHS, POINTS = 0.02, 0.1
 
-changes = st.sampled_from([(name, value) for name, values in CHOICES.items() for value in values])
-times = st.sampled_from([*STEPS, -5.0, 15.0, 37.0, 50.0])
-sequences = st.lists(st.one_of(times, times, changes), min_size=2, max_size=10).filter(
-    lambda sequence: any(isinstance(entry, float) for entry in sequence)
-)
-
 
 def made(state):
     """Return the deformer of a new chain."""
@@ -101,29 +94,15 @@ def fresh_frame(state, time):
 
 @pytest.mark.filterwarnings("ignore:.* is outside of the motion")
 def test_any_sequence_of_times_and_changes_gives_the_frames_of_a_fresh_chain(request):
-    examples = 100 if request.config.getoption("long") else 8
-
-    @settings(max_examples=examples, deadline=None, suppress_health_check=[HealthCheck.too_slow])
-    @given(sequences)
-    def property_(sequence):
-        check_sequence(sequence)
-
-    property_()
+    times, examples = (*STEPS, -5.0, 15.0, 37.0, 50.0), 100 if request.config.getoption("long") else 8
+    check_sequences(CHOICES, times, made, put, check_frame, examples=examples, longest=10)
 
 
-def check_sequence(sequence):
-    state = dict(FIRST)
-    deformer = made(state)
-    for entry in sequence:
-        if isinstance(entry, float):
-            lengths, points = frame(deformer, entry)
-            expected = fresh_frame(tuple(state.items()), entry)
-            np.testing.assert_allclose(lengths, expected[0], rtol=0.0, atol=LENGTHS)
-            np.testing.assert_allclose(points, expected[1], rtol=0.0, atol=POINTS)
-            assert digests(deformer, entry) == digests(deformer, entry)
-        else:
-            state[entry[0]] = entry[1]
-            put(deformer, *entry)
+def check_frame(deformer, state, time):
+    expected = fresh_frame(tuple(state.items()), time)
+    for found, fresh, most in zip(frame(deformer, time), expected, (LENGTHS, POINTS), strict=True):
+        np.testing.assert_allclose(found, fresh, rtol=0.0, atol=most)
+    assert digests(deformer, time) == digests(deformer, time)
 
 
 def test_frames_that_were_asked_for_are_the_same_bit_for_bit_in_any_order():

@@ -6,10 +6,11 @@ from collections.abc import Callable
 
 import numpy as np
 from scipy.integrate import quad
+from scipy.interpolate import BPoly
+from shapes import lines_of
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.types import Floats
-from vtkmuscle.data.arrays import Polylines, polylines_from
 from vtkmuscle.phantoms import fibre_bodies
 from vtkmuscle.phantoms.fibre_bodies import (
     DEPTH,
@@ -99,24 +100,16 @@ def _bent(x: Controls, y: Controls) -> dict[str, Callable[..., float]]:
 
 
 def _slope(controls: Controls, parameter: float, t: float) -> float:
-    """Return the derivative of a Bezier polynomial by t, by de Casteljau's rule."""
-    values = np.array([control(parameter) for control in controls])
-    steps = (len(values) - 1) * np.diff(values)
-    while len(steps) > 1:
-        steps = (1.0 - t) * steps[:-1] + t * steps[1:]
-    return float(steps[0])
+    return float(_bezier(controls, parameter).derivative()(t))
+
+
+def _bezier(controls: Controls, parameter: float) -> BPoly:
+    """Return the polynomial of t, from 0 to 1, with these control points."""
+    return BPoly([[control(parameter)] for control in controls], [0.0, 1.0])
 
 
 def _seen() -> vtkPolyData:
     """Return a few fibres of the curved block on its face y = 0, without their ends."""
     t = np.linspace(0.1, 0.9, SEEN_POINTS)
-    lines = []
-    for r in SEEN_R:
-        values = np.array([control(r) for control in _COURSES["curved"][0]])
-        row = np.tile(values[:, None], (1, len(t)))
-        while len(row) > 1:
-            row = (1.0 - t) * row[:-1] + t * row[1:]
-        lines.append(np.column_stack([WIDTH * row[0], np.zeros(len(t)), LENGTH * t]))
-    return polylines_from(
-        Polylines(np.vstack(lines), np.arange(0, len(SEEN_R) * SEEN_POINTS + 1, SEEN_POINTS))
-    )
+    x = [WIDTH * _bezier(_COURSES["curved"][0], r)(t) for r in SEEN_R]
+    return lines_of([np.column_stack([row, np.zeros(len(t)), LENGTH * t]) for row in x])

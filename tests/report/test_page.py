@@ -70,6 +70,8 @@ def test_it_says_what_was_found(run_folder, page):
     for digest in result.report["sha256"].values():
         assert digest in words
     assert result.report["versions"]["vtk"] in words
+    swatches = re.findall(r'class="swatch" style="background: (.*?)"', page)
+    assert len(set(swatches)) == len(result.report["muscles"]), "each muscle has its colour"
 
 
 def test_of_many_muscles_a_line_is_shown_and_the_numbers_on_demand(run_folder, monkeypatch):

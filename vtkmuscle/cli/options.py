@@ -12,6 +12,8 @@ from contextlib import contextmanager
 from dataclasses import dataclass, fields
 from functools import wraps
 from pathlib import Path
+from tempfile import mkdtemp
+from traceback import format_exception
 from typing import Annotated, Any, get_type_hints
 
 import typer
@@ -97,10 +99,11 @@ def with_options(command: Callable[..., None]) -> Callable[..., None]:
     return with_single
 
 
-#: Exit status if a muscle failed and all else was written, of input that cannot be used, and of Ctrl-C
-#: (128 + SIGINT, as in shells).
+#: Exit status if a muscle failed and all else was written, of input that cannot be used, of a fault of the
+#: package, and of Ctrl-C (128 + SIGINT, as in shells).
 FAILED = 1
 BAD_INPUT = 2
+FAULT = 3
 INTERRUPTED = 130
 
 #: Set by Ctrl-C: a callback of a library may swallow the KeyboardInterrupt.
@@ -139,17 +142,32 @@ def one_clear_error(out: Path | None) -> Iterator[None]:
                 check_name(out)
             yield
     except (ValueError, OSError) as error:
-        # ValueErrors of the package say what was wrong with the input; a fault in it has a traceback.
         for fault in getattr(error, "faults", (error,)):
             print_error(f"error: {_words(fault)}")
         raise typer.Exit(BAD_INPUT) from error
     except MemoryError as error:
         print_error("error: out of memory")
         raise typer.Exit(BAD_INPUT) from error
-    except KeyboardInterrupt as stop:
+    except (KeyboardInterrupt, Exception) as stop:
+        if type(stop).__module__.startswith(("typer", "click")):
+            raise
+        # A Ctrl-C while modules are loaded becomes an error of the module.
+        if not isinstance(stop, KeyboardInterrupt) and not _pressed.is_set():
+            print_error(f"error: a fault of vtkmuscle: {_traceback_of(stop)}")
+            raise typer.Exit(FAULT) from stop
         print_error(f"stopped. {_what_is_finished(out)}", style="yellow")
         status = 128 + stop.number if isinstance(stop, TerminatedError) else INTERRUPTED
         raise typer.Exit(status) from None
+
+
+def _traceback_of(error: BaseException) -> str:
+    """Write an unexpected error's traceback to a temporary file; return the error and the file in words."""
+    from vtkmuscle.io.writing import write_text
+
+    file = Path(mkdtemp(prefix="vtkmuscle_")) / "traceback.txt"
+    write_text(file, "".join(format_exception(error)))
+    words = one_line(f"{type(error).__name__}: {error}")
+    return f"{words[:500]}; the traceback is in {file}, please report it"
 
 
 @contextmanager

@@ -105,19 +105,28 @@ def pairs(texts: Sequence[str] | None, option: str = "--replace") -> dict[str, s
     return names
 
 
+@dataclass(frozen=True, kw_only=True)
+class CheckOptions:
+    """The options of a check of a model."""
+
+    repair: Annotated[Path | None, Option(help="Write the model with a scene's paths.")] = None
+    scene: Annotated[Path | None, Option(help="For --repair: a scene.toml, or its results.")] = None
+    replace: Annotated[
+        list[str] | None, Option(metavar="OURS=THEIRS", help="For --repair: as for an export.")
+    ] = None
+    fail_above: Annotated[
+        float | None, Option(metavar="MM", help="Exit with 1 if a jump or a change of sign is larger.")
+    ] = None
+    json: Annotated[bool, Option("--json", help="Print findings as JSON.")] = False
+    overwrite: OverwriteOption = False
+
+
+@with_options
 def check(
     model: Annotated[Path, Argument(help="A model of OpenSim, .osim.")],
     out: Annotated[Path | None, out_option("HTML", "The page. Default: MODEL_check.html here.")] = None,
-    repair: Annotated[Path | None, Option(help="Write the model with a scene's paths.")] = None,
-    scene: Annotated[Path | None, Option(help="For --repair: a scene.toml, or its results.")] = None,
-    replace: Annotated[
-        list[str] | None, Option(metavar="OURS=THEIRS", help="For --repair: as for an export.")
-    ] = None,
-    fail_above: Annotated[
-        float | None, Option(metavar="MM", help="Exit with 1 if a jump or a change of sign is larger.")
-    ] = None,
-    json: Annotated[bool, Option("--json", help="Print findings as JSON.")] = False,
-    overwrite: OverwriteOption = False,
+    *,
+    options: CheckOptions,
 ) -> None:
     """Find jumps and sign changes in OpenSim muscles, and fibres out of their range.
 
@@ -129,21 +138,22 @@ def check(
     from vtkmuscle.opensim import check_model, write_opensim
     from vtkmuscle.opensim.checking import FIBRES_OUTSIDE
 
+    repair, scene, replace = options.repair, options.scene, options.replace
     if (repair is None) != (scene is None) or (repair is not None and not replace):
         raise InputError("--repair", "a repair takes a scene and muscles", "give --scene and --replace too")
     page = out or Path(f"{model.stem}_check.html")
-    pages = _outputs(page, [model, scene], overwrite=overwrite)
+    pages = _outputs(page, [model, scene], overwrite=options.overwrite)
     pages.check(page.with_suffix(".csv"))
     if repair is not None and scene is not None:
-        with _outputs(repair, [model, scene], overwrite=overwrite):
+        with _outputs(repair, [model, scene], overwrite=options.overwrite):
             repaired = write_opensim(scene, repair, into=model, replace=pairs(replace))
         for new in repaired:
-            typer.echo(f"{new.out.name}: {new}", err=json)
+            typer.echo(f"{new.out.name}: {new}", err=options.json)
         model = repair
     checked = check_model(model)
     with pages:
         table = checked.write(page)
-    if json:
+    if options.json:
         typer.echo(dumps(checked.to_dict(), indent=1))
     else:
         typer.echo(checked)
@@ -156,7 +166,7 @@ def check(
             typer.echo(f"{len(names if word == 'sign' else set(names))} {words}")
         typer.echo(f"wrote {page}, {table}")
     sizes = [1000.0 * finding.size for finding in checked.findings if "fibre" not in finding.what]
-    if fail_above is not None and max(sizes, default=0.0) > fail_above:
+    if options.fail_above is not None and max(sizes, default=0.0) > options.fail_above:
         raise typer.Exit(FAILED)
 
 

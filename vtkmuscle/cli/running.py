@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -26,6 +26,7 @@ from vtkmuscle.cli.options import (
     print_error,
     say,
     stop_if_interrupted,
+    with_options,
 )
 from vtkmuscle.cli.results import pairs
 
@@ -141,17 +142,26 @@ def _progress_bars(
         yield show
 
 
+@dataclass(frozen=True, kw_only=True)
+class CohortOptions:
+    """The options of a cohort."""
+
+    frames: FramesOption = None
+    workers: Annotated[
+        int | None, Option(metavar="N", min=1, help="Number of processes. Default: one per processor.")
+    ] = None
+    report: Annotated[bool, Option("--report", help="Write a page for each subject.")] = False
+    fresh: FreshOption = False
+    overwrite: OverwriteOption = False
+    quiet: QuietOption = False
+
+
+@with_options
 def cohort(
     scenes: Annotated[list[Path], Argument(help="The scene.toml of each subject.")],
     out: FolderOption,
-    frames: FramesOption = None,
-    workers: Annotated[
-        int | None, Option(metavar="N", min=1, help="Number of processes. Default: one per processor.")
-    ] = None,
-    report: Annotated[bool, Option("--report", help="Write a page for each subject.")] = False,
-    fresh: FreshOption = False,
-    overwrite: OverwriteOption = False,
-    quiet: QuietOption = False,
+    *,
+    options: CohortOptions,
 ) -> None:
     """Run the scenes of many subjects, and write a table of muscles.
 
@@ -164,26 +174,20 @@ def cohort(
             failed = row["verdict"] == "failed"
             words = [row["subject"], row["muscle"], row["verdict"], row["message"]]
             line = one_line(": ".join(word for word in words if word))
-            print_error(line) if failed else say(quiet, line)
+            print_error(line) if failed else say(options.quiet, line)
 
-    table = studies.cohort(
-        [str(scene) for scene in scenes],
-        out,
-        workers=workers,
-        progress=show,
-        frames=frames,
-        report=report,
-        fresh=fresh,
-        overwrite=overwrite,
-    )
-    say(quiet, f"wrote {out / 'cohort.csv'}, {len(table['muscle'])} rows")
+    names = ("workers", "frames", "report", "fresh", "overwrite")
+    settings = {name: getattr(options, name) for name in names}
+    table = studies.cohort([str(scene) for scene in scenes], out, progress=show, **settings)
+    say(options.quiet, f"wrote {out / 'cohort.csv'}, {len(table['muscle'])} rows")
     if "failed" in table["verdict"]:
         raise typer.Exit(FAILED)
 
 
-def tradeoff(
-    scene: Annotated[Path, Argument(help="A scene.toml.")],
-    out: FolderOption,
+@dataclass(frozen=True, kw_only=True)
+class TradeoffOptions:
+    """The options of a comparison of settings."""
+
     vary: Annotated[
         list[str] | None,
         Option(
@@ -191,16 +195,21 @@ def tradeoff(
             help="Values of a setting, such as n_fibres=25,100; repeatable, all combinations are run. "
             "Default: deformer=none,paths,pbd and quality=preview,balanced,accurate.",
         ),
-    ] = None,
+    ] = None
     within: Annotated[
         float | None, Option(metavar="MM", help="Print the cheapest setting within an error of moment arms.")
-    ] = None,
-    frames: FramesOption = None,
+    ] = None
+    frames: FramesOption = None
     workers: Annotated[
         int, Option(metavar="N", min=1, help="Number of processes; runs side by side disturb the times.")
-    ] = 1,
-    overwrite: OverwriteOption = False,
-    quiet: QuietOption = False,
+    ] = 1
+    overwrite: OverwriteOption = False
+    quiet: QuietOption = False
+
+
+@with_options
+def tradeoff(
+    scene: Annotated[Path, Argument(help="A scene.toml.")], out: FolderOption, *, options: TradeoffOptions
 ) -> None:
     """Measure speed against accuracy of a scene's settings: a table and a figure.
 
@@ -214,28 +223,29 @@ def tradeoff(
     from vtkmuscle.tradeoffs import tradeoff as measure
 
     settings = {
-        name: [_value(text) for text in texts.split(",")] for name, texts in pairs(vary, "--vary").items()
+        name: [_value(text) for text in texts.split(",")]
+        for name, texts in pairs(options.vary, "--vary").items()
     }
 
     def show(rows: Sequence[Mapping[str, Any]]) -> None:
         stop_if_interrupted()
         words = [str(value) for name, value in rows[0].items() if name in (*settings, *TRIED, "limit")]
-        say(quiet, f"{', '.join(words)}: {rows[0]['message'] or rows[0]['verdict']}")
+        say(options.quiet, f"{', '.join(words)}: {rows[0]['message'] or rows[0]['verdict']}")
 
-    options: dict[str, Any] = {"frames": frames, "workers": workers, "overwrite": overwrite}
-    found = measure(Scene.load(scene), out, progress=show, **options | settings)
+    kept: dict[str, Any] = {name: getattr(options, name) for name in ("frames", "workers", "overwrite")}
+    found = measure(Scene.load(scene), out, progress=show, **kept | settings)
     whole, shown = found.table.where(muscle=ALL), (*found.settings, "verdict", "ms", *ERRORS)
     headings = (name.removesuffix("_rms_mm").replace("_", " ") for name in shown)
     table = Table(*headings, box=None, caption="ms a pose; errors: RMS in mm, of the worst muscle")
     for row in zip(*(whole[name] for name in shown), strict=True):
         table.add_row(*(f"{cell:.3g}" if isinstance(cell, float) else str(cell) for cell in row))
-    if not quiet:
+    if not options.quiet:
         Console().print(table)
-    if within is not None:
-        best = found.cheapest(within)
+    if options.within is not None:
+        best = found.cheapest(options.within)
         typer.echo(", ".join(f"{name} = {best[name]}" for name in found.settings), nl=False)
         typer.echo(f": {best['ms']:.3g} ms a pose, error {best['error_mm']:.2g} mm")
-    say(quiet, f"wrote {out / 'tradeoff.csv'}, {out / 'tradeoff.png'}")
+    say(options.quiet, f"wrote {out / 'tradeoff.csv'}, {out / 'tradeoff.png'}")
 
 
 def _value(text: str) -> int | float | str:

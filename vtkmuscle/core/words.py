@@ -1,10 +1,11 @@
-"""Values, names and suggestions in messages. Each in a short line."""
+"""Values, names and suggestions in messages, each in a short line; objects with items by name."""
 
 from __future__ import annotations
 
 import reprlib
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from difflib import get_close_matches
+from typing import Any
 
 _SHORT = reprlib.Repr()
 _SHORT.maxstring = _SHORT.maxother = 80
@@ -35,3 +36,45 @@ def suggestion(word: str, allowed: Iterable[str]) -> str:
     meant = f"did you mean {nearest[0]!r}? " if nearest else ""
     more = f" and {len(allowed) - _MOST} more" if len(allowed) > _MOST else ""
     return f"{meant}allowed: {', '.join(allowed[:_MOST]) or 'none'}{more}"
+
+
+class Remedies:
+    """An object of which a missing attribute's error names the nearest attribute."""
+
+    def __getattr__(self, name: str) -> Any:
+        problem = f"{type(self).__name__!r} object has no attribute {name!r}"
+        if name.startswith("_"):  # protocols of Python ask, and need no remedy
+            raise AttributeError(problem)
+        public = {word for word in (*dir(type(self)), *vars(self)) if not word.startswith("_")}
+        raise AttributeError(f"{problem}; {suggestion(name, sorted(public))}")
+
+
+class ByName(Remedies):
+    """Items by name, as of a mapping.
+
+    A subclass gives ``keys()`` and ``[name]``; iteration gives names.
+    """
+
+    def keys(self) -> list[str]:
+        """Return the names of the items."""
+        raise NotImplementedError
+
+    def __getitem__(self, name: str) -> Any:
+        raise NotImplementedError
+
+    def values(self) -> list[Any]:
+        """Return the items."""
+        return [self[name] for name in self.keys()]
+
+    def items(self) -> list[tuple[str, Any]]:
+        """Return names and items."""
+        return [(name, self[name]) for name in self.keys()]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.keys())
+
+    def __len__(self) -> int:
+        return len(self.keys())
+
+    def __contains__(self, name: object) -> bool:
+        return name in self.keys()

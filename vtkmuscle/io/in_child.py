@@ -207,7 +207,10 @@ class _Child:
     def close(self) -> None:
         """End the process, if started by this process."""
         if self._process is not None and self._owner == os.getpid():
-            self._process.communicate()
+            try:
+                self._process.communicate()
+            except KeyboardInterrupt:  # at the end of the program
+                self._process.kill()
         self._process = None
 
 

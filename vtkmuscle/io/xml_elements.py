@@ -122,6 +122,19 @@ class Element:
             yield from holder.children
 
 
+def of_kind(tag: str, elements: Sequence[Element]) -> Sequence[Element]:
+    """Return elements with a tag; a different tag raises an InputError."""
+    for element in elements:
+        if element.tag != tag:
+            raise element.error(f"is not supported: only {tag} may be here")
+    return elements
+
+
+def last_part(path: str) -> str:
+    """Return the last name of an OpenSim component path."""
+    return path.strip().rpartition("/")[2]
+
+
 def decoded(path: Path) -> str:
     """Return the text of a file of limited size in UTF-8 or Latin-1."""
     check_is_file(path, most=MOST_TEXT)

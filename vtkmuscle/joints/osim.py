@@ -17,7 +17,7 @@ from vtkmuscle.core.types import Floats
 from vtkmuscle.core.words import quoted
 from vtkmuscle.io.csv_table import finite_number
 from vtkmuscle.io.motion_table import MOST_FRAMES
-from vtkmuscle.io.xml_elements import Element, decoded, read_xml
+from vtkmuscle.io.xml_elements import Element, decoded, last_part, of_kind, read_xml
 from vtkmuscle.joints.functions import FUNCTIONS, IDENTITY, Polynomial, function_in, function_of
 from vtkmuscle.joints.tree import Coupling, Joint, JointAxis, JointCoordinate, KinematicTree
 
@@ -61,14 +61,6 @@ OFFSET = "PhysicalOffsetFrame"
 JOINTSET = "/jointset"
 
 
-def of_kind(tag: str, elements: Sequence[Element]) -> Sequence[Element]:
-    """Return elements with a tag; a different tag raises an InputError."""
-    for element in elements:
-        if element.tag != tag:
-            raise element.error(f"is not supported: only {tag} may be here")
-    return elements
-
-
 class Frames:
     """Bodies and their offset frames by component path, as OpenSim resolves the paths.
 
@@ -100,10 +92,8 @@ class Frames:
         if path not in self._bodies and path not in self._offsets:
             paths = [each for each in (*self._bodies, *self._offsets) if last_part(each) == last_part(path)]
             if len(paths) != 1:
-                problem = f"there is no body or frame {last_part(text)!r}"
-                raise socket.error(
-                    f"{len(paths)} frames have the name" if paths else problem, ", ".join(paths)
-                )
+                problem = "there is no body or frame" if not paths else f"{len(paths)} frames have the name"
+                raise socket.error(f"{problem} {last_part(text)!r}", ", ".join(paths))
             path = paths[0]
         if path in self._bodies:
             return self._bodies[path], np.eye(4)
@@ -209,11 +199,6 @@ def coupling_in(element: Element) -> Coupling | None:
     function = function_in(element.need("coupled_coordinates_function"))
     dependent = element.need("dependent_coordinate_name").text.strip()
     return Coupling(dependent, independent, function.rescaled(1.0, element.number("scale_factor", 1.0)))
-
-
-def last_part(path: str) -> str:
-    """Return the last name of an OpenSim component path."""
-    return path.strip().rpartition("/")[2]
 
 
 def model_element(path: Path) -> Element:

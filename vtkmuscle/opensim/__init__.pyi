@@ -1,8 +1,7 @@
 from .checking import ModelCheck as ModelCheck, check_model as check_model
+from .export_parts import ExportedMuscle as ExportedMuscle, errors_table as errors_table
 from .from_run import (
     Export as Export,
-    ExportedMuscle as ExportedMuscle,
-    errors_table as errors_table,
     export as export,
     write_mujoco as write_mujoco,
     write_opensim as write_opensim,

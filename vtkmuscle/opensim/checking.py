@@ -21,7 +21,7 @@ from vtkmuscle.joints.tree import JointCoordinate
 from vtkmuscle.opensim.model import OsimModel, read_osim
 from vtkmuscle.opensim.muscle_paths import STEP, PointPath
 from vtkmuscle.opensim.osim_text import model_tree
-from vtkmuscle.report.sections import Section, shown_rows, write_page
+from vtkmuscle.report.sections import Section, shown_rows, svg_curve, write_page
 from vtkmuscle.run.table import Table
 
 #: Poses per sweep, and sweeps per coordinate: the first with the other coordinates at their defaults, further
@@ -32,8 +32,6 @@ AWAY = {True: float(np.radians(30.0)), False: 0.02}
 JUMP, ARM_JUMP, ARM = 0.5e-3, 5e-3, 2e-3
 #: Distance of the two moment arms from a jump [rad or m].
 ARM_DISTANCE = 1e-3
-#: Width and height of a curve [pixels].
-_SIZE = (220, 50)
 #: Columns of the table of findings.
 COLUMNS = ("muscle", "coordinate", "what", "size_mm", "at", "unit", "sweeps", "pose")
 #: Kinds of findings, the worst first.
@@ -152,6 +150,12 @@ class ModelCheck:
         words = " ".join(f"{name}={at:.5g}" for name, at in pose.items())
         size = 1000.0 * finding.size
         return [finding.muscle, coordinate, finding.what, size, pose[coordinate], unit, finding.sweeps, words]
+
+
+def _curve(finding: PathFault, unit: str) -> str:
+    """Return a sweep's moment arms [mm] over the coordinate as SVG."""
+    values = np.degrees(finding.values) if unit == "deg" else finding.values
+    return svg_curve(values, 1000.0 * finding.arms, unit, "mm")
 
 
 def check_model(path: str | PathLike[str]) -> ModelCheck:
@@ -384,24 +388,3 @@ def _opensim_lengths(path: Path, model: OsimModel, names: Sequence[str]) -> Leng
         return dict(zip(muscles, table.T, strict=True))
 
     return lengths
-
-
-def _curve(finding: PathFault, unit: str) -> str:
-    """Return a sweep's moment arms [mm] over the coordinate as SVG, without outliers at jumps."""
-    low, high = np.clip(np.percentile(finding.arms, [2.0, 98.0]), [-np.inf, 0.0], [0.0, np.inf])
-    width, height = _SIZE
-    x = width * (finding.values - finding.values[0]) / np.ptp(finding.values)
-    y = height * (high - np.clip(finding.arms, low, high)) / ((high - low) or 1.0)
-    zero = height * high / ((high - low) or 1.0)
-    points = " ".join(f"{a:.1f},{b:.1f}" for a, b in zip(x, y, strict=True))
-    ends = finding.values[[0, -1]] * (180.0 / np.pi if unit == "deg" else 1.0)
-    right, below = f"{ends[1]:.4g} {unit}", height + 13
-    labels = [(-4, 9, "end", f"{1e3 * high:.0f} mm"), (-4, height, "end", f"{1e3 * low:.0f}")]
-    labels += [(0, below, "start", f"{ends[0]:.4g}"), (width, below, "end", right)]
-    form = '<text x="{}" y="{}" text-anchor="{}" font-size="10">{}</text>'
-    texts = "".join(form.format(*label) for label in labels)
-    return (
-        f'<svg width="{width + 45}" height="{height + 16}" viewBox="-45 -1 {width + 45} {height + 16}">'
-        f'<line x1="0" x2="{width}" y1="{zero:.1f}" y2="{zero:.1f}" stroke="#bbb"/>'
-        f'<polyline points="{points}" fill="none" stroke="#06c"/>{texts}</svg>'
-    )

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -13,9 +14,14 @@ from vtkmodules.vtkIOGeometry import vtkSTLWriter
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.motion.rigid import apply_transform, inverses
+from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import points_of, with_points
 from vtkmuscle.io.writing import write_with
 from vtkmuscle.joints.tree import KinematicTree
+from vtkmuscle.opensim.fitted_paths import rms
+from vtkmuscle.opensim.muscle_paths import FunctionPath
+from vtkmuscle.opensim.osim_text import MuscleOut
+from vtkmuscle.run.table import Table
 
 #: Default force per physiological cross-section [N/cm^2]: Rajagopal et al. 2016,
 #: doi:10.1109/TBME.2016.2586891.
@@ -109,3 +115,43 @@ def write_meshes(
         write_with(writer, folder / FOLDER / f"{name}.stl")
         names.setdefault(body, []).append(name)
     return names
+
+
+@dataclass(frozen=True, eq=False)
+class ExportedMuscle:
+    """A group of fibres as written, with errors.
+
+    ``muscle`` is the name in the scene, ``out`` the muscle as written [m], fitted to the mean of ``fibres``.
+    ``group_error`` is the RMS of the fibres' length changes against the mean [mm]; in the poses of the run,
+    ``length_errors`` (f,) are of the path's length [mm], ``arm_errors`` (f,) of moment arms by coordinate
+    [mm, 1 for a translation].
+    """
+
+    muscle: str
+    out: MuscleOut
+    fibres: tuple[int, ...]
+    group_error: float
+    length_errors: Floats
+    arm_errors: dict[str, Floats]
+
+    @property
+    def errors(self) -> dict[str, Floats]:
+        """Errors (f,) of the length and of moment arms by coordinate."""
+        return {"length": self.length_errors} | self.arm_errors
+
+    def __str__(self) -> str:
+        path = self.out.path
+        if isinstance(path, FunctionPath):
+            what = f"a polynomial of {', '.join(path.names)}, order {path.order}"
+        else:
+            what = f"{len(path.points)} points and {len(path.cylinders)} cylinders"
+        sizes = [f"{of} {rms(off):.2g} (max {np.abs(off).max():.2g})" for of, off in self.errors.items()]
+        listed = ", ".join([*sizes, f"group {self.group_error:.2g}"])
+        return f"{len(self.fibres)} fibres as {what}; errors in mm: {listed}"
+
+
+def errors_table(muscles: Sequence[ExportedMuscle]) -> Table:
+    """Return path errors, a row per muscle and length or coordinate."""
+    errors = [(muscle.out.name, *item) for muscle in muscles for item in muscle.errors.items()]
+    rows = ((*of, rms(off), float(np.abs(off).max()), float(off.mean())) for *of, off in errors)
+    return Table(("muscle", "of", "rms_mm", "largest_mm", "mean_mm"), rows)

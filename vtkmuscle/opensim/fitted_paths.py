@@ -73,7 +73,7 @@ def fit_length(lengths: Floats, values: Columns, arms: Columns | None = None) ->
             break
         rows = rows_of(order)
         off = [rows[mask] @ _solved(rows[~mask], targets[~mask]) - targets[mask] for mask in masks]
-        errors[order] = _rms(np.concatenate(off))
+        errors[order] = rms(np.concatenate(off))
     if not errors:
         raise InputError("", f"{len(lengths)} poses are too few for {samples.shape[1]} coordinates")
     bound = (1.0 + WORTH) * min(errors.values()) + 1e-12 * float(np.abs(lengths).max())
@@ -105,7 +105,8 @@ def _solved(rows: Floats, targets: Floats) -> Floats:
     return np.asarray(np.linalg.lstsq(rows, targets, rcond=None)[0], dtype=np.float64)
 
 
-def _rms(errors: Floats) -> float:
+def rms(errors: Floats) -> float:
+    """Return the root mean square."""
     return float(np.sqrt((errors**2).mean()))
 
 
@@ -214,7 +215,7 @@ class _Search:
 
     def error(self, path: PointPath) -> float:
         """Return the root mean square error."""
-        return _rms(self.off(path))
+        return rms(self.off(path))
 
     def flips(self, path: PointPath) -> bool:
         """Return whether a path takes both sides of a cylinder: its moment arm jumps."""

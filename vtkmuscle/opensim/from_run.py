@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from os import PathLike
 from pathlib import Path
@@ -19,17 +19,18 @@ from vtkmuscle.io.writing import Outputs, file_digest
 from vtkmuscle.joints.tree import KinematicTree
 from vtkmuscle.opensim.export_parts import (
     SPECIFIC_TENSION,
+    ExportedMuscle,
     completed_properties,
+    errors_table,
     opensim_properties,
     write_meshes,
 )
-from vtkmuscle.opensim.fitted_paths import fit_length, fit_points
+from vtkmuscle.opensim.fitted_paths import fit_length, fit_points, rms
 from vtkmuscle.opensim.mjcf import mjcf_of
 from vtkmuscle.opensim.model import checked_model
 from vtkmuscle.opensim.muscle_paths import FunctionPath, PointPath, moment_arm
 from vtkmuscle.opensim.osim_text import MuscleOut, enriched, osim_of
 from vtkmuscle.run.result import Result
-from vtkmuscle.run.table import Table
 from vtkmuscle.scene.data import MILLIMETRES
 from vtkmuscle.scene.faults import SceneError, SceneFiles, parsed
 from vtkmuscle.scene.joints import SceneJoints, coordinate_values, joints_of, pin_joint_of
@@ -42,46 +43,6 @@ TOLERANCE = 0.5e-3
 _FORMS = ("functions", "points")
 #: Class of a path without muscle properties in OpenSim.
 GEOMETRY_ONLY = "PathActuator"
-
-
-@dataclass(frozen=True, eq=False)
-class ExportedMuscle:
-    """A group of fibres as written, with errors.
-
-    ``muscle`` is the name in the scene, ``out`` the muscle as written [m], fitted to the mean of ``fibres``.
-    ``group_error`` is the RMS of the fibres' length changes against the mean [mm]; in the poses of the run,
-    ``length_errors`` (f,) are of the path's length [mm], ``arm_errors`` (f,) of moment arms by coordinate
-    [mm, 1 for a translation].
-    """
-
-    muscle: str
-    out: MuscleOut
-    fibres: tuple[int, ...]
-    group_error: float
-    length_errors: Floats
-    arm_errors: dict[str, Floats]
-
-    @property
-    def errors(self) -> dict[str, Floats]:
-        """Errors (f,) of the length and of moment arms by coordinate."""
-        return {"length": self.length_errors} | self.arm_errors
-
-    def __str__(self) -> str:
-        path = self.out.path
-        if isinstance(path, FunctionPath):
-            what = f"a polynomial of {', '.join(path.names)}, order {path.order}"
-        else:
-            what = f"{len(path.points)} points and {len(path.cylinders)} cylinders"
-        sizes = [f"{of} {_rms(off):.2g} (max {np.abs(off).max():.2g})" for of, off in self.errors.items()]
-        listed = ", ".join([*sizes, f"group {self.group_error:.2g}"])
-        return f"{len(self.fibres)} fibres as {what}; errors in mm: {listed}"
-
-
-def errors_table(muscles: Sequence[ExportedMuscle]) -> Table:
-    """Return path errors, a row per muscle and length or coordinate."""
-    errors = [(muscle.out.name, *item) for muscle in muscles for item in muscle.errors.items()]
-    rows = ((*of, _rms(off), float(np.abs(off).max()), float(off.mean())) for *of, off in errors)
-    return Table(("muscle", "of", "rms_mm", "largest_mm", "mean_mm"), rows)
 
 
 @dataclass(frozen=True)
@@ -402,7 +363,7 @@ def _exported_group(
         name,
         MuscleOut(label, path, properties, export.kind),
         tuple(int(i) for i in np.flatnonzero(members)),
-        _rms(group_errors(lengths[:, members], np.zeros(count, dtype=np.int64))),
+        rms(group_errors(lengths[:, members], np.zeros(count, dtype=np.int64))),
         1000.0 * (path.lengths(tree, values) - mean),
         {each: (moment_arm(path, tree, values, each) - arm) * units[each] for each, arm in mean_arms.items()},
     )
@@ -417,7 +378,3 @@ def _lines(run: _Run, name: str) -> Floats:
     points = (run.metres * run.result.paths(name, frame=frame).points for frame in run.result.frames)
     frames = [at @ pose[:3, :3].T + pose[:3, 3] for at, pose in zip(points, to_root, strict=True)]
     return np.array(frames)
-
-
-def _rms(values: Floats) -> float:
-    return float(np.sqrt((values**2).mean()))

@@ -12,7 +12,7 @@ import numpy as np
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.words import suggestion
-from vtkmuscle.io.xml_elements import Element, read_xml
+from vtkmuscle.io.xml_elements import Element, last_part, of_kind, read_xml
 from vtkmuscle.joints.functions import function_in
 from vtkmuscle.joints.osim import (
     FURTHER,
@@ -21,9 +21,7 @@ from vtkmuscle.joints.osim import (
     Frames,
     MotionFile,
     bodies_in,
-    last_part,
     model_element,
-    of_kind,
     point_on,
     read_motion_file,
     tree_in,

@@ -40,12 +40,7 @@ def link_packages(folder: Path) -> None:
     """Fill a folder with links to packages for ParaView.
 
     The environment's site-packages would replace ParaView's VTK. A file lists the links made here; only
-    listed links are ever removed.
-
-    Raises
-    ------
-    ValueError
-        If the folder contains other files; the folder is unchanged.
+    listed links are ever removed. ValueError if the folder contains other files; it is unchanged then.
     """
     package = Path(vtkmuscle.__file__).resolve().parent
     targets = {package, *(target for name in DISTRIBUTIONS for target in _top_level(name))}

@@ -79,16 +79,10 @@ def plain(text: str) -> str:
 
 
 def properties_of(parameter: Parameter[Any], among: Iterable[Parameter[Any]] = ()) -> list[Property]:
-    """Return the properties of a parameter in order.
+    """Return the properties of a parameter in order: 2 of an optional number, 1 of others.
 
-    An optional number has 2 properties, other parameters 1.
-
-    A property is visible if effective; ``among`` are all parameters of the filter.
-
-    Raises
-    ------
-    TypeError
-        For a kind with neither a property in ParaView nor a file.
+    A property is visible if effective; ``among`` are all parameters of the filter. TypeError for a kind with
+    neither a property in ParaView nor a file.
     """
     properties = _properties_of(parameter)
     for shown in properties:

@@ -1,7 +1,4 @@
-"""Even triangle meshes of solids and boxes.
-
-Solids are implicit or solids of revolution.
-"""
+"""Even triangle meshes of implicit solids, solids of revolution and boxes."""
 
 from __future__ import annotations
 

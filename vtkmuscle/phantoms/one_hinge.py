@@ -1,7 +1,4 @@
-"""Muscles over a hinge: a spindle and a strap.
-
-The spindle is the simplest scene; a cylinder winds up the strap.
-"""
+"""Muscles over a hinge: a spindle, the simplest scene, and a strap that a cylinder winds up."""
 
 from __future__ import annotations
 

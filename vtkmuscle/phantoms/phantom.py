@@ -1,7 +1,4 @@
-"""A phantom scene made by a rule, with known answers.
-
-The scene has bones, muscles, attachments and a motion.
-"""
+"""A scene made by a rule, with known answers: bones, muscles, attachments and a motion."""
 
 from __future__ import annotations
 

@@ -8,9 +8,11 @@ from __future__ import annotations
 import re
 import signal
 import subprocess
-from collections.abc import Mapping
+from base64 import b64encode
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cache
+from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -94,9 +96,7 @@ class MuscleFrame(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class FigureOrder:
-    """A figure to be drawn: file name, function, arguments.
-
-    The function is in :mod:`vtkmuscle.plotting`.
+    """A figure to be drawn: file name, function of :mod:`vtkmuscle.plotting`, arguments.
 
     ``rendered`` figures also take the bones and the studio.
     """
@@ -117,3 +117,16 @@ class FigureOrder:
         figure = getattr(vtkmuscle.plotting, self.plot)(**self.arguments, **scene)
         save_figure(figure, path, form, dpi)
         return path
+
+
+def html_picture(plotter: Callable[[], Any]) -> str:
+    """Return the picture of a plotter in HTML, empty where none can be rendered."""
+    from PIL import Image  # noqa: PLC0415 -- only pictures need it
+
+    if can_render() is not None:
+        return ""
+    shown = plotter()
+    file = BytesIO()
+    Image.fromarray(shown.screenshot(return_img=True)).save(file, "PNG")
+    shown.close()
+    return f'<img width="480" src="data:image/png;base64,{b64encode(file.getvalue()).decode()}"/>'

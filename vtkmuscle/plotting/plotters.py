@@ -79,10 +79,9 @@ def make_plotter(
         For ``show`` or ``screenshot``; to be closed afterwards.
     """
     plotter = plain_plotter(view.size, off_screen)
-    looks: dict[str, Any] = {"colours": colours, "fixed_points": fixed_points}
-    actors = actors_of(
-        muscles, view, fibres=fibres, finer=4, **looks
-    )  # PyVista's anti-aliasing renders 4 x 4
+    # PyVista's anti-aliasing renders 4 x 4 pixels.
+    looks: dict[str, Any] = {"colours": colours, "fixed_points": fixed_points, "finer": 4}
+    actors = actors_of(muscles, view, fibres=fibres, **looks)
     for actor in (*(surface_actor(bone) for _, bone in blocks_of(bones)), *actors):
         plotter.add_actor(actor, reset_camera=False, render=False)
     look_from(plotter.camera, view)

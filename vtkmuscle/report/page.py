@@ -25,6 +25,7 @@ BADGES = {"ok": "✓ ok", "look": "! check this", "failed": "✗ failed"}
 RESTS_ON = {
     "aponeuroses": "fibres between aponeuroses",
     "scene": "fibres bone to bone, less the scene's tendon",
+    "population": "fibres bone to bone, less the tendon of published muscles of this name",
     "estimate": "fibres bone to bone, less an estimated tendon",
 }
 #: Meaning of the page's numbers.

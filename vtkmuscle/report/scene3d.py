@@ -130,9 +130,7 @@ LEAST, MOST = 600, 12_000
 
 
 def scene_of(run: RunContent, pack: Pack) -> dict[str, Any]:
-    """Return the scene of a page, ready for JSON.
-
-    Arrays are added to the pack.
+    """Return the scene of a page, ready for JSON, and add its arrays to the pack.
 
     The scene has bone surfaces at rest and their transforms; muscle points at rest and per frame; and points,
     length, strain and depth in bone of fibres per frame.

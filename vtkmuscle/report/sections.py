@@ -9,10 +9,12 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import jinja2
+import numpy as np
 from markupsafe import Markup
 from numpy.typing import NDArray
 
 from vtkmuscle import __version__
+from vtkmuscle.core.types import Floats
 from vtkmuscle.io.writing import write_text
 
 
@@ -74,3 +76,25 @@ def _shown(value: Any) -> str:
     if value is None or value != value:  # noqa: PLR0124
         return ""
     return f"{value:.4g}" if isinstance(value, float) else str(value)
+
+
+#: Width and height of a curve [pixels].
+_SIZE = (220, 50)
+
+
+def svg_curve(x: Floats, y: Floats, x_unit: str, y_unit: str) -> str:
+    """Return a curve with zero line and numbers at the ends as SVG, without outliers as at jumps."""
+    low, high = np.clip(np.percentile(y, [2.0, 98.0]), [-np.inf, 0.0], [0.0, np.inf])
+    width, height = _SIZE
+    across = width * (x - x[0]) / np.ptp(x)
+    up, zero = height * (high - np.array([np.clip(y, low, high), 0.0 * y])) / ((high - low) or 1.0)
+    points = " ".join(f"{a:.1f},{b:.1f}" for a, b in zip(across, up, strict=True))
+    labels = [(-4, 9, "end", f"{high:.0f} {y_unit}"), (-4, height, "end", f"{low:.0f}")]
+    labels += [(0, height + 13, "start", f"{x[0]:.4g}"), (width, height + 13, "end", f"{x[-1]:.4g} {x_unit}")]
+    form = '<text x="{}" y="{}" text-anchor="{}" font-size="10">{}</text>'
+    texts = "".join(form.format(*label) for label in labels)
+    return (
+        f'<svg width="{width + 45}" height="{height + 16}" viewBox="-45 -1 {width + 45} {height + 16}">'
+        f'<line x1="0" x2="{width}" y1="{zero[0]:.1f}" y2="{zero[0]:.1f}" stroke="#bbb"/>'
+        f'<polyline points="{points}" fill="none" stroke="#06c"/>{texts}</svg>'
+    )

@@ -133,11 +133,13 @@ class MuscleRun:
         with self._timed("measuring"):
             lines = polylines_of(fibres, "fibres")
             measure.take_fibres_at_rest(lines.points, lines.offsets)
-            hill, sheets = scene.muscles[self.name].hill, scene.aponeuroses_data(self.name)
-            areas = scene.attachments_data(self.name)
+            own, sheets = scene.muscles[self.name], scene.aponeuroses_data(self.name)
+            areas, known_as = scene.attachments_data(self.name), own.muscle or self.name
             track.report |= {
                 "fibres": fibres_at_rest(fibres, rest, scene.millimetres),
-                "architecture": architecture_of(fibres, rest, areas, scene.millimetres, hill, sheets),
+                "architecture": architecture_of(
+                    fibres, rest, areas, scene.millimetres, own.hill, sheets, known_as
+                ),
                 "fibre_measures": [],
             }
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -12,7 +11,7 @@ from vtkmuscle.core.mesh.polylines import polyline_lengths
 from vtkmuscle.core.moment_arms.of_joints import JointArms
 from vtkmuscle.core.motion.coordinates import ANGLES
 from vtkmuscle.core.types import Floats
-from vtkmuscle.data.anatomy import published, published_coordinate
+from vtkmuscle.data.anatomy import PERSONAL, published, published_coordinate
 from vtkmuscle.data.arrays import polylines_of
 from vtkmuscle.run.frames import MuscleTrack
 from vtkmuscle.run.verdict import LOOK, Reason
@@ -24,9 +23,6 @@ SHORTEST_FIBRE, LONGEST_FIBRE = 0.1, 2.0
 #: Margin of published moment arms [mm]: the ranges are of single generic models, and from model to model
 #: their edges move by as much.
 MARGIN = 15.0
-#: Factor between a person's ratios and published means: two standard deviations of fibre lengths are 0.25 to
-#: 0.55 of the mean (Ward et al. 2009, doi:10.1007/s11999-008-0594-8); a belly without tendon has two thirds.
-PERSONAL = 1.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,7 +55,7 @@ def further_reasons(muscle: Judged, odd: Sequence[SceneError]) -> Iterator[Reaso
     for error in odd:
         # The scale of a scene is no property of a muscle.
         if error.key.startswith(own) or not error.key.startswith(("muscles.", "units")):
-            yield _reason("plausible", 0.0, 0.0, "", f"{error.key}: {error.problem}", error.remedy)
+            yield _reason(muscle, "plausible", (0.0, 0.0, ""), f"{error.key}: {error.problem}", error.remedy)
     if muscle.path > 0.0:
         yield from _hill(muscle)
         yield from _fascicles(muscle)
@@ -67,9 +63,13 @@ def further_reasons(muscle: Judged, odd: Sequence[SceneError]) -> Iterator[Reaso
             yield from _arms(muscle, arms)
 
 
-def _reason(check: str, value: float, limit: float, unit: str, says: str, do: str, at: Any = None) -> Reason:
-    frame, time = (0, 0.0) if at is None else at
-    return Reason(check, LOOK, int(frame), float(time), float(value), float(limit), unit, says, do)
+def _reason(
+    muscle: Judged, check: str, found: tuple[float, float, str], says: str, do: str, at: int = 0
+) -> Reason:
+    """Return a reason for a look: value, limit and unit, ``at`` a kept frame."""
+    row = muscle.track.report["frames"][at] if muscle.track.report["frames"] else {"frame": 0, "time": 0.0}
+    value, limit, unit = found
+    return Reason(check, LOOK, int(row["frame"]), row["time"], float(value), float(limit), unit, says, do)
 
 
 def _hill(muscle: Judged) -> Iterator[Reason]:
@@ -83,7 +83,7 @@ def _hill(muscle: Judged) -> Iterator[Reason]:
         if ratio < least or ratio > most:
             says = f"{key} is {ratio * path:.3g} mm, but the muscle's path is {path:.3g} mm long"
             do = f"check the unit; {least:g} to {most:g} of the path is plausible"
-            yield _reason("hill", ratio, most if ratio > most else least, "", says, do)
+            yield _reason(muscle, "hill", (ratio, most if ratio > most else least, ""), says, do)
 
 
 def _fascicles(muscle: Judged) -> Iterator[Reason]:
@@ -97,55 +97,48 @@ def _fascicles(muscle: Judged) -> Iterator[Reason]:
     if longest < low * muscle.path or shortest > high * muscle.path:
         mean = architecture["fascicle_length_mm"]["mean"]
         says = f"the fascicles are {mean:.3g} mm long, {mean / muscle.path:.2f} of the path; published: "
-        says += _span(known.low, known.high, known.source)
+        says += _span(known.low, known.high, source=known.source)
         limit = high if shortest > high * muscle.path else low
         do = "give aponeuroses, or tendon_slack_length under hill; do not use PCSA and fascicle lengths"
-        yield _reason("fascicles", mean / muscle.path, limit, "", says, do)
+        yield _reason(muscle, "fascicles", (mean / muscle.path, limit, ""), says, do)
 
 
 def _arms(muscle: Judged, arms: JointArms) -> Iterator[Reason]:
     """Yield moment arms longer than the muscle, or outside of what is published, at the worst value."""
-    if arms.unit not in ANGLES or not np.isfinite(arms.mean).any():
+    mean, frames = arms.mean, arms.frames.tolist()
+    if arms.unit not in ANGLES or muscle.lengths is None or not np.isfinite(mean).any():
         return
-    mean, angles = arms.mean, np.degrees(arms.values * ANGLES[arms.unit])
-
-    def at(i: int) -> tuple[int, float]:
-        return int(arms.frames[i]), float(muscle.scene.motion.times[arms.frames[i]])
-
-    if muscle.lengths is not None:
-        longer = np.abs(mean) / muscle.lengths[arms.frames].mean(axis=1)
-        worst = int(np.nanargmax(longer))
-        if longer[worst] > 1.0:
-            says = (
-                f"the moment arm by {arms.coordinate} is {mean[worst]:.3g} mm, longer than the muscle itself"
-            )
-            do = "check the coordinate's unit, the joint's centre and the attachments"
-            yield _reason("arm and length", longer[worst], 1.0, "", says, do, at(worst))
+    longer = np.nan_to_num(np.abs(mean) / muscle.lengths[frames].mean(axis=1))
+    worst = int(longer.argmax())
+    if longer[worst] > 1.0:
+        says = f"the moment arm by {arms.coordinate} is {mean[worst]:.3g} mm, longer than the muscle"
+        do = "check the coordinate's unit, the joint's centre and the attachments"
+        yield _reason(muscle, "arm and length", (longer[worst], 1.0, ""), says, do, frames[worst])
     coordinate, sign = published_coordinate(arms.coordinate, arms.positive)
     known = published(muscle.anatomical, "moment_arm", coordinate) if coordinate else None
     length = published(muscle.anatomical, "path_length")
+    angles = sign * np.degrees(arms.values * ANGLES[arms.unit])
     if known is None or length is None:
         return
     size = muscle.path / np.array([length.high * PERSONAL, length.low / PERSONAL])
     low, high = ((known.low - MARGIN) * size).min(), ((known.high + MARGIN) * size).max()
-    own = sign * np.where(
-        (angles * sign >= known.values[0]) & (angles * sign <= known.values[1]), mean, np.nan
-    )
-    if not np.isfinite(own).any():
+    within = (angles >= known.values[0]) & (angles <= known.values[1]) & np.isfinite(mean)
+    if not within.any():
         return
-    ends = min(sign * known.low, sign * known.high), max(sign * known.low, sign * known.high)
-    says = f"the mean moment arm by {arms.coordinate} is {{:.3g}} mm {{}}; published [mm]: "
-    says, do = says + _span(*ends, known.source), "check the attachments, the axis and the surface there"
+    own = np.where(within, sign * mean, np.nan)
     worst, sweep = int(np.nanargmax(np.maximum(low - own, own - high))), float(np.nanmean(own))
-    if not low <= own[worst] <= high:
-        limit, words = sign * (low if own[worst] < low else high), f"at {angles[worst]:.3g} degrees"
-        yield _reason(
-            "published arms", mean[worst], limit, "mm", says.format(mean[worst], words), do, at(worst)
+    opposite = known.low * known.high > 0.0 > sweep * known.low
+    if opposite or not low <= own[worst] <= high:
+        limit = 0.0 if opposite else sign * (low if own[worst] < low else high)
+        whole = f", of the other sign over the whole motion ({sign * sweep:.3g} mm)" if opposite else ""
+        says = (
+            f"the mean moment arm by {arms.coordinate} is {mean[worst]:.3g} mm at {sign * angles[worst]:.3g} "
         )
-    elif known.low * known.high > 0.0 > sweep * known.low:
-        words = says.format(sign * sweep, "over the whole motion, of the other sign")
-        yield _reason("published arms", sign * sweep, 0.0, "mm", words, do, at(worst))
+        says += f"degrees{whole}; published [mm]: "
+        says += _span(*sorted([sign * known.low, sign * known.high]), source=known.source)
+        do = "check the attachments, the axis and the surface there"
+        yield _reason(muscle, "published arms", (mean[worst], limit, "mm"), says, do, frames[worst])
 
 
-def _span(low: float, high: float, source: str) -> str:
+def _span(low: float, high: float, *, source: str) -> str:
     return f"{low:g} to {high:g} ({source})" if low < high else f"{low:g} ({source})"

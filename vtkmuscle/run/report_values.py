@@ -24,6 +24,7 @@ from vtkmuscle.core.mesh.polylines import end_directions, polyline_lengths
 from vtkmuscle.core.mesh.solids import solids_of
 from vtkmuscle.core.mesh.surface import signed_volume
 from vtkmuscle.core.types import Floats
+from vtkmuscle.data.anatomy import PERSONAL, Published, published
 from vtkmuscle.data.arrays import Polylines, checked_surface, field_array, points_of, polylines_of
 from vtkmuscle.data.attachments import aponeuroses_of
 from vtkmuscle.data.end_surfaces import aponeurosis_surfaces
@@ -55,20 +56,22 @@ def architecture_of(
     millimetres: float,
     hill: Mapping[str, float] | None = None,
     aponeuroses: vtkMultiBlockDataSet | None = None,
+    name: str = "",
 ) -> dict[str, Any]:
     """Return the architecture of a muscle at rest, JSON-able; see :data:`DEFINITIONS`.
 
     ``hill`` may have ``tendon_slack_length`` in the scene's unit and ``sarcomere_length`` in micrometres;
-    ``aponeuroses`` are the surfaces at the ends of the fibres.
+    ``aponeuroses`` are the surfaces at the ends of the fibres; ``name`` is looked up among published muscles.
     """
     metrics = FibreMetrics(architecture=True)
     summary = muscle_summary(metrics(fibres, muscle, attachments))
     result: dict[str, Any] = {}
-    for array, (name, power) in ARCHITECTURE.items():
+    for array, (key, power) in ARCHITECTURE.items():
         found, scale = summary[array], millimetres**power
-        result[name] = found if isinstance(found, list) else found * scale
+        result[key] = found if isinstance(found, list) else found * scale
     given = hill or {}
-    result |= _without_tendon(fibres, muscle, aponeuroses, millimetres, given.get("tendon_slack_length"))
+    tendon, known = given.get("tendon_slack_length"), published(name, "fibre_to_path")
+    result |= _without_tendon(fibres, muscle, aponeuroses, millimetres, tendon, known)
     if "sarcomere_length" in given:
         ratio = OPTIMAL_SARCOMERE / given["sarcomere_length"]
         result["fascicle_length_normalised_mm"] = ratio * result["fascicle_length_mm"]["mean"]
@@ -81,6 +84,7 @@ def _without_tendon(
     aponeuroses: vtkMultiBlockDataSet | None,
     millimetres: float,
     tendon: float | None,
+    ratio: Published | None,
 ) -> dict[str, Any]:
     lines, geometry = polylines_of(fibres, "fibres"), muscle_geometry(muscle, "muscle")
     surface = geometry.points, geometry.triangles
@@ -89,28 +93,34 @@ def _without_tendon(
     shares = TENDON_AREA, *TENDON_AREAS
     found, *ends = fascicles(profile, volume, lines.points, lines.offsets, shares=shares)
     whole = polyline_lengths(lines.points, lines.offsets)
-    source, lengths, means = "estimate", found.lengths, [one.lengths.mean() for one in ends]
+    source, lengths, by_thickness = "estimate", found.lengths, found.lengths.mean()
+    of_ends: list[Floats] | None = None
     if aponeuroses is not None:
         source, lengths = "aponeuroses", whole
         origin, insertion = _pennations(lines, aponeuroses, geometry)
         found, *ends = (Fascicles(whole, origin, insertion, one.volume) for one in (found, *ends))
     elif tendon is not None and tendon < whole.min():
         source, lengths = "scene", whole - tendon
-    if source != "estimate":
-        means = [lengths.mean()] * 2
+    elif ratio is not None:
+        source, lengths = "population", float(np.sqrt(ratio.low * ratio.high)) * whole
+        of_ends = [ratio.low / PERSONAL * whole, ratio.high * PERSONAL * whole]
+        ends = [found, found]
+    if of_ends is None:
+        of_ends = [one.lengths for one in ends] if source == "estimate" else [lengths, lengths]
     square = millimetres**2
     return {
         "tendon_from": source,
         "tendon_length_mm": float((whole - lengths).mean()) * millimetres,
         "fascicle_length_mm": spread(lengths * millimetres),
-        "fascicle_length_range_mm": sorted(float(mean) * millimetres for mean in means),
+        "fascicle_length_range_mm": sorted(float(each.mean()) * millimetres for each in of_ends),
+        "fascicle_length_by_thickness_mm": float(by_thickness) * millimetres,
         "fascicle_pennation_origin_deg": spread(found.origin_angles),
         "fascicle_pennation_insertion_deg": spread(found.insertion_angles),
         "tendon_volume_share": 1.0 - found.volume / volume if volume > 0.0 else 0.0,
         "volume_without_tendon_mm3": found.volume * millimetres**3,
         "pcsa_without_tendon_mm2": found.cross_section(lengths) * square,
         "pcsa_without_tendon_range_mm2": sorted(
-            one.cross_section(None if source == "estimate" else lengths) * square for one in ends
+            one.cross_section(each) * square for one, each in zip(ends, of_ends, strict=True)
         ),
     }
 
@@ -142,6 +152,7 @@ _COLUMNS = (
     ("pcsa", "mm2", "pcsa_mm2"),
     ("tendon_length", "mm", "tendon_length_mm"),
     ("fascicle_length", "mm", "fascicle_length_mm"),
+    ("fascicle_length_by_thickness", "mm", "fascicle_length_by_thickness_mm"),
     ("fascicle_pennation_origin", "deg", "fascicle_pennation_origin_deg"),
     ("fascicle_pennation_insertion", "deg", "fascicle_pennation_insertion_deg"),
     ("tendon_volume_share", "1", "tendon_volume_share"),

@@ -10,14 +10,14 @@ from typing import TYPE_CHECKING, Any, Self, TypeVar
 
 import numpy as np
 
-from vtkmuscle.core.by_name import Remedies
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.moment_arms.of_joints import JointArms
 from vtkmuscle.core.types import Floats
-from vtkmuscle.core.words import suggestion
-from vtkmuscle.run.cells import html_picture, html_table
+from vtkmuscle.core.words import Remedies, suggestion
+from vtkmuscle.plotting.drawing import html_picture
 from vtkmuscle.run.result_data import ResultData
 from vtkmuscle.run.store import ResultFolder
+from vtkmuscle.run.table import html_table
 from vtkmuscle.run.verdict import CHECKS, VERDICTS
 
 if TYPE_CHECKING:

@@ -12,12 +12,11 @@ from typing import Any, Self
 import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkMultiBlockDataSet
 
-from vtkmuscle.core.by_name import ByName
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.moment_arms.of_joints import JointArms, joint_arms
 from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.core.types import Floats
-from vtkmuscle.core.words import suggestion
+from vtkmuscle.core.words import ByName, suggestion
 from vtkmuscle.data.arrays import points_of, with_points
 from vtkmuscle.data.drawn_bones import DrawnBones
 from vtkmuscle.data.paths import Paths, paths_of

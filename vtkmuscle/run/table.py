@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from html import escape
+from itertools import islice
 from os import PathLike
 from pathlib import Path
 from typing import Any, Self
@@ -18,7 +19,6 @@ from vtkmuscle.core.moment_arms.of_joints import JointArms
 from vtkmuscle.core.types import Floats
 from vtkmuscle.core.words import suggestion
 from vtkmuscle.io.writing import plain_cell, replacing
-from vtkmuscle.run.cells import html_table
 
 #: Columns of the tables of lengths: a row per muscle, fibre and frame. A path has the number of its fibre.
 LENGTHS = ("muscle", "fibre", "frame", "time", "length_mm", "segment_error_mm")
@@ -30,6 +30,9 @@ SUMMARY = (
     *("muscle", "coordinate", "unit", "value"),
     *("mean_mm", "slope_mean_mm", "min_mm", "max_mm", "quartic_mean_mm", "sampling_error_mm"),
 )
+
+#: Most rows of a table in a cell, as pandas shows 60: a cell's height on a screen.
+MOST_ROWS = 20
 
 
 class Table(Mapping[str, NDArray[Any]]):
@@ -287,3 +290,15 @@ def _cells(column: NDArray[Any], digits: int | None) -> Iterable[Any]:
         return values
     written = map(repr if digits is None else f"%.{digits}g".__mod__, values)
     return ("" if text == "nan" else text for text in written) if np.isnan(column).any() else written
+
+
+def html_table(columns: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
+    """Return a table in HTML, of :data:`MOST_ROWS` rows at most."""
+    listed = [tuple(columns), *islice(rows, MOST_ROWS)]
+    texts = [[f"{value:.6g}" if isinstance(value, float) else str(value) for value in row] for row in listed]
+    tags = ["th"] + ["td"] * (len(texts) - 1)
+    lines = (
+        "".join(f"<{tag}>{escape(text)}</{tag}>" for text in row)
+        for tag, row in zip(tags, texts, strict=True)
+    )
+    return f"<table>{''.join(f'<tr>{line}</tr>' for line in lines)}</table>"

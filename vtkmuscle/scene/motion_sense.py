@@ -17,9 +17,8 @@ from vtkmuscle.data.anatomy import JOINTS, stem_of
 from vtkmuscle.scene.data import Anatomy, SceneData
 from vtkmuscle.scene.faults import Finding
 
-#: Motions of a bone by a coordinate that is an angle, per unit: a knee's screw-home turns the shank by half a
-#: degree per degree of flexion, which makes 1.12 (Hallen, Lindahl 1966, doi:10.3109/17453676608989407); twice
-#: that beyond 1, either way. A unit that is mistaken makes 57 or 0.02.
+#: Turns of a bone per unit of an angle, either way. A second turn of half the size, as the screw-home of a
+#: knee, makes 1.12; this is twice as far off. A unit that is mistaken makes 57 or 0.02.
 TURN = 1.25
 #: Least turn by a positive direction along its axis in anatomy, as a part of the turn: 120 degrees off.
 OPPOSITE = -0.5
@@ -28,10 +27,11 @@ RADIANS = 3.2
 #: A jump of a motion is as many times its largest neighbouring step, of three on either side (a sine with
 #: eight samples has 2.4), and this part of the bone's size: 2 degrees about an end.
 JUMP, STEP = 5.0, 0.02
-#: Change of the gap between the bones of a joint, as a part of the moving bone's size. A healthy humeral head
-#: translates by up to 6 mm (Graichen et al. 2000, doi:10.1016/S0021-9290(99)00201-2), 2 % of a humerus; the
-#: head of a femur that moves by 2 % has left its socket by a third of its radius.
+#: Change of the gap between touching bones, as a part of the smaller bone's size: a femur's head has left its
+#: socket by a third of its radius. In eleven scenes of hips, knees, elbows and shoulders it is up to 0.008.
 JOINT_GAP = 0.02
+#: Distance of bones at which their muscles are certainly torn, in sizes of the smaller bone.
+TORN = 2.0
 #: Poses and points of a bone for gaps between bones.
 _GAP_POSES, _GAP_POINTS = 8, 2000
 
@@ -119,35 +119,42 @@ def _steps(scene: SceneData, anatomy: Anatomy) -> Iterator[Finding]:
 
 
 def _gaps(scene: SceneData, anatomy: Anatomy) -> Iterator[Finding]:
-    """Yield moving bones that leave the bones they touch at rest, or run into further bones."""
+    """Yield bones that leave the bones they touch at rest, run into bones, or fly apart."""
     chosen = np.unique(np.linspace(0, len(scene.motion.times) - 1, _GAP_POSES).astype(np.int64))
     bodies: dict[bytes, list[str]] = {}
-    for bone in anatomy.solid_bones:
+    for bone in anatomy.bones:
         bodies.setdefault(scene.motion.transforms.get(bone, np.eye(4)).tobytes(), []).append(bone)
     for body, others in combinations(bodies.values(), 2):
-        tables = [scene.motion.transforms.get(one[0]) for one in (others, body)]
+        tables = [scene.motion.transforms.get(names[0]) for names in (others, body)]
         pairs = list(product(body, others))
-        gaps = np.empty((1 + len(chosen), len(pairs)))
-        for i, pose in enumerate((None, *chosen)):
+        gaps = []
+        for pose in (None, *chosen):
             now, fixed = (np.eye(4) if pose is None or table is None else table[pose] for table in tables)
-            for j, (bone, other) in enumerate(pairs):
-                points = anatomy.bones[other].points
-                placed = apply_transform(inverse(fixed) @ now, points[:: 1 + len(points) // _GAP_POINTS])
-                solids = anatomy.bones[bone].solids
-                within = placed[solids.inside(placed)]  # the sign of a distance fails at ragged holes
-                gaps[i, j] = (
-                    -solids.depth(within).max() if len(within) else np.abs(solids.distances(placed)).min()
-                )
+            gaps.append([_gap(anatomy, *pair, inverse(fixed) @ now) for pair in pairs])
+        closest = np.min(gaps, axis=1)
         size = min(max(diagonal(anatomy.bones[bone].points) for bone in names) for names in (body, others))
-        closest = gaps.min(axis=1)
-        deeper = np.maximum(0.0, -closest) - max(0.0, -closest[0])
-        apart = np.maximum(0.0, closest) - (max(0.0, closest[0]) if closest[0] < JOINT_GAP * size else np.inf)
-        way, change = max(
-            (("deeper in each other", deeper), ("farther apart", apart)), key=lambda c: c[1].max()
-        )
-        worst = int(change.argmax())
-        if change[worst] > JOINT_GAP * size:
-            far = f"{change[worst] * scene.millimetres:.3g} mm {way} than at rest"
-            bone, other = pairs[int(gaps[worst].argmin())]
-            problem = f"in frame {chosen[worst - 1]} the bones {bone!r} and {other!r} are {far}"
-            yield Finding("motion", problem, "check the joint's centre and axes, and the order of transforms")
+        near = JOINT_GAP * size
+        deeper, apart = np.maximum(0.0, -closest), np.maximum(0.0, closest)
+        for limit, way, gap in (
+            (near, "deeper in each other", deeper),
+            (near if apart[0] < near else size, "farther apart", apart),
+        ):
+            worst, change = int(gap.argmax()), float(gap.max() - gap[0])
+            if change > limit:
+                bone, other = pairs[int(np.argmin(gaps[worst]))]
+                problem = f"in frame {chosen[worst - 1]} the bones {bone!r} and {other!r} are "
+                problem += f"{change * scene.millimetres:.3g} mm {way} than at rest"
+                remedy = "check the joint's centre and axes, and unit and order of the transforms"
+                yield Finding("motion", problem, remedy, change > TORN * size)
+
+
+def _gap(anatomy: Anatomy, bone: str, other: str, moved: Floats) -> float:
+    """Return the gap between a bone and another bone that is moved, negative inside."""
+    points, solids = anatomy.bones[other].points, anatomy.bones[bone].solids
+    placed = apply_transform(moved, points[:: 1 + len(points) // _GAP_POINTS])
+    (low, high), ends = solids.box, (placed.min(axis=0), placed.max(axis=0))
+    far = float(np.linalg.norm(np.maximum(0.0, np.maximum(low - ends[1], ends[0] - high))))
+    if far > 0.1 * diagonal(points):
+        return far  # of the boxes: closer bones are measured
+    within = placed[solids.inside(placed)]  # the sign of a distance fails at ragged holes
+    return float(-solids.depth(within).max() if len(within) else np.abs(solids.distances(placed)).min())

@@ -13,8 +13,6 @@ from vtkmuscle.core.attachments.patches import ring_length, short_ring
 from vtkmuscle.core.mesh.sampling import samples_inside
 from vtkmuscle.core.mesh.solids import solids_of
 from vtkmuscle.core.mesh.surface import diagonal, signed_volume
-from vtkmuscle.core.motion.rigid import apply_transform
-from vtkmuscle.core.types import Floats
 from vtkmuscle.data.attachments import ROLES, AttachmentArea
 from vtkmuscle.scene.data import MILLIMETRES, Anatomy, Muscle, RestSurface, SceneData
 from vtkmuscle.scene.faults import Finding, SceneError
@@ -45,8 +43,6 @@ SURE = 0.5
 #: overlap by up to 2.3 mm, where the limit is 3.0 (LHDL hip). Also the least extent of a part of a bone in a
 #: muscle: a spur of that pelvis is 1.9 mm long.
 DEEP = 4.0
-#: Distance of a muscle's areas, relative to rest or to half its length: probably, and certainly torn.
-TORN, SURE_TORN = 2.0, 5.0
 #: Share of a muscle inside of another one: half of it is two things in one position. Samples of a muscle.
 SHARED, _SHARED_SAMPLES = 0.5, 256
 #: Most points of a bone that are checked: 2 mm apart, on the largest.
@@ -82,8 +78,6 @@ def findings(scene: SceneData, anatomy: Anatomy) -> Iterator[Finding]:
         yield from _on_bones(scene.millimetres, name, muscle, anatomy)
         yield from _estimates(name, muscle)
         yield from _in_bones(scene.millimetres, name, anatomy)
-    for name, muscle in scene.muscles.items():
-        yield from _torn(scene, name, muscle, anatomy.muscles[name])
     if scene.muscle_contact != "off":
         yield from _twice(anatomy)
     yield from _guessed(scene)
@@ -249,27 +243,3 @@ def _on_bones(millimetres: float, name: str, muscle: Muscle, anatomy: Anatomy) -
     if len(areas) > 1 and len(bones) == 1:
         problem = f"all areas are on the bone {bones.pop()!r}: the muscle will move with the bone, undeformed"
         yield Finding(key, problem, "check the bones of the areas")
-
-
-def _torn(scene: SceneData, name: str, muscle: Muscle, surface: RestSurface) -> Iterator[Finding]:
-    """Yield a muscle whose areas move too far apart."""
-    middles = [(area.bone, np.asarray(area.landmarks).mean(axis=0)) for area in muscle.attachments]
-    if len({bone for bone, _ in middles}) < 2:
-        return
-    length = diagonal(surface.points)
-    spans = np.array([_span(middles, scene.motion.at(float(time))) for time in scene.motion.times])
-    longest = int(np.argmax(spans))
-    ratio = spans[longest] / max(_span(middles, {}), 0.5 * length)
-    if ratio > TORN:
-        problem = (
-            f"the areas are {spans[longest]:.3g} {scene.units} apart in frame {longest}, {ratio:.3g} "
-            "times as far as at rest: the muscle would tear"
-        )
-        remedy = "check the unit of the motion's translations; transforms lead from rest to the pose"
-        yield Finding(f"muscles.{name}.attachments", problem, remedy, ratio > SURE_TORN)
-
-
-def _span(middles: list[tuple[str, Floats]], pose: dict[str, Floats]) -> float:
-    """Return the largest distance between two areas' centroids in a pose."""
-    moved = [apply_transform(pose.get(bone, np.eye(4)), middle[None])[0] for bone, middle in middles]
-    return max(float(np.linalg.norm(a - b)) for a in moved for b in moved)

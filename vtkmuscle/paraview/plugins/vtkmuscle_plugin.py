@@ -1,8 +1,7 @@
 """The plugin file of ParaView.
 
-ParaView loads the file by PV_PLUGIN_PATH, or by Tools, Manage Plugins, Load New.
-
-ParaView searches proxies only in the plugin's module.
+ParaView loads the file by PV_PLUGIN_PATH, or by Tools, Manage Plugins, Load New, and searches proxies only
+in the plugin's module.
 """
 
 import sys
