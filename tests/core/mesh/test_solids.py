@@ -88,6 +88,8 @@ def test_where_shells_overlap_the_deepest_counts():
     np.testing.assert_allclose(both, np.maximum(*each), atol=1e-12)
     assert ((each[0] > 0) & (each[1] > 0)).sum() > 20
     assert both[np.linalg.norm(positions - [6.0, 0, 0], axis=1) < 3].min() > 0
+    apart = [solids_of(*mesh).distances(positions) for mesh in (a, b)]
+    np.testing.assert_allclose(solids_of(*union(a, b)).distances(positions), np.minimum(*apart), atol=1e-12)
 
 
 def test_a_hollow_counts_as_bone():

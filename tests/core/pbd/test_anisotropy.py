@@ -36,9 +36,9 @@ def test_of_two_segments_with_a_common_nearest_point_the_first_counts_wherever_t
         turned = np.linalg.qr(rng.normal(size=(3, 3)))[0].T
         shift = rng.uniform(-500, 500, 3)
         fibre = np.array([[-5.0, 0, -1], [0, 0, 0], [5, 0, -1]]) @ turned + shift
-        query = np.array([[0.0, 0, 9]]) @ turned + shift
-        direction = fibre_directions_at(query, fibre, np.array([0, 3]))
-        assert np.allclose(direction, (fibre[1] - fibre[0]) / np.sqrt(26))
+        queries = np.array([[3.0, 0, 1], [0, 0, 9]]) @ turned + shift
+        directions = fibre_directions_at(queries, fibre, np.array([0, 3]))
+        assert np.allclose(directions, [fibre[2] - fibre[1], fibre[1] - fibre[0]] / np.sqrt(26))
 
 
 def test_fibre_direction_is_that_of_the_segment_not_of_the_nearest_vertex():

@@ -7,6 +7,7 @@ from spindle import spindle
 from vtkmuscle.core.bones.bone import bone_of
 from vtkmuscle.core.fixed_muscle import FixedMuscle
 from vtkmuscle.core.motion.rigid import apply_transform, inverse, rotation_about
+from vtkmuscle.core.pbd.levels import TwoLevels
 from vtkmuscle.core.pbd.solver import PUBLISHED, Parameters, PBDSolver
 from vtkmuscle.core.pbd.voxels import _GRIDS
 
@@ -234,3 +235,15 @@ def test_progress_rises_to_one_and_may_stop_the_step(angle, parts):
 
     with pytest.raises(KeyboardInterrupt):
         solver.step(solver.at_rest(2), bent(angle), progress=stop)
+
+
+def test_a_fine_surface_goes_with_the_coarse_surface_and_its_fixed_points_with_the_bones():
+    coarse, fine = spindle(rings=12, around=8), spindle(rings=24, around=16)
+    levels = TwoLevels(solver_of(coarse), solver_of(fine), fine[2])
+    turned = rotation_about((5.0, -30.0, 7.0), [1, 2, 3], 70.0)
+    moved = levels.prolonged(apply_transform(turned, coarse[0]), np.array([turned, turned]))
+    np.testing.assert_allclose(moved, apply_transform(turned, fine[0]), rtol=0.0, atol=1e-9)
+    stayed = levels.prolonged(coarse[0], bent(10.0))
+    for bone, transform in enumerate(bent(10.0)):
+        fixed = fine[2] == bone
+        np.testing.assert_allclose(stayed[fixed], apply_transform(transform, fine[0][fixed]), atol=1e-9)
