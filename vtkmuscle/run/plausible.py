@@ -63,6 +63,12 @@ def further_reasons(muscle: Judged, odd: Sequence[SceneError]) -> Iterator[Reaso
             yield from _arms(muscle, arms)
 
 
+def missing_checks(muscle: Judged) -> dict[str, str]:
+    """Return the checks without published numbers, and why."""
+    why = 'no published muscle has the name; write muscle = "semimembranosus", for example'
+    return {} if published(muscle.anatomical) else {"published arms": why, "fascicles": why}
+
+
 def _reason(
     muscle: Judged, check: str, found: tuple[float, float, str], says: str, do: str, at: int = 0
 ) -> Reason:

@@ -19,7 +19,7 @@ from vtkmuscle.io.writing import file_digest
 from vtkmuscle.run.figures import draw_run
 from vtkmuscle.run.frames import MuscleTrack, RunOptions, frame_numbers
 from vtkmuscle.run.muscles import MuscleRun, SceneRun
-from vtkmuscle.run.plausible import Judged, further_reasons
+from vtkmuscle.run.plausible import Judged, further_reasons, missing_checks
 from vtkmuscle.run.pool import ENDED, Pool, pool_size, track_in
 from vtkmuscle.run.report_values import DEFINITIONS, versions
 from vtkmuscle.run.result import Result
@@ -160,7 +160,8 @@ def _judge_further(scene: SceneData, result: Result, tracks: Tracks, odd: Sequen
     arms = result.moment_arms() if result.has_moment_arms else {}
     for name, track in tracks.items():
         muscle = Judged(name, scene, track, arms.get(name, {}), result.lengths.get(name))
-        track.report["verdict"] = with_reasons(track.report["verdict"], further_reasons(muscle, odd))
+        reasons, missing = further_reasons(muscle, odd), missing_checks(muscle)
+        track.report["verdict"] = with_reasons(track.report["verdict"], reasons, missing)
 
 
 def _write_tables(store: ResultWriter, result: Result) -> None:

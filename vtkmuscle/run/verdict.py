@@ -252,14 +252,16 @@ def judge(
     return with_reasons({"reasons": [], "not_checked": missing}, reasons)
 
 
-def with_reasons(verdict: Mapping[str, Any], reasons: Iterable[Reason]) -> dict[str, Any]:
-    """Return a verdict with further reasons, the worst first."""
+def with_reasons(
+    verdict: Mapping[str, Any], reasons: Iterable[Reason], missing: Mapping[str, str] | None = None
+) -> dict[str, Any]:
+    """Return a verdict with further reasons, the worst first, and further checks that are missing."""
     every = [*reasons_of(verdict), *reasons]
     every.sort(key=lambda reason: -VERDICTS.index(reason.verdict))
     return {
         "verdict": every[0].verdict if every else OK,
         "reasons": [vars(reason) for reason in every],
-        "not_checked": verdict["not_checked"],
+        "not_checked": {**verdict["not_checked"], **(missing or {})},
     }
 
 
