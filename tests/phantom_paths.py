@@ -66,7 +66,7 @@ class Strung:
             **changed,
         }
         ways = [given.pop(name) for name in ("fibres", "start_bones", "end_bones")]
-        return MusclePaths(*ways, self.points, self.triangles, given.pop("bones"), **given)
+        return MusclePaths(*ways, (self.points, self.triangles), given.pop("bones"), **given)
 
     def poses(self, motion=None):
         """Return the bones' transforms (k, b, 4, 4) at all times of a motion, by default the phantom's."""

@@ -195,8 +195,7 @@ class TautPaths(Filter):
                 made = MusclePaths(
                     paths,
                     *bones_at_ends(paths, fixed.points, fixed_to),
-                    fixed.points,
-                    fixed.triangles,
+                    (fixed.points, fixed.triangles),
                     shapes,
                     rings=rings,
                     n_paths=self.n_paths,

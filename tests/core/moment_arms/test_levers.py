@@ -48,7 +48,7 @@ def of_straight(points, twist):
 def straight_levers(points, stays, twists):
     """Return the levers of straight paths from a bone that stays to the next one, which nothing holds."""
     drift = np.zeros_like(points)
-    return path_levers(points, (stays, stays + 1), {}, twists, drift, np.zeros_like, np.zeros_like)
+    return path_levers(points, (stays, stays + 1), {}, twists, drift, (np.zeros_like, np.zeros_like))
 
 
 def lever_about(ends, centre, axis):

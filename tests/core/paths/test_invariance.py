@@ -164,8 +164,7 @@ def moved_paths(make, whole, **settings):
         moved(known.fibres),
         known.start_bones,
         known.end_bones,
-        moved(made.points),
-        made.triangles,
+        (moved(made.points), made.triangles),
         {number: Bone(moved(bone.points), bone.triangles) for number, bone in made.bones.items()},
     )
 

@@ -261,7 +261,7 @@ def test_paths_between_plates_that_come_closer_lack_that_room(closer):
         )
     }
     held = np.zeros(len(fibres), dtype=np.int64)
-    paths = MusclePaths(fibres, held, held, *slab, plates)
+    paths = MusclePaths(fibres, held, held, slab, plates)
     poses = np.tile(np.eye(4), (2, 1, 1))
     poses[1, 0, 3] = -closer
     squeezed = paths.follow(paths.rest, poses).squeezed

@@ -158,7 +158,7 @@ def tendon(segments, rings=64):
     fibres = np.zeros((len(across), segments + 1, 3))
     fibres[:, :, :2], fibres[:, :, 2] = across[:, None], np.linspace(0.0, LENGTH, segments + 1)
     ends = np.zeros(len(fibres), dtype=int), np.ones(len(fibres), dtype=int)
-    paths = MusclePaths(fibres, *ends, points, np.array(triangles), {})
+    paths = MusclePaths(fibres, *ends, (points, np.array(triangles)), {})
     return paths, points, np.array(triangles), fixed_to
 
 

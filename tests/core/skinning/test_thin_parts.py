@@ -67,7 +67,7 @@ def moved(muscle, poses, rounds, segments, bones=None):
     bones = bones or {}
     fibres = evenly_spread(*muscle.fibres, segments + 1)
     ends = bones_at_ends(fibres, muscle.points, muscle.fixed_to)
-    paths = MusclePaths(fibres, *ends, muscle.points, muscle.triangles, bones)
+    paths = MusclePaths(fibres, *ends, (muscle.points, muscle.triangles), bones)
     carried, state = CarriedMuscle(muscle, paths.rest.points, bones), paths.rest
     for transform in poses:
         state = paths.follow(state, np.array([transform, np.eye(4)]))

@@ -35,8 +35,7 @@ def path_levers(
     loads: Mapping[int, Load],
     twists: Floats,
     drift: Floats,
-    change: Callable[[Floats], Floats],
-    step: Callable[[Floats], Floats],
+    solver: tuple[Callable[[Floats], Floats], Callable[[Floats], Floats]],
     carried: tuple[Guides, Floats] | None = None,
 ) -> Floats:
     """Return the levers of paths as twists move bones.
@@ -60,11 +59,10 @@ def path_levers(
     drift : (f, n, 3) array
         Displacement of the points between the ends, such as the last move: the solution begins with the best
         multiple of the drift, and so saves two steps.
-    change : callable
-        Takes velocities of the points (f, n, 3, v), ends included, and returns the change of the energy's
-        gradient, 0 at the ends.
-    step : callable
-        Takes gradients likewise, and returns velocities of the inner points that about cancel the gradients.
+    solver : two callables
+        The first takes velocities of the points (f, n, 3, v), ends included, and returns the change of the
+        energy's gradient, 0 at the ends. The second takes gradients likewise, and returns velocities of the
+        inner points that about cancel the gradients.
     carried : (Guides, (b, 4, 4) array), optional
         Carry the paths of further fibres, in a pose of the bones.
     """
@@ -105,7 +103,7 @@ def path_levers(
             by_loads += np.einsum("fnij,fnjv->fniv", stiffness, velocity) + _turned(force, angular)
     both = np.concatenate([given, drift[..., None]], axis=3)
     both[:, [0, -1], :, -1] = 0.0
-    gradient, along_drift = np.split(change(both), [-1], axis=3)
+    gradient, along_drift = np.split(solver[0](both), [-1], axis=3)
     gradient[:, 1:-1] -= by_loads[:, 1:-1]
     part = -_products(gradient, along_drift) / (_products(along_drift, along_drift) or 1.0)
     given += part * both[..., -1:]
@@ -114,7 +112,7 @@ def path_levers(
     speed = np.linalg.norm(given[:, [0, -1]], axis=2).max(axis=(0, 1))
     going = np.ones(len(speed), dtype=np.bool_)  # each for itself: none depends on the others
     largest = np.full(len(speed), np.nan)
-    for lever in _responses(gradient, shortening, change, step):
+    for lever in _responses(gradient, shortening, *solver):
         size = np.sqrt((lever**2).mean(axis=0))
         going &= ~(size > LARGEST_GROWTH * largest)
         found[:, going] += lever[:, going]

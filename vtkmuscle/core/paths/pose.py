@@ -329,7 +329,7 @@ class SheetPose:
         about[..., :3] += np.cross(about[..., 3:], self._middle)
         ends = sheet.start_bones, sheet.end_bones
         carried = None if sheet.guides is None else (sheet.guides, self._moved)
-        return path_levers(x, ends, loads, about, drift, change, step, carried)
+        return path_levers(x, ends, loads, about, drift, (change, step), carried)
 
     def _loads(self) -> dict[int, Load]:
         """Return the loads of the bones on the points."""

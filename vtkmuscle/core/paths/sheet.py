@@ -145,10 +145,8 @@ class MusclePaths:
         Points at rest, evenly spread along each fibre, n >= 3, origin to insertion [mm].
     start_bones, end_bones : (f,) int arrays
         Bones of the ends.
-    surface : (v, 3) array
-        The muscle at rest [mm].
-    triangles : (m, 3) int array
-        Point ids, outward, closed.
+    surface : (v, 3) array, (m, 3) int array
+        The muscle at rest [mm], and its triangles, outward, closed.
     bones : mapping of int to Bone
         Bones at rest by number, to keep paths away from.
     rings : sequence of (int, ViaRing)
@@ -175,8 +173,7 @@ class MusclePaths:
         fibres: Floats,
         start_bones: Ints,
         end_bones: Ints,
-        surface: Floats,
-        triangles: Ints,
+        surface: tuple[Floats, Ints],
         bones: Mapping[int, Bone],
         *,
         rings: Sequence[tuple[int, ViaRing]] = (),
@@ -192,7 +189,7 @@ class MusclePaths:
         self.fibres: Floats = np.ascontiguousarray(fibres, dtype=np.float64)
         self.start_bones, self.end_bones = start_bones, end_bones
         lengths = path_lengths(self.fibres)
-        self.thickness = mean_thickness(surface, triangles)
+        self.thickness = mean_thickness(*surface)
         self._lengths, self._segment = lengths, float(lengths.mean()) / (self.fibres.shape[1] - 1)
         # Sums over bones are rounded in their order: that of their sizes, which no names decide. Bones of
         # one size, to nine digits, stay as they come.
@@ -203,7 +200,7 @@ class MusclePaths:
             start_bones,
             end_bones,
             pieces,
-            triangle_tree(surface, triangles),
+            triangle_tree(*surface),
             self.thickness,
         )
         last = max([*bones, int(start_bones.max()), int(end_bones.max()), *(bone for bone, _ in rings)])
