@@ -76,7 +76,12 @@ SCENES = {
             muscles={"spindle": replace(spindle().muscles["spindle"], muscle="semimembranosus")},
         ),
         "look",
-        {"published arms", "fascicles"},
+        {"published arms"},
+    ),
+    "long fascicles": (
+        lambda: spindle(hill={"tendon_slack_length": 5.0}, muscle="semimembranosus"),
+        "look",
+        {"fascicles"},
     ),
     "guessed": (lambda: guessed(spindle()), "look", {"plausible"}),
     "tendon too long": (lambda: spindle(hill={"tendon_slack_length": 1e4}), "look", {"hill"}),

@@ -24,7 +24,6 @@ if TYPE_CHECKING:
     from vtkmuscle.core.motion.rigid import RigidMotion, hinge
     from vtkmuscle.data.attachments import AttachmentArea
     from vtkmuscle.installation import selftest
-    from vtkmuscle.labels.draft import Draft
     from vtkmuscle.labels.page import from_labels, init
     from vtkmuscle.opensim.checking import check_model as check
     from vtkmuscle.opensim.from_run import export
@@ -58,7 +57,6 @@ _SOURCES = {
     "Table": "vtkmuscle.run.table",
     "Tradeoff": "vtkmuscle.tradeoffs",
     "selftest": "vtkmuscle.installation",
-    "Draft": "vtkmuscle.labels.draft",
     "from_labels": "vtkmuscle.labels.page",
     "init": "vtkmuscle.labels.page",
     "export": "vtkmuscle.opensim.from_run",
@@ -69,7 +67,6 @@ _SOURCES = {
 __all__ = [
     "AttachmentArea",
     "Comparison",
-    "Draft",
     "InputError",
     "MomentArmTable",
     "Muscle",

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from base64 import b64encode
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from io import BytesIO
 from os import PathLike
 from pathlib import Path
+from typing import Any
 
 import pyvista
 from vtkmodules.vtkCommonDataModel import vtkPolyData
@@ -83,10 +84,8 @@ def from_labels(
     *,
     landmarks: Iterable[str | PathLike[str]] = (),
     names: str | None = None,
-    frame: str = "LPS",
-    edge: float | None = None,
     overwrite: bool = False,
-    announce: Callable[[str], None] = lambda _: None,
+    **options: Any,
 ) -> Draft:
     """Write a scene.toml from a segmentation: surfaces, attachment areas, fitted joints.
 
@@ -100,14 +99,10 @@ def from_labels(
         Files called MUSCLE_origin or MUSCLE_insertion, in the map's frame.
     names : str, optional
         ``"musclemap"``, a task of TotalSegmentator, or a .csv of names by label.
-    frame : str, optional
-        ``"LPS"`` or ``"RAS"``.
-    edge : float, optional
-        Edge length of triangles [mm]. Default: 2 voxels, at most 3 mm.
     overwrite : bool, optional
         Whether files from elsewhere are replaced; inputs never are.
-    announce : callable, optional
-        Called with a line on each structure.
+    **options
+        ``frame``, ``edge`` and ``announce`` of :func:`~vtkmuscle.labels.draft_of_labels`.
 
     Returns
     -------
@@ -123,9 +118,7 @@ def from_labels(
     table = Path(names or "")
     inputs = [Path(label_map), *given, *([table] if table.is_file() else [])]
     outputs = _outputs(folder, inputs, overwrite=overwrite)
-    draft = draft_of_labels(
-        label_map, landmarks=given, names=names, frame=frame, edge=edge, announce=announce
-    )
+    draft = draft_of_labels(label_map, landmarks=given, names=names, **options)
     return _written(draft, outputs, folder)
 
 

@@ -153,6 +153,11 @@ def test_hooks_and_turns_are_counted(rng):
     assert found(arcs, inside(rng)).turning == pytest.approx(180.0 * 29 / 30, rel=1e-6)
 
 
+def test_fibres_much_longer_than_their_spacing_leave_nothing_bare_between_stations(rng):
+    long = sheet() * [1.0, 1.0, 10.0]
+    assert found(long, inside(rng, high=(19.0, 7.0, 600.0))).bare == 0.0
+
+
 def test_a_half_without_fibres_is_bare(rng):
     assert found(sheet(), inside(rng, high=(39.0, 7.0, 60.0))).bare == pytest.approx(0.45, abs=0.03)
 
