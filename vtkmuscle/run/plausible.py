@@ -133,7 +133,8 @@ def _arms(muscle: Judged, arms: JointArms) -> Iterator[Reason]:
         return
     own = np.where(within, sign * mean, np.nan)
     worst, sweep = int(np.nanargmax(np.maximum(low - own, own - high))), float(np.nanmean(own))
-    opposite = known.low * known.high > 0.0 > sweep * known.low
+    certain = known.low * known.high > 0.0 and max(abs(known.low), abs(known.high)) > MARGIN
+    opposite = certain and sweep * known.low < 0.0
     if opposite or not low <= own[worst] <= high:
         limit = 0.0 if opposite else sign * (low if own[worst] < low else high)
         whole = f", of the other sign over the whole motion ({sign * sweep:.3g} mm)" if opposite else ""
