@@ -27,8 +27,9 @@ scene = replace(scene, muscles={"rectus_femoris": scene.muscles["rectus_femoris"
 scene_file = scene.save(folder / "scene")
 
 # %%
-# The saved scene moves the bones by tables. The example replaces the tables by joints.
+# The saved scene moves the bones by tables. The example replaces the tables by joints, without the foot.
 tables = tomllib.loads(scene_file.read_text())
+del tables["bones"]["foot"]
 centres = {name: centre.tolist() for name, centre in phantom.known["centres"].items()}
 hip = {"parent": "pelvis", "child": "femur", "centre": centres["hip_flexion"], "axis": [-1, 0, 0]}
 knee = {"parent": "femur", "child": "tibia", "centre": centres["knee_flexion"], "axis": [1, 0, 0]}

@@ -121,6 +121,7 @@ def _steps(scene: SceneData, anatomy: Anatomy) -> Iterator[Finding]:
 def _gaps(scene: SceneData, anatomy: Anatomy) -> Iterator[Finding]:
     """Yield bones that leave the bones they touch at rest, run into bones, or fly apart."""
     chosen = np.unique(np.linspace(0, len(scene.motion.times) - 1, _GAP_POSES).astype(np.int64))
+    sizes = {name: diagonal(bone.points) for name, bone in anatomy.bones.items()}
     bodies: dict[bytes, list[str]] = {}
     for bone in anatomy.bones:
         bodies.setdefault(scene.motion.transforms.get(bone, np.eye(4)).tobytes(), []).append(bone)
@@ -132,16 +133,18 @@ def _gaps(scene: SceneData, anatomy: Anatomy) -> Iterator[Finding]:
             now, fixed = (np.eye(4) if pose is None or table is None else table[pose] for table in tables)
             gaps.append([_gap(anatomy, *pair, inverse(fixed) @ now) for pair in pairs])
         closest = np.min(gaps, axis=1)
-        size = min(max(diagonal(anatomy.bones[bone].points) for bone in names) for names in (body, others))
+        size = min(max(sizes[bone] for bone in names) for names in (body, others))
         near = JOINT_GAP * size
+        # Bones between the two, as a femur between pelvis and tibia, let both go apart by their own sizes.
+        reach = size + sum(sizes[bone] for bone in sizes.keys() - {*body, *others})
         deeper, apart = np.maximum(0.0, -closest), np.maximum(0.0, closest)
         for limit, way, gap in (
             (near, "deeper in each other", deeper),
-            (near if apart[0] < near else size, "farther apart", apart),
+            (near if apart[0] < near else reach, "farther apart", apart),
         ):
             worst, change = int(gap.argmax()), float(gap.max() - gap[0])
             if change > limit:
-                bone, other = pairs[int(np.argmin(gaps[worst]))]
+                bone, other = pairs[int(np.argmin(gaps[0 if gap is apart else worst]))]
                 problem = f"in frame {chosen[worst - 1]} the bones {bone!r} and {other!r} are "
                 problem += f"{change * scene.millimetres:.3g} mm {way} than at rest"
                 remedy = "check the joint's centre and axes, and unit and order of the transforms"
