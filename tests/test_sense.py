@@ -167,7 +167,7 @@ NONSENSE = {
         "but 0",
     ),
     "landmarks beside the bone": (
-        lambda s: landmarks(s, lambda x: x + np.array([0, 0, 80])),
+        lambda s: landmarks(s, lambda x: x + np.array([0, 0, 60])),
         False,
         "from their bone",
     ),

@@ -14,6 +14,7 @@ from vtkmuscle.core.mesh.rest_shape import beside_slivers, dihedral_angles
 from vtkmuscle.core.mesh.solids import points_inside
 from vtkmuscle.core.mesh.surface import (
     edge_lengths,
+    mean_thickness,
     mesh_topology,
     side_products,
     signed_volume,
@@ -22,6 +23,7 @@ from vtkmuscle.core.mesh.surface import (
 )
 from vtkmuscle.core.mesh.triangle_tree import TriangleTree, tree_of_deformed
 from vtkmuscle.core.motion.rigid import apply_transform, inverse
+from vtkmuscle.core.paths.surroundings import LARGEST_STANDOFF
 from vtkmuscle.core.types import Floats, Ints
 from vtkmuscle.data.arrays import checked_surface, point_array, points_of, triangles_of
 from vtkmuscle.data.attachments import AttachmentArea
@@ -56,6 +58,8 @@ class MuscleMeasure:
         angles, defined = dihedral_angles(self._rest, self._quads)
         self._unfolded = defined & (np.abs(angles) < np.radians(NOT_FOLDED))
         self._unfolded &= ~beside_slivers(self._rest, self._quads)
+        #: A bone presses on a path from no farther, through the muscle between [mm].
+        self._standoff = LARGEST_STANDOFF * mean_thickness(self._rest, self._triangles)
         self._rest_depths: Floats | None = None
         self._fibre_rest_depths: Floats | None = None
         self._bent: TriangleTree | None = None
@@ -149,6 +153,7 @@ class MuscleMeasure:
         A single path counts as none: a mean over few fibres hardly shows it.
         """
         path, positions, reach = sharp_turns(paths)
+        reach += self._standoff
         for name, bone in self._shapes.items():
             here = apply_transform(inverse(now.get(name, np.eye(4))), positions)
             away = np.abs(bone.solids.distances(here)) > reach

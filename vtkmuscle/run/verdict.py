@@ -78,8 +78,8 @@ LIMITS = {
     # Paths are taut: without a bone or a ring they are straight but for the tissue that they press.
     "hooked paths": (5.0, 50.0, "%"),
     # Both are the same fibres: taut, and carried by the muscle. In four muscles of a hip they differ by up to
-    # 1 %, and by 5 % if solved by position based dynamics.
-    "fibres and paths": (8.0, 25.0, "%"),
+    # 1 %, and by 5.4 % if solved by position based dynamics.
+    "fibres and paths": (5.0, 25.0, "%"),
     # A path that bends round a bone of 16 mm sinks into it by 0.01 mm; ten times that and it is pressed ten
     # times harder than by its own pull. Of the muscles of a hip, a knee and an elbow none lacks any room; one
     # under a roof of bone lacks 1.1 mm, if the arm is raised and the shoulder blade does not turn with it.
@@ -125,7 +125,7 @@ WORDS = {
         "check the attachments; without aponeuroses take course = 'sections'",
     ),
     "hooked paths": (
-        "{} of the paths turn by 75 degrees or more where no bone or ring presses",
+        "{} of the paths turn by 60 degrees or more where no bone or ring presses",
         "do not use lengths and moment arms there; check the attachments and the bones",
     ),
     "fibres and paths": (

@@ -12,7 +12,7 @@ import numpy as np
 from vtkmuscle.core.attachments.patches import ring_length, short_ring
 from vtkmuscle.core.mesh.sampling import samples_inside
 from vtkmuscle.core.mesh.solids import solids_of
-from vtkmuscle.core.mesh.surface import diagonal, signed_volume
+from vtkmuscle.core.mesh.surface import diagonal, mean_thickness, signed_volume
 from vtkmuscle.data.attachments import ROLES, AttachmentArea
 from vtkmuscle.scene.data import MILLIMETRES, Anatomy, Muscle, RestSurface, SceneData
 from vtkmuscle.scene.faults import Finding, SceneError
@@ -28,9 +28,10 @@ LARGEST = 5e6
 #: proportion for other muscles, so that a mouse is judged as a man is. Muscles of a hip and a knee have 23
 #: (quadratus femoris) to 91 (gluteus maximus).
 FULL_SIZE = 50.0
-#: Median distance of landmarks off their bone, in sizes of the muscle: the far side of a ring round the end
-#: of a muscle is a thickness off. Of landmarks from another scene, in lengths of the muscle.
-FAR_LANDMARKS, LOST_LANDMARKS = 0.5, 1.5
+#: Median distance of landmarks off their bone, in mean thicknesses 2 V / A of the muscle: half of a ring
+#: round the end of a rod beside its bone may be the rod's whole thickness off, which is twice its 2 V / A. Of
+#: landmarks from another scene, in lengths of the muscle.
+FAR_LANDMARKS, LOST_LANDMARKS = 2.0, 1.5
 #: Landmarks belong to another bone at this distance from their own [mm], and closer to the other by a factor.
 OTHER_BONE, NEARER = 2.0, 2.0
 #: Length of a ring relative to the shortest order: probably, and certainly in wrong order.
@@ -212,6 +213,7 @@ def _on_bones(millimetres: float, name: str, muscle: Muscle, anatomy: Anatomy) -
     key = f"muscles.{name}.attachments"
     length = diagonal(anatomy.muscles[name].points) * millimetres
     scale = _scale(anatomy.muscles[name], millimetres)
+    thickness = mean_thickness(*anatomy.muscles[name]) * millimetres
     areas = {number: area for number, area in enumerate(muscle.attachments) if area.role in ROLES}
     away, medians, nearest = {}, {}, {}
     for number, area in areas.items():
@@ -236,7 +238,7 @@ def _on_bones(millimetres: float, name: str, muscle: Muscle, anatomy: Anatomy) -
             problem = f"the landmarks are {own:.3g} mm from {area.bone!r}, but "
             problem += f"{medians[number][other]:.3g} mm from {other!r}"
             yield Finding(where, problem, f'if {other!r} is right, write bone = "{other}"')
-        elif own > FAR_LANDMARKS * scale * FULL_SIZE:
+        elif own > FAR_LANDMARKS * thickness:
             problem = f"the landmarks are {own:.3g} mm from their bone {area.bone!r}"
             yield Finding(where, problem, "check the bone, and unit and frame of both", lost)
     bones = {area.bone for area in areas.values()}

@@ -128,9 +128,9 @@ def segment_distances(points: Floats, a: Floats, b: Floats) -> Floats:
     return np.asarray(np.linalg.norm(points - a - t[..., None] * along, axis=-1))
 
 
-#: Part of a path on either side of a turn, and the turn [degrees]: half way between a hook by 90 and the
-#: sharpest turn of muscles of a hip in three motions, 63, without a bone or ring in half of that distance.
-TURNED_PART, TURNED = 0.1, 75.0
+#: Part of a path on either side of a turn, and the turn [degrees]: a taut path is straight where no bone
+#: presses, and tissue alone bends the paths of a hip by less.
+TURNED_PART, TURNED = 0.1, 60.0
 
 
 def sharp_turns(paths: Floats) -> tuple[Ints, Floats, Floats]:
