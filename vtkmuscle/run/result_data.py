@@ -85,7 +85,7 @@ class ResultData(ByName):
     @property
     def has_moment_arms(self) -> bool:
         """Whether the run has found moment arms of any muscle."""
-        return any(one.get("moment_arms") for one in self.report["muscles"].values())
+        return any(self.report["muscles"][name].get("moment_arms") for name in self.muscle_names)
 
     def finished(self, name: str) -> int:
         """Return how many of the kept frames a muscle has: all, or those before the one that failed."""
