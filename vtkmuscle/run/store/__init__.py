@@ -49,7 +49,7 @@ Sizes = dict[Annotated[str, AfterValidator(_inside)], int]
 
 
 class _Table(BaseModel):
-    model_config = ConfigDict(extra="forbid", from_attributes=True)
+    model_config = ConfigDict(extra="forbid", defer_build=True, from_attributes=True)
 
 
 class CoordinateNote(_Table):
