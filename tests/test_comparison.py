@@ -30,14 +30,15 @@ class Made:
         self.report = {"muscles": {self.muscle: {"moment_arms": {}}}}
         rows = self.slope * self.angles[:, None] + np.array([-2.0, 0.0, 2.0])
         self.lengths = {self.muscle: 100.0 + rows}
-        self.fibre_lengths, self.has_moment_arms = {}, True
+        self.fibre_lengths = {}
         self.motion = SimpleNamespace(coordinates={self.coordinate: Coordinate(self.angles, "deg")})
         self._arms = JointArms(
             self.coordinate, "deg", "", np.arange(len(rows)), self.angles, rows, rows, None, None
         )
         self.report["muscles"][self.muscle]["moment_arms"] = {self.coordinate: {}}
 
-    def moment_arms(self):
+    @property
+    def all_arms(self):
         return {self.muscle: {self.coordinate: self._arms}}
 
 

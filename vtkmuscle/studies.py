@@ -242,7 +242,7 @@ def _row(result: Result, name: str, out: Path | None) -> Row:
         for quantity, lengths in (("length", result.lengths), ("fibre_length", result.fibre_lengths))
         if name in lengths
     }
-    arms = result.moment_arms().get(name, {}) if result.has_moment_arms else {}
+    arms = result.all_arms.get(name, {})
     for quantity, mean in (
         means | {f"moment_arm_{axis}": joint.mean for axis, joint in arms.items()}
     ).items():

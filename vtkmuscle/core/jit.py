@@ -45,7 +45,7 @@ _OF_NUMBA = (
     "core.compiler.CompileResult._rebuild",
     "core.compiler.CompileResult._reduce",
     "core.dispatcher.Dispatcher.enable_caching",
-    "core.runtime.rtsys.initialize",
+    "core.runtime.rtsys",
     "core.serialize.dumps",
 )
 

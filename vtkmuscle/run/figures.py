@@ -125,7 +125,7 @@ def figures_of_muscle(result: Result, name: str) -> list[FigureOrder]:
             words = {"of": of, "title": _title(name), "time_label": result.time_label}
             given = {"times": times, "lengths": known[name], **words}
             figures.append(FigureOrder(f"{name}_{suffix}", "plot_lengths", given))
-    arms = result.moment_arms() if result.has_moment_arms else {}
+    arms = result.all_arms
     if name in arms:
         given = {
             "arms": dict(arms[name]),
