@@ -139,9 +139,11 @@ def write_note(path: Path, note: BaseModel) -> None:
 
 
 #: The report of a run, and its page.
-REPORT, PAGE = "report.json", "report.html"
+REPORT: str = "report.json"
+PAGE: str = "report.html"
 #: The folder of notes, one of each finished muscle, and the name of the note of the whole run.
-FINISHED, SCENE = "finished", "scene"
+FINISHED: str = "finished"
+SCENE: str = "scene"
 #: What to do where a folder is another one.
 _GIVE = "give the folder of a run's results, its --out"
 
