@@ -31,14 +31,6 @@ RESTS_ON = {
     "population": "fibres bone to bone, less the tendon of published muscles of this name",
     "estimate": "fibres bone to bone, less an estimated tendon",
 }
-#: Meaning of the page's numbers.
-TRUST = (
-    "The checks test whether a shape is sound: its volume stays constant, its surface stays smooth and "
-    "outside the bones, and its attachments follow the bones. Agreement with this person's muscle depends "
-    "on the segmentation, the attachments and the motion of the scene, and is not tested.",
-    "Lengths and moment arms are measured on the muscle's paths, from bone to bone; a moment arm is the "
-    "lever of a path's pull. Strain, pennation and cross-sectional area are measured on the fibres.",
-)
 #: Parts of the page's program, in loading order.
 _SCRIPTS = (
     *("arrays.js", "webgl.js", "shaders.js", "colours.js", "shapes.js", "camera.js", "viewer.js"),
@@ -84,7 +76,7 @@ def page_of(run: Result) -> str:
         time_label=run.time_label,
         last=len(scene["shown"]) - 1,
         tables=tables_of(report),
-        trust={"words": TRUST, "tables": errors_of(report)},
+        trust=errors_of(report),
         run_tables=run_tables_of(report),
         settings=settings_of(report),
         definitions=list(report["definitions"].items()),

@@ -247,11 +247,9 @@ class ResultDisplay:
         there = [name for name in self._names if position < result.finished(name)]
         moving = result.motion.transforms
         self.scene.show(
-            plotting.ScenePose(
-                {bone: table[frame] for bone, table in moving.items()},
-                {n: points_of(result.muscle(n, frame=frame)) for n in there} if self._volumes else {},
-                {n: points_of(result.fibres(n, frame=frame)) for n in there if n in self._fibres},
-            )
+            {bone: table[frame] for bone, table in moving.items()},
+            {n: points_of(result.muscle(n, frame=frame)) for n in there} if self._volumes else {},
+            {n: points_of(result.fibres(n, frame=frame)) for n in there if n in self._fibres},
         )
 
     def pictures(self) -> Iterator[NDArray[np.uint8]]:

@@ -252,8 +252,8 @@ class ResultWriter(ResultFolder):
                 "report": file_digest(self.path / REPORT),
                 "bones": list(scene.bones),
                 "motion": scene.motion,
-                "literature": {name: list(muscle.literature) for name, muscle in muscles},
-                "crosses": {name: list(one.crosses) for name, one in muscles if one.crosses is not None},
+                "literature": {name: tuple(muscle.literature) for name, muscle in muscles},
+                "crosses": {name: one.crosses for name, one in muscles if one.crosses is not None},
                 "files": self._sizes([*bones, self.path / REPORT]),
             }
         )
