@@ -7,7 +7,6 @@ import sys
 import numpy as np
 import pytest
 import pyvista as pv
-from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonCore import vtkObject
 from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkMultiBlockDataSet, vtkPolyData
 from vtkmodules.vtkCommonExecutionModel import vtkStreamingDemandDrivenPipeline
@@ -136,14 +135,6 @@ def test_values_are_kept_as_plain_python(name, value, kept):
     assert type(found) is type(kept)
 
 
-def test_equal_value_of_another_type_modifies_nothing():
-    shift = Shift(limit=2.0)
-    before = shift.GetMTime()
-    shift.limit = 2
-    shift.vector = np.array([1.0, 0.0, 0.0])
-    assert shift.GetMTime() == before
-
-
 def test_parameters_are_inherited_and_may_be_declared_anew():
     class FarShift(Shift):
         """Move points farther."""
@@ -226,37 +217,6 @@ assert set(sys.meta_path) == set(finders)
 """
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
-
-
-def test_an_input_is_converted_once_for_the_same_content():
-    converted = []
-
-    def taken(data, where):
-        converted.append(where)
-        return points_of(data)
-
-    class Scale(Filter):
-        """Scale points."""
-
-        factor = Parameter(float, default=1.0, doc="Factor.")
-        shape = InputPort(vtkPolyData, taken, doc="Points.")
-        output = OutputPort(vtkPolyData, doc="The points, scaled.")
-
-        def execute(self, shape):
-            return with_points(line(), self.factor * shape)
-
-    data = line(1.0)
-    scale = Scale(shape=data)
-    scale.update()
-    scale.factor = 2.0
-    assert x_of(scale.update().output) == 2.0
-    assert converted == ["shape"]
-    vtk_to_numpy(data.GetPoints().GetData())[:] = 5.0
-    data.GetPoints().Modified()
-    assert x_of(scale.update().output) == 10.0
-    scale.shape = line(3.0)
-    assert x_of(scale.update().output) == 6.0
-    assert len(converted) == 3
 
 
 # -------------------------------------------------------------------- errors
