@@ -10,10 +10,9 @@ from phantoms import fibre_block
 
 from vtkmuscle import Scene
 from vtkmuscle.data.arrays import cell_array, points_of, polylines_of
-from vtkmuscle.data.attachments import Aponeurosis, aponeuroses_data
+from vtkmuscle.data.attachments import Aponeurosis
 from vtkmuscle.filters import FibreSource
 from vtkmuscle.phantoms import spindle_over_hinge
-from vtkmuscle.pipelines import MusclePipeline
 from vtkmuscle.run import muscle_pipeline
 from vtkmuscle.scene import SceneError
 
@@ -109,21 +108,6 @@ def test_what_is_wrong_in_the_file_is_named(saved, change, says):
     saved.write_text(tomli_w.dumps(tables))
     with pytest.raises(SceneError, match=says):
         Scene.load(saved)
-
-
-def test_paths_alone_carry_no_aponeuroses():
-    scene, _ = scene_of("pennate")
-    muscle = scene.muscles["block"]
-    with pytest.raises(ValueError, match="need a deformed muscle, but deformer is 'none'"):
-        MusclePipeline(
-            muscle.surface,
-            scene.bones_data(),
-            scene.motion,
-            scene.attachments_data("block"),
-            aponeuroses=aponeuroses_data(muscle.aponeuroses),
-            deformer="none",
-            fibres={},
-        )
 
 
 def test_a_run_has_lengths_of_paths_beside_those_of_fibres():
