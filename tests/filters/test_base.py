@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 import pyvista as pv
 from vtkmodules.vtkCommonCore import vtkObject
-from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkMultiBlockDataSet, vtkPolyData
+from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkPolyData
 from vtkmodules.vtkCommonExecutionModel import vtkStreamingDemandDrivenPipeline
 from vtkmodules.vtkFiltersCore import vtkCleanPolyData
 from vtkmodules.vtkFiltersSources import vtkLineSource
 from vtkmodules.vtkIOXML import vtkXMLPolyDataReader
 
-from vtkmuscle.data.arrays import multiblock_from, points_of, with_points
+from vtkmuscle.data.arrays import points_of, with_points
 from vtkmuscle.data.pipeline_times import times_of
 from vtkmuscle.filters.base.algorithm import AbortedError
 from vtkmuscle.filters.base.filter import Filter
@@ -59,17 +59,6 @@ class Clock(Filter):
 
     def execute(self):
         return line(-1.0 if self.request_time is None else self.request_time)
-
-
-class Split(Filter):
-    """Give a data set twice, and the second time backwards."""
-
-    shape = InputPort(vtkPolyData, doc="Points.")
-    same = OutputPort(vtkPolyData, doc="The same.")
-    blocks = OutputPort(vtkMultiBlockDataSet, doc="In a block.")
-
-    def execute(self, shape):
-        return shape, multiblock_from({"shape": shape})
 
 
 def line(x=0.0):
@@ -177,13 +166,6 @@ def test_results_are_copies_that_later_updates_do_not_change():
     second = shift.apply(line(2.0))
     assert (x_of(first), x_of(second)) == (2.0, 3.0)
     assert isinstance(first, pv.PolyData)
-
-
-def test_each_of_several_outputs_is_asked_for_by_its_port():
-    assert isinstance(Split().apply(line()), pv.PolyData)
-    algorithm = Split(shape=line())
-    outputs = [algorithm.update(port=number).output for number in range(2)]
-    assert [type(data) for data in outputs] == [vtkPolyData, vtkMultiBlockDataSet]
 
 
 def test_imports_and_updates_leave_vtk_and_pyvista_as_they_are():

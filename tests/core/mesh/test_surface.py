@@ -8,7 +8,6 @@ from oracles import igl
 
 from vtkmuscle.core.mesh.normals import triangle_normals, vertex_normals
 from vtkmuscle.core.mesh.surface import (
-    edge_uses,
     mesh_topology,
     point_components,
     side_products,
@@ -30,11 +29,6 @@ TETRAHEDRON = (
 def vase():
     """A closed surface without symmetry along its axis."""
     return solid_of_revolution([0.0, 3.0, 7.0, 12.0], [4.0, 6.0, 3.0, 5.0], 18)
-
-
-def test_edges_of_a_closed_surface_are_used_twice_and_those_of_a_hole_once():
-    assert edge_uses(TETRAHEDRON[1]).tolist() == [2] * 6
-    assert edge_uses(TETRAHEDRON[1][1:]).tolist() == [1, 1, 2, 1, 2, 2]
 
 
 def test_unique_edges_agree_with_igl(vase):
