@@ -33,7 +33,8 @@ class Made:
         self.fibre_lengths, self.has_moment_arms = {}, True
         self.motion = SimpleNamespace(coordinates={self.coordinate: Coordinate(self.angles, "deg")})
         self._arms = JointArms(
-            self.coordinate, "deg", "", np.arange(len(rows)), self.angles, rows, rows, None, None
+            *(self.coordinate, "deg", "", np.arange(len(rows)), self.angles, np.ones(len(rows))),
+            *(rows, rows, None, None),
         )
         self.report["muscles"][self.muscle]["moment_arms"] = {self.coordinate: {}}
 

@@ -36,6 +36,7 @@ class MuscleContent:
     lengths: Floats | None = None
     fibre_lengths: Floats | None = None
     arms: Mapping[str, JointArms]
+    errors: Mapping[str, Floats]
     literature: Sequence[LiteratureCurve] = ()
 
 

@@ -99,6 +99,7 @@ class MuscleRun:
             **measure.at_rest(),
             "estimated_attachments": sum(area.estimated for area in areas),
             "attachment_confidence": min(confidence, default=None),
+            "via_rings": sum(area.role == VIA for area in areas),
         }
         if pipeline.fibres is not None:
             self._fill(rest, pipeline.fibres, measure)

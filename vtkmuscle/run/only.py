@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import nullcontext
 from dataclasses import fields, replace
 from os import PathLike
@@ -16,6 +16,7 @@ from vtkmuscle.core.mesh.shared import keep_shared
 from vtkmuscle.core.moment_arms.of_joints import JointArms, joint_arms
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import shallow_copy
+from vtkmuscle.data.attachments import VIA
 from vtkmuscle.data.paths import path_lines_of
 from vtkmuscle.io.temporal import Series
 from vtkmuscle.io.writing import Outputs
@@ -127,21 +128,21 @@ def _tables(scene: SceneData, what: str, numbers: range, tell: Callable[[str, st
     )
     motion, times = scene.motion.part(numbers), [float(scene.motion.times[number]) for number in numbers]
     lengths: dict[str, Floats] = {}
-    errors: dict[str, Floats] = {}
+    errors: dict[str, Mapping[str, Floats]] = {}
     arms: dict[str, dict[str, JointArms]] = {}
     refused: dict[str, str] = {}
     for name, muscle in scene.muscles.items():
         taut = muscle_pipeline(paths_alone, name).taut_paths
         assert taut is not None
         taut.levers = what == "moment_arms"
-        track = MuscleTrack()
+        track = MuscleTrack(report={"via_rings": sum(area.role == VIA for area in muscle.attachments)})
         for done, time in enumerate(times):
             tell(name, "pulling paths", done / len(times))
             lines = path_lines_of(taut.update(time=time).output, name)
             if lines is None:
                 raise InputError(f"muscles.{name}", "the muscle has no paths", "add fibres")
             track.add_lengths(lines.data, scene.millimetres)
-        lengths[name], errors[name] = np.array(track.lengths), np.array(track.length_errors)
+        lengths[name], errors[name] = np.array(track.lengths), track.errors()
         if what == "moment_arms":
             arms[name], without = joint_arms(
                 lengths[name], track.levers(), motion, crossed=muscle.crosses, millimetres=scene.millimetres
@@ -150,4 +151,4 @@ def _tables(scene: SceneData, what: str, numbers: range, tell: Callable[[str, st
         tell(name, "done", 1.0)
     if what == "moment_arms":
         return MomentArmTable(arms, refused).table()
-    return length_table(lengths, errors, numbers, times)
+    return length_table(lengths, numbers, times, errors)

@@ -237,6 +237,7 @@ class Result(ResultData):
                 lengths=self.lengths.get(name),
                 fibre_lengths=self.fibre_lengths.get(name),
                 arms=arms.get(name, {}),
+                errors=track.errors(),
                 literature=self.literature.get(name, ()),
             )
             for name, track in self._tracks.items()

@@ -234,9 +234,15 @@ class ResultData(ByName):
             if len(lengths) < len(self.frames) or (crossed is not None and useful.isdisjoint(crossed)):
                 continue
             try:
-                levers, scale = self._track(name).levers(), MILLIMETRES[self.units]
+                track = self._track(name)
                 arms[name], without = joint_arms(
-                    lengths, levers, motion, coordinates or None, crossed=crossed, millimetres=scale
+                    lengths,
+                    track.levers(),
+                    motion,
+                    coordinates or None,
+                    crossed=crossed,
+                    ratios=track.ratios,
+                    millimetres=MILLIMETRES[self.units],
                 )
             except InputError as error:  # of this muscle alone, where others cross other coordinates
                 problems.append(error)
@@ -248,13 +254,12 @@ class ResultData(ByName):
 
     def length_table(self) -> Table:
         """Return the lengths of the paths, a row per muscle, fibre and frame, as lengths.csv."""
-        errors = {name: np.array(self._tracks[name].length_errors) for name in self.lengths}
-        return length_table(self.lengths, errors, self.frames, self.times)
+        errors = {name: self._tracks[name].errors() for name in self.lengths}
+        return length_table(self.lengths, self.frames, self.times, errors)
 
     def fibre_length_table(self) -> Table:
         """Return the lengths of the fibres, a row per muscle, fibre and frame, as fibre_lengths.csv."""
-        errors = {name: np.array(self._tracks[name].fibre_length_errors) for name in self.fibre_lengths}
-        return length_table(self.fibre_lengths, errors, self.frames, self.times)
+        return length_table(self.fibre_lengths, self.frames, self.times)
 
     def frame_table(self) -> Table:
         """Return the numbers of the report, a row per muscle and frame; NaN where a muscle has none.

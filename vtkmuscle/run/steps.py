@@ -25,6 +25,7 @@ from vtkmuscle.run.report_values import DEFINITIONS, versions
 from vtkmuscle.run.result import Result
 from vtkmuscle.run.store import FORMAT, PAGE
 from vtkmuscle.run.store.writing import ResultWriter, claimed, remove_results, scene_file
+from vtkmuscle.run.table import error_sizes
 from vtkmuscle.run.verdict import with_reasons
 from vtkmuscle.scene.data import Anatomy, SceneData
 from vtkmuscle.scene.faults import SceneError
@@ -143,7 +144,7 @@ def _outcome(job: Future[Any], name: str, scene: SceneData) -> Any:
 def _measure(result: Result, tracks: Tracks, report: dict[str, Any]) -> None:
     """Report the errors of lengths and the moment arms. Without moment arms the reason is reported."""
     for track in tracks.values():
-        track.report["errors"] = track.errors()
+        track.report["errors"] = error_sizes(track.errors())
     if result.lengths and result.motion.coordinates:
         try:
             table = result.moment_arms()
