@@ -132,17 +132,21 @@ def _architecture(muscles: Mapping[str, Any]) -> Section:
         whole, spreads = wholes[name], measures[name]
         if not (whole or count):
             continue
-        cells = [number(_mean(whole[key]) * scale) if key in whole else DASH for key, _, scale in columns]
-        for key, _, scale in of_fibres:
-            row = spreads.get(key)
-            cells.append(f"{number(row['mean'] * scale)} ± {number(row['sd'] * scale, 2)}" if row else DASH)
+        of_muscle = (whole, columns), (spreads, of_fibres)
+        cells = [_ranged(found, key, scale) for found, listed in of_muscle for key, _, scale in listed]
         rows.append((label_of(name), str(count or DASH), *cells))
-    note = "The muscle at rest; fibre lengths, pennation and tortuosity in the first frame, mean ± standard "
-    return Section("Architecture", f"{note}deviation over the fibres.", rows)
+    note = "At rest; fibres in the first frame. In brackets: range over the fibres, or of the estimate."
+    return Section("Architecture", note, rows)
 
 
-def _mean(value: Any) -> float:
-    return float(value["mean"]) if isinstance(value, Mapping) else float(value)
+def _ranged(measures: Mapping[str, Any], key: str, scale: float) -> str:
+    """Return a measure, or its mean, and its range as text."""
+    found, ends = measures.get(key), measures.get(key.replace("_mm", "_range_mm"))
+    if isinstance(found, Mapping):
+        found, ends = found["mean"], ends or [found["min"], found["max"]]
+    sides = ends if isinstance(ends, list) else []
+    text, *sides = [number(each and each * scale) for each in (found, *sides)]
+    return f"{text} ({' to '.join(sides)})" if len({*sides}) > 1 else text
 
 
 def _moment_arms(muscles: Mapping[str, Any]) -> Section:

@@ -94,19 +94,18 @@ def _without_tendon(
     found, *ends = fascicles(profile, volume, lines.points, lines.offsets, shares=shares)
     whole = polyline_lengths(lines.points, lines.offsets)
     source, lengths, by_thickness = "estimate", found.lengths, found.lengths.mean()
-    of_ends: list[Floats] | None = None
+    of_ends = [one.lengths for one in ends]
     if aponeuroses is not None:
-        source, lengths = "aponeuroses", whole
+        source, lengths, of_ends = "aponeuroses", whole, [whole, whole]
         origin, insertion = _pennations(lines, aponeuroses, geometry)
         found, *ends = (Fascicles(whole, origin, insertion, one.volume) for one in (found, *ends))
     elif tendon is not None and tendon < whole.min():
         source, lengths = "scene", whole - tendon
+        of_ends = [lengths, lengths]
     elif ratio is not None:
         source, lengths = "population", float(np.sqrt(ratio.low * ratio.high)) * whole
         of_ends = [ratio.low / PERSONAL * whole, ratio.high * PERSONAL * whole]
         ends = [found, found]
-    if of_ends is None:
-        of_ends = [one.lengths for one in ends] if source == "estimate" else [lengths, lengths]
     square = millimetres**2
     return {
         "tendon_from": source,

@@ -223,7 +223,7 @@ class ResultData(ByName):
     ) -> tuple[dict[str, dict[str, JointArms]], dict[str, str]]:
         """Return the moment arms per muscle and coordinate, and why there are none by others."""
         motion = self.motion.part(self.frames)
-        among = coordinates or tuple(motion.coordinates)
+        among, wanted = coordinates or tuple(motion.coordinates), coordinates or None
         every = self.motion.coordinates
         useful = {name for name in among if name in every and (every[name].changes or every[name].twists)}
         arms: dict[str, dict[str, JointArms]] = {}
@@ -234,15 +234,10 @@ class ResultData(ByName):
             if len(lengths) < len(self.frames) or (crossed is not None and useful.isdisjoint(crossed)):
                 continue
             try:
-                track = self._track(name)
+                track, scale = self._track(name), MILLIMETRES[self.units]
+                levers, ratios = track.levers(), track.ratios
                 arms[name], without = joint_arms(
-                    lengths,
-                    track.levers(),
-                    motion,
-                    coordinates or None,
-                    crossed=crossed,
-                    ratios=track.ratios,
-                    millimetres=MILLIMETRES[self.units],
+                    lengths, levers, motion, wanted, crossed=crossed, ratios=ratios, millimetres=scale
                 )
             except InputError as error:  # of this muscle alone, where others cross other coordinates
                 problems.append(error)
