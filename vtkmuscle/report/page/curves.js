@@ -2,7 +2,7 @@
 
 function makeCurves(data, block, choose) {
   const known = Object.fromEntries(data.muscles.map((muscle) => [muscle.name, muscle]));
-  const state = { muscle: "", coordinate: data.coordinates[0]?.name, check: (data.checks.find((one) => !one.flat) ?? data.checks[0])?.key, at: 0 };
+  const state = { muscle: data.muscles.length > 1 ? "" : (data.muscles[0]?.name ?? ""), coordinate: data.coordinates[0]?.name, check: (data.checks.find((one) => !one.flat) ?? data.checks[0])?.key, at: 0 };
   const charts = ["lengths", "fibre-lengths", "arms", "checks"].map((id) => document.getElementById(id)).filter(Boolean);
   saveButtons();
 
