@@ -6,9 +6,8 @@ doi:10.1007/978-3-642-38241-3_3.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from functools import cached_property
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
@@ -23,7 +22,6 @@ from vtkmuscle.core.mesh.polylines import (
     segment_lengths,
 )
 from vtkmuscle.core.mesh.sampling import PatchSamples
-from vtkmuscle.core.mesh.surface import patch_triangles
 from vtkmuscle.core.types import Bools, FloatMap, Floats, Ints
 
 #: Largest turn from a fibre into its new end segment [degrees].
@@ -40,31 +38,16 @@ LEAST_SPREAD = 0.1
 BATCH = 256
 
 
-@dataclass(frozen=True, eq=False)
-class EndArea:
+class EndArea(NamedTuple):
     """Attachment area at one end of the muscle.
 
-    The extremal of the landmarks (k, 3) of all areas of a side places the cutting plane. The muscle is points
-    (n, 3) and triangles (m, 3) [mm]; attached points have the ids `patch` (j,). `distance` gives distances
-    (i,) of positions (i, 3) from the surface spanned by the landmarks [mm]: fibres may end on that surface as
-    well as on the patch.
+    The extremal of the landmarks (k, 3) of all areas of a side places the cutting plane [mm]. Fibres end on
+    the samples, and may keep ends on the discs spanned by the landmarks.
     """
 
     landmarks: Floats
-    points: Floats
-    triangles: Ints
-    patch: Ints
-    distance: FloatMap | None = None
-
-    @cached_property
-    def samples(self) -> PatchSamples:
-        """Positions on the area."""
-        return PatchSamples(self.points, self.triangles, self.patch)
-
-    @property
-    def corners(self) -> Floats:
-        """Corners (m, 3, 3) of the area's triangles; points without triangles are repeated."""
-        return np.ascontiguousarray(self.points[patch_triangles(self.triangles, self.patch)])
+    samples: PatchSamples
+    discs: PatchSamples | None = None
 
 
 def trim_fibres(
@@ -201,14 +184,12 @@ def _ends_on_area(ends: Floats, area: EndArea, tolerance: float) -> Bools:
     Templates with fibres from area to area, such as pennate, need no new ends. In the pinched tip of a muscle
     the few fibres that end on the area are not kept.
     """
-    size, tree = area.samples.area, cKDTree(area.samples.dense(64 * len(ends)))
-    limit = tolerance + np.sqrt(size / tree.n)
-    # Without a bound the search compares a far end with thousands of equally far positions.
-    on_area = tree.query(ends, distance_upper_bound=limit * (1.0 + 1e-9))[0] <= limit
-    if area.distance is not None:
-        on_area |= area.distance(ends) <= tolerance
+    on_area = area.samples.distances(ends) <= tolerance
+    if area.discs is not None:
+        on_area |= area.discs.distances(ends) <= tolerance
     if len(ends) > 1:
-        on_area &= cKDTree(ends).query(ends, 2)[0][:, 1] >= LEAST_SPREAD * np.sqrt(size / len(ends))
+        spacing = np.sqrt(area.samples.area / len(ends))
+        on_area &= cKDTree(ends).query(ends, 2)[0][:, 1] >= LEAST_SPREAD * spacing
     return np.asarray(on_area & bool(on_area.mean() > 0.5))
 
 
@@ -274,7 +255,8 @@ def ends_as_printed(
     axis is the unit vector (3,) from origin to insertion; each fibre has at least two points.
     """
     lines = []
-    sides = [(insertion.corners, axis, insertion), (origin.corners, -axis, origin)]
+    areas = (axis, insertion), (-axis, origin)
+    sides = [(area.samples.tree.corners, direction, area) for direction, area in areas]
     for first, last in pairwise(offsets):
         line = points[first:last]
         for corners, direction, area in sides:

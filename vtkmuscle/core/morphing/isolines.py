@@ -14,8 +14,7 @@ import numpy as np
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.mesh.harmonic import harmonic_extension, triangle_gradients
 from vtkmuscle.core.mesh.normals import perpendiculars, triangle_normals
-from vtkmuscle.core.mesh.surface import patch_triangles
-from vtkmuscle.core.mesh.triangle_tree import TriangleTree, triangle_tree
+from vtkmuscle.core.mesh.sampling import PatchSamples
 from vtkmuscle.core.morphing.correspondence import (
     N_STARTS,
     LoopStack,
@@ -97,10 +96,10 @@ class IsolineCourse:
         return Branch(surface, self.field, levels, at, lambda areas: np.linalg.norm(areas, axis=1))
 
     @cached_property
-    def areas(self) -> tuple[TriangleTree, TriangleTree]:
-        """Trees of the areas' triangles, at the least and the greatest value."""
-        faces = (patch_triangles(self.muscle.triangles, np.flatnonzero(self.field == x)) for x in (0.0, 1.0))
-        origin, insertion = (triangle_tree(self.muscle.points, each) for each in faces)
+    def areas(self) -> tuple[PatchSamples, PatchSamples]:
+        """The areas at the least and the greatest value."""
+        surface = self.muscle.points, self.muscle.triangles
+        origin, insertion = (PatchSamples(*surface, np.flatnonzero(self.field == x)) for x in (0.0, 1.0))
         return origin, insertion
 
 
@@ -127,10 +126,10 @@ def morph_by_isolines(
     heights = course.begin + fractions * course.span
     maps = _isolines_at(box, course, levels, slicing)
     points = box.positions(maps.positions(inside, heights, levels, slice_of))
-    for tree, ends in zip(
+    for area, ends in zip(
         course.areas, (fractions <= SAME_HEIGHT, fractions >= 1.0 - SAME_HEIGHT), strict=True
     ):
-        points[ends] = tree.nearest(points[ends])[1]
+        points[ends] = area.tree.nearest(points[ends])[1]
     return Morph(points, course.share, 0.0)
 
 
