@@ -9,7 +9,7 @@ from scipy.spatial import cKDTree
 from vtkmuscle.core.fibres.trimming import (
     EndArea,
     assign_positions,
-    closest_to_ray,
+    closest_to_rays,
     ends_as_printed,
     trim_fibres,
 )
@@ -264,7 +264,7 @@ def test_no_point_of_the_triangles_is_closer_to_the_ray(seed):
     corners = rng.normal(size=(5, 3, 3)) + rng.normal(scale=2.0, size=3)
     start, ahead = rng.normal(size=3), rng.normal(size=3)
     ahead /= np.linalg.norm(ahead)
-    found = closest_to_ray(start, ahead, corners)
+    found = closest_to_rays(start[None], ahead[None], corners)[0]
     weights = rng.dirichlet([0.6, 0.6, 0.6], (5, 4000))
     sampled = np.einsum("mks,msd->mkd", weights, corners).reshape(-1, 3)
     least = distance_to_ray(sampled, start, ahead).min()
