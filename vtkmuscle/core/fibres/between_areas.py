@@ -131,27 +131,24 @@ def filled_share(fibres: Floats, origin: EndSurface, insertion: EndSurface, volu
     return float(section * np.linalg.norm(chords, axis=1).mean() / volume)
 
 
-def bend_inside(fibres: Floats, into_muscle: FloatMap) -> tuple[Floats, Floats]:
-    """Return fibres bent into the muscle, and departures.
-
-    Fibres (k, r, 3); largest distances outside (k,) [mm].
-
-    A fibre that leaves the muscle is smoothed with its ends kept, and its outer points move to the nearest
-    points of the muscle (`into_muscle`, (n, 3) to (n, 3)); repeated, the fibre takes about the shortest
-    course within the muscle.
-    """
-    result = fibres.copy()
+def departures(fibres: Floats, into_muscle: FloatMap) -> Floats:
+    """Return the largest distance of fibres (k, r, 3) outside of a muscle, (k,) [mm]."""
     inner = fibres[:, 1:-1]
-    away = np.linalg.norm(into_muscle(inner.reshape(-1, 3)).reshape(inner.shape) - inner, axis=2)
-    departures = away.max(axis=1, initial=0.0)
-    bent = np.flatnonzero(departures > 0.0)
-    offsets = np.arange(len(bent) + 1) * fibres.shape[1]
-    lines = fibres[bent]
-    for _ in range(BENDS if len(bent) else 0):
-        lines = smooth_polylines(lines.reshape(-1, 3), offsets, MIDDLE, 1).reshape(lines.shape)
-        lines[:, 1:-1] = into_muscle(lines[:, 1:-1].reshape(-1, 3)).reshape(len(bent), -1, 3)
-    result[bent] = lines
-    return result, departures
+    away = into_muscle(inner.reshape(-1, 3)).reshape(inner.shape) - inner
+    return np.asarray(np.linalg.norm(away, axis=2).max(axis=1, initial=0.0))
+
+
+def bend_inside(fibres: Floats, into_muscle: FloatMap) -> Floats:
+    """Return fibres (k, r, 3) bent into a muscle.
+
+    A fibre is smoothed with its ends kept, and its outer points move to the nearest points of the muscle
+    (`into_muscle`, (n, 3) to (n, 3)); repeated, the fibre takes about the shortest course within the muscle.
+    """
+    offsets = np.arange(len(fibres) + 1) * fibres.shape[1]
+    for _ in range(BENDS if len(fibres) else 0):
+        fibres = smooth_polylines(fibres.reshape(-1, 3), offsets, MIDDLE, 1).reshape(fibres.shape)
+        fibres[:, 1:-1] = into_muscle(fibres[:, 1:-1].reshape(-1, 3)).reshape(len(fibres), -1, 3)
+    return fibres
 
 
 #: Largest random extra weight of a position in the axes that divide an area: decides between equal axes.

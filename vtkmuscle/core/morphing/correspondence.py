@@ -79,10 +79,9 @@ def followed_starts(stack: LoopStack, guides: LoopStack, continuity: float, corn
     if continuity == 0.0 or not len(guides.loops):
         return starting_points(stack, continuity, corner)
     starts = starting_points(guides, continuity, corner)
-    offsets = starts - np.array([boundary_centroid(loop) for loop in guides.loops])
-    centroids = np.array([boundary_centroid(loop) for loop in stack.loops])
+    offsets = starts - boundary_centroids(guides.loops)
     between = [np.interp(stack.levels, guides.levels, column) for column in offsets.T]
-    return np.asarray(centroids + np.column_stack(between))
+    return np.asarray(boundary_centroids(stack.loops) + np.column_stack(between))
 
 
 def cyclic_products(first: Floats, second: Floats) -> Floats:
@@ -94,11 +93,10 @@ def cyclic_products(first: Floats, second: Floats) -> Floats:
 
 def _cheapest_chain(costs: Floats, twists: Floats) -> Ints:
     """Return the chain p of least sum costs[j, p_j] + twists[j - 1, (p_j - p_{j-1}) mod n] over j."""
-    start = np.arange(costs.shape[1])
-    turns = (start - start[:, None]) % len(start)
-    best, predecessors = costs[0], []
+    n, best, predecessors = costs.shape[1], costs[0], []
     for cost, twist in zip(costs[1:], twists, strict=True):
-        totals = best[:, None] + twist[turns]
+        turned = np.lib.stride_tricks.sliding_window_view(np.tile(twist, 2), n)[n:0:-1]
+        totals = best[:, None] + turned
         predecessors.append(totals.argmin(axis=0))
         best = cost + totals.min(axis=0)
     chain = [best.argmin()]
@@ -112,10 +110,14 @@ def loop_lengths(loop: Floats) -> Floats:
     return np.append(0.0, np.cumsum(np.linalg.norm(np.roll(loop, -1, axis=0) - loop, axis=1)))
 
 
-def boundary_centroid(loop: Floats) -> Floats:
-    """Return the centroid (k,) of a loop's boundary: the segments' middles weighted by length."""
-    lengths = loop_lengths(loop)
-    return np.asarray(np.diff(lengths) @ (loop + np.roll(loop, -1, axis=0)) / (2.0 * lengths[-1]))
+def boundary_centroids(loops: Sequence[Floats]) -> Floats:
+    """Return the centroids (l, k) of loops' boundaries: the segments' middles weighted by length."""
+    points, sizes = np.vstack(loops), np.array([len(loop) for loop in loops])
+    firsts = np.cumsum(sizes) - sizes
+    after = np.roll(points, -1, axis=0)
+    after[firsts + sizes - 1] = points[firsts]
+    lengths = np.linalg.norm(after - points, axis=1)[:, None]
+    return np.add.reduceat(lengths * (points + after), firsts) / (2.0 * np.add.reduceat(lengths, firsts))
 
 
 def sampled_loop(loop: Floats, corner: Floats, count: int) -> Floats:

@@ -14,7 +14,7 @@ import numpy as np
 from vtkmuscle.core.mesh.surface import sorted_into_bins
 from vtkmuscle.core.morphing.correspondence import (
     SectionMap,
-    boundary_centroid,
+    boundary_centroids,
     followed_starts,
     section_map,
 )
@@ -243,7 +243,7 @@ class _PlaneCourse:
         levels = range(len(branch.heights))
         whole = sum(float(branch.sizes[sections.loops_of(level)].sum()) for level in levels)
         share = float(branch.sizes[numbers].sum() / whole)
-        steps = np.diff([boundary_centroid(sections.loop(int(number))) for number in numbers], axis=0)
+        steps = np.diff(boundary_centroids([sections.loop(int(number)) for number in numbers]), axis=0)
         if not len(steps):
             return share, 0.0
         lengths = np.linalg.norm(steps, axis=1)
