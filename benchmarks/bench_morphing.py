@@ -22,7 +22,7 @@ from vtkmuscle.core.mesh.surface import opposite_half_edges
 from vtkmuscle.core.morphing.isolines import IsolineCourse, attachment_field, morph_by_isolines
 from vtkmuscle.core.morphing.sections import ClosedSurface
 from vtkmuscle.core.morphing.slices import Slicing, morph_by_planes
-from vtkmuscle.core.template.kinds import TEMPLATES, sobol_points
+from vtkmuscle.core.template import TEMPLATES, sobol_points
 from vtkmuscle.data.arrays import points_of, triangles_of, with_points
 from vtkmuscle.filters import (
     FibreSmoother,

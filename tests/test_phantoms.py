@@ -22,7 +22,7 @@ from vtkmodules.vtkFiltersCore import vtkImplicitPolyDataDistance
 
 from vtkmuscle.core.mesh.surface import survey
 from vtkmuscle.core.motion.rigid import apply_transform
-from vtkmuscle.core.template.kinds import KINDS, TEMPLATES
+from vtkmuscle.core.template import KINDS, TEMPLATES
 from vtkmuscle.data.arrays import (
     blocks_of,
     cell_array,

@@ -13,7 +13,7 @@ from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.mesh.polylines import inner_points
 from vtkmuscle.core.morphing.isolines import IsolineCourse, attachment_field, morph_by_isolines
 from vtkmuscle.core.morphing.slices import Box, Morph, Slicing, morph_by_planes
-from vtkmuscle.core.template.fitting import angle_to_nearest, areas_are_opposite, superficial_pieces
+from vtkmuscle.core.template import angle_to_nearest, areas_are_opposite, superficial_pieces
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import Polylines, add_arrays, field_array
 from vtkmuscle.data.attachments import ROLES, AttachmentArea

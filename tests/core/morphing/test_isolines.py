@@ -7,8 +7,7 @@ from shapes import closed_surface
 from vtkmuscle.core.morphing.isolines import IsolineCourse, attachment_field, morph_by_isolines
 from vtkmuscle.core.morphing.slices import Slicing, morph_by_planes
 from vtkmuscle.core.motion.rigid import apply_transform
-from vtkmuscle.core.template.fitting import centroid_axis, fit_box
-from vtkmuscle.core.template.kinds import TEMPLATES, sobol_points
+from vtkmuscle.core.template import TEMPLATES, centroid_axis, fit_box, sobol_points
 
 RADIUS = 12.0
 BOTTOM = np.array([(0.0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)])

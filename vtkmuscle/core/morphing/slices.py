@@ -196,7 +196,7 @@ def morph_by_planes(
     Points keep their heights, but heights beyond the last loop are squeezed into the rest of the muscle.
 
     fibre_points : (n, 3), points of the fitted template [mm];
-    transform : (4, 4), Unit cube to box, from :func:`vtkmuscle.core.template.fitting.fit_box`;
+    transform : (4, 4), Unit cube to box, from :func:`vtkmuscle.core.template.fit_box`;
     muscle : ClosedSurface, the muscle;
     slicing : Slicing, settings of slices and maps.
 
