@@ -25,16 +25,8 @@ from vtkmuscle.core.mesh.rest_shape import RestShape
 from vtkmuscle.core.mesh.triangle_tree import Neighbour
 from vtkmuscle.core.motion.blending import blend_motions, screws_between
 from vtkmuscle.core.motion.rigid import apply_transform, centred, inverses
-from vtkmuscle.core.pbd.sweep import (
-    WIDTH,
-    edge_rows,
-    edge_stiffness,
-    fibre_directions_at,
-    harmonic_directions,
-    measure_lengths,
-    project_edges,
-    project_volume,
-)
+from vtkmuscle.core.pbd.anisotropy import edge_stiffness, fibre_directions_at, harmonic_directions
+from vtkmuscle.core.pbd.sweep import WIDTH, edge_rows, measure_lengths, project_edges, project_volume
 from vtkmuscle.core.pbd.voxels import VoxelContact
 from vtkmuscle.core.skinning.settling import Volume
 from vtkmuscle.core.types import Bools, Floats
