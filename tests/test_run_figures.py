@@ -23,13 +23,6 @@ def scene(tmp_path_factory):
 
 
 @pytest.fixture
-def renders():
-    reason = can_render()
-    if reason is not None:
-        pytest.skip(reason)
-
-
-@pytest.fixture
 def asked_anew():
     """Lets each test ask whether pictures can be rendered."""
     can_render.cache_clear()

@@ -7,13 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from tiny_scene import HINGE, TOML, write_tiny_scene
+from tiny_scene import HINGE, MOTION, write_tiny_scene
 
 from vtkmuscle import Result, Scene, SceneError, hinge
 from vtkmuscle.core.motion.coordinates import Coordinate
 from vtkmuscle.plotting import can_render, plot_moment_arms
 
-MOTION = TOML[TOML.index("[motion]") : TOML.index("[muscles")]
 PUBLISHED = """source,muscle,part,dof,angle_deg,moment_arm_mm
 A1985,spindle,,knee,0,-10
 A1985,spindle,,knee,20,-14

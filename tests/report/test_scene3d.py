@@ -27,6 +27,8 @@ def test_muscles_and_fibres_are_where_the_result_has_them(run_folder, packed):
         surface = one["surface"]
         frames = moving_of(data, surface["points"])
         half = surface["points"]["step"]
+        for where in (surface["points"]["high"], one["fibres"]["length"]):
+            assert where["at"] % 4 == 0, "a page's arrays of 32 bits begin at a multiple of four bytes"
         np.testing.assert_allclose(frames[0], points_of(result.rest_muscle(one["name"])), atol=half)
         for place, position in enumerate(scene["shown"]):
             frame = result.frames[position]

@@ -5,6 +5,7 @@ from hypothesis import strategies as st
 from scipy.optimize import linear_sum_assignment
 from scipy.spatial import cKDTree
 from scipy.spatial.distance import cdist
+from shapes import grid
 
 from vtkmuscle.core.fibres.between_areas import (
     AT_ONCE,
@@ -21,11 +22,8 @@ from vtkmuscle.core.mesh.sampling import PatchSamples, sobol
 
 def rectangle(corner, along, across, n=8):
     """Return a flat area of 2 n^2 triangles."""
-    u, v = (a.reshape(-1, 1) for a in np.meshgrid(*[np.linspace(0, 1, n + 1)] * 2, indexing="ij"))
-    points = np.asarray(corner) + u * along + v * across
-    i = np.arange(n)[:, None] * (n + 1) + np.arange(n)
-    quads = np.stack([i, i + n + 1, i + n + 2, i + 1], axis=-1).reshape(-1, 4)
-    triangles = np.vstack([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
+    places, triangles = grid(n, n)
+    points = np.asarray(corner) + places[:, :1] / n * along + places[:, 1:2] / n * across
     return EndSurface(PatchSamples(points, triangles, np.arange(len(points))))
 
 
@@ -134,18 +132,6 @@ def test_places_stand_for_equal_shares_and_keep_apart(count):
             assert cKDTree(places).query(places, 2)[0][:, 1].min() > 0.3 * np.sqrt(300.0 / count)
 
 
-def test_places_move_with_the_areas(rng):
-    # Not quite regular: rounding would decide which of two equal axes is the longer one.
-    areas = [plate(2048) * [1.0, 1.0, 0.0], plate(2048, sides=(12.0, 25.0), lift=30.0)]
-    areas = [area + rng.normal(scale=0.05, size=area.shape) for area in areas]
-    turn = np.linalg.qr(np.random.default_rng(5).normal(size=(3, 3)))[0]
-    turn *= np.sign(np.linalg.det(turn))
-    here = even_positions(areas, 77)
-    there = even_positions([area @ turn.T + [5.0, -9.0, 30.0] for area in areas], 77)
-    for one, two in zip(here, there, strict=True):
-        assert np.allclose(one @ turn.T + [5.0, -9.0, 30.0], two, atol=1e-9)
-
-
 def total(starts, ends, goes_with):
     return ((starts - ends[goes_with]) ** 2).sum()
 
@@ -159,13 +145,6 @@ def test_the_sum_of_squares_is_the_least(seed, n, flat):
     best = linear_sum_assignment(cdist(starts, ends, "sqeuclidean"))[1]
     assert sorted(goes_with) == list(range(n))
     assert total(starts, ends, goes_with) <= total(starts, ends, best) * (1 + 1e-9) + 1e-9
-
-
-def test_places_that_are_one_point_or_a_line_are_matched():
-    point, line = np.zeros((5, 3)), np.outer(np.arange(5.0), [1.0, 2.0, 3.0])
-    for starts, ends in ((point, line), (line, point), (point, point), (line, line[::-1])):
-        assert sorted(matched_ends(starts, ends)) == list(range(5))
-    assert np.array_equal(line[::-1][matched_ends(line, line[::-1])], line)
 
 
 def test_many_places_are_matched_nearly_as_well_and_neighbours_do_not_cross():

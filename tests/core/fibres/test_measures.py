@@ -3,7 +3,6 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
-from phantoms import fibre_block
 
 from vtkmuscle.core.fibres.measures import (
     TENDON_AREA,
@@ -16,16 +15,12 @@ from vtkmuscle.core.fibres.measures import (
     fascicles,
     line_of_action,
     physiological_cross_section,
-    root_mean_square,
     sampling_errors,
     section_areas,
     segment_errors,
 )
 from vtkmuscle.core.mesh.polylines import sharp_turns
-from vtkmuscle.data.arrays import polylines_of
-from vtkmuscle.data.muscle_geometry import muscle_geometry
 from vtkmuscle.phantoms.meshing import box, solid_of_revolution
-from vtkmuscle.pipelines import decompose
 
 
 def arc(radius, turn, n=40):
@@ -89,11 +84,6 @@ def test_sampling_errors_are_the_spread_of_means(rng):
     means = samples.mean(axis=1)
     assert np.sqrt(np.mean(sampling_errors(samples) ** 2)) == pytest.approx(means.std(), rel=0.05)
     assert np.isnan(sampling_errors(np.ones((5, 1)))).all()
-
-
-def test_a_root_mean_square_leaves_out_nan():
-    assert root_mean_square(np.array([3.0, np.nan, -4.0])) == pytest.approx(np.sqrt(12.5))
-    assert root_mean_square(np.array([np.nan])) is None
 
 
 #: A sheet of 10 x 4 fibres, 2 mm from each other and 60 mm long, in the middle of what it fills.
@@ -221,22 +211,6 @@ def test_the_volume_between_two_arcs_counts_parts_of_pieces():
     assert profile.volume_share(0.0, 4.0) == pytest.approx(1.0)
     assert profile.volume_share(0.25, 2.5) == pytest.approx((0.75 + 2.0 + 1.5) / 10.0)
     assert profile.volume_share(2.5, 9.0) == pytest.approx((1.5 + 4.0) / 10.0)
-
-
-@pytest.mark.parametrize("kind", ["parallel", "pennate", "bipennate"])
-def test_blocks_have_the_fascicles_angles_and_areas_that_are_known(kind):
-    phantom = fibre_block(kind)
-    muscle, areas, known = phantom.muscles["block"], phantom.attachments["block"], phantom.known
-    lines = polylines_of(decompose(muscle, areas, template=kind, n_fibres=50).update().output, kind)
-    geometry, fibres = muscle_geometry(muscle, kind), (lines.points, lines.offsets)
-    profile = area_profile(geometry.points, geometry.triangles, geometry.samples(4096), *fibres)
-    (found,) = fascicles(profile, known["volume"], *fibres, shares=[TENDON_AREA])
-    angle = 0.0 if kind == "parallel" else known["pennation"]
-    assert found.lengths.mean() == pytest.approx(known["fibre_length"], rel=0.01)
-    for angles in (found.origin_angles, found.insertion_angles):
-        assert angles.mean() == pytest.approx(angle, abs=1.0)
-    area = known["volume"] / known["fibre_length"] * np.cos(np.radians(angle))
-    assert found.cross_section() == pytest.approx(area, rel=0.02)
 
 
 def test_a_curve_goes_on_straight_beyond_its_ends():

@@ -138,14 +138,6 @@ def test_a_hollow_is_not_taken_for_the_muscle():
     assert np.allclose(morph(points, triangles), morph(outer, faces), atol=1e-9)
 
 
-@pytest.mark.parametrize(("n_fibres", "resolution"), [(1, 1), (1, 200), (500, 1), (3, 2)])
-def test_extreme_templates(banana, n_fibres, resolution):
-    points, triangles = banana
-    fibres = morph(points, triangles, template("parallel", n_fibres, resolution))
-    assert np.isfinite(fibres).all()
-    assert outside(fibres, points, triangles).max() < 0.1
-
-
 def test_a_slice_that_is_the_rectangle_maps_to_itself(rng):
     loop = np.array([(4.0, 0), (4, 3), (2, 3), (0, 3), (0, 1), (0, 0)])
     places = rng.random((20, 2)) * [4, 3]
