@@ -33,7 +33,8 @@ class Made:
         self.fibre_lengths = {}
         self.motion = SimpleNamespace(coordinates={self.coordinate: Coordinate(self.angles, "deg")})
         arms = JointArms(
-            self.coordinate, "deg", "", np.arange(len(rows)), self.angles, rows, rows, None, None
+            *(self.coordinate, "deg", "", np.arange(len(rows)), self.angles, np.ones(len(rows))),
+            *(rows, rows, None, None),
         )
         self.report["muscles"][self.muscle]["moment_arms"] = {self.coordinate: {}}
         self.all_arms = {self.muscle: {self.coordinate: arms}}

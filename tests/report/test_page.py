@@ -11,6 +11,8 @@ from typer.testing import CliRunner
 from vtkmuscle import Result
 from vtkmuscle.cli import app
 from vtkmuscle.report import page_of
+from vtkmuscle.report.curves import curves_of
+from vtkmuscle.report.scene3d import Pack
 
 #: Whatever a browser would load: in attributes of HTML, or in a style.
 LOADS = re.compile(r"""(?:src|href|action)\s*=\s*["']?(?!#|data:)[^"'\s>]+|url\(|@import""")
@@ -88,14 +90,15 @@ def test_of_many_muscles_a_line_is_shown_and_the_numbers_on_demand(run_folder, m
     assert set(few.split()) == set(words_of(many).split()), "nothing is lost"
 
 
-def test_errors_of_mean_lengths_are_a_table(run_folder):
+def test_errors_of_means_are_a_table_and_bands(run_folder):
     other = changed(run_folder[1])
-    other.report["muscles"]["spindle"]["errors"] = {
-        "length": {"segment_error_mm": 0.125, "sampling_error_mm": None}
-    }
+    sizes = dict.fromkeys(("total_mm", "model_mm", "sampling_mm", "numerical_mm"), 0.125)
+    other.report["muscles"]["spindle"]["errors"] = sizes | {"total_mm": None}
     words = " ".join(words_of(page_of(other.plain())).split())
-    assert "sampling error [mm] spindle length 0.12 \u2013" in words
-    assert "95 %" not in words
+    assert "numerical spindle change of length \u2013 0.12 0.12 0.12" in words
+    spindle = curves_of(other.plain(), Pack())["muscles"][0]
+    low, high = np.array(spindle["lengths"]["held"])
+    assert high - low == pytest.approx(2.0 * other._tracks["spindle"].errors()["total"], abs=0.03)
 
 
 def test_a_muscle_that_failed_on_the_way_shows_the_frames_it_has(run_folder):
@@ -103,6 +106,7 @@ def test_a_muscle_that_failed_on_the_way_shows_the_frames_it_has(run_folder):
     track = copy.copy(result._tracks["spindle"])
     track.report = {**track.report, "frames": track.report["frames"][:2]}
     track.surfaces, track.fibres, track.lengths = track.surfaces[:2], track.fibres[:2], track.lengths[:2]
+    track.segment_errors = track.segment_errors[:2]
     report = copy.deepcopy(dict(result.report))
     report["muscles"]["spindle"]["frames"] = report["muscles"]["spindle"]["frames"][:2]
     other = Result(result.rest_bones(), result.motion, {**result._tracks, "spindle": track}, report)

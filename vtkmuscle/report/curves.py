@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 MOST_FIBRES = 100
 #: Change of a measure, relative to its limit, below which words replace the curve.
 _FLAT = 1e-3
+#: Both sides of an error.
+_BOTH = np.array([[-1.0], [1.0]])
 #: Minus sign of negative numbers.
 MINUS = "\u2212"
 
@@ -121,14 +123,14 @@ def _muscle(run: Result, name: str, colour: str, pack: Pack) -> dict[str, Any]:
         "name": name,
         "label": label_of(name),
         "colour": colour,
-        "lengths": None if lengths is None else _lengths(lengths, pack),
+        "lengths": None if lengths is None else _lengths(lengths, pack, run.track(name).errors()["total"]),
         "fibreLengths": None if fibres is None else _lengths(fibres, pack),
         "arms": {axis: _arms(joint, published[axis]) for axis, joint in arms.items()},
         "checks": checks,
     }
 
 
-def _lengths(lengths: Floats, pack: Pack) -> dict[str, Any]:
+def _lengths(lengths: Floats, pack: Pack, error: Floats | float = np.nan) -> dict[str, Any]:
     lower, upper = np.percentile(lengths, (25.0, 75.0), axis=1)
     count = lengths.shape[1]
     drawn = np.unique(np.linspace(0, count - 1, min(count, MOST_FIBRES)).round().astype(int))
@@ -138,6 +140,7 @@ def _lengths(lengths: Floats, pack: Pack) -> dict[str, Any]:
         "high": rounded(lengths.max(axis=1)),
         "lower": rounded(lower),
         "upper": rounded(upper),
+        "held": rounded(lengths.mean(axis=1) + _BOTH * error),
         "fibres": pack.add(lengths[:, drawn], "f32"),
         "drawn": len(drawn),
     }
@@ -154,6 +157,7 @@ def _arms(arms: JointArms, published: Sequence[LiteratureCurve]) -> dict[str, An
         "high": rounded(arms.arms.max(axis=1)[order]),
         "quartic": None if arms.quartic is None else rounded(arms.quartic.mean(axis=1)[order]),
         "literature": [] if unit is None else published_curves(published, math.pi / 180.0 / unit),
+        "held": rounded((arms.mean + _BOTH * arms.errors["total"])[:, order]),
     }
 
 

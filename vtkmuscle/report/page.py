@@ -130,7 +130,9 @@ def _card(run: Result, position: int, name: str) -> dict[str, Any]:
     for coordinate, arms in run.all_arms.get(name, {}).items():
         chosen = np.unique([0, len(arms.values) // 2, len(arms.values) - 1])
         means, values = (" / ".join(number(column[i]) for i in chosen) for column in (arms.mean, arms.values))
-        words = f"{means} {'mm' if arms.unit in ANGLES else ''} at {values} {arms.unit}"
+        error = muscle["moment_arms"][coordinate]["errors"]["total_mm"]
+        unit = "mm" if arms.unit in ANGLES else ""
+        words = f"{means} {unit} at {values} {arms.unit}, error {number(error, 2)} {unit}"
         facts.append((f"moment arm, {label_of(coordinate)}", words, [name, coordinate]))
     architecture = muscle.get("architecture") or {}
     if "tendon_from" in architecture:

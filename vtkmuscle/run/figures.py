@@ -8,7 +8,7 @@ import warnings
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Future
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import closing
+from contextlib import closing, suppress
 from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -38,31 +38,34 @@ FORMS = ("png", "pdf", "svg")
 class Drawing:
     """The figures of a run in a folder; the processes of a pool draw them while muscles are solved."""
 
-    def __init__(self, folder: Path, pool: Pool | None) -> None:
-        self._folder, self._pool, self._orders = folder, pool, list[FigureOrder]()
+    def __init__(self, folder: Path, pool: Pool | None, bones: DrawnBones) -> None:
+        self._folder, self._pool, self._bones, self._orders = folder, pool, bones, list[FigureOrder]()
         self._jobs: list[Future[float]] = []
 
     def add(self, orders: list[FigureOrder]) -> None:
         """Add figures, unless no picture can be rendered here."""
-        if can_render() is None:
-            self._orders += orders
-            self._jobs += [] if self._pool is None else [self._pool.draw(o, self._folder) for o in orders]
+        if can_render() is not None:
+            return
+        self._orders += orders
+        if self._pool is not None:
+            with suppress(BrokenProcessPool):  # the earlier figures tell
+                self._jobs += [self._pool.draw(order, self._folder, self._bones) for order in orders]
 
-    def finish(self, bones: DrawnBones) -> tuple[dict[str, Any], float]:
+    def finish(self) -> tuple[dict[str, Any], float]:
         """Return the report entry of the figures and the drawing time [s].
 
         A UserWarning gives the reason of missing figures; an OSError is raised if a file cannot be written.
         """
         reason, written, seconds = can_render(), list[str](), 0.0
         try:
-            for job, order in zip(self._jobs, self._orders, strict=self._pool is not None):
+            for job, order in zip(self._jobs, self._orders, strict=False):
                 seconds += job.result()
                 written.append(f"{order.name}.png")
         except BrokenProcessPool:
             reason = "the drawing process ended early"
         if self._pool is None and self._orders:
             before = time.perf_counter()
-            written = [path.name for path in _drawn(self._orders, self._folder, bones)]
+            written = [path.name for path in _drawn(self._orders, self._folder, self._bones)]
             seconds = time.perf_counter() - before
         entry: dict[str, Any] = {"written": sorted(written)}
         if reason is None:

@@ -110,6 +110,7 @@ class MuscleRun:
             **measure.at_rest(),
             "estimated_attachments": sum(area.estimated for area in areas),
             "attachment_confidence": min(confidence, default=None),
+            "via_rings": sum(area.role == VIA for area in areas),
         }
         if pipeline.fibres is not None:
             self._fill(rest, pipeline.fibres, measure)
@@ -131,7 +132,12 @@ class MuscleRun:
     def _compute_only(self, output: str) -> None:
         """Compute the lengths, moment arms or surfaces of all frames alone."""
         pipeline, track, last = muscle_pipeline(self.scene, self.name), self.track, self.run.numbers[-1] + 1
-        taut, deformer, track.report["frames"] = pipeline.taut_paths, pipeline.deformer, []
+        taut, deformer, areas = (
+            pipeline.taut_paths,
+            pipeline.deformer,
+            self.scene.muscles[self.name].attachments,
+        )
+        track.report |= {"frames": [], "via_rings": sum(area.role == VIA for area in areas)}
         if taut is not None:
             taut.levers = output == "moment_arms"
         for number in self.run.numbers:

@@ -48,10 +48,10 @@ def pool_size(scene: SceneData, workers: int | None) -> int:
 
 
 class Pool:
-    """Processes that solve muscles and draw figures, until the end of the pool's context.
+    """Processes that solve muscles, and others that draw, until the end of the pool's context.
 
-    At most ``size`` processes, each started on demand. Muscles of a run with a store are written once
-    ``checked`` is set.
+    At most ``size`` of each, started on demand: a driver that ends a drawing process ends no muscle. Muscles
+    of a run with a store are written once ``checked`` is set.
     """
 
     def __init__(self, size: int, run: SceneRun) -> None:
@@ -65,7 +65,9 @@ class Pool:
         # What is large goes through files: a pipe that nobody reads any more would be written to for ever.
         self._files = TemporaryDirectory()
         given = self._file("run", (run.scene, run.numbers, run.store, run.options.clock, run.only))
-        self._executor = ProcessPoolExecutor(size, context, _begin, (given, self._messages, self.checked))
+        self._bones = Path(self._files.name, "bones")
+        self._solvers = ProcessPoolExecutor(size, context, _begin, (given, self._messages, self.checked))
+        self._drawers = ProcessPoolExecutor(size, context, _begin_drawing, (self._bones, self._messages))
 
     def __enter__(self) -> Self:
         return self
@@ -73,18 +75,21 @@ class Pool:
     def __exit__(self, *_: object) -> None:
         for process in set(active_children()).difference(self._before):
             process.kill()
-        self._executor.shutdown(cancel_futures=True)
+        self._solvers.shutdown(cancel_futures=True)
+        self._drawers.shutdown(cancel_futures=True)
         self._files.cleanup()
 
     def solve(self, muscle: str) -> Future[Path]:
         """Solve a muscle in the next free process; the result is for :func:`track_in`."""
         with interrupts_blocked():
-            return self._executor.submit(_solve, muscle, Path(self._files.name, f"muscle {muscle}"))
+            return self._solvers.submit(_solve, muscle, Path(self._files.name, f"muscle {muscle}"))
 
-    def draw(self, order: FigureOrder, folder: Path) -> Future[float]:
+    def draw(self, order: FigureOrder, folder: Path, bones: DrawnBones) -> Future[float]:
         """Draw a figure in the next free process; the result is the drawing time [s]."""
+        if not self._bones.exists():
+            self._file(self._bones.name, bones)
         with interrupts_blocked():
-            return self._executor.submit(_draw, self._file(f"figure {order.name}", order), folder)
+            return self._drawers.submit(_draw, self._file(f"figure {order.name}", order), folder)
 
     def pass_on(self, options: RunOptions) -> None:
         """Pass on progress, frames and warnings of the processes."""
@@ -126,23 +131,34 @@ _open = ExitStack()
 
 
 def _begin(given: Path, messages: Any, checked: Any) -> None:
-    """Prepare a process of the pool, which ends with its parent process."""
+    """Prepare a process that solves muscles."""
+    _join(messages)
     scene, numbers, store, clock, only = pickle.loads(given.read_bytes())
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    Thread(target=_end_with_parent, daemon=True).start()
     _open.enter_context(keep_shared())  # all muscles of this process share bones
 
     def send(kind: str) -> Callable[..., None]:
         return lambda *content: messages.put((kind, *content))
+
+    options = RunOptions(progress=send("progress"), observe=send("frame"), clock=clock)
+    _Worker.run = SceneRun(scene, numbers, store, options, only, checked=checked)
+
+
+def _begin_drawing(bones: Path, messages: Any) -> None:
+    """Prepare a process that draws."""
+    _join(messages)
+    _Worker.bones = pickle.loads(bones.read_bytes())
+
+
+def _join(messages: Any) -> None:
+    """Let a process end with its parent process, and send its warnings there."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    Thread(target=_end_with_parent, daemon=True).start()
 
     def warn(message: Warning | str, category: type[Warning], filename: str, lineno: int, *_: Any) -> None:
         messages.put(("warning", str(message), category, filename, lineno))
 
     warnings.simplefilter("always")  # the process that started this one filters them
     warnings.showwarning = warn  # type: ignore[assignment]
-    options = RunOptions(progress=send("progress"), observe=send("frame"), clock=clock)
-    _Worker.run = SceneRun(scene, numbers, store, options, only, checked=checked)
-    _Worker.bones = DrawnBones(scene.bones_data())
 
 
 def _end_with_parent() -> None:

@@ -229,7 +229,7 @@ class ResultData(ByName):
     ) -> tuple[dict[str, dict[str, JointArms]], dict[str, str]]:
         """Return the moment arms per muscle and coordinate, and why there are none by others."""
         motion = self.motion.part(self.frames)
-        among = coordinates or tuple(motion.coordinates)
+        among, wanted = coordinates or tuple(motion.coordinates), coordinates or None
         every = self.motion.coordinates
         useful = {name for name in among if name in every and (every[name].changes or every[name].twists)}
         arms: dict[str, dict[str, JointArms]] = {}
@@ -240,9 +240,10 @@ class ResultData(ByName):
             if len(lengths) < len(self.frames) or (crossed is not None and useful.isdisjoint(crossed)):
                 continue
             try:
-                levers, scale = self.track(name).levers(), MILLIMETRES[self.units]
+                track, scale = self.track(name), MILLIMETRES[self.units]
+                levers, ratios = track.levers(), track.ratios
                 arms[name], without = joint_arms(
-                    lengths, levers, motion, coordinates or None, crossed=crossed, millimetres=scale
+                    lengths, levers, motion, wanted, crossed=crossed, ratios=ratios, millimetres=scale
                 )
             except InputError as error:  # of this muscle alone, where others cross other coordinates
                 problems.append(error)
@@ -254,13 +255,12 @@ class ResultData(ByName):
 
     def length_table(self) -> Table:
         """Return the lengths of the paths, a row per muscle, fibre and frame, as lengths.csv."""
-        errors = {name: np.array(self._tracks[name].length_errors) for name in self.lengths}
-        return length_table(self.lengths, errors, self.frames, self.times)
+        errors = {name: self._tracks[name].errors() for name in self.lengths}
+        return length_table(self.lengths, self.frames, self.times, errors)
 
     def fibre_length_table(self) -> Table:
         """Return the lengths of the fibres, a row per muscle, fibre and frame, as fibre_lengths.csv."""
-        errors = {name: np.array(self._tracks[name].fibre_length_errors) for name in self.fibre_lengths}
-        return length_table(self.fibre_lengths, errors, self.frames, self.times)
+        return length_table(self.fibre_lengths, self.frames, self.times)
 
     def frame_table(self) -> Table:
         """Return the numbers of the report, a row per muscle and frame; NaN where a muscle has none.

@@ -29,7 +29,7 @@ from vtkmuscle.run.report_values import DEFINITIONS, versions
 from vtkmuscle.run.result import Result
 from vtkmuscle.run.store import FORMAT, PAGE
 from vtkmuscle.run.store.writing import DIGITS, ResultWriter, claimed, remove_results, scene_file
-from vtkmuscle.run.table import MomentArmTable, Table
+from vtkmuscle.run.table import MomentArmTable, Table, error_sizes
 from vtkmuscle.run.verdict import with_reasons
 from vtkmuscle.scene.data import SceneData
 from vtkmuscle.scene.faults import SceneError
@@ -64,13 +64,13 @@ def run_scene(scene: SceneData, out: Path | None, options: RunOptions) -> Result
             "taken_over": list(tracks),
             "sense": [str(error) for error in odd],
         }
-        result_of = partial(_result, run, report, DrawnBones(scene.bones_data()))
+        result_of = partial(_result, run, report, bones := DrawnBones(scene.bones_data()))
         with _reported(store, report, tracks, result_of):
             drawing = None
             if store is not None:
                 remove_results(store.path, scene, list(tracks))
                 store.write_report(report)
-                drawing = Drawing(store.path / "figures", pool) if options.figures else None
+                drawing = Drawing(store.path / "figures", pool, bones) if options.figures else None
             (run if pool is None else pool).checked.set()
 
             def finish(name: str, track: MuscleTrack) -> None:
@@ -90,7 +90,7 @@ def run_scene(scene: SceneData, out: Path | None, options: RunOptions) -> Result
                 if options.report:
                     _write_page(store, result, report)
                 if drawing is not None:
-                    report["figures"], report["seconds"]["figures"] = drawing.finish(result.drawn_bones)
+                    report["figures"], report["seconds"]["figures"] = drawing.finish()
             report["complete"] = True
             report["seconds"]["total"] = time.perf_counter() - began
             if store is not None:
@@ -272,7 +272,7 @@ def _judge_further(scene: SceneData, result: Result, track: MuscleTrack, odd: Se
     """Add errors, moment arms and further reasons to the report of a result's only muscle."""
     (name,) = result.muscle_names
     arms = MomentArmTable({})
-    track.report["errors"] = track.errors()
+    track.report["errors"] = error_sizes(track.errors())
     if result.lengths and result.motion.coordinates:
         with suppress(ValueError):  # the report of the run has the reason
             arms = result.moment_arms()

@@ -24,7 +24,7 @@ from vtkmuscle.run.frames import RUN_AGAIN, TIME, Frames, MuscleTrack, WrittenFi
 
 #: Number of the schema of notes and report. It grows by 1 with each change of a class below, or of a key of
 #: the report, so that no other schema is read.
-FORMAT = 3
+FORMAT = 4
 
 
 def _array(value: Any) -> Floats:
@@ -81,8 +81,8 @@ class MuscleNote(_Table):
     has_fibres: bool
     lengths: Array
     fibre_lengths: Array
-    length_errors: Array
-    fibre_length_errors: Array
+    rest_lengths: Array
+    segment_errors: list[float]
     files: Sizes
 
 
@@ -249,8 +249,8 @@ class ResultFolder:
             fibres=frames(f"{name}_fibres"),
             lengths=list(note.lengths),
             fibre_lengths=list(note.fibre_lengths),
-            length_errors=list(note.length_errors),
-            fibre_length_errors=list(note.fibre_length_errors),
+            rest_lengths=note.rest_lengths,
+            segment_errors=note.segment_errors,
             report=note.report,
         )
 

@@ -206,8 +206,8 @@ class ResultWriter(ResultFolder):
             has_fibres=track.rest_fibres is not None,
             lengths=track.lengths,
             fibre_lengths=track.fibre_lengths,
-            length_errors=track.length_errors,
-            fibre_length_errors=track.fibre_length_errors,
+            rest_lengths=track.rest_lengths,
+            segment_errors=track.segment_errors,
             files=self._sizes(files),
         )
         write_note(self.note_file(name), note)
