@@ -15,9 +15,9 @@ from typer import Argument, Option
 
 from vtkmuscle.cli.options import (
     FAILED,
+    CohortOptions,
     FolderOption,
     FramesOption,
-    FreshOption,
     OverwriteOption,
     QuietOption,
     RunArguments,
@@ -141,20 +141,6 @@ def _progress_bars(
             bars.update(tasks[muscle], completed=fraction, stage=stage)
 
         yield show
-
-
-@dataclass(frozen=True, kw_only=True)
-class CohortOptions:
-    """The options of a cohort."""
-
-    frames: FramesOption = None
-    workers: Annotated[
-        int | None, Option(metavar="N", min=1, help="Number of processes. Default: one per processor.")
-    ] = None
-    report: Annotated[bool, Option("--report", help="Write a page for each subject.")] = False
-    fresh: FreshOption = False
-    overwrite: OverwriteOption = False
-    quiet: QuietOption = False
 
 
 @with_options
