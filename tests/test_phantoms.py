@@ -21,7 +21,7 @@ from phantoms import (
 
 from vtkmuscle.core.mesh.surface import survey
 from vtkmuscle.core.motion.rigid import apply_transform
-from vtkmuscle.core.template.kinds import KINDS
+from vtkmuscle.core.template import KINDS
 from vtkmuscle.data.arrays import (
     blocks_of,
     cell_array,

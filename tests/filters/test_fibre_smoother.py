@@ -75,7 +75,7 @@ def test_with_spreading_ends_move_on_their_areas():
     geometry = muscle_geometry(muscle, "muscle")
     for end, role in ((0, "origin"), (-1, "insertion")):
         patch = np.concatenate([geometry.patch(a) for a in attachments_of(attachments, "") if a.role == role])
-        on_area = geometry.patch_tree(patch).nearest(moved[:, end])[2]
+        on_area = geometry.on(patch).distances(moved[:, end])
         assert_allclose(on_area, 0.0, atol=1e-9)
 
 

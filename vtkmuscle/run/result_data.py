@@ -85,7 +85,12 @@ class ResultData(ByName):
     @property
     def has_moment_arms(self) -> bool:
         """Whether the run has found moment arms of any muscle."""
-        return any(one.get("moment_arms") for one in self.report["muscles"].values())
+        return any(self.report["muscles"][name].get("moment_arms") for name in self.muscle_names)
+
+    @property
+    def all_arms(self) -> Mapping[str, Mapping[str, JointArms]]:
+        """The moment arms by muscle and coordinate, empty where the run has none."""
+        return self.moment_arms() if self.has_moment_arms else {}
 
     def finished(self, name: str) -> int:
         """Return how many of the kept frames a muscle has: all, or those before the one that failed."""
@@ -113,7 +118,7 @@ class ResultData(ByName):
             If there is no such muscle or kept frame, the file of the frame is gone or changed, or the scene's
             deformer is ``"none"``.
         """
-        i, track = self._position(frame, time), self._track(name)
+        i, track = self._position(frame, time), self.track(name)
         if self.report["deformer"] == "none":
             remedy = f"fibres({name!r}, frame={self.frames[i]}) has its fibres; deformer 'paths' deforms it"
             raise InputError("", f"the scene's deformer is 'none', so {name!r} was not deformed", remedy)
@@ -122,7 +127,7 @@ class ResultData(ByName):
 
     def fibres(self, name: str, *, frame: int | None = None, time: float | None = None) -> Any:
         """Return the fibres of a muscle in a kept frame, None where it has none; see :meth:`muscle`."""
-        i, track = self._position(frame, time), self._track(name)
+        i, track = self._position(frame, time), self.track(name)
         if not track.fibres and track.rest_fibres is None:
             return None
         self._check_finished(name, i)
@@ -136,7 +141,7 @@ class ResultData(ByName):
         Paths
             Their ``lengths`` (k,), ``points`` (k, n, 3), and ``levers``: per coordinate the moment arms (k,).
         """
-        i, track = self._position(frame, time), self._track(name)
+        i, track = self._position(frame, time), self.track(name)
         found = paths_of(self.fibres(name, frame=self.frames[i]), name) if track.lengths else None
         if found is None:
             raise InputError("", f"{name!r} has no paths", "give the muscle fibres, and areas on two bones")
@@ -150,20 +155,21 @@ class ResultData(ByName):
 
     def rest_muscle(self, name: str) -> Any:
         """Return a muscle at rest, with the point array ``FixedTo``."""
-        rest = self._track(name).rest
+        rest = self.track(name).rest
         assert rest is not None  # a result is made when all muscles are done
         return self._wrap(rest)
 
     def rest_fibres(self, name: str) -> Any:
         """Return the fibres of a muscle at rest, None where it has none."""
-        fibres = self._track(name).rest_fibres
+        fibres = self.track(name).rest_fibres
         return None if fibres is None else self._wrap(fibres)
 
     def rest_bones(self) -> Any:
         """Return the bones at rest."""
         return self._wrap(self._bones)
 
-    def _track(self, name: str) -> MuscleTrack:
+    def track(self, name: str) -> MuscleTrack:
+        """Return the frames and numbers of a muscle."""
         if name not in self._tracks:
             raise InputError("", f"there is no muscle {name!r} in the result", suggestion(name, self._tracks))
         return self._tracks[name]
@@ -234,7 +240,7 @@ class ResultData(ByName):
             if len(lengths) < len(self.frames) or (crossed is not None and useful.isdisjoint(crossed)):
                 continue
             try:
-                track, scale = self._track(name), MILLIMETRES[self.units]
+                track, scale = self.track(name), MILLIMETRES[self.units]
                 levers, ratios = track.levers(), track.ratios
                 arms[name], without = joint_arms(
                     lengths, levers, motion, wanted, crossed=crossed, ratios=ratios, millimetres=scale

@@ -9,10 +9,11 @@ from scipy.spatial import cKDTree
 from vtkmuscle.core.fibres.trimming import (
     EndArea,
     assign_positions,
-    closest_to_ray,
+    closest_to_rays,
     ends_as_printed,
     trim_fibres,
 )
+from vtkmuscle.core.mesh.sampling import PatchSamples
 from vtkmuscle.phantoms.meshing import solid_of_revolution
 
 RADIUS, LENGTH = 10.0, 100.0
@@ -29,7 +30,7 @@ def area(where, extremal):
     points, triangles = rod()
     patch = np.flatnonzero(where(points))
     landmarks = np.array([[RADIUS, 0, extremal], [0, RADIUS, points[patch, 2].mean()]])
-    return EndArea(landmarks, points, triangles, patch)
+    return EndArea(landmarks, PatchSamples(points, triangles, patch))
 
 
 def into_rod(places):
@@ -72,8 +73,8 @@ def pinched(n=40, count=17):
 
 
 def distance_to_patch(places, end):
-    faces = end.triangles[np.isin(end.triangles, end.patch).all(axis=1)]
-    return np.sqrt(igl.point_mesh_squared_distance(np.ascontiguousarray(places), end.points, faces)[0])
+    surface = end.samples.points, end.samples.faces
+    return np.sqrt(igl.point_mesh_squared_distance(np.ascontiguousarray(places), *surface)[0])
 
 
 def nearest_other(places):
@@ -247,7 +248,7 @@ def test_no_point_of_the_triangles_is_closer_to_the_ray(seed):
     corners = rng.normal(size=(5, 3, 3)) + rng.normal(scale=2.0, size=3)
     start, ahead = rng.normal(size=3), rng.normal(size=3)
     ahead /= np.linalg.norm(ahead)
-    found = closest_to_ray(start, ahead, corners)
+    found = closest_to_rays(start[None], ahead[None], corners)[0]
     weights = rng.dirichlet([0.6, 0.6, 0.6], (5, 4000))
     sampled = np.einsum("mks,msd->mkd", weights, corners).reshape(-1, 3)
     least = distance_to_ray(sampled, start, ahead).min()
@@ -258,7 +259,7 @@ def test_no_point_of_the_triangles_is_closer_to_the_ray(seed):
 
 def plate(height):
     points = np.array([[-5.0, -5, height], [5, -5, height], [5, 5, height], [-5, 5, height]])
-    return EndArea(points, points, np.array([[0, 1, 2], [0, 2, 3]]), np.arange(4))
+    return EndArea(points, PatchSamples(points, np.array([[0, 1, 2], [0, 2, 3]]), np.arange(4)))
 
 
 def test_a_fibre_is_cut_at_the_planes_and_goes_on_in_its_own_direction():

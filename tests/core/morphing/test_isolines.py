@@ -4,11 +4,10 @@ from bent_muscle import bent_tube, half_circle, letter_s
 from oracles import igl
 from shapes import closed_surface
 
-from vtkmuscle.core.morphing.isolines import attachment_field, morph_by_isolines
+from vtkmuscle.core.morphing.isolines import IsolineCourse, attachment_field, morph_by_isolines
 from vtkmuscle.core.morphing.slices import Slicing, morph_by_planes
 from vtkmuscle.core.motion.rigid import apply_transform
-from vtkmuscle.core.template.fitting import centroid_axis, fit_box
-from vtkmuscle.core.template.kinds import TEMPLATES, sobol_points
+from vtkmuscle.core.template import TEMPLATES, centroid_axis, fit_box, sobol_points
 
 RADIUS = 12.0
 BOTTOM = np.array([(0.0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)])
@@ -25,7 +24,8 @@ def fitted(points, origin, insertion, n_fibres=40, resolution=15, kind="parallel
 
 def by_isolines(cube, transform, surface, field, **settings):
     slicing = Slicing(**(SETTINGS | settings))
-    return morph_by_isolines(cube.reshape(-1, 3), transform, closed_surface(*surface), field, slicing)
+    course = IsolineCourse(closed_surface(*surface), field)
+    return morph_by_isolines(cube.reshape(-1, 3), transform, course, slicing)
 
 
 def morphed(tube, **settings):

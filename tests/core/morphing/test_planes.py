@@ -9,7 +9,7 @@ from shapes import closed_surface
 from vtkmuscle.core.morphing.correspondence import section_map
 from vtkmuscle.core.morphing.slices import Slicing, morph_by_planes, shared_levels
 from vtkmuscle.core.motion.rigid import apply_transform
-from vtkmuscle.core.template.kinds import TEMPLATES, sobol_points
+from vtkmuscle.core.template import TEMPLATES, sobol_points
 from vtkmuscle.phantoms.implicit import thick_curve, union
 from vtkmuscle.phantoms.meshing import box, mesh_of
 

@@ -3,7 +3,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from vtkmuscle.core.motion.rigid import apply_transform
-from vtkmuscle.core.template.fitting import (
+from vtkmuscle.core.template import (
+    TEMPLATES,
     SuperficialFibres,
     angle_to_nearest,
     areas_are_opposite,
@@ -12,7 +13,6 @@ from vtkmuscle.core.template.fitting import (
     principal_axis,
     superficial_pieces,
 )
-from vtkmuscle.core.template.kinds import TEMPLATES
 
 SIDES = np.array([20.0, 40.0, 120.0])
 PARALLEL = (

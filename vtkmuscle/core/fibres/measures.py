@@ -13,7 +13,9 @@ from scipy.cluster.vq import kmeans2
 from scipy.spatial import cKDTree
 
 from vtkmuscle.core.mesh.normals import triangle_normals, unit_vectors
-from vtkmuscle.core.mesh.polylines import curve_segments, evenly_spaced, polyline_lengths
+from vtkmuscle.core.mesh.polylines import curve_segments, evenly_spaced, nearest_arcs, polyline_lengths
+from vtkmuscle.core.mesh.surface import opposite_half_edges
+from vtkmuscle.core.morphing.sections import ClosedSurface, cut_surface, loop_areas
 from vtkmuscle.core.types import Bools, Floats, Ints
 
 
@@ -51,27 +53,14 @@ def physiological_cross_section(volume: float, lengths: Floats, angles: Floats) 
 
 
 def section_areas(points: Floats, triangles: Ints, centres: Floats, normals: Floats) -> Floats:
-    """Return areas (s,) of plane sections [mm^2]. The surface is closed and faces outward.
+    """Return areas (s,) of plane sections [mm^2]. The surface is closed and oriented.
 
-    Half the sum of n . (a x b) over the section's segments from a to b; planes have points (s, 3) and unit
-    normals (s, 3).
+    Planes have points (s, 3) and unit normals (s, 3).
     """
-    areas = []
+    surface, areas = ClosedSurface(points, triangles, opposite_half_edges(triangles)), []
     for centre, normal in zip(centres, normals, strict=True):
-        about = points - centre
-        heights = about @ normal
-        below = heights < 0.0
-        a, b, c = below.take(triangles.T)
-        met = triangles[(a != b) | (b != c)]
-        ends, row = [], np.arange(len(met))
-        # The edge on which the triangle's boundary goes up is the second, so all loops run alike.
-        for upward in (False, True):
-            leaves = (below[met] == upward) & (below[np.roll(met, -1, axis=1)] != upward)
-            side = leaves.argmax(axis=1)
-            i, j = met[row, side], met[row, (side + 1) % 3]
-            share = heights[i] / (heights[i] - heights[j])
-            ends.append(about[i] + share[:, None] * (about[j] - about[i]))
-        areas.append(abs(float((np.cross(*ends) @ normal).sum())) / 2.0)
+        loops = cut_surface(surface, (points - centre) @ normal, np.zeros(1))
+        areas.append(abs(float((loop_areas(loops.points, loops.loop_offsets) @ normal).sum())))
     return np.array(areas)
 
 
@@ -292,18 +281,8 @@ def along(curve: Floats, positions: Floats) -> tuple[Floats, Floats]:
 
     The end segments of the curve (c, 3) are prolonged; arcs before its first point are negative.
     """
-    begins, lengths, directions = curve_segments(curve)
-    columns, nearest = np.ascontiguousarray(positions.T), np.full(len(positions), np.inf)
-    arcs, segment = np.zeros(len(positions)), np.zeros(len(positions), dtype=np.int64)
-    for i, (start, direction, length) in enumerate(zip(curve[:-1], directions, lengths, strict=True)):
-        low = -np.inf if i == 0 else 0.0
-        high = np.inf if i == len(lengths) - 1 else length
-        apart = columns - start[:, None]
-        t = np.clip(direction @ apart, low, high)
-        square = ((apart - direction[:, None] * t) ** 2).sum(axis=0)
-        better = square < nearest
-        nearest[better], arcs[better], segment[better] = square[better], begins[i] + t[better], i
-    return arcs, directions[segment]
+    arcs, segments = nearest_arcs(curve, positions)
+    return arcs, curve_segments(curve)[2][segments]
 
 
 def fascicles(

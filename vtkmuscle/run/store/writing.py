@@ -154,7 +154,7 @@ def _check_results(folder: Path, scene: SceneData, report: Mapping[str, Any] | N
 
 
 #: Digits of the numbers in tables, and the tables that have all digits.
-_DIGITS, _EXACT = 10, ("lengths", "fibre_lengths")
+DIGITS, _EXACT = 10, ("lengths", "fibre_lengths")
 
 
 class ResultWriter(ResultFolder):
@@ -233,7 +233,7 @@ class ResultWriter(ResultFolder):
 
     def write_table(self, name: str, table: Table) -> None:
         """Write a table; tables of lengths have all digits."""
-        table.to_csv(self.path / f"{name}.csv", digits=None if name in _EXACT else _DIGITS)
+        table.to_csv(self.path / f"{name}.csv", digits=None if name in _EXACT else DIGITS)
 
     def write_report(self, report: Mapping[str, Any]) -> None:
         """Write report.json."""
@@ -252,8 +252,8 @@ class ResultWriter(ResultFolder):
                 "report": file_digest(self.path / REPORT),
                 "bones": list(scene.bones),
                 "motion": scene.motion,
-                "literature": {name: list(muscle.literature) for name, muscle in muscles},
-                "crosses": {name: list(one.crosses) for name, one in muscles if one.crosses is not None},
+                "literature": {name: tuple(muscle.literature) for name, muscle in muscles},
+                "crosses": {name: one.crosses for name, one in muscles if one.crosses is not None},
                 "files": self._sizes([*bones, self.path / REPORT]),
             }
         )
