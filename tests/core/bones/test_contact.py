@@ -120,7 +120,7 @@ def test_fixed_points_stay_and_bring_no_bone_near(globe):
 def test_far_bones_are_not_looked_at(rng):
     far = [Bone(*box([100.0 + 50 * k] * 3, [130.0 + 50 * k] * 3)) for k in range(4)]
     keep_out(far, rng.uniform(-10, 10, (50, 3)), transforms=np.tile(np.eye(4), (4, 1, 1)))
-    assert all(bone.nbytes == 0 and "axes" not in vars(bone) for bone in far)
+    assert all(bone.n_known == 0 and "axes" not in vars(bone) for bone in far)
 
 
 def test_points_in_two_bones_leave_both():

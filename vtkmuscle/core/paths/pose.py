@@ -134,11 +134,11 @@ class SheetPose:
         f, n, _ = shape
         self._sheet, self._middle = sheet, (points.min(axis=(0, 1)) + points.max(axis=(0, 1))) / 2.0
         self.x = points - self._middle
-        self._near = sheet.contacts.proximity()
         #: Of each bone, what its tissue holds points with: stiffness (f, n, 3, 3) and pull (f, n, 3).
         self._tissue: dict[int, tuple[Floats, Floats]] = {}
         self._moved = np.array(transforms)
         self._moved[:, :3, 3] -= self._middle
+        self._near = sheet.contacts.proximity(self._moved)
         held, self._pull = np.zeros((f, n, 3, 3)), np.zeros(shape)
         for k, number in enumerate(around.bones):
             turn, shift = self._moved[number, :3, :3], self._moved[number, :3, 3]
@@ -181,7 +181,7 @@ class SheetPose:
         widths = path_widths(x, sheet.lengths)
         add_neighbours(x.reshape(-1, 3), *flat, sheet.neighbours, widths, self._couplings)
         contacts, shape = sheet.contacts, self._pressure.shape
-        contacts.update(x, self._moved, near)
+        contacts.update(x, near)
         gaps, normals = near.gaps.reshape(shape), near.normals.reshape(*shape, 3)
         rounded = PUSH, contacts.rounding
         add_contacts(x, gaps, normals, *rounded, gradient, blocks, self._pressure)
@@ -291,7 +291,7 @@ class SheetPose:
 
         See :meth:`~vtkmuscle.core.paths.bone_contact.BoneContacts.sags`.
         """
-        return self._sheet.contacts.sags(self.x, self._moved, self._near)
+        return self._sheet.contacts.sags(self.x, self._near)
 
     @property
     def points(self) -> Floats:
@@ -340,7 +340,7 @@ class SheetPose:
         ]
         for k, number in enumerate(contacts.numbers):
             if self._pressure[k].any():
-                loads.append((number, contacts.load(k, self._moved, self._near, self._pressure[k])))
+                loads.append((number, contacts.load(k, self._near, self._pressure[k])))
         for k, (number, _) in enumerate(self._sheet.rings):
             if (points := self.ring_points[k]).any():
                 loads.append((number, ring_load(x, self._rings, k, points, contacts.rounding)))
