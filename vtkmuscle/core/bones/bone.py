@@ -45,7 +45,7 @@ REACH = 0.25
 _LEAST_LOOKED_UP = 64
 
 #: Most nodes of a field: half a GB of addresses, of which memory is taken where nodes are known.
-_MOST_NODES = 2.0**27
+_MOST_NODES = 2.0**26
 
 #: Most nodes that are noted as lacking at a time.
 _LACKING = 4096
@@ -221,7 +221,7 @@ class Bone:
         if len(numbers):
             distances = self._measured(field, np.column_stack(np.unravel_index(numbers, shape)))
             known[numbers] = distances
-            known[numbers[known[numbers] == 0.0]] = np.finfo(np.float32).tiny
+            known[numbers[known[numbers] == 0.0]] = np.finfo(np.float64).tiny
         return True
 
     def _nothing(self, reach: float) -> tuple[float, Field]:
@@ -239,7 +239,7 @@ class Bone:
                 raise InputError(self.name, problem)
             cells *= 0.75
         return reach, Field(
-            np.zeros(counts.astype(np.int64), dtype=np.float32),
+            np.zeros(counts.astype(np.int64), dtype=np.float64),
             first,
             np.concatenate([low, high]),
             cell,

@@ -7,7 +7,7 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 
 from vtkmuscle.core.jit import kernel, lane
-from vtkmuscle.core.types import Floats, Ints, Singles
+from vtkmuscle.core.types import Floats, Ints
 
 #: A coarse node is every fourth node along each axis: its distance bounds those of all around it.
 COARSE = 4
@@ -30,7 +30,7 @@ class Field(NamedTuple):
     look-ups.
     """
 
-    nodes: Singles  # (a, b, c), signed distance at each node [mm], 0 where unknown
+    nodes: Floats  # (a, b, c), signed distance at each node [mm], 0 where unknown
     low: Floats  # (3,), number of the lattice's first node along each axis; node 0 is at the axes' origin
     box: Floats  # (6,), low and high corner of the bone's box along its axes [mm]
     cell: float  # distance of neighbouring nodes [mm]
