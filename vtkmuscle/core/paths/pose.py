@@ -313,17 +313,13 @@ class SheetPose:
         self._prepare_solve()
 
         def change(velocity: Floats) -> Floats:
-            wider, result = np.empty((len(x), velocity.shape[3])), np.empty_like(velocity)
-            turning = np.empty_like(velocity)
-            change_gradient(x, velocity, held, sheet.neighbours, *widths, wider, turning, result)
+            result, memory = np.empty_like(velocity), (np.empty(len(x)), np.empty_like(velocity))
+            change_gradient(x, velocity, held, sheet.neighbours, *widths, *memory, result)
             return result
 
-        def step(gradients: Floats) -> Floats:
-            result = np.empty_like(gradients)
-            for way in range(gradients.shape[3]):
-                self._solve(np.ascontiguousarray(gradients[..., way]))
-                result[..., way] = self.way
-            return result
+        def step(gradient: Floats) -> Floats:
+            self._solve(gradient)
+            return self.way.copy()
 
         about = np.array(twists, dtype=np.float64)
         about[..., :3] += np.cross(about[..., 3:], self._middle)
