@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.paths.bone_contact import PUSH, BoneContacts, Load, add_contacts
 from vtkmuscle.core.paths.equilibrium import (
     STEP_LEFT,
@@ -365,17 +366,25 @@ def accelerated(
     gradient, in the norm of the inverse matrix (Anderson 1965, doi:10.1145/321296.321305; Walker, Ni 2011,
     doi:10.1137/10078356X).
     """
-    x, gradient, way = ((new - np.array([old[k] for old in before])) for k, new in enumerate(now))
-    products = np.einsum("afni,bfni->ab", gradient, way)
-    right = np.einsum("afni,fni->a", gradient, now[2]) + np.einsum("afni,fni->a", way, now[1])
+    x, gradient, way = (
+        (new - np.array([old[k] for old in before])).reshape(len(before), -1) for k, new in enumerate(now)
+    )
+    products = gradient @ way.T
+    right = gradient @ now[2].reshape(-1) + way @ now[1].reshape(-1)
     parts = np.linalg.lstsq(products + products.T, right)[0]
-    step: Floats = now[2] - np.tensordot(parts, x + way, axes=1)
+    step: Floats = now[2] - (parts @ (x + way)).reshape(now[2].shape)
     return step
 
 
+@kernel
 def farthest_of(ways: Floats) -> float:
     """Return the length of the longest of ways (f, n, 3)."""
-    return math.sqrt(np.einsum("fni,fni->fn", ways, ways).max())
+    most = 0.0
+    for a in range(len(ways)):
+        for i in range(ways.shape[1]):
+            u, v, w = ways[a, i, 0], ways[a, i, 1], ways[a, i, 2]
+            most = max(most, u * u + v * v + w * w)
+    return math.sqrt(most)
 
 
 def _turned(stiffness: Floats, turn: Floats) -> Floats:
