@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from vtkmuscle.core.bones.bone import Bone
-from vtkmuscle.core.bones.lookup import Field, distance_and_normal, least_distance_at
+from vtkmuscle.core.bones.lookup import Field, least_distance_at, look_at
 from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.mesh.triangle_tree import distance2_to_box
 from vtkmuscle.core.motion.rigid import apply_transform, inverse, transform_point
@@ -97,7 +97,7 @@ class BoneContacts:
         self.rounding = ROUNDING * segment
         reaches = (float(kept.max(initial=0.0)) + self.rounding for kept in self._standoff)
         self._fields = [bone.look_up(reach) for bone, reach in zip(self._bones, reaches, strict=True)]
-        self._work = np.empty((2, 3))
+        self._work = np.empty(3)
 
     def proximity(self, transforms: Floats) -> Proximity:
         """Return a proximity in a pose of the bones (b, 4, 4), with no points looked up."""
@@ -191,7 +191,7 @@ def _look_up(
     x, points, normals : (p, 3), standoff, gaps : (p,); work : (2, 3), memory. Gaps of unknown nodes, and
     beyond the field, are NaN.
     """
-    at, normal, beyond = work[0], work[1], 0
+    at, beyond = work, 0
     for p in range(len(x)):
         transform_point(to_axes, x, p, at)
         moved = 0.0
@@ -211,9 +211,10 @@ def _look_up(
         if field.lacking[0] > before:
             gaps[p] = np.nan
             continue
-        gaps[p] = distance_and_normal(field, at, normal) - standoff[p]
+        distance, u, v, w = look_at(field, at[0], at[1], at[2])
+        gaps[p], u, v, w = distance - standoff[p], field.per_mm * u, field.per_mm * v, field.per_mm * w
         for c in range(3):
-            normals[p, c] = to_axes[0, c] * normal[0] + to_axes[1, c] * normal[1] + to_axes[2, c] * normal[2]
+            normals[p, c] = to_axes[0, c] * u + to_axes[1, c] * v + to_axes[2, c] * w
         if np.isnan(gaps[p]) and field.lacking[0] == before:
             beyond += 1
     return beyond
