@@ -19,10 +19,10 @@ from timing import interleaved
 
 from vtkmuscle import Scene
 from vtkmuscle.core.mesh.surface import opposite_half_edges
-from vtkmuscle.core.morphing.isolines import attachment_field, morph_by_isolines
+from vtkmuscle.core.morphing.isolines import IsolineCourse, attachment_field, morph_by_isolines
 from vtkmuscle.core.morphing.sections import ClosedSurface
 from vtkmuscle.core.morphing.slices import Slicing, morph_by_planes
-from vtkmuscle.core.template.kinds import TEMPLATES, sobol_points
+from vtkmuscle.core.template import TEMPLATES, sobol_points
 from vtkmuscle.data.arrays import points_of, triangles_of, with_points
 from vtkmuscle.filters import (
     FibreSmoother,
@@ -157,12 +157,13 @@ def growth(largest: int) -> None:
         )
         fitted = template * (high - low) + low
         field = attachment_field(points, triangles, origin, insertion)
-        shape = (fitted, box, ClosedSurface(points, triangles, opposite_half_edges(triangles)))
+        muscle = ClosedSurface(points, triangles, opposite_half_edges(triangles))
+        course = IsolineCourse(muscle, field)
         slicing = Slicing(slice_tolerance=0.1, continuity=0.2)
         times = interleaved(
             {
-                "planes": lambda s=shape: morph_by_planes(*s, slicing),
-                "isolines": lambda s=shape, f=field: morph_by_isolines(*s, f, slicing),
+                "planes": lambda s=muscle: morph_by_planes(fitted, box, s, slicing),
+                "isolines": lambda s=course: morph_by_isolines(fitted, box, s, slicing),
                 "field": lambda s=(points, triangles, origin, insertion): attachment_field(*s),
             },
             rounds=1 if n_triangles > 200_000 else 3,

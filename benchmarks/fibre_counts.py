@@ -14,7 +14,7 @@ from typing import Any
 from vtkmuscle import phantoms
 from vtkmuscle.core.fibres import embedding, mean_value, spreading
 from vtkmuscle.core.mesh.triangle_tree import TriangleTree
-from vtkmuscle.core.morphing import correspondence
+from vtkmuscle.core.morphing import slices
 from vtkmuscle.filters import FibreTransport, FixedPointDetector
 from vtkmuscle.pipelines import decompose
 
@@ -28,7 +28,7 @@ def given(counts: Counter[str], suffix: str) -> Iterator[None]:
     watched: tuple[tuple[str, Any, str, Callable[..., int]], ...] = (
         ("nearest places", TriangleTree, "_nearest", lambda _, queries: len(queries)),
         ("positions", spreading, "_pulls", lambda _, __, within, *___: len(within.samples)),
-        ("sections mapped", correspondence, "section_map", lambda *_, **__: 1),
+        ("sections mapped", slices, "section_map", lambda *_, **__: 1),
         ("triangles seen", mean_value, "weights_of_lanes", lambda mesh, q, *_: len(q) * len(mesh.triangles)),
         ("weights", embedding, "sparse_transport", lambda weights, _: weights.matrix.nnz),
     )

@@ -19,7 +19,7 @@ from scipy.spatial import cKDTree
 from vtkmuscle import Scene
 from vtkmuscle.core.mesh.polylines import evenly_spaced, polyline_lengths
 from vtkmuscle.core.mesh.surface import signed_volume
-from vtkmuscle.core.template.kinds import KINDS
+from vtkmuscle.core.template import KINDS
 from vtkmuscle.data.arrays import polylines_of
 from vtkmuscle.data.muscle_geometry import muscle_geometry
 from vtkmuscle.pipelines import decompose

@@ -2,32 +2,18 @@
 
 from __future__ import annotations
 
-import base64
 import json
 import os
 import select
 import shutil
 import subprocess
-import sys
 import tempfile
 import time
-from pathlib import Path
 
 import pytest
 
 _NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
 _LONGEST = 90.0  # seconds that an answer may take, on a machine that does other work too
-
-#: Chromium reads from 3 and writes to 4.
-_START = """
-import os, sys
-first, second = os.dup(int(sys.argv[1])), os.dup(int(sys.argv[2]))
-for here, wanted in ((first, 3), (second, 4)):
-    if here != wanted:
-        os.dup2(here, wanted)
-    os.set_inheritable(wanted, True)
-os.execv(sys.argv[3], sys.argv[3:])
-"""
 
 
 def chromium() -> str | None:
@@ -56,11 +42,7 @@ class Page:
 
         self._process = subprocess.Popen(
             [
-                sys.executable,
-                "-c",
-                _START,
-                str(to_read),
-                str(to_write),
+                *("bash", "-c", f'exec "$0" "$@" 3<&{to_read} 4>&{to_write}'),  # what it reads, and writes
                 str(chromium()),
                 "--headless=new",
                 "--no-sandbox",
@@ -147,11 +129,6 @@ class Page:
                 windowsVirtualKeyCode=_CODES.get(key, 0),
             )
 
-    def picture(self, path: Path, *, whole: bool = False) -> None:
-        """Save a picture of what is seen, or of the whole page."""
-        data = self.call("Page.captureScreenshot", captureBeyondViewport=whole)["data"]
-        path.write_bytes(base64.b64decode(data))
-
     def call(self, method: str, **parameters: object) -> dict:
         """Ask the browser for something, and return its answer."""
         self._count += 1
@@ -197,14 +174,5 @@ class Page:
 #: What the driver says of its speed, now and then, where a test reads the pixels of a page.
 _READING = "GPU stall due to ReadPixels"
 
-#: Numbers of keys that change what has the focus or a control.
-_CODES = {
-    "ArrowLeft": 37,
-    "ArrowUp": 38,
-    "ArrowRight": 39,
-    "ArrowDown": 40,
-    "Tab": 9,
-    "Enter": 13,
-    "Home": 36,
-    "End": 35,
-}
+#: Numbers of keys that turn a scene.
+_CODES = {"ArrowLeft": 37, "ArrowUp": 38}

@@ -38,42 +38,35 @@ def rng():
     return np.random.default_rng(20210615)
 
 
+@pytest.fixture
+def renders():
+    """A test that draws is skipped where nothing can be drawn."""
+    from vtkmuscle.plotting import can_render
+
+    if (reason := can_render()) is not None:
+        pytest.skip(reason)
+
+
 def data_folder(name, file, what):
-    """Return a folder of real data, by a file in it; a test that needs it is skipped without."""
-    root = Path(os.environ.get("VTKMUSCLE_DATA", REPOSITORY.parent / "shared" / "data"))
-    if not (root / name / file).is_file():
-        pytest.skip(f"{what} not at {root / name}; set VTKMUSCLE_DATA to the folder it is in")
-    return root / name
+    """Return a fixture of a folder of real data, by a file in it; a test is skipped without the folder."""
+
+    @pytest.fixture(scope="session")
+    def folder():
+        root = Path(os.environ.get("VTKMUSCLE_DATA", REPOSITORY.parent / "shared" / "data"))
+        if not (root / name / file).is_file():
+            pytest.skip(f"{what} not at {root / name}; set VTKMUSCLE_DATA to the folder it is in")
+        return root / name
+
+    return folder
 
 
-@pytest.fixture(scope="session")
-def lhdl_hip():
-    """Folder of the real hip (see its README for the licence)."""
-    return data_folder("lhdl_hip", "scene.toml", "the real hip data set is")
-
-
-@pytest.fixture(scope="session")
-def dti_gastrocnemius():
-    """Folder of a gastrocnemius with fibres that were measured."""
-    return data_folder("dti_gastrocnemius", "tracts.vtp", "the muscle with measured fibres is")
-
-
-@pytest.fixture(scope="session")
-def opensim_data():
-    """Folder of OpenSim's own models and a walk."""
-    return data_folder("opensim", "arm26.osim", "OpenSim's models are")
-
-
-@pytest.fixture(scope="session")
-def bp3d_knee():
-    """Folder of a second subject's thigh and knee."""
-    return data_folder("bp3d_knee", "scene.toml", "the second subject is")
-
-
-@pytest.fixture(scope="session")
-def bp3d_arm():
-    """Folder of a shoulder and an arm."""
-    return data_folder("bp3d_arm", "shoulder_abduction.toml", "the arm is")
+#: The folders' licences are in their READMEs.
+lhdl_hip = data_folder("lhdl_hip", "scene.toml", "the real hip data set is")
+dti_gastrocnemius = data_folder("dti_gastrocnemius", "tracts.vtp", "the muscle with measured fibres is")
+opensim_data = data_folder("opensim", "arm26.osim", "OpenSim's models are")
+bp3d_knee = data_folder("bp3d_knee", "scene.toml", "the second subject is")
+bp3d_arm = data_folder("bp3d_arm", "shoulder_abduction.toml", "the arm is")
+label_data = data_folder("labels", "totalsegmentator_pelvis_3mm.nii.gz", "the map of labels is")
 
 
 @pytest.fixture
@@ -172,9 +165,3 @@ def pytest_collection_finish():
     """Leave what is there by now, thousands of tests and all modules, out of searches for garbage."""
     gc.collect()
     gc.freeze()
-
-
-@pytest.fixture(scope="session")
-def label_data():
-    """Folder of a real map of labels."""
-    return data_folder("labels", "totalsegmentator_pelvis_3mm.nii.gz", "the map of labels is")

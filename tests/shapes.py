@@ -53,6 +53,15 @@ def ring(*, big=10.0, small=3.0, n_around=48, n_across=24):
     return points, np.vstack([np.column_stack([p, q, r]), np.column_stack([p, r, s])]).astype(np.int64)
 
 
+def grid(m, n):
+    """Return a flat surface of m by n unit squares in z = 0, each of two triangles."""
+    x, y = (a.ravel() for a in np.meshgrid(np.arange(m + 1.0), np.arange(n + 1.0), indexing="ij"))
+    i = (np.arange(m)[:, None] * (n + 1) + np.arange(n)).ravel()
+    right = i + n + 1
+    triangles = np.vstack([np.column_stack([i, right, right + 1]), np.column_stack([i, right + 1, i + 1])])
+    return np.column_stack([x, y, np.zeros_like(x)]), triangles
+
+
 def distance_to_box(points, low, high):
     half = (np.array(high) - np.array(low)) / 2.0
     beyond = np.abs(points - (np.array(high) + np.array(low)) / 2.0) - half

@@ -44,12 +44,6 @@ def lines_in(texts):
     return sum(len(text.splitlines()) for text in texts)
 
 
-def test_lines_of_code_are_those_that_say_something():
-    head = '"""Doc.\n\nMore."""\n\n# comment\ndef f():\n    """Doc."""\n    # comment\n'
-    code = '    return (  # so\n        1\n    )\n\nx = """a\nb"""\n'
-    assert lines_of_code(head + code) == 1 + 3 + 2
-
-
 def test_sizes_are_within_the_budget():
     if not BUDGET.is_file():
         pytest.skip(f"there is no budget at {BUDGET}; set VTKMUSCLE_BUDGET to its file")

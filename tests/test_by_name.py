@@ -5,7 +5,7 @@ import re
 import numpy as np
 import pytest
 
-from vtkmuscle import InputError, Scene, SceneError, phantoms
+from vtkmuscle import InputError, Scene, phantoms
 from vtkmuscle.plotting import can_render
 
 
@@ -37,15 +37,6 @@ def test_settings_of_a_run_are_those_of_the_scene(scene, result):
     assert np.array_equal(same.lengths["spindle"], result.lengths["spindle"])
 
 
-def test_unknown_settings_and_options_have_a_remedy(scene):
-    with pytest.raises(SceneError, match="did you mean 'n_fibres'"):
-        scene.with_settings(n_fibre=5)
-    with pytest.raises(TypeError, match="did you mean 'quality'"):
-        scene.run(qualities="preview")
-    with pytest.raises(SceneError, match="thigh"):
-        scene.run(muscles=["thigh"])
-
-
 def test_a_time_is_that_of_the_nearest_frame_within_half_a_step(result):
     assert result.times == [4.0, 6.0, 8.0, 10.0]
     at_six = result.muscle("spindle", frame=3).points
@@ -63,15 +54,6 @@ def test_a_muscle_has_length_volume_and_picture(scene, result):
     muscle = result["spindle"]
     assert np.array_equal(muscle.length, result.lengths["spindle"].mean(axis=1))
     assert muscle.volume == pytest.approx(scene["spindle"].volume, rel=1e-6)
-
-
-@pytest.mark.parametrize(
-    ("word", "meant"), [("verdict", "verdicts"), ("fibers", "fibres"), ("time", "times")]
-)
-def test_a_missing_attribute_names_the_nearest(result, word, meant):
-    with pytest.raises(AttributeError, match=f"did you mean '{meant}'"):
-        getattr(result, word)
-    assert not hasattr(result, "_unknown")
 
 
 def test_cells_of_notebooks_show_tables_and_pictures(scene, result):

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 import pyvista
 import typer
-from tiny_scene import HINGE, TOML, ellipsoid, write_tiny_scene
+from tiny_scene import HINGE, MOTION, ellipsoid, write_tiny_scene
 from typer.testing import CliRunner
 
 import vtkmuscle
@@ -43,7 +43,6 @@ class Stop:
 sys.meta_path.insert(0, Stop())
 main()
 """
-MOTION = TOML[TOML.index("[motion]") : TOML.index("[muscles")]
 
 
 @pytest.fixture

@@ -11,7 +11,7 @@ import pytest
 from fuzz_target import WORDS
 from mutations import judged, mutated
 from phantoms import hip, label_map
-from tiny_scene import HINGE, TOML, write_tiny_scene
+from tiny_scene import HINGE, MOTION, write_tiny_scene
 from two_joint_scene import save_strap, scene_with
 
 from vtkmuscle import Scene
@@ -22,7 +22,6 @@ from vtkmuscle.opensim import write_opensim
 sys.path.insert(0, str(Path(__file__).parent / "io"))
 from test_damaged_texts import KINDS as TEXTS
 
-MOTION = TOML[TOML.index("[motion]") : TOML.index("[muscles")]
 LITERATURE = "source,muscle,dof,angle_deg,moment_arm_mm,part\n" + "".join(
     f"Somebody1985,spindle,hinge,{angle},{15.5 + 0.1 * angle},{part}\n"
     for part in ("lower_bound", "upper_bound", "")

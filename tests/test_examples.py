@@ -13,7 +13,6 @@ from pathlib import Path
 import pytest
 
 import vtkmuscle
-from vtkmuscle.plotting import can_render
 
 #: Where the package is, installed or not.
 PACKAGES = Path(vtkmuscle.__file__).parents[1]
@@ -27,10 +26,7 @@ def test_there_are_examples():
 
 @pytest.mark.long
 @pytest.mark.parametrize("example", EXAMPLES, ids=lambda path: path.stem)
-def test_example_runs(example, tmp_path):
-    reason = can_render()
-    if reason is not None:
-        pytest.skip(reason)
+def test_example_runs(example, tmp_path, renders):
     here = {"PYVISTA_OFF_SCREEN": "true", "PYTHONPATH": str(PACKAGES), "MPLBACKEND": "agg"}
     done = subprocess.run(
         [sys.executable, "-W", "error", str(example)],

@@ -5,11 +5,10 @@ import shutil
 
 import pytest
 from mutations import judged, mutated
-from tiny_scene import HINGE, TOML, write_tiny_scene
+from tiny_scene import HINGE, MOTION, write_tiny_scene
 
 from vtkmuscle import Scene
 
-MOTION = TOML[TOML.index("[motion]") : TOML.index("[muscles")]
 LANDMARKS = "x,y,z\n" + "".join(f"{x},{y},34.0\n" for x, y in [(4, 0), (0, 4), (-4, 0), (0, -4), (4, 0)])
 TEMPLATE = """sheets = [
     [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]],

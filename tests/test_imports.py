@@ -56,24 +56,9 @@ def test_importing_vtkmuscle_adds_a_handful_of_modules():
     assert len(added) < 20, sorted(added)
 
 
-def test_the_command_line_says_its_version_without_vtk():
-    loaded = packages(modules_after_importing("vtkmuscle.cli"))
-    assert not loaded & {"vtk", "vtkmodules", "pyvista", "numba"}
-
-
 @pytest.mark.parametrize("forbidden", ["vtk", "vtkmodules", "pyvista"])
 def test_the_core_imports_no(forbidden):
     assert forbidden not in packages(modules_after_importing(*modules_in(vtkmuscle.core)))
-
-
-@pytest.mark.parametrize("forbidden", ["pyvista", "matplotlib", "vtk"])
-def test_the_filters_import_no(forbidden):
-    assert forbidden not in packages(modules_after_importing(*modules_in(vtkmuscle.filters)))
-
-
-def test_filters_import_only_the_vtk_modules_that_they_use():
-    loaded = modules_after_importing(*modules_in(vtkmuscle.filters))
-    assert not [name for name in loaded if name.startswith("vtkmodules.vtkRendering")]
 
 
 @pytest.mark.parametrize(

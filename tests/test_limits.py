@@ -6,13 +6,12 @@ import sys
 from pathlib import Path
 
 import pytest
-from tiny_scene import HINGE, TOML, write_tiny_scene
+from tiny_scene import HINGE, MOTION, write_tiny_scene
 from typer.testing import CliRunner
 
 from vtkmuscle import Scene
 from vtkmuscle.cli import BAD_INPUT, app
 
-MOTION = TOML[TOML.index("[motion]") : TOML.index("[muscles")]
 DEEP = "a = " + 500 * "[" + 500 * "]" + "\n"
 
 

@@ -5,7 +5,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from tiny_scene import HINGE, TOML, write_tiny_scene
+from tiny_scene import HINGE, MOTION, write_tiny_scene
 
 from vtkmuscle import Scene
 
@@ -14,7 +14,6 @@ from test_memory import in_use
 
 pytestmark = pytest.mark.long
 
-MOTION = TOML[TOML.index("[motion]") : TOML.index("[muscles")]
 FRAMES = 1000
 #: Growth that is noise: caches of Python and VTK, fragments, and what further threads hold [bytes].
 NOISE = 20e6

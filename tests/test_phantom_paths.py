@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from phantom_oracles import moved_centres, slope, taut_length
 from phantoms import (
     flexor_over_brim,
     lifting_strap,
@@ -10,157 +9,144 @@ from phantoms import (
     spindle_over_ball,
     strap_over_two_joints,
     tendon_through_ring,
+    wrapping_cylinder,
 )
-from phantoms.taut_string import String
+from phantoms.planar import flexed
+from scipy.optimize import minimize_scalar
+from scipy.spatial import ConvexHull
 
-from vtkmuscle import Scene
 from vtkmuscle.core.motion.rigid import apply_transform
-from vtkmuscle.core.paths.via_rings import passes_through, via_ring, within_ring
-from vtkmuscle.data.arrays import cell_array, points_of, triangles_of
+from vtkmuscle.core.paths.via_rings import passes_through, via_ring
+from vtkmuscle.data.arrays import points_of, triangles_of
 from vtkmuscle.data.attachments import attachments_of
-from vtkmuscle.filters import FibreMetrics
-from vtkmuscle.pipelines import decompose
 
-
-@pytest.mark.parametrize(
-    ("make", "at_rest"),
-    [
-        (lifting_strap, (0.0,)),
-        (flexor_over_brim, (0.0,)),
-        (strap_over_two_joints, (0.0, 0.0)),
-        (spindle_over_ball, (0.0, 0.0)),
-        (slivered_tendon, (0.0,)),
-    ],
-    ids=lambda value: getattr(value, "__name__", ""),
-)
-def test_fibres_at_rest_are_as_long_as_is_known(make, at_rest):
-    phantom = make()
-    ((name, muscle),) = phantom.muscles.items()
-    # Enough segments to go round the bends; fibres beside the middle of a bend are longer or shorter.
-    fibres = decompose(muscle, phantom.attachments[name], method="harmonic", resolution=48)
-    lengths = cell_array(FibreMetrics()(fibres, muscle), "Length", name)
-    assert lengths.mean() == pytest.approx(phantom.known["length"](*at_rest), rel=0.01)
-
-
-# -------------------------------------------------------------------- a string past a circle
-
-
-def test_a_string_is_as_long_as_the_hull_of_its_circle_says(rng):
-    wraps = []
-    for _ in range(60):
-        ends = np.array([[0.0, 6.0], [0.0, -6.0]]) + rng.uniform(-4.0, 4.0, (2, 2))
-        string = String(*ends, np.zeros(2), 1.5, 1)
-        taut = taut_length(*ends, [((0.0, 0.0), 1.5)], outward=(-1.0, 0.0))
-        assert string.length == pytest.approx(taut, rel=1e-6)
-        wraps.append(string.wrap)
-    assert 10 < np.count_nonzero(wraps) < 50
-
-
-# -------------------------------------------------------------------- each phantom
-
+#: Poses (upper, lower) of the strap over two joints, and (flexion, abduction) of the spindle over a ball.
+TWO_JOINTS = [(0.0, 0.0), (60.0, -20.0), (50.0, 60.0), (-40.0, 30.0), (20.0, 90.0), (-10.0, -20.0)]
+BALL = [(0.0, 0.0), (35.0, -20.0), (60.0, 20.0), (-10.0, 7.0)]
 PULLS = (0.0, 5.0, 50.0, 100.0)
 
 
-@pytest.mark.parametrize(
-    ("phantom", "centre", "radius", "times"),
-    [
-        (lifting_strap(), (0.0, 0.0), 25.0, (0.0, 12.0, 29.0, 30.0, 33.0, 50.0, 70.0)),
-        (flexor_over_brim(), (-16.0, 14.0), 15.0, (0.0, 25.0, 50.0, 80.0)),
-        (slivered_tendon(pulls=PULLS), (0.0, 0.0), 18.0, PULLS),
-    ],
-    ids=["over a roller", "over a brim, in a groove", "round an edge"],
-)
-def test_a_muscle_is_as_long_as_a_string_past_its_circle(phantom, centre, radius, times):
-    for time in times:
-        start, end = moved_centres(phantom, time)
-        taut = taut_length(start, end, [(centre, radius)], outward=(-1.0, 0.0))
-        assert phantom.known["length"](time) == pytest.approx(taut, rel=1e-6)
+def moved_ends(phantom, time):
+    """Return the centres of the origin and the insertion landmarks at a time, origin first."""
+    (areas,) = phantom.attachments.values()
+    transforms = phantom.motion.at(time)
+    ends = [area for area in attachments_of(areas, "test") if area.role != "via"]
+    return [apply_transform(transforms.get(a.bone, np.eye(4)), a.landmarks).mean(axis=0) for a in ends]
 
 
-@pytest.mark.parametrize("angle", [0.0, 12.0, 29.0, 33.0, 50.0, 70.0])
-def test_the_lifting_strap_is_straight_from_its_lift_off_on(angle):
-    phantom = lifting_strap()
-    start, end = moved_centres(phantom, angle)
-    longer = phantom.known["length"](angle) - np.linalg.norm(end - start)
-    assert longer == pytest.approx(0.0, abs=1e-9) if angle > phantom.known["lift_off"] else longer > 1e-4
+def taut_length(start, end, circles, outward):
+    """Return the length of a string from start to end (2,), held by circles (centre, radius).
+
+    The string is a part of the boundary of the convex hull of its ends and the circles; the other part, less
+    far ``outward``, closes the boundary.
+    """
+    turn = np.linspace(0.0, 2.0 * np.pi, 20000, endpoint=False)
+    rim = np.column_stack([np.cos(turn), np.sin(turn)])
+    points = np.vstack([start, end, *(np.asarray(centre) + radius * rim for centre, radius in circles)])
+    order = ConvexHull(points).vertices.tolist()
+    order = order[order.index(0) :] + order[: order.index(0)]
+    last = order.index(1)
+    ways = [points[order[: last + 1]], points[[*order[last:], 0]]]
+    way = max(ways, key=lambda way: (way @ outward).mean())
+    return float(np.linalg.norm(np.diff(way, axis=0), axis=1).sum())
 
 
-def test_the_slivered_tendon_is_pulled_round_its_edge():
-    phantom = slivered_tendon(pulls=PULLS)
-    for pull, end in ((0.0, [-18.0, -40.0]), (100.0, [140.0 - 9.0 * np.pi, -18.0])):
-        np.testing.assert_allclose(moved_centres(phantom, pull)[1], end, atol=1e-9)
+def over_two_joints(pose):
+    """Return the phantom, its known length and the rollers' middle circles in a pose."""
+    phantom = strap_over_two_joints(coordinates=[pose])
+    lower = phantom.motion.at(0.0)["middle"] @ [0.0, *flexed((-8.0, -100.0), -60.0), 1.0]
+    return phantom, 0.0, phantom.known["length"](*pose), [((0.0, 0.0), 26.0), (lower[1:3], 18.0)]
 
 
-@pytest.mark.parametrize("depth", [-5.0, 0.0, 3.0])
-def test_lifting_straps_moment_arm_is_the_derivative_of_its_length(depth):
-    known = lifting_strap().known
-    for angle in (0.0, 15.0, 29.0, 31.0, 45.0, 70.0):
-        arm = known["moment_arm"](angle, depth)
-        assert arm == pytest.approx(-slope(lambda q: known["length"](q, depth), angle), abs=1e-5)
-        if angle <= known["lift_off"]:
-            assert arm == pytest.approx(25.0 + depth, rel=1e-12)
-        else:
-            assert arm > 25.0 + depth + 0.5
+def held(phantom, circle, times):
+    return [(phantom, time, phantom.known["length"](time), [circle]) for time in times]
 
 
-def test_flexors_moment_arms_are_derivatives_of_lengths():
-    phantom = flexor_over_brim()
-    known = phantom.known
-
-    def straight(angle):
-        start, end = moved_centres(phantom, angle)
-        return np.linalg.norm(end - start)
-
-    for angle in (0.0, 20.0, 47.0, 80.0):
-        assert known["moment_arm"](angle) == pytest.approx(-slope(known["length"], angle), abs=1e-5)
-    for angle in (13.0, 46.0):  # between rows the motion is that of the hinge, as well
-        assert known["straight_moment_arm"](angle) == pytest.approx(-slope(straight, angle), abs=1e-5)
-    assert [known["moment_arm"](angle) > 15.0 for angle in (0.0, 40.0)] == [True, True]
-    assert [known["straight_moment_arm"](angle) < 0.0 for angle in (0.0, 40.0)] == [True, True]
+STRINGS = {
+    "wound": held(wrapping_cylinder(), ((0.0, 0.0), 30.0), (-79.0, -60.0, 0.0, 40.0, 80.0)),
+    "over a roller": held(lifting_strap(), ((0.0, 0.0), 25.0), (0.0, 12.0, 29.0, 30.0)),
+    "over a brim": held(flexor_over_brim(), ((-16.0, 14.0), 15.0), (0.0, 25.0, 50.0, 80.0)),
+    "round an edge": held(slivered_tendon(pulls=PULLS), ((0.0, 0.0), 18.0), PULLS),
+    "over two joints": [over_two_joints(pose) for pose in TWO_JOINTS],
+}
 
 
-# -------------------------------------------------------------------- through a ring
+@pytest.mark.parametrize("name", STRINGS)
+def test_a_muscle_is_as_long_as_a_string_past_its_circles(name):
+    outward = (0.0, 1.0) if name == "wound" else (-1.0, -1.0 if name == "over two joints" else 0.0)
+    for phantom, time, known, circles in STRINGS[name]:
+        start, end = (place[1:] for place in moved_ends(phantom, time))
+        if name == "wound":  # the free end is attached by its face, the other on the cylinder
+            turn = np.radians(80.0 + time)
+            start, end = (-80.0, 30.0), 30.0 * np.array([np.sin(turn), np.cos(turn)])
+        assert known == pytest.approx(taut_length(start, end, circles, outward), rel=1e-6)
+
+
+def test_free_muscles_are_as_long_as_the_way_between_their_moved_ends():
+    """Of the lifting strap after its lift-off, and of the spindle over a ball."""
+    strap, ball = lifting_strap(), spindle_over_ball()
+    assert strap.known["lift_off"] == 30.0
+    poses = zip(*ball.known["coordinates"].values(), strict=True)
+    cases = [(strap, angle, (angle,)) for angle in (33.0, 50.0, 70.0)]
+    for phantom, time, pose in cases + [
+        (ball, t, pose) for t, pose in zip(ball.motion.times, poses, strict=True)
+    ]:
+        origin, insertion = moved_ends(phantom, time)
+        assert phantom.known["length"](*pose) == pytest.approx(np.linalg.norm(insertion - origin), rel=1e-12)
+
+
+def brims_straight(angle):
+    origin, insertion = moved_ends(flexor_over_brim(), angle)
+    return np.linalg.norm(insertion - origin)
+
+
+def arms_and_lengths():
+    """Yield by phantom: moment arm, length by the angle alone, and angle [degrees]."""
+    strap, brim, ring = (make().known for make in (lifting_strap, flexor_over_brim, tendon_through_ring))
+    two, ball, wound = (
+        make().known for make in (strap_over_two_joints, spindle_over_ball, wrapping_cylinder)
+    )
+    for depth in (-5.0, 0.0, 3.0):
+        for q in (0.0, 15.0, 29.0, 31.0, 45.0, 70.0):
+            yield strap["moment_arm"](q, depth), lambda q, d=depth: strap["length"](q, d), q
+    for q in (0.0, 20.0, 47.0, 80.0):
+        yield brim["moment_arm"](q), brim["length"], q
+    for q in (13.0, 46.0):  # between rows the motion is that of the hinge, as well
+        yield brim["straight_moment_arm"](q), brims_straight, q
+    for clearance in (0.0, 3.5):
+        for q in (2.0, 25.0, 60.0):
+            yield ring["moment_arm"](q, clearance), lambda q, c=clearance: ring["length"](q, c), q
+    yield wound["moment_arm"], wound["length"], 15.0
+    for a, b in TWO_JOINTS:
+        yield two["moment_arm_upper"], lambda q, b=b: two["length"](q, b), a
+        yield two["moment_arm_lower"], lambda q, a=a: two["length"](a, q), b
+    for a, b in BALL:
+        yield ball["moment_arm_flexion"](a, b), lambda q, b=b: ball["length"](q, b), a
+        yield ball["moment_arm_abduction"](a, b), lambda q, a=a: ball["length"](a, q), b
+
+
+def test_moment_arms_are_the_slopes_of_lengths():
+    step = 1e-4
+    for arm, length, angle in arms_and_lengths():
+        slope = (length(angle + step) - length(angle - step)) / (2.0 * np.radians(step))
+        assert arm == pytest.approx(-slope, abs=1e-5)
+    known = flexor_over_brim().known
+    assert known["straight_moment_arm"](0.0) < 0.0 < known["moment_arm"](0.0)
 
 
 @pytest.mark.parametrize("clearance", [0.0, 3.5])
 @pytest.mark.parametrize("angle", [0.0, 12.0, 60.0])
 def test_tendon_is_as_long_as_the_shortest_way_through_its_ring(angle, clearance):
     phantom = tendon_through_ring()
-    origin, insertion, ring = attachments_of(phantom.attachments["muscle"], "test")
-    assert (ring.role, ring.bone, len(ring.landmarks)) == ("via", "proximal", 8)
-    start = origin.landmarks.mean(axis=0)
-    end = apply_transform(phantom.motion.at(angle)["distal"], insertion.landmarks).mean(axis=0)
-    # Over all places of the octagon, by a fine net of it, whose sides are moved in by the clearance.
-    centre = ring.landmarks.mean(axis=0)
-    part = np.linspace(0.0, 1.0, 401)[:, None, None]
-    corners = centre + (1.0 - clearance / 6.0) * (ring.landmarks - centre)
-    rim = (corners + part * (np.roll(corners, -1, axis=0) - corners)).reshape(-1, 3)
-    net = (centre + np.linspace(0.0, 1.0, 301)[:, None, None] * (rim - centre)).reshape(-1, 3)
-    shortest = (np.linalg.norm(net - start, axis=1) + np.linalg.norm(net - end, axis=1)).min()
-    assert phantom.known["length"](angle, clearance) == pytest.approx(shortest, abs=1e-3)
+    start, end = moved_ends(phantom, angle)
+    *_, ring = attachments_of(phantom.attachments["muscle"], "test")
+    centre, reach = ring.landmarks.mean(axis=0), 6.0 - clearance
 
+    def way(y):
+        place = centre + np.array([0.0, y, 0.0])
+        return np.linalg.norm(place - start) + np.linalg.norm(place - end)
 
-def test_tendons_moment_arms_are_derivatives_of_lengths():
-    known = tendon_through_ring().known
-    for clearance in (0.0, 3.5):
-        for angle in (2.0, 25.0, 60.0):
-            by_length = -slope(lambda q, c=clearance: known["length"](q, c), angle)
-            assert known["moment_arm"](angle, clearance) == pytest.approx(by_length, abs=1e-5)
-    assert known["moment_arm"](0.0) == known["straight_moment_arm"](0.0) == pytest.approx(32.0)
-    # Without the ring it bowstrings.
-    assert known["straight_moment_arm"](60.0) > 1.5 * known["moment_arm"](60.0)
-
-
-def test_the_tendon_passes_through_its_ring_at_rest():
-    phantom = tendon_through_ring()
+    shortest = minimize_scalar(way, bounds=(-reach, reach), options={"xatol": 1e-6}).fun
+    assert phantom.known["length"](angle, clearance) == pytest.approx(shortest, abs=1e-5)
     muscle = phantom.muscles["muscle"]
-    _, _, area = attachments_of(phantom.attachments["muscle"], "test")
-    ring = via_ring(area.landmarks)
-    points = points_of(muscle)
-    assert passes_through(ring, points, triangles_of(muscle, "test"))
-    near = np.abs(points[:, 2] - ring.centre[2]) < 2.0
-    assert np.count_nonzero(near) > 20
-    assert within_ring(ring, points[near]).all()
-    radii = np.hypot(points[near, 0], points[near, 1] + 32.0)
-    np.testing.assert_allclose(radii, phantom.known["tendon_radius"], atol=0.3)
-    assert Scene.from_phantom(phantom).muscles["muscle"].attachments[2].role == "via"
+    assert passes_through(via_ring(ring.landmarks), points_of(muscle), triangles_of(muscle, "test"))

@@ -7,8 +7,8 @@ import pytest
 from tiny_scene import write_tiny_scene
 
 from vtkmuscle import Scene
-from vtkmuscle.data.arrays import cell_array, points_of
-from vtkmuscle.data.attachments import attachments_from
+from vtkmuscle.data.arrays import cell_array, points_of, polylines_of
+from vtkmuscle.data.attachments import Aponeurosis, aponeuroses_data, attachments_from
 from vtkmuscle.filters import (
     FibreMetrics,
     FibreSmoother,
@@ -69,15 +69,6 @@ def test_a_chain_lives_by_its_last_filter_alone(scene, muscle, attachments):
     assert np.abs(first - points_of(muscle)).max() > 1.0
 
 
-def test_a_muscle_with_fixed_points_of_its_own_needs_no_attachments(scene, muscle, attachments):
-    fixed = FixedPointDetector()(muscle, scene.bones_data(), attachments)
-    own = deform(fixed, scene.bones_data(), scene.motion, fixing=None, iterations=2).update(time=5.0).output
-    found = (
-        deform(muscle, scene.bones_data(), scene.motion, attachments, iterations=2).update(time=5.0).output
-    )
-    np.testing.assert_array_equal(points_of(own), points_of(found))
-
-
 FEW_FIBRES = {"n_fibres": 6, "resolution": 5}
 
 
@@ -132,6 +123,9 @@ def test_settings_of_a_muscle_pipeline_reach_their_filters_or_are_refused(scene,
     assert (without.fibres, without.metrics) == (None, None)
     with pytest.raises(ValueError, match="deformer is 'volumes', but must be one of 'paths', 'pbd', 'none'"):
         made(deformer="volumes")
+    sheets = aponeuroses_data([Aponeurosis("distal", np.eye(3))])
+    with pytest.raises(ValueError, match="need a deformed muscle, but deformer is 'none'"):
+        made(fixing={}, fibres={}, deformer="none", aponeuroses=sheets)
     with pytest.raises(TypeError, match="prone"):
         made(fibres={"prone": 0.1})
 
@@ -171,9 +165,6 @@ def test_the_pipeline_of_a_scene_has_the_scenes_settings(scene):
 @pytest.mark.filterwarnings("ignore:SliceMorpher. the muscle is bent too much")
 @pytest.mark.parametrize("published", ["kohout2012", "kohout2014"])
 def test_published_fibres_run_from_area_to_area_of_any_muscle(hip, published):
-    from vtkmuscle.data.arrays import polylines_of
-    from vtkmuscle.pipelines import decompose
-
     for name, muscle in hip.muscles.items():
         chain = decompose(muscle, hip.attachments[name], published=published, n_fibres=12)
         lines = polylines_of(chain.output, name)
@@ -183,8 +174,6 @@ def test_published_fibres_run_from_area_to_area_of_any_muscle(hip, published):
 
 
 def test_settings_beside_the_name_of_published_fibres_count_more(hip):
-    from vtkmuscle.pipelines import decompose
-
     muscle, areas = hip.muscles["iliacus"], hip.attachments["iliacus"]
     assert decompose(muscle, areas, published="kohout2014").spreading == 0.0
     assert decompose(muscle, areas, published="kohout2014", spreading=1.0).spreading == 1.0

@@ -26,13 +26,6 @@ from vtkmuscle.plotting.sheets import Pixels
 from vtkmuscle.plotting.studio import actors_of, strain_colours
 
 
-@pytest.fixture
-def renders():
-    reason = can_render()
-    if reason is not None:
-        pytest.skip(reason)
-
-
 def spindle():
     """A muscle 100 mm long and 30 mm thick along z, fixed to bone 1 above and bone 0 below."""
     surface = pv.Sphere(radius=1.0, theta_resolution=24, phi_resolution=32).scale((15.0, 15.0, 50.0))

@@ -71,10 +71,3 @@ def test_pages_name_things():
 def test_first_lines_are_short(docstrings):
     lines = [re.sub(r"`[^`]*`", "x", text.partition("\n\n")[0]).partition(". ")[0] for text in docstrings]
     assert sum(len(line.split()) for line in lines) / len(lines) <= LONGEST
-
-
-def test_pro_forms_are_counted():
-    code = "Names of ``it``::\n\n    that of the one\n\n.. math::\n\n   it\n"
-    words = words_of(f"What it is\n==========\n\n{code}\nAll of those.\n")
-    assert words == ["what", "it", "is", "names", "of", "all", "of", "those"]
-    assert [word for word in words if PRO_FORM.fullmatch(word)] == ["what", "it", "those"]

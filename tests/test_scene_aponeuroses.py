@@ -6,37 +6,24 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import tomli_w
-from phantoms import fibre_block
+from phantoms import block_sheets, fibre_block
 
 from vtkmuscle import Scene
 from vtkmuscle.data.arrays import cell_array, points_of, polylines_of
-from vtkmuscle.data.attachments import Aponeurosis, aponeuroses_data
+from vtkmuscle.data.attachments import Aponeurosis
 from vtkmuscle.filters import FibreSource
 from vtkmuscle.phantoms import spindle_over_hinge
-from vtkmuscle.pipelines import MusclePipeline
 from vtkmuscle.run import muscle_pipeline
 from vtkmuscle.scene import SceneError
 
-WIDTH, DEPTH, LENGTH = 20.0, 40.0, 120.0
-
-
-def face(corner, x, low, high):
-    ring = np.array([(x, 0.0, low), (x, DEPTH, low), (x, DEPTH, high), (x, 0.0, high)])
-    return np.asarray(corner) + ring
+WIDTH, LENGTH = 20.0, 120.0
 
 
 def scene_of(kind):
     """Return a block between plates that shift, with its aponeuroses, and how wide its halves are."""
     scene = Scene.from_phantom(fibre_block(kind), n_fibres=40)
-    muscle = scene.muscles["block"]
-    corner = points_of(muscle.surface).min(axis=0)
-    if kind == "pennate":
-        begin, end, width = (0.0,), WIDTH, WIDTH
-    else:
-        begin, end, width = (0.0, WIDTH), WIDTH / 2, WIDTH / 2
-    sheets = [Aponeurosis("proximal", face(corner, x, 0.0, LENGTH / 2)) for x in begin]
-    sheets.append(Aponeurosis("distal", face(corner, end, LENGTH / 2, LENGTH)))
-    return replace(scene, muscles={"block": replace(muscle, aponeuroses=tuple(sheets))}), width
+    muscle = replace(scene.muscles["block"], aponeuroses=block_sheets(kind))
+    return replace(scene, muscles={"block": muscle}), WIDTH if kind == "pennate" else WIDTH / 2
 
 
 @pytest.mark.parametrize("kind", ["pennate", "bipennate"])
@@ -109,21 +96,6 @@ def test_what_is_wrong_in_the_file_is_named(saved, change, says):
     saved.write_text(tomli_w.dumps(tables))
     with pytest.raises(SceneError, match=says):
         Scene.load(saved)
-
-
-def test_paths_alone_carry_no_aponeuroses():
-    scene, _ = scene_of("pennate")
-    muscle = scene.muscles["block"]
-    with pytest.raises(ValueError, match="need a deformed muscle, but deformer is 'none'"):
-        MusclePipeline(
-            muscle.surface,
-            scene.bones_data(),
-            scene.motion,
-            scene.attachments_data("block"),
-            aponeuroses=aponeuroses_data(muscle.aponeuroses),
-            deformer="none",
-            fibres={},
-        )
 
 
 def test_a_run_has_lengths_of_paths_beside_those_of_fibres():

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tiny_scene import HINGE, TOML, ellipsoid, ring, write_tiny_scene
+from tiny_scene import HINGE, MOTION, TOML, ellipsoid, ring, write_tiny_scene
 from vtkmodules.vtkFiltersCore import vtkAppendPolyData
 
 from vtkmuscle import Scene, SceneError
@@ -28,8 +28,6 @@ from vtkmuscle.io import read_surface, write_polydata
 from vtkmuscle.scene.schema import Area, Hinge, Motion, MuscleTable, SceneTable
 from vtkmuscle.scene.schema_types import Axis, Hill, JointTable, OpenSimTable, Paths, Solver
 from vtkmuscle.scene.writing import to_toml
-
-MOTION = TOML[TOML.index("[motion]") : TOML.index("[muscles")]
 
 
 @pytest.fixture

@@ -7,13 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from tiny_scene import HINGE, TOML, write_tiny_scene
+from tiny_scene import HINGE, MOTION, write_tiny_scene
 
 from vtkmuscle import Result, Scene, SceneError, hinge
 from vtkmuscle.core.motion.coordinates import Coordinate
 from vtkmuscle.plotting import can_render, plot_moment_arms
 
-MOTION = TOML[TOML.index("[motion]") : TOML.index("[muscles")]
 PUBLISHED = """source,muscle,part,dof,angle_deg,moment_arm_mm
 A1985,spindle,,knee,0,-10
 A1985,spindle,,knee,20,-14
@@ -102,13 +101,14 @@ def test_tables_and_report_hold_them(result, out):
     assert [float(row["value"]) for row in summary] == result.times
     for frame, row in enumerate(summary):
         assert float(row["mean_mm"]) == pytest.approx(found.mean[frame])
-        spread = found.arms[frame].std(ddof=1)
-        assert float(row["sampling_error_mm"]) == pytest.approx(spread / np.sqrt(found.arms.shape[1]))
+        assert float(row["error_mm"]) == pytest.approx(found.errors["total"][frame])
+        assert found.errors["model"][frame] >= 0.7 * found.arms[frame].std(ddof=1) > 0.0
         assert float(row["min_mm"]) == pytest.approx(found.arms[frame].min())
         assert float(row["max_mm"]) == pytest.approx(found.arms[frame].max())
     report = json.loads((out / "report.json").read_text())
     mine = report["muscles"]["spindle"]["moment_arms"]["knee"]
     assert mine["mean_mm"] == pytest.approx(found.arms.mean())
+    assert mine["errors"]["model_mm"] == pytest.approx(np.sqrt(np.mean(found.errors["model"] ** 2)))
     assert mine["positive"] == "right-handed about (1, 0, 0)"
     assert "moment_arms" in report["definitions"]
 

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from test_metamorphic import mapped
 from tiny_scene import ellipsoid, write_tiny_scene
 
 from vtkmuscle import Scene, SceneError, phantoms
@@ -240,26 +241,7 @@ NONSENSE = {
 
 def scaled(scene, factor):
     """Return a scene whose files are in another unit than it says."""
-    muscles = {
-        name: replace(
-            muscle,
-            surface=moved(muscle.surface, lambda x: factor * x),
-            attachments=tuple(
-                replace(area, landmarks=factor * area.landmarks) for area in muscle.attachments
-            ),
-        )
-        for name, muscle in scene.muscles.items()
-    }
-    poses = {}
-    for bone, table in scene.motion.transforms.items():
-        poses[bone] = table.copy()
-        poses[bone][:, :3, 3] *= factor
-    return replace(
-        scene,
-        bones={name: moved(bone, lambda x: factor * x) for name, bone in scene.bones.items()},
-        muscles=muscles,
-        motion=RigidMotion(scene.motion.times, poses),
-    )
+    return mapped(scene, scale=factor)
 
 
 def said(scene):

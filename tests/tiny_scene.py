@@ -38,6 +38,8 @@ attachments = [
 iterations = 3
 """
 
+#: The motion of the scene, and a hinge in its place.
+MOTION = TOML[TOML.index("[motion]") : TOML.index("[muscles")]
 HINGE = """
 [motion.hinge]
 bone = "lower"

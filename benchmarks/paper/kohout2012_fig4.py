@@ -6,7 +6,7 @@ import numpy as np
 import pyvista as pv
 from common import Case, Table, main
 
-from vtkmuscle.core.template.kinds import TEMPLATES
+from vtkmuscle.core.template import TEMPLATES
 from vtkmuscle.data.arrays import field_array, polylines_of
 from vtkmuscle.filters import FibreTemplateSource
 

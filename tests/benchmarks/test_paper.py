@@ -6,9 +6,7 @@ import importlib
 import re
 from pathlib import Path
 
-import numpy as np
 import pytest
-import pyvista as pv
 
 FOLDER = Path(__file__).parents[2] / "benchmarks" / "paper"
 SCRIPTS = sorted(path.stem for path in FOLDER.glob("kohout*.py"))
@@ -98,35 +96,3 @@ def test_settings_of_the_paper_are_all_named(case):
         bone_push="transform",
         contact_velocity="keep",
     )
-
-
-@pytest.mark.parametrize("model", ["as printed", "stable", "default model"])
-def test_position_based_dynamics_has_no_paths_and_carries_fibres_by_all_weights(case, model):
-    chain = case.chain("iliacus", model)
-    assert (chain.taut_paths is None) == (model != "default model")
-    assert getattr(chain.moved, "weight_tolerance", 0.0) == 0.0
-    lengths = chain.lengths(case.motion.times[:2])
-    assert lengths.shape == (2, 20)
-    assert 0.0 < np.abs(lengths[1] - lengths[0]).max() < 5.0
-
-
-def test_the_published_loop_stays_at_rest_and_follows_a_bone(case):
-    from published_loop import run
-
-    from vtkmuscle.core.mesh.surface import mesh_topology
-    from vtkmuscle.core.motion.rigid import rotation_about
-
-    body = pv.Sphere(radius=20.0, theta_resolution=16, phi_resolution=16)
-    points, triangles = np.asarray(body.points, dtype=float), body.regular_faces.astype(np.int64)
-    fixed_to = np.where(points[:, 2] < -15.0, 0, np.where(points[:, 2] > 15.0, 1, -1))
-    stiffness = np.ones(len(mesh_topology(len(points), triangles).edges))
-    still = np.array([[np.eye(4)] * 2])
-    moves, share, end = run(points, triangles, fixed_to, stiffness, still, 5)
-    assert moves.max() < 1e-9
-    assert share == 0.0
-    turned = np.array([[np.eye(4), rotation_about((0, 0, 0), (1, 0, 0), 10.0)]])
-    moves, share, end = run(points, triangles, fixed_to, stiffness, turned, 50)
-    assert moves.shape == (1, 50)
-    assert moves[0, 0] > 2.0 * moves[0, -1] > 0.0
-    held = fixed_to == 1
-    np.testing.assert_allclose(end[held], points[held] @ turned[0, 1, :3, :3].T, atol=1e-9)

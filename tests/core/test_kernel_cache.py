@@ -2,21 +2,16 @@
 
 import importlib
 import os
-import re
-import shutil
 import subprocess
 import sys
 import warnings
 from operator import attrgetter
-from pathlib import Path
 
 import numba
-import numpy as np
 import pytest
 
-import vtkmuscle
 from vtkmuscle.core import jit, machine
-from vtkmuscle.core.jit import kernel, source_key
+from vtkmuscle.core.jit import kernel
 
 posix = pytest.mark.skipif(os.name != "posix", reason="modes say who can write to a file on POSIX alone")
 
@@ -200,47 +195,6 @@ def test_a_kernel_within_a_function_is_compiled_for_what_it_is_made_from(kernels
 
     assert (times(2.0)(3.0), times(5.0)(3.0)) == (6.0, 15.0)
     assert not kernels.exists()
-
-
-def test_the_key_of_every_kernel_knows_the_files_behind_it_and_no_others(tmp_path):
-    package = Path(vtkmuscle.__file__).parent
-    copy = tmp_path / "vtkmuscle"
-    shutil.copytree(package, copy, ignore=shutil.ignore_patterns("__pycache__"))
-    kernels = [
-        path.relative_to(copy)
-        for path in copy.rglob("*.py")
-        if re.search(r"^@(kernel|reduction|vector_kernel)$", path.read_text(encoding="utf-8"), re.M)
-    ]
-    assert len(kernels) > 20
-
-    def keys(root):
-        return [
-            source_key(".".join(("vtkmuscle", *path.with_suffix("").parts)), root / path) for path in kernels
-        ]
-
-    def changed(name):
-        file = copy / name
-        file.write_text(file.read_text(encoding="utf-8") + "\n# Changed.\n", encoding="utf-8")
-        return [old != new for old, new in zip(before, keys(copy), strict=True)]
-
-    before = keys(copy)
-    assert before == keys(package)
-    assert all(re.fullmatch("[0-9a-f]{16}", key) for key in before)
-    assert not any(changed("cli/__init__.py"))
-    # How they are compiled concerns all of them.
-    assert all(changed("core/jit.py"))
-
-
-def test_a_kernel_of_views_gives_what_python_gives():
-    def last_of_each(table):
-        total = 0.0
-        for i in range(len(table)):
-            row = table[i]
-            total += row[len(row) - 1]
-        return total
-
-    table = np.arange(12.0).reshape(3, 4)
-    assert jit.kernel(last_of_each)(table) == last_of_each(table)
 
 
 def test_a_kernel_is_compiled_alike_whichever_calls_it_first():

@@ -15,7 +15,6 @@ from vtkmuscle.data.arrays import (
     checked_surface,
     field_array,
     field_string,
-    multiblock_from,
     point_array,
     points_of,
     polylines_from,
@@ -158,13 +157,6 @@ def test_field_arrays_hold_numbers_and_strings():
 
 
 # -------------------------------------------------------------------- blocks
-
-
-def test_blocks_keep_names_and_order():
-    first, second = surface_from(POINTS, TRIANGLES), lines_with_shared_points()
-    data = multiblock_from({"pelvis": first, "femur": second})
-    assert [name for name, _ in blocks_of(data)] == ["pelvis", "femur"]
-    assert blocks_of(data)[1][1] is second
 
 
 def test_blocks_without_names_are_called_by_number():

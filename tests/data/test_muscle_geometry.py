@@ -1,12 +1,9 @@
-import numpy as np
 import pytest
 from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkFiltersSources import vtkSphereSource
 
 from vtkmuscle.core.mesh.surface import edge_lengths, unique_edges
-from vtkmuscle.data import muscle_geometry as module
 from vtkmuscle.data.arrays import points_of, surface_from, triangles_of
-from vtkmuscle.data.attachments import AttachmentArea
 from vtkmuscle.data.muscle_geometry import muscle_geometry
 
 
@@ -17,13 +14,6 @@ def ball():
 
 def copied(surface):
     return surface_from(points_of(surface), triangles_of(surface, ""))
-
-
-def test_equal_surfaces_share_what_is_known(ball):
-    known = muscle_geometry(ball, "test")
-    assert muscle_geometry(copied(ball), "test") is known
-    moved = surface_from(points_of(ball) + 1e-12, triangles_of(ball, ""))
-    assert muscle_geometry(moved, "test") is not known
 
 
 def test_a_change_through_a_view_makes_another_surface_and_leaves_the_old_facts(ball):
@@ -41,17 +31,3 @@ def test_facts_are_right(ball):
     assert known.n_open_edges == 0
     assert known.mean_edge == pytest.approx(edge_lengths(points, unique_edges(triangles)).mean(), rel=1e-12)
     assert muscle_geometry(surface_from(points, triangles[1:]), "test").n_open_edges == 3
-
-
-def test_a_patch_is_found_once(ball, monkeypatch):
-    calls = []
-    original = module.attachment_patch
-    monkeypatch.setattr(module, "attachment_patch", lambda *a: calls.append(1) or original(*a))
-    turn = np.linspace(0, 2 * np.pi, 8, endpoint=False)
-    ring = np.column_stack([4 * np.cos(turn), 4 * np.sin(turn), np.full(8, 9.1)])
-    known = muscle_geometry(surface_from(3 * points_of(ball), triangles_of(ball, "")), "test")
-    area = AttachmentArea("origin", "pelvis", 3 * ring, closed=True)
-    first = known.patch(area)
-    assert known.patch(AttachmentArea("insertion", "femur", 3 * ring, closed=True)) is first
-    assert len(calls) == 1
-    assert not np.array_equal(known.patch(AttachmentArea("origin", "pelvis", 3 * ring[:4], True)), first)

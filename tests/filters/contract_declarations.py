@@ -3,7 +3,6 @@
 DESIGN's contract, points 1, 7 and 10; see :mod:`contract`.
 """
 
-import doctest
 import inspect
 import math
 import pickle
@@ -121,11 +120,3 @@ def check_documented(case):
 
 def _ruled(line, rule):
     return bool(line) and len(rule) == len(line) and set(rule) == {"-"}
-
-
-def check_examples_run(case):
-    examples = doctest.DocTestParser().get_doctest(case.kind.__doc__, {}, case.kind.__name__, None, 0)
-    assert examples.examples, "there is no example"
-    report = []
-    doctest.DocTestRunner(verbose=False).run(examples, out=report.append)
-    assert not report, "".join(report)

@@ -7,15 +7,14 @@ import sys
 import numpy as np
 import pytest
 import pyvista as pv
-from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonCore import vtkObject
-from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkMultiBlockDataSet, vtkPolyData
+from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkPolyData
 from vtkmodules.vtkCommonExecutionModel import vtkStreamingDemandDrivenPipeline
 from vtkmodules.vtkFiltersCore import vtkCleanPolyData
 from vtkmodules.vtkFiltersSources import vtkLineSource
 from vtkmodules.vtkIOXML import vtkXMLPolyDataReader
 
-from vtkmuscle.data.arrays import multiblock_from, points_of, with_points
+from vtkmuscle.data.arrays import points_of, with_points
 from vtkmuscle.data.pipeline_times import times_of
 from vtkmuscle.filters.base.algorithm import AbortedError
 from vtkmuscle.filters.base.filter import Filter
@@ -60,17 +59,6 @@ class Clock(Filter):
 
     def execute(self):
         return line(-1.0 if self.request_time is None else self.request_time)
-
-
-class Split(Filter):
-    """Give a data set twice, and the second time backwards."""
-
-    shape = InputPort(vtkPolyData, doc="Points.")
-    same = OutputPort(vtkPolyData, doc="The same.")
-    blocks = OutputPort(vtkMultiBlockDataSet, doc="In a block.")
-
-    def execute(self, shape):
-        return shape, multiblock_from({"shape": shape})
 
 
 def line(x=0.0):
@@ -136,14 +124,6 @@ def test_values_are_kept_as_plain_python(name, value, kept):
     assert type(found) is type(kept)
 
 
-def test_equal_value_of_another_type_modifies_nothing():
-    shift = Shift(limit=2.0)
-    before = shift.GetMTime()
-    shift.limit = 2
-    shift.vector = np.array([1.0, 0.0, 0.0])
-    assert shift.GetMTime() == before
-
-
 def test_parameters_are_inherited_and_may_be_declared_anew():
     class FarShift(Shift):
         """Move points farther."""
@@ -188,13 +168,6 @@ def test_results_are_copies_that_later_updates_do_not_change():
     assert isinstance(first, pv.PolyData)
 
 
-def test_each_of_several_outputs_is_asked_for_by_its_port():
-    assert isinstance(Split().apply(line()), pv.PolyData)
-    algorithm = Split(shape=line())
-    outputs = [algorithm.update(port=number).output for number in range(2)]
-    assert [type(data) for data in outputs] == [vtkPolyData, vtkMultiBlockDataSet]
-
-
 def test_imports_and_updates_leave_vtk_and_pyvista_as_they_are():
     script = """
 import signal, sys
@@ -226,37 +199,6 @@ assert set(sys.meta_path) == set(finders)
 """
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
-
-
-def test_an_input_is_converted_once_for_the_same_content():
-    converted = []
-
-    def taken(data, where):
-        converted.append(where)
-        return points_of(data)
-
-    class Scale(Filter):
-        """Scale points."""
-
-        factor = Parameter(float, default=1.0, doc="Factor.")
-        shape = InputPort(vtkPolyData, taken, doc="Points.")
-        output = OutputPort(vtkPolyData, doc="The points, scaled.")
-
-        def execute(self, shape):
-            return with_points(line(), self.factor * shape)
-
-    data = line(1.0)
-    scale = Scale(shape=data)
-    scale.update()
-    scale.factor = 2.0
-    assert x_of(scale.update().output) == 2.0
-    assert converted == ["shape"]
-    vtk_to_numpy(data.GetPoints().GetData())[:] = 5.0
-    data.GetPoints().Modified()
-    assert x_of(scale.update().output) == 10.0
-    scale.shape = line(3.0)
-    assert x_of(scale.update().output) == 6.0
-    assert len(converted) == 3
 
 
 # -------------------------------------------------------------------- errors

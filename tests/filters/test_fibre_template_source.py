@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from vtkmuscle.core.template.kinds import KINDS, TEMPLATES, sobol_points
+from vtkmuscle.core.template import KINDS, TEMPLATES, sobol_points
 from vtkmuscle.data.arrays import cell_array, field_array, point_array, polylines_of
 from vtkmuscle.filters.fibre_template_source import FibreTemplateSource
 

@@ -1,5 +1,6 @@
 """The filter of the page "Add a filter" is held to the contract of all filters."""
 
+import doctest
 import importlib.util
 import sys
 from pathlib import Path
@@ -35,6 +36,10 @@ def test_the_page_shows_this_code():
 @pytest.mark.parametrize("check", contract.CHECKS, ids=lambda check: check.__name__)
 def test_the_filter_passes(cropper, check):
     check(Case(cropper))
+
+
+def test_its_examples_run(cropper):
+    assert doctest.testmod(sys.modules[cropper.__module__]).failed == 0
 
 
 def test_it_cuts_the_ends(cropper):

@@ -54,19 +54,6 @@ def test_moment_arms_are_the_levers_of_the_pull_at_every_angle(step, bound):
         assert field_array(result, "CoordinateValue")[0] == angle
 
 
-def test_each_time_step_is_asked_for_once():
-    source = Timed(lines_at, ANGLES)
-    found = arms_of(source)
-    found.update(time=20.0)
-    assert set(source.asked) == set(ANGLES)
-    before = len(source.asked)
-    found.update(time=45.0)
-    assert source.asked[before:] == [45.0]
-    source.Modified()
-    found.update(time=45.0)
-    assert len(source.asked) >= before + len(ANGLES)
-
-
 def test_a_motion_says_what_the_coordinate_is():
     motion = RigidMotion(
         np.arange(len(ANGLES)),

@@ -4,12 +4,9 @@ import json
 
 import numpy as np
 import pytest
-from filter_case import count_calls
 
-from vtkmuscle.core.fibres.embedding import EmbeddedPoints
 from vtkmuscle.core.mesh.surface import signed_volume
 from vtkmuscle.core.motion.rigid import apply_transform
-from vtkmuscle.core.skinning.carried_muscle import CarriedMuscle
 from vtkmuscle.data.arrays import (
     add_arrays,
     array_names,
@@ -135,26 +132,6 @@ def test_the_clearance_keeps_free_points_off_the_bones():
 
 
 # -------------------------------------------------------------------- the fibres
-
-
-def counted(monkeypatch, owner, name):
-    calls = []
-    count_calls(monkeypatch, calls, owner, name, name)
-    return calls
-
-
-def test_fibres_are_computed_only_when_asked_for(parts, monkeypatch):
-    carried = counted(monkeypatch, CarriedMuscle, "fibre_points")
-    embedded = counted(monkeypatch, EmbeddedPoints, "__init__")
-    deformer = chain(*parts)
-    for time in (0.0, LAST):
-        frame(deformer, time)
-    assert (carried, embedded) == ([], [])
-    for time in (0.0, LAST):
-        fibres_of(deformer, time)
-    assert (len(carried), len(embedded)) == (2, 1)
-    frame(deformer, 0.5 * LAST)
-    assert len(carried) == 2
 
 
 def test_at_rest_fibres_are_the_own_fibres_with_their_arrays(parts):

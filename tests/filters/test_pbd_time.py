@@ -122,6 +122,7 @@ def work(monkeypatch):
         ("balanced", "external_force", (0.01, 0.0, 0.0), set()),
         ("balanced", "bone_push", "off", set()),
         ("balanced", "n_voxels", 400, set()),
+        ("balanced", "measure_penetration", True, set()),
         ("published", "iterations", 3, {"frames", "of muscle"}),
         ("published", "velocity_kept", 0.5, {"frames", "of muscle"}),
         ("published", "motion", "far", {"frames"}),

@@ -158,14 +158,6 @@ def test_a_change_redoes_what_depends_on_it_and_nothing_else(work, name, value, 
     assert len(work) == len(redone), "nothing is done twice"
 
 
-def test_a_pose_far_from_rest_is_one_pose(work):
-    """The frames of the motion on the way are not computed."""
-    deformer = made(FIRST)
-    deformer.update(time=40.0)
-    assert work.count("paths") == work.count("surface") == 1
-    assert "levers" in work
-
-
 # ---------------------------------------------------------------- kept poses
 
 

@@ -3,13 +3,11 @@ import csv
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
-from phantoms import fibre_block
 from shapes import lines_of
 
 from vtkmuscle.data.arrays import add_arrays, cell_array
 from vtkmuscle.filters.fibre_metrics import FibreMetrics
-from vtkmuscle.io import fibre_summary, muscle_summary, write_fibre_table
-from vtkmuscle.pipelines import decompose
+from vtkmuscle.io import fibre_summary, write_fibre_table
 
 
 @pytest.fixture
@@ -33,19 +31,6 @@ def test_the_summary_has_mean_sd_and_range(measured):
     summary = fibre_summary(measured)
     assert summary["Length"] == {"mean": 9.0, "sd": 2.0, "min": 7.0, "max": 11.0}
     assert "FibreId" not in summary
-
-
-def test_the_summary_of_a_muscle_is_that_of_a_block():
-    phantom = fibre_block("parallel")
-    muscle, attachments = phantom.muscles["block"], phantom.attachments["block"]
-    fibres = decompose(muscle, attachments, n_fibres=64).update().output
-    summary = muscle_summary(FibreMetrics(architecture=True)(fibres, muscle))
-    assert summary["MuscleVolume"] == pytest.approx(96_000)
-    assert summary["PCSA"] == pytest.approx(800, rel=1e-3)
-    assert summary["PCSALine"] == pytest.approx(800, rel=2e-3)
-    assert_allclose(np.abs(summary["LineOfAction"]), [0, 0, 1], atol=1e-2)
-    assert summary["CentroidPathLength"] == pytest.approx(120, rel=1e-3)
-    assert muscle_summary(FibreMetrics()(fibres, muscle)) == {}
 
 
 def test_fibres_without_measures_are_refused(tmp_path):

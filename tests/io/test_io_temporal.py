@@ -1,9 +1,11 @@
 """Time series come back from .pvd files as they went in, field data and all."""
 
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
+from vtkmodules.vtkIOXML import vtkXMLPolyDataWriter
 
 from vtkmuscle.data.arrays import (
     add_arrays,
@@ -15,7 +17,7 @@ from vtkmuscle.data.arrays import (
     points_of,
     surface_from,
 )
-from vtkmuscle.io import Collection, Series, read_series, write_polydata
+from vtkmuscle.io import Collection, Series, read_series, write_polydata, writing
 
 TIMES = (0.0, 2.5, 5.0)
 
@@ -76,3 +78,20 @@ def test_files_that_are_no_series_are_named(tmp_path, name, content, words):
     with pytest.raises(ValueError, match=re.escape(words)) as caught:
         read_series(tmp_path / name)
     assert str(tmp_path / name) in str(caught.value)
+
+
+def test_a_fault_in_a_frame_leaves_the_finished_ones_and_no_part(tmp_path, monkeypatch):
+    series = Series(tmp_path, "m")
+    series.add(0, 0.0, frame(0))
+
+    class HalfWriter(vtkXMLPolyDataWriter):
+        def Write(self):
+            Path(self.GetFileName()).write_bytes(b"<VTKFile half")
+            return 0
+
+    monkeypatch.setattr(writing, "vtkXMLPolyDataWriter", HalfWriter)
+    with pytest.raises(OSError, match=r"m_0001\.vtp: the file could not be written"):
+        series.add(1, 1.0, frame(1))
+    monkeypatch.undo()
+    assert sorted(p.name for p in tmp_path.rglob("*")) == ["m", "m.pvd", "m_0000.vtp"]
+    assert read_series(tmp_path / "m.pvd").times == (0.0,)

@@ -1,16 +1,13 @@
 """Nothing of the user's is replaced by any command; the files of a command appear together or not at all."""
 
-import ast
 import os
 import signal
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 from typer.testing import CliRunner
 
-import vtkmuscle
 from vtkmuscle.cli import BAD_INPUT, app
 from vtkmuscle.data.arrays import blocks_of
 from vtkmuscle.io import write_polydata, write_text
@@ -107,48 +104,6 @@ def test_a_killed_command_goes_on(tmp_path, move):
     write(tmp_path, a="2", b="2", c="2")
     assert texts(tmp_path) == dict.fromkeys("abc", "2")
     assert {path.name for path in tmp_path.iterdir()} <= {"sub", RECORD, LOCK}
-
-
-#: Modules that write elsewhere than to outputs: the cache of kernels, and files between processes.
-ELSEWHERE = {"io/writing.py", "io/in_child.py", "core/jit.py", "run/pool.py"}
-WRITERS = {"write_text", "write_bytes", "savefig", "Write", "copyfile", "copy2", "copytree"}
-
-
-def writing_calls(tree):
-    """Yield calls that write a file, but for those inside of ``with replacing(...)``."""
-    inside = set()
-    for node in ast.walk(tree):
-        if isinstance(node, ast.With) and "replacing(" in "".join(ast.unparse(item) for item in node.items):
-            inside |= set(map(id, ast.walk(node)))
-    for node in (node for node in ast.walk(tree) if isinstance(node, ast.Call) and id(node) not in inside):
-        name = node.func.attr if isinstance(node.func, ast.Attribute) else getattr(node.func, "id", "")
-        words = [
-            one.value
-            for one in [*node.args, *(key.value for key in node.keywords)]
-            if isinstance(one, ast.Constant)
-        ]
-        opened = name == "open" and any(set(word) & set("wax+") for word in words if isinstance(word, str))
-        if opened or (name in WRITERS and isinstance(node.func, ast.Attribute)):
-            yield f"{node.lineno}: {ast.unparse(node)}"
-
-
-def test_no_other_module_opens_files_for_writing():
-    root = Path(vtkmuscle.__file__).parent
-    found = {
-        str(path.relative_to(root)): calls
-        for path in root.rglob("*.py")
-        if path.relative_to(root).as_posix() not in ELSEWHERE
-        and (calls := list(writing_calls(ast.parse(path.read_text("utf-8")))))
-    }
-    assert found == {}
-
-
-@pytest.mark.parametrize(
-    "call", ["path.write_text('')", "open(path, 'w')", "path.open(mode='ab')", "f.savefig(p)"]
-)
-def test_the_search_finds_a_call_that_writes(call):
-    assert list(writing_calls(ast.parse(call)))
-    assert not list(writing_calls(ast.parse(f"with replacing(path) as partial:\n    {call}")))
 
 
 def vtkmuscle_(*arguments):

@@ -104,15 +104,6 @@ def test_a_guess_that_is_not_sure_is_looked_at_until_it_is_confirmed(files, tmp_
         assert "low confidence" in says
 
 
-def test_what_is_there_is_not_written_over(files, tmp_path):
-    (tmp_path / "scene.toml").write_text("mine")
-    done = init(*files, "--out", tmp_path)
-    assert done.exit_code == 2
-    assert "add --overwrite" in done.output
-    assert (tmp_path / "scene.toml").read_text() == "mine"
-    assert init(*files, "--out", tmp_path, "--overwrite").exit_code == 0
-
-
 @pytest.mark.parametrize(
     ("keep", "words"),
     [

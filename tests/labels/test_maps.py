@@ -12,14 +12,13 @@ from vtkmuscle import Scene
 from vtkmuscle.core.mesh.normals import triangle_normals
 from vtkmuscle.core.mesh.solids import solids_of
 from vtkmuscle.core.mesh.surface import signed_volume, survey
-from vtkmuscle.data.arrays import blocks_of, checked_surface, field_array, surface_from
-from vtkmuscle.data.isosurface import label_surface
-from vtkmuscle.data.label_images import label_field, label_image, labels_in
+from vtkmuscle.data.arrays import blocks_of, checked_surface, field_array
+from vtkmuscle.data.label_images import label_image, labels_in
 from vtkmuscle.filters.attachment_estimator import estimated_areas
 from vtkmuscle.io import read_surface
 from vtkmuscle.io.writing import write_polydata
 from vtkmuscle.labels import maps
-from vtkmuscle.labels.maps import draft_of_labels, taut_line, with_tendon
+from vtkmuscle.labels.maps import draft_of_labels, taut_line
 from vtkmuscle.phantoms.implicit import ball
 from vtkmuscle.phantoms.meshing import mesh_of
 
@@ -131,27 +130,9 @@ def test_a_tendon_is_as_short_as_it_can_be_round_a_bone():
     assert length == pytest.approx(2.0 * straight + arc, rel=0.01)
 
 
-def test_belly_and_tendon_are_one_closed_surface():
-    across, along = np.indices((60, 30, 30))[1:] - 14.5, np.indices((60, 30, 30))[0] - 29.5
-    voxels = (across**2).sum(axis=0) / 100.0 + along**2 / 784.0 < 1.0
-    field = label_field(voxels, np.eye(4), smoothing=0.7)
-    belly = surface_from(*label_surface(field, 3.0))
-    target = np.array([14.5, 14.5, 100.0])
-    tendon = with_tendon(field, belly, target, [], 3.0)
-    points, triangles = checked_surface(tendon.surface, "muscle")
-    report = survey(points, triangles)
-    assert (report.closed, report.manifold, report.n_components) == (True, True, 1)
-    assert tendon.length == pytest.approx(100.0 - 57.5, abs=1.0)
-    assert points[:, 2].max() == pytest.approx(100.0 + tendon.radius, abs=0.3)
-    tube = np.pi * tendon.radius**2 * tendon.length
-    assert report.volume - field.volume == pytest.approx(tube, rel=0.3)
-
-
-def test_a_small_animal_has_a_scene_of_its_size(monkeypatch):
+def test_a_small_animal_has_a_scene_of_its_size(drawn, spacing, monkeypatch):
     """The hip at 1/20, in voxels of 0.15 mm, is drafted with the same joint and areas on the same bones."""
-    human, mouse = (
-        draft_of(scaled(label_map(hip(), spacing=3.0), part), monkeypatch) for part in (1.0, 1 / 20)
-    )
+    human, mouse = drawn, draft_of(scaled(label_map(hip(), spacing=spacing), 1 / 20), monkeypatch)
     assert not mouse.lacks
     for name, table in human.joints.items():
         at = np.array(mouse.joints[name]["centre"]) * 20

@@ -7,7 +7,7 @@ import pytest
 import tomli_w
 
 from vtkmuscle import Scene
-from vtkmuscle.opensim import read_osim, write_mujoco, write_opensim
+from vtkmuscle.opensim import write_opensim
 
 pytestmark = [pytest.mark.realdata, pytest.mark.long]
 
@@ -129,18 +129,3 @@ def test_opensims_static_optimisation_runs(ran, tmp_path, form):
     assert max(found[name].max() for name in MUSCLES) > 0.2
     # The thigh's weight turns the hip by some 10 Nm: the muscles hold it.
     assert max(np.abs(found[f"{name}_reserve"]).max() for name in COORDINATES) < 3.0
-
-
-def test_mujoco_has_the_lengths_of_the_hip(ran, tmp_path):
-    mujoco = pytest.importorskip("mujoco", reason="the extra mujoco is not installed")
-    found = write_mujoco(ran, tmp_path / "hip.xml", masses={"femur_r": 8.0})
-    model = mujoco.MjModel.from_xml_path(str(tmp_path / "hip.xml"))
-    data = mujoco.MjData(model)
-    assert (model.nu, model.ntendon, model.nmesh) == (4, 4, 6)
-    data.qpos[[model.joint(name).qposadr[0] for name in COORDINATES]] = np.radians([30.0, 5.0, 5.0])
-    mujoco.mj_forward(model, data)
-    now = {name: data.qpos[model.joint(name).qposadr] for name in COORDINATES}
-    write_opensim(ran, tmp_path / "hip.osim")
-    tree = read_osim(tmp_path / "hip.osim").tree
-    lengths = [one.out.path.lengths(tree, now)[0] for one in found]
-    np.testing.assert_allclose(data.ten_length, lengths, atol=1e-5)

@@ -1,6 +1,5 @@
 """Hill's parameters in exports, sliding coordinates in metres, and moment arms by what a muscle crosses."""
 
-import importlib.util
 import tomllib
 
 import numpy as np
@@ -53,33 +52,6 @@ def test_slides_are_exported_in_metres(drawn, tmp_path, form):
     assert np.ptp(known) == pytest.approx(12.0, abs=1.0)
     np.testing.assert_allclose(np.diff(lengths), np.diff(known), atol=0.1)
     assert np.abs(found.length_errors).max() < 0.3
-
-
-@pytest.mark.skipif(importlib.util.find_spec("opensim") is None, reason="the extra opensim is not installed")
-@pytest.mark.parametrize("form", ["functions", "points"])
-def test_opensim_has_the_lengths_and_hills_parameters(drawn, tmp_path, form):
-    import opensim
-
-    opensim.Logger.setLevelString("error")
-    path, result = drawn
-    (found,) = write_opensim(path, tmp_path / "drawn.osim", result=result, form=form)
-    ours = read_osim(tmp_path / "drawn.osim")
-    model = opensim.Model(str(tmp_path / "drawn.osim"))
-    state = model.initSystem()
-    muscle = model.getMuscles().get("spindle")
-    assert muscle.get_optimal_fiber_length() == pytest.approx(0.05)
-    assert muscle.get_pennation_angle_at_optimal() == pytest.approx(np.pi / 6.0)
-    assert muscle.get_max_isometric_force() == pytest.approx(18.0 * 61.0)
-    coordinate = model.updCoordinateSet().get("slide")
-    for slide in (0.0, 0.004, 0.01):
-        coordinate.setValue(state, slide)
-        model.realizePosition(state)
-        now = {"slide": np.array([slide])}
-        length = found.out.path.lengths(ours.tree, now)[0]
-        assert muscle.getPath().getLength(state) == pytest.approx(length, abs=1e-5)
-        step = {"slide": np.array([slide - 1e-6, slide + 1e-6])}
-        slope = float(np.diff(found.out.path.lengths(ours.tree, step))[0]) / 2e-6
-        assert muscle.getPath().computeMomentArm(state, coordinate) == pytest.approx(-slope, abs=1e-4)
 
 
 def test_groups_share_the_force_and_what_is_asked_for_counts_more(drawn, tmp_path):

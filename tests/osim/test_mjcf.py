@@ -2,39 +2,12 @@
 
 import numpy as np
 import pytest
+from legs import leg
 
-from vtkmuscle.core.motion.rigid import frame_at
 from vtkmuscle.joints.functions import IDENTITY, CubicSpline, Polynomial
-from vtkmuscle.joints.tree import Coupling, Joint, JointAxis, JointCoordinate, KinematicTree
+from vtkmuscle.joints.tree import Joint, JointAxis, JointCoordinate, KinematicTree
 from vtkmuscle.opensim import MuscleOut, mjcf_of
 from vtkmuscle.opensim.muscle_paths import FunctionPath, PathPoint, PointPath, moment_arm
-
-
-def leg():
-    hip = Joint(
-        "hip",
-        "ground",
-        "femur",
-        [JointAxis((0.1, 0.2, 1), IDENTITY, "flexion"), JointAxis((1, 0, 0), IDENTITY, "adduction")],
-        [JointAxis((0, 1, 0), IDENTITY, "pull"), JointAxis((1, 0, 0), Polynomial([0.02]))],
-        parent_frame=frame_at((0.1, 0.9, 0.0), (0.1, -0.4, 0.2)),
-        child_frame=frame_at((0.0, 0.05, 0.01), (0.3, 0.1, 0.0)),
-    )
-    knee = Joint(
-        "knee",
-        "femur",
-        "tibia",
-        [JointAxis((0, 0, 1), IDENTITY, "bend"), JointAxis((1, 0, 0), Polynomial([0.05, 0.1, 0.0]), "bend")],
-        parent_frame=frame_at((0.0, -0.4, 0.0)),
-    )
-    patella = Joint(
-        "patella_joint", "femur", "patella", [JointAxis((0, 0, 1), IDENTITY, "slide")],
-        parent_frame=frame_at((0.0, -0.4, 0.0)),
-    )  # fmt: skip
-    names = [JointCoordinate(name) for name in ("flexion", "adduction", "bend", "slide")]
-    coupled = [Coupling("slide", "bend", Polynomial([0.6, 0.05]))]
-    return KinematicTree("ground", [hip, knee, patella], [*names, JointCoordinate("pull", "m")], coupled)
-
 
 PATH = PointPath(
     [
@@ -54,7 +27,7 @@ def test_mujoco_has_the_same_lengths_and_moment_arms(rng):
     for _ in range(3):
         values = {name: rng.uniform(-0.8, 0.8, 1) for name in tree.free}
         full = tree.completed(values)
-        hidden = {"knee_hinge2": Polynomial([0.05, 0.1, 0.0])(full["bend"])}
+        hidden = {"knee_joint_hinge2": Polynomial([0.05, 0.1, 0.0])(full["knee"])}
         for name, value in {**full, **hidden}.items():
             data.qpos[model.joint(name).qposadr[0]] = value[0]
         mujoco.mj_forward(model, data)
@@ -74,20 +47,20 @@ def test_mujoco_has_the_same_lengths_and_moment_arms(rng):
                 mujoco.mj_forward(model, moved)
                 ends.append(moved.ten_length[0])
             slopes[0, i] = (ends[1] - ends[0]) / 2e-6
-        for name in ("flexion", "adduction", "pull"):
+        for name in ("hip", "adduction", "pull"):
             arm = -slopes[0, model.joint(name).dofadr[0]]
             assert arm == pytest.approx(moment_arm(PATH, tree, values, name)[0], abs=1e-4)
-        chain = {"bend": 1.0, "knee_hinge2": 0.1 * full["bend"][0] + 0.1, "slide": 0.6}
+        chain = {"knee": 1.0, "knee_joint_hinge2": 0.1 * full["knee"][0] + 0.1, "slide": 0.6}
         arm = -sum(part * slopes[0, model.joint(name).dofadr[0]] for name, part in chain.items())
-        assert arm == pytest.approx(moment_arm(PATH, tree, values, "bend")[0], abs=1e-4)
+        assert arm == pytest.approx(moment_arm(PATH, tree, values, "knee")[0], abs=1e-4)
 
 
 @pytest.mark.parametrize(
     ("path", "words"),
     [
-        (FunctionPath(("bend",), 1, np.array([0.3, 0.1])), "a function of coordinates"),
+        (FunctionPath(("knee",), 1, np.array([0.3, 0.1])), "a function of coordinates"),
         (
-            PointPath([PathPoint("femur"), PathPoint("tibia", (0, 0, 0), only_in=("bend", 0.0, 1.0))]),
+            PointPath([PathPoint("femur"), PathPoint("tibia", (0, 0, 0), only_in=("knee", 0.0, 1.0))]),
             "no moving or conditional points",
         ),
     ],

@@ -6,11 +6,11 @@ from xml.etree import ElementTree
 import numpy as np
 import osim_texts as texts
 import pytest
+from legs import leg
 
-from vtkmuscle.core.motion.rigid import frame_at
 from vtkmuscle.joints import grid_of
-from vtkmuscle.joints.functions import IDENTITY, CubicSpline, PiecewiseLinear, Polynomial
-from vtkmuscle.joints.tree import Coupling, Joint, JointAxis, JointCoordinate, KinematicTree
+from vtkmuscle.joints.functions import CubicSpline, PiecewiseLinear, Polynomial
+from vtkmuscle.joints.tree import JointAxis
 from vtkmuscle.opensim import MuscleOut, enriched, osim_of, read_osim
 from vtkmuscle.opensim.fitted_paths import fit_length
 from vtkmuscle.opensim.muscle_paths import PathPoint, PointPath, moment_arm
@@ -20,39 +20,11 @@ needs_opensim = pytest.mark.skipif(
 )
 
 
-def leg():
-    hip = Joint(
-        "hip_joint",
-        "ground",
-        "femur",
-        [JointAxis((0.1, 0.2, 1), IDENTITY, "hip"), JointAxis((1, 0, 0), IDENTITY, "adduction")],
-        parent_frame=frame_at((0.1, 0.9, 0.0), (0.1, -0.4, 0.2)),
-        child_frame=frame_at((0.0, 0.05, 0.01), (0.3, 0.1, 0.0)),
-    )
-    knee = Joint(
-        "knee_joint",
-        "femur",
-        "tibia",
-        [JointAxis((0, 0, 1), IDENTITY, "knee"), JointAxis((1, 0, 0), Polynomial([0.05, 0.1, 0.0]), "knee")],
-        [
-            JointAxis((1, 0, 0), CubicSpline([-2, -1, 0, 1, 2], [0.01, 0.005, 0, 0.004, 0.006]), "knee"),
-            JointAxis((0, 1, 0), PiecewiseLinear([-2, -0.23, 2], [1, 0, 2]).rescaled(1.0, 0.003), "knee"),
-        ],
-        parent_frame=frame_at((0.0, -0.4, 0.0)),
-    )
-    patella = Joint(
-        "patella_joint",
-        "femur",
-        "patella",
-        [JointAxis((0, 0, 1), IDENTITY, "slide")],
-        parent_frame=frame_at((0.0, -0.4, 0.0)),
-    )
-    sole = Joint("ankle_joint", "tibia", "foot", parent_frame=frame_at((0.02, -0.4, 0.0), (0.1, 0.2, 0.3)))
-    names = [JointCoordinate(name, range=(-2.0, 2.0)) for name in ("hip", "adduction", "knee", "slide")]
-    following = Coupling("slide", "knee", Polynomial([0.6, 0.05]))
-    return KinematicTree("ground", [hip, knee, patella, sole], names, [following])
-
-
+KNEE_SLIDES = (
+    JointAxis((1, 0, 0), CubicSpline([-2, -1, 0, 1, 2], [0.01, 0.005, 0, 0.004, 0.006]), "knee"),
+    JointAxis((0, 1, 0), PiecewiseLinear([-2, -0.23, 2], [1, 0, 2]).rescaled(1.0, 0.003), "knee"),
+)
+LEG = leg(*KNEE_SLIDES)
 GRID = grid_of({"hip": np.linspace(-0.5, 1.0, 5), "knee": np.linspace(-1.5, 0.5, 5)})
 
 
@@ -72,7 +44,7 @@ def muscles():
             PathPoint("tibia", (0.0, 0.02, 0.01), (spline, None, Polynomial([0.002, 0.01])), ("knee",) * 3),
         ]
     )
-    lengths = points.lengths(leg(), GRID)
+    lengths = points.lengths(LEG, GRID)
     function = fit_length(lengths, GRID)
     return [
         MuscleOut("over_points", points, {"max_isometric_force": 900.0, "optimal_fiber_length": 0.08}),
@@ -84,14 +56,14 @@ def muscles():
 
 def test_a_written_model_is_read_again_as_it_was(tmp_path):
     path = tmp_path / "leg.osim"
-    path.write_text(osim_of(leg(), muscles(), name='a "leg" & more'))
+    path.write_text(osim_of(LEG, muscles(), name='a "leg" & more'))
     again = read_osim(path)
     assert again.name == 'a "leg" & more'
-    before, after = leg().poses(GRID), again.tree.poses(GRID)
+    before, after = LEG.poses(GRID), again.tree.poses(GRID)
     for body in before:
         np.testing.assert_allclose(after[body], before[body], atol=1e-12)
     for muscle in muscles():
-        lengths = muscle.path.lengths(leg(), GRID)
+        lengths = muscle.path.lengths(LEG, GRID)
         np.testing.assert_allclose(
             again.muscle(muscle.name).path.lengths(again.tree, GRID), lengths, atol=1e-12
         )
@@ -106,14 +78,13 @@ def test_opensim_has_the_same_lengths_and_moment_arms(tmp_path, way):
     opensim.Logger.setLevelString("error")
     path = tmp_path / "leg.osim"
     if way == "new":
-        path.write_text(osim_of(leg(), muscles()))
+        path.write_text(osim_of(LEG, muscles()))
     else:
-        (tmp_path / "bare.osim").write_text(osim_of(leg()))
+        (tmp_path / "bare.osim").write_text(osim_of(LEG))
         path.write_text(enriched(tmp_path / "bare.osim", muscles()))
     model = opensim.Model(str(path))
     state = model.initSystem()
     coordinates = model.updCoordinateSet()
-    tree = leg()
     for i in range(0, 25, 4):
         for name in GRID:
             coordinates.get(name).setValue(state, float(GRID[name][i]), False)
@@ -123,10 +94,10 @@ def test_opensim_has_the_same_lengths_and_moment_arms(tmp_path, way):
         for muscle in muscles():
             force = opensim.PathActuator.safeDownCast(model.getForceSet().get(muscle.name))
             theirs = force.getPath()
-            assert theirs.getLength(state) == pytest.approx(muscle.path.lengths(tree, now)[0], abs=1e-5)
-            for name in muscle.path.coordinates(tree):
+            assert theirs.getLength(state) == pytest.approx(muscle.path.lengths(LEG, now)[0], abs=1e-5)
+            for name in muscle.path.coordinates(LEG):
                 arm = theirs.computeMomentArm(state, coordinates.get(name))
-                assert arm == pytest.approx(moment_arm(muscle.path, tree, now, name)[0], abs=1e-4)
+                assert arm == pytest.approx(moment_arm(muscle.path, LEG, now, name)[0], abs=1e-4)
 
 
 def test_muscles_are_put_into_a_model_that_stays_as_it_is(tmp_path):
@@ -153,7 +124,7 @@ def test_muscles_are_put_into_a_model_that_stays_as_it_is(tmp_path):
 def test_what_opensim_cannot_take_is_told(tmp_path):
     path = PointPath([PathPoint("femur"), PathPoint("nobody")])
     with pytest.raises(ValueError, match="no body 'nobody'"):
-        osim_of(leg(), [MuscleOut("m", path)])
+        osim_of(LEG, [MuscleOut("m", path)])
     with pytest.raises(ValueError, match="'a muscle' is no name for a muscle"):
         MuscleOut("a muscle", path)
     with pytest.raises(ValueError, match="no kind of muscle"):

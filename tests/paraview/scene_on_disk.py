@@ -1,7 +1,5 @@
 """A phantom's scene as files for ParaView and plain Python, and the pipeline over it in plain Python."""
 
-from vtkmodules.vtkIOXML import vtkXMLMultiBlockDataReader, vtkXMLMultiBlockDataWriter
-
 from vtkmuscle import Scene, filters
 from vtkmuscle.data.arrays import points_of
 from vtkmuscle.io import read_polydata, write_motion_table, write_polydata
@@ -14,22 +12,14 @@ N_FIBRES, RADIUS = 20, 0.8
 
 def write(folder, phantom):
     """Write a phantom's muscle as .vtp, bones and attachments as .vtm, the motion as scene and table."""
+    import pyvista
+
     ((name, muscle),) = phantom.muscles.items()
     write_polydata(folder / "muscle.vtp", muscle)
     for file, blocks in (("bones", phantom.bones), ("attachments", phantom.attachments[name])):
-        writer = vtkXMLMultiBlockDataWriter()
-        writer.SetFileName(str(folder / f"{file}.vtm"))
-        writer.SetInputData(blocks)
-        assert writer.Write() == 1
+        pyvista.wrap(blocks).save(folder / f"{file}.vtm")
     Scene.from_phantom(phantom).save(folder / "scene")
     write_motion_table(folder / "motion.csv", phantom.motion)
-
-
-def blocks(path):
-    reader = vtkXMLMultiBlockDataReader()
-    reader.SetFileName(str(path))
-    reader.Update()
-    return reader.GetOutputDataObject(0)
 
 
 def pipeline(made, muscle, bones, attachments, motion):
@@ -73,11 +63,13 @@ def made_in_python(name, **values):
 
 def pipeline_in_python(folder):
     """Return the chain over a folder that was written."""
+    import pyvista
+
     return pipeline(
         made_in_python,
         read_polydata(folder / "muscle.vtp"),
-        blocks(folder / "bones.vtm"),
-        blocks(folder / "attachments.vtm"),
+        pyvista.read(folder / "bones.vtm"),
+        pyvista.read(folder / "attachments.vtm"),
         read_motion(folder / "scene/scene.toml"),
     )
 

@@ -11,6 +11,7 @@ from shapes import lines_of
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.types import Floats
+from vtkmuscle.data.attachments import Aponeurosis
 from vtkmuscle.phantoms import fibre_bodies
 from vtkmuscle.phantoms.fibre_bodies import (
     DEPTH,
@@ -77,6 +78,13 @@ def fibre_block(kind: str) -> Phantom:
         insertion = middle + (insertion - middle) * [0.3, 0.5, 1.0]
     seen = {"block": _seen()} if kind == "curved" else None
     return block(kind, {"origin_plate": level(0.0)}, insertion, bones, _bent(*_COURSES[kind]), seen)
+
+
+def block_sheets(kind: str) -> tuple[Aponeurosis, ...]:
+    """Return the aponeuroses that the fibres of a pennate or bipennate block go between."""
+    half, proximal = LENGTH / 2.0, (0.0,) if kind == "pennate" else (0.0, WIDTH)
+    distal = Aponeurosis("distal", wall(WIDTH / len(proximal), half, LENGTH))
+    return *(Aponeurosis("proximal", wall(x, 0.0, half)) for x in proximal), distal
 
 
 def _bent(x: Controls, y: Controls) -> dict[str, Callable[..., float]]:

@@ -17,7 +17,7 @@ from vtkmuscle.report.scene3d import Pack
 @pytest.fixture
 def packed(run_folder):
     pack = Pack()
-    scene = scene3d.scene_of(run_folder[1]._content(), pack)
+    scene = scene3d.scene_of(run_folder[1].plain(), pack)
     return scene, unpacked(pack.text())
 
 
@@ -27,6 +27,8 @@ def test_muscles_and_fibres_are_where_the_result_has_them(run_folder, packed):
         surface = one["surface"]
         frames = moving_of(data, surface["points"])
         half = surface["points"]["step"]
+        for where in (surface["points"]["high"], one["fibres"]["length"]):
+            assert where["at"] % 4 == 0, "a page's arrays of 32 bits begin at a multiple of four bytes"
         np.testing.assert_allclose(frames[0], points_of(result.rest_muscle(one["name"])), atol=half)
         for place, position in enumerate(scene["shown"]):
             frame = result.frames[position]
@@ -82,7 +84,7 @@ def test_of_many_frames_as_many_are_shown_as_a_page_bears(count, most):
 def test_of_many_fibres_some_are_drawn(run_folder, monkeypatch):
     monkeypatch.setattr(scene3d, "FIBRE_POINTS", 2 * 5 * 6 * 3)
     pack = Pack()
-    scene = scene3d.scene_of(run_folder[1]._content(), pack)
+    scene = scene3d.scene_of(run_folder[1].plain(), pack)
     for one in scene["muscles"]:
         fibres = one["fibres"]
         assert fibres["count"] == 3

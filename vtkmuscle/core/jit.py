@@ -45,6 +45,7 @@ _OF_NUMBA = (
     "core.compiler.CompileResult._rebuild",
     "core.compiler.CompileResult._reduce",
     "core.dispatcher.Dispatcher.enable_caching",
+    "core.runtime.rtsys",
     "core.serialize.dumps",
 )
 
@@ -150,7 +151,7 @@ class KernelCache:
 
     def load_overload(self, signature: Any, target: Any) -> Any:
         """Return a signature's machine code, None without a usable file."""
-        target.refresh()
+        numba.core.runtime.rtsys.initialize(target)  # a whole refresh takes 0.35 s, for compiling alone
         try:
             content = pickle.loads(self._file(signature, target.codegen()).read_bytes())
         except (OSError, EOFError, pickle.UnpicklingError):  # missing, unreadable, or cut short

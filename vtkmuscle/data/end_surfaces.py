@@ -10,6 +10,7 @@ from vtkmuscle.core.attachments.patches import discs_over
 from vtkmuscle.core.errors import InputError, errors_at
 from vtkmuscle.core.fibres.between_areas import EndSurface
 from vtkmuscle.core.mesh.normals import triangle_normals
+from vtkmuscle.core.mesh.sampling import PatchSamples
 from vtkmuscle.core.mesh.surface import extent
 from vtkmuscle.core.types import Floats, Ints
 from vtkmuscle.data.attachments import ROLES, SIDES, Aponeurosis, AttachmentArea
@@ -125,9 +126,10 @@ def _together(
         triangles.append(inner[1] + first)
         patches.append(first + np.arange(len(inner[0])))
         first += len(inner[0])
-    most = takes[1] if len(points) == 1 else 2.0 * takes[1]
     patch = np.unique(np.concatenate(patches))
-    return EndSurface(np.vstack(points), np.vstack(triangles), patch, (takes[0], most))
+    alone = len(points) == 1
+    samples = geometry.on(patch) if alone else PatchSamples(np.vstack(points), np.vstack(triangles), patch)
+    return EndSurface(samples, (takes[0], takes[1] if alone else 2.0 * takes[1]))
 
 
 def _within(area: AttachmentArea, geometry: MuscleGeometry) -> tuple[Floats, Ints] | None:
@@ -138,7 +140,7 @@ def _within(area: AttachmentArea, geometry: MuscleGeometry) -> tuple[Floats, Int
     share = np.linspace(0.0, 1.0, 8, endpoint=False)[:, None, None]
     around = (1.0 - share) * ring + share * np.roll(ring, -1, axis=0)
     inside = (geometry.solids.depth(around.reshape(-1, 3)) > geometry.mean_edge).mean() > DEEP
-    patch = EndSurface(geometry.points, geometry.triangles, geometry.patch(area)).samples.area
+    patch = geometry.on(geometry.patch(area)).area
     return disc if inside or patch > BULGE * _area(*disc) > 0.0 else None
 
 
@@ -158,7 +160,7 @@ def _check_distance(points: Floats, geometry: MuscleGeometry, where: str) -> Non
 
 def _share_in(first: EndSurface, second: EndSurface, geometry: MuscleGeometry) -> float:
     """Return the part of the first surface on the second."""
-    if not len(second.faces):
+    if not len(second.samples.faces):
         return 0.0
-    distances = second.tree.nearest(first.samples.dense(SAMPLES))[2]
+    distances = second.samples.distances(first.samples.dense(SAMPLES))
     return float((distances < TOUCHING * geometry.mean_edge).mean())

@@ -13,13 +13,12 @@ from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
 from vtkmuscle.core.attachments.patches import attachment_patch
 from vtkmuscle.core.errors import InputError, errors_at
-from vtkmuscle.core.mesh.sampling import samples_inside
+from vtkmuscle.core.mesh.sampling import PatchSamples, samples_inside
 from vtkmuscle.core.mesh.shared import shared
 from vtkmuscle.core.mesh.solids import Solids, solids_of
 from vtkmuscle.core.mesh.surface import (
     edge_lengths,
     edge_uses,
-    faces_between,
     half_edges,
     opposite_half_edges,
     signed_volume,
@@ -80,14 +79,9 @@ class MuscleGeometry:
                 patches.append(self.patch(area))
         return np.unique(np.concatenate(patches))
 
-    def patch_tree(self, patch: Ints) -> TriangleTree | None:
-        """Return the hierarchy of triangles between points (j,), None without triangles."""
-
-        def tree() -> TriangleTree | None:
-            faces = faces_between(self.triangles, patch)
-            return triangle_tree(self.points, faces) if len(faces) else None
-
-        return self.once("tree", (patch,), tree)
+    def on(self, patch: Ints) -> PatchSamples:
+        """Return the surface between points (j,)."""
+        return self.once("on", (patch,), lambda: PatchSamples(self.points, self.triangles, patch))
 
     def once(self, what: str, given: Sequence[Any], compute: Callable[[], T]) -> T:
         """Return a result of the surface and of what is given, computed once; arrays count by content."""

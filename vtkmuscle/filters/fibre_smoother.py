@@ -8,7 +8,7 @@ from vtkmodules.vtkCommonDataModel import vtkPolyData
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.fibres.spreading import cloud, move_ends, smooth_about_course, steps_to_centres
 from vtkmuscle.core.mesh.polylines import polyline_lengths, smooth_polylines
-from vtkmuscle.core.mesh.triangle_tree import TriangleTree
+from vtkmuscle.core.mesh.sampling import PatchSamples
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import Polylines, add_arrays, field_array, field_string
 from vtkmuscle.data.attachments import ROLES, AttachmentArea
@@ -113,9 +113,9 @@ class FibreSmoother(Filter):
             kept = field_array(lines.data, "EndsKept")
             led = kept is not None and float(kept.min()) <= 0.5
             spreading = SPREADING if led or field_string(lines.data, "Template") == "parallel" else 0.0
-        areas: list[TriangleTree | None] = [None, None]
+        areas: list[PatchSamples] | None = None
         if attachments is not None:
-            areas = [geometry.patch_tree(geometry.attached(attachments, role)) for role in ROLES]
+            areas = [geometry.on(geometry.attached(attachments, role)) for role in ROLES]
         ends = lines.offsets[:-1], lines.offsets[1:] - 1
         inner = np.ones(len(lines.points), dtype=np.bool_)
         inner[ends[0]] = inner[ends[1]] = False
@@ -128,11 +128,11 @@ class FibreSmoother(Filter):
             if within is not None:
                 steps = spreading * steps_to_centres(points, lines.offsets, within)
                 goals = points + steps
-                for end, other, area in zip(ends, reversed(ends), areas, strict=True):
-                    if area is None:
+                for number, (end, other) in enumerate(zip(ends, reversed(ends), strict=True)):
+                    if areas is None:
                         goals[end] = points[end]
                     else:
-                        move_ends(goals, end, other, area.nearest(goals[end])[1])
+                        move_ends(goals, end, other, areas[number].tree.nearest(goals[end])[1])
                 points = goals
             points[inner] = geometry.solids.into(points[inner])
             self.report_progress((done + 1) / self.smoothing_passes)

@@ -6,7 +6,13 @@ import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.core.fibres.between_areas import EndSurface, bend_inside, filled_share, straight_fibres
+from vtkmuscle.core.fibres.between_areas import (
+    EndSurface,
+    bend_inside,
+    departures,
+    filled_share,
+    straight_fibres,
+)
 from vtkmuscle.core.mesh.surface import signed_volume
 from vtkmuscle.core.types import Bools, Floats
 from vtkmuscle.data.arrays import Polylines, add_arrays, polylines_from
@@ -129,11 +135,13 @@ class FibreSource(Filter):
         volume = abs(signed_volume(geometry.points, geometry.triangles))
         filled = filled_share(fibres, origin, insertion, volume) if volume > 0.0 else 0.0
         self.report_progress(0.6)
-        inside, departures = bend_inside(fibres, geometry.solids.into)
-        leaving = float((departures > LEAVING * geometry.mean_edge).mean())
+        outside = departures(fibres, geometry.solids.into)
+        leaving = float((outside > LEAVING * geometry.mean_edge).mean())
         suits = filled > LEAST_FILLED and leaving <= MOST_LEAVING
         if suits or self.course == "straight" or aponeuroses is not None:
-            result = _straight(inside, departures > 0.0)
+            bent = outside > 0.0
+            fibres[bent] = bend_inside(fibres[bent], geometry.solids.into)
+            result = _straight(fibres, bent)
         else:
             result = self._by_sections(muscle, areas, superficial)
         add_arrays(result, fields={"FilledShare": filled, "LeavingShare": leaving})

@@ -7,7 +7,7 @@ from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.errors import errors_at
 from vtkmuscle.core.mesh.sampling import space_order
-from vtkmuscle.core.template.kinds import KINDS, TEMPLATES, read_template, sobol_points
+from vtkmuscle.core.template import KINDS, TEMPLATES, read_template, sobol_points
 from vtkmuscle.data.arrays import Polylines, add_arrays, polylines_from
 from vtkmuscle.filters.base import Filter, OutputPort, Parameter
 
@@ -22,7 +22,7 @@ class FibreTemplateSource(Filter):
     Each fibre is a Bezier curve from the origin area, at the bottom of the cube, to the insertion area, at
     the top; two parameters (r, s) select the curve. The parameters are Sobol points, as in the paper; above
     256 fibres, neighbours in the order are neighbours in space. Points of a fibre are equally spaced in the
-    parameter t. :mod:`vtkmuscle.core.template.kinds` describes the kinds and the files.
+    parameter t. :mod:`vtkmuscle.core.template` describes the kinds and the files.
 
     Parameters
     ----------

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkPolyData
@@ -10,8 +10,8 @@ from vtkmodules.vtkCommonDataModel import vtkPolyData
 from vtkmuscle.core.attachments.patches import discs_over
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.fibres.trimming import EndArea, ends_as_printed, trim_fibres
-from vtkmuscle.core.mesh.triangle_tree import triangle_tree
-from vtkmuscle.core.types import Floats, Ints
+from vtkmuscle.core.mesh.sampling import PatchSamples
+from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import Polylines, add_arrays, field_array
 from vtkmuscle.data.attachments import AttachmentArea
 from vtkmuscle.data.end_surfaces import inner_areas
@@ -23,9 +23,6 @@ from vtkmuscle.filters.base import Filter, OutputPort, Parameter, ports
 TOLERANCE = 0.25
 #: Largest part of a fibre's length that is cut off at either end.
 LARGEST_CUT = 0.5
-
-#: Distances (n,) of positions (n, 3).
-Distance = Callable[[Floats], Floats]
 
 
 class FibreTrimmer(Filter):
@@ -127,25 +124,21 @@ class FibreTrimmer(Filter):
 
 def _end_area(role: str, areas: Sequence[AttachmentArea], geometry: MuscleGeometry, ends: Floats) -> EndArea:
     """Return a role's area for fibre ends (k, 3)."""
-    covered = geometry.attached(areas, role)
+    covered = geometry.on(geometry.attached(areas, role))
     role_areas = [area for area in areas if area.role == role]
     rings = [part for area in role_areas for part in (area.landmarks, area.closed)]
-    inner, outer = geometry.once("ends", rings, lambda: _discs_of(role_areas, geometry))
+    inner, outer = geometry.once("discs", rings, lambda: _discs_of(role_areas, geometry))
     landmarks = np.vstack([area.landmarks for area in role_areas])
-    if inner is not None:
-        # The area may be hollow, or the landmarks inexact: the template's fibre ends decide.
-        points, triangles, distance = inner
-        if (distance(ends) <= TOLERANCE * geometry.mean_edge).mean() > 0.5:
-            return EndArea(landmarks, points, triangles, np.arange(len(points)), distance)
-    return EndArea(landmarks, geometry.points, geometry.triangles, covered, outer)
+    # The area may be hollow, or the landmarks inexact: the template's fibre ends decide.
+    if inner is not None and (inner.distances(ends) <= TOLERANCE * geometry.mean_edge).mean() > 0.5:
+        return EndArea(landmarks, inner)
+    return EndArea(landmarks, covered, outer)
 
 
 def _discs_of(
     areas: Sequence[AttachmentArea], geometry: MuscleGeometry
-) -> tuple[tuple[Floats, Ints, Distance] | None, Distance | None]:
-    """Return the disc within a muscle, and the distance to discs on its surface; None for none."""
-    points, triangles = inner_areas(areas, geometry)
-    inner = (points, triangles, _distance_to(points, triangles)) if len(triangles) else None
+) -> tuple[PatchSamples | None, PatchSamples | None]:
+    """Return the discs within a muscle, and the discs on its surface; None for none."""
     # Discs over rings around hollow or bulging areas do not belong to the surface.
     flat = []
     for ring in (area.landmarks for area in areas if area.closed):
@@ -153,13 +146,11 @@ def _discs_of(
         away = np.abs(geometry.solids.distances(points[triangles].mean(axis=1)))
         if away.max() <= TOLERANCE * geometry.mean_edge:
             flat.append(ring)
-    return inner, _distance_to(*discs_over(flat)) if flat else None
-
-
-def _distance_to(points: Floats, triangles: Ints) -> Distance:
-    """Return a function of positions (n, 3): their distances (n,) to triangles."""
-    tree = triangle_tree(points, triangles)
-    return lambda positions: tree.nearest(positions)[2]
+    inner, outer = (
+        PatchSamples(points, triangles, np.arange(len(points))) if len(triangles) else None
+        for points, triangles in (inner_areas(areas, geometry), discs_over(flat))
+    )
+    return inner, outer
 
 
 def _axis(fibres: vtkPolyData | None, origin: EndArea, insertion: EndArea) -> Floats:

@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 import warnings
+from functools import partial
 from typing import Any
 
 import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.core.morphing.isolines import attachment_field, morph_by_isolines
+from vtkmuscle.core.mesh.polylines import inner_points
+from vtkmuscle.core.morphing.isolines import IsolineCourse, attachment_field, morph_by_isolines
 from vtkmuscle.core.morphing.slices import Box, Morph, Slicing, morph_by_planes
-from vtkmuscle.core.template.fitting import angle_to_nearest, areas_are_opposite, superficial_pieces
+from vtkmuscle.core.template import angle_to_nearest, areas_are_opposite, superficial_pieces
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import Polylines, add_arrays, field_array
 from vtkmuscle.data.attachments import ROLES, AttachmentArea
-from vtkmuscle.data.muscle_geometry import Surface
+from vtkmuscle.data.muscle_geometry import MuscleGeometry, Surface
 from vtkmuscle.filters.base import Filter, OutputPort, Parameter, ports
 
 #: Deviation of superficial fibres that gives a warning, root mean square [degrees].
@@ -65,11 +67,11 @@ class SliceMorpher(Filter):
     ----------
     output
         The fibres in the muscle, with the arrays of the template and the field arrays ``MorphMethod``
-        (``plane`` or ``harmonic``), ``PointsOutside`` (for planes: points mapped outside of their section;
-        for isolines: outside of the muscle), ``VolumeShare`` (part of the muscle in the filled
-        branch), ``SteepShare`` (part of the planes' branch at more than 45 degrees to the axis, also if
-        isolines were taken; 0 if planes were not tried); with superficial fibres ``SuperficialAngle``, to the
-        nearest fibres, root mean square [degrees]. Angles above 10 degrees give a warning.
+        (``plane`` or ``harmonic``), ``PointsOutside`` (number of fibre points, without ends, outside of the
+        muscle), ``VolumeShare`` (part of the muscle in the filled branch), ``SteepShare`` (part of the
+        planes' branch at more than 45 degrees to the axis, also if isolines were taken; 0 if planes were not
+        tried); with superficial fibres ``SuperficialAngle``, to the nearest fibres, root mean square
+        [degrees]. Angles above 10 degrees give a warning.
 
     Raises
     ------
@@ -130,12 +132,10 @@ class SliceMorpher(Filter):
         upright = _runs_upwards(template.data, box)
         slicing = Slicing(tolerance, self.continuity)
 
-        shape = (template.points, box, geometry.closed)
-
         def morph(method: str) -> Morph:
             if method == "plane":
-                return morph_by_planes(*shape, slicing)
-            return morph_by_isolines(*shape, _harmonic_field(muscle, attachments), slicing)
+                return morph_by_planes(template.points, box, geometry.closed, slicing)
+            return morph_by_isolines(template.points, box, _course(geometry, attachments), slicing)
 
         if self.method == "harmonic" and not upright:
             problem = "method='harmonic' needs template areas at bottom and top (parallel, curved, fan)"
@@ -154,7 +154,9 @@ class SliceMorpher(Filter):
             )
         fields: dict[str, str | float] = {
             "MorphMethod": method,
-            "PointsOutside": result.n_outside,
+            "PointsOutside": int(
+                (~geometry.solids.inside(result.points[inner_points(template.offsets)])).sum()
+            ),
             "VolumeShare": result.volume_share,
             "SteepShare": steep_share,
         }
@@ -172,14 +174,14 @@ class SliceMorpher(Filter):
         return add_arrays(template.moved(result.points), fields=fields)
 
 
-def _harmonic_field(muscle: Surface, areas: list[AttachmentArea] | None) -> Floats:
-    """Return the harmonic function (n,), 0 at the origin and 1 at the insertion."""
+def _course(geometry: MuscleGeometry, areas: list[AttachmentArea] | None) -> IsolineCourse:
+    """Return the isolines from the origin to the insertion."""
     if areas is None:
         problem = "method='harmonic' needs attachment areas, but the port 'attachments' is not connected"
         raise InputError("", problem, "connect attachments")
-    ends = tuple(muscle.geometry.attached(areas, role) for role in ROLES)
-    surface = muscle.points, muscle.triangles
-    return muscle.geometry.once("harmonic", ends, lambda: attachment_field(*surface, *ends))
+    ends, muscle = tuple(geometry.attached(areas, role) for role in ROLES), geometry.closed
+    field = partial(attachment_field, muscle.points, muscle.triangles, *ends)
+    return geometry.once("course", ends, lambda: IsolineCourse(muscle, field()))
 
 
 def _runs_upwards(template: Any, box: Floats) -> bool:

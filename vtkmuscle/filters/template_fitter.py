@@ -9,7 +9,7 @@ from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.motion.rigid import apply_transform
-from vtkmuscle.core.template.fitting import (
+from vtkmuscle.core.template import (
     TIE,
     BoxFit,
     SuperficialFibres,

@@ -14,7 +14,7 @@ from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.attachments.patches import ring_area, ring_length
 from vtkmuscle.core.motion.rigid import RigidMotion
-from vtkmuscle.core.template.kinds import read_template
+from vtkmuscle.core.template import read_template
 from vtkmuscle.core.types import Floats
 from vtkmuscle.core.words import suggestion
 from vtkmuscle.data.arrays import points_of, with_points

@@ -4,23 +4,14 @@ import re
 
 import numpy as np
 import pytest
+from shapes import grid
 
 from vtkmuscle.core.attachments.contacts import attached_ends
 from vtkmuscle.core.attachments.patches import MOST_LANDMARKS, attachment_patch, outline
 
 LONG, WIDE = 60, 12
-
-
-def strip():
-    """Return a flat strip in z = 0: 60 by 12 squares of 1 mm, each of two triangles."""
-    x, y = (a.ravel() for a in np.meshgrid(np.arange(LONG + 1.0), np.arange(WIDE + 1.0), indexing="ij"))
-    i = (np.arange(LONG)[:, None] * (WIDE + 1) + np.arange(WIDE)).ravel()
-    right = i + WIDE + 1
-    triangles = np.vstack([np.column_stack([i, right, right + 1]), np.column_stack([i, right + 1, i + 1])])
-    return np.column_stack([x, y, np.zeros_like(x)]), triangles
-
-
-STRIP = strip()
+#: A flat strip in z = 0.
+STRIP = grid(LONG, WIDE)
 X, Y = STRIP[0][:, 0], STRIP[0][:, 1]
 #: How far the strip's points are from a bone that is near its middle only.
 AWAY = 10.0 * (np.abs(X - 30.0) + np.abs(Y - 6.0))

@@ -13,7 +13,6 @@ from vtkmuscle.core.fibres.embedding import (
     vertex_groups,
 )
 from vtkmuscle.core.fibres.mean_value import mean_value_coordinates, transport
-from vtkmuscle.core.motion.rigid import apply_transform, rotation_about
 
 # An L-shaped block (concave), 12 points, outward oriented: an L in x and y, extruded along z.
 OUTLINE = np.array([[0, 0], [20, 0], [20, 8], [8, 8], [8, 20], [0, 20]], dtype=float)
@@ -80,16 +79,6 @@ def test_near_the_plane_of_a_triangle_no_digits_are_lost(height):
     ours = mean_value_coordinates(points, triangles, queries)
     expected = [reference(points, triangles, q) for q in queries]
     assert_allclose(ours, expected, atol=3e-11)
-
-
-def test_a_rigid_motion_of_everything_changes_no_weight():
-    points, triangles = block()
-    queries = np.random.default_rng(5).uniform(-5, 25, (20, 3))
-    motion = rotation_about([3, 4, 5], [1, 2, -1], 77.0)
-    motion[:3, 3] += [30, -20, 10]
-    before = mean_value_coordinates(points, triangles, queries)
-    moved = (apply_transform(motion, points), triangles, apply_transform(motion, queries))
-    assert_allclose(mean_value_coordinates(*moved), before, atol=1e-11)
 
 
 def test_triangles_without_area_and_unused_points_change_nothing():

@@ -1,9 +1,6 @@
-from itertools import pairwise
-
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
-from phantoms import fibre_block
 
 from vtkmuscle.core.fibres.measures import (
     TENDON_AREA,
@@ -15,17 +12,14 @@ from vtkmuscle.core.fibres.measures import (
     centroid_path,
     fascicles,
     line_of_action,
+    mean_errors,
     physiological_cross_section,
-    root_mean_square,
-    sampling_errors,
     section_areas,
     segment_errors,
 )
 from vtkmuscle.core.mesh.polylines import sharp_turns
-from vtkmuscle.data.arrays import polylines_of
-from vtkmuscle.data.muscle_geometry import muscle_geometry
+from vtkmuscle.core.paths.neighbours import path_lengths
 from vtkmuscle.phantoms.meshing import box, solid_of_revolution
-from vtkmuscle.pipelines import decompose
 
 
 def arc(radius, turn, n=40):
@@ -72,28 +66,26 @@ def helix(radius, angle, segments):
 
 @pytest.mark.parametrize("segments", [8, 15, 16])
 def test_segment_errors_bound_what_chords_miss_of_an_arc(segments):
-    lines = helix(30.0, 1.5, segments), helix(50.0, 0.4, segments), [[0, 0, 0], [1, 0, 0]]
-    points, offsets = np.vstack(lines), np.concatenate([[0], np.cumsum([len(line) for line in lines])])
-    lengths = np.sqrt(1.01) * np.array([45.0, 20.0])
-    chords = [np.linalg.norm(np.diff(points[a:b], axis=0), axis=1).sum() for a, b in pairwise(offsets[:3])]
-    missed = lengths - chords
-    errors = segment_errors(points, offsets)
+    straight = np.outer(np.linspace(0.0, 1.0, segments + 1), [1.0, 2.0, 2.0])
+    lines = np.array([helix(30.0, 1.5, segments), helix(50.0, 0.4, segments), straight])
+    missed = np.sqrt(1.01) * np.array([45.0, 20.0]) - path_lengths(lines[:2])
+    errors = segment_errors(lines)
     assert (missed > 0.0).all()
     assert (missed <= errors[:2]).all()
     assert (errors[:2] <= 4.0 * missed).all()
-    assert errors[2] == 0.0
+    assert errors[2] == pytest.approx(0.0, abs=1e-12)
 
 
-def test_sampling_errors_are_the_spread_of_means(rng):
+def test_errors_of_means_are_the_root_of_the_sum_of_squares_of_their_parts(rng):
     samples = rng.normal(scale=3.0, size=(4000, 16))
-    means = samples.mean(axis=1)
-    assert np.sqrt(np.mean(sampling_errors(samples) ** 2)) == pytest.approx(means.std(), rel=0.05)
-    assert np.isnan(sampling_errors(np.ones((5, 1)))).all()
-
-
-def test_a_root_mean_square_leaves_out_nan():
-    assert root_mean_square(np.array([3.0, np.nan, -4.0])) == pytest.approx(np.sqrt(12.5))
-    assert root_mean_square(np.array([np.nan])) is None
+    errors = mean_errors(samples, np.full(4000, 1.2), np.full(4000, 0.5))
+    # 95 % of the means are within the sampling error of the true mean, 0.
+    assert np.mean(np.abs(samples.mean(axis=1)) <= errors["sampling"]) == pytest.approx(0.95, abs=0.025)
+    parts = [errors[part] for part in ("model", "sampling", "numerical")]
+    assert_allclose(errors["total"], np.linalg.norm(parts, axis=0))
+    shortened = mean_errors(samples, np.full(4000, 0.75), np.full(4000, 0.5))
+    assert_allclose(shortened["model"], 2.0 * errors["model"])
+    assert np.isnan(mean_errors(np.ones((5, 1)), np.ones(5), np.zeros(5))["total"]).all()
 
 
 #: A sheet of 10 x 4 fibres, 2 mm from each other and 60 mm long, in the middle of what it fills.
@@ -221,22 +213,6 @@ def test_the_volume_between_two_arcs_counts_parts_of_pieces():
     assert profile.volume_share(0.0, 4.0) == pytest.approx(1.0)
     assert profile.volume_share(0.25, 2.5) == pytest.approx((0.75 + 2.0 + 1.5) / 10.0)
     assert profile.volume_share(2.5, 9.0) == pytest.approx((1.5 + 4.0) / 10.0)
-
-
-@pytest.mark.parametrize("kind", ["parallel", "pennate", "bipennate"])
-def test_blocks_have_the_fascicles_angles_and_areas_that_are_known(kind):
-    phantom = fibre_block(kind)
-    muscle, areas, known = phantom.muscles["block"], phantom.attachments["block"], phantom.known
-    lines = polylines_of(decompose(muscle, areas, template=kind, n_fibres=50).update().output, kind)
-    geometry, fibres = muscle_geometry(muscle, kind), (lines.points, lines.offsets)
-    profile = area_profile(geometry.points, geometry.triangles, geometry.samples(4096), *fibres)
-    (found,) = fascicles(profile, known["volume"], *fibres, shares=[TENDON_AREA])
-    angle = 0.0 if kind == "parallel" else known["pennation"]
-    assert found.lengths.mean() == pytest.approx(known["fibre_length"], rel=0.01)
-    for angles in (found.origin_angles, found.insertion_angles):
-        assert angles.mean() == pytest.approx(angle, abs=1.0)
-    area = known["volume"] / known["fibre_length"] * np.cos(np.radians(angle))
-    assert found.cross_section() == pytest.approx(area, rel=0.02)
 
 
 def test_a_curve_goes_on_straight_beyond_its_ends():

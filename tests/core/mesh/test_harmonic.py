@@ -1,5 +1,6 @@
 import numpy as np
 from oracles import igl
+from shapes import grid
 from spindle import spindle
 
 from vtkmuscle.core.mesh.harmonic import (
@@ -9,14 +10,6 @@ from vtkmuscle.core.mesh.harmonic import (
     harmonic_weights,
     triangle_gradients,
 )
-
-
-def flat_grid(n=9):
-    x, y = np.meshgrid(np.arange(n), np.arange(n), indexing="ij")
-    points = np.column_stack([x.ravel(), y.ravel(), np.zeros(n * n)]).astype(float)
-    i = (np.arange(n - 1)[:, None] * n + np.arange(n - 1)).ravel()
-    triangles = np.vstack([np.column_stack([i, i + n, i + 1]), np.column_stack([i + 1, i + n, i + n + 1])])
-    return points, triangles
 
 
 def test_laplacian_is_symmetric_and_an_m_matrix_on_bad_triangles():
@@ -41,7 +34,7 @@ def test_laplacian_agrees_with_igl():
 
 
 def test_linear_functions_in_the_plane_are_harmonic():
-    points, triangles = flat_grid()
+    points, triangles = grid(8, 8)
     border = np.flatnonzero((points[:, :2] == 0).any(axis=1) | (points[:, :2] == 8).any(axis=1))
     wanted = points[:, :1] * 2.0 - points[:, 1:2] + 3.0
     found = harmonic_extension(points, triangles, border, wanted[border])

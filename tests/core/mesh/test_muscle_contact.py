@@ -43,20 +43,6 @@ def test_points_go_straight_out_and_those_outside_stay(seed, height):
         assert (np.linalg.norm(np.cross(p, way), axis=1) < 0.6).all()
 
 
-def test_points_may_be_as_deep_as_their_allowance():
-    p = np.array([[0.0, 0.0, 17.0], [0.0, 0.0, 19.0]])
-    hit = contact(2, allowance=2.0).keep_out(p)
-    np.testing.assert_array_equal(hit, [True, False])
-    np.testing.assert_allclose(p[:, 2], [18.0, 19.0], atol=2 * SAGITTA)
-
-
-def test_points_that_are_not_free_stay():
-    p = np.array([[0.0, 0.0, 17.0], [17.0, 0.0, 0.0]])
-    hit = contact(2, free=np.array([False, True])).keep_out(p)
-    np.testing.assert_array_equal(hit, [False, True])
-    np.testing.assert_array_equal(p[0], [0.0, 0.0, 17.0])
-
-
 @pytest.mark.parametrize("stride", [0.05, 0.4, 3.0])
 def test_points_that_move_along_the_neighbour_are_kept_out_all_the_way(stride):
     """The planes are found again as the points go on: after 12 mm they are not in the ball."""

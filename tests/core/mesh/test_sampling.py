@@ -4,18 +4,15 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.spatial import cKDTree
-from scipy.spatial.transform import Rotation
+from shapes import grid
 
 from vtkmuscle.core.mesh.sampling import PatchSamples, even_samples, samples_inside, space_order
 
 
 def sheet(size=8, spacing=5.0):
-    """Return a flat square sheet, 40 x 40 mm, of which every second column of cells is split otherwise."""
-    x, y = np.meshgrid(np.arange(size + 1), np.arange(size + 1), indexing="ij")
-    points = spacing * np.column_stack([x.ravel(), y.ravel(), 0 * x.ravel()]).astype(float)
-    corners = (x[:-1, :-1] * (size + 1) + y[:-1, :-1]).ravel()
-    a, b, c, d = corners, corners + size + 1, corners + size + 2, corners + 1
-    return points, np.vstack([np.column_stack([a, b, c]), np.column_stack([a, c, d])]).astype(np.int64)
+    """Return a flat square sheet, 40 x 40 mm."""
+    points, triangles = grid(size, size)
+    return spacing * points, triangles
 
 
 def nearest_other(places):
@@ -73,29 +70,9 @@ def in_rod(places):
     return np.minimum(10.0 - np.hypot(places[:, 0], places[:, 1]), 50.0 - np.abs(places[:, 2]))
 
 
-def in_block(places):
-    return (np.array([20.0, 20.0, 50.0]) - np.abs(places)).min(axis=1)
-
-
 def rod():
     turns, heights = np.meshgrid(2.0 * np.pi * np.arange(12) / 12, np.linspace(-50.0, 50.0, 11))
     return np.column_stack([10.0 * np.cos(turns).ravel(), 10.0 * np.sin(turns).ravel(), heights.ravel()])
-
-
-def block():
-    signs = np.array(np.meshgrid([-1, 1], [-1, 1], np.linspace(-1.0, 1.0, 11))).reshape(3, -1).T
-    return signs * [20.0, 20.0, 50.0]
-
-
-@pytest.mark.parametrize(("points", "depth"), [(rod(), in_rod), (block(), in_block)], ids=["rod", "block"])
-def test_positions_in_a_symmetric_body_depend_neither_on_noise_nor_on_how_it_is_turned(points, depth):
-    expected = samples_inside(lambda places: depth(places) > 0.0, points, 1000)
-    rng = np.random.default_rng(0)
-    for _ in range(5):
-        turn, shift = Rotation.random(random_state=rng).as_matrix(), 100.0 * rng.normal(size=3)
-        noisy = points @ turn.T + shift + 1e-10 * rng.normal(size=points.shape)
-        samples = samples_inside(lambda places, r=turn, d=shift: depth((places - d) @ r) > 0.0, noisy, 1000)
-        assert_allclose(samples, expected @ turn.T + shift, atol=1e-6)
 
 
 def test_positions_in_a_body_are_of_even_density():

@@ -34,14 +34,6 @@ def test_a_surface_is_worked_on_once_while_somebody_holds_the_result():
     assert len(made) == 2
 
 
-def test_nothing_is_kept_that_nobody_holds():
-    ask, made = counted()
-    ask(*ball())
-    gc.collect()
-    ask(*ball())
-    assert len(made) == 2
-
-
 def test_within_held_it_is_kept_though_the_one_who_asked_is_gone():
     ask, made = counted()
     with keep_shared():

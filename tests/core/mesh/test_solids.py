@@ -11,6 +11,7 @@ from vtkmuscle.core.mesh.solids import points_inside, solids_of
 from vtkmuscle.core.mesh.surface import point_components, unique_edges
 from vtkmuscle.core.mesh.triangle_tree import triangle_tree
 from vtkmuscle.data.arrays import checked_surface
+from vtkmuscle.io import read_polydata
 from vtkmuscle.phantoms.meshing import box as meshed_box
 
 
@@ -175,12 +176,7 @@ def test_the_known_penetrations_of_the_rest_pose_are_found(lhdl_hip):
 
 
 def read(path):
-    from vtkmodules.vtkIOXML import vtkXMLPolyDataReader
-
-    reader = vtkXMLPolyDataReader()
-    reader.SetFileName(str(path))
-    reader.Update()
-    return checked_surface(reader.GetOutput(), str(path))
+    return checked_surface(read_polydata(path), str(path))
 
 
 def test_rays_through_points_and_along_edges_count_once():

@@ -5,11 +5,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from oracles import igl
-from spindle import spindle
 
 from vtkmuscle.core.mesh.normals import triangle_normals, vertex_normals
 from vtkmuscle.core.mesh.surface import (
-    edge_uses,
     mesh_topology,
     point_components,
     side_products,
@@ -31,11 +29,6 @@ TETRAHEDRON = (
 def vase():
     """A closed surface without symmetry along its axis."""
     return solid_of_revolution([0.0, 3.0, 7.0, 12.0], [4.0, 6.0, 3.0, 5.0], 18)
-
-
-def test_edges_of_a_closed_surface_are_used_twice_and_those_of_a_hole_once():
-    assert edge_uses(TETRAHEDRON[1]).tolist() == [2] * 6
-    assert edge_uses(TETRAHEDRON[1][1:]).tolist() == [1, 1, 2, 1, 2, 2]
 
 
 def test_unique_edges_agree_with_igl(vase):
@@ -110,23 +103,6 @@ def test_survey_of_a_sound_surface(vase):
 def test_survey_of_a_tetrahedron_with_a_fault(triangles, facts):
     report = survey(np.vstack([TETRAHEDRON[0], [[2.0, 2, 2], [0.5, 0, 0]]]), triangles)
     assert {name: getattr(report, name) for name in facts} == facts
-
-
-def test_closed_surface_has_one_quadruple_per_edge():
-    points, triangles, _ = spindle()
-    topology = mesh_topology(len(points), triangles)
-    assert np.array_equal(topology.edges, unique_edges(triangles))
-    assert len(topology.edges) == 3 * len(triangles) // 2
-    assert np.array_equal(np.sort(topology.quads[:, :2]), topology.edges)
-    assert topology.n_boundary_edges == 0
-
-
-def test_quadruples_run_with_their_first_triangle_and_against_their_second():
-    points, triangles, _ = spindle()
-    p1, p2, p3, p4 = mesh_topology(len(points), triangles).quads.T
-    directed = {(a, b, c) for t in triangles for a, b, c in (np.roll(t, k) for k in range(3))}
-    assert all(quad in directed for quad in zip(p1, p2, p3, strict=True))
-    assert all(quad in directed for quad in zip(p2, p1, p4, strict=True))
 
 
 def test_boundary_and_crowded_edges_have_no_quadruple():

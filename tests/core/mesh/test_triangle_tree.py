@@ -6,14 +6,9 @@ from numpy.testing import assert_allclose, assert_array_equal
 from oracles import igl
 from shapes import box
 
-from vtkmuscle.core.mesh.triangle_tree import (
-    CORNER,
-    EDGE,
-    FACE,
-    nearest_on_triangle,
-    pseudonormals,
-    triangle_tree,
-)
+from vtkmuscle.core.mesh.solids import points_inside
+from vtkmuscle.core.mesh.triangle_tree import CORNER, EDGE, pseudonormals, tree_of_deformed, triangle_tree
+from vtkmuscle.phantoms.meshing import solid_of_revolution
 
 
 def soup(n, seed):
@@ -58,21 +53,16 @@ def test_points_inside_have_negative_distances(offset):
     assert_allclose(distances[inside], np.abs(queries[inside]).max(axis=1) - 1, atol=1e-10 * (1 + offset))
 
 
-def test_the_nearest_point_and_where_it_is_agree_with_libigl():
-    rng = np.random.default_rng(1)
-    seen = set()
-    for _ in range(1000):
-        corners, p = rng.normal(size=(3, 3)), 2.0 * rng.normal(size=3)
-        *found, where = nearest_on_triangle(*p, *corners)
-        _, _, nearest = igl.point_mesh_squared_distance(p[None], corners, np.array([[0, 1, 2]]))
-        np.testing.assert_allclose(found, nearest.reshape(3), atol=1e-9)
-        if where >= CORNER:
-            np.testing.assert_array_equal(found, corners[where - CORNER])
-        elif where != FACE:
-            a, b = corners[where - EDGE], corners[(where - EDGE + 1) % 3]
-            np.testing.assert_allclose(np.cross(b - a, found - a), 0.0, atol=1e-9)
-        seen.add(where)
-    assert seen == set(range(7))
+def test_the_tree_of_a_bent_surface_answers_as_a_new_tree():
+    points, triangles = solid_of_revolution([0.0, 20.0, 40.0, 90.0], [5.0, 20.0, 4.0, 9.0], 30)
+    bent = points + points[:, 2:] ** 2 / 100.0 * [1.0, 0.5, 0.0]
+    tree, new = (
+        tree_of_deformed(triangle_tree(points, triangles), bent, triangles),
+        triangle_tree(bent, triangles),
+    )
+    queries = np.random.default_rng(0).uniform(-30.0, 100.0, (500, 3))
+    assert_allclose(tree.nearest(queries)[2], new.nearest(queries)[2], atol=1e-12)
+    assert_array_equal(points_inside(queries, tree), points_inside(queries, new))
 
 
 def test_pseudonormals_of_a_box_do_not_depend_on_its_diagonals():

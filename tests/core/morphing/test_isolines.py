@@ -4,11 +4,10 @@ from bent_muscle import bent_tube, half_circle, letter_s
 from oracles import igl
 from shapes import closed_surface
 
-from vtkmuscle.core.morphing.isolines import attachment_field, morph_by_isolines
+from vtkmuscle.core.morphing.isolines import IsolineCourse, attachment_field, morph_by_isolines
 from vtkmuscle.core.morphing.slices import Slicing, morph_by_planes
 from vtkmuscle.core.motion.rigid import apply_transform
-from vtkmuscle.core.template.fitting import centroid_axis, fit_box
-from vtkmuscle.core.template.kinds import TEMPLATES, sobol_points
+from vtkmuscle.core.template import TEMPLATES, centroid_axis, fit_box, sobol_points
 
 RADIUS = 12.0
 BOTTOM = np.array([(0.0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)])
@@ -25,7 +24,20 @@ def fitted(points, origin, insertion, n_fibres=40, resolution=15, kind="parallel
 
 def by_isolines(cube, transform, surface, field, **settings):
     slicing = Slicing(**(SETTINGS | settings))
-    return morph_by_isolines(cube.reshape(-1, 3), transform, closed_surface(*surface), field, slicing)
+    course = IsolineCourse(closed_surface(*surface), field)
+    return morph_by_isolines(cube.reshape(-1, 3), transform, course, slicing)
+
+
+def morphed(tube, **settings):
+    """Return the transform, the fitted and the morphed fibres of a tube."""
+    points, triangles, origin, insertion = tube
+    transform, cube = fitted(points, origin, insertion, **settings)
+    field = attachment_field(points, triangles, origin, insertion)
+    return (
+        transform,
+        cube,
+        by_isolines(cube, transform, (points, triangles), field).points.reshape(cube.shape),
+    )
 
 
 def by_planes(cube, transform, surface, **settings):
@@ -54,11 +66,7 @@ def double_bend():
 
 
 def test_fibres_of_a_muscle_bent_by_180_degrees_have_their_known_lengths(half_turn):
-    points, triangles, origin, insertion = half_turn
-    transform, cube = fitted(points, origin, insertion)
-    field = attachment_field(points, triangles, origin, insertion)
-    morph = by_isolines(cube, transform, (points, triangles), field)
-    fibres = morph.points.reshape(cube.shape)
+    transform, cube, fibres = morphed(half_turn)
     from_axis = np.hypot(fibres[..., 0], fibres[..., 2])
     assert np.ptp(from_axis, axis=1).max() < 0.1 * RADIUS
     assert np.ptp(fibres[..., 1], axis=1).max() < 0.1 * RADIUS
@@ -67,17 +75,13 @@ def test_fibres_of_a_muscle_bent_by_180_degrees_have_their_known_lengths(half_tu
     assert largest_turn(fibres) < 20
     angles = np.arctan2(fibres[..., 2], fibres[..., 0])
     assert np.abs(np.abs(angles) - np.linspace(0, np.pi, 16)).max() < 0.05  # and are evenly divided
-    planes = by_planes(cube, transform, (points, triangles))
+    planes = by_planes(cube, transform, half_turn[:2])
     assert not planes.suits
     assert np.ptp(np.hypot(*planes.points.reshape(cube.shape)[..., [0, 2]].T), axis=0).max() > RADIUS
 
 
 def test_fibres_of_a_muscle_bent_in_an_s_have_their_known_lengths(double_bend):
-    points, triangles, origin, insertion = double_bend
-    transform, cube = fitted(points, origin, insertion, resolution=30)
-    field = attachment_field(points, triangles, origin, insertion)
-    morph = by_isolines(cube, transform, (points, triangles), field)
-    fibres = morph.points.reshape(cube.shape)
+    transform, cube, fibres = morphed(double_bend, resolution=30)
     side = np.where(fibres[..., 0] < 0, -1.0, 1.0)
     outward = np.hypot(fibres[..., 0] - 50 * side, fibres[..., 2]) - 50
     halves = [outward[:, :14].mean(axis=1), outward[:, 17:].mean(axis=1)]
@@ -85,15 +89,12 @@ def test_fibres_of_a_muscle_bent_in_an_s_have_their_known_lengths(double_bend):
     assert np.abs(halves[0] + halves[1]).max() < 0.2 * RADIUS
     assert np.abs(lengths(fibres) / (np.pi * (100 + halves[0] + halves[1])) - 1).max() < 0.02
     assert largest_turn(fibres) < 30
-    assert not by_planes(cube, transform, (points, triangles)).suits
+    assert not by_planes(cube, transform, double_bend[:2]).suits
 
 
 def test_fibres_end_on_the_areas_and_are_inside(half_turn):
     points, triangles, origin, insertion = half_turn
-    transform, cube = fitted(points, origin, insertion)
-    field = attachment_field(points, triangles, origin, insertion)
-    morph = by_isolines(cube, transform, (points, triangles), field)
-    fibres = morph.points.reshape(cube.shape)
+    *_, fibres = morphed(half_turn)
     for end, area in ((0, origin), (-1, insertion)):
         disc = triangles[np.isin(triangles, area).all(axis=1)]
         assert igl.point_mesh_squared_distance(fibres[:, end], points, disc)[0].max() < 1e-18
@@ -104,11 +105,7 @@ def test_fibres_end_on_the_areas_and_are_inside(half_turn):
 
 
 def test_neighbours_stay_neighbours_at_every_isoline(double_bend):
-    points, triangles, origin, insertion = double_bend
-    transform, cube = fitted(points, origin, insertion, n_fibres=64)
-    field = attachment_field(points, triangles, origin, insertion)
-    morph = by_isolines(cube, transform, (points, triangles), field)
-    fibres = morph.points.reshape(cube.shape)
+    *_, fibres = morphed(double_bend, n_fibres=64)
     r, s = sobol_points(64).T
     apart = np.hypot(r[:, None] - r, s[:, None] - s)
     close = np.argwhere((apart < 0.2) & (apart > 0))
@@ -130,7 +127,7 @@ def test_areas_on_two_separate_parts_are_refused(half_turn):
     n = len(points)
     twice, both = np.vstack([points, points + np.array([0.0, 100, 0])]), np.vstack([triangles, triangles + n])
     with pytest.raises(ValueError, match="no connected part"):
-        attachment_field(twice, both, origin, insertion + n)
+        attachment_field(twice, both, origin, np.arange(n, 2 * n))
     # A second part without areas does no harm.
     field = attachment_field(twice, both, origin, insertion)
     transform, cube = fitted(points, origin, insertion)

@@ -9,7 +9,7 @@ from shapes import closed_surface
 from vtkmuscle.core.morphing.correspondence import section_map
 from vtkmuscle.core.morphing.slices import Slicing, morph_by_planes, shared_levels
 from vtkmuscle.core.motion.rigid import apply_transform
-from vtkmuscle.core.template.kinds import TEMPLATES, sobol_points
+from vtkmuscle.core.template import TEMPLATES, sobol_points
 from vtkmuscle.phantoms.implicit import thick_curve, union
 from vtkmuscle.phantoms.meshing import box, mesh_of
 
@@ -136,14 +136,6 @@ def test_a_hollow_is_not_taken_for_the_muscle():
     points = np.vstack([outer, hollow])
     triangles = np.vstack([faces, inner[:, ::-1] + len(outer)])
     assert np.allclose(morph(points, triangles), morph(outer, faces), atol=1e-9)
-
-
-@pytest.mark.parametrize(("n_fibres", "resolution"), [(1, 1), (1, 200), (500, 1), (3, 2)])
-def test_extreme_templates(banana, n_fibres, resolution):
-    points, triangles = banana
-    fibres = morph(points, triangles, template("parallel", n_fibres, resolution))
-    assert np.isfinite(fibres).all()
-    assert outside(fibres, points, triangles).max() < 0.1
 
 
 def test_a_slice_that_is_the_rectangle_maps_to_itself(rng):

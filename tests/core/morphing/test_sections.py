@@ -69,14 +69,6 @@ def test_a_surface_that_faces_inward_is_turned_with_its_opposite_half_edges(surf
     assert closed_surface(points, triangles).outward().triangles is not turned.triangles
 
 
-def test_opposite_half_edges_join_the_same_points_the_other_way_round():
-    _, triangles = sphere()
-    opposite = opposite_half_edges(triangles)
-    start, end = triangles.reshape(-1), np.roll(triangles, -1, axis=1).reshape(-1)
-    assert np.array_equal(opposite[opposite], np.arange(len(start)))
-    assert np.array_equal(start[opposite], end)
-
-
 @pytest.mark.parametrize("triangles", [FACES[:3], np.vstack([FACES[:3], FACES[3:, ::-1]])])
 def test_an_open_or_inconsistent_surface_is_refused(triangles):
     with pytest.raises(ValueError, match="must be closed and oriented"):

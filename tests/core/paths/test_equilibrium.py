@@ -14,15 +14,12 @@ from vtkmuscle.core.paths.equilibrium import (
     newton_step,
     prepare_solve,
 )
-from vtkmuscle.core.paths.levers import change_gradient
 from vtkmuscle.core.paths.neighbours import (
     MODULUS,
     NEIGHBOURS,
     SHEAR_MODULUS,
     Neighbours,
     neighbours_of,
-    path_widths,
-    widening,
 )
 from vtkmuscle.core.paths.ring_contact import add_rings, hold_in_rings, rings_at
 from vtkmuscle.core.paths.via_rings import via_ring
@@ -165,36 +162,6 @@ def test_a_step_of_newtons_method_solves_its_equations(rng, left_over, off):
     assert slope < 0.0
 
 
-def test_the_change_of_the_gradient_is_the_slope_of_springs_and_neighbours(rng):
-    """Ends go as well, tangents turn and widths change: against central differences."""
-    sheet = Sheet(rng)
-    lengths = np.linalg.norm(np.diff(sheet.x, axis=1), axis=2).sum(axis=1) / rng.uniform(0.7, 1.4, 4)
-    velocity, pairs = rng.normal(size=sheet.x.shape), (len(sheet.neighbours.pairs), 6)
-
-    def forces(x):
-        gradient, blocks = np.zeros_like(x), np.zeros((*x.shape[:2], 6))
-        add_springs(x, sheet.held, sheet.pull, gradient, blocks)
-        flat = x.reshape(-1, 3), gradient.reshape(-1, 3), blocks.reshape(-1, 6)
-        add_neighbours(*flat, sheet.neighbours, path_widths(x, lengths), np.empty(pairs))
-        return gradient[:, 1:-1]
-
-    slopes = (forces(sheet.x + 1e-5 * velocity) - forces(sheet.x - 1e-5 * velocity)) / 2e-5
-    change, turning = np.full((2, *velocity.shape), np.nan)
-    widths = path_widths(sheet.x, lengths), widening(sheet.x, lengths)
-    held, wider = full(sheet.held), np.empty(4)
-    change_gradient(sheet.x, velocity, held, sheet.neighbours, *widths, wider, turning, change)
-    np.testing.assert_allclose(change[:, 1:-1], slopes, rtol=1e-6, atol=1e-6)
-    assert not change[:, [0, -1]].any()
-
-
-def test_a_path_beyond_any_sensible_stretch_gets_no_wider():
-    line = np.zeros((3, 5, 3))
-    line[:, :, 0] = np.outer([1.0, 10.0, 0.1], np.linspace(0.0, 4.0, 5))
-    rest = np.full(3, 4.0)
-    assert (widening(line, rest) < 0.0).tolist() == [True, False, False]
-    np.testing.assert_allclose(path_widths(line, rest) ** -2, [1.0, 4.0, 0.25])
-
-
 def test_the_load_of_a_ball_is_the_slope_of_its_force(rng):
     """In closed form, in a bone that is turned: it pushes along the radius, and its normals turn."""
     ball = pv.Icosphere(radius=30.0, nsub=5)
@@ -231,73 +198,6 @@ def test_the_load_of_a_ball_is_the_slope_of_its_force(rng):
     assert not force[:, [0, -1]].any()
 
 
-def test_the_stiffness_of_springs_contacts_and_neighbours_is_the_slope_of_their_forces(rng):
-    """Across a flat bone and a row, along which nothing curves; what turns the tangents is not in it."""
-    x = np.zeros((2, 5, 3))
-    x[..., 2], x[1, :, 0] = np.linspace(0.0, 40.0, 5), 6.0
-    neighbours = neighbours_of(x)
-    held, pull = np.tile([0.5, 0.1, 0.0, 0.4, 0.2, 0.6], (2, 5, 1)), rng.normal(size=x.shape)
-
-    def forces(x):
-        gradient, blocks = np.zeros_like(x), np.zeros((2, 5, 6))
-        couplings = np.empty((len(neighbours.pairs), 6))
-        add_springs(x, held, pull, gradient, blocks)
-        flat = gradient.reshape(-1, 3), blocks.reshape(-1, 6)
-        add_neighbours(x.reshape(-1, 3), *flat, neighbours, np.ones(2), couplings)
-        normals = np.tile([1.0, 0.0, 0.0], (1, 2, 5, 1))
-        gaps = (x[..., 0] - 6.1 + 6.0 * (np.arange(2) == 0)[:, None])[None]
-        add_contacts(x, gaps, normals, PUSH, ROUNDING, gradient, blocks, np.zeros((1, 2, 5)))
-        return gradient, stiffness(blocks, neighbours, couplings)
-
-    matrix = forces(x)[1]
-    move = np.zeros_like(x)
-    move[:, 1:-1, 0] = rng.normal(size=(2, 3))
-    there, back = (forces(x + 1e-6 * sign * move)[0][:, 1:-1] for sign in (1.0, -1.0))
-    known = (there - back)[..., 0] / 2e-6
-    found = (matrix @ move[:, 1:-1].ravel()).reshape(there.shape)[..., 0]
-    np.testing.assert_allclose(found, known, rtol=1e-6, atol=1e-6)
-
-
-def test_what_a_round_bone_does_to_a_path_turns_with_it(rng):
-    angle = np.linspace(0.0, 0.5, 7)
-    normals = np.stack([np.cos(angle), np.sin(angle), 0.0 * angle], axis=-1)[None, None]
-    x, gaps = 20.0 * normals[0], np.full((1, 1, 7), -0.5 * ROUNDING)
-
-    def pushed(turn):
-        gradient, blocks = np.zeros((1, 7, 3)), np.zeros((1, 7, 6))
-        add_contacts(
-            x @ turn.T, gaps, normals @ turn.T, PUSH, ROUNDING, gradient, blocks, np.zeros((1, 1, 7))
-        )
-        return gradient, full(blocks)
-
-    gradient, blocks = pushed(np.eye(3))
-    along = np.stack([-np.sin(angle), np.cos(angle), 0.0 * angle], axis=-1)
-    assert (np.einsum("ni,nij,nj->n", along, blocks[0], along)[2:-2] < -1e-3).all()
-    for turn in Rotation.random(5, random_state=rng).as_matrix():
-        turned = pushed(turn)
-        np.testing.assert_allclose(turned[0], gradient @ turn.T, atol=1e-12)
-        np.testing.assert_allclose(turned[1], turn @ blocks @ turn.T, atol=1e-12)
-
-
-@pytest.mark.parametrize("at", [(5.2, 1.0), (5.1, 5.2), (4.6, 5.3)], ids=["side", "corner", "other side"])
-def test_the_stiffness_of_a_ring_is_the_slope_of_its_force(at):
-    """At a side and round a corner of a square of 10 mm; a point inside has no force."""
-    ring = via_ring(np.array([(-5.0, -5.0, 0.0), (5.0, -5.0, 0.0), (5.0, 5.0, 0.0), (-5.0, 5.0, 0.0)]))
-    rings = rings_at([(0, ring)], np.eye(4)[None], np.zeros(3), np.zeros((1, 1)))
-
-    def pushed(place):
-        x, gradient, blocks = np.zeros((1, 3, 3)), np.zeros((1, 3, 3)), np.zeros((1, 3, 6))
-        x[0, 1] = place
-        held = np.zeros((1, 1, 3))
-        add_rings(x, rings, np.array([[1]]), PUSH, ROUNDING, gradient, blocks, held)
-        return gradient[0, 1], full(blocks)[0, 1], held
-
-    place = np.array([*at, 0.3])
-    slopes = [(pushed(place + way)[0] - pushed(place - way)[0]) / 2e-6 for way in 1e-6 * np.eye(3)]
-    np.testing.assert_allclose(pushed(place)[1], slopes, rtol=1e-5, atol=1e-5)
-    assert not pushed(np.array([4.99, 4.99, 0.0]))[2].any()
-
-
 def test_the_force_of_a_bone_is_smooth_and_none_before_it_touches():
     gaps = np.linspace(-3.0 * ROUNDING, 3.0 * ROUNDING, 1201)
     force, stiff = np.array([pressure_at(gap, PUSH, ROUNDING) for gap in gaps]).T
@@ -328,17 +228,6 @@ def test_a_strained_pair_has_the_energy_of_its_modulus(rows, n, size):
     np.testing.assert_allclose(found.ahead, 0.0, atol=1e-9 * size)
 
 
-def test_where_paths_meet_they_are_no_stiffer_than_half_as_far_apart():
-    x = np.zeros((5, 9, 3))
-    x[..., 2] = np.linspace(0.0, 80.0, 9)
-    x[..., 0] = np.linspace(0.0, 16.0, 5)[:, None] * np.linspace(1.0, 0.0, 9)
-    found = neighbours_of(x)
-    assert found.distances.min() < 1.0
-    least = 0.5 * np.median(found.distances)
-    length = np.linalg.norm(np.diff(x, axis=1), axis=2).sum(axis=1).mean()
-    assert found.stiffness[:, 0].max() == pytest.approx(MODULUS * (length / (8.0 * least)) ** 2)
-
-
 def test_neighbours_are_the_nearest_points_of_the_paths_beside_and_no_path_that_ends_before():
     """Parallel paths, 4 mm apart, that begin 0 to 100 mm up and end together: what is level is a pair."""
     x = np.zeros((6, 33, 3))
@@ -353,3 +242,49 @@ def test_neighbours_are_the_nearest_points_of_the_paths_beside_and_no_path_that_
     # The longest is alone above the shortest, and all are neighbours at the bottom.
     assert (heights[(paths == 5).any(axis=1)] < 22.0).all()
     assert len(np.unique(paths[heights[:, 0] < 15.0], axis=0)) == 15
+
+
+def test_the_stiffness_of_springs_contacts_and_neighbours_is_the_slope_of_their_forces(rng):
+    """Across a flat bone and a row, along which nothing curves; what turns the tangents is not in it."""
+    x = np.zeros((2, 5, 3))
+    x[..., 2], x[1, :, 0] = np.linspace(0.0, 40.0, 5), 6.0
+    neighbours = neighbours_of(x)
+    held, pull = np.tile([0.5, 0.1, 0.0, 0.4, 0.2, 0.6], (2, 5, 1)), rng.normal(size=x.shape)
+
+    def forces(x):
+        gradient, blocks = np.zeros_like(x), np.zeros((2, 5, 6))
+        couplings = np.empty((len(neighbours.pairs), 6))
+        add_springs(x, held, pull, gradient, blocks)
+        flat = gradient.reshape(-1, 3), blocks.reshape(-1, 6)
+        add_neighbours(x.reshape(-1, 3), *flat, neighbours, np.ones(2), couplings)
+        normals = np.tile([1.0, 0.0, 0.0], (1, 2, 5, 1))
+        gaps = (x[..., 0] - 6.1 + 6.0 * (np.arange(2) == 0)[:, None])[None]
+        add_contacts(x, gaps, normals, PUSH, ROUNDING, gradient, blocks, np.zeros((1, 2, 5)))
+        return gradient, stiffness(blocks, neighbours, couplings)
+
+    matrix = forces(x)[1]
+    move = np.zeros_like(x)
+    move[:, 1:-1, 0] = rng.normal(size=(2, 3))
+    there, back = (forces(x + 1e-6 * sign * move)[0][:, 1:-1] for sign in (1.0, -1.0))
+    known = (there - back)[..., 0] / 2e-6
+    found = (matrix @ move[:, 1:-1].ravel()).reshape(there.shape)[..., 0]
+    np.testing.assert_allclose(found, known, rtol=1e-6, atol=1e-6)
+
+
+@pytest.mark.parametrize("at", [(5.2, 1.0), (5.1, 5.2), (4.6, 5.3)], ids=["side", "corner", "other side"])
+def test_the_stiffness_of_a_ring_is_the_slope_of_its_force(at):
+    """At a side and round a corner of a square of 10 mm; a point inside has no force."""
+    ring = via_ring(np.array([(-5.0, -5.0, 0.0), (5.0, -5.0, 0.0), (5.0, 5.0, 0.0), (-5.0, 5.0, 0.0)]))
+    rings = rings_at([(0, ring)], np.eye(4)[None], np.zeros(3), np.zeros((1, 1)))
+
+    def pushed(place):
+        x, gradient, blocks = np.zeros((1, 3, 3)), np.zeros((1, 3, 3)), np.zeros((1, 3, 6))
+        x[0, 1] = place
+        held = np.zeros((1, 1, 3))
+        add_rings(x, rings, np.array([[1]]), PUSH, ROUNDING, gradient, blocks, held)
+        return gradient[0, 1], full(blocks)[0, 1], held
+
+    place = np.array([*at, 0.3])
+    slopes = [(pushed(place + way)[0] - pushed(place - way)[0]) / 2e-6 for way in 1e-6 * np.eye(3)]
+    np.testing.assert_allclose(pushed(place)[1], slopes, rtol=1e-5, atol=1e-5)
+    assert not pushed(np.array([4.99, 4.99, 0.0]))[2].any()

@@ -47,13 +47,6 @@ def test_points_that_repeat_count_once():
     np.testing.assert_array_equal(spread(np.zeros((3, 3)), 4), np.zeros((4, 3)))
 
 
-def test_several_lines_are_each_on_their_own():
-    a, b = np.array([[0.0, 0, 0], [1.0, 0, 0]]), np.array([[0.0, 5, 0], [1.0, 6, 0], [2.0, 5, 0]])
-    both = evenly_spread(np.vstack([a, b]), np.array([0, 2, 5]), 6)
-    np.testing.assert_array_equal(both[0], spread(a, 6))
-    np.testing.assert_array_equal(both[1], spread(b, 6))
-
-
 def test_a_line_of_fewer_points_than_others_is_as_if_alone(rng):
     lines = [np.cumsum(rng.uniform(0.2, 2.0, (count, 3)), axis=0) for count in (6, 1, 4, 2, 3)]
     offsets = np.cumsum([0, *map(len, lines)])

@@ -1,11 +1,10 @@
 """What of a muscle lies between its fibres and a bone, against known thicknesses."""
 
 import numpy as np
-import pytest
 from phantom_paths import COURSES, fibres_along, strung_phantom
 
 from vtkmuscle.core.mesh.triangle_tree import triangle_tree
-from vtkmuscle.core.paths.surroundings import directions_along, smoothed_along, tissue_between
+from vtkmuscle.core.paths.surroundings import directions_along, tissue_between
 
 
 def between(make, across, outward, bone):
@@ -51,21 +50,3 @@ def test_a_fibre_that_heads_for_a_bone_has_what_lies_beside_it():
     assert distance[0, -1] < 1.0
     assert thickness[0, 8] > 5.0
     assert thickness[0, -1] <= distance[0, -1] + 1e-12
-
-
-def test_a_peak_is_smoothed_to_its_gaussian():
-    peak = np.zeros((1, 101))
-    peak[0, 50] = 1.0
-    smooth = smoothed_along(peak, 0.05)[0]
-    assert smooth.sum() == pytest.approx(1.0)
-    assert smooth @ (np.arange(101) - 50.0) ** 2 == pytest.approx((0.05 * 100) ** 2, rel=1e-9)
-    straight = np.linspace(0.0, 3.0, 11)[None]
-    np.testing.assert_allclose(smoothed_along(straight, 0.3), straight, atol=1e-12)
-
-
-def test_directions_are_unit_tangents():
-    turn = np.linspace(0.0, 1.5, 40)
-    circle = np.column_stack([np.cos(turn), np.sin(turn), 0.0 * turn])[None]
-    expected = np.column_stack([-np.sin(turn), np.cos(turn), 0.0 * turn])
-    np.testing.assert_allclose(directions_along(circle)[0][1:-1], expected[1:-1], atol=1e-12)
-    np.testing.assert_array_equal(directions_along(np.zeros((1, 4, 3))), 0.0)

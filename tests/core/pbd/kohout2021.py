@@ -10,6 +10,7 @@ import itertools
 import math
 
 import numpy as np
+from scipy.ndimage import binary_fill_holes
 
 
 def dot(a, b):
@@ -165,18 +166,9 @@ class Voxels:
 
         Reading: "with 8-directions" has no meaning in three dimensions; the flood goes through faces.
         """
-        shape = [count + 2 for count in self.counts]  # a layer around, for the flood to begin in
-        reached, waiting = {(-1, -1, -1)}, [(-1, -1, -1)]
-        while waiting:
-            cell = waiting.pop()
-            for k, step in itertools.product(range(3), (-1, 1)):
-                new = tuple(c + step * (k == axis) for axis, c in enumerate(cell))
-                within = all(-1 <= c < n - 1 for c, n in zip(new, shape, strict=True))
-                if within and new not in reached and new not in self.solid:
-                    reached.add(new)
-                    waiting.append(new)
-        everything = itertools.product(*(range(count) for count in self.counts))
-        self.solid = {cell for cell in everything if cell not in reached}
+        cells = np.zeros(self.counts, dtype=bool)
+        cells[tuple(np.transpose(sorted(self.solid)))] = True
+        self.solid = set(map(tuple, np.argwhere(binary_fill_holes(cells)).tolist()))
 
     def outside(self, at):
         """Return whether a point, in cells, is outside.

@@ -41,19 +41,6 @@ def test_of_two_segments_with_a_common_nearest_point_the_first_counts_wherever_t
         assert np.allclose(directions, [fibre[2] - fibre[1], fibre[1] - fibre[0]] / np.sqrt(26))
 
 
-def test_fibre_direction_is_that_of_the_segment_not_of_the_nearest_vertex():
-    # The query is nearest to the long segment, though a vertex of the short one is nearer than its ends.
-    fibres = np.array([[-50.0, 0, 0], [50, 0, 0], [0, 0, 3], [0, 1, 3]])
-    direction = fibre_directions_at(np.array([[0.0, 0, 1]]), fibres, np.array([0, 2, 4]))
-    assert np.allclose(np.abs(direction), [[1, 0, 0]])
-
-
-def test_steps_from_one_fibre_to_the_next_are_no_segments():
-    fibres = np.array([[0.0, 0, 0], [1, 0, 0], [1, 5, 0], [2, 5, 0]])
-    direction = fibre_directions_at(np.array([[1.0, 2.5, 0]]), fibres, np.array([0, 2, 4]))
-    assert np.allclose(direction, [[1, 0, 0]])
-
-
 def test_fibres_without_length_are_an_error():
     with pytest.raises(ValueError, match="all fibres have length 0"):
         fibre_directions_at(np.zeros((1, 3)), np.zeros((3, 3)), np.array([0, 3]))

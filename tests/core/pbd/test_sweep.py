@@ -26,26 +26,12 @@ def test_each_edge_is_in_a_row_with_no_other_of_its_points():
     assert rows.shape[1] == WIDTH
 
 
-def test_a_point_of_many_edges_needs_many_colours():
-    """A fan of 300 triangles."""
-    around = np.arange(300)
-    quads = np.column_stack([np.full(300, 300), around, np.roll(around, 1), np.roll(around, -1)])
-    rows = rows_of_edges(quads, 301)
-    assert len(rows) == 300
-    assert (np.sort(rows, axis=1)[:, :-1] == -1).all()
-
-
 @given(phi=st.floats(-math.pi, math.pi), phi0=st.floats(-math.pi, math.pi), size=st.floats(1e-3, 1e3))
 def test_a_turn_is_the_difference_of_angles(phi, phi0, size):
     given = size * math.sin(phi), size * math.cos(phi), size**2, math.cos(phi0), math.sin(phi0)
     turn, expected = turn_from(*given), math.remainder(phi - phi0, 2.0 * math.pi)
     assert abs(math.remainder(turn - expected, 2.0 * math.pi)) < 2e-14
     assert abs(turn) <= math.pi + 1e-15
-
-
-def rows_with(mass, lengths, angles, *, stiffness=1.0, angle_stiffness=1.0):
-    k = len(QUADS)
-    return edge_rows(QUADS, mass, lengths, np.full(k, stiffness), angles, np.full(k, angle_stiffness))
 
 
 def projected(p, mass, rows, *, lengths=True, angles=True, signed=True):
@@ -93,49 +79,3 @@ def test_an_edge_is_projected_as_eq_1_says(rng, signed):
         found = projected(start, mass, rows, signed=signed)
         np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-6)
         assert np.array_equal(found[1], start[1])
-
-
-def test_at_rest_nothing_moves():
-    mass = np.ones(len(POINTS))
-    lengths, angles = edge_lengths(POINTS, QUADS[:, :2]), dihedral_angles(POINTS, QUADS)[0]
-    found = projected(POINTS, mass, rows_with(mass, lengths, angles))
-    np.testing.assert_allclose(found, POINTS, rtol=0.0, atol=1e-12)
-
-
-def test_edges_of_fixed_points_are_left_out():
-    mass = (FIXED_TO < 0).astype(float)
-    lengths, angles = edge_lengths(POINTS, QUADS[:, :2]), dihedral_angles(POINTS, QUADS)[0]
-    rows = rows_with(mass, lengths, angles)
-    used = (mass[QUADS] > 0).any(axis=1)
-    assert 0 < used.sum() < len(used)
-    assert sorted(rows.order.tolist()) == np.flatnonzero(used).tolist()
-    assert len(rows_with(np.zeros(len(POINTS)), lengths, angles).order) == 0
-
-
-def test_collapsed_edges_and_triangles_stay_finite(rng):
-    mass = np.ones(len(POINTS))
-    lengths, angles = edge_lengths(POINTS, QUADS[:, :2]), dihedral_angles(POINTS, QUADS)[0]
-    rows = rows_with(mass, lengths, angles)
-    p = POINTS.copy()
-    p[QUADS[:5, 0]] = p[QUADS[:5, 1]]
-    for flat in (p, POINTS * [1.0, 1.0, 0.0], np.zeros_like(p)):
-        for signed in (True, False):
-            assert np.isfinite(projected(flat, mass, rows, signed=signed)).all()
-
-
-def test_an_unsigned_angle_does_not_tell_a_ridge_from_a_groove():
-    p = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.5, 1.0, 0.3], [0.5, -1.0, 0.3]])
-    local, mass = np.array([[0, 1, 2, 3]]), np.ones(4)
-    mirrored = p * [1.0, 1.0, -1.0]
-    phi = dihedral_angles(p, local)[0]
-    for signed, moves in ((True, True), (False, False)):
-        rest = phi if signed else abs(phi)
-        rows = edge_rows(local, mass, np.ones(1), np.ones(1), rest, np.ones(1))
-        off = projected(mirrored, mass, rows, lengths=False, signed=signed) - mirrored
-        assert (np.abs(off).max() > 1e-3) == moves
-    # A flat pair has no direction to turn to (eq. 7), but a signed angle has.
-    flat = p * [1.0, 1.0, 0.0]
-    for signed in (True, False):
-        rows = edge_rows(local, mass, np.ones(1), np.ones(1), np.ones(1), np.ones(1))
-        off = projected(flat, mass, rows, lengths=False, signed=signed) - flat
-        assert (np.abs(off).max() > 1e-3) == signed

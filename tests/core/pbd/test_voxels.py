@@ -2,12 +2,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from oracles import igl
 from scipy.ndimage import binary_dilation, label
 from shapes import ball, box, ring, union
-from vtkmodules.vtkIOXML import vtkXMLPolyDataReader
 
 from vtkmuscle.core.mesh.solids import closed_shells
 from vtkmuscle.core.mesh.surface import signed_volume
@@ -19,74 +16,7 @@ from vtkmuscle.core.pbd.voxels import (
     build_voxel_grid,
 )
 from vtkmuscle.data.arrays import checked_surface
-
-
-def clipped_to_box(corners, low, high):
-    """Return True where a triangle meets a box: cut the polygon by the six half spaces in turn."""
-    polygon = list(corners)
-    for axis in range(3):
-        for sign, bound in ((1.0, low[axis]), (-1.0, -high[axis])):
-            inside = [sign * point[axis] - bound for point in polygon]
-            cut = []
-            for i, point in enumerate(polygon):
-                j = (i + 1) % len(polygon)
-                if inside[i] >= 0:
-                    cut.append(point)
-                if (inside[i] >= 0) != (inside[j] >= 0):
-                    t = inside[i] / (inside[i] - inside[j])
-                    cut.append(point + t * (polygon[j] - point))
-            polygon = cut
-            if not polygon:
-                return False
-    return True
-
-
-def test_boundary_cells_are_exactly_those_that_a_triangle_meets():
-    rng = np.random.default_rng(11)
-    slack = 1e-6
-    met = missed = 0
-    for _ in range(60):
-        corners = rng.uniform(-5.0, 5.0, (3, 3)) * rng.choice([1.0, 0.01], 3)
-        with pytest.warns(UserWarning, match="the surface is open"):
-            grid = build_voxel_grid(corners, np.array([[0, 1, 2]]), n_equal=6)
-        for cell in np.ndindex(*grid.cells.shape):
-            low = grid.origin + grid.spacing * cell
-            high = low + grid.spacing
-            hair = slack * grid.spacing
-            if clipped_to_box(corners, low + hair, high - hair):
-                assert grid.cells[cell] == BOUNDARY
-                met += 1
-            elif not clipped_to_box(corners, low - hair, high + hair):
-                assert grid.cells[cell] != BOUNDARY
-                missed += 1
-    assert met > 500
-    assert missed > 5000
-
-
-@pytest.mark.parametrize(
-    "shape", [ball(centre=(100.0, -50.0, 3.0)), box(), ring()], ids=["ball", "box", "ring"]
-)
-def test_cells_agree_with_winding_numbers_but_for_the_boundary(shape):
-    grid = build_voxel_grid(*shape, n_max=20_000)
-    index = np.array(list(np.ndindex(*grid.cells.shape)))
-    centres = grid.origin + grid.spacing * (index + 0.5)
-    inside = igl.winding_number(shape[0], shape[1], centres) > 0.5
-    codes = grid.cells[tuple(index.T)]
-    assert (codes[inside] != OUTSIDE).all()
-    np.testing.assert_array_equal(inside[codes == INSIDE], True)
-    np.testing.assert_array_equal(inside[codes == OUTSIDE], False)
-
-
-def test_a_room_between_shells_counts_as_bone():
-    """Six walls that overlap: a flood from without does not come into the room."""
-    walls = []
-    for axis in range(3):
-        for low, high in ((-10.0, -8.0), (8.0, 10.0)):
-            corners = np.full((2, 3), [[-10.0], [10.0]])
-            corners[:, axis] = low, high
-            walls.append(box(*corners))
-    grid = build_voxel_grid(*union(*walls), n_max=30**3)
-    assert grid.contains(np.array([[0.0, 0.0, 0.0], [5.0, -6.0, 6.0], [9.0, 0.0, 0.0]])).all()
+from vtkmuscle.io import read_polydata
 
 
 def test_a_hollow_in_a_bone_counts_as_bone_whichever_way_it_faces():
@@ -112,14 +42,11 @@ def assert_volume(grid, volume):
 
 
 def read_bone(folder, bone):
-    reader = vtkXMLPolyDataReader()
-    reader.SetFileName(str(folder / "bones" / f"{bone}.vtp"))
-    reader.Update()
-    return checked_surface(reader.GetOutput(), bone)
+    return checked_surface(read_polydata(folder / "bones" / f"{bone}.vtp"), bone)
 
 
 @pytest.mark.realdata
-@pytest.mark.parametrize("bone", ["pelvis", "femur_r"])
+@pytest.mark.parametrize("bone", [pytest.param("pelvis", marks=pytest.mark.slow), "femur_r"])
 def test_voxels_of_real_bones_miss_nothing_and_fill_nothing_but_pockets(lhdl_hip, bone):
     """The pelvis has 21 tunnels, of which a few are as narrow as a cell: what is left of them is cut off."""
     points, triangles = read_bone(lhdl_hip, bone)
@@ -149,33 +76,6 @@ def test_every_point_of_the_surface_is_contained_and_nothing_far_from_it_on_the_
     assert grid.contains(on_surface).all()
     assert not grid.contains(points / 10.0 * (10.0 + 1.01 * np.linalg.norm(grid.spacing))).any()
     assert not grid.contains(np.array([[1e30, 0.0, 0.0], [-1e30, 0.0, 0.0]])).any()
-
-
-@given(
-    st.lists(st.floats(0.01, 1000.0), min_size=3, max_size=3),
-    st.sampled_from([1, 2, 1000, 64**3]),
-)
-@settings(deadline=None, max_examples=30)
-@pytest.mark.filterwarnings("ignore:.*enclose no volume")
-def test_n_max_is_shared_out_by_the_sides_in_nearly_cubic_cells(sides, n_max):
-    points, triangles = box(high=sides)
-    grid = build_voxel_grid(points, triangles, n_max=n_max)
-    counts = np.array(grid.cells.shape) - 2
-    assert counts.prod() <= n_max
-    several = counts > 1
-    if several.any():
-        # A side of n cells may be up to 1 / n short of the next one.
-        assert (
-            grid.spacing[several].max() <= grid.spacing[several].min() * (1 + 1 / counts[several].min()) ** 2
-        )
-        np.testing.assert_array_less(grid.spacing[~several], 1.01 * grid.spacing[several].max() * 2)
-
-
-def test_the_outermost_layer_is_outside_even_along_flat_sides():
-    grid = build_voxel_grid(*box(), n_equal=8)
-    inner = grid.cells[1:-1, 1:-1, 1:-1]
-    assert (grid.cells != OUTSIDE).sum() == (inner != OUTSIDE).sum()
-    assert (inner != OUTSIDE).all()
 
 
 @pytest.mark.parametrize("flat", [(4.0, 2.0, 0.0), (4.0, 0.0, 0.0)])

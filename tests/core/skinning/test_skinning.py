@@ -1,10 +1,9 @@
 """A muscle taken along by its paths: at rest it is where it is, and it goes with bones, paths and stretch."""
 
-from functools import cache
-
 import numpy as np
 import pytest
 from phantom_paths import known_paths, off_lines, paths_of, strung_phantom, swept
+from test_thin_parts import LENGTH, SECTIONS, tendon
 
 from vtkmuscle.core.mesh.surface import mean_thickness, mesh_topology, signed_volume
 from vtkmuscle.core.motion.rigid import apply_transform, hinge, rotation_about
@@ -14,11 +13,6 @@ from vtkmuscle.core.paths.sheet import POINTS, MusclePaths
 from vtkmuscle.core.skinning.skinning import Skinning
 
 TURN = rotation_about((10.0, -20.0, 30.0), np.array([1.0, 2.0, 2.0]) / 3.0, 65.0)
-#: A straight tendon: its radius, and its length at rest [mm].
-RADIUS, LENGTH = 2.0, 100.0
-STRETCH = 1.5
-#: Points round it.
-ROUND = 8
 
 
 def skinning_of(make, paths, **settings):
@@ -77,14 +71,6 @@ def test_a_muscle_goes_rigidly_with_bones_that_move_together(make):
     np.testing.assert_allclose(there, apply_transform(TURN, carried(skinning, here).surface), atol=1e-9)
 
 
-def test_weights_are_parts_of_one():
-    made, paths = strung_phantom("lifting_strap"), paths_of("lifting_strap")
-    weights = skinning_of("lifting_strap", paths).weights_of_fibres(*as_lines(made.fibres[:, ::2]))
-    np.testing.assert_allclose(weights.weights.sum(axis=1), 1.0, rtol=1e-12)
-    n = paths.fibres.shape[1]
-    assert (weights.carriers // n == np.repeat(np.arange(len(made.fibres)), n // 2 + 1)[:, None]).all()
-
-
 # -------------------------------------------------------------------- fibres inside
 
 
@@ -132,69 +118,20 @@ def test_a_wound_strap_keeps_its_distance_from_the_cylinder():
 # -------------------------------------------------------------------- stretch
 
 
-@cache
-def tendon(segments, rings=64):
-    """Return a straight tendon's paths, points, triangles and the bones of its ends; along z."""
-    turn = np.linspace(0.0, 2.0 * np.pi, ROUND, endpoint=False)
-    z = np.linspace(0.0, LENGTH, rings + 1)
-    shell = np.stack(
-        [
-            np.tile(RADIUS * np.cos(turn), (rings + 1, 1)),
-            np.tile(RADIUS * np.sin(turn), (rings + 1, 1)),
-            np.repeat(z[:, None], ROUND, axis=1),
-        ],
-        axis=-1,
-    ).reshape(-1, 3)
-    points = np.vstack([shell, [[0.0, 0.0, 0.0], [0.0, 0.0, LENGTH]]])
-    triangles = []
-    for ring, at in np.ndindex(rings, ROUND):
-        a, b = ring * ROUND + at, ring * ROUND + (at + 1) % ROUND
-        triangles += [(a, b, b + ROUND), (a, b + ROUND, a + ROUND)]
-    for at in range(ROUND):
-        a, b = at, (at + 1) % ROUND
-        triangles += [(len(shell), b, a), (len(shell) + 1, rings * ROUND + a, rings * ROUND + b)]
-    fixed_to = np.where(points[:, 2] == 0.0, 0, np.where(points[:, 2] == LENGTH, 1, -1))
-    across = np.vstack([[(0.0, 0.0)], 0.6 * RADIUS * np.column_stack([np.cos(turn[:6]), np.sin(turn[:6])])])
-    fibres = np.zeros((len(across), segments + 1, 3))
-    fibres[:, :, :2], fibres[:, :, 2] = across[:, None], np.linspace(0.0, LENGTH, segments + 1)
-    ends = np.zeros(len(fibres), dtype=int), np.ones(len(fibres), dtype=int)
-    paths = MusclePaths(fibres, *ends, (points, np.array(triangles)), {})
-    return paths, points, np.array(triangles), fixed_to
-
-
-@pytest.mark.parametrize("segments", [16, 32, 64])
-def test_a_thin_tendon_that_is_stretched_is_a_thinner_cylinder(segments):
-    """No sawtooth at the pitch of the paths' points: 64 rings of 8 points each, between 16, 32 and 64."""
-    paths, points, triangles, fixed_to = tendon(segments)
-    pulled = np.array([np.eye(4)] * 2)
-    pulled[1, 2, 3] = (STRETCH - 1.0) * LENGTH
-    state = paths.follow(paths.rest, pulled)
-    np.testing.assert_allclose(state.lengths, STRETCH * LENGTH, rtol=1e-3)
-    surface = carried(skinned_by(paths, points, triangles, fixed_to), state).surface
-    np.testing.assert_allclose(surface[fixed_to >= 0, 2], STRETCH * points[fixed_to >= 0, 2], atol=1e-9)
-    # But for the ends, which keep their width.
-    inner = np.abs(points[:, 2] - LENGTH / 2.0) < LENGTH / 2.0 - 5.0 * RADIUS
-    rings = surface[inner].reshape(-1, ROUND, 3)
-    radius = np.hypot(rings[:, :, 0], rings[:, :, 1])
-    np.testing.assert_allclose(radius, RADIUS / np.sqrt(STRETCH), atol=0.06)
-    np.testing.assert_allclose(surface[inner, 2], STRETCH * points[inner, 2], atol=0.01)
-    assert np.abs(np.diff(radius, n=2, axis=0)).max() < 0.002
-    assert np.abs(np.diff(rings[:, :, 2], n=2, axis=0)).max() < 0.002
-    volume = signed_volume(surface, triangles) / signed_volume(points, triangles)
-    assert volume == pytest.approx(1.0, abs=0.05)
-
-
 def test_the_stretch_has_bounds():
     """Ten times as long is no muscle any more; what is made of it is finite."""
-    paths, points, triangles, fixed_to = tendon(32)
+    muscle = tendon("cord", "even")
+    fibres = evenly_spread(*muscle.fibres, 33)
+    ends = bones_at_ends(fibres, muscle.points, muscle.fixed_to)
+    paths = MusclePaths(fibres, *ends, (muscle.points, muscle.triangles), {})
     pulled = np.array([np.eye(4)] * 2)
     pulled[1, 2, 3] = 9.0 * LENGTH
-    skinning = skinned_by(paths, points, triangles, fixed_to)
+    skinning = skinned_by(paths, muscle.points, muscle.triangles, muscle.fixed_to)
     surface = carried(skinning, paths.follow(paths.rest, pulled)).surface
-    middle = np.abs(points[:, 2] - LENGTH / 2.0) < 0.2 * LENGTH
+    middle = np.abs(muscle.points[:, 2] - LENGTH / 2.0) < 0.2 * LENGTH
     assert np.isfinite(surface).all()
     radius = np.hypot(*surface[middle, :2].T)
-    assert radius.mean() == pytest.approx(RADIUS / np.sqrt(GREATEST_STRETCH), rel=0.05)
+    assert radius.mean() == pytest.approx(SECTIONS["cord"][0] / np.sqrt(GREATEST_STRETCH), rel=0.05)
 
 
 # -------------------------------------------------------------------- what may go wrong

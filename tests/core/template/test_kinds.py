@@ -7,7 +7,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from scipy.interpolate import BPoly
 
-from vtkmuscle.core.template.kinds import KINDS, TEMPLATES, bezier, read_template, sobol_points, template_from
+from vtkmuscle.core.template import KINDS, TEMPLATES, bezier, read_template, sobol_points, template_from
 from vtkmuscle.data.arrays import field_array, points_of
 from vtkmuscle.filters.fibre_template_source import FibreTemplateSource
 

@@ -13,8 +13,7 @@ fibres, keeps a bare part from which fibres would have to converge.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
@@ -23,8 +22,6 @@ from scipy.spatial import cKDTree
 from vtkmuscle.core.mesh.normals import triangle_normals, unit_vectors
 from vtkmuscle.core.mesh.polylines import smooth_polylines
 from vtkmuscle.core.mesh.sampling import PatchSamples, part_means
-from vtkmuscle.core.mesh.surface import faces_between
-from vtkmuscle.core.mesh.triangle_tree import TriangleTree, triangle_tree
 from vtkmuscle.core.types import FloatMap, Floats, Ints
 
 #: Positions on the smaller area that decide which part of the larger area stays bare. With 64 to 400
@@ -41,34 +38,16 @@ BENDS = 8
 MIDDLE = 4.0
 
 
-@dataclass(frozen=True, eq=False)
-class EndSurface:
+class EndSurface(NamedTuple):
     """Surface of fibre ends, on the muscle or within.
 
-    Fibres end on the points `patch` (j,) of a surface with points (n, 3) [mm] and triangles (m, 3). `takes`
-    is the least and the greatest cross-section of ending fibres, in multiples of the patch's cross-section |u
-    . n| A: (1, 1) for fibres on one face, (1, 2) for fibres on both faces, (0, inf) with tendons between.
+    `takes` is the least and the greatest cross-section of ending fibres, in multiples of the patch's
+    cross-section |u . n| A: (1, 1) for fibres on one face, (1, 2) for fibres on both faces, (0, inf) with
+    tendons between.
     """
 
-    points: Floats
-    triangles: Ints
-    patch: Ints
+    samples: PatchSamples
     takes: tuple[float, float] = (0.0, np.inf)
-
-    @cached_property
-    def samples(self) -> PatchSamples:
-        """Positions on the patch."""
-        return PatchSamples(self.points, self.triangles, self.patch)
-
-    @cached_property
-    def faces(self) -> Ints:
-        """Triangles (k, 3) of the patch. Empty for a curve or loose points."""
-        return faces_between(self.triangles, self.patch)
-
-    @cached_property
-    def tree(self) -> TriangleTree:
-        """The triangles of the patch."""
-        return triangle_tree(self.points, self.faces)
 
     def candidates(self, count: int) -> Floats:
         """Return positions of even density [mm]. At least `count`; loose points repeat."""
@@ -81,10 +60,11 @@ class EndSurface:
         Directions (m, k, 3) are unit vectors of k fibres near each position. The mean is of |u . n|, as
         fibres may come from either side of a surface within a muscle.
         """
-        if not len(self.faces):
+        patch = self.samples
+        if not len(patch.faces):
             return np.zeros(len(positions))
-        normals = unit_vectors(triangle_normals(self.points, self.faces))[self.tree.nearest(positions)[0]]
-        return np.asarray(self.samples.area * np.abs(directions @ normals[:, :, None]).mean(axis=(1, 2)))
+        normals = unit_vectors(triangle_normals(patch.points, patch.faces[patch.tree.nearest(positions)[0]]))
+        return np.asarray(patch.area * np.abs(directions @ normals[:, :, None]).mean(axis=(1, 2)))
 
 
 def straight_fibres(origin: EndSurface, insertion: EndSurface, count: int, resolution: int) -> Floats:
@@ -102,7 +82,7 @@ def straight_fibres(origin: EndSurface, insertion: EndSurface, count: int, resol
 def _taken(origin: EndSurface, insertion: EndSurface, candidates: Sequence[Floats]) -> Sequence[Floats]:
     """Return the candidates (m, 3) on which fibres end. Both areas then have equal cross-sections."""
     areas = origin, insertion
-    if not all(area.takes[0] > 0.0 and len(area.faces) for area in areas):
+    if not all(area.takes[0] > 0.0 and len(area.samples.faces) for area in areas):
         return candidates
     coarse = [area.candidates(CANDIDATES * COARSE) for area in areas]
     starts, ends = even_positions(coarse, COARSE)
@@ -151,27 +131,24 @@ def filled_share(fibres: Floats, origin: EndSurface, insertion: EndSurface, volu
     return float(section * np.linalg.norm(chords, axis=1).mean() / volume)
 
 
-def bend_inside(fibres: Floats, into_muscle: FloatMap) -> tuple[Floats, Floats]:
-    """Return fibres bent into the muscle, and departures.
-
-    Fibres (k, r, 3); largest distances outside (k,) [mm].
-
-    A fibre that leaves the muscle is smoothed with its ends kept, and its outer points move to the nearest
-    points of the muscle (`into_muscle`, (n, 3) to (n, 3)); repeated, the fibre takes about the shortest
-    course within the muscle.
-    """
-    result = fibres.copy()
+def departures(fibres: Floats, into_muscle: FloatMap) -> Floats:
+    """Return the largest distance of fibres (k, r, 3) outside of a muscle, (k,) [mm]."""
     inner = fibres[:, 1:-1]
-    away = np.linalg.norm(into_muscle(inner.reshape(-1, 3)).reshape(inner.shape) - inner, axis=2)
-    departures = away.max(axis=1, initial=0.0)
-    bent = np.flatnonzero(departures > 0.0)
-    offsets = np.arange(len(bent) + 1) * fibres.shape[1]
-    lines = fibres[bent]
-    for _ in range(BENDS if len(bent) else 0):
-        lines = smooth_polylines(lines.reshape(-1, 3), offsets, MIDDLE, 1).reshape(lines.shape)
-        lines[:, 1:-1] = into_muscle(lines[:, 1:-1].reshape(-1, 3)).reshape(len(bent), -1, 3)
-    result[bent] = lines
-    return result, departures
+    away = into_muscle(inner.reshape(-1, 3)).reshape(inner.shape) - inner
+    return np.asarray(np.linalg.norm(away, axis=2).max(axis=1, initial=0.0))
+
+
+def bend_inside(fibres: Floats, into_muscle: FloatMap) -> Floats:
+    """Return fibres (k, r, 3) bent into a muscle.
+
+    A fibre is smoothed with its ends kept, and its outer points move to the nearest points of the muscle
+    (`into_muscle`, (n, 3) to (n, 3)); repeated, the fibre takes about the shortest course within the muscle.
+    """
+    offsets = np.arange(len(fibres) + 1) * fibres.shape[1]
+    for _ in range(BENDS if len(fibres) else 0):
+        fibres = smooth_polylines(fibres.reshape(-1, 3), offsets, MIDDLE, 1).reshape(fibres.shape)
+        fibres[:, 1:-1] = into_muscle(fibres[:, 1:-1].reshape(-1, 3)).reshape(len(fibres), -1, 3)
+    return fibres
 
 
 #: Largest random extra weight of a position in the axes that divide an area: decides between equal axes.

@@ -15,7 +15,7 @@ from vtkmuscle.core.fibres.between_areas import halved
 from vtkmuscle.core.fibres.mean_value import coordinate_mesh, mean_value_coordinates, transport, weights_of
 from vtkmuscle.core.jit import reduction
 from vtkmuscle.core.mesh.normals import unit_vectors
-from vtkmuscle.core.mesh.polylines import curve_segments
+from vtkmuscle.core.mesh.polylines import curve_segments, nearest_arcs
 from vtkmuscle.core.mesh.solids import points_inside, solids_of
 from vtkmuscle.core.mesh.triangle_tree import TriangleTree, shared_tree, tree_of_deformed
 from vtkmuscle.core.skinning.skinning import falling_weights
@@ -346,13 +346,7 @@ class _EndNeighbours:
         nodes, n = paths.reshape(-1, 3), paths.shape[1]
         apart, nearest_nodes = cKDTree(nodes).query(ends, range(1, min(N_NEIGHBOURS, len(nodes)) + 1))
         self._paths, self._weights = nearest_nodes // n, falling_weights(apart, np.finfo(float).tiny)
-        starts, lengths, ahead = curve_segments(paths[self._paths])
-        since = ends[:, None, None] - paths[self._paths][:, :, :-1]
-        low, high = np.zeros(n - 1), lengths.copy()
-        low[0], high[..., -1] = -np.inf, np.inf
-        part = np.clip((since * ahead).sum(axis=-1), low, high)
-        nearest = ((since - part[..., None] * ahead) ** 2).sum(axis=-1).argmin(axis=-1)[..., None]
-        self._arcs = np.take_along_axis(starts + part, nearest, axis=-1)[..., 0]
+        self._arcs = nearest_arcs(paths[self._paths], ends[:, None])[0]
         feet, self._ahead = self._along(paths)
         self._offsets = ends[:, None] - feet
 

@@ -13,7 +13,9 @@ from scipy.cluster.vq import kmeans2
 from scipy.spatial import cKDTree
 
 from vtkmuscle.core.mesh.normals import triangle_normals, unit_vectors
-from vtkmuscle.core.mesh.polylines import curve_segments, evenly_spaced, polyline_lengths
+from vtkmuscle.core.mesh.polylines import curve_segments, evenly_spaced, nearest_arcs, polyline_lengths
+from vtkmuscle.core.mesh.surface import opposite_half_edges
+from vtkmuscle.core.morphing.sections import ClosedSurface, cut_surface, loop_areas
 from vtkmuscle.core.types import Bools, Floats, Ints
 
 
@@ -51,27 +53,14 @@ def physiological_cross_section(volume: float, lengths: Floats, angles: Floats) 
 
 
 def section_areas(points: Floats, triangles: Ints, centres: Floats, normals: Floats) -> Floats:
-    """Return areas (s,) of plane sections [mm^2]. The surface is closed and faces outward.
+    """Return areas (s,) of plane sections [mm^2]. The surface is closed and oriented.
 
-    Half the sum of n . (a x b) over the section's segments from a to b; planes have points (s, 3) and unit
-    normals (s, 3).
+    Planes have points (s, 3) and unit normals (s, 3).
     """
-    areas = []
+    surface, areas = ClosedSurface(points, triangles, opposite_half_edges(triangles)), []
     for centre, normal in zip(centres, normals, strict=True):
-        about = points - centre
-        heights = about @ normal
-        below = heights < 0.0
-        a, b, c = below.take(triangles.T)
-        met = triangles[(a != b) | (b != c)]
-        ends, row = [], np.arange(len(met))
-        # The edge on which the triangle's boundary goes up is the second, so all loops run alike.
-        for upward in (False, True):
-            leaves = (below[met] == upward) & (below[np.roll(met, -1, axis=1)] != upward)
-            side = leaves.argmax(axis=1)
-            i, j = met[row, side], met[row, (side + 1) % 3]
-            share = heights[i] / (heights[i] - heights[j])
-            ends.append(about[i] + share[:, None] * (about[j] - about[i]))
-        areas.append(abs(float((np.cross(*ends) @ normal).sum())) / 2.0)
+        loops = cut_surface(surface, (points - centre) @ normal, np.zeros(1))
+        areas.append(abs(float((loop_areas(loops.points, loops.loop_offsets) @ normal).sum())))
     return np.array(areas)
 
 
@@ -91,17 +80,6 @@ def group_fibres(lengths: Floats, count: int) -> Ints:
     _, first, plain = np.unique(labels, return_index=True, return_inverse=True)
     rank = np.argsort(np.argsort(first))
     return rank[plain].astype(np.int64)
-
-
-def group_errors(lengths: Floats, groups: Ints) -> Floats:
-    """Return RMS deviations (n,) from the group's change of length."""
-    changes = lengths - lengths.mean(axis=0)
-    errors = np.zeros(lengths.shape[1])
-    for group in range(int(groups.max()) + 1):
-        members = groups == group
-        deviations = changes[:, members] - changes[:, members].mean(axis=1, keepdims=True)
-        errors[members] = np.sqrt((deviations**2).mean(axis=0))
-    return errors
 
 
 #: Stations along each fibre; number of stations from an end to the station compared with the end.
@@ -303,18 +281,8 @@ def along(curve: Floats, positions: Floats) -> tuple[Floats, Floats]:
 
     The end segments of the curve (c, 3) are prolonged; arcs before its first point are negative.
     """
-    begins, lengths, directions = curve_segments(curve)
-    columns, nearest = np.ascontiguousarray(positions.T), np.full(len(positions), np.inf)
-    arcs, segment = np.zeros(len(positions)), np.zeros(len(positions), dtype=np.int64)
-    for i, (start, direction, length) in enumerate(zip(curve[:-1], directions, lengths, strict=True)):
-        low = -np.inf if i == 0 else 0.0
-        high = np.inf if i == len(lengths) - 1 else length
-        apart = columns - start[:, None]
-        t = np.clip(direction @ apart, low, high)
-        square = ((apart - direction[:, None] * t) ** 2).sum(axis=0)
-        better = square < nearest
-        nearest[better], arcs[better], segment[better] = square[better], begins[i] + t[better], i
-    return arcs, directions[segment]
+    arcs, segments = nearest_arcs(curve, positions)
+    return arcs, curve_segments(curve)[2][segments]
 
 
 def fascicles(
@@ -345,25 +313,40 @@ def fascicles(
     return parts
 
 
-def segment_errors(points: Floats, offsets: Ints) -> Floats:
-    """Bound the shortening of polylines against curves (k,) [mm].
+def segment_errors(lines: Floats) -> Floats:
+    """Bound the shortening of polylines (k, n, 3) against curves, (k,) [mm].
 
-    The bound is the length by all points (n, 3), less the length by every second point and the last. Chords
-    of smooth curves converge with the second order, so the difference is three times the error (Richardson).
+    The bound is the length by all points, less the length by every second point and the last. Chords of
+    smooth curves converge with the second order, so the difference is three times the error (Richardson).
     """
-    counts = np.diff(offsets)
-    position = np.arange(len(points)) - np.repeat(offsets[:-1], counts)
-    kept = (position % 2 == 0) | (position == np.repeat(counts, counts) - 1)
-    firsts = np.concatenate([[0], np.cumsum(kept)])[offsets]
-    return np.asarray(polyline_lengths(points, offsets) - polyline_lengths(points[kept], firsts))
+    halved = np.concatenate([lines[:, :-1:2], lines[:, -1:]], axis=1)
+    whole, less = (np.linalg.norm(np.diff(each, axis=1), axis=2).sum(axis=1) for each in (lines, halved))
+    return np.asarray(whole - less)
 
 
-def sampling_errors(values: Floats) -> Floats:
-    """Return the standard error s / sqrt(k) of means over the last axis, NaN for a single value."""
-    count = values.shape[-1]
-    if count < 2:
-        return np.full(values.shape[:-1], np.nan)
-    return np.asarray(values.std(axis=-1, ddof=1) / np.sqrt(count))
+#: Error of the model in standard deviations of a muscle's paths, and its growth as the muscle shortens. Both
+#: are of 15 phantoms without via rings: benchmarks/stated_errors.py, docs/validation/how_right.rst.
+MODEL, SHORTENED = 0.7, 4.0
+#: Half width of an interval that holds 95 % of a normal distribution, in standard deviations.
+NORMAL = 1.96
+
+
+def mean_errors(values: Floats, ratios: Floats, numerical: Floats) -> dict[str, Floats]:
+    """Return the errors of means over a muscle's paths.
+
+    ``total`` (f,) is the half width of the interval about the mean with the known answer in 95 % of the poses
+    of phantoms: the root of the sum of squares of the parts ``model``, ``sampling`` (the mean is of k paths)
+    and ``numerical``. NaN for a single path.
+
+    values : (f, k), of the paths;
+    ratios : (f,), mean lengths relative to rest;
+    numerical : (f,), numerical errors, in the unit of the values.
+    """
+    count = values.shape[1]
+    spread = values.std(axis=1, ddof=1) if count > 1 else np.full(len(values), np.nan)
+    model = MODEL * (1.0 + SHORTENED * np.maximum(1.0 - ratios, 0.0)) * spread
+    parts = {"model": model, "sampling": NORMAL / np.sqrt(count) * spread, "numerical": numerical}
+    return {"total": np.linalg.norm(list(parts.values()), axis=0), **parts}
 
 
 def root_mean_square(values: Floats) -> float | None:

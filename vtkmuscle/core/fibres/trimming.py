@@ -6,9 +6,8 @@ doi:10.1007/978-3-642-38241-3_3.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from functools import cached_property
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
@@ -23,7 +22,6 @@ from vtkmuscle.core.mesh.polylines import (
     segment_lengths,
 )
 from vtkmuscle.core.mesh.sampling import PatchSamples
-from vtkmuscle.core.mesh.surface import patch_triangles
 from vtkmuscle.core.types import Bools, FloatMap, Floats, Ints
 
 #: Largest turn from a fibre into its new end segment [degrees].
@@ -36,35 +34,22 @@ CUTS = (1.0, 0.8, 1.2, 0.6, 1.4, 0.4, 1.7, 0.2, 2.0, 0.0)
 CHECKS = (np.arange(16) + 0.5) / 16.0
 #: Least distance of spread ends, as a part of an even spacing; closer ends meet.
 LEAST_SPREAD = 0.1
+#: Slack of distances from rays, as a part of the lengths: a root of rounding, which must hide no triangle.
+NEAR = 1e-7
 #: Fibres assigned to an area at once; the time grows with the cube of the number.
 BATCH = 256
 
 
-@dataclass(frozen=True, eq=False)
-class EndArea:
+class EndArea(NamedTuple):
     """Attachment area at one end of the muscle.
 
-    The extremal of the landmarks (k, 3) of all areas of a side places the cutting plane. The muscle is points
-    (n, 3) and triangles (m, 3) [mm]; attached points have the ids `patch` (j,). `distance` gives distances
-    (i,) of positions (i, 3) from the surface spanned by the landmarks [mm]: fibres may end on that surface as
-    well as on the patch.
+    The extremal of the landmarks (k, 3) of all areas of a side places the cutting plane [mm]. Fibres end on
+    the samples, and may keep ends on the discs spanned by the landmarks.
     """
 
     landmarks: Floats
-    points: Floats
-    triangles: Ints
-    patch: Ints
-    distance: FloatMap | None = None
-
-    @cached_property
-    def samples(self) -> PatchSamples:
-        """Positions on the area."""
-        return PatchSamples(self.points, self.triangles, self.patch)
-
-    @property
-    def corners(self) -> Floats:
-        """Corners (m, 3, 3) of the area's triangles; points without triangles are repeated."""
-        return np.ascontiguousarray(self.points[patch_triangles(self.triangles, self.patch)])
+    samples: PatchSamples
+    discs: PatchSamples | None = None
 
 
 def trim_fibres(
@@ -201,14 +186,12 @@ def _ends_on_area(ends: Floats, area: EndArea, tolerance: float) -> Bools:
     Templates with fibres from area to area, such as pennate, need no new ends. In the pinched tip of a muscle
     the few fibres that end on the area are not kept.
     """
-    size, tree = area.samples.area, cKDTree(area.samples.dense(64 * len(ends)))
-    limit = tolerance + np.sqrt(size / tree.n)
-    # Without a bound the search compares a far end with thousands of equally far positions.
-    on_area = tree.query(ends, distance_upper_bound=limit * (1.0 + 1e-9))[0] <= limit
-    if area.distance is not None:
-        on_area |= area.distance(ends) <= tolerance
+    on_area = area.samples.distances(ends) <= tolerance
+    if area.discs is not None:
+        on_area |= area.discs.distances(ends) <= tolerance
     if len(ends) > 1:
-        on_area &= cKDTree(ends).query(ends, 2)[0][:, 1] >= LEAST_SPREAD * np.sqrt(size / len(ends))
+        spacing = np.sqrt(area.samples.area / len(ends))
+        on_area &= cKDTree(ends).query(ends, 2)[0][:, 1] >= LEAST_SPREAD * spacing
     return np.asarray(on_area & bool(on_area.mean() > 0.5))
 
 
@@ -273,73 +256,81 @@ def ends_as_printed(
     point of the area's rim, a fibre entirely beyond the plane keeps its end, and points are not respaced. The
     axis is the unit vector (3,) from origin to insertion; each fibre has at least two points.
     """
-    lines = []
-    sides = [(insertion.corners, axis, insertion), (origin.corners, -axis, origin)]
-    for first, last in pairwise(offsets):
-        line = points[first:last]
-        for corners, direction, area in sides:
-            line = _extended(line, direction, float((area.landmarks @ direction).min()), corners)[::-1]
-        lines.append(line)
+    lines = [points[first:last] for first, last in pairwise(offsets)]
+    for area, direction in ((insertion, axis), (origin, -axis)):
+        height = float((area.landmarks @ direction).min())
+        lines = [line[::-1] for line in _extended(lines, direction, height, area.samples.tree.corners)]
     return np.vstack(lines), np.append(0, np.cumsum([len(line) for line in lines]))
 
 
-def _extended(line: Floats, direction: Floats, height: float, corners: Floats) -> Floats:
-    """Return a cut line (n, 3) with a segment to an area. The plane is near the line's end."""
-    beyond = line @ direction - height
-    if beyond[0] >= 0.0:
-        return line
-    first = int(np.argmax(beyond > 0.0)) if (beyond > 0.0).any() else len(line)
-    kept = line[:first]
-    if first < len(line):
-        t = beyond[first - 1] / (beyond[first - 1] - beyond[first])
-        if t > 0.0:
-            kept = np.vstack([kept, line[first - 1] + t * (line[first] - line[first - 1])])
-    back = 1
-    while back < len(line) - 1 and len(kept) > 1 and np.array_equal(kept[-1], kept[-1 - back]):
-        back += 1
-    ahead = kept[-1] - kept[-1 - back] if len(kept) > back else line[1] - line[0]
-    length = float(np.linalg.norm(ahead))
-    if length == 0.0:
-        return kept
-    return np.vstack([kept, closest_to_ray(kept[-1], ahead / length, corners)])
+def _extended(lines: list[Floats], direction: Floats, height: float, corners: Floats) -> list[Floats]:
+    """Return lines cut at a plane near their ends, with a segment to an area."""
+    rays, result = {}, list(lines)
+    for number, line in enumerate(lines):
+        beyond = line @ direction - height
+        if beyond[0] >= 0.0:
+            continue
+        past = np.flatnonzero(beyond > 0.0)
+        if len(past):
+            at = int(past[0])
+            share = beyond[at - 1] / (beyond[at - 1] - beyond[at])
+            crossing = line[at - 1] + share * (line[at] - line[at - 1])
+            result[number] = np.vstack([line[:at], crossing]) if share > 0.0 else line[:at]
+        steps = np.diff(result[number], axis=0)
+        steps = steps[steps.any(axis=1)]
+        ahead = steps[-1] if len(steps) else line[1] - line[0]
+        if ahead.any():
+            rays[number] = result[number][-1], ahead / np.linalg.norm(ahead)
+    if rays:
+        starts, directions = (np.array(part) for part in zip(*rays.values(), strict=True))
+        for number, end in zip(rays, closest_to_rays(starts, directions, corners), strict=True):
+            result[number] = np.vstack([result[number], end])
+    return result
 
 
-def closest_to_ray(start: Floats, ahead: Floats, corners: Floats) -> Floats:
-    """Return the point (3,) of triangles closest to a ray. Triangles (m, 3, 3); the first of equal points.
+def closest_to_rays(starts: Floats, ahead: Floats, corners: Floats) -> Floats:
+    """Return the point (k, 3) of triangles closest to each ray; the first along the ray of equal points.
 
-    The ray has the start (3,) and the unit direction `ahead` (3,).
+    Starts (k, 3) and unit directions `ahead` (k, 3) of the rays, triangles (m, 3, 3).
     """
-    a = corners[:, 0]
-    e, f = corners[:, 1] - a, corners[:, 2] - a
+    centres = corners.mean(axis=1)
+    radii = np.linalg.norm(corners - centres[:, None], axis=2).max(axis=1)
+    away = cdist(starts, centres)
+    along = np.maximum(ahead @ centres.T - (starts * ahead).sum(axis=1)[:, None], 0.0)
+    distances = np.sqrt(np.maximum(away * away - along * along, 0.0))
+    limits = (distances + radii).min(axis=1) + NEAR * away.max(axis=1)
+    ray, triangle = np.nonzero(distances - radii <= limits[:, None])
+    start, direction, a = starts[ray], ahead[ray], corners[triangle, 0]
+    e, f = corners[triangle, 1] - a, corners[triangle, 2] - a
     normals = np.cross(e, f)
     sizes, off = (normals * normals).sum(axis=1), (normals * (a - start)).sum(axis=1)
-    closest, along, distances = [], [], []
+    found = []  # rays, points, positions along the rays, distances
     with np.errstate(divide="ignore", invalid="ignore"):  # triangles without area, or along the ray
-        through = off / (normals @ ahead)
+        through = off / (normals * direction).sum(axis=1)
         # Through a triangle, or from the ray's start straight to it.
         for at, t, distance in (
-            (start + through[:, None] * ahead, through, np.zeros(len(a))),
+            (start + through[:, None] * direction, through, np.zeros(len(a))),
             (start + (off / sizes)[:, None] * normals, np.zeros(len(a)), np.sqrt(off * off / sizes)),
         ):
             u = (normals * np.cross(at - a, f)).sum(axis=1) / sizes
             v = (normals * np.cross(e, at - a)).sum(axis=1) / sizes
             met = (t >= 0.0) & (u >= 0.0) & (v >= 0.0) & (u + v <= 1.0)
-            closest.append(at[met])
-            along.append(t[met])
-            distances.append(distance[met])
-    p, edges = corners.reshape(-1, 3), (np.roll(corners, -1, axis=1) - corners).reshape(-1, 3)
-    s, t = _nearest_to_ray(start - p, ahead, edges)
-    closest.append(p + s[:, None] * edges)
-    along.append(t)
-    distances.append(np.linalg.norm(start + t[:, None] * ahead - closest[-1], axis=1))
-    best = np.lexsort((np.concatenate(along), np.concatenate(distances)))[0]
-    return np.asarray(np.vstack(closest)[best])
+            found.append((ray[met], at[met], t[met], distance[met]))
+    for side in range(3):
+        p = corners[triangle, side]
+        edge = corners[triangle, (side + 1) % 3] - p
+        s, t = _nearest_to_ray(start - p, direction, edge)
+        at = p + s[:, None] * edge
+        found.append((ray, at, t, np.linalg.norm(start + t[:, None] * direction - at, axis=1)))
+    rays, points, t, distance = (np.concatenate(part) for part in zip(*found, strict=True))
+    best = np.lexsort((t, distance, rays))
+    return np.asarray(points[best[np.unique(rays[best], return_index=True)[1]]])
 
 
 def _nearest_to_ray(to_start: Floats, ahead: Floats, edges: Floats) -> tuple[Floats, Floats]:
-    """Return parameters of closest approach of edges and a ray (Ericson 2005, section 5.1.9)."""
-    ee, ea = (edges * edges).sum(axis=1), edges @ ahead
-    es, as_ = (edges * to_start).sum(axis=1), to_start @ ahead
+    """Return parameters of closest approach of edges and rays (Ericson 2005, section 5.1.9)."""
+    ee, ea = (edges * edges).sum(axis=1), (edges * ahead).sum(axis=1)
+    es, as_ = (edges * to_start).sum(axis=1), (to_start * ahead).sum(axis=1)
     apart = ee - ea * ea
     s = np.divide(es - ea * as_, apart, out=np.zeros(len(ee)), where=apart > 1e-14 * ee).clip(0.0, 1.0)
     t = s * ea - as_

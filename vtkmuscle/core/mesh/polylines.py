@@ -104,6 +104,20 @@ def curve_segments(curves: Floats) -> tuple[Floats, Floats, Floats]:
     return np.cumsum(lengths, axis=-1) - lengths, lengths, unit_vectors(steps)
 
 
+def nearest_arcs(curves: Floats, positions: Floats) -> tuple[Floats, Ints]:
+    """Return arcs and segments (...) of curves (..., n, 3) nearest to positions (..., 3).
+
+    The end segments are prolonged; arcs before the first point are negative.
+    """
+    starts, lengths, ahead = curve_segments(curves)
+    since = positions[..., None, :] - curves[..., :-1, :]
+    low, high = np.zeros(lengths.shape[-1]), lengths.copy()
+    low[0], high[..., -1] = -np.inf, np.inf
+    part = np.clip((since * ahead).sum(axis=-1), low, high)
+    segments = ((since - part[..., None] * ahead) ** 2).sum(axis=-1).argmin(axis=-1)
+    return np.take_along_axis(starts + part, segments[..., None], axis=-1)[..., 0], segments
+
+
 def segments(points: Floats, offsets: Ints) -> tuple[Floats, Floats]:
     """Return both ends (s, 3) of all segments of polylines."""
     starts = np.setdiff1d(np.arange(len(points) - 1), offsets[1:-1] - 1)

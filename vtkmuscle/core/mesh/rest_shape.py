@@ -119,22 +119,13 @@ def dihedral_angles(points: Floats, quads: Ints) -> tuple[Floats, Bools]:
     return angles, defined
 
 
-@lane
-def _geometry_at(p: Floats, quads: Ints, q: int) -> tuple[Any, ...]:
-    """Return :func:`edge_geometry` of quadruple q."""
-    i, j, k, m = quads[q, 0], quads[q, 1], quads[q, 2], quads[q, 3]
-    return edge_geometry(
-        p[i, 0], p[i, 1], p[i, 2], p[j, 0], p[j, 1], p[j, 2],
-        p[k, 0], p[k, 1], p[k, 2], p[m, 0], p[m, 1], p[m, 2],
-    )  # fmt: skip
-
-
 @vector_kernel
 def _hinges(p: Floats, quads: Ints, sines: Floats, cosines: Floats, defined: Bools) -> None:
     for q in range(len(quads)):
-        geometry = _geometry_at(p, quads, q)
-        defined[q] = geometry[0]
-        sines[q], cosines[q] = (geometry[1], geometry[2]) if geometry[0] else (0.0, 1.0)
+        a, b, c, d = p[quads[q, 0]], p[quads[q, 1]], p[quads[q, 2]], p[quads[q, 3]]
+        hinge = edge_geometry(a[0], a[1], a[2], b[0], b[1], b[2], c[0], c[1], c[2], d[0], d[1], d[2])
+        defined[q] = hinge[0]
+        sines[q], cosines[q] = (hinge[1], hinge[2]) if hinge[0] else (0.0, 1.0)
 
 
 def beside_slivers(points: Floats, quads: Ints) -> Bools:
@@ -181,7 +172,7 @@ class RestShape:
         self.angles, self.angle_defined = dihedral_angles(points, topology.quads)
         bent = self.angle_defined & ~beside_slivers(points, topology.quads)
         self._bent_quads = np.ascontiguousarray(topology.quads[bent])
-        self._turned = np.column_stack([np.cos(self.angles[bent]), np.sin(self.angles[bent])])
+        self._bent_angles: Floats = self.angles[bent]
         #: Volume [mm^3], and dV / dp, (n, 3) [mm^2].
         self.volume_gradient: Floats = np.empty_like(points)
         self.volume: float = volume_and_gradient(points, topology.triangles, self.volume_gradient)
@@ -189,41 +180,15 @@ class RestShape:
 
     def compare(self, positions: Floats) -> ShapeReport:
         """Return the deviations of positions from rest. Positions (n, 3) [mm]."""
-        stretch, tangents = np.empty(len(self._long_edges)), np.empty(len(self._bent_quads))
-        _compare(
-            positions, self._long_edges, self._long_lengths, self._bent_quads, self._turned, stretch, tangents
-        )
-        turns = tangents[tangents >= 0.0]
-        half = float(np.percentile(np.arctan(turns), 95.0)) if len(turns) else 0.0
+        stretch = edge_lengths(positions, self._long_edges) / self._long_lengths
+        angles, defined = dihedral_angles(positions, self._bent_quads)
+        turns = np.abs(angles - self._bent_angles)[defined]
+        turns = np.minimum(turns, 2.0 * np.pi - turns)
         volume = volume_and_gradient(positions, self.topology.triangles, np.empty_like(positions))
         return ShapeReport(
             volume_ratio=volume / self.volume,
             edge_stretch_p95=float(np.percentile(stretch, 95.0)),
             edge_stretch_max=float(stretch.max()),
-            dihedral_error_p95=math.degrees(2.0 * half),
-            degenerate_edges=len(tangents) - len(turns),
+            dihedral_error_p95=float(np.degrees(np.percentile(turns, 95.0))) if len(turns) else 0.0,
+            degenerate_edges=len(defined) - len(turns),
         )
-
-
-@vector_kernel
-def _compare(
-    p: Floats, edges: Ints, lengths: Floats, quads: Ints, turned: Floats, stretch: Floats, tangents: Floats
-) -> None:
-    """Write stretches of edges, and tangents of half turns. Edges (k, 2), quadruples (q, 4).
-
-    lengths : (k,) at rest;  turned : (q, 2), cosine and sine of the angles at rest.  A tangent is absolute,
-    -1
-    for an undefined angle.
-    """
-    for e in range(len(edges)):
-        i, j = edges[e, 0], edges[e, 1]
-        x, y, z = p[i, 0] - p[j, 0], p[i, 1] - p[j, 1], p[i, 2] - p[j, 2]
-        stretch[e] = math.sqrt(x * x + y * y + z * z) / lengths[e]
-    for q in range(len(quads)):
-        geometry = _geometry_at(p, quads, q)
-        sine, cosine, size = geometry[1], geometry[2], math.sqrt(geometry[6] * geometry[7])
-        across = abs(sine * turned[q, 0] - cosine * turned[q, 1])
-        along = cosine * turned[q, 0] + sine * turned[q, 1]
-        tangents[q] = -1.0
-        if geometry[0]:
-            tangents[q] = across / (size + along) if along >= 0.0 else (size - along) / across

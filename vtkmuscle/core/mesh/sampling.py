@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 from scipy.spatial import cKDTree
 
+from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.mesh.normals import triangle_normals
 from vtkmuscle.core.mesh.surface import edge_lengths, faces_between, unique_edges
+from vtkmuscle.core.mesh.triangle_tree import TriangleTree, triangle_tree
 from vtkmuscle.core.types import Bools, Floats, Ints
 
 #: Most blocks of positions tested; a body fills a tenth of its box or more.
@@ -36,7 +38,10 @@ def even_samples(candidates: Floats, count: int) -> Floats:
     The farthest of the candidates (n, 3), n >= 1, is taken repeatedly. Then each sample moves to the centre
     of its cell a few times (Lloyd's relaxation), and to the nearest candidate. Too few candidates repeat.
     """
-    samples = candidates[_farthest(candidates, min(count, len(candidates)))]
+    middle = int(((candidates - candidates.mean(axis=0)) ** 2).sum(axis=1).argmin())
+    chosen = np.empty(min(count, len(candidates)), dtype=np.int64)
+    _farthest(candidates, middle, np.full(len(candidates), np.inf), chosen)
+    samples = candidates[chosen]
     tree = cKDTree(candidates)
     for _ in range(4):
         cell = cKDTree(samples).query(candidates)[1]
@@ -52,26 +57,28 @@ def part_means(values: Floats, part: Ints, count: int, default: Floats | None = 
     return np.divide(sums, sizes, out=means, where=sizes > 0)
 
 
-def _farthest(candidates: Floats, count: int) -> Ints:
-    """Return `count` candidates: the middle, then always the farthest."""
-    at = int(((candidates - candidates.mean(axis=0)) ** 2).sum(axis=1).argmin())
-    chosen, squares = [], np.full(len(candidates), np.inf)
-    for _ in range(count):
-        chosen.append(at)
-        np.minimum(squares, ((candidates - candidates[at]) ** 2).sum(axis=1), out=squares)
-        at = int(squares.argmax())
-    return np.array(chosen)
+@kernel
+def _farthest(candidates: Floats, at: int, squares: Floats, chosen: Ints) -> None:
+    """Choose a candidate, then always the farthest; squares : (n,), of distances from the chosen."""
+    for k in range(len(chosen)):
+        chosen[k], last, greatest = at, at, -1.0
+        for i in range(len(candidates)):
+            x, y = candidates[i, 0] - candidates[last, 0], candidates[i, 1] - candidates[last, 1]
+            z = candidates[i, 2] - candidates[last, 2]
+            squares[i] = min(squares[i], x * x + y * y + z * z)
+            if squares[i] > greatest:
+                greatest, at = squares[i], i
 
 
 class PatchSamples:
-    """Samples of the triangles between some points of a surface.
+    """Samples of the triangles between some points of a surface, and distances to them.
 
     Each set of samples is computed once. A patch (j,), j >= 1, without triangles is sampled along its edges,
     a patch without edges at its points.
     """
 
     def __init__(self, points: Floats, triangles: Ints, patch: Ints) -> None:
-        parts = _in_own_order(points, faces_between(triangles, patch))
+        parts = self.faces = _in_own_order(points, faces_between(triangles, patch))
         sizes = np.linalg.norm(triangle_normals(points, parts), axis=1)
         #: Area of the triangles [mm^2].
         self.area = float(sizes.sum()) / 2.0
@@ -81,8 +88,17 @@ class PatchSamples:
             sizes = edge_lengths(points, parts)
         #: Corners of the triangles, or ends of the edges, or points to sample, (k, 3), (k, 2) or (k, 1).
         self._parts = parts if sizes.sum() > 0 else patch[:, None]
-        self._points, self._sizes = points, sizes
+        self.points, self._sizes = points, sizes
         self._dense: dict[tuple[int, int], Floats] = {}
+
+    @cached_property
+    def tree(self) -> TriangleTree:
+        """Tree of the triangles; edges and points count as triangles without area."""
+        return triangle_tree(self.points, self._parts[:, np.minimum([0, 1, 2], self._parts.shape[1] - 1)])
+
+    def distances(self, positions: Floats) -> Floats:
+        """Return distances (k,) of positions (k, 3) from the patch."""
+        return self.tree.nearest(positions)[2]
 
     def dense(self, count: int, *, seed: int = 0) -> Floats:
         """Return at least `count` positions of even density, (k, 3). A seed selects a set."""
@@ -107,8 +123,8 @@ class PatchSamples:
     def _sampled(self, u: Floats) -> Floats:
         """Return the positions of numbers (k, 3) in [0, 1)."""
         if self._parts.shape[1] == 1:
-            return self._points[self._parts[:, 0]]
-        a, b, *third = self._points[self._parts[_shares(self._sizes, u[:, 0])]].transpose(1, 0, 2)
+            return self.points[self._parts[:, 0]]
+        a, b, *third = self.points[self._parts[_shares(self._sizes, u[:, 0])]].transpose(1, 0, 2)
         if not third:
             return np.asarray((1.0 - u[:, 1:2]) * a + u[:, 1:2] * b)
         root = np.sqrt(u[:, 1:2])  # uniform over it: Osada et al. 2002, doi:10.1145/571647.571648

@@ -29,12 +29,6 @@ def faces_between(triangles: Ints, ids: Ints) -> Ints:
     return triangles[member[triangles].all(axis=1)]
 
 
-def patch_triangles(triangles: Ints, patch: Ints) -> Ints:
-    """Return the triangles (k, 3) between points; without triangles, each point as a triangle."""
-    faces = faces_between(triangles, patch)
-    return faces if len(faces) else np.repeat(patch[:, None], 3, axis=1)
-
-
 def unique_edges(triangles: Ints) -> Ints:
     """Return each undirected edge once, (k, 2). Triangles (m, 3). Sorted, the smaller point id first."""
     return numbered_edges(triangles)[0]

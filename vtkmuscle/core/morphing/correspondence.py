@@ -10,11 +10,13 @@ doi:10.1007/978-3-642-38241-3_3.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
+from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.types import FloatMap, Floats, Ints
 
 #: Candidate starts of a loop, and the least number of its segments.
@@ -77,10 +79,9 @@ def followed_starts(stack: LoopStack, guides: LoopStack, continuity: float, corn
     if continuity == 0.0 or not len(guides.loops):
         return starting_points(stack, continuity, corner)
     starts = starting_points(guides, continuity, corner)
-    offsets = starts - np.array([boundary_centroid(loop) for loop in guides.loops])
-    centroids = np.array([boundary_centroid(loop) for loop in stack.loops])
+    offsets = starts - boundary_centroids(guides.loops)
     between = [np.interp(stack.levels, guides.levels, column) for column in offsets.T]
-    return np.asarray(centroids + np.column_stack(between))
+    return np.asarray(boundary_centroids(stack.loops) + np.column_stack(between))
 
 
 def cyclic_products(first: Floats, second: Floats) -> Floats:
@@ -92,11 +93,10 @@ def cyclic_products(first: Floats, second: Floats) -> Floats:
 
 def _cheapest_chain(costs: Floats, twists: Floats) -> Ints:
     """Return the chain p of least sum costs[j, p_j] + twists[j - 1, (p_j - p_{j-1}) mod n] over j."""
-    start = np.arange(costs.shape[1])
-    turns = (start - start[:, None]) % len(start)
-    best, predecessors = costs[0], []
+    n, best, predecessors = costs.shape[1], costs[0], []
     for cost, twist in zip(costs[1:], twists, strict=True):
-        totals = best[:, None] + twist[turns]
+        turned = np.lib.stride_tricks.sliding_window_view(np.tile(twist, 2), n)[n:0:-1]
+        totals = best[:, None] + turned
         predecessors.append(totals.argmin(axis=0))
         best = cost + totals.min(axis=0)
     chain = [best.argmin()]
@@ -110,10 +110,14 @@ def loop_lengths(loop: Floats) -> Floats:
     return np.append(0.0, np.cumsum(np.linalg.norm(np.roll(loop, -1, axis=0) - loop, axis=1)))
 
 
-def boundary_centroid(loop: Floats) -> Floats:
-    """Return the centroid (k,) of a loop's boundary: the segments' middles weighted by length."""
-    lengths = loop_lengths(loop)
-    return np.asarray(np.diff(lengths) @ (loop + np.roll(loop, -1, axis=0)) / (2.0 * lengths[-1]))
+def boundary_centroids(loops: Sequence[Floats]) -> Floats:
+    """Return the centroids (l, k) of loops' boundaries: the segments' middles weighted by length."""
+    points, sizes = np.vstack(loops), np.array([len(loop) for loop in loops])
+    firsts = np.cumsum(sizes) - sizes
+    after = np.roll(points, -1, axis=0)
+    after[firsts + sizes - 1] = points[firsts]
+    lengths = np.linalg.norm(after - points, axis=1)[:, None]
+    return np.add.reduceat(lengths * (points + after), firsts) / (2.0 * np.add.reduceat(lengths, firsts))
 
 
 def sampled_loop(loop: Floats, corner: Floats, count: int) -> Floats:
@@ -224,26 +228,39 @@ def mean_value_weights(polygon: Floats, points: Floats) -> Floats:
     Hormann, Floater 2006, *Mean value coordinates for arbitrary planar polygons*,
     doi:10.1145/1183287.1183295.
     """
-    x, y = polygon.T[:, None] - points.T[:, :, None]
-    next_x, next_y = np.roll(x, -1, axis=1), np.roll(y, -1, axis=1)
-    lengths = np.sqrt(x * x + y * y)
-    products = lengths * np.roll(lengths, -1, axis=1)
-    sines, cosines = x * next_y - y * next_x, x * next_x + y * next_y
-    with np.errstate(divide="ignore", invalid="ignore"):  # on the polygon: replaced below
-        acute = cosines >= 0.0
-        tangents = np.where(acute, sines, products - cosines) / np.where(acute, products + cosines, sines)
-        weights: Floats = (np.roll(tangents, 1, axis=1) + tangents) / lengths
-        weights /= weights.sum(axis=1, keepdims=True)
-    on_edge = (cosines < 0.0) & (np.abs(sines) <= 1e-15 * products)
-    for row in np.flatnonzero(on_edge.any(axis=1) | (lengths == 0.0).any(axis=1)):
-        weights[row] = 0.0
-        if lengths[row].min() == 0.0:
-            weights[row, lengths[row].argmin()] = 1.0
-            continue
-        start = int(on_edge[row].argmax())
-        ends = [start, (start + 1) % len(polygon)]
-        weights[row, ends] = lengths[row, ends[::-1]] / lengths[row, ends].sum()
+    weights = np.empty((len(points), len(polygon)))
+    _weigh(polygon, points, weights)
     return weights
+
+
+@kernel
+def _weigh(polygon: Floats, points: Floats, weights: Floats) -> None:
+    n = len(polygon)
+    for q in range(len(points)):
+        row, px, py = weights[q], points[q, 0], points[q, 1]
+        x, y = polygon[n - 1, 0] - px, polygon[n - 1, 1] - py
+        r, edge, share, total = math.sqrt(x * x + y * y), -1, 0.0, 0.0
+        for i in range(n):  # tangent of the edge to vertex i
+            u, v = polygon[i, 0] - px, polygon[i, 1] - py
+            s = math.sqrt(u * u + v * v)
+            product, sine, cosine = r * s, x * v - y * u, x * u + y * v
+            if cosine <= 0.0 and abs(sine) <= 1e-15 * product:
+                edge, share = i, r / max(r + s, 1e-300)
+                break
+            row[i] = sine / (product + cosine) if cosine >= 0.0 else (product - cosine) / sine
+            x, y, r = u, v, s
+        if edge >= 0:
+            row[:] = 0.0
+            row[edge - 1] = 1.0 - share
+            row[edge] = share
+            continue
+        first = row[0]
+        for i in range(n):
+            u, v = polygon[i, 0] - px, polygon[i, 1] - py
+            row[i] = (row[i] + (row[i + 1] if i + 1 < n else first)) / math.sqrt(u * u + v * v)
+            total += row[i]
+        for i in range(n):
+            row[i] /= total
 
 
 class SectionMap(NamedTuple):
@@ -280,12 +297,3 @@ def section_map(loop: Floats, target: Floats, sides: Floats, *, as_printed: bool
     lengths = loop_lengths(ring)
     splits = split_chain(lengths, width, depth)[0]
     return SectionMap(ring, subdivided_rectangle(lengths, splits, width, depth))
-
-
-def count_outside(loop: Floats, points: Floats) -> int:
-    """Return the number of points (m, 2) outside a loop (n, 2), by the even-odd rule."""
-    x, y = points[:, 0, None], points[:, 1, None]
-    (bx, by), (ax, ay) = loop[:, :2].T, np.roll(loop[:, :2], 1, axis=0).T
-    rises = np.where(by == ay, 1.0, by - ay)
-    crossed = ((ay > y) != (by > y)) & ((bx - ax) * (y - ay) / rises + ax > x)
-    return int((crossed.sum(axis=1) % 2 == 0).sum())

@@ -14,9 +14,7 @@ import numpy as np
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.mesh.harmonic import harmonic_extension, triangle_gradients
 from vtkmuscle.core.mesh.normals import perpendiculars, triangle_normals
-from vtkmuscle.core.mesh.solids import points_inside
-from vtkmuscle.core.mesh.surface import patch_triangles
-from vtkmuscle.core.mesh.triangle_tree import TriangleTree, triangle_tree
+from vtkmuscle.core.mesh.sampling import PatchSamples
 from vtkmuscle.core.morphing.correspondence import (
     N_STARTS,
     LoopStack,
@@ -34,6 +32,7 @@ from vtkmuscle.core.morphing.slices import (
     Slicing,
     guide_levels,
     shared_levels,
+    slice_maps,
 )
 from vtkmuscle.core.types import FloatMap, Floats, Ints
 
@@ -71,8 +70,41 @@ def attachment_field(points: Floats, triangles: Ints, origin: Ints, insertion: I
     return extension[:, 0]
 
 
+class IsolineCourse:
+    """Isolines of a function on a muscle, from its origin to its insertion.
+
+    The isolines at `values` of the function (n,), of :func:`attachment_field`, are at `distances` along the
+    muscle, see :func:`isoline_distances`. The main branch, with the part `share` of the muscle, is single
+    from `begin` on, over `span` [mm]. Raises a ValueError if no isoline has an inside.
+    """
+
+    def __init__(self, muscle: ClosedSurface, field: Floats) -> None:
+        self.muscle, self.field = muscle.outward(), field
+        self.values, self.distances = isoline_distances(muscle.points, muscle.triangles, field)
+        self.length = float(self.distances[-1])
+        regular = self.length * np.linspace(ISOLINE_MARGIN, 1.0 - ISOLINE_MARGIN, N_ISOLINES)
+        branch = self.branch(self.muscle, regular)
+        first, last = _single_branch(branch)
+        self.begin, self.span = regular[first], regular[last] - regular[first]
+        self.share = float(branch.sizes[branch.numbers[branch.numbers >= 0]].sum() / branch.sizes.sum())
+
+    def branch(self, surface: ClosedSurface, at: Floats) -> Branch:
+        """Return the main branch at some distances, of the muscle in any coordinates."""
+        levels = np.interp(at, self.distances, self.values)
+        for i in range(1, len(levels)):  # strictly ascending, even after rounding
+            levels[i] = max(levels[i], np.nextafter(levels[i - 1], 2.0))
+        return Branch(surface, self.field, levels, at, lambda areas: np.linalg.norm(areas, axis=1))
+
+    @cached_property
+    def areas(self) -> tuple[PatchSamples, PatchSamples]:
+        """The areas at the least and the greatest value."""
+        surface = self.muscle.points, self.muscle.triangles
+        origin, insertion = (PatchSamples(*surface, np.flatnonzero(self.field == x)) for x in (0.0, 1.0))
+        return origin, insertion
+
+
 def morph_by_isolines(
-    fibre_points: Floats, transform: Floats, muscle: ClosedSurface, field: Floats, slicing: Slicing
+    fibre_points: Floats, transform: Floats, course: IsolineCourse, slicing: Slicing
 ) -> Morph:
     """Return template fibres moved into the muscle by isolines.
 
@@ -82,70 +114,29 @@ def morph_by_isolines(
     distances count less in parts of the muscle bent away from the box's axis. Fibre ends at the template's
     bottom and top go to the nearest points of the areas.
 
-    fibre_points, transform, muscle, slicing : as for :func:`morph_by_planes`;
-    field : (n,), function of :func:`attachment_field`, for the muscle in any pose.
-
-    Raises a ValueError if the function has no isolines with an inside.
+    fibre_points, transform, slicing : as for :func:`morph_by_planes`;
+    course : IsolineCourse, isolines of the muscle in any pose.
     """
     box = Box(transform)
     inside = box.coordinates(fibre_points)
-    course = _IsolineCourse(box.surface(muscle), field)
     fractions = np.clip(inside[:, 2] / box.length, 0.0, 1.0)
     tolerance = max(slicing.slice_tolerance / box.length, SAME_HEIGHT)
     levels, slice_of = shared_levels(fractions, tolerance, GRAIN)
     levels = course.begin + levels * course.span
-    mapped = _isolines_at(box, course, levels, slicing)
     heights = course.begin + fractions * course.span
-    result, _ = mapped.positions(inside, heights, levels, slice_of)
-    at_origin, at_insertion = fractions <= SAME_HEIGHT, fractions >= 1.0 - SAME_HEIGHT
-    between = result[~(at_origin | at_insertion)]
-    n_outside = int((~points_inside(between, course.tree)).sum())
-    for value, ends in ((0.0, at_origin), (1.0, at_insertion)):
-        result[ends] = course.onto_area(value, result[ends])
-    return Morph(box.positions(result), n_outside, course.share, 0.0)
+    maps = _isolines_at(box, course, levels, slicing)
+    points = box.positions(maps.positions(inside, heights, levels, slice_of))
+    for area, ends in zip(
+        course.areas, (fractions <= SAME_HEIGHT, fractions >= 1.0 - SAME_HEIGHT), strict=True
+    ):
+        points[ends] = area.tree.nearest(points[ends])[1]
+    return Morph(points, course.share, 0.0)
 
 
-class _IsolineCourse:
-    """Muscle in its box, with a function's isolines.
-
-    The isolines at `values` of the function are at `distances` along the muscle, see
-    :func:`isoline_distances`. The main branch, with the part `share` of the muscle, is single from `begin`
-    on, over `span` [mm].
-    """
-
-    def __init__(self, surface: ClosedSurface, field: Floats) -> None:
-        self.surface, self.field = surface, field
-        self.values, self.distances = isoline_distances(surface.points, surface.triangles, field)
-        self.length = float(self.distances[-1])
-        regular = self.length * np.linspace(ISOLINE_MARGIN, 1.0 - ISOLINE_MARGIN, N_ISOLINES)
-        branch = self.branch(regular)
-        first, last = _single_branch(branch)
-        self.begin, self.span = regular[first], regular[last] - regular[first]
-        self.share = float(branch.sizes[branch.numbers[branch.numbers >= 0]].sum() / branch.sizes.sum())
-
-    def branch(self, at: Floats) -> Branch:
-        """Return the main branch at some distances."""
-        levels = np.interp(at, self.distances, self.values)
-        for i in range(1, len(levels)):  # strictly ascending, even after rounding
-            levels[i] = max(levels[i], np.nextafter(levels[i - 1], 2.0))
-        return Branch(self.surface, self.field, levels, at, lambda areas: np.linalg.norm(areas, axis=1))
-
-    @cached_property
-    def tree(self) -> TriangleTree:
-        """Tree of the muscle's triangles."""
-        return triangle_tree(self.surface.points, self.surface.triangles)
-
-    def onto_area(self, value: float, ends: Floats) -> Floats:
-        """Return nearest points on an area [mm]. Ends (j, 3); the area has a function value."""
-        area = np.flatnonzero(self.field == value)
-        faces = patch_triangles(self.surface.triangles, area)
-        return triangle_tree(self.surface.points, faces).nearest(ends)[1]
-
-
-def _isolines_at(box: Box, course: _IsolineCourse, levels: Floats, slicing: Slicing) -> SliceMaps:
+def _isolines_at(box: Box, course: IsolineCourse, levels: Floats, slicing: Slicing) -> SliceMaps:
     """Return isolines at some distances, matched to the template's rectangle."""
     guides = course.begin + guide_levels(course.span)
-    branch = course.branch(np.union1d(levels, guides))
+    branch = course.branch(box.surface(course.muscle), np.union1d(levels, guides))
 
     def stack(at: Floats) -> tuple[LoopStack, Floats, Ints]:
         """Return loops, vector areas, and numbers of hit levels."""
@@ -156,7 +147,7 @@ def _isolines_at(box: Box, course: _IsolineCourse, levels: Floats, slicing: Slic
     rings, areas, hits = stack(levels)
     starts = followed_starts(rings, stack(guides)[0], slicing.continuity * course.length, np.zeros(3))
     views = np.array([_view_along(area) for area in areas])
-    return SliceMaps(rings.loops, starts, hits, box.sides, slicing, views)
+    return slice_maps(rings.loops, starts, hits, box.sides, slicing, views)
 
 
 def isoline_distances(points: Floats, triangles: Ints, field: Floats) -> tuple[Floats, Floats]:

@@ -12,7 +12,8 @@ from typing import NamedTuple
 import numpy as np
 
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.core.mesh.surface import point_components, signed_volume, sorted_into_bins
+from vtkmuscle.core.jit import kernel
+from vtkmuscle.core.mesh.surface import point_components, signed_volume
 from vtkmuscle.core.morphing.correspondence import LoopStack
 from vtkmuscle.core.types import FloatMap, Floats, Ints
 
@@ -74,84 +75,54 @@ def cut_surface(surface: ClosedSurface, values: Floats, levels: Floats) -> Secti
     crossing level, whatever the number of levels. Loops of fewer than three different points, at isolated
     extrema, are left out.
     """
-    points, triangles = surface.points, surface.triangles
+    corners, ends = surface.triangles.reshape(-1), np.roll(surface.triangles, -1, axis=1).reshape(-1)
     slabs = np.searchsorted(levels, values, side="right")
-    rising, crossings, crossed, starts = _rising(triangles, slabs, len(levels))
-    cut, loop_offsets, level_offsets, loop_of = _traced(
-        surface, values, levels, slabs, crossings, crossed, starts
-    )
-    n_points, n_loops = len(points), len(loop_offsets) - 1
-    parts = _parts(triangles, slabs, crossings, rising, loop_of, n_points, n_loops)
-    vertex_parts, below, above = np.split(parts, [n_points, n_points + n_loops])
-    return Sections(cut, loop_offsets, level_offsets, below, above, vertex_parts)
-
-
-def _rising(triangles: Ints, slabs: Ints, n_levels: int) -> tuple[Ints, Ints, Ints, Ints]:
-    """Return half-edges that rise through levels, and their crossings.
-
-    Rising half-edges (r,); for each half-edge (3 m,) the number of its first crossing, further crossings in
-    sequence upwards; and half-edges that cross level i, ``crossed[starts[i] : starts[i + 1]]``, in two
-    arrays.
-    """
-    low = slabs[triangles]
-    rises = (np.roll(low, -1, axis=1) - low).reshape(-1)
-    rising = np.flatnonzero(rises > 0)
-    counts, crossings = rises[rising], np.zeros(len(rises), dtype=np.int64)
-    crossings[rising] = np.cumsum(counts) - counts
-    half_edges = np.repeat(rising, counts)
-    levels = low.reshape(-1)[half_edges] + np.arange(len(half_edges)) - crossings[half_edges]
-    order, starts = sorted_into_bins(levels, n_levels)
-    return rising, crossings, half_edges[order], starts
-
-
-def _traced(
-    surface: ClosedSurface,
-    values: Floats,
-    levels: Floats,
-    slabs: Ints,
-    crossings: Ints,
-    crossed: Ints,
-    starts: Ints,
-) -> tuple[Floats, Ints, Ints, Ints]:
-    """Return loops' points, offsets, and each crossing's loop.
-
-    In each triangle that a level crosses, a loop enters by the falling half-edge and leaves by the rising
-    half-edge, opposite to the entry of the next triangle. Crossings of loops left out get -2: there the
-    surface is not cut.
-    """
-    corners, n_levels = surface.triangles.reshape(-1), np.diff(starts)
-    level = np.repeat(np.arange(len(levels)), n_levels)
-    numbers = crossings[crossed] + level - slabs[corners[crossed]]
-    a, b = corners[crossed], corners[_onward(crossed, 1)]
+    low, high = slabs[corners], slabs[ends]
+    rising = np.flatnonzero(high > low)
+    counts = (high - low)[rising]
+    # Number of the first crossing of each rising half-edge; further crossings follow upwards.
+    first = np.zeros(len(corners), dtype=np.int64)
+    first[rising] = np.cumsum(counts) - counts
+    crossed = np.repeat(rising, counts)
+    level = low[crossed] + np.arange(len(crossed)) - first[crossed]
+    a, b = corners[crossed], ends[crossed]
     share = ((levels[level] - values[a]) / (values[b] - values[a]))[:, None]
     # Written so that a share of 1 gives the end point to the last bit.
     points = (1.0 - share) * surface.points[a] + share * surface.points[b]
+    # A loop enters a triangle by the falling half-edge, opposite to the rising half-edge of the last.
     down = surface.opposite[crossed]
-    onward = np.where(slabs[corners[_onward(down, 2)]] > level, _onward(down, 1), _onward(down, 2))
-    at = np.empty(len(crossed), dtype=np.int64)  # index of each crossing in the order of levels
-    at[numbers] = np.arange(len(crossed))
-    following = at[crossings[onward] + level - slabs[corners[onward]]].tolist()
-    coordinates = [tuple(point) for point in points.tolist()]
-    loop_of, kept, loop_offsets, level_offsets = np.full(len(crossed), -1), list[int](), [0], [0]
-    done = [False] * len(crossed)
-    for first, last in zip(starts[:-1].tolist(), starts[1:].tolist(), strict=True):
-        for begin in range(first, last):
-            i, loop, cut = begin, list[int](), list[int]()
-            while not done[i]:
-                done[i] = True
-                loop.append(i)
-                if not cut or coordinates[i] != coordinates[cut[-1]]:
-                    cut.append(i)
-                i = following[i]
-            while len(cut) > 1 and coordinates[cut[-1]] == coordinates[cut[0]]:
-                cut.pop()
-            if loop:
-                loop_of[numbers[loop]] = len(loop_offsets) - 1 if len(cut) >= 3 else -2
-            if len(cut) >= 3:
-                kept += cut
-                loop_offsets.append(len(kept))
-        level_offsets.append(len(loop_offsets) - 1)
-    return points[kept], np.array(loop_offsets), np.array(level_offsets), loop_of
+    onward = np.where(low[_onward(down, 2)] > level, _onward(down, 1), _onward(down, 2))
+    loop_of, order = np.full(len(level), -1), np.empty_like(level)
+    following, by_level = first[onward] + level - low[onward], np.argsort(level, kind="stable")
+    n_loops = _follow(following, by_level, loop_of, order)
+    points, begins = points[order], np.flatnonzero(np.diff(loop_of[order], prepend=-1))
+    after = np.arange(1, len(order) + 1)
+    after[np.append(begins, len(order))[1:] - 1] = begins
+    distinct = (points != points[after]).any(axis=1)
+    sizes = np.bincount(loop_of[order], distinct, n_loops).astype(np.int64)
+    proper = sizes >= 3
+    per_level = np.bincount(level[order[begins]][proper], minlength=len(levels))
+    # At loops left out the surface is not cut.
+    loop_of = np.where(proper, np.cumsum(proper) - 1, -1)[loop_of]
+    n_points, n_loops = len(values), int(proper.sum())
+    kept = np.append(0, np.cumsum(loop_of >= 0))
+    lower_sides, at = loop_of[loop_of >= 0] + n_points, first[rising]
+    # Along a rising half-edge: from its lower end to the lower side of the first loop, from its upper side
+    # to the lower side of the next, and so on.
+    up = np.insert(lower_sides + n_loops, kept[at], corners[rising])
+    flat = low == high
+    onto = np.insert(lower_sides, kept[at + counts], ends[rising])
+    edges = np.column_stack([np.append(corners[flat], up), np.append(ends[flat], onto)])
+    parts = point_components(n_points + 2 * n_loops, edges)
+    vertex_parts, below, above = np.split(parts, [n_points, n_points + n_loops])
+    return Sections(
+        points[distinct & (loop_of[order] >= 0)],
+        np.append(0, np.cumsum(sizes[proper])),
+        np.append(0, np.cumsum(per_level)),
+        below,
+        above,
+        vertex_parts,
+    )
 
 
 def _onward(half_edges: Ints, steps: int) -> Ints:
@@ -160,22 +131,19 @@ def _onward(half_edges: Ints, steps: int) -> Ints:
     return half_edges - side + (side + steps) % 3
 
 
-def _parts(
-    triangles: Ints, slabs: Ints, crossings: Ints, rising: Ints, loop_of: Ints, n_points: int, n_loops: int
-) -> Ints:
-    """Return connected parts (v + 2 k,). Of vertices first, then of lower and upper loop sides."""
-    after = np.roll(triangles, -1, axis=1).reshape(-1)
-    corners = triangles.reshape(-1)
-    level = slabs[corners] == slabs[after]
-    # Along a rising half-edge: from its lower end to the lower side of the first loop, from its upper side
-    # to the lower side of the next, and so on.
-    kept = np.append(0, np.cumsum(loop_of >= 0))
-    loops, first = loop_of[loop_of >= 0] + n_points, crossings[rising]
-    begins, ends = kept[first], kept[first + slabs[after[rising]] - slabs[corners[rising]]]
-    up = np.insert(loops + n_loops, begins, corners[rising]), np.insert(loops, ends, after[rising])
-    flat = corners[level], after[level]
-    edges = np.column_stack([np.concatenate(pair) for pair in zip(flat, up, strict=True)])
-    return point_components(n_points + 2 * n_loops, edges)
+@kernel
+def _follow(following: Ints, begins: Ints, loop_of: Ints, order: Ints) -> int:
+    """Write each crossing's loop, and crossings in sequence of loops; return the number of loops."""
+    n_loops, n = 0, 0
+    for begin in begins:
+        if loop_of[begin] >= 0:
+            continue
+        i = begin
+        while loop_of[i] < 0:
+            loop_of[i], order[n] = n_loops, i
+            i, n = following[i], n + 1
+        n_loops += 1
+    return n_loops
 
 
 def loop_areas(points: Floats, loop_offsets: Ints) -> Floats:

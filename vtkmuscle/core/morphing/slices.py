@@ -11,9 +11,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from vtkmuscle.core.mesh.surface import sorted_into_bins
 from vtkmuscle.core.morphing.correspondence import (
-    boundary_centroid,
-    count_outside,
+    SectionMap,
+    boundary_centroids,
     followed_starts,
     section_map,
 )
@@ -35,13 +36,11 @@ N_GUIDES, GUIDE_MARGIN = 33, 0.02
 class Morph(NamedTuple):
     """Fibre points (n, 3) in a muscle [mm], with measures.
 
-    `n_outside` counts points outside of their section (planes), or outside of the muscle except ends on
-    attachment areas (isolines, not flat). `volume_share` is the part of the muscle's volume in the branch
-    with fibres, `steep_share` the part of the branch's course at more than :data:`STEEP` degrees to the axis.
+    `volume_share` is the part of the muscle's volume in the branch with fibres, `steep_share` the part of the
+    branch's course at more than :data:`STEEP` degrees to the axis.
     """
 
     points: Floats
-    n_outside: int
     volume_share: float
     steep_share: float
 
@@ -63,45 +62,24 @@ class Slicing(NamedTuple):
     continuity: float
 
 
-class SliceMaps:
+class SliceMaps(NamedTuple):
     """Maps of the template's rectangle to sections of a muscle.
 
-    The boundaries `loops` (j, k) of the sections run counterclockwise about z from `starts` (l, k) [mm];
-    `hits` (l,) are the numbers of their levels, `sides` (2,) or longer the rectangle's sides. Sections in
-    space are viewed along z after the rotations `views` (l, 3, 3).
+    `hits` (l,) are the numbers of the sections' levels. Sections in space are viewed along z after the
+    rotations `views` (l, 3, 3).
     """
 
-    def __init__(
-        self,
-        loops: Sequence[Floats],
-        starts: Floats,
-        hits: Ints,
-        sides: Floats,
-        slicing: Slicing,
-        views: Floats | None = None,
-    ) -> None:
-        if views is not None:
-            loops = [loop @ view.T for loop, view in zip(loops, views, strict=True)]
-            starts = np.einsum("lij,lj->li", views, starts)
-        self._loops, self._views, self._hits = loops, views, hits
-        printed = slicing.continuity == 0.0
-        self._maps = [
-            section_map(loop, start, sides, as_printed=printed)
-            for loop, start in zip(loops, starts, strict=True)
-        ]
+    maps: Sequence[SectionMap]
+    hits: Ints
+    views: Floats | None
 
-    def positions(
-        self, inside: Floats, heights: Floats, levels: Floats, slice_of: Ints
-    ) -> tuple[Floats, int]:
-        """Return template points in the muscle's sections.
+    def positions(self, inside: Floats, heights: Floats, levels: Floats, slice_of: Ints) -> Floats:
+        """Return template points (n, k) in the muscle's sections [mm].
 
         A point off its slice's level is interpolated between the maps of the slice and of the next slice on
         its side. A level without a section, by rounding, takes the section of the nearest level. Points (n,
         2) or wider are in the rectangle; heights (n,) and ascending levels (h,) have one unit; `slice_of`
         (n,) is the level of each point.
-
-        Returns positions : (n, k), points in the muscle, in their order [mm];
-        n_outside : points outside of their section, seen along z.
         """
         above = heights - levels[slice_of]
         adjacent = slice_of + np.sign(above).astype(np.int64)
@@ -111,20 +89,37 @@ class SliceMaps:
         weights = np.concatenate([np.ones(len(inside)), shares])
         weights[shared] -= shares
         points = np.concatenate([np.arange(len(inside)), shared])
-        at_level = np.concatenate([slice_of, adjacent[shared]])
-        order = np.argsort(at_level, kind="stable")
-        positions = np.zeros((len(inside), self._loops[0].shape[1]))
-        flat = np.ascontiguousarray(inside[:, :2])
-        n_outside = 0
-        for level, members in enumerate(
-            np.split(order, np.searchsorted(at_level[order], np.arange(1, len(levels))))
-        ):
-            number = int(np.abs(self._hits - level).argmin())
-            mapped = self._maps[number].positions(flat[points[members]])
-            turned = mapped if self._views is None else mapped @ self._views[number]
+        order, starts = sorted_into_bins(np.concatenate([slice_of, adjacent[shared]]), len(levels))
+        positions, flat = (
+            np.zeros((len(inside), self.maps[0].ring.shape[1])),
+            np.ascontiguousarray(inside[:, :2]),
+        )
+        for level, members in enumerate(np.split(order, starts[1:-1])):
+            number = int(np.abs(self.hits - level).argmin())
+            mapped = self.maps[number].positions(flat[points[members]])
+            turned = mapped if self.views is None else mapped @ self.views[number]
             positions[points[members]] += weights[members, None] * turned
-            n_outside += count_outside(self._loops[number], mapped[members < len(inside)])
-        return positions, n_outside
+        return positions
+
+
+def slice_maps(
+    loops: Sequence[Floats],
+    starts: Floats,
+    hits: Ints,
+    sides: Floats,
+    slicing: Slicing,
+    views: Floats | None = None,
+) -> SliceMaps:
+    """Return the maps to sections with boundaries `loops` (j, k), counterclockwise about z [mm].
+
+    Starts (l, k) of the loops; sides (2,) or longer of the rectangle; hits and views of :class:`SliceMaps`.
+    """
+    if views is not None:
+        loops = [loop @ view.T for loop, view in zip(loops, views, strict=True)]
+        starts = np.einsum("lij,lj->li", views, starts)
+    printed, pairs = slicing.continuity == 0.0, zip(loops, starts, strict=True)
+    maps = [section_map(loop, start, sides, as_printed=printed) for loop, start in pairs]
+    return SliceMaps(maps, hits, views)
 
 
 class Box:
@@ -201,7 +196,7 @@ def morph_by_planes(
     Points keep their heights, but heights beyond the last loop are squeezed into the rest of the muscle.
 
     fibre_points : (n, 3), points of the fitted template [mm];
-    transform : (4, 4), Unit cube to box, from :func:`vtkmuscle.core.template.fitting.fit_box`;
+    transform : (4, 4), Unit cube to box, from :func:`vtkmuscle.core.template.fit_box`;
     muscle : ClosedSurface, the muscle;
     slicing : Slicing, settings of slices and maps.
 
@@ -222,10 +217,9 @@ def morph_by_planes(
     slices, hits = branch.stack(levels, 2)
     guides = branch.stack(course.guides, 2)[0]
     starts = followed_starts(slices, guides, slicing.continuity * box.length, np.zeros(2))
-    mapped = SliceMaps(slices.loops, starts, hits, box.sides, slicing)
-    result = np.column_stack([inside[:, :2], heights])
-    result[:, :2], n_outside = mapped.positions(inside, heights, levels, slice_of)
-    return Morph(box.positions(result), n_outside, volume_share, steep_share)
+    maps = slice_maps(slices.loops, starts, hits, box.sides, slicing)
+    across = maps.positions(inside, heights, levels, slice_of)
+    return Morph(box.positions(np.column_stack([across, heights])), volume_share, steep_share)
 
 
 class _PlaneCourse:
@@ -249,7 +243,7 @@ class _PlaneCourse:
         levels = range(len(branch.heights))
         whole = sum(float(branch.sizes[sections.loops_of(level)].sum()) for level in levels)
         share = float(branch.sizes[numbers].sum() / whole)
-        steps = np.diff([boundary_centroid(sections.loop(int(number))) for number in numbers], axis=0)
+        steps = np.diff(boundary_centroids([sections.loop(int(number)) for number in numbers]), axis=0)
         if not len(steps):
             return share, 0.0
         lengths = np.linalg.norm(steps, axis=1)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.spatial.transform import Rotation
+from scipy.spatial.transform import RigidTransform
 
 from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.motion.rigid import apply_transform
@@ -11,9 +11,6 @@ from vtkmuscle.core.types import Bools, Floats, Ints
 
 #: Least norm of a blended quaternion, as a divisor.
 EPSILON = float(np.finfo(np.float64).eps)
-
-#: Angle [rad] below which the series of a screw's slide is exact: the next term is angle^2 / 720.
-_SMALL = 1e-4
 
 
 def blend_motions(transforms: Floats, weights: Floats, points: Floats) -> Floats:
@@ -25,15 +22,11 @@ def blend_motions(transforms: Floats, weights: Floats, points: Floats) -> Floats
     do not collapse towards the axis of far motions; for small motions both agree. The result is independent
     of the origin. Any two motions turn by less than 180 degrees against each other.
     """
-    real = Rotation.from_matrix(transforms[:, :3, :3].copy()).as_quat()
+    motions = RigidTransform.from_matrix(transforms.copy()).as_dual_quat()
     # q and -q are the same rotation: the sign nearer to the first blends the short way.
-    real[real @ real[0] < 0.0] *= -1.0
-    shift = transforms[:, :3, 3]
-    dual = np.empty_like(real)
-    dual[:, :3] = 0.5 * (real[:, 3:] * shift + np.cross(shift, real[:, :3]))
-    dual[:, 3] = -0.5 * np.einsum("ij,ij->i", shift, real[:, :3])
+    motions[motions[:, :4] @ motions[0, :4] < 0.0] *= -1.0
     moved = np.empty_like(points)
-    _blend(np.hstack([real, dual]), weights, points, np.empty(8), moved)
+    _blend(motions, weights, points, np.empty(8), moved)
     return moved
 
 
@@ -63,18 +56,8 @@ def screws_between(start: Floats, end: Floats, fraction: float) -> Floats:
     """
     if fraction >= 1.0:
         return end
-    twists = fraction * screws(end @ np.linalg.inv(start))
-    slides, turns = twists[:, :3], twists[:, 3:]
-    angles = np.linalg.norm(turns, axis=1)[:, None]
-    safe = np.maximum(angles, _SMALL)
-    # The left Jacobian of SO(3), of Murray, Li, Sastry's 2.36.
-    first = np.where(angles > _SMALL, (1.0 - np.cos(safe)) / safe**2, 0.5)
-    second = np.where(angles > _SMALL, (safe - np.sin(safe)) / safe**3, 1.0 / 6.0)
-    across = np.cross(turns, slides)
-    moves = np.zeros_like(start) + np.eye(4)
-    moves[:, :3, :3] = Rotation.from_rotvec(turns).as_matrix()
-    moves[:, :3, 3] = slides + first * across + second * np.cross(turns, across)
-    return moves @ start
+    exponents = fraction * RigidTransform.from_matrix(end @ np.linalg.inv(start)).as_exp_coords()
+    return np.asarray(RigidTransform.from_exp_coords(exponents).as_matrix() @ start)
 
 
 def screws(motions: Floats) -> Floats:
@@ -84,14 +67,7 @@ def screws(motions: Floats) -> Floats:
     2.36). A twist is the velocity at the origin and the angular velocity [rad], over a unit of time; turns
     are less than 180 degrees.
     """
-    turns = Rotation.from_matrix(motions[:, :3, :3].copy()).as_rotvec()
-    shifts = motions[:, :3, 3]
-    angles = np.linalg.norm(turns, axis=1)
-    safe = np.maximum(angles, _SMALL)
-    # (1 - angle / 2 cot(angle / 2)) / angle^2, of the inverse of the left Jacobian of SO(3).
-    second = np.where(angles > _SMALL, (1.0 - 0.5 * safe / np.tan(0.5 * safe)) / safe**2, 1.0 / 12.0)
-    across = np.cross(turns, shifts)
-    slides = shifts - 0.5 * across + second[:, None] * np.cross(turns, across)
+    turns, slides = np.split(RigidTransform.from_matrix(motions.copy()).as_exp_coords(), 2, axis=1)
     return np.hstack([slides, turns])
 
 

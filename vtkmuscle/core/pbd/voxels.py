@@ -20,7 +20,7 @@ from vtkmuscle.core.errors import InputError, errors_at
 from vtkmuscle.core.jit import array_kernel, kernel
 from vtkmuscle.core.mesh.solids import closed_shells
 from vtkmuscle.core.mesh.triangle_tree import MuscleContact, Neighbour
-from vtkmuscle.core.motion.rigid import inverse, transform_point
+from vtkmuscle.core.motion.rigid import apply_transform, inverse
 from vtkmuscle.core.types import Bools, Floats, Ints
 
 Cells = NDArray[np.uint8]
@@ -133,67 +133,39 @@ def _shared_out(sides: Floats, n_max: int) -> Ints:
     return counts
 
 
-@array_kernel
 def _mark_boundary(corners: Floats, cells: Cells) -> None:
     """Mark the cells that a triangle meets.
 
     Cells (nx, ny, nz) are changed in place; corners (m, 3, 3) are in units of cells. Separating axes for a
     triangle and a box, Akenine-Moller 2001, *Fast 3D triangle-box overlap testing*,
-    doi:10.1080/10867651.2001.10487535: the triangle's plane, the box's three axes (by the choice of the tried
-    cells) and the nine products of edges with axes.
+    doi:10.1080/10867651.2001.10487535: the box's three axes (by the choice of the tried cells), the
+    triangle's normal and the nine products of edges with axes.
     """
-    half = 0.5 + _OVERLAP_SLACK
-    first, last = np.empty(3, np.int64), np.empty(3, np.int64)
-    for triangle in range(len(corners)):
-        a, b, c = corners[triangle, 0], corners[triangle, 1], corners[triangle, 2]
-        for k in range(3):
-            low, high = min(a[k], b[k], c[k]), max(a[k], b[k], c[k])
-            # What touches the box from within does not make the layer around it a boundary.
-            first[k] = max(1, int(np.floor(low - _OVERLAP_SLACK)))
-            last[k] = min(cells.shape[k] - 2, int(np.floor(high + _OVERLAP_SLACK)))
-        e0x, e0y, e0z = b[0] - a[0], b[1] - a[1], b[2] - a[2]
-        e1x, e1y, e1z = c[0] - b[0], c[1] - b[1], c[2] - b[2]
-        e2x, e2y, e2z = a[0] - c[0], a[1] - c[1], a[2] - c[2]
-        nx, ny, nz = e0y * e1z - e0z * e1y, e0z * e1x - e0x * e1z, e0x * e1y - e0y * e1x
-        reach = half * (abs(nx) + abs(ny) + abs(nz))
-        for i in range(first[0], last[0] + 1):
-            for j in range(first[1], last[1] + 1):
-                for k in range(first[2], last[2] + 1):
-                    if cells[i, j, k] == BOUNDARY:
-                        continue
-                    ax, ay, az = a[0] - (i + 0.5), a[1] - (j + 0.5), a[2] - (k + 0.5)
-                    if abs(nx * ax + ny * ay + nz * az) > reach:
-                        continue
-                    bx, by, bz = b[0] - (i + 0.5), b[1] - (j + 0.5), b[2] - (k + 0.5)
-                    cx, cy, cz = c[0] - (i + 0.5), c[1] - (j + 0.5), c[2] - (k + 0.5)
-                    # In each plane (y z, z x, x y) the three edges against the square of the cell.
-                    if (
-                        _edge_misses(ay, az, cy, cz, e0y, e0z, half)
-                        or _edge_misses(by, bz, ay, az, e1y, e1z, half)
-                        or _edge_misses(cy, cz, by, bz, e2y, e2z, half)
-                        or _edge_misses(az, ax, cz, cx, e0z, e0x, half)
-                        or _edge_misses(bz, bx, az, ax, e1z, e1x, half)
-                        or _edge_misses(cz, cx, bz, bx, e2z, e2x, half)
-                        or _edge_misses(ax, ay, cx, cy, e0x, e0y, half)
-                        or _edge_misses(bx, by, ax, ay, e1x, e1y, half)
-                        or _edge_misses(cx, cy, bx, by, e2x, e2y, half)
-                    ):
-                        continue
-                    cells[i, j, k] = BOUNDARY
+    edges = np.roll(corners, -1, axis=1) - corners
+    products = np.cross(edges[:, :, None], np.eye(3)).reshape(-1, 9, 3)
+    axes = np.concatenate([np.cross(edges[:, :1], edges[:, 1:2]), products], axis=1)
+    along, reach = corners @ axes.swapaxes(1, 2), (0.5 + _OVERLAP_SLACK) * np.abs(axes).sum(axis=2)
+    # What touches the box from within does not make the layer around it a boundary.
+    first = np.maximum(1, np.floor(corners.min(axis=1) - _OVERLAP_SLACK)).astype(np.int64)
+    last = np.floor(corners.max(axis=1) + _OVERLAP_SLACK).astype(np.int64)
+    last = np.minimum(last, np.array(cells.shape) - 2)
+    _mark(first, last, axes, along.min(axis=1) - reach, along.max(axis=1) + reach, cells)
 
 
 @kernel
-def _edge_misses(
-    edge_u: float, edge_v: float, other_u: float, other_v: float, du: float, dv: float, half: float
-) -> bool:
-    """Return whether an edge's normal separates triangle and square.
-
-    Triangle and square are seen in a coordinate plane: (edge_u, edge_v) is on the edge of direction (du, dv),
-    (other_u, other_v) the corner opposite; the square is centred at 0, with sides of 2 half.
-    """
-    p, q = dv * edge_u - du * edge_v, dv * other_u - du * other_v
-    reach = half * (abs(du) + abs(dv))
-    return min(p, q) > reach or max(p, q) < -reach
+def _mark(first: Ints, last: Ints, axes: Floats, low: Floats, high: Floats, cells: Cells) -> None:
+    """Mark cells whose middles lie between low and high (m, 10) along all axes (m, 10, 3)."""
+    for t in range(len(axes)):
+        for i in range(first[t, 0], last[t, 0] + 1):
+            for j in range(first[t, 1], last[t, 1] + 1):
+                for k in range(first[t, 2], last[t, 2] + 1):
+                    met = cells[i, j, k] != BOUNDARY
+                    for n in range(len(axes[t]) if met else 0):
+                        x, y, z = axes[t, n, 0], axes[t, n, 1], axes[t, n, 2]
+                        at = x * (i + 0.5) + y * (j + 0.5) + z * (k + 0.5)
+                        met = met and low[t, n] <= at <= high[t, n]
+                    if met:
+                        cells[i, j, k] = BOUNDARY
 
 
 def _flood_outside(cells: Cells) -> None:
@@ -293,64 +265,22 @@ def resolve_collisions(
     now, step : (4, 4), of the bone to now, from rest and from the previous frame;  x, p : (n, 3) [mm]; free :
     (n,), points that may be moved.
     """
-    moved, where = np.zeros(len(p), dtype=np.bool_), (grid.cells, grid.origin, grid.spacing)
-    _resolve(*where, now, inverse(now), step, x, p, free, bone_push, moved)
+    to_rest, ids = inverse(now), np.flatnonzero(free)
+    ends = apply_transform(to_rest, p[ids])
+    inside = grid.contains(ends)
+    ids, ends = ids[inside], ends[inside]
+    begins = apply_transform(to_rest, x[ids])
+    hit, stop = ~grid.contains(begins), np.empty(3)
+    segments = ((points[hit] - grid.origin) / grid.spacing for points in (ends, begins))
+    for i, end, begin in zip(ids[hit], *segments, strict=True):
+        p[i] = x[i]
+        if not _traverse(grid.cells, end, begin, stop):
+            p[i] = apply_transform(now, grid.origin + grid.spacing * stop)
+    pushed = ids[~hit] if bone_push else ids[:0]
+    p[pushed] = apply_transform(step, x[pushed])
+    moved = np.zeros(len(p), dtype=np.bool_)
+    moved[ids[hit]] = moved[pushed] = True
     return moved
-
-
-@array_kernel
-def _resolve(
-    cells: Cells,
-    origin: Floats,
-    spacing: Floats,
-    now: Floats,
-    to_rest: Floats,
-    step: Floats,
-    x: Floats,
-    p: Floats,
-    free: Bools,
-    bone_push: bool,
-    moved: Bools,
-) -> None:
-    """Do the work of :func:`resolve_collisions`; moved : (n,), changed in place."""
-    start, end = np.empty(3), np.empty(3)  # p and x in units of cells
-    stop = np.empty((1, 3))
-    for i in range(len(p)):
-        if not free[i]:
-            continue
-        transform_point(to_rest, p, i, start)
-        if not _in_bone(cells, origin, spacing, start):
-            continue
-        transform_point(to_rest, x, i, end)
-        if not _in_bone(cells, origin, spacing, end):
-            if _traverse(cells, start, end, stop[0]):
-                p[i] = x[i]
-            else:
-                for k in range(3):
-                    stop[0, k] = origin[k] + spacing[k] * stop[0, k]
-                transform_point(now, stop, 0, p[i])
-            moved[i] = True
-        elif bone_push:
-            transform_point(step, x, i, p[i])
-            moved[i] = True
-
-
-@kernel
-def _in_bone(cells: Cells, origin: Floats, spacing: Floats, at: Floats) -> bool:
-    """Return whether ``at`` (3,) [mm], turned into units of cells, is in the bone."""
-    within = True
-    for k in range(3):
-        at[k] = (at[k] - origin[k]) / spacing[k]
-        within = within and 0.0 <= at[k] < cells.shape[k]
-    if not within or cells[int(at[0]), int(at[1]), int(at[2])] == OUTSIDE:
-        return False
-    # The bone has no cell in the outermost layer: all neighbours are there.
-    for i in range(int(at[0] - ON_A_FACE), int(at[0] + ON_A_FACE) + 1):
-        for j in range(int(at[1] - ON_A_FACE), int(at[1] + ON_A_FACE) + 1):
-            for k in range(int(at[2] - ON_A_FACE), int(at[2] + ON_A_FACE) + 1):
-                if cells[i, j, k] == OUTSIDE:
-                    return False
-    return True
 
 
 @array_kernel
