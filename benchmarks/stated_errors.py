@@ -21,6 +21,7 @@ from scipy.interpolate import CubicSpline
 
 from vtkmuscle.core.fibres.measures import MODEL
 from vtkmuscle.core.moment_arms.of_joints import joint_arms
+from vtkmuscle.core.paths.sheet import POINTS
 from vtkmuscle.pipelines import MusclePipeline
 from vtkmuscle.run.frames import MuscleTrack
 
@@ -79,11 +80,12 @@ def held_out_phantoms() -> Iterator[Known]:
             yield Known(name, phantom, times, times, lengths, "length")
 
 
-def stated(case: Known) -> dict[str, Stated]:
+def stated(case: Known, n_fibres: int = N_FIBRES, **paths: int) -> dict[str, Stated]:
     """Return the errors of the mean arm, where it is known, and of the mean change of length."""
     ((name, muscle),) = case.phantom.muscles.items()
     given = muscle, case.phantom.bones, case.motion, case.phantom.attachments[name]
-    taut = MusclePipeline(*given, deformer="none", fixing={}, fibres={"n_fibres": N_FIBRES}).taut_paths
+    settings = {"fixing": {}, "fibres": {"n_fibres": n_fibres}, "paths": paths}
+    taut = MusclePipeline(*given, deformer="none", **settings).taut_paths
     track, rest = MuscleTrack(), int(np.abs(case.places).argmin())
     for time in case.motion.times:
         track.add_lengths(taut.update(time=float(time)).output, 1.0)
@@ -98,10 +100,10 @@ def stated(case: Known) -> dict[str, Stated]:
     return found | {"length": Stated(np.abs(change - (known - known[rest])), track.errors())}
 
 
-def tables() -> tuple[Table, Table]:
+def tables(**settings: int) -> tuple[Table, Table]:
     """Return true and stated errors by phantom, and what the stated errors cover."""
-    fitted = {case.name: stated(case) for case in known_phantoms()}
-    others = {case.name: stated(case) for case in held_out_phantoms()}
+    fitted = {case.name: stated(case, **settings) for case in known_phantoms()}
+    others = {case.name: stated(case, **settings) for case in held_out_phantoms()}
     decide = {name: found for name, found in fitted.items() if "ring" not in name}
     columns = [f"{kind}: {what}" for kind in KINDS for what in ("error [mm]", "stated [mm]", "covered")]
     rows = Table("stated", ("phantom", "coefficient of", *columns), [])
@@ -140,8 +142,10 @@ def main() -> None:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--rst", type=Path, metavar="FOLDER", help="write the tables there as CSV files")
+    parser.add_argument("--fibres", type=int, default=N_FIBRES, help="number of fibres of each phantom")
+    parser.add_argument("--resolution", type=int, default=POINTS - 1, help="segments of a path")
     asked = parser.parse_args()
-    for made in tables():
+    for made in tables(n_fibres=asked.fibres, resolution=asked.resolution):
         print(made.text(), end="\n\n")
         if asked.rst:
             made.write(asked.rst)

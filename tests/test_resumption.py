@@ -76,14 +76,8 @@ def finished(finished_once, tmp_path):
 
 def same(one, other):
     """Check that two results are the same bit by bit."""
-    assert (one.name, one.units, one.frames, one.times) == (
-        other.name,
-        other.units,
-        other.frames,
-        other.times,
-    )
-    assert (one.verdicts, one.time_label) == (other.verdicts, other.time_label)
-    assert one.muscle_names == other.muscle_names
+    for name in ("name", "units", "frames", "times", "verdicts", "time_label", "muscle_names"):
+        assert getattr(one, name) == getattr(other, name)
     for name in one.muscle_names:
         assert one.rest_muscle(name) == other.rest_muscle(name)
         assert one.rest_fibres(name) == other.rest_fibres(name)
