@@ -8,6 +8,7 @@ from vtkmuscle.core.morphing.isolines import IsolineCourse, attachment_field, mo
 from vtkmuscle.core.morphing.slices import Slicing, morph_by_planes
 from vtkmuscle.core.motion.rigid import apply_transform
 from vtkmuscle.core.template import TEMPLATES, centroid_axis, fit_box, sobol_points
+from vtkmuscle.phantoms.meshing import box
 
 RADIUS = 12.0
 BOTTOM = np.array([(0.0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)])
@@ -17,9 +18,9 @@ SETTINGS = {"slice_tolerance": 0.1, "continuity": 0.2}
 def fitted(points, origin, insertion, n_fibres=40, resolution=15, kind="parallel"):
     """Return the transform and the fitted fibres, (n, m, 3)."""
     areas, ends = (BOTTOM, BOTTOM + np.array([0.0, 0, 1])), (points[origin], points[insertion])
-    box = fit_box(points, centroid_axis(*ends), landmarks=ends, areas=areas, angle_step=5.0)
+    fit = fit_box(points, centroid_axis(*ends), landmarks=ends, areas=areas, angle_step=5.0)
     cube = TEMPLATES[kind].fibres(*sobol_points(n_fibres).T, np.linspace(0, 1, resolution + 1))
-    return box.transform, apply_transform(box.transform, cube.reshape(-1, 3)).reshape(cube.shape)
+    return fit.transform, apply_transform(fit.transform, cube.reshape(-1, 3)).reshape(cube.shape)
 
 
 def by_isolines(cube, transform, surface, field, **settings):
@@ -128,6 +129,11 @@ def test_areas_on_two_separate_parts_are_refused(half_turn):
     twice, both = np.vstack([points, points + np.array([0.0, 100, 0])]), np.vstack([triangles, triangles + n])
     with pytest.raises(ValueError, match="no connected part"):
         attachment_field(twice, both, origin, np.arange(n, 2 * n))
+    box_points, box_triangles = box((0, 0, 0), (20, 20, 100), 10.0)  # its constants differ by rounding
+    m, z = len(box_points), box_points[:, 2]
+    boxes = np.vstack([box_points, box_points + 50.0]), np.vstack([box_triangles, box_triangles + m])
+    with pytest.raises(ValueError, match="no connected part"):
+        attachment_field(*boxes, np.flatnonzero(z == 0.0), m + np.flatnonzero(z == 100.0))
     # A second part without areas does no harm.
     field = attachment_field(twice, both, origin, insertion)
     transform, cube = fitted(points, origin, insertion)
