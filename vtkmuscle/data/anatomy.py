@@ -4,12 +4,17 @@ from __future__ import annotations
 
 import csv
 import re
-from collections.abc import Mapping
+import tomllib
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from importlib.resources import files
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
+#: Tables of anatomy.toml: words of names, and joints.
+ANATOMY: dict[str, Any] = tomllib.loads(
+    (files("vtkmuscle.data") / "anatomy.toml").read_text(encoding="utf-8")
+)
 _SIDES = {"left": "left", "l": "left", "right": "right", "r": "right"}
 
 
@@ -23,36 +28,16 @@ class JointKind:
     """
 
     name: str
-    children: tuple[str, ...]
-    parents: tuple[str, ...]
+    children: Sequence[str]
+    parents: Sequence[str]
     form: str = "weld"
     round_end: str = "child"
-    axes: Mapping[str, tuple[float, float, float]] = field(default_factory=dict)
+    axes: Mapping[str, Sequence[float]] = field(default_factory=dict)
     most: float = 0.0
 
 
-_FORWARD, _INWARD, _ABOUT = (-1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, 1.0)
-_FOOT = ("talus", "calcaneus", "foot", "tarsal", "tarsals", "metatarsal", "metatarsals", "phalanges")
-_PELVIS = ("hip", "pelvis", "coxa", "coxae", "innominate", "ilium")
-_HAND = ("hand", "carpal", "carpals", "metacarpal", "metacarpals")
-
-
-def _three(joint: str) -> dict[str, tuple[float, float, float]]:
-    return {f"{joint}_flexion": _FORWARD, f"{joint}_adduction": _INWARD, f"{joint}_rotation": _ABOUT}
-
-
-#: Joints of the limbs; a patella follows the shank, as by its tendon.
-JOINTS = (
-    JointKind("hip", ("femur",), _PELVIS, "ball", axes=_three("hip"), most=60.0),
-    JointKind("knee", ("tibia", "shank"), ("femur",), "pin", "parent", {"knee_flexion": (1.0, 0, 0)}, 60.0),
-    JointKind("shoulder", ("humerus",), ("scapula",), "ball", axes=_three("shoulder"), most=60.0),
-    JointKind("elbow", ("ulna", "forearm"), ("humerus",), "pin", "parent", {"elbow_flexion": _FORWARD}, 60.0),
-    JointKind("fibula", ("fibula",), ("tibia",)),
-    JointKind("patella", ("patella",), ("tibia", "shank")),
-    JointKind("foot", _FOOT, ("tibia", "shank")),
-    JointKind("radius", ("radius",), ("ulna",)),
-    JointKind("hand", _HAND, ("ulna", "radius", "forearm")),
-)
+#: Joints of the limbs.
+JOINTS = tuple(JointKind(**table) for table in ANATOMY["joints"])
 
 
 def plain_name(name: str) -> str:
@@ -72,20 +57,6 @@ def stem_of(name: str) -> str:
     """Return a plain name without side."""
     return re.sub(r"_(left|right)$", "", plain_name(name))
 
-
-#: Words of names that tell no muscle from another, and words of equal meaning.
-_IDLE = {"m", "muscle", "musculus", "head", "caput", "of", "the"}
-_EQUAL = {"peroneus": "fibularis", "lateralis": "lateral", "medialis": "medial"}
-_EQUAL |= {"longum": "long", "breve": "short"}
-#: Directions of coordinates, and the opposite directions.
-_OPPOSITE = {
-    "extension": "flexion",
-    "abduction": "adduction",
-    "plantarflexion": "dorsiflexion",
-    "eversion": "inversion",
-    "supination": "pronation",
-    "external": "rotation",
-}
 
 #: Factor between a person's ratios and published means: two standard deviations of fibre lengths are 0.25 to
 #: 0.55 of the mean (Ward et al. 2009, doi:10.1007/s11999-008-0594-8); a belly without tendon has two thirds.
@@ -119,8 +90,8 @@ def _table() -> tuple[tuple[tuple[frozenset[str], ...], Published], ...]:
 
 
 def _words(name: str) -> frozenset[str]:
-    words = (_EQUAL.get(word, word) for word in re.findall("[a-z0-9]+", stem_of(name)))
-    return frozenset(words) - _IDLE
+    words = (ANATOMY["equal"].get(word, word) for word in re.findall("[a-z0-9]+", stem_of(name)))
+    return frozenset(words).difference(ANATOMY["idle"])
 
 
 def published(muscle: str, quantity: str = "", coordinate: str = "") -> Published | None:
@@ -168,7 +139,7 @@ def published_coordinate(name: str, positive: str = "") -> tuple[str, float]:
         if joint not in own:
             continue
         for words in (said, own):
-            if any(word in words for word, other in _OPPOSITE.items() if other == direction):
+            if any(word in words for word, other in ANATOMY["opposite"].items() if other == direction):
                 return coordinate, -1.0
             if direction in words:
                 return coordinate, 1.0

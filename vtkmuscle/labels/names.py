@@ -9,28 +9,14 @@ from pathlib import Path
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.words import quoted, suggestion
-from vtkmuscle.data.anatomy import plain_name
+from vtkmuscle.data.anatomy import ANATOMY, plain_name
 from vtkmuscle.data.label_images import MOST
 from vtkmuscle.io.csv_table import csv_rows
 
-#: Words in bone names; a name with a muscle word is a muscle's.
-BONES = re.compile(
-    r"(?:^|_)(?:femur|tibia|fibula|patella|pelvis|hip|coxae?|innominate|ili(?:um|a)|ischium|pubis|sacrum|coccyx|"
-    r"vertebrae?|ribs?|sternum|scapula|clavi(?:cle|cula)|humerus|ulna|radius|(?:meta)?(?:carp|tars)als?|"
-    r"phalan(?:x|ges)|talus|calcaneus|navicular|cuboid|cuneiform|skull|cranium|mandible|bone|shank|forearm|foot|"
-    r"hand)(?:_|$)"
+_BONES, _NEITHER = (
+    re.compile(rf"(?:^|_)(?:{'|'.join(ANATOMY[words])})(?:_|$)") for words in ("bone_words", "other_words")
 )
-#: Starts of words in muscle names, then words in names of other structures.
-_MUSCLES = re.compile(
-    r"(?:^|_)(?:muscle|glut|iliac|psoas|iliopsoas|adduct|abduct|flexor|extensor|vast|rectus|sartor|gracil|bicep|"
-    r"tricep|quadricep|semi|soleus|gastroc|tibial|peron|fibulari|plantar|poplit|pectin|piriform|obturator|gemell|"
-    r"quadratus|tensor|delt|supraspin|infraspin|subscap|teres|trapez|latiss|rhomb|pector|serrat|brachial|"
-    r"brachior|coraco|anconeus|pronator|supinator|palmar|multifid|erector|autochthon|splenius|sternocleid|"
-    r"longus|brevis|scalen|levator|oblique|compartment|longissimus|iliocost|hamstring|transversospin)"
-)
-_NEITHER = re.compile(
-    r"(?:^|_)(?:trunk|vein|vena|vessel|artery|nerve|discs?|cartilages?|cord|skin|fat|marrow)(?:_|$)"
-)
+_MUSCLES = re.compile(rf"(?:^|_)(?:{'|'.join(ANATOMY['muscle_starts'])})")
 
 
 def kind_of(name: str) -> str | None:
@@ -40,7 +26,7 @@ def kind_of(name: str) -> str | None:
         return None
     if _MUSCLES.search(plain):
         return "muscle"
-    return "bone" if BONES.search(plain) else None
+    return "bone" if _BONES.search(plain) else None
 
 
 @cache
