@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from vtkmodules.util.numpy_support import vtk_to_numpy
@@ -13,9 +13,10 @@ from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
 from vtkmuscle.core.bones.bone import Bone, bone_of
 from vtkmuscle.core.errors import InputError
+from vtkmuscle.core.fixed_muscle import FixedMuscle
 from vtkmuscle.core.motion.rigid import is_rigid
 from vtkmuscle.core.types import Floats, Ints
-from vtkmuscle.data.arrays import blocks_of, checked_surface, field_array, names_of
+from vtkmuscle.data.arrays import Polylines, blocks_of, checked_surface, field_array, names_of
 from vtkmuscle.data.muscle_geometry import Surface
 
 #: Prefix of a bone's twist array, before the coordinate's name.
@@ -109,6 +110,18 @@ def fixed_points_of(muscle: Surface, bones: Sequence[str]) -> Ints:
             "detect the fixed points with these bones",
         )
     return fixed_to
+
+
+def fixed_muscle(
+    muscle: Surface, bones: Sequence[str], fibres: Polylines | None, *, driven: bool = False, **rings: Any
+) -> FixedMuscle:
+    """Return a muscle at rest; raise an InputError if no point is fixed and no force drives the muscle."""
+    lines = None if fibres is None else (fibres.points, fibres.offsets)
+    fixed = FixedMuscle(muscle.points, muscle.triangles, fixed_points_of(muscle, bones), lines, **rings)
+    if (fixed.fixed_to < 0).all() and not driven:
+        problem = "no point is fixed to a bone, so the muscle would not move"
+        raise InputError(muscle.where, problem, "detect fixed points by another method or distance")
+    return fixed
 
 
 @dataclass(frozen=True, eq=False)

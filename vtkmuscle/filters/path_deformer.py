@@ -9,7 +9,7 @@ import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 from vtkmodules.vtkCommonExecutionModel import vtkDemandDrivenPipeline, vtkExecutive
 
-from vtkmuscle.core.bones.bone import Bone, depth_in
+from vtkmuscle.core.bones.bone import Bone
 from vtkmuscle.core.errors import InputError, errors_at
 from vtkmuscle.core.fibres.embedding import EmbeddedPoints
 from vtkmuscle.core.fixed_muscle import FixedMuscle
@@ -17,12 +17,12 @@ from vtkmuscle.core.mesh.polylines import polyline_lengths
 from vtkmuscle.core.mesh.triangle_tree import Neighbour
 from vtkmuscle.core.skinning.carried_muscle import CarriedMuscle, CarriedPose
 from vtkmuscle.core.types import Floats
-from vtkmuscle.data.arrays import Polylines, add_arrays, blocks_of, with_points
-from vtkmuscle.data.moving_bones import MovingBones, RestBones, fixed_points_of
+from vtkmuscle.data.arrays import Polylines, add_arrays, state_of
+from vtkmuscle.data.moving_bones import MovingBones, RestBones, fixed_muscle
 from vtkmuscle.data.muscle_geometry import Neighbours, Surface
 from vtkmuscle.data.paths import PathLines
 from vtkmuscle.filters.base import Filter, InputPort, OutputPort, Parameter, ports
-from vtkmuscle.filters.deformer import penetration_fields, shape_fields
+from vtkmuscle.filters.deformer import deformed_muscle
 
 #: Rounds of settling by quality: time grows with the rounds.
 ROUNDS = {"preview": 2, "balanced": 5, "accurate": 20}
@@ -178,7 +178,9 @@ class PathDeformer(Filter):
         """Return the muscle and, on request, the fibres at the requested time."""
         rest_bones.check_same(bones)
         carried = self._made(muscle, paths, rest_bones, fibres)
-        state = self.iterations, bones.transforms.tobytes(), _state_of(muscle, paths, neighbours)
+        data = muscle.data, None if paths is None else paths.data, neighbours
+        states = [None if each is None else state_of(each) for each in data]
+        state = self.iterations, bones.transforms.tobytes(), states
         if self._last is None or self._last[0] != state:
             pose = carried.pose(
                 None if paths is None else paths.points,
@@ -191,7 +193,11 @@ class PathDeformer(Filter):
         pose, measures = self._last[1], (self.measure_shape, self.measure_penetration)
         self.report_progress(1.0)
         if self._surface is None or self._surface[0] != measures:
-            self._surface = measures, self._surface_of(muscle, pose, rest_bones, bones.transforms)
+            assert self._made_from is not None
+            moved = ((bone, bones.transforms[number]) for number, bone in rest_bones.shapes.items())
+            rest = self._made_from[0]
+            result = deformed_muscle(muscle.data, rest, pose, carried.shape, moved, measures)
+            self._surface = measures, result
         surface = self._surface[1]
         return surface, self._fibres(muscle, paths, fibres, pose) if self._fibres_asked else None
 
@@ -200,15 +206,7 @@ class PathDeformer(Filter):
     ) -> CarriedMuscle:
         """Return the carried muscle; new inputs or settings rebuild it."""
         shapes = bones.shapes
-        fixed = FixedMuscle(
-            muscle.points,
-            muscle.triangles,
-            fixed_points_of(muscle, list(bones.surfaces)),
-            None if fibres is None else (fibres.points, fibres.offsets),
-        )
-        if (fixed.fixed_to < 0).all():
-            problem = "no point is fixed to a bone, so the muscle cannot move"
-            raise InputError("muscle", problem, "detect fixed points by another method or distance")
+        fixed = fixed_muscle(muscle, list(bones.surfaces), fibres)
         rest = None if paths is None else paths.rest
         if self._made_from is not None:
             before, rest_before, shapes_before, clearance = self._made_from
@@ -234,24 +232,6 @@ class PathDeformer(Filter):
             self._neighbours = Neighbours(muscle.points)
         return self._neighbours.at(neighbours)
 
-    def _surface_of(
-        self, muscle: Surface, pose: CarriedPose, rest_bones: RestBones, transforms: Floats
-    ) -> vtkPolyData:
-        """Return the muscle in a pose, with its report."""
-        result: vtkPolyData = with_points(muscle.data, pose.surface)
-        add_arrays(result, points={"Displacement": pose.surface - muscle.points})
-        fields: dict[str, Any] = {}
-        if self.measure_shape:
-            assert self._carried is not None
-            fields = shape_fields(self._carried.shape.compare(pose.surface)) | {
-                "CollidingPoints": pose.colliding
-            }
-        if self.measure_penetration:
-            free = fixed_points_of(muscle, list(rest_bones.surfaces)) < 0
-            bones = ((bone, transforms[number]) for number, bone in rest_bones.shapes.items())
-            fields |= penetration_fields(depth_in(bones, pose.surface[free]))
-        return add_arrays(result, fields=fields)
-
     def _fibres(
         self, muscle: Surface, paths: PathLines | None, fibres: Polylines | None, pose: CarriedPose
     ) -> vtkPolyData:
@@ -274,13 +254,3 @@ class PathDeformer(Filter):
             cells={"RestLength": polyline_lengths(fibres.points, fibres.offsets)},
             fields={"PointsOutside": self._embedded.n_outside},
         )
-
-
-def _state_of(muscle: Surface, paths: PathLines | None, neighbours: vtkMultiBlockDataSet | None) -> list[int]:
-    """Return the modification times of a pose's data."""
-    data: list[Any] = [muscle.data]
-    if paths is not None:
-        data.append(paths.data)
-    if neighbours is not None:
-        data += [block for _, block in blocks_of(neighbours) if block is not None]
-    return [each.GetMTime() for each in data]

@@ -10,18 +10,18 @@ from typing import Any
 import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
-from vtkmuscle.core.bones.bone import Bone, depth_in
+from vtkmuscle.core.bones.bone import Bone
 from vtkmuscle.core.errors import InputError, errors_at
 from vtkmuscle.core.fixed_muscle import FixedMuscle
 from vtkmuscle.core.mesh.surface import survey
 from vtkmuscle.core.pbd.levels import FINE_ITERATIONS, TwoLevels, coarse_fixed_points
 from vtkmuscle.core.pbd.solver import PBDSolver, State
-from vtkmuscle.data.arrays import Polylines, add_arrays, with_points
+from vtkmuscle.data.arrays import Polylines, add_arrays
 from vtkmuscle.data.isosurface import decimated
-from vtkmuscle.data.moving_bones import MovingBones, RestBones, fixed_points_of
+from vtkmuscle.data.moving_bones import MovingBones, RestBones, fixed_muscle
 from vtkmuscle.data.muscle_geometry import Neighbours, Surface
 from vtkmuscle.filters.base import HistoryFilter, InputPort, OutputPort, ports
-from vtkmuscle.filters.deformer import penetration_fields, shape_fields
+from vtkmuscle.filters.deformer import deformed_muscle
 from vtkmuscle.filters.deformer.settings import DeformerSettings, solver_parameters
 
 
@@ -150,19 +150,8 @@ class PBDDeformer(DeformerSettings, HistoryFilter[State]):
         neighbours: vtkMultiBlockDataSet | None,
     ) -> vtkPolyData:
         """Return the muscle at the requested time."""
-        rest = FixedMuscle(
-            muscle.points,
-            muscle.triangles,
-            fixed_points_of(muscle, bones.names),
-            None if fibres is None else (fibres.points, fibres.offsets),
-        )
         driven = self.prediction == "velocity" and any(self.external_force)
-        if (rest.fixed_to < 0).all() and not driven:
-            raise InputError(
-                "muscle",
-                "no point is fixed to a bone, so the muscle would not move",
-                "detect fixed points by another method or distance",
-            )
+        rest = fixed_muscle(muscle, bones.names, fibres, driven=driven)
         if not rest.same_as(self._muscle):
             self._muscle = rest
             self.forget()
@@ -233,21 +222,13 @@ class PBDDeformer(DeformerSettings, HistoryFilter[State]):
     # ---------------------------------------------------------------- the result
 
     def _result(self, muscle: vtkPolyData, state: State) -> vtkPolyData:
-        rest = self._rest_muscle.points
-        result: vtkPolyData = with_points(muscle, state.surface)
-        add_arrays(result, points={"Displacement": state.surface - rest})
-        if state.velocities is not None and len(state.velocities) == len(rest):
+        assert self._solver is not None
+        measured = self.measure_shape, self.measure_penetration
+        bones = ((bone, state.transforms[number]) for number, bone in self._bones.items())
+        result = deformed_muscle(muscle, self._rest_muscle, state, self._solver.shape, bones, measured)
+        if state.velocities is not None and len(state.velocities) == len(state.surface):
             add_arrays(result, points={"Velocity": state.velocities})
-        fields: dict[str, Any] = {}
-        if self.measure_shape:
-            assert self._solver is not None
-            fields = shape_fields(self._solver.shape.compare(state.surface))
-            fields["CollidingPoints"] = state.colliding
-        if self.measure_penetration:
-            free = state.surface[self._rest_muscle.fixed_to < 0]
-            bones = ((bone, state.transforms[number]) for number, bone in self._bones.items())
-            fields |= penetration_fields(depth_in(bones, free))
-        return add_arrays(result, fields=fields)
+        return result
 
 
 def _coarser(muscle: FixedMuscle, count: int) -> FixedMuscle | None:

@@ -10,7 +10,7 @@ import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
 from vtkmuscle.core.bones.bone import Bone
-from vtkmuscle.core.errors import InputError, errors_at
+from vtkmuscle.core.errors import errors_at
 from vtkmuscle.core.fixed_muscle import FixedMuscle
 from vtkmuscle.core.mesh.surface import mesh_topology
 from vtkmuscle.core.paths.guides import ALL_PATHS, LEAST_PATHS
@@ -20,7 +20,7 @@ from vtkmuscle.core.paths.sheet import POINTS, MusclePaths, PathState
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import Polylines, add_arrays, array_of, polylines_from, vtk_array
 from vtkmuscle.data.attachments import rings_by_bone
-from vtkmuscle.data.moving_bones import MovingBones, RestBones, fixed_points_of
+from vtkmuscle.data.moving_bones import MovingBones, RestBones, fixed_muscle
 from vtkmuscle.data.muscle_geometry import Surface
 from vtkmuscle.data.paths import LENGTH, LEVER, PATH_STEPS, REST_POSITION, SAG, SQUEEZED, UNSETTLED
 from vtkmuscle.filters.base import Filter, InputPort, OutputPort, Parameter, ports
@@ -173,13 +173,9 @@ class TautPaths(Filter):
     ) -> None:
         """Make the paths at rest for new inputs or a new resolution."""
         shapes, names = bones.shapes, list(bones.surfaces)
-        fixed_to = fixed_points_of(muscle, names)
-        if (fixed_to < 0).all():
-            problem = "no point is fixed to a bone, so the ends of paths have no bone"
-            raise InputError(muscle.where, problem, "detect the fixed points with these bones")
         rings = rings_by_bone(attachments, names, "attachments")
-        fibres = None if lines is None else (lines.points, lines.offsets)
-        fixed = FixedMuscle(muscle.points, muscle.triangles, fixed_to, fibres, rings=rings)
+        fixed = fixed_muscle(muscle, names, lines, rings=rings)
+        fibres, fixed_to = fixed.fibres, fixed.fixed_to
         if self._rest is not None:
             before, shapes_before, *settings = self._rest
             same = settings == [self.resolution, self.n_paths]

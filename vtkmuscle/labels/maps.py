@@ -6,7 +6,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from os import PathLike
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkPolyData
@@ -34,24 +33,15 @@ INSIDE = 5.0
 _POINTS, _ROUNDS = 24, 600
 
 
-class Tendon(NamedTuple):
-    """A belly with tendon: surface, length from belly to bone [mm], radius [mm]."""
-
-    surface: vtkPolyData
-    length: float
-    radius: float
-
-
 def with_tendon(
     belly: LabelField,
     surface: vtkPolyData,
     target: Floats,
     bones: Sequence[Solids],
     edge: float,
-    *,
-    scale: float = 1.0,
-) -> Tendon:
-    """Return a belly with a tendon to ``target`` (3,), the middle of the area on the bone [mm].
+    scale: float,
+) -> tuple[vtkPolyData, float, float]:
+    """Return a belly with a tendon to ``target`` (3,), and the tendon's length and radius [mm].
 
     The tendon is a tube as thick as the belly's end. It starts at the point of the belly closest to the
     target, and follows the shortest line outside the bones. ``edge`` is the edge length of triangles [mm],
@@ -72,7 +62,7 @@ def with_tendon(
     solid = solid.joined(thick_curve(tube, np.full(len(tube), radius)), radius)
     area = survey(points, triangles).area + 2.0 * np.pi * radius * length
     mesh = mesh_of(solid, min(0.5 * edge, 0.7 * radius), round(area / (EVEN * edge * edge)))
-    return Tendon(surface_from(*mesh), length, radius)
+    return surface_from(*mesh), length, radius
 
 
 def taut_line(start: Floats, end: Floats, bones: Sequence[Solids], radius: float) -> Floats:
@@ -204,16 +194,14 @@ def _draw_tendons(draft: Draft, muscle: str, label: Label, edge: float) -> None:
         middle = area.landmarks.mean(axis=0)
         distance, outward = bones[area.bone].exact(middle[None])
         target = middle - distance[0] * outward[0]
-        tendon = with_tendon(
-            label.field(SMOOTHING), surface, target, [*bones.values()], edge, scale=draft.scale
-        )
-        draft.muscles[muscle] = tendon.surface
-        # The area is the foot of the tube on the bone.
+        solids, field = [*bones.values()], label.field(SMOOTHING)
+        made = with_tendon(field, surface, target, solids, edge, draft.scale)
+        draft.muscles[muscle], length, radius = made
         axes = np.linalg.svd(outward)[2][1:]
         angles = np.linspace(0.0, 2.0 * np.pi, 12, endpoint=False)
-        ring = target + tendon.radius * (np.column_stack([np.cos(angles), np.sin(angles)]) @ axes)
+        ring = target + radius * (np.column_stack([np.cos(angles), np.sin(angles)]) @ axes)
         draft.areas[muscle][number] = replace(area, landmarks=ring, closed=True, estimated=True)
         why = f"the label ends {gap:.0f} mm from the landmarks of its {area.role}: a tube of radius "
-        why += f"{tendon.radius:.1f} mm is added, without fibres"
-        value = f"tendon of {tendon.length:.0f} mm"
+        why += f"{radius:.1f} mm is added, without fibres"
+        value = f"tendon of {length:.0f} mm"
         draft.guesses.append(Guess(f"muscles.{muscle}.surface", value, 0.3, why))

@@ -54,8 +54,9 @@ class PathFault:
 
     ``what`` is a kind in :data:`KINDS`; ``size`` the jump [m], for a change of sign the smaller of the
     largest positive and negative moment arms, for a fibre the length beyond the limit; ``pose`` the muscle's
-    coordinates at the fault [rad or m]; ``sweeps`` the fraction of sweeps with a fault of the kind;
-    ``values``, ``arms`` (n,) the coordinate and moment arms [m] in the worst sweep.
+    coordinates at the fault [rad or m], and ``shown`` in degrees for angles; ``unit`` (``"deg"`` or
+    ``"m"``) is of the coordinate as shown; ``sweeps`` the fraction of sweeps with a fault of the kind;
+    ``values``, ``arms`` (n,) the coordinate as shown and moment arms [m] in the worst sweep.
     """
 
     muscle: str
@@ -63,9 +64,18 @@ class PathFault:
     what: str
     size: float
     pose: dict[str, float]
+    shown: dict[str, float]
+    unit: str
     sweeps: float
     values: Floats
     arms: Floats
+
+    @property
+    def row(self) -> list[Any]:
+        """Of the table of findings."""
+        words = " ".join(f"{name}={at:.5g}" for name, at in self.shown.items())
+        names, at = [self.muscle, self.coordinate, self.what], self.shown[self.coordinate]
+        return [*names, 1000.0 * self.size, at, self.unit, self.sweeps, words]
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,20 +125,21 @@ class ModelCheck:
             "coordinates_without_range": list(self.not_swept),
             "not_used": list(model.not_used),
             "findings": [
-                dict(zip(COLUMNS, self._row(each), strict=True)) | {"pose": self.shown(each)}
-                for each in self.findings
+                dict(zip(COLUMNS, each.row, strict=True)) | {"pose": each.shown} for each in self.findings
             ],
         }
 
     def table(self) -> Table:
         """Return the findings by row; angles in degrees, sizes in millimetres."""
-        return Table(COLUMNS, map(self._row, self.findings))
+        return Table(COLUMNS, [each.row for each in self.findings])
 
     def write(self, page: Path) -> Path:
         """Write a page and a table; return the table's path."""
-        units = {each.name: "deg" if each.is_angle else "m" for each in self.model.tree.coordinates}
         curves = [
-            (f"{each.muscle}, {each.coordinate}: {each.what}", _curve(each, units[each.coordinate]))
+            (
+                f"{each.muscle}, {each.coordinate}: {each.what}",
+                svg_curve(each.values, 1000.0 * each.arms, each.unit, "mm"),
+            )
             for each in self.findings
         ]
         sections = [
@@ -138,24 +149,6 @@ class ModelCheck:
         lead = "Jumps of lengths and moment arms, sign changes of moment arms, and fibres out of their range."
         write_page(page, self.model.name, "check", lead, sections)
         return self.table().to_csv(page.with_suffix(".csv"), digits=6)
-
-    def shown(self, finding: PathFault) -> dict[str, float]:
-        """Return the pose of a finding, angles in degrees."""
-        angles = {name: self.model.tree.coordinate(name).is_angle for name in finding.pose}
-        return {name: float(np.degrees(at)) if angles[name] else at for name, at in finding.pose.items()}
-
-    def _row(self, finding: PathFault) -> list[Any]:
-        coordinate, pose = finding.coordinate, self.shown(finding)
-        unit = "deg" if self.model.tree.coordinate(coordinate).is_angle else "m"
-        words = " ".join(f"{name}={at:.5g}" for name, at in pose.items())
-        size = 1000.0 * finding.size
-        return [finding.muscle, coordinate, finding.what, size, pose[coordinate], unit, finding.sweeps, words]
-
-
-def _curve(finding: PathFault, unit: str) -> str:
-    """Return a sweep's moment arms [mm] over the coordinate as SVG."""
-    values = np.degrees(finding.values) if unit == "deg" else finding.values
-    return svg_curve(values, 1000.0 * finding.arms, unit, "mm")
 
 
 def check_model(path: str | PathLike[str]) -> ModelCheck:
@@ -206,6 +199,7 @@ def _findings(model: OsimModel, muscles: Sequence[str], lengths: Lengths) -> Ite
     tree = model.tree
     crossed = {name: model.paths[name].path.coordinates(tree) for name in muscles}
     free = [coordinate for coordinate in tree.coordinates if coordinate.name in tree.free]
+    angles = {coordinate.name for coordinate in free if coordinate.is_angle}
     random = np.random.default_rng(0)
     for swept in free:
         crossing = [muscle for muscle in muscles if swept.name in crossed[muscle]]
@@ -223,6 +217,7 @@ def _findings(model: OsimModel, muscles: Sequence[str], lengths: Lengths) -> Ite
                 return lengths([muscle], chosen | {swept.name: at})[muscle]  # noqa: B023
 
             middles, arms = (sweep[1:] + sweep[:-1]) / 2.0, -np.diff(table) / (sweep[1] - sweep[0])
+            unit, axis = ("deg", np.degrees(middles)) if swept.is_angle else ("m", middles)
             fibres = _fibre_faults(model.paths[muscle].parameters, sweep, table)
             for what, least, sizes, sweeps, at in chain(_faults(length, sweep, table), fibres):
                 if not (real := sizes > least).any():
@@ -230,8 +225,10 @@ def _findings(model: OsimModel, muscles: Sequence[str], lengths: Lengths) -> Ite
                 i = int(np.where(real, sizes, 0.0).argmax())
                 pose = {name: float(fixed[name][sweeps[i]]) for name in crossed[muscle]}
                 pose[swept.name] = float(at[i])
-                curve = len(np.unique(sweeps[real])) / SWEEPS, middles, arms[sweeps[i]]
-                yield PathFault(muscle, swept.name, what, float(sizes[i]), pose, *curve)
+                shown = {name: float(np.degrees(at)) if name in angles else at for name, at in pose.items()}
+                size, part = float(sizes[i]), len(np.unique(sweeps[real])) / SWEEPS
+                curve = unit, part, axis, arms[sweeps[i]]
+                yield PathFault(muscle, swept.name, what, size, pose, shown, *curve)
 
 
 def _fixed_values(coordinate: JointCoordinate, random: np.random.Generator) -> Floats:

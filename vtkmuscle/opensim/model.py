@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from os import PathLike
 from pathlib import Path
@@ -46,9 +46,9 @@ class OsimMuscle:
     """A muscle, or another actuator along a path, with its class in OpenSim."""
 
     name: str
-    kind: str
     path: PointPath | FunctionPath
-    parameters: dict[str, float] = field(default_factory=dict)
+    parameters: Mapping[str, float] = field(default_factory=dict)
+    kind: str = "Millard2012EquilibriumMuscle"
 
 
 class BodyMesh(NamedTuple):
@@ -184,7 +184,7 @@ def _muscle(element: Element, frames: Frames) -> OsimMuscle | None:
     elif geometry.tag == "FunctionBasedPath":
         path = _function_path(geometry)
     parameters = {name: element.number(name, 0.0) for name in PARAMETERS if element.find(name) is not None}
-    return OsimMuscle(element.name, element.tag, path, parameters)
+    return OsimMuscle(element.name, path, parameters, element.tag)
 
 
 def _point_path(element: Element, frames: Frames) -> PointPath:

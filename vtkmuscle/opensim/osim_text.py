@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
 from pathlib import Path
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
@@ -17,7 +16,7 @@ from vtkmuscle.io.xml_elements import decoded, made, xml_text
 from vtkmuscle.joints.functions import Polynomial, function_element
 from vtkmuscle.joints.osim import AXES
 from vtkmuscle.joints.tree import Coupling, Joint, JointAxis, JointCoordinate, KinematicTree
-from vtkmuscle.opensim.model import checked_model
+from vtkmuscle.opensim.model import OsimMuscle, checked_model
 from vtkmuscle.opensim.muscle_paths import FunctionPath, PathPoint, PointPath
 
 #: Format version of OpenSim 4.6, written in files.
@@ -32,19 +31,13 @@ CYLINDER = 0.5
 _Paths = dict[tuple[str, str], str]
 
 
-@dataclass(frozen=True, eq=False)
-class MuscleOut:
+class MuscleOut(OsimMuscle):
     """A muscle to be written, with a path in metres.
 
     ``name`` has no spaces and slashes, ``kind`` is in :data:`MUSCLES`. ``parameters`` are OpenSim properties
     such as ``max_isometric_force`` [N], ``optimal_fiber_length`` [m], ``tendon_slack_length`` [m] and
     ``pennation_angle_at_optimal`` [rad]; by default OpenSim's values.
     """
-
-    name: str
-    path: PointPath | FunctionPath
-    parameters: Mapping[str, float] = field(default_factory=dict)
-    kind: str = "Millard2012EquilibriumMuscle"
 
     def __post_init__(self) -> None:
         _check_name("muscle", self.name)

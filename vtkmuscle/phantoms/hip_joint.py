@@ -54,7 +54,7 @@ class Sheet:
             rows = along[0] + (along[1] - along[0]) * (u + 1.0) / 2.0
             columns = across[0] + (across[1] - across[0]) * (v + 1.0) / 2.0
         else:
-            rows, columns = np.linspace(*along, count), np.linspace(*across, count)
+            rows, columns = (np.linspace(low, high, count) for low, high in (along, across))
         pairs = np.arange(count)
         return spline_net(self.knots, rows, columns)[pairs, pairs]
 
@@ -80,7 +80,8 @@ def _sheet(shape: Mapping[str, Any], bones: Mapping[str, Solid]) -> Sheet:
     for row in shape["rows"]:
         points, side = row.get("points"), (0, 0, 0)
         if points is None:  # five points in the middle of the ilium's wing
-            points, side = spline_net(WING, np.linspace(*row["span"], 5), [row["wing"]])[:, 0], shape["side"]
+            (low, high), side = row["span"], shape["side"]
+            points = spline_net(WING, np.linspace(low, high, 5), [row["wing"]])[:, 0]
         rows.append(_on(bones[row["on"]], points, row["lift"], side) if "on" in row else points)
     return Sheet(np.array(rows), shape["half_thickness"])
 

@@ -48,7 +48,6 @@ class Algorithm(VTKPythonAlgorithmBase):
         #: By port: data, state of the data, and the argument of ``execute``.
         self._arguments: dict[int, tuple[Any, Any, Any]] = {}
         #: State of filter and inputs, and the array of provenance.
-        self._provenance: tuple[Any, Any] = (None, None)
         super().__init__(nInputPorts=len(self.input_ports), nOutputPorts=len(self.output_ports))
         self.GetExecutive().AddObserver("ErrorEvent", show_error)
 
@@ -204,7 +203,9 @@ class Algorithm(VTKPythonAlgorithmBase):
         return kept[2]
 
     def _publish(self, results: Any, inputs: Sequence[Any], outInfo: Any) -> None:
-        provenance = self._provenance_array(inputs)
+        arrays = (data.GetFieldData().GetAbstractArray(PROVENANCE) for data in inputs if data is not None)
+        earlier = [array for array in arrays if isinstance(array, vtkStringArray)]
+        provenance = joined_provenance(earlier, provenance_entry(type(self).__name__, self.parameters()))
         for port, result in enumerate(results if isinstance(results, tuple) else (results,)):
             if result is None:  # the output was not requested
                 continue
@@ -213,16 +214,6 @@ class Algorithm(VTKPythonAlgorithmBase):
             output.GetFieldData().AddArray(provenance)
             if self.request_time is not None:
                 output.GetInformation().Set(vtkDataObject.DATA_TIME_STEP(), self.request_time)
-
-    def _provenance_array(self, inputs: Sequence[Any]) -> Any:
-        """Return the array of filters behind the output, the same while unchanged."""
-        arrays = (data.GetFieldData().GetAbstractArray(PROVENANCE) for data in inputs if data is not None)
-        earlier = [array for array in arrays if isinstance(array, vtkStringArray)]
-        state = self.GetMTime(), earlier, [array.GetMTime() for array in earlier]
-        if self._provenance[0] != state:
-            entry = provenance_entry(type(self).__name__, self.parameters())
-            self._provenance = state, joined_provenance(earlier, entry)
-        return self._provenance[1]
 
 
 def _port_asked(request: Any) -> int:
