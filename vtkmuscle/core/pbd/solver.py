@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from types import MappingProxyType
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from vtkmuscle.core.bones.bone import Bone
 from vtkmuscle.core.bones.contact import BoneContact
@@ -328,11 +329,8 @@ class PBDSolver:
         """Return the number of parts of a step, by the greatest turn of two bones against each other."""
         bones = [bone for bone, _ in self._fixed]
         turns = (now[bones] @ inverses(before[bones]))[:, :3, :3]
-        most = 0.0
-        for turn in turns[1:]:
-            cosine = 0.5 * (float(np.sum(turns[0] * turn)) - 1.0)
-            most = max(most, math.degrees(math.acos(min(max(cosine, -1.0), 1.0))))
-        return max(1, math.ceil(most / LARGEST_TURN - 1e-6))
+        against = Rotation.from_matrix(turns[1:] @ turns[:1].swapaxes(1, 2)).magnitude()
+        return max(1, math.ceil(math.degrees(against.max(initial=0.0)) / LARGEST_TURN - 1e-6))
 
     def _carried(self, x: Floats, before: Floats, now: Floats) -> Floats:
         """Return points moved by the bones' blended motions, (n, 3)."""
