@@ -34,7 +34,7 @@ def test_fibres_begin_on_the_origin_area_and_end_on_the_insertion_area(template,
     r, s = rng.random((2, 200))
     ends = template.fibres(r, s, [0.0, 1.0])
     part = np.minimum((r * len(template.parts)).astype(int), len(template.parts) - 1)
-    for end, areas in ((0, template.origin_areas), (1, template.insertion_areas)):
+    for end, areas in ((0, template.areas(0)), (1, template.areas(-1))):
         for area, points in ((areas[i], ends[part == i, end]) for i in range(len(areas))):
             # A parallelogram: corners 1 and 3 span it from corner 0.
             assert np.allclose(area[0] + area[2], area[1] + area[3])
@@ -46,11 +46,11 @@ def test_fibres_begin_on_the_origin_area_and_end_on_the_insertion_area(template,
 
 
 def test_origin_is_at_the_bottom_and_insertion_at_the_top_except_for_aponeuroses(template):
-    if len(template.parts) == 1 and np.ptp(template.origin_areas[..., 2]) == 0.0:
-        assert (template.origin_areas[..., 2] == 0.0).all()
-        assert (template.insertion_areas[..., 2] == 1.0).all()
+    if len(template.parts) == 1 and np.ptp(template.areas(0)[..., 2]) == 0.0:
+        assert (template.areas(0)[..., 2] == 0.0).all()
+        assert (template.areas(-1)[..., 2] == 1.0).all()
     else:
-        assert template.origin_areas[..., 2].max() <= template.insertion_areas[..., 2].min()
+        assert template.areas(0)[..., 2].max() <= template.areas(-1)[..., 2].min()
 
 
 @pytest.mark.parametrize(("kind", "width"), [("pennate", 1.0), ("bipennate", 0.5)])

@@ -27,7 +27,7 @@ from vtkmuscle.core.mesh.triangle_tree import Neighbour
 from vtkmuscle.core.motion.blending import blend_motions, screws_between
 from vtkmuscle.core.motion.rigid import apply_transform, centred, inverses
 from vtkmuscle.core.pbd.anisotropy import edge_stiffness, fibre_directions_at, harmonic_directions
-from vtkmuscle.core.pbd.sweep import WIDTH, edge_rows, measure_lengths, project_edges, project_volume
+from vtkmuscle.core.pbd.sweep import WIDTH, edge_rows, project_edges, project_volume
 from vtkmuscle.core.pbd.voxels import VoxelContact
 from vtkmuscle.core.skinning.settling import Volume
 from vtkmuscle.core.types import Bools, Floats
@@ -283,7 +283,8 @@ class PBDSolver:
         p = self._with_fixed_points(start - self.centre, transforms)
         if self._as_carried is None:
             self._as_carried = self.rows.constants.copy()
-        measure_lengths(p, self.rows.points, self._as_carried)
+        first, second = (p[self.rows.points[:, end]] for end in (0, 1))
+        self._as_carried[:, 5] = np.linalg.norm(first - second, axis=2)  # rest lengths
         keep_out = self._keep_out(transforms, transforms, p[:-1].copy(), neighbours)
         held = self._iterate(p, self._as_carried, keep_out, progress)
         if self.parameters.finish:

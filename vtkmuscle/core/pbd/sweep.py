@@ -179,16 +179,6 @@ def project_edges(
                     p[i, axis] = buffer[(3 * corner + axis) * WIDTH + k]
 
 
-@vector_kernel
-def measure_lengths(p: Floats, points: NDArray[np.uint32], constants: Floats) -> None:
-    """Write the edges' present lengths as rest lengths, see :func:`project_edges`."""
-    for row in range(len(points)):
-        for k in range(WIDTH):
-            i, j = points[row, 0, k], points[row, 1, k]
-            x, y, z = p[i, 0] - p[j, 0], p[i, 1] - p[j, 1], p[i, 2] - p[j, 2]
-            constants[row, 5, k] = math.sqrt(x * x + y * y + z * z)
-
-
 @lane
 def _project_length(b: Floats, c: Floats, k: int) -> None:
     x, y, z = b[k] - b[3 * WIDTH + k], b[WIDTH + k] - b[4 * WIDTH + k], b[2 * WIDTH + k] - b[5 * WIDTH + k]
