@@ -121,7 +121,7 @@ class FibreSmoother(Filter):
         inner[ends[0]] = inner[ends[1]] = False
         n_samples = max(SAMPLES * len(lines), LEAST_SAMPLES) if spreading and self.smoothing_passes else 0
         samples = geometry.samples(n_samples)
-        within = cloud(samples) if len(samples) else None
+        within = geometry.once("cloud", (len(samples),), lambda: cloud(samples)) if len(samples) else None
         points = lines.points
         for done in range(self.smoothing_passes):
             points = smooth_about_course(points, lines.offsets, self.smoothing_weight, 1)
