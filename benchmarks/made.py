@@ -20,6 +20,8 @@ from vtkmuscle.pipelines import PUBLISHED_FIBRES
 HERE = Path(__file__).resolve().parent
 DOCS = HERE.parent / "docs"
 PAPER, HOW_RIGHT = DOCS / "validation/paper_tables", DOCS / "validation/how_right_tables"
+#: Scripts of tables beside those of ``how_right.py``.
+SCRIPTS = {"battery": "battery.py", **dict.fromkeys(("stated", "stated_cover"), "stated_errors.py")}
 #: Filters that no table is made with.
 WITHOUT_TABLES = {"AttachmentEstimator", "FibreField", "LabelSurfaces"}
 
@@ -46,9 +48,7 @@ def scripts_of(table: Path) -> list[Path]:
     if table.parent == PAPER:
         paper = HERE / "paper"
         return [paper / f"{table.stem}.py", paper / "common.py", paper / "published_loop.py"]
-    if table.name == "battery.csv":
-        return [HERE / "battery.py"]
-    return [HERE / "how_right.py"]
+    return [HERE / SCRIPTS.get(table.stem, "how_right.py")]
 
 
 def tables() -> list[Path]:

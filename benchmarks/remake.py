@@ -25,9 +25,8 @@ def command_of(table: Path) -> list[str]:
     if table.parent == made.PAPER:
         script = "benchmarks/paper/all_experiments.py"
         return [script, "--data", "real", "--only", table.stem, "--rst", "docs/validation/paper_tables"]
-    if table.name == "battery.csv":
-        return ["benchmarks/battery.py", "--rst", f"docs/{table.parent.relative_to(made.DOCS)}"]
-    how = ["benchmarks/how_right.py", "--rst", f"docs/{table.parent.relative_to(made.DOCS)}"]
+    script = made.SCRIPTS.get(table.stem, "how_right.py")
+    how = [f"benchmarks/{script}", "--rst", f"docs/{table.parent.relative_to(made.DOCS)}"]
     if table.name in ("hip.csv", "knee.csv"):
         folder = data_folder() if table.name == "hip.csv" else data_folder().with_name("bp3d_knee")
         return [*how, f"--{table.stem}", str(folder)]

@@ -30,15 +30,14 @@ class Made:
         self.report = {"muscles": {self.muscle: {"moment_arms": {}}}}
         rows = self.slope * self.angles[:, None] + np.array([-2.0, 0.0, 2.0])
         self.lengths = {self.muscle: 100.0 + rows}
-        self.fibre_lengths, self.has_moment_arms = {}, True
+        self.fibre_lengths = {}
         self.motion = SimpleNamespace(coordinates={self.coordinate: Coordinate(self.angles, "deg")})
-        self._arms = JointArms(
-            self.coordinate, "deg", "", np.arange(len(rows)), self.angles, rows, rows, None, None
+        arms = JointArms(
+            *(self.coordinate, "deg", "", np.arange(len(rows)), self.angles, np.ones(len(rows))),
+            *(rows, rows, None, None),
         )
         self.report["muscles"][self.muscle]["moment_arms"] = {self.coordinate: {}}
-
-    def moment_arms(self):
-        return {self.muscle: {self.coordinate: self._arms}}
+        self.all_arms = {self.muscle: {self.coordinate: arms}}
 
 
 def test_runs_differ_by_what_they_differ_by():
@@ -66,8 +65,7 @@ def test_both_sides_of_one_run_are_two_runs():
     both.verdicts |= other.verdicts
     both.lengths |= other.lengths
     both.report["muscles"] |= other.report["muscles"]
-    arms = {**both.moment_arms(), **other.moment_arms()}
-    both.moment_arms = lambda: arms
+    both.all_arms |= other.all_arms
     table = vtkmuscle.compare({"walk": both}).table().where(quantity="moment arm, knee angle")
     assert list(table["run"]) == ["walk", "walk, vastus_l"]
     assert table["difference_largest"][1] == pytest.approx(0.2 * 60.0)

@@ -9,7 +9,7 @@ from tiny_scene import write_tiny_scene
 from vtkmuscle import InputError, Scene, phantoms
 from vtkmuscle.core.motion.rigid import apply_transform
 from vtkmuscle.data.arrays import points_of
-from vtkmuscle.plotting import MovingScene, ScenePose, can_render
+from vtkmuscle.plotting import MovingScene, can_render
 from vtkmuscle.run.figures import ResultDisplay
 
 pytestmark = pytest.mark.skipif(can_render() is not None, reason=str(can_render()))
@@ -55,7 +55,7 @@ def test_a_muscle_without_a_frame_is_hidden():
     phantom = phantoms.spindle_over_hinge()
     scene = MovingScene({}, phantom.muscles, {}, off_screen=True, size=(200, 160))
     before = drawn(scene.plotter.screenshot(return_img=True))
-    scene.show(ScenePose())
+    scene.show()
     scene.plotter.render()
     assert before > 0.02
     assert drawn(scene.plotter.screenshot(return_img=True)) == 0.0

@@ -8,7 +8,7 @@ import sys
 import time
 import warnings
 from dataclasses import replace
-from multiprocessing.context import SpawnProcess
+from multiprocessing.process import BaseProcess
 
 import pytest
 from faults import children, results
@@ -36,13 +36,13 @@ def scene(tmp_path_factory):
 def started(monkeypatch):
     """The processes that pools have started."""
     processes = []
-    start = SpawnProcess.start
+    start = BaseProcess.start
 
     def noted(process):
         processes.append(process)
         start(process)
 
-    monkeypatch.setattr(SpawnProcess, "start", noted)
+    monkeypatch.setattr(BaseProcess, "start", noted)
     return processes
 
 

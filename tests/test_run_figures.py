@@ -15,6 +15,7 @@ from vtkmuscle import Scene
 from vtkmuscle.plotting import can_render, drawing
 from vtkmuscle.plotting.drawing import FigureOrder
 from vtkmuscle.run import figures as run_figures
+from vtkmuscle.run import steps as run_steps
 
 
 @pytest.fixture
@@ -112,8 +113,8 @@ def test_a_crash_of_a_process_that_draws_takes_no_run_with_it(renders, pair, tmp
     def deadly(result, name):
         return [FigureOrder(f"crash_{name}", "plot_lengths", {"a": Crash()})]
 
-    monkeypatch.setattr(run_figures, "figures_of_muscle", deadly)
-    monkeypatch.setattr(run_figures, "rest_pose", lambda *_: deadly(None, "")[0])
+    monkeypatch.setattr(run_steps, "rest_pose_of", lambda _: deadly(None, "")[0])
+    monkeypatch.setattr(run_steps, "figures_of_muscle", deadly)
     with pytest.warns(
         UserWarning, match="no figures were drawn; all further results were written: the drawing process"
     ):

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from phantoms import tendon_through_ring
 from tiny_scene import HINGE, MOTION, write_tiny_scene
 
 from vtkmuscle import Result, Scene, SceneError, hinge
@@ -101,15 +102,25 @@ def test_tables_and_report_hold_them(result, out):
     assert [float(row["value"]) for row in summary] == result.times
     for frame, row in enumerate(summary):
         assert float(row["mean_mm"]) == pytest.approx(found.mean[frame])
-        spread = found.arms[frame].std(ddof=1)
-        assert float(row["sampling_error_mm"]) == pytest.approx(spread / np.sqrt(found.arms.shape[1]))
+        assert float(row["error_mm"]) == pytest.approx(found.errors["total"][frame])
+        assert found.errors["model"][frame] >= 0.7 * found.arms[frame].std(ddof=1) > 0.0
         assert float(row["min_mm"]) == pytest.approx(found.arms[frame].min())
         assert float(row["max_mm"]) == pytest.approx(found.arms[frame].max())
     report = json.loads((out / "report.json").read_text())
     mine = report["muscles"]["spindle"]["moment_arms"]["knee"]
     assert mine["mean_mm"] == pytest.approx(found.arms.mean())
+    assert mine["errors"]["model_mm"] == pytest.approx(np.sqrt(np.mean(found.errors["model"] ** 2)))
     assert mine["positive"] == "right-handed about (1, 0, 0)"
     assert "moment_arms" in report["definitions"]
+
+
+def test_means_through_via_rings_have_no_error(tmp_path):
+    scene = replace(Scene.from_phantom(tendon_through_ring(), n_fibres=8), deformer="none")
+    result = scene.run(tmp_path / "out", frames="0:3", figures=False)
+    assert {row["error_mm"] for row in table(tmp_path / "out/moment_arms_summary.csv")} == {""}
+    assert {row["mean_error_mm"] for row in table(tmp_path / "out/lengths.csv")} == {""}
+    assert result.report["muscles"]["muscle"]["errors"]["total_mm"] is None
+    assert ", error \u2013 mm" in (tmp_path / "out/report.html").read_text(encoding="utf-8")
 
 
 def test_the_literature_is_drawn_where_its_coordinate_is_that_of_the_motion(result):

@@ -256,7 +256,7 @@ def test_the_tables_hold_the_result(result, out):
     with (out / "lengths.csv").open(newline="") as lines:
         rows = list(csv.DictReader(lines))
     assert len(rows) == 6 * FRAMES
-    assert list(rows[0]) == ["muscle", "fibre", "frame", "time", "length_mm", "segment_error_mm"]
+    assert list(rows[0]) == ["muscle", "fibre", "frame", "time", "length_mm", "mean_error_mm"]
     for row in rows:
         frame = result.times.index(float(row["time"]))
         assert float(row["length_mm"]) == result.lengths[row["muscle"]][frame, int(row["fibre"])]

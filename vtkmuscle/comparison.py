@@ -199,7 +199,7 @@ def curves_of(result: Result, muscle: str) -> list[Curve]:
         if muscle in lengths:
             times = np.asarray(result.times[: len(lengths[muscle])], dtype=np.float64)
             curves.append(_curve((quantity, _without_side(result.time_label), "mm"), times, lengths[muscle]))
-    arms = result.moment_arms() if result.has_moment_arms else {}
+    arms = result.all_arms
     for name, joint in arms[muscle].items() if muscle in arms else ():
         curves.append(_curve(_arm_labels(name, joint.unit), joint.values, joint.arms))
     return curves

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import BrokenExecutor, ProcessPoolExecutor, as_completed
 from contextlib import contextmanager
 from itertools import product
-from multiprocessing import active_children, get_context
+from multiprocessing import active_children
 from os import PathLike
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -16,6 +16,7 @@ from typing import Any
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.machine import processors
+from vtkmuscle.io.children import child_context
 from vtkmuscle.io.writing import Outputs, locked
 from vtkmuscle.run import Result, frame_numbers
 from vtkmuscle.run.frames import run_options
@@ -178,9 +179,8 @@ def _solved(tasks: Sequence[tuple[Any, ...]], client: Any, workers: int) -> Iter
             yield number, _rows(*task)
         return
     before = active_children()
-    spawned = get_context("spawn")  # a forked process would hang in libraries that have threads
     if client is None:
-        pool = ProcessPoolExecutor(min(workers, len(tasks)), spawned)
+        pool = ProcessPoolExecutor(min(workers, len(tasks)), child_context())
     else:
         pool = client.get_executor(pure=False)
     try:
@@ -242,7 +242,7 @@ def _row(result: Result, name: str, out: Path | None) -> Row:
         for quantity, lengths in (("length", result.lengths), ("fibre_length", result.fibre_lengths))
         if name in lengths
     }
-    arms = result.moment_arms().get(name, {}) if result.has_moment_arms else {}
+    arms = result.all_arms.get(name, {})
     for quantity, mean in (
         means | {f"moment_arm_{axis}": joint.mean for axis, joint in arms.items()}
     ).items():

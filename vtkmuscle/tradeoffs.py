@@ -243,7 +243,7 @@ def _measured(result: Result, limit: Result | None, name: str) -> dict[str, Any]
     times = [row.get("ms", 0.0) + row.get("ms_fibres", 0.0) for row in frames]
     row = {"verdict": muscle["verdict"]["verdict"], "ms": float(np.median(times)) if times else np.nan}
     row |= dict.fromkeys(ERRORS, np.nan)
-    arms = result.moment_arms().get(name, {}) if result.has_moment_arms else {}
+    arms = result.all_arms.get(name, {})
     curves = result.literature.get(name, ())
     off = [
         joint.mean[inside] - np.interp(joint.values[inside], curve.angles, _middle(curve))
@@ -262,7 +262,7 @@ def _measured(result: Result, limit: Result | None, name: str) -> dict[str, Any]
         if name in lengths and name in reference:
             row["length_rms_mm"] = _rms([lengths[name].mean(axis=1) - reference[name].mean(axis=1)])
             break
-    finest = limit.moment_arms().get(name, {}) if limit.has_moment_arms else {}
+    finest = limit.all_arms.get(name, {})
     row["moment_arm_rms_mm"] = _rms([_off(arms[axis], finest[axis]) for axis in arms if axis in finest])
     if result.report["deformer"] != "none":
         row["surface_rms_mm"] = MILLIMETRES[result.units] * _rms(

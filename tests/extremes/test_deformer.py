@@ -95,21 +95,25 @@ def test_stiffness_and_damping(ledger):
     property_()
 
 
-@pytest.mark.parametrize("stiffness", [0.0, 1.0])
-def test_all_stiffnesses_at_an_end(stiffness, ledger):
-    keys = dict.fromkeys(("stiffness", "shape_stiffness", "volume_stiffness"), stiffness)
-    for mode in scenes.PUBLISHED:
-        _, out = run(tube(), bending(20), **keys, **mode)
-        ledger.passed("Settings", f"all stiffnesses {stiffness:g}", STRETCH, figure(out, "EdgeStretchMax"))
+#: Angles and settings.
+SETTINGS = {
+    f"all stiffnesses {end:g}": (
+        (20,),
+        dict.fromkeys(("stiffness", "shape_stiffness", "volume_stiffness"), end),
+    )
+    for end in (0.0, 1.0)
+} | {
+    f"dt {dt:g} s with 9.8 m/s² on all points": ((5, 10), {"dt": dt, "external_force": (0.0, 5.0, -9810.0)})
+    for dt in (1e-6, 1e-3, 1.0, 1e3)
+}
 
 
-@pytest.mark.parametrize("dt", [1e-6, 1e-3, 1.0, 1e3])
-def test_time_steps_with_a_force(dt, ledger):
+@pytest.mark.parametrize("what", SETTINGS)
+def test_settings_at_an_end(what, ledger):
+    angles, keys = SETTINGS[what]
     for mode in scenes.PUBLISHED:
-        _, out = run(tube(), bending(5, 10), dt=dt, external_force=(0.0, 5.0, -9810.0), **mode)
-        ledger.passed(
-            "Settings", f"dt {dt:g} s with 9.8 m/s² on all points", STRETCH, figure(out, "EdgeStretchMax")
-        )
+        _, out = run(tube(), bending(*angles), **keys, **mode)
+        ledger.passed("Settings", what, STRETCH, figure(out, "EdgeStretchMax"))
 
 
 def test_a_force_beyond_all_numbers(ledger):

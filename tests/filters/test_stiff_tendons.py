@@ -89,6 +89,3 @@ def test_a_pipeline_holds_fibres_between_aponeuroses_and_no_others():
     assert np.abs(points_of(tendons.update(time=20.0).output) - moved).max() > 0.1
     from_bone_to_bone = MusclePipeline(*parts, **settings)
     assert from_bone_to_bone.metrics.GetInputAlgorithm(0, 0) is from_bone_to_bone.deformer
-
-
-# -------------------------------------------------------------------- what is refused

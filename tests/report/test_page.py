@@ -11,6 +11,8 @@ from typer.testing import CliRunner
 from vtkmuscle import Result
 from vtkmuscle.cli import app
 from vtkmuscle.report import page_of
+from vtkmuscle.report.curves import curves_of
+from vtkmuscle.report.scene3d import Pack
 
 #: Whatever a browser would load: in attributes of HTML, or in a style.
 LOADS = re.compile(r"""(?:src|href|action)\s*=\s*["']?(?!#|data:)[^"'\s>]+|url\(|@import""")
@@ -80,22 +82,23 @@ def test_of_many_muscles_a_line_is_shown_and_the_numbers_on_demand(run_folder, m
         return [re.findall(r"<summary>(mean length, bone to bone [^<]*)</summary>", card) for card in cards]
 
     _, result = run_folder
-    assert summaries(page_of(result._content())) == [[], []]
-    few = words_of(page_of(result._content()))
+    assert summaries(page_of(result.plain())) == [[], []]
+    few = words_of(page_of(result.plain()))
     monkeypatch.setattr("vtkmuscle.report.page.MANY", 1)
-    many = page_of(result._content())
+    many = page_of(result.plain())
     assert [len(found) for found in summaries(many)] == [1, 1]
     assert set(few.split()) == set(words_of(many).split()), "nothing is lost"
 
 
-def test_errors_of_mean_lengths_are_a_table(run_folder):
+def test_errors_of_means_are_a_table_and_bands(run_folder):
     other = changed(run_folder[1])
-    other.report["muscles"]["spindle"]["errors"] = {
-        "length": {"segment_error_mm": 0.125, "sampling_error_mm": None}
-    }
-    words = " ".join(words_of(page_of(other._content())).split())
-    assert "sampling error [mm] spindle length 0.12 \u2013" in words
-    assert "95 %" not in words
+    sizes = dict.fromkeys(("total_mm", "model_mm", "sampling_mm", "numerical_mm"), 0.125)
+    other.report["muscles"]["spindle"]["errors"] = sizes | {"total_mm": None}
+    words = " ".join(words_of(page_of(other.plain())).split())
+    assert "numerical spindle change of length \u2013 0.12 0.12 0.12" in words
+    spindle = curves_of(other.plain(), Pack())["muscles"][0]
+    low, high = np.array(spindle["lengths"]["held"])
+    assert high - low == pytest.approx(2.0 * other._tracks["spindle"].errors()["total"], abs=0.03)
 
 
 def test_a_muscle_that_failed_on_the_way_shows_the_frames_it_has(run_folder):
@@ -103,10 +106,11 @@ def test_a_muscle_that_failed_on_the_way_shows_the_frames_it_has(run_folder):
     track = copy.copy(result._tracks["spindle"])
     track.report = {**track.report, "frames": track.report["frames"][:2]}
     track.surfaces, track.fibres, track.lengths = track.surfaces[:2], track.fibres[:2], track.lengths[:2]
+    track.segment_errors = track.segment_errors[:2]
     report = copy.deepcopy(dict(result.report))
     report["muscles"]["spindle"]["frames"] = report["muscles"]["spindle"]["frames"][:2]
     other = Result(result.rest_bones(), result.motion, {**result._tracks, "spindle": track}, report)
-    words = " ".join(words_of(page_of(other._content())).split())
+    words = " ".join(words_of(page_of(other.plain())).split())
     assert "frames 2 of 5" in words
 
 
@@ -121,7 +125,7 @@ def test_scenes_without_surfaces_fibres_or_coordinates_have_a_page(case, two_mus
         scene = replace(scene, muscles={n: replace(m, fibres=None) for n, m in scene.muscles.items()})
     if case == "no coordinate":
         scene = replace(scene, motion=replace(scene.motion, coordinates={}))
-    page = page_of(scene.run(frames="0:4")._content())
+    page = page_of(scene.run(frames="0:4").plain())
     assert ('id="show-surfaces"' in page) == (case != "no deformer")
     assert ('id="lengths"' in page) == (case != "no fibres")
     assert ('id="arms"' in page) == (case == "no deformer")

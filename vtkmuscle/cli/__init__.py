@@ -101,6 +101,14 @@ def _options(
     pass
 
 
+def _start_early(options: RunArguments) -> None:
+    """Load the package for several processes while this process loads a scene."""
+    if options.workers != 1:
+        from vtkmuscle.io.children import start_early
+
+        start_early()
+
+
 @command()
 @with_options
 def run(
@@ -110,6 +118,7 @@ def run(
 
     Without --out results go to NAME_out in the working folder; with --muscle to NAME_MUSCLE_out.
     """
+    _start_early(options)
     from vtkmuscle.scenes import Scene
 
     loaded = Scene.load(scene)
@@ -123,6 +132,7 @@ def run(
 def demo(out: OutOption = None, *, options: RunArguments) -> None:
     """Run a phantom hip, and write its scene as a template. Without --out results go to vtkmuscle_demo."""
     folder = out or Path("vtkmuscle_demo")
+    _start_early(options)
     from vtkmuscle import phantoms
     from vtkmuscle.scene.writing import save_unless_there
     from vtkmuscle.scenes import Scene

@@ -81,8 +81,9 @@ def _run_only(scene: Scene, quantity: str, out: Path, options: RunArguments) -> 
     from vtkmuscle.run import run_only
 
     bars = _progress_bars(list(scene.muscles), Console(stderr=True), quiet=options.quiet)
+    settings: dict[str, Any] = {name: getattr(options, name) for name in ("frames", "workers", "overwrite")}
     with one_clear_error(out), bars as progress:
-        run_only(scene, quantity, out, frames=options.frames, overwrite=options.overwrite, progress=progress)
+        run_only(scene, quantity, out, progress=progress, **settings)
 
 
 def _run(scene: Scene, out: Path, options: RunArguments) -> Result:

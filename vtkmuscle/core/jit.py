@@ -108,8 +108,6 @@ def _keep(compiled: Any) -> None:
 
 
 _unusable: set[Path] = set()
-#: Errors of a folder, and of a numba without the undocumented parts that the cache needs.
-UNUSABLE = OSError, AttributeError
 
 
 def _warn_of(folder: Path, error: Exception) -> None:
@@ -141,12 +139,15 @@ class KernelCache:
 
     def load_overload(self, signature: Any, target: Any) -> Any:
         """Return a signature's machine code, None without a usable file."""
-        target.refresh()
         try:
+            numba.core.runtime.rtsys.initialize(target)  # a whole refresh takes 0.35 s, for compiling alone
             content = pickle.loads(self._file(signature, target.codegen()).read_bytes())
             return numba.core.compiler.CompileResult._rebuild(target, *content)
-        except (*UNUSABLE, EOFError, pickle.UnpicklingError):  # missing, unreadable, or cut short
-            return None
+        except AttributeError as error:
+            _warn_of(self._folder.parent, error)
+        except (OSError, EOFError, pickle.UnpicklingError):  # missing, unreadable, or cut short
+            pass
+        return None
 
     def save_overload(self, signature: Any, compiled: Any) -> None:
         """Keep the machine code of a signature; an unwritable file gives a warning."""
@@ -159,7 +160,7 @@ class KernelCache:
             self._make_folder()
             part.write_bytes(content)
             os.replace(part, path)
-        except UNUSABLE as error:
+        except (OSError, AttributeError) as error:  # an unusable folder, or a numba of other parts
             with suppress(OSError):
                 part.unlink()
             _warn_of(self._folder.parent, error)

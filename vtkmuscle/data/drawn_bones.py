@@ -46,6 +46,9 @@ class DrawnBones:
     def __init__(self, bones: vtkMultiBlockDataSet) -> None:
         self._bones = bones
 
+    def __getstate__(self) -> dict[str, dict[str, DrawnBone]]:
+        return {"by_name": self.by_name}
+
     @cached_property
     def by_name(self) -> dict[str, DrawnBone]:
         """The bones by name."""

@@ -3,8 +3,8 @@
 Paths have the point array ``RestPosition`` (3) and the cell arrays ``Lever_COORDINATE``, lever of the pull
 (minus change of length per coordinate), ``Squeezed``, missing room between two bones, and ``Sag``, depth to
 which straight segments cut into bones. Fibres with path data have the cell arrays of the paths,
-``PathLength`` (k,), musculotendon length, and ``PathPoints`` (k, 3 n). Superficial fibres are lines seen on a
-muscle's surface.
+``PathLength`` and ``PathRestLength`` (k,), musculotendon length now and at rest, and ``PathPoints`` (k, 3 n).
+Superficial fibres are lines seen on a muscle's surface.
 """
 
 from __future__ import annotations
@@ -35,9 +35,9 @@ REST_POSITION = "RestPosition"
 #: Cell arrays of paths, and of fibres with path data.
 SQUEEZED, SAG, LEVER = "Squeezed", "Sag", "Lever_"
 #: Cell array of paths, and field arrays; lengths and levers of an unsettled sheet are NaN.
-LENGTH, UNSETTLED, PATH_STEPS = "Length", "Unsettled", "PathSteps"
+LENGTH, REST_LENGTH, UNSETTLED, PATH_STEPS = "Length", "RestLength", "Unsettled", "PathSteps"
 #: Cell arrays of fibres with path data.
-PATH_LENGTH, PATH_POINTS = "PathLength", "PathPoints"
+PATH_LENGTH, PATH_REST, PATH_POINTS = "PathLength", "PathRestLength", "PathPoints"
 
 
 class PathLines(NamedTuple):
@@ -65,24 +65,25 @@ def path_lines_of(data: vtkPolyData, where: str) -> PathLines | None:
 
 
 class Paths(NamedTuple):
-    """The lengths (k,), points (k, n, 3) and levers (k,) of a muscle's paths in a pose.
+    """The lengths and rest lengths (k,), points (k, n, 3) and levers (k,) of a muscle's paths in a pose.
 
     Levers are by coordinate, per radian or millimetre, positive if the pull increases the coordinate.
     """
 
     lengths: Floats
+    rest_lengths: Floats
     points: Floats
     levers: dict[str, Floats]
 
 
 def add_path_arrays(fibres: vtkPolyData, paths: PathLines, where: str) -> None:
-    """Add ``PathLength``, ``PathPoints``, ``Squeezed``, ``Sag`` and levers to fibres, one for each path."""
+    """Add lengths, points, ``Squeezed``, ``Sag`` and levers of paths to fibres, one for each path."""
     count, cells = fibres.GetNumberOfCells(), paths.data.GetCellData()
     if len(paths.points) != count:
         problem = f"there are {len(paths.points)} paths, but {count} fibres"
         raise InputError(where, problem, "connect TautPaths for the same fibres")
-    lengths = cell_array(paths.data, LENGTH, where)
-    arrays = {PATH_LENGTH: lengths, PATH_POINTS: paths.points.reshape(count, -1)}
+    lengths, rest = (cell_array(paths.data, name, where) for name in (LENGTH, REST_LENGTH))
+    arrays = {PATH_LENGTH: lengths, PATH_REST: rest, PATH_POINTS: paths.points.reshape(count, -1)}
     for name in (SQUEEZED, SAG, *names_of(LEVER, cells).values()):
         arrays[name] = cell_array(paths.data, name, where)
     add_arrays(fibres, cells=arrays)
@@ -96,13 +97,13 @@ def paths_of(fibres: vtkPolyData, where: str) -> Paths | None:
         return np.array(cell_array(fibres, name, where))
 
     if data.HasArray(PATH_LENGTH):
-        lengths, points = values(PATH_LENGTH), values(PATH_POINTS)
+        lengths, rest, points = values(PATH_LENGTH), values(PATH_REST), values(PATH_POINTS)
     elif fibres.GetPointData().HasArray(REST_POSITION):
-        lengths, points = values(LENGTH), lines.points
+        lengths, rest, points = values(LENGTH), values(REST_LENGTH), lines.points
     else:
         return None
     levers = {name: values(array) for name, array in names_of(LEVER, data).items()}
-    return Paths(lengths, points.reshape(len(lengths), -1, 3), levers)
+    return Paths(lengths, rest, points.reshape(len(lengths), -1, 3), levers)
 
 
 def levers_over_time(frames: Sequence[Mapping[str, Floats]]) -> dict[str, Floats]:

@@ -60,8 +60,8 @@ class FibreMetrics(Filter):
         the population) [mm]. Architecture: the cell array ``LineAngle`` [degrees] between a fibre's chord
         and the line of action, and the field arrays ``MuscleVolume`` [mm^3], ``LineOfAction`` (3),
         ``CentroidPath`` (21, 3) [mm], ``PCSA`` (volume / mean length) and ``PCSALine`` (its part along the
-        line of action) [mm^2]. Paths: the cell arrays ``PathLength`` [mm], ``PathPoints`` (3 n) [mm],
-        ``Squeezed``, ``Sag`` and ``Lever_COORDINATE`` (:mod:`vtkmuscle.data.paths`).
+        line of action) [mm^2]. Paths: the cell arrays ``PathLength``, ``PathRestLength`` and ``PathPoints``
+        (3 n) [mm], ``Squeezed``, ``Sag`` and ``Lever_COORDINATE`` (:mod:`vtkmuscle.data.paths`).
 
     Raises
     ------

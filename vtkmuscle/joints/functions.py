@@ -8,7 +8,6 @@ from xml.etree import ElementTree
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.interpolate import make_interp_spline
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.types import Floats
@@ -68,7 +67,7 @@ class Knots:
 
     @staticmethod
     def _through(x: Floats, y: Floats) -> Any:
-        return make_interp_spline(x, y, k=1)
+        return _spline(x, y, k=1)
 
     def __call__(self, values: Floats) -> Floats:
         """Return the function at each value."""
@@ -104,10 +103,10 @@ class CubicSpline(Knots):
     @staticmethod
     def _through(x: Floats, y: Floats) -> Any:
         if len(x) == 2:
-            return make_interp_spline(x, y, k=1)
+            return _spline(x, y, k=1)
         ends = (slice(4), slice(-4, None)) if len(x) > 3 else ()
-        thirds = [make_interp_spline(x[end], y[end], k=3)(x[end][0], 3) for end in ends] or [0.0, 0.0]
-        return make_interp_spline(x, y, k=3, bc_type=tuple([(3, third)] for third in thirds))
+        thirds = [_spline(x[end], y[end], k=3)(x[end][0], 3) for end in ends] or [0.0, 0.0]
+        return _spline(x, y, k=3, bc_type=tuple([(3, third)] for third in thirds))
 
 
 @dataclass(frozen=True)
@@ -209,3 +208,9 @@ def function_element(function: CoordinateFunction, **attributes: str) -> Element
         case Knots(x, y):
             kind = "SimmSpline" if isinstance(function, CubicSpline) else "PiecewiseLinearFunction"
             return made(kind, made("x", x), made("y", y), **attributes)
+
+
+def _spline(*knots: Any, **options: Any) -> Any:
+    from scipy.interpolate import make_interp_spline  # noqa: PLC0415 -- scenes without joints need none
+
+    return make_interp_spline(*knots, **options)

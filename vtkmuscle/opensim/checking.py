@@ -194,6 +194,10 @@ def check_model(path: str | PathLike[str]) -> ModelCheck:
     )
 
 
+#: The name in the package itself.
+check = check_model
+
+
 def _worst_first(finding: PathFault) -> tuple[int, float]:
     return KINDS.index(finding.what), -finding.size
 

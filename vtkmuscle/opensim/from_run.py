@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.core.fibres.measures import group_errors, group_fibres
+from vtkmuscle.core.fibres.measures import group_fibres
 from vtkmuscle.core.motion.rigid import inverses
 from vtkmuscle.core.types import Bools, Floats
 from vtkmuscle.io import write_text
@@ -338,6 +338,7 @@ def _exported_group(
     count = int(members.sum())
     arms = run.result.moment_arms()[name]
     units = {each: 1000.0 if tree.coordinate(each).is_angle else 1.0 for each in run.crossed[name]}
+    changes = (lengths - lengths.mean(axis=0))[:, members].T
     mean = lengths[:, members].mean(axis=1) / 1000.0
     mean_arms = {each: arms[each].arms[:, members].mean(axis=1) / unit for each, unit in units.items()}
     path: FunctionPath | PointPath
@@ -363,7 +364,7 @@ def _exported_group(
         name,
         MuscleOut(label, path, properties, export.kind),
         tuple(int(i) for i in np.flatnonzero(members)),
-        rms(group_errors(lengths[:, members], np.zeros(count, dtype=np.int64))),
+        rms(changes - changes.mean(axis=0)),
         1000.0 * (path.lengths(tree, values) - mean),
         {each: (moment_arm(path, tree, values, each) - arm) * units[each] for each, arm in mean_arms.items()},
     )

@@ -7,7 +7,6 @@ from .figures import (
 )
 from .plotters import (
     MovingScene as MovingScene,
-    ScenePose as ScenePose,
     add_time_slider as add_time_slider,
     make_plotter as make_plotter,
     show_time as show_time,

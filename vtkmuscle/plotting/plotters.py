@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
 from itertools import chain
 from typing import TYPE_CHECKING, Any
 
@@ -91,23 +90,7 @@ def make_plotter(
 
 #: Width and height of the picture in pixels.
 SIZE = (1024, 768)
-
-
-@dataclass(frozen=True)
-class ScenePose:
-    """Positions of bones, muscles and fibres at a time.
-
-    Attributes
-    ----------
-    bones : mapping of str to (4, 4) array
-        Rigid transforms of moved bones from rest.
-    muscles, fibres : mapping of str to (n, 3) array
-        Points by muscle; missing muscles are hidden.
-    """
-
-    bones: Mapping[str, Floats] = field(default_factory=dict)
-    muscles: Mapping[str, Floats] = field(default_factory=dict)
-    fibres: Mapping[str, Floats] = field(default_factory=dict)
+_NOTHING: Mapping[str, Floats] = {}
 
 
 class MovingScene:
@@ -138,11 +121,11 @@ class MovingScene:
     Examples
     --------
     >>> from vtkmuscle import phantoms
-    >>> from vtkmuscle.plotting import MovingScene, ScenePose
+    >>> from vtkmuscle.plotting import MovingScene
     >>> phantom = phantoms.spindle_over_hinge()
     >>> scene = MovingScene(phantom.bones, phantom.muscles, {}, off_screen=True)
     >>> transforms = {bone: table[-1] for bone, table in phantom.motion.transforms.items()}
-    >>> scene.show(ScenePose(bones=transforms))
+    >>> scene.show(bones=transforms)
     >>> scene.plotter.close()
     """
 
@@ -172,11 +155,20 @@ class MovingScene:
             self.plotter.add_actor(actor, reset_camera=False, render=False)
         self.look(self.view)
 
-    def show(self, pose: ScenePose) -> None:
-        """Move all actors to a pose, for the next rendering."""
+    def show(
+        self,
+        bones: Mapping[str, Floats] = _NOTHING,
+        muscles: Mapping[str, Floats] = _NOTHING,
+        fibres: Mapping[str, Floats] = _NOTHING,
+    ) -> None:
+        """Move all actors, for the next rendering.
+
+        ``bones`` are rigid transforms (4, 4) from rest by bone; ``muscles`` and ``fibres`` points (n, 3) by
+        muscle. Missing bones stay at rest, missing muscles are hidden.
+        """
         for name, actor in self._bones.items():
-            actor.SetUserMatrix(matrix_of(pose.bones.get(name)))
-        for actors, positions in ((self._muscles, pose.muscles), (self._fibres, pose.fibres)):
+            actor.SetUserMatrix(matrix_of(bones.get(name)))
+        for actors, positions in ((self._muscles, muscles), (self._fibres, fibres)):
             for name, actor in actors.items():
                 actor.SetVisibility(name in positions)
                 if name in positions:

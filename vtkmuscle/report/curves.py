@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
-from typing import Any, NamedTuple
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -13,12 +13,17 @@ from vtkmuscle.core.motion.coordinates import ANGLES
 from vtkmuscle.core.types import Floats
 from vtkmuscle.io.literature import LiteratureCurve, curves_for, drawn
 from vtkmuscle.plotting.views import PALETTE
-from vtkmuscle.report.scene3d import MuscleContent, Pack, RunContent
+from vtkmuscle.report.scene3d import Pack
+
+if TYPE_CHECKING:
+    from vtkmuscle.run.result import Result
 
 #: Single fibres drawn per muscle, at most.
 MOST_FIBRES = 100
 #: Change of a measure, relative to its limit, below which words replace the curve.
 _FLAT = 1e-3
+#: Both sides of an error.
+_BOTH = np.array([[-1.0], [1.0]])
 #: Minus sign of negative numbers.
 MINUS = "\u2212"
 
@@ -69,13 +74,10 @@ MEASURES = (
 )
 
 
-def curves_of(run: RunContent, pack: Pack) -> dict[str, Any]:
+def curves_of(run: Result, pack: Pack) -> dict[str, Any]:
     """Return the curves of a page, ready for JSON. Single fibres are added to the pack."""
     time_name, _, unit = run.time_label.partition(" [")
-    muscles = [
-        _muscle(name, muscle, run.report["muscles"][name]["frames"], colour_of(index), pack)
-        for index, (name, muscle) in enumerate(run.muscles.items())
-    ]
+    muscles = [_muscle(run, name, colour_of(index), pack) for index, name in enumerate(run.muscle_names)]
     shown = [each for each in MEASURES if any(each.key in muscle["checks"] for muscle in muscles)]
     return {
         "times": rounded(run.times),
@@ -108,29 +110,27 @@ def colour_of(index: int) -> str:
     return PALETTE[index % len(PALETTE)]
 
 
-def _muscle(
-    name: str, muscle: MuscleContent, frames: Sequence[Mapping[str, Any]], colour: str, pack: Pack
-) -> dict[str, Any]:
-    checks = {}
+def _muscle(run: Result, name: str, colour: str, pack: Pack) -> dict[str, Any]:
+    checks, frames = {}, run.report["muscles"][name]["frames"]
     for measure in MEASURES:
         column = np.array([row.get(measure.key) for row in frames], dtype=np.float64)  # None is NaN
         if measure.curve and not np.isnan(column).all():
             values = measure(column)
             checks[measure.key] = rounded(np.where(np.abs(values) < 1e-9, 0.0, values))
-    lengths, fibres = muscle.lengths, muscle.fibre_lengths
-    published = {axis: curves_for(muscle.literature, coordinate=axis) for axis in muscle.arms}
+    lengths, fibres, arms = run.lengths.get(name), run.fibre_lengths.get(name), run.all_arms.get(name, {})
+    published = {axis: curves_for(run.literature.get(name, ()), coordinate=axis) for axis in arms}
     return {
         "name": name,
         "label": label_of(name),
         "colour": colour,
-        "lengths": None if lengths is None else _lengths(lengths, pack),
+        "lengths": None if lengths is None else _lengths(lengths, pack, run.track(name).errors()["total"]),
         "fibreLengths": None if fibres is None else _lengths(fibres, pack),
-        "arms": {axis: _arms(arms, published[axis]) for axis, arms in muscle.arms.items()},
+        "arms": {axis: _arms(joint, published[axis]) for axis, joint in arms.items()},
         "checks": checks,
     }
 
 
-def _lengths(lengths: Floats, pack: Pack) -> dict[str, Any]:
+def _lengths(lengths: Floats, pack: Pack, error: Floats | float = np.nan) -> dict[str, Any]:
     lower, upper = np.percentile(lengths, (25.0, 75.0), axis=1)
     count = lengths.shape[1]
     drawn = np.unique(np.linspace(0, count - 1, min(count, MOST_FIBRES)).round().astype(int))
@@ -140,6 +140,7 @@ def _lengths(lengths: Floats, pack: Pack) -> dict[str, Any]:
         "high": rounded(lengths.max(axis=1)),
         "lower": rounded(lower),
         "upper": rounded(upper),
+        "held": rounded(lengths.mean(axis=1) + _BOTH * error),
         "fibres": pack.add(lengths[:, drawn], "f32"),
         "drawn": len(drawn),
     }
@@ -156,6 +157,7 @@ def _arms(arms: JointArms, published: Sequence[LiteratureCurve]) -> dict[str, An
         "high": rounded(arms.arms.max(axis=1)[order]),
         "quartic": None if arms.quartic is None else rounded(arms.quartic.mean(axis=1)[order]),
         "literature": [] if unit is None else published_curves(published, math.pi / 180.0 / unit),
+        "held": rounded((arms.mean + _BOTH * arms.errors["total"])[:, order]),
     }
 
 
@@ -172,10 +174,10 @@ def published_curves(curves: Sequence[LiteratureCurve], per_degree: float = 1.0)
     return published
 
 
-def _coordinates(run: RunContent) -> list[dict[str, Any]]:
+def _coordinates(run: Result) -> list[dict[str, Any]]:
     """Return the coordinates of moment arms, with values."""
     every = run.motion.coordinates
-    coordinates = {name: every[name] for muscle in run.muscles.values() for name in muscle.arms}
+    coordinates = {name: every[name] for arms in run.all_arms.values() for name in arms}
     return [
         {
             "name": name,
@@ -189,9 +191,9 @@ def _coordinates(run: RunContent) -> list[dict[str, Any]]:
     ]
 
 
-def _check(run: RunContent, measure: Measure, limit: tuple[float, float] | None) -> dict[str, Any]:
+def _check(run: Result, measure: Measure, limit: tuple[float, float] | None) -> dict[str, Any]:
     """Return title, limits and words of a measure."""
-    muscles = (run.report["muscles"][name]["frames"] for name in run.muscles)
+    muscles = (run.report["muscles"][name]["frames"] for name in run.muscle_names)
     column = (row.get(measure.key) for frames in muscles for row in frames)
     values = measure(np.array([value for value in column if value is not None], dtype=np.float64))
     check = {"key": measure.key, "label": measure.curve, "flat": None, "look": None, "failed": None}

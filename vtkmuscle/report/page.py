@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from os import PathLike
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from markupsafe import Markup
@@ -13,9 +13,12 @@ from markupsafe import Markup
 from vtkmuscle.core.motion.coordinates import ANGLES
 from vtkmuscle.io.writing import write_text
 from vtkmuscle.report.curves import colour_of, curves_of, label_of
-from vtkmuscle.report.scene3d import Pack, RunContent, scene_of
+from vtkmuscle.report.scene3d import Pack, scene_of
 from vtkmuscle.report.sections import part, rendered
 from vtkmuscle.report.tables import errors_of, number, run_tables_of, settings_of, tables_of
+
+if TYPE_CHECKING:
+    from vtkmuscle.run.result import Result
 
 #: Number of muscles above which the cards are collapsed.
 MANY = 6
@@ -28,14 +31,6 @@ RESTS_ON = {
     "population": "fibres bone to bone, less the tendon of published muscles of this name",
     "estimate": "fibres bone to bone, less an estimated tendon",
 }
-#: Meaning of the page's numbers.
-TRUST = (
-    "The checks test whether a shape is sound: its volume stays constant, its surface stays smooth and "
-    "outside the bones, and its attachments follow the bones. Agreement with this person's muscle depends "
-    "on the segmentation, the attachments and the motion of the scene, and is not tested.",
-    "Lengths and moment arms are measured on the muscle's paths, from bone to bone; a moment arm is the "
-    "lever of a path's pull. Strain, pennation and cross-sectional area are measured on the fibres.",
-)
 #: Parts of the page's program, in loading order.
 _SCRIPTS = (
     *("arrays.js", "webgl.js", "shaders.js", "colours.js", "shapes.js", "camera.js", "viewer.js"),
@@ -43,20 +38,19 @@ _SCRIPTS = (
 )
 
 
-def write_page(path: str | PathLike[str], run: RunContent) -> Path:
+def write_page(path: str | PathLike[str], run: Result) -> Path:
     """Write the page of a run as an .html file. The file needs no external resources."""
     write_text(Path(path), page_of(run))
     return Path(path)
 
 
-def page_of(run: RunContent) -> str:
+def page_of(run: Result) -> str:
     """Return the page of a run as text, see :func:`write_page`."""
     report, pack = run.report, Pack()
     scene = scene_of(run, pack)
     curves = curves_of(run, pack)
-    muscles = [_card(run, number, name) for number, name in enumerate(run.muscles)]
-    lengths = any(muscle.lengths is not None for muscle in run.muscles.values())
-    fibre_lengths = any(muscle.fibre_lengths is not None for muscle in run.muscles.values())
+    muscles = [_card(run, number, name) for number, name in enumerate(run.muscle_names)]
+    lengths, fibre_lengths = bool(run.lengths), bool(run.fibre_lengths)
     return rendered(
         "report.html",
         name=report["scene"],
@@ -73,16 +67,16 @@ def page_of(run: RunContent) -> str:
         f"and the bones {', '.join(bone['name'] for bone in scene['bones'])}.",
         surfaces=report["deformer"] != "none",
         fibres=fibre_lengths,
-        curves=bool(lengths or fibre_lengths or curves["checks"]),
+        curves=lengths or fibre_lengths or bool(curves["checks"]),
         lengths=lengths,
         fibre_lengths=fibre_lengths,
-        arms=any(muscle.arms for muscle in run.muscles.values()),
+        arms=any(run.all_arms.values()),
         checks=curves["checks"],
         coordinates=curves["coordinates"],
         time_label=run.time_label,
         last=len(scene["shown"]) - 1,
         tables=tables_of(report),
-        trust={"words": TRUST, "tables": errors_of(report)},
+        trust=errors_of(report),
         run_tables=run_tables_of(report),
         settings=settings_of(report),
         definitions=list(report["definitions"].items()),
@@ -91,8 +85,8 @@ def page_of(run: RunContent) -> str:
     )
 
 
-def _lead(run: RunContent) -> str:
-    count, frames = len(run.muscles), len(run.frames)
+def _lead(run: Result) -> str:
+    count, frames = len(run.muscle_names), len(run.frames)
     name, _, unit = run.time_label.partition(" [")
     unit = unit.removesuffix("]")
     over = f"{name} {number(run.times[0])} to {number(run.times[-1])} {unit}".strip()
@@ -101,14 +95,14 @@ def _lead(run: RunContent) -> str:
     return f"{count} muscle{'s' * (count > 1)}, {frames} frame{'s' * (frames > 1)}, {over}. {model}."
 
 
-def _summary(run: RunContent) -> str:
+def _summary(run: Result) -> str:
     """Return which muscles can be used."""
     groups = {
-        verdict: [label_of(name) for name in run.muscles if run.verdict(name) == verdict]
+        verdict: [label_of(name) for name, own in run.verdicts.items() if own == verdict]
         for verdict in BADGES
     }
     words = []
-    if len(groups["ok"]) == len(run.muscles):
+    if len(groups["ok"]) == len(run.muscle_names):
         words.append("All checks passed.")
     elif groups["ok"]:
         words.append(f"Passed all checks: {_listed(groups['ok'])}.")
@@ -123,18 +117,22 @@ def _listed(names: list[str]) -> str:
     return ", ".join(names[:-1]) + (" and " if len(names) > 1 else "") + names[-1]
 
 
-def _card(run: RunContent, position: int, name: str) -> dict[str, Any]:
-    muscle, content = run.report["muscles"][name], run.muscles[name]
+def _card(run: Result, position: int, name: str) -> dict[str, Any]:
+    muscle = run.report["muscles"][name]
     facts: list[tuple[str, str, list[str] | None]] = []
-    titles = ("mean length, bone to bone", "mean fibre length")
-    for title, lengths in zip(titles, (content.lengths, content.fibre_lengths), strict=True):
-        if lengths is not None:
-            mean = lengths.mean(axis=1)
+    for title, lengths in (
+        ("mean length, bone to bone", run.lengths),
+        ("mean fibre length", run.fibre_lengths),
+    ):
+        if name in lengths:
+            mean = lengths[name].mean(axis=1)
             facts.append((title, f"{number(mean.min())} to {number(mean.max())} mm", None))
-    for coordinate, arms in content.arms.items():
+    for coordinate, arms in run.all_arms.get(name, {}).items():
         chosen = np.unique([0, len(arms.values) // 2, len(arms.values) - 1])
         means, values = (" / ".join(number(column[i]) for i in chosen) for column in (arms.mean, arms.values))
-        words = f"{means} {'mm' if arms.unit in ANGLES else ''} at {values} {arms.unit}"
+        error = muscle["moment_arms"][coordinate]["errors"]["total_mm"]
+        unit = "mm" if arms.unit in ANGLES else ""
+        words = f"{means} {unit} at {values} {arms.unit}, error {number(error, 2)} {unit}"
         facts.append((f"moment arm, {label_of(coordinate)}", words, [name, coordinate]))
     architecture = muscle.get("architecture") or {}
     if "tendon_from" in architecture:
@@ -150,7 +148,7 @@ def _card(run: RunContent, position: int, name: str) -> dict[str, Any]:
         "name": name,
         "label": label_of(name),
         "colour": colour_of(position),
-        "verdict": run.verdict(name),
+        "verdict": run.verdicts[name],
         "facts": facts,
         "reasons": [{"says": _sentence(reason["says"]), "frame": reason["frame"]} for reason in reasons],
         "remedies": list(dict.fromkeys(_sentence(reason["do"]) for reason in reasons)),

@@ -1,67 +1,22 @@
-"""Content of a run's page, and its scene as packed arrays."""
+"""The scene of a run's page as packed arrays."""
 
 from __future__ import annotations
 
 import base64
 import gzip
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.spatial import cKDTree
-from vtkmodules.vtkCommonDataModel import vtkPolyData
 
-from vtkmuscle.core.moment_arms.of_joints import JointArms
-from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.core.types import Floats, Ints
 from vtkmuscle.data.arrays import points_of, polylines_of, triangles_of
-from vtkmuscle.data.drawn_bones import DrawnBones
 from vtkmuscle.data.isosurface import decimated
-from vtkmuscle.io.literature import LiteratureCurve
 from vtkmuscle.plotting.views import PALETTE, clearest_view, merged
 from vtkmuscle.scene.data import MILLIMETRES
 
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class MuscleContent:
-    """A muscle on a page: its surface at rest, surfaces and fibres in each finished frame, and curves.
-
-    Lengths of paths and of fibres are (f, k) [mm], moment arms by coordinate.
-    """
-
-    rest: vtkPolyData
-    surfaces: Sequence[vtkPolyData] = ()
-    fibres: Sequence[vtkPolyData] = ()
-    lengths: Floats | None = None
-    fibre_lengths: Floats | None = None
-    arms: Mapping[str, JointArms]
-    literature: Sequence[LiteratureCurve] = ()
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class RunContent:
-    """A run on a page: its report, motion, bones at rest, kept frames and their times, and muscles in order.
-
-    ``limits`` are those of the verdicts look and failed, by check.
-    """
-
-    report: Mapping[str, Any]
-    motion: RigidMotion
-    bones: DrawnBones
-    frames: Sequence[int]
-    times: Sequence[float]
-    time_label: str
-    muscles: Mapping[str, MuscleContent]
-    limits: Mapping[str, tuple[float, float]]
-
-    def finished(self, name: str) -> int:
-        """Return the number of finished frames of a muscle."""
-        return len(self.report["muscles"][name]["frames"])
-
-    def verdict(self, name: str) -> str:
-        """Return the verdict on a muscle: ``"ok"``, ``"look"`` or ``"failed"``."""
-        return str(self.report["muscles"][name]["verdict"]["verdict"])
+if TYPE_CHECKING:
+    from vtkmuscle.run.result import Result
 
 
 #: Steps along the longest side of moving points: 0.03 mm for 0.5 m.
@@ -129,7 +84,7 @@ MUSCLE_POINTS, FIBRE_POINTS = 1_000_000, 600_000
 LEAST, MOST = 600, 12_000
 
 
-def scene_of(run: RunContent, pack: Pack) -> dict[str, Any]:
+def scene_of(run: Result, pack: Pack) -> dict[str, Any]:
     """Return the scene of a page, ready for JSON, and add its arrays to the pack.
 
     The scene has bone surfaces at rest and their transforms; muscle points at rest and per frame; and points,
@@ -138,17 +93,17 @@ def scene_of(run: RunContent, pack: Pack) -> dict[str, Any]:
     shown = shown_frames(len(run.frames))
     scale = MILLIMETRES[run.report["units"]]
     surfaces = run.report["deformer"] != "none"
-    count = len(run.muscles)
+    count = len(run.muscle_names)
     budget = MUSCLE_POINTS // max(count * (len(shown) + 1), 1)
     muscles = []
-    for number, (name, muscle) in enumerate(run.muscles.items()):
+    for number, name in enumerate(run.muscle_names):
         done = [i for i in shown if i < run.finished(name)]
         muscles.append(
             {
                 "name": name,
                 "colour": PALETTE[number % len(PALETTE)],
-                "surface": _muscle(name, muscle, done, 2 * budget, pack) if surfaces else None,
-                "fibres": _fibres(name, muscle, done, FIBRE_POINTS // count, scale, pack),
+                "surface": _muscle(run, name, done, 2 * budget, pack) if surfaces else None,
+                "fibres": _fibres(run, name, done, FIBRE_POINTS // count, scale, pack),
             }
         )
     return {
@@ -166,7 +121,7 @@ def shown_frames(count: int) -> list[int]:
     return [int(position) for position in np.unique(positions)]
 
 
-def _bones(run: RunContent, shown: list[int], pack: Pack) -> list[dict[str, Any]]:
+def _bones(run: Result, shown: list[int], pack: Pack) -> list[dict[str, Any]]:
     frames = [run.frames[i] for i in shown]
     return [
         {
@@ -176,7 +131,7 @@ def _bones(run: RunContent, shown: list[int], pack: Pack) -> list[dict[str, Any]
             "triangles": _indices(bone.triangles, len(bone.points), pack),
             "transforms": _rows(run.motion.transforms.get(name), frames),
         }
-        for name, bone in run.bones.by_name.items()
+        for name, bone in run.drawn_bones.by_name.items()
     ]
 
 
@@ -187,16 +142,14 @@ def _rows(transforms: Floats | None, frames: list[int]) -> list[float] | None:
     return [round(float(value), 7) for value in transforms[frames][:, :3].ravel()]
 
 
-def _muscle(
-    name: str, muscle: MuscleContent, done: list[int], target: int, pack: Pack
-) -> dict[str, Any] | None:
-    rest = muscle.rest
+def _muscle(run: Result, name: str, done: list[int], target: int, pack: Pack) -> dict[str, Any] | None:
+    rest, surfaces = run.rest_muscle(name), run.track(name).surfaces
     points, triangles = points_of(rest), triangles_of(rest, name)
     chosen = np.arange(len(points))
     target = min(max(target, LEAST), MOST)
     if len(triangles) > target:
         chosen, triangles = _thinned(points, triangles, target)
-    moved = [points[chosen], *(points_of(muscle.surfaces[i])[chosen] for i in done)]
+    moved = [points[chosen], *(points_of(surfaces[i])[chosen] for i in done)]
     return {
         "points": pack.add_moving(np.array(moved)),
         "triangles": _indices(triangles, len(chosen), pack),
@@ -214,11 +167,12 @@ def _thinned(points: Floats, triangles: Ints, target: int) -> tuple[Ints, Ints]:
 
 
 def _fibres(
-    name: str, muscle: MuscleContent, done: list[int], budget: int, scale: float, pack: Pack
+    run: Result, name: str, done: list[int], budget: int, scale: float, pack: Pack
 ) -> dict[str, Any] | None:
-    if muscle.fibre_lengths is None or not done:
+    lengths, fibres = run.fibre_lengths.get(name), run.track(name).fibres
+    if lengths is None or not done:
         return None
-    first = polylines_of(muscle.fibres[done[0]], name)
+    first = polylines_of(fibres[done[0]], name)
     count = len(first.offsets) - 1
     every = max(1, -(-len(first.points) * len(done) // max(budget, 1)))
     chosen = np.arange(0, count, every)
@@ -226,7 +180,7 @@ def _fibres(
     sizes = np.diff(first.offsets)[chosen]
     points: list[Floats] = []
     measures: dict[str, list[Floats]] = {"strain": [], "depth": []}
-    for lines in (muscle.fibres[i] for i in done):
+    for lines in (fibres[i] for i in done):
         points.append(points_of(lines)[ids])
         for key, array, factor in (("strain", "Strain", 100.0), ("depth", "Penetration", scale)):
             values = lines.GetCellData().GetArray(array)
@@ -236,15 +190,15 @@ def _fibres(
         "sizes": pack.add(sizes, "u16"),
         "count": len(chosen),
         "all": count,
-        "length": pack.add(muscle.fibre_lengths[done][:, chosen], "f32"),
+        "length": pack.add(lengths[done][:, chosen], "f32"),
         **{key: pack.add(rows, "f32") for key, rows in measures.items() if len(rows) == len(done)},
     }
 
 
-def _view(run: RunContent) -> dict[str, Any]:
+def _view(run: Result) -> dict[str, Any]:
     """Return the view with the largest visible muscle area."""
-    muscles = merged(muscle.rest for muscle in run.muscles.values())
-    view = clearest_view([muscles], [run.bones.spread()])
+    muscles = merged(map(run.rest_muscle, run.muscle_names))
+    view = clearest_view([muscles], [run.drawn_bones.spread()])
     return {"towards": [float(value) for value in view.direction]}
 
 

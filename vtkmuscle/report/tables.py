@@ -59,20 +59,20 @@ def tables_of(report: Mapping[str, Any]) -> list[Section]:
 
 
 def errors_of(report: Mapping[str, Any]) -> list[Section]:
-    """Return tables of length errors and omitted checks."""
+    """Return tables of errors and omitted checks."""
     muscles = report["muscles"]
-    rows: list[tuple[str, ...]] = [("muscle", "mean of", "segment error [mm]", "sampling error [mm]")]
-    rows += [
-        (label_of(name), label_of(quantity), *(number(error, 2) for error in errors.values()))
-        for name, muscle in muscles.items()
-        for quantity, errors in muscle.get("errors", {}).items()
-    ]
-    note = (
-        "Segment error: bound on the length lost by straight segments. Sampling error: standard deviation "
-        "over the fibres / sqrt(number of fibres). Root mean squares over the frames."
-    )
+    rows: list[tuple[str, ...]] = [("muscle", "mean", "error (95 %)", "model", "sampling", "numerical")]
+    for name, muscle in muscles.items():
+        errors = {"change of length": muscle.get("errors")} | {
+            f"moment arm, {label_of(coordinate)}": arms["errors"]
+            for coordinate, arms in (muscle.get("moment_arms") or {}).items()
+        }
+        for quantity, sizes in errors.items():
+            if sizes:
+                rows.append((label_of(name), quantity, *(number(size, 2) for size in sizes.values())))
     checks = {name: muscle.get("verdict", {}).get("not_checked", {}) for name, muscle in muscles.items()}
-    sheets = (Section("Errors of mean lengths", note, rows), _reasons("Not checked", "check", checks))
+    means = Section("Errors of means over the paths [mm]", report["definitions"]["errors"], rows)
+    sheets = means, _reasons("Not checked", "check", checks)
     return [sheet for sheet in sheets if len(sheet.rows) > 1]
 
 
@@ -132,28 +132,36 @@ def _architecture(muscles: Mapping[str, Any]) -> Section:
         whole, spreads = wholes[name], measures[name]
         if not (whole or count):
             continue
-        cells = [number(_mean(whole[key]) * scale) if key in whole else DASH for key, _, scale in columns]
-        for key, _, scale in of_fibres:
-            row = spreads.get(key)
-            cells.append(f"{number(row['mean'] * scale)} ± {number(row['sd'] * scale, 2)}" if row else DASH)
+        of_muscle = (whole, columns), (spreads, of_fibres)
+        cells = [_ranged(found, key, scale) for found, listed in of_muscle for key, _, scale in listed]
         rows.append((label_of(name), str(count or DASH), *cells))
-    note = "The muscle at rest; fibre lengths, pennation and tortuosity in the first frame, mean ± standard "
-    return Section("Architecture", f"{note}deviation over the fibres.", rows)
+    note = "At rest; fibres in the first frame. In brackets: range over the fibres, or of the estimate."
+    return Section("Architecture", note, rows)
 
 
-def _mean(value: Any) -> float:
-    return float(value["mean"]) if isinstance(value, Mapping) else float(value)
+def _ranged(measures: Mapping[str, Any], key: str, scale: float) -> str:
+    """Return a measure, or its mean, and its range as text."""
+    found, ends = measures.get(key), measures.get(key.replace("_mm", "_range_mm"))
+    if isinstance(found, Mapping):
+        found, ends = found["mean"], ends or [found["min"], found["max"]]
+    sides = ends if isinstance(ends, list) else []
+    text, *sides = [number(each and each * scale) for each in (found, *sides)]
+    return f"{text} ({' to '.join(sides)})" if len({*sides}) > 1 else text
 
 
 def _moment_arms(muscles: Mapping[str, Any]) -> Section:
-    ends = ("mean", "least", "largest", "sampling error", "difference from -dl/dq", "residual of a quartic")
-    rows: list[tuple[str, ...]] = [("muscle", "coordinate", "range", *ends)]
+    ends = ("error of the mean (95 %)", "difference from -dl/dq", "residual of a quartic")
+    rows: list[tuple[str, ...]] = [("muscle", "coordinate", "range", "mean", "least", "largest", *ends)]
     for name, muscle in muscles.items():
         for coordinate, arms in (muscle.get("moment_arms") or {}).items():
             low, high = map(number, arms["values"])
-            errors = ("sampling_error_mm", "slope_difference_mm", "quartic_residual_mean_mm")
             sizes = [number(arms[key]) for key in ("mean_mm", "min_mm", "max_mm")]
-            sizes += [number(arms.get(key), 2) for key in errors]
+            errors = (
+                arms["errors"]["total_mm"],
+                arms["slope_difference_mm"],
+                arms["quartic_residual_mean_mm"],
+            )
+            sizes += [number(error, 2) for error in errors]
             names = (label_of(name), f"{label_of(coordinate)} [{arms['unit']}]", f"{low} to {high}")
             rows.append((*names, *sizes))
     note = (

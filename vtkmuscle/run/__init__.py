@@ -5,9 +5,8 @@ Every muscle is measured over the motion.
 
 from vtkmuscle.run.frames import RunOptions, frame_numbers
 from vtkmuscle.run.muscles import muscle_pipeline
-from vtkmuscle.run.only import ONLY, run_only
 from vtkmuscle.run.result import Result
-from vtkmuscle.run.steps import run_scene
+from vtkmuscle.run.steps import ONLY, run_only, run_scene
 from vtkmuscle.run.table import MomentArmTable, Table
 
 __all__ = [

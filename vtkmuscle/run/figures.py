@@ -5,15 +5,16 @@ from __future__ import annotations
 import math
 import time
 import warnings
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
+from concurrent.futures import Future
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import closing
+from contextlib import closing, suppress
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
-from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle import plotting
 from vtkmuscle.core.errors import InputError
@@ -34,36 +35,44 @@ if TYPE_CHECKING:
 FORMS = ("png", "pdf", "svg")
 
 
-def draw_run(
-    result: Result, folder: Path, pool: Pool | None, meanwhile: Callable[[], None]
-) -> tuple[dict[str, Any], float]:
-    """Draw the figures of a run into a folder.
+class Drawing:
+    """The figures of a run in a folder; the processes of a pool draw them while muscles are solved."""
 
-    Returns the report entry of the figures and the drawing time [s]. The processes of a pool draw while this
-    process calls ``meanwhile``. A UserWarning gives the reason of missing figures; an OSError is raised if a
-    file cannot be written.
-    """
-    reason = can_render()
-    orders = figures_of(result.plain()) if reason is None else []
-    jobs = [] if pool is None else [pool.draw(order, folder) for order in orders]
-    meanwhile()
-    written, seconds = [], 0.0
-    try:
-        for job, order in zip(jobs, orders, strict=pool is not None):
-            seconds += job.result()
-            written.append(f"{order.name}.png")
-    except BrokenProcessPool:
-        reason = "the drawing process ended early"
-    if pool is None and orders:
-        before = time.perf_counter()
-        written = [path.name for path in _drawn(orders, folder, result.drawn_bones)]
-        seconds = time.perf_counter() - before
-    entry: dict[str, Any] = {"written": sorted(written)}
-    if reason is None:
-        return entry, seconds
-    what = "no figures were drawn" if not written else "not all figures were drawn"
-    warnings.warn(f"{what}; all further results were written: {reason}", stacklevel=5)
-    return entry | {"reason": reason}, seconds
+    def __init__(self, folder: Path, pool: Pool | None, bones: DrawnBones) -> None:
+        self._folder, self._pool, self._bones, self._orders = folder, pool, bones, list[FigureOrder]()
+        self._jobs: list[Future[float]] = []
+
+    def add(self, orders: list[FigureOrder]) -> None:
+        """Add figures, unless no picture can be rendered here."""
+        if can_render() is not None:
+            return
+        self._orders += orders
+        if self._pool is not None:
+            with suppress(BrokenProcessPool):  # the earlier figures tell
+                self._jobs += [self._pool.draw(order, self._folder, self._bones) for order in orders]
+
+    def finish(self) -> tuple[dict[str, Any], float]:
+        """Return the report entry of the figures and the drawing time [s].
+
+        A UserWarning gives the reason of missing figures; an OSError is raised if a file cannot be written.
+        """
+        reason, written, seconds = can_render(), list[str](), 0.0
+        try:
+            for job, order in zip(self._jobs, self._orders, strict=False):
+                seconds += job.result()
+                written.append(f"{order.name}.png")
+        except BrokenProcessPool:
+            reason = "the drawing process ended early"
+        if self._pool is None and self._orders:
+            before = time.perf_counter()
+            written = [path.name for path in _drawn(self._orders, self._folder, self._bones)]
+            seconds = time.perf_counter() - before
+        entry: dict[str, Any] = {"written": sorted(written)}
+        if reason is None:
+            return entry, seconds
+        what = "no figures were drawn" if not written else "not all figures were drawn"
+        warnings.warn(f"{what}; all further results were written: {reason}", stacklevel=5)
+        return entry | {"reason": reason}, seconds
 
 
 def write_figures(folder: str | Path, result: Result, *, form: str = "png", dpi: float = 150.0) -> list[Path]:
@@ -94,21 +103,19 @@ def _drawn(
 
 def figures_of(result: Result) -> list[FigureOrder]:
     """Return all figures of a run."""
+    every = (figures_of_muscle(result, name) for name in result.muscle_names)
+    return [rest_pose_of(result), *chain.from_iterable(every)]
+
+
+def rest_pose_of(result: Result) -> FigureOrder:
+    """Return the figure of a result's muscles at rest, with fixed points."""
     at_rest = {name: result.rest_muscle(name) for name in result.muscle_names}
-    figures = [rest_pose(result.name, result.units, at_rest)]
-    for name in result.muscle_names:
-        figures += figures_of_muscle(result, name)
-    return figures + _moment_arms(result)
-
-
-def rest_pose(scene: str, units: str, muscles: Mapping[str, vtkPolyData]) -> FigureOrder:
-    """Return the figure of a scene at rest. Muscles with fixed points."""
-    given = {"muscles": dict(muscles), "title": f"{scene}: fixed points at rest", "units": units}
+    given = {"muscles": at_rest, "title": f"{result.name}: fixed points at rest", "units": result.units}
     return FigureOrder("rest_pose", "plot_rest_pose", given, rendered=True)
 
 
 def figures_of_muscle(result: Result, name: str) -> list[FigureOrder]:
-    """Return the frame and length figures of a muscle. Empty for a muscle without frames."""
+    """Return the figures of a muscle: frames, lengths and moment arms. Empty for a muscle without frames."""
     if not result.finished(name):
         return []
     figures = [FigureOrder(f"{name}_frames", "plot_muscle", _frames(result, name), rendered=True)]
@@ -121,21 +128,15 @@ def figures_of_muscle(result: Result, name: str) -> list[FigureOrder]:
             words = {"of": of, "title": _title(name), "time_label": result.time_label}
             given = {"times": times, "lengths": known[name], **words}
             figures.append(FigureOrder(f"{name}_{suffix}", "plot_lengths", given))
-    return figures
-
-
-def _moment_arms(result: Result) -> list[FigureOrder]:
-    """Return each muscle's figure of moment arms. The moment arms need all muscles."""
-    figures = []
-    for name, arms in (result.moment_arms() if result.has_moment_arms else {}).items():
-        if result.finished(name):
-            given = {
-                "arms": dict(arms),
-                "rest": MuscleFrame(result.rest_muscle(name), {}, result.rest_fibres(name), _title(name)),
-                "literature": tuple(result.literature.get(name, ())),
-                "units": result.units,
-            }
-            figures.append(FigureOrder(f"{name}_moment_arms", "plot_moment_arms", given, rendered=True))
+    arms = result.all_arms
+    if name in arms:
+        given = {
+            "arms": dict(arms[name]),
+            "rest": MuscleFrame(result.rest_muscle(name), {}, result.rest_fibres(name), _title(name)),
+            "literature": tuple(result.literature.get(name, ())),
+            "units": result.units,
+        }
+        figures.append(FigureOrder(f"{name}_moment_arms", "plot_moment_arms", given, rendered=True))
     return figures
 
 
@@ -249,11 +250,9 @@ class ResultDisplay:
         there = [name for name in self._names if position < result.finished(name)]
         moving = result.motion.transforms
         self.scene.show(
-            plotting.ScenePose(
-                {bone: table[frame] for bone, table in moving.items()},
-                {n: points_of(result.muscle(n, frame=frame)) for n in there} if self._volumes else {},
-                {n: points_of(result.fibres(n, frame=frame)) for n in there if n in self._fibres},
-            )
+            {bone: table[frame] for bone, table in moving.items()},
+            {n: points_of(result.muscle(n, frame=frame)) for n in there} if self._volumes else {},
+            {n: points_of(result.fibres(n, frame=frame)) for n in there if n in self._fibres},
         )
 
     def pictures(self) -> Iterator[NDArray[np.uint8]]:

@@ -12,11 +12,10 @@ import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.core.fibres.measures import root_mean_square, sampling_errors, segment_errors
+from vtkmuscle.core.fibres.measures import mean_errors, segment_errors
 from vtkmuscle.core.types import Floats
 from vtkmuscle.core.words import suggestion
-from vtkmuscle.data.arrays import polylines_of
-from vtkmuscle.data.paths import PATH_LENGTH, levers_over_time, paths_of
+from vtkmuscle.data.paths import levers_over_time, paths_of
 from vtkmuscle.io.fibre_table import fibre_columns
 from vtkmuscle.io.surfaces import read_own_polydata, read_polydata
 from vtkmuscle.run.report_values import FIBRE_MEASURES
@@ -191,10 +190,6 @@ class Frames(Sequence[vtkPolyData]):
         return [frame for frame in self._frames if isinstance(frame, WrittenFile)]
 
 
-#: Cell arrays of fibres that are kept of every frame.
-_COLUMNS = {*FIBRE_MEASURES, PATH_LENGTH}
-
-
 class FibreNumbers(NamedTuple):
     """Measures (k,) of the fibres in a frame, and levers of the paths by coordinate, None without paths."""
 
@@ -205,7 +200,7 @@ class FibreNumbers(NamedTuple):
     def of(cls, fibres: vtkPolyData) -> Self:
         """Return the fibre numbers of a frame."""
         paths = paths_of(fibres, "fibres")
-        columns = {name: one for name, one in fibre_columns(fibres).items() if name in _COLUMNS}
+        columns = {name: one for name, one in fibre_columns(fibres).items() if name in FIBRE_MEASURES}
         return cls(columns, None if paths is None else paths.levers)
 
 
@@ -214,9 +209,10 @@ class MuscleTrack:
     """The finished frames of one muscle.
 
     ``rest`` has the point array ``FixedTo``; ``surfaces`` are empty without a deformer, ``fibres`` where a
-    muscle has none. Lengths of paths and of fibres are (k,) per frame [mm], with segment errors; a muscle on
-    a single bone has no paths. ``report`` is the muscle's part of the report, JSON-able, and ``failure`` the
-    frame and time of a failure, and the reason.
+    muscle has none. Lengths of paths and of fibres are (k,) per frame [mm], ``rest_lengths`` (k,) those of
+    paths at rest, ``segment_errors`` those of mean path lengths; a muscle on a single bone has no paths.
+    ``report`` is the muscle's part of the report, JSON-able, and ``failure`` the frame and time of a failure,
+    and the reason.
     """
 
     rest: vtkPolyData | None = None
@@ -225,8 +221,8 @@ class MuscleTrack:
     fibres: Frames = field(default_factory=Frames)
     lengths: list[Floats] = field(default_factory=list)
     fibre_lengths: list[Floats] = field(default_factory=list)
-    length_errors: list[Floats] = field(default_factory=list)
-    fibre_length_errors: list[Floats] = field(default_factory=list)
+    rest_lengths: Floats = field(default_factory=lambda: np.zeros(0))
+    segment_errors: list[float] = field(default_factory=list)
     report: dict[str, Any] = field(default_factory=dict)
     failure: tuple[int, float, Exception] | None = None
     _numbers: list[FibreNumbers] = field(default_factory=list)
@@ -242,30 +238,25 @@ class MuscleTrack:
         """Return the levers (f, k) of the paths by coordinate. NaN in frames with unknown levers."""
         return levers_over_time([one.levers for one in self.numbers if one.levers is not None])
 
-    def errors(self) -> dict[str, dict[str, float | None]]:
-        """Return segment and sampling errors of mean lengths. Root mean squares over the frames."""
-        measured = {
-            "length": (self.lengths, self.length_errors),
-            "fibre_length": (self.fibre_lengths, self.fibre_length_errors),
-        }
-        return {
-            quantity: {
-                "segment_error_mm": root_mean_square(np.mean(errors, axis=1)),
-                "sampling_error_mm": root_mean_square(sampling_errors(np.array(lengths))),
-            }
-            for quantity, (lengths, errors) in measured.items()
-            if lengths
-        }
+    @property
+    def ratios(self) -> Floats:
+        """Mean path lengths (f,) relative to rest; NaN with via rings: their means have no error."""
+        known = np.nan if self.report.get("via_rings") else 1.0
+        return np.asarray(known * np.mean(self.lengths, axis=1) / self.rest_lengths.mean())
+
+    def errors(self) -> dict[str, Floats]:
+        """Return the errors (f,) of the mean change of path length since rest [mm], and their parts."""
+        if not self.lengths:
+            return {}
+        changes = np.array(self.lengths) - self.rest_lengths
+        return mean_errors(changes, self.ratios, np.array(self.segment_errors))
 
     def add_lengths(self, fibres: vtkPolyData, millimetres: float) -> None:
         """Add the fibre and path lengths of a frame. The numbers of the fibres are added too."""
         numbers = FibreNumbers.of(fibres)
         self._numbers.append(numbers)
-        lines, paths = polylines_of(fibres, "fibres"), paths_of(fibres, "fibres")
         self.fibre_lengths.append(numbers.columns["Length"] * millimetres)
-        self.fibre_length_errors.append(segment_errors(lines.points, lines.offsets) * millimetres)
-        if paths is not None:
-            k, n, _ = paths.points.shape
-            offsets = n * np.arange(k + 1)
+        if (paths := paths_of(fibres, "fibres")) is not None:
             self.lengths.append(paths.lengths * millimetres)
-            self.length_errors.append(segment_errors(paths.points.reshape(-1, 3), offsets) * millimetres)
+            self.rest_lengths = paths.rest_lengths * millimetres
+            self.segment_errors.append(float(segment_errors(paths.points).mean()) * millimetres)

@@ -6,7 +6,8 @@ import threading
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -27,7 +28,7 @@ from vtkmuscle.data.arrays import (
     with_points,
 )
 from vtkmuscle.data.attachments import VIA
-from vtkmuscle.data.paths import PATH_STEPS, SAG, SQUEEZED, UNSETTLED, paths_of
+from vtkmuscle.data.paths import PATH_STEPS, SAG, SQUEEZED, UNSETTLED, path_lines_of, paths_of
 from vtkmuscle.filters.base.algorithm import AbortedError
 from vtkmuscle.filters.base.filter import Filter
 from vtkmuscle.filters.base.running import upstream
@@ -40,22 +41,29 @@ from vtkmuscle.run.measure import MuscleMeasure
 from vtkmuscle.run.report_values import architecture_of, fibres_at_rest, measures_of_fibres
 from vtkmuscle.run.store.writing import ResultWriter
 from vtkmuscle.run.verdict import FibreHistory, judge
-from vtkmuscle.scene.data import SceneData
+from vtkmuscle.scene.data import Anatomy, SceneData
 
 
 @dataclass(frozen=True, eq=False)
 class SceneRun:
     """The data shared by the muscles of a run.
 
-    ``numbers`` are the kept frames, ``bones`` the bones with an inside, at rest; ``stop`` ends the run early.
+    ``numbers`` are the kept frames; ``stop`` ends the run early, and files are written once ``checked`` is
+    set. ``only`` is the single computed output, None for all.
     """
 
     scene: SceneData
     numbers: range
-    bones: Mapping[str, Bone]
     store: ResultWriter | None
     options: RunOptions
-    stop: threading.Event
+    only: str | None = None
+    stop: threading.Event = field(default_factory=threading.Event)
+    checked: Any = field(default_factory=threading.Event)
+
+    @cached_property
+    def bones(self) -> Mapping[str, Bone]:
+        """The bones with an inside, at rest."""
+        return Anatomy.of(self.scene).solid_bones
 
     def report_progress(self, muscle: str, stage: str, fraction: float) -> None:
         """Call the observer of the progress."""
@@ -81,6 +89,9 @@ class MuscleRun:
 
     def go(self) -> None:
         """Run all stages; a stopped run raises an AbortedError and keeps its complete frames."""
+        if self.run.only is not None:
+            self._compute_only(self.run.only)
+            return
         scene, track, last = self.scene, self.track, self.run.numbers[-1] + 1
         neighbours = self._deformers() if scene.muscle_contact == "on" else None
         pipeline = muscle_pipeline(scene, self.name, neighbours=neighbours)
@@ -99,10 +110,12 @@ class MuscleRun:
             **measure.at_rest(),
             "estimated_attachments": sum(area.estimated for area in areas),
             "attachment_confidence": min(confidence, default=None),
+            "via_rings": sum(area.role == VIA for area in areas),
         }
         if pipeline.fibres is not None:
             self._fill(rest, pipeline.fibres, measure)
         track.report |= {"parameters": self._parameters(pipeline), "frames": []}
+        self.run.checked.wait()
         for number in self.run.numbers:
             self._report_progress("pulling paths" if self.deformer is None else "deforming", number / last)
             self._compute(number, pipeline, measure)
@@ -114,6 +127,29 @@ class MuscleRun:
                 self.run.store.finish(self.name, track)
         if scene.muscle_contact == "off":
             self.deformer = None  # no later muscle asks it for its frames
+        self._report_progress("done", 1.0)
+
+    def _compute_only(self, output: str) -> None:
+        """Compute the lengths, moment arms or surfaces of all frames alone."""
+        pipeline, track, last = muscle_pipeline(self.scene, self.name), self.track, self.run.numbers[-1] + 1
+        taut, deformer, areas = (
+            pipeline.taut_paths,
+            pipeline.deformer,
+            self.scene.muscles[self.name].attachments,
+        )
+        track.report |= {"frames": [], "via_rings": sum(area.role == VIA for area in areas)}
+        if taut is not None:
+            taut.levers = output == "moment_arms"
+        for number in self.run.numbers:
+            self._report_progress("pulling paths" if deformer is None else "deforming", number / last)
+            now = float(self.scene.motion.times[number])
+            if deformer is not None:
+                track.surfaces.append(shallow_copy(deformer.update(time=now).output))
+                continue
+            paths = None if taut is None else path_lines_of(taut.update(time=now).output, self.name)
+            if paths is None:
+                raise InputError(f"muscles.{self.name}", "the muscle has no paths", "add fibres")
+            track.add_lengths(paths.data, self.scene.millimetres)
         self._report_progress("done", 1.0)
 
     def _parameters(self, pipeline: MusclePipeline) -> dict[str, Any]:

@@ -10,24 +10,24 @@ import pickle
 import signal
 import time
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from concurrent.futures import Future, ProcessPoolExecutor
-from contextlib import ExitStack, contextmanager
-from multiprocessing import active_children, get_context, parent_process
+from contextlib import ExitStack
+from multiprocessing import active_children, parent_process
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from threading import Event, Thread
+from threading import Thread
 from typing import TYPE_CHECKING, Any, Self
 
 from vtkmuscle.core.machine import is_python, processors
 from vtkmuscle.core.mesh.shared import keep_shared
 from vtkmuscle.data.arrays import points_of, with_points
 from vtkmuscle.data.drawn_bones import DrawnBones
+from vtkmuscle.io.children import child_context, interrupts_blocked
 from vtkmuscle.plotting.drawing import FigureOrder
 from vtkmuscle.run.frames import Frames, MuscleTrack, RunOptions
 from vtkmuscle.run.muscles import MuscleRun, SceneRun
-from vtkmuscle.run.store.writing import ResultWriter
-from vtkmuscle.scene.data import Anatomy, SceneData
+from vtkmuscle.scene.data import SceneData
 
 if TYPE_CHECKING:
     from vtkmuscle.plotting.studio import Studio
@@ -48,30 +48,26 @@ def pool_size(scene: SceneData, workers: int | None) -> int:
 
 
 class Pool:
-    """Processes that solve muscles and draw figures, until the end of the pool's context.
+    """Processes that solve muscles, and others that draw, until the end of the pool's context.
 
-    At most ``size`` processes, each started on demand. ``clock`` is a function of a module [s]; without a
-    ``store`` frames stay in memory.
+    At most ``size`` of each, started on demand: a driver that ends a drawing process ends no muscle. Muscles
+    of a run with a store are written once ``checked`` is set.
     """
 
-    def __init__(
-        self,
-        size: int,
-        scene: SceneData,
-        numbers: range,
-        clock: Callable[[], float],
-        store: ResultWriter | None,
-    ) -> None:
+    def __init__(self, size: int, run: SceneRun) -> None:
         # VTK's data sets are pickled by this module of VTK. ParaView's VTK lacks it, and uses no pool.
         import vtkmodules.util.pickle_support  # noqa: F401, PLC0415
 
-        context = get_context("spawn")
+        context = child_context()
         self._messages, self._before = context.SimpleQueue(), active_children()
+        self.checked = context.Event()
         self._warned: dict[Any, Any] = {}
         # What is large goes through files: a pipe that nobody reads any more would be written to for ever.
         self._files = TemporaryDirectory()
-        given = self._file("scene", (scene, numbers, clock, store))
-        self._executor = ProcessPoolExecutor(size, context, _begin, (given, self._messages))
+        given = self._file("run", (run.scene, run.numbers, run.store, run.options.clock, run.only))
+        self._bones = Path(self._files.name, "bones")
+        self._solvers = ProcessPoolExecutor(size, context, _begin, (given, self._messages, self.checked))
+        self._drawers = ProcessPoolExecutor(size, context, _begin_drawing, (self._bones, self._messages))
 
     def __enter__(self) -> Self:
         return self
@@ -79,18 +75,21 @@ class Pool:
     def __exit__(self, *_: object) -> None:
         for process in set(active_children()).difference(self._before):
             process.kill()
-        self._executor.shutdown(cancel_futures=True)
+        self._solvers.shutdown(cancel_futures=True)
+        self._drawers.shutdown(cancel_futures=True)
         self._files.cleanup()
 
     def solve(self, muscle: str) -> Future[Path]:
         """Solve a muscle in the next free process; the result is for :func:`track_in`."""
-        with _interrupts_blocked():
-            return self._executor.submit(_solve, muscle, Path(self._files.name, f"muscle {muscle}"))
+        with interrupts_blocked():
+            return self._solvers.submit(_solve, muscle, Path(self._files.name, f"muscle {muscle}"))
 
-    def draw(self, order: FigureOrder, folder: Path) -> Future[float]:
+    def draw(self, order: FigureOrder, folder: Path, bones: DrawnBones) -> Future[float]:
         """Draw a figure in the next free process; the result is the drawing time [s]."""
-        with _interrupts_blocked():
-            return self._executor.submit(_draw, self._file(f"figure {order.name}", order), folder)
+        if not self._bones.exists():
+            self._file(self._bones.name, bones)
+        with interrupts_blocked():
+            return self._drawers.submit(_draw, self._file(f"figure {order.name}", order), folder)
 
     def pass_on(self, options: RunOptions) -> None:
         """Pass on progress, frames and warnings of the processes."""
@@ -119,19 +118,6 @@ def track_in(path: Path) -> MuscleTrack:
     return track
 
 
-@contextmanager
-def _interrupts_blocked() -> Iterator[None]:
-    """Block Ctrl-C in this thread, and for good in processes that start meanwhile; not on Windows."""
-    if not hasattr(signal, "pthread_sigmask"):
-        yield
-        return
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
-
-
 class _Worker:
     """The state of a process of the pool."""
 
@@ -144,24 +130,35 @@ class _Worker:
 _open = ExitStack()
 
 
-def _begin(given: Path, messages: Any) -> None:
-    """Prepare a process of the pool, which ends with its parent process."""
-    scene, numbers, clock, store = pickle.loads(given.read_bytes())
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    Thread(target=_end_with_parent, daemon=True).start()
+def _begin(given: Path, messages: Any, checked: Any) -> None:
+    """Prepare a process that solves muscles."""
+    _join(messages)
+    scene, numbers, store, clock, only = pickle.loads(given.read_bytes())
     _open.enter_context(keep_shared())  # all muscles of this process share bones
 
     def send(kind: str) -> Callable[..., None]:
         return lambda *content: messages.put((kind, *content))
+
+    options = RunOptions(progress=send("progress"), observe=send("frame"), clock=clock)
+    _Worker.run = SceneRun(scene, numbers, store, options, only, checked=checked)
+
+
+def _begin_drawing(bones: Path, messages: Any) -> None:
+    """Prepare a process that draws."""
+    _join(messages)
+    _Worker.bones = pickle.loads(bones.read_bytes())
+
+
+def _join(messages: Any) -> None:
+    """Let a process end with its parent process, and send its warnings there."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    Thread(target=_end_with_parent, daemon=True).start()
 
     def warn(message: Warning | str, category: type[Warning], filename: str, lineno: int, *_: Any) -> None:
         messages.put(("warning", str(message), category, filename, lineno))
 
     warnings.simplefilter("always")  # the process that started this one filters them
     warnings.showwarning = warn  # type: ignore[assignment]
-    options = RunOptions(progress=send("progress"), observe=send("frame"), clock=clock)
-    _Worker.run = SceneRun(scene, numbers, Anatomy.of(scene).solid_bones, store, options, Event())
-    _Worker.bones = DrawnBones(scene.bones_data())
 
 
 def _end_with_parent() -> None:

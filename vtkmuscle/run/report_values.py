@@ -94,19 +94,18 @@ def _without_tendon(
     found, *ends = fascicles(profile, volume, lines.points, lines.offsets, shares=shares)
     whole = polyline_lengths(lines.points, lines.offsets)
     source, lengths, by_thickness = "estimate", found.lengths, found.lengths.mean()
-    of_ends: list[Floats] | None = None
+    of_ends = [one.lengths for one in ends]
     if aponeuroses is not None:
-        source, lengths = "aponeuroses", whole
+        source, lengths, of_ends = "aponeuroses", whole, [whole, whole]
         origin, insertion = _pennations(lines, aponeuroses, geometry)
         found, *ends = (Fascicles(whole, origin, insertion, one.volume) for one in (found, *ends))
     elif tendon is not None and tendon < whole.min():
         source, lengths = "scene", whole - tendon
+        of_ends = [lengths, lengths]
     elif ratio is not None:
         source, lengths = "population", float(np.sqrt(ratio.low * ratio.high)) * whole
         of_ends = [ratio.low / PERSONAL * whole, ratio.high * PERSONAL * whole]
         ends = [found, found]
-    if of_ends is None:
-        of_ends = [one.lengths for one in ends] if source == "estimate" else [lengths, lengths]
     square = millimetres**2
     return {
         "tendon_from": source,
@@ -139,34 +138,24 @@ def _pennations(
     ]
 
 
+#: Columns of the table of architecture, with the keys of a report where these differ.
+_COLUMNS = {
+    name: {"volume_mm3": "muscle_volume_mm3", "tendon_volume_share_1": "tendon_volume_share"}.get(name, name)
+    for name in (
+        *("tendon_from", "volume_mm3", "pcsa_mm2", "tendon_length_mm", "fascicle_length_mm"),
+        *("fascicle_length_by_thickness_mm", "fascicle_pennation_origin_deg"),
+        *("fascicle_pennation_insertion_deg", "tendon_volume_share_1", "volume_without_tendon_mm3"),
+        "pcsa_without_tendon_mm2",
+    )
+}
+
+
 def architecture_table(muscles: Mapping[str, Mapping[str, Any]]) -> Table:
     """Return the architecture table of a report. A row per muscle with fibres."""
-    columns = ["muscle", "tendon_from", *(f"{quantity}_{unit}" for quantity, unit, _ in _COLUMNS)]
-    known = {name: muscle for name, muscle in muscles.items() if "architecture" in muscle}
-    return Table(columns, (_row(name, muscle) for name, muscle in known.items()))
-
-
-#: Quantities of the table, their units in columns' names, and where a report has them.
-_COLUMNS = (
-    ("volume", "mm3", "muscle_volume_mm3"),
-    ("pcsa", "mm2", "pcsa_mm2"),
-    ("tendon_length", "mm", "tendon_length_mm"),
-    ("fascicle_length", "mm", "fascicle_length_mm"),
-    ("fascicle_length_by_thickness", "mm", "fascicle_length_by_thickness_mm"),
-    ("fascicle_pennation_origin", "deg", "fascicle_pennation_origin_deg"),
-    ("fascicle_pennation_insertion", "deg", "fascicle_pennation_insertion_deg"),
-    ("tendon_volume_share", "1", "tendon_volume_share"),
-    ("volume_without_tendon", "mm3", "volume_without_tendon_mm3"),
-    ("pcsa_without_tendon", "mm2", "pcsa_without_tendon_mm2"),
-)
-
-
-def _row(name: str, muscle: Mapping[str, Any]) -> list[Any]:
-    row: list[Any] = [name, muscle["architecture"]["tendon_from"]]
-    for _, _, key in _COLUMNS:
-        found = muscle["architecture"][key]
-        row.append(found["mean"] if isinstance(found, Mapping) else found)
-    return row
+    known = {name: muscle["architecture"] for name, muscle in muscles.items() if "architecture" in muscle}
+    rows = ([name, *(values[key] for key in _COLUMNS.values())] for name, values in known.items())
+    means = ([each["mean"] if isinstance(each, Mapping) else each for each in row] for row in rows)
+    return Table(("muscle", *_COLUMNS), means)
 
 
 #: A fibre point counts as inside its muscle up to this far outside [mm].
@@ -239,8 +228,6 @@ def measures_of_fibres(fibres: vtkPolyData, millimetres: float) -> dict[str, dic
 
 def _scale(name: str, millimetres: float) -> float:
     """Return the factor from scene to measure unit. The unit of a measure is in the measure's name."""
-    if name.endswith("_per_mm"):
-        return 1.0 / millimetres
     return millimetres if name.endswith("_mm") else 1.0
 
 

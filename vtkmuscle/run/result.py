@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from html import escape
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Self, TypeVar
+from typing import Any, ClassVar, Self, TypeVar
 
 import numpy as np
 
@@ -19,9 +19,6 @@ from vtkmuscle.run.result_data import ResultData
 from vtkmuscle.run.store import ResultFolder
 from vtkmuscle.run.table import html_table
 from vtkmuscle.run.verdict import CHECKS, VERDICTS
-
-if TYPE_CHECKING:
-    from vtkmuscle.report import RunContent
 
 #: Muscles that are named one by one where a result is printed, at most.
 _MOST_LISTED = 8
@@ -76,6 +73,9 @@ class Result(ResultData):
     >>> result.frame_table().where(muscle="spindle")["volume_ratio"].round(6)
     array([1., 1., 1.])
     """
+
+    #: Limits of the verdicts look and failed, by check.
+    limits: ClassVar = {name: (check.look, check.failed) for name, check in CHECKS.items()}
 
     @classmethod
     def load(cls, folder: str | PathLike[str]) -> Self:
@@ -222,35 +222,7 @@ class Result(ResultData):
 
         if Path(path).suffix.lower() not in (".html", ".htm"):
             raise InputError(str(path), "a report is an HTML page", "end the name in .html")
-        return write_page(path, self._content())
-
-    def _content(self) -> RunContent:
-        """Return the content of the page."""
-        from vtkmuscle.report import MuscleContent, RunContent  # noqa: PLC0415
-
-        arms = self.moment_arms() if self.has_moment_arms else {}
-        muscles = {
-            name: MuscleContent(
-                rest=self.plain().rest_muscle(name),
-                surfaces=track.surfaces,
-                fibres=track.fibres,
-                lengths=self.lengths.get(name),
-                fibre_lengths=self.fibre_lengths.get(name),
-                arms=arms.get(name, {}),
-                literature=self.literature.get(name, ()),
-            )
-            for name, track in self._tracks.items()
-        }
-        return RunContent(
-            report=self.report,
-            motion=self.motion,
-            bones=self.drawn_bones,
-            frames=self.frames,
-            times=self.times,
-            time_label=self.time_label,
-            muscles=muscles,
-            limits={name: (check.look, check.failed) for name, check in CHECKS.items()},
-        )
+        return write_page(path, self.plain())
 
 
 One = TypeVar("One")

@@ -85,7 +85,12 @@ class ResultData(ByName):
     @property
     def has_moment_arms(self) -> bool:
         """Whether the run has found moment arms of any muscle."""
-        return any(one.get("moment_arms") for one in self.report["muscles"].values())
+        return any(self.report["muscles"][name].get("moment_arms") for name in self.muscle_names)
+
+    @property
+    def all_arms(self) -> Mapping[str, Mapping[str, JointArms]]:
+        """The moment arms by muscle and coordinate, empty where the run has none."""
+        return self.moment_arms() if self.has_moment_arms else {}
 
     def finished(self, name: str) -> int:
         """Return how many of the kept frames a muscle has: all, or those before the one that failed."""
@@ -113,7 +118,7 @@ class ResultData(ByName):
             If there is no such muscle or kept frame, the file of the frame is gone or changed, or the scene's
             deformer is ``"none"``.
         """
-        i, track = self._position(frame, time), self._track(name)
+        i, track = self._position(frame, time), self.track(name)
         if self.report["deformer"] == "none":
             remedy = f"fibres({name!r}, frame={self.frames[i]}) has its fibres; deformer 'paths' deforms it"
             raise InputError("", f"the scene's deformer is 'none', so {name!r} was not deformed", remedy)
@@ -122,7 +127,7 @@ class ResultData(ByName):
 
     def fibres(self, name: str, *, frame: int | None = None, time: float | None = None) -> Any:
         """Return the fibres of a muscle in a kept frame, None where it has none; see :meth:`muscle`."""
-        i, track = self._position(frame, time), self._track(name)
+        i, track = self._position(frame, time), self.track(name)
         if not track.fibres and track.rest_fibres is None:
             return None
         self._check_finished(name, i)
@@ -136,7 +141,7 @@ class ResultData(ByName):
         Paths
             Their ``lengths`` (k,), ``points`` (k, n, 3), and ``levers``: per coordinate the moment arms (k,).
         """
-        i, track = self._position(frame, time), self._track(name)
+        i, track = self._position(frame, time), self.track(name)
         found = paths_of(self.fibres(name, frame=self.frames[i]), name) if track.lengths else None
         if found is None:
             raise InputError("", f"{name!r} has no paths", "give the muscle fibres, and areas on two bones")
@@ -150,20 +155,21 @@ class ResultData(ByName):
 
     def rest_muscle(self, name: str) -> Any:
         """Return a muscle at rest, with the point array ``FixedTo``."""
-        rest = self._track(name).rest
+        rest = self.track(name).rest
         assert rest is not None  # a result is made when all muscles are done
         return self._wrap(rest)
 
     def rest_fibres(self, name: str) -> Any:
         """Return the fibres of a muscle at rest, None where it has none."""
-        fibres = self._track(name).rest_fibres
+        fibres = self.track(name).rest_fibres
         return None if fibres is None else self._wrap(fibres)
 
     def rest_bones(self) -> Any:
         """Return the bones at rest."""
         return self._wrap(self._bones)
 
-    def _track(self, name: str) -> MuscleTrack:
+    def track(self, name: str) -> MuscleTrack:
+        """Return the frames and numbers of a muscle."""
         if name not in self._tracks:
             raise InputError("", f"there is no muscle {name!r} in the result", suggestion(name, self._tracks))
         return self._tracks[name]
@@ -223,7 +229,7 @@ class ResultData(ByName):
     ) -> tuple[dict[str, dict[str, JointArms]], dict[str, str]]:
         """Return the moment arms per muscle and coordinate, and why there are none by others."""
         motion = self.motion.part(self.frames)
-        among = coordinates or tuple(motion.coordinates)
+        among, wanted = coordinates or tuple(motion.coordinates), coordinates or None
         every = self.motion.coordinates
         useful = {name for name in among if name in every and (every[name].changes or every[name].twists)}
         arms: dict[str, dict[str, JointArms]] = {}
@@ -234,9 +240,10 @@ class ResultData(ByName):
             if len(lengths) < len(self.frames) or (crossed is not None and useful.isdisjoint(crossed)):
                 continue
             try:
-                levers, scale = self._track(name).levers(), MILLIMETRES[self.units]
+                track, scale = self.track(name), MILLIMETRES[self.units]
+                levers, ratios = track.levers(), track.ratios
                 arms[name], without = joint_arms(
-                    lengths, levers, motion, coordinates or None, crossed=crossed, millimetres=scale
+                    lengths, levers, motion, wanted, crossed=crossed, ratios=ratios, millimetres=scale
                 )
             except InputError as error:  # of this muscle alone, where others cross other coordinates
                 problems.append(error)
@@ -248,13 +255,12 @@ class ResultData(ByName):
 
     def length_table(self) -> Table:
         """Return the lengths of the paths, a row per muscle, fibre and frame, as lengths.csv."""
-        errors = {name: np.array(self._tracks[name].length_errors) for name in self.lengths}
-        return length_table(self.lengths, errors, self.frames, self.times)
+        errors = {name: self._tracks[name].errors() for name in self.lengths}
+        return length_table(self.lengths, self.frames, self.times, errors)
 
     def fibre_length_table(self) -> Table:
         """Return the lengths of the fibres, a row per muscle, fibre and frame, as fibre_lengths.csv."""
-        errors = {name: np.array(self._tracks[name].fibre_length_errors) for name in self.fibre_lengths}
-        return length_table(self.fibre_lengths, errors, self.frames, self.times)
+        return length_table(self.fibre_lengths, self.frames, self.times)
 
     def frame_table(self) -> Table:
         """Return the numbers of the report, a row per muscle and frame; NaN where a muscle has none.

@@ -2,31 +2,36 @@
 
 from __future__ import annotations
 
-import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import ExitStack, contextmanager, nullcontext, suppress
+from dataclasses import fields, replace
 from functools import partial
+from os import PathLike
 from pathlib import Path
 from typing import Any
+
+from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.errors import InputError, check_name, fault_of
 from vtkmuscle.core.mesh.shared import keep_shared
 from vtkmuscle.data.drawn_bones import DrawnBones
-from vtkmuscle.io.writing import file_digest
-from vtkmuscle.run.figures import draw_run
-from vtkmuscle.run.frames import MuscleTrack, RunOptions, frame_numbers
+from vtkmuscle.io.temporal import Series
+from vtkmuscle.io.writing import Outputs, file_digest
+from vtkmuscle.run.figures import Drawing, figures_of_muscle, rest_pose_of
+from vtkmuscle.run.frames import FrameChoice, MuscleTrack, Progress, RunOptions, frame_numbers
 from vtkmuscle.run.muscles import MuscleRun, SceneRun
 from vtkmuscle.run.plausible import Judged, further_reasons, missing_checks
 from vtkmuscle.run.pool import ENDED, Pool, pool_size, track_in
 from vtkmuscle.run.report_values import DEFINITIONS, versions
 from vtkmuscle.run.result import Result
 from vtkmuscle.run.store import FORMAT, PAGE
-from vtkmuscle.run.store.writing import ResultWriter, claimed, remove_results, scene_file
+from vtkmuscle.run.store.writing import DIGITS, ResultWriter, claimed, remove_results, scene_file
+from vtkmuscle.run.table import MomentArmTable, Table, error_sizes
 from vtkmuscle.run.verdict import with_reasons
-from vtkmuscle.scene.data import Anatomy, SceneData
+from vtkmuscle.scene.data import SceneData
 from vtkmuscle.scene.faults import SceneError
 from vtkmuscle.scene.sense import check_sense
 
@@ -43,41 +48,49 @@ def run_scene(scene: SceneData, out: Path | None, options: RunOptions) -> Result
     if out is not None:
         check_name(out)
     numbers = frame_numbers(options.frames, len(scene.motion.times))
-    anatomy = Anatomy.of(scene)
-    odd = check_sense(scene, anatomy) if options.sense else []
+    store = None if out is None else ResultWriter(out, scene, numbers)
+    run, tracks = SceneRun(scene, numbers, store, options), Tracks()
+    if store is not None and not options.fresh:
+        tracks = store.kept()
+    if scene.muscle_contact != "off" and len(tracks) < len(scene.muscles):
+        tracks = {}  # the other muscles ask these ones' filters
     with ExitStack() as stack:
-        store, tracks = None, Tracks()
-        if out is not None:
-            stack.enter_context(claimed(out, scene, overwrite=options.overwrite))
-            store = ResultWriter(out, scene, numbers)
-            tracks = {} if options.fresh else store.kept()
-        if scene.muscle_contact != "off" and len(tracks) < len(scene.muscles):
-            tracks = {}  # the other muscles ask these ones' filters
-        size, pool = pool_size(scene, options.workers), None
-        if size > 1:
-            pool = stack.enter_context(Pool(size, scene, numbers, options.clock, store))
-        run = SceneRun(scene, numbers, anatomy.solid_bones, store, options, threading.Event())
+        # Processes begin to solve while this one checks; they write once all is checked.
+        pool, jobs = _started(run, tracks, stack)
+        odd = check_sense(scene) if options.sense else []
+        if store is not None:
+            stack.enter_context(claimed(store.path, scene, overwrite=options.overwrite))
         report = _first_report(run, tracks) | {
             "taken_over": list(tracks),
             "sense": [str(error) for error in odd],
         }
-        result_of = partial(_result, run, report, DrawnBones(scene.bones_data()))
+        result_of = partial(_result, run, report, bones := DrawnBones(scene.bones_data()))
         with _reported(store, report, tracks, result_of):
+            drawing = None
             if store is not None:
                 remove_results(store.path, scene, list(tracks))
                 store.write_report(report)
-            _solve(run, tracks, report, pool)
+                drawing = Drawing(store.path / "figures", pool, bones) if options.figures else None
+            (run if pool is None else pool).checked.set()
+
+            def finish(name: str, track: MuscleTrack) -> None:
+                result = result_of({name: track})
+                _judge_further(scene, result, track, odd)
+                if drawing is not None:
+                    drawing.add(figures_of_muscle(result.plain(), name))
+
+            _solve(run, tracks, report, pool, jobs, finish)
             result = result_of(tracks)
-            _measure(result, tracks, report)
-            _judge_further(scene, result, tracks, odd)
+            if result.lengths and result.motion.coordinates:
+                report["moment_arms"] = _refused(result)
             if store is not None:
+                if drawing is not None:
+                    drawing.add([rest_pose_of(result.plain())])
                 _write_tables(store, result)
-                write_page = partial(_write_page, store, result, options, report)
-                if options.figures:
-                    drawn = draw_run(result, store.path / "figures", pool, write_page)
-                    report["figures"], report["seconds"]["figures"] = drawn
-                else:
-                    write_page()
+                if options.report:
+                    _write_page(store, result, report)
+                if drawing is not None:
+                    report["figures"], report["seconds"]["figures"] = drawing.finish()
             report["complete"] = True
             report["seconds"]["total"] = time.perf_counter() - began
             if store is not None:
@@ -85,20 +98,134 @@ def run_scene(scene: SceneData, out: Path | None, options: RunOptions) -> Result
     return result
 
 
-def _solve(run: SceneRun, tracks: Tracks, report: dict[str, Any], pool: Pool | None) -> None:
-    """Solve the muscles without a track. The tracks and reports are added to ``tracks`` and ``report``."""
+#: The outputs that can be asked for alone.
+ONLY = ("lengths", "moment_arms", "surfaces")
+
+
+@keep_shared()
+def run_only(
+    scene: SceneData,
+    what: str,
+    out: str | PathLike[str] | None = None,
+    *,
+    frames: FrameChoice = None,
+    workers: int | None = 1,
+    overwrite: bool = False,
+    progress: Progress | None = None,
+) -> Table | dict[str, list[vtkPolyData]]:
+    """Compute the lengths, the moment arms or the surfaces of a scene alone.
+
+    Lengths and moment arms take the paths alone: no muscle is deformed, no fibre is moved and no frame is
+    measured. Moment arms need levers, lengths do not. Surfaces take the deformer without fibres.
+
+    Parameters
+    ----------
+    scene : Scene
+        The scene; lengths and moment arms need fibres, surfaces a deformer.
+    what : str
+        ``"lengths"``, ``"moment_arms"`` or ``"surfaces"``.
+    out : path, optional
+        Folder for ``lengths.csv``, ``moment_arms.csv`` or a ``NAME.pvd`` per muscle.
+    frames, workers, progress : optional
+        As of :class:`~vtkmuscle.run.RunOptions`.
+    overwrite : bool, optional
+        Whether existing files may be replaced.
+
+    Returns
+    -------
+    Table
+        A row per muscle, path and frame; lengths and moment arms in mm.
+    dict of str to list of vtkPolyData
+        For surfaces: the muscles in the frames.
+
+    Raises
+    ------
+    ValueError
+        If the output is unknown, a file would be replaced, or a stage cannot run.
+
+    Examples
+    --------
+    >>> from vtkmuscle import Scene, phantoms
+    >>> from vtkmuscle.run import run_only
+    >>> scene = Scene.from_phantom(phantoms.spindle_over_hinge(), n_fibres=8)
+    >>> len(run_only(scene, "lengths", frames="0:2")["length_mm"])
+    16
+    """
+    if what not in ONLY:
+        raise InputError("", f"only is {what!r}, but must be one of {', '.join(map(repr, ONLY))}")
+    if what != "surfaces":
+        scene = _of_paths(scene)
+    elif scene.deformer == "none":
+        raise InputError("deformer", "it is 'none', so there are no surfaces", "use 'paths' or 'pbd'")
+    outputs = None if out is None else Outputs(Path(out), inputs=scene.files, overwrite=overwrite)
+    if outputs is not None:
+        for name in [f"{name}.pvd" for name in scene.muscles] if what == "surfaces" else [f"{what}.csv"]:
+            outputs.check(outputs.folder / name)
+    numbers = frame_numbers(frames, len(scene.motion.times))
+    run = SceneRun(scene, numbers, None, RunOptions(workers=workers, progress=progress), what)
+    report, tracks = _first_report(run, {}), Tracks()
+    with ExitStack() as stack:
+        _solve(run, tracks, report, *_started(run, tracks, stack))
+    with outputs or nullcontext():
+        if what == "surfaces":
+            surfaces = {name: list(track.surfaces) for name, track in tracks.items()}
+            if outputs is not None:
+                for name, frames_of in surfaces.items():
+                    series = Series(outputs.folder, name)
+                    for number, surface in zip(numbers, frames_of, strict=True):
+                        series.add(number, float(scene.motion.times[number]), surface)
+            return surfaces
+        result = _result(run, report, DrawnBones(scene.bones_data()), tracks)
+        table = result.length_table() if what == "lengths" else result.moment_arms().table()
+        if outputs is not None:
+            table.to_csv(outputs.folder / f"{what}.csv", digits=None if what == "lengths" else DIGITS)
+    return table
+
+
+def _of_paths(scene: SceneData) -> SceneData:
+    """Return a scene of the same paths without deformed muscles."""
+    paths = SceneData(**{field.name: getattr(scene, field.name) for field in fields(SceneData)})
+    return replace(
+        paths,
+        deformer="none",
+        quality=None if scene.quality == "published" else scene.quality,
+        muscle_contact="off",
+        muscles={name: replace(muscle, aponeuroses=()) for name, muscle in scene.muscles.items()},
+    )
+
+
+#: Muscles that processes solve, by their jobs.
+Jobs = dict["Future[Any]", str]
+
+
+def _started(run: SceneRun, tracks: Tracks, stack: ExitStack) -> tuple[Pool | None, Jobs]:
+    """Return processes that have begun to solve the muscles without a track; none for a single process."""
+    size = pool_size(run.scene, run.options.workers)
+    if size == 1:
+        return None, {}
+    pool = stack.enter_context(Pool(size, run))
+    return pool, {pool.solve(name): name for name in run.scene.muscles if name not in tracks}
+
+
+def _solve(
+    run: SceneRun,
+    tracks: Tracks,
+    report: dict[str, Any],
+    pool: Pool | None,
+    jobs: Jobs,
+    finish: Callable[[str, MuscleTrack], None] = lambda _name, _track: None,
+) -> None:
+    """Solve the muscles without a track, and add the tracks; ``finish`` is called for every muscle."""
     began = time.perf_counter()
-    for name in tracks:
+    for name, track in tracks.items():
         run.report_progress(name, "done", 1.0)
+        finish(name, track)
     names = [name for name in run.scene.muscles if name not in tracks]
     here = ThreadPoolExecutor(1, "muscles")  # VTK loses a Ctrl-C in the main thread
-    jobs: dict[Future[Any], str]
     try:
         if pool is None:
             others: list[MuscleRun] = []
             jobs = {here.submit(_solve_here, run, name, others): name for name in names}
-        else:
-            jobs = {pool.solve(name): name for name in names}
         if run.store is not None:
             run.store.write_bones(run.scene)
         waiting = set(jobs)
@@ -107,9 +234,10 @@ def _solve(run: SceneRun, tracks: Tracks, report: dict[str, Any], pool: Pool | N
             if pool is not None:
                 pool.pass_on(run.options)
             for job in sorted(done, key=lambda job: names.index(jobs[job])):
-                found = _outcome(job, jobs[job], run.scene)
-                track = tracks[jobs[job]] = track_in(found) if isinstance(found, Path) else found
-                report["muscles"][jobs[job]] = track.report
+                found = _outcome(job, name := jobs[job], run.scene)
+                track = tracks[name] = track_in(found) if isinstance(found, Path) else found
+                report["muscles"][name] = track.report
+                finish(name, track)
     finally:
         run.stop.set()
         here.shutdown(cancel_futures=True)
@@ -140,28 +268,27 @@ def _outcome(job: Future[Any], name: str, scene: SceneData) -> Any:
         raise SceneError(problem, f"muscles.{name}", remedy, scene.files.get("")) from error
 
 
-def _measure(result: Result, tracks: Tracks, report: dict[str, Any]) -> None:
-    """Report the errors of lengths and the moment arms. Without moment arms the reason is reported."""
-    for track in tracks.values():
-        track.report["errors"] = track.errors()
+def _judge_further(scene: SceneData, result: Result, track: MuscleTrack, odd: Sequence[SceneError]) -> None:
+    """Add errors, moment arms and further reasons to the report of a result's only muscle."""
+    (name,) = result.muscle_names
+    arms = MomentArmTable({})
+    track.report["errors"] = error_sizes(track.errors())
     if result.lengths and result.motion.coordinates:
-        try:
-            table = result.moment_arms()
-        except ValueError as error:
-            report["moment_arms"] = {"reason": str(error)}
-        else:
-            report["moment_arms"] = {"refused": table.refused}
-            for name in table:
-                tracks[name].report["moment_arms"] = table.report(name)
+        with suppress(ValueError):  # the report of the run has the reason
+            arms = result.moment_arms()
+            if name in arms:
+                track.report["moment_arms"] = arms.report(name)
+    muscle = Judged(name, scene, track, arms.get(name, {}), result.lengths.get(name))
+    reasons, missing = further_reasons(muscle, odd), missing_checks(muscle)
+    track.report["verdict"] = with_reasons(track.report["verdict"], reasons, missing)
 
 
-def _judge_further(scene: SceneData, result: Result, tracks: Tracks, odd: Sequence[SceneError]) -> None:
-    """Add to the verdicts what the scene, the muscle's own numbers and published numbers say."""
-    arms = result.moment_arms() if result.has_moment_arms else {}
-    for name, track in tracks.items():
-        muscle = Judged(name, scene, track, arms.get(name, {}), result.lengths.get(name))
-        reasons, missing = further_reasons(muscle, odd), missing_checks(muscle)
-        track.report["verdict"] = with_reasons(track.report["verdict"], reasons, missing)
+def _refused(result: Result) -> dict[str, Any]:
+    """Return the part of the report on coordinates without moment arms."""
+    try:
+        return {"refused": result.moment_arms().refused}
+    except ValueError as error:
+        return {"reason": str(error)}
 
 
 def _write_tables(store: ResultWriter, result: Result) -> None:
@@ -173,11 +300,10 @@ def _write_tables(store: ResultWriter, result: Result) -> None:
         store.write_table(f"{name}_fibres", table)
 
 
-def _write_page(store: ResultWriter, result: Result, options: RunOptions, report: dict[str, Any]) -> None:
-    if options.report:
-        before = time.perf_counter()
-        result.write_report(store.path / PAGE)
-        report["seconds"]["page"] = time.perf_counter() - before
+def _write_page(store: ResultWriter, result: Result, report: dict[str, Any]) -> None:
+    before = time.perf_counter()
+    result.write_report(store.path / PAGE)
+    report["seconds"]["page"] = time.perf_counter() - before
 
 
 def _result(run: SceneRun, report: dict[str, Any], drawn_bones: DrawnBones, tracks: Tracks) -> Result:

@@ -14,21 +14,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.core.fibres.measures import root_mean_square, sampling_errors
+from vtkmuscle.core.fibres.measures import root_mean_square
 from vtkmuscle.core.moment_arms.of_joints import JointArms
 from vtkmuscle.core.types import Floats
 from vtkmuscle.core.words import suggestion
 from vtkmuscle.io.writing import plain_cell, replacing
 
 #: Columns of the tables of lengths: a row per muscle, fibre and frame. A path has the number of its fibre.
-LENGTHS = ("muscle", "fibre", "frame", "time", "length_mm", "segment_error_mm")
+#: ``mean_error_mm`` is of the mean over the paths; fibres lack it.
+LENGTHS = ("muscle", "fibre", "frame", "time", "length_mm", "mean_error_mm")
 #: Columns of the table of moment arms: a row per muscle, coordinate, fibre and value of the coordinate.
 #: ``slope_mm`` is -dl/dq by differences.
 ARMS = (*("muscle", "coordinate", "unit", "fibre", "value", "moment_arm_mm", "slope_mm", "quartic_mm"),)
 #: Columns of its summary: a row per muscle, coordinate and value.
 SUMMARY = (
     *("muscle", "coordinate", "unit", "value"),
-    *("mean_mm", "slope_mean_mm", "min_mm", "max_mm", "quartic_mean_mm", "sampling_error_mm"),
+    *("mean_mm", "slope_mean_mm", "min_mm", "max_mm", "quartic_mean_mm", "error_mm"),
 )
 
 #: Most rows of a table in a cell, as pandas shows 60: a cell's height on a screen.
@@ -191,15 +192,9 @@ class MomentArmTable(Mapping[str, Mapping[str, JointArms]]):
         return len(self._arms)
 
     def __repr__(self) -> str:
-        lines = ["MomentArmTable [mm], mean (least to largest of all fibres and values):"]
-        for muscle, found in self._arms.items():
-            for name, one in found.items():
-                low, high = one.values.min(), one.values.max()
-                lines.append(
-                    f"  {muscle} by {name}, {low:g} to {high:g} {one.unit}: {one.arms.mean():.1f} "
-                    f"({one.arms.min():.1f} to {one.arms.max():.1f}), {one.arms.shape[1]} paths"
-                )
-        return "\n".join(lines if len(lines) > 1 else ["MomentArmTable: empty"])
+        lines = [f"  {at['muscle']}{repr(one).removeprefix('JointArms')}" for at, one in self._labelled()]
+        title = "MomentArmTable [mm], mean (least to largest of all fibres and values):"
+        return "\n".join([title, *lines] if lines else ["MomentArmTable: empty"])
 
     def table(self) -> Table:
         """Return the whole table, with the columns :data:`ARMS`. NaN without a quartic."""
@@ -218,7 +213,7 @@ class MomentArmTable(Mapping[str, Mapping[str, JointArms]]):
         )
 
     def summary(self) -> Table:
-        """Return mean, range and sampling error over the paths per muscle, coordinate and value."""
+        """Return mean, range and error of the mean per muscle, coordinate and value."""
         return Table.stacked(
             SUMMARY,
             (
@@ -229,7 +224,7 @@ class MomentArmTable(Mapping[str, Mapping[str, JointArms]]):
                     "min_mm": one.arms.min(axis=1),
                     "max_mm": one.arms.max(axis=1),
                     "quartic_mean_mm": np.nan if one.quartic is None else one.quartic.mean(axis=1),
-                    "sampling_error_mm": sampling_errors(one.arms),
+                    "error_mm": one.errors["total"],
                 }
                 for labels, one in self._labelled()
             ),
@@ -245,7 +240,7 @@ class MomentArmTable(Mapping[str, Mapping[str, JointArms]]):
                 "mean_mm": float(found.arms.mean()),
                 "min_mm": float(found.arms.min()),
                 "max_mm": float(found.arms.max()),
-                "sampling_error_mm": root_mean_square(sampling_errors(found.arms)),
+                "errors": error_sizes(found.errors),
                 "slope_difference_mm": root_mean_square(found.arms - found.slopes),
                 "quartic_residual_mean_mm": (
                     None if found.quartic_residuals is None else float(found.quartic_residuals.mean())
@@ -261,12 +256,20 @@ class MomentArmTable(Mapping[str, Mapping[str, JointArms]]):
                 yield {"muscle": muscle, "coordinate": name, "unit": one.unit, "value": one.values}, one
 
 
+def error_sizes(errors: Mapping[str, Floats]) -> dict[str, float | None]:
+    """Return root mean squares over the frames of an error and its parts."""
+    return {f"{part}_mm": root_mean_square(values) for part, values in errors.items()}
+
+
 def length_table(
-    lengths: Mapping[str, Floats], errors: Mapping[str, Floats], frames: Sequence[int], times: Sequence[float]
+    lengths: Mapping[str, Floats],
+    frames: Sequence[int],
+    times: Sequence[float],
+    errors: Mapping[str, Mapping[str, Floats]] | None = None,
 ) -> Table:
-    """Return the table of lengths (f, k) per muscle, in the first f frames, and of segment errors [mm]."""
+    """Return the table of lengths (f, k) per muscle, in the first f frames, with errors of means [mm]."""
     return Table.stacked(
-        LENGTHS,
+        LENGTHS[:-1] if errors is None else LENGTHS,
         (
             {
                 "muscle": name,
@@ -274,7 +277,7 @@ def length_table(
                 "frame": frames[: len(one)],
                 "time": times[: len(one)],
                 "length_mm": one.T,
-                "segment_error_mm": errors[name].T,
+                "mean_error_mm": np.nan if errors is None else errors[name]["total"],
             }
             for name, one in lengths.items()
         ),

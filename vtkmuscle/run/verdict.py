@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from importlib.resources import files
 from typing import Any
 
 import numpy as np
@@ -14,12 +16,7 @@ from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.core.types import Floats
 from vtkmuscle.scene.sense import FULL_SIZE
 
-# A muscle exerts no active force below half of its optimal length, nor above 1.6 to 1.7 times of it: Zajac
-# 1989, "Muscle and tendon", Crit Rev Biomed Eng 17:359; Gordon, Huxley, Julian 1966,
-# doi:10.1113/jphysiol.1966.sp007909 (sarcomeres of 1.27 and 3.65 um, where the optimum is 2.05 to 2.2). Half
-# as much again is what no fibre survives.
-SHORTEST, LONGEST = 0.5, 1.6
-BEYOND = 1.5
+_TABLE = files("vtkmuscle.run") / "checks.toml"
 
 
 @dataclass(frozen=True)
@@ -38,132 +35,12 @@ class Check:
     smaller: bool = False
 
 
-#: Remedies of several checks.
-ROUGH = "check the surface there; quality = 'accurate' or a mesh of even triangles makes the surface smoother"
-MOTION = "check the attachments, and whether the joint allows the motion"
-FIBRES = "check the attachments, or change the fibres (method = 'harmonic', or aponeuroses)"
-CLOSED = "check whether the bone is closed, and whether two bones squeeze the muscle"
+#: The checks by name: the limits, with the reasons for them, are in the file.
+CHECKS = {name: Check(**row) for name, row in tomllib.loads(_TABLE.read_text(encoding="utf-8")).items()}
 
-#: The limits of each check, with the reasons for them: from where on results need a look, from where on they
-#: are of no use, and the unit.
-LIMITS = {
-    # Kohout and Cervenka 2021 (doi:10.1007/978-3-030-72379-8_24), Fig. 11: less than 1 % with few iterations;
-    # 5 % is seen by eye.
-    "volume": (1.0, 5.0, "%"),
-    # They are set, not solved for: anything but rounding is a fault.
-    "fixed points": (0.01, 1.0, "mm"),
-    # A surface is stretched and squeezed as the fibres in it. Of muscles that move well up to 3.2 % of the
-    # area is beyond what no fibre survives; where they crumpled or have a crease it was 6.6 to 10.4 %.
-    "misshapen": (5.0, 25.0, "%"),
-    # Where muscles move well the 95th percentile is up to 20 degrees over 90 of the joint; where they crumple
-    # it is 36 to 61.
-    "crumpled": (30.0, 45.0, "deg"),
-    # An edge whose triangles lie on each other, and did not at rest. Few are a crease, as in a groin.
-    "folded": (0.5, 3.0, "%"),
-    "long fibres": (LONGEST, BEYOND * LONGEST, ""),
-    "short fibres": (SHORTEST, SHORTEST / BEYOND, ""),
-    # A jump of 1 mm from one frame to the next is a moment arm that is wrong by 57 mm at steps of 1 degree.
-    # One fibre of a hundred may snap over an edge, and hardly changes the mean.
-    "jumps": (1.0, 100.0, "mm"),
-    # A muscle that buckled made jumps of 18 mm in all of its fibres.
-    "widespread jumps": (1.0, 5.0, "mm"),
-    # Of muscles whose fibres are well by eye up to a sixth of the neighbours change sides, where they run
-    # together in a tip; of a sheet whose fibres go to the other edge nine tenths do.
-    "crossed fibres": (30.0, 60.0, "%"),
-    "hooked fibres": (5.0, 50.0, "%"),
-    # A muscle that winds once round a bone turns by 360 degrees, and none does: the iliacus turns by 195.
-    "winding fibres": (270.0, 540.0, "deg"),
-    # Farther from any fibre than fibres are from each other in an even pattern; a random one leaves 4 %.
-    "bare": (15.0, 50.0, "%"),
-    # Paths are taut: without a bone or a ring they are straight but for the tissue that they press.
-    "hooked paths": (5.0, 50.0, "%"),
-    # Both are the same fibres: taut, and carried by the muscle. In four muscles of a hip they differ by up to
-    # 1 %, and by 5.4 % if solved by position based dynamics.
-    "fibres and paths": (5.0, 25.0, "%"),
-    # A path that bends round a bone of 16 mm sinks into it by 0.01 mm; ten times that and it is pressed ten
-    # times harder than by its own pull. Of the muscles of a hip, a knee and an elbow none lacks any room; one
-    # under a roof of bone lacks 1.1 mm, if the arm is raised and the shoulder blade does not turn with it.
-    "squeezed": (0.1, 5.0, "mm"),
-    # The straight segments of a path round a bone have levers between the bone's and the bone's less this
-    # depth: 2 mm are 5 % of 40 mm, and 5 mm deep a segment goes through a thin bone.
-    "coarse": (2.0, 5.0, "mm"),
-    # Lengths and moment arms of such a frame are left out: one in twenty leaves the curves whole. Where paths
-    # do not come to rest before the motion begins, all frames are left out.
-    "unsettled": (0.0, 5.0, "%"),
-    # FibreTransport keeps points to rounding inside where the muscle does not fold; at rest 0.5 mm counts as
-    # inside. A fibre that is 15 mm off is anywhere.
-    "fibres outside": (0.5, 15.0, "mm"),
-    # 15 mm deep is the middle of a femur's shaft.
-    "fibres in bone": (1.0, 15.0, "mm"),
-    # What is promised is 0.1 mm (95th percentile); a point 5 mm deep has gone through a thin bone.
-    "penetration": (0.5, 5.0, "mm"),
-    "widespread penetration": (0.1, 1.0, "mm"),
-}
-
-#: The words of each check: the problem, with the value as ``{}``, and the remedy.
-WORDS = {
-    "volume": ("the volume has changed by {}", ROUGH),
-    "fixed points": ("a fixed point is {} off its position on the bone", "report a fault of vtkmuscle"),
-    "misshapen": (
-        f"{{}} of the surface is stretched {BEYOND * LONGEST:g} times in a direction, or squeezed to a third",
-        "check the surface there; remesh badly shaped triangles, the cause of spikes",
-    ),
-    "crumpled": ("the surface is crumpled: 5 % of the edges are bent by {} or more since rest", ROUGH),
-    "folded": ("{} of the edges have folded over since rest", ROUGH),
-    "long fibres": ("5 % of the fibres are {} times as long as at rest, or longer", MOTION),
-    "short fibres": ("5 % of the fibres are {} times as long as at rest, or shorter", MOTION),
-    "jumps": ("a fibre snaps over a bone: its length jumps by {}", "do not use moment arms near the jump"),
-    "widespread jumps": (
-        "the lengths of 5 % of the fibres jump by {} or more: the muscle buckles or snaps over a bone",
-        "do not use moment arms near the jump; check the attachments, or add a via ring (role = 'via')",
-    ),
-    "crossed fibres": ("{} of neighbouring fibres change sides at an end of the muscle, at rest", FIBRES),
-    "hooked fibres": ("{} of the fibres have a hook at rest", FIBRES),
-    "winding fibres": ("5 % of the fibres turn by {} in total at rest, or more", FIBRES),
-    "bare": (
-        "{} of the volume has no fibres at rest",
-        "check the attachments; without aponeuroses take course = 'sections'",
-    ),
-    "hooked paths": (
-        "{} of the paths turn by 60 degrees or more where no bone or ring presses",
-        "do not use lengths and moment arms there; check the attachments and the bones",
-    ),
-    "fibres and paths": (
-        "the carried fibres have lengthened by {} more or less than their taut paths",
-        "do not use the deformed muscle there; take the deformer 'paths'",
-    ),
-    "squeezed": (
-        "5 % of the paths lack {} or more of room between two bones",
-        "check the motion there: a bone may lack motion, or a joint's centre may be wrong",
-    ),
-    "coarse": (
-        "5 % of the paths cut {} or more into the bones: moment arms are wrong by about as much",
-        "take more segments (resolution of [paths], or another quality)",
-    ),
-    "unsettled": (
-        "the paths do not come to rest in {} of the frames, and have no lengths and moment arms there",
-        "check attachments and bones there: are the bones closed, and do they leave the muscle room?",
-    ),
-    "fibres outside": (
-        "a fibre is {} outside of the muscle",
-        "check the fibres there, and do not use fibres outside",
-    ),
-    "fibres in bone": (
-        "a fibre is {} deeper in a bone than at rest",
-        "check the fibres there, and do not use fibres in the bone",
-    ),
-    "penetration": ("a point is {} deeper in a bone than at rest", CLOSED),
-    "widespread penetration": (
-        "5 % of the free points are {} deeper in a bone than at rest, or more",
-        CLOSED,
-    ),
-}
-
-#: The checks by name; of fibres that are too short small values are bad.
-CHECKS = {
-    name: Check(*limits, *WORDS[name], smaller=name == "short fibres") for name, limits in LIMITS.items()
-}
-
+#: Ratios of length that a fibre may have, and how far beyond them no fibre survives.
+SHORTEST, LONGEST = CHECKS["short fibres"].look, CHECKS["long fibres"].look
+BEYOND = 1.5
 
 OK, LOOK, FAILED = "ok", "look", "failed"
 #: Verdicts, the better one first.

@@ -261,4 +261,4 @@ class SceneTable(SchemaTable):
 
 
 #: The tables with examples; of two fields of a name the last counts.
-TABLES = (JointTable, Motion, Hinge, BoneTable, Area, MuscleTable, SceneTable)
+TABLES: tuple[type[SchemaTable], ...] = (JointTable, Motion, Hinge, BoneTable, Area, MuscleTable, SceneTable)

@@ -35,7 +35,7 @@ from vtkmuscle.pipelines import FIBRE_SETTINGS, TRANSPORT_SETTINGS
 class SchemaTable(BaseModel):
     """A table of a scene file, with strict types."""
 
-    model_config = ConfigDict(extra="forbid", strict=True, use_attribute_docstrings=True)
+    model_config = ConfigDict(extra="forbid", defer_build=True, strict=True, use_attribute_docstrings=True)
 
 
 def key(example: Any = None, default: Any = None) -> Any:
@@ -46,7 +46,7 @@ def key(example: Any = None, default: Any = None) -> Any:
 class Settings(BaseModel):
     """A table of filter settings; only keys in the file count."""
 
-    model_config = ConfigDict(extra="forbid")
+    model_config = ConfigDict(extra="forbid", defer_build=True)
 
     def given(self) -> dict[str, Any]:
         """Return the settings in the file."""

@@ -13,11 +13,6 @@ STILL = np.eye(4)[None]
 FAR = np.array([300.0, 300.0, 300.0])
 
 
-@pytest.fixture
-def rng():
-    return np.random.default_rng(5)
-
-
 @pytest.fixture(scope="module")
 def globe():
     return Bone(*sphere(10.0), cell=0.5)

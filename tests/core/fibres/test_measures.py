@@ -1,5 +1,3 @@
-from itertools import pairwise
-
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
@@ -14,12 +12,13 @@ from vtkmuscle.core.fibres.measures import (
     centroid_path,
     fascicles,
     line_of_action,
+    mean_errors,
     physiological_cross_section,
-    sampling_errors,
     section_areas,
     segment_errors,
 )
 from vtkmuscle.core.mesh.polylines import sharp_turns
+from vtkmuscle.core.paths.neighbours import path_lengths
 from vtkmuscle.phantoms.meshing import box, solid_of_revolution
 
 
@@ -67,23 +66,26 @@ def helix(radius, angle, segments):
 
 @pytest.mark.parametrize("segments", [8, 15, 16])
 def test_segment_errors_bound_what_chords_miss_of_an_arc(segments):
-    lines = helix(30.0, 1.5, segments), helix(50.0, 0.4, segments), [[0, 0, 0], [1, 0, 0]]
-    points, offsets = np.vstack(lines), np.concatenate([[0], np.cumsum([len(line) for line in lines])])
-    lengths = np.sqrt(1.01) * np.array([45.0, 20.0])
-    chords = [np.linalg.norm(np.diff(points[a:b], axis=0), axis=1).sum() for a, b in pairwise(offsets[:3])]
-    missed = lengths - chords
-    errors = segment_errors(points, offsets)
+    straight = np.outer(np.linspace(0.0, 1.0, segments + 1), [1.0, 2.0, 2.0])
+    lines = np.array([helix(30.0, 1.5, segments), helix(50.0, 0.4, segments), straight])
+    missed = np.sqrt(1.01) * np.array([45.0, 20.0]) - path_lengths(lines[:2])
+    errors = segment_errors(lines)
     assert (missed > 0.0).all()
     assert (missed <= errors[:2]).all()
     assert (errors[:2] <= 4.0 * missed).all()
-    assert errors[2] == 0.0
+    assert errors[2] == pytest.approx(0.0, abs=1e-12)
 
 
-def test_sampling_errors_are_the_spread_of_means(rng):
+def test_errors_of_means_are_the_root_of_the_sum_of_squares_of_their_parts(rng):
     samples = rng.normal(scale=3.0, size=(4000, 16))
-    means = samples.mean(axis=1)
-    assert np.sqrt(np.mean(sampling_errors(samples) ** 2)) == pytest.approx(means.std(), rel=0.05)
-    assert np.isnan(sampling_errors(np.ones((5, 1)))).all()
+    errors = mean_errors(samples, np.full(4000, 1.2), np.full(4000, 0.5))
+    # 95 % of the means are within the sampling error of the true mean, 0.
+    assert np.mean(np.abs(samples.mean(axis=1)) <= errors["sampling"]) == pytest.approx(0.95, abs=0.025)
+    parts = [errors[part] for part in ("model", "sampling", "numerical")]
+    assert_allclose(errors["total"], np.linalg.norm(parts, axis=0))
+    shortened = mean_errors(samples, np.full(4000, 0.75), np.full(4000, 0.5))
+    assert_allclose(shortened["model"], 2.0 * errors["model"])
+    assert np.isnan(mean_errors(np.ones((5, 1)), np.ones(5), np.zeros(5))["total"]).all()
 
 
 #: A sheet of 10 x 4 fibres, 2 mm from each other and 60 mm long, in the middle of what it fills.

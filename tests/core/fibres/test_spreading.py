@@ -76,24 +76,6 @@ def test_how_many_points_a_fibre_has_does_not_matter(samples, n_points):
     assert_allclose(steps[at_ends], expected, atol=1e-9)
 
 
-def test_places_looked_for_in_the_grid_are_the_nearest(samples):
-    """Fibres of many lengths and in a corner of the box, and samples far from all of them."""
-    rng = np.random.default_rng(2)
-    t = np.linspace(0, 1, 16)
-    ends = rng.random((40, 2, 3)) * BOX * [0.3, 0.4, 1.0]
-    points = np.vstack([np.outer(1 - t, a) + np.outer(t, b) for a, b in ends])
-    offsets = np.arange(41) * 16
-    for sample in samples[:64]:
-        nearest = cKDTree(points).query(sample)[1] // 16
-        moved = np.unique(
-            np.flatnonzero(steps_to_centres(points, offsets, cloud(sample[None])).any(axis=1)) // 16
-        )
-        length = np.linalg.norm(ends[nearest, 1] - ends[nearest, 0])
-        assert len(moved) == 1
-        gap = np.linalg.norm(points.reshape(40, 16, 3)[moved[0]] - sample, axis=1).min()
-        assert gap <= cKDTree(points).query(sample)[0] + length / 15
-
-
 def test_fibres_without_length_and_in_one_point_give_finite_steps(samples):
     points = np.tile([[1.0, 2.0, 3.0]], (8, 1))
     steps = steps_to_centres(points, np.array([0, 4, 8]), cloud(samples))

@@ -9,7 +9,6 @@ from oracles import igl
 from vtkmuscle.core.mesh.normals import triangle_normals, vertex_normals
 from vtkmuscle.core.mesh.surface import (
     mesh_topology,
-    point_components,
     side_products,
     signed_volume,
     survey,
@@ -67,13 +66,6 @@ def test_vertex_normals_agree_with_igl(vase):
     points, triangles = vase
     expected = igl.per_vertex_normals(points, triangles, weighting=igl.PER_VERTEX_NORMALS_WEIGHTING_TYPE_AREA)
     np.testing.assert_allclose(vertex_normals(points, triangles), expected, atol=1e-12)
-
-
-def test_point_components():
-    labels = point_components(6, np.array([[0, 3], [3, 5], [1, 2]]))
-    assert len(set(labels[[0, 3, 5]])) == 1
-    assert labels[1] == labels[2]
-    assert len({labels[0], labels[1], labels[4]}) == 3
 
 
 def test_survey_of_a_sound_surface(vase):

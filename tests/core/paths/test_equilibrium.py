@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from vtkmuscle.core.bones.bone import Bone
 from vtkmuscle.core.paths.bone_contact import PUSH as BONE_PUSH
-from vtkmuscle.core.paths.bone_contact import BoneContacts, add_contacts, pressure_at
+from vtkmuscle.core.paths.bone_contact import BoneContacts, add_contacts
 from vtkmuscle.core.paths.equilibrium import (
     add_neighbours,
     add_springs,
@@ -198,19 +198,6 @@ def test_the_load_of_a_ball_is_the_slope_of_its_force(rng):
     assert not force[:, [0, -1]].any()
 
 
-def test_the_force_of_a_bone_is_smooth_and_none_before_it_touches():
-    gaps = np.linspace(-3.0 * ROUNDING, 3.0 * ROUNDING, 1201)
-    force, stiff = np.array([pressure_at(gap, PUSH, ROUNDING) for gap in gaps]).T
-    step = gaps[1] - gaps[0]
-    np.testing.assert_array_equal(force[gaps >= ROUNDING], 0.0)
-    np.testing.assert_allclose(force[gaps <= -ROUNDING], -PUSH * gaps[gaps <= -ROUNDING], rtol=1e-12)
-    # Continuous, and the derivative too, which changes by no more than the parabola's curvature says.
-    np.testing.assert_allclose(np.diff(force) / step, -(stiff[1:] + stiff[:-1]) / 2.0, atol=1e-6 * PUSH)
-    assert np.abs(np.diff(stiff)).max() <= PUSH / (2.0 * ROUNDING) * step * (1.0 + 1e-9)
-    energy = pressed(gaps)
-    np.testing.assert_allclose(-np.gradient(energy, step)[1:-1], force[1:-1], atol=1e-2)
-
-
 @pytest.mark.parametrize(("rows", "n", "size"), [(4, 9, 1.0), (6, 9, 1.0), (4, 33, 1.0), (4, 9, 1e-3)])
 def test_a_strained_pair_has_the_energy_of_its_modulus(rows, n, size):
     """And a sheared one; however many paths there are, or points on each, and whatever the unit is."""
@@ -226,22 +213,6 @@ def test_a_strained_pair_has_the_energy_of_its_modulus(rows, n, size):
     known = 0.5 * np.array([MODULUS, SHEAR_MODULUS]) * (0.1 * size * 80.0) ** 2
     np.testing.assert_allclose(energy, np.broadcast_to(known, energy.shape), rtol=1e-9)
     np.testing.assert_allclose(found.ahead, 0.0, atol=1e-9 * size)
-
-
-def test_neighbours_are_the_nearest_points_of_the_paths_beside_and_no_path_that_ends_before():
-    """Parallel paths, 4 mm apart, that begin 0 to 100 mm up and end together: what is level is a pair."""
-    x = np.zeros((6, 33, 3))
-    x[..., 0] = 4.0 * np.arange(6)[:, None]
-    x[..., 2] = np.linspace(np.linspace(120.0, 20.0, 6), 0.0, 33, axis=1)
-    found = neighbours_of(x)
-    segments = np.diff(x[:, :, 2], axis=1)[:, 0]
-    heights = x.reshape(-1, 3)[found.pairs, 2]
-    assert np.abs(np.diff(heights, axis=1)).max() <= 0.5 * np.abs(segments).max() + 1e-9
-    np.testing.assert_allclose(found.ahead, np.abs(heights[:, 0] - heights[:, 1]) * np.sign(found.ahead))
-    paths = found.pairs // 33
-    # The longest is alone above the shortest, and all are neighbours at the bottom.
-    assert (heights[(paths == 5).any(axis=1)] < 22.0).all()
-    assert len(np.unique(paths[heights[:, 0] < 15.0], axis=0)) == 15
 
 
 def test_the_stiffness_of_springs_contacts_and_neighbours_is_the_slope_of_their_forces(rng):

@@ -45,14 +45,6 @@ def test_fibres_begin_on_the_origin_area_and_end_on_the_insertion_area(template,
             assert found.max() <= 1 + 1e-14
 
 
-def test_origin_is_at_the_bottom_and_insertion_at_the_top_except_for_aponeuroses(template):
-    if len(template.parts) == 1 and np.ptp(template.areas(0)[..., 2]) == 0.0:
-        assert (template.areas(0)[..., 2] == 0.0).all()
-        assert (template.areas(-1)[..., 2] == 1.0).all()
-    else:
-        assert template.areas(0)[..., 2].max() <= template.areas(-1)[..., 2].min()
-
-
 @pytest.mark.parametrize(("kind", "width"), [("pennate", 1.0), ("bipennate", 0.5)])
 def test_pennate_fibres_are_straight_parallel_and_equally_long(kind, width, rng):
     r, s = rng.random((2, 50)) * [[0.5], [1.0]]

@@ -10,6 +10,7 @@ from numpy.polynomial.polynomial import polyder, polyfit, polyval
 from numpy.typing import ArrayLike
 
 from vtkmuscle.core.errors import InputError
+from vtkmuscle.core.fibres.measures import mean_errors
 from vtkmuscle.core.moment_arms.levers import SAME_VALUE, differences_by
 from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.core.types import Floats, Ints
@@ -56,6 +57,7 @@ def joint_arms(
     names: Sequence[str] | None = None,
     *,
     crossed: Sequence[str] | None = None,
+    ratios: ArrayLike = np.nan,
     millimetres: float = 1.0,
 ) -> tuple[dict[str, JointArms], dict[str, str]]:
     """Return moment arms of paths by each coordinate.
@@ -66,6 +68,7 @@ def joint_arms(
     motion : RigidMotion, motion with coordinates, and a time for each of the f frames;
     names : sequence of str, wanted coordinates; default: all;
     crossed : sequence of str, coordinates of the joints that the muscle crosses; default: all;
+    ratios : (f,)_like, mean lengths relative to rest; NaN: mean arms have no errors;
     millimetres : millimetres per unit of the motion's translations.
 
     Returns arms : dict of str to JointArms, moment arms [mm, or without unit by a translation];
@@ -91,7 +94,8 @@ def joint_arms(
         quartic, residuals = _quartic(curves[frames], motion, candidates, name, frames)
         q = motion.coordinates[name]
         slopes = slopes_by(motion, name, candidates, curves)[frames]
-        by_frame = frames, q.values[frames], millimetres * lever[frames], slopes
+        of_mean = np.broadcast_to(np.asarray(ratios, dtype=np.float64), len(curves))[frames]
+        by_frame = frames, q.values[frames], of_mean, millimetres * lever[frames], slopes
         arms[name] = JointArms(name, q.unit, q.positive, *by_frame, quartic, residuals)
     if not arms and refused:
         problem = "the coordinates change only together, so there are no moment arms"
@@ -163,6 +167,8 @@ class JointArms:
         Frames with moment arms, counted in the kept frames.
     values : (m,) array
         Coordinate values in the frames, in their unit.
+    ratios : (m,) array
+        Mean lengths of the paths relative to rest; NaN where mean arms have no error.
     arms : (m, k) array
         Levers of the paths; positive if a pull increases the coordinate. In the unit of lengths for an angle,
         without unit for a translation.
@@ -182,6 +188,7 @@ class JointArms:
     positive: str
     frames: Ints
     values: Floats
+    ratios: Floats
     arms: Floats
     slopes: Floats
     quartic: Floats | None
@@ -197,6 +204,14 @@ class JointArms:
     def mean(self) -> Floats:
         """Mean moment arm of all paths, (m,)."""
         return np.asarray(self.arms.mean(axis=1))
+
+    @property
+    def errors(self) -> dict[str, Floats]:
+        """Error of the mean, ``total``, and its parts, (m,); ``numerical``: mean less mean slope.
+
+        See :func:`~vtkmuscle.core.fibres.measures.mean_errors`.
+        """
+        return mean_errors(self.arms, self.ratios, np.nan_to_num(np.abs(self.mean - self.mean_slope)))
 
     @property
     def mean_slope(self) -> Floats:

@@ -2,7 +2,7 @@
 
 function makeCurves(data, block, choose) {
   const known = Object.fromEntries(data.muscles.map((muscle) => [muscle.name, muscle]));
-  const state = { muscle: "", coordinate: data.coordinates[0]?.name, check: (data.checks.find((one) => !one.flat) ?? data.checks[0])?.key, at: 0 };
+  const state = { muscle: data.muscles.length > 1 ? "" : (data.muscles[0]?.name ?? ""), coordinate: data.coordinates[0]?.name, check: (data.checks.find((one) => !one.flat) ?? data.checks[0])?.key, at: 0 };
   const charts = ["lengths", "fibre-lengths", "arms", "checks"].map((id) => document.getElementById(id)).filter(Boolean);
   saveButtons();
 
@@ -14,11 +14,12 @@ function makeCurves(data, block, choose) {
     const single = Boolean(state.muscle);
     const traces = chosen().flatMap((muscle) => {
       if (!muscle[key]) return [];
-      const { mean, low, high, lower, upper } = muscle[key];
+      const { mean, low, high, lower, upper, held } = muscle[key];
       const times = data.times.slice(0, mean.length);
       const bands = [band(times, low, high, muscle.colour, single ? 0.16 : 0.1, `${muscle.label}: all ${what}`, single)];
       if (single) {
         bands.push(band(times, lower, upper, muscle.colour, 0.28, `middle half of the ${what}`, true));
+        if (held[0].some(Number.isFinite)) bands.push(band(times, ...held, ERROR, 0.4, "error of the mean (95 %)", true));
         bands.push(...each(muscle, muscle[key], times, what));
       }
       return [...bands.flat(), line(times, mean, muscle, single ? `mean of the ${what}` : muscle.label)];
@@ -48,9 +49,10 @@ function makeCurves(data, block, choose) {
     const traces = chosen().flatMap((muscle) => {
       const found = muscle.arms?.[named];
       if (!found) return [];
-      const { values, mean, low, high, quartic } = found;
+      const { values, mean, low, high, quartic, held } = found;
       const parts = [band(values, low, high, muscle.colour, single ? 0.16 : 0.1, `${muscle.label}: all paths`, single)];
       if (single) {
+        if (held[0].some(Number.isFinite)) parts.push(band(values, ...held, ERROR, 0.4, "error of the mean (95 %)", true));
         if (quartic) parts.push({ x: values, y: quartic, colour: "#2a2a2e", width: 1.2, dash: "dash", name: "quartic fit" });
         parts.push(...(found.literature || []).flatMap(published));
       }
@@ -152,6 +154,9 @@ function makeCurves(data, block, choose) {
     },
   };
 }
+
+/* Colour of the error of a mean. */
+const ERROR = "#6b6b75";
 
 /* Width and height of a chart on paper [px], within the margins of A4. */
 const [PAPER, TALL] = [670, 320];

@@ -24,7 +24,7 @@ from vtkmuscle.run.frames import RUN_AGAIN, TIME, Frames, MuscleTrack, WrittenFi
 
 #: Number of the schema of notes and report. It grows by 1 with each change of a class below, or of a key of
 #: the report, so that no other schema is read.
-FORMAT = 3
+FORMAT = 4
 
 
 def _array(value: Any) -> Floats:
@@ -43,42 +43,30 @@ def _inside(name: str) -> str:
     return name
 
 
+def _arrays(values: Any) -> Any:
+    if isinstance(values, dict):
+        return {name: _arrays(value) for name, value in values.items()}
+    return _array(values) if isinstance(values, list) else values
+
+
+def _motion(fields: Any) -> RigidMotion:
+    if isinstance(fields, RigidMotion):
+        return fields
+    own = {name: Coordinate(**_arrays(kept)) for name, kept in fields["coordinates"].items()}
+    return RigidMotion(**_arrays(fields | {"coordinates": {}}) | {"coordinates": own})
+
+
+def _curve(fields: Any) -> LiteratureCurve:
+    return fields if isinstance(fields, LiteratureCurve) else LiteratureCurve(**_arrays(fields))
+
+
 Array = Annotated[Any, PlainValidator(_array), PlainSerializer(lambda array: np.asarray(array).tolist())]
 #: Sizes of files [bytes] by their paths in the folder.
 Sizes = dict[Annotated[str, AfterValidator(_inside)], int]
 
 
 class _Table(BaseModel):
-    model_config = ConfigDict(extra="forbid", from_attributes=True)
-
-
-class CoordinateNote(_Table):
-    """Fields of a :class:`~vtkmuscle.core.motion.coordinates.Coordinate`."""
-
-    values: Array
-    unit: str
-    positive: str
-    twists: dict[str, Array] | None
-
-
-class MotionNote(_Table):
-    """Fields of a :class:`~vtkmuscle.RigidMotion`."""
-
-    times: Array
-    transforms: dict[str, Array]
-    centre: dict[str, Array] | Array | None
-    coordinates: dict[str, CoordinateNote]
-
-
-class CurveNote(_Table):
-    """Fields of a :class:`~vtkmuscle.io.LiteratureCurve`."""
-
-    source: str
-    muscle: str
-    dof: str
-    part: str
-    angles: Array
-    arms: Array
+    model_config = ConfigDict(extra="forbid", defer_build=True, from_attributes=True)
 
 
 class MuscleNote(_Table):
@@ -93,8 +81,8 @@ class MuscleNote(_Table):
     has_fibres: bool
     lengths: Array
     fibre_lengths: Array
-    length_errors: Array
-    fibre_length_errors: Array
+    rest_lengths: Array
+    segment_errors: list[float]
     files: Sizes
 
 
@@ -104,13 +92,15 @@ class RunNote(_Table):
     format: int = FORMAT
     report: str
     bones: list[str]
-    motion: MotionNote
-    literature: dict[str, list[CurveNote]]
-    crosses: dict[str, list[str]]
+    motion: Annotated[Any, PlainValidator(_motion)]
+    literature: dict[str, tuple[Annotated[Any, PlainValidator(_curve)], ...]]
+    crosses: dict[str, tuple[str, ...]]
     files: Sizes
 
 
 Note = TypeVar("Note", MuscleNote, RunNote)
+#: Errors of a schema, and of values that it makes objects of.
+_DAMAGED = (ValidationError, TypeError, KeyError)
 
 
 def read_note(path: Path, kind: type[Note]) -> Note:
@@ -122,7 +112,7 @@ def read_note(path: Path, kind: type[Note]) -> Note:
         return kind.model_validate(values)
     except FileNotFoundError:
         raise InputError(path, "the file is missing", RUN_AGAIN) from None
-    except (OSError, UnicodeDecodeError, json.JSONDecodeError, RecursionError, ValidationError) as error:
+    except (OSError, UnicodeDecodeError, json.JSONDecodeError, RecursionError, *_DAMAGED) as error:
         raise InputError(path, "the file is damaged", RUN_AGAIN) from error
 
 
@@ -139,9 +129,11 @@ def write_note(path: Path, note: BaseModel) -> None:
 
 
 #: The report of a run, and its page.
-REPORT, PAGE = "report.json", "report.html"
+REPORT: str = "report.json"
+PAGE: str = "report.html"
 #: The folder of notes, one of each finished muscle, and the name of the note of the whole run.
-FINISHED, SCENE = "finished", "scene"
+FINISHED: str = "finished"
+SCENE: str = "scene"
 #: What to do where a folder is another one.
 _GIVE = "give the folder of a run's results, its --out"
 
@@ -199,18 +191,13 @@ class ResultFolder:
         for name in report["muscles"]:
             tracks[name] = self._track(name, read_note(self.note_file(name), MuscleNote))
             tracks[name].report = report["muscles"][name]
-        motion = dict(noted.motion)
-        motion["coordinates"] = {n: Coordinate(**dict(one)) for n, one in noted.motion.coordinates.items()}
         return {
             "bones": multiblock_from({name: self._at_rest(f"bones/{name}") for name in noted.bones}),
-            "motion": RigidMotion(**motion),
+            "motion": noted.motion,
             "tracks": tracks,
             "report": report,
-            "literature": {
-                name: tuple(LiteratureCurve(**dict(curve)) for curve in curves)
-                for name, curves in noted.literature.items()
-            },
-            "crosses": {name: tuple(one) for name, one in noted.crosses.items()},
+            "literature": noted.literature,
+            "crosses": noted.crosses,
         }
 
     def finished(self, keys: Mapping[str, str]) -> dict[str, MuscleTrack]:
@@ -262,8 +249,8 @@ class ResultFolder:
             fibres=frames(f"{name}_fibres"),
             lengths=list(note.lengths),
             fibre_lengths=list(note.fibre_lengths),
-            length_errors=list(note.length_errors),
-            fibre_length_errors=list(note.fibre_length_errors),
+            rest_lengths=note.rest_lengths,
+            segment_errors=note.segment_errors,
             report=note.report,
         )
 

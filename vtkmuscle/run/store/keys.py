@@ -93,7 +93,7 @@ def code_digest() -> str:
     """Return a digest of the computing code: source without :data:`_SHOWING`, and further packages."""
     root = Path(__file__).parents[2]
     digest = hashlib.sha256("".join(f"{package} {version_of(package)}\n" for package in _PACKAGES).encode())
-    for file in sorted(root.rglob("*.py")):
+    for file in sorted([*root.rglob("*.py"), *root.rglob("*.toml")]):
         name = file.relative_to(root).as_posix()
         if not name.startswith(_SHOWING):
             digest.update(name.encode())

@@ -154,7 +154,7 @@ def _check_results(folder: Path, scene: SceneData, report: Mapping[str, Any] | N
 
 
 #: Digits of the numbers in tables, and the tables that have all digits.
-_DIGITS, _EXACT = 10, ("lengths", "fibre_lengths")
+DIGITS, _EXACT = 10, ("lengths", "fibre_lengths")
 
 
 class ResultWriter(ResultFolder):
@@ -206,8 +206,8 @@ class ResultWriter(ResultFolder):
             has_fibres=track.rest_fibres is not None,
             lengths=track.lengths,
             fibre_lengths=track.fibre_lengths,
-            length_errors=track.length_errors,
-            fibre_length_errors=track.fibre_length_errors,
+            rest_lengths=track.rest_lengths,
+            segment_errors=track.segment_errors,
             files=self._sizes(files),
         )
         write_note(self.note_file(name), note)
@@ -233,7 +233,7 @@ class ResultWriter(ResultFolder):
 
     def write_table(self, name: str, table: Table) -> None:
         """Write a table; tables of lengths have all digits."""
-        table.to_csv(self.path / f"{name}.csv", digits=None if name in _EXACT else _DIGITS)
+        table.to_csv(self.path / f"{name}.csv", digits=None if name in _EXACT else DIGITS)
 
     def write_report(self, report: Mapping[str, Any]) -> None:
         """Write report.json."""
@@ -252,8 +252,8 @@ class ResultWriter(ResultFolder):
                 "report": file_digest(self.path / REPORT),
                 "bones": list(scene.bones),
                 "motion": scene.motion,
-                "literature": {name: list(muscle.literature) for name, muscle in muscles},
-                "crosses": {name: list(one.crosses) for name, one in muscles if one.crosses is not None},
+                "literature": {name: tuple(muscle.literature) for name, muscle in muscles},
+                "crosses": {name: one.crosses for name, one in muscles if one.crosses is not None},
                 "files": self._sizes([*bones, self.path / REPORT]),
             }
         )
