@@ -122,8 +122,9 @@ def paths(time=4.0):
     data = with_points(data, moved)
     cells = {name: np.zeros(count) for name in ("Squeezed", "Sag")}
     add_arrays(data, points={"RestPosition": rest}, cells=cells)
-    steps = np.diff(moved.reshape(count, -1, 3), axis=1)
-    add_arrays(data, cells={"Length": np.linalg.norm(steps, axis=2).sum(axis=1)})
+    for name, at in (("Length", moved), ("RestLength", rest)):
+        steps = np.diff(at.reshape(count, -1, 3), axis=1)
+        add_arrays(data, cells={name: np.linalg.norm(steps, axis=2).sum(axis=1)})
     for name in PHANTOM.motion.coordinates:
         add_arrays(data, cells={f"Lever_{name}": np.full(count, -32.0)})
     return data

@@ -8,7 +8,5 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
-#: Row of each block of a bone's field.
-Table = NDArray[np.int32]
 #: Function of arrays, such as a map of positions.
 FloatMap = Callable[[Floats], Floats]

@@ -175,8 +175,8 @@ def test_the_load_of_a_ball_is_the_slope_of_its_force(rng):
     transforms[0, :3, :3] = Rotation.random(random_state=rng).as_matrix()
     transforms[0, :3, 3] = 5.0, -40.0, 70.0
     x = transforms[0, :3, 3] + (36.0 - depth) * ways
-    near = contacts.proximity()
-    contacts.update(x, transforms, near)
+    near = contacts.proximity(transforms)
+    contacts.update(x, near)
     gaps, normals, pressure = (
         near.gaps.reshape(1, 2, 200),
         near.normals.reshape(1, 2, 200, 3),
@@ -184,7 +184,7 @@ def test_the_load_of_a_ball_is_the_slope_of_its_force(rng):
     )
     rounded, unused = (BONE_PUSH, contacts.rounding), (np.zeros((2, 200, 3)), np.zeros((2, 200, 6)))
     add_contacts(x, gaps, normals, *rounded, *unused, pressure)
-    force, stiffness = contacts.load(0, transforms, near, pressure[0])
+    force, stiffness = contacts.load(0, near, pressure[0])
     pushed = BONE_PUSH * depth
     inner = (slice(None), slice(1, -1))
     np.testing.assert_allclose(force[inner], (pushed * ways)[inner], atol=0.03 * BONE_PUSH)

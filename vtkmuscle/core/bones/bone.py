@@ -7,19 +7,17 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from functools import cached_property
-from threading import Lock
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from vtkmuscle.core.bones.lookup import (
-    BLOCK,
-    CUBE,
+    COARSE,
     FIELD_ERROR,
     Field,
+    distance_and_normal,
     distance_at,
     least_distance_at,
-    normal_at,
 )
 from vtkmuscle.core.errors import InputError, errors_at
 from vtkmuscle.core.jit import kernel
@@ -41,22 +39,20 @@ UNEVENNESS = 1e-3
 LEAST_PIECE = 0.02
 
 #: Reach of the field beyond the bone's box, in diagonals of the box; farther away each point is measured.
-REACH = 0.5
+REACH = 0.25
 
-#: Fewer points are measured without an overview.
+#: Fewer points are measured without a field.
 _LEAST_LOOKED_UP = 64
 
-#: Most cubes of a field, of 64 cells each: the index of its blocks takes 2 GB of addresses.
-_MOST_CUBES = 2.0**26
+#: Most nodes of a field: half a GB of addresses, of which memory is taken where nodes are known.
+_MOST_NODES = 2.0**26
 
-#: Most blocks that are noted as lacking at a time.
+#: Most nodes that are noted as lacking at a time.
 _LACKING = 4096
 
-#: A cube and those around it, (27, 3).
-_AROUND = np.stack(np.meshgrid(*[np.arange(-1, 2)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
-
-#: The nodes of a block, (8, 3).
-_CORNERS = np.stack(np.meshgrid(*[np.arange(1 << BLOCK)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
+#: A coarse node and those around it, which are wanted next, and the nodes of a look-up from the first.
+_AROUND = COARSE * np.stack(np.meshgrid(*[np.arange(-1, 2)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
+_ONWARD = _AROUND // COARSE + 1
 
 
 class Bone:
@@ -64,9 +60,9 @@ class Bone:
 
     Points (n, 3) [mm] and triangles (m, 3) are not changed afterwards. :meth:`exact` measures distances from
     the triangles, in a microsecond or two for each point. :meth:`field` looks up distances, in a few
-    hundredths of the time, between the nodes of a lattice along the bone's own axes. The lattice's blocks are
-    measured at the first look-up. The value at a node depends on the bone alone, to the last digit. A bone
-    without near points builds nothing, and several threads may ask a bone at once.
+    hundredths of the time, between the nodes of a lattice along the bone's own axes. Nodes are measured when
+    first looked up. The value at a node depends on the bone alone, to the last digit. A bone without near
+    points builds nothing, and several threads may ask a bone at once: they write the same values.
 
     Neighbouring nodes are ``cell`` > 0 apart [mm], by default the bone's diagonal /
     :data:`CELLS_PER_DIAGONAL`.
@@ -82,10 +78,7 @@ class Bone:
         self.box: tuple[Floats, Floats] = points.min(axis=0), points.max(axis=0)
         if cell is not None:
             self.cell = cell
-        self._known: Field | None = None
-        self._reach = 0.0
-        self._filled = 1  # rows of the field, of which the first is that of unknown blocks
-        self._lock = Lock()
+        self._known: tuple[float, Field] | None = None  # with its reach
 
     @cached_property
     def solids(self) -> Solids:
@@ -142,9 +135,9 @@ class Bone:
         return float(np.linalg.norm(high - low)) / CELLS_PER_DIAGONAL
 
     @property
-    def nbytes(self) -> int:
-        """Memory of the measured distances [bytes]."""
-        return 0 if self._known is None else self._filled * self._known.values[0].nbytes
+    def n_known(self) -> int:
+        """Number of measured nodes."""
+        return 0 if self._known is None else int(np.count_nonzero(self._known[1].nodes))
 
     def exact(self, points: ArrayLike) -> tuple[Floats, Floats]:
         """Return the distances of points from the triangles.
@@ -161,8 +154,8 @@ class Bone:
         near = points_in_box(points, *self.box)
         if len(near) > _LEAST_LOOKED_UP:
             outside = np.zeros(len(near), dtype=np.bool_)
+            field = self.look_up()
             while True:
-                field = self.look_up()
                 _find_outside(field, self.axes, points[near], outside, np.empty(3))
                 if not self.fill(field):
                     break
@@ -186,8 +179,8 @@ class Bone:
         distance, outward = np.empty(len(positions)), np.empty((len(positions), 3))
         lacks = np.ones(len(positions), dtype=np.bool_)
         matters: Floats = np.full(len(positions), within, dtype=np.float64)
+        field = self.look_up()
         while True:
-            field = self.look_up()
             _look_up(field, self.axes, positions, matters, lacks, distance, outward, np.empty((2, 3)))
             if not self.fill(field):
                 break
@@ -202,69 +195,51 @@ class Bone:
         """Return the known part of the field, for kernels.
 
         Give the field to :meth:`fill` afterwards. The field is defined up to ``reach`` [mm] from the bone's
-        box, at least :data:`REACH` diagonals.
+        box, at least :data:`REACH` diagonals, or as far as the nodes suffice.
         """
-        with self._lock:
-            if self._known is None or reach > self._reach:
-                self._known = self._nothing(reach)
-            known = self._known
-        return known._replace(lacking=np.zeros(2 + _LACKING, dtype=np.int64))
+        if self._known is None or reach > self._known[0]:
+            self._known = self._nothing(reach)
+        return self._known[1]._replace(lacking=np.zeros(2 + _LACKING, dtype=np.int64))
 
     def fill(self, field: Field) -> bool:
-        """Fill the missing blocks of a field.
+        """Fill the missing nodes of a field.
 
-        Return whether blocks were missing. If so, the look-ups in the field are void, and must be repeated in
-        a new field.
+        Return whether nodes were missing. If so, the look-ups of missing nodes must be repeated.
         """
-        if field.lacking[0] == 0:
+        lacking, shape = field.lacking, field.nodes.shape
+        if lacking[0] == 0:
             return False
-        noted = np.unique(field.lacking[2 : 2 + field.lacking[1]])
-        with self._lock:
-            known = self._known
-            assert known is not None  # the field came from it
-            if field.rows is not known.rows:  # noted in a field of a smaller reach
-                return True
-            overview, rows = known.overview.reshape(-1), known.rows.reshape(-1)
-            cubes, blocks = -1 - noted[noted < 0], noted[noted >= 0]
-            if len(cubes):  # with those around, which are wanted next
-                around = np.column_stack(np.unravel_index(cubes, known.overview.shape))[:, None] + _AROUND
-                inside = ((around >= 0) & (around < known.overview.shape)).all(axis=2)
-                cubes = np.unique(np.ravel_multi_index(around[inside].T, known.overview.shape))
-            cubes, blocks = cubes[overview[cubes] == 0.0], blocks[rows[blocks] == 0]
-            if len(cubes):
-                middles = 4.0 * np.column_stack(np.unravel_index(cubes, known.overview.shape)) + 2.0
-                measured = self._measured(known, middles)
-                overview[cubes] = np.where(measured == 0.0, np.finfo(np.float64).tiny, measured)
-            if len(blocks):
-                corners = np.column_stack(np.unravel_index(blocks, known.rows.shape)) << BLOCK
-                nodes = (corners[:, None] + _CORNERS).reshape(-1, 3).astype(np.float64)
-                measured = self._measured(known, nodes)
-                first, last = self._filled, self._filled + len(blocks)
-                if last > len(known.values):  # other threads still use the old values, without the new rows
-                    values = np.empty((2 * last, len(_CORNERS)))
-                    values[:first] = known.values[:first]
-                    known = self._known = known._replace(values=values)
-                known.values[first:last] = measured.reshape(len(blocks), -1)
-                rows[blocks] = np.arange(first, last)
-                self._filled = last
+        noted = lacking[2 : 2 + lacking[1]].copy()
+        lacking[:2] = 0
+        wanted = []
+        for first, beside in ((-1 - noted[noted < 0], _AROUND), (noted[noted >= 0], _ONWARD)):
+            nodes = (np.column_stack(np.unravel_index(first, shape))[:, None] + beside).reshape(-1, 3)
+            inside = ((nodes >= 0) & (nodes < shape)).all(axis=1)
+            wanted.append(np.asarray(np.ravel_multi_index(nodes[inside].T, shape)))
+        numbers, known = np.concatenate(wanted), field.nodes.reshape(-1)
+        numbers = np.unique(numbers[known[numbers] == 0.0])
+        if len(numbers):
+            distances = self._measured(field, np.column_stack(np.unravel_index(numbers, shape)))
+            known[numbers] = distances
+            known[numbers[known[numbers] == 0.0]] = np.finfo(np.float64).tiny
         return True
 
-    def _nothing(self, reach: float) -> Field:
-        """Return a field without blocks."""
-        (low, high), cell = self.box_along_axes, self.cell
-        self._reach = max(reach, REACH * float(np.linalg.norm(high - low)))
-        self._filled = 1
-        beside = self._reach + 3.0 * cell  # differences of distances need a cell or two more
-        first = np.floor((low - beside) / cell)
-        cubes = ((np.ceil((high + beside) / cell) - first).astype(np.int64) >> CUBE) + 1
-        if np.prod(cubes.astype(np.float64)) > _MOST_CUBES:
-            raise InputError(
-                self.name, f"cells of {cell:g} mm are too small for the field of a bone of its size"
-            )
-        return Field(
-            np.zeros(cubes << (CUBE - BLOCK), dtype=np.int32),
-            np.full((1, len(_CORNERS)), np.nan),
-            np.zeros(cubes),
+    def _nothing(self, reach: float) -> tuple[float, Field]:
+        """Return the reach of a field, and the field without known nodes."""
+        (low, high), cell, least = self.box_along_axes, self.cell, 3.0  # cells, for differences of distances
+        reach = max(reach, REACH * float(np.linalg.norm(high - low)))
+        cells = reach / cell
+        while True:
+            first = np.floor(low / cell - cells - least)
+            counts = np.ceil(high / cell + cells + least) - first + 1.0 + COARSE
+            if np.prod(counts) <= _MOST_NODES:
+                break
+            if not cells > 1.0:
+                problem = f"cells of {cell:g} mm are too small for the field of a bone of its size"
+                raise InputError(self.name, problem)
+            cells *= 0.75
+        return reach, Field(
+            np.zeros(counts.astype(np.int64), dtype=np.float64),
             first,
             np.concatenate([low, high]),
             cell,
@@ -342,8 +317,7 @@ def _look_up(
         if least > within[i]:
             distance[i] = min(least, FAR)
         elif field.lacking[0] == before:
-            distance[i] = distance_at(field, at[0], at[1], at[2])
-            normal_at(field, at, normal)
+            distance[i] = distance_and_normal(field, at, normal)
         for k in range(3):
             outward[i, k] = axes[0, k] * normal[0] + axes[1, k] * normal[1] + axes[2, k] * normal[2]
         lacks[i] = field.lacking[0] > before

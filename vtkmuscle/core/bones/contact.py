@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from vtkmuscle.core.bones.bone import Bone
-from vtkmuscle.core.bones.lookup import Field, distance_at, least_distance_at, normal_at
+from vtkmuscle.core.bones.lookup import Field, distance_and_normal, distance_at, least_distance_at
 from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.mesh.triangle_tree import MuscleContact, Neighbour, distance2_to_box
 from vtkmuscle.core.motion.rigid import inverse, transform_point
@@ -153,12 +153,11 @@ class PoseContact:
             bone, levels = contact.bones[number], contact.levels(number)
             seen = self._seen.get(number) or self._first_look(number)
             waiting = contact.free.copy()
+            field = self._fields[number]
             while True:
-                field = self._fields[number]
                 _keep_out(field, *seen, p, waiting, levels, contact.clearance, moved, self._work)
                 if not bone.fill(field):
                     break
-                self._fields[number] = bone.look_up(contact.clearance)
         return moved
 
     def _first_look(self, number: int) -> tuple[Floats, Floats, Floats, Floats]:
@@ -229,8 +228,8 @@ def _keep_out(
 def _push_out(field: Field, at: Floats, level: float, normal: Floats) -> None:
     """Move a position (3,) along the gradient to a level, in place; normal : (3,), memory."""
     for _ in range(MOST_PUSHES):
-        depth = level - distance_at(field, at[0], at[1], at[2])
-        if abs(depth) <= 0.5 * TOLERANCE * field.cell or not normal_at(field, at, normal):
+        depth = level - distance_and_normal(field, at, normal)
+        if not abs(depth) > 0.5 * TOLERANCE * field.cell:
             break
         for k in range(3):
             at[k] += depth * normal[k]

@@ -17,7 +17,7 @@ from vtkmuscle.core.mesh.surface import numbered_edges, points_in_box
 from vtkmuscle.core.types import Bools, Floats, Ints
 
 #: Most triangles in a leaf, on average.
-PER_LEAF = 4
+PER_LEAF = 8
 #: Distance of a point on the surface, as a part of the surface's size: too near for a direction away.
 _ON_SURFACE = 1e-9
 

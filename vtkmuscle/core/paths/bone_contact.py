@@ -9,7 +9,10 @@ from typing import NamedTuple
 import numpy as np
 
 from vtkmuscle.core.bones.bone import Bone
+from vtkmuscle.core.bones.lookup import Field, least_distance_at, look_at
 from vtkmuscle.core.jit import kernel
+from vtkmuscle.core.mesh.triangle_tree import distance2_to_box
+from vtkmuscle.core.motion.rigid import apply_transform, inverse, transform_point
 from vtkmuscle.core.paths.equilibrium import add_direction
 from vtkmuscle.core.types import Floats
 
@@ -35,14 +38,17 @@ class Proximity(NamedTuple):
 
     Attributes
     ----------
+    to_axes : (b, 4, 4) array
+        From the scene to the axes of each bone in its pose.
     points : (b, p, 3) array
-        Positions of the points, seen from each bone at rest [mm].
+        Positions of the points along the axes of each bone [mm].
     gaps : (b, p) array
         Lower bounds of the distances from each bone beyond the standoff [mm].
     normals : (b, p, 3) array
         Current unit directions in which the gaps grow; valid for points near a bone.
     """
 
+    to_axes: Floats
     points: Floats
     gaps: Floats
     normals: Floats
@@ -89,30 +95,40 @@ class BoneContacts:
         self.numbers, self._bones = [number for number, _ in pieces], [piece for _, piece in pieces]
         self._standoff = standoff.reshape(len(pieces), math.prod(standoff.shape[1:]))
         self.rounding = ROUNDING * segment
+        reaches = (float(kept.max(initial=0.0)) + self.rounding for kept in self._standoff)
+        self._fields = [bone.look_up(reach) for bone, reach in zip(self._bones, reaches, strict=True)]
+        self._work = np.empty(3)
 
-    def proximity(self) -> Proximity:
-        """Return a proximity with no points looked up."""
-        shape = self._standoff.shape
-        return Proximity(np.zeros((*shape, 3)), np.full(shape, -np.inf), np.zeros((*shape, 3)))
+    def proximity(self, transforms: Floats) -> Proximity:
+        """Return a proximity in a pose of the bones (b, 4, 4), with no points looked up."""
+        shape, pieces = self._standoff.shape, zip(self.numbers, self._bones, strict=True)
+        to_axes = np.array([bone.axes @ inverse(transforms[number]) for number, bone in pieces])
+        to_axes = to_axes.reshape(-1, 4, 4)
+        return Proximity(to_axes, np.zeros((*shape, 3)), np.full(shape, -np.inf), np.zeros((*shape, 3)))
 
-    def update(self, x: Floats, transforms: Floats, near: Proximity) -> None:
+    def update(self, x: Floats, near: Proximity) -> None:
         """Write the gaps of paths x to the bones.
 
         Paths are (f, n, 3); the bones stay in their pose. A distance changes by no more than the point moves:
         points too far to have come near a bone are not looked up. Gaps of points not looked up are lower
         bounds.
         """
-        for k, (number, bone) in enumerate(zip(self.numbers, self._bones, strict=True)):
-            transform, gaps = transforms[number], near.gaps[k]
-            _approach(x.reshape(-1, 3), transform, near.points[k], gaps)
-            found = np.flatnonzero(gaps < self.rounding)
-            if not len(found):
-                continue
-            standoff = self._standoff[k, found]
-            distance, outward = bone.field(near.points[k, found], within=standoff + self.rounding)
-            gaps[found], near.normals[k, found] = distance - standoff, outward @ transform[:3, :3].T
+        for k, (bone, field) in enumerate(zip(self._bones, self._fields, strict=True)):
+            standoff, points, gaps, normals = self._standoff[k], near.points[k], near.gaps[k], near.normals[k]
+            to_axes, limits = near.to_axes[k], (standoff, self.rounding)
+            while True:
+                beyond = _look_up(
+                    field, to_axes, x.reshape(-1, 3), *limits, points, gaps, normals, self._work
+                )
+                if not bone.fill(field):
+                    break
+            if beyond:
+                far = np.flatnonzero(np.isnan(gaps))
+                distance, outward = bone.exact(apply_transform(inverse(bone.axes), points[far]))
+                turn = near.to_axes[k, :3, :3].T @ bone.axes[:3, :3]
+                gaps[far], normals[far] = distance - standoff[far], outward @ turn.T
 
-    def sags(self, x: Floats, transforms: Floats, near: Proximity) -> Floats:
+    def sags(self, x: Floats, near: Proximity) -> Floats:
         """Return how much nearer to bones the segments of paths x are than their points, (f,) [mm].
 
         The paths (f, n, 3) have a known proximity. The middle of each segment is compared with the nearer
@@ -121,20 +137,19 @@ class BoneContacts:
         R and R less the sag.
         """
         f, n, _ = x.shape
-        middles, sags = 0.5 * (x[:, 1:] + x[:, :-1]), np.zeros((f, n - 1))
-        reach = 0.5 * np.linalg.norm(x[:, 1:] - x[:, :-1], axis=2)
-        for k, (number, bone) in enumerate(zip(self.numbers, self._bones, strict=True)):
+        sags, reach = np.zeros((f, n - 1)), 0.5 * np.linalg.norm(x[:, 1:] - x[:, :-1], axis=2)
+        for k, bone in enumerate(self._bones):
             # A middle is no deeper than the nearer point's gap and half a segment allow.
             gaps, standoff = near.gaps[k].reshape(f, n), self._standoff[k].reshape(f, n)
             may, clear = np.maximum(gaps[:, 1:], gaps[:, :-1]) < reach, standoff + np.minimum(gaps, 0.0)
-            kept = np.minimum(clear[:, 1:], clear[:, :-1])[may]
-            turn, shift = transforms[number, :3, :3], transforms[number, :3, 3]
-            distance = bone.field((middles[may] - shift) @ turn, within=kept)[0]
+            kept, points = np.minimum(clear[:, 1:], clear[:, :-1])[may], near.points[k].reshape(f, n, 3)
+            middles = 0.5 * (points[:, 1:][may] + points[:, :-1][may])
+            distance = bone.field(apply_transform(inverse(bone.axes), middles), within=kept)[0]
             sags[may] = np.maximum(sags[may], kept - distance)
         deepest: Floats = sags.max(axis=1)
         return deepest
 
-    def load(self, k: int, transforms: Floats, near: Proximity, pressure: Floats) -> Load:
+    def load(self, k: int, near: Proximity, pressure: Floats) -> Load:
         """Return the load of the k-th piece on paths.
 
         The paths have a known proximity, and the bone has a pressure (f, n) on the paths. Normals are
@@ -142,10 +157,11 @@ class BoneContacts:
         thousandth of a cell a strap on a roller has levers 1 to 4 mm off the roller's radius in 1 or 2 of 100
         poses.
         """
-        bone, turn = self._bones[k], transforms[self.numbers[k], :3, :3]
+        bone, turn = self._bones[k], near.to_axes[k, :3, :3].T @ self._bones[k].axes[:3, :3]
         pressed, shape = np.flatnonzero(pressure), pressure.shape
         moves = bone.cell * np.concatenate([np.eye(3), -np.eye(3)])
-        sides = bone.field((near.points[k, pressed] + moves[:, None]).reshape(-1, 3))[1].reshape(2, 3, -1, 3)
+        points = apply_transform(inverse(bone.axes), near.points[k, pressed])
+        sides = bone.field((points + moves[:, None]).reshape(-1, 3))[1].reshape(2, 3, -1, 3)
         normals = near.normals[k, pressed]
         force, gaps = pressure.reshape(-1)[pressed, None], near.gaps[k, pressed, None]
         stiff = PUSH * np.minimum(0.5 - 0.5 * gaps / self.rounding, 1.0)  # as of pressure_at
@@ -159,19 +175,49 @@ class BoneContacts:
 
 
 @kernel
-def _approach(x: Floats, transform: Floats, points: Floats, gaps: Floats) -> None:
-    """Move points (p, 3) to x, seen from a bone.
+def _look_up(
+    field: Field,
+    to_axes: Floats,
+    x: Floats,
+    standoff: Floats,
+    rounding: float,
+    points: Floats,
+    gaps: Floats,
+    normals: Floats,
+    work: Floats,
+) -> int:
+    """Do the work of :meth:`BoneContacts.update` for a bone; return the number of points beyond its field.
 
-    The positions x (p, 3) are in space. The points' gaps (p,) fall by the distances moved.
+    x, points, normals : (p, 3), standoff, gaps : (p,); work : (2, 3), memory. Gaps of unknown nodes, and
+    beyond the field, are NaN.
     """
+    at, beyond = work, 0
     for p in range(len(x)):
+        transform_point(to_axes, x, p, at)
         moved = 0.0
-        a, b, c = x[p, 0] - transform[0, 3], x[p, 1] - transform[1, 3], x[p, 2] - transform[2, 3]
-        for k in range(3):
-            at = transform[0, k] * a + transform[1, k] * b + transform[2, k] * c
-            moved += (at - points[p, k]) ** 2
-            points[p, k] = at
+        for c in range(3):
+            moved += (at[c] - points[p, c]) ** 2
+            points[p, c] = at[c]
         gaps[p] -= np.sqrt(moved)
+        if gaps[p] >= rounding:
+            continue
+        before, within = field.lacking[0], max(standoff[p] + rounding, 0.0)
+        least = np.sqrt(distance2_to_box(field.box, at[0], at[1], at[2]))
+        if not least > within:
+            least = least_distance_at(field, at[0], at[1], at[2])
+        if least > within:
+            gaps[p] = least - standoff[p]
+            continue
+        if field.lacking[0] > before:
+            gaps[p] = np.nan
+            continue
+        distance, u, v, w = look_at(field, at[0], at[1], at[2])
+        gaps[p], u, v, w = distance - standoff[p], field.per_mm * u, field.per_mm * v, field.per_mm * w
+        for c in range(3):
+            normals[p, c] = to_axes[0, c] * u + to_axes[1, c] * v + to_axes[2, c] * w
+        if np.isnan(gaps[p]) and field.lacking[0] == before:
+            beyond += 1
+    return beyond
 
 
 @kernel

@@ -17,7 +17,7 @@ from vtkmuscle.core.paths.guides import Guides
 from vtkmuscle.core.paths.neighbours import Neighbours
 from vtkmuscle.core.types import Floats, Ints
 
-#: The response to the bones' move is solved for in steps until one of them changes the levers by less than
+#: The response to the bones' move is solved for in steps until a step changes the levers by less than
 #: this part of the greatest speed of a path's end (rms of all paths), but in no more than so many. Levers of
 #: three muscles of a real hip are 0.004 mm off the limit then (median of poses, rms of paths; 0.05 at most),
 #: whatever the solution begins with.
@@ -60,123 +60,104 @@ def path_levers(
         Displacement of the points between the ends, such as the last move: the solution begins with the best
         multiple of the drift, and so saves two steps.
     solver : two callables
-        The first takes velocities of the points (f, n, 3, v), ends included, and returns the change of the
-        energy's gradient, 0 at the ends. The second takes gradients likewise, and returns velocities of the
-        inner points that about cancel the gradients.
+        The first takes velocities of the points (f, n, 3), ends included, and returns the change of the
+        energy's gradient, 0 at the ends. The second takes a gradient likewise, and returns velocities of the
+        inner points that about cancel the gradient.
     carried : (Guides, (b, 4, 4) array), optional
         Carry the paths of further fibres, in a pose of the bones.
     """
+    change, step = solver
     paths = points if carried is None else carried[0].carry(points, carried[1])
     segments = np.diff(paths, axis=1)
     sizes = np.linalg.norm(segments, axis=2, keepdims=True)
     pull = np.diff(segments / np.maximum(sizes, np.finfo(float).tiny), axis=1, prepend=0.0, append=0.0)
-    levers = np.zeros((len(paths), len(twists)))
     starting, ending = ends
     touched = sorted({*starting.tolist(), *ending.tolist(), *loads})
-    # All bones that move together leave the lengths as they are.
-    relative = twists - twists[:, touched[:1]]
-    moved = relative[:, touched].any(axis=(1, 2))
-    if not moved.any():
-        return levers.T
-    relative = relative[moved]
+    # To begin with points go with the ends by how near they are to each.
+    along = np.linspace(0.0, 1.0, points.shape[1])
+    parts = [np.outer(starting == bone, 1.0 - along) + np.outer(ending == bone, along) for bone in touched]
+    start = drift.copy()
+    start[:, [0, -1]] = 0.0
+    along_drift = change(start)
 
-    def shortening(velocity: Floats, twists: Floats | None = None) -> Floats:
-        """Return the rates of shortening (k, v) of all paths; without twists the ends stay."""
+    def shortening(velocity: Floats, twist: Floats | None = None) -> Floats:
+        """Return the rates of shortening (k,) of all paths; without a twist the ends stay."""
         if carried is not None:
-            ways = np.moveaxis(velocity, 3, 0)
-            moves = [None] * len(ways) if twists is None else _moved_by(twists, carried[1])
-            velocity = np.stack(list(map(carried[0].carry, ways, moves)), axis=3)
-        rates: Floats = np.einsum("fni,fniv->fv", pull, velocity)
+            velocity = carried[0].carry(velocity, None if twist is None else _moved_by(twist, carried[1]))
+        rates: Floats = np.einsum("fni,fni->f", pull, velocity)
         return rates
 
-    along = np.linspace(0.0, 1.0, points.shape[1])
-    given = np.zeros((*points.shape, np.count_nonzero(moved)))
-    by_loads = np.zeros_like(given)
-    for bone in touched:
-        linear, angular = relative[:, bone, :3], relative[:, bone, 3:]
-        velocity = linear.T + _turned(points, angular)
-        # To begin with points go with the ends by how near they are to each.
-        part = np.outer(starting == bone, 1.0 - along) + np.outer(ending == bone, along)
-        given += part[..., None, None] * velocity
-        if bone in loads:  # which go with it, and turn with it
-            force, stiffness = loads[bone]
-            by_loads += np.einsum("fnij,fnjv->fniv", stiffness, velocity) + _turned(force, angular)
-    both = np.concatenate([given, drift[..., None]], axis=3)
-    both[:, [0, -1], :, -1] = 0.0
-    gradient, along_drift = np.split(solver[0](both), [-1], axis=3)
-    gradient[:, 1:-1] -= by_loads[:, 1:-1]
-    part = -_products(gradient, along_drift) / (_products(along_drift, along_drift) or 1.0)
-    given += part * both[..., -1:]
-    gradient += part * along_drift
-    found = shortening(given, relative)
-    speed = np.linalg.norm(given[:, [0, -1]], axis=2).max(axis=(0, 1))
-    going = np.ones(len(speed), dtype=np.bool_)  # each for itself: none depends on the others
-    largest = np.full(len(speed), np.nan)
-    for lever in _responses(gradient, shortening, *solver):
-        size = np.sqrt((lever**2).mean(axis=0))
-        going &= ~(size > LARGEST_GROWTH * largest)
-        found[:, going] += lever[:, going]
-        largest = np.fmax(largest, size)
-        going &= size >= TOLERANCE * speed
-        if not going.any():
-            break
-    levers[:, moved] = found
-    return levers.T
+    def lever(twist: Floats) -> Floats:
+        velocity, by_loads = np.zeros_like(points), np.zeros_like(points)
+        for bone, share in zip(touched, parts, strict=True):
+            turn = _skew(twist[bone, 3:])
+            with_bone = points @ turn.T + twist[bone, :3]
+            velocity += share[..., None] * with_bone
+            if bone in loads:  # which go with it, and turn with it
+                force, stiffness = loads[bone]
+                by_loads += np.einsum("fnij,fnj->fni", stiffness, with_bone) + force @ turn.T
+        gradient = change(velocity)
+        gradient[:, 1:-1] -= by_loads[:, 1:-1]
+        part = -float(np.vdot(gradient, along_drift)) / (float(np.vdot(along_drift, along_drift)) or 1.0)
+        velocity += part * start
+        gradient += part * along_drift
+        rates, largest = shortening(velocity, twist), 0.0
+        least = TOLERANCE * float(np.linalg.norm(velocity[:, [0, -1]], axis=2).max())
+        for more in _responses(gradient, change, step):
+            change_of_rates = shortening(more)
+            size = float(np.sqrt((change_of_rates**2).mean()))
+            if largest > 0.0 and size > LARGEST_GROWTH * largest:
+                break
+            rates, largest = rates + change_of_rates, max(largest, size)
+            if size < least:
+                break
+        return rates
+
+    # All bones that move together leave the lengths as they are.
+    relative = twists - twists[:, touched[:1]]
+    levers = np.zeros((len(twists), len(paths)))
+    for number in np.flatnonzero(relative[:, touched].any(axis=(1, 2))):
+        levers[number] = lever(relative[number])
+    return levers
 
 
-def _moved_by(twists: Floats, transforms: Floats) -> Floats:
-    """Return the changes (v, b, 4, 4) of transforms (b, 4, 4) by twists (v, b, 6)."""
-    changes = np.zeros((*twists.shape[:2], 4, 4))
-    changes[..., :3, :] = np.cross(twists[:, :, None, 3:], transforms[:, :3].swapaxes(1, 2)).swapaxes(2, 3)
-    changes[..., :3, 3] += twists[..., :3]
+def _skew(vector: Floats) -> Floats:
+    """Return the matrix of the cross product with a vector (3,)."""
+    x, y, z = vector
+    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+
+
+def _moved_by(twist: Floats, transforms: Floats) -> Floats:
+    """Return the changes (b, 4, 4) of transforms (b, 4, 4) by a twist (b, 6)."""
+    changes = np.zeros_like(transforms)
+    changes[:, :3] = np.cross(twist[:, None, 3:], transforms[:, :3].swapaxes(1, 2)).swapaxes(1, 2)
+    changes[:, :3, 3] += twist[:, :3]
     return changes
 
 
-def _turned(vectors: Floats, angular: Floats) -> Floats:
-    """Return the change of turning vectors.
-
-    Vectors (..., 3) turn with angular velocities (v, 3); the change is (..., 3, v).
-    """
-    return np.stack([np.cross(axis, vectors) for axis in angular], axis=-1)
-
-
 def _responses(
-    gradient: Floats,
-    shortening: Callable[[Floats], Floats],
-    change: Callable[[Floats], Floats],
-    step: Callable[[Floats], Floats],
+    gradient: Floats, change: Callable[[Floats], Floats], step: Callable[[Floats], Floats]
 ) -> Iterator[Floats]:
-    """Give the levers at each step of the velocities.
+    """Give the velocities (f, n, 3) that together change the gradient by minus the gradient.
 
-    Levers are (f, v). The velocities change the gradient by minus the gradient. Generalised conjugate
-    residuals (Eisenstat, Elman, Schultz 1983, doi:10.1137/0720023) solve for each of the v velocities
-    separately. The preconditioner is a step of Newton's method: Newton's matrix leaves out the turning of
-    tangents and of the bones' surfaces, and the change of the gradient includes the turning.
+    Generalised conjugate residuals (Eisenstat, Elman, Schultz 1983, doi:10.1137/0720023). The preconditioner
+    is a step of Newton's method: Newton's matrix leaves out the turning of tangents and of the bones'
+    surfaces, and the change of the gradient includes the turning.
     """
     left = gradient
-    before: list[tuple[Floats, Floats, Floats]] = []
+    before: list[tuple[Floats, Floats, float]] = []
     for _ in range(STEPS):
         way = step(left)
         by_way = change(way)
         for other, by_other, size in before:
-            part = _products(by_way, by_other) / size
+            part = float(np.vdot(by_way, by_other)) / size
             way -= part * other
             by_way -= part * by_other
-        size = _products(by_way, by_way)
-        size[size == 0.0] = 1.0
-        part = _products(left, by_way) / size
-        left -= part * by_way
+        size = float(np.vdot(by_way, by_way)) or 1.0
+        part = float(np.vdot(left, by_way)) / size
+        left = left - part * by_way
         before.append((way, by_way, size))
-        yield -part * shortening(way)
-
-
-def _products(a: Floats, b: Floats) -> Floats:
-    """Return the v scalar products of a and b.
-
-    Both arrays are (f, n, 3, v).
-    """
-    products: Floats = np.einsum("fniv,fniv->v", a, b)
-    return products
+        yield -part * way
 
 
 @vector_kernel
@@ -201,44 +182,39 @@ def change_gradient(
     ----------
     x : (f, n, 3) array
         Positions [mm].
-    velocity : (f, n, 3, v) array
-        Of the points, v of them.
+    velocity : (f, n, 3) array
+        Of the points.
     held : (f, n, 3, 3) array
         Stiffness of the holds on each point, bones included.
     widths, widening : (f,) arrays
         Widths of the paths, and change of the widths with the paths' lengths [1/mm].
-    wider, turning : (f, v), (f, n, 3, v) arrays
+    wider, turning : (f,), (f, n, 3) arrays
         Working memory: rates of the paths' widths, and change of the tangents at the points.
-    change : (f, n, 3, v) array
+    change : (f, n, 3) array
         Overwritten, 0 at the ends.
     """
-    f, n, _, ways = velocity.shape
-    wider[:] = 0.0
+    f, n, _ = velocity.shape
     for a in range(f):
+        wider[a] = 0.0
         for i in range(n - 1):
             s0, s1, s2 = x[a, i + 1, 0] - x[a, i, 0], x[a, i + 1, 1] - x[a, i, 1], x[a, i + 1, 2] - x[a, i, 2]
             length = math.sqrt(s0 * s0 + s1 * s1 + s2 * s2)
-            part = widening[a] / length if length > 0.0 else 0.0
-            for v in range(ways):
-                wider[a, v] += part * (
-                    s0 * (velocity[a, i + 1, 0, v] - velocity[a, i, 0, v])
-                    + s1 * (velocity[a, i + 1, 1, v] - velocity[a, i, 1, v])
-                    + s2 * (velocity[a, i + 1, 2, v] - velocity[a, i, 2, v])
-                )
+            wider[a] += (widening[a] / length if length > 0.0 else 0.0) * (
+                s0 * (velocity[a, i + 1, 0] - velocity[a, i, 0])
+                + s1 * (velocity[a, i + 1, 1] - velocity[a, i, 1])
+                + s2 * (velocity[a, i + 1, 2] - velocity[a, i, 2])
+            )
         for c in range(3):
-            for v in range(ways):
-                change[a, 0, c, v] = change[a, n - 1, c, v] = 0.0
+            change[a, 0, c] = change[a, n - 1, c] = 0.0
         for i in range(1, n - 1):
+            v0, v1, v2 = velocity[a, i, 0], velocity[a, i, 1], velocity[a, i, 2]
             for c in range(3):
-                h0, h1, h2 = held[a, i, c, 0], held[a, i, c, 1], held[a, i, c, 2]
-                for v in range(ways):
-                    before, after = velocity[a, i - 1, c, v], velocity[a, i + 1, c, v]
-                    turning[a, i, c, v] = after - before
-                    change[a, i, c, v] = (2.0 * velocity[a, i, c, v] - before - after) + (
-                        h0 * velocity[a, i, 0, v] + h1 * velocity[a, i, 1, v] + h2 * velocity[a, i, 2, v]
-                    )
-    p, by = x.reshape(f * n, 3), change.reshape(f * n, 3, ways)
-    going, turns = velocity.reshape(f * n, 3, ways), turning.reshape(f * n, 3, ways)
+                h, before, after = held[a, i, c], velocity[a, i - 1, c], velocity[a, i + 1, c]
+                turning[a, i, c] = after - before
+                bow = 2.0 * velocity[a, i, c] - before - after
+                change[a, i, c] = bow + (h[0] * v0 + h[1] * v1 + h[2] * v2)
+    p, by = x.reshape(f * n, 3), change.reshape(f * n, 3)
+    going, turns = velocity.reshape(f * n, 3), turning.reshape(f * n, 3)
     for e in range(len(neighbours.pairs)):
         i, j = neighbours.pairs[e, 0], neighbours.pairs[e, 1]
         t0, t1, t2, u0, u1, u2, size, ahead, apart = axes_of_pair(p, i, j)
@@ -251,23 +227,18 @@ def change_gradient(
         turn = across * (apart - width * neighbours.distances[e]) * per_apart
         shear = along * (ahead - neighbours.ahead[e] / (width * width))
         bend = (shear - turn * ahead) * per_size
-        press_wider = -across * neighbours.distances[e]
-        shear_wider = 2.0 * along * neighbours.ahead[e] / (width * width * width)
-        for v in range(ways):
-            w0 = going[i, 0, v] - going[j, 0, v]
-            w1 = going[i, 1, v] - going[j, 1, v]
-            w2 = going[i, 2, v] - going[j, 2, v]
-            d0 = turns[i, 0, v] + turns[j, 0, v]
-            d1 = turns[i, 1, v] + turns[j, 1, v]
-            d2 = turns[i, 2, v] + turns[j, 2, v]
-            widened = 0.5 * (wider[i // n, v] + wider[j // n, v])
-            turned = (u0 * d0 + u1 * d1 + u2 * d2) * per_size
-            parted = u0 * w0 + u1 * w1 + u2 * w2 - ahead * turned
-            moved = t0 * w0 + t1 * w1 + t2 * w2 + apart * turned
-            by_u = (across - turn) * parted + press_wider * widened
-            by_t = (along - turn) * moved + shear_wider * widened - bend * (t0 * d0 + t1 * d1 + t2 * d2)
-            f0 = turn * w0 + bend * d0 + by_u * u0 + by_t * t0
-            f1 = turn * w1 + bend * d1 + by_u * u1 + by_t * t1
-            f2 = turn * w2 + bend * d2 + by_u * u2 + by_t * t2
-            by[i, 0, v], by[i, 1, v], by[i, 2, v] = by[i, 0, v] + f0, by[i, 1, v] + f1, by[i, 2, v] + f2
-            by[j, 0, v], by[j, 1, v], by[j, 2, v] = by[j, 0, v] - f0, by[j, 1, v] - f1, by[j, 2, v] - f2
+        widened = 0.5 * (wider[i // n] + wider[j // n])
+        press_wider = -across * neighbours.distances[e] * widened
+        shear_wider = 2.0 * along * neighbours.ahead[e] / (width * width * width) * widened
+        w0, w1, w2 = going[i, 0] - going[j, 0], going[i, 1] - going[j, 1], going[i, 2] - going[j, 2]
+        d0, d1, d2 = turns[i, 0] + turns[j, 0], turns[i, 1] + turns[j, 1], turns[i, 2] + turns[j, 2]
+        turned = (u0 * d0 + u1 * d1 + u2 * d2) * per_size
+        parted = u0 * w0 + u1 * w1 + u2 * w2 - ahead * turned
+        moved = t0 * w0 + t1 * w1 + t2 * w2 + apart * turned
+        by_u = (across - turn) * parted + press_wider
+        by_t = (along - turn) * moved + shear_wider - bend * (t0 * d0 + t1 * d1 + t2 * d2)
+        f0 = turn * w0 + bend * d0 + by_u * u0 + by_t * t0
+        f1 = turn * w1 + bend * d1 + by_u * u1 + by_t * t1
+        f2 = turn * w2 + bend * d2 + by_u * u2 + by_t * t2
+        by[i, 0], by[i, 1], by[i, 2] = by[i, 0] + f0, by[i, 1] + f1, by[i, 2] + f2
+        by[j, 0], by[j, 1], by[j, 2] = by[j, 0] - f0, by[j, 1] - f1, by[j, 2] - f2

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial.distance import cdist
 
+from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.types import Floats, Ints
 
 #: Young's modulus of muscle across its fibres, as a part of the tension per area along them. Of passive
@@ -133,9 +134,20 @@ def _ahead_and_across(points: Floats, tangents: Floats, one: Ints, other: Ints) 
 
 def path_lengths(points: Floats) -> Floats:
     """Return the lengths of paths (f, n, 3), (f,) [mm]."""
-    steps = points[:, 1:] - points[:, :-1]
-    lengths: Floats = np.sqrt(np.einsum("fni,fni->fn", steps, steps)).sum(axis=1)
+    lengths = np.empty(len(points))
+    _add_steps(np.ascontiguousarray(points), lengths)
     return lengths
+
+
+@kernel
+def _add_steps(points: Floats, lengths: Floats) -> None:
+    for a in range(len(points)):
+        lengths[a] = 0.0
+        for i in range(points.shape[1] - 1):
+            square = 0.0
+            for c in range(3):
+                square += (points[a, i + 1, c] - points[a, i, c]) ** 2
+            lengths[a] += np.sqrt(square)
 
 
 def path_widths(points: Floats, lengths: Floats) -> Floats:

@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.paths.bone_contact import PUSH, BoneContacts, Load, add_contacts
 from vtkmuscle.core.paths.equilibrium import (
     STEP_LEFT,
@@ -134,11 +135,11 @@ class SheetPose:
         f, n, _ = shape
         self._sheet, self._middle = sheet, (points.min(axis=(0, 1)) + points.max(axis=(0, 1))) / 2.0
         self.x = points - self._middle
-        self._near = sheet.contacts.proximity()
         #: Of each bone, what its tissue holds points with: stiffness (f, n, 3, 3) and pull (f, n, 3).
         self._tissue: dict[int, tuple[Floats, Floats]] = {}
         self._moved = np.array(transforms)
         self._moved[:, :3, 3] -= self._middle
+        self._near = sheet.contacts.proximity(self._moved)
         held, self._pull = np.zeros((f, n, 3, 3)), np.zeros(shape)
         for k, number in enumerate(around.bones):
             turn, shift = self._moved[number, :3, :3], self._moved[number, :3, 3]
@@ -181,7 +182,7 @@ class SheetPose:
         widths = path_widths(x, sheet.lengths)
         add_neighbours(x.reshape(-1, 3), *flat, sheet.neighbours, widths, self._couplings)
         contacts, shape = sheet.contacts, self._pressure.shape
-        contacts.update(x, self._moved, near)
+        contacts.update(x, near)
         gaps, normals = near.gaps.reshape(shape), near.normals.reshape(*shape, 3)
         rounded = PUSH, contacts.rounding
         add_contacts(x, gaps, normals, *rounded, gradient, blocks, self._pressure)
@@ -291,7 +292,7 @@ class SheetPose:
 
         See :meth:`~vtkmuscle.core.paths.bone_contact.BoneContacts.sags`.
         """
-        return self._sheet.contacts.sags(self.x, self._moved, self._near)
+        return self._sheet.contacts.sags(self.x, self._near)
 
     @property
     def points(self) -> Floats:
@@ -313,17 +314,13 @@ class SheetPose:
         self._prepare_solve()
 
         def change(velocity: Floats) -> Floats:
-            wider, result = np.empty((len(x), velocity.shape[3])), np.empty_like(velocity)
-            turning = np.empty_like(velocity)
-            change_gradient(x, velocity, held, sheet.neighbours, *widths, wider, turning, result)
+            result, memory = np.empty_like(velocity), (np.empty(len(x)), np.empty_like(velocity))
+            change_gradient(x, velocity, held, sheet.neighbours, *widths, *memory, result)
             return result
 
-        def step(gradients: Floats) -> Floats:
-            result = np.empty_like(gradients)
-            for way in range(gradients.shape[3]):
-                self._solve(np.ascontiguousarray(gradients[..., way]))
-                result[..., way] = self.way
-            return result
+        def step(gradient: Floats) -> Floats:
+            self._solve(gradient)
+            return self.way.copy()
 
         about = np.array(twists, dtype=np.float64)
         about[..., :3] += np.cross(about[..., 3:], self._middle)
@@ -340,7 +337,7 @@ class SheetPose:
         ]
         for k, number in enumerate(contacts.numbers):
             if self._pressure[k].any():
-                loads.append((number, contacts.load(k, self._moved, self._near, self._pressure[k])))
+                loads.append((number, contacts.load(k, self._near, self._pressure[k])))
         for k, (number, _) in enumerate(self._sheet.rings):
             if (points := self.ring_points[k]).any():
                 loads.append((number, ring_load(x, self._rings, k, points, contacts.rounding)))
@@ -369,17 +366,25 @@ def accelerated(
     gradient, in the norm of the inverse matrix (Anderson 1965, doi:10.1145/321296.321305; Walker, Ni 2011,
     doi:10.1137/10078356X).
     """
-    x, gradient, way = ((new - np.array([old[k] for old in before])) for k, new in enumerate(now))
-    products = np.einsum("afni,bfni->ab", gradient, way)
-    right = np.einsum("afni,fni->a", gradient, now[2]) + np.einsum("afni,fni->a", way, now[1])
+    x, gradient, way = (
+        (new - np.array([old[k] for old in before])).reshape(len(before), -1) for k, new in enumerate(now)
+    )
+    products = gradient @ way.T
+    right = gradient @ now[2].reshape(-1) + way @ now[1].reshape(-1)
     parts = np.linalg.lstsq(products + products.T, right)[0]
-    step: Floats = now[2] - np.tensordot(parts, x + way, axes=1)
+    step: Floats = now[2] - (parts @ (x + way)).reshape(now[2].shape)
     return step
 
 
+@kernel
 def farthest_of(ways: Floats) -> float:
     """Return the length of the longest of ways (f, n, 3)."""
-    return math.sqrt(np.einsum("fni,fni->fn", ways, ways).max())
+    most = 0.0
+    for a in range(len(ways)):
+        for i in range(ways.shape[1]):
+            u, v, w = ways[a, i, 0], ways[a, i, 1], ways[a, i, 2]
+            most = max(most, u * u + v * v + w * w)
+    return math.sqrt(most)
 
 
 def _turned(stiffness: Floats, turn: Floats) -> Floats:
