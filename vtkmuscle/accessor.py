@@ -191,10 +191,8 @@ def _areas(origin: Any, insertion: Any, attachments: Any, bones: list[str] | Non
     for role, landmarks in by_role.items():
         if not isinstance(landmarks, Mapping) or isinstance(landmarks, vtkDataObject):
             if bones is not None:
-                raise ValueError(
-                    f"mesh.muscle: {role} needs a bone: {{bone: landmarks}}, with a bone of "
-                    f"{', '.join(map(repr, bones))}"
-                )
+                problem = f"{role} needs a bone: {{bone: landmarks}}, with a bone of"
+                raise ValueError(f"mesh.muscle: {problem} {', '.join(map(repr, bones))}")
             landmarks = {role: landmarks}  # noqa: PLW2901 -- fibres do not need the bone
         for bone, where in landmarks.items():
             points, closed = landmarks_of(_polyline(where), f"mesh.muscle: {role} on {bone!r}")

@@ -56,12 +56,8 @@ def _measured() -> Iterator[tuple[str, float, float, float]]:
         yield quantity, float(arms.mean[-1]), known, ARM_ERROR
     scene = Scene.from_phantom(spindle_over_hinge(), n_fibres=N_FIBRES)
     report = scene.run(deformer="pbd", frames="0:6").report["muscles"]["spindle"]
-    yield (
-        "spindle_over_hinge by PBD: volume / at rest",
-        report["frames"][-1]["volume_ratio"],
-        1.0,
-        VOLUME_ERROR,
-    )
+    ratio = report["frames"][-1]["volume_ratio"]
+    yield "spindle_over_hinge by PBD: volume / at rest", ratio, 1.0, VOLUME_ERROR
     block = pennate_block()
     known_block: Any = block.known
     architecture = Scene.from_phantom(block, n_fibres=N_FIBRES).run(frames="0")["block"].architecture

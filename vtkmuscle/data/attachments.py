@@ -155,10 +155,8 @@ def rings_by_bone(
     names = list(bones)
     for area in areas:
         if area.bone not in names:
-            problem = (
-                f"the bone of a via ring is {area.bone!r}, but the bones are {', '.join(map(repr, names))}"
-            )
-            raise InputError(where, problem)
+            listed = ", ".join(map(repr, names))
+            raise InputError(where, f"the bone of a via ring is {area.bone!r}, but the bones are {listed}")
     return tuple((names.index(area.bone), via_ring(area.landmarks)) for area in areas)
 
 
@@ -212,9 +210,7 @@ def aponeurosis_from(data: vtkPolyData, side: str, where: str) -> Aponeurosis:
 def ring_aponeurosis(landmarks: Floats, side: str, where: str) -> Aponeurosis:
     """Return the aponeurosis within landmarks (k, 3), k >= 3."""
     if len(landmarks) < 3:
-        problem = (
-            f"an aponeurosis is a surface or a ring of at least 3 points, but has {len(landmarks)} points"
-        )
+        problem = f"an aponeurosis is a surface or a ring of at least 3 points, not {len(landmarks)} points"
         raise InputError(where, problem, "list the points around the aponeurosis in order")
     return Aponeurosis(side, landmarks)
 

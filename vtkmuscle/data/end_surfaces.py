@@ -93,11 +93,8 @@ def _aponeurosis(
     surface = _together(shapes, geometry, label, takes=(1.0, 1.0))
     share = surface.samples.area / _area(geometry.points, geometry.triangles)
     if share > COVERS:
-        raise InputError(
-            label,
-            f"the aponeurosis covers {100 * share:.0f} % of the muscle's surface",
-            "draw the ring around the fibre ends only",
-        )
+        problem = f"the aponeurosis covers {100 * share:.0f} % of the muscle's surface"
+        raise InputError(label, problem, "draw the ring around the fibre ends only")
     return surface
 
 

@@ -111,15 +111,8 @@ def label_field(mask: Bools, frame: Floats, inner: tuple[slice, ...] = (), *, sm
     inside = int(solid.sum())
     lowest = np.partition(values.ravel(), (inside - 1, inside))
     level = 0.5 * (lowest[inside - 1] + lowest[inside])
-    return LabelField(
-        values - np.float32(level),
-        placed,
-        boundary,
-        inside * float(abs(np.linalg.det(frame[:3, :3]))),
-        np.sort(sizes)[::-1],
-        int(hollow.sum()),
-        cut,
-    )
+    volume, pieces = inside * float(abs(np.linalg.det(frame[:3, :3]))), np.sort(sizes)[::-1]
+    return LabelField(values - np.float32(level), placed, boundary, volume, pieces, int(hollow.sum()), cut)
 
 
 def _signed_distance(solid: Bools, sampling: Floats) -> Floats:

@@ -103,12 +103,9 @@ def fixed_points_of(muscle: Surface, bones: Sequence[str]) -> Ints:
     fixed_to = array.astype(np.int64)
     bad = fixed_to[(fixed_to < -1) | (fixed_to >= len(bones))]
     if len(bad):
-        raise InputError(
-            where,
-            f"{bad[0]} is neither -1 (free) nor an index of the {len(bones)} bones "
-            f"({', '.join(map(repr, bones))})",
-            "detect the fixed points with these bones",
-        )
+        listed = ", ".join(map(repr, bones))
+        problem = f"{bad[0]} is neither -1 (free) nor an index of the {len(bones)} bones ({listed})"
+        raise InputError(where, problem, "detect the fixed points with these bones")
     return fixed_to
 
 
@@ -144,12 +141,9 @@ class RestBones:
     def check_same(self, moving: MovingBones) -> None:
         """Raise ValueError if names or order of rest and moving bones differ."""
         if list(self.surfaces) != moving.names:
-            raise InputError(
-                self.where,
-                f"the blocks are {', '.join(map(repr, self.surfaces))}, but the moving bones are "
-                f"{', '.join(map(repr, moving.names))}",
-                "connect the same bones to rest_bones and, through BoneMotion, to bones",
-            )
+            own, theirs = (", ".join(map(repr, names)) for names in (self.surfaces, moving.names))
+            remedy = "connect the same bones to rest_bones and, through BoneMotion, to bones"
+            raise InputError(self.where, f"the blocks are {own}, but the moving bones are {theirs}", remedy)
 
 
 def rest_bones_of(data: vtkMultiBlockDataSet, where: str) -> RestBones:

@@ -107,14 +107,10 @@ class BoneMotion(Filter):
                 self._twists = self.motion, MotionTwists(self.motion)
             transforms = self.motion.at(self.request_time)
             twists = self._twists[1].at(self.request_time)
-        unknown = sorted(set(transforms) - set(bones))
-        if unknown:
-            raise InputError(
-                "",
-                f"the motion moves {', '.join(map(repr, unknown))}, but the bones are "
-                f"{', '.join(map(repr, bones))}",
-                "rename the block or the motion's bone",
-            )
+        if unknown := sorted(set(transforms) - set(bones)):
+            moved, named = (", ".join(map(repr, names)) for names in (unknown, bones))
+            problem = f"the motion moves {moved}, but the bones are {named}"
+            raise InputError("", problem, "rename the block or the motion's bone")
         blocks = dict(bones)
         for name, transform in transforms.items():
             blocks[name] = _moved(bones[name], transform)

@@ -163,10 +163,7 @@ def _axis(fibres: vtkPolyData | None, origin: EndArea, insertion: EndArea) -> Fl
         axis = insertion.landmarks.mean(axis=0) - origin.landmarks.mean(axis=0)
     length = float(np.linalg.norm(axis))
     if not np.isfinite(length) or length == 0.0:
-        raise InputError(
-            "",
-            "the axis from the origin to the insertion has no direction: the centroids of the areas "
-            "coincide, or the field array 'Transform' of the fibres is singular",
-            "check the attachment areas",
-        )
+        why = "the areas' centroids coincide, or the fibres' field array 'Transform' is singular"
+        problem = f"the axis from the origin to the insertion has no direction: {why}"
+        raise InputError("", problem, "check the attachment areas")
     return axis / length

@@ -146,17 +146,16 @@ class SliceMorpher(Filter):
         if self.method == "auto" and not result.suits and upright and attachments is not None:
             method, result = "harmonic", morph("harmonic")
         if method == "plane" and not result.suits:
-            warnings.warn(
-                "SliceMorpher: the muscle is bent too much for parallel planes: the main branch holds "
-                f"{100 * result.volume_share:.0f} % of it, and {100 * result.steep_share:.0f} % of the "
-                "axis run at more than 45 degrees to the box's axis; use method='harmonic'",
-                stacklevel=2,
+            shares = f"the main branch holds {100 * result.volume_share:.0f} % of it, and "
+            shares += (
+                f"{100 * result.steep_share:.0f} % of the axis run at more than 45 degrees to the box's axis"
             )
+            problem = f"the muscle is bent too much for parallel planes: {shares}; use method='harmonic'"
+            warnings.warn(f"SliceMorpher: {problem}", stacklevel=2)
+        inside = geometry.solids.inside(result.points[inner_points(template.offsets)])
         fields: dict[str, str | float] = {
             "MorphMethod": method,
-            "PointsOutside": int(
-                (~geometry.solids.inside(result.points[inner_points(template.offsets)])).sum()
-            ),
+            "PointsOutside": int((~inside).sum()),
             "VolumeShare": result.volume_share,
             "SteepShare": steep_share,
         }
@@ -164,12 +163,9 @@ class SliceMorpher(Filter):
             seen = superficial_pieces(superficial.points, superficial.offsets, geometry.points)
             angle = float(np.degrees(angle_to_nearest(seen, result.points, template.offsets)))
             if angle > NOTICED:
-                warnings.warn(
-                    f"SliceMorpher: the superficial fibres deviate by {angle:.0f} degrees from the "
-                    "nearest fibres (root mean square); try another template, or another axis of "
-                    "TemplateFitter",
-                    stacklevel=2,
-                )
+                problem = f"the superficial fibres deviate by {angle:.0f} degrees from the nearest fibres"
+                remedy = "(root mean square); try another template, or another axis of TemplateFitter"
+                warnings.warn(f"SliceMorpher: {problem} {remedy}", stacklevel=2)
             fields["SuperficialAngle"] = angle
         return add_arrays(template.moved(result.points), fields=fields)
 
@@ -206,7 +202,5 @@ def _box(template: Any) -> Floats:
             axes = box[:3, :3] / sides
             if np.abs(axes.T @ axes - np.eye(3)).max() < 1e-6:
                 return box
-    problem = (
-        "the field array 'Transform' is not the matrix of a box: a rotation of a scaled cube, row by row"
-    )
+    problem = "the field array 'Transform' is not the matrix of a box: a rotated, scaled cube, row by row"
     raise InputError("template", problem, "run TemplateFitter")

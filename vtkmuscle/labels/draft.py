@@ -88,12 +88,10 @@ class Draft:
         self.joints, self.sweep, guesses = guessed_joints(self.bones, frame=self.frame, facing=facing)
         self.guesses += guesses
         if not self.sweep:
-            why = (
-                "; ".join(guess.why for guess in guesses)
-                or f"the bones are {', '.join(self.bones) or 'none'}"
-            )
-            self.lacks = f"no joint was found between the bones: {why}; name bones by their anatomy, such as "
-            self.lacks += "femur_r and pelvis"
+            named = f"the bones are {', '.join(self.bones) or 'none'}"
+            why = "; ".join(guess.why for guess in guesses) or named
+            remedy = "name bones by their anatomy, such as femur_r and pelvis"
+            self.lacks = f"no joint was found between the bones: {why}; {remedy}"
             return
         for muscle in list(self.muscles):
             try:
@@ -268,9 +266,8 @@ def draft_of_files(
             raise InputError(file, f"another file has the name {name!r}", "remove or rename a file")
         check_is_file(file)
         if (header := stated_frame(file) or frame) != frame:
-            raise InputError(
-                file, f"the header says {header}, but the frame is {frame}", f"use --frame {header}"
-            )
+            problem = f"the header says {header}, but the frame is {frame}"
+            raise InputError(file, problem, f"use --frame {header}")
         meshes[name] = kind, read_surface(file)
         confidence, why = 1.0 if name in stated else 0.8, f"a {kind} by its name, {file.name}"
         draft.guesses.append(Guess(f"{kind}s.{name}", kind, confidence, why))

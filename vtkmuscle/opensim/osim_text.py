@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
@@ -31,6 +32,7 @@ CYLINDER = 0.5
 _Paths = dict[tuple[str, str], str]
 
 
+@dataclass(frozen=True, eq=False)
 class MuscleOut(OsimMuscle):
     """A muscle to be written, with a path in metres.
 

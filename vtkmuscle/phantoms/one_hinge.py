@@ -160,12 +160,9 @@ def wrapping_cylinder(*, angles: ArrayLike | None = None) -> Phantom:
     times = np.arange(0.0, 41.0, 2.0) if angles is None else np.asarray(angles, dtype=np.float64)
     outside = times[~((times >= UNWOUND) & (times <= WOUND))]
     if len(outside):
-        raise InputError(
-            "wrapping_cylinder",
-            f"an angle is {outside[0]:g} degrees, but the moment arm is known, because the strap lies on the "
-            f"cylinder, from {UNWOUND:g} to {WOUND:g} only",
-            "choose angles within",
-        )
+        problem = f"an angle is {outside[0]:g} degrees, but the strap lies on the cylinder"
+        remedy = f"choose angles from {UNWOUND:g} to {WOUND:g}"
+        raise InputError("wrapping_cylinder", f"{problem} from {UNWOUND:g} to {WOUND:g} only", remedy)
     bones, muscle = _cylinder_surfaces()
     # The strap's edges are round: landmarks lie on the flat part of its faces.
     half = (WIDTH - THICKNESS) / 2.0

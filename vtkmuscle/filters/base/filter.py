@@ -121,10 +121,8 @@ class Filter(Runnable, Algorithm):
 
         def __getattr__(self, name: str) -> Any:
             words = re.sub(r"(?<!^)(?=[A-Z])", "_", name.removeprefix("Set").removeprefix("Get")).lower()
-            hint = suggestion(words, self.parameter_declarations)
-            raise AttributeError(
-                f"{type(self).__name__} has no attribute {name!r}; parameters are attributes: {hint}"
-            )
+            hint = f"parameters are attributes: {suggestion(words, self.parameter_declarations)}"
+            raise AttributeError(f"{type(self).__name__} has no attribute {name!r}; {hint}")
 
     def __repr__(self) -> str:
         values = ", ".join(f"{name}={value!r}" for name, value in self._parameter_values.items())
