@@ -11,7 +11,7 @@ from vtkmuscle.core.attachments.patches import discs_over
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.fibres.trimming import EndArea, ends_as_printed, trim_fibres
 from vtkmuscle.core.mesh.sampling import PatchSamples
-from vtkmuscle.core.types import Floats
+from vtkmuscle.core.types import Floats, Ints
 from vtkmuscle.data.arrays import Polylines, add_arrays, field_array
 from vtkmuscle.data.attachments import AttachmentArea
 from vtkmuscle.data.end_surfaces import inner_areas
@@ -146,11 +146,11 @@ def _discs_of(
         away = np.abs(geometry.solids.distances(points[triangles].mean(axis=1)))
         if away.max() <= TOLERANCE * geometry.mean_edge:
             flat.append(ring)
-    inner, outer = (
-        PatchSamples(points, triangles, np.arange(len(points))) if len(triangles) else None
-        for points, triangles in (inner_areas(areas, geometry), discs_over(flat))
-    )
-    return inner, outer
+    return _samples(*inner_areas(areas, geometry)), _samples(*discs_over(flat))
+
+
+def _samples(points: Floats, triangles: Ints) -> PatchSamples | None:
+    return PatchSamples(points, triangles, np.arange(len(points))) if len(triangles) else None
 
 
 def _axis(fibres: vtkPolyData | None, origin: EndArea, insertion: EndArea) -> Floats:

@@ -83,11 +83,9 @@ class LinearBlendFibres(Filter):
         points, offsets = rest_fibres.points, rest_fibres.offsets
         if not bones.names:
             raise InputError("bones", "the data set has no bones", "give at least one named bone")
-        pose = (
-            bones.transforms[self._index(bones.names, "origin", self.origin, 0)],
-            bones.transforms[self._index(bones.names, "insertion", self.insertion, -1)],
-        )
-        result = rest_fibres.moved(blend_fibres(points, offsets, *pose, self.a))
+        ends = ("origin", self.origin, 0), ("insertion", self.insertion, -1)
+        first, last = (bones.transforms[self._index(bones.names, *end)] for end in ends)
+        result = rest_fibres.moved(blend_fibres(points, offsets, first, last, self.a))
         return add_arrays(
             result, cells={"RestLength": polyline_lengths(points, offsets)}, fields={"BlendA": self.a}
         )

@@ -147,9 +147,7 @@ class SliceMorpher(Filter):
             method, result = "harmonic", morph("harmonic")
         if method == "plane" and not result.suits:
             shares = f"the main branch holds {100 * result.volume_share:.0f} % of it, and "
-            shares += (
-                f"{100 * result.steep_share:.0f} % of the axis run at more than 45 degrees to the box's axis"
-            )
+            shares += f"{100 * result.steep_share:.0f} % of the axis run steeper than 45 degrees to the box's"
             problem = f"the muscle is bent too much for parallel planes: {shares}; use method='harmonic'"
             warnings.warn(f"SliceMorpher: {problem}", stacklevel=2)
         inside = geometry.solids.inside(result.points[inner_points(template.offsets)])

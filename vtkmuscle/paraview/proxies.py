@@ -118,8 +118,11 @@ def informations_of(kind: type[Filter]) -> dict[str, Element]:
 
 def _information(attribute: str, kind: str) -> Element:
     name = camel_case(attribute)
-    names = {"name": name, "label": spaced(name), "command": f"Get{name}", "information_only": "1"}
-    return Element(f"{kind}VectorProperty", names)
+    return _named(f"{kind}VectorProperty", name, f"Get{name}", information_only="1")
+
+
+def _named(tag: str, name: str, command: str, **more: str) -> Element:
+    return Element(tag, {"name": name, "label": spaced(name), "command": command} | more)
 
 
 def _properties_of(parameter: Parameter[Any]) -> list[Property]:
@@ -217,9 +220,8 @@ def _file_property(name: str, parameter: Parameter[Any], file: _File) -> Propert
 def _element(name: str, kind: str, default: Any, count: int) -> Element:
     values = default if isinstance(default, tuple) else (default,)
     texts = [str(int(value)) if isinstance(value, bool) else str(value) for value in values]
-    names = {"name": name, "label": spaced(name), "command": f"Set{name}"}
     sizes = {"number_of_elements": str(count), "default_values": " ".join(texts)}
-    return Element(f"{kind}VectorProperty", names | sizes)
+    return _named(f"{kind}VectorProperty", name, f"Set{name}", **sizes)
 
 
 def _document(xml: Element, parameter: Parameter[Any], more: str = "") -> None:
@@ -271,8 +273,7 @@ def _documentation(kind: type[Filter]) -> Element:
 
 def _input(number: int, port: InputPort) -> Element:
     name = camel_case(port.name)
-    names = {"name": name, "label": spaced(name), "command": "SetInputConnection"}
-    element = Element("InputProperty", names | {"port_index": str(number)})
+    element = _named("InputProperty", name, "SetInputConnection", port_index=str(number))
     groups = SubElement(element, "ProxyGroupDomain", name="groups")
     SubElement(groups, "Group", name="sources")
     SubElement(groups, "Group", name="filters")

@@ -65,11 +65,8 @@ class MuscleScene(Filter):
         if name not in muscles:
             problem = f"there is no muscle {name!r} in the scene"
             raise ValueError(f"MuscleScene.muscle: {problem}; {suggestion(name, muscles)}")
-        return (
-            muscles[name].surface,
-            multiblock_from(dict(self.scene.bones)),
-            attachments_from(muscles[name].attachments),
-        )
+        areas = attachments_from(muscles[name].attachments)
+        return muscles[name].surface, multiblock_from(dict(self.scene.bones)), areas
 
 
 def all_kinds() -> list[type[Filter]]:
