@@ -143,7 +143,7 @@ def tolerances() -> None:
 
 def growth(largest: int) -> None:
     """Print how the cost of both methods grows with fibres and with triangles."""
-    print("growth on a bent tube: [ms] planes, isolines without field, field")
+    print("growth on a bent tube: [ms] planes, isolines, their function and course once")
     cases = [(n, TRIANGLES[0]) for n in FIBRES] + [(100, n) for n in TRIANGLES[1:] if n <= largest]
     measured = []
     for n_fibres, n_triangles in cases:
@@ -164,7 +164,9 @@ def growth(largest: int) -> None:
             {
                 "planes": lambda s=muscle: morph_by_planes(fitted, box, s, slicing),
                 "isolines": lambda s=course: morph_by_isolines(fitted, box, s, slicing),
-                "field": lambda s=(points, triangles, origin, insertion): attachment_field(*s),
+                "field": lambda s=muscle, ends=(origin, insertion): IsolineCourse(
+                    s, attachment_field(s.points, s.triangles, *ends)
+                ),
             },
             rounds=1 if n_triangles > 200_000 else 3,
             clock=time.thread_time,

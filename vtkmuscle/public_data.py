@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import json
 import shutil
+import tomllib
 from collections.abc import Callable, Mapping
+from importlib.resources import files
 from os import PathLike
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -28,63 +30,18 @@ from vtkmuscle.io.writing import file_digest, replacing
 from vtkmuscle.scene.writing import write_areas
 from vtkmuscle.scenes import Scene
 
-#: Name and title of the data set.
-NAME = "lhdl-hip"
-TITLE = "right hip of a cadaver: pelvis, femur, four muscles, landmarks, OpenSim's joint"
-LICENCE = """\
-LHDL right hip: bones, muscles and landmarks of the Living Human Digital Library
-
-Bones, muscles and landmarks: (c) the LHDL consortium (Istituto Ortopedico Rizzoli; Universite Libre de
-  Bruxelles),
-  Creative Commons Attribution-NonCommercial-ShareAlike 2.0 Belgium (CC BY-NC-SA 2.0 BE),
-  https://creativecommons.org/licenses/by-nc-sa/2.0/be/
-  You name the consortium; you do not use the data for commercial purposes; what you derive from them,
-  pictures included, goes on under the same licence.
-  Viceconti, Clapworthy, Van Sint Jan 2008, J Physiol Sci 58:441-446.
-Packaging and OpenSim model: (c) 2020 Modenese L., Kohout J., Apache License 2.0,
-  https://github.com/modenaxe/3d-muscles; cite Modenese, Kohout 2020, doi:10.1007/s10439-020-02490-4.
-Surfaces of the muscles as published with Kohout, Cervenka 2021, doi:10.1007/978-3-030-72379-8_24,
-  https://github.com/cervenkam/muscle-deformation-PBD.
-"""
-#: The server of raw files of public repositories.
-HOST = "https://raw.githubusercontent.com"
-#: Longest wait for a connection and for each part of an answer [s], and further tries after a failure.
-PATIENCE, RETRIES = 30.0, 2
-
-_HIP = "modenaxe/3d-muscles/b4e8f62a82440354280225172287ceb2ffad7678/_LHDL_hip_r_dataset/_LHDL_hip_r_dataset"
-_PBD = "cervenkam/muscle-deformation-PBD/66cce66944a8e81cb9bbc82f845bd45beccf0d9b/data"
-_MSK = "modenaxe/3d-muscles/778f2e6f3bcf78455b96decc1dda94d34c84dff0/a_MSK_model/a_MSK_model"
-_MODEL, _TREE = "LHDL_hip_r.osim", "landmarks.nms"
-#: Path of each bone at the host; the pelvis is three closed pieces.
-_PELVIS = {f"pelvis_{number}": f"{_HIP}.{number}.vtk" for number in (523, 524, 525)}
-_FEMUR = {"femur_r": f"{_HIP}.123.vtk"}
-_MUSCLES = {
-    name: f"{_PBD}/muscle{number}_s1.vtk"
-    for number, name in enumerate(("gluteus_maximus", "gluteus_medius", "iliacus", "adductor_brevis"))
-}
+_DATA = tomllib.loads((files("vtkmuscle") / "public_data.toml").read_text(encoding="utf-8"))
+#: Name, title, server of raw files of public repositories, and licence of the data set.
+NAME, TITLE, HOST, LICENCE = (_DATA[key] for key in ("name", "title", "host", "licence"))
 #: Path of each file at the host, pinned to a commit, and its SHA-256 where that is known.
 FILES: dict[str, tuple[str, str | None]] = {
-    **{f"{name}.vtk": (path, None) for name, path in (_PELVIS | _FEMUR | _MUSCLES).items()},
-    _TREE: (f"{_HIP}.nms", None),
-    _MODEL: (f"{_MSK}/{_MODEL}", "18c6d750bfccb9f9ec16324bef866bb9aab247d70e45ada12f570c964cb2edcc"),
+    name: (f"{_DATA['folders'][folder]}/{path}", known[0] if known else None)
+    for name, (folder, path, *known) in _DATA["files"].items()
 }
-#: Cloud of each area, and its landmarks: in the order of the file a ring, or a line if the area is open.
-#: The second cloud of the gluteus maximus is a ring of 16 and six more, here in the order of the
-#: shortest closed way; its third cloud is on the tibia, which is absent. The adductor brevis has none.
-_ALL = slice(None)
-_AREAS: dict[str, list[tuple[str, slice | list[int]]]] = {
-    "gluteus_maximus": [
-        ("Ori_1_R_M081_Glut_Max", _ALL),
-        ("Ori_2_R_M081_Glut_Max", slice(16)),
-        ("Ori_2_R_M081_Glut_Max", [16, 17, 18, 21, 19, 20]),
-        ("Ins_1_R_M081_Glut_Max", _ALL),
-    ],
-    "gluteus_medius": [("Ori_1_R_M082_Glut_Med", _ALL), ("Ins_1_R_M082_Glut_Med", _ALL)],
-    "iliacus": [("Ori_1_R_M091_Iliacus", _ALL), ("Ins_1_R_M091_Iliacus", _ALL)],
-}
-_OPEN = ("Ins_1_R_M081_Glut_Max", "Ins_1_R_M091_Iliacus")
-#: The hip in the pose of the scan, in the model's coordinates [degrees].
-_REST = {"hip_flexion_r": 1.576, "hip_adduction_r": -4.727, "hip_rotation_r": -5.290}
+#: Muscles of the data set.
+_MUSCLES = ("gluteus_maximus", "gluteus_medius", "iliacus", "adductor_brevis")
+#: Longest wait for a connection and for each part of an answer [s], and further tries after a failure.
+PATIENCE, RETRIES = 30.0, 2
 
 
 def fetch(
@@ -173,47 +130,41 @@ def _download(url: str, folder: Path, name: str, sha256: str | None) -> None:
         raise InputError(url, f"the download failed: {error}", remedy) from error
 
 
-def write_scene(files: Path, folder: Path) -> None:
+def write_scene(downloads: Path, folder: Path) -> None:
     """Write the scene of the downloaded files: four muscles over flexion of the hip."""
     pelvis = vtkAppendPolyData()
-    for name in _PELVIS:
-        pelvis.AddInputData(_bone(files / f"{name}.vtk"))
+    for file in sorted(downloads.glob("pelvis_*.vtk")):
+        pelvis.AddInputData(_bone(file))
     pelvis.Update()
     write_polydata(folder / "bones/pelvis.vtp", pelvis.GetOutput())
-    write_polydata(folder / "bones/femur_r.vtp", _bone(files / "femur_r.vtk"))
-    clouds = landmarks_of(read_msf(files / _TREE))
+    write_polydata(folder / "bones/femur_r.vtp", _bone(downloads / "femur_r.vtk"))
+    clouds = landmarks_of(read_msf(downloads / "landmarks.nms"))
     muscles: dict[str, Any] = {}
     for name in _MUSCLES:
-        write_polydata(folder / f"muscles/{name}.vtp", read_surface(files / f"{name}.vtk"))
+        write_polydata(folder / f"muscles/{name}.vtp", read_surface(downloads / f"{name}.vtk"))
         muscles[name] = {
             "surface": f"muscles/{name}.vtp",
             "fibres": {"template": "parallel", "n_fibres": 100, "resolution": 15},
             "attachments": _attachments(name, clouds, folder),
         }
-    with replacing(folder / _MODEL) as partial:
-        shutil.copyfile(files / _MODEL, partial)
-    rest = _REST["hip_flexion_r"]
-    tables = {
-        "name": "lhdl_hip",
-        "units": "mm",
-        "bones": {bone: {"surface": f"bones/{bone}.vtp"} for bone in ("pelvis", "femur_r")},
-        "opensim": {"model": _MODEL, "frame": "pelvis", "fixed": "pelvis", "rest": _REST},
-        "motion": {"grid": {"hip_flexion_r": [rest, rest + 88.0, 2.0]}},
-        "muscles": muscles,
-    }
+    tables = _DATA["scene"] | {"muscles": muscles}
+    model = tables["opensim"]["model"]
+    with replacing(folder / model) as partial:
+        shutil.copyfile(downloads / model, partial)
     header = "# The right hip of the LHDL data set; see LICENCE.txt.\n"
     write_text(folder / "scene.toml", header + tomli_w.dumps(tables, indent=2))
 
 
 def _attachments(muscle: str, clouds: Mapping[str, Mapping[str, Floats]], folder: Path) -> Any:
     """Write a muscle's landmarks; return the ``attachments``, an entry of the scene."""
-    if muscle not in _AREAS:
+    if muscle not in _DATA["areas"]:
         return {"estimate": ["pelvis", "femur_r"]}
     areas = []
-    for cloud, which in _AREAS[muscle]:
-        role, bone = ("origin", "pelvis") if cloud.startswith("Ori") else ("insertion", "femur_r")
-        points = np.array(list(clouds[f"LC_SET_{cloud}"].values()))
-        areas.append(AttachmentArea(role, bone, points[which], cloud not in _OPEN))
+    for area in _DATA["areas"][muscle]:
+        role, bone = ("origin", "pelvis") if area["cloud"].startswith("Ori") else ("insertion", "femur_r")
+        points = np.array(list(clouds[f"LC_SET_{area['cloud']}"].values()))
+        chosen = points[area["points"]] if "points" in area else points
+        areas.append(AttachmentArea(role, bone, chosen, area.get("closed", True)))
     return write_areas(folder, muscle, areas)
 
 

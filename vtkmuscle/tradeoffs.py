@@ -49,7 +49,12 @@ _OF_QUALITY = {"resolution", "n_paths", "iterations", "solved_triangles"}
 
 #: Columns of errors [mm], root mean squares over frames: of mean lengths, mean moment arms and points against
 #: the limit of the deformer, and of mean moment arms against published curves of the scene.
-ERRORS = ("length_rms_mm", "moment_arm_rms_mm", "surface_rms_mm", "published_rms_mm")
+ERRORS: Mapping[str, str] = {
+    "length_rms_mm": "mean length, to the limit, RMS [mm]",
+    "moment_arm_rms_mm": "mean moment arm, to the limit, RMS [mm]",
+    "surface_rms_mm": "points, to the limit, RMS [mm]",
+    "published_rms_mm": "mean moment arm, to published curves, RMS [mm]",
+}
 
 #: Name of all muscles together: the sum of times, the largest error.
 ALL = "all"
@@ -114,7 +119,7 @@ class Tradeoff:
                     )
             most = np.nanmax(whole["ms"]), np.nanmax(whole[name])
             axes.set(xlim=(0.0, 1.4 * most[0]), ylim=(0.0, 1.1 * most[1] or 1.0))  # room for the labels
-            axes.set(xlabel="processor time a pose [ms]", ylabel=_TITLES[name])
+            axes.set(xlabel="processor time a pose [ms]", ylabel=ERRORS[name])
         return figure
 
     def write(self, folder: str | PathLike[str]) -> list[Path]:
@@ -124,14 +129,6 @@ class Tradeoff:
         table = self.table.to_csv(Path(folder) / "tradeoff.csv", digits=4)
         save_figure(self.figure(), Path(folder) / "tradeoff.png")
         return [table, Path(folder) / "tradeoff.png"]
-
-
-_TITLES = {
-    "length_rms_mm": "mean length, to the limit, RMS [mm]",
-    "moment_arm_rms_mm": "mean moment arm, to the limit, RMS [mm]",
-    "surface_rms_mm": "points, to the limit, RMS [mm]",
-    "published_rms_mm": "mean moment arm, to published curves, RMS [mm]",
-}
 
 
 def tradeoff(

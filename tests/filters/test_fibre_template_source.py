@@ -24,8 +24,8 @@ def test_fibres_are_those_of_the_template(kind):
 def test_areas_are_those_of_the_template(kind):
     fibres = FibreTemplateSource(template=kind).update().output
     for name, areas in (
-        ("OriginArea", TEMPLATES[kind].origin_areas),
-        ("InsertionArea", TEMPLATES[kind].insertion_areas),
+        ("OriginArea", TEMPLATES[kind].areas(0)),
+        ("InsertionArea", TEMPLATES[kind].areas(-1)),
     ):
         assert np.array_equal(field_array(fibres, name), areas.reshape(-1, 3))
 

@@ -44,6 +44,7 @@ from vtkmuscle.cli.results import (
 )
 from vtkmuscle.cli.running import cohort, run_and_report, tradeoff
 from vtkmuscle.core.errors import InputError
+from vtkmuscle.io.children import start_early
 
 #: Flexion in the frames of the demo [degrees]: the range of the phantom, in fewer steps.
 DEMO_ANGLES = tuple(range(0, 91, 5))
@@ -101,14 +102,6 @@ def _options(
     pass
 
 
-def _start_early(options: RunArguments) -> None:
-    """Load the package for several processes while this process loads a scene."""
-    if options.workers != 1:
-        from vtkmuscle.io.children import start_early
-
-        start_early()
-
-
 @command()
 @with_options
 def run(
@@ -118,7 +111,7 @@ def run(
 
     Without --out results go to NAME_out in the working folder; with --muscle to NAME_MUSCLE_out.
     """
-    _start_early(options)
+    start_early(options.workers)
     from vtkmuscle.scenes import Scene
 
     loaded = Scene.load(scene)
@@ -132,7 +125,7 @@ def run(
 def demo(out: OutOption = None, *, options: RunArguments) -> None:
     """Run a phantom hip, and write its scene as a template. Without --out results go to vtkmuscle_demo."""
     folder = out or Path("vtkmuscle_demo")
-    _start_early(options)
+    start_early(options.workers)
     from vtkmuscle import phantoms
     from vtkmuscle.scene.writing import save_unless_there
     from vtkmuscle.scenes import Scene

@@ -49,19 +49,29 @@ OverwriteOption = Annotated[
 QuietOption = Annotated[bool, Option("--quiet", "-q", help="Print errors and warnings only.")]
 
 
+WorkersOption = Annotated[
+    int | None, Option(metavar="N", min=1, help="Number of processes. Default: one per processor.")
+]
+
+
 @dataclass(frozen=True, kw_only=True)
-class RunArguments:
-    """The options of commands that run a scene."""
+class CohortOptions:
+    """The options of commands that run scenes."""
 
     frames: FramesOption = None
+    workers: WorkersOption = None
+    report: Annotated[bool, Option("--report/--no-report", help="Write report.html.")] = False
+    fresh: FreshOption = False
+    overwrite: OverwriteOption = False
     quiet: QuietOption = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunArguments(CohortOptions):
+    """The options of commands that run a single scene."""
+
     figures: Annotated[bool, Option("--figures/--no-figures", help="Draw figures.")] = True
     report: Annotated[bool, Option("--report/--no-report", help="Write report.html.")] = True
-    workers: Annotated[
-        int | None, Option(metavar="N", min=1, help="Number of processes. Default: one per processor.")
-    ] = None
-    overwrite: OverwriteOption = False
-    fresh: FreshOption = False
     only: Annotated[
         str | None, Option(metavar="lengths|moment_arms|surfaces", help="Compute and write this alone.")
     ] = None

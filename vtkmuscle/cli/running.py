@@ -15,9 +15,9 @@ from typer import Argument, Option
 
 from vtkmuscle.cli.options import (
     FAILED,
+    CohortOptions,
     FolderOption,
     FramesOption,
-    FreshOption,
     OverwriteOption,
     QuietOption,
     RunArguments,
@@ -31,7 +31,6 @@ from vtkmuscle.cli.options import (
 from vtkmuscle.cli.results import pairs
 
 if TYPE_CHECKING:
-    from vtkmuscle.run import Result
     from vtkmuscle.scenes import Scene
 
 
@@ -47,7 +46,8 @@ def run_and_report(scene: Scene, out: Path, options: RunArguments) -> None:
         scene = replace(scene, deformer=deformer, quality=quality)
     tell = partial(say, options.quiet)
     if options.only is not None:
-        _run_only(scene, options.only, out, options)
+        with one_clear_error(out):
+            _run(scene, out, options)
         tell(f"The {options.only.replace('_', ' ')} are in {out}")
         return
     with one_clear_error(out):
@@ -76,24 +76,16 @@ def run_and_report(scene: Scene, out: Path, options: RunArguments) -> None:
         raise typer.Exit(FAILED)
 
 
-def _run_only(scene: Scene, quantity: str, out: Path, options: RunArguments) -> None:
-    """Compute and write one output of a scene, with progress bars."""
+def _run(scene: Scene, out: Path, options: RunArguments) -> Any:
+    """Run a scene, or compute a single output, with progress bars."""
     from vtkmuscle.run import run_only
 
-    bars = _progress_bars(list(scene.muscles), Console(stderr=True), quiet=options.quiet)
-    settings: dict[str, Any] = {name: getattr(options, name) for name in ("frames", "workers", "overwrite")}
-    with one_clear_error(out), bars as progress:
-        run_only(scene, quantity, out, progress=progress, **settings)
-
-
-def _run(scene: Scene, out: Path, options: RunArguments) -> Result:
-    """Run a scene, with progress bars."""
-    console, muscles = Console(stderr=True), list(scene.muscles)
-    settings: dict[str, Any] = {
-        name: getattr(options, name)
-        for name in ("frames", "figures", "report", "workers", "overwrite", "fresh")
-    }
-    with _progress_bars(muscles, console, quiet=options.quiet) as progress:
+    names = ["frames", "workers", "overwrite"]
+    names += [] if options.only is not None else ["figures", "report", "fresh"]
+    settings: dict[str, Any] = {name: getattr(options, name) for name in names}
+    with _progress_bars(list(scene.muscles), quiet=options.quiet) as progress:
+        if options.only is not None:
+            return run_only(scene, options.only, out, progress=progress, **settings)
         return scene.run(out, progress=progress, **settings)
 
 
@@ -115,9 +107,7 @@ def _summary(muscle: Mapping[str, Any]) -> str:
 
 
 @contextmanager
-def _progress_bars(
-    muscles: list[str], console: Console, *, quiet: bool
-) -> Iterator[Callable[[str, str, float], None]]:
+def _progress_bars(muscles: list[str], *, quiet: bool) -> Iterator[Callable[[str, str, float], None]]:
     if quiet:
         yield lambda *_: stop_if_interrupted()
         return
@@ -130,7 +120,7 @@ def _progress_bars(
         TextColumn("{task.fields[stage]}", markup=False),
         TimeRemainingColumn(elapsed_when_finished=True),
     )
-    with Progress(*columns, console=console) as bars:
+    with Progress(*columns, console=Console(stderr=True)) as bars:
         tasks = {name: bars.add_task(name, total=1.0, stage="waiting", start=False) for name in muscles}
 
         def show(muscle: str, stage: str, fraction: float) -> None:
@@ -141,20 +131,6 @@ def _progress_bars(
             bars.update(tasks[muscle], completed=fraction, stage=stage)
 
         yield show
-
-
-@dataclass(frozen=True, kw_only=True)
-class CohortOptions:
-    """The options of a cohort."""
-
-    frames: FramesOption = None
-    workers: Annotated[
-        int | None, Option(metavar="N", min=1, help="Number of processes. Default: one per processor.")
-    ] = None
-    report: Annotated[bool, Option("--report", help="Write a page for each subject.")] = False
-    fresh: FreshOption = False
-    overwrite: OverwriteOption = False
-    quiet: QuietOption = False
 
 
 @with_options

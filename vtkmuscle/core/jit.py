@@ -25,29 +25,18 @@ import warnings
 from collections.abc import Callable
 from contextlib import suppress
 from functools import cache
-from operator import attrgetter
 from pathlib import Path
 from typing import Any, TypeVar
 
 import numba
 import numba.core.options
 
-from vtkmuscle.core.machine import cache_folder, warn_of_folder
+from vtkmuscle.core.machine import FOLDER_VARIABLE, cache_folder
 
 F = TypeVar("F", bound=Callable[..., object])
 
 #: Versions of a file's kernels on disk, last used, by any copy of the package.
 VERSIONS = 8
-
-#: Undocumented parts of numba that the cache needs; without them nothing is kept.
-_OF_NUMBA = (
-    "core.codegen.CPUCodegen.magic_tuple",
-    "core.compiler.CompileResult._rebuild",
-    "core.compiler.CompileResult._reduce",
-    "core.dispatcher.Dispatcher.enable_caching",
-    "core.runtime.rtsys",
-    "core.serialize.dumps",
-)
 
 #: Imports of a file; names in brackets may be modules.
 _IMPORT = re.compile(r"^[ \t]*(?:from|import)[ \t]+([\w.]+)(?:[ \t]+import[ \t]+(\([^)]*\)|[^\n]*))?", re.M)
@@ -114,24 +103,23 @@ def _keep(compiled: Any) -> None:
     if function is None or folder is None or "<locals>" in function.__qualname__:
         return
     file = Path(function.__code__.co_filename)
-    if file.is_file() and _numba_is_known():
+    if file.is_file():
         compiled._cache = KernelCache(function, file, folder)  # as Dispatcher.enable_caching does
 
 
-@cache
-def _numba_is_known() -> bool:
-    """Return whether numba has all of _OF_NUMBA. Otherwise a warning is given once."""
-    try:
-        for name in _OF_NUMBA:
-            attrgetter(name)(numba)
-    except AttributeError as error:
+_unusable: set[Path] = set()
+
+
+def _warn_of(folder: Path, error: Exception) -> None:
+    """Warn of an unusable cache of compiled kernels. Once per folder."""
+    if folder not in _unusable:
+        _unusable.add(folder)
         warnings.warn(
-            f"compiled kernels cannot be kept with numba {numba.__version__} ({error}), and are compiled in "
-            "each run, for minutes; install an older numba",
+            f"compiled kernels cannot be kept in {folder} with numba {numba.__version__} "
+            f"({getattr(error, 'strerror', None) or error}), and are compiled in each run, for minutes; set "
+            f"{FOLDER_VARIABLE} to a writable folder, or to nothing",
             stacklevel=4,
         )
-        return False
-    return True
 
 
 class KernelCache:
@@ -151,27 +139,31 @@ class KernelCache:
 
     def load_overload(self, signature: Any, target: Any) -> Any:
         """Return a signature's machine code, None without a usable file."""
-        numba.core.runtime.rtsys.initialize(target)  # a whole refresh takes 0.35 s, for compiling alone
         try:
+            numba.core.runtime.rtsys.initialize(target)  # a whole refresh takes 0.35 s, for compiling alone
             content = pickle.loads(self._file(signature, target.codegen()).read_bytes())
+            return numba.core.compiler.CompileResult._rebuild(target, *content)
+        except AttributeError as error:
+            _warn_of(self._folder.parent, error)
         except (OSError, EOFError, pickle.UnpicklingError):  # missing, unreadable, or cut short
-            return None
-        return numba.core.compiler.CompileResult._rebuild(target, *content)
+            pass
+        return None
 
     def save_overload(self, signature: Any, compiled: Any) -> None:
         """Keep the machine code of a signature; an unwritable file gives a warning."""
         if compiled.library.has_dynamic_globals:  # addresses of this process
             return
-        path = self._file(signature, compiled.library.codegen)
-        part = path.with_suffix(f".{uuid.uuid4().hex}.part")
+        part = self._folder / f"{uuid.uuid4().hex}.part"
         try:
+            content = numba.core.serialize.dumps(compiled._reduce())
+            path = self._file(signature, compiled.library.codegen)
             self._make_folder()
-            part.write_bytes(numba.core.serialize.dumps(compiled._reduce()))
+            part.write_bytes(content)
             os.replace(part, path)
-        except OSError as error:
+        except (OSError, AttributeError) as error:  # an unusable folder, or a numba of other parts
             with suppress(OSError):
                 part.unlink()
-            warn_of_folder(self._folder.parent, error)
+            _warn_of(self._folder.parent, error)
 
     def flush(self) -> None:
         """Do nothing; kernel files stay valid for the sources."""

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import sys
-import warnings
 from pathlib import Path
 
 #: Environment variable that names the cache folder; empty for no cache.
@@ -25,20 +24,6 @@ def cache_folder() -> Path | None:
         return (Path(base) if base else Path.home() / ".cache") / "vtkmuscle"
     except RuntimeError:  # there is no home
         return None
-
-
-_unusable: set[Path] = set()
-
-
-def warn_of_folder(folder: Path, error: OSError) -> None:
-    """Warn of an unusable cache of compiled kernels. Once per folder."""
-    if folder not in _unusable:
-        _unusable.add(folder)
-        warnings.warn(
-            f"compiled kernels cannot be kept in {folder} ({error.strerror or error}), and are "
-            f"compiled in each run, for minutes; set {FOLDER_VARIABLE} to a writable folder, or to nothing",
-            stacklevel=4,
-        )
 
 
 def is_python() -> bool:

@@ -76,15 +76,9 @@ class FibreTemplate:
 
     parts: tuple[Floats, ...]
 
-    @property
-    def origin_areas(self) -> Floats:
-        """Corners of the parts' origin areas, (n, 4, 3)."""
-        return np.array([sheets[0] for sheets in self.parts])
-
-    @property
-    def insertion_areas(self) -> Floats:
-        """Corners of the parts' insertion areas, (n, 4, 3)."""
-        return np.array([sheets[-1] for sheets in self.parts])
+    def areas(self, sheet: int) -> Floats:
+        """Return the corners of the parts' areas, (n, 4, 3). Origin 0 or insertion -1."""
+        return np.array([sheets[sheet] for sheets in self.parts])
 
     def control_polygons(self, r: ArrayLike, s: ArrayLike) -> Floats:
         """Return the control points of fibres. Points (n, degree + 1, 3), parameters r, s (n,)."""

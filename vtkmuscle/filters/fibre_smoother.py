@@ -113,7 +113,7 @@ class FibreSmoother(Filter):
             kept = field_array(lines.data, "EndsKept")
             led = kept is not None and float(kept.min()) <= 0.5
             spreading = SPREADING if led or field_string(lines.data, "Template") == "parallel" else 0.0
-        areas: list[PatchSamples] | None = None
+        areas: list[PatchSamples | None] = [None, None]
         if attachments is not None:
             areas = [geometry.on(geometry.attached(attachments, role)) for role in ROLES]
         ends = lines.offsets[:-1], lines.offsets[1:] - 1
@@ -121,18 +121,18 @@ class FibreSmoother(Filter):
         inner[ends[0]] = inner[ends[1]] = False
         n_samples = max(SAMPLES * len(lines), LEAST_SAMPLES) if spreading and self.smoothing_passes else 0
         samples = geometry.samples(n_samples)
-        within = cloud(samples) if len(samples) else None
+        within = geometry.once("cloud", (len(samples),), lambda: cloud(samples)) if len(samples) else None
         points = lines.points
         for done in range(self.smoothing_passes):
             points = smooth_about_course(points, lines.offsets, self.smoothing_weight, 1)
             if within is not None:
                 steps = spreading * steps_to_centres(points, lines.offsets, within)
                 goals = points + steps
-                for number, (end, other) in enumerate(zip(ends, reversed(ends), strict=True)):
-                    if areas is None:
+                for end, other, area in zip(ends, reversed(ends), areas, strict=True):
+                    if area is None:
                         goals[end] = points[end]
                     else:
-                        move_ends(goals, end, other, areas[number].tree.nearest(goals[end])[1])
+                        move_ends(goals, end, other, area.tree.nearest(goals[end])[1])
                 points = goals
             points[inner] = geometry.solids.into(points[inner])
             self.report_progress((done + 1) / self.smoothing_passes)

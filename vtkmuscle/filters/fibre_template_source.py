@@ -92,7 +92,7 @@ class FibreTemplateSource(Filter):
             cells={"r": r, "s": s, "FibreId": np.arange(self.n_fibres)},
             fields={
                 "Template": self.template if self.template_file is None else "file",
-                "OriginArea": template.origin_areas.reshape(-1, 3),
-                "InsertionArea": template.insertion_areas.reshape(-1, 3),
+                "OriginArea": template.areas(0).reshape(-1, 3),
+                "InsertionArea": template.areas(-1).reshape(-1, 3),
             },
         )

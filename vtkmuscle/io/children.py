@@ -24,9 +24,9 @@ def child_context() -> Any:
     return context
 
 
-def start_early() -> None:
+def start_early(workers: int | None) -> None:
     """Start the server of child processes, to load the package while this process does."""
-    if processors() > 1 and child_context().get_start_method() == "forkserver":
+    if workers != 1 and processors() > 1 and child_context().get_start_method() == "forkserver":
         from multiprocessing import forkserver  # noqa: PLC0415 -- not known to Windows
 
         with interrupts_blocked():

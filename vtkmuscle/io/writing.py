@@ -96,15 +96,7 @@ class Outputs:
         self.folder = Path(os.path.abspath(folder))
         keyed = inputs.items() if isinstance(inputs, Mapping) else (("", path) for path in inputs)
         self._inputs = [
-            (
-                key,
-                file,
-                {
-                    each
-                    for real in (file.resolve(), file.parent.resolve() / file.name)
-                    for each in (real, *real.parents)
-                },
-            )
+            (key, file, {each for real in _reals(file) for each in (real, *real.parents)})
             for key, file in keyed
         ]
         self._overwrite, self._ours = overwrite, {Path(os.path.abspath(path)) for path in ours}
@@ -187,6 +179,11 @@ class Outputs:
         inside = self.folder in path.parents
         digests = self._record().get(path.relative_to(self.folder).as_posix(), []) if inside else []
         return bool(digests) and file_digest(path) in digests
+
+
+def _reals(file: Path) -> tuple[Path, Path]:
+    """Return a file, and the link to it if any, without links on the way."""
+    return file.resolve(), file.parent.resolve() / file.name
 
 
 def remove_left_behind(folder: Path, *, deep: bool = False) -> None:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+import tomllib
+from collections.abc import Sequence
+from importlib.resources import files
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -27,51 +29,31 @@ _BOTH = np.array([[-1.0], [1.0]])
 #: Minus sign of negative numbers.
 MINUS = "\u2212"
 
-#: Long titles of measures.
-_SHARE = "distorted surface, largest share [%]"
-_BENT = "change of angles between triangles, 95th percentile [deg]"
-_DEEPER = "depth in a bone beyond the depth at rest [mm]"
-_OUTSIDE = "fibres outside the muscle [mm]"
-_IN_BONE = "depth of fibres in bone beyond the depth at rest [mm]"
-
-
-def _largest(values: Floats) -> float:
-    return float(np.abs(values).max())
-
 
 class Measure(NamedTuple):
     """A shape measure on a page: key in the rows, check with the limits, titles of curve and column.
 
-    ``factor`` times the value plus ``offset`` has the unit of the limits; ``of_all`` returns the value in the
-    table from the values of all frames.
+    ``factor`` times the value plus ``offset`` has the unit of the limits; ``of_all`` names the function of
+    NumPy that gives the value in the table from the sizes in all frames.
     """
 
     key: str
-    check: str
-    curve: str
-    head: str
+    check: str = ""
+    curve: str = ""
+    head: str = ""
     factor: float = 1.0
     offset: float = 0.0
-    of_all: Callable[[Floats], Any] = _largest
+    of_all: str = "max"
 
     def __call__(self, values: Floats) -> Floats:
         """Return values in the limits' unit."""
         return self.factor * values + self.offset
 
 
+#: Titles and factors of quantities on a page.
+QUANTITIES = tomllib.loads((files("vtkmuscle.report") / "quantities.toml").read_text(encoding="utf-8"))
 #: Measures on a page.
-MEASURES = (
-    Measure("volume_ratio", "volume", "change of volume [%]", "volume, largest change [%]", 100.0, -100.0),
-    Measure("misshapen_area", "misshapen", "distorted surface, share of the area [%]", _SHARE, 100.0),
-    Measure("dihedral_error_p95_deg", "crumpled", _BENT, "angles changed, 95th percentile [deg]"),
-    Measure("penetration_new_max_mm", "penetration", _DEEPER, "deeper in a bone than at rest [mm]"),
-    Measure("fibres_outside_max_mm", "fibres outside", _OUTSIDE, _OUTSIDE),
-    Measure("fibres_penetration_new_max_mm", "fibres in bone", _IN_BONE, ""),
-    Measure("fixed_error_max_mm", "fixed points", "", "error of fixed points [mm]"),
-    Measure("overlap_max_mm", "", "", "depth in an earlier muscle [mm]"),
-    Measure("iterations", "", "", "iterations, mean", of_all=np.mean),
-    Measure("ms", "", "", "time per frame [ms], median", of_all=np.median),
-)
+MEASURES = tuple(Measure(**row) for row in QUANTITIES["measures"])
 
 
 def curves_of(run: Result, pack: Pack) -> dict[str, Any]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -55,14 +54,13 @@ def page_of(run: Result) -> str:
         "report.html",
         name=report["scene"],
         script=Markup("\n").join(map(part, _SCRIPTS)),
-        lead=_lead(run),
+        span=[number(run.times[0]), number(run.times[-1])],
         summary=_summary(run),
         stopped=report.get("stopped_by") if not report["complete"] else None,
         warnings=report.get("sense", ()),
         badge=BADGES,
         compact=len(muscles) > MANY,
         muscles=muscles,
-        thinned=_thinned(scene),
         alt=f"The scene in three dimensions: {', '.join(muscle['label'] for muscle in muscles)}, "
         f"and the bones {', '.join(bone['name'] for bone in scene['bones'])}.",
         surfaces=report["deformer"] != "none",
@@ -83,16 +81,6 @@ def page_of(run: Result) -> str:
         data={"scene": scene, "curves": curves, "frames": list(run.frames)},
         arrays=Markup(pack.text()),
     )
-
-
-def _lead(run: Result) -> str:
-    count, frames = len(run.muscle_names), len(run.frames)
-    name, _, unit = run.time_label.partition(" [")
-    unit = unit.removesuffix("]")
-    over = f"{name} {number(run.times[0])} to {number(run.times[-1])} {unit}".strip()
-    paths = run.report["deformer"] == "none"
-    model = "Fibres as taut paths round the bones, no volumes" if paths else "Muscles as volumes"
-    return f"{count} muscle{'s' * (count > 1)}, {frames} frame{'s' * (frames > 1)}, {over}. {model}."
 
 
 def _summary(run: Result) -> str:
@@ -158,15 +146,3 @@ def _card(run: Result, position: int, name: str) -> dict[str, Any]:
 def _sentence(words: Any) -> str:
     text = str(words)
     return f"{text[:1].upper()}{text[1:]}."
-
-
-def _thinned(scene: Mapping[str, Any]) -> str:
-    """Return sentences on details omitted in the scene."""
-    words = []
-    surfaces = [muscle["surface"] for muscle in scene["muscles"] if muscle["surface"] is not None]
-    if any(surface["points"]["points"] < surface["whole"] for surface in surfaces):
-        words.append("Surfaces are drawn with fewer triangles than computed.")
-    fibres = [muscle["fibres"] for muscle in scene["muscles"] if muscle["fibres"] is not None]
-    if any(lines["count"] < lines["all"] for lines in fibres):
-        words.append("A part of the fibres is drawn.")
-    return " ".join(words)

@@ -9,29 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from vtkmuscle.report.curves import MEASURES, MINUS, label_of
+from vtkmuscle.report.curves import MEASURES, MINUS, QUANTITIES, label_of
 from vtkmuscle.report.sections import Cell, Section
-
-#: Architecture: key in a report, title of the column, and factor to its unit.
-ARCHITECTURE = (
-    ("muscle_volume_mm3", "volume [cm³]", 1e-3),
-    ("pcsa_mm2", "PCSA [cm²]", 1e-2),
-    ("pcsa_along_line_of_action_mm2", "PCSA along the line of action [cm²]", 1e-2),
-    ("pcsa_without_tendon_mm2", "PCSA without tendon [cm²]", 1e-2),
-    ("tendon_length_mm", "tendon [mm]", 1.0),
-    ("fascicle_length_mm", "fascicle length [mm]", 1.0),
-    ("volume_without_tendon_mm3", "volume without tendon [cm³]", 1e-3),
-    ("centroid_path_length_mm", "centroid path [mm]", 1.0),
-    ("tendon_volume_share", "tendon, part of the volume", 1.0),
-    ("fascicle_length_normalised_mm", "fascicle length, normalised [mm]", 1.0),
-)
-#: Measures of fibres in the first frame, in the same form.
-FIBRES = (
-    ("length_mm", "fibre length [mm]", 1.0),
-    ("pennation_origin_deg", "pennation, origin [deg]", 1.0),
-    ("pennation_insertion_deg", "pennation, insertion [deg]", 1.0),
-    ("tortuosity", "length / distance of ends", 1.0),
-)
 
 #: Placeholder for a missing number.
 DASH = "\u2013"
@@ -124,8 +103,12 @@ def _flat(values: Mapping[str, Any], before: str = "") -> Iterable[tuple[str, st
 def _architecture(muscles: Mapping[str, Any]) -> Section:
     wholes = {name: muscle.get("architecture") or {} for name, muscle in muscles.items()}
     measures = {name: (muscle.get("fibre_measures") or [{}])[0] for name, muscle in muscles.items()}
-    columns = [column for column in ARCHITECTURE if any(column[0] in keys for keys in wholes.values())]
-    of_fibres = [column for column in FIBRES if any(column[0] in keys for keys in measures.values())]
+    columns = [
+        column for column in QUANTITIES["architecture"] if any(column[0] in keys for keys in wholes.values())
+    ]
+    of_fibres = [
+        column for column in QUANTITIES["fibres"] if any(column[0] in keys for keys in measures.values())
+    ]
     rows: list[tuple[str, ...]] = [("muscle", "fibres", *(head for _, head, _ in (*columns, *of_fibres)))]
     for name, muscle in muscles.items():
         count = (muscle.get("fibres") or {}).get("fibres")
@@ -183,7 +166,7 @@ def _quality(muscles: Mapping[str, Any]) -> Section:
         reasons = muscle.get("verdict", {}).get("reasons", ())
         marks = {reason["check"]: reason["verdict"] for reason in reasons}
         cells = [
-            Cell(number(float(measure.of_all(values))), marks.get(measure.check, ""))
+            Cell(number(float(getattr(np, measure.of_all)(np.abs(values)))), marks.get(measure.check, ""))
             if len(values := series[name][measure])
             else DASH
             for measure in columns

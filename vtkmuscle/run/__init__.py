@@ -3,20 +3,7 @@
 Every muscle is measured over the motion.
 """
 
-from vtkmuscle.run.frames import RunOptions, frame_numbers
-from vtkmuscle.run.muscles import muscle_pipeline
-from vtkmuscle.run.result import Result
-from vtkmuscle.run.steps import ONLY, run_only, run_scene
-from vtkmuscle.run.table import MomentArmTable, Table
+import lazy_loader
 
-__all__ = [
-    "ONLY",
-    "MomentArmTable",
-    "Result",
-    "RunOptions",
-    "Table",
-    "frame_numbers",
-    "muscle_pipeline",
-    "run_only",
-    "run_scene",
-]
+#: Names are in the stub file; the first use of a name loads its module.
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

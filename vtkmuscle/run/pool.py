@@ -50,8 +50,8 @@ def pool_size(scene: SceneData, workers: int | None) -> int:
 class Pool:
     """Processes that solve muscles, and others that draw, until the end of the pool's context.
 
-    At most ``size`` of each, started on demand: a driver that ends a drawing process ends no muscle. Muscles
-    of a run with a store are written once ``checked`` is set.
+    At most ``size`` solve, and half as many draw, started on demand: a driver that ends a drawing process
+    ends no muscle. Muscles of a run with a store are written once ``checked`` is set.
     """
 
     def __init__(self, size: int, run: SceneRun) -> None:
@@ -67,7 +67,9 @@ class Pool:
         given = self._file("run", (run.scene, run.numbers, run.store, run.options.clock, run.only))
         self._bones = Path(self._files.name, "bones")
         self._solvers = ProcessPoolExecutor(size, context, _begin, (given, self._messages, self.checked))
-        self._drawers = ProcessPoolExecutor(size, context, _begin_drawing, (self._bones, self._messages))
+        self._drawers = ProcessPoolExecutor(
+            max(size // 2, 1), context, _begin_drawing, (self._bones, self._messages)
+        )
 
     def __enter__(self) -> Self:
         return self

@@ -324,36 +324,27 @@ class ResultData(ByName):
             import xarray  # noqa: PLC0415 -- an extra
         except ImportError as error:
             raise ImportError("a Dataset needs xarray: python -m pip install xarray") from error
-        arms = self.moment_arms() if self.has_moment_arms else {}
-        table = Table.stacked(
-            ("muscle", "coordinate", "fibre", "frame", "moment_arm_mm"),
-            (
-                {
-                    "muscle": muscle,
-                    "coordinate": name,
-                    "fibre": np.arange(each.arms.shape[1]),
-                    "frame": np.array(self.frames)[each.frames, None],
-                    "moment_arm_mm": each.arms,
-                }
+        tables = {"length_mm": self.length_table(), "fibre_length_mm": self.fibre_length_table()}
+        axes = ("muscle", "coordinate", "fibre", "frame")
+        if arms := self.all_arms:
+            kept = np.array(self.frames)
+            parts = (
+                (muscle, name, np.arange(each.arms.shape[1]), kept[each.frames, None], each.arms)
                 for muscle, of_muscle in arms.items()
                 for name, each in of_muscle.items()
-            ),
-        )
-        variables = {
-            name: lengths.to_frame().set_index(["muscle", "fibre", "frame"])["length_mm"].to_xarray()
-            for name, lengths in (
-                ("length_mm", self.length_table()),
-                ("fibre_length_mm", self.fibre_length_table()),
             )
+            columns = (*axes, "moment_arm_mm")
+            rows = (dict(zip(columns, part, strict=True)) for part in parts)
+            tables["moment_arm_mm"] = Table.stacked(columns, rows)
+        cubes = {
+            name: table.to_frame().set_index([axis for axis in axes if axis in table])
+            for name, table in tables.items()
         }
-        if arms:
-            variables["moment_arm_mm"] = (
-                table.to_frame().set_index(list(table)[:-1])["moment_arm_mm"].to_xarray()
-            )
-        data = xarray.Dataset(variables)
-        return data.assign_coords(
-            time=("frame", [self.times[self.frames.index(k)] for k in data["frame"].values])
+        data = xarray.Dataset(
+            {name: cube[name.removeprefix("fibre_")].to_xarray() for name, cube in cubes.items()}
         )
+        times = dict(zip(self.frames, self.times, strict=True))
+        return data.assign_coords(time=("frame", [times[frame] for frame in data["frame"].values]))
 
     def with_literature(self, path: str | PathLike[str]) -> Self:
         """Return the same result with published moment arms, which figures and the page then show.

@@ -24,7 +24,8 @@ class Check:
     """A check of each frame: beyond ``look`` results need a look, beyond ``failed`` they are useless.
 
     ``says`` is the problem, with the value as ``{}``, and ``do`` the remedy. With ``smaller``, small values
-    are bad.
+    are bad. The checked value is ``factor`` times a ``column`` of the report's frames, or, ``at_rest``, a
+    number of :func:`~vtkmuscle.run.report_values.fibres_at_rest`; without a column it is measured on lengths.
     """
 
     look: float
@@ -33,6 +34,10 @@ class Check:
     says: str
     do: str
     smaller: bool = False
+    column: str = ""
+    factor: float = 1.0
+    at_rest: bool = False
+    of_fibres: bool = False
 
 
 #: The checks by name: the limits, with the reasons for them, are in the file.
@@ -45,20 +50,6 @@ BEYOND = 1.5
 OK, LOOK, FAILED = "ok", "look", "failed"
 #: Verdicts, the better one first.
 VERDICTS = (OK, LOOK, FAILED)
-
-#: Checks of :func:`vtkmuscle.run.report_values.fibres_at_rest`, with factors to per cent or degrees.
-_AT_REST = {
-    "crossed fibres": ("crossing_share", 100.0),
-    "hooked fibres": ("hooked_share", 100.0),
-    "winding fibres": ("turning_p95_deg", 1.0),
-    "bare": ("bare_share", 100.0),
-}
-#: The checks that need fibres.
-_OF_FIBRES = (
-    *("long fibres", "short fibres", "jumps", "widespread jumps"),
-    *("fibres outside", "fibres in bone", "squeezed", "coarse", "unsettled"),
-    *("hooked paths", "fibres and paths"),
-)
 
 
 @dataclass(frozen=True)
@@ -159,25 +150,15 @@ def _series(
         found = [row.get(name) for row in rows]
         return np.array([np.nan if value is None else float(value) for value in found], dtype=np.float64)
 
-    unsettled = column("unsettled")
-    values = {
-        "volume": 100.0 * np.abs(column("volume_ratio") - 1.0),
-        "fixed points": column("fixed_error_max_mm"),
-        "misshapen": 100.0 * column("misshapen_area"),
-        "crumpled": column("dihedral_error_p95_deg"),
-        "folded": 100.0 * column("folded_edges") / n_edges,
-        "fibres outside": column("fibres_outside_max_mm"),
-        "fibres in bone": column("fibres_penetration_new_max_mm"),
-        "penetration": column("penetration_new_max_mm"),
-        "squeezed": column("squeezed_p95_mm"),
-        "coarse": column("sag_p95_mm"),
-        "hooked paths": 100.0 * column("hooked_paths"),
-        "unsettled": 100.0 * unsettled * unsettled.sum() / max(len(rows), 1),
-        "widespread penetration": column("penetration_new_p95_mm"),
-    }
+    own = {name: check for name, check in CHECKS.items() if check.column and not check.at_rest}
+    values = {name: check.factor * column(check.column) for name, check in own.items()}
+    values["volume"] = 100.0 * np.abs(column("volume_ratio") - 1.0)
+    values["folded"] /= n_edges
+    values["unsettled"] *= column("unsettled").sum() / max(len(rows), 1)
     missing = {"penetration": "no bone has an inside", "widespread penetration": "no bone has an inside"}
     if fibres is None or not len(fibres.lengths):
-        missing |= dict.fromkeys((*_OF_FIBRES, *_AT_REST), "the muscle has no fibres")
+        needing = (name for name, check in CHECKS.items() if check.of_fibres or check.at_rest)
+        missing |= dict.fromkeys(needing, "the muscle has no fibres")
     else:
         ratios = fibres.lengths / np.maximum(fibres.rest_lengths, 1e-12)
         values["long fibres"] = np.percentile(ratios, 95, axis=1)
@@ -192,8 +173,9 @@ def _series(
             values[name] = np.zeros(len(times))
             values[name][1:] = np.percentile(jumps, share, axis=1) if len(jumps) else 0.0
     if fibres is not None and fibres.at_rest is not None:  # the same in all frames: the first is named
-        for name, (key, scale) in _AT_REST.items():
-            values[name] = np.full(len(rows), scale * fibres.at_rest[key])
+        for name, check in CHECKS.items():
+            if check.at_rest:
+                values[name] = np.full(len(rows), check.factor * fibres.at_rest[check.column])
     unknown = [name for name in CHECKS if name not in values or np.isnan(values[name]).all()]
     values = {name: series for name, series in values.items() if name not in unknown}
     return values, {name: missing.get(name, "not measured") for name in unknown}

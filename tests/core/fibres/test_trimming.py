@@ -14,6 +14,7 @@ from vtkmuscle.core.fibres.trimming import (
     trim_fibres,
 )
 from vtkmuscle.core.mesh.sampling import PatchSamples
+from vtkmuscle.core.mesh.triangle_tree import triangle_tree
 from vtkmuscle.phantoms.meshing import solid_of_revolution
 
 RADIUS, LENGTH = 10.0, 100.0
@@ -248,7 +249,8 @@ def test_no_point_of_the_triangles_is_closer_to_the_ray(seed):
     corners = rng.normal(size=(5, 3, 3)) + rng.normal(scale=2.0, size=3)
     start, ahead = rng.normal(size=3), rng.normal(size=3)
     ahead /= np.linalg.norm(ahead)
-    found = closest_to_rays(start[None], ahead[None], corners)[0]
+    tree = triangle_tree(corners.reshape(-1, 3), np.arange(15).reshape(5, 3))
+    found = closest_to_rays(start[None], ahead[None], tree)[0]
     weights = rng.dirichlet([0.6, 0.6, 0.6], (5, 4000))
     sampled = np.einsum("mks,msd->mkd", weights, corners).reshape(-1, 3)
     least = distance_to_ray(sampled, start, ahead).min()

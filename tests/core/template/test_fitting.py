@@ -16,8 +16,8 @@ from vtkmuscle.core.template import (
 
 SIDES = np.array([20.0, 40.0, 120.0])
 PARALLEL = (
-    TEMPLATES["parallel"].origin_areas.reshape(-1, 3),
-    TEMPLATES["parallel"].insertion_areas.reshape(-1, 3),
+    TEMPLATES["parallel"].areas(0).reshape(-1, 3),
+    TEMPLATES["parallel"].areas(-1).reshape(-1, 3),
 )
 
 
@@ -80,7 +80,7 @@ def test_aponeuroses_lie_on_the_template_faces_that_are_nearest_to_them(flip):
         origin,
         insertion,
         axis=np.array([0.0, 0, 1]),
-        areas=(pennate.origin_areas[0], pennate.insertion_areas[0]),
+        areas=(pennate.areas(0)[0], pennate.areas(-1)[0]),
     )
     across = found.transform[:3, 0] / np.linalg.norm(found.transform[:3, 0])
     assert np.allclose(across, [flip[0], 0, 0], atol=1e-9)
@@ -111,7 +111,7 @@ def test_a_flat_muscle_is_refused(flat):
 
 @pytest.mark.parametrize("kind", list(TEMPLATES))
 def test_only_areas_at_bottom_and_top_lie_opposite(kind):
-    areas = (TEMPLATES[kind].origin_areas.reshape(-1, 3), TEMPLATES[kind].insertion_areas.reshape(-1, 3))
+    areas = (TEMPLATES[kind].areas(0).reshape(-1, 3), TEMPLATES[kind].areas(-1).reshape(-1, 3))
     assert areas_are_opposite(*areas) == (kind not in {"pennate", "bipennate"})
 
 

@@ -34,7 +34,7 @@ def test_fibres_begin_on_the_origin_area_and_end_on_the_insertion_area(template,
     r, s = rng.random((2, 200))
     ends = template.fibres(r, s, [0.0, 1.0])
     part = np.minimum((r * len(template.parts)).astype(int), len(template.parts) - 1)
-    for end, areas in ((0, template.origin_areas), (1, template.insertion_areas)):
+    for end, areas in ((0, template.areas(0)), (1, template.areas(-1))):
         for area, points in ((areas[i], ends[part == i, end]) for i in range(len(areas))):
             # A parallelogram: corners 1 and 3 span it from corner 0.
             assert np.allclose(area[0] + area[2], area[1] + area[3])

@@ -8,7 +8,6 @@ Kohout, Kukacka 2014, doi:10.1111/cgf.12354.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import pairwise
 
 import numpy as np
 from scipy.sparse import csr_array
@@ -17,15 +16,14 @@ from scipy.spatial import cKDTree
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.mesh.normals import triangle_normals, vertex_normals
-from vtkmuscle.core.mesh.polylines import segment_distances
 from vtkmuscle.core.mesh.surface import (
     edge_lengths,
     half_edges,
     numbered_edges,
     point_components,
-    points_in_box,
     signed_volume,
 )
+from vtkmuscle.core.mesh.triangle_tree import triangle_tree
 from vtkmuscle.core.types import FloatMap, Floats, Ints
 
 #: Penalty s on edges away from the chord: at a distance of a chords an edge counts (1 + s a^2) times its
@@ -231,12 +229,8 @@ def _edge_keys(edges: Ints, n_points: int) -> Ints:
 
 def _near_curve(points: Floats, edges: Ints, curve: Ints, tolerance: float) -> Ints:
     """Return points within a tolerance of a curve, connected with it, so not the opposite face."""
-    on_patch = np.zeros(len(points), dtype=np.bool_)
-    low, high = points[curve].min(axis=0) - tolerance, points[curve].max(axis=0) + tolerance
-    candidates = points_in_box(points, low, high)
-    on_patch[candidates] = np.linalg.norm(points[candidates] - points[curve[0]], axis=1) <= tolerance
-    for start, end in pairwise(points[curve]):
-        on_patch[candidates] |= segment_distances(points[candidates], start, end) <= tolerance
+    segments = np.column_stack([curve, np.append(curve[1:], curve[-1]), curve])  # triangles without area
+    on_patch = triangle_tree(points, segments).nearest(points)[2] <= tolerance
     on_patch[curve] = True
     labels = point_components(len(points), edges[on_patch[edges].all(axis=1)])
     return np.flatnonzero(on_patch & np.isin(labels, labels[curve])).astype(np.int64)

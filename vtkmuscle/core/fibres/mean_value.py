@@ -48,8 +48,8 @@ CANCELLED = 1e-6
 #: Squared height over squared distance, below which the series of the excess is exact.
 FLAT = 1e-6
 
-_TERMS = tuple(4.0**k * math.factorial(k) ** 2 / math.factorial(2 * k + 1) for k in range(11))
-_F0, _F1, _F2, _F3, _F4, _F5, _F6, _F7, _F8, _F9, _F10 = _TERMS
+#: Coefficients of f in u, from the greatest power on.
+_TERMS = tuple(4.0**k * math.factorial(k) ** 2 / math.factorial(2 * k + 1) for k in reversed(range(11)))
 
 # Rows of the buffer, LANES numbers each: squared distances and their roots' inverses at three corners, ...
 _D0, _D1, _D2, _R0, _R1, _R2 = (row * LANES for row in range(6))
@@ -188,22 +188,18 @@ def weights_of_lanes(mesh: CoordinateMesh, queries: Floats, tolerance: float) ->
 
 @lane
 def _move(source: Floats, at: int, to: Floats, target: int) -> None:
-    """Copy a row. All loads come first, as the compiler cannot exclude an overlap."""
-    for k in range(0, LANES, 8):
-        i, j = at + k, target + k
-        a, b, c, d = source[i], source[i + 1], source[i + 2], source[i + 3]
-        e, f, g, h = source[i + 4], source[i + 5], source[i + 6], source[i + 7]
-        to[j], to[j + 1], to[j + 2], to[j + 3] = a, b, c, d
-        to[j + 4], to[j + 5], to[j + 6], to[j + 7] = e, f, g, h
+    """Copy a row."""
+    for k in range(LANES):
+        to[target + k] = source[at + k]
 
 
 @lane
 def _half_f(u: float) -> float:
     """Return f(u) / 2 for u <= SMALL_ANGLE."""
-    series = _F7 + u * (_F8 + u * (_F9 + u * _F10))
-    series = _F4 + u * (_F5 + u * (_F6 + u * series))
-    series = _F1 + u * (_F2 + u * (_F3 + u * series))
-    return 0.5 * _F0 + 0.5 * u * series
+    series = 0.0
+    for term in _TERMS:
+        series = series * u + term
+    return 0.5 * series
 
 
 @vector_kernel

@@ -22,6 +22,7 @@ from vtkmuscle.core.mesh.polylines import (
     segment_lengths,
 )
 from vtkmuscle.core.mesh.sampling import PatchSamples
+from vtkmuscle.core.mesh.triangle_tree import TriangleTree
 from vtkmuscle.core.types import Bools, FloatMap, Floats, Ints
 
 #: Largest turn from a fibre into its new end segment [degrees].
@@ -259,11 +260,11 @@ def ends_as_printed(
     lines = [points[first:last] for first, last in pairwise(offsets)]
     for area, direction in ((insertion, axis), (origin, -axis)):
         height = float((area.landmarks @ direction).min())
-        lines = [line[::-1] for line in _extended(lines, direction, height, area.samples.tree.corners)]
+        lines = [line[::-1] for line in _extended(lines, direction, height, area.samples.tree)]
     return np.vstack(lines), np.append(0, np.cumsum([len(line) for line in lines]))
 
 
-def _extended(lines: list[Floats], direction: Floats, height: float, corners: Floats) -> list[Floats]:
+def _extended(lines: list[Floats], direction: Floats, height: float, area: TriangleTree) -> list[Floats]:
     """Return lines cut at a plane near their ends, with a segment to an area."""
     rays, result = {}, list(lines)
     for number, line in enumerate(lines):
@@ -283,16 +284,17 @@ def _extended(lines: list[Floats], direction: Floats, height: float, corners: Fl
             rays[number] = result[number][-1], ahead / np.linalg.norm(ahead)
     if rays:
         starts, directions = (np.array(part) for part in zip(*rays.values(), strict=True))
-        for number, end in zip(rays, closest_to_rays(starts, directions, corners), strict=True):
+        for number, end in zip(rays, closest_to_rays(starts, directions, area), strict=True):
             result[number] = np.vstack([result[number], end])
     return result
 
 
-def closest_to_rays(starts: Floats, ahead: Floats, corners: Floats) -> Floats:
-    """Return the point (k, 3) of triangles closest to each ray; the first along the ray of equal points.
+def closest_to_rays(starts: Floats, ahead: Floats, tree: TriangleTree) -> Floats:
+    """Return the point (k, 3) of a tree's triangles closest to each ray.
 
-    Starts (k, 3) and unit directions `ahead` (k, 3) of the rays, triangles (m, 3, 3).
+    Starts (k, 3) and unit directions `ahead` (k, 3) of the rays. Of equal points the first along the ray.
     """
+    corners = tree.corners
     centres = corners.mean(axis=1)
     radii = np.linalg.norm(corners - centres[:, None], axis=2).max(axis=1)
     away = cdist(starts, centres)
@@ -303,19 +305,15 @@ def closest_to_rays(starts: Floats, ahead: Floats, corners: Floats) -> Floats:
     start, direction, a = starts[ray], ahead[ray], corners[triangle, 0]
     e, f = corners[triangle, 1] - a, corners[triangle, 2] - a
     normals = np.cross(e, f)
-    sizes, off = (normals * normals).sum(axis=1), (normals * (a - start)).sum(axis=1)
-    found = []  # rays, points, positions along the rays, distances
+    _, nearest, apart = tree.nearest(starts)
+    found = [(np.arange(len(starts)), nearest, np.zeros(len(starts)), apart)]  # rays, points, arcs, distances
     with np.errstate(divide="ignore", invalid="ignore"):  # triangles without area, or along the ray
-        through = off / (normals * direction).sum(axis=1)
-        # Through a triangle, or from the ray's start straight to it.
-        for at, t, distance in (
-            (start + through[:, None] * direction, through, np.zeros(len(a))),
-            (start + (off / sizes)[:, None] * normals, np.zeros(len(a)), np.sqrt(off * off / sizes)),
-        ):
-            u = (normals * np.cross(at - a, f)).sum(axis=1) / sizes
-            v = (normals * np.cross(e, at - a)).sum(axis=1) / sizes
-            met = (t >= 0.0) & (u >= 0.0) & (v >= 0.0) & (u + v <= 1.0)
-            found.append((ray[met], at[met], t[met], distance[met]))
+        t = (normals * (a - start)).sum(axis=1) / (normals * direction).sum(axis=1)
+        at, sizes = start + t[:, None] * direction, (normals * normals).sum(axis=1)
+        u = (normals * np.cross(at - a, f)).sum(axis=1) / sizes
+        v = (normals * np.cross(e, at - a)).sum(axis=1) / sizes
+    through = (t >= 0.0) & (u >= 0.0) & (v >= 0.0) & (u + v <= 1.0)
+    found.append((ray[through], at[through], t[through], np.zeros(int(through.sum()))))
     for side in range(3):
         p = corners[triangle, side]
         edge = corners[triangle, (side + 1) % 3] - p

@@ -37,6 +37,11 @@ class TriangleTree:
     boxes: Floats  # (2^k - 1, 6), low and high corner of each box, level by level
 
     @cached_property
+    def mean_edge(self) -> float:
+        """Mean length of the triangles' edges."""
+        return float(np.linalg.norm(self.corners - np.roll(self.corners, 1, axis=1), axis=2).mean())
+
+    @cached_property
     def _normals(self) -> tuple[Floats, Ints]:
         return pseudonormals(self.points, self.triangles)
 
@@ -193,9 +198,10 @@ def nearest_on_triangle(  # noqa: PLR0911 -- a return for each region
     if va <= 0.0 and d4 >= d3 and d5 >= d6:
         t = (d4 - d3) / ((d4 - d3) + (d5 - d6))
         return b[0] + t * (c[0] - b[0]), b[1] + t * (c[1] - b[1]), b[2] + t * (c[2] - b[2]), EDGE + 1
-    scale = 1.0 / (va + vb + vc)
-    v, w = vb * scale, vc * scale
-    return a[0] + v * abx + w * acx, a[1] + v * aby + w * acy, a[2] + v * abz + w * acz, FACE
+    # The foot on the plane, exact for needles.
+    nx, ny, nz = aby * acz - abz * acy, abz * acx - abx * acz, abx * acy - aby * acx
+    rise = (apx * nx + apy * ny + apz * nz) / (nx * nx + ny * ny + nz * nz)
+    return px - rise * nx, py - rise * ny, pz - rise * nz, FACE
 
 
 @kernel
@@ -233,22 +239,6 @@ def pseudonormals(points: Floats, triangles: Ints) -> tuple[Floats, Ints]:
     first, second = len(faces), len(faces) + len(parts[1])
     own = np.arange(len(faces))[:, None]
     return np.vstack(parts), np.hstack([own, first + edge_of.reshape(-1, 3), second + triangles])
-
-
-@kernel
-def _foot(corners: Floats, query: Floats, foot: Floats) -> float:
-    """Write the foot (3,) on a triangle's plane, exact for needles; return the distance."""
-    a, b, c = corners[0], corners[1], corners[2]
-    nx = (b[1] - a[1]) * (c[2] - a[2]) - (b[2] - a[2]) * (c[1] - a[1])
-    ny = (b[2] - a[2]) * (c[0] - a[0]) - (b[0] - a[0]) * (c[2] - a[2])
-    nz = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
-    double_area2 = nx * nx + ny * ny + nz * nz
-    rise = (query[0] - a[0]) * nx + (query[1] - a[1]) * ny + (query[2] - a[2]) * nz
-    foot[0] = query[0] - nx * rise / double_area2
-    foot[1] = query[1] - ny * rise / double_area2
-    foot[2] = query[2] - nz * rise / double_area2
-    length: float = abs(rise) / np.sqrt(double_area2)
-    return length
 
 
 @kernel
@@ -293,8 +283,6 @@ def search_tree(
         cx, cy, cz, regions[q] = nearest_on_triangle(x, y, z, at[0], at[1], at[2])
         closest[q, 0], closest[q, 1], closest[q, 2] = cx, cy, cz
         distances[q] = np.sqrt((cx - x) ** 2 + (cy - y) ** 2 + (cz - z) ** 2)
-        if regions[q] == FACE:
-            distances[q] = _foot(at, queries[q], closest[q])
 
 
 @kernel
@@ -330,42 +318,28 @@ class MuscleContact:
     """
 
     def __init__(self, neighbours: Sequence[Neighbour], free: Bools, centre: Floats) -> None:
-        self._planes = [_Planes(neighbour, len(free)) for neighbour in neighbours]
-        self._free = free
-        self._centre = centre
+        self._neighbours, self._free, self._centre = neighbours, free, centre
+        # Of each neighbour: the planes of all points, the points then, and the squared displacement until
+        # the next test.
+        self._nearest, self._normal, self._seen_from = np.zeros((3, len(neighbours), len(free), 3))
+        self._valid_for = np.full((len(neighbours), len(free)), -1.0)
 
     def keep_out(self, p: Floats) -> Bools:
         """Move positions out of the neighbours, in place. Positions (n, 3); returns the moved points (n,)."""
         hit = np.zeros(len(p), dtype=np.bool_)
-        for planes in self._planes:
-            hit |= planes.keep_out(p, self._free, self._centre)
-        return hit
-
-
-class _Planes:
-    """Tangent planes of a neighbour, nearest to the muscle's points."""
-
-    def __init__(self, neighbour: Neighbour, n_points: int) -> None:
-        self._neighbour = neighbour
-        self._seen_from, self._nearest, self._normal = np.zeros((3, n_points, 3))
-        self._valid_for = np.full(n_points, -1.0)  # squared displacement until the next test
-        corners = neighbour.tree.corners
-        self._detail = _FLAT * float(np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).mean())
-
-    def keep_out(self, p: Floats, free: Bools, centre: Floats) -> Bools:
-        neighbour, hit = self._neighbour, np.zeros(len(p), dtype=np.bool_)
-        low, high = neighbour.tree.boxes[0, :3] - centre, neighbour.tree.boxes[0, 3:] - centre
-        boxed = np.flatnonzero(free & ((p >= low) & (p <= high)).all(axis=1))
-        moved = p[boxed] - self._seen_from[boxed]
-        stale = boxed[np.einsum("ij,ij->i", moved, moved) > self._valid_for[boxed]]
-        if len(stale):
-            distance, nearest, normal = neighbour.tree.tangent_planes(p[stale] + centre)
-            self._seen_from[stale] = p[stale]
-            self._valid_for[stale] = np.maximum(_SURELY_CLEAR * distance, self._detail) ** 2
-            self._nearest[stale], self._normal[stale] = nearest - centre, normal
-        height = np.einsum("ij,ij->i", p[boxed] - self._nearest[boxed], self._normal[boxed])
-        push = -neighbour.allowance[boxed] - height
-        deep = boxed[push > 0.0]
-        p[deep] += push[push > 0.0, None] * self._normal[deep]
-        hit[deep] = True
+        planes = self._neighbours, self._nearest, self._normal, self._seen_from, self._valid_for
+        for (tree, allowance), nearest, normal, seen_from, valid_for in zip(*planes, strict=True):
+            low, high = tree.boxes[0, :3] - self._centre, tree.boxes[0, 3:] - self._centre
+            boxed = np.flatnonzero(self._free & ((p >= low) & (p <= high)).all(axis=1))
+            moved = p[boxed] - seen_from[boxed]
+            stale = boxed[np.einsum("ij,ij->i", moved, moved) > valid_for[boxed]]
+            if len(stale):
+                distance, closest, normal[stale] = tree.tangent_planes(p[stale] + self._centre)
+                nearest[stale], seen_from[stale] = closest - self._centre, p[stale]
+                valid_for[stale] = np.maximum(_SURELY_CLEAR * distance, _FLAT * tree.mean_edge) ** 2
+            height = np.einsum("ij,ij->i", p[boxed] - nearest[boxed], normal[boxed])
+            push = -allowance[boxed] - height
+            deep = boxed[push > 0.0]
+            p[deep] += push[push > 0.0, None] * normal[deep]
+            hit[deep] = True
         return hit

@@ -117,9 +117,11 @@ def twists_by(motion: RigidMotion, name: str, among: Sequence[str] = ()) -> tupl
     if twists is not None:
         return np.arange(len(motion.times)), dict(twists)
     differences = differences_by(motion, name, among)
-    return differences.frames, {
-        bone: _by_screws(table, differences) for bone, table in motion.transforms.items()
-    }
+    result = {}
+    for bone, table in motion.transforms.items():
+        steps = table[differences.neighbours] @ inverses(table[differences.frames])[:, None]
+        result[bone] = differences.of(screws(steps.reshape(-1, 4, 4)).reshape(-1, 2, 6))
+    return differences.frames, result
 
 
 class MotionTwists:
@@ -155,14 +157,6 @@ def interval_among(frames: Ints, times: Floats, time: float) -> tuple[int, int, 
         return None
     a, b = np.searchsorted(frames, [before, after]).tolist()
     return a, b, float((time - times[before]) / (times[after] - times[before])) if before < after else 0.0
-
-
-def _by_screws(table: Floats, differences: Differences) -> Floats:
-    """Return a bone's twists (m, 6) from transforms (f, 4, 4)."""
-    back = inverses(table[differences.frames])
-    return differences.of(
-        np.stack([screws(table[differences.neighbours[:, side]] @ back) for side in range(2)], axis=1)
-    )
 
 
 #: Largest rotation of a bone between equal poses [degrees], plus a part of the rotation between frames, as

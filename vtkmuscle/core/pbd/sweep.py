@@ -115,12 +115,9 @@ def rows_of_edges(points_of_edges: Ints, n_points: int) -> NDArray[np.int64]:
     once equals solving the constraints in turn.
     """
     colours = np.empty(len(points_of_edges), dtype=np.int64)
-    size = 64
-    while True:
-        taken = np.zeros((n_points, size), dtype=np.bool_)
-        if _first_fit(points_of_edges, taken, colours):
-            break
-        size *= 2
+    # An edge meets fewer edges at each of its points than the point with the most.
+    most = 4 * int(np.bincount(points_of_edges[points_of_edges >= 0], minlength=1).max())
+    _first_fit(points_of_edges, np.zeros((n_points, most), dtype=np.bool_), colours)
     order = np.argsort(colours, kind="stable")
     rows = []
     for colour in np.split(order, np.flatnonzero(np.diff(colours[order])) + 1):
@@ -130,25 +127,19 @@ def rows_of_edges(points_of_edges: Ints, n_points: int) -> NDArray[np.int64]:
 
 
 @kernel
-def _first_fit(points_of_edges: Ints, taken: Bools, colours: Ints) -> bool:
-    """Write each edge's colour, False for too few; taken : (n, c), colours at each point."""
+def _first_fit(points_of_edges: Ints, taken: Bools, colours: Ints) -> None:
+    """Write each edge's colour; taken : (n, c), colours at each point."""
     for e in range(len(points_of_edges)):
-        colour, most = 0, taken.shape[1]
-        while colour < most:
-            clear = True
+        colour, clear = -1, False
+        while not clear:
+            colour, clear = colour + 1, True
             for k in range(4):
                 i = points_of_edges[e, k]
                 clear = clear and (i < 0 or not taken[i, colour])
-            if clear:
-                break
-            colour += 1
-        if colour == most:
-            return False
         colours[e] = colour
         for k in range(4):
             if points_of_edges[e, k] >= 0:
                 taken[points_of_edges[e, k], colour] = True
-    return True
 
 
 @vector_kernel
@@ -186,16 +177,6 @@ def project_edges(
                 i = ids[corner, k]
                 for axis in range(3):
                     p[i, axis] = buffer[(3 * corner + axis) * WIDTH + k]
-
-
-@vector_kernel
-def measure_lengths(p: Floats, points: NDArray[np.uint32], constants: Floats) -> None:
-    """Write the edges' present lengths as rest lengths, see :func:`project_edges`."""
-    for row in range(len(points)):
-        for k in range(WIDTH):
-            i, j = points[row, 0, k], points[row, 1, k]
-            x, y, z = p[i, 0] - p[j, 0], p[i, 1] - p[j, 1], p[i, 2] - p[j, 2]
-            constants[row, 5, k] = math.sqrt(x * x + y * y + z * z)
 
 
 @lane

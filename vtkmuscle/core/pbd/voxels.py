@@ -121,15 +121,13 @@ def build_voxel_grid(
 
 def _shared_out(sides: Floats, n_max: int) -> Ints:
     """Return the cells per side of a box, at least 1, for about n_max near-cubes."""
-    counts = np.ones(3, dtype=np.int64)
-    active = np.ones(3, dtype=np.bool_)
-    while active.any():
-        edge = np.exp((np.log(sides[active]).sum() - np.log(n_max)) / active.sum())
-        thin = active & (sides < edge)
-        if not thin.any():
-            counts[active] = np.maximum(1, np.floor(sides[active] / edge * (1.0 + 1e-12))).astype(np.int64)
+    counts, order = np.ones(3, dtype=np.int64), np.argsort(sides)
+    for first in range(3):  # a side thinner than a cell has one, and leaves n_max to the others
+        wide = sides[order[first:]]
+        edge = (wide.prod() / n_max) ** (1.0 / len(wide))
+        if wide[0] >= edge * (1.0 - 1e-12):
+            counts[order[first:]] = np.maximum(1, np.floor(wide / edge * (1.0 + 1e-12)))
             break
-        active &= ~thin  # one cell across; the others share n_max among themselves
     return counts
 
 
