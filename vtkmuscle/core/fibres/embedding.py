@@ -81,8 +81,13 @@ class EmbeddedPoints:
             return sparse_transport(self._sparse, vertices)
         moved = np.empty_like(self.positions)
         for first in range(0, len(moved), _BLOCK):
-            moved[first : first + _BLOCK] = transport(self._of_block(first), vertices)
-            report(min(first + _BLOCK, len(moved)) / len(moved))
+            block, weights = slice(first, first + _BLOCK), self._weights.get(first)
+            if weights is None:
+                weights = mean_value_coordinates(self.points, self.triangles, self.positions[block])
+                if weights.nbytes + sum(kept.nbytes for kept in self._weights.values()) <= _LARGEST_CACHE:
+                    self._weights[first] = weights
+            moved[block] = transport(weights, vertices)
+            report(min(block.stop, len(moved)) / len(moved))
         return moved
 
     def keep_within(self, positions: Floats, vertices: Floats) -> None:
@@ -98,16 +103,6 @@ class EmbeddedPoints:
         out, nearest = outside[far], nearest[far]
         part = (self.gap[out] / distances[far])[:, None]
         positions[out] = nearest + part * (positions[out] - nearest)
-
-    def _of_block(self, first: int) -> Floats:
-        """Return the weights of a block from point `first`."""
-        if first in self._weights:
-            return self._weights[first]
-        block = self.positions[first : first + _BLOCK]
-        weights = mean_value_coordinates(self.points, self.triangles, block)
-        if weights.nbytes + sum(kept.nbytes for kept in self._weights.values()) <= _LARGEST_CACHE:
-            self._weights[first] = weights
-        return weights
 
 
 #: Added to the unit diagonal of the correction's equations: means may lie in one plane.

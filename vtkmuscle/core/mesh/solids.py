@@ -297,9 +297,9 @@ class Solids:
         """Return points (n, 3) moved into the solids. Outer points go to the nearest surface point."""
         moved = _checked(points).copy()
         beyond = np.flatnonzero(~self.inside(moved))
-        nearest = [tree.nearest(moved[beyond])[1:] for tree in self._all]
-        best = np.argmin([distances for _, distances in nearest], axis=0)
-        moved[beyond] = np.array([closest for closest, _ in nearest])[best, np.arange(len(beyond))]
+        distance, outward = self.exact(moved[beyond])
+        # Where a surface overlaps itself parity says outside: such a point is inside by its distance.
+        moved[beyond] -= np.maximum(distance, 0.0)[:, None] * outward
         return moved
 
 

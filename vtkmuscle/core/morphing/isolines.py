@@ -157,26 +157,20 @@ def isoline_distances(points: Floats, triangles: Ints, field: Floats) -> tuple[F
     the area to the integral of |grad f| between neighbouring isolines. The function (n,) in [0, 1] is linear
     on each triangle; values (k,) from 0 to 1 and distances (k,) from 0 on [mm] ascend strictly.
     """
-    areas, slopes = _per_class(points, triangles, field)
-    steps = np.divide(areas, slopes, out=np.zeros(N_CLASSES), where=slopes > 0.0)
-    # A class without triangles is as steep as the mean.
-    steps[slopes <= 0.0] = areas.sum() / slopes.sum()
-    return np.linspace(0.0, 1.0, N_CLASSES + 1), np.append(0.0, np.cumsum(steps)) / N_CLASSES
-
-
-def _per_class(points: Floats, triangles: Ints, field: Floats) -> tuple[Floats, Floats]:
-    """Return area and integrated gradient per class of values."""
-    areas = np.linalg.norm(triangle_normals(points, triangles), axis=1) / 2.0
-    slopes = areas * np.linalg.norm(triangle_gradients(points, triangles, field), axis=1)
+    sizes = np.linalg.norm(triangle_normals(points, triangles), axis=1) / 2.0
+    integrals = sizes * np.linalg.norm(triangle_gradients(points, triangles, field), axis=1)
     low, high = field[triangles].min(axis=1), field[triangles].max(axis=1)
     first = (low * N_CLASSES).astype(np.int64)
     last = np.minimum((high * N_CLASSES).astype(np.int64), N_CLASSES - 1)
-    counts = np.where(slopes > 0.0, last - first + 1, 0)
+    counts = np.where(integrals > 0.0, last - first + 1, 0)
     t = np.repeat(np.arange(len(triangles)), counts)
     k = first[t] + np.arange(len(t)) - np.repeat(np.cumsum(counts) - counts, counts)
     shares = (np.minimum(high[t], (k + 1) / N_CLASSES) - np.maximum(low[t], k / N_CLASSES)) / (high - low)[t]
-    of_areas, of_slopes = (np.bincount(k, shares * sizes[t], N_CLASSES) for sizes in (areas, slopes))
-    return of_areas.astype(np.float64), of_slopes.astype(np.float64)
+    areas, slopes = (np.bincount(k, shares * part[t], N_CLASSES) for part in (sizes, integrals))
+    # A class without triangles is as steep as the mean.
+    steps = np.full(N_CLASSES, areas.sum() / slopes.sum())
+    np.divide(areas, slopes, out=steps, where=slopes > 0.0)
+    return np.linspace(0.0, 1.0, N_CLASSES + 1), np.append(0.0, np.cumsum(steps)) / N_CLASSES
 
 
 def _single_branch(branch: Branch) -> tuple[int, int]:

@@ -31,8 +31,8 @@ from vtkmuscle.core.paths.via_rings import ViaRing
 from vtkmuscle.core.types import Floats, Ints
 
 #: A sheet has settled where all steps to come would lower its energy by less than this part of that of its
-#: springs, as a geometric series by the larger of the last two ratios of steps. Lengths of three muscles of a
-#: real hip err by 0.016 mm then, at most, in three motions; with 1e-8 by 0.18.
+#: springs, as a geometric series. Lengths of three muscles of a real hip err by 0.016 mm then, at most, in
+#: three motions; with 1e-8 by 0.18.
 TOLERANCE = 5e-9
 
 #: Steps of Newton's method in a pose, at most; 4 to 15 is what most take, and 80 or more where a path leaves
@@ -48,8 +48,9 @@ CYCLE, RATTLE = 12, 1e-3
 #: half as many where fibres are about to snap; 4 gain nothing more.
 SECANTS = 2
 
-#: Ratio of the energies of steps before there are two.
-_FIRST_RATIO = 0.5
+#: Ratio of the energies of steps before there are two, and the largest ratio of steps that is reckoned with:
+#: steps that are rounding have any ratio.
+_FIRST_RATIO, SLOWEST = 0.5, 0.999
 
 #: A step of Newton's method takes no point farther than this, in segments.
 LARGEST_STEP = 2.0
@@ -206,7 +207,7 @@ class SheetPose:
         enough = TOLERANCE * x.shape[0] * x.shape[1] * segment**2
         longest = LARGEST_STEP * segment
         before: list[tuple[Floats, Floats, Floats]] = []
-        last = ratio = 0.0
+        slopes: deque[float] = deque(maxlen=4)
         recent: deque[Floats] = deque(maxlen=CYCLE)
         self.look_at(x)
         for number in range(ITERATIONS):
@@ -232,16 +233,15 @@ class SheetPose:
                 return False
             if self.hold(self.points):
                 self.look_at(x)
-                before, last = [], 0.0
+                before = []
+                slopes.clear()
                 continue
             if part < 1.0:
                 before = []
-            # Energies are squares of distances, which go on as a geometric series.
-            ratio, last_ratio = math.sqrt(plain / last if last < 0.0 else _FIRST_RATIO), ratio
-            slower = max(ratio, last_ratio)
-            if slower < 1.0 and -plain * (slower / (1.0 - slower)) ** 2 < enough:
+            slopes.append(plain)
+            rate, energy = _rate(slopes), -min(list(slopes)[-2:])
+            if energy * (rate / (1.0 - rate)) ** 2 < enough:
                 return True
-            last = plain
         return False
 
     def step(self) -> float:
@@ -348,6 +348,19 @@ class SheetPose:
                 Load(before.force + load.force, before.stiffness + load.stiffness) if before else load
             )
         return together
+
+
+def _rate(slopes: Sequence[float]) -> float:
+    """Return the ratio of coming steps to those before, from slopes: squares of steps, as a geometric series.
+
+    The larger of the last two ratios counts, each the mean of two steps, for long and short steps may take
+    turns.
+    """
+    if len(slopes) < 3:
+        squares = [slopes[1] / slopes[0] if len(slopes) == 2 else _FIRST_RATIO]
+    else:
+        squares = [math.sqrt(slopes[k + 2] / slopes[k]) for k in range(len(slopes) - 2)]
+    return min(math.sqrt(max(squares)), SLOWEST)
 
 
 def goes_round(x: Floats, recent: Sequence[Floats], rattle: float) -> bool:
