@@ -50,9 +50,8 @@ _MOST_NODES = 2.0**26
 #: Most nodes that are noted as lacking at a time.
 _LACKING = 4096
 
-#: A coarse node and those around it, which are wanted next, and the nodes of a look-up from the first.
-_AROUND = COARSE * np.stack(np.meshgrid(*[np.arange(-1, 2)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
-_ONWARD = _AROUND // COARSE + 1
+#: The nodes of a look-up from the first, (27, 3).
+_ONWARD = np.stack(np.meshgrid(*[np.arange(3)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
 
 
 class Bone:
@@ -211,11 +210,8 @@ class Bone:
             return False
         noted = lacking[2 : 2 + lacking[1]].copy()
         lacking[:2] = 0
-        wanted = []
-        for first, beside in ((-1 - noted[noted < 0], _AROUND), (noted[noted >= 0], _ONWARD)):
-            nodes = (np.column_stack(np.unravel_index(first, shape))[:, None] + beside).reshape(-1, 3)
-            inside = ((nodes >= 0) & (nodes < shape)).all(axis=1)
-            wanted.append(np.asarray(np.ravel_multi_index(nodes[inside].T, shape)))
+        onward = _ONWARD @ (shape[1] * shape[2], shape[2], 1)
+        wanted = -1 - noted[noted < 0], (noted[noted >= 0, None] + onward).reshape(-1)
         numbers, known = np.concatenate(wanted), field.nodes.reshape(-1)
         numbers = np.unique(numbers[known[numbers] == 0.0])
         if len(numbers):
