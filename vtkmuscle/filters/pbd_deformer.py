@@ -21,8 +21,7 @@ from vtkmuscle.data.isosurface import decimated
 from vtkmuscle.data.moving_bones import MovingBones, RestBones, fixed_muscle
 from vtkmuscle.data.muscle_geometry import Neighbours, Surface
 from vtkmuscle.filters.base import HistoryFilter, InputPort, OutputPort, ports
-from vtkmuscle.filters.deformer import deformed_muscle
-from vtkmuscle.filters.deformer.settings import DeformerSettings, solver_parameters
+from vtkmuscle.filters.deformer import DeformerSettings, deformed_muscle, solver_parameters
 
 
 class PBDDeformer(DeformerSettings, HistoryFilter[State]):
