@@ -143,18 +143,16 @@ class PathDeformer(Filter):
 
     times_from = "bones"
 
-    def __init__(self, **settings: Any) -> None:
-        self._carried: CarriedMuscle | None = None
-        #: Muscle, paths, bones and clearance of the carried muscle.
-        self._made_from: tuple[FixedMuscle, Floats | None, dict[int, Bone], float] | None = None
-        self._neighbours = Neighbours()
-        self._embedded: EmbeddedPoints | None = None
-        #: State of the inputs at the last pose, and the pose; its measures and its surface. VTK asks for each
-        #: output by itself.
-        self._last: tuple[Any, CarriedPose] | None = None
-        self._surface: tuple[tuple[bool, bool], vtkPolyData] | None = None
-        self._fibres_asked = False
-        super().__init__(**settings)
+    _carried: CarriedMuscle | None = None
+    #: Muscle, paths, bones and clearance of the carried muscle.
+    _made_from: tuple[FixedMuscle, Floats | None, dict[int, Bone], float] | None = None
+    _neighbours = Neighbours()
+    _embedded: EmbeddedPoints | None = None
+    #: State of the inputs at the last pose, and the pose; its measures and its surface. VTK asks for each
+    #: output by itself.
+    _last: tuple[Any, CarriedPose] | None = None
+    _surface: tuple[tuple[bool, bool], vtkPolyData] | None = None
+    _fibres_asked = False
 
     def ProcessRequest(self, request: Any, inInfo: Any, outInfo: Any) -> int:
         """Omit the fibres from requests for the muscle alone."""
