@@ -235,7 +235,7 @@ class PathDeformer(Filter):
         if self._embedded is None:
             vertices = muscle.points, muscle.triangles
             self._embedded = EmbeddedPoints(fibres.points, *vertices, WEIGHT_TOLERANCE)
-        moved = self._carried.fibre_points(pose, (fibres.points, fibres.offsets))
+        moved = self._carried.fibre_points(pose)
         moved += self._embedded.moved(pose.surface - pose.carried, self.report_progress)
         self._embedded.keep_within(moved, pose.surface)
         return add_arrays(

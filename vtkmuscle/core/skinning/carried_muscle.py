@@ -7,9 +7,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 from vtkmuscle.core.bones.bone import Bone
-from vtkmuscle.core.fixed_muscle import FixedMuscle, Lines
+from vtkmuscle.core.fixed_muscle import FixedMuscle
 from vtkmuscle.core.mesh.harmonic import harmonic_weights
 from vtkmuscle.core.mesh.rest_shape import RestShape
 from vtkmuscle.core.mesh.surface import mean_thickness
@@ -17,7 +18,7 @@ from vtkmuscle.core.mesh.triangle_tree import Neighbour
 from vtkmuscle.core.motion.blending import blend_motions
 from vtkmuscle.core.paths.lines import bones_at_ends
 from vtkmuscle.core.skinning.settling import Settling
-from vtkmuscle.core.skinning.skinning import SkinnedMuscle, Skinning
+from vtkmuscle.core.skinning.skinning import SkinnedMuscle, Skinning, SkinningWeights
 from vtkmuscle.core.types import Floats
 
 
@@ -70,7 +71,7 @@ class CarriedMuscle:
         self, muscle: FixedMuscle, paths: Floats | None, bones: Mapping[int, Bone], clearance: float = 0.0
     ) -> None:
         points, fixed_to, topology = muscle.points, muscle.fixed_to, muscle.topology()
-        self._points = points
+        self._points, self._fibres = points, muscle.fibres
         self._skinning = self._weights = None
         if paths is not None:
             ends, thickness = bones_at_ends(paths, points, fixed_to), mean_thickness(points, muscle.triangles)
@@ -113,11 +114,16 @@ class CarriedMuscle:
         )
         return CarriedPose(settled.surface, carried, settled.colliding, skinned)
 
-    def fibre_points(self, pose: CarriedPose, fibres: Lines) -> Floats:
-        """Return the points of fibres before the muscle settles.
+    def fibre_points(self, pose: CarriedPose) -> Floats:
+        """Return the points of the muscle's fibres before the muscle settles.
 
         Points are (p, 3) [mm]; each fibre goes with the fibre's path.
         """
-        assert self._skinning is not None
         assert pose.skinned is not None
-        return pose.skinned.points(self._skinning.weights_of_fibres(*fibres))
+        return pose.skinned.points(self._fibre_weights)
+
+    @cached_property
+    def _fibre_weights(self) -> SkinningWeights:
+        assert self._skinning is not None
+        assert self._fibres is not None
+        return self._skinning.weights_of_fibres(*self._fibres)
